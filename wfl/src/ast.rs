@@ -1,0 +1,601 @@
+//! The syntax tree of a scene: statements and expressions, each with its place.
+//!
+//! Sums and products are flat lists, so a long sum is no deep tree; nesting is limited ([`crate::NESTING_LIMIT`];
+//! after macro expansion [`crate::EXPANDED_NESTING_LIMIT`]), so every walk over a tree may recurse.
+
+use crate::source::Span;
+
+crate::define_index! {
+    /// One use of a macro: an entry of [`Expansions`].
+    ExpansionId,
+}
+
+/// A word with its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ident {
+    /// The word.
+    pub name: String,
+    /// Its place.
+    pub span: Span,
+}
+
+/// One use of a macro, kept so that a message inside a macro can show the use.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expansion {
+    /// The name of the macro.
+    pub name: String,
+    /// The call, `sigma(uL)`.
+    pub call: Span,
+    /// The head of the definition, `sigma(v)`.
+    pub definition: Span,
+    /// The use inside which this use stands, if it is in another macro's body.
+    pub parent: Option<ExpansionId>,
+}
+
+/// All macro uses of a scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Expansions {
+    /// By [`ExpansionId`].
+    pub list: Vec<Expansion>,
+}
+
+/// Two-operand operators of one precedence level, left to right: `* / . : .* ./ @`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum MulOp {
+    /// `*`
+    Times,
+    /// `/`
+    Divide,
+    /// `.` contracts one index
+    Dot,
+    /// `:` contracts two indices
+    DoubleDot,
+    /// `.*` by component
+    ByComponent,
+    /// `./` by component
+    DivideByComponent,
+    /// `@` tensor product
+    Outer,
+}
+
+/// An expression with its place. After macro expansion `span` lies in the text where the characters stand
+/// (inside the macro's body for expanded nodes) and `expansion` names the use that brought it here.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expr {
+    /// What it is.
+    pub kind: ExprKind,
+    /// Where its characters are.
+    pub span: Span,
+    /// The macro use that put it here; `None` for text written in place (macro arguments included).
+    pub expansion: Option<ExpansionId>,
+}
+
+/// The kinds of expressions.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ExprKind {
+    /// `3`, `1e5`
+    Number(f64),
+    /// `u`, `Grad_Test_u`, `pi`: any word, not yet looked up
+    Name(String),
+    /// `a + b - c`: flat; `true` marks a subtracted part. At least two parts.
+    Sum(Vec<(bool, Expr)>),
+    /// `a * b . c`: first factor and then operator (with its place) and factor, left to right. At least one pair.
+    Product(Box<Expr>, Vec<(MulOp, Span, Expr)>),
+    /// `-a` (an even number of signs is folded away)
+    Negate(Box<Expr>),
+    /// `a ^ b`
+    Power(Box<Expr>, Box<Expr>),
+    /// `a'`
+    Transpose(Box<Expr>),
+    /// `f(a, b)`, `u(1)`, `Grad_u(1,:)`: call or component access, decided when names are known
+    Call(Box<Expr>, Vec<Argument>),
+    /// `[a, b; c, d]`: rows of parts, as written. One row `[a,b]` and one column `[a;b]` are both vectors.
+    Tensor(Vec<Vec<Expr>>),
+    /// `if c then a else b`
+    If(Box<Cond>, Box<Expr>, Box<Expr>),
+}
+
+/// An argument of a call.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Argument {
+    /// An expression.
+    Expr(Expr),
+    /// `:`, a whole index.
+    Slice(Span),
+}
+
+/// Comparison operators.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum CmpOp {
+    /// `<`
+    Less,
+    /// `<=`
+    LessEqual,
+    /// `>`
+    Greater,
+    /// `>=`
+    GreaterEqual,
+    /// `==`
+    Equal,
+    /// `!=`
+    NotEqual,
+}
+
+/// A condition with its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cond {
+    /// What it is.
+    pub kind: CondKind,
+    /// Where it is.
+    pub span: Span,
+}
+
+/// The kinds of conditions.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CondKind {
+    /// `a < b <= c`: a chain; true if every neighbouring pair compares true. At least one pair.
+    Compare(Box<Expr>, Vec<(CmpOp, Expr)>),
+    /// All of them. At least two.
+    And(Vec<Cond>),
+    /// Any of them. At least two.
+    Or(Vec<Cond>),
+    /// Not.
+    Not(Box<Cond>),
+}
+
+/// `with a = 1, b = "x", c`
+#[derive(Clone, Debug, PartialEq)]
+pub struct OptionItem {
+    /// The key.
+    pub name: Ident,
+    /// The value, if one is written.
+    pub value: Option<OptionValue>,
+}
+
+/// The value of an option.
+#[derive(Clone, Debug, PartialEq)]
+pub enum OptionValue {
+    /// `"text"`
+    Text(String, Span),
+    /// An expression; a bare word is a `Name`.
+    Expr(Expr),
+}
+
+/// Shapes a box is cut into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BoxShape {
+    /// 1-D
+    Segment,
+    /// 2-D triangles
+    Tri,
+    /// 2-D quadrilaterals
+    Quad,
+    /// 3-D tetrahedra
+    Tet,
+    /// 3-D hexahedra
+    Hex,
+}
+
+/// Where a mesh comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MeshSource {
+    /// `box A to B cells N shape` or `box A to B size h shape`
+    Box {
+        /// One corner.
+        from: Expr,
+        /// The opposite corner.
+        to: Expr,
+        /// Cells in each direction, or one size for all.
+        division: BoxDivision,
+        /// The shape; the default is segment, quad or hex by dimension.
+        shape: Option<(BoxShape, Span)>,
+    },
+    /// `file "m.msh"`
+    File {
+        /// The path as written, relative to the scene file.
+        path: String,
+        /// Its place.
+        span: Span,
+    },
+}
+
+/// How a box is divided.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BoxDivision {
+    /// `cells [8,8,8]`
+    Cells(Expr),
+    /// `size h`: the number of cells is the nearest whole number to length over size
+    Size(Expr),
+}
+
+/// `+ - &` on regions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum RegionOp {
+    /// union
+    Union,
+    /// difference
+    Minus,
+    /// intersection
+    Intersect,
+}
+
+/// What a region is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RegionExpr {
+    /// A region by name.
+    Name(Ident),
+    /// `interface from a to b`
+    Interface {
+        /// The side `here`: `Normal` points out of it.
+        from: Ident,
+        /// The side `there`.
+        to: Ident,
+        /// The whole phrase.
+        span: Span,
+    },
+    /// `faces of s where c`
+    Picked {
+        /// Cells, faces or nodes.
+        entity: EntityKind,
+        /// Only those of this region.
+        of: Option<Ident>,
+        /// Only those whose centroid (cells) or nodes (faces, nodes) meet the condition.
+        condition: Option<Cond>,
+        /// The whole phrase.
+        span: Span,
+    },
+    /// `a + b - c & d`, left to right.
+    Combine(Box<RegionExpr>, Vec<(RegionOp, RegionExpr)>),
+}
+
+/// What a region is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum EntityKind {
+    /// cells
+    Cells,
+    /// faces
+    Faces,
+    /// nodes
+    Nodes,
+}
+
+/// The rank of a field.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Rank {
+    /// `scalar`
+    Scalar,
+    /// `vector` (as long as space has dimensions) or `vector(n)`
+    Vector(Option<Expr>),
+    /// `matrix(m,n)`, or `matrix` for square of the space dimension
+    Matrix(Option<(Expr, Expr)>),
+}
+
+/// The space of a field: rank, element, place, unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Space {
+    /// Scalar, vector or matrix.
+    pub rank: Rank,
+    /// `P2`, `DQ1`, …: family and degree as written; `None` is degree 1, continuous.
+    pub element: Option<Ident>,
+    /// Where the field lives.
+    pub place: Place,
+    /// The unit, if written.
+    pub unit: Option<Unit>,
+    /// The whole phrase.
+    pub span: Span,
+}
+
+/// Where a field lives.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Place {
+    /// `all`
+    Everywhere,
+    /// `global`: one value
+    Global(Span),
+    /// `on r, s`
+    On(Vec<Ident>),
+}
+
+/// `[MPa/mm]`: names with integer powers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unit {
+    /// Unit names with their powers; `1` has no entry.
+    pub factors: Vec<(String, i32)>,
+    /// The brackets and what is in them.
+    pub span: Span,
+}
+
+/// `in a..b` or `in {a, b}`
+#[derive(Clone, Debug, PartialEq)]
+pub enum Domain {
+    /// Allowed range, both ends included.
+    Range(Expr, Expr),
+    /// Allowed values.
+    Set(Vec<Expr>),
+}
+
+/// What is fixed or loaded: a field, a component, or the normal component.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// The field.
+    pub field: Ident,
+    /// Which part.
+    pub part: TargetPart,
+    /// The whole phrase.
+    pub span: Span,
+}
+
+/// The part of a field that a `fix` or `load` names.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TargetPart {
+    /// `u`
+    Whole,
+    /// `u(1)`
+    Component(Expr),
+    /// `u.Normal`
+    Normal,
+}
+
+/// A statement with the place of its whole text.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Item {
+    /// What it says.
+    pub kind: ItemKind,
+    /// Where it stands.
+    pub span: Span,
+}
+
+/// A macro: `def f(a,b) = e`, or `Def f(a,b) := e;` inside a term.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MacroDef {
+    /// Its name.
+    pub name: Ident,
+    /// Its parameters.
+    pub formals: Vec<Ident>,
+    /// Its body.
+    pub body: Expr,
+    /// Name and parameters, for messages.
+    pub head: Span,
+}
+
+/// How the points of integration are chosen.
+#[derive(Clone, Debug, PartialEq)]
+pub enum QuadratureRule {
+    /// `degree n`: Gauss points exact to that degree.
+    Degree(Expr),
+    /// `vertex`: the nodal rule.
+    Vertex,
+}
+
+/// What a measure does with its expression over its region.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Reduction {
+    /// integral divided by the size of the region
+    Mean,
+    /// largest value at the integration points
+    Max,
+    /// smallest value at the integration points
+    Min,
+    /// integral
+    Integral,
+}
+
+/// One quantity of an `output`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutputItem {
+    /// What is written.
+    pub expr: Expr,
+    /// Its name; the text of the expression when absent.
+    pub name: Option<Ident>,
+}
+
+/// The kinds of statements.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ItemKind {
+    /// `wfl 1`
+    Version(f64),
+    /// `use "laws.wfl"`
+    Use {
+        /// The path as written.
+        path: String,
+    },
+    /// `mesh …`
+    Mesh {
+        /// Box or file.
+        source: MeshSource,
+        /// `map [..]`: where each node goes, an expression of x, y, z.
+        map: Option<Expr>,
+        /// `with …`
+        options: Vec<OptionItem>,
+    },
+    /// `region r = …`
+    Region {
+        /// Its name.
+        name: Ident,
+        /// What it is.
+        region: RegionExpr,
+    },
+    /// `mapping m = …`
+    Mapping {
+        /// Its name.
+        name: Ident,
+        /// How a point is mapped.
+        kind: MappingKind,
+        /// `with …`
+        options: Vec<OptionItem>,
+    },
+    /// `param p = …`
+    Param {
+        /// Its name.
+        name: Ident,
+        /// Its value.
+        value: Expr,
+        /// Its unit.
+        unit: Option<Unit>,
+        /// Allowed values.
+        domain: Option<Domain>,
+        /// What it is, in words.
+        text: Option<String>,
+    },
+    /// `unknown u : …`
+    Unknown {
+        /// Its name.
+        name: Ident,
+        /// Its space.
+        space: Space,
+    },
+    /// `multiplier l : … on f with crosspoints=keep`
+    Multiplier {
+        /// Its name.
+        name: Ident,
+        /// Its space.
+        space: Space,
+        /// `with …`
+        options: Vec<OptionItem>,
+    },
+    /// `data k : … = e` or `= "file"`
+    Data {
+        /// Its name.
+        name: Ident,
+        /// Its space.
+        space: Space,
+        /// Its value; absent when the program that embeds WFL gives it.
+        value: Option<OptionValue>,
+    },
+    /// `state s : … := e`
+    State {
+        /// Its name.
+        name: Ident,
+        /// Its space.
+        space: Space,
+        /// The value it gets at the end of a step.
+        update: Expr,
+    },
+    /// `split u, v across f`: fields and interior faces; the fields get two copies of their unknowns there.
+    Split(Vec<Ident>, Vec<Ident>),
+    /// `def f(a) = e`
+    Def(MacroDef),
+    /// `term name on r : Def a:=b; e` or `energy …`
+    Term {
+        /// True for `energy`.
+        energy: bool,
+        /// Its name, if it has one.
+        name: Option<Ident>,
+        /// Its regions.
+        places: Vec<Ident>,
+        /// Local macros.
+        defs: Vec<MacroDef>,
+        /// What is integrated.
+        expr: Expr,
+    },
+    /// `fix u, v(1) = e on r, s`
+    Fix {
+        /// What is fixed.
+        targets: Vec<Target>,
+        /// To what.
+        value: Expr,
+        /// Where.
+        places: Vec<Ident>,
+    },
+    /// `load u = e on r`
+    Load {
+        /// What is loaded.
+        targets: Vec<Target>,
+        /// With what.
+        value: Expr,
+        /// Where.
+        places: Vec<Ident>,
+    },
+    /// `start u = e`
+    Start {
+        /// The field.
+        field: Ident,
+        /// Its first value.
+        value: Expr,
+    },
+    /// `start from "file"`
+    StartFrom {
+        /// The path as written.
+        path: String,
+        /// Its place.
+        path_span: Span,
+    },
+    /// `steps t = a to b by c with …`
+    Steps {
+        /// The name of the load parameter or time.
+        variable: Ident,
+        /// First value.
+        from: Expr,
+        /// Last value.
+        to: Expr,
+        /// Step.
+        by: Expr,
+        /// `with …`
+        options: Vec<OptionItem>,
+    },
+    /// `solver newton with …`
+    Solver {
+        /// Which.
+        name: Ident,
+        /// `with …`
+        options: Vec<OptionItem>,
+    },
+    /// `quadrature on r degree n` or `vertex`
+    Quadrature {
+        /// Where.
+        places: Vec<Ident>,
+        /// Which.
+        rule: QuadratureRule,
+    },
+    /// `measure m = mean(e) on r`
+    Measure {
+        /// Its name.
+        name: Ident,
+        /// mean, max, min or integral
+        reduction: Reduction,
+        /// Of what.
+        expr: Expr,
+        /// Where.
+        places: Vec<Ident>,
+    },
+    /// `expect c`
+    Expect(Cond),
+    /// `output vtk "name" : a, b as n along P to Q with …`
+    Output {
+        /// `vtk` or `csv`.
+        format: Ident,
+        /// The file's name without its end.
+        file: String,
+        /// What is written.
+        items: Vec<OutputItem>,
+        /// Ends of the line it is sampled on.
+        along: Option<(Expr, Expr)>,
+        /// `with …`
+        options: Vec<OptionItem>,
+    },
+}
+
+/// How a mapping finds its point.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MappingKind {
+    /// `project from r onto s within d`, `raytrace …`
+    Search {
+        /// True for `raytrace`.
+        raytrace: bool,
+        /// Slave region.
+        from: Ident,
+        /// Master region.
+        onto: Ident,
+        /// Longest distance.
+        within: Option<Expr>,
+    },
+    /// `point e`
+    Point(Expr),
+}
+
+/// A parsed scene: its statements, in order; included files are already in place of their `use`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Script {
+    /// The statements.
+    pub items: Vec<Item>,
+}

@@ -1,0 +1,265 @@
+//! E4: the scene. E5: units and bounds. E6: the run. E7: parameters and leftovers. E8: not supported. Warnings.
+
+use super::{CodePage, page};
+
+pub(super) const PAGES: &[CodePage] = &[
+    page(
+        "E401",
+        "a condition that meets nothing",
+        "The region of a `fix` or `load` has no node, or no part, of the field. Often the field lives on the other \
+         side.",
+        "region east = faces where x == 1\nfix uL = [0,0,0] on east",
+        "region east = faces where x == 1\nfix uR = [0,0,0] on east",
+    ),
+    page(
+        "E402",
+        "an empty region",
+        "No cell, face or node meets the condition. Comparisons of coordinates by `==` allow for rounding, not for \
+         another position.",
+        "region east = faces where x == 1.01",
+        "region east = faces where x == 1",
+    ),
+    page(
+        "E403",
+        "an unknown that nothing holds at the start",
+        "A row of the first tangent is zero: the unknown enters only through contact that is open at the start. Start \
+         from a touching state, or add a term that holds it.",
+        "unknown d : scalar global\nterm contact on west : pos_part(u.Normal - d - 1)*(Test_u.Normal - Test_d)",
+        "unknown d : scalar global\nstart d = -1.01\nterm contact on west : pos_part(u.Normal - d - 1)*(Test_u.Normal - Test_d)",
+    ),
+    page(
+        "E405",
+        "a region of the wrong kind",
+        "Terms are integrated over cells or faces, fields live on cells or faces, and an interface lies between two \
+         regions of cells. A region of nodes can only be fixed.",
+        "region corner = nodes where x == 0 and y == 0\nterm t on corner : u.Test_u",
+        "region side = faces where x == 0\nterm t on side : u.Test_u",
+    ),
+    page(
+        "E406",
+        "an element that does not exist here",
+        "P elements belong to segments, triangles and tetrahedra, Q elements to segments, quadrilaterals and \
+         hexahedra; D in front makes them discontinuous, and the digit is the degree.",
+        "unknown p : scalar Q7",
+        "unknown p : scalar Q2",
+    ),
+    page(
+        "E407",
+        "a value that cannot be prescribed",
+        "Prescribed and nodal values are formulas of x, y, z and the variable of `steps`, without unknowns. A fixed \
+         normal component needs faces that look along one axis.",
+        "fix u(1) = u(2) on west",
+        "fix u(1) = y*z on west",
+    ),
+    page(
+        "E408",
+        "a box that cannot be built",
+        "Both corners have the same number of coordinates, the shape of the cells fits the dimension, and there is \
+         one whole number of cells for each direction, or one for all.",
+        "mesh box [0,0,0] to [1,1,1] cells [4,4] hex",
+        "mesh box [0,0,0] to [1,1,1] cells [4,4,4] hex",
+    ),
+    page(
+        "E409",
+        "a mesh that cannot be used",
+        "Every cell needs a positive volume and every face a place in at most two cells. A `map` may turn cells inside \
+         out.",
+        "mesh box [0,0,0] to [1,1,1] cells [4,4,4] hex map [x, y, 0*z]",
+        "mesh box [0,0,0] to [1,1,1] cells [4,4,4] hex map [x, y, 2*z]",
+    ),
+    page(
+        "E410",
+        "a mesh file that cannot be used",
+        "The file is missing, has an unknown form, or holds cells or groups that make no sense together. The message \
+         says which and where.",
+        "mesh file \"plate.txt\"",
+        "mesh file \"plate.msh\"",
+    ),
+    page(
+        "E411",
+        "a rule of integration that does not exist",
+        "The degree of a quadrature rule is a whole number up to a fixed limit.",
+        "quadrature on fault degree 2.5",
+        "quadrature on fault degree 3",
+    ),
+    page(
+        "E412",
+        "a system that cannot be set up",
+        "The terms, fields and conditions do not make a system of equations: nothing to solve for, or too much for \
+         the numbers that count unknowns.",
+        "fix u = [0,0,0] on all",
+        "fix u = [0,0,0] on west",
+    ),
+    page(
+        "E413",
+        "steps that never arrive",
+        "The step has the wrong sign, is zero, or would need too many steps to get from the first to the last value.",
+        "steps t = 0 to 1 by -0.1",
+        "steps t = 0 to 1 by 0.1",
+    ),
+    page(
+        "E414",
+        "an option value that is not understood",
+        "The option exists, but not with this value. The message lists the values.",
+        "solver newton with search=maybe",
+        "solver newton with search=auto",
+    ),
+    page(
+        "E415",
+        "data without a value",
+        "A `data` field needs a formula or a file, unless the program that embeds the scene gives its values.",
+        "data k : scalar",
+        "data k : scalar = 1 + x",
+    ),
+    page(
+        "E416",
+        "an output that cannot be written",
+        "`output vtk` writes fields on the mesh, `output csv` samples along a line and needs `along A to B`. \
+         Quantities have up to two indices.",
+        "output csv \"line\" : u",
+        "output csv \"line\" : u along [0,0,0] to [1,1,1]",
+    ),
+    page(
+        "E421",
+        "a scene without a mesh",
+        "A scene needs one `mesh` statement: a box, or a file with cells and named groups.",
+        "unknown p : scalar",
+        "mesh box [0,0,0] to [1,1,1] cells [4,4,4] hex\nunknown p : scalar",
+    ),
+    page(
+        "E422",
+        "a scene without a term",
+        "The sum of all terms is zero for every test function: without a term there is no equation.",
+        "unknown p : scalar",
+        "unknown p : scalar\nterm flow on all : Grad_p.Grad_Test_p - Test_p",
+    ),
+    page(
+        "E423",
+        "a scene without an unknown",
+        "A scene needs a field to solve for.",
+        "data p : scalar = 1",
+        "unknown p : scalar",
+    ),
+    page(
+        "E424",
+        "a second statement of a kind that stands once",
+        "A scene has one mesh, one `steps` and one `solver`.",
+        "solver newton\nsolver newton with tol=1e-8",
+        "solver newton with tol=1e-8",
+    ),
+    page(
+        "E501",
+        "units that do not match",
+        "Both sides of a sum must have one unit. Units are checked as soon as a param, field or datum carries one; a \
+         penalty stiffness per area is a stress over a length.",
+        "param a = 1 [mm]\nparam b = 1 [MPa]\ndef c = a + b",
+        "param a = 1 [mm]\nparam b = 1 [mm]\ndef c = a + b",
+    ),
+    page(
+        "E601",
+        "not a number in the run",
+        "A formula gave infinity or an undefined value at a point: a logarithm or root of a negative number, a \
+         division by zero. Nothing is dropped; the run stops with the place and the values.",
+        "def mu = log(Norm(u))",
+        "def mu = log(1 + Norm(u))",
+    ),
+    page(
+        "E604",
+        "an expectation that does not hold",
+        "The condition of an `expect` statement is false, or not a number, at the end of the run.",
+        "measure m = mean(u(1)) on all\nexpect m > 1e30",
+        "measure m = mean(u(1)) on all\nexpect m < 1e30",
+    ),
+    page(
+        "E609",
+        "machine code could not be made",
+        "The program could not compile a formula for this machine. This is a fault of the program, not of the scene; \
+         please report it with the scene.",
+        "def a = gamma",
+        "def b = gamma",
+    ),
+    page(
+        "E701",
+        "a param outside its bounds",
+        "A value, often from the command line, is not in the range or set that the declaration allows.",
+        "wfl run fault.wfl theta=2",
+        "wfl run fault.wfl theta=1",
+    ),
+    page(
+        "E702",
+        "a param or option that is not finite",
+        "A value that is computed before the run came out infinite or undefined, for example by a division by zero.",
+        "param a = 1/(2 - 2)",
+        "param a = 1/(2 - 1)",
+    ),
+    page(
+        "E703",
+        "a value for something that is no param",
+        "On the command line NAME=VALUE replaces the value of a param that the scene declares. The note lists them.",
+        "wfl run fault.wfl gama=1e4",
+        "wfl run fault.wfl gamma=1e4",
+    ),
+    page(
+        "E801",
+        "GWFL that this program does not have",
+        "Cut elements, elementary transformations, two-domain integrals and complex fields are not available. A crack \
+         that follows faces is an interface between two regions of cells.",
+        "term jump on fault : (Xfem_plus(u) - Xfem_minus(u)).Test_u",
+        "term jump on fault : (uL - Interpolate(uR, neighbor_element)).Test_uL",
+    ),
+    page(
+        "E802",
+        "something that is not available yet",
+        "The language has it, this program does not do it yet. The message says what to write instead.",
+        "start from \"old_run\"",
+        "start u = [0,0,0]",
+    ),
+    page(
+        "W404",
+        "multiplier nodes that cannot act are dropped",
+        "Where the fields on both sides are fixed a multiplier has no jump to act on; kept, it makes the system \
+         singular. `with crosspoints=keep` keeps such nodes.",
+        "multiplier l : vector on fault",
+        "multiplier l : vector on fault with crosspoints=keep",
+    ),
+    page(
+        "W501",
+        "a step that Newton does not see",
+        "Heaviside and sign have derivative 0, so a term that depends on an unknown through them alone looks constant \
+         to Newton. A product with the argument itself, such as pos_part, has a derivative.",
+        "term t on fault : Heaviside(Pn)*(Test_uL.Normal)",
+        "term t on fault : pos_part(Pn)*(Test_uL.Normal)",
+    ),
+    page(
+        "W502",
+        "a radius that may be negative",
+        "Ball_projection with a negative radius gives 0. If the radius changes sign with the contact pressure, write \
+         its positive part, so that the reader sees it.",
+        "term t on fault : Ball_projection(uL, fric*Pn).Test_uL",
+        "term t on fault : Ball_projection(uL, fric*pos_part(Pn)).Test_uL",
+    ),
+    page(
+        "W503",
+        "a Nitsche parameter below its safe bound",
+        "Below (1+theta)^2/4 times the trace constant of the elements the problem is not coercive and Newton may \
+         fail. The message names the smallest safe value on this mesh.",
+        "param gamma = 1e3",
+        "param gamma = 1e6",
+    ),
+    page(
+        "W602",
+        "a contact set that goes in a circle",
+        "Newton met a contact state it has seen before at the same load: some points switch between stick and slip, \
+         or open and closed, in turn. Line search or smaller steps break the circle.",
+        "solver newton with search=none",
+        "solver newton with search=auto",
+    ),
+    page(
+        "W702",
+        "declared but not needed",
+        "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \
+         for a misspelt use.",
+        "param rho = 2700",
+        "param rho = 2700\nterm weight on all : rho*9.81*Test_u(3)",
+    ),
+];

@@ -1,0 +1,155 @@
+//! Diagnostics: what is wrong, where, and what to do.
+//!
+//! User text never ends in a panic or a bare string: it gives [`Checked`], a value if there is one and every
+//! diagnostic found on the way.
+
+use crate::source::Span;
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Severity {
+    /// A result follows, but look here.
+    Warning,
+    /// No result.
+    Error,
+}
+
+/// A place with what is to be said about it (may be empty).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Label {
+    /// The place.
+    pub span: Span,
+    /// The text beside the mark.
+    pub text: String,
+}
+
+/// One message: code, sentence, primary place, further places, notes and helps.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// `E203`, `W404`: a key of `codes.rs`.
+    pub code: &'static str,
+    /// Error or warning.
+    pub severity: Severity,
+    /// One line, lower case, no full stop.
+    pub message: String,
+    /// The first label is the primary place; none when no text is to blame.
+    pub labels: Vec<Label>,
+    /// `= note:` lines.
+    pub notes: Vec<String>,
+    /// `= help:` lines: what to type instead.
+    pub helps: Vec<String>,
+}
+
+impl Diagnostic {
+    /// An error or warning, by the first letter of `code`.
+    #[must_use]
+    pub fn new(code: &'static str, message: impl Into<String>) -> Self {
+        let severity = if code.starts_with('W') { Severity::Warning } else { Severity::Error };
+        Self { code, severity, message: message.into(), labels: Vec::new(), notes: Vec::new(), helps: Vec::new() }
+    }
+
+    /// Adds a place; the first one added is the primary one.
+    #[must_use]
+    pub fn at(mut self, span: Span, text: impl Into<String>) -> Self {
+        self.labels.push(Label { span, text: text.into() });
+        self
+    }
+
+    /// Adds a `= note:` line.
+    #[must_use]
+    pub fn note(mut self, text: impl Into<String>) -> Self {
+        self.notes.push(text.into());
+        self
+    }
+
+    /// Adds a `= help:` line.
+    #[must_use]
+    pub fn help(mut self, text: impl Into<String>) -> Self {
+        self.helps.push(text.into());
+        self
+    }
+
+    /// True for errors.
+    #[must_use]
+    pub fn is_error(&self) -> bool {
+        self.severity == Severity::Error
+    }
+}
+
+/// A value, if one could be made, and everything that was found.
+#[derive(Clone, Debug)]
+pub struct Checked<T> {
+    /// The value; may be present beside errors when later stages can still use it to find more.
+    pub value: Option<T>,
+    /// All messages, in the order of the text where possible.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+impl<T> Checked<T> {
+    /// A value without messages.
+    pub fn ok(value: T) -> Self {
+        Self { value: Some(value), diagnostics: Vec::new() }
+    }
+
+    /// No value, one message.
+    #[must_use]
+    pub fn fail(diagnostic: Diagnostic) -> Self {
+        Self { value: None, diagnostics: vec![diagnostic] }
+    }
+
+    /// True if any message is an error.
+    #[must_use]
+    pub fn has_errors(&self) -> bool {
+        self.diagnostics.iter().any(Diagnostic::is_error)
+    }
+
+    /// The value if there is one and no error stands; the messages otherwise. Warnings are appended to `sink`.
+    pub fn into_result(self, sink: &mut Vec<Diagnostic>) -> Option<T> {
+        let bad = self.has_errors();
+        sink.extend(self.diagnostics);
+        if bad { None } else { self.value }
+    }
+}
+
+/// The name in `known` nearest to `word` by edit distance, if it is near enough to be offered.
+pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let limit = (word.chars().count() / 3).max(1);
+    known
+        .into_iter()
+        .map(|k| (edit_distance(word, k), k))
+        .filter(|(d, _)| *d <= limit)
+        .min_by_key(|(d, _)| *d)
+        .map(|(_, k)| k)
+}
+
+/// Optimal string alignment distance (insert, delete, replace, swap of neighbours), case ignored.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let a: Vec<char> = a.to_lowercase().chars().collect();
+    let b: Vec<char> = b.to_lowercase().chars().collect();
+    let mut rows = vec![(0..=b.len()).collect::<Vec<usize>>()];
+    for i in 1..=a.len() {
+        let mut row = vec![i];
+        for j in 1..=b.len() {
+            let replace = rows[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            let mut best = replace.min(rows[i - 1][j] + 1).min(row[j - 1] + 1);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                best = best.min(rows[i - 2][j - 2] + 1);
+            }
+            row.push(best);
+        }
+        rows.push(row);
+    }
+    rows[a.len()][b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn offers_the_nearest_name_only() {
+        assert_eq!(nearest("gama", ["gamma", "theta"]), Some("gamma"));
+        assert_eq!(nearest("xyz", ["gamma", "theta"]), None);
+        assert_eq!(nearest("Nomral", ["Normal", "X"]), Some("Normal"));
+    }
+}

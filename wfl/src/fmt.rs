@@ -1,0 +1,323 @@
+//! The canonical text of a scene (`wfl fmt`): one space where a space belongs, statements in column 1, their further
+//! lines indented, comments kept. Formatting twice changes nothing, and never the syntax tree.
+//!
+//! Works on the words and signs of a text that parses, so numbers, parentheses and line breaks stay as the author
+//! wrote them. Does not align columns and does not join or break lines.
+
+use crate::{
+    diag::Checked,
+    parse::{is_keyword, parse},
+    source::{SourceId, SourceMap},
+};
+
+/// The indentation of continuation lines.
+const INDENT: &str = "    ";
+
+/// The canonical text of a file; a file that does not parse gives its errors and no text.
+#[must_use]
+pub fn format(sources: &SourceMap, id: SourceId) -> Checked<String> {
+    let parsed = parse(sources, id);
+    if parsed.has_errors() {
+        return Checked { value: None, diagnostics: parsed.diagnostics };
+    }
+    let text = sources.get(id).text.trim_start_matches('\u{feff}');
+    let lines: Vec<Line<'_>> = text.lines().map(Line::new).collect();
+    let versioned = lines.iter().any(|l| l.starts_statement && l.tokens.first() == Some(&"wfl"));
+    let mut printer = Printer { out: String::with_capacity(text.len()), state: State::default(), blank: false };
+    if !versioned && lines.iter().any(|l| l.starts_statement) {
+        printer.out.push_str("wfl 1\n");
+    }
+    for (i, line) in lines.iter().enumerate() {
+        let next = lines[i + 1..].iter().find(|l| !l.tokens.is_empty());
+        let inside = i > 0 && next.is_some_and(|n| !n.starts_statement) && printer.state.open;
+        printer.line(line, inside);
+    }
+    Checked { value: Some(printer.out), diagnostics: parsed.diagnostics }
+}
+
+/// One line of the source.
+struct Line<'t> {
+    tokens: Vec<&'t str>,
+    comment: Option<&'t str>,
+    starts_statement: bool,
+}
+
+impl<'t> Line<'t> {
+    fn new(text: &'t str) -> Self {
+        let mut rest = text.trim_end();
+        let starts = rest.starts_with(|c: char| !c.is_ascii_whitespace() && !"#)]}".contains(c));
+        let mut line = Line { tokens: Vec::new(), comment: None, starts_statement: starts };
+        loop {
+            rest = rest.trim_start();
+            if rest.is_empty() {
+                return line;
+            }
+            if rest.starts_with('#') {
+                line.comment = Some(rest);
+                return line;
+            }
+            let n = token_length(rest);
+            line.tokens.push(&rest[..n]);
+            rest = &rest[n..];
+        }
+    }
+}
+
+/// Bytes of the first word, number, text or sign.
+fn token_length(text: &str) -> usize {
+    let bytes = text.as_bytes();
+    let digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);
+    let run = |from: usize, ok: fn(&u8) -> bool| from + bytes[from..].iter().take_while(|b| ok(b)).count();
+    match bytes[0] {
+        b'"' => text[1..].find('"').map_or(text.len(), |i| i + 2),
+        b'a'..=b'z' | b'A'..=b'Z' | b'_' => run(0, |b| b.is_ascii_alphanumeric() || *b == b'_'),
+        b'0'..=b'9' | b'.' if bytes[0] != b'.' || digit(1) => {
+            let mut n = run(0, u8::is_ascii_digit);
+            if bytes.get(n) == Some(&b'.') && bytes.get(n + 1) != Some(&b'.') {
+                n = run(n + 1, u8::is_ascii_digit);
+            }
+            let signed = usize::from(matches!(bytes.get(n + 1), Some(b'+' | b'-')));
+            if matches!(bytes.get(n), Some(b'e' | b'E')) && digit(n + 1 + signed) {
+                n = run(n + 1 + signed, u8::is_ascii_digit);
+            }
+            n
+        }
+        _ => {
+            let two = [":=", "==", "<=", ">=", "!=", "..", ".*", "./"];
+            if two.iter().any(|t| text.starts_with(t)) { 2 } else { text.chars().next().map_or(1, char::len_utf8) }
+        }
+    }
+}
+
+/// Where in a statement the printer is.
+#[derive(Default)]
+struct State {
+    /// A statement was begun.
+    open: bool,
+    /// It is one whose first `:` separates what it declares from the rest.
+    colon_separates: bool,
+    is_mesh: bool,
+    depth: usize,
+    in_options: bool,
+    /// The last token was a sign of one operand: nothing stands between both.
+    unary: bool,
+    /// The last token was a `:` that separates.
+    separator: bool,
+    /// The last token was set off by a space.
+    set_off: bool,
+    previous: String,
+}
+
+struct Printer {
+    out: String,
+    state: State,
+    blank: bool,
+}
+
+impl Printer {
+    fn line(&mut self, line: &Line<'_>, inside: bool) {
+        if line.tokens.is_empty() && line.comment.is_none() {
+            self.blank = !inside;
+            return;
+        }
+        if self.blank && !self.out.is_empty() {
+            self.out.push('\n');
+        }
+        self.blank = false;
+        if line.tokens.is_empty() {
+            self.out.push_str(if inside { INDENT } else { "" });
+        } else if line.starts_statement {
+            let word = line.tokens[0];
+            let separates = ["term", "energy", "unknown", "multiplier", "data", "state", "output"].contains(&word);
+            self.state =
+                State { open: true, colon_separates: separates, is_mesh: word == "mesh", ..State::default() };
+        } else {
+            self.out.push_str(INDENT);
+        }
+        for (i, token) in line.tokens.iter().enumerate() {
+            let after = line.tokens.get(i + 1).copied().unwrap_or("");
+            self.token(token, i == 0, after);
+        }
+        if let Some(comment) = line.comment {
+            self.out.push_str(if line.tokens.is_empty() { "" } else { "  " });
+            self.out.push_str(comment);
+        }
+        self.out.push('\n');
+    }
+
+    fn token(&mut self, token: &str, first: bool, after: &str) {
+        let s = &self.state;
+        let separator = token == ":" && s.depth == 0 && s.colon_separates;
+        let unary = matches!(token, "-" | "+") && !s.ends_operand();
+        let set_off = !first && s.space_before(token, separator, after);
+        if set_off {
+            self.out.push(' ');
+        }
+        self.out.push_str(token);
+        let s = &mut self.state;
+        match token {
+            "(" | "[" | "{" => s.depth += 1,
+            ")" | "]" | "}" => s.depth = s.depth.saturating_sub(1),
+            "with" if s.depth == 0 => s.in_options = true,
+            _ => {}
+        }
+        s.colon_separates &= !separator;
+        s.separator = separator;
+        s.unary = unary;
+        s.set_off = set_off;
+        s.previous.clear();
+        s.previous.push_str(token);
+    }
+}
+
+impl State {
+    /// True if the last token ends a value, so that a sign behind it has two operands.
+    fn ends_operand(&self) -> bool {
+        let p = self.previous.as_str();
+        let word = p.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
+        if word {
+            return !self.introduces(p);
+        }
+        p.starts_with(|c: char| c.is_ascii_digit() || c == '"')
+            || matches!(p, ")" | "]" | "}" | "'")
+            || p.len() > 1 && p.starts_with('.') && p.as_bytes()[1].is_ascii_digit()
+    }
+
+    /// True for words that are followed by a value of its own and are no function.
+    fn introduces(&self, word: &str) -> bool {
+        is_keyword(word) || self.is_mesh && ["box", "file", "size", "map"].contains(&word) || word == "point"
+    }
+
+    fn space_before(&self, token: &str, separator: bool, after: &str) -> bool {
+        let p = self.previous.as_str();
+        if matches!(p, "(" | "[" | "{") || matches!(token, ")" | "]" | "}" | "," | ";" | "'") || self.unary {
+            return false;
+        }
+        if separator || self.separator || matches!(p, "," | ";") {
+            return true;
+        }
+        let in_option = |sign: &str| sign == "=" && self.in_options && self.depth == 0;
+        if in_option(token) || in_option(p) {
+            return false;
+        }
+        if token == "(" && self.ends_operand() {
+            return false;
+        }
+        let tight = |sign: &str| matches!(sign, "*" | "/" | "." | ":" | ".*" | "./" | "@" | "^");
+        if token == ".." {
+            return p.ends_with('.') || after.starts_with('.');
+        }
+        if p == ".." {
+            return self.set_off;
+        }
+        if tight(token) {
+            // `2 .* p` is not `2.*p`, and `p . .5` is not `p..5`.
+            return token.starts_with('.') && (self.ends_number() || starts_number(after));
+        }
+        if tight(p) {
+            return p.starts_with('.') && (self.set_off || starts_number(token));
+        }
+        true
+    }
+
+    fn ends_number(&self) -> bool {
+        starts_number(&self.previous)
+    }
+}
+
+fn starts_number(token: &str) -> bool {
+    token.starts_with(|c: char| c.is_ascii_digit() || c == '.')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Random, SCENES};
+
+    fn formatted(text: &str) -> Option<String> {
+        let mut sources = SourceMap::new();
+        let id = sources.add("scene.wfl", text);
+        format(&sources, id).value
+    }
+
+    /// The tree without its places and without the version that is added.
+    fn shape(text: &str) -> String {
+        let mut sources = SourceMap::new();
+        let id = sources.add("scene.wfl", text);
+        let items = parse(&sources, id).value.map(|s| s.items).unwrap_or_default();
+        let debug: Vec<String> = items.iter().map(|i| format!("{:?}", i.kind)).filter(|k| !k.starts_with("Version")).collect();
+        let mut out = String::new();
+        for (i, part) in debug.concat().split("Span {").enumerate() {
+            out.push_str(if i == 0 { part } else { part.split_once('}').map_or("", |p| p.1) });
+        }
+        out
+    }
+
+    fn check(text: &str) -> String {
+        let once = formatted(text).expect("it parses");
+        assert_eq!(shape(&once), shape(text), "{text:?} became {once:?}");
+        assert_eq!(formatted(&once).as_deref(), Some(once.as_str()), "{text:?}");
+        once
+    }
+
+    #[test]
+    fn spaces_stand_where_they_belong() {
+        for (text, expected) in [
+            ("param  a=-1  [MPa/mm^2]   in  0 .. 1.5 \"x\"#c", "param a = -1 [MPa/mm^2] in 0..1.5 \"x\"  #c"),
+            ("param a=1 in 1. .. .5", "param a = 1 in 1. .. .5"),
+            ("param a=1 in { -1,0 , 1 }", "param a = 1 in {-1, 0, 1}"),
+            ("term  t  on  a,b:Grad_u : Grad_Test_u-f*Test_u", "term t on a, b : Grad_u:Grad_Test_u - f*Test_u"),
+            ("term on a : Def f( a ):=a^-2 ;f (b) '", "term on a : Def f(a) := a^-2; f(b)'"),
+            ("def a = 2 .* p + 2.*p - q . .5 + 3 . p", "def a = 2 .* p + 2.*p - q . .5 + 3 . p"),
+            ("def a = p .* q ./ 2 + r . 5 + - - b", "def a = p.*q ./ 2 + r . 5 + --b"),
+            ("def a=if x<1 and not(y>=2)then -1 else (2)", "def a = if x < 1 and not (y >= 2) then -1 else (2)"),
+            ("solver newton with tol = 1e-8 , search=auto", "solver newton with tol=1e-8, search=auto"),
+            ("mesh box(a)to(b) size h hex map [ x , 2*y]", "mesh box (a) to (b) size h hex map [x, 2*y]"),
+            ("unknown u:vector (3)P2 on a,b [mm]", "unknown u : vector(3) P2 on a, b [mm]"),
+            ("state s:scalar:=s+1", "state s : scalar := s + 1"),
+            ("region r=a+b-(c&d)", "region r = a + b - (c & d)"),
+            ("fix u(1),v . Normal=0 on a", "fix u(1), v.Normal = 0 on a"),
+            ("def s = Sym  Grad_u (1 , :)", "def s = Sym Grad_u(1, :)"),
+            ("mapping m = point(x)", "mapping m = point (x)"),
+        ] {
+            assert_eq!(check(text), format!("wfl 1\n{expected}\n"), "{text}");
+        }
+    }
+
+    #[test]
+    fn comments_blank_lines_and_line_breaks_are_kept() {
+        let text = "\u{feff}# head  \r\n\r\n\r\nwfl 1\r\n\tparam\r\n".replace("\tparam\r\n", "param a = (1 +\r\n# inside\r\n\r\n\t2\r\n) # end\r\n  # after\r\n\r\n\r\n#last");
+        let expected = "# head\n\nwfl 1\nparam a = (1 +\n    # inside\n    2\n    )  # end\n# after\n\n#last\n";
+        assert_eq!(check(&text), expected);
+        assert_eq!(formatted("# only a comment\n").as_deref(), Some("# only a comment\n"));
+        assert_eq!(formatted("param a = "), None);
+    }
+
+    #[test]
+    fn scenes_keep_their_trees() {
+        for (_, text) in SCENES {
+            check(text);
+        }
+    }
+
+    /// Lines of the scenes with bytes changed: whatever still parses keeps its tree.
+    #[test]
+    fn anything_that_parses_keeps_its_tree() {
+        let lines: Vec<&str> = SCENES.iter().flat_map(|(_, t)| t.lines()).collect();
+        let mut random = Random(11);
+        let mut parsed = 0;
+        for _ in 0..40_000 {
+            let mut bytes = lines[random.below(lines.len())].as_bytes().to_vec();
+            for _ in 0..1 + random.below(3) {
+                let at = random.below(bytes.len() + 1);
+                bytes.insert(at, b" .*/-+()[]:,;^'#\n2e5_a@=&"[random.below(25)]);
+            }
+            let text = String::from_utf8_lossy(&bytes).into_owned();
+            if formatted(&text).is_some() {
+                check(&text);
+                parsed += 1;
+            }
+        }
+        assert!(parsed > 5000, "{parsed}");
+    }
+}

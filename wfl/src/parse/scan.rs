@@ -1,0 +1,375 @@
+//! Cuts a text into statements and checks what needs no grammar: characters, strings, brackets, nesting, foreign
+//! operators. Gives the text of a statement with comments blanked out, byte for byte in place.
+
+use super::{KEYWORDS, NESTING_LIMIT, Parsed, STATEMENTS, TEXT_LIMIT, span_at};
+use crate::{
+    diag::{Diagnostic, nearest},
+    source::{SourceId, Span},
+};
+
+/// The bytes of one statement, from its first character in column 1 to the next statement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Piece {
+    /// First byte.
+    pub(crate) start: usize,
+    /// One past the last byte; comments and blank lines that follow are inside.
+    pub(crate) end: usize,
+}
+
+/// Where the text starts behind a byte order mark.
+pub(super) fn text_start(text: &str) -> usize {
+    if text.starts_with('\u{feff}') { '\u{feff}'.len_utf8() } else { 0 }
+}
+
+/// Refuses texts longer than [`TEXT_LIMIT`].
+pub(super) fn check_length(text: &str, id: SourceId) -> Parsed<()> {
+    if text.len() <= TEXT_LIMIT {
+        return Ok(());
+    }
+    let d = Diagnostic::new("E125", format!("this text has {} bytes, {TEXT_LIMIT} are allowed", text.len()));
+    Err(Box::new(d.at(span_at(id, 0, 0, 0), "").help("tables of numbers belong into a file: data k : ... = \"file\"")))
+}
+
+/// Cuts a text at the lines that start in column 1. Comment lines and lines that open with a closing bracket do not
+/// start a statement. Text before the first statement is reported beside the pieces.
+pub(crate) fn cut(text: &str, id: SourceId) -> Parsed<(Vec<Piece>, Vec<Diagnostic>)> {
+    check_length(text, id)?;
+    let mut pieces: Vec<Piece> = Vec::new();
+    let mut strays = Vec::new();
+    let mut at = text_start(text);
+    for line in text[at..].split_inclusive('\n') {
+        let starts = line.starts_with(|c: char| !c.is_ascii_whitespace() && !"#)]}".contains(c));
+        if starts {
+            if let Some(last) = pieces.last_mut() {
+                last.end = at;
+            }
+            pieces.push(Piece { start: at, end: text.len() });
+        } else if pieces.is_empty() && strays.is_empty() {
+            let content = line.trim_start();
+            if !content.is_empty() && !content.starts_with('#') {
+                let from = at + line.len() - content.len();
+                let to = at + line.trim_end().len();
+                let d = Diagnostic::new("E115", "a statement starts in column 1")
+                    .at(span_at(id, 0, from, to), "this line is indented, but there is no statement to continue");
+                strays.push(d);
+            }
+        }
+        at += line.len();
+    }
+    Ok((pieces, strays))
+}
+
+/// Refuses a piece whose first word is no statement.
+pub(super) fn known_statement(masked: &str, piece: &Piece, id: SourceId) -> Parsed<()> {
+    let word = masked.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').next().unwrap_or("");
+    if STATEMENTS.contains(&word) || word == "wfl" {
+        return Ok(());
+    }
+    let line = masked.lines().next().unwrap_or("").trim_end();
+    let shown = if word.is_empty() { line } else { word };
+    let shown_short: String = shown.chars().take(30).collect();
+    let mark = span_at(id, piece.start, 0, shown.len());
+    let continued = "a continuation line is indented: put a space before it";
+    if KEYWORDS.contains(&word) {
+        let d = Diagnostic::new("E115", format!("`{word}` does not start a statement"));
+        return Err(Box::new(d.at(mark, "").help(continued)));
+    }
+    if word.is_empty() {
+        let d = Diagnostic::new("E115", "a statement starts with a word");
+        return Err(Box::new(d.at(mark, "").help(continued)));
+    }
+    let d = Diagnostic::new("E115", format!("`{shown_short}` is not a statement"));
+    let rest = masked[word.len()..].trim_start();
+    let d = match nearest(word, STATEMENTS.iter().copied()) {
+        Some(s) => d.at(mark, format!("did you mean `{s}`?")),
+        None if rest.starts_with('=') && !rest.starts_with("==") => {
+            d.at(mark, "").help(format!("a number: param {shown_short} = ...; an expression: def {shown_short} = ..."))
+        }
+        None => d.at(mark, "").help(continued),
+    };
+    Err(Box::new(d.note(format!("statements are {}", STATEMENTS.join(", ")))))
+}
+
+/// Checks characters, strings, brackets, nesting and foreign operators of a piece and blanks out its comments.
+pub(super) fn scan(text: &str, piece: &Piece, id: SourceId) -> Parsed<String> {
+    let mut scanner = Scanner {
+        text: &text[piece.start..piece.end],
+        at: 0,
+        base: piece.start,
+        id,
+        masked: String::with_capacity(piece.end - piece.start),
+        open: Vec::new(),
+        ifs: vec![0],
+    };
+    while let Some(c) = scanner.peek() {
+        scanner.step(c)?;
+    }
+    scanner.finish()
+}
+
+struct Scanner<'t> {
+    text: &'t str,
+    at: usize,
+    base: usize,
+    id: SourceId,
+    masked: String,
+    /// Open brackets with their places.
+    open: Vec<(char, usize)>,
+    /// `if`s seen since the last comma, by bracket level; their `else` parts nest.
+    ifs: Vec<usize>,
+}
+
+impl Scanner<'_> {
+    fn peek(&self) -> Option<char> {
+        self.text[self.at..].chars().next()
+    }
+
+    fn span(&self, start: usize, end: usize) -> Span {
+        span_at(self.id, self.base, start, end)
+    }
+
+    fn keep(&mut self, bytes: usize) {
+        self.masked.push_str(&self.text[self.at..self.at + bytes]);
+        self.at += bytes;
+    }
+
+    fn step(&mut self, c: char) -> Parsed<()> {
+        match c {
+            '#' => return self.comment(),
+            '"' => return self.string(),
+            'a'..='z' | 'A'..='Z' | '_' | '0'..='9' => {
+                let start = self.at;
+                return if self.word() == "if" { self.open_if(start) } else { Ok(()) };
+            }
+            '(' | '[' | '{' => {
+                self.open.push((c, self.at));
+                self.ifs.push(0);
+                self.check_depth(self.at)?;
+            }
+            ')' | ']' | '}' => self.close(c)?,
+            ',' | ';' => *self.ifs.last_mut().expect("one level is always there") = 0,
+            _ => self.sign(c)?,
+        }
+        self.keep(c.len_utf8());
+        Ok(())
+    }
+
+    fn comment(&mut self) -> Parsed<()> {
+        while let Some(c) = self.peek().filter(|c| *c != '\n') {
+            self.allowed_anywhere(c)?;
+            if c == '\r' {
+                self.keep(1);
+                continue;
+            }
+            self.masked.extend(std::iter::repeat_n(' ', c.len_utf8()));
+            self.at += c.len_utf8();
+        }
+        Ok(())
+    }
+
+    fn string(&mut self) -> Parsed<()> {
+        let start = self.at;
+        self.keep(1);
+        while let Some(c) = self.peek() {
+            if c == '\n' {
+                break;
+            }
+            self.allowed_anywhere(c)?;
+            self.keep(c.len_utf8());
+            if c == '"' {
+                return Ok(());
+            }
+        }
+        let end = self.masked.trim_end().len();
+        let d = Diagnostic::new("E121", "this text has no closing quote");
+        Err(Box::new(d.at(self.span(start, end.max(start + 1)), "a text ends on the line it starts on")))
+    }
+
+    fn word(&mut self) -> &str {
+        let start = self.at;
+        let rest = &self.text[start..];
+        let n = rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(rest.len());
+        self.keep(n);
+        &self.text[start..start + n]
+    }
+
+    fn open_if(&mut self, at: usize) -> Parsed<()> {
+        *self.ifs.last_mut().expect("one level is always there") += 1;
+        self.check_depth(at)
+    }
+
+    fn check_depth(&self, at: usize) -> Parsed<()> {
+        let depth = self.open.len() + self.ifs.iter().sum::<usize>();
+        if depth <= NESTING_LIMIT {
+            return Ok(());
+        }
+        let d = Diagnostic::new("E119", format!("nested more than {NESTING_LIMIT} deep"));
+        Err(Box::new(d.at(self.span(at, at + 1), "").help("give parts of it a name: def part = ...")))
+    }
+
+    fn close(&mut self, c: char) -> Parsed<()> {
+        let here = self.span(self.at, self.at + 1);
+        match self.open.pop() {
+            Some((open, _)) if closing(open) == c => {
+                self.ifs.pop();
+                Ok(())
+            }
+            Some((open, at)) => {
+                let d = Diagnostic::new("E114", format!("`{open}` is closed by `{c}`"));
+                let d = d.at(here, format!("`{}` belongs here", closing(open)));
+                Err(Box::new(d.at(self.span(at, at + 1), "opened here")))
+            }
+            None => {
+                let d = Diagnostic::new("E114", format!("`{c}` closes nothing"));
+                Err(Box::new(d.at(here, "no bracket is open here")))
+            }
+        }
+    }
+
+    fn finish(self) -> Parsed<String> {
+        let Some(&(open, at)) = self.open.last() else {
+            return Ok(self.masked);
+        };
+        let d = Diagnostic::new("E114", format!("`{open}` is never closed"));
+        Err(Box::new(d.at(self.span(at, at + 1), format!("`{}` is missing", closing(open)))))
+    }
+
+    /// Characters that no part of a text may hold, comments and strings included.
+    fn allowed_anywhere(&self, c: char) -> Parsed<()> {
+        let hidden = matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{feff}');
+        let lone_return = c == '\r' && !self.text[self.at..].starts_with("\r\n");
+        if !(c.is_control() && !"\t\r\n".contains(c) || hidden || lone_return) {
+            return Ok(());
+        }
+        let d = Diagnostic::new("E118", format!("the character {} is not allowed", character_name(c)));
+        let d = d.at(self.span(self.at, self.at + c.len_utf8()), "");
+        Err(Box::new(match c {
+            '\r' => d.help("end lines with a line feed, with or without a carriage return before it"),
+            '\0' => d.help("this looks like a binary file, or text in UTF-16; a scene is UTF-8 text"),
+            _ => d.help("delete it"),
+        }))
+    }
+
+    /// Everything that is no word, bracket, comma or string.
+    fn sign(&mut self, c: char) -> Parsed<()> {
+        self.allowed_anywhere(c)?;
+        if c.is_ascii_whitespace() {
+            return Ok(());
+        }
+        if !c.is_ascii() {
+            let d = Diagnostic::new("E118", format!("the character {} is not part of the language", character_name(c)));
+            let d = d.at(self.span(self.at, self.at + c.len_utf8()), "");
+            return Err(Box::new(match ascii_for(c) {
+                Some(r) => d.help(format!("write {r}")),
+                None => d.help("names are made of the letters a to z, A to Z, digits and `_`; comments may hold any text"),
+            }));
+        }
+        let rest = &self.text[self.at..];
+        for (slip, help) in FOREIGN_OPERATORS {
+            if rest.starts_with(slip) && !(*slip == "!" && rest.starts_with("!=")) {
+                let code = if slip.len() == 1 && "$?\\`%~".contains(slip) { "E118" } else { "E107" };
+                let message = match code {
+                    "E107" => format!("`{slip}` is not an operator"),
+                    _ => format!("the character `{slip}` is not part of the language"),
+                };
+                let d = Diagnostic::new(code, message).at(self.span(self.at, self.at + slip.len()), "");
+                return Err(Box::new(if help.is_empty() { d } else { d.help(*help) }));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What people type out of habit from elsewhere, and what to type here.
+const FOREIGN_OPERATORS: &[(&str, &str)] = &[
+    ("**", "x^2, or sqr(x)"),
+    ("&&", "a < b and c < d"),
+    ("||", "a < b or c < d"),
+    ("//", "a comment starts with `#`"),
+    ("/*", "a comment starts with `#`"),
+    ("=<", "<="),
+    ("=>", ">="),
+    ("<>", "!="),
+    ("~=", "!="),
+    ("+=", "write the sum out"),
+    ("-=", "write the difference out"),
+    ("*=", "write the product out"),
+    ("!", "not a == b, or a != b"),
+    ("|", "Norm(v) for the norm, abs(a) for the absolute value"),
+    ("%", "a comment starts with `#`"),
+    ("?", "if condition then a else b"),
+    ("~", "not a == b"),
+    ("$", ""),
+    ("\\", "a statement goes on over indented lines without a mark"),
+    ("`", ""),
+];
+
+fn closing(open: char) -> char {
+    match open {
+        '(' => ')',
+        '[' => ']',
+        _ => '}',
+    }
+}
+
+/// A character as shown in a message: itself if it can be seen, and its code.
+fn character_name(c: char) -> String {
+    let code = format!("U+{:04X}", c as u32);
+    let named = match c {
+        '\u{2212}' => "minus sign",
+        '\u{2010}'..='\u{2015}' => "dash",
+        '\u{201c}'..='\u{201f}' | '\u{ab}' | '\u{bb}' => "typographic quote",
+        '\u{2018}'..='\u{201b}' => "typographic apostrophe",
+        '\u{a0}' | '\u{2002}'..='\u{200a}' | '\u{202f}' => return format!("{code} (a wide or fixed space)"),
+        '\u{200b}'..='\u{200f}' | '\u{2060}' | '\u{feff}' => return format!("{code} (it has no width)"),
+        _ if c.is_control() || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}') => {
+            return format!("{code} (a control character)");
+        }
+        _ => return format!("`{c}` ({code})"),
+    };
+    format!("`{c}` ({code}, {named})")
+}
+
+/// What to type for a character outside ASCII, ready to stand behind "write".
+fn ascii_for(c: char) -> Option<&'static str> {
+    Some(match c {
+        '\u{2212}' | '\u{2010}'..='\u{2015}' | '\u{fe63}' | '\u{ff0d}' => "`-`",
+        '\u{201c}'..='\u{201f}' | '\u{ab}' | '\u{bb}' => "`\"`",
+        '\u{2018}'..='\u{201b}' | '\u{2032}' | '\u{b4}' => "`'`",
+        '\u{a0}' | '\u{2002}'..='\u{200a}' | '\u{202f}' | '\u{3000}' => "an ordinary space",
+        '×' | '∗' => "`*`",
+        '·' | '⋅' | '∙' => "`.` for the scalar product or `*`",
+        '÷' | '∕' => "`/`",
+        '⊗' => "`@`",
+        '∶' => "`:`",
+        '≤' => "`<=`",
+        '≥' => "`>=`",
+        '≠' => "`!=`",
+        '²' => "`^2`",
+        '³' => "`^3`",
+        '½' => "`1/2`",
+        '√' => "`sqrt(...)`",
+        '∇' => "`Grad_u`",
+        '∫' => "`term on place : ...`",
+        'π' => "`pi`",
+        'µ' | 'μ' => "`mu` (in units `u`, as in `um`)",
+        '°' => "the angle in radians",
+        'α' => "`alpha`",
+        'β' => "`beta`",
+        'γ' => "`gamma`",
+        'δ' | 'Δ' => "`delta`",
+        'ε' | 'ϵ' => "`eps`",
+        'η' => "`eta`",
+        'θ' | 'ϑ' => "`theta`",
+        'κ' => "`kappa`",
+        'λ' => "`lambda`",
+        'ν' => "`nu`",
+        'ρ' => "`rho`",
+        'σ' | 'ς' => "`sigma`",
+        'τ' => "`tau`",
+        'φ' | 'ϕ' => "`phi`",
+        'ψ' => "`psi`",
+        'ω' => "`omega`",
+        _ => return None,
+    })
+}

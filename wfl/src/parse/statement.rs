@@ -1,0 +1,458 @@
+//! Pairs of the grammar to statements of the syntax tree.
+
+use super::{Pair, Parsed, Rule, is_keyword, slip, span_at};
+use crate::{
+    ast::{
+        BoxDivision, BoxShape, Domain, EntityKind, Expr, Ident, Item, ItemKind, MacroDef, MappingKind, MeshSource,
+        OptionItem, OptionValue, OutputItem, Place, QuadratureRule, Rank, Reduction, RegionExpr, RegionOp, Space,
+        Target, TargetPart, Unit,
+    },
+    diag::Diagnostic,
+    source::{SourceId, Span},
+};
+
+/// Reads the pairs of one statement. `masked` is the text that was parsed; it starts at byte `base` of `source`.
+pub(super) struct Reader<'t> {
+    pub(super) masked: &'t str,
+    pub(super) base: usize,
+    pub(super) source: SourceId,
+}
+
+/// The inner pairs of a statement, taken in order.
+struct Parts<'i>(std::iter::Peekable<std::vec::IntoIter<Pair<'i>>>);
+
+impl<'i> Parts<'i> {
+    /// The next part, which the grammar promises.
+    fn next(&mut self) -> Pair<'i> {
+        self.0.next().expect("the grammar promises this part")
+    }
+
+    /// The next part if it is of this rule.
+    fn take(&mut self, rule: Rule) -> Option<Pair<'i>> {
+        self.0.next_if(|p| p.as_rule() == rule)
+    }
+
+    /// All next parts of this rule.
+    fn take_all(&mut self, rule: Rule) -> Vec<Pair<'i>> {
+        std::iter::from_fn(|| self.take(rule)).collect()
+    }
+}
+
+/// Words and signs that say nothing beyond the rule they stand in.
+fn is_token(pair: &Pair<'_>) -> bool {
+    use Rule as R;
+    matches!(
+        pair.as_rule(),
+        R::EOI
+            | R::k_wfl | R::k_use | R::k_mesh | R::k_box | R::k_cells | R::k_size | R::k_file | R::k_map | R::k_region
+            | R::k_iface | R::k_mapping | R::k_point | R::k_param | R::k_unknown | R::k_mult | R::k_data | R::k_state
+            | R::k_split | R::k_across | R::k_def | R::k_Def | R::k_term | R::k_energy | R::k_fix | R::k_load
+            | R::k_start | R::k_steps | R::k_solver | R::k_quad | R::k_measure | R::k_expect | R::k_output | R::k_Normal
+            | R::k_on | R::k_in | R::k_from | R::k_to | R::k_by | R::k_onto | R::k_of | R::k_where | R::k_with | R::k_as
+            | R::k_along | R::k_within | R::k_degree | R::k_if | R::k_then | R::k_else
+            | R::t_eq | R::t_assign | R::t_colon | R::t_comma | R::t_semi | R::t_open | R::t_close | R::t_row_end
+            | R::t_set_end | R::t_range | R::t_dot
+    )
+}
+
+impl Reader<'_> {
+    /// The parts of a pair without its words and signs.
+    pub(super) fn parts<'i>(&self, pair: Pair<'i>) -> Vec<Pair<'i>> {
+        pair.into_inner().filter(|p| !is_token(p)).collect()
+    }
+
+    fn open<'i>(&self, pair: Pair<'i>) -> Parts<'i> {
+        Parts(self.parts(pair).into_iter().peekable())
+    }
+
+    fn only<'i>(&self, pair: Pair<'i>) -> Pair<'i> {
+        self.open(pair).next()
+    }
+
+    /// The place of a pair, without the space that a missing optional part leaves at its end.
+    pub(super) fn span(&self, pair: &Pair<'_>) -> Span {
+        let s = pair.as_span();
+        let end = s.start() + self.masked[s.start()..s.end()].trim_end().len();
+        span_at(self.source, self.base, s.start(), end)
+    }
+
+    fn ident(&self, pair: &Pair<'_>) -> Ident {
+        Ident { name: pair.as_str().to_owned(), span: self.span(pair) }
+    }
+
+    fn idents(&self, pairs: &[Pair<'_>]) -> Vec<Ident> {
+        pairs.iter().map(|p| self.ident(p)).collect()
+    }
+
+    /// A word being declared: no keyword.
+    fn name(&self, pair: &Pair<'_>) -> Parsed<Ident> {
+        if is_keyword(pair.as_str()) {
+            return Err(Box::new(slip::keyword_as_name(pair.as_str()).at(self.span(pair), "")));
+        }
+        Ok(self.ident(pair))
+    }
+
+    /// The characters between the quotes.
+    fn text(&self, pair: &Pair<'_>) -> String {
+        pair.as_str().trim_matches('"').to_owned()
+    }
+
+    fn places(&self, pair: Pair<'_>) -> Vec<Ident> {
+        self.idents(&self.parts(pair))
+    }
+
+    /// The statement inside the rule `statement`.
+    pub(super) fn statement(&self, pair: Pair<'_>) -> Parsed<Item> {
+        let inner = self.only(pair);
+        let span = self.span(&inner);
+        Ok(Item { kind: self.kind(inner)?, span })
+    }
+
+    fn kind(&self, pair: Pair<'_>) -> Parsed<ItemKind> {
+        let rule = pair.as_rule();
+        let mut p = self.open(pair);
+        Ok(match rule {
+            Rule::version => ItemKind::Version(self.number(&p.next())?),
+            Rule::include => ItemKind::Use { path: self.text(&p.next()) },
+            Rule::mesh => self.mesh(p)?,
+            Rule::region => ItemKind::Region { name: self.name(&p.next())?, region: self.region(p.next())? },
+            Rule::mapping => ItemKind::Mapping {
+                name: self.name(&p.next())?,
+                kind: self.mapping(p.next())?,
+                options: self.options(&mut p)?,
+            },
+            Rule::param => self.param(p)?,
+            Rule::unknown => ItemKind::Unknown { name: self.name(&p.next())?, space: self.space(p.next())? },
+            Rule::multiplier => ItemKind::Multiplier {
+                name: self.name(&p.next())?,
+                space: self.space(p.next())?,
+                options: self.options(&mut p)?,
+            },
+            Rule::data => ItemKind::Data {
+                name: self.name(&p.next())?,
+                space: self.space(p.next())?,
+                value: p.0.next().map(|v| self.option_value(v)).transpose()?,
+            },
+            Rule::state => ItemKind::State {
+                name: self.name(&p.next())?,
+                space: self.space(p.next())?,
+                update: self.value(p.next())?,
+            },
+            Rule::split => ItemKind::Split(self.idents(&p.take_all(Rule::ident)), self.places(p.next())),
+            Rule::def => ItemKind::Def(self.macro_def(p)?),
+            Rule::term | Rule::energy => self.term(rule == Rule::energy, p)?,
+            Rule::fix | Rule::load => self.condition_on(rule == Rule::fix, p)?,
+            Rule::start => self.start(p.next())?,
+            Rule::steps => ItemKind::Steps {
+                variable: self.name(&p.next())?,
+                from: self.value(p.next())?,
+                to: self.value(p.next())?,
+                by: self.value(p.next())?,
+                options: self.options(&mut p)?,
+            },
+            Rule::solver => ItemKind::Solver { name: self.ident(&p.next()), options: self.options(&mut p)? },
+            Rule::quadrature => ItemKind::Quadrature { places: self.places(p.next()), rule: self.rule(p.next())? },
+            Rule::measure => ItemKind::Measure {
+                name: self.name(&p.next())?,
+                reduction: reduction(p.next().as_str()),
+                expr: self.value(p.next())?,
+                places: self.places(p.next()),
+            },
+            Rule::expect => ItemKind::Expect(self.cond(p.next())?),
+            _ => self.output(p)?,
+        })
+    }
+
+    fn mesh(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
+        let source = p.next();
+        let source = match source.as_rule() {
+            Rule::mesh_box => self.mesh_box(self.open(source))?,
+            _ => {
+                let path = self.only(source);
+                MeshSource::File { path: self.text(&path), span: self.span(&path) }
+            }
+        };
+        let map = p.take(Rule::mesh_map).map(|m| self.value(self.only(m))).transpose()?;
+        Ok(ItemKind::Mesh { source, map, options: self.options(&mut p)? })
+    }
+
+    fn mesh_box(&self, mut p: Parts<'_>) -> Parsed<MeshSource> {
+        let (from, to) = (self.value(p.next())?, self.value(p.next())?);
+        let division = p.next();
+        let by_cells = division.as_rule() == Rule::mesh_cells;
+        let size = self.value(self.only(division))?;
+        let division = if by_cells { BoxDivision::Cells(size) } else { BoxDivision::Size(size) };
+        let shape = p.take(Rule::shape).map(|s| (box_shape(s.as_str()), self.span(&s)));
+        Ok(MeshSource::Box { from, to, division, shape })
+    }
+
+    fn region(&self, pair: Pair<'_>) -> Parsed<RegionExpr> {
+        let span = self.span(&pair);
+        let mut p = self.open(pair.clone());
+        match pair.as_rule() {
+            Rule::region_expr => {
+                let first = self.region(p.next())?;
+                let mut rest = Vec::new();
+                while let Some(op) = p.take(Rule::region_op) {
+                    rest.push((region_op(op.as_str()), self.region(p.next())?));
+                }
+                Ok(if rest.is_empty() { first } else { RegionExpr::Combine(Box::new(first), rest) })
+            }
+            Rule::interface => {
+                Ok(RegionExpr::Interface { from: self.ident(&p.next()), to: self.ident(&p.next()), span })
+            }
+            Rule::picked => Ok(RegionExpr::Picked {
+                entity: entity(p.next().as_str()),
+                of: p.take(Rule::pick_of).map(|o| self.ident(&self.only(o))),
+                condition: p.take(Rule::pick_where).map(|w| self.cond(self.only(w))).transpose()?,
+                span,
+            }),
+            _ => Ok(RegionExpr::Name(self.ident(&pair))),
+        }
+    }
+
+    fn mapping(&self, pair: Pair<'_>) -> Parsed<MappingKind> {
+        let is_point = pair.as_rule() == Rule::map_point;
+        let mut p = self.open(pair);
+        if is_point {
+            return Ok(MappingKind::Point(self.value(p.next())?));
+        }
+        Ok(MappingKind::Search {
+            raytrace: p.next().as_str() == "raytrace",
+            from: self.ident(&p.next()),
+            onto: self.ident(&p.next()),
+            within: p.take(Rule::expr).map(|e| self.value(e)).transpose()?,
+        })
+    }
+
+    fn param(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
+        Ok(ItemKind::Param {
+            name: self.name(&p.next())?,
+            value: self.value(p.next())?,
+            unit: p.take(Rule::unit).map(|u| self.unit(u)).transpose()?,
+            domain: p.take(Rule::domain).map(|d| self.domain(self.only(d))).transpose()?,
+            text: p.take(Rule::string).map(|s| self.text(&s)),
+        })
+    }
+
+    fn domain(&self, pair: Pair<'_>) -> Parsed<Domain> {
+        let is_set = pair.as_rule() == Rule::set;
+        let mut values = self.parts(pair).into_iter().map(|v| self.value(v)).collect::<Parsed<Vec<Expr>>>()?;
+        if is_set {
+            return Ok(Domain::Set(values));
+        }
+        let high = values.pop().expect("a range has two ends");
+        Ok(Domain::Range(values.pop().expect("a range has two ends"), high))
+    }
+
+    fn unit(&self, pair: Pair<'_>) -> Parsed<Unit> {
+        let span = self.span(&pair);
+        let mut factors: Vec<(String, i32)> = Vec::new();
+        let mut sign = 1;
+        for part in self.parts(pair) {
+            if part.as_rule() == Rule::unit_op {
+                sign = if part.as_str() == "/" { -1 } else { 1 };
+                continue;
+            }
+            let mut p = self.open(part);
+            let base = p.next();
+            let power = match p.take(Rule::unit_power) {
+                None => 1,
+                Some(power) => power.as_str().parse::<i8>().map_err(|_| {
+                    let d = Diagnostic::new("E120", format!("the power `{}` of a unit is too large", power.as_str()));
+                    Box::new(d.at(self.span(&power), "at most 127"))
+                })?,
+            };
+            if base.as_rule() == Rule::unit_name {
+                factors.push((base.as_str().to_owned(), sign * i32::from(power)));
+            }
+        }
+        Ok(Unit { factors, span })
+    }
+
+    fn space(&self, pair: Pair<'_>) -> Parsed<Space> {
+        let span = self.span(&pair);
+        let mut p = self.open(pair);
+        let rank_word = p.next();
+        let sizes = p.take(Rule::rank_sizes);
+        let sizes_span = sizes.as_ref().map(|s| self.span(s));
+        let values = match sizes {
+            Some(s) => self.parts(s).into_iter().map(|v| self.value(v)).collect::<Parsed<Vec<Expr>>>()?,
+            None => Vec::new(),
+        };
+        let rank = rank(rank_word.as_str(), values).map_err(|wanted| {
+            let d = Diagnostic::new("E113", format!("`{}` takes {wanted}", rank_word.as_str()));
+            Box::new(d.at(sizes_span.unwrap_or(span), ""))
+        })?;
+        let element = p.take(Rule::element).map(|e| self.ident(&e));
+        let place = match p.take(Rule::place) {
+            None => Place::Everywhere,
+            Some(place) => {
+                let span = self.span(&place);
+                let inner = self.only(place);
+                match inner.as_rule() {
+                    Rule::k_global => Place::Global(span),
+                    _ => Place::On(self.places(inner)),
+                }
+            }
+        };
+        let unit = p.take(Rule::unit).map(|u| self.unit(u)).transpose()?;
+        Ok(Space { rank, element, place, unit, span })
+    }
+
+    /// `name formals? body`, whose words are already dropped.
+    fn macro_def(&self, mut p: Parts<'_>) -> Parsed<MacroDef> {
+        let name = self.name(&p.next())?;
+        let mut head = name.span;
+        let mut formals = Vec::new();
+        if let Some(f) = p.take(Rule::formals) {
+            head = head.to(self.span(&f));
+            for formal in self.parts(f) {
+                formals.push(self.name(&formal)?);
+            }
+        }
+        Ok(MacroDef { name, formals, body: self.value(p.next())?, head })
+    }
+
+    /// Local macros and the expression behind them.
+    pub(super) fn defs_and_value(&self, parts: Vec<Pair<'_>>) -> Parsed<(Vec<MacroDef>, Expr)> {
+        let mut p = Parts(parts.into_iter().peekable());
+        let mut defs = Vec::new();
+        for d in p.take_all(Rule::local_def) {
+            defs.push(self.macro_def(self.open(d))?);
+        }
+        Ok((defs, self.value(p.next())?))
+    }
+
+    fn term(&self, energy: bool, mut p: Parts<'_>) -> Parsed<ItemKind> {
+        let name = p.take(Rule::name).map(|n| self.name(&n)).transpose()?;
+        let places = self.places(p.next());
+        let (defs, expr) = self.defs_and_value(p.0.collect())?;
+        Ok(ItemKind::Term { energy, name, places, defs, expr })
+    }
+
+    fn condition_on(&self, fix: bool, mut p: Parts<'_>) -> Parsed<ItemKind> {
+        let targets = p.take_all(Rule::target).into_iter().map(|t| self.target(t)).collect::<Parsed<Vec<Target>>>()?;
+        let value = self.value(p.next())?;
+        let places = self.places(p.next());
+        Ok(if fix { ItemKind::Fix { targets, value, places } } else { ItemKind::Load { targets, value, places } })
+    }
+
+    fn target(&self, pair: Pair<'_>) -> Parsed<Target> {
+        let span = self.span(&pair);
+        let mut p = self.open(pair);
+        let field = self.ident(&p.next());
+        let part = match p.0.next() {
+            None => TargetPart::Whole,
+            Some(c) if c.as_rule() == Rule::component => TargetPart::Component(self.value(self.only(c))?),
+            Some(_) => TargetPart::Normal,
+        };
+        Ok(Target { field, part, span })
+    }
+
+    fn start(&self, pair: Pair<'_>) -> Parsed<ItemKind> {
+        let is_file = pair.as_rule() == Rule::start_file;
+        let mut p = self.open(pair);
+        let first = p.next();
+        if is_file {
+            return Ok(ItemKind::StartFrom { path: self.text(&first), path_span: self.span(&first) });
+        }
+        Ok(ItemKind::Start { field: self.ident(&first), value: self.value(p.next())? })
+    }
+
+    fn rule(&self, pair: Pair<'_>) -> Parsed<QuadratureRule> {
+        match pair.as_rule() {
+            Rule::k_vertex => Ok(QuadratureRule::Vertex),
+            _ => Ok(QuadratureRule::Degree(self.value(self.only(pair))?)),
+        }
+    }
+
+    fn output(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
+        let format = self.ident(&p.next());
+        let file = self.text(&p.next());
+        let mut items = Vec::new();
+        for item in p.take_all(Rule::outitem) {
+            let mut q = self.open(item);
+            let expr = self.value(q.next())?;
+            items.push(OutputItem { expr, name: q.take(Rule::name).map(|n| self.name(&n)).transpose()? });
+        }
+        let along = match p.take(Rule::along) {
+            None => None,
+            Some(a) => {
+                let mut q = self.open(a);
+                Some((self.value(q.next())?, self.value(q.next())?))
+            }
+        };
+        Ok(ItemKind::Output { format, file, items, along, options: self.options(&mut p)? })
+    }
+
+    fn options(&self, p: &mut Parts<'_>) -> Parsed<Vec<OptionItem>> {
+        let Some(options) = p.take(Rule::options) else {
+            return Ok(Vec::new());
+        };
+        let mut list = Vec::new();
+        for option in self.parts(options) {
+            let mut q = self.open(option);
+            let name = self.ident(&q.next());
+            list.push(OptionItem { name, value: q.0.next().map(|v| self.option_value(v)).transpose()? });
+        }
+        Ok(list)
+    }
+
+    fn option_value(&self, pair: Pair<'_>) -> Parsed<OptionValue> {
+        match pair.as_rule() {
+            Rule::string => Ok(OptionValue::Text(self.text(&pair), self.span(&pair))),
+            _ => Ok(OptionValue::Expr(self.value(pair)?)),
+        }
+    }
+}
+
+fn rank(word: &str, mut sizes: Vec<Expr>) -> Result<Rank, &'static str> {
+    match (word, sizes.len()) {
+        ("scalar", 0) => Ok(Rank::Scalar),
+        ("scalar", _) => Err("no size"),
+        ("vector", 0 | 1) => Ok(Rank::Vector(sizes.pop())),
+        ("vector", _) => Err("one size"),
+        (_, 0) => Ok(Rank::Matrix(None)),
+        (_, 2) => {
+            let columns = sizes.pop().expect("two sizes");
+            Ok(Rank::Matrix(Some((sizes.pop().expect("two sizes"), columns))))
+        }
+        _ => Err("two sizes, rows and columns"),
+    }
+}
+
+fn box_shape(word: &str) -> BoxShape {
+    match word {
+        "segment" => BoxShape::Segment,
+        "tri" => BoxShape::Tri,
+        "quad" => BoxShape::Quad,
+        "tet" => BoxShape::Tet,
+        _ => BoxShape::Hex,
+    }
+}
+
+fn region_op(sign: &str) -> RegionOp {
+    match sign {
+        "+" => RegionOp::Union,
+        "-" => RegionOp::Minus,
+        _ => RegionOp::Intersect,
+    }
+}
+
+fn entity(word: &str) -> EntityKind {
+    match word {
+        "cells" => EntityKind::Cells,
+        "faces" => EntityKind::Faces,
+        _ => EntityKind::Nodes,
+    }
+}
+
+fn reduction(word: &str) -> Reduction {
+    match word {
+        "mean" => Reduction::Mean,
+        "max" => Reduction::Max,
+        "min" => Reduction::Min,
+        _ => Reduction::Integral,
+    }
+}

@@ -1,0 +1,440 @@
+//! Syntax trees to a resolved script: files included, macros expanded, names of statements checked.
+//!
+//! Every statement is checked even when another one is wrong. Words inside expressions are left to the compiler,
+//! which knows shapes and places; here only macros among them are replaced.
+
+mod include;
+mod names;
+mod options;
+mod parts;
+
+use std::collections::BTreeSet;
+
+use crate::{
+    ast::{Cond, Expr, Ident, Item, ItemKind, OutputItem, QuadratureRule, RegionExpr, Target, TargetPart},
+    diag::{Checked, Diagnostic},
+    macros::{Expander, names as words_of},
+    script::{
+        Condition, Expect, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output, OutputQuantity, Param, Quadrature,
+        Region, ResolvedScript, Solver, Split, Start, StartKind, Steps, Term,
+    },
+    source::{SourceId, SourceMap, Span},
+    words::{REGIONS, split_prefixes},
+};
+use include::Includes;
+pub use include::{LIBRARY, Loader, NoFiles};
+use names::{Kind, Names};
+use parts::TransposeOption as _;
+
+/// A value given from outside, such as `gamma=1e4` on the command line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Override {
+    /// The param.
+    pub name: String,
+    /// Its new value.
+    pub value: Expr,
+    /// The place of the whole override, in a source named `(command line)`.
+    pub span: Span,
+}
+
+/// The options each statement takes. A statement that is not listed takes none.
+pub const OPTIONS: &[(&str, &[&str])] = &[
+    ("multiplier", &["crosspoints"]),
+    ("steps", &["halve", "on_fail"]),
+    ("solver", &["max_iter", "search", "tol"]),
+    ("output", &["points"]),
+];
+
+/// Formats of `output`.
+pub const FORMATS: &[&str] = &["vtk", "csv"];
+
+/// Methods of `solver`.
+pub const SOLVERS: &[&str] = &["newton", "linear"];
+
+/// Resolves the scene `main`. Files it uses are added to `sources`. The value is present beside errors, without the
+/// statements that are wrong, so that later stages can find more.
+#[must_use]
+pub fn resolve(
+    sources: &mut SourceMap,
+    main: SourceId,
+    loader: &mut dyn Loader,
+    overrides: &[Override],
+) -> Checked<ResolvedScript> {
+    let mut includes = Includes::new(sources, loader);
+    includes.read(main, false);
+    let (items, mut diagnostics) = includes.finish();
+    // A statement that could not be read may have declared anything, so nothing is called unknown or missing then.
+    let complete = !diagnostics.iter().any(Diagnostic::is_error);
+    let names = Names::collect(&items, &mut diagnostics);
+    let defs = || items.iter().filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d) } else { None });
+    let mut resolver = Resolver {
+        sources,
+        names: &names,
+        expander: Expander::new(sources, defs()),
+        words: BTreeSet::new(),
+        regions: BTreeSet::new(),
+        diagnostics,
+        complete,
+        script: empty(main),
+    };
+    for item in &items {
+        // `None` drops a statement whose error is already reported.
+        let _ = resolver.item(item);
+    }
+    resolver.overrides(overrides);
+    resolver.sort_regions();
+    resolver.missing(&items);
+    let used = resolver.expander.used();
+    let info = |(d, used): (&crate::ast::MacroDef, &bool)| MacroInfo { name: d.name.clone(), head: d.head, used: *used };
+    resolver.script.macros = defs().zip(used).map(info).collect();
+    resolver.finish(main)
+}
+
+fn empty(main: SourceId) -> ResolvedScript {
+    ResolvedScript {
+        main,
+        mesh: None,
+        params: Vec::new(),
+        regions: Vec::new(),
+        mappings: Vec::new(),
+        fields: Vec::new(),
+        splits: Vec::new(),
+        terms: Vec::new(),
+        fixes: Vec::new(),
+        loads: Vec::new(),
+        starts: Vec::new(),
+        steps: None,
+        solver: None,
+        quadratures: Vec::new(),
+        measures: Vec::new(),
+        expects: Vec::new(),
+        outputs: Vec::new(),
+        macros: Vec::new(),
+        expansions: crate::ast::Expansions::default(),
+    }
+}
+
+struct Resolver<'d> {
+    sources: &'d SourceMap,
+    names: &'d Names,
+    expander: Expander<'d>,
+    /// Words of expanded expressions, without prefixes.
+    words: BTreeSet<String>,
+    /// Regions that some statement names.
+    regions: BTreeSet<String>,
+    diagnostics: Vec<Diagnostic>,
+    complete: bool,
+    script: ResolvedScript,
+}
+
+impl<'d> Resolver<'d> {
+    fn finish(mut self, main: SourceId) -> Checked<ResolvedScript> {
+        self.diagnostics.append(&mut self.expander.diagnostics);
+        let broken = self.diagnostics.iter().any(Diagnostic::is_error);
+        if !broken {
+            let used = self.script.macros.iter().filter(|m| m.used).map(|m| m.name.name.clone()).collect();
+            self.diagnostics.extend(names::unused(self.names, main, &self.words, &self.regions, &used));
+        }
+        self.script.expansions = self.expander.expansions;
+        let place = |d: &Diagnostic| d.labels.first().map(|l| (l.span.source.index(), l.span.start));
+        self.diagnostics.sort_by_key(place);
+        Checked { value: Some(self.script), diagnostics: self.diagnostics }
+    }
+
+    fn note_words(&mut self, e: &Expr) {
+        let words = &mut self.words;
+        words_of(e, &mut |word| {
+            let (_, root) = split_prefixes(word);
+            if !words.contains(root) {
+                words.insert(root.to_owned());
+            }
+        });
+    }
+
+    fn expr(&mut self, e: &Expr) -> Option<Expr> {
+        let e = self.expander.expr(e)?;
+        self.note_words(&e);
+        Some(e)
+    }
+
+    fn cond(&mut self, c: &Cond) -> Option<Cond> {
+        let c = self.expander.cond(c)?;
+        crate::macros::cond_children(&c, &mut |e| self.note_words(e));
+        Some(c)
+    }
+
+    fn item(&mut self, item: &'d Item) -> Option<()> {
+        let span = item.span;
+        match &item.kind {
+            ItemKind::Version(_) | ItemKind::Use { .. } | ItemKind::Def(_) => {}
+            ItemKind::Mesh { source, map, options } => {
+                self.once(self.script.mesh.as_ref().map(|m| m.span), "mesh", span)?;
+                let source = self.mesh_source(source);
+                let map = self.optional(map.as_ref());
+                let options = self.options("mesh", options);
+                self.script.mesh = Some(MeshStmt { source: source?, map: map?, options: options?, span });
+            }
+            ItemKind::Region { name, region } => {
+                let region = self.region(region)?;
+                self.script.regions.push(Region { name: name.clone(), region, span });
+            }
+            ItemKind::Mapping { name, kind, options } => {
+                let kind = self.mapping(kind);
+                let options = self.options("mapping", options);
+                self.script.mappings.push(Mapping { name: name.clone(), kind: kind?, options: options?, span });
+            }
+            ItemKind::Param { name, value, unit, domain, text } => {
+                let value = self.expr(value);
+                let domain = domain.as_ref().map(|d| self.domain(d));
+                let (name, unit, text) = (name.clone(), unit.clone(), text.clone());
+                let domain = domain.transpose_option()?;
+                self.script.params.push(Param { name, value: value?, unit, domain, text, overridden: None, span });
+            }
+            ItemKind::Unknown { name, space } => self.field(name, space, Some(FieldKind::Unknown), span)?,
+            ItemKind::Multiplier { name, space, options } => {
+                let kind = self.multiplier(options);
+                self.field(name, space, kind, span)?;
+            }
+            ItemKind::Data { name, space, value } => {
+                let kind = self.data(value.as_ref());
+                self.field(name, space, kind, span)?;
+            }
+            ItemKind::State { name, space, update } => {
+                let kind = self.expr(update).map(|update| FieldKind::State { update });
+                self.field(name, space, kind, span)?;
+            }
+            ItemKind::Split(fields, places) => {
+                let needed = "only unknowns can be split";
+                let known = self.all_fields(fields, needed, |k| k == Kind::Unknown);
+                let (fields, places) = (fields.clone(), self.places(places, false));
+                known.and(places.map(|places| self.script.splits.push(Split { fields, places, span })))?;
+            }
+            ItemKind::Term { energy, name, places, defs, expr } => {
+                self.names.check_locals(defs, &mut self.diagnostics);
+                let places = self.places(places, true);
+                let expr = self.expander.expr_with(expr, defs)?;
+                self.note_words(&expr);
+                let (energy, name) = (*energy, name.clone());
+                self.script.terms.push(Term { energy, name, places: places?, expr, span });
+            }
+            ItemKind::Fix { targets, value, places } => {
+                let fix = self.condition(targets, value, places, "fixed", span)?;
+                self.script.fixes.push(fix);
+            }
+            ItemKind::Load { targets, value, places } => {
+                let load = self.condition(targets, value, places, "loaded", span)?;
+                self.script.loads.push(load);
+            }
+            ItemKind::Start { field, value } => {
+                let needed = "only unknowns and multipliers have a first guess";
+                let known = self.all_fields(std::slice::from_ref(field), needed, is_solved_for);
+                let value = self.expr(value)?;
+                known?;
+                let kind = StartKind::Field { field: field.clone(), value };
+                self.script.starts.push(Start { kind, span });
+            }
+            ItemKind::StartFrom { path, path_span } => {
+                let kind = StartKind::File { path: path.clone(), path_span: *path_span };
+                self.script.starts.push(Start { kind, span });
+            }
+            ItemKind::Steps { variable, from, to, by, options } => {
+                self.once(self.script.steps.as_ref().map(|s| s.span), "steps", span)?;
+                let (from, to, by) = (self.expr(from), self.expr(to), self.expr(by));
+                let options = self.options("steps", options)?;
+                let variable = variable.clone();
+                self.script.steps = Some(Steps { variable, from: from?, to: to?, by: by?, options, span });
+            }
+            ItemKind::Solver { name, options } => {
+                self.once(self.script.solver.as_ref().map(|s| s.span), "solver", span)?;
+                let known = self.one_of("solver", name, SOLVERS);
+                let options = self.options("solver", options)?;
+                known?;
+                self.script.solver = Some(Solver { name: name.clone(), options, span });
+            }
+            ItemKind::Quadrature { places, rule } => {
+                let places = self.places(places, false);
+                let rule = match rule {
+                    QuadratureRule::Vertex => QuadratureRule::Vertex,
+                    QuadratureRule::Degree(e) => QuadratureRule::Degree(self.expr(e)?),
+                };
+                self.script.quadratures.push(Quadrature { places: places?, rule, span });
+            }
+            ItemKind::Measure { name, reduction, expr, places } => {
+                let places = self.places(places, true);
+                let expr = self.expr(expr)?;
+                let (name, reduction) = (name.clone(), *reduction);
+                self.script.measures.push(Measure { name, reduction, expr, places: places?, span });
+            }
+            ItemKind::Expect(condition) => {
+                let text = self.sources.snippet(condition.span).to_owned();
+                let condition = self.cond(condition)?;
+                self.script.expects.push(Expect { condition, text, span });
+            }
+            ItemKind::Output { format, file, items, along, options } => {
+                let known = self.one_of("output", format, FORMATS);
+                let items: Vec<_> = items.iter().map(|i| self.quantity(i)).collect();
+                let along = along.as_ref().map(|(a, b)| Some((self.expr(a)?, self.expr(b)?)));
+                let options = self.options("output", options)?;
+                let (items, along) = (items.into_iter().collect::<Option<_>>()?, along.transpose_option()?);
+                known?;
+                let (format, file) = (format.clone(), file.clone());
+                self.script.outputs.push(Output { format, file, items, along, options, span });
+            }
+        }
+        Some(())
+    }
+
+    /// E424 for the second of a statement that stands once.
+    fn once(&mut self, first: Option<Span>, word: &str, span: Span) -> Option<()> {
+        let Some(first) = first else {
+            return Some(());
+        };
+        let d = Diagnostic::new("E424", format!("a scene has one `{word}`"));
+        self.diagnostics.push(d.at(span, "").at(first, "the first one"));
+        None
+    }
+
+    fn condition(
+        &mut self,
+        targets: &[Target],
+        value: &Expr,
+        places: &[Ident],
+        done: &str,
+        span: Span,
+    ) -> Option<Condition> {
+        let needed = format!("only unknowns and multipliers can be {done}");
+        let mut complete = Some(());
+        let mut resolved = Vec::new();
+        for target in targets {
+            complete = self.all_fields(std::slice::from_ref(&target.field), &needed, is_solved_for).and(complete);
+            let part = match &target.part {
+                TargetPart::Component(e) => self.expr(e).map(TargetPart::Component),
+                other => Some(other.clone()),
+            };
+            match part {
+                Some(part) => resolved.push(Target { field: target.field.clone(), part, span: target.span }),
+                None => complete = None,
+            }
+        }
+        let value = self.expr(value);
+        let places = self.places(places, false);
+        complete?;
+        Some(Condition { targets: resolved, value: value?, places: places?, span })
+    }
+
+    fn quantity(&mut self, item: &OutputItem) -> Option<OutputQuantity> {
+        let span = item.expr.span;
+        let written = self.sources.snippet(span).to_owned();
+        let name = item.name.as_ref().map_or(written, |n| n.name.clone());
+        Some(OutputQuantity { expr: self.expr(&item.expr)?, name, span })
+    }
+
+    /// Checks that the names are fields of a kind that `allowed` admits.
+    fn all_fields(&mut self, fields: &[Ident], needed: &str, allowed: impl Fn(Kind) -> bool) -> Option<()> {
+        let mut all = Some(());
+        for field in fields {
+            let kind = self.names.values.get(&field.name).map(|v| v.0);
+            if kind.is_some_and(&allowed) {
+                continue;
+            }
+            all = None;
+            if kind.is_some() || self.complete {
+                self.diagnostics.push(self.names.not_a_field(field, needed, self.sources));
+            }
+        }
+        all
+    }
+
+    fn places(&mut self, places: &[Ident], global: bool) -> Option<Vec<Ident>> {
+        let found: Vec<_> = places.iter().map(|p| self.place(p, global)).collect();
+        found.into_iter().collect()
+    }
+
+    /// A region by name; `global` only where there may be no place.
+    fn place(&mut self, name: &Ident, global: bool) -> Option<Ident> {
+        self.regions.insert(name.name.clone());
+        if name.name == "global" && !global {
+            let d = Diagnostic::new("E212", "`global` is no region; only terms and measures can stand on it");
+            self.diagnostics.push(d.at(name.span, ""));
+            return None;
+        }
+        let known = self.names.regions.contains_key(&name.name) || REGIONS.contains(&name.name.as_str());
+        if known || self.names.open_regions {
+            return Some(name.clone());
+        }
+        if self.complete {
+            self.diagnostics.push(self.names.unknown_region(name, self.sources));
+        }
+        None
+    }
+
+    /// Sorts regions so that each stands behind those it is made of; a region made of itself is an error (E123).
+    fn sort_regions(&mut self) {
+        let mut waiting = std::mem::take(&mut self.script.regions);
+        let mut placed: BTreeSet<String> = BTreeSet::new();
+        loop {
+            let names: BTreeSet<String> = waiting.iter().map(|r| r.name.name.clone()).collect();
+            let before = waiting.len();
+            let mut later = Vec::new();
+            for region in waiting {
+                if parts_of(&region.region).iter().any(|p| names.contains(*p) && !placed.contains(*p)) {
+                    later.push(region);
+                } else {
+                    placed.insert(region.name.name.clone());
+                    self.script.regions.push(region);
+                }
+            }
+            waiting = later;
+            if waiting.is_empty() {
+                return;
+            }
+            if waiting.len() == before {
+                let rest: Vec<&str> = waiting.iter().map(|r| r.name.name.as_str()).collect();
+                let d = Diagnostic::new("E123", format!("the region `{}` is made of itself", rest[0]));
+                self.diagnostics.push(d.at(waiting[0].name.span, "").note(format!("in a circle: {}", rest.join(", "))));
+                return;
+            }
+        }
+    }
+
+    /// E421 to E423 for what every scene needs.
+    fn missing(&mut self, items: &[Item]) {
+        if !self.complete {
+            return;
+        }
+        let has = |f: fn(&ItemKind) -> bool| items.iter().any(|i| f(&i.kind));
+        if !has(|k| matches!(k, ItemKind::Mesh { .. })) {
+            let d = Diagnostic::new("E421", "the scene has no mesh");
+            self.diagnostics.push(d.help("mesh box [0,0] to [1,1] cells [8,8] quad, or mesh file \"part.msh\""));
+        }
+        if !has(|k| matches!(k, ItemKind::Term { .. })) {
+            let d = Diagnostic::new("E422", "the scene has no term");
+            self.diagnostics.push(d.help("term on all : Grad_u.Grad_Test_u - Test_u"));
+        }
+        if !has(|k| matches!(k, ItemKind::Unknown { .. })) {
+            let d = Diagnostic::new("E423", "the scene has no unknown");
+            self.diagnostics.push(d.help("unknown u : vector"));
+        }
+    }
+}
+
+fn is_solved_for(kind: Kind) -> bool {
+    matches!(kind, Kind::Unknown | Kind::Multiplier)
+}
+
+/// Regions that a region is made of.
+fn parts_of(region: &RegionExpr) -> Vec<&str> {
+    match region {
+        RegionExpr::Name(name) => vec![&name.name],
+        RegionExpr::Interface { from, to, .. } => vec![&from.name, &to.name],
+        RegionExpr::Picked { of, .. } => of.iter().map(|o| o.name.as_str()).collect(),
+        RegionExpr::Combine(first, rest) => {
+            let mut parts = parts_of(first);
+            parts.extend(rest.iter().flat_map(|(_, r)| parts_of(r)));
+            parts
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,348 @@
+//! The resolved script: what the next crates read. Plain data, macros expanded, statements sorted by kind.
+//!
+//! Words inside expressions are not looked up here; the compiler does that, where shapes and places are known.
+
+use crate::{
+    ast::{Cond, Domain, Expansions, Expr, Ident, MappingKind, MeshSource, OptionItem, QuadratureRule, Reduction},
+    ast::{RegionExpr, Space, Target, Unit},
+    diag::Diagnostic,
+    source::{SourceId, SourceMap, Span},
+};
+
+/// A scene whose names of statements are checked and whose macros are expanded. Lists are in the order of the text.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResolvedScript {
+    /// The text of the scene itself.
+    pub main: SourceId,
+    /// The mesh; absent only beside errors.
+    pub mesh: Option<MeshStmt>,
+    /// Parameters.
+    pub params: Vec<Param>,
+    /// Regions, sorted so that a region stands behind those it is made of.
+    pub regions: Vec<Region>,
+    /// Mappings to other points.
+    pub mappings: Vec<Mapping>,
+    /// Unknowns, multipliers, data and states.
+    pub fields: Vec<Field>,
+    /// Fields that are split along interior faces.
+    pub splits: Vec<Split>,
+    /// Terms and energies.
+    pub terms: Vec<Term>,
+    /// Prescribed values.
+    pub fixes: Vec<Condition>,
+    /// Loads.
+    pub loads: Vec<Condition>,
+    /// First guesses.
+    pub starts: Vec<Start>,
+    /// Load or time steps.
+    pub steps: Option<Steps>,
+    /// The solver, if one is chosen.
+    pub solver: Option<Solver>,
+    /// Rules of integration that replace the default.
+    pub quadratures: Vec<Quadrature>,
+    /// Numbers to print.
+    pub measures: Vec<Measure>,
+    /// Conditions that must hold at the end.
+    pub expects: Vec<Expect>,
+    /// Files to write.
+    pub outputs: Vec<Output>,
+    /// Macros of the scene and of its included files.
+    pub macros: Vec<MacroInfo>,
+    /// Every use of a macro.
+    pub expansions: Expansions,
+}
+
+/// `mesh ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshStmt {
+    /// Box or file.
+    pub source: MeshSource,
+    /// The new place of each node.
+    pub map: Option<Expr>,
+    /// Options.
+    pub options: Vec<OptionItem>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `param ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Param {
+    /// Its name.
+    pub name: Ident,
+    /// Its value: as declared, or from an [`crate::Override`].
+    pub value: Expr,
+    /// Its unit.
+    pub unit: Option<Unit>,
+    /// Allowed values, not checked here.
+    pub domain: Option<Domain>,
+    /// What it is, in words.
+    pub text: Option<String>,
+    /// The place of the override that gave the value, such as `theta=2` on the command line.
+    pub overridden: Option<Span>,
+    /// The statement.
+    pub span: Span,
+}
+
+impl Param {
+    /// The E701 that a value outside the domain deserves: the value is marked where it was given, and an overridden
+    /// one names the declaration.
+    #[must_use]
+    pub fn outside_domain(&self, sources: &SourceMap) -> Diagnostic {
+        let one_line = |span: Span| sources.snippet(span).split_whitespace().collect::<Vec<_>>().join(" ");
+        let text = |e: &Expr| one_line(e.span);
+        let allowed = match &self.domain {
+            Some(Domain::Set(values)) => format!("one of {}", values.iter().map(text).collect::<Vec<_>>().join(", ")),
+            Some(Domain::Range(low, high)) => format!("between {} and {}", text(low), text(high)),
+            None => "finite".to_owned(),
+        };
+        let d = Diagnostic::new("E701", format!("`{}` must be {allowed}", self.name.name));
+        let Some(given) = self.overridden else {
+            return d.at(self.value.span, "");
+        };
+        let line = sources.line_column(self.span).0;
+        let place = format!("{}:{line}", sources.get(self.span.source).name);
+        d.at(given, format!("declared: {}, {place}", one_line(self.span)))
+    }
+}
+
+/// `region ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Region {
+    /// Its name.
+    pub name: Ident,
+    /// What it is.
+    pub region: RegionExpr,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `mapping ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mapping {
+    /// Its name.
+    pub name: Ident,
+    /// How a point is mapped.
+    pub kind: MappingKind,
+    /// Options.
+    pub options: Vec<OptionItem>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// An unknown, a multiplier, given data or a state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// Its name.
+    pub name: Ident,
+    /// What kind of field.
+    pub kind: FieldKind,
+    /// Its space.
+    pub space: Space,
+    /// The statement.
+    pub span: Span,
+}
+
+/// What a field is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FieldKind {
+    /// Solved for.
+    Unknown,
+    /// Solved for; components that cannot act are dropped.
+    Multiplier {
+        /// `with crosspoints=keep`: nothing is dropped.
+        keep_crosspoints: bool,
+    },
+    /// Known.
+    Data {
+        /// Its value.
+        value: DataValue,
+    },
+    /// Known at integration points, renewed at the end of a step.
+    State {
+        /// Its next value.
+        update: Expr,
+    },
+}
+
+/// Where the values of a data field come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DataValue {
+    /// The program that embeds this one.
+    Host,
+    /// A formula of x, y, z, t.
+    Formula(Expr),
+    /// A file, as written, with its place.
+    File(String, Span),
+}
+
+/// `split u across fault`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Split {
+    /// Which fields.
+    pub fields: Vec<Ident>,
+    /// Across which regions of interior faces.
+    pub places: Vec<Ident>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `term ...` or `energy ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Term {
+    /// A potential, to be differentiated once.
+    pub energy: bool,
+    /// Its name, if it has one; several terms may share one.
+    pub name: Option<Ident>,
+    /// Where it is integrated; `global` for no place.
+    pub places: Vec<Ident>,
+    /// What is integrated.
+    pub expr: Expr,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `fix ...` or `load ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Condition {
+    /// What is fixed or loaded.
+    pub targets: Vec<Target>,
+    /// The value.
+    pub value: Expr,
+    /// Where.
+    pub places: Vec<Ident>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `start ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Start {
+    /// The first values.
+    pub kind: StartKind,
+    /// The statement.
+    pub span: Span,
+}
+
+/// Where first values come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum StartKind {
+    /// A formula for one field.
+    Field {
+        /// The field.
+        field: Ident,
+        /// Its first value.
+        value: Expr,
+    },
+    /// A file with the values of an earlier run.
+    File {
+        /// The path as written.
+        path: String,
+        /// Its place.
+        path_span: Span,
+    },
+}
+
+/// `steps ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Steps {
+    /// The load parameter or time.
+    pub variable: Ident,
+    /// First value.
+    pub from: Expr,
+    /// Last value.
+    pub to: Expr,
+    /// Step.
+    pub by: Expr,
+    /// Options.
+    pub options: Vec<OptionItem>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `solver ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solver {
+    /// Which.
+    pub name: Ident,
+    /// Options.
+    pub options: Vec<OptionItem>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `quadrature ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Quadrature {
+    /// Where.
+    pub places: Vec<Ident>,
+    /// Which.
+    pub rule: QuadratureRule,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `measure ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measure {
+    /// Its name.
+    pub name: Ident,
+    /// What is done with the expression.
+    pub reduction: Reduction,
+    /// The expression.
+    pub expr: Expr,
+    /// Where.
+    pub places: Vec<Ident>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `expect ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expect {
+    /// What must hold.
+    pub condition: Cond,
+    /// The condition as written.
+    pub text: String,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `output ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Output {
+    /// `vtk` or `csv`.
+    pub format: Ident,
+    /// The file's name without its end.
+    pub file: String,
+    /// What is written.
+    pub items: Vec<OutputQuantity>,
+    /// Ends of the line it is sampled on.
+    pub along: Option<(Expr, Expr)>,
+    /// Options.
+    pub options: Vec<OptionItem>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// One quantity of an output.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutputQuantity {
+    /// What is written.
+    pub expr: Expr,
+    /// Its name: the word behind `as`, or the expression as written.
+    pub name: String,
+    /// The expression as written.
+    pub span: Span,
+}
+
+/// A macro of the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MacroInfo {
+    /// Its name.
+    pub name: Ident,
+    /// Name and parameters.
+    pub head: Span,
+    /// Some statement uses it.
+    pub used: bool,
+}

@@ -1,0 +1,233 @@
+//! Words that mean something inside expressions: functions, constants, prefixes. No scene may declare them.
+
+/// Every built-in function and operator written as a call, sorted.
+pub const FUNCTIONS: &[&str] = &[
+    "Ball_projection",
+    "Cauchy_stress_from_PK2",
+    "Ciarlet_Geymonat_PK2",
+    "Ciarlet_Geymonat_potential",
+    "Ciarlet_Geymonat_sigma",
+    "Compressible_Mooney_Rivlin_PK2",
+    "Compressible_Mooney_Rivlin_potential",
+    "Compressible_Mooney_Rivlin_sigma",
+    "Compressible_Neo_Hookean_Bonet_PK2",
+    "Compressible_Neo_Hookean_Bonet_potential",
+    "Compressible_Neo_Hookean_Bonet_sigma",
+    "Compressible_Neo_Hookean_Ciarlet_PK2",
+    "Compressible_Neo_Hookean_Ciarlet_potential",
+    "Compressible_Neo_Hookean_Ciarlet_sigma",
+    "Compressible_Neo_Hookean_PK2",
+    "Compressible_Neo_Hookean_potential",
+    "Compressible_Neo_Hookean_sigma",
+    "Contract",
+    "Coulomb_friction_coupled_projection",
+    "Cross_product",
+    "Det",
+    "Deviator",
+    "Diff",
+    "Div",
+    "Expm",
+    "Generalized_Blatz_Ko_PK2",
+    "Generalized_Blatz_Ko_potential",
+    "Generalized_Blatz_Ko_sigma",
+    "Grad",
+    "Green_Lagrangian",
+    "Heaviside",
+    "Hess",
+    "Id",
+    "Incompressible_Mooney_Rivlin_PK2",
+    "Incompressible_Mooney_Rivlin_potential",
+    "Incompressible_Mooney_Rivlin_sigma",
+    "Incompressible_Neo_Hookean_PK2",
+    "Incompressible_Neo_Hookean_potential",
+    "Incompressible_Neo_Hookean_sigma",
+    "Index_move_last",
+    "Interpolate",
+    "Interpolate_filter",
+    "Inv",
+    "Left_Cauchy_Green",
+    "Logm",
+    "Matrix_i2",
+    "Matrix_j1",
+    "Matrix_j2",
+    "Norm",
+    "Norm_sqr",
+    "Normalized",
+    "Normalized_reg",
+    "Plane_Strain_Ciarlet_Geymonat_PK2",
+    "Plane_Strain_Ciarlet_Geymonat_potential",
+    "Plane_Strain_Ciarlet_Geymonat_sigma",
+    "Plane_Strain_Compressible_Mooney_Rivlin_PK2",
+    "Plane_Strain_Compressible_Mooney_Rivlin_potential",
+    "Plane_Strain_Compressible_Mooney_Rivlin_sigma",
+    "Plane_Strain_Compressible_Neo_Hookean_Bonet_PK2",
+    "Plane_Strain_Compressible_Neo_Hookean_Bonet_potential",
+    "Plane_Strain_Compressible_Neo_Hookean_Bonet_sigma",
+    "Plane_Strain_Compressible_Neo_Hookean_Ciarlet_PK2",
+    "Plane_Strain_Compressible_Neo_Hookean_Ciarlet_potential",
+    "Plane_Strain_Compressible_Neo_Hookean_Ciarlet_sigma",
+    "Plane_Strain_Compressible_Neo_Hookean_PK2",
+    "Plane_Strain_Compressible_Neo_Hookean_potential",
+    "Plane_Strain_Compressible_Neo_Hookean_sigma",
+    "Plane_Strain_Generalized_Blatz_Ko_PK2",
+    "Plane_Strain_Generalized_Blatz_Ko_potential",
+    "Plane_Strain_Generalized_Blatz_Ko_sigma",
+    "Plane_Strain_Incompressible_Mooney_Rivlin_PK2",
+    "Plane_Strain_Incompressible_Mooney_Rivlin_potential",
+    "Plane_Strain_Incompressible_Mooney_Rivlin_sigma",
+    "Plane_Strain_Incompressible_Neo_Hookean_PK2",
+    "Plane_Strain_Incompressible_Neo_Hookean_potential",
+    "Plane_Strain_Incompressible_Neo_Hookean_sigma",
+    "Plane_Strain_Saint_Venant_Kirchhoff_PK2",
+    "Plane_Strain_Saint_Venant_Kirchhoff_potential",
+    "Plane_Strain_Saint_Venant_Kirchhoff_sigma",
+    "Print",
+    "Reshape",
+    "Right_Cauchy_Green",
+    "Saint_Venant_Kirchhoff_PK2",
+    "Saint_Venant_Kirchhoff_potential",
+    "Saint_Venant_Kirchhoff_sigma",
+    "Skew",
+    "Swap_indices",
+    "Sym",
+    "Trace",
+    "Transformed_unit_vector",
+    "Von_Mises_projection",
+    "abs",
+    "acos",
+    "acosh",
+    "asin",
+    "asinh",
+    "atan",
+    "atan2",
+    "atanh",
+    "cos",
+    "cosh",
+    "erf",
+    "erfc",
+    "exp",
+    "half_sqr_neg_part",
+    "half_sqr_pos_part",
+    "log",
+    "log10",
+    "max",
+    "min",
+    "neg_part",
+    "pos_part",
+    "pow",
+    "qdim",
+    "qdims",
+    "reg_pos_part",
+    "sign",
+    "sin",
+    "sinc",
+    "sinh",
+    "sqr",
+    "sqr_neg_part",
+    "sqr_pos_part",
+    "sqrt",
+    "tan",
+    "tanh",
+];
+
+/// GWFL words that are known and refused by the compiler (E801), so that they cannot be declared either.
+pub const UNSUPPORTED: &[&str] = &[
+    "Elementary_transformation",
+    "Interpolate_derivative",
+    "Secondary_Domain",
+    "Secondary_domain",
+    "Xfem_minus",
+    "Xfem_plus",
+];
+
+/// Words with a value of their own in every scene. `x`, `y`, `z`, `t` come on top where they have a meaning.
+pub const CONSTANTS: &[&str] = &[
+    "Normal",
+    "X",
+    "element_B",
+    "element_K",
+    "element_size",
+    "meshdim",
+    "neighbor_element",
+    "neighbour_elt",
+    "pi",
+    "timestep",
+];
+
+/// Regions that exist without being declared; `global` stands for "no place" in terms and measures.
+pub const REGIONS: &[&str] = &["all", "boundary", "global"];
+
+/// What may stand before the name of a field, with the longer words first where one starts the other.
+pub const PREFIXES: &[&str] = &[
+    "Test2_", "Test_", "Grad_", "Hess_", "Div_", "Previous2_", "Previous3_", "Previous_", "Dot2_", "Dot_",
+];
+
+/// Splits `Grad_Test_u` into its prefixes `Grad_Test_` and the rest `u`. The rest is never empty.
+#[must_use]
+pub fn split_prefixes(word: &str) -> (&str, &str) {
+    let mut at = 0;
+    while let Some(p) = PREFIXES.iter().find(|p| word[at..].starts_with(**p) && word.len() > at + p.len()) {
+        at += p.len();
+    }
+    word.split_at(at)
+}
+
+/// True if `word` is one or more prefixes and nothing else.
+pub(crate) fn only_prefixes(word: &str) -> bool {
+    let mut rest = word;
+    while let Some(p) = PREFIXES.iter().find(|p| rest.starts_with(**p)) {
+        rest = &rest[p.len()..];
+    }
+    rest.is_empty() && !word.is_empty()
+}
+
+/// True for functions, also `Derivative_f` of them.
+#[must_use]
+pub fn is_function(word: &str) -> bool {
+    FUNCTIONS.binary_search(&word).is_ok() || UNSUPPORTED.contains(&word) || word.starts_with("Derivative_")
+}
+
+/// Why a word cannot be declared as a value, ready to stand behind "`word` is"; `None` if it can.
+#[must_use]
+pub fn reserved(word: &str) -> Option<String> {
+    if is_function(word) {
+        return Some("a built-in function".to_owned());
+    }
+    if CONSTANTS.contains(&word) {
+        return Some("built in".to_owned());
+    }
+    let (prefix, _) = split_prefixes(word);
+    if !prefix.is_empty() {
+        return Some(format!("read as `{prefix}` of a field"));
+    }
+    only_prefixes(word).then(|| "a prefix of field names".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_of_functions_is_sorted_and_has_no_word_twice() {
+        assert!(FUNCTIONS.windows(2).all(|w| w[0] < w[1]));
+    }
+
+    #[test]
+    fn prefixes_come_off_and_leave_a_name() {
+        assert_eq!(split_prefixes("Grad_Test_u"), ("Grad_Test_", "u"));
+        assert_eq!(split_prefixes("Previous_Dot2_u"), ("Previous_Dot2_", "u"));
+        assert_eq!(split_prefixes("Gradu"), ("", "Gradu"));
+        assert_eq!(split_prefixes("Test_"), ("", "Test_"));
+        assert!(only_prefixes("Grad_Test_") && !only_prefixes("Grad_Test_u") && !only_prefixes(""));
+    }
+
+    #[test]
+    fn built_in_words_are_reserved() {
+        for word in ["sin", "Normal", "Test_u", "Derivative_sin", "Grad_", "Xfem_plus", "pi"] {
+            assert!(reserved(word).is_some(), "{word}");
+        }
+        for word in ["u", "sigma", "gamma", "t", "x", "Gradient", "lambda"] {
+            assert!(reserved(word).is_none(), "{word}");
+        }
+    }
+}
