@@ -1,0 +1,446 @@
+//! Directional derivatives of tensor expressions.
+//!
+//! [`derive`] gives the derivative of an expression when its leaves move along a direction; the direction says for
+//! each leaf what it moves by (the trial function for the tangent, the test function for an energy, a column of the
+//! gradient for `Grad(e)`). Kinked nodes follow the branch their value takes (rule 1 of the language): selection
+//! derives to selection under the same mask, so value and derivative cannot disagree about a branch.
+//! Rules: d Norm = v/|v| . dv, 0 at 0; d Ball: stick dv, slip (r/|v|)(dv - e (e.dv)) + e dr, open 0.
+
+use std::collections::HashMap;
+
+use crate::{
+    graph::{ExprId, Function1, Graph, Leaf, Node},
+    ir::Compare,
+    math::{MathFn1, MathFn2, MatrixFn},
+};
+
+/// What a leaf moves by: a tensor of the leaf's shape, or `None` when it stays.
+pub(crate) type Direction<'a> = dyn FnMut(&mut Graph, Leaf) -> Option<ExprId> + 'a;
+
+/// A node has no (further) derivative.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct NoDerivative {
+    /// The node.
+    pub(crate) node: ExprId,
+    /// What it is, for the message.
+    pub(crate) what: &'static str,
+}
+
+/// The derivative of `root` along `direction`; the zero tensor if nothing moves.
+///
+/// # Errors
+/// [`NoDerivative`] for the second derivative of `Expm`, `Logm` and of a projection.
+pub(crate) fn derive(graph: &mut Graph, root: ExprId, direction: &mut Direction<'_>) -> Result<ExprId, NoDerivative> {
+    let mut memo = HashMap::new();
+    let found = Rules { memo: &mut memo, direction }.of(graph, root)?;
+    Ok(found.unwrap_or_else(|| graph.zero(graph.shape(root))))
+}
+
+struct Rules<'a, 'd> {
+    memo: &'a mut HashMap<ExprId, Option<ExprId>>,
+    direction: &'a mut Direction<'d>,
+}
+
+type Derived = Result<Option<ExprId>, NoDerivative>;
+
+impl Rules<'_, '_> {
+    fn of(&mut self, g: &mut Graph, e: ExprId) -> Derived {
+        if let Some(known) = self.memo.get(&e) {
+            return Ok(*known);
+        }
+        let before = g.set_origin(g.origin(e));
+        let result = self.rule(g, e);
+        g.set_origin(before);
+        let result = result?.filter(|d| !g.is_zero(*d));
+        self.memo.insert(e, result);
+        Ok(result)
+    }
+
+    fn rule(&mut self, g: &mut Graph, e: ExprId) -> Derived {
+        match g.node(e).clone() {
+            Node::Const(_) | Node::Compare(..) | Node::And(..) | Node::Or(..) | Node::Not(_) | Node::InBall(..) => {
+                Ok(None)
+            }
+            Node::Leaf(leaf) => Ok((self.direction)(g, leaf)),
+            Node::Add(a, b) => {
+                let (da, db) = (self.of(g, a)?, self.of(g, b)?);
+                Ok(sum(g, da, db))
+            }
+            Node::Sub(a, b) => Ok(match (self.of(g, a)?, self.of(g, b)?) {
+                (Some(x), Some(y)) => Some(g.sub(x, y)),
+                (None, Some(y)) => Some(g.neg(y)),
+                (x, None) => x,
+            }),
+            Node::Neg(a) => Ok(self.of(g, a)?.map(|d| g.neg(d))),
+            Node::Reshape(a) => Ok(self.of(g, a)?.map(|d| g.reshape(d, g.shape(e)))),
+            Node::Trace(a, i, j) => Ok(self.of(g, a)?.map(|d| g.trace(d, usize::from(i), usize::from(j)))),
+            Node::Permute(a, perm) => {
+                let perm: Vec<usize> = perm.iter().map(|p| usize::from(*p)).collect();
+                Ok(self.of(g, a)?.map(|d| g.permute(d, &perm)))
+            }
+            Node::Pick(a, fixed) => {
+                let fixed: Vec<Option<usize>> = fixed.iter().map(|f| f.map(usize::from)).collect();
+                Ok(self.of(g, a)?.map(|d| g.pick(d, &fixed)))
+            }
+            Node::Print(a) => self.of(g, a),
+            Node::Stack(parts) => self.stack(g, e, &parts),
+            Node::Scale(a, b) => self.product(g, a, b, Graph::scale),
+            Node::MulComponents(a, b) => self.product(g, a, b, Graph::mul_components),
+            Node::Contract(a, b, axes) => {
+                let axes: Vec<(usize, usize)> =
+                    axes.iter().map(|(i, j)| (usize::from(*i), usize::from(*j))).collect();
+                self.product(g, a, b, |g, x, y| g.contract(x, y, &axes))
+            }
+            Node::Divide(a, s) => self.quotient(g, e, a, s, Graph::divide, Graph::scale),
+            Node::DivComponents(a, b) => {
+                self.quotient(g, e, a, b, Graph::div_components, Graph::mul_components)
+            }
+            Node::Map(f, a) => match self.of(g, a)? {
+                None => Ok(None),
+                Some(da) => {
+                    let slope = function_derivative(g, f, a, e);
+                    Ok(Some(g.mul_components(slope, da)))
+                }
+            },
+            Node::Map2(f, a, b) => self.function2(g, e, f, a, b),
+            Node::Select(mask, a, b) => {
+                let (da, db) = (self.of(g, a)?, self.of(g, b)?);
+                Ok(select(g, mask, da, db))
+            }
+            Node::Norm(v) => Ok(self.of(g, v)?.map(|dv| {
+                let n = g.unit(v);
+                g.inner(n, dv)
+            })),
+            Node::Unit(v) => Ok(self.of(g, v)?.map(|dv| {
+                let norm = g.norm(v);
+                let turned = turn(g, v, dv);
+                let over = g.divide(turned, norm);
+                let zero = g.number(0.0);
+                let nonzero = g.compare(Compare::NotEqual, norm, zero);
+                let nothing = g.zero(g.shape(v));
+                g.select(nonzero, over, nothing)
+            })),
+            Node::Ball(v, r) => self.ball(g, v, r),
+            Node::BallRatio(v, r) => self.ball_ratio(g, e, v, r),
+            Node::Det(a) => Ok(self.of(g, a)?.map(|da| {
+                let cofactor = cofactor(g, a);
+                g.inner(cofactor, da)
+            })),
+            Node::Inverse(a) => Ok(self.of(g, a)?.map(|da| {
+                let first = g.contract(e, da, &[(1, 0)]);
+                let both = g.contract(first, e, &[(1, 0)]);
+                g.neg(both)
+            })),
+            Node::Matrix(f, a) => self.matrix(g, e, f, a),
+        }
+    }
+
+    fn product(
+        &mut self,
+        g: &mut Graph,
+        a: ExprId,
+        b: ExprId,
+        op: impl Fn(&mut Graph, ExprId, ExprId) -> ExprId,
+    ) -> Derived {
+        let da = self.of(g, a)?.map(|d| op(g, d, b));
+        let db = self.of(g, b)?.map(|d| op(g, a, d));
+        Ok(sum(g, da, db))
+    }
+
+    /// d(a/b) = (da - (a/b) db)/b
+    fn quotient(
+        &mut self,
+        g: &mut Graph,
+        e: ExprId,
+        a: ExprId,
+        b: ExprId,
+        over: fn(&mut Graph, ExprId, ExprId) -> ExprId,
+        times: fn(&mut Graph, ExprId, ExprId) -> ExprId,
+    ) -> Derived {
+        let da = self.of(g, a)?;
+        let db = self.of(g, b)?.map(|d| {
+            let t = times(g, d, e);
+            g.neg(t)
+        });
+        Ok(sum(g, da, db).map(|d| over(g, d, b)))
+    }
+
+    fn stack(&mut self, g: &mut Graph, e: ExprId, parts: &[ExprId]) -> Derived {
+        let mut moved = Vec::with_capacity(parts.len());
+        let mut any = false;
+        for p in parts {
+            let d = self.of(g, *p)?;
+            any |= d.is_some();
+            moved.push(d);
+        }
+        if !any {
+            return Ok(None);
+        }
+        let zero = g.number(0.0);
+        let parts: Vec<ExprId> = moved.into_iter().map(|d| d.unwrap_or(zero)).collect();
+        Ok(Some(g.stack(g.shape(e), &parts)))
+    }
+
+    fn function2(&mut self, g: &mut Graph, e: ExprId, f: MathFn2, a: ExprId, b: ExprId) -> Derived {
+        let da = self.of(g, a)?.map(|d| {
+            let slope = function2_derivative(g, f, a, b, e, 0);
+            g.mul_components(slope, d)
+        });
+        let db = self.of(g, b)?.map(|d| {
+            let slope = function2_derivative(g, f, a, b, e, 1);
+            g.mul_components(slope, d)
+        });
+        Ok(sum(g, da, db))
+    }
+
+    fn ball(&mut self, g: &mut Graph, v: ExprId, r: ExprId) -> Derived {
+        let (dv, dr) = (self.of(g, v)?, self.of(g, r)?);
+        let ratio = g.ball_ratio(v, r);
+        let slip = sum_with(
+            g,
+            dv.map(|d| (d, ())),
+            |g, (d, ())| {
+                let turned = turn(g, v, d);
+                g.scale(ratio, turned)
+            },
+            dr,
+            |g, d| {
+                let n = g.unit(v);
+                g.scale(d, n)
+            },
+        );
+        let stick = g.in_ball(v, r);
+        let closed = select(g, stick, dv, slip);
+        let zero = g.number(0.0);
+        let open = g.compare(Compare::LessEqual, zero, r);
+        Ok(select(g, open, closed, None))
+    }
+
+    /// d(r/|v|) = (dr - (r/|v|) e.dv)/|v| where |v| > r, else 0
+    fn ball_ratio(&mut self, g: &mut Graph, e: ExprId, v: ExprId, r: ExprId) -> Derived {
+        let (dv, dr) = (self.of(g, v)?, self.of(g, r)?);
+        let along = dv.map(|d| {
+            let n = g.unit(v);
+            let part = g.inner(n, d);
+            let scaled = g.scale(e, part);
+            g.neg(scaled)
+        });
+        let norm = g.norm(v);
+        let outside = sum(g, dr, along).map(|d| g.divide(d, norm));
+        let inside = g.in_ball(v, r);
+        let mask = g.not(inside);
+        Ok(select(g, mask, outside, None))
+    }
+
+    fn matrix(&mut self, g: &mut Graph, e: ExprId, f: MatrixFn, a: ExprId) -> Derived {
+        let derivative = match f {
+            MatrixFn::Expm => MatrixFn::ExpmDerivative,
+            MatrixFn::Logm => MatrixFn::LogmDerivative,
+            MatrixFn::ExpmDerivative | MatrixFn::LogmDerivative => {
+                let what = if f == MatrixFn::ExpmDerivative { "Expm" } else { "Logm" };
+                return match self.of(g, a)? {
+                    None => Ok(None),
+                    Some(_) => Err(NoDerivative { node: e, what }),
+                };
+            }
+        };
+        Ok(self.of(g, a)?.map(|da| {
+            let slope = g.matrix(derivative, a);
+            g.contract(slope, da, &[(2, 0), (3, 1)])
+        }))
+    }
+}
+
+fn sum(g: &mut Graph, a: Option<ExprId>, b: Option<ExprId>) -> Option<ExprId> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(g.add(a, b)),
+        (a, b) => a.or(b),
+    }
+}
+
+fn sum_with<T>(
+    g: &mut Graph,
+    a: Option<T>,
+    fa: impl FnOnce(&mut Graph, T) -> ExprId,
+    b: Option<ExprId>,
+    fb: impl FnOnce(&mut Graph, ExprId) -> ExprId,
+) -> Option<ExprId> {
+    let a = a.map(|x| fa(g, x));
+    let b = b.map(|x| fb(g, x));
+    sum(g, a, b)
+}
+
+/// mask ? a : b with `None` for zero; a zero branch keeps the test functions of the other.
+fn select(g: &mut Graph, mask: ExprId, a: Option<ExprId>, b: Option<ExprId>) -> Option<ExprId> {
+    let shape = g.shape(a.or(b)?);
+    let a = a.unwrap_or_else(|| g.zero(shape));
+    let b = b.unwrap_or_else(|| g.zero(shape));
+    Some(g.select(mask, a, b))
+}
+
+/// dv - e (e . dv), the part of dv that turns v
+fn turn(g: &mut Graph, v: ExprId, dv: ExprId) -> ExprId {
+    let n = g.unit(v);
+    let along = g.inner(n, dv);
+    let part = g.scale(along, n);
+    g.sub(dv, part)
+}
+
+/// The matrix of cofactors, d det(A)/dA: polynomial in the entries, right for singular matrices too.
+pub(crate) fn cofactor(g: &mut Graph, a: ExprId) -> ExprId {
+    let shape = g.shape(a);
+    let n = shape.size(0);
+    let mut parts = Vec::with_capacity(n * n);
+    for j in 0..n {
+        for i in 0..n {
+            let rows: Vec<usize> = (0..n).filter(|k| *k != i).collect();
+            let columns: Vec<usize> = (0..n).filter(|k| *k != j).collect();
+            let minor = minor(g, a, &rows, &columns);
+            parts.push(if (i + j) % 2 == 0 { minor } else { g.neg(minor) });
+        }
+    }
+    g.stack(shape, &parts)
+}
+
+/// Determinant of the rows and columns given, by expansion along the first row.
+fn minor(g: &mut Graph, a: ExprId, rows: &[usize], columns: &[usize]) -> ExprId {
+    let Some((first, rest)) = rows.split_first() else {
+        return g.number(1.0);
+    };
+    let mut total: Option<ExprId> = None;
+    for (k, column) in columns.iter().enumerate() {
+        let others: Vec<usize> = columns.iter().copied().filter(|c| c != column).collect();
+        let entry = g.pick(a, &[Some(*first), Some(*column)]);
+        let below = minor(g, a, rest, &others);
+        let product = g.scale(entry, below);
+        total = Some(match total {
+            None => product,
+            Some(t) if k % 2 == 0 => g.add(t, product),
+            Some(t) => g.sub(t, product),
+        });
+    }
+    total.expect("as many columns as rows")
+}
+
+/// f'(a) entry by entry; `value` is f(a).
+pub(crate) fn function_derivative(g: &mut Graph, f: Function1, a: ExprId, value: ExprId) -> ExprId {
+    let shape = g.shape(a);
+    let one = g.constant(shape, &vec![1.0; shape.len()]);
+    let over = |g: &mut Graph, x: ExprId| g.div_components(one, x);
+    let apply = |g: &mut Graph, f: MathFn1| g.map(Function1::Math(f), a);
+    let number = |g: &mut Graph, x: f64| {
+        let len = shape.len();
+        g.constant(shape, &vec![x; len])
+    };
+    let f = match f {
+        Function1::Sqrt => {
+            let two = number(g, 2.0);
+            let double = g.mul_components(two, value);
+            return over(g, double);
+        }
+        Function1::Math(f) => f,
+    };
+    match f {
+        MathFn1::Exp => value,
+        MathFn1::Log => over(g, a),
+        MathFn1::Log10 => {
+            let ln10 = number(g, std::f64::consts::LN_10);
+            let x = g.mul_components(ln10, a);
+            over(g, x)
+        }
+        MathFn1::Sin => apply(g, MathFn1::Cos),
+        MathFn1::Cos => {
+            let s = apply(g, MathFn1::Sin);
+            g.neg(s)
+        }
+        MathFn1::Sinh => apply(g, MathFn1::Cosh),
+        MathFn1::Cosh => apply(g, MathFn1::Sinh),
+        MathFn1::Tan | MathFn1::Tanh => {
+            let square = g.mul_components(value, value);
+            if f == MathFn1::Tan { g.add(one, square) } else { g.sub(one, square) }
+        }
+        MathFn1::Asin | MathFn1::Acos | MathFn1::Asinh | MathFn1::Acosh => inverse_derivative(g, f, a, one),
+        MathFn1::Atan | MathFn1::Atanh => {
+            let square = g.mul_components(a, a);
+            let bottom = if f == MathFn1::Atan { g.add(one, square) } else { g.sub(one, square) };
+            over(g, bottom)
+        }
+        MathFn1::Erf | MathFn1::Erfc => {
+            let square = g.mul_components(a, a);
+            let minus = g.neg(square);
+            let bell = g.map(Function1::Math(MathFn1::Exp), minus);
+            let sign = if f == MathFn1::Erf { 1.0 } else { -1.0 };
+            let factor = number(g, sign * std::f64::consts::FRAC_2_SQRT_PI);
+            g.mul_components(factor, bell)
+        }
+        MathFn1::Sinc => apply(g, MathFn1::SincFirst),
+        MathFn1::SincFirst => apply(g, MathFn1::SincSecond),
+        // sinc'' = -sinc - 2 sinc'/t, so sinc''' = -sinc' - 2 (sinc'' - sinc'/t)/t, 0 at 0
+        MathFn1::SincSecond => {
+            let first = apply(g, MathFn1::SincFirst);
+            let second = apply(g, MathFn1::SincSecond);
+            let ratio = g.div_components(first, a);
+            let inner = g.sub(second, ratio);
+            let two = number(g, 2.0);
+            let double = g.mul_components(two, inner);
+            let part = g.div_components(double, a);
+            let total = g.add(first, part);
+            let third = g.neg(total);
+            let zero = g.zero(shape);
+            let nonzero = g.compare(Compare::NotEqual, a, zero);
+            g.select(nonzero, third, zero)
+        }
+    }
+}
+
+/// The derivatives of asin, acos, asinh, acosh: one over the root of a quadratic.
+fn inverse_derivative(g: &mut Graph, f: MathFn1, a: ExprId, one: ExprId) -> ExprId {
+    // acosh' = 1/(sqrt(a-1) sqrt(a+1)) keeps the digits that a^2-1 loses near 1; asin likewise.
+    let (low, high) = match f {
+        MathFn1::Acosh => (g.sub(a, one), g.add(a, one)),
+        _ => (g.sub(one, a), g.add(one, a)),
+    };
+    let product = if f == MathFn1::Asinh {
+        let square = g.mul_components(a, a);
+        g.add(one, square)
+    } else {
+        g.mul_components(low, high)
+    };
+    let root = g.map(Function1::Sqrt, product);
+    let slope = g.div_components(one, root);
+    if f == MathFn1::Acos { g.neg(slope) } else { slope }
+}
+
+/// Partial derivative in argument `which` of a function of two numbers; `value` is f(a, b).
+pub(crate) fn function2_derivative(
+    g: &mut Graph,
+    f: MathFn2,
+    a: ExprId,
+    b: ExprId,
+    value: ExprId,
+    which: usize,
+) -> ExprId {
+    let shape = g.shape(a);
+    match (f, which) {
+        (MathFn2::Pow, 0) => {
+            let one = g.constant(shape, &vec![1.0; shape.len()]);
+            let less = g.sub(b, one);
+            let power = g.map2(MathFn2::Pow, a, less);
+            g.mul_components(b, power)
+        }
+        // t^u log t, whose limit at t = 0 is 0 for u > 0
+        (MathFn2::Pow, _) => {
+            let log = g.map(Function1::Math(MathFn1::Log), a);
+            let product = g.mul_components(value, log);
+            let zero = g.zero(shape);
+            let nonzero = g.compare(Compare::NotEqual, value, zero);
+            g.select(nonzero, product, zero)
+        }
+        (MathFn2::Atan2, _) => {
+            let (aa, bb) = (g.mul_components(a, a), g.mul_components(b, b));
+            let square = g.add(aa, bb);
+            let top = if which == 0 { b } else { g.neg(a) };
+            g.div_components(top, square)
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! Resolved script to verified point kernels: typed tensor graph, symbolic tangent, scalar code.
+//!
+//! The unit of compilation is a *point law*: what a term gives at one integration point (fluxes and their
+//! derivatives). Geometry, basis functions and scattering belong to the runtime.
+#![forbid(unsafe_code)]
+
+pub mod backend;
+mod build;
+mod dd;
+mod degree;
+mod derive;
+pub mod display;
+mod graph;
+mod interp;
+pub mod ir;
+mod lower;
+mod math;
+mod matrix_fn;
+mod ops;
+mod real;
+mod scalar;
+mod term;
+pub mod types;
+mod verify;
+
+pub use build::{Builder, Constant, Env, locate};
+pub use degree::Degree;
+pub use graph::{ExprId, Graph, Leaf, Node, Role};
+pub use interp::{InterpreterBackend, NonFinite, first_non_finite, interpret};
+pub use math::{MathFn1, MathFn2, MatrixFn};
+pub use ops::{OpDef, all as functions};
+pub use dd::Dd;
+pub use real::{Dual, Real};
+pub use term::{
+    Class, Kink, KinkKind, Listing, LoadPart, Prologue, TermLaw, TermSource, ValueLaw, compile_condition, compile_term,
+    compile_value, constant, run_prologue, unit_normals,
+};
+pub use verify::{VerifyError, verify};

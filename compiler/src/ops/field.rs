@@ -1,0 +1,226 @@
+//! Operators on fields and places: other sides, symbolic derivatives, sizes, printing.
+
+use wfl::{
+    Diagnostic,
+    ast::{Argument, Expr, ExprKind},
+};
+
+use crate::{
+    build::{Builder, Call},
+    derive::{derive, function_derivative, function2_derivative},
+    graph::{ExprId, Leaf, Node, Role},
+    ops::{OpDef, find},
+    types::{FieldId, FieldOp, PlaceKind, Side},
+};
+
+macro_rules! row {
+    ($name:literal, $least:literal, $most:literal, $usage:literal, $doc:literal, $samples:expr, $build:expr) => {
+        OpDef { name: $name, least: $least, most: $most, usage: $usage, doc: $doc, samples: $samples, build: $build }
+    };
+}
+
+pub(super) const TABLE: &[OpDef] = &[
+    row!("Interpolate", 2, 2, "Interpolate(u, neighbor_element)", "a field, its gradient or its test function on the other side", &[], interpolate),
+    row!("Grad", 1, 1, "Grad(e)", "symbolic gradient of an expression: one more index", &["Grad(p*q).Grad_p", "Grad(sin(p)*u):B"], |b, c| {
+        let (text, value) = b.argument(c, 0)?;
+        b.gradient(text, value)
+    }),
+    row!("Hess", 1, 1, "Hess(e)", "gradient of the gradient", &[], |b, c| {
+        let (text, value) = b.argument(c, 0)?;
+        let first = b.gradient(text, value)?;
+        b.gradient(text, first)
+    }),
+    row!("Div", 1, 1, "Div(e)", "trace of the gradient", &["Div(p*u)"], |b, c| {
+        let (text, value) = b.argument(c, 0)?;
+        let shape = b.graph.shape(value);
+        if shape.rank() == 0 || shape.size(shape.rank() - 1) != b.env.dim {
+            return b.bad_argument(c, 0, text, "as many components as space has dimensions", shape);
+        }
+        let grad = b.gradient(text, value)?;
+        Some(b.graph.trace(grad, shape.rank() - 1, shape.rank()))
+    }),
+    row!("Diff", 2, 3, "Diff(e, u) or Diff(e, u, direction)", "symbolic derivative in a field; without a direction along Test_u", &["Diff(sin(u.w), u, w)", "Diff(p*p*p, p, q)"], diff),
+    row!("qdim", 1, 1, "qdim(u)", "number of components of a field", &[], |b, c| {
+        let field = field_argument(b, c, 0)?;
+        #[expect(clippy::cast_precision_loss, reason = "field sizes are small")]
+        let n = b.env.fields[field.index()].shape.len() as f64;
+        Some(b.graph.number(n))
+    }),
+    row!("qdims", 1, 1, "qdims(u)", "sizes of a field", &[], |b, c| {
+        let field = field_argument(b, c, 0)?;
+        let sizes = b.env.fields[field.index()].shape.sizes();
+        #[expect(clippy::cast_precision_loss, reason = "field sizes are small")]
+        let values: Vec<f64> = if sizes.is_empty() { vec![1.0] } else { sizes.iter().map(|s| *s as f64).collect() };
+        Some(b.graph.constant(crate::types::Shape::vector(values.len()), &values))
+    }),
+    row!("Print", 1, 1, "Print(e)", "e itself, printed at each point when `wfl run` is given `--print`", &[], |b, c| {
+        let (_, value) = b.argument(c, 0)?;
+        Some(b.graph.print(value))
+    }),
+];
+
+fn field_argument(b: &mut Builder<'_>, c: &Call<'_>, k: usize) -> Option<FieldId> {
+    let text = b.argument_text(c, k)?;
+    let found = match &text.kind {
+        ExprKind::Name(n) => b.field_id(n.strip_prefix("Test_").unwrap_or(n)),
+        _ => None,
+    };
+    if found.is_some() {
+        return found;
+    }
+    let d = Diagnostic::new("E106", format!("`{}` needs a field name here", c.name));
+    b.report(d, text, "not a field")
+}
+
+fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let word = b.argument_text(c, 0)?;
+    let target = b.argument_text(c, 1)?;
+    match &target.kind {
+        ExprKind::Name(n) if n == "neighbor_element" || n == "neighbour_elt" => {}
+        ExprKind::Name(n) => {
+            let d = Diagnostic::new("E201", format!("unknown mapping `{n}`"));
+            return b.report(d, target, "`neighbor_element` is the other side of an interface");
+        }
+        _ => {
+            let d = Diagnostic::new("E106", "the second argument of `Interpolate` is the name of a mapping");
+            return b.report(d, target, "");
+        }
+    }
+    if b.place.kind != PlaceKind::Interface {
+        let d = Diagnostic::new("E203", "`neighbor_element` has no neighbour here")
+            .help("an interface region has two sides: region fault = interface from left to right");
+        let text = format!("needs a region of inner faces; `{}` is {}", b.place.name, b.place.description);
+        return b.report(d, c.expr, text);
+    }
+    match &word.kind {
+        ExprKind::Name(n) if n == "X" => Some(b.graph.leaf(Leaf::X)),
+        ExprKind::Name(n) if matches!(n.as_str(), "Normal" | "element_size" | "element_K" | "element_B") => {
+            b.geometry(word, n, Side::There)
+        }
+        ExprKind::Name(n) => b.field_word(word, n, Side::There),
+        _ => {
+            let d = Diagnostic::new("E106", "`Interpolate` takes a field, its gradient or its test function");
+            b.report(d, word, "an expression cannot be moved: apply `Interpolate` to the fields in it")
+        }
+    }
+}
+
+fn diff(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let (text, value) = b.argument(c, 0)?;
+    let variable = b.argument_text(c, 1)?;
+    let ExprKind::Name(name) = &variable.kind else {
+        let d = Diagnostic::new("E106", "the second argument of `Diff` is the name of a field");
+        return b.report(d, variable, "");
+    };
+    let field = field_argument(b, c, 1)?;
+    let direction = if c.args.len() == 3 { Some(b.argument(c, 2)?) } else { None };
+    if let Some((dt, d)) = direction {
+        let (found, needed) = (b.graph.shape(d), b.env.fields[field.index()].shape);
+        if found != needed {
+            return b.bad_argument(c, 2, dt, &format!("a {needed} like `{name}`"), found);
+        }
+    } else if !b.env.fields[field.index()].is_unknown() {
+        let d = Diagnostic::new("E304", format!("`{name}` has no test function: give a direction")).help(format!("Diff(e, {name}, direction)"));
+        return b.report(d, variable, "");
+    }
+    let grads = direction_gradients(b, value, field, direction)?;
+    let role = if b.graph.arity(value).test { Role::Trial } else { Role::Test };
+    let mut other_side = false;
+    let result = derive(&mut b.graph, value, &mut |g, leaf| match leaf {
+        Leaf::Field { field: f, side, op, role: Role::Current } if f == field => match direction {
+            None => Some(g.leaf(Leaf::Field { field, side, op, role })),
+            Some(_) if side == Side::There => {
+                other_side = true;
+                None
+            }
+            Some(_) => grads[op.order()],
+        },
+        _ => None,
+    });
+    if other_side {
+        let d = Diagnostic::new("E111", "`Diff` in a direction does not reach through `Interpolate`")
+            .help("use the field alone as direction, Diff(e, u), or write the derivative");
+        return b.report(d, text, "");
+    }
+    match result {
+        Ok(d) => Some(d),
+        Err(no) => b.no_derivative(text, no.what),
+    }
+}
+
+/// The direction, its gradient and its Hessian, as far as the expression uses them.
+fn direction_gradients(b: &mut Builder<'_>, value: ExprId, field: FieldId, direction: Option<(&Expr, ExprId)>) -> Option<[Option<ExprId>; 3]> {
+    let mut out = [None; 3];
+    let Some((text, d)) = direction else {
+        return Some(out);
+    };
+    out[0] = Some(d);
+    let mut order = 0;
+    for k in 0..b.graph.len() {
+        if let Node::Leaf(Leaf::Field { field: f, op, role: Role::Current, .. }) = *b.graph.node(ExprId::new(k))
+            && f == field
+        {
+            order = order.max(op.order());
+        }
+    }
+    let used = order.min(highest_order(b, value, field));
+    for k in 1..=used {
+        let previous = out[k - 1]?;
+        out[k] = Some(b.gradient(text, previous)?);
+    }
+    Some(out)
+}
+
+/// The highest derivative of `field` that `value` depends on.
+fn highest_order(b: &mut Builder<'_>, value: ExprId, field: FieldId) -> usize {
+    let mut order = 0;
+    for (k, op) in [FieldOp::Value, FieldOp::Grad, FieldOp::Hess].into_iter().enumerate() {
+        let moved = derive(&mut b.graph, value, &mut |g, leaf| match leaf {
+            Leaf::Field { field: f, op: o, role: Role::Current, .. } if f == field && o == op => Some(g.leaf(leaf)),
+            _ => None,
+        });
+        if moved.is_ok_and(|d| !b.graph.is_zero(d)) {
+            order = k;
+        }
+    }
+    order
+}
+
+/// `Derivative_f(t)`, `Derivative_1_f(t,u)`, `Derivative_2_f(t,u)`: the derivative of a scalar function by name.
+pub(crate) fn derivative_of(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let rest = c.name.strip_prefix("Derivative_").unwrap_or(c.name);
+    let (which, function) = match (rest.strip_prefix("1_"), rest.strip_prefix("2_")) {
+        (Some(f), _) => (0, f),
+        (_, Some(f)) => (1, f),
+        _ => (0, rest),
+    };
+    let Some(op) = find(function).filter(|op| super::scalar::TABLE.iter().any(|row| row.name == op.name)) else {
+        let d = Diagnostic::new("E201", format!("`{function}` is no scalar function")).help("Derivative_sin(t), Derivative_2_pow(t, u)");
+        return b.report(d, c.expr, "");
+    };
+    if c.args.len() != op.least {
+        let d = Diagnostic::new("E105", format!("`{}` takes {} argument(s), {} given", c.name, op.least, c.args.len()));
+        return b.report(d, c.expr, op.usage);
+    }
+    let inner = Call { name: op.name, expr: c.expr, args: c.args };
+    let value = (op.build)(b, &inner)?;
+    // the direction is 1 in every entry of the argument and 0 in what it is made of
+    let Argument::Expr(argument) = &c.args[which] else { return None };
+    let argument = b.expr(argument)?;
+    slope(b, c, value, argument)
+}
+
+fn slope(b: &mut Builder<'_>, c: &Call<'_>, value: ExprId, argument: ExprId) -> Option<ExprId> {
+    let g = &mut b.graph;
+    match *g.node(value) {
+        Node::Map(f, a) if a == argument => return Some(function_derivative(g, f, a, value)),
+        Node::Map2(f, x, y) if x == argument || y == argument => {
+            let which = usize::from(x != argument);
+            return Some(function2_derivative(g, f, x, y, value, which));
+        }
+        _ => {}
+    }
+    // composite functions: differentiate with the argument replaced by a field of one entry per point
+    let d = Diagnostic::new("E111", format!("`{}` is not available by name", c.name)).help("write Diff(f(u), u, 1)");
+    b.report(d, c.expr, "")
+}

@@ -1,0 +1,285 @@
+//! Tensor functions: linear re-indexing (test functions allowed) and invariants of matrices.
+
+use wfl::{Diagnostic, ast::Expr};
+
+use crate::{
+    build::{Builder, Call},
+    graph::{ExprId, Graph},
+    ir::Compare,
+    math::MatrixFn,
+    ops::{OpDef, times},
+    types::{MAX_RANK, Shape},
+};
+
+macro_rules! row {
+    ($name:literal, $least:literal, $most:literal, $usage:literal, $doc:literal, $samples:expr, $build:expr) => {
+        OpDef { name: $name, least: $least, most: $most, usage: $usage, doc: $doc, samples: $samples, build: $build }
+    };
+}
+
+pub(super) const TABLE: &[OpDef] = &[
+    row!("Id", 1, 1, "Id(n)", "identity matrix", &[], |b, c| {
+        let text = b.argument_text(c, 0)?;
+        let n = b.whole_number(text, "the size of `Id`")?;
+        if n == 0 || n > 100 {
+            let d = Diagnostic::new("E108", "the size of `Id` is 1 to 100");
+            return b.report(d, text, n.to_string());
+        }
+        Some(if n == 1 { b.graph.number(1.0) } else { b.graph.identity(n) })
+    }),
+    row!("Trace", 1, 1, "Trace(M)", "sum of the diagonal", &["Trace(Grad_u)"], |b, c| {
+        let m = b.square_argument(c, 0, true)?;
+        Some(b.graph.trace(m, 0, 1))
+    }),
+    row!("Deviator", 1, 1, "Deviator(M)", "M - Trace(M)/n Id", &["Deviator(Grad_u):B"], |b, c| {
+        let m = b.square_argument(c, 0, true)?;
+        Some(deviator(&mut b.graph, m))
+    }),
+    row!("Sym", 1, 1, "Sym(M)", "(M + M')/2", &["Sym(Grad_u):B"], |b, c| {
+        let m = b.square_argument(c, 0, true)?;
+        Some(symmetric(&mut b.graph, m))
+    }),
+    row!("Skew", 1, 1, "Skew(M)", "(M - M')/2", &["Skew(Grad_u):B"], |b, c| {
+        let m = b.square_argument(c, 0, true)?;
+        let t = b.graph.transpose(m);
+        let s = b.graph.sub(m, t);
+        Some(times(&mut b.graph, 0.5, s))
+    }),
+    row!("Norm", 1, 1, "Norm(v)", "Euclidean norm; derivative 0 at 0", &["Norm(u)", "Norm(Grad_u)"], |b, c| {
+        let (_, v) = b.plain_argument(c, 0)?;
+        Some(b.graph.norm(v))
+    }),
+    row!("Norm_sqr", 1, 1, "Norm_sqr(v)", "v:v", &["Norm_sqr(u)", "Norm_sqr(Grad_u)"], |b, c| {
+        let (_, v) = b.plain_argument(c, 0)?;
+        Some(b.graph.inner(v, v))
+    }),
+    row!("Normalized", 1, 1, "Normalized(v)", "v/|v|; value and derivative 0 at 0", &["Normalized(u).w"], |b, c| {
+        let (_, v) = b.plain_argument(c, 0)?;
+        Some(b.graph.unit(v))
+    }),
+    row!("Normalized_reg", 2, 2, "Normalized_reg(v, eps)", "v/sqrt(|v|^2 + eps^2)", &["Normalized_reg(u, 0.3).w", "Normalized_reg(u, 2+q).w"], |b, c| {
+        let (_, v) = b.plain_argument(c, 0)?;
+        let eps = b.scalar_argument(c, 1)?;
+        let g = &mut b.graph;
+        // the norm of (|v|, eps): safe against overflow like every norm
+        let length = g.norm(v);
+        let both = g.stack(Shape::vector(2), &[length, eps]);
+        let below = g.norm(both);
+        Some(g.divide(v, below))
+    }),
+    row!("Det", 1, 1, "Det(M)", "determinant", &["Det(A)"], |b, c| {
+        let m = b.square_argument(c, 0, false)?;
+        Some(b.graph.det(m))
+    }),
+    row!("Inv", 1, 1, "Inv(M)", "inverse matrix", &["Inv(A):B"], |b, c| {
+        let m = b.square_argument(c, 0, false)?;
+        Some(b.graph.inverse(m))
+    }),
+    row!("Expm", 1, 1, "Expm(M)", "matrix exponential", &["Expm(A):B"], |b, c| matrix_function(b, c, MatrixFn::Expm)),
+    row!("Logm", 1, 1, "Logm(M)", "principal matrix logarithm", &["Logm(A):B"], |b, c| matrix_function(b, c, MatrixFn::Logm)),
+    row!("Matrix_i2", 1, 1, "Matrix_i2(M)", "second invariant (Trace(M)^2 - Trace(M*M))/2", &["Matrix_i2(A)"], |b, c| {
+        let m = b.square_argument(c, 0, false)?;
+        Some(second_invariant(&mut b.graph, m))
+    }),
+    row!("Matrix_j1", 1, 1, "Matrix_j1(M)", "Trace(M) Det(M)^(-1/3)", &["Matrix_j1(A)"], |b, c| {
+        let m = b.square_argument(c, 0, false)?;
+        let trace = b.graph.trace(m, 0, 1);
+        Some(scaled_by_det(&mut b.graph, trace, m, -1.0 / 3.0))
+    }),
+    row!("Matrix_j2", 1, 1, "Matrix_j2(M)", "Matrix_i2(M) Det(M)^(-2/3)", &["Matrix_j2(A)"], |b, c| {
+        let m = b.square_argument(c, 0, false)?;
+        let i2 = second_invariant(&mut b.graph, m);
+        Some(scaled_by_det(&mut b.graph, i2, m, -2.0 / 3.0))
+    }),
+    row!("Reshape", 2, 11, "Reshape(t, i, j, ...)", "the same numbers, first index fastest, with new sizes", &["Reshape(Grad_u, 4).[1;2;3;4]"], reshape),
+    row!("Swap_indices", 3, 3, "Swap_indices(t, i, j)", "two indices exchanged", &["Swap_indices(Grad_u,1,2):B"], |b, c| {
+        let (text, t) = b.argument(c, 0)?;
+        let [i, j] = indices(b, c, t, [1, 2], text)?;
+        let mut perm: Vec<usize> = (0..b.graph.shape(t).rank()).collect();
+        perm.swap(i, j);
+        Some(b.graph.permute(t, &perm))
+    }),
+    row!("Index_move_last", 2, 2, "Index_move_last(t, i)", "index i moved to the end", &["Index_move_last(Grad_u,1):B"], |b, c| {
+        let (text, t) = b.argument(c, 0)?;
+        let [i] = indices(b, c, t, [1], text)?;
+        let mut perm: Vec<usize> = (0..b.graph.shape(t).rank()).filter(|k| *k != i).collect();
+        perm.push(i);
+        Some(b.graph.permute(t, &perm))
+    }),
+    row!("Contract", 3, 6, "Contract(A, i, j), Contract(A, i, B, j) or Contract(A, i, j, B, k, l)", "sum over pairs of indices", &["Contract(Grad_u,1,2)", "Contract(Grad_u,1,u,1).w", "Contract(Grad_u,1,2,B,2,1)"], contract),
+    row!("Cross_product", 2, 2, "Cross_product(v, w)", "vector product in 3-D", &[], cross),
+];
+
+/// M - Trace(M)/n Id
+pub(super) fn deviator(g: &mut Graph, m: ExprId) -> ExprId {
+    let n = g.shape(m).size(0);
+    let trace = g.trace(m, 0, 1);
+    #[expect(clippy::cast_precision_loss, reason = "matrix sizes are small")]
+    let mean = times(g, 1.0 / n as f64, trace);
+    let id = g.identity(n);
+    let sphere = g.scale(mean, id);
+    g.sub(m, sphere)
+}
+
+/// (M + M')/2
+pub(super) fn symmetric(g: &mut Graph, m: ExprId) -> ExprId {
+    let t = g.transpose(m);
+    let s = g.add(m, t);
+    times(g, 0.5, s)
+}
+
+/// Matrix product.
+pub(super) fn product(g: &mut Graph, a: ExprId, b: ExprId) -> ExprId {
+    g.contract(a, b, &[(1, 0)])
+}
+
+fn second_invariant(g: &mut Graph, m: ExprId) -> ExprId {
+    let trace = g.trace(m, 0, 1);
+    let square = g.scale(trace, trace);
+    let t = g.transpose(m);
+    let mixed = g.inner(m, t);
+    let difference = g.sub(square, mixed);
+    times(g, 0.5, difference)
+}
+
+/// value times Det(m) to the power given
+pub(super) fn scaled_by_det(g: &mut Graph, value: ExprId, m: ExprId, power: f64) -> ExprId {
+    let det = g.det(m);
+    let exponent = g.number(power);
+    let factor = g.map2(crate::math::MathFn2::Pow, det, exponent);
+    g.scale(factor, value)
+}
+
+fn matrix_function(b: &mut Builder<'_>, c: &Call<'_>, f: MatrixFn) -> Option<ExprId> {
+    let m = b.square_argument(c, 0, false)?;
+    let n = b.graph.shape(m).size(0);
+    if n > 3 {
+        let text = b.argument_text(c, 0)?;
+        return b.bad_argument(c, 0, text, "a matrix of size 3 at most", b.graph.shape(m));
+    }
+    Some(b.graph.matrix(f, m))
+}
+
+fn reshape(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let (text, t) = b.argument(c, 0)?;
+    let mut sizes = Vec::new();
+    for k in 1..c.args.len() {
+        let size = b.argument_text(c, k)?;
+        sizes.push(b.whole_number(size, "a size")?);
+    }
+    let found = b.graph.shape(t);
+    let Some(shape) = Shape::new(&sizes) else {
+        let d = Diagnostic::new("E110", format!("a tensor has {MAX_RANK} indices at most, each of size 1 or more"));
+        return b.report(d, c.expr, "");
+    };
+    if shape.len() != found.len() {
+        let d = Diagnostic::new("E108", format!("`Reshape` keeps the number of entries: {} asked, {} there", shape.len(), found.len()));
+        return b.report(d, text, found.to_string());
+    }
+    Some(b.graph.reshape(t, shape))
+}
+
+/// Literal indices of `t` (from 1 in the text, from 0 here).
+fn indices<const N: usize>(b: &mut Builder<'_>, c: &Call<'_>, t: ExprId, which: [usize; N], whole: &Expr) -> Option<[usize; N]> {
+    let shape = b.graph.shape(t);
+    let mut out = [0; N];
+    for (slot, k) in out.iter_mut().zip(which) {
+        let text = b.argument_text(c, k)?;
+        let i = b.whole_number(text, "an index")?;
+        if i < 1 || i > shape.rank() {
+            let d = Diagnostic::new("E104", format!("index {i} is out of range"));
+            let d = b.at(d, text, format!("a {shape} has {} indices", shape.rank()));
+            return b.report(d, whole, "");
+        }
+        *slot = i - 1;
+    }
+    Some(out)
+}
+
+fn contract(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let (ta, a) = b.argument(c, 0)?;
+    let fits = |b: &mut Builder<'_>, x: usize, y: usize| {
+        if x == y {
+            return Some(());
+        }
+        let d = Diagnostic::new("E108", format!("`Contract` needs indices of equal size, found {x} and {y}"));
+        b.report(d, c.expr, "")
+    };
+    let sa = b.graph.shape(a);
+    match c.args.len() {
+        3 => {
+            let [i, j] = indices(b, c, a, [1, 2], ta)?;
+            if i == j {
+                let d = Diagnostic::new("E104", "`Contract` needs two different indices");
+                return b.report(d, c.expr, "");
+            }
+            fits(b, sa.size(i), sa.size(j))?;
+            Some(b.graph.trace(a, i.min(j), i.max(j)))
+        }
+        4 => {
+            let (tb, other) = b.argument(c, 2)?;
+            let [i] = indices(b, c, a, [1], ta)?;
+            let [j] = indices(b, c, other, [3], tb)?;
+            two_factors(b, c, a, other)?;
+            fits(b, sa.size(i), b.graph.shape(other).size(j))?;
+            Some(b.graph.contract(a, other, &[(i, j)]))
+        }
+        6 => {
+            let (tb, other) = b.argument(c, 3)?;
+            let [i, j] = indices(b, c, a, [1, 2], ta)?;
+            let [k, l] = indices(b, c, other, [4, 5], tb)?;
+            two_factors(b, c, a, other)?;
+            let sb = b.graph.shape(other);
+            fits(b, sa.size(i), sb.size(k))?;
+            fits(b, sa.size(j), sb.size(l))?;
+            Some(b.graph.contract(a, other, &[(i, k), (j, l)]))
+        }
+        n => {
+            let d = Diagnostic::new("E105", format!("`Contract` takes 3, 4 or 6 arguments, {n} given"));
+            b.report(d, c.expr, "Contract(A, i, j), Contract(A, i, B, j) or Contract(A, i, j, B, k, l)")
+        }
+    }
+}
+
+/// Two factors of a product: one test function at most, and room for the indices.
+fn two_factors(b: &mut Builder<'_>, c: &Call<'_>, a: ExprId, other: ExprId) -> Option<()> {
+    let (x, y) = (b.graph.arity(a), b.graph.arity(other));
+    if (x.test && y.test) || (x.trial && y.trial) {
+        let d = Diagnostic::new("E301", "a term must be linear in the test functions");
+        return b.report(d, c.expr, "two test functions in one product");
+    }
+    let taken = if c.args.len() == 6 { 4 } else { 2 };
+    if b.graph.shape(a).rank() + b.graph.shape(other).rank() - taken > MAX_RANK {
+        let d = Diagnostic::new("E110", format!("a tensor has {MAX_RANK} indices at most"));
+        return b.report(d, c.expr, "");
+    }
+    Some(())
+}
+
+fn cross(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let (tv, v) = b.argument(c, 0)?;
+    let (tw, w) = b.argument(c, 1)?;
+    for (k, text, value) in [(0, tv, v), (1, tw, w)] {
+        let shape = b.graph.shape(value);
+        if shape != Shape::vector(3) {
+            return b.bad_argument(c, k, text, "a vector of 3 components", shape);
+        }
+    }
+    two_factors(b, c, v, w)?;
+    let g = &mut b.graph;
+    let mut parts = Vec::with_capacity(3);
+    for k in 0..3 {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        let [vi, vj, wi, wj] = [(v, i), (v, j), (w, i), (w, j)].map(|(x, k)| g.entry(x, k));
+        let first = g.scale(vi, wj);
+        let second = g.scale(vj, wi);
+        parts.push(g.sub(first, second));
+    }
+    Some(g.stack(Shape::vector(3), &parts))
+}
+
+/// Mask: the value is not zero.
+pub(super) fn not_zero(g: &mut Graph, a: ExprId) -> ExprId {
+    let zero = g.zero(g.shape(a));
+    g.compare(Compare::NotEqual, a, zero)
+}
