@@ -1,0 +1,97 @@
+//! Progress on a terminal: a bar for the steps, a line a step, with `-v` a line an iteration.
+
+use std::io::IsTerminal;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use wfl_runtime::{Progress, StepResult, newton::Iteration};
+
+/// How much is said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Loudness {
+    Quiet,
+    Normal,
+    Verbose,
+}
+
+/// Shows a run on standard error.
+pub(crate) struct Terminal {
+    loudness: Loudness,
+    bar: Option<ProgressBar>,
+}
+
+impl Terminal {
+    pub(crate) fn new(loudness: Loudness) -> Self {
+        Self { loudness, bar: None }
+    }
+
+    fn line(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(text),
+            None => crate::load::say(&format!("{text}\n")),
+        }
+    }
+}
+
+impl Progress for Terminal {
+    fn solver(&mut self, description: &str) {
+        if self.loudness == Loudness::Verbose {
+            self.line(&format!("solver: {description}"));
+        }
+    }
+
+    fn step(&mut self, number: usize, count: usize, time: f64) {
+        let terminal = std::io::stderr().is_terminal();
+        if number == 0 && count > 1 && self.loudness != Loudness::Quiet && terminal {
+            let bar = ProgressBar::new(count as u64);
+            if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} steps, {elapsed} ({eta} left) {msg}") {
+                bar.set_style(style);
+            }
+            self.bar = Some(bar);
+        }
+        if let Some(bar) = &self.bar {
+            bar.set_message(format!("t = {time}"));
+        }
+        if self.loudness == Loudness::Verbose {
+            self.line(&format!("step {} of {count}, t = {time}", number + 1));
+        }
+    }
+
+    fn iteration(&mut self, i: &Iteration) {
+        if self.loudness != Loudness::Verbose {
+            return;
+        }
+        let contact = i.contact.map_or_else(String::new, |c| format!("  open {} slip {} stick {}", c[0], c[1], c[2]));
+        let step = if i.step < 1.0 { format!("  step {}", i.step) } else { String::new() };
+        self.line(&format!("  {:>3}  residual {:.3e}{contact}{step}", i.number, i.residual));
+    }
+
+    fn step_done(&mut self, step: &StepResult) {
+        if let Some(bar) = &self.bar {
+            bar.inc(1);
+        }
+        let show = self.loudness == Loudness::Verbose
+            || (self.loudness == Loudness::Normal && (std::io::stderr().is_terminal() || !step.history.converged()));
+        if show {
+            let last = step.history.iterations.last();
+            let contact = last.and_then(|i| i.contact).map_or_else(String::new, |c| format!("  open {} slip {} stick {}", c[0], c[1], c[2]));
+            let word = match step.history.stop {
+                Some(stop) if step.history.converged() => stop.word(),
+                _ => "NOT CONVERGED",
+            };
+            let residual = last.map_or(f64::NAN, |i| i.residual);
+            self.line(&format!(
+                "t = {:<8} {:>2} iterations  residual {residual:.1e} ({word}){contact}",
+                step.time,
+                step.history.n_iterations()
+            ));
+        }
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

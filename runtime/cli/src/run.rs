@@ -1,0 +1,194 @@
+//! `wfl run`.
+
+use std::{
+    path::PathBuf,
+    process::ExitCode,
+    time::Instant,
+};
+
+use wfl::Diagnostic;
+use wfl_compiler::{InterpreterBackend, backend::KernelBackend, locate};
+use wfl_jit::JitBackend;
+use wfl_runtime::{
+    Outcome, RunError, RunOptions, Scene,
+    assemble::{NonFinitePlace, TermError},
+    newton::NewtonError,
+    prepare,
+};
+
+use crate::{
+    args::RunArgs,
+    load::{Loaded, load, out, print_all, say},
+    progress::{Loudness, Terminal},
+};
+
+/// The scene could not be run.
+const EXIT_ERROR: u8 = 1;
+/// A step did not converge.
+const EXIT_NOT_CONVERGED: u8 = 2;
+/// An expectation of the scene does not hold.
+const EXIT_EXPECTATION: u8 = 3;
+
+/// Machine code, or the interpreter when asked for.
+pub(crate) fn backend(interpret: bool) -> Option<Box<dyn KernelBackend>> {
+    if interpret {
+        return Some(Box::new(InterpreterBackend));
+    }
+    match JitBackend::new() {
+        Ok(jit) => Some(Box::new(jit)),
+        Err(e) => {
+            say(&format!("error: {e}\n  = help: --interpret runs without machine code, more slowly\n"));
+            None
+        }
+    }
+}
+
+/// Prepares a scene; prints messages.
+pub(crate) fn prepare_scene(loaded: &mut Loaded, backend: &dyn KernelBackend) -> Option<Scene> {
+    let prepared = prepare(&loaded.script, &loaded.folder, backend);
+    loaded.warnings.extend(prepared.diagnostics);
+    if prepared.scene.is_none() {
+        print_all(&loaded.warnings, &loaded.sources);
+    }
+    prepared.scene
+}
+
+pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
+    let Some(mut loaded) = load(&args.scene) else { return ExitCode::from(EXIT_ERROR) };
+    let parse_seconds = started.elapsed().as_secs_f64();
+    let threads = args.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get));
+    let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
+    let Some(mut scene) = prepare_scene(&mut loaded, &*backend) else { return ExitCode::from(EXIT_ERROR) };
+    let loudness = match (args.quiet, args.verbose) {
+        (true, _) => Loudness::Quiet,
+        (_, true) => Loudness::Verbose,
+        _ => Loudness::Normal,
+    };
+    if loudness != Loudness::Quiet {
+        print_all(&loaded.warnings, &loaded.sources);
+    }
+    let options = RunOptions {
+        name: loaded.name.clone(),
+        out: Some(args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&loaded.name))),
+        threads,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        parse_seconds,
+        started,
+        warnings: loaded.warnings.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
+    };
+    let mut terminal = Terminal::new(loudness);
+    let result = wfl_runtime::run(&mut scene, &options, &mut terminal);
+    drop(terminal);
+    match result {
+        Ok(outcome) => finish(&loaded, &options, &outcome, loudness),
+        Err(error) => {
+            explain(&loaded, &scene, &error);
+            ExitCode::from(EXIT_ERROR)
+        }
+    }
+}
+
+fn finish(loaded: &Loaded, options: &RunOptions, outcome: &Outcome, loudness: Loudness) -> ExitCode {
+    print_all(&outcome.diagnostics, &loaded.sources);
+    if loudness != Loudness::Quiet {
+        out(&summary(options, outcome));
+    }
+    if !outcome.converged() {
+        for step in outcome.steps.iter().filter(|s| !s.history.converged()) {
+            let cycles = if step.history.cycles() > 0 { "; the contact set goes in a circle (W602)" } else { "" };
+            let residual = step.history.iterations.last().map_or(f64::NAN, |i| i.residual);
+            say(&format!(
+                "error[E603]: step t = {} did not converge in {} iterations: residual {residual:.1e}{cycles}\n",
+                step.time,
+                step.history.n_iterations()
+            ));
+        }
+        return ExitCode::from(EXIT_NOT_CONVERGED);
+    }
+    let mut failed = false;
+    for (expect, holds) in &outcome.expectations {
+        if *holds != Some(true) {
+            failed = true;
+            let d = Diagnostic::new("E604", "an expectation of the scene does not hold").at(expect.span, "");
+            print_all(&[d], &loaded.sources);
+        }
+    }
+    if failed { ExitCode::from(EXIT_EXPECTATION) } else { ExitCode::SUCCESS }
+}
+
+fn summary(options: &RunOptions, outcome: &Outcome) -> String {
+    let report = &outcome.report;
+    let mut text = String::new();
+    let good = outcome.steps.iter().filter(|s| s.history.converged()).count();
+    let iterations: usize = outcome.steps.iter().map(|s| s.history.n_iterations()).sum();
+    text += &format!(
+        "{}: {} unknowns, {good} of {} steps converged, {iterations} iterations\n",
+        report.scene,
+        report.dofs,
+        outcome.steps.len()
+    );
+    if let Some(step) = outcome.steps.last() {
+        for (name, value) in &step.measures {
+            text += &format!("  {name} = {value:.9e}\n");
+        }
+    }
+    let t = report.timings;
+    text += &format!(
+        "  time {:.3} s: parse {:.3}, compile {:.3}, mesh {:.3}, assemble {:.3}, factor {:.3}, solve {:.3}, write {:.3}\n",
+        t.total, t.parse, t.compile, t.mesh, t.assemble, t.factor, t.solve, t.write
+    );
+    if let Some(out) = &options.out {
+        text += &format!("  results in {}\n", out.display());
+    }
+    text
+}
+
+/// Prints why a run stopped, at the place in the scene where there is one.
+fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
+    let RunError::Newton { time, error: inner, .. } = error else {
+        say(&format!("error: {error}\n"));
+        return;
+    };
+    match inner {
+        NewtonError::Term(TermError::NonFinite(place)) => {
+            print_all(&[non_finite(loaded, place, *time)], &loaded.sources);
+        }
+        NewtonError::Solve(wfl_runtime::solve::SolveError::Singular { mode, .. }) => {
+            let names = moving_fields(scene, mode.dofs_above(0.1).as_slice());
+            say(&format!("error[E602]: step t = {time}: nothing holds {names}\n  = note: the tangent is singular: {inner}\n  = help: fix it, or press it against something that is held\n"));
+        }
+        other => say(&format!("error[E602]: step t = {time}: {other}\n")),
+    }
+}
+
+/// The fields of free dofs, with what they do in a singular mode.
+fn moving_fields(scene: &Scene, dofs: &[u32]) -> String {
+    let mut names: Vec<String> = Vec::new();
+    for free in dofs {
+        let Some(dof) = scene.system.numbering.free_dofs.get(*free as usize) else { continue };
+        let (field, _, component) = scene.system.numbering.describe(&scene.system.fields, *dof as usize);
+        let f = &scene.system.fields[field];
+        let name = if f.n_components > 1 { format!("`{}({})`", f.name, component + 1) } else { format!("`{}`", f.name) };
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    if names.is_empty() { "the scene".to_owned() } else { names.join(", ") }
+}
+
+fn non_finite(loaded: &Loaded, place: &NonFinitePlace, time: f64) -> Diagnostic {
+    let x: Vec<String> = place.position.iter().map(|c| format!("{c}")).collect();
+    let at = format!("entity {} of the region, point {}, position [{}], step t = {time}", place.entity, place.point, x.join(", "));
+    let d = Diagnostic::new("E601", format!("not a finite number in term `{}`", place.term));
+    match &place.cause {
+        Some(cause) => {
+            let operands: Vec<String> = cause.operands.iter().map(|o| format!("{o}")).collect();
+            let text = format!("{}({}) is {} at {at}", cause.operation, operands.join(", "), cause.result);
+            match cause.origin {
+                Some(origin) => locate(d, origin, &loaded.script.expansions, text),
+                None => d.note(text),
+            }
+        }
+        None => d.note(format!("a field value is not finite at {at}")),
+    }
+}

@@ -1,0 +1,195 @@
+//! Where integrals are taken: the entities of a region in groups that share their reference points.
+//!
+//! A [`Domain`] is a region with a quadrature rule. Entities of one cell kind (and, on facets, one local facet and
+//! one orientation towards the neighbour) have the same reference points, so basis tables are made once a group;
+//! entities of a group are processed [`LANES`] at a time. Weights are those of the reference entity.
+
+use std::collections::BTreeMap;
+
+use wfl_compiler::ir::LANES;
+
+use crate::{
+    element::Table,
+    mesh::{CellId, CellKind, FacetRef, Mesh, MeshError, RegionSet},
+    quadrature::{Rule, facet_points, neighbour_points},
+};
+
+/// One side of a group: cells with the same reference points.
+#[derive(Clone, Debug)]
+pub struct GroupSide {
+    /// Kind of the cells.
+    pub kind: CellKind,
+    /// The cell of each entity.
+    pub cells: Vec<CellId>,
+    /// The facet of each entity; empty on cells.
+    pub facets: Vec<FacetRef>,
+    /// Reference points of the cell.
+    pub points: Vec<[f64; 3]>,
+    /// Basis of the geometry at the points, with first and second derivatives.
+    pub geometry: Table,
+}
+
+/// Entities with the same reference points.
+#[derive(Clone, Debug)]
+pub struct Group {
+    /// Positions of the entities in the region.
+    pub entities: Vec<usize>,
+    /// Weights of the rule on the reference entity.
+    pub weights: Vec<f64>,
+    /// Points of the rule in the parameters of the facet; the reference points on cells.
+    pub parameters: Vec<[f64; 3]>,
+    /// Derivatives of the reference point in the facet parameters; `None` on cells.
+    pub tangents: Option<[[f64; 3]; 2]>,
+    /// Outward normal of the reference facet.
+    pub reference_normal: [f64; 3],
+    /// No entity at all: one point of weight 1, for terms on `global`.
+    pub is_global: bool,
+    /// The owning side.
+    pub here: GroupSide,
+    /// The neighbour, on interfaces.
+    pub there: Option<GroupSide>,
+}
+
+impl Group {
+    /// Number of batches of [`LANES`] entities.
+    #[must_use]
+    pub fn n_batches(&self) -> usize {
+        self.entities.len().div_ceil(LANES)
+    }
+
+    /// Points of the rule.
+    #[must_use]
+    pub fn n_points(&self) -> usize {
+        self.weights.len()
+    }
+
+    /// The side asked for.
+    #[must_use]
+    pub fn side(&self, side: wfl_compiler::types::Side) -> &GroupSide {
+        match side {
+            wfl_compiler::types::Side::Here => &self.here,
+            wfl_compiler::types::Side::There => self.there.as_ref().expect("interface terms have two sides"),
+        }
+    }
+}
+
+/// A region with a quadrature rule.
+#[derive(Clone, Debug)]
+pub struct Domain {
+    /// Space dimension.
+    pub dim: usize,
+    /// The groups.
+    pub groups: Vec<Group>,
+    /// Total number of entities.
+    pub n_entities: usize,
+}
+
+
+type Key = (CellKind, usize, CellKind, usize, usize);
+
+impl Domain {
+    /// The domain of a region under a rule per entity kind (facet kinds on facets).
+    ///
+    /// # Errors
+    /// [`MeshError`] when the two sides of an interface do not match.
+    pub fn new(mesh: &Mesh, region: &RegionSet, rule: &dyn Fn(CellKind) -> Rule) -> Result<Self, MeshError> {
+        let groups = match region {
+            RegionSet::Cells(cells) => cell_groups(mesh, cells, rule),
+            RegionSet::Facets(facets) => {
+                let sides: Vec<(FacetRef, Option<FacetRef>)> = facets.iter().map(|f| (*f, None)).collect();
+                facet_groups(mesh, &sides, rule)?
+            }
+            RegionSet::Interface(pairs) => {
+                let sides: Vec<(FacetRef, Option<FacetRef>)> = pairs.iter().map(|p| (p.here, Some(p.there))).collect();
+                facet_groups(mesh, &sides, rule)?
+            }
+            RegionSet::Nodes(_) => Vec::new(),
+        };
+        Ok(Self { dim: mesh.dim(), n_entities: region.len(), groups })
+    }
+}
+
+impl Domain {
+    /// One point of weight 1 that belongs to no entity, for terms on `global`.
+    #[must_use]
+    pub fn global(mesh: &Mesh) -> Self {
+        let cell = CellId::new(0);
+        let kind = mesh.kind(cell);
+        let mut here = side(mesh, kind, vec![kind.reference_centre()]);
+        here.cells.push(cell);
+        let group = Group {
+            entities: vec![0],
+            weights: vec![1.0],
+            parameters: vec![[0.0; 3]],
+            tangents: None,
+            reference_normal: [0.0; 3],
+            is_global: true,
+            here,
+            there: None,
+        };
+        Self { dim: mesh.dim(), n_entities: 1, groups: vec![group] }
+    }
+}
+
+fn side(mesh: &Mesh, kind: CellKind, points: Vec<[f64; 3]>) -> GroupSide {
+    let geometry = mesh.geometry_element(kind).tabulate(&points, 2);
+    GroupSide { kind, cells: Vec::new(), facets: Vec::new(), points, geometry }
+}
+
+fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -> Vec<Group> {
+    let mut groups: BTreeMap<CellKind, Group> = BTreeMap::new();
+    for (k, cell) in cells.iter().enumerate() {
+        let kind = mesh.kind(*cell);
+        let group = groups.entry(kind).or_insert_with(|| {
+            let rule = rule(kind);
+            Group {
+                entities: Vec::new(),
+                weights: rule.weights.clone(),
+                parameters: rule.points.clone(),
+                tangents: None,
+                reference_normal: [0.0; 3],
+                is_global: false,
+                here: side(mesh, kind, rule.points),
+                there: None,
+            }
+        });
+        group.entities.push(k);
+        group.here.cells.push(*cell);
+    }
+    groups.into_values().collect()
+}
+
+fn facet_groups(mesh: &Mesh, sides: &[(FacetRef, Option<FacetRef>)], rule: &dyn Fn(CellKind) -> Rule) -> Result<Vec<Group>, MeshError> {
+    let mut groups: BTreeMap<Key, Group> = BTreeMap::new();
+    for (k, (here, there)) in sides.iter().enumerate() {
+        let kind = mesh.kind(here.cell);
+        let local = usize::from(here.local);
+        let rule = rule(mesh.facet_kind(*here));
+        let (key, opposite) = match there {
+            None => ((kind, local, CellKind::Point, 0, 0), None),
+            Some(there) => {
+                let (orientation, points) = neighbour_points(mesh, *here, *there, &rule)?;
+                let key = (kind, local, mesh.kind(there.cell), usize::from(there.local), usize::from(orientation));
+                (key, Some((*there, points)))
+            }
+        };
+        let group = groups.entry(key).or_insert_with(|| Group {
+            entities: Vec::new(),
+            weights: rule.weights.clone(),
+            parameters: rule.points.clone(),
+            tangents: Some(kind.facet_map(local).tangents),
+            reference_normal: kind.facet_normal(local),
+            is_global: false,
+            here: side(mesh, kind, facet_points(kind, local, &rule)),
+            there: opposite.as_ref().map(|(there, points)| side(mesh, mesh.kind(there.cell), points.clone())),
+        });
+        group.entities.push(k);
+        group.here.cells.push(here.cell);
+        group.here.facets.push(*here);
+        if let (Some(side), Some((there, _))) = (&mut group.there, opposite) {
+            side.cells.push(there.cell);
+            side.facets.push(there);
+        }
+    }
+    Ok(groups.into_values().collect())
+}

@@ -1,0 +1,479 @@
+//! Sparse matrices in compressed row form.
+//!
+//! Promises: row-major order, columns of a row strictly increasing, sums in one fixed order for any number of threads,
+//! and values that share their [`Pattern`] so that a matrix can be filled again without a new structure.
+//! Does not solve, factor or order; see `solve`.
+
+mod pattern;
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+pub use pattern::{Pattern, PatternBuilder};
+
+/// Rows handled by one parallel task of a product.
+const ROWS_PER_TASK: usize = 1024;
+/// Below this number of entries a product costs less than waking a second thread.
+const PARALLEL_ENTRIES: usize = 100_000;
+
+/// What can be wrong with the structure or the shape of a sparse matrix.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum CsrError {
+    /// The arrays do not describe a matrix.
+    #[error("row {row}: {what}")]
+    Structure {
+        /// Row (or dof) at which it was seen.
+        row: usize,
+        /// What is wrong.
+        what: &'static str,
+    },
+    /// Two shapes that must agree do not.
+    #[error("{what}: expected {} x {}, found {} x {}", expected.0, expected.1, found.0, found.1)]
+    Shape {
+        /// The operation.
+        what: &'static str,
+        /// Rows and columns that were needed.
+        expected: (usize, usize),
+        /// Rows and columns that were found.
+        found: (usize, usize),
+    },
+    /// More rows or columns than 32-bit indices can name.
+    #[error("{size} rows or columns do not fit 32-bit indices")]
+    TooLarge {
+        /// The offending size.
+        size: usize,
+    },
+}
+
+/// A sparse matrix: a shared [`Pattern`] and one value for each of its entries.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Csr {
+    pattern: Arc<Pattern>,
+    values: Vec<f64>,
+}
+
+impl Csr {
+    /// The zero matrix on a pattern.
+    pub fn zeros(pattern: Arc<Pattern>) -> Self {
+        let values = vec![0.0; pattern.n_entries()];
+        Self { pattern, values }
+    }
+
+    /// A matrix from a pattern and its values, in the order of the pattern.
+    ///
+    /// # Errors
+    /// [`CsrError::Shape`] when there is not one value for each entry.
+    pub fn new(pattern: Arc<Pattern>, values: Vec<f64>) -> Result<Self, CsrError> {
+        if values.len() != pattern.n_entries() {
+            return Err(CsrError::Shape {
+                what: "values of a sparse matrix",
+                expected: (pattern.n_entries(), 1),
+                found: (values.len(), 1),
+            });
+        }
+        Ok(Self { pattern, values })
+    }
+
+    /// The sum of (row, column, value) triplets, added in the order given.
+    ///
+    /// # Errors
+    /// [`CsrError::Structure`] when an index lies outside the shape.
+    pub fn from_triplets(n_rows: usize, n_cols: usize, triplets: &[(u32, u32, f64)]) -> Result<Self, CsrError> {
+        let mut builder = PatternBuilder::new(n_rows, n_cols);
+        for &(row, column, _) in triplets {
+            builder.add_coupling(&[row], &[column]);
+        }
+        let mut matrix = Self::zeros(builder.build_shared()?);
+        for &(row, column, value) in triplets {
+            let place = matrix.pattern.position(row as usize, column as usize).expect("the builder added this entry");
+            matrix.values[place] += value;
+        }
+        Ok(matrix)
+    }
+
+    /// The structure.
+    pub fn pattern(&self) -> &Arc<Pattern> {
+        &self.pattern
+    }
+
+    /// Number of rows.
+    pub fn n_rows(&self) -> usize {
+        self.pattern.n_rows()
+    }
+
+    /// Number of columns.
+    pub fn n_cols(&self) -> usize {
+        self.pattern.n_cols()
+    }
+
+    /// Values in the order of the pattern.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Values in the order of the pattern, to be changed.
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
+    /// The entry (row, column); zero when it is not stored.
+    pub fn get(&self, row: usize, column: usize) -> f64 {
+        self.pattern.position(row, column).map_or(0.0, |place| self.values[place])
+    }
+
+    /// Columns and values of one row.
+    pub fn row(&self, row: usize) -> (&[u32], &[f64]) {
+        let starts = self.pattern.row_starts();
+        (self.pattern.row(row), &self.values[starts[row]..starts[row + 1]])
+    }
+
+    /// Adds `value` to a stored entry. Returns false, and does nothing, when the entry is not stored.
+    #[must_use]
+    pub fn add_to(&mut self, row: usize, column: usize, value: f64) -> bool {
+        match self.pattern.position(row, column) {
+            Some(place) => {
+                self.values[place] += value;
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// `y = A x`. With `threads` above one, rows are shared out over rayon's current pool; the result is the same.
+    ///
+    /// # Panics
+    /// When the lengths of `x` or `y` are not those of the matrix.
+    pub fn multiply(&self, x: &[f64], y: &mut [f64], threads: usize) {
+        self.rows_into(x, y, threads, |row, _| self.row_times(row, x));
+    }
+
+    /// `y = y + A x`, otherwise as [`Csr::multiply`].
+    ///
+    /// # Panics
+    /// When the lengths of `x` or `y` are not those of the matrix.
+    pub fn multiply_add(&self, x: &[f64], y: &mut [f64], threads: usize) {
+        self.rows_into(x, y, threads, |row, before| before + self.row_times(row, x));
+    }
+
+    /// `y = y + Aᵀ x`, serial.
+    ///
+    /// # Panics
+    /// When the lengths of `x` or `y` are not those of the matrix.
+    pub fn multiply_transposed_add(&self, x: &[f64], y: &mut [f64]) {
+        assert!(x.len() == self.n_rows() && y.len() == self.n_cols(), "lengths of a product");
+        for (row, &factor) in x.iter().enumerate() {
+            let (columns, values) = self.row(row);
+            for (&column, &value) in columns.iter().zip(values) {
+                y[column as usize] += value * factor;
+            }
+        }
+    }
+
+    /// `y_i = y_i + Σ_j |a_ij| |x_j|`: the scale against which a residual is judged row by row.
+    ///
+    /// # Panics
+    /// When the lengths of `x` or `y` are not those of the matrix.
+    pub fn multiply_absolute_add(&self, x: &[f64], y: &mut [f64], threads: usize) {
+        self.rows_into(x, y, threads, |row, before| {
+            let (columns, values) = self.row(row);
+            let sum: f64 = columns.iter().zip(values).map(|(&column, value)| (value * x[column as usize]).abs()).sum();
+            before + sum
+        });
+    }
+
+    fn rows_into(&self, x: &[f64], y: &mut [f64], threads: usize, value: impl Fn(usize, f64) -> f64 + Sync) {
+        assert!(x.len() == self.n_cols() && y.len() == self.n_rows(), "lengths of a product");
+        if threads > 1 && self.values.len() > PARALLEL_ENTRIES {
+            y.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(chunk, part)| {
+                for (offset, out) in part.iter_mut().enumerate() {
+                    *out = value(chunk * ROWS_PER_TASK + offset, *out);
+                }
+            });
+        } else {
+            for (row, out) in y.iter_mut().enumerate() {
+                *out = value(row, *out);
+            }
+        }
+    }
+
+    fn row_times(&self, row: usize, x: &[f64]) -> f64 {
+        let (columns, values) = self.row(row);
+        columns.iter().zip(values).map(|(&column, value)| value * x[column as usize]).sum()
+    }
+
+    /// The transposed matrix.
+    pub fn transpose(&self) -> Csr {
+        let (pattern, sources) = self.pattern.transpose();
+        let values = sources.iter().map(|&source| self.values[source]).collect();
+        Csr { pattern: Arc::new(pattern), values }
+    }
+
+    /// The sum of two matrices, on the union of their patterns.
+    ///
+    /// # Errors
+    /// [`CsrError::Shape`] when the shapes differ.
+    pub fn plus(&self, other: &Csr) -> Result<Csr, CsrError> {
+        let mut sum = Csr::zeros(Arc::new(self.pattern.union(&other.pattern)?));
+        for part in [self, other] {
+            let places = part.pattern.positions_in(&sum.pattern).expect("the union holds both patterns");
+            for (&place, value) in places.iter().zip(&part.values) {
+                sum.values[place] += value;
+            }
+        }
+        Ok(sum)
+    }
+
+    /// Whether `|a_ij - a_ji| <= tolerance * max |a|` for all entries (an entry that is not stored is zero).
+    pub fn is_symmetric(&self, tolerance: f64) -> bool {
+        if self.n_rows() != self.n_cols() {
+            return false;
+        }
+        let bound = tolerance * self.max_abs();
+        let (transposed, sources) = self.pattern.transpose();
+        if transposed == *self.pattern {
+            return sources
+                .iter()
+                .zip(&self.values)
+                .all(|(&source, value)| (value - self.values[source]).abs() <= bound);
+        }
+        (0..self.n_rows()).all(|row| {
+            let (columns, values) = self.row(row);
+            columns.iter().zip(values).all(|(&column, value)| (value - self.get(column as usize, row)).abs() <= bound)
+        })
+    }
+
+    /// Largest magnitude of an entry; zero for a matrix without entries.
+    pub fn max_abs(&self) -> f64 {
+        self.values.iter().fold(0.0, |largest, value| value.abs().max(largest))
+    }
+
+    /// Largest sum of magnitudes over a column.
+    pub fn norm_1(&self) -> f64 {
+        let mut sums = vec![0.0; self.n_cols()];
+        for (&column, value) in self.pattern.columns().iter().zip(&self.values) {
+            sums[column as usize] += value.abs();
+        }
+        sums.into_iter().fold(0.0, f64::max)
+    }
+
+    /// Largest sum of magnitudes over a row.
+    pub fn norm_inf(&self) -> f64 {
+        (0..self.n_rows()).map(|row| self.row(row).1.iter().map(|value| value.abs()).sum()).fold(0.0, f64::max)
+    }
+
+    /// The first entry (row, column) in row order that is NaN or infinite.
+    pub fn first_non_finite(&self) -> Option<(usize, usize)> {
+        let place = self.values.iter().position(|value| !value.is_finite())?;
+        let row = self.pattern.row_starts().partition_point(|&start| start <= place) - 1;
+        Some((row, self.pattern.columns()[place] as usize))
+    }
+}
+
+/// `r = b - (A + B + ...) x` in working precision.
+///
+/// # Panics
+/// When a length does not fit.
+pub fn residual(parts: &[&Csr], b: &[f64], x: &[f64], r: &mut [f64], threads: usize) {
+    r.copy_from_slice(b);
+    for part in parts {
+        part.rows_into(x, r, threads, |row, before| before - part.row_times(row, x));
+    }
+}
+
+/// `r = b - (A + B + ...) x`, each row summed in double-double and rounded once at the end.
+///
+/// The error of an entry is about `1e-16 |r_i| + 1e-32 Σ |a_ij x_j|`, so the residual of a nearly exact solution still
+/// has correct digits. Exact products by fused multiply-add, sums after Knuth (TwoSum).
+///
+/// # Panics
+/// When a length does not fit.
+pub fn residual_compensated(parts: &[&Csr], b: &[f64], x: &[f64], r: &mut [f64], threads: usize) {
+    assert!(b.len() == r.len() && parts.iter().all(|part| part.n_rows() == r.len() && part.n_cols() == x.len()));
+    let row_residual = |row: usize| {
+        let (mut high, mut low) = (b[row], 0.0);
+        for part in parts {
+            let (columns, values) = part.row(row);
+            for (&column, &value) in columns.iter().zip(values) {
+                let factor = -x[column as usize];
+                let product = value * factor;
+                let sum = high + product;
+                let back = sum - high;
+                low += value.mul_add(factor, -product) + ((high - (sum - back)) + (product - back));
+                high = sum;
+            }
+        }
+        high + low
+    };
+    let entries: usize = parts.iter().map(|part| part.values.len()).sum();
+    if threads > 1 && entries > PARALLEL_ENTRIES {
+        r.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(chunk, part)| {
+            for (offset, out) in part.iter_mut().enumerate() {
+                *out = row_residual(chunk * ROWS_PER_TASK + offset);
+            }
+        });
+    } else {
+        for (row, out) in r.iter_mut().enumerate() {
+            *out = row_residual(row);
+        }
+    }
+}
+
+/// A reusable recipe that takes given rows and columns out of any matrix on one pattern.
+#[derive(Debug, Clone)]
+pub struct SubmatrixMap {
+    pattern: Arc<Pattern>,
+    sources: Vec<usize>,
+    n_source_entries: usize,
+}
+
+impl SubmatrixMap {
+    /// Prepares the extraction of `rows` x `columns`: row i of the result is row `rows[i]` of the source. Rows may come
+    /// in any order; a row or column that is listed twice is taken twice.
+    ///
+    /// # Errors
+    /// [`CsrError::Structure`] when an index lies outside the source.
+    pub fn new(source: &Pattern, rows: &[u32], columns: &[u32]) -> Result<Self, CsrError> {
+        if let Some(&row) = rows.iter().find(|&&row| row as usize >= source.n_rows()) {
+            return Err(CsrError::Structure { row: row as usize, what: "row outside the matrix" });
+        }
+        if let Some(&column) = columns.iter().find(|&&column| column as usize >= source.n_cols()) {
+            return Err(CsrError::Structure { row: column as usize, what: "column outside the matrix" });
+        }
+        let mut order: Vec<u32> = (0..columns.len() as u32).collect();
+        order.sort_by_key(|&place| columns[place as usize]);
+        let sorted: Vec<u32> = order.iter().map(|&place| columns[place as usize]).collect();
+        let mut first_place = vec![u32::MAX; source.n_cols()];
+        for (place, &column) in sorted.iter().enumerate().rev() {
+            first_place[column as usize] = place as u32;
+        }
+        let mut row_starts = vec![0usize];
+        let mut entries: Vec<(u32, usize)> = Vec::new();
+        for &row in rows {
+            let begin = entries.len();
+            let start = source.row_starts()[row as usize];
+            for (offset, &column) in source.row(row as usize).iter().enumerate() {
+                let mut place = first_place[column as usize] as usize;
+                while place < sorted.len() && sorted[place] == column {
+                    entries.push((order[place], start + offset));
+                    place += 1;
+                }
+            }
+            entries[begin..].sort_unstable();
+            row_starts.push(entries.len());
+        }
+        let (new_columns, sources) = entries.into_iter().unzip();
+        let pattern = Pattern::new(rows.len(), columns.len(), row_starts, new_columns)?;
+        Ok(Self { pattern: Arc::new(pattern), sources, n_source_entries: source.n_entries() })
+    }
+
+    /// The pattern of the extracted matrix.
+    pub fn pattern(&self) -> &Arc<Pattern> {
+        &self.pattern
+    }
+
+    /// Place in the source of every extracted entry.
+    pub fn sources(&self) -> &[usize] {
+        &self.sources
+    }
+
+    /// The submatrix of a matrix on the source pattern.
+    ///
+    /// # Panics
+    /// When `matrix` has another number of entries than the source pattern.
+    pub fn extract(&self, matrix: &Csr) -> Csr {
+        let mut out = Csr::zeros(Arc::clone(&self.pattern));
+        self.extract_into(matrix, out.values_mut());
+        out
+    }
+
+    /// Writes the values of the submatrix, without allocation.
+    ///
+    /// # Panics
+    /// When `matrix` has another number of entries than the source pattern, or `values` another than the submatrix.
+    pub fn extract_into(&self, matrix: &Csr, values: &mut [f64]) {
+        assert!(matrix.values.len() == self.n_source_entries && values.len() == self.sources.len(), "other pattern");
+        for (value, &source) in values.iter_mut().zip(&self.sources) {
+            *value = matrix.values[source];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Csr {
+        Csr::from_triplets(3, 3, &[(0, 0, 2.0), (0, 2, -1.0), (1, 1, 3.0), (2, 0, 4.0), (2, 2, 5.0), (0, 0, 0.5)])
+            .unwrap()
+    }
+
+    #[test]
+    fn products_match_hand_computation() {
+        let a = sample();
+        let mut y = vec![1.0; 3];
+        a.multiply(&[1.0, 2.0, 3.0], &mut y, 1);
+        assert_eq!(y, [-0.5, 6.0, 19.0]);
+        a.multiply_transposed_add(&[1.0, 0.0, 1.0], &mut y);
+        assert_eq!(y, [6.0, 6.0, 23.0]);
+        let mut scale = vec![0.0; 3];
+        a.multiply_absolute_add(&[1.0, -2.0, 3.0], &mut scale, 1);
+        assert_eq!(scale, [5.5, 6.0, 19.0]);
+        assert_eq!(a.transpose().get(0, 2), 4.0);
+        assert_eq!((a.norm_1(), a.norm_inf(), a.max_abs()), (6.5, 9.0, 5.0));
+        assert!(!a.is_symmetric(0.1) && a.plus(&a.transpose()).unwrap().is_symmetric(0.0));
+    }
+
+    #[test]
+    fn compensated_residual_survives_cancellation() {
+        // b - A x = 1e-20 exactly, lost in plain arithmetic.
+        let a = Csr::from_triplets(1, 3, &[(0, 0, 1e10), (0, 1, 1.0), (0, 2, 1e10)]).unwrap();
+        let x = [1e10, 1.0, -1e10];
+        let b = [1.0 + 1e-15];
+        let mut plain = [0.0];
+        residual(&[&a], &b, &x, &mut plain, 1);
+        let mut compensated = [0.0];
+        residual_compensated(&[&a], &b, &x, &mut compensated, 1);
+        assert_ne!(plain[0], b[0] - 1.0);
+        assert_eq!(compensated[0], b[0] - 1.0);
+    }
+
+    #[test]
+    fn threads_do_not_change_a_product() {
+        let n = 30_000u32;
+        let triplets: Vec<_> = (0..n)
+            .flat_map(|i| (0..5u32).map(move |k| (i, (i * 7 + k * k * 101) % n, 1.0 / f64::from(i + 3 * k + 1))))
+            .collect();
+        let a = Csr::from_triplets(n as usize, n as usize, &triplets).unwrap();
+        assert!(a.values().len() > PARALLEL_ENTRIES);
+        let x: Vec<f64> = (0..n).map(|i| f64::from(i % 17) - 8.3).collect();
+        let (mut one, mut two) = (vec![0.0; n as usize], vec![0.0; n as usize]);
+        a.multiply(&x, &mut one, 1);
+        a.multiply(&x, &mut two, 2);
+        assert_eq!(one, two);
+        residual_compensated(&[&a], &x, &x, &mut one, 1);
+        residual_compensated(&[&a], &x, &x, &mut two, 2);
+        assert_eq!(one, two);
+    }
+
+    #[test]
+    fn submatrix_follows_the_lists() {
+        let a = sample();
+        let map = SubmatrixMap::new(a.pattern(), &[2, 0], &[2, 1, 0, 2]).unwrap();
+        let b = map.extract(&a);
+        let dense = |row| (0..4).map(|column| b.get(row, column)).collect::<Vec<_>>();
+        assert_eq!(dense(0), [5.0, 0.0, 4.0, 5.0]);
+        assert_eq!(dense(1), [-1.0, 0.0, 2.5, -1.0]);
+        assert!(SubmatrixMap::new(a.pattern(), &[3], &[0]).is_err());
+    }
+
+    #[test]
+    fn a_non_finite_entry_is_named() {
+        let mut a = sample();
+        assert_eq!(a.first_non_finite(), None);
+        let place = a.pattern().position(2, 0).unwrap();
+        a.values_mut()[place] = f64::NAN;
+        assert_eq!(a.first_non_finite(), Some((2, 0)));
+        assert!(!a.add_to(1, 0, 1.0));
+    }
+}

@@ -1,0 +1,284 @@
+//! Lagrange elements on the reference cells: local dofs, where they sit, and their basis tables.
+//!
+//! Promises: `P_0` to `P_3` on point, segment, triangle and tetrahedron, `Q_0` to `Q_2` on
+//! quadrilateral and hexahedron, every one nodal at [`Element::points`].
+//! Local order. Simplices: vertices, then the dofs of each edge from its first to its second local
+//! vertex, then one dof of each facet of a tetrahedron (degree 3), then the interior. Tensor cells:
+//! lexicographic, x fastest. [`Element::entities`] says for each dof which entity carries it.
+//! Does not know meshes, global numbers or physical coordinates.
+
+mod simplex_lagrange;
+mod tensor_lagrange;
+
+use crate::mesh::CellKind;
+
+/// Highest degree on simplices and on tensor cells.
+pub const MAX_DEGREE: [usize; 2] = [3, 2];
+
+/// Whether neighbouring cells share the dofs on their common entities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Family {
+    /// Dofs on vertices, edges and facets are shared by all cells around.
+    Continuous,
+    /// Every dof belongs to the interior of its cell.
+    Discontinuous,
+}
+
+/// The entity of the cell that carries a dof.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DofEntity {
+    /// Local vertex.
+    Vertex(usize),
+    /// Local edge of a cell of dimension 2 or 3, and the place along the edge counted from its
+    /// first local vertex.
+    Edge {
+        /// Local edge.
+        edge: usize,
+        /// Place along the edge.
+        index: usize,
+    },
+    /// Local facet of a cell of dimension 3.
+    Facet {
+        /// Local facet.
+        facet: usize,
+        /// Place on the facet.
+        index: usize,
+    },
+    /// Inside the cell; also every dof of a discontinuous or constant element.
+    Interior(usize),
+}
+
+/// Why there is no such element.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ElementError {
+    /// The degree is above the highest one of this cell.
+    #[error("no Lagrange element of degree {degree} on a {kind}, the highest is {highest}")]
+    DegreeTooHigh {
+        /// Cell asked for.
+        kind: CellKind,
+        /// Degree asked for.
+        degree: usize,
+        /// Highest degree there is.
+        highest: usize,
+    },
+}
+
+/// A Lagrange element on a reference cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Element {
+    kind: CellKind,
+    degree: usize,
+    family: Family,
+    points: Vec<[f64; 3]>,
+    entities: Vec<DofEntity>,
+    /// For each dof the integer coordinates of its point, in units of `1 / degree`: barycentric
+    /// (dim + 1 of them) on simplices, Cartesian (dim of them) on tensor cells.
+    places: Vec<[u8; 4]>,
+    closures: Vec<Vec<usize>>,
+}
+
+/// Basis functions tabulated at points. Arrays that were not asked for are empty.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// Number of points.
+    pub n_points: usize,
+    /// Number of local dofs.
+    pub n_dofs: usize,
+    /// Dimension of the cell.
+    pub dim: usize,
+    /// `values[point * n_dofs + dof]`.
+    pub values: Vec<f64>,
+    /// `gradients[(point * n_dofs + dof) * dim + d]`, reference derivatives.
+    pub gradients: Vec<f64>,
+    /// `hessians[((point * n_dofs + dof) * dim + d) * dim + e]`, reference derivatives.
+    pub hessians: Vec<f64>,
+}
+
+/// One factor of a basis function with its first and second derivative.
+type Jet = [f64; 3];
+
+impl Element {
+    /// The Lagrange element of `degree` on `kind`; degree 0 is one constant, whatever the family.
+    ///
+    /// # Errors
+    /// [`ElementError::DegreeTooHigh`].
+    pub fn lagrange(kind: CellKind, degree: usize, family: Family) -> Result<Self, ElementError> {
+        let highest = MAX_DEGREE[usize::from(!kind.is_simplex())];
+        if degree > highest {
+            return Err(ElementError::DegreeTooHigh {
+                kind,
+                degree,
+                highest,
+            });
+        }
+        let mut element = Self::without_closures(kind, degree, family);
+        element.closures = (0..kind.facets().len())
+            .map(|local| closure(&element, local))
+            .collect();
+        Ok(element)
+    }
+
+    fn without_closures(kind: CellKind, degree: usize, family: Family) -> Self {
+        let (places, mut entities) = match (degree, kind.is_simplex()) {
+            (0, _) => (vec![[0; 4]], vec![DofEntity::Interior(0)]),
+            (_, true) => simplex_lagrange::dofs(kind, degree),
+            (_, false) => tensor_lagrange::dofs(kind, degree),
+        };
+        let points = if degree == 0 {
+            vec![kind.reference_centre()]
+        } else {
+            let first = usize::from(kind.is_simplex());
+            places
+                .iter()
+                .map(|place: &[u8; 4]| {
+                    let mut point = [0.0; 3];
+                    for d in 0..kind.dim() {
+                        point[d] = f64::from(place[d + first]) / degree as f64;
+                    }
+                    point
+                })
+                .collect()
+        };
+        if family == Family::Discontinuous {
+            entities = (0..places.len()).map(DofEntity::Interior).collect();
+        }
+        Element {
+            kind,
+            degree,
+            family,
+            points,
+            entities,
+            places,
+            closures: Vec::new(),
+        }
+    }
+
+    /// Every supported (cell, degree).
+    #[must_use]
+    pub fn registry() -> Vec<(CellKind, usize)> {
+        CellKind::ALL
+            .into_iter()
+            .flat_map(|kind| {
+                (0..=MAX_DEGREE[usize::from(!kind.is_simplex())]).map(move |degree| (kind, degree))
+            })
+            .collect()
+    }
+
+    /// Cell of the element.
+    #[must_use]
+    pub fn kind(&self) -> CellKind {
+        self.kind
+    }
+
+    /// Polynomial degree: total on simplices, in each variable on tensor cells.
+    #[must_use]
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+
+    /// Continuous or discontinuous.
+    #[must_use]
+    pub fn family(&self) -> Family {
+        self.family
+    }
+
+    /// Number of local dofs.
+    #[must_use]
+    pub fn n_dofs(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Reference point of each dof: the dof is the value there.
+    #[must_use]
+    pub fn points(&self) -> &[[f64; 3]] {
+        &self.points
+    }
+
+    /// Entity that carries each dof.
+    #[must_use]
+    pub fn entities(&self) -> &[DofEntity] {
+        &self.entities
+    }
+
+    /// Local dofs whose point lies on the closed facet `local_facet`, listed in the local order of
+    /// the element of the same degree on the facet's kind and in the facet's own parameters. Also
+    /// filled for discontinuous elements; empty for degree 0.
+    #[must_use]
+    pub fn facet_closure(&self, local_facet: usize) -> &[usize] {
+        &self.closures[local_facet]
+    }
+
+    /// Local dof at each local vertex of the cell; `None` for degree 0.
+    #[must_use]
+    pub fn vertex_dofs(&self) -> Option<Vec<usize>> {
+        let find = |vertex| self.points.iter().position(|point| point == vertex);
+        self.kind.vertices().iter().map(find).collect()
+    }
+
+    /// Basis functions at reference points, with derivatives up to order `derivatives` (0 to 2).
+    ///
+    /// # Panics
+    /// If `derivatives` is above 2.
+    #[must_use]
+    pub fn tabulate(&self, points: &[[f64; 3]], derivatives: usize) -> Table {
+        assert!(derivatives <= 2, "tables have at most second derivatives");
+        let (dim, n_dofs) = (self.kind.dim(), self.n_dofs());
+        let entries = points.len() * n_dofs;
+        let mut table = Table {
+            n_points: points.len(),
+            n_dofs,
+            dim,
+            values: Vec::with_capacity(entries),
+            gradients: Vec::with_capacity(if derivatives > 0 { entries * dim } else { 0 }),
+            hessians: Vec::with_capacity(if derivatives > 1 {
+                entries * dim * dim
+            } else {
+                0
+            }),
+        };
+        for point in points {
+            if self.kind.is_simplex() {
+                simplex_lagrange::tabulate(self, point, derivatives, &mut table);
+            } else {
+                tensor_lagrange::tabulate(self, point, derivatives, &mut table);
+            }
+        }
+        table
+    }
+}
+
+/// Dofs on a facet, found by their points; see [`Element::facet_closure`] for the order.
+fn closure(element: &Element, local: usize) -> Vec<usize> {
+    if element.degree == 0 {
+        return Vec::new();
+    }
+    let facet = element.kind.facets()[local];
+    let map = element.kind.facet_map(local);
+    let on_facet = Element::without_closures(facet.kind, element.degree, Family::Continuous);
+    let close = |p: &[f64; 3], q: &[f64; 3]| (0..3).all(|i| (p[i] - q[i]).abs() < 1e-9);
+    on_facet
+        .points
+        .iter()
+        .map(|parameters| {
+            let point = map.apply(*parameters);
+            element
+                .points
+                .iter()
+                .position(|p| close(p, &point))
+                .expect("the lattice of a facet is part of the lattice of the cell")
+        })
+        .collect()
+}
+
+/// Product of the factors `n` with derivatives taken of factor `d` and factor `e`.
+fn product(factors: &[Jet], d: Option<usize>, e: Option<usize>) -> f64 {
+    let order = |i| usize::from(d == Some(i)) + usize::from(e == Some(i));
+    factors
+        .iter()
+        .enumerate()
+        .map(|(i, jet)| jet[order(i)])
+        .product()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,92 @@
+//! Lagrange elements `Q_k` on quadrilateral and hexahedron.
+//!
+//! The dof at `x = a / k` has `phi_a = prod_d L_{a_d}(x_d)` with the Lagrange polynomials
+//! `L_m(t) = prod_{j != m} (k t - j) / (m - j)` of `k + 1` equal steps. Local order lexicographic,
+//! x fastest.
+
+use super::{DofEntity, Element, Jet, Table, product};
+use crate::mesh::CellKind;
+
+/// Places (units of `1 / degree`) and entities of the dofs, `degree` 1 or 2.
+pub(super) fn dofs(kind: CellKind, degree: usize) -> (Vec<[u8; 4]>, Vec<DofEntity>) {
+    let (dim, n) = (kind.dim(), degree + 1);
+    let k = u8::try_from(degree).expect("degrees are at most 2");
+    let mut places = Vec::new();
+    let mut entities = Vec::new();
+    for position in 0..n.pow(dim as u32) {
+        let mut place = [0; 4];
+        let mut rest = position;
+        for part in place.iter_mut().take(dim) {
+            *part = u8::try_from(rest % n).expect("below 3");
+            rest /= n;
+        }
+        places.push(place);
+        entities.push(entity(kind, k, &place));
+    }
+    (places, entities)
+}
+
+/// The entity whose vertices are those that agree with `place` wherever it touches the border.
+fn entity(kind: CellKind, k: u8, place: &[u8; 4]) -> DofEntity {
+    let dim = kind.dim();
+    let fits = |vertex: &usize| {
+        let vertex = kind.vertices()[*vertex];
+        (0..dim).all(|d| match place[d] {
+            0 => vertex[d] < 0.5,
+            part if part == k => vertex[d] > 0.5,
+            _ => true,
+        })
+    };
+    let around: Vec<usize> = (0..kind.n_vertices()).filter(fits).collect();
+    if around.len() == 1 {
+        return DofEntity::Vertex(around[0]);
+    }
+    if let Some(edge) = kind.edges().iter().position(|e| e[..] == around[..]) {
+        return DofEntity::Edge { edge, index: 0 };
+    }
+    match kind.facets().iter().position(|f| f.vertices == around) {
+        Some(facet) => DofEntity::Facet { facet, index: 0 },
+        None => DofEntity::Interior(0),
+    }
+}
+
+/// `L_m` at `t` with two derivatives.
+fn factor(m: u8, degree: usize, t: f64) -> Jet {
+    let (m, k) = (f64::from(m), degree as f64);
+    let mut jet = [1.0, 0.0, 0.0];
+    for j in 0..=degree {
+        let j = j as f64;
+        if j == m {
+            continue;
+        }
+        let (value, slope) = ((k * t - j) / (m - j), k / (m - j));
+        jet = [
+            jet[0] * value,
+            jet[1] * value + jet[0] * slope,
+            jet[2] * value + 2.0 * jet[1] * slope,
+        ];
+    }
+    jet
+}
+
+/// Appends the entries of one point to `table`.
+pub(super) fn tabulate(element: &Element, x: &[f64; 3], derivatives: usize, table: &mut Table) {
+    let dim = element.kind.dim();
+    for place in &element.places {
+        let jets: [Jet; 3] = std::array::from_fn(|d| factor(place[d], element.degree, x[d]));
+        let jets = &jets[..dim];
+        table.values.push(product(jets, None, None));
+        if derivatives > 0 {
+            for d in 0..dim {
+                table.gradients.push(product(jets, Some(d), None));
+            }
+        }
+        if derivatives > 1 {
+            for d in 0..dim {
+                for e in 0..dim {
+                    table.hessians.push(product(jets, Some(d), Some(e)));
+                }
+            }
+        }
+    }
+}

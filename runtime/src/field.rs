@@ -1,0 +1,169 @@
+//! Fields of a scene: a name, components, and nodes only where the field's region is.
+
+use thiserror::Error;
+use wfl_compiler::types::{FieldKind, Side};
+
+use crate::{
+    assemble::Group,
+    element::Table,
+    mesh::{CellId, FacetRef, Mesh, RegionSet, Topology},
+    space::{Space, Support},
+};
+
+/// Where a field has its nodes.
+#[derive(Clone, Debug)]
+pub enum FieldSpace {
+    /// Nodes of a space on cells or facets.
+    Nodal(Space),
+    /// One node: one value for the whole scene.
+    Global,
+}
+
+/// A field: nodes with components.
+#[derive(Clone, Debug)]
+pub struct Field {
+    /// Its name in the scene.
+    pub name: String,
+    /// Unknown, multiplier, data or state.
+    pub kind: FieldKind,
+    /// Numbers at a node.
+    pub n_components: usize,
+    /// Where the nodes are.
+    pub space: FieldSpace,
+}
+
+/// A field that is asked for where it has no nodes.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum FieldError {
+    /// No cell or facet of the field here.
+    #[error("`{field}` has no degrees of freedom on {place}")]
+    NotHere {
+        /// The field.
+        field: String,
+        /// Where it was asked for.
+        place: String,
+    },
+    /// A field that lives on facets has no gradient.
+    #[error("`{field}` lives on faces: it has no gradient")]
+    NoGradient {
+        /// The field.
+        field: String,
+    },
+}
+
+/// Basis and nodes of a field on a group.
+#[derive(Clone, Debug)]
+pub struct Tabulated {
+    /// Values and reference derivatives at the points of the group.
+    pub table: Table,
+    /// `nodes[entity * n_nodes + i]`
+    pub nodes: Vec<u32>,
+}
+
+impl Field {
+    /// Number of nodes.
+    #[must_use]
+    pub fn n_nodes(&self) -> usize {
+        match &self.space {
+            FieldSpace::Nodal(space) => space.n_nodes(),
+            FieldSpace::Global => 1,
+        }
+    }
+
+    /// Number of values: nodes times components.
+    #[must_use]
+    pub fn n_dofs(&self) -> usize {
+        self.n_nodes() * self.n_components
+    }
+
+    /// Position of a node; the origin for a global field.
+    #[must_use]
+    pub fn node_position(&self, node: usize) -> [f64; 3] {
+        match &self.space {
+            FieldSpace::Nodal(space) => space.node_coordinates()[node],
+            FieldSpace::Global => [0.0; 3],
+        }
+    }
+
+    /// True if the field has nodes in this cell.
+    #[must_use]
+    pub fn lives_in_cell(&self, cell: CellId) -> bool {
+        match &self.space {
+            FieldSpace::Nodal(space) => space.position_of_cell(cell).is_some(),
+            FieldSpace::Global => true,
+        }
+    }
+
+    /// True if the field has nodes on this facet, as seen from its cell.
+    #[must_use]
+    pub fn lives_on_facet(&self, facet: FacetRef) -> bool {
+        match &self.space {
+            FieldSpace::Nodal(space) => match space.support() {
+                Support::Cells(_) => space.position_of_cell(facet.cell).is_some(),
+                Support::Facets(_) => space.position_of_facet(facet).is_some(),
+            },
+            FieldSpace::Global => true,
+        }
+    }
+
+    /// Sorted nodes of the field in a region.
+    #[must_use]
+    pub fn nodes_in(&self, mesh: &Mesh, topology: &Topology, region: &RegionSet) -> Vec<u32> {
+        let FieldSpace::Nodal(space) = &self.space else { return vec![0] };
+        match region {
+            RegionSet::Cells(cells) => {
+                let mut nodes: Vec<u32> = cells
+                    .iter()
+                    .filter_map(|c| space.position_of_cell(*c))
+                    .flat_map(|p| space.entity_nodes(p).iter().copied())
+                    .collect();
+                nodes.sort_unstable();
+                nodes.dedup();
+                nodes
+            }
+            RegionSet::Facets(facets) => space.nodes_on_facets(mesh, topology, facets),
+            RegionSet::Interface(pairs) => {
+                let facets: Vec<FacetRef> = pairs.iter().flat_map(|p| [p.here, p.there]).collect();
+                space.nodes_on_facets(mesh, topology, &facets)
+            }
+            RegionSet::Nodes(nodes) => space.nodes_at_mesh_nodes(nodes),
+        }
+    }
+
+    /// Basis tables and nodes of the field on one side of a group of a domain.
+    ///
+    /// # Errors
+    /// [`FieldError`] where the field has no nodes or no gradient.
+    pub fn tabulate(&self, mesh: &Mesh, group: &Group, side: Side, order: usize) -> Result<Tabulated, FieldError> {
+        let n = group.entities.len();
+        let FieldSpace::Nodal(space) = &self.space else {
+            let points = group.n_points();
+            let table =
+                Table { n_points: points, n_dofs: 1, dim: mesh.dim(), values: vec![1.0; points], ..Table::default() };
+            return Ok(Tabulated { table, nodes: vec![0; n] });
+        };
+        let data = group.side(side);
+        let on_facets = matches!(space.support(), Support::Facets(_));
+        if on_facets && order > 0 {
+            return Err(FieldError::NoGradient { field: self.name.clone() });
+        }
+        let mut nodes = Vec::new();
+        let mut element = None;
+        for k in 0..n {
+            let position = if on_facets {
+                data.facets.get(k).and_then(|f| space.position_of_facet(*f))
+            } else {
+                space.position_of_cell(data.cells[k])
+            };
+            let Some(position) = position else {
+                let cell = data.cells[k].index();
+                return Err(FieldError::NotHere { field: self.name.clone(), place: format!("cell {cell}") });
+            };
+            nodes.extend_from_slice(space.entity_nodes(position));
+            element.get_or_insert_with(|| space.element_at(position));
+        }
+        let points = if on_facets { &group.parameters } else { &data.points };
+        let table = element.map(|e| e.tabulate(points, order)).unwrap_or_default();
+        Ok(Tabulated { table, nodes })
+    }
+}

@@ -1,0 +1,31 @@
+//! Meshes, spaces, assembly, solvers and output for WFL scenes.
+//!
+//! The door: [`prepare`] makes a problem of a resolved script with a kernel backend that the caller hands over,
+//! [`run`] solves it. The whole runtime also works on the reference interpreter.
+#![forbid(unsafe_code)]
+
+pub mod assemble;
+pub mod csr;
+pub mod element;
+pub mod field;
+pub mod mesh;
+pub mod newton;
+pub mod output;
+pub mod quadrature;
+pub mod results;
+mod run;
+mod scene;
+pub mod solve;
+pub mod space;
+mod strategy;
+mod system;
+mod value;
+
+pub use run::{Outcome, Progress, Quiet, RunError, RunOptions, StepResult, run};
+pub use scene::{
+    CsvOutput, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Regions, RuleChoice, Scene, Steps, TermSummary,
+    VtkOutput, prepare,
+};
+pub use strategy::Strategy;
+pub use system::{FIXED, Known, Numbering, System, SystemError};
+pub use value::{Sampled, Value, uniforms_at};

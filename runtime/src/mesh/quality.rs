@@ -1,0 +1,162 @@
+//! Sizes: cell volumes, facet areas, heights over a facet, diameters, and a summary of them.
+//!
+//! Promises: volumes are exact for the geometry map, areas exact on plane affine facets and by a
+//! Gauss rule of degree 5 or more on curved ones. Lengths have the unit of the coordinates.
+
+use super::{CellId, CellKind, FacetRef, Mesh, check, cross, determinant, norm};
+use crate::element::Table;
+use crate::quadrature::{self, Rule};
+
+/// Extremes over all cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QualitySummary {
+    /// Smallest cell volume.
+    pub min_volume: f64,
+    /// Largest cell volume.
+    pub max_volume: f64,
+    /// Smallest cell diameter.
+    pub min_size: f64,
+    /// Largest cell diameter.
+    pub max_size: f64,
+    /// Largest ratio of longest to shortest edge in one cell.
+    pub max_aspect: f64,
+}
+
+/// A rule and the geometry tabulated at its points.
+struct Sampled {
+    rule: Rule,
+    table: Table,
+}
+
+fn sampled(mesh: &Mesh, kind: CellKind, degree: usize) -> Sampled {
+    let rule = quadrature::rule(kind, degree).expect("rules of low degree exist on every cell");
+    let table = mesh.geometry_element(kind).tabulate(&rule.points, 1);
+    Sampled { rule, table }
+}
+
+/// Volume (length, area) of each of `cells`: the integral of the jacobian determinant.
+#[must_use]
+pub fn cell_volumes(mesh: &Mesh, cells: &[CellId]) -> Vec<f64> {
+    let order = mesh.order();
+    // The determinant has degree dim * (order - 1) on simplices and at most dim * order - 1 in
+    // each variable on tensor cells.
+    let tables = CellKind::ALL.map(|kind| {
+        let degree = if kind.is_simplex() {
+            kind.dim() * (order - 1)
+        } else {
+            kind.dim() * order - 1
+        };
+        sampled(mesh, kind, degree)
+    });
+    let volume = |cell: &CellId| -> f64 {
+        let sampled = &tables[mesh.kind(*cell).index()];
+        let weights = sampled.rule.weights.iter().enumerate();
+        weights
+            .map(|(point, weight)| {
+                let jacobian = mesh.jacobian_at(*cell, &sampled.table, point);
+                weight * determinant(&jacobian, mesh.dim())
+            })
+            .sum()
+    };
+    cells.iter().map(volume).collect()
+}
+
+/// Area (length; 1 for points) of each of `facets`.
+#[must_use]
+pub fn facet_measures(mesh: &Mesh, facets: &[FacetRef]) -> Vec<f64> {
+    let tables = CellKind::ALL.map(|kind| {
+        let degree = match (kind.is_simplex(), mesh.order()) {
+            (true, 1) => 1,
+            _ => 5,
+        };
+        sampled(mesh, kind, degree)
+    });
+    let measure = |facet: &FacetRef| -> f64 {
+        let kind = mesh.facet_kind(*facet);
+        let sampled = &tables[kind.index()];
+        let closure = mesh
+            .geometry_element(mesh.kind(facet.cell))
+            .facet_closure(facet.local as usize);
+        let nodes = mesh.cell_nodes(facet.cell);
+        let x = |dof: usize| mesh.node(nodes[closure[dof]]);
+        let weights = sampled.rule.weights.iter().enumerate();
+        weights
+            .map(|(point, weight)| weight * stretch(kind, &sampled.table, point, &x))
+            .sum()
+    };
+    facets.iter().map(measure).collect()
+}
+
+/// Area of the image of a unit of facet parameters.
+fn stretch(kind: CellKind, table: &Table, point: usize, x: &dyn Fn(usize) -> [f64; 3]) -> f64 {
+    let mut tangents = [[0.0; 3]; 2];
+    for dof in 0..table.n_dofs {
+        let position = x(dof);
+        for (d, tangent) in tangents.iter_mut().take(table.dim).enumerate() {
+            let slope = table.gradients[(point * table.n_dofs + dof) * table.dim + d];
+            for i in 0..3 {
+                tangent[i] += slope * position[i];
+            }
+        }
+    }
+    match kind.dim() {
+        0 => 1.0,
+        1 => norm(tangents[0]),
+        _ => norm(cross(tangents[0], tangents[1])),
+    }
+}
+
+/// Height of the cell of each facet over that facet, the `h` of penalty terms: `c V / A` with the
+/// cell volume `V`, the facet area `A` and `c = dim` on simplices, `c = 1` on tensor cells. For a
+/// brick it is the edge normal to the facet, for a simplex the distance of the opposite vertex
+/// (1 for a unit right simplex on an axis facet).
+#[must_use]
+pub fn facet_heights(mesh: &Mesh, facets: &[FacetRef]) -> Vec<f64> {
+    let cells: Vec<CellId> = facets.iter().map(|facet| facet.cell).collect();
+    let volumes = cell_volumes(mesh, &cells);
+    let areas = facet_measures(mesh, facets);
+    let factor = |cell: &CellId| {
+        if mesh.kind(*cell).is_simplex() {
+            mesh.dim() as f64
+        } else {
+            1.0
+        }
+    };
+    let triples = cells.iter().zip(volumes).zip(areas);
+    triples.map(|((cell, v), a)| factor(cell) * v / a).collect()
+}
+
+/// Diameter of each cell: the largest distance between two vertices, which is what GetFEM calls
+/// `element_size`.
+#[must_use]
+pub fn element_sizes(mesh: &Mesh, cells: &[CellId]) -> Vec<f64> {
+    cells.iter().map(|cell| check::size(mesh, *cell)).collect()
+}
+
+/// Extremes over all cells.
+#[must_use]
+pub fn summary(mesh: &Mesh) -> QualitySummary {
+    let cells: Vec<CellId> = mesh.cells().collect();
+    let bounds = |values: &[f64]| {
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        (low, values.iter().copied().fold(0.0, f64::max))
+    };
+    let (min_volume, max_volume) = bounds(&cell_volumes(mesh, &cells));
+    let (min_size, max_size) = bounds(&element_sizes(mesh, &cells));
+    let aspect = |cell: &CellId| {
+        let vertices = mesh.cell_vertices(*cell);
+        let edges = mesh.kind(*cell).edges().iter();
+        let lengths: Vec<f64> = edges
+            .map(|[a, b]| super::distance(mesh.node(vertices[*a]), mesh.node(vertices[*b])))
+            .collect();
+        let (shortest, longest) = bounds(&lengths);
+        longest / shortest
+    };
+    QualitySummary {
+        min_volume,
+        max_volume,
+        min_size,
+        max_size,
+        max_aspect: cells.iter().map(aspect).fold(1.0, f64::max),
+    }
+}

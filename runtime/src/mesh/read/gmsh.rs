@@ -1,0 +1,444 @@
+//! What both Gmsh formats share: header, physical names, element types, and the way from numbered
+//! nodes and elements to a [`RawMesh`].
+
+use std::collections::BTreeMap;
+
+use super::{Place, ReadError, cursor::Cursor};
+use crate::mesh::{CellId, CellKind, Group, GroupEntities, GroupFacet, NodeId, RawMesh};
+
+/// One of the supported element types.
+#[derive(Debug)]
+pub(super) struct ElementType {
+    code: i64,
+    pub(super) kind: CellKind,
+    order: usize,
+    /// Place in Gmsh's node list of each node of our Lagrange element.
+    nodes: &'static [usize],
+}
+
+const fn element_type(
+    code: i64,
+    kind: CellKind,
+    order: usize,
+    nodes: &'static [usize],
+) -> ElementType {
+    ElementType {
+        code,
+        kind,
+        order,
+        nodes,
+    }
+}
+
+/// Gmsh lists corners counter-clockwise and edges in its own order; ours are lexicographic on
+/// tensor cells, and edges (1,3), (2,3) of a tetrahedron change places.
+static ELEMENT_TYPES: [ElementType; 11] = [
+    element_type(15, CellKind::Point, 1, &[0]),
+    element_type(1, CellKind::Segment, 1, &[0, 1]),
+    element_type(2, CellKind::Triangle, 1, &[0, 1, 2]),
+    element_type(3, CellKind::Quadrilateral, 1, &[0, 1, 3, 2]),
+    element_type(4, CellKind::Tetrahedron, 1, &[0, 1, 2, 3]),
+    element_type(5, CellKind::Hexahedron, 1, &[0, 1, 3, 2, 4, 5, 7, 6]),
+    element_type(8, CellKind::Segment, 2, &[0, 1, 2]),
+    element_type(9, CellKind::Triangle, 2, &[0, 1, 2, 3, 4, 5]),
+    element_type(10, CellKind::Quadrilateral, 2, &[0, 4, 1, 7, 8, 5, 3, 6, 2]),
+    element_type(
+        11,
+        CellKind::Tetrahedron,
+        2,
+        &[0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
+    ),
+    element_type(
+        12,
+        CellKind::Hexahedron,
+        2,
+        &[
+            0, 8, 1, 9, 20, 11, 3, 13, 2, 10, 21, 12, 22, 26, 23, 15, 24, 14, 4, 16, 5, 17, 25, 18,
+            7, 19, 6,
+        ],
+    ),
+];
+
+/// The element type with this number. `place` is called only for an error: finding a line is slow.
+pub(super) fn find_type(
+    code: i64,
+    element: u64,
+    place: impl FnOnce() -> Place,
+) -> Result<&'static ElementType, ReadError> {
+    let found = ELEMENT_TYPES.iter().find(|t| t.code == code);
+    found.ok_or_else(|| ReadError::ElementType {
+        element,
+        code,
+        name: match code {
+            6 | 13 | 18 => "prism",
+            7 | 14 | 19 => "pyramid",
+            16 => "quadrilateral with 8 nodes",
+            17 => "hexahedron with 20 nodes",
+            20..=28 => "line or triangle of higher order",
+            29..=31 => "tetrahedron of higher order",
+            _ => "cell of unknown shape",
+        },
+        place: place(),
+    })
+}
+
+/// The version in the header, for files that look like Gmsh's.
+pub(super) fn version(bytes: &[u8]) -> Option<String> {
+    let mut cursor = Cursor::new(bytes);
+    while let Some(name) = cursor.section() {
+        if name == b"MeshFormat" {
+            let line = cursor.line().trim_ascii();
+            let word = line.split(u8::is_ascii_whitespace).next()?;
+            return Some(String::from_utf8_lossy(&word[..word.len().min(20)]).into_owned());
+        }
+        // A comment may come first; anything else is no Gmsh file.
+        if name != b"Comments" || cursor.skip_section(name).is_err() {
+            return None;
+        }
+    }
+    None
+}
+
+/// Reads the header, whose section name is already read, and sets the mode of the cursor.
+pub(super) fn header(cursor: &mut Cursor<'_>) -> Result<(), ReadError> {
+    cursor.double("the format version")?;
+    let binary = cursor.text_integer("the file type, 0 or 1")? == 1;
+    let size = cursor.text_integer("the size of a number")?;
+    if size != 8 {
+        let found = format!("with numbers of {size} bytes");
+        return Err(ReadError::Version { found });
+    }
+    cursor.line();
+    if binary {
+        cursor.binary = true;
+        let place = cursor.place();
+        // The file holds the int 1 in the order of bytes of its machine.
+        let found = cursor.integer("the number 1")?;
+        if found == 1 << 24 {
+            cursor.big_endian = true;
+        } else if found != 1 {
+            return Err(ReadError::Syntax {
+                needed: "the number 1",
+                found: found.to_string(),
+                place,
+            });
+        }
+    }
+    cursor.close("$EndMeshFormat")
+}
+
+/// Names of physical groups by dimension and number.
+pub(super) type Names = BTreeMap<(usize, i64), String>;
+
+/// Reads the names, whose section name is already read; they are text in binary files too.
+pub(super) fn names(cursor: &mut Cursor<'_>, names: &mut Names) -> Result<(), ReadError> {
+    let count = cursor.text_size("the number of names")?;
+    for _ in 0..count {
+        let dim = cursor.text_size("the dimension of a group")?;
+        let tag = cursor.text_integer("the number of a group")?;
+        let line = cursor.line().trim_ascii();
+        let name = line.strip_prefix(b"\"").and_then(|l| l.strip_suffix(b"\""));
+        let Some(name) = name else {
+            return Err(ReadError::Syntax {
+                needed: "a name in double quotes",
+                found: String::from_utf8_lossy(&line[..line.len().min(40)]).into_owned(),
+                place: cursor.place(),
+            });
+        };
+        let name = String::from_utf8_lossy(name).into_owned();
+        names.insert((dim.min(4) as usize, tag), name);
+    }
+    cursor.close("$EndPhysicalNames")
+}
+
+/// A run of elements of one type on one geometric entity.
+#[derive(Debug)]
+pub(super) struct Block {
+    pub(super) element_type: &'static ElementType,
+    /// Physical groups of the elements.
+    pub(super) groups: Vec<i64>,
+    /// Numbers of the elements.
+    pub(super) elements: Vec<u64>,
+    /// Node numbers of the file, all elements one after the other.
+    pub(super) nodes: Vec<u64>,
+}
+
+impl ElementType {
+    pub(super) fn n_nodes(&self) -> usize {
+        self.nodes.len()
+    }
+
+    fn dim(&self) -> usize {
+        self.kind.dim()
+    }
+}
+
+/// A Gmsh file without its syntax.
+#[derive(Debug, Default)]
+pub(super) struct Contents {
+    pub(super) names: Names,
+    pub(super) node_numbers: Vec<u64>,
+    pub(super) nodes: Vec<[f64; 3]>,
+    pub(super) blocks: Vec<Block>,
+}
+
+/// From node numbers of the file to positions.
+enum NodeMap {
+    /// `positions[number]`, `u32::MAX` where there is no such node.
+    Dense(Vec<u32>),
+    /// Sorted pairs, when the numbers are far apart.
+    Sparse(Vec<(u64, u32)>),
+}
+
+impl NodeMap {
+    fn new(numbers: &[u64]) -> Result<NodeMap, ReadError> {
+        let highest = numbers.iter().copied().max().unwrap_or(0);
+        if highest / 8 <= numbers.len() as u64 + 1000 {
+            let mut positions = vec![u32::MAX; highest as usize + 1];
+            for (position, number) in numbers.iter().enumerate() {
+                let slot = &mut positions[*number as usize];
+                if *slot != u32::MAX {
+                    return Err(ReadError::DuplicateNode { node: *number });
+                }
+                *slot = position as u32;
+            }
+            return Ok(NodeMap::Dense(positions));
+        }
+        let mut pairs: Vec<(u64, u32)> = numbers.iter().copied().zip(0..).collect();
+        pairs.sort_unstable();
+        match pairs.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+            Some(pair) => Err(ReadError::DuplicateNode { node: pair[0].0 }),
+            None => Ok(NodeMap::Sparse(pairs)),
+        }
+    }
+
+    fn find(&self, number: u64) -> Option<u32> {
+        match self {
+            NodeMap::Dense(positions) => {
+                let position = *positions.get(usize::try_from(number).ok()?)?;
+                (position != u32::MAX).then_some(position)
+            }
+            NodeMap::Sparse(pairs) => {
+                let place = pairs.binary_search_by_key(&number, |pair| pair.0).ok()?;
+                Some(pairs[place].1)
+            }
+        }
+    }
+}
+
+impl Contents {
+    /// The mesh of the elements of highest dimension; the others only fill groups.
+    pub(super) fn into_raw(self) -> Result<RawMesh, ReadError> {
+        let used = self.blocks.iter().filter(|b| !b.elements.is_empty());
+        let dim = used.map(|b| b.element_type.dim()).max().unwrap_or(0);
+        if dim == 0 {
+            let section = "Elements";
+            return Err(ReadError::MissingSection { section });
+        }
+        let order = self.order(dim)?;
+        let map = NodeMap::new(&self.node_numbers)?;
+        let mut raw = RawMesh {
+            dim,
+            order,
+            ..RawMesh::default()
+        };
+        let mut groups = Groups::default();
+        for block in &self.blocks {
+            if block.element_type.dim() == dim {
+                add_cells(block, &map, &mut raw, &mut groups)?;
+            } else {
+                add_lower(block, dim, &map, &mut groups)?;
+            }
+        }
+        merge_repeated(&mut raw, &mut groups);
+        self.check_flat(&raw)?;
+        raw.groups = groups.finish(&self.names, dim);
+        raw.nodes = self.nodes;
+        Ok(raw)
+    }
+
+    fn order(&self, dim: usize) -> Result<usize, ReadError> {
+        let example = |order: usize| {
+            let fits = |b: &&Block| b.element_type.dim() == dim && b.element_type.order == order;
+            self.blocks
+                .iter()
+                .filter(fits)
+                .find_map(|b| b.elements.first().copied())
+        };
+        match (example(1), example(2)) {
+            (Some(first), Some(second)) => Err(ReadError::MixedOrder { first, second }),
+            (_, Some(_)) => Ok(2),
+            _ => Ok(1),
+        }
+    }
+
+    /// Coordinates beyond the dimension must be the same for all nodes of cells, to rounding.
+    fn check_flat(&self, raw: &RawMesh) -> Result<(), ReadError> {
+        /// Part of the extent of the mesh that a flat mesh may be thick.
+        const THICKNESS: f64 = 1e-9;
+        let Some(first) = raw.connectivity.first() else {
+            return Ok(());
+        };
+        let start = self.nodes[*first as usize];
+        let used = raw
+            .connectivity
+            .iter()
+            .map(|n| (*n, self.nodes[*n as usize]));
+        let offset = |x: &[f64; 3], d: usize| (x[d] - start[d]).abs();
+        let extent = used
+            .clone()
+            .flat_map(|(_, x)| (0..3).map(move |d| offset(&x, d)))
+            .fold(0.0, f64::max);
+        let outside = |x: &[f64; 3]| (raw.dim..3).any(|d| offset(x, d) > THICKNESS * extent);
+        match used.into_iter().find(|(_, x)| outside(x)) {
+            None => Ok(()),
+            Some((node, _)) => Err(ReadError::NotFlat {
+                dim: raw.dim,
+                node: self.node_numbers[node as usize],
+            }),
+        }
+    }
+}
+
+/// Members of the groups by dimension and number.
+#[derive(Default)]
+struct Groups {
+    cells: BTreeMap<i64, Vec<CellId>>,
+    facets: BTreeMap<i64, Vec<GroupFacet>>,
+    nodes: BTreeMap<(usize, i64), Vec<NodeId>>,
+}
+
+fn resolve(map: &NodeMap, element: u64, node: u64) -> Result<u32, ReadError> {
+    map.find(node)
+        .ok_or(ReadError::MissingNode { element, node })
+}
+
+fn add_cells(
+    block: &Block,
+    map: &NodeMap,
+    raw: &mut RawMesh,
+    groups: &mut Groups,
+) -> Result<(), ReadError> {
+    let places = block.element_type.nodes;
+    let first = raw.kinds.len();
+    for (element, nodes) in block
+        .elements
+        .iter()
+        .zip(block.nodes.chunks_exact(places.len()))
+    {
+        for place in places {
+            raw.connectivity
+                .push(resolve(map, *element, nodes[*place])?);
+        }
+        raw.kinds.push(block.element_type.kind);
+    }
+    for group in &block.groups {
+        let members = groups.cells.entry(*group).or_default();
+        members.extend((first..raw.kinds.len()).map(CellId::new));
+    }
+    Ok(())
+}
+
+fn add_lower(
+    block: &Block,
+    dim: usize,
+    map: &NodeMap,
+    groups: &mut Groups,
+) -> Result<(), ReadError> {
+    let (kind, n) = (block.element_type.kind, block.element_type.n_nodes());
+    for (element, numbers) in block.elements.iter().zip(block.nodes.chunks_exact(n)) {
+        // Resolved also without a group: a missing node is an error of the file.
+        let mut nodes = [NodeId::new(0); 9];
+        for (node, number) in nodes.iter_mut().zip(numbers) {
+            *node = NodeId::new(resolve(map, *element, *number)? as usize);
+        }
+        for group in &block.groups {
+            if kind.dim() + 1 == dim {
+                // Corners come first in Gmsh's lists, whatever the order.
+                let corner = |i: usize| nodes[if i < kind.n_vertices() { i } else { 0 }];
+                let mut vertices = std::array::from_fn(corner);
+                if kind == CellKind::Quadrilateral {
+                    vertices.swap(2, 3);
+                }
+                let facets = groups.facets.entry(*group).or_default();
+                facets.push(GroupFacet { kind, vertices });
+            } else {
+                let members = groups.nodes.entry((kind.dim(), *group)).or_default();
+                members.extend_from_slice(&nodes[..n]);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// MSH 2 writes an element once for each of its groups: such copies become one cell.
+fn merge_repeated(raw: &mut RawMesh, groups: &mut Groups) {
+    if groups.cells.len() < 2 {
+        return;
+    }
+    let mut starts = Vec::with_capacity(raw.kinds.len() + 1);
+    starts.push(0);
+    for kind in &raw.kinds {
+        let counts = |t: &&ElementType| t.kind == *kind && t.order == raw.order;
+        let element_type = ELEMENT_TYPES.iter().find(counts);
+        let n = element_type.map_or(1, ElementType::n_nodes);
+        starts.push(starts[starts.len() - 1] + n);
+    }
+    let nodes = |cell: u32| &raw.connectivity[starts[cell as usize]..starts[cell as usize + 1]];
+    let mut order: Vec<u32> = (0..raw.kinds.len() as u32).collect();
+    order.sort_unstable_by(|a, b| nodes(*a).cmp(nodes(*b)).then(a.cmp(b)));
+    let mut original: Vec<u32> = (0..raw.kinds.len() as u32).collect();
+    for same in order.chunk_by(|a, b| nodes(*a) == nodes(*b)) {
+        for cell in same {
+            original[*cell as usize] = same[0];
+        }
+    }
+    if original.iter().zip(0..).all(|(first, cell)| *first == cell) {
+        return;
+    }
+    let (mut kinds, mut connectivity, mut renumbered) = (Vec::new(), Vec::new(), Vec::new());
+    for (cell, first) in original.iter().enumerate() {
+        if *first as usize == cell {
+            renumbered.push(CellId::new(kinds.len()));
+            kinds.push(raw.kinds[cell]);
+            connectivity.extend_from_slice(nodes(cell as u32));
+        } else {
+            renumbered.push(renumbered[*first as usize]);
+        }
+    }
+    for members in groups.cells.values_mut() {
+        for cell in members {
+            *cell = renumbered[cell.index()];
+        }
+    }
+    (raw.kinds, raw.connectivity) = (kinds, connectivity);
+}
+
+impl Groups {
+    fn finish(self, names: &Names, dim: usize) -> Vec<Group> {
+        fn unique<T: Ord>(mut members: Vec<T>) -> Vec<T> {
+            members.sort_unstable();
+            members.dedup();
+            members
+        }
+        let group = |dim: usize, tag: i64, entities| Group {
+            name: names.get(&(dim, tag)).cloned().unwrap_or_else(|| {
+                let what = ["point", "curve", "surface", "volume"][dim];
+                format!("{what}_{tag}")
+            }),
+            dim,
+            entities,
+        };
+        let mut groups = Vec::new();
+        for (tag, cells) in self.cells {
+            groups.push(group(dim, tag, GroupEntities::Cells(unique(cells))));
+        }
+        for (tag, facets) in self.facets {
+            groups.push(group(dim - 1, tag, GroupEntities::Facets(unique(facets))));
+        }
+        for ((dim, tag), nodes) in self.nodes {
+            groups.push(group(dim, tag, GroupEntities::Nodes(unique(nodes))));
+        }
+        groups
+    }
+}

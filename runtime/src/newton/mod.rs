@@ -1,0 +1,255 @@
+//! Newton's method on the assembled problem: exact tangents, a line search over the kinks, honest stopping.
+//!
+//! The residual of each field is measured relative to its own scale ([`System::scales`]). An iteration stops at the
+//! tolerance, or at the rounding floor (a multiple of the unit roundoff times |K||u|) and says which. A full step
+//! that does not reduce the residual is halved: a plain Newton method on contact has stick/slip two-cycles.
+
+mod history;
+
+use std::time::Instant;
+
+pub use history::{Iteration, Seconds, StepHistory, Stop};
+
+use thiserror::Error;
+
+use crate::{
+    assemble::TermError,
+    solve::SolveError,
+    strategy::Strategy,
+    system::{System, SystemError},
+};
+
+/// When an iteration stops and how it searches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NewtonOptions {
+    /// Largest relative residual of a converged step.
+    pub tolerance: f64,
+    /// Most iterations in a step.
+    pub max_iterations: usize,
+    /// Line search on; off takes every full step.
+    pub search: bool,
+}
+
+/// Default relative tolerance.
+pub const DEFAULT_TOLERANCE: f64 = 1e-10;
+
+impl Default for NewtonOptions {
+    fn default() -> Self {
+        Self { tolerance: DEFAULT_TOLERANCE, max_iterations: 50, search: true }
+    }
+}
+
+/// Halvings of a step before the best one seen is taken.
+const MAX_HALVINGS: usize = 10;
+/// A step is accepted when it reduces the residual norm by this part of its length.
+const SUFFICIENT: f64 = 1e-4;
+/// The rounding floor in units of roundoff times |K||u|.
+const FLOOR_FACTOR: f64 = 4.0;
+
+/// Why a step cannot go on.
+#[derive(Debug, Error)]
+pub enum NewtonError {
+    /// A term gave a number that is not finite.
+    #[error(transparent)]
+    Term(#[from] TermError),
+    /// A step could not be assembled.
+    #[error(transparent)]
+    System(#[from] SystemError),
+    /// A linear system could not be solved.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+}
+
+/// What to tell while a step runs.
+pub trait Watch {
+    /// After each iteration.
+    fn iteration(&mut self, _iteration: &Iteration) {}
+}
+
+/// Watches nothing.
+pub struct Silent;
+
+impl Watch for Silent {}
+
+/// A residual with its measures.
+struct Measured {
+    residual: Vec<f64>,
+    /// Largest over the fields of residual over scale.
+    relative: f64,
+    /// What rounding leaves of it.
+    floor: f64,
+    /// Weighted 2-norm over the free dofs, for the search.
+    norm: f64,
+}
+
+/// Solves one step from `u`, which holds the prescribed values already; leaves the best state in `u`.
+///
+/// # Errors
+/// [`NewtonError`]; a step that does not converge is no error but is marked in the history.
+pub fn solve_step(
+    system: &mut System,
+    strategy: &mut Strategy,
+    u: &mut [f64],
+    options: NewtonOptions,
+    watch: &mut dyn Watch,
+) -> Result<StepHistory, NewtonError> {
+    let mut history = StepHistory::default();
+    let mut weights = vec![1.0; system.fields.len()];
+    let begin = Instant::now();
+    let mut here = measure(system, u, &weights)?;
+    history.seconds.assemble += begin.elapsed().as_secs_f64();
+    history.push(watch, 0, &here, 1.0, system);
+    let mut direction = Vec::new();
+    let mut rhs = Vec::new();
+    for iteration in 1..=options.max_iterations {
+        if let Some(stop) = stopped(&here, options) {
+            history.stop = Some(stop);
+            return Ok(history);
+        }
+        let begin = Instant::now();
+        system.tangent(u)?;
+        history.seconds.assemble += begin.elapsed().as_secs_f64();
+        weights = system_weights(system);
+        here.norm = weighted_norm(system, &here.residual, &weights);
+        let begin = Instant::now();
+        strategy.update(system)?;
+        history.seconds.factor += begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
+        system.numbering.gather(&here.residual, &mut rhs);
+        rhs.iter_mut().for_each(|r| *r = -*r);
+        let report = strategy.solve(&rhs, &mut direction)?;
+        history.solves.push(report);
+        history.seconds.solve += begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
+        let (alpha, next) = advance(system, u, &direction, &here, &weights, options)?;
+        history.seconds.assemble += begin.elapsed().as_secs_f64();
+        here = next;
+        history.push(watch, iteration, &here, alpha, system);
+    }
+    history.stop = Some(stopped(&here, options).unwrap_or(Stop::MaxIterations));
+    Ok(history)
+}
+
+fn stopped(here: &Measured, options: NewtonOptions) -> Option<Stop> {
+    if here.relative <= options.tolerance {
+        return Some(Stop::Tolerance);
+    }
+    (here.relative <= here.floor).then_some(Stop::Floor)
+}
+
+/// Takes the full step, or the first halved one that reduces the residual, or the best of those tried.
+fn advance(
+    system: &mut System,
+    u: &mut [f64],
+    direction: &[f64],
+    here: &Measured,
+    weights: &[f64],
+    options: NewtonOptions,
+) -> Result<(f64, Measured), NewtonError> {
+    let start: Vec<f64> = u.to_vec();
+    let mut best: Option<(f64, Measured)> = None;
+    let mut alpha = 1.0;
+    for _ in 0..=MAX_HALVINGS {
+        step_to(system, &start, direction, alpha, u);
+        match measure(system, u, weights) {
+            Ok(found) => {
+                let enough = found.norm <= (1.0 - SUFFICIENT * alpha) * here.norm;
+                if enough || !options.search || stopped(&found, options).is_some() {
+                    return Ok((alpha, found));
+                }
+                if best.as_ref().is_none_or(|(_, b)| found.norm < b.norm) {
+                    best = Some((alpha, found));
+                }
+            }
+            // a step out of the domain of a function (log of a negative number) is too long
+            Err(e) if alpha <= 1.0 / f64::from(1u32 << MAX_HALVINGS) && best.is_none() => return Err(e.into()),
+            Err(_) => {}
+        }
+        alpha *= 0.5;
+    }
+    // measured again, so that the branches reported are those of the state that is kept
+    let alpha = best.map_or(0.0, |(alpha, _)| alpha);
+    step_to(system, &start, direction, alpha, u);
+    Ok((alpha, measure(system, u, weights)?))
+}
+
+fn step_to(system: &System, start: &[f64], direction: &[f64], alpha: f64, u: &mut [f64]) {
+    u.copy_from_slice(start);
+    for (d, x) in system.numbering.free_dofs.iter().zip(direction) {
+        u[*d as usize] += alpha * x;
+    }
+}
+
+fn measure(system: &mut System, u: &[f64], weights: &[f64]) -> Result<Measured, TermError> {
+    let mut residual = Vec::new();
+    system.residual(u, &mut residual)?;
+    let scales = system.scales(u);
+    let magnitudes = system.magnitudes(u);
+    let (mut relative, mut floor) = (0.0f64, 0.0f64);
+    for field in 0..system.fields.len() {
+        let Some(range) = system.range(field) else { continue };
+        let (mut largest, mut cancelled) = (0.0f64, 0.0f64);
+        for d in range {
+            cancelled = cancelled.max(magnitudes[d]);
+            if system.numbering.free[d] != crate::system::FIXED {
+                largest = largest.max(residual[d].abs());
+            }
+        }
+        if largest > 0.0 {
+            relative = relative.max(largest / scales[field]);
+            floor = floor.max(FLOOR_FACTOR * f64::EPSILON * cancelled / scales[field]);
+        }
+    }
+    let norm = weighted_norm(system, &residual, weights);
+    Ok(Measured { residual, relative, floor, norm })
+}
+
+fn weighted_norm(system: &System, residual: &[f64], weights: &[f64]) -> f64 {
+    let mut total = 0.0;
+    for (field, weight) in weights.iter().enumerate() {
+        let Some(range) = system.range(field) else { continue };
+        for d in range {
+            if system.numbering.free[d] != crate::system::FIXED {
+                total += (weight * residual[d]).powi(2);
+            }
+        }
+    }
+    total.sqrt()
+}
+
+/// Factors that bring the equations of multipliers to the units of forces: the ratio of the largest entries of the
+/// displacement rows to those of the multiplier rows in the columns of the other unknowns.
+fn system_weights(system: &System) -> Vec<f64> {
+    use wfl_compiler::types::FieldKind;
+    let field_of = |free: usize| {
+        let dof = system.numbering.free_dofs[free] as usize;
+        (0..system.fields.len()).find(|f| system.range(*f).is_some_and(|r| r.contains(&dof)))
+    };
+    let mut weights = vec![1.0; system.fields.len()];
+    if system.fields.iter().all(|f| f.kind != FieldKind::Multiplier) {
+        return weights;
+    }
+    let kind = |f: usize| system.fields[f].kind;
+    let mut stiffness = 0.0f64;
+    let mut coupling = vec![0.0f64; system.fields.len()];
+    let fields: Vec<Option<usize>> = (0..system.numbering.n_free()).map(field_of).collect();
+    for (row, field) in fields.iter().enumerate() {
+        let Some(f) = *field else { continue };
+        let (columns, values) = system.changing().row(row);
+        for (column, value) in columns.iter().zip(values) {
+            if fields[*column as usize].is_some_and(|c| kind(c) != FieldKind::Multiplier) {
+                if kind(f) == FieldKind::Multiplier {
+                    coupling[f] = coupling[f].max(value.abs());
+                } else {
+                    stiffness = stiffness.max(value.abs());
+                }
+            }
+        }
+    }
+    for (f, weight) in weights.iter_mut().enumerate() {
+        if kind(f) == FieldKind::Multiplier && coupling[f] > 0.0 && stiffness > 0.0 {
+            *weight = stiffness / coupling[f];
+        }
+    }
+    weights
+}

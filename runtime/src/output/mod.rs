@@ -1,0 +1,122 @@
+//! Results on disk: grids for viewers (VTK), tables (CSV) and the report of a run (JSON).
+//!
+//! Promises: plain types in, files out; a file appears under its name whole or not at all; the
+//! same input gives the same bytes; a folder never shows steps of two runs as one result.
+//! Does not know meshes, fields or solvers, does not choose what is written or when, and reads
+//! nothing back except names of files.
+
+mod atomic;
+mod csv;
+mod grid;
+mod ordered;
+mod report;
+#[cfg(test)]
+mod scratch;
+mod series;
+mod vtk_cell;
+mod vtu;
+
+pub use atomic::{OutputDir, step_name};
+pub use csv::{CsvField, write_csv, write_csv_fields};
+pub use grid::{Array, Cells, Piece, VtuError};
+pub use ordered::OrderedMap;
+pub use report::{
+    Check, ContactCounts, MeshReport, ParameterValue, REPORT_FILE, Real, Report, StepReport, Stop,
+    Timings, peak_memory_bytes, write_report,
+};
+pub use series::Series;
+pub use vtk_cell::{VtkCell, vtk_order};
+pub use vtu::write_vtu;
+
+use std::io;
+use std::path::PathBuf;
+
+/// Why a result could not be written. Every variant names the file or folder.
+#[derive(Debug, thiserror::Error)]
+pub enum OutputError {
+    /// The output folder, or a part of its path, exists and is not a folder.
+    #[error("`{}` cannot be an output folder: `{}` is not a folder", path.display(), obstacle.display())]
+    NotADirectory {
+        /// The folder asked for.
+        path: PathBuf,
+        /// The part of the path that is in the way.
+        obstacle: PathBuf,
+    },
+    /// The output folder does not exist and cannot be made.
+    #[error("cannot make the output folder `{}`: {source}", path.display())]
+    CannotCreate {
+        /// The folder asked for.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The output folder exists, but no file can be made in it.
+    #[error("the output folder `{}` is not writable: {source}", path.display())]
+    NotWritable {
+        /// The folder asked for.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Another run is writing into the folder.
+    #[error("the output folder `{}` is in use by another run", path.display())]
+    InUse {
+        /// The folder asked for.
+        path: PathBuf,
+    },
+    /// A name that is not one plain, visible file name.
+    #[error("`{}` is not a file name: {reason}", name.escape_default())]
+    BadName {
+        /// The name given.
+        name: String,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+    /// Writing, syncing or renaming failed; the file keeps its former content, if it had one.
+    #[error("cannot write `{}`: {source}", file.display())]
+    Write {
+        /// The file under its final name.
+        file: PathBuf,
+        /// What the system said; `StorageFull` when the disc is full.
+        source: io::Error,
+    },
+    /// A file of an earlier run could not be found or removed.
+    #[error("cannot remove `{}` of an earlier run: {source}", file.display())]
+    Remove {
+        /// The file, or the folder if it could not be listed.
+        file: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A grid that contradicts itself; nothing was written.
+    #[error("cannot write `{}`: {source}", file.display())]
+    Vtu {
+        /// The file under its final name.
+        file: PathBuf,
+        /// The contradiction.
+        source: VtuError,
+    },
+    /// The time of a step is NaN or infinite; nothing was written.
+    #[error("cannot write `{}`: the time of the step is {time}", file.display())]
+    Time {
+        /// The file under its final name.
+        file: PathBuf,
+        /// The time given.
+        time: f64,
+    },
+    /// A row of a table has not one entry for each column; nothing was written.
+    #[error(
+        "cannot write `{}`: row {row} has {found} entries, the table has {expected} columns",
+        file.display()
+    )]
+    RowLength {
+        /// The file under its final name.
+        file: PathBuf,
+        /// Row, counted from 0 below the header.
+        row: usize,
+        /// Number of columns.
+        expected: usize,
+        /// Number of entries of the row.
+        found: usize,
+    },
+}

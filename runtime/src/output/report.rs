@@ -1,0 +1,369 @@
+//! `report.json`: what a run was given, what it did and what it found.
+//!
+//! Promises: keys in the order of the types below, parameters, measures and checks in the order of
+//! declaration; times in seconds; numbers with the fewest digits that determine them.
+//! JSON has no NaN and no infinity: a number that is not finite is written as `null` and read as
+//! NaN, so `null` in place of a number means "computed, and not finite". Only
+//! `peak_memory_bytes` and `contact` are also `null` where there is nothing to say.
+//! Does not measure time or judge results: the caller fills in what it knows.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::{OrderedMap, OutputDir, OutputError};
+
+/// The name of the report in the output folder.
+pub const REPORT_FILE: &str = "report.json";
+
+/// The report of one run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// The scene as the user named it.
+    pub scene: String,
+    /// Version of the program.
+    pub version: String,
+    /// Parameters with the values used, in the order of declaration.
+    pub parameters: OrderedMap<ParameterValue>,
+    /// The mesh.
+    pub mesh: MeshReport,
+    /// Number of unknowns of the system.
+    pub dofs: u64,
+    /// Number of threads.
+    pub threads: u64,
+    /// Largest resident memory of the process, see [`peak_memory_bytes`].
+    pub peak_memory_bytes: Option<u64>,
+    /// Where the time went.
+    pub timings: Timings,
+    /// One entry a step tried, also for steps that did not converge.
+    pub steps: Vec<StepReport>,
+    /// Conditions that were to hold.
+    pub checks: OrderedMap<Check>,
+    /// Unknowns of each field; left out of the file if empty.
+    #[serde(default, skip_serializing_if = "OrderedMap::is_empty")]
+    pub fields: OrderedMap<u64>,
+    /// The linear and the nonlinear solver in words; left out of the file if `None`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub solver: Option<String>,
+    /// Warnings of the run; left out of the file if empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+    /// What was asked for and not done; left out of the file if empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
+}
+
+/// A number that may be NaN or infinite: then `null` in JSON, which is read as NaN.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+pub struct Real(pub f64);
+
+impl From<f64> for Real {
+    fn from(number: f64) -> Self {
+        Real(number)
+    }
+}
+
+impl Serialize for Real {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Real(number) = *self;
+        number.is_finite().then_some(number).serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Real {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let number = Option::<f64>::deserialize(deserializer)?;
+        Ok(Real(number.unwrap_or(f64::NAN)))
+    }
+}
+
+/// The value of a parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum ParameterValue {
+    /// A number.
+    Number(Real),
+    /// A text, such as the name of a file.
+    Text(String),
+    /// The entries of a vector.
+    Vector(Vec<Real>),
+    /// The rows of a matrix.
+    Matrix(Vec<Vec<Real>>),
+}
+
+impl From<f64> for ParameterValue {
+    fn from(number: f64) -> Self {
+        ParameterValue::Number(Real(number))
+    }
+}
+
+impl From<&str> for ParameterValue {
+    fn from(text: &str) -> Self {
+        ParameterValue::Text(text.to_owned())
+    }
+}
+
+impl From<&[f64]> for ParameterValue {
+    fn from(entries: &[f64]) -> Self {
+        ParameterValue::Vector(entries.iter().copied().map(Real).collect())
+    }
+}
+
+/// The mesh in numbers.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MeshReport {
+    /// Dimension of the space.
+    pub dim: u64,
+    /// Number of cells.
+    pub cells: u64,
+    /// Number of nodes.
+    pub nodes: u64,
+    /// Number of cells of each kind.
+    pub kinds: OrderedMap<u64>,
+    /// Where it came from: the file, or the generator with its arguments.
+    pub source: String,
+}
+
+/// Wall times in seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Timings {
+    /// Reading the scene.
+    pub parse: f64,
+    /// Compiling its terms.
+    pub compile: f64,
+    /// Reading or generating the mesh.
+    pub mesh: f64,
+    /// Residuals and tangents.
+    pub assemble: f64,
+    /// Factorisations.
+    pub factor: f64,
+    /// Solutions with a factorised system.
+    pub solve: f64,
+    /// Writing results.
+    pub write: f64,
+    /// From start to end; more than the sum of the others.
+    pub total: f64,
+}
+
+/// Why the iterations of a step ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Stop {
+    /// The residual is below the tolerance.
+    Tolerance,
+    /// The residual is as small as rounding allows.
+    Floor,
+    /// The largest number of iterations was reached.
+    Maxit,
+}
+
+/// One step of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StepReport {
+    /// The `t` of the scene.
+    pub t: Real,
+    /// Whether the step counts as solved.
+    pub converged: bool,
+    /// Why its iterations ended.
+    pub stop: Stop,
+    /// Number of linear systems solved for it.
+    pub iterations: u64,
+    /// Norm of the residual before the first and after every iteration.
+    pub residual: Vec<Real>,
+    /// Contact points at the end; `None` if the scene has no contact.
+    pub contact: Option<ContactCounts>,
+    /// Measures at the end, in the order of declaration.
+    pub measures: OrderedMap<Real>,
+}
+
+/// Quadrature points of the contact interfaces by what they do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ContactCounts {
+    /// Points without contact.
+    pub open: u64,
+    /// Points in contact that slide.
+    pub slip: u64,
+    /// Points in contact that stick.
+    pub stick: u64,
+}
+
+/// A condition with the numbers behind it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Check {
+    /// What was found.
+    pub value: Real,
+    /// The largest value allowed, in the unit of the value.
+    pub tolerance: Real,
+    /// Whether the condition holds.
+    pub ok: bool,
+}
+
+impl Check {
+    /// Holds if `value <= tolerance`; never for NaN.
+    #[must_use]
+    pub fn at_most(tolerance: f64, value: f64) -> Self {
+        Check {
+            value: Real(value),
+            tolerance: Real(tolerance),
+            ok: value <= tolerance,
+        }
+    }
+}
+
+/// Writes the report as [`REPORT_FILE`] and returns its path.
+///
+/// # Errors
+/// [`OutputError::Write`]; a former report is then kept.
+pub fn write_report(dir: &OutputDir, report: &Report) -> Result<PathBuf, OutputError> {
+    dir.write_atomic(REPORT_FILE, |out| {
+        serde_json::to_writer_pretty(&mut *out, report)?;
+        out.write_all(b"\n")
+    })
+}
+
+/// Largest resident memory of this process up to now, in bytes: `VmHWM` of `/proc/self/status`;
+/// `None` where the system has no such file.
+#[must_use]
+pub fn peak_memory_bytes() -> Option<u64> {
+    peak_of_status(&std::fs::read_to_string("/proc/self/status").ok()?)
+}
+
+/// The line reads `VmHWM:    12345 kB`; the unit is fixed and means 1024 bytes, see proc(5).
+fn peak_of_status(status: &str) -> Option<u64> {
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kibibytes.checked_mul(1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scratch::Scratch;
+    use super::*;
+
+    fn sample() -> Report {
+        Report {
+            scene: "hertz.wfl".into(),
+            version: "0.1.0".into(),
+            parameters: [
+                ("young", ParameterValue::from(2.1e11)),
+                ("axis", ParameterValue::from(&[0.0, 1.0][..])),
+                ("law", ParameterValue::from("coulomb")),
+                (
+                    "fabric",
+                    ParameterValue::Matrix(vec![vec![Real(1.0)], vec![Real(0.5)]]),
+                ),
+            ]
+            .into_iter()
+            .collect(),
+            mesh: MeshReport {
+                dim: 2,
+                cells: 8,
+                nodes: 15,
+                kinds: [("quadrilateral", 8)].into_iter().collect(),
+                source: "box".into(),
+            },
+            dofs: 30,
+            threads: 2,
+            peak_memory_bytes: None,
+            timings: Timings::default(),
+            steps: vec![StepReport {
+                t: Real(0.1),
+                converged: true,
+                stop: Stop::Maxit,
+                iterations: 2,
+                residual: vec![Real(1.0), Real(f64::INFINITY), Real(1.0 / 3.0)],
+                contact: Some(ContactCounts {
+                    open: 1,
+                    slip: 2,
+                    stick: 3,
+                }),
+                measures: [("force", Real(-5e-324))].into_iter().collect(),
+            }],
+            checks: [("residual", Check::at_most(1e-8, 1e-9))]
+                .into_iter()
+                .collect(),
+            ..Report::default()
+        }
+    }
+
+    #[test]
+    fn the_file_is_the_documented_one() {
+        let scratch = Scratch::new();
+        let dir = OutputDir::create(scratch.path()).unwrap();
+        write_report(&dir, &sample()).unwrap();
+        let text = scratch.read(REPORT_FILE);
+        assert!(text.ends_with("}\n"));
+        let compact: String = text.split_whitespace().collect();
+        let expected = [
+            r#"{"scene":"hertz.wfl","version":"0.1.0","#,
+            r#""parameters":{"young":210000000000.0,"axis":[0.0,1.0],"law":"coulomb","#,
+            r#""fabric":[[1.0],[0.5]]},"#,
+            r#""mesh":{"dim":2,"cells":8,"nodes":15,"kinds":{"quadrilateral":8},"source":"box"},"#,
+            r#""dofs":30,"threads":2,"peak_memory_bytes":null,"#,
+            r#""timings":{"parse":0.0,"compile":0.0,"mesh":0.0,"assemble":0.0,"factor":0.0,"#,
+            r#""solve":0.0,"write":0.0,"total":0.0},"#,
+            r#""steps":[{"t":0.1,"converged":true,"stop":"maxit","iterations":2,"#,
+            r#""residual":[1.0,null,0.3333333333333333],"#,
+            r#""contact":{"open":1,"slip":2,"stick":3},"measures":{"force":-5e-324}}],"#,
+            r#""checks":{"residual":{"value":1e-9,"tolerance":1e-8,"ok":true}}}"#,
+        ];
+        assert_eq!(compact, expected.concat());
+    }
+
+    #[test]
+    fn a_report_reads_back_as_it_was() {
+        let mut report = sample();
+        report.steps[0].residual.truncate(1); // NaN is not equal to itself
+        report.peak_memory_bytes = Some(1 << 40);
+        report.fields.insert("u", 28_u64);
+        report.solver = Some("Newton, LU".into());
+        report.warnings.push("line\n\"two\"".into());
+        report.left_out.push("restart".into());
+        let json = serde_json::to_string(&report).unwrap();
+        assert_eq!(serde_json::from_str::<Report>(&json).unwrap(), report);
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_null_and_read_as_nan() {
+        for number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let value = ParameterValue::from(number);
+            assert_eq!(serde_json::to_string(&value).unwrap(), "null");
+        }
+        let step: Vec<Real> = serde_json::from_str("[null, 2]").unwrap();
+        assert!(step[0].0.is_nan());
+        assert_eq!(step[1], Real(2.0));
+        assert!(matches!(
+            serde_json::from_str("null").unwrap(),
+            ParameterValue::Number(Real(number)) if number.is_nan()
+        ));
+    }
+
+    #[test]
+    fn a_check_of_nan_fails() {
+        assert!(!Check::at_most(1.0, f64::NAN).ok);
+        assert!(!Check::at_most(1.0, 1.5).ok);
+        assert!(Check::at_most(1.0, 1.0).ok);
+    }
+
+    #[test]
+    fn peak_memory_is_read_in_bytes() {
+        let status = "Name:\twfl\nVmPeak:\t  900 kB\nVmHWM:\t  123 kB\nVmRSS:\t 100 kB\n";
+        assert_eq!(peak_of_status(status), Some(123 * 1024));
+        assert_eq!(peak_of_status("VmRSS:\t 100 kB\n"), None);
+        assert_eq!(peak_of_status("VmHWM:\t many kB\n"), None);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn peak_memory_sees_a_large_block() {
+        let Some(before) = peak_memory_bytes() else {
+            return; // sandboxes may hide the line
+        };
+        let block = std::hint::black_box(vec![1_u8; 64 << 20]);
+        let after = peak_memory_bytes().unwrap();
+        assert!(after >= 64 << 20 && after >= before, "{before} {after}");
+        drop(block);
+    }
+}

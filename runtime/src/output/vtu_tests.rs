@@ -1,0 +1,299 @@
+//! Tests of the grid writer: files are read back by a small reader that shares no code with it.
+
+use std::fs;
+
+use super::super::scratch::Scratch;
+use super::*;
+
+/// One `DataArray` as a reader sees it.
+#[derive(Debug)]
+struct Read {
+    section: String,
+    name: String,
+    components: usize,
+    bytes: Vec<u8>,
+}
+
+impl Read {
+    fn floats(&self) -> Vec<f64> {
+        let words = self.bytes.chunks_exact(8);
+        words
+            .map(|w| f64::from_le_bytes(w.try_into().unwrap()))
+            .collect()
+    }
+
+    fn integers(&self) -> Vec<i64> {
+        let words = self.bytes.chunks_exact(8);
+        words
+            .map(|w| i64::from_le_bytes(w.try_into().unwrap()))
+            .collect()
+    }
+}
+
+fn attribute<'t>(line: &'t str, key: &str) -> &'t str {
+    let start = line.find(&format!(" {key}=\"")).unwrap() + key.len() + 3;
+    line[start..].split('"').next().unwrap()
+}
+
+/// All arrays of a file; checks that blocks follow each other without gap up to the end.
+fn read(file: &[u8]) -> Vec<Read> {
+    let mark = b"<AppendedData encoding=\"raw\">\n_";
+    let at = file.windows(mark.len()).position(|w| w == mark).unwrap();
+    let header = str::from_utf8(&file[..at]).unwrap();
+    let data = &file[at + mark.len()..];
+    let mut end = 0;
+    let mut section = String::new();
+    let mut arrays = Vec::new();
+    for line in header.lines() {
+        if line.starts_with("<DataArray ") {
+            let offset: usize = attribute(line, "offset").parse().unwrap();
+            assert_eq!(offset, end, "{line}");
+            let length = data[offset..offset + 8].try_into().unwrap();
+            end = offset + 8 + usize::try_from(u64::from_le_bytes(length)).unwrap();
+            arrays.push(Read {
+                section: section.clone(),
+                name: attribute(line, "Name").to_owned(),
+                components: attribute(line, "NumberOfComponents").parse().unwrap(),
+                bytes: data[offset + 8..end].to_vec(),
+            });
+        } else {
+            section = line.to_owned();
+        }
+    }
+    assert_eq!(&data[end..], b"\n</AppendedData>\n</VTKFile>\n");
+    arrays
+}
+
+fn write(pieces: &[Piece], time: Option<f64>) -> Result<Vec<Read>, OutputError> {
+    let scratch = Scratch::new();
+    let dir = OutputDir::create(scratch.path()).unwrap();
+    let file = write_vtu(&dir, "grid.vtu", time, pieces);
+    file.map(|file| read(&fs::read(file).unwrap()))
+}
+
+fn fault(pieces: &[Piece]) -> VtuError {
+    match write(pieces, None) {
+        Err(OutputError::Vtu { file, source }) => {
+            assert!(file.ends_with("grid.vtu"));
+            source
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+fn array(name: &str, components: usize, values: &[f64]) -> Array {
+    Array {
+        name: name.into(),
+        components,
+        values: values.to_vec(),
+    }
+}
+
+/// A unit square of one quadrilateral and one triangle beside it.
+fn square() -> Piece {
+    let mut cells = Cells::default();
+    cells.push_local(VtkCell::Quad, &[0, 1, 2, 3]);
+    cells.push(VtkCell::Triangle, &[1, 4, 3]);
+    Piece {
+        points: vec![
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [1.0, 1.0, 0.0],
+            [2.0, 0.5, 0.0],
+        ],
+        cells,
+        point_data: vec![array(
+            "u",
+            2,
+            &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 0.1],
+        )],
+        cell_data: vec![array("p", 1, &[-0.0, 5e-324])],
+    }
+}
+
+/// Two nodes and the line between them.
+fn line() -> Piece {
+    Piece {
+        points: vec![[0.0; 3], [1.0, 0.0, 0.0]],
+        cells: [(VtkCell::Line, vec![0, 1])].into_iter().collect(),
+        point_data: vec![array("lambda", 1, &[0.25, -0.5])],
+        cell_data: Vec::new(),
+    }
+}
+
+#[test]
+fn a_mixed_grid_reads_back_bit_for_bit() {
+    let arrays = write(&[square()], Some(1.0 / 3.0)).unwrap();
+    let names: Vec<(&str, &str)> = arrays
+        .iter()
+        .map(|a| (a.section.as_str(), a.name.as_str()))
+        .collect();
+    assert_eq!(
+        names,
+        [
+            ("<FieldData>", "TimeValue"),
+            ("<Points>", "Points"),
+            ("<Cells>", "connectivity"),
+            ("<Cells>", "offsets"),
+            ("<Cells>", "types"),
+            ("<PointData>", "u"),
+            ("<CellData>", "p"),
+        ]
+    );
+    assert_eq!(arrays[0].floats(), [1.0 / 3.0]);
+    assert_eq!(arrays[1].floats(), square().points.as_flattened());
+    assert_eq!(arrays[2].integers(), [0, 1, 3, 2, 1, 4, 3]);
+    assert_eq!(arrays[3].integers(), [4, 7]);
+    assert_eq!(arrays[4].bytes, [9, 5]);
+    assert_eq!(arrays[5].components, 3);
+    let u = [
+        1.0, 2.0, 0.0, 3.0, 4.0, 0.0, 5.0, 6.0, 0.0, 7.0, 8.0, 0.0, 9.0, 0.1, 0.0,
+    ];
+    assert_eq!(arrays[5].floats(), u);
+    let bits: Vec<u64> = arrays[6].floats().iter().map(|x| x.to_bits()).collect();
+    assert_eq!(bits, [1 << 63, 1]);
+}
+
+#[test]
+fn blocks_longer_than_the_buffer_are_whole() {
+    let n = 3 * CHUNK;
+    let values: Vec<f64> = (0..2 * n).map(|i| i as f64).collect();
+    let piece = Piece {
+        points: vec![[0.5; 3]; n],
+        point_data: vec![array("u", 2, &values), array("p", 1, &values[..n])],
+        ..Piece::default()
+    };
+    let arrays = write(&[piece], None).unwrap();
+    let u = arrays.iter().find(|a| a.name == "u").unwrap().floats();
+    assert_eq!(u.len(), 3 * n);
+    assert!(
+        u.chunks(3)
+            .enumerate()
+            .all(|(i, row)| { row == [2.0 * i as f64, 2.0 * i as f64 + 1.0, 0.0] })
+    );
+    let p = arrays.iter().find(|a| a.name == "p").unwrap().floats();
+    assert_eq!(p, values[..n]);
+}
+
+#[test]
+fn every_piece_has_every_array() {
+    let arrays = write(&[square(), line()], None).unwrap();
+    let data: Vec<&Read> = arrays
+        .iter()
+        .filter(|a| a.section.ends_with("Data>"))
+        .collect();
+    let names: Vec<&str> = data.iter().map(|a| a.name.as_str()).collect();
+    assert_eq!(names, ["u", "lambda", "p", "u", "lambda", "p"]);
+    let is_missing =
+        |a: &Read, n: usize| a.floats().len() == n && a.floats().iter().all(|value| value.is_nan());
+    assert!(is_missing(data[1], 5));
+    assert!(is_missing(data[3], 6));
+    assert!(is_missing(data[5], 1));
+    assert_eq!(data[4].floats(), [0.25, -0.5]);
+}
+
+#[test]
+fn names_are_escaped() {
+    let mut piece = line();
+    piece.point_data[0].name = "<σ & \"n\"\t\u{1}'>".into();
+    let arrays = write(&[piece], None).unwrap();
+    let name = &arrays
+        .iter()
+        .find(|a| a.section == "<PointData>")
+        .unwrap()
+        .name;
+    assert_eq!(name, "&lt;σ &amp; &quot;n&quot;&#9;\u{fffd}&apos;&gt;");
+}
+
+#[test]
+fn small_matrices_stand_in_the_upper_corner() {
+    let plane = Array::matrix("s", [2, 2], vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+    assert_eq!(plane.components, 9);
+    let expected = [
+        [1.0, 2.0, 0.0, 3.0, 4.0, 0.0, 0.0, 0.0, 0.0],
+        [5.0, 6.0, 0.0, 7.0, 8.0, 0.0, 0.0, 0.0, 0.0],
+    ];
+    assert_eq!(plane.values, expected.as_flattened());
+    let full: Vec<f64> = (0..9).map(f64::from).collect();
+    assert_eq!(Array::matrix("s", [3, 3], full.clone()).values, full);
+    assert_eq!(Array::matrix("s", [3, 4], vec![0.0; 12]).components, 12);
+}
+
+#[test]
+fn a_wrong_matrix_length_is_found() {
+    let mut piece = line();
+    piece.point_data = vec![Array::matrix("s", [2, 2], vec![0.0; 9])];
+    assert!(matches!(
+        fault(&[piece]),
+        VtuError::ArrayLength {
+            expected: 8,
+            found: 9,
+            ..
+        }
+    ));
+}
+
+#[test]
+fn contradictions_are_found_before_the_file_is_touched() {
+    assert_eq!(fault(&[]), VtuError::NoPiece);
+
+    let mut piece = line();
+    piece.cells.push_local(VtkCell::Quad, &[0, 1, 0]);
+    assert!(matches!(
+        fault(&[line(), piece]),
+        VtuError::CellNodes {
+            piece: 1,
+            cell: 1,
+            found: 3,
+            ..
+        }
+    ));
+
+    let mut piece = line();
+    piece.cells.push(VtkCell::Vertex, &[2]);
+    assert!(matches!(
+        fault(&[piece]),
+        VtuError::NoSuchNode {
+            cell: 1,
+            node: 2,
+            n_points: 2,
+            ..
+        }
+    ));
+
+    let mut piece = line();
+    piece.cell_data = vec![array("p", 1, &[1.0, 2.0])];
+    assert!(matches!(
+        fault(&[piece]),
+        VtuError::ArrayLength {
+            expected: 1,
+            found: 2,
+            ..
+        }
+    ));
+
+    let mut piece = line();
+    piece.point_data.push(piece.point_data[0].clone());
+    assert!(matches!(
+        fault(&[piece]),
+        VtuError::DuplicateArray { piece: 0, .. }
+    ));
+
+    let mut piece = line();
+    piece.point_data = vec![array("u", 0, &[])];
+    assert!(matches!(
+        fault(&[piece.clone()]),
+        VtuError::ArrayComponents { found: 0, .. }
+    ));
+    piece.point_data = vec![array("u", 3, &[0.0; 6])];
+    assert!(matches!(
+        fault(&[square(), piece]),
+        VtuError::ArrayComponents {
+            piece: 1,
+            expected: 2,
+            found: 3,
+            ..
+        }
+    ));
+}

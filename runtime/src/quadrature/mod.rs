@@ -1,0 +1,150 @@
+//! Quadrature rules on the reference cells, and their points seen from the cells beside a facet.
+//!
+//! Promises: weights are positive, points lie in the cell, [`rule`] is exact for polynomials of
+//! its degree (total degree on simplices, degree in each variable on tensor cells). Every rule is
+//! a pure function of its arguments.
+
+mod line;
+mod simplex;
+mod tensor;
+
+use crate::mesh::{CellKind, FacetRef, Mesh, MeshError, facet_correspondences, orientation};
+
+/// Most points along one direction.
+pub const MAX_POINTS_PER_DIRECTION: usize = 64;
+
+/// A quadrature rule: `sum weights[p] f(points[p])` approximates the integral of `f` over the
+/// reference cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rule {
+    /// The cell.
+    pub kind: CellKind,
+    /// Degree of exactness.
+    pub degree: usize,
+    /// Reference points; unused coordinates are zero.
+    pub points: Vec<[f64; 3]>,
+    /// Weights, of sum [`CellKind::reference_volume`].
+    pub weights: Vec<f64>,
+}
+
+impl Rule {
+    /// Number of points.
+    #[must_use]
+    pub fn n_points(&self) -> usize {
+        self.points.len()
+    }
+}
+
+/// Why there is no such rule.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum QuadratureError {
+    /// A rule needs at least one point.
+    #[error("a quadrature rule needs at least one point")]
+    NoPoints,
+    /// The degree needs more points than supported.
+    #[error(
+        "{per_direction} quadrature points along each direction are asked for, at most {MAX_POINTS_PER_DIRECTION} are supported"
+    )]
+    TooManyPoints {
+        /// Points along each direction that would be needed.
+        per_direction: usize,
+    },
+}
+
+/// A rule exact for `degree`: Gauss-Legendre with the fewest points on tensor cells, a symmetric
+/// rule up to degree 6 and a collapsed Gauss-Jacobi rule above on triangles and tetrahedra. Degree
+/// 0 gives one point.
+///
+/// # Errors
+/// [`QuadratureError::TooManyPoints`].
+pub fn rule(kind: CellKind, degree: usize) -> Result<Rule, QuadratureError> {
+    match simplex::symmetric(kind, degree) {
+        Some(rule) => Ok(rule),
+        None => gauss(kind, degree / 2 + 1),
+    }
+}
+
+/// The Gauss rule of `n` points along each direction, exact for degree `2 n - 1`; collapsed from
+/// the cube on triangles and tetrahedra.
+///
+/// # Errors
+/// [`QuadratureError`] when `n` is 0 or above [`MAX_POINTS_PER_DIRECTION`].
+pub fn gauss(kind: CellKind, n: usize) -> Result<Rule, QuadratureError> {
+    if n == 0 {
+        return Err(QuadratureError::NoPoints);
+    }
+    if n > MAX_POINTS_PER_DIRECTION {
+        return Err(QuadratureError::TooManyPoints { per_direction: n });
+    }
+    let (points, weights) = match kind {
+        CellKind::Triangle | CellKind::Tetrahedron => simplex::collapsed(kind.dim(), n),
+        _ => tensor::gauss(kind.dim(), n),
+    };
+    Ok(Rule {
+        kind,
+        degree: 2 * n - 1,
+        points,
+        weights,
+    })
+}
+
+/// The nodal rule: the vertices, each with the integral of its hat function. Exact for degree 1.
+#[must_use]
+pub fn vertex(kind: CellKind) -> Rule {
+    let n = kind.n_vertices();
+    Rule {
+        kind,
+        degree: 1,
+        points: kind.vertices().to_vec(),
+        weights: vec![kind.reference_volume() / n as f64; n],
+    }
+}
+
+/// Points of a rule of a facet's kind, as reference points of the cell with that local facet.
+/// Surface measure: the weights go with `|dx/ds x dx/dr|` of the facet parameters.
+#[must_use]
+pub fn facet_points(kind: CellKind, local_facet: usize, rule: &Rule) -> Vec<[f64; 3]> {
+    let map = kind.facet_map(local_facet);
+    rule.points.iter().map(|point| map.apply(*point)).collect()
+}
+
+/// The physical points of `facet_points(.., here, rule)` as reference points of the cell there,
+/// with the orientation key of [`orientation`]. The points depend only on the kinds of the two
+/// cells, their local facets and the key, so that equal keys can share tables.
+///
+/// # Errors
+/// [`MeshError::NotMatching`].
+pub fn neighbour_points(
+    mesh: &Mesh,
+    here: FacetRef,
+    there: FacetRef,
+    rule: &Rule,
+) -> Result<(u8, Vec<[f64; 3]>), MeshError> {
+    let key = orientation(mesh, here, there)?;
+    let points = oriented_points(mesh.kind(there.cell), there.local as usize, key, rule);
+    Ok((key, points))
+}
+
+/// Points of a facet rule given in the parameters of a facet here, as reference points of the cell
+/// of `kind` there, whose local facet `local_facet` corresponds with orientation key `key`.
+#[must_use]
+pub fn oriented_points(kind: CellKind, local_facet: usize, key: u8, rule: &Rule) -> Vec<[f64; 3]> {
+    let facet = kind.facets()[local_facet];
+    let correspondence = facet_correspondences(facet.kind)[key as usize];
+    let vertices = kind.vertices();
+    let place = |parameters: &[f64; 3]| {
+        let hats = facet.kind.hat_values(*parameters);
+        let mut point = [0.0; 3];
+        for (i, there) in correspondence.iter().enumerate().take(facet.vertices.len()) {
+            let vertex = vertices[facet.vertices[*there as usize]];
+            for d in 0..3 {
+                point[d] += hats[i] * vertex[d];
+            }
+        }
+        point
+    };
+    rule.points.iter().map(place).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,147 @@
+use super::*;
+use crate::mesh::{BoxShape, Topology, generate_box};
+
+/// Integral of `x^i y^j z^k` over the reference cell.
+fn moment(kind: CellKind, powers: [usize; 3]) -> f64 {
+    let factorial = |n: usize| (1..=n).map(|i| i as f64).product::<f64>();
+    let dim = kind.dim();
+    if kind.is_simplex() && dim > 1 {
+        let top: f64 = powers.iter().map(|p| factorial(*p)).product();
+        return top / factorial(powers.iter().sum::<usize>() + dim);
+    }
+    powers[..dim]
+        .iter()
+        .map(|p| 1.0 / (*p as f64 + 1.0))
+        .product()
+}
+
+fn powers(kind: CellKind, degree: usize) -> Vec<[usize; 3]> {
+    let reach = |d: usize| if d < kind.dim() { degree } else { 0 };
+    let mut all = Vec::new();
+    for i in 0..=reach(0) {
+        for j in 0..=reach(1) {
+            for k in 0..=reach(2) {
+                if !kind.is_simplex() || i + j + k <= degree {
+                    all.push([i, j, k]);
+                }
+            }
+        }
+    }
+    all
+}
+
+fn integrate(rule: &Rule, powers: [usize; 3]) -> f64 {
+    let power = |x: f64, n: usize| (0..n).map(|_| x).product::<f64>();
+    let value = |x: &[f64; 3]| (0..3).map(|d| power(x[d], powers[d])).product::<f64>();
+    let terms = rule.points.iter().zip(&rule.weights);
+    terms.map(|(x, w)| w * value(x)).sum()
+}
+
+fn check(rule: &Rule, degree: usize) {
+    let kind = rule.kind;
+    for powers in powers(kind, degree) {
+        let (found, exact) = (integrate(rule, powers), moment(kind, powers));
+        let error = (found - exact).abs();
+        assert!(
+            error <= 4e-15 * exact.max(0.01),
+            "{kind} {degree} {powers:?}: {error:e}"
+        );
+    }
+    assert!(rule.weights.iter().all(|w| *w > 0.0));
+    for x in &rule.points {
+        let hats = kind.hat_values(*x);
+        assert!(
+            hats[..kind.n_vertices()].iter().all(|h| *h >= 0.0),
+            "{kind} {x:?}"
+        );
+    }
+}
+
+#[test]
+fn every_rule_integrates_its_moments_with_positive_weights_inside() {
+    for kind in CellKind::ALL {
+        let highest = if kind == CellKind::Hexahedron { 9 } else { 14 };
+        for degree in 0..=highest {
+            let rule = rule(kind, degree).unwrap();
+            assert!(rule.degree >= degree);
+            check(&rule, rule.degree);
+        }
+        check(&vertex(kind), 1);
+    }
+    check(&gauss(CellKind::Segment, 64).unwrap(), 127);
+    check(&gauss(CellKind::Triangle, 20).unwrap(), 39);
+}
+
+#[test]
+fn a_rule_is_not_exact_beyond_its_degree() {
+    for kind in CellKind::ALL.into_iter().skip(1) {
+        for degree in 0..=6 {
+            let rule = rule(kind, degree).unwrap();
+            let wrong = |p: &[usize; 3]| (integrate(&rule, *p) - moment(kind, *p)).abs() > 1e-9;
+            assert!(
+                powers(kind, rule.degree + 1).iter().any(wrong),
+                "{kind} {degree}"
+            );
+        }
+    }
+}
+
+#[test]
+fn tensor_rules_have_the_fewest_points() {
+    for (degree, n) in [(0, 1), (1, 1), (2, 2), (3, 2), (4, 3), (5, 3)] {
+        assert_eq!(
+            rule(CellKind::Hexahedron, degree).unwrap().n_points(),
+            n * n * n
+        );
+    }
+    let counts = [1, 1, 3, 6, 6, 7, 12];
+    for (degree, n) in counts.into_iter().enumerate() {
+        assert_eq!(rule(CellKind::Triangle, degree).unwrap().n_points(), n);
+    }
+    let counts = [1, 1, 4, 8, 14, 14, 24];
+    for (degree, n) in counts.into_iter().enumerate() {
+        assert_eq!(rule(CellKind::Tetrahedron, degree).unwrap().n_points(), n);
+    }
+}
+
+#[test]
+fn impossible_rules_are_errors() {
+    assert_eq!(gauss(CellKind::Triangle, 0), Err(QuadratureError::NoPoints));
+    let error = rule(CellKind::Segment, 1000).unwrap_err();
+    assert_eq!(error, QuadratureError::TooManyPoints { per_direction: 501 });
+}
+
+#[test]
+fn both_sides_of_every_inner_facet_see_the_same_points() {
+    for (dim, shape) in [
+        (1, BoxShape::Segment),
+        (2, BoxShape::Triangle),
+        (2, BoxShape::Quadrilateral),
+        (3, BoxShape::Tetrahedron),
+        (3, BoxShape::Hexahedron),
+    ] {
+        let mesh = generate_box([0.0; 3], [1.0, 2.0, 3.0], [2, 2, 2], dim, shape).unwrap();
+        let topology = Topology::new(&mesh).unwrap();
+        let physical = |facet: FacetRef, x: &[[f64; 3]]| -> Vec<[f64; 3]> {
+            let table = mesh.geometry_element(mesh.kind(facet.cell)).tabulate(x, 0);
+            (0..x.len())
+                .map(|p| mesh.point_at(facet.cell, &table, p))
+                .collect()
+        };
+        for facet in topology.facets() {
+            let Some(there) = facet.there else { continue };
+            let rule = rule(mesh.facet_kind(facet.here), 3).unwrap();
+            let ours = facet_points(mesh.kind(facet.here.cell), facet.here.local as usize, &rule);
+            let (_, theirs) = neighbour_points(&mesh, facet.here, there, &rule).unwrap();
+            for (p, q) in physical(facet.here, &ours)
+                .iter()
+                .zip(physical(there, &theirs))
+            {
+                assert!(
+                    (0..3).all(|i| (p[i] - q[i]).abs() < 1e-13),
+                    "{shape:?} {p:?} {q:?}"
+                );
+            }
+        }
+    }
+}

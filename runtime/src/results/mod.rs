@@ -1,0 +1,7 @@
+//! From the state to result files: which expression is sampled where, and the files of a run.
+
+mod line;
+mod piece;
+
+pub use line::LineSample;
+pub use piece::{Item, SampledPiece, SupportSet};

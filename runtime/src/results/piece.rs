@@ -1,0 +1,173 @@
+//! One piece of a VTU file: the cells of a body or the facets of an interface, with sampled expressions.
+//!
+//! Points are the nodes of a Lagrange space on the piece (degree 1, or 2 where a field has degree 2 or more), shared
+//! between neighbours; an expression that jumps between cells (a stress) is averaged over the cells at a point.
+
+use std::sync::Arc;
+
+use wfl_compiler::types::Shape;
+
+use crate::{
+    assemble::{Domain, FieldValues},
+    element::{ElementError, Family},
+    field::{Field, FieldError},
+    mesh::{CellId, CellKind, FacetRef, InterfaceFacet, Mesh, MeshError, RegionSet, Topology},
+    output::{Array, Cells, Piece, VtkCell},
+    quadrature::Rule,
+    space::Space,
+    value::{Sampled, Value},
+};
+
+/// The cells or facets of a piece.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SupportSet {
+    /// A body.
+    Cells(Vec<CellId>),
+    /// Facets with one side.
+    Facets(Vec<FacetRef>),
+    /// Facets with two sides.
+    Interface(Vec<InterfaceFacet>),
+}
+
+impl SupportSet {
+    /// The same entities as a region.
+    #[must_use]
+    pub fn region(&self) -> RegionSet {
+        match self {
+            SupportSet::Cells(c) => RegionSet::Cells(c.clone()),
+            SupportSet::Facets(f) => RegionSet::Facets(f.clone()),
+            SupportSet::Interface(i) => RegionSet::Interface(i.clone()),
+        }
+    }
+}
+
+/// An expression sampled on a piece.
+pub struct Item {
+    /// The name of its array.
+    pub name: String,
+    /// The expression.
+    pub value: Value,
+    sampled: Sampled,
+}
+
+/// Points and items of a piece; made once, sampled at each step.
+pub struct SampledPiece {
+    space: Space,
+    cells: Cells,
+    domain: Arc<Domain>,
+    items: Vec<Item>,
+}
+
+impl SampledPiece {
+    /// A piece on these entities; `degree` 1 or 2 is that of its VTK cells.
+    ///
+    /// # Errors
+    /// [`ElementError`] or [`MeshError`] when the entities have no such element.
+    pub fn new(mesh: &Mesh, topology: &Topology, support: &SupportSet, degree: usize) -> Result<Self, PieceError> {
+        let space = match support {
+            SupportSet::Cells(cells) => Space::on_cells(mesh, topology, cells, degree, Family::Continuous)?,
+            SupportSet::Facets(facets) => Space::on_facets(mesh, topology, facets, degree, Family::Continuous)?,
+            SupportSet::Interface(pairs) => {
+                let facets: Vec<FacetRef> = pairs.iter().map(|p| p.here).collect();
+                Space::on_facets(mesh, topology, &facets, degree, Family::Continuous)?
+            }
+        };
+        let rule = |kind: CellKind| {
+            let points = space.element(kind).map(|e| e.points().to_vec()).unwrap_or_default();
+            Rule { kind, degree: 0, weights: vec![1.0; points.len()], points }
+        };
+        let domain = Arc::new(Domain::new(mesh, &support.region(), &rule)?);
+        let mut cells = Cells::default();
+        for position in 0..space.n_positions() {
+            let kind = vtk_cell(space.element_at(position).kind(), degree);
+            cells.push_local(kind, space.entity_nodes(position));
+        }
+        Ok(Self { space, cells, domain, items: Vec::new() })
+    }
+
+    /// Adds an expression under a name.
+    ///
+    /// # Errors
+    /// [`FieldError`] where a field it reads has no dofs.
+    pub fn add(&mut self, mesh: &Mesh, fields: &[Field], name: String, value: Value) -> Result<(), FieldError> {
+        let sampled = value.bind(mesh, self.domain.clone(), fields)?;
+        self.items.push(Item { name, value, sampled });
+        Ok(())
+    }
+
+    /// True if nothing is sampled on it.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.items.is_empty()
+    }
+
+    /// The piece at a state.
+    pub fn sample(&mut self, mesh: &Mesh, time: f64, increment: f64, values: FieldValues<'_>) -> Piece {
+        let n = self.space.n_nodes();
+        let mut point_data = Vec::with_capacity(self.items.len());
+        for item in &mut self.items {
+            item.value.set_step(time, increment);
+            let nc = item.value.n_components();
+            let (mut sums, mut counts) = (vec![0.0; n * nc], vec![0.0; n]);
+            let (domain, space) = (&self.domain, &self.space);
+            item.value.for_each_point(mesh, &item.sampled, values, |g, entity, q, _, value| {
+                let position = domain.groups[g].entities[entity];
+                let node = space.entity_nodes(position)[q] as usize;
+                counts[node] += 1.0;
+                for (slot, v) in sums[node * nc..][..nc].iter_mut().zip(value) {
+                    *slot += v;
+                }
+            });
+            for (node, count) in counts.iter().enumerate() {
+                sums[node * nc..][..nc].iter_mut().for_each(|s| *s /= count);
+            }
+            point_data.push(array(&item.name, item.value.law.shape, sums));
+        }
+        Piece {
+            points: self.space.node_coordinates().to_vec(),
+            cells: self.cells.clone(),
+            point_data,
+            cell_data: Vec::new(),
+        }
+    }
+}
+
+/// Why a piece cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PieceError {
+    /// No element of that degree.
+    #[error(transparent)]
+    Element(#[from] ElementError),
+    /// The two sides do not match.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+}
+
+/// Entries with the first index fastest to an array; matrices become row-major.
+fn array(name: &str, shape: Shape, values: Vec<f64>) -> Array {
+    if shape.rank() != 2 {
+        return Array { name: name.to_owned(), components: shape.len(), values };
+    }
+    let (m, n) = (shape.size(0), shape.size(1));
+    let mut rows = Vec::with_capacity(values.len());
+    for entry in values.chunks_exact(m * n) {
+        rows.extend((0..m).flat_map(|i| (0..n).map(move |j| entry[i + m * j])));
+    }
+    Array::matrix(name, [m, n], rows)
+}
+
+fn vtk_cell(kind: CellKind, degree: usize) -> VtkCell {
+    match (kind, degree) {
+        (CellKind::Point, _) => VtkCell::Vertex,
+        (CellKind::Segment, 1) => VtkCell::Line,
+        (CellKind::Segment, _) => VtkCell::QuadraticLine,
+        (CellKind::Triangle, 1) => VtkCell::Triangle,
+        (CellKind::Triangle, _) => VtkCell::QuadraticTriangle,
+        (CellKind::Quadrilateral, 1) => VtkCell::Quad,
+        (CellKind::Quadrilateral, _) => VtkCell::BiquadraticQuad,
+        (CellKind::Tetrahedron, 1) => VtkCell::Tetra,
+        (CellKind::Tetrahedron, _) => VtkCell::QuadraticTetra,
+        (CellKind::Hexahedron, 1) => VtkCell::Hexahedron,
+        (CellKind::Hexahedron, _) => VtkCell::TriquadraticHexahedron,
+    }
+}

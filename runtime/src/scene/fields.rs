@@ -1,0 +1,211 @@
+//! Fields from their declarations: shapes, spaces on their regions, and what the compiler knows of them.
+
+use wfl::{
+    Diagnostic, FieldKind as Declared, ResolvedScript,
+    ast::{Expr, Ident, Place, Rank},
+};
+use wfl_compiler::{
+    Env,
+    types::{FieldKind, FieldSig, PlaceKind, PlaceSig, Shape},
+};
+
+use crate::{
+    element::Family,
+    field::{Field, FieldSpace},
+    mesh::{FacetRef, Mesh, RegionSet, Topology},
+    scene::{constants::number, regions::{NamedRegion, Regions}},
+    space::Space,
+};
+
+/// Fields and their signatures, by position.
+pub(super) struct Fields {
+    pub(super) fields: Vec<Field>,
+    pub(super) sigs: Vec<FieldSig>,
+}
+
+pub(super) fn fields(
+    script: &ResolvedScript,
+    env: &Env<'_>,
+    mesh: &Mesh,
+    topology: &Topology,
+    regions: &Regions,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Fields> {
+    let (mut fields, mut sigs) = (Vec::new(), Vec::new());
+    let mut complete = true;
+    for declared in &script.fields {
+        match field(declared, env, mesh, topology, regions, diagnostics) {
+            Some((field, sig)) => {
+                fields.push(field);
+                sigs.push(sig);
+            }
+            None => complete = false,
+        }
+    }
+    complete.then_some(Fields { fields, sigs })
+}
+
+fn field(
+    declared: &wfl::Field,
+    env: &Env<'_>,
+    mesh: &Mesh,
+    topology: &Topology,
+    regions: &Regions,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<(Field, FieldSig)> {
+    let name = declared.name.name.clone();
+    let kind = match &declared.kind {
+        Declared::Unknown => FieldKind::Unknown,
+        Declared::Multiplier { .. } => FieldKind::Multiplier,
+        Declared::Data { .. } => FieldKind::Data,
+        Declared::State { .. } => FieldKind::State,
+    };
+    let shape = shape(&declared.space.rank, env, diagnostics)?;
+    if kind == FieldKind::State {
+        let d = Diagnostic::new("E802", "`state` fields are not available yet");
+        diagnostics.push(d.at(declared.name.span, "values at integration points that are renewed after a step"));
+        return None;
+    }
+    if let Place::Global(_) = declared.space.place {
+        let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Global };
+        return Some((field, FieldSig { name, shape, degree: 0, kind, global: true }));
+    }
+    let (degree, family) = match &declared.space.element {
+        None => (1, Family::Continuous),
+        Some(word) => element(word, mesh, diagnostics)?,
+    };
+    let support = support(&declared.space.place, &declared.name, regions, diagnostics)?;
+    let made = match &support {
+        RegionSet::Cells(cells) => Space::on_cells(mesh, topology, cells, degree, family),
+        RegionSet::Facets(facets) => Space::on_facets(mesh, topology, facets, degree, family),
+        RegionSet::Interface(pairs) => {
+            let facets: Vec<FacetRef> = pairs.iter().map(|p| p.here).collect();
+            Space::on_facets(mesh, topology, &facets, degree, family)
+        }
+        RegionSet::Nodes(_) => {
+            diagnostics.push(Diagnostic::new("E405", "a field lives on cells or faces, not on nodes").at(declared.space.span, ""));
+            return None;
+        }
+    };
+    match made {
+        Ok(space) => {
+            let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Nodal(space) };
+            Some((field, FieldSig { name, shape, degree, kind, global: false }))
+        }
+        Err(e) => {
+            diagnostics.push(Diagnostic::new("E406", e.to_string()).at(declared.space.span, ""));
+            None
+        }
+    }
+}
+
+fn shape(rank: &Rank, env: &Env<'_>, diagnostics: &mut Vec<Diagnostic>) -> Option<Shape> {
+    let mut size = |e: &Expr| -> Option<usize> {
+        let x = number(env, "a size", e, diagnostics)?;
+        if x.fract() != 0.0 || !(1.0..=100.0).contains(&x) {
+            diagnostics.push(Diagnostic::new("E108", format!("a size is a whole number from 1 to 100, found {x}")).at(e.span, ""));
+            return None;
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+        Some(x as usize)
+    };
+    Some(match rank {
+        Rank::Scalar => Shape::SCALAR,
+        Rank::Vector(None) => Shape::vector(env.dim),
+        Rank::Vector(Some(n)) => Shape::vector(size(n)?),
+        Rank::Matrix(None) => Shape::matrix(env.dim, env.dim),
+        Rank::Matrix(Some((m, n))) => Shape::matrix(size(m)?, size(n)?),
+    })
+}
+
+/// `P2`, `DQ1`: the degree and whether neighbours share nodes; the letter must fit the cells.
+fn element(word: &Ident, mesh: &Mesh, diagnostics: &mut Vec<Diagnostic>) -> Option<(usize, Family)> {
+    let (family, rest) = match word.name.strip_prefix('D') {
+        Some(rest) => (Family::Discontinuous, rest),
+        None => (Family::Continuous, word.name.as_str()),
+    };
+    let degree = rest.get(1..).and_then(|d| d.parse::<usize>().ok());
+    let simplices = mesh.kinds().iter().any(|k| k.is_simplex() && k.dim() > 1);
+    let tensors = mesh.kinds().iter().any(|k| !k.is_simplex());
+    let fits = match rest.chars().next() {
+        Some('P') => !tensors,
+        Some('Q') => !simplices,
+        _ => false,
+    };
+    match degree {
+        Some(degree) if fits || (degree == 0 && rest.starts_with(['P', 'Q'])) => Some((degree, family)),
+        _ => {
+            let cells = if tensors { "quadrilaterals or hexahedra: Q1, Q2, DQ0, ..." } else { "simplices: P1, P2, P3, DP0, ..." };
+            let d = Diagnostic::new("E406", format!("no element `{}` on this mesh", word.name));
+            diagnostics.push(d.at(word.span, format!("the cells are {cells}")));
+            None
+        }
+    }
+}
+
+fn support(place: &Place, name: &Ident, regions: &Regions, diagnostics: &mut Vec<Diagnostic>) -> Option<RegionSet> {
+    let names: Vec<&Ident> = match place {
+        Place::On(list) => list.iter().collect(),
+        _ => Vec::new(),
+    };
+    if names.is_empty() {
+        return regions.get("all").map(|r| r.set.clone());
+    }
+    let mut total: Option<RegionSet> = None;
+    for region in names {
+        let set = &regions.get(&region.name)?.set;
+        total = Some(match total {
+            None => set.clone(),
+            Some(t) => match t.union(set) {
+                Ok(u) => u,
+                Err(e) => {
+                    let d = Diagnostic::new("E405", format!("`{}` cannot live on these regions: {e}", name.name));
+                    diagnostics.push(d.at(region.span, ""));
+                    return None;
+                }
+            },
+        });
+    }
+    total
+}
+
+/// What the compiler knows of a region.
+pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &[Field]) -> PlaceSig {
+    let (kind, description) = match &region.set {
+        RegionSet::Cells(c) => (PlaceKind::Cells, format!("a region of {} cells", c.len())),
+        RegionSet::Facets(f) => (PlaceKind::Facets, format!("{} faces with one side", f.len())),
+        RegionSet::Interface(i) => (PlaceKind::Interface, format!("an interface of {} faces", i.len())),
+        RegionSet::Nodes(n) => (PlaceKind::Global, format!("a region of {} nodes", n.len())),
+    };
+    let lives = |field: &Field| match &region.set {
+        RegionSet::Cells(c) => (c.iter().all(|c| field.lives_in_cell(*c)), false),
+        RegionSet::Facets(f) => (f.iter().all(|f| field.lives_on_facet(*f)), false),
+        RegionSet::Interface(i) => {
+            (i.iter().all(|p| field.lives_on_facet(p.here)), i.iter().all(|p| field.lives_on_facet(p.there)))
+        }
+        RegionSet::Nodes(_) => (false, false),
+    };
+    let (here, there) = fields.iter().map(lives).unzip();
+    PlaceSig {
+        name: name.to_owned(),
+        kind,
+        here,
+        there,
+        tensor_cells: mesh.kinds().iter().any(|k| !k.is_simplex()),
+        description,
+        here_name: region.here_name.clone(),
+    }
+}
+
+/// The place of terms on `global`.
+pub(super) fn global_place(n_fields: usize) -> PlaceSig {
+    PlaceSig {
+        name: "global".to_owned(),
+        kind: PlaceKind::Global,
+        here: vec![false; n_fields],
+        there: vec![false; n_fields],
+        tensor_cells: false,
+        description: "no place: numbers and global unknowns".to_owned(),
+        here_name: None,
+    }
+}

@@ -1,0 +1,199 @@
+//! The mesh of a scene: a generated box or a file, and the map of its nodes.
+
+use std::{collections::BTreeMap, path::Path};
+
+use wfl::{
+    Diagnostic, MeshStmt, ResolvedScript, Span,
+    ast::{self, BoxDivision, Expr, MeshSource},
+};
+use wfl_compiler::{Constant, Env, compile_value, types::{PlaceKind, PlaceSig}, backend::KernelBackend};
+
+use crate::{
+    mesh::{BoxShape, MapError, Mesh, MeshError, cells_for_size, generate_box, map_nodes},
+    scene::constants::{bare_env, numbers},
+    value::Value,
+};
+
+/// The dimension a scene's mesh will have, as far as its text says; 3 when only a file knows.
+pub(super) fn dimension(script: &ResolvedScript) -> usize {
+    match script.mesh.as_ref().map(|m| &m.source) {
+        Some(MeshSource::Box { from, .. }) => match &from.kind {
+            ast::ExprKind::Tensor(rows) => rows.iter().map(Vec::len).sum::<usize>().clamp(1, 3),
+            _ => 1,
+        },
+        _ => 3,
+    }
+}
+
+/// Makes the mesh; problems go to `diagnostics`.
+pub(super) fn mesh(
+    script: &ResolvedScript,
+    folder: &Path,
+    params: &BTreeMap<String, Constant>,
+    backend: &dyn KernelBackend,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Mesh> {
+    let statement = script.mesh.as_ref()?;
+    let mesh = match &statement.source {
+        MeshSource::Box { from, to, division, shape } => {
+            let env = bare_env(script, dimension(script), params);
+            generated(&env, statement, from, to, division, *shape, diagnostics)?
+        }
+        MeshSource::File { path, span } => {
+            let full = folder.join(path);
+            match crate::mesh::read::read_mesh(&full) {
+                Ok(mesh) => mesh,
+                Err(e) => {
+                    diagnostics.push(Diagnostic::new("E410", format!("cannot use the mesh file `{path}`: {e}")).at(*span, ""));
+                    return None;
+                }
+            }
+        }
+    };
+    match &statement.map {
+        None => Some(mesh),
+        Some(map) => mapped(script, params, mesh, map, backend, diagnostics),
+    }
+}
+
+fn generated(
+    env: &Env<'_>,
+    statement: &MeshStmt,
+    from: &Expr,
+    to: &Expr,
+    division: &BoxDivision,
+    shape: Option<(ast::BoxShape, Span)>,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Mesh> {
+    let low = numbers(env, "a corner of the box", from, diagnostics)?;
+    let high = numbers(env, "a corner of the box", to, diagnostics)?;
+    let dim = low.len();
+    if dim != high.len() || dim > 3 {
+        let d = Diagnostic::new("E408", format!("the corners of a box have 1 to 3 coordinates each, found {dim} and {}", high.len()));
+        diagnostics.push(d.at(to.span, format!("{} coordinates", high.len())).at(from.span, format!("{dim} coordinates")));
+        return None;
+    }
+    let corner = |v: &[f64]| [0, 1, 2].map(|d| v.get(d).copied().unwrap_or(0.0));
+    let (low, high) = (corner(&low), corner(&high));
+    let kind = match shape {
+        Some((shape, _)) => box_shape(shape),
+        None => [BoxShape::Segment, BoxShape::Quadrilateral, BoxShape::Hexahedron][dim - 1],
+    };
+    if kind.kind().dim() != dim {
+        let span = shape.map_or(statement.span, |(_, s)| s);
+        let d = Diagnostic::new("E408", format!("a box of dimension {dim} is not made of {}s", kind.kind()));
+        diagnostics.push(d.at(span, "segment in 1-D, tri or quad in 2-D, tet or hex in 3-D"));
+        return None;
+    }
+    let cells = match division {
+        BoxDivision::Cells(e) => {
+            let n = numbers(env, "a number of cells", e, diagnostics)?;
+            whole_cells(&n, dim, e, diagnostics)?
+        }
+        BoxDivision::Size(e) => {
+            let h = numbers(env, "the cell size", e, diagnostics)?;
+            match cells_for_size(low, high, h[0], dim) {
+                Ok(n) => n,
+                Err(error) => {
+                    diagnostics.push(Diagnostic::new("E408", error.to_string()).at(e.span, ""));
+                    return None;
+                }
+            }
+        }
+    };
+    match generate_box(low, high, cells, dim, kind) {
+        Ok(mesh) => Some(mesh),
+        Err(error) => {
+            diagnostics.push(mesh_error(&error, statement.span));
+            None
+        }
+    }
+}
+
+fn whole_cells(n: &[f64], dim: usize, e: &Expr, diagnostics: &mut Vec<Diagnostic>) -> Option<[usize; 3]> {
+    let mut cells = [1; 3];
+    let expanded: Vec<f64> = if n.len() == 1 { vec![n[0]; dim] } else { n.to_vec() };
+    for (slot, x) in cells.iter_mut().zip(&expanded) {
+        if x.fract() != 0.0 || *x < 1.0 || *x > 1e6 {
+            diagnostics.push(Diagnostic::new("E408", format!("a number of cells is a whole number from 1, found {x}")).at(e.span, ""));
+            return None;
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+        {
+            *slot = *x as usize;
+        }
+    }
+    if expanded.len() != dim {
+        let d = Diagnostic::new("E408", format!("this box has {dim} directions, found {} numbers of cells", expanded.len()));
+        diagnostics.push(d.at(e.span, ""));
+        return None;
+    }
+    Some(cells)
+}
+
+fn box_shape(shape: ast::BoxShape) -> BoxShape {
+    match shape {
+        ast::BoxShape::Segment => BoxShape::Segment,
+        ast::BoxShape::Tri => BoxShape::Triangle,
+        ast::BoxShape::Quad => BoxShape::Quadrilateral,
+        ast::BoxShape::Tet => BoxShape::Tetrahedron,
+        ast::BoxShape::Hex => BoxShape::Hexahedron,
+    }
+}
+
+fn mapped(
+    script: &ResolvedScript,
+    params: &BTreeMap<String, Constant>,
+    mesh: Mesh,
+    map: &Expr,
+    backend: &dyn KernelBackend,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Mesh> {
+    let dim = mesh.dim();
+    let env = bare_env(script, dim, params);
+    let law = compile_value(&env, &position_place(0), "the map of the mesh", map);
+    diagnostics.extend(law.diagnostics);
+    let law = law.value?;
+    if law.shape.len() != dim {
+        let d = Diagnostic::new("E108", format!("the map of a mesh gives {dim} coordinates, found a {}", law.shape));
+        diagnostics.push(d.at(map.span, ""));
+        return None;
+    }
+    let value = match Value::new(law, backend) {
+        Ok(v) => v,
+        Err(e) => {
+            diagnostics.push(Diagnostic::new("E609", e.to_string()).at(map.span, ""));
+            return None;
+        }
+    };
+    let moved = map_nodes(mesh, |x| -> Result<[f64; 3], std::convert::Infallible> {
+        let y = value.at_positions(&[x]);
+        Ok([0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0)))
+    });
+    match moved {
+        Ok(mesh) => Some(mesh),
+        Err(MapError::Mesh(e)) => {
+            diagnostics.push(mesh_error(&e, map.span));
+            None
+        }
+        Err(MapError::Map(never)) => match never {},
+    }
+}
+
+/// A place where only positions are known.
+pub(super) fn position_place(n_fields: usize) -> PlaceSig {
+    PlaceSig {
+        name: "here".to_owned(),
+        kind: PlaceKind::Cells,
+        here: vec![false; n_fields],
+        there: vec![false; n_fields],
+        tensor_cells: true,
+        description: "a set of positions".to_owned(),
+        here_name: None,
+    }
+}
+
+/// A problem of the mesh at a place of the scene.
+pub(super) fn mesh_error(error: &MeshError, span: Span) -> Diagnostic {
+    Diagnostic::new("E409", error.to_string()).at(span, "")
+}

@@ -1,0 +1,613 @@
+//! From a resolved script to a problem ready to run: mesh, regions, fields, compiled terms, fixed values, outputs.
+//!
+//! Every stage reports all its problems; a later stage runs only where the earlier ones left what it needs. Nothing
+//! is made that the scene does not use: a field in no term has no dofs, an expression in no output no kernel.
+
+mod constants;
+mod constraints;
+mod fields;
+mod mesh;
+mod outputs;
+mod regions;
+mod terms;
+
+use std::{collections::BTreeSet, path::Path, time::Instant};
+
+use wfl::{
+    DataValue, Diagnostic, ResolvedScript, StartKind,
+    ast::{OptionItem, OptionValue, Reduction},
+};
+use wfl_compiler::{
+    Class, Constant, Env, compile_condition, compile_value,
+    backend::KernelBackend,
+    ir::VerifiedKernel,
+    types::{FieldKind, FieldSig, InputSlot},
+};
+
+use crate::{
+    assemble::{AssembledTerm, Binding, Integrator, LawSlots},
+    field::Field,
+    mesh::{Mesh, Topology},
+    newton::NewtonOptions,
+    system::{Known, Numbering, System},
+    value::{Sampled, Value},
+};
+
+pub use constraints::Prescribed;
+pub use outputs::{CsvOutput, VtkOutput};
+pub use regions::{NamedRegion, Regions};
+pub use terms::RuleChoice;
+
+/// A quantity printed and reported at each step.
+pub struct Measure {
+    /// Its name.
+    pub name: String,
+    /// What is done with the values at the points.
+    pub reduction: Reduction,
+    parts: Vec<(Value, Sampled)>,
+}
+
+/// Load or time steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Steps {
+    /// The name of the variable; `None` for a single solve.
+    pub variable: Option<String>,
+    /// Its values.
+    pub values: Vec<f64>,
+    /// Go on after a step that did not converge.
+    pub go_on: bool,
+}
+
+/// Seconds spent while preparing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PrepareTimes {
+    /// Graphs, tangents, kernels, machine code.
+    pub compile: f64,
+    /// Mesh, regions, spaces, domains.
+    pub mesh: f64,
+}
+
+/// One line of `wfl check` about a term.
+#[derive(Clone, Debug)]
+pub struct TermSummary {
+    /// Its name.
+    pub name: String,
+    /// Its region.
+    pub place: String,
+    /// How it depends on the unknowns.
+    pub class: Class,
+    /// Symmetric tangent.
+    pub symmetric: bool,
+    /// The rule of its region.
+    pub rule: RuleChoice,
+    /// Points of that rule in the largest group.
+    pub n_points: usize,
+    /// Instructions of its residual and tangent kernels.
+    pub instructions: (usize, usize),
+}
+
+/// A problem ready to run.
+pub struct Scene {
+    /// The discrete problem.
+    pub system: System,
+    /// Facets and edges of the mesh.
+    pub topology: Topology,
+    /// Regions by name.
+    pub regions: Regions,
+    /// The load or time steps.
+    pub steps: Steps,
+    /// Prescribed values.
+    pub prescribed: Vec<Prescribed>,
+    /// First guesses: field and value.
+    pub starts: Vec<(usize, Value)>,
+    /// Known fields given by expressions: field and value.
+    pub data: Vec<(usize, Value)>,
+    /// Quantities to report.
+    pub measures: Vec<Measure>,
+    /// VTU series.
+    pub vtk: Vec<VtkOutput>,
+    /// Line samples.
+    pub csv: Vec<CsvOutput>,
+    /// Newton options.
+    pub newton: NewtonOptions,
+    /// Parameters in order of declaration.
+    pub params: Vec<(String, Constant)>,
+    /// One entry a term.
+    pub terms: Vec<TermSummary>,
+    /// What the compiler knows of the fields.
+    pub sigs: Vec<FieldSig>,
+    /// Where the time went.
+    pub times: PrepareTimes,
+    /// Fields that no term uses.
+    pub unused_fields: Vec<String>,
+    env: OwnedEnv,
+}
+
+/// What is needed to compile more expressions after preparation (`expect`).
+struct OwnedEnv {
+    params: std::collections::BTreeMap<String, Constant>,
+    expansions: wfl::ast::Expansions,
+    expects: Vec<wfl::Expect>,
+    dim: usize,
+}
+
+/// A scene and every message; no scene after an error.
+pub struct Prepared {
+    /// The scene.
+    pub scene: Option<Scene>,
+    /// Errors and warnings.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+/// Prepares a scene. `folder` is where its mesh and data files are.
+#[must_use]
+pub fn prepare(script: &ResolvedScript, folder: &Path, backend: &dyn KernelBackend) -> Prepared {
+    let mut diagnostics = Vec::new();
+    let scene = prepare_all(script, folder, backend, &mut diagnostics);
+    let failed = diagnostics.iter().any(Diagnostic::is_error);
+    Prepared { scene: if failed { None } else { scene }, diagnostics }
+}
+
+fn prepare_all(
+    script: &ResolvedScript,
+    folder: &Path,
+    backend: &dyn KernelBackend,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Scene> {
+    let begin = Instant::now();
+    let params = constants::parameters(script, mesh::dimension(script), diagnostics);
+    if diagnostics.iter().any(Diagnostic::is_error) {
+        return None;
+    }
+    let mesh = mesh::mesh(script, folder, &params, backend, diagnostics)?;
+    let topology = match Topology::new(&mesh) {
+        Ok(t) => t,
+        Err(e) => {
+            let span = script.mesh.as_ref()?.span;
+            diagnostics.push(mesh::mesh_error(&e, span));
+            return None;
+        }
+    };
+    let regions = regions::RegionMaker {
+        script,
+        mesh: &mesh,
+        topology: &topology,
+        params: &params,
+        backend,
+        diagnostics: &mut *diagnostics,
+        regions: Regions::new(),
+    }
+    .make();
+    let bare = Env { dim: mesh.dim(), ..constants::bare_env(script, mesh.dim(), &params) };
+    let fields::Fields { fields, sigs } = fields::fields(script, &bare, &mesh, &topology, &regions, diagnostics)?;
+    let mesh_time = begin.elapsed().as_secs_f64();
+    let variable = script.steps.as_ref().map(|s| s.variable.name.clone());
+    let env = Env { fields: &sigs, step_variable: variable.as_deref(), ..bare };
+    Builder { script, env: &env, mesh, topology, regions, fields, sigs: &sigs, backend, diagnostics, params: &params, mesh_time }.build()
+}
+
+struct Builder<'a> {
+    script: &'a ResolvedScript,
+    env: &'a Env<'a>,
+    mesh: Mesh,
+    topology: Topology,
+    regions: Regions,
+    fields: Vec<Field>,
+    sigs: &'a [FieldSig],
+    backend: &'a dyn KernelBackend,
+    diagnostics: &'a mut Vec<Diagnostic>,
+    params: &'a std::collections::BTreeMap<String, Constant>,
+    mesh_time: f64,
+}
+
+impl Builder<'_> {
+    fn build(mut self) -> Option<Scene> {
+        let begin = Instant::now();
+        let mut maker = terms::TermMaker {
+            script: self.script,
+            env: self.env,
+            mesh: &self.mesh,
+            regions: &self.regions,
+            fields: &self.fields,
+            diagnostics: &mut *self.diagnostics,
+        };
+        let laws = maker.make();
+        let rules = maker.rules(&laws);
+        let compile_terms = begin.elapsed().as_secs_f64();
+
+        let begin = Instant::now();
+        let used: BTreeSet<usize> = laws.iter().flat_map(|l| used_fields(&l.law)).collect();
+        let known_kind = |f: &Field| matches!(f.kind, FieldKind::Unknown | FieldKind::Multiplier);
+        let position = |f: &Field, all: &[Field]| all.iter().position(|g| g.name == f.name).unwrap_or(usize::MAX);
+        let mut numbering = Numbering::new(&self.fields, |f| known_kind(f) && used.contains(&position(f, &self.fields)));
+        let prescribed = self.constraints(&mut numbering);
+        let assembled = self.assemble_terms(laws, &rules, &numbering);
+        let mesh_time = self.mesh_time + begin.elapsed().as_secs_f64();
+
+        let begin = Instant::now();
+        let steps = self.steps();
+        let newton = self.newton_options();
+        let starts = self.starts();
+        let data = self.data();
+        let measures = self.measures(&rules);
+        if self.diagnostics.iter().any(Diagnostic::is_error) {
+            return None;
+        }
+        let (terms, summaries) = assembled?;
+        let (vtk, csv) = outputs::outputs(&mut outputs::OutputMaker {
+            script: self.script,
+            env: self.env,
+            mesh: &self.mesh,
+            topology: &self.topology,
+            regions: &self.regions,
+            fields: &self.fields,
+            backend: self.backend,
+            diagnostics: &mut *self.diagnostics,
+        });
+        let compile = compile_terms + begin.elapsed().as_secs_f64();
+        if self.diagnostics.iter().any(Diagnostic::is_error) {
+            return None;
+        }
+        let past = terms.iter().any(|t| t.law.inputs.iter().any(|s| matches!(s, InputSlot::Previous(_))));
+        let known = Known {
+            data: self.fields.iter().map(|f| if known_kind(f) { Vec::new() } else { vec![0.0; f.n_dofs()] }).collect(),
+            previous: past.then(|| vec![0.0; numbering.n_dofs]),
+        };
+        let unused_fields =
+            (0..self.fields.len()).filter(|k| !used.contains(k)).map(|k| self.fields[k].name.clone()).collect();
+        let system = match System::new(self.mesh, self.fields, numbering, terms, known) {
+            Ok(s) => s,
+            Err(e) => {
+                self.diagnostics.push(Diagnostic::new("E412", e.to_string()));
+                return None;
+            }
+        };
+        let params = self.script.params.iter();
+        let params = params.filter_map(|p| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone()))).collect();
+        Some(Scene {
+            system,
+            topology: self.topology,
+            regions: self.regions,
+            steps: steps?,
+            prescribed,
+            starts,
+            data,
+            measures,
+            vtk,
+            csv,
+            newton,
+            params,
+            terms: summaries,
+            sigs: self.sigs.to_vec(),
+            times: PrepareTimes { compile, mesh: mesh_time },
+            unused_fields,
+            env: OwnedEnv {
+                params: self.params.clone(),
+                expansions: self.script.expansions.clone(),
+                expects: self.script.expects.clone(),
+                dim: self.env.dim,
+            },
+        })
+    }
+
+    fn constraints(&mut self, numbering: &mut Numbering) -> Vec<Prescribed> {
+        let prescribed = constraints::ConstraintMaker {
+            script: self.script,
+            env: self.env,
+            mesh: &self.mesh,
+            topology: &self.topology,
+            regions: &self.regions,
+            fields: &self.fields,
+            numbering: &*numbering,
+            backend: self.backend,
+            diagnostics: &mut *self.diagnostics,
+        }
+        .make();
+        let fixed: BTreeSet<usize> = prescribed.iter().flat_map(|p| p.dofs.iter().copied()).collect();
+        let idle = constraints::idle_multipliers(
+            self.script,
+            &self.mesh,
+            &self.topology,
+            &self.fields,
+            numbering,
+            &fixed,
+            self.diagnostics,
+        );
+        numbering.fix(fixed.into_iter().chain(idle));
+        prescribed
+    }
+
+    fn assemble_terms(
+        &mut self,
+        laws: Vec<terms::PlacedLaw>,
+        rules: &terms::Rules,
+        numbering: &Numbering,
+    ) -> Option<(Vec<AssembledTerm>, Vec<TermSummary>)> {
+        let kernels: Vec<&VerifiedKernel> = laws
+            .iter()
+            .flat_map(|l| std::iter::once(&l.law.residual).chain((l.law.class > Class::Constant).then_some(&l.law.tangent)))
+            .collect();
+        let compiled = match self.backend.compile(&kernels) {
+            Ok(k) => k,
+            Err(e) => {
+                self.diagnostics.push(Diagnostic::new("E609", e.to_string()));
+                return None;
+            }
+        };
+        let mut compiled = compiled.into_iter();
+        let mut domains: Vec<(String, Option<crate::mesh::RegionSet>, std::sync::Arc<crate::assemble::Domain>)> = Vec::new();
+        let (mut terms, mut summaries, mut complete) = (Vec::new(), Vec::new(), true);
+        for placed in laws {
+            let residual = compiled.next()?;
+            let tangent = if placed.law.class > Class::Constant { compiled.next() } else { None };
+            let choice = rules.get(&placed.place).copied().unwrap_or(RuleChoice::Degree(1));
+            let shared = domains.iter().find(|(p, s, _)| *p == placed.place && *s == placed.set).map(|d| d.2.clone());
+            let domain = shared.or_else(|| {
+                let made = terms::domain(&self.mesh, placed.set.as_ref(), choice, placed.span, self.diagnostics)?;
+                domains.push((placed.place.clone(), placed.set.clone(), made.clone()));
+                Some(made)
+            });
+            let Some(domain) = domain else {
+                complete = false;
+                continue;
+            };
+            let slots = LawSlots { inputs: &placed.law.inputs, tests: &placed.law.tests, trials: &placed.law.trials };
+            match Binding::new(&self.mesh, &domain, &self.fields, slots) {
+                Ok(binding) => {
+                    summaries.push(TermSummary {
+                        name: placed.law.name.clone(),
+                        place: placed.place.clone(),
+                        class: placed.law.class,
+                        symmetric: placed.law.symmetric,
+                        rule: choice,
+                        n_points: domain.groups.iter().map(|g| g.weights.len()).max().unwrap_or(0),
+                        instructions: (placed.law.residual.kernel().insts.len(), placed.law.tangent.kernel().insts.len()),
+                    });
+                    let integrator = Integrator { domain, binding };
+                    terms.push(AssembledTerm::new(placed.law, integrator, residual, tangent, &numbering.starts));
+                }
+                Err(e) => {
+                    self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(placed.span, ""));
+                    complete = false;
+                }
+            }
+        }
+        complete.then_some((terms, summaries))
+    }
+
+    fn steps(&mut self) -> Option<Steps> {
+        let Some(steps) = &self.script.steps else {
+            return Some(Steps { variable: None, values: vec![0.0], go_on: false });
+        };
+        let [a, b, c] = [(&steps.from, "the first value"), (&steps.to, "the last value"), (&steps.by, "the step")]
+            .map(|(e, what)| constants::number(self.env, what, e, self.diagnostics));
+        let (from, to, by) = (a?, b?, c?);
+        let count = ((to - from) / by).round();
+        if by == 0.0 || !count.is_finite() || !(0.0..=1e7).contains(&count) {
+            let d = Diagnostic::new("E413", format!("steps from {from} to {to} by {by} never arrive"));
+            self.diagnostics.push(d.at(steps.by.span, ""));
+            return None;
+        }
+        let mut go_on = false;
+        for option in &steps.options {
+            match (option.name.name.as_str(), word(option)) {
+                ("on_fail", Some("go_on")) => go_on = true,
+                ("on_fail", Some("stop")) => go_on = false,
+                (name, _) => self.bad_option(option, name, "on_fail=stop, on_fail=go_on"),
+            }
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "bounded above")]
+        let values = (0..=count as usize).map(|k| if k as f64 == count { from + count * by } else { from + k as f64 * by }).collect();
+        Some(Steps { variable: Some(steps.variable.name.clone()), values, go_on })
+    }
+
+    fn bad_option(&mut self, option: &OptionItem, name: &str, known: &str) {
+        let d = Diagnostic::new("E414", format!("option `{name}` is not understood here"));
+        self.diagnostics.push(d.at(option.name.span, format!("known: {known}")));
+    }
+
+    fn newton_options(&mut self) -> NewtonOptions {
+        let mut options = NewtonOptions::default();
+        let Some(solver) = &self.script.solver else { return options };
+        for option in &solver.options {
+            let number = match &option.value {
+                Some(OptionValue::Expr(e)) if word(option).is_none() => {
+                    constants::number(self.env, "an option", e, self.diagnostics)
+                }
+                _ => None,
+            };
+            match (option.name.name.as_str(), number, word(option)) {
+                ("tol", Some(t), _) if t >= 0.0 => options.tolerance = t,
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
+                ("max_iter", Some(n), _) if n >= 1.0 && n.fract() == 0.0 && n < 1e6 => {
+                    options.max_iterations = n as usize;
+                }
+                ("search", _, Some("auto")) => options.search = true,
+                ("search", _, Some("none")) => options.search = false,
+                (name, _, _) => self.bad_option(option, name, "tol=1e-10, max_iter=50, search=auto, search=none"),
+            }
+        }
+        options
+    }
+
+    /// Values given at the nodes of a field by an expression of the position.
+    fn nodal_values(&mut self, list: Vec<(String, wfl::ast::Expr)>) -> Vec<(usize, Value)> {
+        let place = mesh::position_place(self.fields.len());
+        let mut out = Vec::new();
+        for (name, e) in list {
+            let Some(k) = self.fields.iter().position(|f| f.name == name) else { continue };
+            let law = compile_value(self.env, &place, "a nodal value", &e);
+            self.diagnostics.extend(law.diagnostics);
+            let Some(law) = law.value else { continue };
+            let (found, needed) = (law.shape, self.sigs[k].shape);
+            if found.len() != needed.len() {
+                let d = Diagnostic::new("E108", format!("`{name}` is a {needed}, found a {found}"));
+                self.diagnostics.push(d.at(e.span, found.to_string()));
+                continue;
+            }
+            match Value::new(law, self.backend) {
+                Ok(v) if v.reads_positions_only() => out.push((k, v)),
+                Ok(_) => self.diagnostics.push(Diagnostic::new("E407", "a nodal value depends on x, y, z and the step variable only").at(e.span, "")),
+                Err(error) => self.diagnostics.push(Diagnostic::new("E609", error.to_string()).at(e.span, "")),
+            }
+        }
+        out
+    }
+
+    fn starts(&mut self) -> Vec<(usize, Value)> {
+        let mut list = Vec::new();
+        for start in &self.script.starts {
+            match &start.kind {
+                StartKind::Field { field, value } => list.push((field.name.clone(), value.clone())),
+                StartKind::File { path_span, .. } => {
+                    let d = Diagnostic::new("E802", "starting from a file is not available yet");
+                    self.diagnostics.push(d.at(*path_span, "give an expression: start u = ..."));
+                }
+            }
+        }
+        self.nodal_values(list)
+    }
+
+    fn data(&mut self) -> Vec<(usize, Value)> {
+        let mut list = Vec::new();
+        for field in &self.script.fields {
+            if let wfl::FieldKind::Data { value } = &field.kind {
+                match value {
+                    DataValue::Formula(e) => list.push((field.name.name.clone(), e.clone())),
+                    DataValue::File(_, span) => {
+                        let d = Diagnostic::new("E802", "data fields from files are not available yet");
+                        self.diagnostics.push(d.at(*span, "give an expression of x, y, z"));
+                    }
+                    DataValue::Host => {
+                        let d = Diagnostic::new("E415", format!("data `{}` has no value", field.name.name));
+                        self.diagnostics.push(d.at(field.name.span, "write `= expression`"));
+                    }
+                }
+            }
+        }
+        self.nodal_values(list)
+    }
+
+    fn measures(&mut self, rules: &terms::Rules) -> Vec<Measure> {
+        let mut out = Vec::new();
+        for measure in &self.script.measures {
+            let mut parts = Vec::new();
+            for place in &measure.places {
+                let mut maker = terms::TermMaker {
+                    script: self.script,
+                    env: self.env,
+                    mesh: &self.mesh,
+                    regions: &self.regions,
+                    fields: &self.fields,
+                    diagnostics: &mut *self.diagnostics,
+                };
+                let Some((sig, set)) = maker.place(place) else { continue };
+                let law = compile_value(self.env, &sig, "measure", &measure.expr);
+                self.diagnostics.extend(law.diagnostics);
+                let Some(law) = law.value else { continue };
+                if !law.shape.is_scalar_like() {
+                    let d = Diagnostic::new("E108", format!("a measure is a scalar, found a {}", law.shape));
+                    self.diagnostics.push(d.at(measure.expr.span, law.shape.to_string()));
+                    continue;
+                }
+                // the rule of the terms there, so that measured forces are those that act
+                let choice = rules.get(&place.name).copied().unwrap_or(RuleChoice::Degree(law.degree.rule()));
+                let Some(domain) = terms::domain(&self.mesh, set.as_ref(), choice, measure.expr.span, self.diagnostics) else {
+                    continue;
+                };
+                match Value::new(law, self.backend) {
+                    Ok(value) => match value.bind(&self.mesh, domain, &self.fields) {
+                        Ok(sampled) => parts.push((value, sampled)),
+                        Err(e) => self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(measure.expr.span, "")),
+                    },
+                    Err(e) => self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(measure.expr.span, "")),
+                }
+            }
+            out.push(Measure { name: measure.name.name.clone(), reduction: measure.reduction, parts });
+        }
+        out
+    }
+}
+
+fn word(option: &OptionItem) -> Option<&str> {
+    match &option.value {
+        Some(OptionValue::Expr(e)) => match &e.kind {
+            wfl::ast::ExprKind::Name(n) => Some(n),
+            _ => None,
+        },
+        Some(OptionValue::Text(t, _)) => Some(t),
+        None => None,
+    }
+}
+
+fn used_fields(law: &wfl_compiler::TermLaw) -> Vec<usize> {
+    let inputs = law.inputs.iter().filter_map(|s| match s {
+        InputSlot::Field(b) | InputSlot::Previous(b) => Some(b.field.index()),
+        _ => None,
+    });
+    law.tests.iter().chain(&law.trials).map(|s| s.field.index()).chain(inputs).collect()
+}
+
+impl Measure {
+    /// Its value at a state.
+    pub fn evaluate(&mut self, system: &System, time: f64, increment: f64, u: &[f64]) -> f64 {
+        let current = system.slices(u);
+        let previous = system.previous_slices();
+        let values = crate::assemble::FieldValues { current: &current, previous: &previous };
+        let (mut sum, mut size) = (0.0, 0.0);
+        let (mut largest, mut smallest) = (f64::NEG_INFINITY, f64::INFINITY);
+        let mut broken = false;
+        for (value, sampled) in &mut self.parts {
+            value.set_step(time, increment);
+            value.for_each_point(&system.mesh, sampled, values, |_, _, _, weight, v| {
+                sum += weight * v[0];
+                size += weight;
+                largest = largest.max(v[0]);
+                smallest = smallest.min(v[0]);
+                broken |= v[0].is_nan();
+            });
+        }
+        match self.reduction {
+            _ if broken => f64::NAN,
+            Reduction::Integral => sum,
+            Reduction::Mean => sum / size,
+            Reduction::Max => largest,
+            Reduction::Min => smallest,
+        }
+    }
+}
+
+impl Scene {
+    /// The `expect` conditions with measures at their last values: the condition and whether it holds; `None` for
+    /// one that cannot be evaluated.
+    #[must_use]
+    pub fn expectations(&self, measures: &[(String, f64)]) -> (Vec<(wfl::Expect, Option<bool>)>, Vec<Diagnostic>) {
+        let mut params = self.env.params.clone();
+        for (name, value) in measures {
+            let constant = Constant { shape: wfl_compiler::types::Shape::SCALAR, values: vec![*value], declared: None };
+            params.insert(name.clone(), constant);
+        }
+        let env = Env {
+            dim: self.env.dim,
+            fields: &[],
+            params: &params,
+            expansions: &self.env.expansions,
+            step_variable: None,
+            equal_within: 0.0,
+        };
+        let place = fields::global_place(0);
+        let mut diagnostics = Vec::new();
+        let mut out = Vec::new();
+        for expect in &self.env.expects {
+            let law = compile_condition(&env, &place, "expect", &expect.condition);
+            diagnostics.extend(law.diagnostics);
+            let holds = law.value.filter(|l| l.inputs.is_empty()).map(|law| {
+                let mut value = [0.0];
+                wfl_compiler::interpret(&law.kernel, &wfl_compiler::run_prologue(&law.prologue, &[]), &[], &mut Vec::new(), &mut value);
+                value[0] == 1.0
+            });
+            out.push((expect.clone(), holds));
+        }
+        (out, diagnostics)
+    }
+}

@@ -1,0 +1,274 @@
+//! The `output` statements: which expression is sampled on which piece.
+//!
+//! Bodies are the cell sets on which unknowns live; an expression goes to every body where it makes sense. One that
+//! needs a face (`Normal`, the other side) goes to the faces that have terms. A plain field also goes to the faces of
+//! its side, so that the faces of a fault carry both displacements.
+
+use wfl::{
+    Diagnostic, ResolvedScript, Span,
+    ast::{Expr, ExprKind, OptionValue},
+};
+use wfl_compiler::{
+    Env, ValueLaw,
+    backend::KernelBackend,
+    compile_value,
+    types::PlaceSig,
+};
+
+use crate::{
+    field::{Field, FieldSpace},
+    mesh::{CellId, Mesh, RegionSet, Topology},
+    results::{LineSample, SampledPiece, SupportSet},
+    scene::{
+        constants::{number, numbers},
+        fields::place_sig,
+        regions::{NamedRegion, Regions},
+    },
+    space::Support,
+    value::Value,
+};
+
+/// A VTU series.
+pub struct VtkOutput {
+    /// The name of its files.
+    pub file: String,
+    /// Its pieces.
+    pub pieces: Vec<SampledPiece>,
+}
+
+/// A line sample.
+pub struct CsvOutput {
+    /// The name of its files.
+    pub file: String,
+    /// Its points and columns.
+    pub line: LineSample,
+}
+
+pub(super) struct OutputMaker<'a> {
+    pub(super) script: &'a ResolvedScript,
+    pub(super) env: &'a Env<'a>,
+    pub(super) mesh: &'a Mesh,
+    pub(super) topology: &'a Topology,
+    pub(super) regions: &'a Regions,
+    pub(super) fields: &'a [Field],
+    pub(super) backend: &'a dyn KernelBackend,
+    pub(super) diagnostics: &'a mut Vec<Diagnostic>,
+}
+
+/// A place on which expressions may be sampled.
+struct Target {
+    sig: PlaceSig,
+    support: SupportSet,
+}
+
+const DEFAULT_POINTS: f64 = 101.0;
+const MAX_POINTS: f64 = 1e6;
+
+pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> (Vec<VtkOutput>, Vec<CsvOutput>) {
+    let (mut vtk, mut csv) = (Vec::new(), Vec::new());
+    let bodies = maker.bodies();
+    let faces = maker.faces();
+    for output in &maker.script.outputs {
+        match output.format.name.as_str() {
+            "vtk" => vtk.extend(maker.vtk(output, &bodies, &faces)),
+            "csv" => csv.extend(maker.csv(output, &bodies)),
+            other => {
+                let d = Diagnostic::new("E416", format!("no output format `{other}`"));
+                maker.diagnostics.push(d.at(output.format.span, "known: vtk, csv"));
+            }
+        }
+    }
+    (vtk, csv)
+}
+
+impl OutputMaker<'_> {
+    fn target(&self, name: &str, set: RegionSet, support: SupportSet) -> Target {
+        let region = NamedRegion { set, span: None, here_name: None };
+        Target { sig: place_sig(name, &region, self.mesh, self.fields), support }
+    }
+
+    /// The distinct cell sets on which fields live.
+    fn bodies(&self) -> Vec<Target> {
+        let mut sets: Vec<Vec<CellId>> = Vec::new();
+        for field in self.fields {
+            if let FieldSpace::Nodal(space) = &field.space
+                && let Support::Cells(cells) = space.support()
+            {
+                let mut cells = cells.clone();
+                cells.sort_unstable();
+                if !sets.contains(&cells) {
+                    sets.push(cells);
+                }
+            }
+        }
+        let target = |cells: Vec<CellId>| self.target("this body", RegionSet::Cells(cells.clone()), SupportSet::Cells(cells));
+        sets.into_iter().map(target).collect()
+    }
+
+    /// The interfaces and facet regions that have terms.
+    fn faces(&self) -> Vec<Target> {
+        let mut out: Vec<Target> = Vec::new();
+        for term in &self.script.terms {
+            for place in &term.places {
+                let Some(region) = self.regions.get(&place.name) else { continue };
+                let support = match &region.set {
+                    RegionSet::Facets(f) => SupportSet::Facets(f.clone()),
+                    RegionSet::Interface(i) => SupportSet::Interface(i.clone()),
+                    _ => continue,
+                };
+                if out.iter().all(|t| t.support != support) {
+                    out.push(self.target(&place.name, region.set.clone(), support));
+                }
+            }
+        }
+        out
+    }
+
+    fn try_compile(&self, target: &Target, e: &Expr) -> Result<ValueLaw, Vec<Diagnostic>> {
+        let compiled = compile_value(self.env, &target.sig, "output", e);
+        match compiled.value {
+            Some(law) if !compiled.diagnostics.iter().any(Diagnostic::is_error) => Ok(law),
+            _ => Err(compiled.diagnostics),
+        }
+    }
+
+    /// Bodies where the expression makes sense, else faces; a message when there are none.
+    fn homes<'t>(&mut self, bodies: &'t [Target], faces: &'t [Target], e: &Expr) -> Vec<(&'t Target, ValueLaw)> {
+        let mut problems = Vec::new();
+        for list in [bodies, faces] {
+            let mut found = Vec::new();
+            for target in list {
+                match self.try_compile(target, e) {
+                    Ok(law) => found.push((target, law)),
+                    Err(d) => problems = if problems.is_empty() { d } else { problems },
+                }
+            }
+            if !found.is_empty() {
+                return found;
+            }
+        }
+        // of all the refusals the one on the faces says most for an expression with Normal in it
+        let last = faces.last().or(bodies.last());
+        let told = last.and_then(|t| self.try_compile(t, e).err()).unwrap_or(problems);
+        for d in told {
+            if !self.diagnostics.contains(&d) {
+                self.diagnostics.push(d);
+            }
+        }
+        Vec::new()
+    }
+
+    fn vtk(&mut self, output: &wfl::Output, bodies: &[Target], faces: &[Target]) -> Option<VtkOutput> {
+        if let Some((from, _)) = &output.along {
+            let d = Diagnostic::new("E416", "`along` samples a line: use `output csv`");
+            self.diagnostics.push(d.at(from.span, ""));
+            return None;
+        }
+        let degree = self.fields.iter().map(field_degree).max().unwrap_or(1).clamp(1, 2);
+        let mut pieces: Vec<(SupportSet, SampledPiece)> = Vec::new();
+        for item in &output.items {
+            let name = item.name.clone();
+            let mut homes = self.homes(bodies, faces, &item.expr);
+            if matches!(item.expr.kind, ExprKind::Name(_)) {
+                for face in faces {
+                    if homes.iter().all(|(t, _)| t.support != face.support)
+                        && let Some(law) = self.on_face(face, &item.expr)
+                    {
+                        homes.push((face, law));
+                    }
+                }
+            }
+            for (target, law) in homes {
+                self.add(&mut pieces, target, law, &name, degree, item.expr.span);
+            }
+        }
+        let pieces = pieces.into_iter().map(|p| p.1).filter(|p| !p.is_empty()).collect();
+        Some(VtkOutput { file: output.file.clone(), pieces })
+    }
+
+    /// A plain field on a face, from whichever side it lives on.
+    fn on_face(&self, face: &Target, e: &Expr) -> Option<ValueLaw> {
+        if let Ok(law) = self.try_compile(face, e) {
+            return Some(law);
+        }
+        let name = |n: &str| Expr { kind: ExprKind::Name(n.to_owned()), span: e.span, expansion: None };
+        let args = vec![wfl::ast::Argument::Expr(e.clone()), wfl::ast::Argument::Expr(name("neighbor_element"))];
+        let other = Expr { kind: ExprKind::Call(Box::new(name("Interpolate")), args), span: e.span, expansion: None };
+        self.try_compile(face, &other).ok()
+    }
+
+    fn add(&mut self, pieces: &mut Vec<(SupportSet, SampledPiece)>, target: &Target, law: ValueLaw, name: &str, degree: usize, span: Span) {
+        let position = match pieces.iter().position(|(s, _)| *s == target.support) {
+            Some(p) => p,
+            None => match SampledPiece::new(self.mesh, self.topology, &target.support, degree) {
+                Ok(piece) => {
+                    pieces.push((target.support.clone(), piece));
+                    pieces.len() - 1
+                }
+                Err(e) => {
+                    self.diagnostics.push(Diagnostic::new("E416", e.to_string()).at(span, ""));
+                    return;
+                }
+            },
+        };
+        let added = Value::new(law, self.backend)
+            .map_err(|e| e.to_string())
+            .and_then(|v| pieces[position].1.add(self.mesh, self.fields, name.to_owned(), v).map_err(|e| e.to_string()));
+        if let Err(text) = added {
+            self.diagnostics.push(Diagnostic::new("E416", text).at(span, ""));
+        }
+    }
+
+    fn csv(&mut self, output: &wfl::Output, bodies: &[Target]) -> Option<CsvOutput> {
+        let Some((from, to)) = &output.along else {
+            let d = Diagnostic::new("E416", "`output csv` needs a line: along [..] to [..]");
+            self.diagnostics.push(d.at(output.format.span, ""));
+            return None;
+        };
+        let a = numbers(self.env, "the start of the line", from, self.diagnostics)?;
+        let b = numbers(self.env, "the end of the line", to, self.diagnostics)?;
+        if a.len() != self.mesh.dim() || b.len() != self.mesh.dim() {
+            let d = Diagnostic::new("E108", format!("the ends of a line have {} coordinates here", self.mesh.dim()));
+            self.diagnostics.push(d.at(to.span, ""));
+            return None;
+        }
+        let mut n = DEFAULT_POINTS;
+        for option in &output.options {
+            match (&option.value, option.name.name.as_str()) {
+                (Some(OptionValue::Expr(e)), "points") => n = number(self.env, "a number of points", e, self.diagnostics)?,
+                (_, name) => {
+                    let d = Diagnostic::new("E414", format!("option `{name}` is not understood here"));
+                    self.diagnostics.push(d.at(option.name.span, "known: points=101"));
+                }
+            }
+        }
+        if n.fract() != 0.0 || !(1.0..=MAX_POINTS).contains(&n) {
+            let d = Diagnostic::new("E414", format!("a line has 1 to {MAX_POINTS} points, found {n}"));
+            self.diagnostics.push(d.at(output.format.span, ""));
+            return None;
+        }
+        let point = |v: &[f64]| [0, 1, 2].map(|d| v.get(d).copied().unwrap_or(0.0));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+        let mut line = LineSample::new(self.mesh, point(&a), point(&b), n as usize);
+        for item in &output.items {
+            let name = item.name.clone();
+            for (target, law) in self.homes(bodies, &[], &item.expr) {
+                let SupportSet::Cells(cells) = &target.support else { continue };
+                let added = Value::new(law, self.backend)
+                    .map_err(|e| e.to_string())
+                    .and_then(|v| line.add(self.mesh, self.fields, name.clone(), v, cells).map_err(|e| e.to_string()));
+                if let Err(text) = added {
+                    self.diagnostics.push(Diagnostic::new("E416", text).at(item.expr.span, ""));
+                }
+            }
+        }
+        Some(CsvOutput { file: output.file.clone(), line })
+    }
+}
+
+fn field_degree(field: &Field) -> usize {
+    match &field.space {
+        FieldSpace::Nodal(space) => space.degree(),
+        FieldSpace::Global => 0,
+    }
+}

@@ -1,0 +1,238 @@
+//! Regions by name: picked by position, interfaces, groups of a mesh file, and their combinations.
+
+use std::collections::BTreeMap;
+
+use wfl::{
+    Diagnostic, ResolvedScript, Span,
+    ast::{Cond, EntityKind, Ident, RegionExpr, RegionOp},
+    nearest,
+};
+use wfl_compiler::{Constant, Env, backend::KernelBackend, compile_condition};
+
+use crate::{
+    mesh::{
+        CellId, Mesh, RegionError, RegionSet, Topology, boundary_of, interface, outer_boundary, pick_cells, pick_facets,
+        pick_nodes,
+    },
+    scene::mesh::position_place,
+    value::Value,
+};
+
+/// `==` on coordinates means within this part of the mesh size.
+const EQUAL_WITHIN: f64 = 1e-9;
+
+/// A region with where it was declared.
+#[derive(Clone, Debug)]
+pub struct NamedRegion {
+    /// Its members.
+    pub set: RegionSet,
+    /// Its declaration; `None` for `all`, `boundary` and groups of a mesh file.
+    pub span: Option<Span>,
+    /// The cell region on the owning side of an interface.
+    pub here_name: Option<String>,
+}
+
+/// All regions of a scene.
+pub type Regions = BTreeMap<String, NamedRegion>;
+
+pub(super) struct RegionMaker<'a> {
+    pub(super) script: &'a ResolvedScript,
+    pub(super) mesh: &'a Mesh,
+    pub(super) topology: &'a Topology,
+    pub(super) params: &'a BTreeMap<String, Constant>,
+    pub(super) backend: &'a dyn KernelBackend,
+    pub(super) diagnostics: &'a mut Vec<Diagnostic>,
+    pub(super) regions: Regions,
+}
+
+impl RegionMaker<'_> {
+    /// Makes every region of the scene.
+    pub(super) fn make(mut self) -> Regions {
+        let plain = |set| NamedRegion { set, span: None, here_name: None };
+        self.regions.insert("all".to_owned(), plain(RegionSet::Cells(self.mesh.cells().collect())));
+        self.regions.insert("boundary".to_owned(), plain(RegionSet::Facets(outer_boundary(self.topology))));
+        for group in self.mesh.groups() {
+            match RegionSet::from_group(self.mesh, self.topology, group) {
+                Ok(set) => {
+                    self.regions.insert(group.name.clone(), plain(set));
+                }
+                Err(e) => self.diagnostics.push(Diagnostic::new("E410", format!("group `{}` of the mesh file: {e}", group.name))),
+            }
+        }
+        for region in &self.script.regions {
+            let here_name = match &region.region {
+                RegionExpr::Interface { from, .. } => Some(from.name.clone()),
+                _ => None,
+            };
+            let Some(set) = self.evaluate(&region.region, region.name.span) else { continue };
+            if set.is_empty() {
+                self.empty(&region.name, &region.region);
+                continue;
+            }
+            let named = NamedRegion { set, span: Some(region.span), here_name };
+            self.regions.insert(region.name.name.clone(), named);
+        }
+        self.regions
+    }
+
+    fn empty(&mut self, name: &Ident, region: &RegionExpr) {
+        let (span, text) = match region {
+            RegionExpr::Picked { entity, condition, of, span } => {
+                let place = condition.as_ref().map_or(*span, |c| c.span);
+                (place, self.nearest_entity(*entity, of.as_ref()))
+            }
+            RegionExpr::Interface { from, to, span } => {
+                (*span, format!("`{}` and `{}` share no face", from.name, to.name))
+            }
+            _ => (name.span, String::new()),
+        };
+        let d = Diagnostic::new("E402", format!("region `{}` is empty", name.name));
+        self.diagnostics.push(d.at(span, text));
+    }
+
+    fn nearest_entity(&self, entity: EntityKind, _of: Option<&Ident>) -> String {
+        let (low, high) = self.mesh.bounds();
+        let range: Vec<String> = ["x", "y", "z"][..self.mesh.dim()]
+            .iter()
+            .enumerate()
+            .map(|(d, name)| format!("{name} = {}..{}", low[d], high[d]))
+            .collect();
+        let word = match entity {
+            EntityKind::Cells => "no cell",
+            EntityKind::Faces => "no face of the outer boundary",
+            EntityKind::Nodes => "no node",
+        };
+        format!("{word}; the mesh spans {}", range.join(", "))
+    }
+
+    /// The cells of a region that must be cells.
+    fn cells_of(&mut self, name: &Ident) -> Option<Vec<CellId>> {
+        match &self.lookup(name)?.set {
+            RegionSet::Cells(cells) => Some(cells.clone()),
+            other => {
+                let d = Diagnostic::new("E405", format!("`{}` is a region of {}, cells are needed", name.name, other.kind()));
+                self.diagnostics.push(d.at(name.span, ""));
+                None
+            }
+        }
+    }
+
+    fn lookup(&mut self, name: &Ident) -> Option<&NamedRegion> {
+        if !self.regions.contains_key(&name.name) {
+            let known = nearest(&name.name, self.regions.keys().map(String::as_str)).map(str::to_owned);
+            let declared = self.script.regions.iter().any(|r| r.name.name == name.name);
+            if !declared {
+                let text = known.map_or(String::new(), |k| format!("did you mean `{k}`?"));
+                let d = Diagnostic::new("E201", format!("unknown region `{}`", name.name));
+                self.diagnostics.push(d.at(name.span, text));
+            } else if !self.diagnostics.iter().any(Diagnostic::is_error) {
+                let d = Diagnostic::new("E201", format!("region `{}` is used before its line", name.name));
+                self.diagnostics.push(d.at(name.span, "declare it above"));
+            }
+            return None;
+        }
+        self.regions.get(&name.name)
+    }
+
+    fn evaluate(&mut self, region: &RegionExpr, place: Span) -> Option<RegionSet> {
+        match region {
+            RegionExpr::Name(name) => Some(self.lookup(name)?.set.clone()),
+            RegionExpr::Interface { from, to, span } => {
+                let (a, b) = (self.cells_of(from), self.cells_of(to));
+                let made = interface(self.mesh, self.topology, &a?, &b?);
+                self.checked(made, *span)
+            }
+            RegionExpr::Picked { entity, of, condition, span } => self.picked(*entity, of.as_ref(), condition.as_ref(), *span),
+            RegionExpr::Combine(first, rest) => {
+                let mut total = self.evaluate(first, place)?;
+                for (op, other) in rest {
+                    let other = self.evaluate(other, place)?;
+                    let combined = match op {
+                        RegionOp::Union => total.union(&other),
+                        RegionOp::Minus => total.difference(&other),
+                        RegionOp::Intersect => total.intersection(&other),
+                    };
+                    total = self.checked(combined, place)?;
+                }
+                Some(total)
+            }
+        }
+    }
+
+    fn checked(&mut self, made: Result<RegionSet, RegionError>, span: Span) -> Option<RegionSet> {
+        match made {
+            Ok(set) => Some(set),
+            Err(e) => {
+                self.diagnostics.push(Diagnostic::new("E405", e.to_string()).at(span, ""));
+                None
+            }
+        }
+    }
+
+    fn picked(&mut self, entity: EntityKind, of: Option<&Ident>, cond: Option<&Cond>, span: Span) -> Option<RegionSet> {
+        let cells = match of {
+            Some(name) => Some(self.cells_of(name)?),
+            None => None,
+        };
+        let condition = match cond {
+            Some(c) => Some(self.condition(c)?),
+            None => None,
+        };
+        let mut bad: Option<[f64; 3]> = None;
+        let mut holds = |x: [f64; 3]| -> Result<bool, std::convert::Infallible> {
+            let Some(value) = &condition else { return Ok(true) };
+            let v = value.at_positions(&[x])[0];
+            if v.is_nan() {
+                bad = Some(x);
+            }
+            Ok(v == 1.0)
+        };
+        let set = match entity {
+            EntityKind::Cells => pick_cells(self.mesh, cells.as_deref(), &mut holds),
+            EntityKind::Nodes => pick_nodes(self.mesh, cells.as_deref(), &mut holds),
+            EntityKind::Faces => {
+                let facets = match &cells {
+                    Some(c) => boundary_of(self.mesh, self.topology, c),
+                    None => outer_boundary(self.topology),
+                };
+                pick_facets(self.mesh, &facets, &mut holds)
+            }
+        };
+        if let Some(x) = bad {
+            let d = Diagnostic::new("E601", format!("not a number in this condition at x = {x:?}"));
+            self.diagnostics.push(d.at(span, ""));
+            return None;
+        }
+        match set {
+            Ok(set) => Some(set),
+            Err(never) => match never {},
+        }
+    }
+
+    fn condition(&mut self, cond: &Cond) -> Option<Value> {
+        let (low, high) = self.mesh.bounds();
+        let size = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+        let env = Env {
+            dim: self.mesh.dim(),
+            fields: &[],
+            params: self.params,
+            expansions: &self.script.expansions,
+            step_variable: None,
+            equal_within: EQUAL_WITHIN * size,
+        };
+        let law = compile_condition(&env, &position_place(0), "a condition", cond);
+        self.diagnostics.extend(law.diagnostics);
+        match Value::new(law.value?, self.backend) {
+            Ok(v) if v.reads_positions_only() => Some(v),
+            Ok(_) => {
+                let d = Diagnostic::new("E405", "a region is picked by position only");
+                self.diagnostics.push(d.at(cond.span, ""));
+                None
+            }
+            Err(e) => {
+                self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(cond.span, ""));
+                None
+            }
+        }
+    }
+}

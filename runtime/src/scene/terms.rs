@@ -1,0 +1,228 @@
+//! Terms and loads compiled on their places; one quadrature rule a region.
+
+use std::{collections::BTreeMap, sync::Arc};
+
+use wfl::{
+    Diagnostic, ResolvedScript, Span,
+    ast::{Ident, QuadratureRule, TargetPart},
+};
+use wfl_compiler::{
+    Env, LoadPart, TermLaw, TermSource, compile_term,
+    types::{FieldId, PlaceSig},
+};
+
+use crate::{
+    assemble::Domain,
+    field::Field,
+    mesh::{CellKind, Mesh, RegionSet},
+    quadrature::{Rule, rule, vertex},
+    scene::{
+        constants::number,
+        fields::{global_place, place_sig},
+        regions::{NamedRegion, Regions},
+    },
+};
+
+/// A compiled term with its place, before kernels and dofs.
+pub(super) struct PlacedLaw {
+    pub(super) law: TermLaw,
+    /// The name of the region, or of the restricted region of a load.
+    pub(super) place: String,
+    pub(super) set: Option<RegionSet>,
+    pub(super) span: Span,
+    pub(super) is_load: bool,
+}
+
+/// Degree of the rule, or the nodal rule, by region name.
+pub(super) type Rules = BTreeMap<String, RuleChoice>;
+
+/// How points are chosen on a region.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RuleChoice {
+    /// Gauss points exact to this degree.
+    Degree(usize),
+    /// The vertices.
+    Vertex,
+}
+
+/// Largest degree that `quadrature` takes.
+const MAX_DEGREE: f64 = 60.0;
+
+pub(super) struct TermMaker<'a> {
+    pub(super) script: &'a ResolvedScript,
+    pub(super) env: &'a Env<'a>,
+    pub(super) mesh: &'a Mesh,
+    pub(super) regions: &'a Regions,
+    pub(super) fields: &'a [Field],
+    pub(super) diagnostics: &'a mut Vec<Diagnostic>,
+}
+
+impl TermMaker<'_> {
+    /// All terms and loads of the scene.
+    pub(super) fn make(&mut self) -> Vec<PlacedLaw> {
+        let mut out = Vec::new();
+        for (k, term) in self.script.terms.iter().enumerate() {
+            for place in &term.places {
+                let Some((sig, set)) = self.place(place) else { continue };
+                let mut name = term.name.as_ref().map_or_else(|| format!("term{}", k + 1), |n| n.name.clone());
+                if term.places.len() > 1 || self.script.terms.iter().filter(|t| t.name.as_ref().is_some_and(|n| n.name == name)).count() > 1 {
+                    name = format!("{name} on {}", place.name);
+                }
+                let source = if term.energy { TermSource::Energy(&term.expr) } else { TermSource::Residual(&term.expr) };
+                self.push(&sig, &name, source, set, term.span, false, &mut out);
+            }
+        }
+        for (k, load) in self.script.loads.iter().enumerate() {
+            for target in &load.targets {
+                for place in &load.places {
+                    self.load(k, load, target, place, &mut out);
+                }
+            }
+        }
+        out
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "one call for terms and loads")]
+    fn push(
+        &mut self,
+        sig: &PlaceSig,
+        name: &str,
+        source: TermSource<'_>,
+        set: Option<RegionSet>,
+        span: Span,
+        is_load: bool,
+        out: &mut Vec<PlacedLaw>,
+    ) {
+        let compiled = compile_term(self.env, sig, name, source);
+        for d in compiled.diagnostics {
+            if !self.diagnostics.contains(&d) {
+                self.diagnostics.push(d);
+            }
+        }
+        if let Some(law) = compiled.value {
+            out.push(PlacedLaw { law, place: sig.name.clone(), set, span, is_load });
+        }
+    }
+
+    /// What a place is; `None` after a message. Regions that failed earlier are silent.
+    pub(super) fn place(&mut self, place: &Ident) -> Option<(PlaceSig, Option<RegionSet>)> {
+        if place.name == "global" {
+            return Some((global_place(self.fields.len()), None));
+        }
+        let region = self.regions.get(&place.name)?;
+        if let RegionSet::Nodes(_) = region.set {
+            let d = Diagnostic::new("E405", format!("nothing can be integrated over `{}`, a region of nodes", place.name));
+            self.diagnostics.push(d.at(place.span, "cells or faces are needed"));
+            return None;
+        }
+        Some((place_sig(&place.name, region, self.mesh, self.fields), Some(region.set.clone())))
+    }
+
+    fn load(&mut self, k: usize, load: &wfl::Condition, target: &wfl::ast::Target, place: &Ident, out: &mut Vec<PlacedLaw>) {
+        let Some(position) = self.fields.iter().position(|f| f.name == target.field.name) else { return };
+        let Some(region) = self.regions.get(&place.name) else { return };
+        let field = &self.fields[position];
+        let set = restricted(field, &region.set);
+        if set.is_empty() {
+            let d = Diagnostic::new("E401", format!("`load {}` meets no part of `{}`", target.field.name, target.field.name));
+            let text = format!("the {} {} of `{}` belong to other fields", region.set.len(), region.set.kind(), place.name);
+            self.diagnostics.push(d.at(place.span, text));
+            return;
+        }
+        let named = NamedRegion { set: set.clone(), ..region.clone() };
+        let sig = place_sig(&place.name, &named, self.mesh, self.fields);
+        let part = match &target.part {
+            TargetPart::Whole => LoadPart::Whole,
+            TargetPart::Normal => LoadPart::Normal,
+            TargetPart::Component(e) => match component(self.env, e, field, self.diagnostics) {
+                Some(c) => LoadPart::Component(c),
+                None => return,
+            },
+        };
+        let source = TermSource::Load { value: &load.value, field: FieldId::new(position), part };
+        let name = format!("load{} of {} on {}", k + 1, target.field.name, place.name);
+        self.push(&sig, &name, source, Some(set), load.span, true, out);
+    }
+
+    /// The rule of every region that has terms: what `quadrature` says, else the largest degree its terms need.
+    pub(super) fn rules(&mut self, laws: &[PlacedLaw]) -> Rules {
+        let mut rules = Rules::new();
+        for law in laws {
+            let degree = law.law.degree.rule();
+            let slot = rules.entry(law.place.clone()).or_insert(RuleChoice::Degree(degree));
+            if let RuleChoice::Degree(d) = slot {
+                *d = (*d).max(degree);
+            }
+        }
+        for statement in &self.script.quadratures {
+            let choice = match &statement.rule {
+                QuadratureRule::Vertex => Some(RuleChoice::Vertex),
+                QuadratureRule::Degree(e) => number(self.env, "the degree of a rule", e, self.diagnostics).and_then(|d| {
+                    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
+                    if d.fract() == 0.0 && (0.0..=MAX_DEGREE).contains(&d) {
+                        return Some(RuleChoice::Degree(d as usize));
+                    }
+                    let m = Diagnostic::new("E411", format!("the degree of a quadrature rule is a whole number from 0 to {MAX_DEGREE}, found {d}"));
+                    self.diagnostics.push(m.at(e.span, ""));
+                    None
+                }),
+            };
+            let Some(choice) = choice else { continue };
+            for place in &statement.places {
+                rules.insert(place.name.clone(), choice);
+            }
+        }
+        rules
+    }
+}
+
+/// The component named in `u(1)`, from 0.
+pub(super) fn component(env: &Env<'_>, e: &wfl::ast::Expr, field: &Field, diagnostics: &mut Vec<Diagnostic>) -> Option<usize> {
+    let x = number(env, "a component", e, diagnostics)?;
+    let n = field.n_components;
+    #[expect(clippy::cast_precision_loss, reason = "few components")]
+    if x.fract() == 0.0 && x >= 1.0 && x <= n as f64 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+        return Some(x as usize - 1);
+    }
+    let list: Vec<String> = (1..=n).map(|k| k.to_string()).collect();
+    let d = Diagnostic::new("E104", format!("index {x} is out of range")).note("indices start at 1, as in GWFL");
+    diagnostics.push(d.at(e.span, format!("`{}` has the components {}", field.name, list.join(", "))));
+    None
+}
+
+/// The part of a region where a field lives.
+pub(super) fn restricted(field: &Field, set: &RegionSet) -> RegionSet {
+    match set {
+        RegionSet::Cells(c) => RegionSet::Cells(c.iter().copied().filter(|c| field.lives_in_cell(*c)).collect()),
+        RegionSet::Facets(f) => RegionSet::Facets(f.iter().copied().filter(|f| field.lives_on_facet(*f)).collect()),
+        RegionSet::Interface(i) => {
+            RegionSet::Interface(i.iter().copied().filter(|p| field.lives_on_facet(p.here)).collect())
+        }
+        RegionSet::Nodes(n) => RegionSet::Nodes(n.clone()),
+    }
+}
+
+/// The domain of a set under a rule.
+pub(super) fn domain(
+    mesh: &Mesh,
+    set: Option<&RegionSet>,
+    choice: RuleChoice,
+    span: Span,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Arc<Domain>> {
+    let Some(set) = set else { return Some(Arc::new(Domain::global(mesh))) };
+    let make = |kind: CellKind| -> Rule {
+        match choice {
+            RuleChoice::Vertex => vertex(kind),
+            RuleChoice::Degree(d) => rule(kind, d).expect("degrees are bounded by MAX_DEGREE"),
+        }
+    };
+    match Domain::new(mesh, set, &make) {
+        Ok(d) => Some(Arc::new(d)),
+        Err(e) => {
+            diagnostics.push(Diagnostic::new("E409", e.to_string()).at(span, ""));
+            None
+        }
+    }
+}

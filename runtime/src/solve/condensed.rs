@@ -1,0 +1,655 @@
+//! Systems `(K + C) x = b` with a constant symmetric bulk K and a part C that changes and touches few dofs.
+//!
+//! K is factored once wherever C cannot reach. Only the rest is factored again when C changes, in one of two ways:
+//!
+//! - dense: with I the dofs that C does not touch and G those that it does, `S0 = K_GG - K_GI K_II⁻¹ K_IG` is kept as a
+//!   dense matrix and `S = S0 + C` is factored by LU with partial pivoting (Cholesky when C is symmetric and that
+//!   succeeds);
+//! - fronts: G is dissected like every other dof, and the fronts that see a dof of G, and those above them, are
+//!   factored by LU. In three dimensions this is far cheaper for large G.
+//!
+//! When C changes a little, the old factor M of `K + C_old` still serves. With `D = C - C_old` and P the part of M⁻¹ on
+//! G, `x = M⁻¹ (b + w)` where w lives on G and solves `(1 + D P) w = -D M⁻¹ b`: a few GMRES iterations, each of which
+//! costs one pass over the changing part of the factor. They stop early, and M is made anew, once that would be
+//! cheaper. All decisions follow from operation counts and iterates, never from a clock.
+//!
+//! Promises: as `checked`, with the residual of `K + C` itself.
+//! Does not find out what changes: the caller says so.
+
+use std::sync::Arc;
+
+use super::checked::{Checked, Judge, Pivot, check_symmetry, explain_singular, inverse_norm_estimate, outside};
+use super::dense::{Dense, Kind};
+use super::frontal_lu::{EntryMap, FrontalLu, Part};
+use super::krylov::{Gmres, Limits};
+use super::llt::Llt;
+use super::multifrontal::{Multifrontal, zeros};
+use super::sweep::{Form, FrontFactor, Sweep};
+use super::symbolic::{INTERFACE, Symbolic};
+use super::{LinearSolver, SolveError, SolveReport, SolverOptions};
+use crate::csr::{Csr, Pattern};
+
+/// Up to this many changing dofs their matrix is dense.
+const DENSE_LIMIT: usize = 1000;
+/// Largest dense matrix that stands in when pivots from within fronts do not suffice.
+const DENSE_RESCUE_LIMIT: usize = 12_000;
+/// Smallest pivot of the fronts, relative to its column, that is accepted.
+const SMALLEST_PIVOT: f64 = 1e-11;
+/// Multiplications that a factorisation makes while a sweep loads one value.
+const OPERATIONS_PER_VALUE: f64 = 24.0;
+/// Iterations may cost at most this part of a new factorisation.
+const ITERATION_SHARE: f64 = 0.5;
+/// Never more iterations than this: the basis is kept.
+const MAX_ITERATIONS: usize = 40;
+/// Where iterations stop, relative to the right-hand side (2-norm).
+const ITERATION_TOLERANCE: f64 = 1e-12;
+/// Relative asymmetry up to which the changing part counts as symmetric.
+const ASYMMETRY: f64 = 1e-14;
+
+/// How the changing part is solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Strategy {
+    /// One dense matrix of the changing dofs.
+    Dense {
+        /// Number of changing dofs.
+        n_changing: usize,
+    },
+    /// Sparse LU of the fronts that see a changing dof.
+    Fronts {
+        /// Number of changing dofs.
+        n_changing: usize,
+    },
+}
+
+impl std::fmt::Display for Strategy {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Strategy::Dense { n_changing } => {
+                write!(f, "constant bulk factored once, dense matrix of {n_changing} changing dofs")
+            }
+            Strategy::Fronts { n_changing } => {
+                write!(f, "constant bulk factored once, sparse LU of the fronts with {n_changing} changing dofs")
+            }
+        }
+    }
+}
+
+/// The one place where the method is chosen.
+fn choose(n_changing: usize) -> Strategy {
+    if n_changing <= DENSE_LIMIT { Strategy::Dense { n_changing } } else { Strategy::Fronts { n_changing } }
+}
+
+/// Solver for a constant symmetric bulk and a part that changes.
+///
+/// The bulk without its changing dofs must be positive definite; bulk and changing part together may be anything
+/// regular.
+pub struct CheckedCondensed {
+    bulk: Csr,
+    changing: Csr,
+    /// Dofs that the changing part touches, increasing.
+    dofs: Vec<u32>,
+    coordinates: Option<Vec<[f64; 3]>>,
+    engine: Engine,
+    judge: Judge,
+    /// For each entry of the changing part the entry across the diagonal.
+    mirror: Option<Vec<usize>>,
+    /// The changing part, less the one in the factor, on the changing dofs.
+    difference: Csr,
+    /// Values of the changing part in the factor.
+    factored: Vec<f64>,
+    /// For a narrower pattern seen last: where its entries go.
+    narrower: Option<(Arc<Pattern>, Vec<usize>)>,
+    gmres: Gmres,
+    state: State,
+}
+
+/// What is known about the factor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    /// No matrix, or one that was refused.
+    Empty,
+    /// The factor is that of the matrix.
+    Fresh,
+    /// The factor is that of an earlier matrix, to be tried first.
+    Stale,
+}
+
+/// The factor.
+struct Engine {
+    symbolic: Symbolic,
+    constant: Multifrontal,
+    /// Smallest relative pivot of the constant part.
+    constant_pivot: f64,
+    sweep: Sweep,
+    method: Method,
+}
+
+enum Method {
+    Dense {
+        /// S0, full, by columns.
+        base: Vec<f64>,
+        dense: Dense,
+        /// Place in S of each entry of the changing part.
+        places: Vec<usize>,
+        /// Place among the interface unknowns of each changing dof.
+        order: Vec<u32>,
+        work: Vec<f64>,
+    },
+    Fronts {
+        fronts: FrontalLu,
+        bulk_map: EntryMap,
+        changing_map: EntryMap,
+        /// Sweep over the changing fronts alone.
+        reduced: Sweep,
+        work: Vec<f64>,
+    },
+}
+
+impl CheckedCondensed {
+    /// Analyses and factors the constant part. `changing` (n x n) is the pattern in which the changing part may have
+    /// entries; `coordinates`, one point (any length unit) a dof, make the ordering good.
+    ///
+    /// # Errors
+    /// [`SolveError::Shape`] for sizes that do not fit, [`SolveError::NonFiniteMatrix`], [`SolveError::NotSymmetric`],
+    /// and [`SolveError::NotPositiveDefinite`] or [`SolveError::Singular`] when the bulk is not positive definite with
+    /// the changing dofs held fixed (a body that nothing holds); [`SolveError::OutOfMemory`].
+    pub fn new(
+        bulk: &Csr,
+        changing: &Arc<Pattern>,
+        coordinates: Option<&[[f64; 3]]>,
+        options: SolverOptions,
+    ) -> Result<Self, SolveError> {
+        let n = bulk.n_rows();
+        let sizes = [("columns of the bulk", bulk.n_cols()), ("rows of the changing part", changing.n_rows())];
+        for (what, found) in sizes.into_iter().chain([("columns of the changing part", changing.n_cols())]) {
+            if found != n {
+                return Err(SolveError::Shape { what, expected: n, found });
+            }
+        }
+        if let Some((row, column)) = bulk.first_non_finite() {
+            return Err(SolveError::NonFiniteMatrix { row, column });
+        }
+        check_symmetry(bulk)?;
+        let dofs = touched(changing);
+        let context = EngineContext { bulk, changing, dofs: &dofs, coordinates, threads: options.threads };
+        let engine = match choose(dofs.len()) {
+            Strategy::Dense { .. } => context.dense(),
+            Strategy::Fronts { .. } => context.fronts(),
+        };
+        let engine = match engine {
+            Ok(engine) => engine,
+            Err(error @ SolveError::NotPositiveDefinite { .. }) => {
+                return Err(explain_bulk(bulk, &dofs, coordinates, options, error));
+            }
+            Err(error) => return Err(error),
+        };
+        let (transposed, sources) = changing.transpose();
+        Ok(Self {
+            mirror: (transposed == **changing).then_some(sources),
+            difference: Csr::zeros(Arc::new(on_dofs(changing, &dofs)?)),
+            factored: Vec::new(),
+            bulk: bulk.clone(),
+            changing: Csr::zeros(Arc::clone(changing)),
+            coordinates: coordinates.map(<[_]>::to_vec),
+            dofs,
+            engine,
+            judge: Judge::new(n, options),
+            narrower: None,
+            gmres: Gmres::new(MAX_ITERATIONS),
+            state: State::Empty,
+        })
+    }
+
+    /// How the changing part is solved.
+    pub fn strategy(&self) -> Strategy {
+        let n_changing = self.dofs.len();
+        match self.engine.method {
+            Method::Dense { .. } => Strategy::Dense { n_changing },
+            Method::Fronts { .. } => Strategy::Fronts { n_changing },
+        }
+    }
+
+    /// Sets the changing part (n x n). The first call factors; later ones may leave that to the next solve, which then
+    /// reports what went wrong.
+    ///
+    /// # Errors
+    /// [`SolveError::OutsidePattern`] for an entry outside the pattern given at the start,
+    /// [`SolveError::NonFiniteMatrix`], [`SolveError::Singular`], [`SolveError::OutOfMemory`]; the solver then holds no
+    /// matrix.
+    pub fn update(&mut self, changing: &Csr) -> Result<(), SolveError> {
+        let before = self.state;
+        self.state = State::Empty;
+        self.take(changing)?;
+        self.judge.look_at(&[&self.bulk, &self.changing])?;
+        if before != State::Empty && self.factored == self.changing.values() {
+            self.state = State::Fresh;
+            return Ok(());
+        }
+        if before == State::Empty || self.engine.worthwhile_iterations() == 0 {
+            return self.refactor();
+        }
+        for ((value, new), old) in
+            self.difference.values_mut().iter_mut().zip(self.changing.values()).zip(&self.factored)
+        {
+            *value = new - old;
+        }
+        self.state = State::Stale;
+        Ok(())
+    }
+
+    /// Copies the changing part onto its pattern.
+    fn take(&mut self, matrix: &Csr) -> Result<(), SolveError> {
+        let wanted = self.changing.pattern();
+        if Arc::ptr_eq(wanted, matrix.pattern()) || **wanted == **matrix.pattern() {
+            self.changing.values_mut().copy_from_slice(matrix.values());
+            return Ok(());
+        }
+        let n = self.bulk.n_rows();
+        if (matrix.n_rows(), matrix.n_cols()) != (n, n) {
+            let found = if matrix.n_rows() == n { matrix.n_cols() } else { matrix.n_rows() };
+            return Err(SolveError::Shape { what: "rows and columns of the matrix", expected: n, found });
+        }
+        if !matches!(&self.narrower, Some((pattern, _)) if Arc::ptr_eq(pattern, matrix.pattern())) {
+            let places = matrix.pattern().positions_in(wanted).ok_or_else(|| outside(matrix.pattern(), wanted))?;
+            self.narrower = Some((Arc::clone(matrix.pattern()), places));
+        }
+        let (_, places) = self.narrower.as_ref().expect("it is known or has just been found");
+        self.changing.values_mut().fill(0.0);
+        for (&place, value) in places.iter().zip(matrix.values()) {
+            self.changing.values_mut()[place] = *value;
+        }
+        Ok(())
+    }
+
+    /// Makes the factor that of the matrix.
+    fn refactor(&mut self) -> Result<(), SolveError> {
+        self.state = State::Empty;
+        let kind = if self.is_symmetric() { Kind::Symmetric } else { Kind::General };
+        let mut outcome = self.engine.factor(&self.bulk, &self.changing, kind);
+        if matches!(outcome, Err(SolveError::VanishingPivot { .. })) && self.rescue()? {
+            outcome = self.engine.factor(&self.bulk, &self.changing, kind);
+        }
+        let pivot = match outcome {
+            Ok(pivot) => pivot,
+            Err(error @ SolveError::VanishingPivot { .. }) => {
+                let sum = self.bulk.plus(&self.changing)?;
+                let coordinates = self.coordinates.as_deref();
+                return Err(explain_singular(&mut self.judge, &sum, coordinates, error));
+            }
+            Err(error) => return Err(error),
+        };
+        if pivot.is_suspicious() {
+            self.check_null_space()?;
+        }
+        self.factored.clear();
+        self.factored.extend_from_slice(self.changing.values());
+        self.state = State::Fresh;
+        Ok(())
+    }
+
+    fn is_symmetric(&self) -> bool {
+        let values = self.changing.values();
+        let bound = ASYMMETRY * self.changing.max_abs();
+        let across = |mirror: &Vec<usize>| {
+            values.iter().zip(mirror).all(|(value, &place)| (value - values[place]).abs() <= bound)
+        };
+        self.mirror.as_ref().is_some_and(across)
+    }
+
+    /// Turns from fronts to the dense matrix, whose pivots come from all changing dofs; false when it is in use, or
+    /// would be too large.
+    fn rescue(&mut self) -> Result<bool, SolveError> {
+        if matches!(self.engine.method, Method::Dense { .. }) || self.dofs.len() > DENSE_RESCUE_LIMIT {
+            return Ok(false);
+        }
+        let context = EngineContext {
+            bulk: &self.bulk,
+            changing: self.changing.pattern(),
+            dofs: &self.dofs,
+            coordinates: self.coordinates.as_deref(),
+            threads: self.judge.options().threads,
+        };
+        self.engine = context.dense()?;
+        Ok(true)
+    }
+
+    fn check_null_space(&mut self) -> Result<(), SolveError> {
+        let (engine, judge) = (&mut self.engine, &mut self.judge);
+        let solver = &mut |x: &mut [f64]| engine.solve(Form::Plain, x);
+        match judge.find_null_vector(&[&self.bulk, &self.changing], solver) {
+            Some(error) => {
+                self.state = State::Empty;
+                Err(error)
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Solves `(bulk + changing) x = rhs`; vectors are by dof.
+    ///
+    /// # Errors
+    /// As [`LinearSolver::solve`].
+    pub fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError> {
+        if self.state == State::Empty {
+            return Err(SolveError::NotFactored);
+        }
+        self.judge.check_rhs(rhs, x)?;
+        let mut krylov_iterations = 0;
+        let mut refactored = false;
+        if self.state == State::Stale {
+            match self.iterate(rhs, x) {
+                (iterations, Some(report)) => return Ok(SolveReport { krylov_iterations: iterations, ..report }),
+                (iterations, None) => krylov_iterations = iterations,
+            }
+            self.refactor()?;
+            refactored = true;
+        }
+        let mut report = self.solve_fresh(rhs, x);
+        if matches!(report, Err(SolveError::ResidualTooLarge { .. })) {
+            self.check_null_space()?;
+            if self.rescue()? {
+                self.refactor()?;
+                refactored = true;
+                report = self.solve_fresh(rhs, x);
+            }
+        }
+        let report = report?;
+        if self.judge.has_grown(rhs, x) {
+            self.check_null_space()?;
+        }
+        Ok(SolveReport { krylov_iterations, refactored, ..report })
+    }
+
+    fn solve_fresh(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError> {
+        let engine = &mut self.engine;
+        let parts = [&self.bulk, &self.changing];
+        self.judge.solve(&parts, &mut |x| engine.solve(Form::Plain, x), rhs, x)
+    }
+
+    /// Solves with the stale factor; the number of iterations, and a report when that was good enough.
+    fn iterate(&mut self, rhs: &[f64], x: &mut [f64]) -> (usize, Option<SolveReport>) {
+        let (engine, gmres, difference, dofs) = (&mut self.engine, &mut self.gmres, &self.difference, &self.dofs);
+        let allowed = engine.worthwhile_iterations();
+        let (mut iterations, mut converged) = (0, true);
+        let mut on_dofs = vec![0.0; dofs.len()];
+        let mut start = vec![0.0; dofs.len()];
+        let mut solved = vec![0.0; dofs.len()];
+        let mut solver = |b: &mut [f64]| {
+            let target = ITERATION_TOLERANCE * b.iter().map(|value| value * value).sum::<f64>().sqrt();
+            let mut first = b.to_vec();
+            engine.solve(Form::Plain, &mut first);
+            on_dofs.iter_mut().zip(dofs).for_each(|(value, &dof)| *value = first[dof as usize]);
+            difference.multiply(&on_dofs, &mut start, 1);
+            start.iter_mut().for_each(|value| *value = -*value);
+            let mut w = vec![0.0; dofs.len()];
+            let mut multiply = |w: &[f64], out: &mut [f64]| {
+                solved.copy_from_slice(w);
+                engine.solve_changing(dofs, &mut solved);
+                out.copy_from_slice(w);
+                difference.multiply_add(&solved, out, 1);
+            };
+            let limits = Limits { target, max_iterations: allowed.saturating_sub(iterations) };
+            let outcome = gmres.solve(&mut multiply, &start, &mut w, limits);
+            iterations += outcome.iterations;
+            converged &= outcome.converged;
+            if outcome.converged {
+                dofs.iter().zip(&w).for_each(|(&dof, w)| b[dof as usize] += w);
+                engine.solve(Form::Plain, b);
+            } else {
+                b.fill(f64::NAN);
+            }
+        };
+        let parts = [&self.bulk, &self.changing];
+        let outcome = self.judge.solve(&parts, &mut solver, rhs, x);
+        let has_grown = outcome.is_ok() && self.judge.has_grown(rhs, x);
+        (iterations, outcome.ok().filter(|_| converged && !has_grown))
+    }
+}
+
+impl LinearSolver for CheckedCondensed {
+    /// Sets the changing part, as [`CheckedCondensed::update`].
+    fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
+        self.update(matrix)
+    }
+
+    fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError> {
+        CheckedCondensed::solve(self, rhs, x)
+    }
+
+    fn condition_estimate(&mut self) -> Result<f64, SolveError> {
+        match self.state {
+            State::Empty => return Err(SolveError::NotFactored),
+            State::Stale => self.refactor()?,
+            State::Fresh => {}
+        }
+        let engine = &mut self.engine;
+        let inverse = inverse_norm_estimate(self.bulk.n_rows(), &mut |form, x| engine.solve(form, x));
+        Ok(inverse * self.bulk.plus(&self.changing)?.norm_1())
+    }
+}
+
+/// What an engine is made from.
+struct EngineContext<'a> {
+    bulk: &'a Csr,
+    changing: &'a Arc<Pattern>,
+    dofs: &'a [u32],
+    coordinates: Option<&'a [[f64; 3]]>,
+    threads: usize,
+}
+
+impl EngineContext<'_> {
+    fn dense(&self) -> Result<Engine, SolveError> {
+        let symbolic = Symbolic::new(self.bulk.pattern(), self.coordinates, self.dofs)?;
+        let mut constant = Multifrontal::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads)?;
+        let n = symbolic.n_interface();
+        let mut base = zeros(n * n, "the dense matrix of the changing dofs")?;
+        constant.factor(&symbolic, self.bulk.values(), &mut base)?;
+        for column in 0..n {
+            for row in column + 1..n {
+                base[row * n + column] = base[column * n + row];
+            }
+        }
+        let place = |dof: u32| symbolic.ordering.inverse()[dof as usize] - symbolic.n_eliminated() as u32;
+        let rows = (0..self.changing.n_rows() as u32)
+            .flat_map(|row| self.changing.row(row as usize).iter().map(move |&column| (row, column)));
+        let places = rows.map(|(row, column)| place(column) as usize * n + place(row) as usize).collect();
+        let order = self.dofs.iter().map(|&dof| place(dof)).collect();
+        let dense = Dense::new(n, self.threads)?;
+        Ok(Engine {
+            sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
+            constant_pivot: smallest_pivot(&constant, &symbolic, self.bulk),
+            constant,
+            symbolic,
+            method: Method::Dense { base, dense, places, order, work: vec![0.0; n] },
+        })
+    }
+
+    fn fronts(&self) -> Result<Engine, SolveError> {
+        let pattern = self.bulk.pattern().union(self.changing)?;
+        let symbolic = Symbolic::new(&pattern, self.coordinates, &[])?;
+        // The values of the bulk are read through the map of the wider pattern.
+        let bulk = on_wider_pattern(self.bulk, pattern);
+        let members = above(&symbolic, self.dofs);
+        let mut constant =
+            Multifrontal::new(&symbolic, members.iter().map(|&changes| !changes).collect(), self.threads)?;
+        constant.factor(&symbolic, bulk.values(), &mut [])?;
+        let map = |pattern: &Pattern, all_inside: bool| {
+            EntryMap::new(&symbolic, &members, pattern, all_inside).expect("the structure holds both patterns")
+        };
+        let (bulk_map, changing_map) = (map(self.bulk.pattern(), false), map(self.changing, true));
+        Ok(Engine {
+            sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
+            constant_pivot: smallest_pivot(&constant, &symbolic, self.bulk),
+            constant,
+            method: Method::Fronts {
+                fronts: FrontalLu::new(&symbolic, members.clone(), self.threads)?,
+                bulk_map,
+                changing_map,
+                reduced: Sweep::new(&symbolic, members, self.threads),
+                work: vec![0.0; self.bulk.n_rows()],
+            },
+            symbolic,
+        })
+    }
+}
+
+impl Engine {
+    /// Factors the changing part.
+    fn factor(&mut self, bulk: &Csr, changing: &Csr, kind: Kind) -> Result<Pivot, SolveError> {
+        let (ratio, _) = match &mut self.method {
+            Method::Dense { base, dense, places, .. } => {
+                let fill = |values: &mut [f64]| {
+                    values.copy_from_slice(base);
+                    for (&place, value) in places.iter().zip(changing.values()) {
+                        values[place] += value;
+                    }
+                };
+                dense.factor(kind, fill)?
+            }
+            Method::Fronts { fronts, bulk_map, changing_map, .. } => {
+                let parts = [
+                    Part { map: bulk_map, values: bulk.values() },
+                    Part { map: changing_map, values: changing.values() },
+                ];
+                let (ratio, dof) = fronts.factor(&self.symbolic, &parts, Some(&self.constant))?;
+                if ratio < SMALLEST_PIVOT {
+                    return Err(SolveError::VanishingPivot { dof: dof as usize, ratio });
+                }
+                (ratio, dof as usize)
+            }
+        };
+        Ok(Pivot::from((ratio.min(self.constant_pivot), 0)))
+    }
+
+    /// Solves in place, by dof.
+    fn solve(&mut self, form: Form, x: &mut [f64]) {
+        let (symbolic, constant) = (&self.symbolic, &self.constant);
+        let cholesky = |front: usize| FrontFactor::Cholesky { panel: constant.panel(front) };
+        match &mut self.method {
+            Method::Dense { dense, .. } => {
+                self.sweep.solve(symbolic, cholesky, form, |interface| dense.solve(form, interface), x);
+            }
+            Method::Fronts { fronts, .. } => {
+                let fronts = &*fronts;
+                let factor = |front: usize| {
+                    if fronts.members()[front] { fronts.front(symbolic, front) } else { cholesky(front) }
+                };
+                self.sweep.solve(symbolic, factor, form, |_| {}, x);
+            }
+        }
+    }
+
+    /// Solves with a right-hand side on the changing dofs, for the changing dofs.
+    fn solve_changing(&mut self, dofs: &[u32], x: &mut [f64]) {
+        match &mut self.method {
+            Method::Dense { dense, order, work, .. } => {
+                order.iter().zip(&*x).for_each(|(&place, value)| work[place as usize] = *value);
+                dense.solve(Form::Plain, work);
+                order.iter().zip(x).for_each(|(&place, value)| *value = work[place as usize]);
+            }
+            Method::Fronts { fronts, reduced, work, .. } => {
+                let (fronts, symbolic) = (&*fronts, &self.symbolic);
+                work.fill(0.0);
+                dofs.iter().zip(&*x).for_each(|(&dof, value)| work[dof as usize] = *value);
+                reduced.solve(symbolic, |front| fronts.front(symbolic, front), Form::Plain, |_| {}, work);
+                dofs.iter().zip(x).for_each(|(&dof, value)| *value = work[dof as usize]);
+            }
+        }
+    }
+
+    /// Iterations that cost less than a new factor.
+    fn worthwhile_iterations(&self) -> usize {
+        let (operations, values) = match &self.method {
+            Method::Dense { order, .. } => {
+                let n = order.len() as f64;
+                (n * n * n / 3.0, n * n)
+            }
+            Method::Fronts { fronts, .. } => {
+                let changing = || (0..self.symbolic.n_fronts()).filter(|&front| fronts.members()[front]);
+                let sizes = changing().map(|front| self.symbolic.sizes(front));
+                let operations: f64 = changing().map(|front| 2.0 * self.symbolic.operations(front)).sum();
+                (operations, sizes.map(|(k, r)| (k * (k + 2 * r)) as f64).sum())
+            }
+        };
+        let iterations = ITERATION_SHARE * operations / (OPERATIONS_PER_VALUE * values).max(1.0);
+        (iterations as usize).min(MAX_ITERATIONS)
+    }
+}
+
+fn smallest_pivot(constant: &Multifrontal, symbolic: &Symbolic, bulk: &Csr) -> f64 {
+    let diagonal: Vec<f64> = (0..bulk.n_rows()).map(|dof| bulk.get(dof, dof)).collect();
+    constant.smallest_pivot_ratio(symbolic, &diagonal).map_or(1.0, |(ratio, _)| ratio)
+}
+
+/// Dofs with an entry in their row or column, increasing.
+fn touched(pattern: &Pattern) -> Vec<u32> {
+    let mut is_touched = vec![false; pattern.n_rows()];
+    for row in 0..pattern.n_rows() {
+        is_touched[row] |= !pattern.row(row).is_empty();
+        pattern.row(row).iter().for_each(|&column| is_touched[column as usize] = true);
+    }
+    (0..pattern.n_rows() as u32).filter(|&dof| is_touched[dof as usize]).collect()
+}
+
+/// The same entries, in the same order, numbered by their place in `dofs`.
+fn on_dofs(pattern: &Pattern, dofs: &[u32]) -> Result<Pattern, SolveError> {
+    let mut place = vec![0u32; pattern.n_rows()];
+    dofs.iter().zip(0..).for_each(|(&dof, at)| place[dof as usize] = at);
+    let mut row_starts = vec![0];
+    row_starts.extend(dofs.iter().map(|&dof| pattern.row_starts()[dof as usize + 1]));
+    let columns = pattern.columns().iter().map(|&column| place[column as usize]).collect();
+    Ok(Pattern::new(dofs.len(), dofs.len(), row_starts, columns)?)
+}
+
+/// The same matrix on a pattern that holds its own.
+fn on_wider_pattern(matrix: &Csr, pattern: Pattern) -> Csr {
+    let places = matrix.pattern().positions_in(&pattern).expect("the pattern is a union with this one");
+    let mut wider = Csr::zeros(Arc::new(pattern));
+    for (&place, value) in places.iter().zip(matrix.values()) {
+        wider.values_mut()[place] = *value;
+    }
+    wider
+}
+
+/// Fronts that own one of the dofs, and all above them.
+fn above(symbolic: &Symbolic, dofs: &[u32]) -> Vec<bool> {
+    let mut members = vec![false; symbolic.n_fronts()];
+    for &dof in dofs {
+        let place = symbolic.ordering.inverse()[dof as usize];
+        members[symbolic.columns.partition_point(|&column| column <= place) - 1] = true;
+    }
+    for front in 0..members.len() {
+        if members[front] && symbolic.parents[front] != INTERFACE {
+            members[symbolic.parents[front] as usize] = true;
+        }
+    }
+    members
+}
+
+/// The class of a bulk that is not positive definite with the changing dofs held fixed.
+fn explain_bulk(
+    bulk: &Csr,
+    dofs: &[u32],
+    coordinates: Option<&[[f64; 3]]>,
+    options: SolverOptions,
+    error: SolveError,
+) -> SolveError {
+    let mut is_held = vec![false; bulk.n_rows()];
+    dofs.iter().for_each(|&dof| is_held[dof as usize] = true);
+    let mut triplets = Vec::new();
+    for row in 0..bulk.n_rows() {
+        if is_held[row] {
+            triplets.push((row as u32, row as u32, 1.0));
+            continue;
+        }
+        let (columns, values) = bulk.row(row);
+        let kept = columns.iter().zip(values).filter(|(column, _)| !is_held[**column as usize]);
+        triplets.extend(kept.map(|(&column, &value)| (row as u32, column, value)));
+    }
+    let explain = || {
+        let held = Csr::from_triplets(bulk.n_rows(), bulk.n_rows(), &triplets)?;
+        let llt = Llt::analyze(held.pattern(), coordinates, options.threads)?;
+        Checked::new(llt, options).factor(&held)
+    };
+    explain().err().unwrap_or(error)
+}

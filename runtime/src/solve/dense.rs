@@ -1,0 +1,242 @@
+//! Dense LU with partial pivoting, and dense Cholesky, through faer.
+//!
+//! Promises: columns and rows are scaled by powers of two first; memory is kept; the smallest pivot relative to its
+//! column is reported with its unknown, and a vanishing one is an error.
+//! Does not look at residuals: `checked` does.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratch};
+use faer::{MatMut, Par};
+
+use super::SolveError;
+use super::kernels::{
+    Diagonal, lower_sweep, lower_transposed_sweep, upper_sweep, upper_transposed_sweep,
+};
+use super::multifrontal::zeros;
+use super::sweep::Form;
+
+/// A pivot below this part of its column is as good as zero.
+const VANISHING_PIVOT: f64 = 1e-15;
+
+/// What the matrix is known to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Nothing.
+    General,
+    /// Symmetric, perhaps positive definite: Cholesky is tried first. Only the lower half is read then.
+    Symmetric,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Empty,
+    Lu,
+    Cholesky,
+}
+
+/// A reusable dense factorisation.
+pub(super) struct Dense {
+    n: usize,
+    /// The factor, by columns.
+    values: Vec<f64>,
+    pivots: Vec<u32>,
+    inverse: Vec<u32>,
+    row_scale: Vec<f64>,
+    column_scale: Vec<f64>,
+    work: Vec<f64>,
+    memory: MemBuffer,
+    par: Par,
+    state: State,
+}
+
+impl Dense {
+    pub(super) fn new(n: usize, threads: usize) -> Result<Self, SolveError> {
+        let par = super::parallelism(threads);
+        let scratch = lu_in_place_scratch::<u32, f64>(n, n, par, Default::default())
+            .or(cholesky_in_place_scratch::<f64>(n, par, Default::default()));
+        let memory =
+            MemBuffer::try_new(scratch).map_err(|_| SolveError::OutOfMemory { what: "work space of a dense factor" })?;
+        let square = n.checked_mul(n).ok_or(SolveError::OutOfMemory { what: "a dense matrix" })?;
+        Ok(Self {
+            n,
+            values: zeros(square, "a dense matrix")?,
+            pivots: vec![0; n],
+            inverse: vec![0; n],
+            row_scale: vec![1.0; n],
+            column_scale: vec![1.0; n],
+            work: vec![0.0; n],
+            memory,
+            par,
+            state: State::Empty,
+        })
+    }
+
+    /// Fills the matrix (by columns, n x n) with `fill` and factors it. Returns the smallest pivot relative to the
+    /// largest entry of its scaled column, and its unknown.
+    pub(super) fn factor(&mut self, kind: Kind, fill: impl Fn(&mut [f64])) -> Result<(f64, usize), SolveError> {
+        self.state = State::Empty;
+        if self.n == 0 {
+            self.state = State::Lu;
+            return Ok((1.0, 0));
+        }
+        fill(&mut self.values);
+        if kind == Kind::Symmetric {
+            if let Some(health) = self.cholesky() {
+                self.state = State::Cholesky;
+                return Ok(health);
+            }
+            fill(&mut self.values);
+            self.mirror();
+        }
+        let health = self.lu()?;
+        self.state = State::Lu;
+        Ok(health)
+    }
+
+    /// Completes the upper half.
+    fn mirror(&mut self) {
+        let n = self.n;
+        for column in 0..n {
+            for row in column + 1..n {
+                self.values[row * n + column] = self.values[column * n + row];
+            }
+        }
+    }
+
+    fn cholesky(&mut self) -> Option<(f64, usize)> {
+        let n = self.n;
+        for (i, diagonal) in self.work.iter_mut().enumerate() {
+            *diagonal = self.values[i * n + i];
+        }
+        let matrix = MatMut::from_column_major_slice_mut(&mut self.values, n, n);
+        let stack = MemStack::new(&mut self.memory);
+        cholesky_in_place(matrix, LltRegularization::default(), self.par, stack, Default::default()).ok()?;
+        let ratio = |i: usize| self.values[i * n + i] * self.values[i * n + i] / self.work[i];
+        (0..n).map(|i| (ratio(i), i)).min_by(|a, b| a.0.total_cmp(&b.0)).filter(|&(ratio, _)| ratio > VANISHING_PIVOT)
+    }
+
+    fn lu(&mut self) -> Result<(f64, usize), SolveError> {
+        let n = self.n;
+        self.equilibrate();
+        let matrix = MatMut::from_column_major_slice_mut(&mut self.values, n, n);
+        let stack = MemStack::new(&mut self.memory);
+        lu_in_place(matrix, &mut self.pivots, &mut self.inverse, self.par, stack, Default::default());
+        let mut smallest = (1.0, 0);
+        for i in 0..n {
+            // Scaled columns have largest entries of about 1.
+            let pivot = self.values[i * n + i].abs();
+            if pivot.is_nan() || pivot <= VANISHING_PIVOT {
+                return Err(SolveError::VanishingPivot { dof: i, ratio: if pivot.is_nan() { 0.0 } else { pivot } });
+            }
+            if pivot < smallest.0 {
+                smallest = (pivot, i);
+            }
+        }
+        Ok(smallest)
+    }
+
+    /// Scales rows, then columns, to largest entries of about 1.
+    fn equilibrate(&mut self) {
+        let n = self.n;
+        self.row_scale.fill(0.0);
+        for column in self.values.chunks_exact(n) {
+            for (largest, value) in self.row_scale.iter_mut().zip(column) {
+                *largest = value.abs().max(*largest);
+            }
+        }
+        self.row_scale.iter_mut().for_each(|largest| *largest = super::scaling::power_of_two(1.0 / *largest));
+        for (column, scale) in self.values.chunks_exact_mut(n).zip(&mut self.column_scale) {
+            let mut largest = 0.0f64;
+            for (value, row_scale) in column.iter_mut().zip(&self.row_scale) {
+                *value *= row_scale;
+                largest = largest.max(value.abs());
+            }
+            *scale = super::scaling::power_of_two(1.0 / largest);
+            column.iter_mut().for_each(|value| *value *= *scale);
+        }
+    }
+
+    /// Solves in place.
+    ///
+    /// # Panics
+    /// Without a successful factorisation.
+    pub(super) fn solve(&mut self, form: Form, x: &mut [f64]) {
+        let n = self.n;
+        match (self.state, form) {
+            (State::Empty, _) => panic!("a dense factor is used before it exists"),
+            (State::Cholesky, _) => {
+                lower_sweep(&self.values, Diagonal::Stored, x, &mut []);
+                lower_transposed_sweep(&self.values, Diagonal::Stored, x, &[]);
+            }
+            (State::Lu, Form::Plain) => {
+                for (value, &row) in self.work.iter_mut().zip(&self.pivots) {
+                    *value = x[row as usize] * self.row_scale[row as usize];
+                }
+                lower_sweep(&self.values, Diagonal::Unit, &mut self.work, &mut []);
+                upper_sweep(&self.values, n, &mut self.work);
+                for ((out, value), scale) in x.iter_mut().zip(&self.work).zip(&self.column_scale) {
+                    *out = value * scale;
+                }
+            }
+            (State::Lu, Form::Transposed) => {
+                x.iter_mut().zip(&self.column_scale).for_each(|(value, scale)| *value *= scale);
+                upper_transposed_sweep(&self.values, n, x);
+                lower_transposed_sweep(&self.values, Diagonal::Unit, x, &[]);
+                self.work.copy_from_slice(x);
+                for (&value, &row) in self.work.iter().zip(&self.pivots) {
+                    x[row as usize] = value * self.row_scale[row as usize];
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_forms_solve() {
+        for n in [1, 2, 5, 40] {
+            // Needs row exchanges, and its rows differ by factors up to 1e18.
+            let size = |i: usize| 10f64.powi(i as i32 % 7 * 3);
+            let entry = |i: usize, j: usize| if i == j { 1e-3 } else { (((i * 7 + j * 13) % 11) as f64 - 5.0) / 3.0 };
+            let a: Vec<f64> = (0..n * n).map(|at| entry(at % n, at / n) * size(at % n)).collect();
+            let mut dense = Dense::new(n, 1).unwrap();
+            dense.factor(Kind::General, |values| values.copy_from_slice(&a)).unwrap();
+            for form in [Form::Plain, Form::Transposed] {
+                let at = |i: usize, j: usize| if form == Form::Plain { a[j * n + i] } else { a[i * n + j] };
+                let wanted = |j: usize| (1.0 + j as f64) / if form == Form::Plain { 1.0 } else { size(j) };
+                let mut x: Vec<f64> = (0..n).map(|i| (0..n).map(|j| at(i, j) * wanted(j)).sum()).collect();
+                dense.solve(form, &mut x);
+                for (j, value) in x.iter().enumerate() {
+                    assert!((value / wanted(j) - 1.0).abs() < 1e-8 * n as f64, "{n} {form:?} {x:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_indefinite_symmetric_matrix_falls_back_to_lu() {
+        let mut dense = Dense::new(2, 1).unwrap();
+        dense.factor(Kind::Symmetric, |values| values.copy_from_slice(&[0.0, 1.0, f64::NAN, 0.0])).unwrap();
+        assert_eq!(dense.state, State::Lu);
+        let mut x = [3.0, 4.0];
+        dense.solve(Form::Plain, &mut x);
+        assert_eq!(x, [4.0, 3.0]);
+        dense.factor(Kind::Symmetric, |values| values.copy_from_slice(&[4.0, 2.0, f64::NAN, 5.0])).unwrap();
+        assert_eq!(dense.state, State::Cholesky);
+        let mut x = [8.0, 8.0];
+        dense.solve(Form::Plain, &mut x);
+        assert!((x[0] - 1.5).abs() + (x[1] - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_dependent_column_is_named() {
+        let mut dense = Dense::new(3, 1).unwrap();
+        let a = [1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 2.0, 4.0, 6.0];
+        let outcome = dense.factor(Kind::General, |values| values.copy_from_slice(&a));
+        assert!(matches!(outcome, Err(SolveError::VanishingPivot { dof: 2, .. })), "{outcome:?}");
+    }
+}

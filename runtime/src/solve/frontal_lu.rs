@@ -1,0 +1,410 @@
+//! Multifrontal LU of the fronts that change, on top of Cholesky fronts that do not.
+//!
+//! A front is F = [F11 F12; F21 F22] with k columns to eliminate and r rows below. Rows are exchanged within F11 only:
+//!
+//! ```text
+//! P F11 = L11 U11    U12 = L11⁻¹ P F12    L21 = F21 U11⁻¹    contribution F22 - L21 U12
+//! ```
+//!
+//! The structure is that of `A + Aᵀ`, so a front is square and the tree is that of [`Symbolic`].
+//!
+//! Promises: a second factorisation on the same structure reuses all memory; the same bytes for any number of threads;
+//! reports the smallest pivot relative to its column, and its dof.
+//! Because pivots come from F11 alone this is not backward stable for every matrix: `checked` looks at the true
+//! residual, and a vanishing pivot is an error here, to be answered with another method.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratch};
+use faer::linalg::matmul::matmul;
+use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_unit_lower_triangular_in_place};
+use faer::prelude::{Reborrow, ReborrowMut};
+use faer::{Accum, MatMut, MatRef, Par};
+use rayon::prelude::*;
+
+use super::SolveError;
+use super::multifrontal::{Multifrontal, zeros};
+use super::sweep::FrontFactor;
+use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
+use crate::csr::Pattern;
+
+/// A pivot below this part of its column is as good as zero.
+const VANISHING_PIVOT: f64 = 1e-15;
+
+/// LU factors of the members of a plan.
+pub(super) struct FrontalLu {
+    plan: Plan,
+    values: Vec<f64>,
+    /// Start of the values of each front (panel, then upper part), and the end.
+    starts: Vec<usize>,
+    pivots: Vec<u32>,
+    /// Start of the pivots of each front, and the end.
+    pivot_starts: Vec<usize>,
+    workspaces: Vec<Workspace>,
+    top: Workspace,
+    threads: usize,
+}
+
+/// Where the entries of one matrix go in the fronts that change.
+pub(super) struct EntryMap {
+    /// Start of the entries of each front, and the end.
+    starts: Vec<usize>,
+    entries: Vec<Entry>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    source: u32,
+    row: u32,
+    column: u32,
+}
+
+struct Workspace {
+    stack: Vec<f64>,
+    memory: MemBuffer,
+    waiting: Vec<(u32, usize)>,
+    end: usize,
+    inverse: Vec<u32>,
+    largest_in_column: Vec<f64>,
+    /// Smallest pivot relative to its column, and its place in the order of elimination.
+    smallest: (f64, u32),
+}
+
+/// One matrix of the sum that is factored.
+pub(super) struct Part<'a> {
+    pub(super) map: &'a EntryMap,
+    pub(super) values: &'a [f64],
+}
+
+struct Context<'a> {
+    symbolic: &'a Symbolic,
+    plan: &'a Plan,
+    parts: &'a [Part<'a>],
+    constant: Option<&'a Multifrontal>,
+    tasks: &'a [Workspace],
+    par: Par,
+}
+
+impl EntryMap {
+    /// Maps the entries of a pattern that fall into members. `None` when an entry has no place in the structure, or
+    /// `all_inside` is asked for and an entry belongs to a front that is no member.
+    pub(super) fn new(symbolic: &Symbolic, members: &[bool], pattern: &Pattern, all_inside: bool) -> Option<Self> {
+        let inverse = symbolic.ordering.inverse();
+        let n_fronts = symbolic.n_fronts();
+        let mut front_of = vec![0u32; symbolic.n_eliminated()];
+        for front in 0..n_fronts {
+            front_of[symbolic.columns[front] as usize..symbolic.columns[front + 1] as usize].fill(front as u32);
+        }
+        let mut found: Vec<(u32, Entry)> = Vec::new();
+        for row in 0..pattern.n_rows() {
+            let new_row = inverse[row];
+            let start = pattern.row_starts()[row];
+            for (offset, &column) in pattern.row(row).iter().enumerate() {
+                let new_column = inverse[column as usize];
+                let front = *front_of.get(new_row.min(new_column) as usize)?;
+                if members[front as usize] {
+                    let row = symbolic.local(front as usize, new_row)?;
+                    let column = symbolic.local(front as usize, new_column)?;
+                    found.push((front, Entry { source: (start + offset) as u32, row, column }));
+                } else if all_inside {
+                    return None;
+                }
+            }
+        }
+        let mut starts = vec![0usize; n_fronts + 1];
+        for (front, _) in &found {
+            starts[*front as usize + 1] += 1;
+        }
+        for front in 0..n_fronts {
+            starts[front + 1] += starts[front];
+        }
+        // Stable: entries of a front keep the order of the matrix.
+        found.sort_by_key(|(front, _)| *front);
+        Some(Self { starts, entries: found.into_iter().map(|(_, entry)| entry).collect() })
+    }
+
+    fn of(&self, front: usize) -> &[Entry] {
+        &self.entries[self.starts[front]..self.starts[front + 1]]
+    }
+}
+
+impl FrontalLu {
+    /// Takes the memory for the fronts in `members`, which holds every front above a member.
+    pub(super) fn new(symbolic: &Symbolic, members: Vec<bool>, threads: usize) -> Result<Self, SolveError> {
+        let plan = symbolic.plan(members, |front| 2.0 * symbolic.operations(front));
+        let mut workspaces = Vec::with_capacity(plan.tasks.len());
+        for task in &plan.tasks {
+            workspaces.push(Workspace::new(symbolic, plan.fronts_of(task))?);
+        }
+        let top = Workspace::new(symbolic, plan.top.iter().copied())?;
+        let (mut starts, mut pivot_starts) = (vec![0], vec![0]);
+        for front in 0..symbolic.n_fronts() {
+            let (k, r) = if plan.members[front] { symbolic.sizes(front) } else { (0, 0) };
+            starts.push(starts[front] + k * (k + 2 * r));
+            pivot_starts.push(pivot_starts[front] + k);
+        }
+        let values = zeros(starts[symbolic.n_fronts()], "values of a sparse factor")?;
+        let pivots = vec![0; pivot_starts[symbolic.n_fronts()]];
+        Ok(Self { plan, values, starts, pivots, pivot_starts, workspaces, top, threads })
+    }
+
+    pub(super) fn members(&self) -> &[bool] {
+        &self.plan.members
+    }
+
+    /// The factor of a member.
+    pub(super) fn front(&self, symbolic: &Symbolic, front: usize) -> FrontFactor<'_> {
+        let (k, r) = symbolic.sizes(front);
+        let (panel, upper) = self.values[self.starts[front]..self.starts[front + 1]].split_at(k * (k + r));
+        FrontFactor::Lu { panel, upper, pivots: &self.pivots[self.pivot_starts[front]..self.pivot_starts[front + 1]] }
+    }
+
+    /// Factors the sum of the parts; `constant` holds what the fronts below have left. Returns the smallest pivot
+    /// relative to the largest entry of its column, and its dof; `(1, 0)` without members.
+    ///
+    /// # Errors
+    /// [`SolveError::VanishingPivot`] when a pivot is zero to rounding, or not finite.
+    pub(super) fn factor(
+        &mut self,
+        symbolic: &Symbolic,
+        parts: &[Part<'_>],
+        constant: Option<&Multifrontal>,
+    ) -> Result<(f64, u32), SolveError> {
+        self.values.fill(0.0);
+        self.factor_tasks(symbolic, parts, constant)?;
+        let par = super::parallelism(self.threads);
+        let context = Context { symbolic, plan: &self.plan, parts, constant, tasks: &self.workspaces, par };
+        self.top.clear();
+        for &front in &self.plan.top {
+            let front = front as usize;
+            let values = &mut self.values[self.starts[front]..self.starts[front + 1]];
+            let pivots = &mut self.pivots[self.pivot_starts[front]..self.pivot_starts[front + 1]];
+            self.top.factor_front(&context, front, values, pivots)?;
+        }
+        let all = self.workspaces.iter().chain(std::iter::once(&self.top)).map(|workspace| workspace.smallest);
+        let (ratio, place) = all.fold((1.0, 0), |least, one| if one.0 < least.0 { one } else { least });
+        Ok((ratio, symbolic.ordering.forward().get(place as usize).copied().unwrap_or(0)))
+    }
+
+    fn factor_tasks(
+        &mut self,
+        symbolic: &Symbolic,
+        parts: &[Part<'_>],
+        constant: Option<&Multifrontal>,
+    ) -> Result<(), SolveError> {
+        let (plan, starts, pivot_starts) = (&self.plan, &self.starts, &self.pivot_starts);
+        let values = plan.split(&mut self.values, |front| starts[front]);
+        let pivots = plan.split(&mut self.pivots, |front| pivot_starts[front]);
+        let context = Context { symbolic, plan, parts, constant, tasks: &[], par: Par::Seq };
+        let run = |task: &Task, workspace: &mut Workspace, values: &mut [f64], pivots: &mut [u32]| {
+            workspace.clear();
+            let (offset, pivot_offset) = (starts[task.first as usize], pivot_starts[task.first as usize]);
+            for front in plan.fronts_of(task).map(|front| front as usize) {
+                let values = &mut values[starts[front] - offset..starts[front + 1] - offset];
+                let pivots = &mut pivots[pivot_starts[front] - pivot_offset..pivot_starts[front + 1] - pivot_offset];
+                workspace.factor_front(&context, front, values, pivots)?;
+            }
+            Ok(())
+        };
+        let outcomes: Vec<Result<(), SolveError>> = if self.threads > 1 {
+            (plan.tasks.par_iter(), self.workspaces.par_iter_mut(), values, pivots)
+                .into_par_iter()
+                .with_max_len(1)
+                .map(|(task, workspace, values, pivots)| run(task, workspace, values, pivots))
+                .collect()
+        } else {
+            let each = plan.tasks.iter().zip(&mut self.workspaces).zip(values).zip(pivots);
+            each.map(|(((task, workspace), values), pivots)| run(task, workspace, values, pivots)).collect()
+        };
+        outcomes.into_iter().collect()
+    }
+}
+
+impl Workspace {
+    fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32>) -> Result<Self, SolveError> {
+        let (mut end, mut peak, mut depth, mut largest) = (0usize, 0usize, 0, 0);
+        let mut waiting: Vec<(u32, usize)> = Vec::new();
+        for front in fronts {
+            let (k, r) = symbolic.sizes(front as usize);
+            largest = largest.max(k);
+            peak = peak.max(end + (k + r) * r);
+            while waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front) {
+                end = waiting.pop().expect("it has just been seen").1;
+            }
+            waiting.push((front, end));
+            depth = depth.max(waiting.len());
+            end += r * r;
+        }
+        let scratch = lu_in_place_scratch::<u32, f64>(largest, largest, Par::Seq, Default::default());
+        let memory = MemBuffer::try_new(scratch)
+            .map_err(|_| SolveError::OutOfMemory { what: "work space of a sparse factorisation" })?;
+        Ok(Self {
+            stack: zeros(peak, "contributions of a sparse factorisation")?,
+            memory,
+            waiting: Vec::with_capacity(depth),
+            end: 0,
+            inverse: vec![0; largest],
+            largest_in_column: vec![0.0; largest],
+            smallest: (1.0, 0),
+        })
+    }
+
+    fn clear(&mut self) {
+        self.waiting.clear();
+        self.end = 0;
+        self.smallest = (1.0, 0);
+    }
+
+    /// Assembles and eliminates one front; its contribution replaces those of its children on the stack.
+    fn factor_front(
+        &mut self,
+        context: &Context<'_>,
+        front: usize,
+        values: &mut [f64],
+        pivots: &mut [u32],
+    ) -> Result<(), SolveError> {
+        let symbolic = context.symbolic;
+        let (k, r) = symbolic.sizes(front);
+        let m = k + r;
+        let (panel, upper) = values.split_at_mut(k * m);
+        let (below, free) = self.stack.split_at_mut(self.end);
+        let trailing = &mut free[..m * r];
+        trailing.fill(0.0);
+        for part in context.parts {
+            for entry in part.map.of(front) {
+                let (row, column) = (entry.row as usize, entry.column as usize);
+                *place(panel, trailing, k, m, row, column) += part.values[entry.source as usize];
+            }
+        }
+        for &child in symbolic.children_of(front) {
+            let (child, places) = (child as usize, symbolic.places_of(child as usize));
+            if let Some(constant) = context.constant.filter(|_| !context.plan.members[child]) {
+                add_symmetric(constant.contribution(symbolic, child), places, panel, trailing, k);
+                continue;
+            }
+            let size = places.len() * places.len();
+            let contribution = match self.waiting.iter().rev().find(|(other, _)| *other as usize == child) {
+                Some(&(_, start)) => &below[start..start + size],
+                None => &context.tasks[context.plan.task_of(child as u32).expect("children are done first")].stack[..size],
+            };
+            add_general(contribution, places, panel, trailing, k);
+        }
+        for (largest, column) in self.largest_in_column.iter_mut().zip(panel.chunks_exact(m)) {
+            *largest = column.iter().fold(0.0, |largest, value| value.abs().max(largest));
+        }
+        let inverse = &mut self.inverse[..k];
+        eliminate(panel, upper, trailing, pivots, inverse, context.par, &mut self.memory);
+        self.judge_pivots(symbolic, front, panel)?;
+        self.keep_contribution(symbolic, front);
+        Ok(())
+    }
+
+    fn judge_pivots(&mut self, symbolic: &Symbolic, front: usize, panel: &[f64]) -> Result<(), SolveError> {
+        let (k, r) = symbolic.sizes(front);
+        for column in 0..k {
+            let ratio = panel[column * (k + r) + column].abs() / self.largest_in_column[column];
+            let place = symbolic.columns[front] + column as u32;
+            // Not "<": a NaN must fail.
+            if !(ratio > VANISHING_PIVOT) {
+                let dof = symbolic.ordering.forward()[place as usize] as usize;
+                return Err(SolveError::VanishingPivot { dof, ratio: if ratio.is_finite() { ratio } else { 0.0 } });
+            }
+            if ratio < self.smallest.0 {
+                self.smallest = (ratio, place);
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves the lower part of the front, m x r by columns at the end of the stack, over the children's contributions.
+    fn keep_contribution(&mut self, symbolic: &Symbolic, front: usize) {
+        let (k, r) = symbolic.sizes(front);
+        let mut start = self.end;
+        while self.waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front as u32) {
+            start = self.waiting.pop().expect("it has just been seen").1;
+        }
+        for column in 0..r {
+            let source = self.end + column * (k + r) + k;
+            self.stack.copy_within(source..source + r, start + column * r);
+        }
+        if symbolic.parents[front] != INTERFACE {
+            self.waiting.push((front as u32, start));
+            self.end = start + r * r;
+        } else {
+            self.end = start;
+        }
+    }
+}
+
+/// Entry (row, column) of a front that is stored as its panel and the columns after it.
+fn place<'a>(
+    panel: &'a mut [f64],
+    trailing: &'a mut [f64],
+    k: usize,
+    m: usize,
+    row: usize,
+    column: usize,
+) -> &'a mut f64 {
+    if column < k { &mut panel[column * m + row] } else { &mut trailing[(column - k) * m + row] }
+}
+
+/// The column of a front that is stored as its panel and the columns after it.
+fn front_column<'a>(panel: &'a mut [f64], trailing: &'a mut [f64], k: usize, m: usize, column: usize) -> &'a mut [f64] {
+    if column < k { &mut panel[column * m..(column + 1) * m] } else { &mut trailing[(column - k) * m..(column - k + 1) * m] }
+}
+
+/// Adds a full contribution, by columns.
+fn add_general(contribution: &[f64], places: &[u32], panel: &mut [f64], trailing: &mut [f64], k: usize) {
+    let (size, m) = (places.len(), panel.len() / k);
+    for (column, &target) in places.iter().enumerate() {
+        let target = front_column(panel, trailing, k, m, target as usize);
+        for (&row, value) in places.iter().zip(&contribution[column * size..(column + 1) * size]) {
+            target[row as usize] += value;
+        }
+    }
+}
+
+/// Adds a symmetric contribution of which the lower half is given.
+fn add_symmetric(contribution: &[f64], places: &[u32], panel: &mut [f64], trailing: &mut [f64], k: usize) {
+    let (size, m) = (places.len(), panel.len() / k);
+    for (column, &target) in places.iter().enumerate() {
+        let values = &contribution[column * size + column..(column + 1) * size];
+        let here = front_column(panel, trailing, k, m, target as usize);
+        for (&row, value) in places[column..].iter().zip(values) {
+            here[row as usize] += value;
+        }
+        for (&row, value) in places[column + 1..].iter().zip(&values[1..]) {
+            *place(panel, trailing, k, m, target as usize, row as usize) += value;
+        }
+    }
+}
+
+/// LU of the panel, then the upper part into `upper` and the contribution into the lower rows of `trailing`.
+fn eliminate(
+    panel: &mut [f64],
+    upper: &mut [f64],
+    trailing: &mut [f64],
+    pivots: &mut [u32],
+    inverse: &mut [u32],
+    par: Par,
+    memory: &mut MemBuffer,
+) {
+    let k = pivots.len();
+    let m = panel.len() / k;
+    let r = m - k;
+    let (mut top, mut bottom) = MatMut::from_column_major_slice_mut(panel, m, k).split_at_row_mut(k);
+    lu_in_place(top.rb_mut(), pivots, inverse, par, MemStack::new(memory), Default::default());
+    if r == 0 {
+        return;
+    }
+    for (column, target) in upper.chunks_exact_mut(k).enumerate() {
+        let source = &trailing[column * m..column * m + k];
+        for (value, &row) in target.iter_mut().zip(pivots.iter()) {
+            *value = source[row as usize];
+        }
+    }
+    solve_unit_lower_triangular_in_place(top.rb(), MatMut::from_column_major_slice_mut(upper, k, r), par);
+    // L21 U11 = F21, transposed to a lower triangle.
+    solve_lower_triangular_in_place(top.rb().transpose(), bottom.rb_mut().transpose_mut(), par);
+    let (_, contribution) = MatMut::from_column_major_slice_mut(trailing, m, r).split_at_row_mut(k);
+    matmul(contribution, Accum::Add, bottom.rb(), MatRef::from_column_major_slice(upper, k, r), -1.0, par);
+}

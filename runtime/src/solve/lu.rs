@@ -1,0 +1,92 @@
+//! General sparse LU: multifrontal with pivots from within the fronts, and faer's LU where that is not enough.
+//!
+//! Promises: the fast method is tried first for every new matrix; a vanishing pivot, or a residual that refinement
+//! does not repair, leads to the robust one. Which one is used depends on the matrix alone.
+//! Does not judge solutions: `checked` does, and asks for the other method.
+
+use std::sync::Arc;
+
+use super::SolveError;
+use super::checked::{Factorization, Pivot};
+use super::faer_lu::FaerLu;
+use super::frontal_lu::{EntryMap, FrontalLu, Part};
+use super::sweep::{Form, Sweep};
+use super::symbolic::Symbolic;
+use crate::csr::{Csr, Pattern};
+
+/// A pivot smaller than this part of its column makes the result of the fast method worthless.
+const SMALLEST_PIVOT: f64 = 1e-11;
+
+/// A reusable general sparse factorisation.
+pub(super) struct SparseLu {
+    pattern: Arc<Pattern>,
+    symbolic: Symbolic,
+    map: EntryMap,
+    fronts: FrontalLu,
+    sweep: Sweep,
+    robust: Option<Box<FaerLu>>,
+    uses_robust: bool,
+}
+
+impl SparseLu {
+    /// Orders and analyses a square pattern. `coordinates` (one point a dof) choose nested dissection.
+    pub(super) fn analyze(
+        pattern: &Arc<Pattern>,
+        coordinates: Option<&[[f64; 3]]>,
+        threads: usize,
+    ) -> Result<Self, SolveError> {
+        let symbolic = Symbolic::new(pattern, coordinates, &[])?;
+        let members = vec![true; symbolic.n_fronts()];
+        let map = EntryMap::new(&symbolic, &members, pattern, true).expect("the structure was made for this pattern");
+        let fronts = FrontalLu::new(&symbolic, members, threads)?;
+        let sweep = Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], threads);
+        let pattern = Arc::clone(pattern);
+        Ok(Self { pattern, symbolic, map, fronts, sweep, robust: None, uses_robust: false })
+    }
+
+    fn factor_robust(&mut self, matrix: &Csr) -> Result<(), SolveError> {
+        if self.robust.is_none() {
+            self.robust = Some(Box::new(FaerLu::analyze(&self.pattern)?));
+        }
+        self.uses_robust = true;
+        self.robust.as_mut().expect("it has just been made").factor(matrix)
+    }
+}
+
+impl Factorization for SparseLu {
+    const NEEDS_SYMMETRY: bool = false;
+
+    fn pattern(&self) -> &Arc<Pattern> {
+        &self.pattern
+    }
+
+    fn factor(&mut self, matrix: &Csr) -> Result<Pivot, SolveError> {
+        self.uses_robust = false;
+        let parts = [Part { map: &self.map, values: matrix.values() }];
+        match self.fronts.factor(&self.symbolic, &parts, None) {
+            Ok((ratio, dof)) if ratio > SMALLEST_PIVOT => Ok(Pivot::from((ratio, dof))),
+            Ok(_) | Err(SolveError::VanishingPivot { .. }) => {
+                // The robust method says nothing about its pivots, so the matrix stays under suspicion.
+                self.factor_robust(matrix).map(|()| Pivot::UNKNOWN)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    fn solve(&mut self, form: Form, x: &mut [f64]) {
+        match &mut self.robust {
+            Some(robust) if self.uses_robust => robust.solve(form, x),
+            _ => {
+                let (fronts, symbolic) = (&self.fronts, &self.symbolic);
+                self.sweep.solve(symbolic, |front| fronts.front(symbolic, front), form, |_| {}, x);
+            }
+        }
+    }
+
+    fn retry(&mut self, matrix: &Csr) -> Result<bool, SolveError> {
+        if self.uses_robust {
+            return Ok(false);
+        }
+        self.factor_robust(matrix).map(|()| true)
+    }
+}

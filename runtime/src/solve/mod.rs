@@ -1,0 +1,245 @@
+//! Linear solvers.
+//!
+//! The door is [`CheckedCondensed`] for a constant symmetric bulk with a part that changes, [`CheckedLlt`] for symmetric
+//! positive definite matrices, [`CheckedLu`] for the rest, [`CheckedDense`] for small ones. All of them are
+//! [`LinearSolver`]s.
+//!
+//! Promises: a solution is returned only with a small true residual; everything else is a typed error that names dofs
+//! in the caller's numbering; equal input gives equal bytes for any number of threads; memory is kept between
+//! factorisations. No number is ever added to a diagonal to hide a singular matrix.
+//! Does not assemble, number dofs or apply boundary conditions. Threads come from rayon's current pool.
+
+mod checked;
+mod condensed;
+mod dense;
+mod faer_lu;
+mod frontal_lu;
+mod kernels;
+mod krylov;
+mod llt;
+mod lu;
+mod multifrontal;
+mod ordering;
+#[cfg(test)]
+mod problems;
+mod scaling;
+mod sweep;
+mod symbolic;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod timings;
+
+pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
+pub use ordering::{Ordering, order};
+pub use condensed::{CheckedCondensed, Strategy};
+
+use crate::csr::{Csr, CsrError};
+
+/// How a system is solved and judged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolverOptions {
+    /// Threads to use, from rayon's current pool. Does not change any result.
+    pub threads: usize,
+    /// Largest accepted backward error `‖b - A x‖ / (‖A‖ ‖x‖ + ‖b‖)` (maximum norms; no unit).
+    pub residual_limit: f64,
+    /// Steps of iterative refinement that may follow a solve.
+    pub max_refinements: usize,
+    /// Refine until it stops helping, with residuals in double-double: the solution is then exact to rounding as long
+    /// as the condition number is below about 1e15. Otherwise refinement starts only when it is needed.
+    pub extended_residual: bool,
+}
+
+impl Default for SolverOptions {
+    fn default() -> Self {
+        Self { threads: 1, residual_limit: 1e-10, max_refinements: 5, extended_residual: false }
+    }
+}
+
+/// What is known about a solution.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SolveReport {
+    /// Backward error `‖b - A x‖ / (‖A‖ ‖x‖ + ‖b‖)` in maximum norms: the larger of that of the matrix as it is and that
+    /// of the matrix scaled to a unit diagonal.
+    pub relative_residual: f64,
+    /// Largest `|b - A x|_i / (|A| |x| + |b|)_i` over the rows (Oettli and Prager 1964).
+    pub componentwise_residual: f64,
+    /// Steps of iterative refinement that were made.
+    pub refinements: usize,
+    /// Krylov iterations that were made with an older factor.
+    pub krylov_iterations: usize,
+    /// Whether the matrix was factored during this solve.
+    pub refactored: bool,
+}
+
+/// An approximate null vector, by dof, with largest magnitude 1.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct NullVector {
+    values: Vec<f64>,
+}
+
+impl NullVector {
+    /// Components by dof; empty when no vector could be found.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Dofs whose component is at least this part of the largest one, increasing. For a rigid-body mode these are
+    /// dofs of the body that moves.
+    pub fn dofs_above(&self, fraction: f64) -> Vec<u32> {
+        let moves = |value: &f64| value.abs() >= fraction && *value != 0.0;
+        (0..self.values.len() as u32).filter(|&dof| moves(&self.values[dof as usize])).collect()
+    }
+
+    /// Scales to largest magnitude 1; empty when that is impossible.
+    fn new(mut values: Vec<f64>) -> Self {
+        let largest = values.iter().fold(0.0, |largest: f64, value| value.abs().max(largest));
+        if !(largest > 0.0 && values.iter().all(|value| value.is_finite())) {
+            return Self::default();
+        }
+        values.iter_mut().for_each(|value| *value /= largest);
+        Self { values }
+    }
+
+    /// The dof with the largest component.
+    fn largest(&self) -> Option<usize> {
+        (0..self.values.len()).find(|&dof| self.values[dof].abs() == 1.0)
+    }
+}
+
+/// Why a system could not be solved. Dofs are in the caller's numbering.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// Two sizes that must agree do not.
+    #[error("{what}: expected {expected}, found {found}")]
+    Shape {
+        /// What was measured.
+        what: &'static str,
+        /// Size that was needed.
+        expected: usize,
+        /// Size that was found.
+        found: usize,
+    },
+    /// The matrix has entries where the analysed pattern has none.
+    #[error("entry ({row}, {column}) of the matrix lies outside the analysed pattern")]
+    OutsidePattern {
+        /// Row of the entry.
+        row: usize,
+        /// Column of the entry.
+        column: usize,
+    },
+    /// The matrix has a NaN or infinite entry.
+    #[error("entry ({row}, {column}) of the matrix is not finite")]
+    NonFiniteMatrix {
+        /// Row of the entry.
+        row: usize,
+        /// Column of the entry.
+        column: usize,
+    },
+    /// The right-hand side has a NaN or infinite entry.
+    #[error("entry {dof} of the right-hand side is not finite")]
+    NonFiniteRightHandSide {
+        /// The dof.
+        dof: usize,
+    },
+    /// The matrix is singular to working precision.
+    #[error("the matrix is singular at dof {dof} (its scaled product with a null vector is {ratio:.1e})")]
+    Singular {
+        /// Dof with the largest component of the null vector.
+        dof: usize,
+        /// `‖S A v‖ / ‖S⁻¹ v‖` for the null vector v, S scaling A to a unit diagonal: of the order of 1e-16.
+        ratio: f64,
+        /// The null vector.
+        mode: NullVector,
+    },
+    /// A matrix that must be positive definite is not.
+    #[error("the matrix is not positive definite: pivot {pivot:.3e} at dof {dof}")]
+    NotPositiveDefinite {
+        /// Dof at whose elimination it was seen.
+        dof: usize,
+        /// Value of the pivot (NaN when it could not be found).
+        pivot: f64,
+    },
+    /// A matrix that must be symmetric is not.
+    #[error("the matrix is not symmetric at ({row}, {column}): {value:e} against {transposed:e}")]
+    NotSymmetric {
+        /// Row of the entry.
+        row: usize,
+        /// Column of the entry.
+        column: usize,
+        /// Its value.
+        value: f64,
+        /// Value of the entry across the diagonal.
+        transposed: f64,
+    },
+    /// A pivot vanished although the matrix is not shown to be singular.
+    #[error("the pivot at dof {dof} vanishes (relative size {ratio:.1e})")]
+    VanishingPivot {
+        /// Dof at whose elimination it was seen.
+        dof: usize,
+        /// Size relative to its column.
+        ratio: f64,
+    },
+    /// The true residual stayed too large.
+    #[error("the solution leaves a relative residual of {relative:.1e}, above the limit {limit:.1e}")]
+    ResidualTooLarge {
+        /// Backward error reached.
+        relative: f64,
+        /// Backward error asked for.
+        limit: f64,
+    },
+    /// An iteration did not reach its tolerance.
+    #[error("no convergence in {iterations} iterations (relative residual {relative:.1e})")]
+    NotConverged {
+        /// Iterations made.
+        iterations: usize,
+        /// Backward error reached.
+        relative: f64,
+    },
+    /// The work space could not be had.
+    #[error("out of memory: {what}")]
+    OutOfMemory {
+        /// What needed the memory.
+        what: &'static str,
+    },
+    /// A solve came before a successful factorisation.
+    #[error("no factored matrix to solve with")]
+    NotFactored,
+    /// The library behind a solver panicked.
+    #[error("internal failure in {what}")]
+    Internal {
+        /// What was being done.
+        what: &'static str,
+    },
+    /// The structure of a matrix is wrong.
+    #[error(transparent)]
+    Structure(#[from] CsrError),
+}
+
+/// A solver of `A x = b` for matrices of one pattern.
+pub trait LinearSolver {
+    /// Factors a matrix; its entries must lie inside the analysed pattern.
+    ///
+    /// # Errors
+    /// Any [`SolveError`] except those about a right-hand side; the solver then holds no matrix.
+    fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError>;
+
+    /// Solves `A x = rhs`.
+    ///
+    /// # Errors
+    /// [`SolveError::NotFactored`] before a successful [`LinearSolver::factor`]; otherwise any error that says why no
+    /// solution with a small true residual was found. `x` is then unspecified.
+    fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError>;
+
+    /// An estimate from below of the condition number `‖A‖ ‖A⁻¹‖` in the 1-norm (Hager 1984, Higham 1988): a handful of
+    /// solves, usually right within a factor of three.
+    ///
+    /// # Errors
+    /// As [`LinearSolver::solve`].
+    fn condition_estimate(&mut self) -> Result<f64, SolveError>;
+}
+
+/// How faer's kernels share their work.
+fn parallelism(threads: usize) -> faer::Par {
+    if threads > 1 { faer::Par::rayon(threads) } else { faer::Par::Seq }
+}

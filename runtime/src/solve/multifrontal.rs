@@ -1,0 +1,396 @@
+//! Multifrontal Cholesky factorisation `P A Pᵀ = L Lᵀ`, whole or up to an interface.
+//!
+//! With unknowns split into eliminated (I) and interface (G) ones,
+//!
+//! ```text
+//! [K_II K_IG]   [L_II      ] [L_IIᵀ L_GIᵀ]
+//! [K_GI K_GG] = [L_GI   1  ] [      S    ]     S = K_GG - K_GI K_II⁻¹ K_IG
+//! ```
+//!
+//! the factorisation gives L_II, L_GI and the dense S in one sweep over the fronts of [`Symbolic`]; dense work goes to
+//! faer's kernels. Independent subtrees run in parallel.
+//!
+//! Promises: a second factorisation reuses all memory; the same bytes for any number of threads; a matrix that is not
+//! positive definite is refused with the dof at which this was seen, in the caller's numbering.
+//! Reads one half of the matrix and checks neither symmetry nor finiteness nor condition: `checked` does.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::prelude::{Reborrow, ReborrowMut};
+use faer::{Accum, MatMut, Par};
+use rayon::prelude::*;
+
+use super::SolveError;
+use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
+
+/// A factorisation of the members of a plan: everything before the interface, or all fronts that never change.
+pub(super) struct Multifrontal {
+    plan: Plan,
+    /// The panels of all fronts (those that take no part stay zero).
+    values: Vec<f64>,
+    /// Start of each panel in `values`, and the end.
+    panels: Vec<usize>,
+    workspaces: Vec<Workspace>,
+    top: Workspace,
+    threads: usize,
+}
+
+/// Memory of one task: contributions of fronts whose parent has not come yet, last in first out.
+struct Workspace {
+    stack: Vec<f64>,
+    memory: MemBuffer,
+    /// Front and start of each waiting contribution.
+    waiting: Vec<(u32, usize)>,
+    /// End of the last of them.
+    end: usize,
+}
+
+/// What every front of one factorisation needs.
+struct Context<'a> {
+    symbolic: &'a Symbolic,
+    plan: &'a Plan,
+    matrix_values: &'a [f64],
+    /// Contributions of finished tasks; empty inside a task.
+    tasks: &'a [Workspace],
+    par: Par,
+}
+
+impl Multifrontal {
+    /// Takes the memory for the fronts in `members`, which holds every front below a member.
+    pub(super) fn new(symbolic: &Symbolic, members: Vec<bool>, threads: usize) -> Result<Self, SolveError> {
+        let plan = symbolic.plan(members, |front| symbolic.operations(front));
+        let mut workspaces = Vec::with_capacity(plan.tasks.len());
+        for task in &plan.tasks {
+            workspaces.push(Workspace::new(symbolic, plan.fronts_of(task))?);
+        }
+        let top = Workspace::new(symbolic, plan.top.iter().copied())?;
+        let mut panels = vec![0];
+        for front in 0..symbolic.n_fronts() {
+            let (k, r) = symbolic.sizes(front);
+            panels.push(panels[front] + if plan.members[front] { k * (k + r) } else { 0 });
+        }
+        let values = zeros(panels[symbolic.n_fronts()], "values of a sparse factor")?;
+        Ok(Self { plan, values, panels, workspaces, top, threads })
+    }
+
+    /// The panel of a member: its columns of L, (columns + rows) x columns, by columns.
+    pub(super) fn panel(&self, front: usize) -> &[f64] {
+        &self.values[self.panels[front]..self.panels[front + 1]]
+    }
+
+    /// The contribution of a member whose parent takes no part: rows x rows by columns, lower half.
+    pub(super) fn contribution(&self, symbolic: &Symbolic, front: usize) -> &[f64] {
+        let (workspace, start) = match self.plan.task_of(front as u32) {
+            Some(task) => (&self.workspaces[task], 0),
+            None => {
+                let place = self.top.waiting.binary_search_by_key(&(front as u32), |&(other, _)| other);
+                (&self.top, self.top.waiting[place.expect("contributions outside the plan wait")].1)
+            }
+        };
+        &workspace.stack[start..start + square(symbolic, front)]
+    }
+
+    /// Factors the matrix with these values. `interface` receives S by columns, lower half only; its length is the
+    /// square of the number of interface unknowns.
+    pub(super) fn factor(
+        &mut self,
+        symbolic: &Symbolic,
+        matrix_values: &[f64],
+        interface: &mut [f64],
+    ) -> Result<(), SolveError> {
+        let n_interface = symbolic.n_interface();
+        assert!(interface.len() == n_interface * n_interface, "room for the interface matrix");
+        self.values.fill(0.0);
+        self.factor_tasks(symbolic, matrix_values)?;
+        scatter_interface(symbolic, matrix_values, interface);
+        self.factor_top(symbolic, matrix_values, interface)
+    }
+
+    fn factor_tasks(&mut self, symbolic: &Symbolic, matrix_values: &[f64]) -> Result<(), SolveError> {
+        let (plan, starts) = (&self.plan, &self.panels);
+        let panels = plan.split(&mut self.values, |front| starts[front]);
+        let context = Context { symbolic, plan, matrix_values, tasks: &[], par: Par::Seq };
+        let run = |task: &Task, workspace: &mut Workspace, panels: &mut [f64]| {
+            workspace.factor_subtree(&context, task, starts, panels)
+        };
+        let outcomes: Vec<Result<(), SolveError>> = if self.threads > 1 {
+            (plan.tasks.par_iter(), self.workspaces.par_iter_mut(), panels)
+                .into_par_iter()
+                .with_max_len(1)
+                .map(|(task, workspace, panels)| run(task, workspace, panels))
+                .collect()
+        } else {
+            let each = plan.tasks.iter().zip(&mut self.workspaces).zip(panels);
+            each.map(|((task, workspace), panels)| run(task, workspace, panels)).collect()
+        };
+        // The first failure in the order of elimination, whatever thread met one first.
+        outcomes.into_iter().collect()
+    }
+
+    /// Eliminates the fronts above the tasks and adds everything that reaches the interface, in one fixed order.
+    fn factor_top(
+        &mut self,
+        symbolic: &Symbolic,
+        matrix_values: &[f64],
+        interface: &mut [f64],
+    ) -> Result<(), SolveError> {
+        let (plan, par) = (&self.plan, super::parallelism(self.threads));
+        let context = Context { symbolic, plan, matrix_values, tasks: &self.workspaces, par };
+        let n_interface = symbolic.n_interface();
+        let mut tasks = plan.tasks.iter().zip(&self.workspaces).peekable();
+        let add_task = |task: &Task, workspace: &Workspace, interface: &mut [f64]| {
+            let root = task.root as usize;
+            if symbolic.parents[root] == INTERFACE {
+                let contribution = &workspace.stack[..square(symbolic, root)];
+                add_to_interface(contribution, symbolic.places_of(root), interface, n_interface);
+            }
+        };
+        self.top.clear();
+        for &front in &plan.top {
+            while let Some((task, workspace)) = tasks.next_if(|(task, _)| task.root < front) {
+                add_task(task, workspace, interface);
+            }
+            let front = front as usize;
+            let panel = &mut self.values[self.panels[front]..self.panels[front + 1]];
+            self.top.factor_front(&context, front, panel)?;
+            if symbolic.parents[front] == INTERFACE {
+                let contribution = self.top.pop();
+                add_to_interface(contribution, symbolic.places_of(front), interface, n_interface);
+            }
+        }
+        for (task, workspace) in tasks {
+            add_task(task, workspace, interface);
+        }
+        Ok(())
+    }
+
+    /// The smallest ratio of a squared pivot to the diagonal entry that it came from, with its dof: how much of the
+    /// stiffest-looking unknown is left after elimination. Near rounding the matrix is singular. `None` without
+    /// unknowns. `diagonal` is by dof.
+    pub(super) fn smallest_pivot_ratio(&self, symbolic: &Symbolic, diagonal: &[f64]) -> Option<(f64, u32)> {
+        let mut smallest: Option<(f64, u32)> = None;
+        for front in (0..symbolic.n_fronts()).filter(|&front| self.plan.members[front]) {
+            let (k, r) = symbolic.sizes(front);
+            for column in 0..k {
+                let dof = symbolic.ordering.forward()[symbolic.columns[front] as usize + column];
+                let pivot = self.panel(front)[column * (k + r) + column];
+                let ratio = pivot * pivot / diagonal[dof as usize];
+                if smallest.is_none_or(|(least, _)| ratio < least) {
+                    smallest = Some((ratio, dof));
+                }
+            }
+        }
+        smallest
+    }
+}
+
+impl Workspace {
+    /// Memory for these fronts in this order.
+    fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32> + Clone) -> Result<Self, SolveError> {
+        let (mut end, mut peak, mut depth, mut largest) = (0usize, 0usize, 0, 0);
+        let mut waiting: Vec<(u32, usize)> = Vec::new();
+        for front in fronts {
+            let size = square(symbolic, front as usize);
+            largest = largest.max(symbolic.sizes(front as usize).0);
+            peak = peak.max(end + size);
+            while waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front) {
+                end = waiting.pop().expect("it has just been seen").1;
+            }
+            waiting.push((front, end));
+            depth = depth.max(waiting.len());
+            end += size;
+            // Contributions to the interface are taken at once.
+            if symbolic.parents[front as usize] == INTERFACE {
+                end = waiting.pop().expect("it has just been pushed").1;
+            }
+        }
+        let scratch = cholesky_in_place_scratch::<f64>(largest, Par::Seq, Default::default());
+        let memory = MemBuffer::try_new(scratch)
+            .map_err(|_| SolveError::OutOfMemory { what: "work space of a sparse factorisation" })?;
+        let stack = zeros(peak, "contributions of a sparse factorisation")?;
+        Ok(Self { stack, memory, waiting: Vec::with_capacity(depth), end: 0 })
+    }
+
+    fn clear(&mut self) {
+        self.waiting.clear();
+        self.end = 0;
+    }
+
+    /// Takes the last contribution off the stack; it stays readable until the next front.
+    fn pop(&mut self) -> &[f64] {
+        let (_, start) = self.waiting.pop().expect("a front has been pushed");
+        let contribution = &self.stack[start..self.end];
+        self.end = start;
+        contribution
+    }
+
+    fn factor_subtree(
+        &mut self,
+        context: &Context<'_>,
+        task: &Task,
+        starts: &[usize],
+        panels: &mut [f64],
+    ) -> Result<(), SolveError> {
+        self.clear();
+        let offset = starts[task.first as usize];
+        for front in context.plan.fronts_of(task).map(|front| front as usize) {
+            self.factor_front(context, front, &mut panels[starts[front] - offset..starts[front + 1] - offset])?;
+        }
+        Ok(())
+    }
+
+    /// Assembles and eliminates one front; its contribution replaces those of its children on the stack.
+    fn factor_front(&mut self, context: &Context<'_>, front: usize, panel: &mut [f64]) -> Result<(), SolveError> {
+        let symbolic = context.symbolic;
+        let (k, r) = symbolic.sizes(front);
+        let (below, free) = self.stack.split_at_mut(self.end);
+        let own = &mut free[..r * r];
+        let waiting = &self.waiting;
+        let children = || {
+            symbolic.children_of(front).iter().map(|&child| {
+                let contribution = match waiting.iter().rev().find(|(other, _)| *other == child) {
+                    Some(&(_, start)) => &below[start..start + square(symbolic, child as usize)],
+                    None => context.finished(child),
+                };
+                (contribution, symbolic.places_of(child as usize))
+            })
+        };
+        scatter_front(symbolic, front, context.matrix_values, panel);
+        for (contribution, places) in children() {
+            add_to_columns(contribution, places, panel, k, k + r);
+        }
+        eliminate(panel, own, k, context.par, &mut self.memory).map_err(|column| {
+            let dof = symbolic.ordering.forward()[symbolic.columns[front] as usize + column];
+            SolveError::NotPositiveDefinite { dof: dof as usize, pivot: f64::NAN }
+        })?;
+        for (contribution, places) in children() {
+            add_to_rows(contribution, places, own, k, r);
+        }
+        let mut start = self.end;
+        while self.waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front as u32) {
+            start = self.waiting.pop().expect("it has just been seen").1;
+        }
+        if start < self.end {
+            self.stack.copy_within(self.end..self.end + r * r, start);
+        }
+        self.waiting.push((front as u32, start));
+        self.end = start + r * r;
+        Ok(())
+    }
+}
+
+impl Context<'_> {
+    /// The contribution of the root of a finished task.
+    fn finished(&self, root: u32) -> &[f64] {
+        let task = self.plan.task_of(root).expect("children are done first");
+        &self.tasks[task].stack[..square(self.symbolic, root as usize)]
+    }
+}
+
+/// Number of values of the contribution of a front.
+fn square(symbolic: &Symbolic, front: usize) -> usize {
+    let rows = symbolic.sizes(front).1;
+    rows * rows
+}
+
+/// A zeroed buffer, or a typed error instead of an abort.
+pub(super) fn zeros(length: usize, what: &'static str) -> Result<Vec<f64>, SolveError> {
+    let mut buffer = Vec::new();
+    buffer.try_reserve_exact(length).map_err(|_| SolveError::OutOfMemory { what })?;
+    buffer.resize(length, 0.0);
+    Ok(buffer)
+}
+
+/// Adds the entries of the matrix in the columns of a front to its zeroed panel.
+fn scatter_front(symbolic: &Symbolic, front: usize, matrix_values: &[f64], panel: &mut [f64]) {
+    let (k, r) = symbolic.sizes(front);
+    let (first, rows) = (symbolic.columns[front], symbolic.rows_of(front));
+    for (column, target) in panel.chunks_exact_mut(k + r).enumerate() {
+        let mut below = 0;
+        for entry in symbolic.lower_entries(first as usize + column) {
+            let row = symbolic.lower_rows[entry];
+            let place = if row < first + k as u32 {
+                (row - first) as usize
+            } else {
+                // Both lists increase.
+                while rows[below] != row {
+                    below += 1;
+                }
+                k + below
+            };
+            target[place] += matrix_values[symbolic.lower_sources[entry] as usize];
+        }
+    }
+}
+
+/// Cholesky of the columns of a front; `own` becomes the lower half of minus the product of the rows below. An error is
+/// the column whose pivot is not positive.
+fn eliminate(panel: &mut [f64], own: &mut [f64], k: usize, par: Par, memory: &mut MemBuffer) -> Result<(), usize> {
+    let m = panel.len() / k;
+    let (mut top, mut bottom) = MatMut::from_column_major_slice_mut(panel, m, k).split_at_row_mut(k);
+    let stack = MemStack::new(memory);
+    cholesky_in_place(top.rb_mut(), LltRegularization::default(), par, stack, Default::default())
+        .map_err(|LltError::NonPositivePivot { index }| index)?;
+    if m == k {
+        return Ok(());
+    }
+    solve_lower_triangular_in_place(top.rb(), bottom.rb_mut().transpose_mut(), par);
+    triangular::matmul(
+        MatMut::from_column_major_slice_mut(own, m - k, m - k),
+        BlockStructure::TriangularLower,
+        Accum::Replace,
+        bottom.rb(),
+        BlockStructure::Rectangular,
+        bottom.rb().transpose(),
+        BlockStructure::Rectangular,
+        -1.0,
+        par,
+    );
+    Ok(())
+}
+
+/// Adds those columns of a child's contribution that are columns of the parent. Only the lower half is kept, and
+/// `places` increase, so a column starts at its own diagonal.
+fn add_to_columns(contribution: &[f64], places: &[u32], panel: &mut [f64], k: usize, m: usize) {
+    let size = places.len();
+    for (column, &place) in places.iter().enumerate().take_while(|&(_, &place)| (place as usize) < k) {
+        let target = &mut panel[place as usize * m..(place as usize + 1) * m];
+        let source = &contribution[column * size + column..(column + 1) * size];
+        for (&row, value) in places[column..].iter().zip(source) {
+            target[row as usize] += value;
+        }
+    }
+}
+
+/// Adds the remaining columns of a child's contribution to the contribution of the parent (r x r).
+fn add_to_rows(contribution: &[f64], places: &[u32], own: &mut [f64], k: usize, r: usize) {
+    let size = places.len();
+    let first = places.partition_point(|&place| (place as usize) < k);
+    for column in first..size {
+        let place = places[column] as usize - k;
+        let target = &mut own[place * r..(place + 1) * r];
+        let source = &contribution[column * size + column..(column + 1) * size];
+        for (&row, value) in places[column..].iter().zip(source) {
+            target[row as usize - k] += value;
+        }
+    }
+}
+
+/// The entries of the matrix between interface unknowns, lower half by columns.
+fn scatter_interface(symbolic: &Symbolic, matrix_values: &[f64], interface: &mut [f64]) {
+    let (first, n) = (symbolic.n_eliminated(), symbolic.n_interface());
+    interface.fill(0.0);
+    for column in 0..n {
+        for entry in symbolic.lower_entries(first + column) {
+            let row = symbolic.lower_rows[entry] as usize - first;
+            interface[column * n + row] += matrix_values[symbolic.lower_sources[entry] as usize];
+        }
+    }
+}
+
+/// Adds a contribution to the dense matrix of the interface, lower half.
+fn add_to_interface(contribution: &[f64], places: &[u32], interface: &mut [f64], n: usize) {
+    add_to_rows(contribution, places, interface, 0, n);
+}

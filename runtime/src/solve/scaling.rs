@@ -1,0 +1,94 @@
+//! Scales of the unknowns and of the equations.
+//!
+//! Promises: powers of two, so that scaling is exact; 1 for a row or column without entries; no dependence on the
+//! order of the unknowns.
+
+use crate::csr::Csr;
+
+/// `s` such that the diagonal of `S A S` is about 1. An unknown without a diagonal entry (a multiplier) gets the scale
+/// that makes the largest entry of its row about 1.
+pub(super) fn symmetric_scale(parts: &[&Csr]) -> Vec<f64> {
+    let n = parts.first().map_or(0, |part| part.n_rows());
+    let diagonal = |dof: usize| parts.iter().map(|part| part.get(dof, dof)).sum::<f64>().abs();
+    let mut scale: Vec<f64> = (0..n).map(|dof| power_of_two(1.0 / diagonal(dof).sqrt())).collect();
+    for dof in (0..n).filter(|&dof| diagonal(dof) == 0.0) {
+        let entries = parts.iter().flat_map(|part| {
+            let (columns, values) = part.row(dof);
+            columns.iter().zip(values)
+        });
+        let largest = entries.fold(0.0, |largest: f64, (&column, value)| {
+            let column = column as usize;
+            // Between two multipliers there is no scale to lean on.
+            if diagonal(column) == 0.0 { largest } else { largest.max(value.abs() * scale[column]) }
+        });
+        scale[dof] = power_of_two(1.0 / largest);
+    }
+    scale
+}
+
+/// `(r, c)` such that the largest entries of the columns, and nearly those of the rows, of `R A C` are about 1: rows
+/// first, then columns, as in LAPACK's geequ.
+pub(super) fn equilibration(matrix: &Csr) -> (Vec<f64>, Vec<f64>) {
+    let mut rows = vec![1.0; matrix.n_rows()];
+    let mut largest_in_column = vec![0.0f64; matrix.n_cols()];
+    for (row, scale) in rows.iter_mut().enumerate() {
+        let (places, values) = matrix.row(row);
+        *scale = power_of_two(1.0 / values.iter().fold(0.0, |largest: f64, value| value.abs().max(largest)));
+        for (&column, value) in places.iter().zip(values) {
+            let largest = &mut largest_in_column[column as usize];
+            *largest = (value * *scale).abs().max(*largest);
+        }
+    }
+    let columns = largest_in_column.into_iter().map(|largest| power_of_two(1.0 / largest)).collect();
+    (rows, columns)
+}
+
+/// The nearest power of two in the logarithm, 1 for what has none.
+pub(super) fn power_of_two(value: f64) -> f64 {
+    if !(value.is_finite() && value > 0.0) {
+        return 1.0;
+    }
+    // The exponent of value * sqrt(2), rounded down; subnormal scales are cut off.
+    let exponent = ((value * std::f64::consts::SQRT_2).to_bits() >> 52) as i64 - 1023;
+    f64::from_bits(((exponent.clamp(-1000, 1000) + 1023) as u64) << 52)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_are_powers_of_two_near_the_value() {
+        for (value, wanted) in [(1.0, 1.0), (3.0, 4.0), (2.7, 2.0), (0.2, 0.25), (0.0, 1.0), (f64::INFINITY, 1.0)] {
+            assert_eq!(power_of_two(value), wanted, "{value}");
+        }
+    }
+
+    #[test]
+    fn a_badly_scaled_matrix_becomes_even() {
+        let d = [1e-12, 1.0, 1e9, 1e3];
+        let mut triplets = Vec::new();
+        for i in 0..4u32 {
+            for j in 0..4u32 {
+                let value = if i == j { 2.0 } else { -0.5 };
+                triplets.push((i, j, value * d[i as usize] * d[j as usize]));
+            }
+        }
+        let a = Csr::from_triplets(4, 4, &triplets).unwrap();
+        let s = symmetric_scale(&[&a]);
+        let (r, c) = equilibration(&a);
+        for i in 0..4 {
+            let entry = s[i] * a.get(i, i) * s[i];
+            assert!((0.4..2.5).contains(&entry), "{entry}");
+            let row = (0..4).map(|j| (r[i] * a.get(i, j) * c[j]).abs()).fold(0.0, f64::max);
+            assert!((0.2..4.0).contains(&row), "{row}");
+        }
+    }
+
+    #[test]
+    fn a_multiplier_takes_the_scale_of_its_row() {
+        let a = Csr::from_triplets(2, 2, &[(0, 0, 4e8), (0, 1, 1.0), (1, 0, 1.0)]).unwrap();
+        let s = symmetric_scale(&[&a]);
+        assert!((0.4..2.5).contains(&(s[1] * s[0])), "{s:?}");
+    }
+}

@@ -1,0 +1,321 @@
+//! Solves with the fronts of a factorisation: a forward sweep up the tree and a backward sweep down.
+//!
+//! Promises: no allocation; the same bytes for any number of threads, because independent subtrees write disjoint
+//! ranges and hand their contributions up in one fixed order.
+//! Knows two kinds of front, Cholesky and LU, and may meet both in one tree.
+
+use rayon::prelude::*;
+
+use super::kernels::{
+    Diagonal, lower_sweep, lower_transposed_sweep, subtract_product, subtract_transposed_product, upper_sweep,
+    upper_transposed_sweep,
+};
+use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
+
+/// Below this number of values of the factor, a sweep costs less than waking threads.
+const PARALLEL_VALUES: usize = 1_000_000;
+
+/// The factor of one front.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum FrontFactor<'a> {
+    /// `panel` holds L, (k + r) x k.
+    Cholesky {
+        /// By columns.
+        panel: &'a [f64],
+    },
+    /// `panel` holds L (unit diagonal) and U of the top, (k + r) x k, `upper` the rest of U, k x r; row i of the
+    /// factored top is row `pivots[i]` of the front.
+    Lu {
+        /// By columns.
+        panel: &'a [f64],
+        /// By columns.
+        upper: &'a [f64],
+        /// Rows of the front in the order of the pivots.
+        pivots: &'a [u32],
+    },
+}
+
+/// Which system is solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Form {
+    /// `A x = b`.
+    Plain,
+    /// `Aᵀ x = b`.
+    Transposed,
+}
+
+/// Work space of the sweeps over all fronts of a structure.
+pub(super) struct Sweep {
+    plan: Plan,
+    columns: Vec<usize>,
+    workspaces: Vec<Workspace>,
+    top: Workspace,
+    /// The vector in the order of elimination.
+    ordered: Vec<f64>,
+    /// A copy of it that tasks read while they write their own parts.
+    shared: Vec<f64>,
+    parallel: bool,
+}
+
+struct Workspace {
+    stack: Vec<f64>,
+    waiting: Vec<(u32, usize)>,
+    end: usize,
+    /// The pivots, or the rows, of one front.
+    front: Vec<f64>,
+}
+
+impl Sweep {
+    /// Work space for the fronts in `members`: all of them, or every front above some.
+    pub(super) fn new(symbolic: &Symbolic, members: Vec<bool>, threads: usize) -> Self {
+        let cost = |front: usize| {
+            let (k, r) = symbolic.sizes(front);
+            (k * (k + 2 * r)) as f64
+        };
+        let n_values: f64 = (0..symbolic.n_fronts()).filter(|&front| members[front]).map(cost).sum();
+        let plan = symbolic.plan(members, cost);
+        let workspaces = plan.tasks.iter().map(|task| Workspace::new(symbolic, plan.fronts_of(task))).collect();
+        let n = symbolic.ordering.forward().len();
+        Self {
+            top: Workspace::new(symbolic, plan.top.iter().copied()),
+            columns: symbolic.columns.iter().map(|&column| column as usize).collect(),
+            plan,
+            workspaces,
+            ordered: vec![0.0; n],
+            shared: vec![0.0; n],
+            parallel: threads > 1 && n_values > PARALLEL_VALUES as f64,
+        }
+    }
+
+    /// Solves in place; `x` is by dof. Between the sweeps `interface` solves for the unknowns that were not eliminated.
+    /// Where not all fronts are members, the right-hand side must vanish on the others, and the solution is found on
+    /// the members alone.
+    pub(super) fn solve<'f>(
+        &mut self,
+        symbolic: &Symbolic,
+        factor: impl Fn(usize) -> FrontFactor<'f> + Sync,
+        form: Form,
+        interface: impl FnOnce(&mut [f64]),
+        x: &mut [f64],
+    ) {
+        for (value, &dof) in self.ordered.iter_mut().zip(symbolic.ordering.forward()) {
+            *value = x[dof as usize];
+        }
+        self.forward(symbolic, &factor, form);
+        interface(&mut self.ordered[symbolic.n_eliminated()..]);
+        self.backward(symbolic, &factor, form);
+        for (value, &dof) in self.ordered.iter().zip(symbolic.ordering.forward()) {
+            x[dof as usize] = *value;
+        }
+    }
+
+    fn forward<'f>(
+        &mut self,
+        symbolic: &Symbolic,
+        factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync),
+        form: Form,
+    ) {
+        let (plan, columns) = (&self.plan, &self.columns);
+        let parts = plan.split(&mut self.ordered, |front| columns[front]);
+        let run = |task: &Task, workspace: &mut Workspace, x: &mut [f64]| {
+            workspace.clear();
+            let offset = columns[task.first as usize];
+            for front in plan.fronts_of(task).map(|front| front as usize) {
+                let own = &mut x[columns[front] - offset..columns[front + 1] - offset];
+                workspace.forward_front(symbolic, front, factor(front), form, own, |child| {
+                    assert!(!plan.members[child as usize], "children are done first");
+                    &[]
+                });
+            }
+        };
+        if self.parallel {
+            (plan.tasks.par_iter(), self.workspaces.par_iter_mut(), parts)
+                .into_par_iter()
+                .with_max_len(1)
+                .for_each(|(task, workspace, x)| run(task, workspace, x));
+        } else {
+            for ((task, workspace), x) in plan.tasks.iter().zip(&mut self.workspaces).zip(parts) {
+                run(task, workspace, x);
+            }
+        }
+        let (fronts, interface) = self.ordered.split_at_mut(symbolic.n_eliminated());
+        let workspaces = &self.workspaces;
+        let finished = |child: u32| {
+            if !plan.members[child as usize] {
+                return &[][..];
+            }
+            let task = plan.task_of(child).expect("children are done first");
+            &workspaces[task].stack[..symbolic.sizes(child as usize).1]
+        };
+        let reach_interface = |front: usize, contribution: &[f64], interface: &mut [f64]| {
+            for (&place, value) in symbolic.places_of(front).iter().zip(contribution) {
+                interface[place as usize] += value;
+            }
+        };
+        for task in plan.tasks.iter().filter(|task| symbolic.parents[task.root as usize] == INTERFACE) {
+            reach_interface(task.root as usize, finished(task.root), interface);
+        }
+        self.top.clear();
+        for &front in &plan.top {
+            let front = front as usize;
+            let own = &mut fronts[columns[front]..columns[front + 1]];
+            self.top.forward_front(symbolic, front, factor(front), form, own, finished);
+            if symbolic.parents[front] == INTERFACE {
+                reach_interface(front, self.top.pop(), interface);
+            }
+        }
+    }
+
+    fn backward<'f>(
+        &mut self,
+        symbolic: &Symbolic,
+        factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync),
+        form: Form,
+    ) {
+        let (plan, columns) = (&self.plan, &self.columns);
+        for &front in plan.top.iter().rev() {
+            let front = front as usize;
+            let (own, above) = self.ordered[columns[front]..].split_at_mut(columns[front + 1] - columns[front]);
+            let offset = columns[front + 1];
+            self.top.backward_front(symbolic, front, factor(front), form, own, |row| above[row - offset]);
+        }
+        self.shared.copy_from_slice(&self.ordered);
+        let shared = &self.shared;
+        let parts = plan.split(&mut self.ordered, |front| columns[front]);
+        let run = |task: &Task, workspace: &mut Workspace, x: &mut [f64]| {
+            let (begin, end) = (columns[task.first as usize], columns[task.root as usize + 1]);
+            for front in plan.fronts_of(task).rev().map(|front| front as usize) {
+                let (own, above) = x[columns[front] - begin..].split_at_mut(columns[front + 1] - columns[front]);
+                let offset = columns[front + 1];
+                let read = |row: usize| if row < end { above[row - offset] } else { shared[row] };
+                workspace.backward_front(symbolic, front, factor(front), form, own, read);
+            }
+        };
+        if self.parallel {
+            (plan.tasks.par_iter(), self.workspaces.par_iter_mut(), parts)
+                .into_par_iter()
+                .with_max_len(1)
+                .for_each(|(task, workspace, x)| run(task, workspace, x));
+        } else {
+            for ((task, workspace), x) in plan.tasks.iter().zip(&mut self.workspaces).zip(parts) {
+                run(task, workspace, x);
+            }
+        }
+    }
+}
+
+impl Workspace {
+    fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32>) -> Self {
+        let (mut end, mut peak, mut depth, mut largest) = (0usize, 0usize, 0, 0);
+        let mut waiting: Vec<(u32, usize)> = Vec::new();
+        for front in fronts {
+            let (k, r) = symbolic.sizes(front as usize);
+            largest = largest.max(k).max(r);
+            peak = peak.max(end + r);
+            while waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front) {
+                end = waiting.pop().expect("it has just been seen").1;
+            }
+            waiting.push((front, end));
+            depth = depth.max(waiting.len());
+            end += r;
+            if symbolic.parents[front as usize] == INTERFACE {
+                end = waiting.pop().expect("it has just been pushed").1;
+            }
+        }
+        Self { stack: vec![0.0; peak], waiting: Vec::with_capacity(depth), end: 0, front: vec![0.0; largest] }
+    }
+
+    fn clear(&mut self) {
+        self.waiting.clear();
+        self.end = 0;
+    }
+
+    fn pop(&mut self) -> &[f64] {
+        let (_, start) = self.waiting.pop().expect("a front has been pushed");
+        let contribution = &self.stack[start..self.end];
+        self.end = start;
+        contribution
+    }
+
+    /// Adds what the children left, eliminates the columns of the front, leaves what its rows get.
+    fn forward_front<'c>(
+        &mut self,
+        symbolic: &Symbolic,
+        front: usize,
+        factor: FrontFactor<'_>,
+        form: Form,
+        x: &mut [f64],
+        finished: impl Fn(u32) -> &'c [f64],
+    ) {
+        let (k, r) = symbolic.sizes(front);
+        let (below, free) = self.stack.split_at_mut(self.end);
+        let own = &mut free[..r];
+        own.fill(0.0);
+        for &child in symbolic.children_of(front) {
+            let contribution = match self.waiting.iter().rev().find(|(other, _)| *other == child) {
+                Some(&(_, start)) => &below[start..start + symbolic.sizes(child as usize).1],
+                None => finished(child),
+            };
+            for (&place, value) in symbolic.places_of(child as usize).iter().zip(contribution) {
+                let place = place as usize;
+                *(if place < k { &mut x[place] } else { &mut own[place - k] }) += value;
+            }
+        }
+        match (factor, form) {
+            (FrontFactor::Cholesky { panel }, _) => lower_sweep(panel, Diagonal::Stored, x, own),
+            (FrontFactor::Lu { panel, pivots, .. }, Form::Plain) => {
+                let permuted = &mut self.front[..k];
+                for (value, &row) in permuted.iter_mut().zip(pivots) {
+                    *value = x[row as usize];
+                }
+                x.copy_from_slice(permuted);
+                lower_sweep(panel, Diagonal::Unit, x, own);
+            }
+            (FrontFactor::Lu { panel, upper, .. }, Form::Transposed) => {
+                upper_transposed_sweep(panel, k + r, x);
+                subtract_transposed_product(upper, x, own);
+            }
+        }
+        let mut start = self.end;
+        while self.waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front as u32) {
+            start = self.waiting.pop().expect("it has just been seen").1;
+        }
+        if start < self.end {
+            self.stack.copy_within(self.end..self.end + r, start);
+        }
+        self.waiting.push((front as u32, start));
+        self.end = start + r;
+    }
+
+    /// Finds the unknowns of the front from those of its rows.
+    fn backward_front(
+        &mut self,
+        symbolic: &Symbolic,
+        front: usize,
+        factor: FrontFactor<'_>,
+        form: Form,
+        x: &mut [f64],
+        read: impl Fn(usize) -> f64,
+    ) {
+        let (k, r) = symbolic.sizes(front);
+        let rows = &mut self.front[..r];
+        for (value, &row) in rows.iter_mut().zip(symbolic.rows_of(front)) {
+            *value = read(row as usize);
+        }
+        match (factor, form) {
+            (FrontFactor::Cholesky { panel }, _) => lower_transposed_sweep(panel, Diagonal::Stored, x, rows),
+            (FrontFactor::Lu { panel, upper, .. }, Form::Plain) => {
+                subtract_product(upper, rows, x);
+                upper_sweep(panel, k + r, x);
+            }
+            (FrontFactor::Lu { panel, pivots, .. }, Form::Transposed) => {
+                lower_transposed_sweep(panel, Diagonal::Unit, x, rows);
+                let permuted = &mut self.front[..k];
+                for (&value, &row) in x.iter().zip(pivots) {
+                    permuted[row as usize] = value;
+                }
+                x.copy_from_slice(permuted);
+            }
+        }
+    }
+}

@@ -1,0 +1,522 @@
+//! Scalar node numbering of a field on the cells or facets it lives on.
+//!
+//! Promises: nodes exist only where the field lives; numbers follow first appearance in the order
+//! of the given cells or facets, so neighbours stay near; two cells that share an entity number its
+//! dofs alike, whatever their local orientation (dofs along an edge run from its vertex of lower
+//! number). Does not know components, values or constraints.
+
+use crate::element::{DofEntity, Element, ElementError, Family};
+use crate::mesh::{CellId, CellKind, EdgeTable, FacetRef, Mesh, NodeId, Topology};
+
+/// No node here.
+const NONE: u32 = u32::MAX;
+
+/// Where a space lives.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Support {
+    /// On cells, in this order.
+    Cells(Vec<CellId>),
+    /// On facets, in this order, each in the parameters of its own side.
+    Facets(Vec<FacetRef>),
+}
+
+/// A scalar Lagrange space on part of a mesh. Its nodes carry one value a component; a position is
+/// a place in the list of cells or facets it was made on.
+#[derive(Clone, Debug)]
+pub struct Space {
+    degree: usize,
+    family: Family,
+    support: Support,
+    kinds: Vec<CellKind>,
+    starts: Vec<usize>,
+    nodes: Vec<u32>,
+    coordinates: Vec<[f64; 3]>,
+    /// Position of each cell of the mesh; empty for a space on facets.
+    position_of_cell: Vec<u32>,
+    /// Facets of the support with their positions, sorted; empty for a space on cells.
+    position_of_facet: Vec<(FacetRef, u32)>,
+    elements: Vec<Option<Element>>,
+    numbering: Numbering,
+}
+
+/// First node of each mesh entity, `NONE` where there is none.
+#[derive(Clone, Debug, Default)]
+struct Numbering {
+    vertices: Vec<u32>,
+    edges: Vec<u32>,
+    facets: Vec<u32>,
+    n_nodes: u32,
+}
+
+/// A mesh entity that carries dofs.
+#[derive(Clone, Copy)]
+enum Entity {
+    Vertex(usize),
+    Edge(usize),
+    Facet(usize),
+    /// Interior of the position, nobody else's.
+    Own,
+}
+
+/// One dof of a position: its entity, its place there and the number of dofs there.
+#[derive(Clone, Copy)]
+struct DofKey {
+    entity: Entity,
+    index: usize,
+    count: usize,
+}
+
+/// The mesh with what the numbering looks up.
+#[derive(Clone, Copy)]
+struct Context<'a> {
+    mesh: &'a Mesh,
+    topology: &'a Topology,
+    /// Only in three dimensions with dofs on edges.
+    edges: Option<&'a EdgeTable>,
+}
+
+impl Space {
+    /// The space of `degree` on `cells` (each at most once): `P_k` on simplices, `Q_k` on tensor
+    /// cells. Degree 0 is discontinuous whatever `family` says.
+    ///
+    /// # Errors
+    /// [`ElementError`] when a cell has no element of this degree.
+    pub fn on_cells(
+        mesh: &Mesh,
+        topology: &Topology,
+        cells: &[CellId],
+        degree: usize,
+        family: Family,
+    ) -> Result<Space, ElementError> {
+        let kinds: Vec<CellKind> = cells.iter().map(|cell| mesh.kind(*cell)).collect();
+        let mut space = Space::empty(kinds, Support::Cells(cells.to_vec()), degree, family)?;
+        space.number(mesh, topology);
+        Ok(space)
+    }
+
+    /// The trace space of `degree` on `facets` (each at most once): dofs on the entities of these
+    /// facets only. Local order: the Lagrange element of the facet's kind in the facet's own
+    /// parameters, seen from the given side.
+    ///
+    /// # Errors
+    /// [`ElementError`] when a facet has no element of this degree.
+    pub fn on_facets(
+        mesh: &Mesh,
+        topology: &Topology,
+        facets: &[FacetRef],
+        degree: usize,
+        family: Family,
+    ) -> Result<Space, ElementError> {
+        let kinds: Vec<CellKind> = facets.iter().map(|f| mesh.facet_kind(*f)).collect();
+        let mut space = Space::empty(kinds, Support::Facets(facets.to_vec()), degree, family)?;
+        space.number(mesh, topology);
+        Ok(space)
+    }
+
+    fn empty(
+        kinds: Vec<CellKind>,
+        support: Support,
+        degree: usize,
+        family: Family,
+    ) -> Result<Space, ElementError> {
+        let family = if degree == 0 {
+            Family::Discontinuous
+        } else {
+            family
+        };
+        let mut elements = vec![None; CellKind::ALL.len()];
+        for kind in &kinds {
+            if elements[kind.index()].is_none() {
+                elements[kind.index()] = Some(Element::lagrange(*kind, degree, family)?);
+            }
+        }
+        Ok(Space {
+            degree,
+            family,
+            support,
+            kinds,
+            starts: vec![0],
+            nodes: Vec::new(),
+            coordinates: Vec::new(),
+            position_of_cell: Vec::new(),
+            position_of_facet: Vec::new(),
+            elements,
+            numbering: Numbering::default(),
+        })
+    }
+
+    fn number(&mut self, mesh: &Mesh, topology: &Topology) {
+        let with_edges = mesh.dim() == 3 && self.degree > 1 && self.family == Family::Continuous;
+        let edges = with_edges.then(|| topology.edges(mesh));
+        let context = Context {
+            mesh,
+            topology,
+            edges,
+        };
+        self.numbering = Numbering {
+            vertices: vec![NONE; mesh.n_nodes()],
+            edges: vec![NONE; edges.map_or(0, |table| table.edges().len())],
+            facets: vec![
+                NONE;
+                if self.degree > 1 {
+                    topology.n_facets()
+                } else {
+                    0
+                }
+            ],
+            n_nodes: 0,
+        };
+        self.index_positions(mesh);
+        let tables: Vec<Option<crate::element::Table>> = self
+            .elements
+            .iter()
+            .map(|element| {
+                let element = element.as_ref()?;
+                let geometry = mesh.geometry_element(element.kind());
+                Some(geometry.tabulate(element.points(), 0))
+            })
+            .collect();
+        let elements = std::mem::take(&mut self.elements);
+        for position in 0..self.kinds.len() {
+            let kind = self.kinds[position].index();
+            let (Some(element), Some(table)) = (&elements[kind], &tables[kind]) else {
+                unreachable!("there is an element for every kind of the support");
+            };
+            self.number_position(context, position, element, table);
+        }
+        self.elements = elements;
+    }
+
+    fn index_positions(&mut self, mesh: &Mesh) {
+        match &self.support {
+            Support::Cells(cells) => {
+                self.position_of_cell = vec![NONE; mesh.n_cells()];
+                for (position, cell) in cells.iter().enumerate() {
+                    self.position_of_cell[cell.index()] = position as u32;
+                }
+            }
+            Support::Facets(facets) => {
+                self.position_of_facet = facets.iter().copied().zip(0..).collect();
+                self.position_of_facet.sort_unstable();
+            }
+        }
+    }
+
+    fn number_position(
+        &mut self,
+        context: Context<'_>,
+        position: usize,
+        element: &Element,
+        table: &crate::element::Table,
+    ) {
+        let mut own = NONE;
+        for (dof, entity) in element.entities().iter().enumerate() {
+            let key = match &self.support {
+                Support::Cells(cells) => context.cell_key(cells[position], element, *entity),
+                Support::Facets(facets) => context.facet_key(facets[position], element, *entity),
+            };
+            let node = self.numbering.node(key, &mut own);
+            self.nodes.push(node);
+            if node as usize >= self.coordinates.len() {
+                self.coordinates.resize(node as usize + 1, [f64::NAN; 3]);
+            }
+            if self.coordinates[node as usize][0].is_nan() {
+                self.coordinates[node as usize] = match &self.support {
+                    Support::Cells(cells) => context.mesh.point_at(cells[position], table, dof),
+                    Support::Facets(facets) => {
+                        context.mesh.facet_point_at(facets[position], table, dof)
+                    }
+                };
+            }
+        }
+        self.starts.push(self.nodes.len());
+    }
+
+    /// Polynomial degree.
+    #[must_use]
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+
+    /// Continuous or discontinuous.
+    #[must_use]
+    pub fn family(&self) -> Family {
+        self.family
+    }
+
+    /// The cells or facets the space was made on.
+    #[must_use]
+    pub fn support(&self) -> &Support {
+        &self.support
+    }
+
+    /// Number of nodes.
+    #[must_use]
+    pub fn n_nodes(&self) -> usize {
+        self.coordinates.len()
+    }
+
+    /// Number of cells or facets of the support.
+    #[must_use]
+    pub fn n_positions(&self) -> usize {
+        self.kinds.len()
+    }
+
+    /// Nodes of the cell or facet at `position`, in the local order of [`Space::element_at`].
+    #[must_use]
+    pub fn entity_nodes(&self, position: usize) -> &[u32] {
+        &self.nodes[self.starts[position]..self.starts[position + 1]]
+    }
+
+    /// Element of the cell or facet at `position`.
+    #[must_use]
+    pub fn element_at(&self, position: usize) -> &Element {
+        self.elements[self.kinds[position].index()]
+            .as_ref()
+            .expect("there is an element for every kind of the support")
+    }
+
+    /// Element of `kind`, when the support has such cells or facets.
+    #[must_use]
+    pub fn element(&self, kind: CellKind) -> Option<&Element> {
+        self.elements[kind.index()].as_ref()
+    }
+
+    /// Position of a cell in the support; `None` also for spaces on facets.
+    #[must_use]
+    pub fn position_of_cell(&self, cell: CellId) -> Option<usize> {
+        let position = *self.position_of_cell.get(cell.index())?;
+        (position != NONE).then_some(position as usize)
+    }
+
+    /// Position of a facet (as given, the side counts) in the support; `None` also for spaces on
+    /// cells.
+    #[must_use]
+    pub fn position_of_facet(&self, facet: FacetRef) -> Option<usize> {
+        let find = |entry: &(FacetRef, u32)| entry.0;
+        let place = self
+            .position_of_facet
+            .binary_search_by_key(&facet, find)
+            .ok()?;
+        Some(self.position_of_facet[place].1 as usize)
+    }
+
+    /// Physical coordinates of the nodes.
+    #[must_use]
+    pub fn node_coordinates(&self) -> &[[f64; 3]] {
+        &self.coordinates
+    }
+
+    /// Sorted nodes in the closure of `facets`. Continuous spaces are matched by mesh entities
+    /// (vertices, edges, facets), so either side of a facet meets the field that lives there.
+    /// A discontinuous space on cells gives the nodes at the facet of its own cell, a discontinuous
+    /// space on facets all nodes of the facet, whichever side is named.
+    #[must_use]
+    pub fn nodes_on_facets(
+        &self,
+        mesh: &Mesh,
+        topology: &Topology,
+        facets: &[FacetRef],
+    ) -> Vec<u32> {
+        let mut found = Vec::new();
+        for facet in facets {
+            match self.family {
+                Family::Discontinuous => self.own_nodes(topology, *facet, &mut found),
+                Family::Continuous => self.shared_nodes(mesh, topology, *facet, &mut found),
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    fn own_nodes(&self, topology: &Topology, facet: FacetRef, found: &mut Vec<u32>) {
+        if let Some(position) = self.position_of_cell(facet.cell) {
+            let closure = self
+                .element_at(position)
+                .facet_closure(facet.local as usize);
+            let nodes = self.entity_nodes(position);
+            found.extend(closure.iter().map(|dof| nodes[*dof]));
+            return;
+        }
+        let sides = [Some(facet), topology.opposite(facet)];
+        for position in sides
+            .into_iter()
+            .flatten()
+            .filter_map(|f| self.position_of_facet(f))
+        {
+            found.extend_from_slice(self.entity_nodes(position));
+        }
+    }
+
+    fn shared_nodes(
+        &self,
+        mesh: &Mesh,
+        topology: &Topology,
+        facet: FacetRef,
+        found: &mut Vec<u32>,
+    ) {
+        let kind = mesh.kind(facet.cell);
+        let numbering = &self.numbering;
+        let mut take = |first: u32, count: usize| {
+            if first != NONE {
+                found.extend(first..first + count as u32);
+            }
+        };
+        for vertex in mesh.facet_vertices(facet).vertices() {
+            take(numbering.vertices[vertex.index()], 1);
+        }
+        if !numbering.edges.is_empty() {
+            let edges = topology.edges(mesh).cell_edges(facet.cell);
+            for edge in kind.facet_edges(facet.local as usize) {
+                take(numbering.edges[edges[*edge].index()], self.degree - 1);
+            }
+        }
+        if self.degree > 1 && mesh.dim() > 1 {
+            let facet_kind = mesh.facet_kind(facet);
+            let count = inner_dofs(facet_kind, self.degree);
+            take(numbering.facets[topology.facet_id(facet).index()], count);
+        }
+    }
+
+    /// Sorted nodes of the space at these nodes of the mesh. At vertices only for a continuous
+    /// space; inner geometry nodes of second-order cells carry no entity and are not matched.
+    #[must_use]
+    pub fn nodes_at_mesh_nodes(&self, nodes: &[NodeId]) -> Vec<u32> {
+        let at = |node: &NodeId| self.numbering.vertices[node.index()];
+        let mut found: Vec<u32> = nodes.iter().map(at).filter(|n| *n != NONE).collect();
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+}
+
+/// Number of dofs inside a facet of `kind`.
+fn inner_dofs(kind: CellKind, degree: usize) -> usize {
+    match kind {
+        CellKind::Segment => degree - 1,
+        CellKind::Triangle => (degree - 1) * degree.saturating_sub(2) / 2,
+        CellKind::Quadrilateral => (degree - 1) * (degree - 1),
+        _ => 0,
+    }
+}
+
+impl Numbering {
+    /// The node of a dof; `own` is the first interior node of the position, set when needed.
+    fn node(&mut self, key: DofKey, own: &mut u32) -> u32 {
+        let slot = match key.entity {
+            Entity::Vertex(vertex) => &mut self.vertices[vertex],
+            Entity::Edge(edge) => &mut self.edges[edge],
+            Entity::Facet(facet) => &mut self.facets[facet],
+            Entity::Own => own,
+        };
+        if *slot == NONE {
+            *slot = self.n_nodes;
+            let count = u32::try_from(key.count).expect("an entity carries a few dofs");
+            self.n_nodes = self
+                .n_nodes
+                .checked_add(count)
+                .expect("fewer than 2^32 nodes");
+        }
+        *slot + key.index as u32
+    }
+}
+
+impl Context<'_> {
+    fn cell_key(&self, cell: CellId, element: &Element, entity: DofEntity) -> DofKey {
+        let kind = element.kind();
+        let vertices = self.mesh.cell_vertices(cell);
+        let along = element.degree().saturating_sub(1);
+        match entity {
+            DofEntity::Vertex(vertex) => single(Entity::Vertex(vertices[vertex].index())),
+            DofEntity::Interior(index) => DofKey {
+                entity: Entity::Own,
+                index,
+                count: inside(element),
+            },
+            DofEntity::Facet { facet, index } => DofKey {
+                entity: Entity::Facet(self.topology.cell_facets(cell)[facet].index()),
+                index,
+                count: inner_dofs(kind.facets()[facet].kind, element.degree()),
+            },
+            DofEntity::Edge { edge, index } => {
+                let ends = kind.edges()[edge].map(|v| vertices[v]);
+                // In two dimensions an edge is a facet and carries its number.
+                let entity = match self.edges {
+                    Some(table) => Entity::Edge(table.cell_edges(cell)[edge].index()),
+                    None => Entity::Facet(self.topology.cell_facets(cell)[edge].index()),
+                };
+                DofKey {
+                    entity,
+                    index: oriented(ends, index, along),
+                    count: along,
+                }
+            }
+        }
+    }
+
+    fn facet_key(&self, facet: FacetRef, element: &Element, entity: DofEntity) -> DofKey {
+        let vertices = self.mesh.facet_vertices(facet).vertices;
+        let along = element.degree().saturating_sub(1);
+        if element.family() == Family::Discontinuous {
+            let DofEntity::Interior(index) = entity else {
+                unreachable!("all dofs of a discontinuous element are interior");
+            };
+            return DofKey {
+                entity: Entity::Own,
+                index,
+                count: element.n_dofs(),
+            };
+        }
+        match entity {
+            DofEntity::Vertex(vertex) => single(Entity::Vertex(vertices[vertex].index())),
+            DofEntity::Edge { edge, index } => {
+                let on_cell = self.mesh.kind(facet.cell).facet_edges(facet.local as usize)[edge];
+                let table = self.edges.expect("facets with edges are those of 3D cells");
+                let ends = element.kind().edges()[edge].map(|v| vertices[v]);
+                DofKey {
+                    entity: Entity::Edge(table.cell_edges(facet.cell)[on_cell].index()),
+                    index: oriented(ends, index, along),
+                    count: along,
+                }
+            }
+            DofEntity::Interior(index) | DofEntity::Facet { index, .. } => {
+                let index = if element.kind() == CellKind::Segment {
+                    oriented([vertices[0], vertices[1]], index, along)
+                } else {
+                    index
+                };
+                DofKey {
+                    entity: Entity::Facet(self.topology.facet_id(facet).index()),
+                    index,
+                    count: inner_dofs(element.kind(), element.degree()),
+                }
+            }
+        }
+    }
+}
+
+fn single(entity: Entity) -> DofKey {
+    DofKey {
+        entity,
+        index: 0,
+        count: 1,
+    }
+}
+
+/// Place along an edge counted from its vertex of lower number.
+fn oriented(ends: [NodeId; 2], index: usize, count: usize) -> usize {
+    if ends[0] < ends[1] {
+        index
+    } else {
+        count - 1 - index
+    }
+}
+
+fn inside(element: &Element) -> usize {
+    let inner = |entity: &&DofEntity| matches!(entity, DofEntity::Interior(_));
+    element.entities().iter().filter(inner).count()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,200 @@
+//! Which linear solver a scene gets, from the structure of its terms.
+//!
+//! - only linear terms: one matrix, factored when it changes (once, unless the step variable enters);
+//! - a symmetric linear bulk and nonlinear terms on few dofs (contact): the bulk is factored once, the nonlinear part
+//!   is condensed onto the dofs it touches;
+//! - anything else: the whole tangent each time.
+//!
+//! Symmetric matrices are tried as positive definite; where that fails the general solver takes over, with a note.
+
+use std::sync::Arc;
+
+use crate::{
+    csr::{Csr, CsrError, Pattern},
+    solve::{CheckedCondensed, CheckedLlt, CheckedLu, LinearSolver, SolveError, SolveReport, SolverOptions},
+    system::System,
+};
+
+/// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
+const CONDENSE_BELOW: f64 = 0.6;
+
+enum Kind {
+    /// Matrix of the linear terms only.
+    Linear,
+    /// Bulk once, changing part condensed.
+    Condensed(Box<CheckedCondensed>),
+    /// Sum of both.
+    Full { pattern: Arc<Pattern>, bulk_positions: Vec<usize>, changing_positions: Vec<usize> },
+}
+
+/// The linear solver of a scene.
+pub struct Strategy {
+    kind: Kind,
+    solver: Option<Box<dyn LinearSolver + Send>>,
+    symmetric: bool,
+    options: SolverOptions,
+    coordinates: Vec<[f64; 3]>,
+    factorisations: usize,
+    notes: Vec<String>,
+}
+
+impl Strategy {
+    /// Chooses and prepares the solver; call after the first [`System::set_step`].
+    ///
+    /// # Errors
+    /// [`SolveError`] when the bulk cannot be analysed.
+    pub fn new(system: &System, threads: usize) -> Result<Self, SolveError> {
+        let options = SolverOptions { threads, ..SolverOptions::default() };
+        let coordinates: Vec<[f64; 3]> = system
+            .numbering
+            .free_dofs
+            .iter()
+            .map(|d| {
+                let (field, node, _) = system.numbering.describe(&system.fields, *d as usize);
+                system.fields[field].node_position(node)
+            })
+            .collect();
+        let mut this = Self {
+            kind: Kind::Linear,
+            solver: None,
+            symmetric: system.is_symmetric(),
+            options,
+            coordinates,
+            factorisations: 0,
+            notes: Vec::new(),
+        };
+        if !system.is_linear() {
+            this.choose_nonlinear(system)?;
+        }
+        Ok(this)
+    }
+
+    fn choose_nonlinear(&mut self, system: &System) -> Result<(), SolveError> {
+        let touched = system.changing_dofs();
+        let n = system.numbering.n_free();
+        #[expect(clippy::cast_precision_loss, reason = "a ratio of counts")]
+        let few = (touched.len() as f64) < CONDENSE_BELOW * n as f64;
+        if few && system.bulk_is_symmetric() {
+            match CheckedCondensed::new(system.bulk(), system.changing().pattern(), Some(&self.coordinates), self.options) {
+                Ok(condensed) => {
+                    self.factorisations += 1;
+                    self.kind = Kind::Condensed(Box::new(condensed));
+                    return Ok(());
+                }
+                Err(SolveError::NotPositiveDefinite { .. } | SolveError::Singular { .. }) => {
+                    self.notes.push("the linear part away from the nonlinear terms is not positive definite: the whole tangent is factored each time".to_owned());
+                }
+                Err(e) => return Err(e),
+            }
+        }
+        let structure = |e: CsrError| SolveError::Structure(e);
+        let pattern = Arc::new(system.bulk().pattern().union(system.changing().pattern()).map_err(structure)?);
+        let positions = |part: &Csr| part.pattern().positions_in(&pattern).expect("a part of the union");
+        let (bulk_positions, changing_positions) = (positions(system.bulk()), positions(system.changing()));
+        self.kind = Kind::Full { pattern, bulk_positions, changing_positions };
+        Ok(())
+    }
+
+    /// The solver in words.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        match &self.kind {
+            Kind::Linear if self.symmetric => "one linear system, symmetric (LLT), factored once".to_owned(),
+            Kind::Linear => "one linear system, unsymmetric (LU), factored once".to_owned(),
+            Kind::Condensed(c) => format!("Newton; linear part factored once, {}", c.strategy()),
+            Kind::Full { .. } if self.symmetric => "Newton; whole tangent, symmetric (LLT), factored each iteration".to_owned(),
+            Kind::Full { .. } => "Newton; whole tangent, unsymmetric (LU), factored each iteration".to_owned(),
+        }
+    }
+
+    /// What was noticed while solving.
+    #[must_use]
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Factorisations so far.
+    #[must_use]
+    pub fn factorisations(&self) -> usize {
+        self.factorisations
+    }
+
+    /// The matrix of the linear terms has changed.
+    ///
+    /// # Errors
+    /// [`SolveError`] when the new bulk cannot be factored.
+    pub fn bulk_changed(&mut self, system: &System) -> Result<(), SolveError> {
+        match &self.kind {
+            Kind::Linear => {
+                let bulk = system.bulk().clone();
+                self.factor(&bulk)
+            }
+            Kind::Condensed(_) => self.choose_nonlinear(system),
+            Kind::Full { .. } => Ok(()),
+        }
+    }
+
+    /// Takes over the tangent at the current state.
+    ///
+    /// # Errors
+    /// [`SolveError`] when it cannot be factored.
+    pub fn update(&mut self, system: &System) -> Result<(), SolveError> {
+        match &mut self.kind {
+            Kind::Linear => Ok(()),
+            Kind::Condensed(c) => {
+                self.factorisations += 1;
+                c.update(system.changing())
+            }
+            Kind::Full { pattern, bulk_positions, changing_positions } => {
+                let mut sum = Csr::zeros(pattern.clone());
+                for (part, positions) in [(system.bulk(), &*bulk_positions), (system.changing(), &*changing_positions)] {
+                    for (p, v) in positions.iter().zip(part.values()) {
+                        sum.values_mut()[*p] += v;
+                    }
+                }
+                self.factor(&sum)
+            }
+        }
+    }
+
+    fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
+        self.factorisations += 1;
+        if self.solver.is_none() {
+            self.solver = Some(self.fresh(matrix)?);
+        }
+        let first = self.solver.as_mut().expect("made above").factor(matrix);
+        match first {
+            Err(SolveError::NotPositiveDefinite { .. } | SolveError::NotSymmetric { .. }) if self.symmetric => {
+                self.symmetric = false;
+                self.notes.push("the tangent is symmetric but not positive definite: LU in place of LLT".to_owned());
+                let mut general = self.fresh(matrix)?;
+                general.factor(matrix)?;
+                self.solver = Some(general);
+                Ok(())
+            }
+            other => other,
+        }
+    }
+
+    fn fresh(&self, matrix: &Csr) -> Result<Box<dyn LinearSolver + Send>, SolveError> {
+        let coordinates = Some(self.coordinates.as_slice());
+        Ok(if self.symmetric {
+            Box::new(CheckedLlt::new(matrix.pattern(), coordinates, self.options)?)
+        } else {
+            Box::new(CheckedLu::new(matrix.pattern(), coordinates, self.options)?)
+        })
+    }
+
+    /// Solves with the tangent last given; vectors over the free dofs.
+    ///
+    /// # Errors
+    /// [`SolveError`]; a solution that comes back has passed the checks of `solve`.
+    pub fn solve(&mut self, rhs: &[f64], x: &mut Vec<f64>) -> Result<SolveReport, SolveError> {
+        x.clear();
+        x.resize(rhs.len(), 0.0);
+        match &mut self.kind {
+            Kind::Condensed(c) => c.solve(rhs, x),
+            _ => self.solver.as_mut().ok_or(SolveError::NotFactored)?.solve(rhs, x),
+        }
+    }
+}
