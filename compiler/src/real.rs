@@ -13,7 +13,6 @@ use crate::{
 };
 
 /// A number type for the interpreter.
-#[expect(clippy::should_implement_trait, reason = "method syntax keeps generic code free of operator bounds")]
 pub trait Real: Copy + std::fmt::Debug {
     /// Relative rounding error of one operation, as an f64.
     const UNIT_ROUNDOFF: f64;

@@ -8,17 +8,19 @@
 //! Where it does less: `sin`, `cos`, `tan` beyond 2^40 have the accuracy of f64; results that are subnormal as well.
 //! Special values (zeros, infinities, NaN, outside the domain) are those of `libm`.
 
+use std::f64::consts;
+
 use super::{Dd, quick_two_sum, two_prod, two_sum};
 use crate::math::{MathFn1, MathFn2, SINC_SERIES_BOUND};
 
 /// log(2) in three parts, so that `k log(2)` is known to 1e-48 k.
-const LN2: [f64; 3] = [0.6931471805599453, 2.3190468138462996e-17, 5.707708438416212e-34];
+const LN2: [f64; 3] = [consts::LN_2, 2.3190468138462996e-17, 5.707708438416212e-34];
 /// log(10).
-const LN10: Dd = Dd::constant(2.302585092994046, -2.1707562233822494e-16);
+const LN10: Dd = Dd::constant(consts::LN_10, -2.1707562233822494e-16);
 /// pi/2 in four parts.
-const HALF_PI: [f64; 4] = [1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33, 5.562271104316826e-50];
+const HALF_PI: [f64; 4] = [consts::FRAC_PI_2, 6.123233995736766e-17, -1.4973849048591698e-33, 5.562271104316826e-50];
 /// 2/sqrt(pi).
-const TWO_OVER_SQRT_PI: Dd = Dd::constant(1.1283791670955126, 1.533545961316588e-17);
+const TWO_OVER_SQRT_PI: Dd = Dd::constant(consts::FRAC_2_SQRT_PI, 1.533545961316588e-17);
 /// sqrt(pi).
 const SQRT_PI: Dd = Dd::constant(1.772453850905516, -7.666586499825799e-17);
 /// Beyond this, trigonometric functions have the accuracy of f64.
@@ -96,7 +98,7 @@ impl Dd {
         if self.hi.is_nan() || self.hi.abs() >= 745.2 {
             return Dd::from_f64(libm::exp(self.hi));
         }
-        let k = libm::rint(self.hi / std::f64::consts::LN_2);
+        let k = libm::rint(self.hi / consts::LN_2);
         let r = reduce(self, k, &LN2).scale(1.0 / 256.0);
         if r.hi == 0.0 {
             return Dd::ONE.scale(libm::exp2(k));
@@ -142,7 +144,7 @@ impl Dd {
         if self.hi.abs() > TRIGONOMETRIC_BOUND {
             return (Dd::from_f64(libm::sin(self.hi)), Dd::from_f64(libm::cos(self.hi)));
         }
-        let k = libm::rint(self.hi * std::f64::consts::FRAC_2_PI);
+        let k = libm::rint(self.hi * consts::FRAC_2_PI);
         let r = reduce(self, k, &HALF_PI);
         let square = -r.square();
         let sine = if r.hi == 0.0 { r } else { series(r, |k| square / Dd::from_f64(2.0 * k * (2.0 * k + 1.0))) };
@@ -348,6 +350,7 @@ fn log_power(k: f64) -> Dd {
 }
 
 #[cfg(test)]
+#[expect(clippy::approx_constant, reason = "digits of an outside program, constants among them")]
 mod tests {
     use super::*;
 

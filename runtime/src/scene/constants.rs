@@ -55,16 +55,16 @@ fn check_domain(
     let (good, words) = match domain {
         Domain::Range(low, high) => {
             let (Some(low), Some(high)) = (number(low), number(high)) else { return };
-            (value.values.iter().all(|v| (low..=high).contains(v)), format!("between {low} and {high}"))
+            (value.values.iter().all(|v| (low..=high).contains(v)), format!("between {} and {}", short(low), short(high)))
         }
         Domain::Set(list) => {
             let allowed: Vec<f64> = list.iter().filter_map(number).collect();
-            let words: Vec<String> = allowed.iter().map(f64::to_string).collect();
+            let words: Vec<String> = allowed.iter().map(|v| short(*v)).collect();
             (value.values.iter().all(|v| allowed.contains(v)), format!("one of {}", words.join(", ")))
         }
     };
     if !good {
-        let shown: Vec<String> = value.values.iter().map(f64::to_string).collect();
+        let shown: Vec<String> = value.values.iter().map(|v| short(*v)).collect();
         let mut d = Diagnostic::new("E701", format!("`{}` must be {words}", param.name.name))
             .at(param.value.span, format!("this is {}", shown.join(", ")));
         if param.value.span.source != param.name.span.source {
@@ -72,6 +72,11 @@ fn check_domain(
         }
         diagnostics.push(d);
     }
+}
+
+/// A number as a person would write it: 0.25, 1e24.
+fn short(v: f64) -> String {
+    if v == 0.0 || (1e-4..1e7).contains(&v.abs()) { v.to_string() } else { format!("{v:e}") }
 }
 
 /// A constant expression as numbers.
