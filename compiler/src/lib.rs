@@ -35,4 +35,4 @@ pub use term::{
     Class, Kink, KinkKind, Listing, LoadPart, Prologue, TermLaw, TermSource, ValueLaw, compile_condition, compile_term,
     compile_value, constant, run_prologue, unit_normals,
 };
-pub use verify::{VerifyError, verify};
+pub use verify::{SlotKind, ValueType, VerifyError, verify};

@@ -272,7 +272,7 @@ mod tests {
         let at_half = |f: MathFn1| f.eval(0.5);
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a} {b}");
         close(at_half(MathFn1::Exp), 1.648_721_270_700_128_1);
-        close(at_half(MathFn1::Log10), -0.301_029_995_663_981_2);
+        close(at_half(MathFn1::Log10), -std::f64::consts::LOG10_2);
         close(at_half(MathFn1::Asin), std::f64::consts::FRAC_PI_6);
         close(at_half(MathFn1::Acos), std::f64::consts::FRAC_PI_3);
         close(at_half(MathFn1::Tanh), 0.462_117_157_260_009_8);

@@ -14,6 +14,7 @@ mod script;
 mod source;
 #[cfg(test)]
 mod testing;
+mod walk;
 mod words;
 
 pub use codes::{CodePage, codes, explain};
@@ -24,8 +25,8 @@ pub use parse::{KEYWORDS, NESTING_LIMIT, STATEMENTS, TEXT_LIMIT, is_keyword, par
 pub use render::{at_expr, render};
 pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SOLVERS, resolve};
 pub use script::{
-    Condition, DataValue, Expect, Field, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output, OutputQuantity, Param,
-    Quadrature, Region, ResolvedScript, Solver, Split, Start, StartKind, Steps, Term,
+    Condition, DataValue, Expect, Field, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output, OutputQuantity,
+    Param, Quadrature, Region, ResolvedScript, Solver, Split, Start, StartKind, Steps, Term,
 };
 pub use source::{Source, SourceId, SourceMap, Span};
 pub use words::{CONSTANTS, FUNCTIONS, PREFIXES, REGIONS, UNSUPPORTED, is_function, reserved, split_prefixes};

@@ -12,11 +12,12 @@ use crate::{
     diag::Diagnostic,
     render::at_expr,
     source::{SourceMap, Span},
+    walk::{height, names, size},
     words::{only_prefixes, split_prefixes},
 };
 
 /// Expressions nest at most this deep after expansion (E119), so a walk over a tree may recurse.
-pub const EXPANDED_NESTING_LIMIT: usize = 500;
+pub const EXPANDED_NESTING_LIMIT: usize = 256;
 
 /// Expansion copies at most this many nodes in one scene (E124).
 pub const EXPANSION_LIMIT: usize = 1_000_000;
@@ -89,7 +90,11 @@ impl<'d> Table<'d> {
         }
         let mut path: Vec<&str> = cycle.iter().map(|d| self.defs[*d].name.name.as_str()).collect();
         path.push(path[0]);
-        let shown = if path.len() > 12 { format!("{} -> ... -> {}", path[..10].join(" -> "), path[0]) } else { path.join(" -> ") };
+        let shown = if path.len() > 12 {
+            format!("{} -> ... -> {}", path[..10].join(" -> "), path[0])
+        } else {
+            path.join(" -> ")
+        };
         let mut d = Diagnostic::new("E123", format!("`{}` is defined by itself", path[0])).note(shown);
         for (i, def) in cycle.iter().take(4).enumerate() {
             d = d.at(self.defs[*def].head, if i == 0 { "" } else { "by way of this" });
@@ -186,10 +191,18 @@ impl<'d> Expander<'d> {
         if frame.sees_locals
             && let Some(&i) = self.locals.by_name.get(word)
         {
-            return Some(Found { def: self.locals.defs[i], global: None, broken: self.locals.broken.contains(&i) });
+            return Some(Found {
+                def: self.locals.defs[i],
+                global: None,
+                broken: self.locals.broken.contains(&i),
+            });
         }
         let i = *self.globals.by_name.get(word)?;
-        Some(Found { def: self.globals.defs[i], global: Some(i), broken: self.globals.broken.contains(&i) })
+        Some(Found {
+            def: self.globals.defs[i],
+            global: Some(i),
+            broken: self.globals.broken.contains(&i),
+        })
     }
 
     fn report(&mut self, diagnostic: Diagnostic) {
@@ -220,7 +233,11 @@ impl<'d> Expander<'d> {
         }
         let text = format!("nested more than {EXPANDED_NESTING_LIMIT} deep after its macros are expanded");
         let d = at_expr(Diagnostic::new("E119", text), at, &self.expansions, "");
-        if !self.diagnostics.iter().any(|x| x.message == d.message && x.labels.first() == d.labels.first()) {
+        if !self
+            .diagnostics
+            .iter()
+            .any(|x| x.message == d.message && x.labels.first() == d.labels.first())
+        {
             self.diagnostics.push(d);
         }
         None
@@ -237,12 +254,18 @@ impl<'d> Expander<'d> {
             ExprKind::Call(callee, arguments) => return self.call(e, callee, arguments, frame, depth),
             ExprKind::Number(x) => ExprKind::Number(*x),
             ExprKind::Sum(parts) => {
-                let parts: Vec<_> = parts.iter().map(|(s, p)| Some((*s, self.walk(p, frame, next)?))).collect();
+                let parts: Vec<_> = parts
+                    .iter()
+                    .map(|(s, p)| Some((*s, self.walk(p, frame, next)?)))
+                    .collect();
                 ExprKind::Sum(parts.into_iter().collect::<Option<_>>()?)
             }
             ExprKind::Product(first, rest) => {
                 let first = self.walk(first, frame, next);
-                let rest: Vec<_> = rest.iter().map(|(o, s, p)| Some((*o, *s, self.walk(p, frame, next)?))).collect();
+                let rest: Vec<_> = rest
+                    .iter()
+                    .map(|(o, s, p)| Some((*o, *s, self.walk(p, frame, next)?)))
+                    .collect();
                 ExprKind::Product(Box::new(first?), rest.into_iter().collect::<Option<_>>()?)
             }
             ExprKind::Negate(a) => ExprKind::Negate(Box::new(self.walk(a, frame, next)?)),
@@ -261,7 +284,11 @@ impl<'d> Expander<'d> {
                 ExprKind::If(Box::new(c?), Box::new(a?), Box::new(b?))
             }
         };
-        Some(Expr { kind, span: e.span, expansion: frame.id.or(e.expansion) })
+        Some(Expr {
+            kind,
+            span: e.span,
+            expansion: frame.id.or(e.expansion),
+        })
     }
 
     /// All of a list, so that one error does not hide the next.
@@ -275,7 +302,10 @@ impl<'d> Expander<'d> {
         let kind = match &c.kind {
             CondKind::Compare(first, rest) => {
                 let first = self.walk(first, frame, next);
-                let rest: Vec<_> = rest.iter().map(|(o, e)| Some((*o, self.walk(e, frame, next)?))).collect();
+                let rest: Vec<_> = rest
+                    .iter()
+                    .map(|(o, e)| Some((*o, self.walk(e, frame, next)?)))
+                    .collect();
                 CondKind::Compare(Box::new(first?), rest.into_iter().collect::<Option<_>>()?)
             }
             CondKind::And(parts) => CondKind::And(self.all_conds(parts, frame, next)?),
@@ -302,17 +332,28 @@ impl<'d> Expander<'d> {
         }
         match self.find(word, frame) {
             Some(found) => self.expand(e, found, &[], frame, depth),
-            None => Some(Expr { kind: e.kind.clone(), span: e.span, expansion: frame.id.or(e.expansion) }),
+            None => Some(Expr {
+                kind: e.kind.clone(),
+                span: e.span,
+                expansion: frame.id.or(e.expansion),
+            }),
         }
     }
 
     /// `Grad_v` with `v` standing for `u` is `Grad_u`.
     fn paste(&mut self, e: &Expr, prefix: &str, i: usize, frame: &Frame<'_>) -> Option<Expr> {
         if let ExprKind::Name(word) = &frame.arguments[i].expr.kind {
-            return Some(Expr { kind: ExprKind::Name(format!("{prefix}{word}")), span: e.span, expansion: frame.id });
+            return Some(Expr {
+                kind: ExprKind::Name(format!("{prefix}{word}")),
+                span: e.span,
+                expansion: frame.id,
+            });
         }
         let v = self.formal_name(i, frame);
-        let d = Diagnostic::new("E106", format!("`{prefix}{v}` needs a field name, but `{v}` is an expression here"));
+        let d = Diagnostic::new(
+            "E106",
+            format!("`{prefix}{v}` needs a field name, but `{v}` is an expression here"),
+        );
         self.needs_name(d, e.span, format!("`{v}` is pasted behind {prefix} here"), i, frame)
     }
 
@@ -384,7 +425,13 @@ impl<'d> Expander<'d> {
                     "E106",
                     format!("`Interpolate` needs a field name, but `{word}` is an expression here"),
                 );
-                self.needs_name(d, inner.span, format!("`{word}` is the field of `Interpolate` here"), i, frame);
+                self.needs_name(
+                    d,
+                    inner.span,
+                    format!("`{word}` is the field of `Interpolate` here"),
+                    i,
+                    frame,
+                );
                 return None;
             }
         }
@@ -414,13 +461,21 @@ impl<'d> Expander<'d> {
                     complete = false;
                 }
                 Argument::Expr(a) => match self.walk(a, frame, depth) {
-                    Some(expr) => arguments.push(Given { nodes: size(&expr), depth: height(&expr), expr }),
+                    Some(expr) => arguments.push(Given {
+                        nodes: size(&expr),
+                        depth: height(&expr),
+                        expr,
+                    }),
                     None => complete = false,
                 },
             }
         }
         if given.len() != def.formals.len() {
-            let at = Expr { kind: ExprKind::Number(0.0), span: e.span, expansion: frame.id.or(e.expansion) };
+            let at = Expr {
+                kind: ExprKind::Number(0.0),
+                span: e.span,
+                expansion: frame.id.or(e.expansion),
+            };
             let d = wrong_number(def, given.len());
             let d = at_expr(d, &at, &self.expansions, "").at(def.head, "defined here");
             self.report(d);
@@ -438,20 +493,32 @@ impl<'d> Expander<'d> {
             definition: def.head,
             parent: frame.id.or(e.expansion),
         });
-        let inside =
-            Frame { def: Some(def), arguments: &arguments, id: Some(id), sees_locals: found.global.is_none() };
+        let inside = Frame {
+            def: Some(def),
+            arguments: &arguments,
+            id: Some(id),
+            sees_locals: found.global.is_none(),
+        };
         let expanded = deep.and_then(|()| self.walk(&def.body, &inside, depth));
         self.uses -= 1;
         expanded
     }
 }
 
-const TOP: Frame<'static> = Frame { def: None, arguments: &[], id: None, sees_locals: true };
+const TOP: Frame<'static> = Frame {
+    def: None,
+    arguments: &[],
+    id: None,
+    sees_locals: true,
+};
 
 fn wrong_number(def: &MacroDef, given: usize) -> Diagnostic {
     let n = def.formals.len();
     let plural = if n == 1 { "" } else { "s" };
-    Diagnostic::new("E105", format!("`{}` takes {n} argument{plural}, {given} given", def.name.name))
+    Diagnostic::new(
+        "E105",
+        format!("`{}` takes {n} argument{plural}, {given} given", def.name.name),
+    )
 }
 
 /// Prefix and place of the parameter that `word` is or ends with; the prefix may be empty.
@@ -479,69 +546,6 @@ fn linear_argument(e: &Expr) -> Option<(Span, Span)> {
         },
         _ => None,
     }
-}
-
-/// Calls `f` for each part directly below `e`, conditions included.
-pub(crate) fn children<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e Expr)) {
-    match &e.kind {
-        ExprKind::Number(_) | ExprKind::Name(_) => {}
-        ExprKind::Sum(parts) => parts.iter().for_each(|(_, p)| f(p)),
-        ExprKind::Product(first, rest) => {
-            f(first);
-            rest.iter().for_each(|(_, _, p)| f(p));
-        }
-        ExprKind::Negate(a) | ExprKind::Transpose(a) => f(a),
-        ExprKind::Power(a, b) => {
-            f(a);
-            f(b);
-        }
-        ExprKind::Call(callee, arguments) => {
-            f(callee);
-            for a in arguments {
-                if let Argument::Expr(a) = a {
-                    f(a);
-                }
-            }
-        }
-        ExprKind::Tensor(rows) => rows.iter().flatten().for_each(f),
-        ExprKind::If(c, a, b) => {
-            cond_children(c, f);
-            f(a);
-            f(b);
-        }
-    }
-}
-
-/// Calls `f` for each expression of a condition.
-pub(crate) fn cond_children<'e>(c: &'e Cond, f: &mut dyn FnMut(&'e Expr)) {
-    match &c.kind {
-        CondKind::Compare(first, rest) => {
-            f(first);
-            rest.iter().for_each(|(_, e)| f(e));
-        }
-        CondKind::And(parts) | CondKind::Or(parts) => parts.iter().for_each(|p| cond_children(p, f)),
-        CondKind::Not(a) => cond_children(a, f),
-    }
-}
-
-/// Calls `f` for every word of an expression.
-pub(crate) fn names<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e str)) {
-    if let ExprKind::Name(word) = &e.kind {
-        f(word);
-    }
-    children(e, &mut |c| names(c, f));
-}
-
-fn size(e: &Expr) -> usize {
-    let mut n = 1;
-    children(e, &mut |c| n += size(c));
-    n
-}
-
-fn height(e: &Expr) -> usize {
-    let mut deepest = 0;
-    children(e, &mut |c| deepest = deepest.max(1 + height(c)));
-    deepest
 }
 
 #[cfg(test)]

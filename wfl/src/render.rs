@@ -19,15 +19,27 @@ const LONGEST_MARK: usize = 4000;
 /// The text of a diagnostic, ending with a line feed. `color` adds terminal colours.
 #[must_use]
 pub fn render(diagnostic: &Diagnostic, sources: &SourceMap, color: bool) -> String {
-    let level = if diagnostic.is_error() { Level::ERROR } else { Level::WARNING };
+    let level = if diagnostic.is_error() {
+        Level::ERROR
+    } else {
+        Level::WARNING
+    };
     let title = level.primary_title(clean(&diagnostic.message)).id(diagnostic.code);
     let mut group = Group::with_title(title);
     for (source, labels) in by_source(diagnostic, sources) {
         let mut snippet = Snippet::source(&*source.text).path(clean(&source.name)).fold(true);
         for (label, primary) in labels {
-            let kind = if primary { AnnotationKind::Primary } else { AnnotationKind::Context };
+            let kind = if primary {
+                AnnotationKind::Primary
+            } else {
+                AnnotationKind::Context
+            };
             let mark = kind.span(clamp(&source.text, label.span));
-            snippet = snippet.annotation(if label.text.is_empty() { mark } else { mark.label(clean(&label.text)) });
+            snippet = snippet.annotation(if label.text.is_empty() {
+                mark
+            } else {
+                mark.label(clean(&label.text))
+            });
         }
         group = group.element(snippet);
     }
@@ -43,18 +55,23 @@ pub fn render(diagnostic: &Diagnostic, sources: &SourceMap, color: bool) -> Stri
     text
 }
 
+/// A text with its labels; the flag marks the primary one.
+type Marked<'a> = (&'a Source, Vec<(&'a Label, bool)>);
+
 /// Labels by text, the text of the primary label first; a label without a text of its own is left out.
-fn by_source<'a>(diagnostic: &'a Diagnostic, sources: &'a SourceMap) -> Vec<(&'a Source, Vec<(&'a Label, bool)>)> {
-    let mut groups: Vec<(SourceId, &Source, Vec<(&Label, bool)>)> = Vec::new();
+fn by_source<'a>(diagnostic: &'a Diagnostic, sources: &'a SourceMap) -> Vec<Marked<'a>> {
+    let mut ids: Vec<SourceId> = Vec::new();
+    let mut groups: Vec<Marked<'a>> = Vec::new();
     for (i, label) in diagnostic.labels.iter().enumerate() {
         let id = label.span.source;
-        if let Some(group) = groups.iter_mut().find(|g| g.0 == id) {
-            group.2.push((label, i == 0));
+        if let Some(known) = ids.iter().position(|k| *k == id) {
+            groups[known].1.push((label, i == 0));
         } else if let Some((_, source)) = sources.iter().nth(id.index()) {
-            groups.push((id, source, vec![(label, i == 0)]));
+            ids.push(id);
+            groups.push((source, vec![(label, i == 0)]));
         }
     }
-    groups.into_iter().map(|(_, source, labels)| (source, labels)).collect()
+    groups
 }
 
 /// The range of a span inside `text`, on character borders.
@@ -73,7 +90,9 @@ fn clamp(text: &str, span: Span) -> Range<usize> {
 
 /// Names and snippets may hold anything; a message must not move the cursor of a terminal.
 fn clean(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
+    text.chars()
+        .map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c })
+        .collect()
 }
 
 /// Adds the place of an expression. Text written in place is marked itself. For a node that came out of a macro the
@@ -88,7 +107,9 @@ pub fn at_expr(diagnostic: Diagnostic, expr: &Expr, expansions: &Expansions, tex
     while let Some(parent) = outer.parent.and_then(|id| expansions.list.get(id.index())) {
         outer = parent;
     }
-    diagnostic.at(outer.call, text).at(expr.span, format!("inside the definition of `{}`", inner.name))
+    diagnostic
+        .at(outer.call, text)
+        .at(expr.span, format!("inside the definition of `{}`", inner.name))
 }
 
 #[cfg(test)]
@@ -99,7 +120,14 @@ mod tests {
         let mut sources = SourceMap::new();
         let source = sources.add("scene.wfl", text);
         let d = Diagnostic::new("E107", "`**` is not an operator")
-            .at(Span { source, start: span.0, end: span.1 }, "")
+            .at(
+                Span {
+                    source,
+                    start: span.0,
+                    end: span.1,
+                },
+                "",
+            )
             .help("x^2, or sqr(x)");
         (d, sources)
     }
@@ -141,7 +169,14 @@ error[E107]: `**` is not an operator
     #[test]
     fn labels_of_unknown_texts_are_left_out() {
         let (d, sources) = example("a\n", (0, 1));
-        let d = d.at(Span { source: SourceId::new(7), start: 0, end: 1 }, "nowhere");
+        let d = d.at(
+            Span {
+                source: SourceId::new(7),
+                start: 0,
+                end: 1,
+            },
+            "nowhere",
+        );
         assert!(!render(&d, &sources, false).contains("nowhere"));
     }
 
@@ -149,7 +184,21 @@ error[E107]: `**` is not an operator
     fn places_in_two_files_are_both_shown() {
         let (d, mut sources) = example("term a on all : f(u)\n", (16, 20));
         let library = sources.add("laws.wfl", "def f(v) = v**2\n");
-        let text = render(&d.at(Span { source: library, start: 12, end: 14 }, "here"), &sources, false);
-        assert!(text.contains("scene.wfl:1:17") && text.contains("laws.wfl:1:13"), "{text}");
+        let text = render(
+            &d.at(
+                Span {
+                    source: library,
+                    start: 12,
+                    end: 14,
+                },
+                "here",
+            ),
+            &sources,
+            false,
+        );
+        assert!(
+            text.contains("scene.wfl:1:17") && text.contains("laws.wfl:1:13"),
+            "{text}"
+        );
     }
 }

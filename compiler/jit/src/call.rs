@@ -8,8 +8,8 @@
 //!    Before each call the slices are checked to hold as much; products are checked for overflow.
 //! 3. Loads and stores ask for no alignment beyond that of f64, which slices have.
 //! 4. The code writes through `outputs`, which is borrowed mutably, and to its own stack frame, nowhere else; it keeps
-//!    no pointer. Frames are bounded: a kernel holds finitely many values, matrix functions write into stack slots
-//!    of their size.
+//!    no pointer. A frame larger than a page is probed page by page, so that running out of stack meets the guard;
+//!    matrix functions write into stack slots of their size.
 //! 5. The functions it calls are the shims of `memory.rs`, with the signatures declared there; they do not unwind.
 //! 6. The memory that holds the code is owned by a [`CodeMemory`], which each kernel keeps alive by an `Arc`.
 //! 7. Code is never written again after it was finished, so that calls from several threads do not disturb each other.

@@ -234,7 +234,8 @@ impl<'a, 'f> Body<'a, 'f> {
         shims: Vec<(Shim, FuncRef)>,
         [uniforms, inputs, outputs]: [Value; 3],
     ) -> Self {
-        let mut stores: Vec<(usize, usize)> = kernel.outputs.iter().enumerate().map(|(s, v)| (v.index(), s)).collect();
+        let outputs_of = kernel.outputs.iter().enumerate();
+        let mut stores: Vec<(usize, usize)> = outputs_of.map(|(slot, v)| (v.index(), slot)).collect();
         stores.sort_unstable();
         let emitted = vec![Emitted::Nothing; kernel.insts.len()];
         let flags = MemFlagsData::new().with_notrap();

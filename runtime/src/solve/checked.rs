@@ -2,32 +2,22 @@
 //!
 //! Promises: what is returned as a solution has a backward error below the limit, measured with the matrix itself and
 //! not with its factor; a failure is one of the classes of [`SolveError`], with dofs in the caller's numbering.
-//! A matrix counts as singular when a vector v is found with `‖S A v‖ < 64 ε ‖S⁻¹ v‖` (maximum norms), where S scales A
-//! to a unit diagonal: no digit of that pivot is left in double precision.
+//! What is small, large and singular is defined in `judge`.
 
 use std::sync::Arc;
 
 use super::dense::{Dense, Kind};
 use super::llt::Llt;
 use super::lu::SparseLu;
-use super::scaling::symmetric_scale;
 use super::sweep::Form;
-use super::{LinearSolver, NullVector, SolveError, SolveReport, SolverOptions};
-use crate::csr::{Csr, Pattern, residual, residual_compensated};
+use super::judge::{Judge, inverse_norm_estimate};
+use super::{LinearSolver, SolveError, SolveReport, SolverOptions};
+use crate::csr::{Csr, Pattern};
 
-/// See the module documentation.
-const SINGULAR: f64 = 64.0 * f64::EPSILON;
 /// A relative pivot below this calls for a look at the null space.
 const SUSPICIOUS_PIVOT: f64 = 1e-9;
-/// Growth `‖A‖ ‖x‖ / ‖b‖` above which a solution calls for a look at the null space.
-const SUSPICIOUS_GROWTH: f64 = 1e12;
-/// Steps of inverse iteration.
-const INVERSE_ITERATIONS: usize = 3;
 /// Shift, relative to the diagonal, with which a matrix without a factor is looked at.
 const SHIFT: f64 = 1e-9;
-/// Refinement starts above these backward errors: of the scaled matrix, and of single rows.
-const GOOD_RESIDUAL: f64 = 1e-13;
-const GOOD_COMPONENT: f64 = 1e-10;
 /// Relative asymmetry that rounding in assembly explains.
 const ASYMMETRY: f64 = 1e-10;
 
@@ -76,259 +66,6 @@ pub(super) trait Factorization {
     fn null_vector_at(&mut self, _matrix: &Csr, error: &SolveError) -> (SolveError, Option<Vec<f64>>) {
         (error.clone(), None)
     }
-}
-
-/// Measures solutions of `(A + B + ...) x = b`.
-pub(super) struct Judge {
-    options: SolverOptions,
-    residual: Vec<f64>,
-    magnitude: Vec<f64>,
-    /// Row sums of magnitudes, and their largest.
-    row_sums: Vec<f64>,
-    norm: f64,
-    /// Scale to a unit diagonal.
-    scale: Vec<f64>,
-}
-
-/// Backward errors of one solution.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Measure {
-    relative: f64,
-    componentwise: f64,
-}
-
-impl Judge {
-    pub(super) fn new(n: usize, options: SolverOptions) -> Self {
-        let zeros = || vec![0.0; n];
-        Self { options, residual: zeros(), magnitude: zeros(), row_sums: zeros(), norm: 0.0, scale: vec![1.0; n] }
-    }
-
-    pub(super) fn options(&self) -> &SolverOptions {
-        &self.options
-    }
-
-    /// Takes norms and scales of the matrix that is solved next.
-    ///
-    /// # Errors
-    /// [`SolveError::NonFiniteMatrix`]; [`SolveError::Singular`] for a row without entries.
-    pub(super) fn look_at(&mut self, parts: &[&Csr]) -> Result<(), SolveError> {
-        self.row_sums.fill(0.0);
-        for part in parts {
-            for (row, sum) in self.row_sums.iter_mut().enumerate() {
-                *sum += part.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
-            }
-        }
-        if let Some(row) = self.row_sums.iter().position(|sum| !sum.is_finite()) {
-            let mut places = parts.iter().filter_map(|part| part.first_non_finite());
-            let (row, column) = places.next().unwrap_or((row, row));
-            return Err(SolveError::NonFiniteMatrix { row, column });
-        }
-        self.norm = self.row_sums.iter().copied().fold(0.0, f64::max);
-        if let Some(dof) = self.row_sums.iter().position(|&sum| sum == 0.0) {
-            let mut values = vec![0.0; self.row_sums.len()];
-            values[dof] = 1.0;
-            return Err(SolveError::Singular { dof, ratio: 0.0, mode: NullVector::new(values) });
-        }
-        self.scale = symmetric_scale(parts);
-        Ok(())
-    }
-
-    /// Checks the sizes and the numbers of a right-hand side.
-    pub(super) fn check_rhs(&self, rhs: &[f64], x: &[f64]) -> Result<(), SolveError> {
-        let n = self.residual.len();
-        for (what, found) in [("right-hand side", rhs.len()), ("solution", x.len())] {
-            if found != n {
-                return Err(SolveError::Shape { what, expected: n, found });
-            }
-        }
-        match rhs.iter().position(|value| !value.is_finite()) {
-            Some(dof) => Err(SolveError::NonFiniteRightHandSide { dof }),
-            None => Ok(()),
-        }
-    }
-
-    /// Solves, measures and refines; the caller has checked the right-hand side.
-    ///
-    /// # Errors
-    /// [`SolveError::ResidualTooLarge`], with an infinite residual when the solution is not finite.
-    pub(super) fn solve(
-        &mut self,
-        parts: &[&Csr],
-        solver: &mut dyn FnMut(&mut [f64]),
-        rhs: &[f64],
-        x: &mut [f64],
-    ) -> Result<SolveReport, SolveError> {
-        x.copy_from_slice(rhs);
-        if rhs.iter().all(|&value| value == 0.0) {
-            return Ok(SolveReport::default());
-        }
-        solver(x);
-        self.refine(parts, solver, rhs, x)
-    }
-
-    /// Measures and refines a solution.
-    ///
-    /// # Errors
-    /// As [`Judge::solve`].
-    pub(super) fn refine(
-        &mut self,
-        parts: &[&Csr],
-        solver: &mut dyn FnMut(&mut [f64]),
-        rhs: &[f64],
-        x: &mut [f64],
-    ) -> Result<SolveReport, SolveError> {
-        let limit = self.options.residual_limit;
-        let mut measure = self.measure(parts, rhs, x);
-        let mut refinements = 0;
-        let mut last_step = f64::INFINITY;
-        while refinements < self.options.max_refinements && self.should_refine(measure) {
-            residual_compensated(parts, rhs, x, &mut self.residual, self.options.threads);
-            let mut step = std::mem::take(&mut self.residual);
-            solver(&mut step);
-            let size = self.scaled_size(&step);
-            // A step that does not shrink has nothing more to give.
-            if size.is_nan() || size > 0.5 * last_step {
-                self.residual = step;
-                break;
-            }
-            last_step = size;
-            x.iter_mut().zip(&step).for_each(|(value, step)| *value += step);
-            self.residual = step;
-            refinements += 1;
-            let before = measure;
-            measure = self.measure(parts, rhs, x);
-            let is_done = size <= f64::EPSILON * self.scaled_size(x);
-            if is_done || (!self.options.extended_residual && measure.relative > 0.5 * before.relative) {
-                break;
-            }
-        }
-        if measure.relative.is_nan() || measure.relative > limit {
-            return Err(SolveError::ResidualTooLarge { relative: measure.relative, limit });
-        }
-        Ok(SolveReport {
-            relative_residual: measure.relative,
-            componentwise_residual: measure.componentwise,
-            refinements,
-            ..SolveReport::default()
-        })
-    }
-
-    fn should_refine(&self, measure: Measure) -> bool {
-        let is_good = measure.relative <= GOOD_RESIDUAL && measure.componentwise <= GOOD_COMPONENT;
-        measure.relative.is_finite() && (self.options.extended_residual || !is_good)
-    }
-
-    /// Backward errors; infinite for a solution that is not finite. Leaves the residual in `self.residual`.
-    fn measure(&mut self, parts: &[&Csr], rhs: &[f64], x: &[f64]) -> Measure {
-        if x.iter().any(|value| !value.is_finite()) {
-            return Measure { relative: f64::INFINITY, componentwise: f64::INFINITY };
-        }
-        residual(parts, rhs, x, &mut self.residual, self.options.threads);
-        self.magnitude.iter_mut().zip(rhs).for_each(|(size, b)| *size = b.abs());
-        for part in parts {
-            part.multiply_absolute_add(x, &mut self.magnitude, self.options.threads);
-        }
-        let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
-        let scaled_residual = largest(&mut self.residual.iter().zip(&self.scale).map(|(r, s)| (r * s).abs()));
-        let scaled_size = largest(&mut self.magnitude.iter().zip(&self.scale).map(|(m, s)| m * s));
-        let plain_residual = largest(&mut self.residual.iter().map(|r| r.abs()));
-        let plain_size =
-            self.norm * largest(&mut x.iter().map(|x| x.abs())) + largest(&mut rhs.iter().map(|b| b.abs()));
-        let quotient = |residual: f64, size: f64| if residual == 0.0 { 0.0 } else { residual / size };
-        Measure {
-            relative: quotient(scaled_residual, scaled_size).max(quotient(plain_residual, plain_size)),
-            componentwise: largest(
-                &mut self.residual.iter().zip(&self.magnitude).map(|(r, m)| quotient(r.abs(), *m)),
-            ),
-        }
-    }
-
-    /// Largest component of a vector of unknowns in units of their scale.
-    fn scaled_size(&self, x: &[f64]) -> f64 {
-        let sizes = x.iter().zip(&self.scale).map(|(value, scale)| (value / scale).abs());
-        sizes.fold(0.0, |largest, size| if size.is_nan() { f64::NAN } else { largest.max(size) })
-    }
-
-    /// Whether a solution is so large that the null space must be looked at.
-    pub(super) fn has_grown(&self, rhs: &[f64], x: &[f64]) -> bool {
-        let loads = rhs.iter().zip(&self.scale).map(|(value, scale)| (value * scale).abs()).fold(0.0, f64::max);
-        let size = self.scaled_size(x);
-        size.is_nan() || size > SUSPICIOUS_GROWTH * loads
-    }
-
-    /// `‖S A v‖ / ‖S⁻¹ v‖`, the product summed in double-double.
-    pub(super) fn null_ratio(&mut self, parts: &[&Csr], v: &[f64]) -> f64 {
-        let zeros = vec![0.0; v.len()];
-        residual_compensated(parts, &zeros, v, &mut self.residual, self.options.threads);
-        let product = self.residual.iter().zip(&self.scale).map(|(r, s)| (r * s).abs()).fold(0.0, f64::max);
-        product / self.scaled_size(v)
-    }
-
-    /// Inverse iteration from a fixed start: the error that says that the matrix is singular, if it is.
-    pub(super) fn find_null_vector(
-        &mut self,
-        parts: &[&Csr],
-        solver: &mut dyn FnMut(&mut [f64]),
-    ) -> Option<SolveError> {
-        // Golden-ratio numbers: fixed, and orthogonal to no mode in particular.
-        let start = |dof: usize| ((dof + 1) as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
-        let mut v: Vec<f64> = (0..self.scale.len()).map(|dof| start(dof) * self.scale[dof]).collect();
-        for _ in 0..INVERSE_ITERATIONS {
-            // The right-hand side lives in scaled equations.
-            v.iter_mut().zip(&self.scale).for_each(|(value, scale)| *value /= scale * scale);
-            solver(&mut v);
-            let size = self.scaled_size(&v);
-            if !(size.is_finite() && size > 0.0) {
-                return None;
-            }
-            v.iter_mut().for_each(|value| *value /= size);
-        }
-        self.as_singular(parts, v)
-    }
-
-    /// The error for a null vector, if it is one.
-    pub(super) fn as_singular(&mut self, parts: &[&Csr], v: Vec<f64>) -> Option<SolveError> {
-        let ratio = self.null_ratio(parts, &v);
-        if ratio.is_nan() || ratio > SINGULAR {
-            return None;
-        }
-        let mode = NullVector::new(v);
-        Some(SolveError::Singular { dof: mode.largest().unwrap_or(0), ratio, mode })
-    }
-}
-
-/// The 1-norm of the inverse, estimated (Hager 1984, Higham 1988, algorithm 4.1).
-pub(super) fn inverse_norm_estimate(n: usize, solver: &mut dyn FnMut(Form, &mut [f64])) -> f64 {
-    if n == 0 {
-        return 0.0;
-    }
-    let norm_1 = |x: &[f64]| x.iter().map(|value| value.abs()).sum::<f64>();
-    let mut x = vec![1.0 / n as f64; n];
-    let mut best = 0.0;
-    let mut place = usize::MAX;
-    for _ in 0..5 {
-        let mut y = x.clone();
-        solver(Form::Plain, &mut y);
-        let size = norm_1(&y);
-        if size <= best {
-            break;
-        }
-        best = size;
-        let mut z: Vec<f64> = y.iter().map(|&value| if value < 0.0 { -1.0 } else { 1.0 }).collect();
-        solver(Form::Transposed, &mut z);
-        let largest = (0..n).fold(0, |at, i| if z[i].abs() > z[at].abs() { i } else { at });
-        if largest == place || z[largest].abs() <= z.iter().zip(&x).map(|(z, x)| z * x).sum::<f64>() {
-            break;
-        }
-        place = largest;
-        x.fill(0.0);
-        x[place] = 1.0;
-    }
-    // A second start that no cancellation is likely to fool.
-    let sign = |i: usize| if i % 2 == 0 { 1.0 } else { -1.0 };
-    let mut y: Vec<f64> = (0..n).map(|i| sign(i) * (1.0 + i as f64 / (n.max(2) - 1) as f64)).collect();
-    solver(Form::Plain, &mut y);
-    best.max(2.0 * norm_1(&y) / (3.0 * n as f64))
 }
 
 /// Any factorisation with its answers checked.
@@ -415,11 +152,11 @@ pub(super) fn explain_singular(
     coordinates: Option<&[[f64; 3]]>,
     error: SolveError,
 ) -> SolveError {
-    let scale = judge.scale.iter().zip(0..);
+    let scale = judge.scale().iter().zip(0..);
     let shifts: Vec<_> = scale.map(|(scale, dof)| (dof, dof, SHIFT / (scale * scale))).collect();
     let shifted = Csr::from_triplets(matrix.n_rows(), matrix.n_rows(), &shifts).and_then(|shift| matrix.plus(&shift));
     let Ok(shifted) = shifted else { return error };
-    let Ok(mut solver) = SparseLu::analyze(shifted.pattern(), coordinates, judge.options.threads) else {
+    let Ok(mut solver) = SparseLu::analyze(shifted.pattern(), coordinates, judge.options().threads) else {
         return error;
     };
     if solver.factor(&shifted).is_err() {

@@ -16,33 +16,28 @@
 //! Promises: as `checked`, with the residual of `K + C` itself.
 //! Does not find out what changes: the caller says so.
 
+mod engine;
+#[cfg(test)]
+mod tests;
+
 use std::sync::Arc;
 
-use super::checked::{Checked, Judge, Pivot, check_symmetry, explain_singular, inverse_norm_estimate, outside};
-use super::dense::{Dense, Kind};
-use super::frontal_lu::{EntryMap, FrontalLu, Part};
+use super::checked::{Checked, check_symmetry, explain_singular, outside};
+use super::dense::Kind;
+use super::judge::{Judge, inverse_norm_estimate};
 use super::krylov::{Gmres, Limits};
 use super::llt::Llt;
-use super::multifrontal::{Multifrontal, zeros};
-use super::sweep::{Form, FrontFactor, Sweep};
-use super::symbolic::{INTERFACE, Symbolic};
+use super::sweep::Form;
 use super::{LinearSolver, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
+use engine::{Engine, EngineContext, MAX_ITERATIONS, Method};
 
 /// Up to this many changing dofs their matrix is dense.
-const DENSE_LIMIT: usize = 1000;
+const DENSE_LIMIT: usize = 600;
 /// Largest dense matrix that stands in when pivots from within fronts do not suffice.
 const DENSE_RESCUE_LIMIT: usize = 12_000;
-/// Smallest pivot of the fronts, relative to its column, that is accepted.
-const SMALLEST_PIVOT: f64 = 1e-11;
-/// Multiplications that a factorisation makes while a sweep loads one value.
-const OPERATIONS_PER_VALUE: f64 = 24.0;
-/// Iterations may cost at most this part of a new factorisation.
-const ITERATION_SHARE: f64 = 0.5;
-/// Never more iterations than this: the basis is kept.
-const MAX_ITERATIONS: usize = 40;
-/// Where iterations stop, relative to the right-hand side (2-norm).
-const ITERATION_TOLERANCE: f64 = 1e-12;
+/// Change of an equation of the scaled matrix that counts as large.
+const LARGE_CHANGE: f64 = 0.1;
 /// Relative asymmetry up to which the changing part counts as symmetric.
 const ASYMMETRY: f64 = 1e-14;
 
@@ -114,37 +109,6 @@ enum State {
     Stale,
 }
 
-/// The factor.
-struct Engine {
-    symbolic: Symbolic,
-    constant: Multifrontal,
-    /// Smallest relative pivot of the constant part.
-    constant_pivot: f64,
-    sweep: Sweep,
-    method: Method,
-}
-
-enum Method {
-    Dense {
-        /// S0, full, by columns.
-        base: Vec<f64>,
-        dense: Dense,
-        /// Place in S of each entry of the changing part.
-        places: Vec<usize>,
-        /// Place among the interface unknowns of each changing dof.
-        order: Vec<u32>,
-        work: Vec<f64>,
-    },
-    Fronts {
-        fronts: FrontalLu,
-        bulk_map: EntryMap,
-        changing_map: EntryMap,
-        /// Sweep over the changing fronts alone.
-        reduced: Sweep,
-        work: Vec<f64>,
-    },
-}
-
 impl CheckedCondensed {
     /// Analyses and factors the constant part. `changing` (n x n) is the pattern in which the changing part may have
     /// entries; `coordinates`, one point (any length unit) a dof, make the ordering good.
@@ -158,6 +122,17 @@ impl CheckedCondensed {
         changing: &Arc<Pattern>,
         coordinates: Option<&[[f64; 3]]>,
         options: SolverOptions,
+    ) -> Result<Self, SolveError> {
+        Self::with_choice(bulk, changing, coordinates, options, choose)
+    }
+
+    /// As [`CheckedCondensed::new`], the method chosen by the caller.
+    pub(super) fn with_choice(
+        bulk: &Csr,
+        changing: &Arc<Pattern>,
+        coordinates: Option<&[[f64; 3]]>,
+        options: SolverOptions,
+        choose: impl Fn(usize) -> Strategy,
     ) -> Result<Self, SolveError> {
         let n = bulk.n_rows();
         let sizes = [("columns of the bulk", bulk.n_cols()), ("rows of the changing part", changing.n_rows())];
@@ -225,7 +200,7 @@ impl CheckedCondensed {
             self.state = State::Fresh;
             return Ok(());
         }
-        if before == State::Empty || self.engine.worthwhile_iterations() == 0 {
+        if before == State::Empty {
             return self.refactor();
         }
         for ((value, new), old) in
@@ -233,8 +208,23 @@ impl CheckedCondensed {
         {
             *value = new - old;
         }
+        if self.expected_iterations() > self.engine.worthwhile_iterations() {
+            return self.refactor();
+        }
         self.state = State::Stale;
         Ok(())
+    }
+
+    /// GMRES needs about one iteration for each independent large change. Across an interface what pulls here pushes
+    /// there, so the equations that change much come in pairs.
+    fn expected_iterations(&self) -> usize {
+        let scale = |place: usize| self.judge.scale()[self.dofs[place] as usize];
+        let changes_much = |row: &usize| {
+            let (columns, values) = self.difference.row(*row);
+            let change: f64 = columns.iter().zip(values).map(|(&c, value)| (value * scale(c as usize)).abs()).sum();
+            change * scale(*row) > LARGE_CHANGE
+        };
+        (0..self.dofs.len()).filter(changes_much).count() / 2
     }
 
     /// Copies the changing part onto its pattern.
@@ -370,12 +360,13 @@ impl CheckedCondensed {
     fn iterate(&mut self, rhs: &[f64], x: &mut [f64]) -> (usize, Option<SolveReport>) {
         let (engine, gmres, difference, dofs) = (&mut self.engine, &mut self.gmres, &self.difference, &self.dofs);
         let allowed = engine.worthwhile_iterations();
+        let tolerance = self.judge.options().iteration_tolerance;
         let (mut iterations, mut converged) = (0, true);
         let mut on_dofs = vec![0.0; dofs.len()];
         let mut start = vec![0.0; dofs.len()];
         let mut solved = vec![0.0; dofs.len()];
         let mut solver = |b: &mut [f64]| {
-            let target = ITERATION_TOLERANCE * b.iter().map(|value| value * value).sum::<f64>().sqrt();
+            let target = tolerance * b.iter().map(|value| value * value).sum::<f64>().sqrt();
             let mut first = b.to_vec();
             engine.solve(Form::Plain, &mut first);
             on_dofs.iter_mut().zip(dofs).for_each(|(value, &dof)| *value = first[dof as usize]);
@@ -428,159 +419,6 @@ impl LinearSolver for CheckedCondensed {
     }
 }
 
-/// What an engine is made from.
-struct EngineContext<'a> {
-    bulk: &'a Csr,
-    changing: &'a Arc<Pattern>,
-    dofs: &'a [u32],
-    coordinates: Option<&'a [[f64; 3]]>,
-    threads: usize,
-}
-
-impl EngineContext<'_> {
-    fn dense(&self) -> Result<Engine, SolveError> {
-        let symbolic = Symbolic::new(self.bulk.pattern(), self.coordinates, self.dofs)?;
-        let mut constant = Multifrontal::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads)?;
-        let n = symbolic.n_interface();
-        let mut base = zeros(n * n, "the dense matrix of the changing dofs")?;
-        constant.factor(&symbolic, self.bulk.values(), &mut base)?;
-        for column in 0..n {
-            for row in column + 1..n {
-                base[row * n + column] = base[column * n + row];
-            }
-        }
-        let place = |dof: u32| symbolic.ordering.inverse()[dof as usize] - symbolic.n_eliminated() as u32;
-        let rows = (0..self.changing.n_rows() as u32)
-            .flat_map(|row| self.changing.row(row as usize).iter().map(move |&column| (row, column)));
-        let places = rows.map(|(row, column)| place(column) as usize * n + place(row) as usize).collect();
-        let order = self.dofs.iter().map(|&dof| place(dof)).collect();
-        let dense = Dense::new(n, self.threads)?;
-        Ok(Engine {
-            sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
-            constant_pivot: smallest_pivot(&constant, &symbolic, self.bulk),
-            constant,
-            symbolic,
-            method: Method::Dense { base, dense, places, order, work: vec![0.0; n] },
-        })
-    }
-
-    fn fronts(&self) -> Result<Engine, SolveError> {
-        let pattern = self.bulk.pattern().union(self.changing)?;
-        let symbolic = Symbolic::new(&pattern, self.coordinates, &[])?;
-        // The values of the bulk are read through the map of the wider pattern.
-        let bulk = on_wider_pattern(self.bulk, pattern);
-        let members = above(&symbolic, self.dofs);
-        let mut constant =
-            Multifrontal::new(&symbolic, members.iter().map(|&changes| !changes).collect(), self.threads)?;
-        constant.factor(&symbolic, bulk.values(), &mut [])?;
-        let map = |pattern: &Pattern, all_inside: bool| {
-            EntryMap::new(&symbolic, &members, pattern, all_inside).expect("the structure holds both patterns")
-        };
-        let (bulk_map, changing_map) = (map(self.bulk.pattern(), false), map(self.changing, true));
-        Ok(Engine {
-            sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
-            constant_pivot: smallest_pivot(&constant, &symbolic, self.bulk),
-            constant,
-            method: Method::Fronts {
-                fronts: FrontalLu::new(&symbolic, members.clone(), self.threads)?,
-                bulk_map,
-                changing_map,
-                reduced: Sweep::new(&symbolic, members, self.threads),
-                work: vec![0.0; self.bulk.n_rows()],
-            },
-            symbolic,
-        })
-    }
-}
-
-impl Engine {
-    /// Factors the changing part.
-    fn factor(&mut self, bulk: &Csr, changing: &Csr, kind: Kind) -> Result<Pivot, SolveError> {
-        let (ratio, _) = match &mut self.method {
-            Method::Dense { base, dense, places, .. } => {
-                let fill = |values: &mut [f64]| {
-                    values.copy_from_slice(base);
-                    for (&place, value) in places.iter().zip(changing.values()) {
-                        values[place] += value;
-                    }
-                };
-                dense.factor(kind, fill)?
-            }
-            Method::Fronts { fronts, bulk_map, changing_map, .. } => {
-                let parts = [
-                    Part { map: bulk_map, values: bulk.values() },
-                    Part { map: changing_map, values: changing.values() },
-                ];
-                let (ratio, dof) = fronts.factor(&self.symbolic, &parts, Some(&self.constant))?;
-                if ratio < SMALLEST_PIVOT {
-                    return Err(SolveError::VanishingPivot { dof: dof as usize, ratio });
-                }
-                (ratio, dof as usize)
-            }
-        };
-        Ok(Pivot::from((ratio.min(self.constant_pivot), 0)))
-    }
-
-    /// Solves in place, by dof.
-    fn solve(&mut self, form: Form, x: &mut [f64]) {
-        let (symbolic, constant) = (&self.symbolic, &self.constant);
-        let cholesky = |front: usize| FrontFactor::Cholesky { panel: constant.panel(front) };
-        match &mut self.method {
-            Method::Dense { dense, .. } => {
-                self.sweep.solve(symbolic, cholesky, form, |interface| dense.solve(form, interface), x);
-            }
-            Method::Fronts { fronts, .. } => {
-                let fronts = &*fronts;
-                let factor = |front: usize| {
-                    if fronts.members()[front] { fronts.front(symbolic, front) } else { cholesky(front) }
-                };
-                self.sweep.solve(symbolic, factor, form, |_| {}, x);
-            }
-        }
-    }
-
-    /// Solves with a right-hand side on the changing dofs, for the changing dofs.
-    fn solve_changing(&mut self, dofs: &[u32], x: &mut [f64]) {
-        match &mut self.method {
-            Method::Dense { dense, order, work, .. } => {
-                order.iter().zip(&*x).for_each(|(&place, value)| work[place as usize] = *value);
-                dense.solve(Form::Plain, work);
-                order.iter().zip(x).for_each(|(&place, value)| *value = work[place as usize]);
-            }
-            Method::Fronts { fronts, reduced, work, .. } => {
-                let (fronts, symbolic) = (&*fronts, &self.symbolic);
-                work.fill(0.0);
-                dofs.iter().zip(&*x).for_each(|(&dof, value)| work[dof as usize] = *value);
-                reduced.solve(symbolic, |front| fronts.front(symbolic, front), Form::Plain, |_| {}, work);
-                dofs.iter().zip(x).for_each(|(&dof, value)| *value = work[dof as usize]);
-            }
-        }
-    }
-
-    /// Iterations that cost less than a new factor.
-    fn worthwhile_iterations(&self) -> usize {
-        let (operations, values) = match &self.method {
-            Method::Dense { order, .. } => {
-                let n = order.len() as f64;
-                (n * n * n / 3.0, n * n)
-            }
-            Method::Fronts { fronts, .. } => {
-                let changing = || (0..self.symbolic.n_fronts()).filter(|&front| fronts.members()[front]);
-                let sizes = changing().map(|front| self.symbolic.sizes(front));
-                let operations: f64 = changing().map(|front| 2.0 * self.symbolic.operations(front)).sum();
-                (operations, sizes.map(|(k, r)| (k * (k + 2 * r)) as f64).sum())
-            }
-        };
-        let iterations = ITERATION_SHARE * operations / (OPERATIONS_PER_VALUE * values).max(1.0);
-        (iterations as usize).min(MAX_ITERATIONS)
-    }
-}
-
-fn smallest_pivot(constant: &Multifrontal, symbolic: &Symbolic, bulk: &Csr) -> f64 {
-    let diagonal: Vec<f64> = (0..bulk.n_rows()).map(|dof| bulk.get(dof, dof)).collect();
-    constant.smallest_pivot_ratio(symbolic, &diagonal).map_or(1.0, |(ratio, _)| ratio)
-}
-
 /// Dofs with an entry in their row or column, increasing.
 fn touched(pattern: &Pattern) -> Vec<u32> {
     let mut is_touched = vec![false; pattern.n_rows()];
@@ -599,31 +437,6 @@ fn on_dofs(pattern: &Pattern, dofs: &[u32]) -> Result<Pattern, SolveError> {
     row_starts.extend(dofs.iter().map(|&dof| pattern.row_starts()[dof as usize + 1]));
     let columns = pattern.columns().iter().map(|&column| place[column as usize]).collect();
     Ok(Pattern::new(dofs.len(), dofs.len(), row_starts, columns)?)
-}
-
-/// The same matrix on a pattern that holds its own.
-fn on_wider_pattern(matrix: &Csr, pattern: Pattern) -> Csr {
-    let places = matrix.pattern().positions_in(&pattern).expect("the pattern is a union with this one");
-    let mut wider = Csr::zeros(Arc::new(pattern));
-    for (&place, value) in places.iter().zip(matrix.values()) {
-        wider.values_mut()[place] = *value;
-    }
-    wider
-}
-
-/// Fronts that own one of the dofs, and all above them.
-fn above(symbolic: &Symbolic, dofs: &[u32]) -> Vec<bool> {
-    let mut members = vec![false; symbolic.n_fronts()];
-    for &dof in dofs {
-        let place = symbolic.ordering.inverse()[dof as usize];
-        members[symbolic.columns.partition_point(|&column| column <= place) - 1] = true;
-    }
-    for front in 0..members.len() {
-        if members[front] && symbolic.parents[front] != INTERFACE {
-            members[symbolic.parents[front] as usize] = true;
-        }
-    }
-    members
 }
 
 /// The class of a bulk that is not positive definite with the changing dofs held fixed.

@@ -10,9 +10,7 @@ use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratc
 use faer::{MatMut, Par};
 
 use super::SolveError;
-use super::kernels::{
-    Diagonal, lower_sweep, lower_transposed_sweep, upper_sweep, upper_transposed_sweep,
-};
+use super::kernels::{Diagonal, lower_sweep, lower_transposed_sweep, upper_sweep, upper_transposed_sweep};
 use super::multifrontal::zeros;
 use super::sweep::Form;
 
@@ -55,8 +53,8 @@ impl Dense {
         let par = super::parallelism(threads);
         let scratch = lu_in_place_scratch::<u32, f64>(n, n, par, Default::default())
             .or(cholesky_in_place_scratch::<f64>(n, par, Default::default()));
-        let memory =
-            MemBuffer::try_new(scratch).map_err(|_| SolveError::OutOfMemory { what: "work space of a dense factor" })?;
+        let memory = MemBuffer::try_new(scratch)
+            .map_err(|_| SolveError::OutOfMemory { what: "work space of a dense factor" })?;
         let square = n.checked_mul(n).ok_or(SolveError::OutOfMemory { what: "a dense matrix" })?;
         Ok(Self {
             n,

@@ -7,12 +7,12 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+use faer::Conj;
 use faer::MatMut;
 use faer::linalg::solvers::SolveCore;
 use faer::sparse::linalg::LuError;
 use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
-use faer::Conj;
 
 use super::SolveError;
 use super::scaling::equilibration;
@@ -62,8 +62,7 @@ impl FaerLu {
             *value = matrix.values()[source] * self.row_scale[row as usize] * self.column_scale[column];
         }
         let symbolic = self.symbolic.clone();
-        let outcome =
-            catch_unwind(AssertUnwindSafe(|| Lu::try_new_with_symbolic(symbolic, self.matrix.as_ref())));
+        let outcome = catch_unwind(AssertUnwindSafe(|| Lu::try_new_with_symbolic(symbolic, self.matrix.as_ref())));
         match outcome {
             Ok(Ok(factor)) => {
                 self.factor = Some(factor);
@@ -72,9 +71,7 @@ impl FaerLu {
             Ok(Err(LuError::SymbolicSingular { index })) => {
                 Err(SolveError::VanishingPivot { dof: index.min(matrix.n_rows() - 1), ratio: 0.0 })
             }
-            Ok(Err(LuError::Generic(_))) => {
-                Err(SolveError::OutOfMemory { what: "a general sparse factorisation" })
-            }
+            Ok(Err(LuError::Generic(_))) => Err(SolveError::OutOfMemory { what: "a general sparse factorisation" }),
             Err(_) => Err(SolveError::Internal { what: "a general sparse factorisation" }),
         }
     }

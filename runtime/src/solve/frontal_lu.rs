@@ -284,7 +284,9 @@ impl Workspace {
             let size = places.len() * places.len();
             let contribution = match self.waiting.iter().rev().find(|(other, _)| *other as usize == child) {
                 Some(&(_, start)) => &below[start..start + size],
-                None => &context.tasks[context.plan.task_of(child as u32).expect("children are done first")].stack[..size],
+                None => {
+                    &context.tasks[context.plan.task_of(child as u32).expect("children are done first")].stack[..size]
+                }
             };
             add_general(contribution, places, panel, trailing, k);
         }
@@ -349,7 +351,11 @@ fn place<'a>(
 
 /// The column of a front that is stored as its panel and the columns after it.
 fn front_column<'a>(panel: &'a mut [f64], trailing: &'a mut [f64], k: usize, m: usize, column: usize) -> &'a mut [f64] {
-    if column < k { &mut panel[column * m..(column + 1) * m] } else { &mut trailing[(column - k) * m..(column - k + 1) * m] }
+    if column < k {
+        &mut panel[column * m..(column + 1) * m]
+    } else {
+        &mut trailing[(column - k) * m..(column - k + 1) * m]
+    }
 }
 
 /// Adds a full contribution, by columns.

@@ -203,9 +203,8 @@ mod tests {
                 let mut y = below.clone();
                 let rectangle = numbers(r * k, 3);
                 subtract_product(&rectangle, &wanted, &mut y);
-                let direct: Vec<f64> = (0..r)
-                    .map(|i| below[i] - (0..k).map(|j| rectangle[j * r + i] * wanted[j]).sum::<f64>())
-                    .collect();
+                let direct: Vec<f64> =
+                    (0..r).map(|i| below[i] - (0..k).map(|j| rectangle[j * r + i] * wanted[j]).sum::<f64>()).collect();
                 close(&y, &direct);
             }
         }

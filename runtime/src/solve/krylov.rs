@@ -13,12 +13,26 @@ pub(super) struct Outcome {
     pub(super) converged: bool,
 }
 
+/// From this iteration on the rate of convergence is looked at.
+const TRIAL_ITERATIONS: usize = 5;
+/// Part of the reduction still needed that the rate so far must promise. Below one, because GMRES gets faster.
+const PROMISE: f64 = 0.6;
+
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Limits {
     /// Largest 2-norm of the residual, in the unit of the right-hand side.
     pub(super) target: f64,
+    /// Also the measure of hope: a first cycle that is not on its way to the target with so many is given up.
     pub(super) max_iterations: usize,
+}
+
+impl Limits {
+    /// Whether the rate of convergence from `start` to `size` in `done` iterations cannot suffice.
+    fn is_hopeless(&self, start: f64, size: f64, done: usize) -> bool {
+        let gained = (start / size).ln() / done as f64 * self.max_iterations as f64;
+        done >= TRIAL_ITERATIONS && gained < PROMISE * (start / self.target).ln()
+    }
 }
 
 /// Work space of GMRES with a basis of fixed size.
@@ -35,13 +49,7 @@ pub(super) struct Gmres {
 impl Gmres {
     /// The basis grows up to `restart` vectors, each taken when first needed.
     pub(super) fn new(restart: usize) -> Self {
-        Self {
-            restart,
-            basis: Vec::new(),
-            hessenberg: Vec::new(),
-            rotations: Vec::new(),
-            reduced: Vec::new(),
-        }
+        Self { restart, basis: Vec::new(), hessenberg: Vec::new(), rotations: Vec::new(), reduced: Vec::new() }
     }
 
     /// Improves x; `multiply(x, y)` sets y = A x.
@@ -65,8 +73,11 @@ impl Gmres {
                 return Outcome { iterations, converged: false };
             }
             let before = iterations;
-            iterations += self.cycle(multiply, size, limits.target, limits.max_iterations - iterations);
+            iterations += self.cycle(multiply, size, limits, limits.max_iterations - iterations);
             self.add_correction(iterations - before, x);
+            if before == 0 && limits.is_hopeless(size, self.reduced[iterations].abs(), iterations) {
+                return Outcome { iterations, converged: false };
+            }
         }
     }
 
@@ -75,7 +86,7 @@ impl Gmres {
         &mut self,
         multiply: &mut dyn FnMut(&[f64], &mut [f64]),
         size: f64,
-        target: f64,
+        limits: Limits,
         allowed: usize,
     ) -> usize {
         let n = self.basis[0].len();
@@ -104,7 +115,9 @@ impl Gmres {
                 next.iter_mut().for_each(|value| *value /= length);
             }
             self.rotate(column);
-            if self.reduced[step + 1].abs() <= target || length == 0.0 || !length.is_finite() {
+            let reached = self.reduced[step + 1].abs();
+            let is_over = reached <= limits.target || length == 0.0 || !length.is_finite();
+            if is_over || limits.is_hopeless(size, reached, step + 1) {
                 return step + 1;
             }
         }

@@ -14,6 +14,7 @@ mod condensed;
 mod dense;
 mod faer_lu;
 mod frontal_lu;
+mod judge;
 mod kernels;
 mod krylov;
 mod llt;
@@ -31,8 +32,8 @@ mod tests;
 mod timings;
 
 pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
-pub use ordering::{Ordering, order};
 pub use condensed::{CheckedCondensed, Strategy};
+pub use ordering::{Ordering, order};
 
 use crate::csr::{Csr, CsrError};
 
@@ -43,6 +44,8 @@ pub struct SolverOptions {
     pub threads: usize,
     /// Largest accepted backward error `‖b - A x‖ / (‖A‖ ‖x‖ + ‖b‖)` (maximum norms; no unit).
     pub residual_limit: f64,
+    /// Where iterations with an older factor stop: 2-norm of the residual relative to that of the right-hand side.
+    pub iteration_tolerance: f64,
     /// Steps of iterative refinement that may follow a solve.
     pub max_refinements: usize,
     /// Refine until it stops helping, with residuals in double-double: the solution is then exact to rounding as long
@@ -52,7 +55,13 @@ pub struct SolverOptions {
 
 impl Default for SolverOptions {
     fn default() -> Self {
-        Self { threads: 1, residual_limit: 1e-10, max_refinements: 5, extended_residual: false }
+        Self {
+            threads: 1,
+            residual_limit: 1e-10,
+            iteration_tolerance: 1e-10,
+            max_refinements: 5,
+            extended_residual: false,
+        }
     }
 }
 

@@ -394,3 +394,61 @@ fn scatter_interface(symbolic: &Symbolic, matrix_values: &[f64], interface: &mut
 fn add_to_interface(contribution: &[f64], places: &[u32], interface: &mut [f64], n: usize) {
     add_to_rows(contribution, places, interface, 0, n);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::problems::{BoxOptions, ElasticBox};
+    use super::*;
+
+    /// Dense Cholesky in the order of elimination, stopped before the interface, written from the definition.
+    fn partial_cholesky(problem: &ElasticBox, symbolic: &Symbolic) -> Vec<Vec<f64>> {
+        let order = symbolic.ordering.forward();
+        let entry = |i: usize, j: usize| problem.matrix.get(order[i] as usize, order[j] as usize);
+        let n = order.len();
+        let mut a: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
+        for k in 0..symbolic.n_eliminated() {
+            let pivot = a[k][k].sqrt();
+            let column: Vec<f64> = (0..n).map(|i| a[i][k] / pivot).collect();
+            for i in k + 1..n {
+                a[i][k] = column[i];
+                (k + 1..n).for_each(|j| a[i][j] -= column[i] * column[j]);
+            }
+            a[k][k] = pivot;
+        }
+        a
+    }
+
+    #[test]
+    fn factor_and_interface_matrix_match_the_definition() {
+        let problem = ElasticBox::new(&BoxOptions { cells: [4, 3, 3], cut: Some(2), fix_low: true, fix_high: false });
+        for points in [None, Some(&problem.coordinates[..])] {
+            let symbolic = Symbolic::new(problem.matrix.pattern(), points, &problem.interface).unwrap();
+            let wanted = partial_cholesky(&problem, &symbolic);
+            let (n, first) = (symbolic.n_interface(), symbolic.n_eliminated());
+            for threads in [1, 2] {
+                let mut numeric = Multifrontal::new(&symbolic, vec![true; symbolic.n_fronts()], threads).unwrap();
+                let mut interface = vec![0.0; n * n];
+                // Twice: nothing may be left over from the first time.
+                for _ in 0..2 {
+                    numeric.factor(&symbolic, problem.matrix.values(), &mut interface).unwrap();
+                }
+                for column in 0..n {
+                    for row in column..n {
+                        let difference = interface[column * n + row] - wanted[first + row][first + column];
+                        assert!(difference.abs() < 1e-12, "({row}, {column}): {difference:e}");
+                    }
+                }
+                for front in 0..symbolic.n_fronts() {
+                    let (k, r) = symbolic.sizes(front);
+                    for column in 0..k {
+                        let j = symbolic.columns[front] as usize + column;
+                        for (place, &row) in symbolic.rows_of(front).iter().enumerate() {
+                            let value = numeric.panel(front)[column * (k + r) + k + place];
+                            assert!((value - wanted[row as usize][j]).abs() < 1e-12);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -44,9 +44,7 @@ impl ElasticBox {
             Some(cut) if layer > cut => layer - 1,
             _ => layer,
         };
-        let fixed = |layer: usize| {
-            (options.fix_low && layer == 0) || (options.fix_high && layer == layers - 1)
-        };
+        let fixed = |layer: usize| (options.fix_low && layer == 0) || (options.fix_high && layer == layers - 1);
         let mut number = vec![u32::MAX; layers * (ny + 1) * (nz + 1)];
         let mut coordinates = Vec::new();
         let h = 1.0 / ny as f64;

@@ -109,12 +109,7 @@ impl Sweep {
         }
     }
 
-    fn forward<'f>(
-        &mut self,
-        symbolic: &Symbolic,
-        factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync),
-        form: Form,
-    ) {
+    fn forward<'f>(&mut self, symbolic: &Symbolic, factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync), form: Form) {
         let (plan, columns) = (&self.plan, &self.columns);
         let parts = plan.split(&mut self.ordered, |front| columns[front]);
         let run = |task: &Task, workspace: &mut Workspace, x: &mut [f64]| {
@@ -166,12 +161,7 @@ impl Sweep {
         }
     }
 
-    fn backward<'f>(
-        &mut self,
-        symbolic: &Symbolic,
-        factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync),
-        form: Form,
-    ) {
+    fn backward<'f>(&mut self, symbolic: &Symbolic, factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync), form: Form) {
         let (plan, columns) = (&self.plan, &self.columns);
         for &front in plan.top.iter().rev() {
             let front = front as usize;

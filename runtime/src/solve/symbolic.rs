@@ -307,11 +307,7 @@ fn parents(columns: &[u32], row_starts: &[usize], rows: &[u32]) -> Vec<u32> {
 }
 
 /// The reordered pattern by columns, those entries (row, column) for which `keep` holds, and their sources.
-fn triangle(
-    pattern: &Pattern,
-    ordering: &Ordering,
-    keep: impl Fn(u32, u32) -> bool,
-) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
+fn triangle(pattern: &Pattern, ordering: &Ordering, keep: impl Fn(u32, u32) -> bool) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
     let mut starts = vec![0];
     let mut entries = Vec::with_capacity(pattern.n_entries() / 2 + pattern.n_rows());
     for (column, &old) in ordering.forward().iter().enumerate() {

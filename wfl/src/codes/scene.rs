@@ -136,14 +136,14 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E423",
         "a scene without an unknown",
-        "A scene needs a field to solve for.",
+        "A scene needs a field to solve for. Data and states are known; multipliers act on unknowns.",
         "data p : scalar = 1",
         "unknown p : scalar",
     ),
     page(
         "E424",
         "a second statement of a kind that stands once",
-        "A scene has one mesh, one `steps` and one `solver`.",
+        "A scene has one mesh, one `steps` and one `solver`. The message shows the first one; merge both into one statement.",
         "solver newton\nsolver newton with tol=1e-8",
         "solver newton with tol=1e-8",
     ),

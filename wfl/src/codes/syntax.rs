@@ -149,7 +149,7 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E119",
         "nested too deep",
-        "Expressions nest at most 200 deep as written and 500 deep after macros are expanded. Give parts of the \
+        "Expressions nest at most 200 deep as written and 256 deep after macros are expanded. Give parts of the \
          expression a name with `def`, or shorten a chain of macros.",
         "def a = f(f(f(f(gamma))))",
         "def b = f(f(gamma))\ndef a = f(f(b))",
@@ -196,7 +196,7 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E125",
         "a text that is too long",
-        "A scene may have 16 MiB. Tables of numbers belong into files of their own.",
+        "A scene may have 4 MiB. Tables of numbers belong into files of their own.",
         "data table : scalar = 1 + 2 + 3",
         "data table : scalar = 6",
     ),

@@ -64,10 +64,21 @@ fn deeper(inner: usize, span: Span) -> Parsed<usize> {
     Err(Box::new(d.at(span, "").help("give parts of it a name: def part = ...")))
 }
 
+/// One part of a flat list. What stands in brackets is already read, so that reading the list itself does not
+/// recurse and nesting costs little stack.
+enum Part<'i> {
+    /// A sign, a word, a number, a name or an operator.
+    Plain(Pair<'i>),
+    /// What stood in parentheses or in a list.
+    Value(Box<Tree>),
+    /// The arguments of a call, the depth of the deepest, and the place of the parentheses.
+    Call(Box<(Vec<Argument>, usize, Span)>),
+}
+
 /// The flat list of one expression with a reading position.
 struct Flat<'r, 't, 'i> {
     reader: &'r Reader<'t>,
-    parts: std::iter::Peekable<std::vec::IntoIter<Pair<'i>>>,
+    parts: std::iter::Peekable<std::vec::IntoIter<Part<'i>>>,
     /// `^` inside the exponent of `^`: the only recursion of this list.
     powers: usize,
 }
@@ -90,8 +101,17 @@ impl Reader<'_> {
         {
             return self.choice(choice.clone());
         }
-        let mut flat = Flat { reader: self, parts: parts.into_iter().peekable(), powers: 0 };
-        flat.disjunction()
+        let parts = parts.into_iter().map(|p| self.part(p)).collect::<Parsed<Vec<Part<'_>>>>()?;
+        Flat { reader: self, parts: parts.into_iter().peekable(), powers: 0 }.disjunction()
+    }
+
+    fn part<'i>(&self, pair: Pair<'i>) -> Parsed<Part<'i>> {
+        match pair.as_rule() {
+            Rule::paren => self.paren(pair),
+            Rule::tensor => self.tensor(pair),
+            Rule::call => self.call(pair),
+            _ => Ok(Part::Plain(pair)),
+        }
     }
 
     fn choice(&self, pair: Pair<'_>) -> Parsed<Tree> {
@@ -119,24 +139,27 @@ impl Reader<'_> {
         Err(Box::new(d.at(self.span(pair), "").note("numbers lie between 5e-324 and 1.8e308")))
     }
 
-    fn atom(&self, pair: Pair<'_>) -> Parsed<Tree> {
-        let span = self.span(&pair);
+    /// A number or a name.
+    fn atom(&self, pair: &Pair<'_>) -> Parsed<Tree> {
+        let span = self.span(pair);
         match pair.as_rule() {
-            Rule::number => tree(ExprKind::Number(self.number(&pair)?), span, 0),
-            Rule::ident => tree(ExprKind::Name(pair.as_str().to_owned()), span, 0),
-            Rule::paren => {
-                let mut inner = self.tree(self.parts(pair).pop().expect("parentheses hold an expression"))?;
-                match &mut inner.kind {
-                    TreeKind::Value(e) => e.span = span,
-                    TreeKind::Truth(c) => c.span = span,
-                }
-                Ok(inner)
-            }
-            _ => self.tensor(pair, span),
+            Rule::number => tree(ExprKind::Number(self.number(pair)?), span, 0),
+            _ => tree(ExprKind::Name(pair.as_str().to_owned()), span, 0),
         }
     }
 
-    fn tensor(&self, pair: Pair<'_>, span: Span) -> Parsed<Tree> {
+    fn paren<'i>(&self, pair: Pair<'i>) -> Parsed<Part<'i>> {
+        let span = self.span(&pair);
+        let mut inner = Box::new(self.tree(self.parts(pair).pop().expect("parentheses hold an expression"))?);
+        match &mut inner.kind {
+            TreeKind::Value(e) => e.span = span,
+            TreeKind::Truth(c) => c.span = span,
+        }
+        Ok(Part::Value(inner))
+    }
+
+    fn tensor<'i>(&self, pair: Pair<'i>) -> Parsed<Part<'i>> {
+        let span = self.span(&pair);
         let mut depth = 0;
         let mut rows = Vec::new();
         for row in self.parts(pair) {
@@ -148,12 +171,12 @@ impl Reader<'_> {
             }
             rows.push(entries);
         }
-        tree(ExprKind::Tensor(rows), span, depth)
+        Ok(Part::Value(Box::new(tree(ExprKind::Tensor(rows), span, depth)?)))
     }
 
-    fn call(&self, callee: Tree, pair: Pair<'_>) -> Parsed<Tree> {
-        let (callee, mut depth) = callee.value()?;
-        let span = callee.span.to(self.span(&pair));
+    fn call<'i>(&self, pair: Pair<'i>) -> Parsed<Part<'i>> {
+        let span = self.span(&pair);
+        let mut depth = 0;
         let mut arguments = Vec::new();
         for argument in self.parts(pair) {
             let inner = self.parts(argument).pop().expect("an argument is a slice or an expression");
@@ -165,18 +188,25 @@ impl Reader<'_> {
             depth = depth.max(d);
             arguments.push(Argument::Expr(e));
         }
-        tree(ExprKind::Call(Box::new(callee), arguments), span, depth)
+        Ok(Part::Call(Box::new((arguments, depth, span))))
     }
 }
 
 impl<'i> Flat<'_, '_, 'i> {
     /// Takes the next operator if it is one of `signs`.
     fn infix(&mut self, signs: &[&str]) -> Option<Pair<'i>> {
-        self.parts.next_if(|p| p.as_rule() == Rule::infix && signs.contains(&p.as_str()))
+        self.plain(|p| p.as_rule() == Rule::infix && signs.contains(&p.as_str()))
     }
 
     fn take(&mut self, rule: Rule) -> Option<Pair<'i>> {
-        self.parts.next_if(|p| p.as_rule() == rule)
+        self.plain(|p| p.as_rule() == rule)
+    }
+
+    fn plain(&mut self, wanted: impl Fn(&Pair<'i>) -> bool) -> Option<Pair<'i>> {
+        match self.parts.next_if(|p| matches!(p, Part::Plain(p) if wanted(p))) {
+            Some(Part::Plain(pair)) => Some(pair),
+            _ => None,
+        }
     }
 
     fn disjunction(&mut self) -> Parsed<Tree> {
@@ -196,7 +226,7 @@ impl<'i> Flat<'_, '_, 'i> {
         next: impl Fn(&mut Self) -> Parsed<Tree>,
         make: impl Fn(Vec<Cond>) -> CondKind,
     ) -> Parsed<Tree> {
-        if !matches!(self.parts.peek(), Some(p) if p.as_rule() == Rule::infix && p.as_str() == word) {
+        if !matches!(self.parts.peek(), Some(Part::Plain(p)) if p.as_rule() == Rule::infix && p.as_str() == word) {
             return Ok(first);
         }
         let (first, mut depth) = first.truth()?;
@@ -328,15 +358,22 @@ impl<'i> Flat<'_, '_, 'i> {
         while let Some(w) = self.take(Rule::prefix_word) {
             words.push(w);
         }
-        let next = self.parts.next().expect("the grammar ends an expression with a value");
-        if matches!(next.as_rule(), Rule::sign | Rule::k_not) {
-            let d = Diagnostic::new("E113", format!("`{}` cannot stand here", next.as_str()));
-            return Err(Box::new(d.at(self.reader.span(&next), "").help("put what belongs together in parentheses")));
-        }
-        let mut t = self.reader.atom(next)?;
+        let mut t = match self.parts.next().expect("the grammar ends an expression with a value") {
+            Part::Value(t) => *t,
+            Part::Plain(p) if matches!(p.as_rule(), Rule::number | Rule::ident) => self.reader.atom(&p)?,
+            Part::Plain(p) => {
+                let d = Diagnostic::new("E113", format!("`{}` cannot stand here", p.as_str()));
+                let d = d.at(self.reader.span(&p), "");
+                return Err(Box::new(d.help("put what belongs together in parentheses")));
+            }
+            Part::Call(_) => unreachable!("the grammar puts a value before every call"),
+        };
         loop {
-            if let Some(call) = self.take(Rule::call) {
-                t = self.reader.call(t, call)?;
+            if let Some(Part::Call(call)) = self.parts.next_if(|p| matches!(p, Part::Call(_))) {
+                let (callee, d) = t.value()?;
+                let (arguments, depth, at) = *call;
+                let span = callee.span.to(at);
+                t = tree(ExprKind::Call(Box::new(callee), arguments), span, d.max(depth))?;
             } else if let Some(mark) = self.take(Rule::transpose) {
                 let (e, d) = t.value()?;
                 let span = e.span.to(self.reader.span(&mark));

@@ -1,11 +1,13 @@
 //! Pairs of the grammar to statements of the syntax tree.
 
-use super::{Pair, Parsed, Rule, is_keyword, slip, span_at};
+use super::{
+    Pair, Parsed, Rule, is_keyword, slip, span_at,
+    terminal::{box_shape, entity, rank, reduction, region_op},
+};
 use crate::{
     ast::{
-        BoxDivision, BoxShape, Domain, EntityKind, Expr, Ident, Item, ItemKind, MacroDef, MappingKind, MeshSource,
-        OptionItem, OptionValue, OutputItem, Place, QuadratureRule, Rank, Reduction, RegionExpr, RegionOp, Space,
-        Target, TargetPart, Unit,
+        BoxDivision, Domain, Expr, Ident, Item, ItemKind, MacroDef, MappingKind, MeshSource, OptionItem, OptionValue,
+        OutputItem, Place, QuadratureRule, RegionExpr, Space, Target, TargetPart, Unit,
     },
     diag::Diagnostic,
     source::{SourceId, Span},
@@ -44,14 +46,66 @@ fn is_token(pair: &Pair<'_>) -> bool {
     matches!(
         pair.as_rule(),
         R::EOI
-            | R::k_wfl | R::k_use | R::k_mesh | R::k_box | R::k_cells | R::k_size | R::k_file | R::k_map | R::k_region
-            | R::k_iface | R::k_mapping | R::k_point | R::k_param | R::k_unknown | R::k_mult | R::k_data | R::k_state
-            | R::k_split | R::k_across | R::k_def | R::k_Def | R::k_term | R::k_energy | R::k_fix | R::k_load
-            | R::k_start | R::k_steps | R::k_solver | R::k_quad | R::k_measure | R::k_expect | R::k_output | R::k_Normal
-            | R::k_on | R::k_in | R::k_from | R::k_to | R::k_by | R::k_onto | R::k_of | R::k_where | R::k_with | R::k_as
-            | R::k_along | R::k_within | R::k_degree | R::k_if | R::k_then | R::k_else
-            | R::t_eq | R::t_assign | R::t_colon | R::t_comma | R::t_semi | R::t_open | R::t_close | R::t_row_end
-            | R::t_set_end | R::t_range | R::t_dot
+            | R::k_wfl
+            | R::k_use
+            | R::k_mesh
+            | R::k_box
+            | R::k_cells
+            | R::k_size
+            | R::k_file
+            | R::k_map
+            | R::k_region
+            | R::k_iface
+            | R::k_mapping
+            | R::k_point
+            | R::k_param
+            | R::k_unknown
+            | R::k_mult
+            | R::k_data
+            | R::k_state
+            | R::k_split
+            | R::k_across
+            | R::k_def
+            | R::k_Def
+            | R::k_term
+            | R::k_energy
+            | R::k_fix
+            | R::k_load
+            | R::k_start
+            | R::k_steps
+            | R::k_solver
+            | R::k_quad
+            | R::k_measure
+            | R::k_expect
+            | R::k_output
+            | R::k_Normal
+            | R::k_on
+            | R::k_in
+            | R::k_from
+            | R::k_to
+            | R::k_by
+            | R::k_onto
+            | R::k_of
+            | R::k_where
+            | R::k_with
+            | R::k_as
+            | R::k_along
+            | R::k_within
+            | R::k_degree
+            | R::k_if
+            | R::k_then
+            | R::k_else
+            | R::t_eq
+            | R::t_assign
+            | R::t_colon
+            | R::t_comma
+            | R::t_semi
+            | R::t_open
+            | R::t_close
+            | R::t_row_end
+            | R::t_set_end
+            | R::t_range
+            | R::t_dot
     )
 }
 
@@ -77,7 +131,10 @@ impl Reader<'_> {
     }
 
     fn ident(&self, pair: &Pair<'_>) -> Ident {
-        Ident { name: pair.as_str().to_owned(), span: self.span(pair) }
+        Ident {
+            name: pair.as_str().to_owned(),
+            span: self.span(pair),
+        }
     }
 
     fn idents(&self, pairs: &[Pair<'_>]) -> Vec<Ident> {
@@ -105,7 +162,10 @@ impl Reader<'_> {
     pub(super) fn statement(&self, pair: Pair<'_>) -> Parsed<Item> {
         let inner = self.only(pair);
         let span = self.span(&inner);
-        Ok(Item { kind: self.kind(inner)?, span })
+        Ok(Item {
+            kind: self.kind(inner)?,
+            span,
+        })
     }
 
     fn kind(&self, pair: Pair<'_>) -> Parsed<ItemKind> {
@@ -113,16 +173,24 @@ impl Reader<'_> {
         let mut p = self.open(pair);
         Ok(match rule {
             Rule::version => ItemKind::Version(self.number(&p.next())?),
-            Rule::include => ItemKind::Use { path: self.text(&p.next()) },
+            Rule::include => ItemKind::Use {
+                path: self.text(&p.next()),
+            },
             Rule::mesh => self.mesh(p)?,
-            Rule::region => ItemKind::Region { name: self.name(&p.next())?, region: self.region(p.next())? },
+            Rule::region => ItemKind::Region {
+                name: self.name(&p.next())?,
+                region: self.region(p.next())?,
+            },
             Rule::mapping => ItemKind::Mapping {
                 name: self.name(&p.next())?,
                 kind: self.mapping(p.next())?,
                 options: self.options(&mut p)?,
             },
             Rule::param => self.param(p)?,
-            Rule::unknown => ItemKind::Unknown { name: self.name(&p.next())?, space: self.space(p.next())? },
+            Rule::unknown => ItemKind::Unknown {
+                name: self.name(&p.next())?,
+                space: self.space(p.next())?,
+            },
             Rule::multiplier => ItemKind::Multiplier {
                 name: self.name(&p.next())?,
                 space: self.space(p.next())?,
@@ -150,8 +218,14 @@ impl Reader<'_> {
                 by: self.value(p.next())?,
                 options: self.options(&mut p)?,
             },
-            Rule::solver => ItemKind::Solver { name: self.ident(&p.next()), options: self.options(&mut p)? },
-            Rule::quadrature => ItemKind::Quadrature { places: self.places(p.next()), rule: self.rule(p.next())? },
+            Rule::solver => ItemKind::Solver {
+                name: self.ident(&p.next()),
+                options: self.options(&mut p)?,
+            },
+            Rule::quadrature => ItemKind::Quadrature {
+                places: self.places(p.next()),
+                rule: self.rule(p.next())?,
+            },
             Rule::measure => ItemKind::Measure {
                 name: self.name(&p.next())?,
                 reduction: reduction(p.next().as_str()),
@@ -169,11 +243,18 @@ impl Reader<'_> {
             Rule::mesh_box => self.mesh_box(self.open(source))?,
             _ => {
                 let path = self.only(source);
-                MeshSource::File { path: self.text(&path), span: self.span(&path) }
+                MeshSource::File {
+                    path: self.text(&path),
+                    span: self.span(&path),
+                }
             }
         };
         let map = p.take(Rule::mesh_map).map(|m| self.value(self.only(m))).transpose()?;
-        Ok(ItemKind::Mesh { source, map, options: self.options(&mut p)? })
+        Ok(ItemKind::Mesh {
+            source,
+            map,
+            options: self.options(&mut p)?,
+        })
     }
 
     fn mesh_box(&self, mut p: Parts<'_>) -> Parsed<MeshSource> {
@@ -181,9 +262,18 @@ impl Reader<'_> {
         let division = p.next();
         let by_cells = division.as_rule() == Rule::mesh_cells;
         let size = self.value(self.only(division))?;
-        let division = if by_cells { BoxDivision::Cells(size) } else { BoxDivision::Size(size) };
+        let division = if by_cells {
+            BoxDivision::Cells(size)
+        } else {
+            BoxDivision::Size(size)
+        };
         let shape = p.take(Rule::shape).map(|s| (box_shape(s.as_str()), self.span(&s)));
-        Ok(MeshSource::Box { from, to, division, shape })
+        Ok(MeshSource::Box {
+            from,
+            to,
+            division,
+            shape,
+        })
     }
 
     fn region(&self, pair: Pair<'_>) -> Parsed<RegionExpr> {
@@ -196,11 +286,17 @@ impl Reader<'_> {
                 while let Some(op) = p.take(Rule::region_op) {
                     rest.push((region_op(op.as_str()), self.region(p.next())?));
                 }
-                Ok(if rest.is_empty() { first } else { RegionExpr::Combine(Box::new(first), rest) })
+                Ok(if rest.is_empty() {
+                    first
+                } else {
+                    RegionExpr::Combine(Box::new(first), rest)
+                })
             }
-            Rule::interface => {
-                Ok(RegionExpr::Interface { from: self.ident(&p.next()), to: self.ident(&p.next()), span })
-            }
+            Rule::interface => Ok(RegionExpr::Interface {
+                from: self.ident(&p.next()),
+                to: self.ident(&p.next()),
+                span,
+            }),
             Rule::picked => Ok(RegionExpr::Picked {
                 entity: entity(p.next().as_str()),
                 of: p.take(Rule::pick_of).map(|o| self.ident(&self.only(o))),
@@ -237,7 +333,11 @@ impl Reader<'_> {
 
     fn domain(&self, pair: Pair<'_>) -> Parsed<Domain> {
         let is_set = pair.as_rule() == Rule::set;
-        let mut values = self.parts(pair).into_iter().map(|v| self.value(v)).collect::<Parsed<Vec<Expr>>>()?;
+        let mut values = self
+            .parts(pair)
+            .into_iter()
+            .map(|v| self.value(v))
+            .collect::<Parsed<Vec<Expr>>>()?;
         if is_set {
             return Ok(Domain::Set(values));
         }
@@ -277,7 +377,11 @@ impl Reader<'_> {
         let sizes = p.take(Rule::rank_sizes);
         let sizes_span = sizes.as_ref().map(|s| self.span(s));
         let values = match sizes {
-            Some(s) => self.parts(s).into_iter().map(|v| self.value(v)).collect::<Parsed<Vec<Expr>>>()?,
+            Some(s) => self
+                .parts(s)
+                .into_iter()
+                .map(|v| self.value(v))
+                .collect::<Parsed<Vec<Expr>>>()?,
             None => Vec::new(),
         };
         let rank = rank(rank_word.as_str(), values).map_err(|wanted| {
@@ -297,7 +401,13 @@ impl Reader<'_> {
             }
         };
         let unit = p.take(Rule::unit).map(|u| self.unit(u)).transpose()?;
-        Ok(Space { rank, element, place, unit, span })
+        Ok(Space {
+            rank,
+            element,
+            place,
+            unit,
+            span,
+        })
     }
 
     /// `name formals? body`, whose words are already dropped.
@@ -311,7 +421,12 @@ impl Reader<'_> {
                 formals.push(self.name(&formal)?);
             }
         }
-        Ok(MacroDef { name, formals, body: self.value(p.next())?, head })
+        Ok(MacroDef {
+            name,
+            formals,
+            body: self.value(p.next())?,
+            head,
+        })
     }
 
     /// Local macros and the expression behind them.
@@ -328,14 +443,28 @@ impl Reader<'_> {
         let name = p.take(Rule::name).map(|n| self.name(&n)).transpose()?;
         let places = self.places(p.next());
         let (defs, expr) = self.defs_and_value(p.0.collect())?;
-        Ok(ItemKind::Term { energy, name, places, defs, expr })
+        Ok(ItemKind::Term {
+            energy,
+            name,
+            places,
+            defs,
+            expr,
+        })
     }
 
     fn condition_on(&self, fix: bool, mut p: Parts<'_>) -> Parsed<ItemKind> {
-        let targets = p.take_all(Rule::target).into_iter().map(|t| self.target(t)).collect::<Parsed<Vec<Target>>>()?;
+        let targets = p
+            .take_all(Rule::target)
+            .into_iter()
+            .map(|t| self.target(t))
+            .collect::<Parsed<Vec<Target>>>()?;
         let value = self.value(p.next())?;
         let places = self.places(p.next());
-        Ok(if fix { ItemKind::Fix { targets, value, places } } else { ItemKind::Load { targets, value, places } })
+        Ok(if fix {
+            ItemKind::Fix { targets, value, places }
+        } else {
+            ItemKind::Load { targets, value, places }
+        })
     }
 
     fn target(&self, pair: Pair<'_>) -> Parsed<Target> {
@@ -355,9 +484,15 @@ impl Reader<'_> {
         let mut p = self.open(pair);
         let first = p.next();
         if is_file {
-            return Ok(ItemKind::StartFrom { path: self.text(&first), path_span: self.span(&first) });
+            return Ok(ItemKind::StartFrom {
+                path: self.text(&first),
+                path_span: self.span(&first),
+            });
         }
-        Ok(ItemKind::Start { field: self.ident(&first), value: self.value(p.next())? })
+        Ok(ItemKind::Start {
+            field: self.ident(&first),
+            value: self.value(p.next())?,
+        })
     }
 
     fn rule(&self, pair: Pair<'_>) -> Parsed<QuadratureRule> {
@@ -374,7 +509,10 @@ impl Reader<'_> {
         for item in p.take_all(Rule::outitem) {
             let mut q = self.open(item);
             let expr = self.value(q.next())?;
-            items.push(OutputItem { expr, name: q.take(Rule::name).map(|n| self.name(&n)).transpose()? });
+            items.push(OutputItem {
+                expr,
+                name: q.take(Rule::name).map(|n| self.name(&n)).transpose()?,
+            });
         }
         let along = match p.take(Rule::along) {
             None => None,
@@ -383,7 +521,13 @@ impl Reader<'_> {
                 Some((self.value(q.next())?, self.value(q.next())?))
             }
         };
-        Ok(ItemKind::Output { format, file, items, along, options: self.options(&mut p)? })
+        Ok(ItemKind::Output {
+            format,
+            file,
+            items,
+            along,
+            options: self.options(&mut p)?,
+        })
     }
 
     fn options(&self, p: &mut Parts<'_>) -> Parsed<Vec<OptionItem>> {
@@ -394,7 +538,10 @@ impl Reader<'_> {
         for option in self.parts(options) {
             let mut q = self.open(option);
             let name = self.ident(&q.next());
-            list.push(OptionItem { name, value: q.0.next().map(|v| self.option_value(v)).transpose()? });
+            list.push(OptionItem {
+                name,
+                value: q.0.next().map(|v| self.option_value(v)).transpose()?,
+            });
         }
         Ok(list)
     }
@@ -404,55 +551,5 @@ impl Reader<'_> {
             Rule::string => Ok(OptionValue::Text(self.text(&pair), self.span(&pair))),
             _ => Ok(OptionValue::Expr(self.value(pair)?)),
         }
-    }
-}
-
-fn rank(word: &str, mut sizes: Vec<Expr>) -> Result<Rank, &'static str> {
-    match (word, sizes.len()) {
-        ("scalar", 0) => Ok(Rank::Scalar),
-        ("scalar", _) => Err("no size"),
-        ("vector", 0 | 1) => Ok(Rank::Vector(sizes.pop())),
-        ("vector", _) => Err("one size"),
-        (_, 0) => Ok(Rank::Matrix(None)),
-        (_, 2) => {
-            let columns = sizes.pop().expect("two sizes");
-            Ok(Rank::Matrix(Some((sizes.pop().expect("two sizes"), columns))))
-        }
-        _ => Err("two sizes, rows and columns"),
-    }
-}
-
-fn box_shape(word: &str) -> BoxShape {
-    match word {
-        "segment" => BoxShape::Segment,
-        "tri" => BoxShape::Tri,
-        "quad" => BoxShape::Quad,
-        "tet" => BoxShape::Tet,
-        _ => BoxShape::Hex,
-    }
-}
-
-fn region_op(sign: &str) -> RegionOp {
-    match sign {
-        "+" => RegionOp::Union,
-        "-" => RegionOp::Minus,
-        _ => RegionOp::Intersect,
-    }
-}
-
-fn entity(word: &str) -> EntityKind {
-    match word {
-        "cells" => EntityKind::Cells,
-        "faces" => EntityKind::Faces,
-        _ => EntityKind::Nodes,
-    }
-}
-
-fn reduction(word: &str) -> Reduction {
-    match word {
-        "mean" => Reduction::Mean,
-        "max" => Reduction::Max,
-        "min" => Reduction::Min,
-        _ => Reduction::Integral,
     }
 }

@@ -1,0 +1,237 @@
+//! The factor of a condensed system: the constant part, and the part that is factored again.
+//!
+//! Promises: the constant part is factored when the engine is made and never again; factoring and solving reuse all
+//! memory. Knows nothing of residuals and older matrices.
+
+use std::sync::Arc;
+
+use super::super::SolveError;
+use super::super::checked::Pivot;
+use super::super::dense::{Dense, Kind};
+use super::super::frontal_lu::{EntryMap, FrontalLu, Part};
+use super::super::multifrontal::{Multifrontal, zeros};
+use super::super::sweep::{Form, FrontFactor, Sweep};
+use super::super::symbolic::{INTERFACE, Symbolic};
+use crate::csr::{Csr, Pattern};
+
+/// Smallest pivot of the fronts, relative to its column, that is accepted.
+const SMALLEST_PIVOT: f64 = 1e-11;
+/// Multiplications that a factorisation makes while a sweep loads one value: from the cache, and from memory.
+const OPERATIONS_PER_CACHED_VALUE: f64 = 10.0;
+const OPERATIONS_PER_VALUE: f64 = 24.0;
+/// Number of values that a cache holds.
+const CACHED_VALUES: f64 = 4e6;
+/// Iterations may cost at most this part of a new factorisation.
+const ITERATION_SHARE: f64 = 0.5;
+/// Never more iterations than this: the basis is kept.
+pub(super) const MAX_ITERATIONS: usize = 40;
+
+/// The factor.
+pub(super) struct Engine {
+    symbolic: Symbolic,
+    constant: Multifrontal,
+    /// Smallest relative pivot of the constant part.
+    constant_pivot: f64,
+    sweep: Sweep,
+    pub(super) method: Method,
+}
+
+pub(super) enum Method {
+    Dense {
+        /// S0, full, by columns.
+        base: Vec<f64>,
+        dense: Dense,
+        /// Place in S of each entry of the changing part.
+        places: Vec<usize>,
+        /// Place among the interface unknowns of each changing dof.
+        order: Vec<u32>,
+        work: Vec<f64>,
+    },
+    Fronts {
+        fronts: FrontalLu,
+        bulk_map: EntryMap,
+        changing_map: EntryMap,
+        /// Sweep over the changing fronts alone.
+        reduced: Sweep,
+        work: Vec<f64>,
+    },
+}
+
+/// What an engine is made from.
+pub(super) struct EngineContext<'a> {
+    pub(super) bulk: &'a Csr,
+    pub(super) changing: &'a Arc<Pattern>,
+    pub(super) dofs: &'a [u32],
+    pub(super) coordinates: Option<&'a [[f64; 3]]>,
+    pub(super) threads: usize,
+}
+
+impl EngineContext<'_> {
+    pub(super) fn dense(&self) -> Result<Engine, SolveError> {
+        let symbolic = Symbolic::new(self.bulk.pattern(), self.coordinates, self.dofs)?;
+        let mut constant = Multifrontal::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads)?;
+        let n = symbolic.n_interface();
+        let mut base = zeros(n * n, "the dense matrix of the changing dofs")?;
+        constant.factor(&symbolic, self.bulk.values(), &mut base)?;
+        for column in 0..n {
+            for row in column + 1..n {
+                base[row * n + column] = base[column * n + row];
+            }
+        }
+        let place = |dof: u32| symbolic.ordering.inverse()[dof as usize] - symbolic.n_eliminated() as u32;
+        let rows = (0..self.changing.n_rows() as u32)
+            .flat_map(|row| self.changing.row(row as usize).iter().map(move |&column| (row, column)));
+        let places = rows.map(|(row, column)| place(column) as usize * n + place(row) as usize).collect();
+        let order = self.dofs.iter().map(|&dof| place(dof)).collect();
+        let dense = Dense::new(n, self.threads)?;
+        Ok(Engine {
+            sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
+            constant_pivot: smallest_pivot(&constant, &symbolic, self.bulk),
+            constant,
+            symbolic,
+            method: Method::Dense { base, dense, places, order, work: vec![0.0; n] },
+        })
+    }
+
+    pub(super) fn fronts(&self) -> Result<Engine, SolveError> {
+        let pattern = self.bulk.pattern().union(self.changing)?;
+        let symbolic = Symbolic::new(&pattern, self.coordinates, &[])?;
+        // The values of the bulk are read through the map of the wider pattern.
+        let bulk = on_wider_pattern(self.bulk, pattern);
+        let members = above(&symbolic, self.dofs);
+        let mut constant =
+            Multifrontal::new(&symbolic, members.iter().map(|&changes| !changes).collect(), self.threads)?;
+        constant.factor(&symbolic, bulk.values(), &mut [])?;
+        let map = |pattern: &Pattern, all_inside: bool| {
+            EntryMap::new(&symbolic, &members, pattern, all_inside).expect("the structure holds both patterns")
+        };
+        let (bulk_map, changing_map) = (map(self.bulk.pattern(), false), map(self.changing, true));
+        Ok(Engine {
+            sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
+            constant_pivot: smallest_pivot(&constant, &symbolic, self.bulk),
+            constant,
+            method: Method::Fronts {
+                fronts: FrontalLu::new(&symbolic, members.clone(), self.threads)?,
+                bulk_map,
+                changing_map,
+                reduced: Sweep::new(&symbolic, members, self.threads),
+                work: vec![0.0; self.bulk.n_rows()],
+            },
+            symbolic,
+        })
+    }
+}
+
+impl Engine {
+    /// Factors the changing part.
+    pub(super) fn factor(&mut self, bulk: &Csr, changing: &Csr, kind: Kind) -> Result<Pivot, SolveError> {
+        let (ratio, _) = match &mut self.method {
+            Method::Dense { base, dense, places, .. } => {
+                let fill = |values: &mut [f64]| {
+                    values.copy_from_slice(base);
+                    for (&place, value) in places.iter().zip(changing.values()) {
+                        values[place] += value;
+                    }
+                };
+                dense.factor(kind, fill)?
+            }
+            Method::Fronts { fronts, bulk_map, changing_map, .. } => {
+                let parts = [
+                    Part { map: bulk_map, values: bulk.values() },
+                    Part { map: changing_map, values: changing.values() },
+                ];
+                let (ratio, dof) = fronts.factor(&self.symbolic, &parts, Some(&self.constant))?;
+                if ratio < SMALLEST_PIVOT {
+                    return Err(SolveError::VanishingPivot { dof: dof as usize, ratio });
+                }
+                (ratio, dof as usize)
+            }
+        };
+        Ok(Pivot::from((ratio.min(self.constant_pivot), 0)))
+    }
+
+    /// Solves in place, by dof.
+    pub(super) fn solve(&mut self, form: Form, x: &mut [f64]) {
+        let (symbolic, constant) = (&self.symbolic, &self.constant);
+        let cholesky = |front: usize| FrontFactor::Cholesky { panel: constant.panel(front) };
+        match &mut self.method {
+            Method::Dense { dense, .. } => {
+                self.sweep.solve(symbolic, cholesky, form, |interface| dense.solve(form, interface), x);
+            }
+            Method::Fronts { fronts, .. } => {
+                let fronts = &*fronts;
+                let factor = |front: usize| {
+                    if fronts.members()[front] { fronts.front(symbolic, front) } else { cholesky(front) }
+                };
+                self.sweep.solve(symbolic, factor, form, |_| {}, x);
+            }
+        }
+    }
+
+    /// Solves with a right-hand side on the changing dofs, for the changing dofs.
+    pub(super) fn solve_changing(&mut self, dofs: &[u32], x: &mut [f64]) {
+        match &mut self.method {
+            Method::Dense { dense, order, work, .. } => {
+                order.iter().zip(&*x).for_each(|(&place, value)| work[place as usize] = *value);
+                dense.solve(Form::Plain, work);
+                order.iter().zip(x).for_each(|(&place, value)| *value = work[place as usize]);
+            }
+            Method::Fronts { fronts, reduced, work, .. } => {
+                let (fronts, symbolic) = (&*fronts, &self.symbolic);
+                work.fill(0.0);
+                dofs.iter().zip(&*x).for_each(|(&dof, value)| work[dof as usize] = *value);
+                reduced.solve(symbolic, |front| fronts.front(symbolic, front), Form::Plain, |_| {}, work);
+                dofs.iter().zip(x).for_each(|(&dof, value)| *value = work[dof as usize]);
+            }
+        }
+    }
+
+    /// Iterations that cost less than a new factor.
+    pub(super) fn worthwhile_iterations(&self) -> usize {
+        let (operations, values) = match &self.method {
+            Method::Dense { order, .. } => {
+                let n = order.len() as f64;
+                (n * n * n / 3.0, n * n)
+            }
+            Method::Fronts { fronts, .. } => {
+                let changing = || (0..self.symbolic.n_fronts()).filter(|&front| fronts.members()[front]);
+                let sizes = changing().map(|front| self.symbolic.sizes(front));
+                let operations: f64 = changing().map(|front| 2.0 * self.symbolic.operations(front)).sum();
+                (operations, sizes.map(|(k, r)| (k * (k + 2 * r)) as f64).sum())
+            }
+        };
+        let per_value = if values <= CACHED_VALUES { OPERATIONS_PER_CACHED_VALUE } else { OPERATIONS_PER_VALUE };
+        let iterations = ITERATION_SHARE * operations / (per_value * values).max(1.0);
+        (iterations as usize).min(MAX_ITERATIONS)
+    }
+}
+
+fn smallest_pivot(constant: &Multifrontal, symbolic: &Symbolic, bulk: &Csr) -> f64 {
+    let diagonal: Vec<f64> = (0..bulk.n_rows()).map(|dof| bulk.get(dof, dof)).collect();
+    constant.smallest_pivot_ratio(symbolic, &diagonal).map_or(1.0, |(ratio, _)| ratio)
+}
+
+/// The same matrix on a pattern that holds its own.
+fn on_wider_pattern(matrix: &Csr, pattern: Pattern) -> Csr {
+    let places = matrix.pattern().positions_in(&pattern).expect("the pattern is a union with this one");
+    let mut wider = Csr::zeros(Arc::new(pattern));
+    for (&place, value) in places.iter().zip(matrix.values()) {
+        wider.values_mut()[place] = *value;
+    }
+    wider
+}
+
+/// Fronts that own one of the dofs, and all above them.
+fn above(symbolic: &Symbolic, dofs: &[u32]) -> Vec<bool> {
+    let mut members = vec![false; symbolic.n_fronts()];
+    for &dof in dofs {
+        let place = symbolic.ordering.inverse()[dof as usize];
+        members[symbolic.columns.partition_point(|&column| column <= place) - 1] = true;
+    }
+    for front in 0..members.len() {
+        if members[front] && symbolic.parents[front] != INTERFACE {
+            members[symbolic.parents[front] as usize] = true;
+        }
+    }
+    members
+}

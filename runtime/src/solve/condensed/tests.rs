@@ -1,0 +1,202 @@
+//! The condensed solver against direct solves of the sum.
+
+use super::super::CheckedLu;
+use super::super::problems::{BoxOptions, Contact, ElasticBox};
+use super::*;
+
+const DENSE: fn(usize) -> Strategy = |n_changing| Strategy::Dense { n_changing };
+const FRONTS: fn(usize) -> Strategy = |n_changing| Strategy::Fronts { n_changing };
+
+fn two_blocks(n: usize) -> ElasticBox {
+    ElasticBox::new(&BoxOptions { cells: [4, n, n], cut: Some(2), fix_low: true, fix_high: false })
+}
+
+fn load(n: usize) -> Vec<f64> {
+    (0..n).map(|i| ((i * 5) % 11) as f64 - 4.5).collect()
+}
+
+fn direct(a: &Csr, b: &[f64]) -> Vec<f64> {
+    let mut solver = CheckedLu::new(a.pattern(), None, SolverOptions::default()).unwrap();
+    solver.factor(a).unwrap();
+    let mut x = vec![0.0; b.len()];
+    solver.solve(b, &mut x).unwrap();
+    x
+}
+
+fn close(x: &[f64], wanted: &[f64], tolerance: f64) {
+    let size = wanted.iter().fold(0.0f64, |size, w| size.max(w.abs()));
+    for (x, w) in x.iter().zip(wanted) {
+        assert!((x - w).abs() <= tolerance * size, "{x} instead of {w}, largest {size}");
+    }
+}
+
+#[test]
+fn every_update_gives_the_solution_of_the_sum() {
+    let problem = two_blocks(5);
+    let b = load(problem.n());
+    for kind in [Contact::Penalty, Contact::Nitsche] {
+        // All faces in contact, single faces slip, many slip, and back.
+        let slips = [0, 1, 2, 20, 20, 1, 0];
+        for (method, name) in [(DENSE, "dense"), (FRONTS, "fronts")] {
+            // The stiffness grows a little each time: what an older factor is good for.
+            let gamma = |step: usize| 50.0 * (1.0 + 1e-5 * step as f64);
+            let steps = [0, 1, 2, 3, 4, 5, 6];
+            let parts =
+                steps.map(|step| problem.contact(kind, gamma(step), move |face, c| c == 0 || face >= slips[step]));
+            let mut solver = CheckedCondensed::with_choice(
+                &problem.matrix,
+                parts[0].pattern(),
+                Some(&problem.coordinates),
+                SolverOptions::default(),
+                method,
+            )
+            .unwrap();
+            let mut x = vec![0.0; b.len()];
+            let mut iterations = 0;
+            for changing in &parts {
+                solver.update(changing).unwrap();
+                let report = solver.solve(&b, &mut x).unwrap();
+                iterations += report.krylov_iterations;
+                close(&x, &direct(&problem.matrix.plus(changing).unwrap(), &b), 1e-7);
+            }
+            assert!(iterations > 0, "{name}: an older factor was never used");
+        }
+    }
+}
+
+#[test]
+fn the_same_part_again_costs_no_iteration() {
+    let problem = two_blocks(4);
+    let changing = problem.contact(Contact::Nitsche, 50.0, |_, _| true);
+    let b = load(problem.n());
+    let options = SolverOptions::default();
+    let mut solver = CheckedCondensed::new(&problem.matrix, changing.pattern(), None, options).unwrap();
+    let (mut x, mut y) = (vec![0.0; b.len()], vec![0.0; b.len()]);
+    solver.update(&changing).unwrap();
+    let first = solver.solve(&b, &mut x).unwrap();
+    solver.update(&changing).unwrap();
+    let second = solver.solve(&b, &mut y).unwrap();
+    assert_eq!((first, &x), (second, &y));
+    assert_eq!((second.krylov_iterations, second.refactored), (0, false));
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    let problem = two_blocks(7);
+    let b = load(problem.n());
+    for method in [DENSE, FRONTS] {
+        let runs = [1, 2].map(|threads| {
+            let options = SolverOptions { threads, ..SolverOptions::default() };
+            let first = problem.contact(Contact::Nitsche, 50.0, |_, _| true);
+            let (pattern, points) = (first.pattern(), Some(&problem.coordinates[..]));
+            let mut solver = CheckedCondensed::with_choice(&problem.matrix, pattern, points, options, method).unwrap();
+            let mut x = vec![0.0; b.len()];
+            [3, 4, 30].map(|slip| {
+                solver.update(&problem.contact(Contact::Nitsche, 50.0, |face, c| c == 0 || face > slip)).unwrap();
+                let report = solver.solve(&b, &mut x).unwrap();
+                (report, x.iter().map(|value| value.to_bits()).collect::<Vec<_>>())
+            })
+        });
+        assert!(runs[0] == runs[1]);
+    }
+}
+
+#[test]
+fn a_body_without_contact_is_named() {
+    let problem = two_blocks(3);
+    let open = problem.contact(Contact::Nitsche, 50.0, |_, _| false);
+    let sliding = problem.contact(Contact::Nitsche, 50.0, |_, c| c == 0);
+    let closed = problem.contact(Contact::Nitsche, 50.0, |_, _| true);
+    let is_there = |dof: u32| dof >= problem.pairs[0].1;
+    let b = load(problem.n());
+    let mut x = vec![0.0; b.len()];
+    for method in [DENSE, FRONTS] {
+        let points = Some(&problem.coordinates[..]);
+        let options = SolverOptions::default();
+        let mut solver =
+            CheckedCondensed::with_choice(&problem.matrix, open.pattern(), points, options, method).unwrap();
+        for changing in [&open, &sliding] {
+            // With a factor at hand or without.
+            for before in [None, Some(&closed)] {
+                if let Some(before) = before {
+                    solver.update(before).unwrap();
+                    solver.solve(&b, &mut x).unwrap();
+                }
+                match solver.update(changing).and_then(|()| solver.solve(&b, &mut x)) {
+                    Err(SolveError::Singular { dof, mode, .. }) => {
+                        assert!(is_there(dof as u32) && mode.dofs_above(1e-5).into_iter().all(is_there));
+                    }
+                    other => panic!("{other:?}"),
+                }
+                assert_eq!(solver.solve(&b, &mut x), Err(SolveError::NotFactored));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_bulk_that_nothing_holds_is_refused_at_once() {
+    let problem = two_blocks(3);
+    let nothing = Arc::new(Pattern::empty(problem.n(), problem.n()));
+    let outcome = CheckedCondensed::new(&problem.matrix, &nothing, None, SolverOptions::default());
+    match outcome.map(|_| ()) {
+        Err(SolveError::Singular { mode, .. }) => {
+            assert!(mode.dofs_above(1e-5).into_iter().all(|dof| dof >= problem.pairs[0].1));
+        }
+        // Rounding may leave a tiny positive pivot: then the first update says so.
+        Ok(()) => {
+            let mut solver = CheckedCondensed::new(&problem.matrix, &nothing, None, SolverOptions::default()).unwrap();
+            let error = solver.update(&Csr::zeros(nothing)).unwrap_err();
+            assert!(matches!(error, SolveError::Singular { .. }), "{error}");
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn multipliers_without_bulk_are_solved() {
+    let problem = two_blocks(4);
+    let (n, m) = (problem.n(), problem.pairs.len());
+    // Numbered first, so that nothing helps the pivots.
+    let mut bulk = Vec::new();
+    for row in 0..n {
+        let (columns, values) = problem.matrix.row(row);
+        bulk.extend(columns.iter().zip(values).map(|(&c, &v)| ((row + m) as u32, c + m as u32, v)));
+    }
+    let bulk = Csr::from_triplets(n + m, n + m, &bulk).unwrap();
+    let mut ties = Vec::new();
+    for (row, &(here, there)) in (0..).zip(&problem.pairs) {
+        for (dof, sign) in [(here, 1.0), (there, -1.0)] {
+            ties.extend([(row, dof + m as u32, sign), (dof + m as u32, row, sign)]);
+        }
+    }
+    let ties = Csr::from_triplets(n + m, n + m, &ties).unwrap();
+    let points: Vec<[f64; 3]> =
+        problem.pairs.iter().map(|&(here, _)| here as usize).chain(0..n).map(|dof| problem.coordinates[dof]).collect();
+    let b = load(n + m);
+    let mut x = vec![0.0; n + m];
+    for method in [DENSE, FRONTS] {
+        let options = SolverOptions::default();
+        let mut solver = CheckedCondensed::with_choice(&bulk, ties.pattern(), Some(&points), options, method).unwrap();
+        solver.update(&ties).unwrap();
+        solver.solve(&b, &mut x).unwrap();
+        for (row, &(here, there)) in problem.pairs.iter().enumerate() {
+            let jump = x[here as usize + m] - x[there as usize + m];
+            assert!((jump - b[row]).abs() < 1e-8, "{jump} instead of {}", b[row]);
+        }
+    }
+}
+
+#[test]
+fn entries_outside_the_pattern_are_refused() {
+    let problem = two_blocks(2);
+    let changing = problem.contact(Contact::Penalty, 1.0, |_, _| true);
+    let options = SolverOptions::default();
+    let mut solver = CheckedCondensed::new(&problem.matrix, changing.pattern(), None, options).unwrap();
+    let outside = Csr::from_triplets(problem.n(), problem.n(), &[(0, 1, 1.0)]).unwrap();
+    assert_eq!(solver.update(&outside), Err(SolveError::OutsidePattern { row: 0, column: 1 }));
+    let dof = problem.interface[0];
+    let inside = Csr::from_triplets(problem.n(), problem.n(), &[(dof, dof, f64::NAN)]).unwrap();
+    let place = dof as usize;
+    assert_eq!(solver.update(&inside), Err(SolveError::NonFiniteMatrix { row: place, column: place }));
+}
