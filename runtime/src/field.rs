@@ -70,6 +70,15 @@ impl Field {
         }
     }
 
+    /// Polynomial degree; 0 for a global field.
+    #[must_use]
+    pub fn degree(&self) -> usize {
+        match &self.space {
+            FieldSpace::Nodal(space) => space.degree(),
+            FieldSpace::Global => 0,
+        }
+    }
+
     /// Number of values: nodes times components.
     #[must_use]
     pub fn n_dofs(&self) -> usize {

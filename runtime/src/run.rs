@@ -5,7 +5,7 @@ use std::{path::PathBuf, time::Instant};
 use thiserror::Error;
 
 use crate::{
-    assemble::FieldValues,
+    assemble::{AssembledTerm, FieldValues},
     newton::{Iteration, NewtonError, StepHistory, Stop, Watch, solve_step},
     output::{
         self, Check, ContactCounts, MeshReport, OrderedMap, OutputDir, OutputError, ParameterValue, Real, Report, Series,
@@ -269,8 +269,18 @@ fn write_step(
     let previous = system.previous_slices();
     let values = FieldValues { current: &current, previous: &previous };
     for (output, series) in vtk.iter_mut().zip(series) {
-        let pieces: Vec<output::Piece> =
-            output.pieces.iter_mut().map(|p| p.sample(&system.mesh, step.time, increment, values)).collect();
+        let mut pieces = Vec::with_capacity(output.pieces.len());
+        for sampled in &mut output.pieces {
+            let mut piece = sampled.sample(&system.mesh, step.time, increment, values);
+            let entities = piece.cells.len();
+            // the terms hold the branches of the converged state: the last residual was taken there
+            let here = |t: &&AssembledTerm| t.place.as_ref() == Some(sampled.support());
+            let states = system.terms.iter().filter(here).find_map(AssembledTerm::contact_states);
+            if let Some(states) = states.filter(|s| s.len() == entities) {
+                piece.cell_data.push(output::Array::scalar("contact_state", states));
+            }
+            pieces.push(piece);
+        }
         files.push(series.write_step(step.time, &pieces)?);
     }
     for output in csv {

@@ -582,9 +582,9 @@ pub enum MappingKind {
     Search {
         /// True for `raytrace`.
         raytrace: bool,
-        /// Slave region.
+        /// The region of the points that are mapped.
         from: Ident,
-        /// Master region.
+        /// The region they are mapped onto.
         onto: Ident,
         /// Longest distance.
         within: Option<Expr>,

@@ -28,13 +28,7 @@ const fn page(
     wrong: &'static str,
     fixed: &'static str,
 ) -> CodePage {
-    CodePage {
-        code,
-        title,
-        explanation,
-        wrong,
-        fixed,
-    }
+    CodePage { code, title, explanation, wrong, fixed }
 }
 
 /// All pages, errors first, by code.
@@ -78,10 +72,7 @@ mod tests {
 
     fn found(example: &str) -> Vec<&'static str> {
         let declares = |line: &str| -> Vec<String> {
-            line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_')
-                .take(2)
-                .map(str::to_owned)
-                .collect()
+            line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').take(2).map(str::to_owned).collect()
         };
         let own: Vec<Vec<String>> = example.lines().map(declares).collect();
         let replaced = |line: &str| {
@@ -92,11 +83,7 @@ mod tests {
         let text = format!("{example}\n{}\n", scene.join("\n"));
         let mut sources = SourceMap::new();
         let main = sources.add("scene.wfl", text);
-        resolve(&mut sources, main, &mut NoFiles, &[])
-            .diagnostics
-            .iter()
-            .map(|d| d.code)
-            .collect()
+        resolve(&mut sources, main, &mut NoFiles, &[]).diagnostics.iter().map(|d| d.code).collect()
     }
 
     #[test]
@@ -112,11 +99,7 @@ mod tests {
         for p in codes() {
             assert!(!p.title.ends_with('.') && p.title.len() < 80, "{}", p.code);
             assert!(p.explanation.ends_with('.') && p.explanation.len() > 60, "{}", p.code);
-            assert!(
-                !p.wrong.is_empty() && !p.fixed.is_empty() && p.wrong != p.fixed,
-                "{}",
-                p.code
-            );
+            assert!(!p.wrong.is_empty() && !p.fixed.is_empty() && p.wrong != p.fixed, "{}", p.code);
         }
     }
 
@@ -127,33 +110,17 @@ mod tests {
         // needs a file, a command line, or more text than fits a page
         let not_shown = ["E119", "E124", "E125", "E214", "E701", "E703"];
         let here = |c: &str| {
-            let ranges = [
-                ("E106", "E107"),
-                ("E113", "E126"),
-                ("E207", "E207"),
-                ("E209", "E214"),
-                ("E421", "E424"),
-            ];
+            let ranges = [("E106", "E107"), ("E113", "E126"), ("E207", "E207"), ("E209", "E214"), ("E421", "E424")];
             ranges.iter().any(|(first, last)| (*first..=*last).contains(&c))
         };
         for p in codes().filter(|p| !not_shown.contains(&p.code)) {
-            let errors = |text: &str| {
-                found(text)
-                    .into_iter()
-                    .filter(|c| c.starts_with('E'))
-                    .collect::<Vec<_>>()
-            };
+            let errors = |text: &str| found(text).into_iter().filter(|c| c.starts_with('E')).collect::<Vec<_>>();
             let fixed = errors(p.fixed);
             // what is missing is added by the fixed example alone
             assert!(fixed.is_empty(), "{} fixed: {fixed:?}", p.code);
             if here(p.code) {
                 let missing = ["E421", "E422", "E423"].contains(&p.code);
-                assert!(
-                    missing || found(p.wrong).contains(&p.code),
-                    "{} wrong: {:?}",
-                    p.code,
-                    found(p.wrong)
-                );
+                assert!(missing || found(p.wrong).contains(&p.code), "{} wrong: {:?}", p.code, found(p.wrong));
                 assert!(!found(p.fixed).contains(&p.code), "{} fixed", p.code);
             } else {
                 let wrong: Vec<_> = errors(p.wrong).into_iter().filter(|c| *c != p.code).collect();

@@ -44,28 +44,14 @@ impl Diagnostic {
     /// An error or warning, by the first letter of `code`.
     #[must_use]
     pub fn new(code: &'static str, message: impl Into<String>) -> Self {
-        let severity = if code.starts_with('W') {
-            Severity::Warning
-        } else {
-            Severity::Error
-        };
-        Self {
-            code,
-            severity,
-            message: message.into(),
-            labels: Vec::new(),
-            notes: Vec::new(),
-            helps: Vec::new(),
-        }
+        let severity = if code.starts_with('W') { Severity::Warning } else { Severity::Error };
+        Self { code, severity, message: message.into(), labels: Vec::new(), notes: Vec::new(), helps: Vec::new() }
     }
 
     /// Adds a place; the first one added is the primary one.
     #[must_use]
     pub fn at(mut self, span: Span, text: impl Into<String>) -> Self {
-        self.labels.push(Label {
-            span,
-            text: text.into(),
-        });
+        self.labels.push(Label { span, text: text.into() });
         self
     }
 
@@ -102,19 +88,13 @@ pub struct Checked<T> {
 impl<T> Checked<T> {
     /// A value without messages.
     pub fn ok(value: T) -> Self {
-        Self {
-            value: Some(value),
-            diagnostics: Vec::new(),
-        }
+        Self { value: Some(value), diagnostics: Vec::new() }
     }
 
     /// No value, one message.
     #[must_use]
     pub fn fail(diagnostic: Diagnostic) -> Self {
-        Self {
-            value: None,
-            diagnostics: vec![diagnostic],
-        }
+        Self { value: None, diagnostics: vec![diagnostic] }
     }
 
     /// True if any message is an error.

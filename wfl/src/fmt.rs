@@ -18,21 +18,12 @@ const INDENT: &str = "    ";
 pub fn format(sources: &SourceMap, id: SourceId) -> Checked<String> {
     let parsed = parse(sources, id);
     if parsed.has_errors() {
-        return Checked {
-            value: None,
-            diagnostics: parsed.diagnostics,
-        };
+        return Checked { value: None, diagnostics: parsed.diagnostics };
     }
     let text = sources.get(id).text.trim_start_matches('\u{feff}');
     let lines: Vec<Line<'_>> = text.lines().map(Line::new).collect();
-    let versioned = lines
-        .iter()
-        .any(|l| l.starts_statement && l.tokens.first() == Some(&"wfl"));
-    let mut printer = Printer {
-        out: String::with_capacity(text.len()),
-        state: State::default(),
-        blank: false,
-    };
+    let versioned = lines.iter().any(|l| l.starts_statement && l.tokens.first() == Some(&"wfl"));
+    let mut printer = Printer { out: String::with_capacity(text.len()), state: State::default(), blank: false };
     if !versioned && lines.iter().any(|l| l.starts_statement) {
         printer.out.push_str("wfl 1\n");
     }
@@ -41,10 +32,7 @@ pub fn format(sources: &SourceMap, id: SourceId) -> Checked<String> {
         let inside = i > 0 && next.is_some_and(|n| !n.starts_statement) && printer.state.open;
         printer.line(line, inside);
     }
-    Checked {
-        value: Some(printer.out),
-        diagnostics: parsed.diagnostics,
-    }
+    Checked { value: Some(printer.out), diagnostics: parsed.diagnostics }
 }
 
 /// One line of the source.
@@ -58,11 +46,7 @@ impl<'t> Line<'t> {
     fn new(text: &'t str) -> Self {
         let mut rest = text.trim_end();
         let starts = rest.starts_with(|c: char| !c.is_ascii_whitespace() && !"#)]}".contains(c));
-        let mut line = Line {
-            tokens: Vec::new(),
-            comment: None,
-            starts_statement: starts,
-        };
+        let mut line = Line { tokens: Vec::new(), comment: None, starts_statement: starts };
         loop {
             rest = rest.trim_start();
             if rest.is_empty() {
@@ -100,11 +84,7 @@ fn token_length(text: &str) -> usize {
         }
         _ => {
             let two = [":=", "==", "<=", ">=", "!=", "..", ".*", "./"];
-            if two.iter().any(|t| text.starts_with(t)) {
-                2
-            } else {
-                text.chars().next().map_or(1, char::len_utf8)
-            }
+            if two.iter().any(|t| text.starts_with(t)) { 2 } else { text.chars().next().map_or(1, char::len_utf8) }
         }
     }
 }
@@ -149,12 +129,7 @@ impl Printer {
         } else if line.starts_statement {
             let word = line.tokens[0];
             let separates = ["term", "energy", "unknown", "multiplier", "data", "state", "output"].contains(&word);
-            self.state = State {
-                open: true,
-                colon_separates: separates,
-                is_mesh: word == "mesh",
-                ..State::default()
-            };
+            self.state = State { open: true, colon_separates: separates, is_mesh: word == "mesh", ..State::default() };
         } else {
             self.out.push_str(INDENT);
         }
@@ -269,18 +244,11 @@ mod tests {
         let mut sources = SourceMap::new();
         let id = sources.add("scene.wfl", text);
         let items = parse(&sources, id).value.map(|s| s.items).unwrap_or_default();
-        let debug: Vec<String> = items
-            .iter()
-            .map(|i| format!("{:?}", i.kind))
-            .filter(|k| !k.starts_with("Version"))
-            .collect();
+        let debug: Vec<String> =
+            items.iter().map(|i| format!("{:?}", i.kind)).filter(|k| !k.starts_with("Version")).collect();
         let mut out = String::new();
         for (i, part) in debug.concat().split("Span {").enumerate() {
-            out.push_str(if i == 0 {
-                part
-            } else {
-                part.split_once('}').map_or("", |p| p.1)
-            });
+            out.push_str(if i == 0 { part } else { part.split_once('}').map_or("", |p| p.1) });
         }
         out
     }
@@ -295,41 +263,17 @@ mod tests {
     #[test]
     fn spaces_stand_where_they_belong() {
         for (text, expected) in [
-            (
-                "param  a=-1  [MPa/mm^2]   in  0 .. 1.5 \"x\"#c",
-                "param a = -1 [MPa/mm^2] in 0..1.5 \"x\"  #c",
-            ),
+            ("param  a=-1  [MPa/mm^2]   in  0 .. 1.5 \"x\"#c", "param a = -1 [MPa/mm^2] in 0..1.5 \"x\"  #c"),
             ("param a=1 in 1. .. .5", "param a = 1 in 1. .. .5"),
             ("param a=1 in { -1,0 , 1 }", "param a = 1 in {-1, 0, 1}"),
-            (
-                "term  t  on  a,b:Grad_u : Grad_Test_u-f*Test_u",
-                "term t on a, b : Grad_u:Grad_Test_u - f*Test_u",
-            ),
-            (
-                "term on a : Def f( a ):=a^-2 ;f (b) '",
-                "term on a : Def f(a) := a^-2; f(b)'",
-            ),
-            (
-                "def a = 2 .* p + 2.*p - q . .5 + 3 . p",
-                "def a = 2 .* p + 2.*p - q . .5 + 3 . p",
-            ),
+            ("term  t  on  a,b:Grad_u : Grad_Test_u-f*Test_u", "term t on a, b : Grad_u:Grad_Test_u - f*Test_u"),
+            ("term on a : Def f( a ):=a^-2 ;f (b) '", "term on a : Def f(a) := a^-2; f(b)'"),
+            ("def a = 2 .* p + 2.*p - q . .5 + 3 . p", "def a = 2 .* p + 2.*p - q . .5 + 3 . p"),
             ("def a = p .* q ./ 2 + r . 5 + - - b", "def a = p.*q ./ 2 + r . 5 + --b"),
-            (
-                "def a=if x<1 and not(y>=2)then -1 else (2)",
-                "def a = if x < 1 and not (y >= 2) then -1 else (2)",
-            ),
-            (
-                "solver newton with tol = 1e-8 , search=auto",
-                "solver newton with tol=1e-8, search=auto",
-            ),
-            (
-                "mesh box(a)to(b) size h hex map [ x , 2*y]",
-                "mesh box (a) to (b) size h hex map [x, 2*y]",
-            ),
-            (
-                "unknown u:vector (3)P2 on a,b [mm]",
-                "unknown u : vector(3) P2 on a, b [mm]",
-            ),
+            ("def a=if x<1 and not(y>=2)then -1 else (2)", "def a = if x < 1 and not (y >= 2) then -1 else (2)"),
+            ("solver newton with tol = 1e-8 , search=auto", "solver newton with tol=1e-8, search=auto"),
+            ("mesh box(a)to(b) size h hex map [ x , 2*y]", "mesh box (a) to (b) size h hex map [x, 2*y]"),
+            ("unknown u:vector (3)P2 on a,b [mm]", "unknown u : vector(3) P2 on a, b [mm]"),
             ("state s:scalar:=s+1", "state s : scalar := s + 1"),
             ("region r=a+b-(c&d)", "region r = a + b - (c & d)"),
             ("fix u(1),v . Normal=0 on a", "fix u(1), v.Normal = 0 on a"),
@@ -342,10 +286,8 @@ mod tests {
 
     #[test]
     fn comments_blank_lines_and_line_breaks_are_kept() {
-        let text = "\u{feff}# head  \r\n\r\n\r\nwfl 1\r\n\tparam\r\n".replace(
-            "\tparam\r\n",
-            "param a = (1 +\r\n# inside\r\n\r\n\t2\r\n) # end\r\n  # after\r\n\r\n\r\n#last",
-        );
+        let text = "\u{feff}# head  \r\n\r\n\r\nwfl 1\r\n\tparam\r\n"
+            .replace("\tparam\r\n", "param a = (1 +\r\n# inside\r\n\r\n\t2\r\n) # end\r\n  # after\r\n\r\n\r\n#last");
         let expected = "# head\n\nwfl 1\nparam a = (1 +\n    # inside\n    2\n    )  # end\n# after\n\n#last\n";
         assert_eq!(check(&text), expected);
         assert_eq!(formatted("# only a comment\n").as_deref(), Some("# only a comment\n"));

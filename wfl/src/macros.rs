@@ -191,18 +191,10 @@ impl<'d> Expander<'d> {
         if frame.sees_locals
             && let Some(&i) = self.locals.by_name.get(word)
         {
-            return Some(Found {
-                def: self.locals.defs[i],
-                global: None,
-                broken: self.locals.broken.contains(&i),
-            });
+            return Some(Found { def: self.locals.defs[i], global: None, broken: self.locals.broken.contains(&i) });
         }
         let i = *self.globals.by_name.get(word)?;
-        Some(Found {
-            def: self.globals.defs[i],
-            global: Some(i),
-            broken: self.globals.broken.contains(&i),
-        })
+        Some(Found { def: self.globals.defs[i], global: Some(i), broken: self.globals.broken.contains(&i) })
     }
 
     fn report(&mut self, diagnostic: Diagnostic) {
@@ -233,11 +225,7 @@ impl<'d> Expander<'d> {
         }
         let text = format!("nested more than {EXPANDED_NESTING_LIMIT} deep after its macros are expanded");
         let d = at_expr(Diagnostic::new("E119", text), at, &self.expansions, "");
-        if !self
-            .diagnostics
-            .iter()
-            .any(|x| x.message == d.message && x.labels.first() == d.labels.first())
-        {
+        if !self.diagnostics.iter().any(|x| x.message == d.message && x.labels.first() == d.labels.first()) {
             self.diagnostics.push(d);
         }
         None
@@ -254,18 +242,12 @@ impl<'d> Expander<'d> {
             ExprKind::Call(callee, arguments) => return self.call(e, callee, arguments, frame, depth),
             ExprKind::Number(x) => ExprKind::Number(*x),
             ExprKind::Sum(parts) => {
-                let parts: Vec<_> = parts
-                    .iter()
-                    .map(|(s, p)| Some((*s, self.walk(p, frame, next)?)))
-                    .collect();
+                let parts: Vec<_> = parts.iter().map(|(s, p)| Some((*s, self.walk(p, frame, next)?))).collect();
                 ExprKind::Sum(parts.into_iter().collect::<Option<_>>()?)
             }
             ExprKind::Product(first, rest) => {
                 let first = self.walk(first, frame, next);
-                let rest: Vec<_> = rest
-                    .iter()
-                    .map(|(o, s, p)| Some((*o, *s, self.walk(p, frame, next)?)))
-                    .collect();
+                let rest: Vec<_> = rest.iter().map(|(o, s, p)| Some((*o, *s, self.walk(p, frame, next)?))).collect();
                 ExprKind::Product(Box::new(first?), rest.into_iter().collect::<Option<_>>()?)
             }
             ExprKind::Negate(a) => ExprKind::Negate(Box::new(self.walk(a, frame, next)?)),
@@ -284,11 +266,7 @@ impl<'d> Expander<'d> {
                 ExprKind::If(Box::new(c?), Box::new(a?), Box::new(b?))
             }
         };
-        Some(Expr {
-            kind,
-            span: e.span,
-            expansion: frame.id.or(e.expansion),
-        })
+        Some(Expr { kind, span: e.span, expansion: frame.id.or(e.expansion) })
     }
 
     /// All of a list, so that one error does not hide the next.
@@ -302,10 +280,7 @@ impl<'d> Expander<'d> {
         let kind = match &c.kind {
             CondKind::Compare(first, rest) => {
                 let first = self.walk(first, frame, next);
-                let rest: Vec<_> = rest
-                    .iter()
-                    .map(|(o, e)| Some((*o, self.walk(e, frame, next)?)))
-                    .collect();
+                let rest: Vec<_> = rest.iter().map(|(o, e)| Some((*o, self.walk(e, frame, next)?))).collect();
                 CondKind::Compare(Box::new(first?), rest.into_iter().collect::<Option<_>>()?)
             }
             CondKind::And(parts) => CondKind::And(self.all_conds(parts, frame, next)?),
@@ -332,28 +307,17 @@ impl<'d> Expander<'d> {
         }
         match self.find(word, frame) {
             Some(found) => self.expand(e, found, &[], frame, depth),
-            None => Some(Expr {
-                kind: e.kind.clone(),
-                span: e.span,
-                expansion: frame.id.or(e.expansion),
-            }),
+            None => Some(Expr { kind: e.kind.clone(), span: e.span, expansion: frame.id.or(e.expansion) }),
         }
     }
 
     /// `Grad_v` with `v` standing for `u` is `Grad_u`.
     fn paste(&mut self, e: &Expr, prefix: &str, i: usize, frame: &Frame<'_>) -> Option<Expr> {
         if let ExprKind::Name(word) = &frame.arguments[i].expr.kind {
-            return Some(Expr {
-                kind: ExprKind::Name(format!("{prefix}{word}")),
-                span: e.span,
-                expansion: frame.id,
-            });
+            return Some(Expr { kind: ExprKind::Name(format!("{prefix}{word}")), span: e.span, expansion: frame.id });
         }
         let v = self.formal_name(i, frame);
-        let d = Diagnostic::new(
-            "E106",
-            format!("`{prefix}{v}` needs a field name, but `{v}` is an expression here"),
-        );
+        let d = Diagnostic::new("E106", format!("`{prefix}{v}` needs a field name, but `{v}` is an expression here"));
         self.needs_name(d, e.span, format!("`{v}` is pasted behind {prefix} here"), i, frame)
     }
 
@@ -372,7 +336,11 @@ impl<'d> Expander<'d> {
             }
             _ => d.help("give the name of a field"),
         };
-        self.report(d);
+        // One message for each argument, however often the body pastes it.
+        let known = |x: &Diagnostic| x.code == d.code && x.labels.first() == d.labels.first();
+        if !self.diagnostics.iter().any(known) {
+            self.diagnostics.push(d);
+        }
         None
     }
 
@@ -425,13 +393,7 @@ impl<'d> Expander<'d> {
                     "E106",
                     format!("`Interpolate` needs a field name, but `{word}` is an expression here"),
                 );
-                self.needs_name(
-                    d,
-                    inner.span,
-                    format!("`{word}` is the field of `Interpolate` here"),
-                    i,
-                    frame,
-                );
+                self.needs_name(d, inner.span, format!("`{word}` is the field of `Interpolate` here"), i, frame);
                 return None;
             }
         }
@@ -461,21 +423,13 @@ impl<'d> Expander<'d> {
                     complete = false;
                 }
                 Argument::Expr(a) => match self.walk(a, frame, depth) {
-                    Some(expr) => arguments.push(Given {
-                        nodes: size(&expr),
-                        depth: height(&expr),
-                        expr,
-                    }),
+                    Some(expr) => arguments.push(Given { nodes: size(&expr), depth: height(&expr), expr }),
                     None => complete = false,
                 },
             }
         }
         if given.len() != def.formals.len() {
-            let at = Expr {
-                kind: ExprKind::Number(0.0),
-                span: e.span,
-                expansion: frame.id.or(e.expansion),
-            };
+            let at = Expr { kind: ExprKind::Number(0.0), span: e.span, expansion: frame.id.or(e.expansion) };
             let d = wrong_number(def, given.len());
             let d = at_expr(d, &at, &self.expansions, "").at(def.head, "defined here");
             self.report(d);
@@ -493,32 +447,19 @@ impl<'d> Expander<'d> {
             definition: def.head,
             parent: frame.id.or(e.expansion),
         });
-        let inside = Frame {
-            def: Some(def),
-            arguments: &arguments,
-            id: Some(id),
-            sees_locals: found.global.is_none(),
-        };
+        let inside = Frame { def: Some(def), arguments: &arguments, id: Some(id), sees_locals: found.global.is_none() };
         let expanded = deep.and_then(|()| self.walk(&def.body, &inside, depth));
         self.uses -= 1;
         expanded
     }
 }
 
-const TOP: Frame<'static> = Frame {
-    def: None,
-    arguments: &[],
-    id: None,
-    sees_locals: true,
-};
+const TOP: Frame<'static> = Frame { def: None, arguments: &[], id: None, sees_locals: true };
 
 fn wrong_number(def: &MacroDef, given: usize) -> Diagnostic {
     let n = def.formals.len();
     let plural = if n == 1 { "" } else { "s" };
-    Diagnostic::new(
-        "E105",
-        format!("`{}` takes {n} argument{plural}, {given} given", def.name.name),
-    )
+    Diagnostic::new("E105", format!("`{}` takes {n} argument{plural}, {given} given", def.name.name))
 }
 
 /// Prefix and place of the parameter that `word` is or ends with; the prefix may be empty.

@@ -109,10 +109,7 @@ pub fn parse(sources: &SourceMap, id: SourceId) -> Checked<Script> {
     let (pieces, mut diagnostics) = match cut(&text, id) {
         Ok(cut) => cut,
         Err(d) => {
-            return Checked {
-                value: Some(script),
-                diagnostics: vec![*d],
-            };
+            return Checked { value: Some(script), diagnostics: vec![*d] };
         }
     };
     for piece in &pieces {
@@ -122,33 +119,21 @@ pub fn parse(sources: &SourceMap, id: SourceId) -> Checked<Script> {
         }
     }
     diagnostics.sort_by_key(|d| d.labels.first().map(|l| l.span.start));
-    Checked {
-        value: Some(script),
-        diagnostics,
-    }
+    Checked { value: Some(script), diagnostics }
 }
 
 fn parse_piece(piece: &Piece, text: &str, id: SourceId) -> Parsed<crate::ast::Item> {
     let masked = scan::scan(text, piece, id)?;
     scan::known_statement(&masked, piece, id)?;
     let pair = run(Rule::statement, &masked, piece.start, id)?;
-    statement::Reader {
-        masked: &masked,
-        base: piece.start,
-        source: id,
-    }
-    .statement(pair)
+    statement::Reader { masked: &masked, base: piece.start, source: id }.statement(pair)
 }
 
 /// Parses one expression, the whole text of `id` (a value of the command line, a piece of a reference case).
 #[must_use]
 pub fn parse_expr(sources: &SourceMap, id: SourceId) -> Checked<Expr> {
     parse_whole(sources, id, Rule::single, |reader, pair| {
-        let expr = reader
-            .parts(pair)
-            .into_iter()
-            .next()
-            .expect("a single expression holds an expression");
+        let expr = reader.parts(pair).into_iter().next().expect("a single expression holds an expression");
         reader.value(expr)
     })
 }
@@ -156,9 +141,7 @@ pub fn parse_expr(sources: &SourceMap, id: SourceId) -> Checked<Expr> {
 /// Parses one GWFL assembly string: `Def a(b):=c; ... expr`.
 #[must_use]
 pub fn parse_gwfl(sources: &SourceMap, id: SourceId) -> Checked<(Vec<MacroDef>, Expr)> {
-    parse_whole(sources, id, Rule::gwfl, |reader, pair| {
-        reader.defs_and_value(reader.parts(pair))
-    })
+    parse_whole(sources, id, Rule::gwfl, |reader, pair| reader.defs_and_value(reader.parts(pair)))
 }
 
 fn parse_whole<T>(
@@ -170,19 +153,10 @@ fn parse_whole<T>(
     let text = sources.get(id).text.clone();
     let start = scan::text_start(&text);
     let piece = Piece { start, end: text.len() };
-    let parsed = scan::check_length(&text, id)
-        .and_then(|()| scan::scan(&text, &piece, id))
-        .and_then(|masked| {
-            let pair = run(rule, &masked, start, id)?;
-            read(
-                &statement::Reader {
-                    masked: &masked,
-                    base: start,
-                    source: id,
-                },
-                pair,
-            )
-        });
+    let parsed = scan::check_length(&text, id).and_then(|()| scan::scan(&text, &piece, id)).and_then(|masked| {
+        let pair = run(rule, &masked, start, id)?;
+        read(&statement::Reader { masked: &masked, base: start, source: id }, pair)
+    });
     match parsed {
         Ok(value) => Checked::ok(value),
         Err(d) => Checked::fail(*d),
@@ -201,11 +175,7 @@ fn run(rule: Rule, masked: &str, base: usize, id: SourceId) -> Parsed<Pair<'_>> 
 /// The span of `start..end` in a text that starts at byte `base` of the source.
 fn span_at(id: SourceId, base: usize, start: usize, end: usize) -> Span {
     // Texts are at most TEXT_LIMIT bytes, so positions fit.
-    Span {
-        source: id,
-        start: (base + start) as u32,
-        end: (base + end) as u32,
-    }
+    Span { source: id, start: (base + start) as u32, end: (base + end) as u32 }
 }
 
 #[cfg(test)]

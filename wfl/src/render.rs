@@ -19,27 +19,15 @@ const LONGEST_MARK: usize = 4000;
 /// The text of a diagnostic, ending with a line feed. `color` adds terminal colours.
 #[must_use]
 pub fn render(diagnostic: &Diagnostic, sources: &SourceMap, color: bool) -> String {
-    let level = if diagnostic.is_error() {
-        Level::ERROR
-    } else {
-        Level::WARNING
-    };
+    let level = if diagnostic.is_error() { Level::ERROR } else { Level::WARNING };
     let title = level.primary_title(clean(&diagnostic.message)).id(diagnostic.code);
     let mut group = Group::with_title(title);
     for (source, labels) in by_source(diagnostic, sources) {
         let mut snippet = Snippet::source(&*source.text).path(clean(&source.name)).fold(true);
         for (label, primary) in labels {
-            let kind = if primary {
-                AnnotationKind::Primary
-            } else {
-                AnnotationKind::Context
-            };
+            let kind = if primary { AnnotationKind::Primary } else { AnnotationKind::Context };
             let mark = kind.span(clamp(&source.text, label.span));
-            snippet = snippet.annotation(if label.text.is_empty() {
-                mark
-            } else {
-                mark.label(clean(&label.text))
-            });
+            snippet = snippet.annotation(if label.text.is_empty() { mark } else { mark.label(clean(&label.text)) });
         }
         group = group.element(snippet);
     }
@@ -90,9 +78,7 @@ fn clamp(text: &str, span: Span) -> Range<usize> {
 
 /// Names and snippets may hold anything; a message must not move the cursor of a terminal.
 fn clean(text: &str) -> String {
-    text.chars()
-        .map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c })
-        .collect()
+    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
 }
 
 /// Adds the place of an expression. Text written in place is marked itself. For a node that came out of a macro the
@@ -107,9 +93,7 @@ pub fn at_expr(diagnostic: Diagnostic, expr: &Expr, expansions: &Expansions, tex
     while let Some(parent) = outer.parent.and_then(|id| expansions.list.get(id.index())) {
         outer = parent;
     }
-    diagnostic
-        .at(outer.call, text)
-        .at(expr.span, format!("inside the definition of `{}`", inner.name))
+    diagnostic.at(outer.call, text).at(expr.span, format!("inside the definition of `{}`", inner.name))
 }
 
 #[cfg(test)]
@@ -120,14 +104,7 @@ mod tests {
         let mut sources = SourceMap::new();
         let source = sources.add("scene.wfl", text);
         let d = Diagnostic::new("E107", "`**` is not an operator")
-            .at(
-                Span {
-                    source,
-                    start: span.0,
-                    end: span.1,
-                },
-                "",
-            )
+            .at(Span { source, start: span.0, end: span.1 }, "")
             .help("x^2, or sqr(x)");
         (d, sources)
     }
@@ -169,14 +146,7 @@ error[E107]: `**` is not an operator
     #[test]
     fn labels_of_unknown_texts_are_left_out() {
         let (d, sources) = example("a\n", (0, 1));
-        let d = d.at(
-            Span {
-                source: SourceId::new(7),
-                start: 0,
-                end: 1,
-            },
-            "nowhere",
-        );
+        let d = d.at(Span { source: SourceId::new(7), start: 0, end: 1 }, "nowhere");
         assert!(!render(&d, &sources, false).contains("nowhere"));
     }
 
@@ -184,21 +154,7 @@ error[E107]: `**` is not an operator
     fn places_in_two_files_are_both_shown() {
         let (d, mut sources) = example("term a on all : f(u)\n", (16, 20));
         let library = sources.add("laws.wfl", "def f(v) = v**2\n");
-        let text = render(
-            &d.at(
-                Span {
-                    source: library,
-                    start: 12,
-                    end: 14,
-                },
-                "here",
-            ),
-            &sources,
-            false,
-        );
-        assert!(
-            text.contains("scene.wfl:1:17") && text.contains("laws.wfl:1:13"),
-            "{text}"
-        );
+        let text = render(&d.at(Span { source: library, start: 12, end: 14 }, "here"), &sources, false);
+        assert!(text.contains("scene.wfl:1:17") && text.contains("laws.wfl:1:13"), "{text}");
     }
 }

@@ -67,11 +67,7 @@ pub fn resolve(
     // A statement that could not be read may have declared anything, so nothing is called unknown or missing then.
     let complete = !diagnostics.iter().any(Diagnostic::is_error);
     let names = Names::collect(&items, &mut diagnostics);
-    let defs = || {
-        items
-            .iter()
-            .filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d) } else { None })
-    };
+    let defs = || items.iter().filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d) } else { None });
     let mut resolver = Resolver {
         sources,
         names: &names,
@@ -90,11 +86,8 @@ pub fn resolve(
     resolver.sort_regions();
     resolver.missing(&items);
     let used = resolver.expander.used();
-    let info = |(d, used): (&crate::ast::MacroDef, &bool)| MacroInfo {
-        name: d.name.clone(),
-        head: d.head,
-        used: *used,
-    };
+    let info =
+        |(d, used): (&crate::ast::MacroDef, &bool)| MacroInfo { name: d.name.clone(), head: d.head, used: *used };
     resolver.script.macros = defs().zip(used).map(info).collect();
     resolver.finish(main)
 }
@@ -141,23 +134,13 @@ impl<'d> Resolver<'d> {
         self.diagnostics.append(&mut self.expander.diagnostics);
         let broken = self.diagnostics.iter().any(Diagnostic::is_error);
         if !broken {
-            let used = self
-                .script
-                .macros
-                .iter()
-                .filter(|m| m.used)
-                .map(|m| m.name.name.clone())
-                .collect();
-            self.diagnostics
-                .extend(names::unused(self.names, main, &self.words, &self.regions, &used));
+            let used = self.script.macros.iter().filter(|m| m.used).map(|m| m.name.name.clone()).collect();
+            self.diagnostics.extend(names::unused(self.names, main, &self.words, &self.regions, &used));
         }
         self.script.expansions = self.expander.expansions;
         let place = |d: &Diagnostic| d.labels.first().map(|l| (l.span.source.index(), l.span.start));
         self.diagnostics.sort_by_key(place);
-        Checked {
-            value: Some(self.script),
-            diagnostics: self.diagnostics,
-        }
+        Checked { value: Some(self.script), diagnostics: self.diagnostics }
     }
 
     fn note_words(&mut self, e: &Expr) {
@@ -191,51 +174,23 @@ impl<'d> Resolver<'d> {
                 let source = self.mesh_source(source);
                 let map = self.optional(map.as_ref());
                 let options = self.options("mesh", options);
-                self.script.mesh = Some(MeshStmt {
-                    source: source?,
-                    map: map?,
-                    options: options?,
-                    span,
-                });
+                self.script.mesh = Some(MeshStmt { source: source?, map: map?, options: options?, span });
             }
             ItemKind::Region { name, region } => {
                 let region = self.region(region)?;
-                self.script.regions.push(Region {
-                    name: name.clone(),
-                    region,
-                    span,
-                });
+                self.script.regions.push(Region { name: name.clone(), region, span });
             }
             ItemKind::Mapping { name, kind, options } => {
                 let kind = self.mapping(kind);
                 let options = self.options("mapping", options);
-                self.script.mappings.push(Mapping {
-                    name: name.clone(),
-                    kind: kind?,
-                    options: options?,
-                    span,
-                });
+                self.script.mappings.push(Mapping { name: name.clone(), kind: kind?, options: options?, span });
             }
-            ItemKind::Param {
-                name,
-                value,
-                unit,
-                domain,
-                text,
-            } => {
+            ItemKind::Param { name, value, unit, domain, text } => {
                 let value = self.expr(value);
                 let domain = domain.as_ref().map(|d| self.domain(d));
                 let (name, unit, text) = (name.clone(), unit.clone(), text.clone());
                 let domain = domain.transpose_option()?;
-                self.script.params.push(Param {
-                    name,
-                    value: value?,
-                    unit,
-                    domain,
-                    text,
-                    overridden: None,
-                    span,
-                });
+                self.script.params.push(Param { name, value: value?, unit, domain, text, overridden: None, span });
             }
             ItemKind::Unknown { name, space } => self.field(name, space, Some(FieldKind::Unknown), span)?,
             ItemKind::Multiplier { name, space, options } => {
@@ -256,25 +211,13 @@ impl<'d> Resolver<'d> {
                 let (fields, places) = (fields.clone(), self.places(places, false));
                 known.and(places.map(|places| self.script.splits.push(Split { fields, places, span })))?;
             }
-            ItemKind::Term {
-                energy,
-                name,
-                places,
-                defs,
-                expr,
-            } => {
+            ItemKind::Term { energy, name, places, defs, expr } => {
                 self.names.check_locals(defs, &mut self.diagnostics);
                 let places = self.places(places, true);
                 let expr = self.expander.expr_with(expr, defs)?;
                 self.note_words(&expr);
                 let (energy, name) = (*energy, name.clone());
-                self.script.terms.push(Term {
-                    energy,
-                    name,
-                    places: places?,
-                    expr,
-                    span,
-                });
+                self.script.terms.push(Term { energy, name, places: places?, expr, span });
             }
             ItemKind::Fix { targets, value, places } => {
                 let fix = self.condition(targets, value, places, "fixed", span)?;
@@ -289,49 +232,26 @@ impl<'d> Resolver<'d> {
                 let known = self.all_fields(std::slice::from_ref(field), needed, is_solved_for);
                 let value = self.expr(value)?;
                 known?;
-                let kind = StartKind::Field {
-                    field: field.clone(),
-                    value,
-                };
+                let kind = StartKind::Field { field: field.clone(), value };
                 self.script.starts.push(Start { kind, span });
             }
             ItemKind::StartFrom { path, path_span } => {
-                let kind = StartKind::File {
-                    path: path.clone(),
-                    path_span: *path_span,
-                };
+                let kind = StartKind::File { path: path.clone(), path_span: *path_span };
                 self.script.starts.push(Start { kind, span });
             }
-            ItemKind::Steps {
-                variable,
-                from,
-                to,
-                by,
-                options,
-            } => {
+            ItemKind::Steps { variable, from, to, by, options } => {
                 self.once(self.script.steps.as_ref().map(|s| s.span), "steps", span)?;
                 let (from, to, by) = (self.expr(from), self.expr(to), self.expr(by));
                 let options = self.options("steps", options)?;
                 let variable = variable.clone();
-                self.script.steps = Some(Steps {
-                    variable,
-                    from: from?,
-                    to: to?,
-                    by: by?,
-                    options,
-                    span,
-                });
+                self.script.steps = Some(Steps { variable, from: from?, to: to?, by: by?, options, span });
             }
             ItemKind::Solver { name, options } => {
                 self.once(self.script.solver.as_ref().map(|s| s.span), "solver", span)?;
                 let known = self.one_of("solver", name, SOLVERS);
                 let options = self.options("solver", options)?;
                 known?;
-                self.script.solver = Some(Solver {
-                    name: name.clone(),
-                    options,
-                    span,
-                });
+                self.script.solver = Some(Solver { name: name.clone(), options, span });
             }
             ItemKind::Quadrature { places, rule } => {
                 let places = self.places(places, false);
@@ -339,41 +259,20 @@ impl<'d> Resolver<'d> {
                     QuadratureRule::Vertex => QuadratureRule::Vertex,
                     QuadratureRule::Degree(e) => QuadratureRule::Degree(self.expr(e)?),
                 };
-                self.script.quadratures.push(Quadrature {
-                    places: places?,
-                    rule,
-                    span,
-                });
+                self.script.quadratures.push(Quadrature { places: places?, rule, span });
             }
-            ItemKind::Measure {
-                name,
-                reduction,
-                expr,
-                places,
-            } => {
+            ItemKind::Measure { name, reduction, expr, places } => {
                 let places = self.places(places, true);
                 let expr = self.expr(expr)?;
                 let (name, reduction) = (name.clone(), *reduction);
-                self.script.measures.push(Measure {
-                    name,
-                    reduction,
-                    expr,
-                    places: places?,
-                    span,
-                });
+                self.script.measures.push(Measure { name, reduction, expr, places: places?, span });
             }
             ItemKind::Expect(condition) => {
                 let text = self.sources.snippet(condition.span).to_owned();
                 let condition = self.cond(condition)?;
                 self.script.expects.push(Expect { condition, text, span });
             }
-            ItemKind::Output {
-                format,
-                file,
-                items,
-                along,
-                options,
-            } => {
+            ItemKind::Output { format, file, items, along, options } => {
                 let known = self.one_of("output", format, FORMATS);
                 let items: Vec<_> = items.iter().map(|i| self.quantity(i)).collect();
                 let along = along.as_ref().map(|(a, b)| Some((self.expr(a)?, self.expr(b)?)));
@@ -381,14 +280,7 @@ impl<'d> Resolver<'d> {
                 let (items, along) = (items.into_iter().collect::<Option<_>>()?, along.transpose_option()?);
                 known?;
                 let (format, file) = (format.clone(), file.clone());
-                self.script.outputs.push(Output {
-                    format,
-                    file,
-                    items,
-                    along,
-                    options,
-                    span,
-                });
+                self.script.outputs.push(Output { format, file, items, along, options, span });
             }
         }
         Some(())
@@ -416,42 +308,27 @@ impl<'d> Resolver<'d> {
         let mut complete = Some(());
         let mut resolved = Vec::new();
         for target in targets {
-            complete = self
-                .all_fields(std::slice::from_ref(&target.field), &needed, is_solved_for)
-                .and(complete);
+            complete = self.all_fields(std::slice::from_ref(&target.field), &needed, is_solved_for).and(complete);
             let part = match &target.part {
                 TargetPart::Component(e) => self.expr(e).map(TargetPart::Component),
                 other => Some(other.clone()),
             };
             match part {
-                Some(part) => resolved.push(Target {
-                    field: target.field.clone(),
-                    part,
-                    span: target.span,
-                }),
+                Some(part) => resolved.push(Target { field: target.field.clone(), part, span: target.span }),
                 None => complete = None,
             }
         }
         let value = self.expr(value);
         let places = self.places(places, false);
         complete?;
-        Some(Condition {
-            targets: resolved,
-            value: value?,
-            places: places?,
-            span,
-        })
+        Some(Condition { targets: resolved, value: value?, places: places?, span })
     }
 
     fn quantity(&mut self, item: &OutputItem) -> Option<OutputQuantity> {
         let span = item.expr.span;
         let written = self.sources.snippet(span).to_owned();
         let name = item.name.as_ref().map_or(written, |n| n.name.clone());
-        Some(OutputQuantity {
-            expr: self.expr(&item.expr)?,
-            name,
-            span,
-        })
+        Some(OutputQuantity { expr: self.expr(&item.expr)?, name, span })
     }
 
     /// Checks that the names are fields of a kind that `allowed` admits.
@@ -464,8 +341,7 @@ impl<'d> Resolver<'d> {
             }
             all = None;
             if kind.is_some() || self.complete {
-                self.diagnostics
-                    .push(self.names.not_a_field(field, needed, self.sources));
+                self.diagnostics.push(self.names.not_a_field(field, needed, self.sources));
             }
         }
         all
@@ -503,10 +379,7 @@ impl<'d> Resolver<'d> {
             let before = waiting.len();
             let mut later = Vec::new();
             for region in waiting {
-                if parts_of(&region.region)
-                    .iter()
-                    .any(|p| names.contains(*p) && !placed.contains(*p))
-                {
+                if parts_of(&region.region).iter().any(|p| names.contains(*p) && !placed.contains(*p)) {
                     later.push(region);
                 } else {
                     placed.insert(region.name.name.clone());
@@ -520,10 +393,7 @@ impl<'d> Resolver<'d> {
             if waiting.len() == before {
                 let rest: Vec<&str> = waiting.iter().map(|r| r.name.name.as_str()).collect();
                 let d = Diagnostic::new("E123", format!("the region `{}` is made of itself", rest[0]));
-                self.diagnostics.push(
-                    d.at(waiting[0].name.span, "")
-                        .note(format!("in a circle: {}", rest.join(", "))),
-                );
+                self.diagnostics.push(d.at(waiting[0].name.span, "").note(format!("in a circle: {}", rest.join(", "))));
                 return;
             }
         }
@@ -537,13 +407,11 @@ impl<'d> Resolver<'d> {
         let has = |f: fn(&ItemKind) -> bool| items.iter().any(|i| f(&i.kind));
         if !has(|k| matches!(k, ItemKind::Mesh { .. })) {
             let d = Diagnostic::new("E421", "the scene has no mesh");
-            self.diagnostics
-                .push(d.help("mesh box [0,0] to [1,1] cells [8,8] quad, or mesh file \"part.msh\""));
+            self.diagnostics.push(d.help("mesh box [0,0] to [1,1] cells [8,8] quad, or mesh file \"part.msh\""));
         }
         if !has(|k| matches!(k, ItemKind::Term { .. })) {
             let d = Diagnostic::new("E422", "the scene has no term");
-            self.diagnostics
-                .push(d.help("term on all : Grad_u.Grad_Test_u - Test_u"));
+            self.diagnostics.push(d.help("term on all : Grad_u.Grad_Test_u - Test_u"));
         }
         if !has(|k| matches!(k, ItemKind::Unknown { .. })) {
             let d = Diagnostic::new("E423", "the scene has no unknown");

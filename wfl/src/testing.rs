@@ -25,18 +25,12 @@ pub(crate) fn show(e: &Expr) -> String {
         ExprKind::Number(x) => format!("{x}"),
         ExprKind::Name(n) => n.clone(),
         ExprKind::Sum(parts) => {
-            let parts: Vec<String> = parts
-                .iter()
-                .enumerate()
-                .map(|(i, (s, p))| format!("{}{}", sign(i, *s), show(p)))
-                .collect();
+            let parts: Vec<String> =
+                parts.iter().enumerate().map(|(i, (s, p))| format!("{}{}", sign(i, *s), show(p))).collect();
             format!("({})", parts.concat())
         }
         ExprKind::Product(a, rest) => {
-            let rest: Vec<String> = rest
-                .iter()
-                .map(|(o, _, b)| format!(" {} {}", mul(*o), show(b)))
-                .collect();
+            let rest: Vec<String> = rest.iter().map(|(o, _, b)| format!(" {} {}", mul(*o), show(b))).collect();
             format!("({}{})", show(a), rest.concat())
         }
         ExprKind::Negate(a) => format!("(-{})", show(a)),
@@ -53,10 +47,7 @@ pub(crate) fn show(e: &Expr) -> String {
             format!("{}({})", show(f), args.join(","))
         }
         ExprKind::Tensor(rows) => {
-            let rows: Vec<String> = rows
-                .iter()
-                .map(|r| r.iter().map(show).collect::<Vec<_>>().join(","))
-                .collect();
+            let rows: Vec<String> = rows.iter().map(|r| r.iter().map(show).collect::<Vec<_>>().join(",")).collect();
             format!("[{}]", rows.join(";"))
         }
         ExprKind::If(c, a, b) => format!("(if {} then {} else {})", show_cond(c), show(a), show(b)),
@@ -146,20 +137,14 @@ pub(crate) fn value(e: &Expr) -> Vec<f64> {
             for (minus, part) in parts {
                 let part = value(part);
                 assert_eq!(part.len(), sum.len(), "shapes in {}", show(e));
-                sum.iter_mut()
-                    .zip(part)
-                    .for_each(|(s, p)| *s += if *minus { -p } else { p });
+                sum.iter_mut().zip(part).for_each(|(s, p)| *s += if *minus { -p } else { p });
             }
             sum
         }
-        ExprKind::Product(first, rest) => rest
-            .iter()
-            .fold(value(first), |a, (op, _, b)| product(a, *op, value(b))),
+        ExprKind::Product(first, rest) => rest.iter().fold(value(first), |a, (op, _, b)| product(a, *op, value(b))),
         ExprKind::Call(callee, arguments) => {
-            let arguments: Vec<&Expr> = arguments
-                .iter()
-                .filter_map(|a| if let Argument::Expr(e) = a { Some(e) } else { None })
-                .collect();
+            let arguments: Vec<&Expr> =
+                arguments.iter().filter_map(|a| if let Argument::Expr(e) = a { Some(e) } else { None }).collect();
             call(&show(callee), &arguments)
         }
         _ => panic!("no value for {}", show(e)),
@@ -180,10 +165,7 @@ fn word_value(word: &str, there: &str) -> Vec<f64> {
     } else {
         3
     };
-    let seed = word
-        .bytes()
-        .chain(there.bytes())
-        .fold(7_u64, |h, b| h.wrapping_mul(0x100_0000_01b3) ^ u64::from(b));
+    let seed = word.bytes().chain(there.bytes()).fold(7_u64, |h, b| h.wrapping_mul(0x100_0000_01b3) ^ u64::from(b));
     let mut random = Random(seed);
     (0..n).map(|_| 0.1 + random.below(1000) as f64 / 5000.0).collect()
 }

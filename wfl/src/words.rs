@@ -158,27 +158,14 @@ pub const CONSTANTS: &[&str] = &[
 pub const REGIONS: &[&str] = &["all", "boundary", "global"];
 
 /// What may stand before the name of a field, with the longer words first where one starts the other.
-pub const PREFIXES: &[&str] = &[
-    "Test2_",
-    "Test_",
-    "Grad_",
-    "Hess_",
-    "Div_",
-    "Previous2_",
-    "Previous3_",
-    "Previous_",
-    "Dot2_",
-    "Dot_",
-];
+pub const PREFIXES: &[&str] =
+    &["Test2_", "Test_", "Grad_", "Hess_", "Div_", "Previous2_", "Previous3_", "Previous_", "Dot2_", "Dot_"];
 
 /// Splits `Grad_Test_u` into its prefixes `Grad_Test_` and the rest `u`. The rest is never empty.
 #[must_use]
 pub fn split_prefixes(word: &str) -> (&str, &str) {
     let mut at = 0;
-    while let Some(p) = PREFIXES
-        .iter()
-        .find(|p| word[at..].starts_with(**p) && word.len() > at + p.len())
-    {
+    while let Some(p) = PREFIXES.iter().find(|p| word[at..].starts_with(**p) && word.len() > at + p.len()) {
         at += p.len();
     }
     word.split_at(at)

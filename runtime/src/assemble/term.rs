@@ -22,6 +22,7 @@ use crate::{
     },
     csr::{Csr, Pattern},
     mesh::Mesh,
+    results::SupportSet,
 };
 
 /// Batches computed before their results are added; fixed, so that nothing depends on the number of threads.
@@ -74,6 +75,8 @@ pub struct AssembledTerm {
     pub law: TermLaw,
     /// Where, and what it reads.
     pub integrator: Integrator,
+    /// The entities, in the order of the domain; `None` on cells and on `global`.
+    pub place: Option<SupportSet>,
     residual: Box<dyn PointKernel>,
     tangent: Option<Box<dyn PointKernel>>,
     uniforms: Vec<f64>,
@@ -82,6 +85,8 @@ pub struct AssembledTerm {
     /// For each group: position in the matrix values of each local pair, once a pattern is known.
     positions: Vec<Vec<u32>>,
     branches: BranchCounts,
+    /// By entity of the region: points on each branch of the contact kink.
+    states: Vec<[u16; 3]>,
 }
 
 /// No position in the matrix: row or column is fixed.
@@ -93,6 +98,7 @@ impl AssembledTerm {
     pub fn new(
         law: TermLaw,
         integrator: Integrator,
+        place: Option<SupportSet>,
         residual: Box<dyn PointKernel>,
         tangent: Option<Box<dyn PointKernel>>,
         starts: &[Option<usize>],
@@ -122,7 +128,7 @@ impl AssembledTerm {
                 dofs
             })
             .collect();
-        Self { law, integrator, residual, tangent, uniforms: Vec::new(), dofs, positions: Vec::new(), branches: BranchCounts::default() }
+        Self { law, integrator, place, residual, tangent, uniforms: Vec::new(), dofs, positions: Vec::new(), branches: BranchCounts::default(), states: Vec::new() }
     }
 
     /// Sets the step variable and its increment.
@@ -227,6 +233,9 @@ impl AssembledTerm {
     pub fn add_residual(&mut self, mesh: &Mesh, values: FieldValues<'_>, out: &mut [f64]) -> Result<(), TermError> {
         let mut counts = vec![[0usize; 3]; self.law.kinks.len()];
         let mut fingerprint = 0xcbf2_9ce4_8422_2325_u64;
+        let mut states = std::mem::take(&mut self.states);
+        states.clear();
+        states.resize(if self.contact_kink().is_some() { self.integrator.domain.n_entities } else { 0 }, [0; 3]);
         let this = &*self;
         let n_out = this.law.residual.kernel().outputs.len();
         for g in 0..this.dofs.len() {
@@ -244,11 +253,12 @@ impl AssembledTerm {
                 },
                 |batch, (local, codes)| {
                     this.scatter_vector(g, batch, &local, out);
-                    this.count(g, batch, &codes, &mut counts, &mut fingerprint);
+                    this.count(g, batch, &codes, &mut counts, &mut fingerprint, &mut states);
                 },
             );
         }
         self.branches = BranchCounts { kinks: counts, fingerprint };
+        self.states = states;
         if out.iter().all(|x| x.is_finite()) {
             return Ok(());
         }
@@ -394,11 +404,24 @@ impl AssembledTerm {
         codes
     }
 
-    fn count(&self, g: usize, batch: usize, codes: &[u8], counts: &mut [[usize; 3]], fingerprint: &mut u64) {
+    fn count(
+        &self,
+        g: usize,
+        batch: usize,
+        codes: &[u8],
+        counts: &mut [[usize; 3]],
+        fingerprint: &mut u64,
+        states: &mut [[u16; 3]],
+    ) {
         let n_kinks = self.law.kinks.len();
-        let valid = LANES.min(self.integrator.domain.groups[g].entities.len() - batch * LANES);
+        let entities = &self.integrator.domain.groups[g].entities;
+        let valid = LANES.min(entities.len() - batch * LANES);
+        let contact = self.contact_kink();
         for (k, lanes) in codes.chunks_exact(LANES).enumerate() {
-            for code in &lanes[..valid] {
+            for (lane, code) in lanes[..valid].iter().enumerate() {
+                if contact == Some(k % n_kinks) {
+                    states[entities[batch * LANES + lane]][usize::from(*code).min(2)] += 1;
+                }
                 counts[k % n_kinks][usize::from(*code).min(2)] += 1;
                 *fingerprint = (*fingerprint ^ u64::from(*code)).wrapping_mul(0x0000_0100_0000_01b3);
             }
@@ -448,12 +471,39 @@ impl AssembledTerm {
         None
     }
 
-    /// The branch counts of the friction kink if there is one, else of the first selection: open, slip, stick.
+    /// The friction kink if there is one, else the first selection.
+    fn contact_kink(&self) -> Option<usize> {
+        let ball = self.law.kinks.iter().position(|k| k.kind == KinkKind::Ball);
+        ball.or(if self.law.kinks.is_empty() { None } else { Some(0) })
+    }
+
+    fn has_friction(&self) -> bool {
+        self.law.kinks.iter().any(|k| k.kind == KinkKind::Ball)
+    }
+
+    /// Points open, slipping, sticking at the friction kink; without friction open and in contact (counted as stick).
     #[must_use]
     pub fn contact_counts(&self) -> Option<[usize; 3]> {
-        let ball = self.law.kinks.iter().position(|k| k.kind == KinkKind::Ball);
-        let k = ball.or(if self.law.kinks.is_empty() { None } else { Some(0) })?;
-        let [zero, one, two] = *self.branches.kinks.get(k)?;
-        Some(if ball.is_some() { [zero, one, two] } else { [zero, 0, one + two] })
+        let [zero, one, two] = *self.branches.kinks.get(self.contact_kink()?)?;
+        Some(if self.has_friction() { [zero, one, two] } else { [zero, 0, one + two] })
+    }
+
+    /// By entity of the region: the state of most of its points, 0 open, 1 slip, 2 stick (or contact); `None` without
+    /// a kink. Of a tie the higher one.
+    #[must_use]
+    pub fn contact_states(&self) -> Option<Vec<f64>> {
+        self.contact_kink()?;
+        let friction = self.has_friction();
+        let state = |[zero, one, two]: &[u16; 3]| {
+            let [zero, one, two] = if friction { [*zero, *one, *two] } else { [*zero, 0, one + two] };
+            if two >= one && two >= zero {
+                2.0
+            } else if one >= zero {
+                1.0
+            } else {
+                0.0
+            }
+        };
+        Some(self.states.iter().map(state).collect())
     }
 }

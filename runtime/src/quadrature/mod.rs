@@ -49,6 +49,14 @@ pub enum QuadratureError {
         /// Points along each direction that would be needed.
         per_direction: usize,
     },
+    /// No nodal rule with positive weights.
+    #[error("no nodal rule of degree {degree} with positive weights on a {kind}; use `degree n`")]
+    NoNodalRule {
+        /// Cell asked for.
+        kind: CellKind,
+        /// Degree of the element.
+        degree: usize,
+    },
 }
 
 /// A rule exact for `degree`: Gauss-Legendre with the fewest points on tensor cells, a symmetric
@@ -97,6 +105,37 @@ pub fn vertex(kind: CellKind) -> Rule {
         degree: 1,
         points: kind.vertices().to_vec(),
         weights: vec![kind.reference_volume() / n as f64; n],
+    }
+}
+
+/// The nodal rule of a Lagrange element: its nodes, in its order, each with the integral of its basis function.
+/// Degree 1 is [`vertex`]; degree 2 on tensor cells is Simpson's rule, exact for degree 3 in each variable.
+///
+/// # Errors
+/// [`QuadratureError::NoNodalRule`] on triangles and tetrahedra above degree 1, where the integrals of the vertex
+/// functions are not positive, and above degree 2.
+pub fn nodal(kind: CellKind, degree: usize) -> Result<Rule, QuadratureError> {
+    const SIMPSON: [(f64, f64); 3] = [(0.0, 1.0 / 6.0), (0.5, 2.0 / 3.0), (1.0, 1.0 / 6.0)];
+    let tensor = !kind.is_simplex() || kind == CellKind::Segment;
+    match degree {
+        0 | 1 => Ok(vertex(kind)),
+        2 if tensor && kind.dim() > 0 => {
+            let dim = kind.dim();
+            let (mut points, mut weights) = (Vec::new(), Vec::new());
+            for k in 0..3usize.pow(u32::try_from(dim).expect("at most 3")) {
+                let (mut point, mut weight, mut rest) = ([0.0; 3], 1.0, k);
+                for x in point.iter_mut().take(dim) {
+                    let (at, w) = SIMPSON[rest % 3];
+                    *x = at;
+                    weight *= w;
+                    rest /= 3;
+                }
+                points.push(point);
+                weights.push(weight);
+            }
+            Ok(Rule { kind, degree: 3, points, weights })
+        }
+        _ => Err(QuadratureError::NoNodalRule { kind, degree }),
     }
 }
 

@@ -56,6 +56,7 @@ pub struct SampledPiece {
     cells: Cells,
     domain: Arc<Domain>,
     items: Vec<Item>,
+    support: SupportSet,
 }
 
 impl SampledPiece {
@@ -82,7 +83,7 @@ impl SampledPiece {
             let kind = vtk_cell(space.element_at(position).kind(), degree);
             cells.push_local(kind, space.entity_nodes(position));
         }
-        Ok(Self { space, cells, domain, items: Vec::new() })
+        Ok(Self { space, cells, domain, items: Vec::new(), support: support.clone() })
     }
 
     /// Adds an expression under a name.
@@ -93,6 +94,12 @@ impl SampledPiece {
         let sampled = value.bind(mesh, self.domain.clone(), fields)?;
         self.items.push(Item { name, value, sampled });
         Ok(())
+    }
+
+    /// The cells or facets it covers.
+    #[must_use]
+    pub fn support(&self) -> &SupportSet {
+        &self.support
     }
 
     /// True if nothing is sampled on it.

@@ -10,7 +10,7 @@ use wfl_compiler::{
     Env,
     backend::KernelBackend,
     compile_value,
-    types::{FieldKind, PlaceKind},
+    types::FieldKind,
 };
 
 use crate::{
@@ -250,14 +250,4 @@ fn prescribed_there(
         }
     }
     any
-}
-
-/// Words for the kind of a place.
-pub(super) fn kind_word(kind: PlaceKind) -> &'static str {
-    match kind {
-        PlaceKind::Cells => "cells",
-        PlaceKind::Facets => "faces",
-        PlaceKind::Interface => "interface",
-        PlaceKind::Global => "global",
-    }
 }

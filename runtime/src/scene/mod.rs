@@ -343,7 +343,7 @@ impl Builder<'_> {
             let choice = rules.get(&placed.place).copied().unwrap_or(RuleChoice::Degree(1));
             let shared = domains.iter().find(|(p, s, _)| *p == placed.place && *s == placed.set).map(|d| d.2.clone());
             let domain = shared.or_else(|| {
-                let made = terms::domain(&self.mesh, placed.set.as_ref(), choice, placed.span, self.diagnostics)?;
+                let made = terms::domain(&self.mesh, &self.fields, placed.set.as_ref(), choice, placed.span, self.diagnostics)?;
                 domains.push((placed.place.clone(), placed.set.clone(), made.clone()));
                 Some(made)
             });
@@ -364,7 +364,8 @@ impl Builder<'_> {
                         instructions: (placed.law.residual.kernel().insts.len(), placed.law.tangent.kernel().insts.len()),
                     });
                     let integrator = Integrator { domain, binding };
-                    terms.push(AssembledTerm::new(placed.law, integrator, residual, tangent, &numbering.starts));
+                    let place = placed.set.as_ref().and_then(outputs::facet_support);
+                    terms.push(AssembledTerm::new(placed.law, integrator, place, residual, tangent, &numbering.starts));
                 }
                 Err(e) => {
                     self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(placed.span, ""));
@@ -512,7 +513,7 @@ impl Builder<'_> {
                 }
                 // the rule of the terms there, so that measured forces are those that act
                 let choice = rules.get(&place.name).copied().unwrap_or(RuleChoice::Degree(law.degree.rule()));
-                let Some(domain) = terms::domain(&self.mesh, set.as_ref(), choice, measure.expr.span, self.diagnostics) else {
+                let Some(domain) = terms::domain(&self.mesh, &self.fields, set.as_ref(), choice, measure.expr.span, self.diagnostics) else {
                     continue;
                 };
                 match Value::new(law, self.backend) {

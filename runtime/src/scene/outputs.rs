@@ -111,11 +111,7 @@ impl OutputMaker<'_> {
         for term in &self.script.terms {
             for place in &term.places {
                 let Some(region) = self.regions.get(&place.name) else { continue };
-                let support = match &region.set {
-                    RegionSet::Facets(f) => SupportSet::Facets(f.clone()),
-                    RegionSet::Interface(i) => SupportSet::Interface(i.clone()),
-                    _ => continue,
-                };
+                let Some(support) = facet_support(&region.set) else { continue };
                 if out.iter().all(|t| t.support != support) {
                     out.push(self.target(&place.name, region.set.clone(), support));
                 }
@@ -164,7 +160,7 @@ impl OutputMaker<'_> {
             self.diagnostics.push(d.at(from.span, ""));
             return None;
         }
-        let degree = self.fields.iter().map(field_degree).max().unwrap_or(1).clamp(1, 2);
+        let degree = self.fields.iter().map(Field::degree).max().unwrap_or(1).clamp(1, 2);
         let mut pieces: Vec<(SupportSet, SampledPiece)> = Vec::new();
         for item in &output.items {
             let name = item.name.clone();
@@ -266,9 +262,11 @@ impl OutputMaker<'_> {
     }
 }
 
-fn field_degree(field: &Field) -> usize {
-    match &field.space {
-        FieldSpace::Nodal(space) => space.degree(),
-        FieldSpace::Global => 0,
+/// The facets of a region, if it is one of facets.
+pub(super) fn facet_support(set: &RegionSet) -> Option<SupportSet> {
+    match set {
+        RegionSet::Facets(f) => Some(SupportSet::Facets(f.clone())),
+        RegionSet::Interface(i) => Some(SupportSet::Interface(i.clone())),
+        _ => None,
     }
 }

@@ -15,7 +15,7 @@ use crate::{
     assemble::Domain,
     field::Field,
     mesh::{CellKind, Mesh, RegionSet},
-    quadrature::{Rule, rule, vertex},
+    quadrature::{Rule, nodal, rule, vertex},
     scene::{
         constants::number,
         fields::{global_place, place_sig},
@@ -30,7 +30,6 @@ pub(super) struct PlacedLaw {
     pub(super) place: String,
     pub(super) set: Option<RegionSet>,
     pub(super) span: Span,
-    pub(super) is_load: bool,
 }
 
 /// Degree of the rule, or the nodal rule, by region name.
@@ -41,7 +40,7 @@ pub(super) type Rules = BTreeMap<String, RuleChoice>;
 pub enum RuleChoice {
     /// Gauss points exact to this degree.
     Degree(usize),
-    /// The vertices.
+    /// The nodes of the fields on the region: the vertices for degree 1, Simpson's points for degree 2.
     Vertex,
 }
 
@@ -69,7 +68,7 @@ impl TermMaker<'_> {
                     name = format!("{name} on {}", place.name);
                 }
                 let source = if term.energy { TermSource::Energy(&term.expr) } else { TermSource::Residual(&term.expr) };
-                self.push(&sig, &name, source, set, term.span, false, &mut out);
+                self.push(&sig, &name, source, set, term.span, &mut out);
             }
         }
         for (k, load) in self.script.loads.iter().enumerate() {
@@ -82,7 +81,6 @@ impl TermMaker<'_> {
         out
     }
 
-    #[expect(clippy::too_many_arguments, reason = "one call for terms and loads")]
     fn push(
         &mut self,
         sig: &PlaceSig,
@@ -90,7 +88,6 @@ impl TermMaker<'_> {
         source: TermSource<'_>,
         set: Option<RegionSet>,
         span: Span,
-        is_load: bool,
         out: &mut Vec<PlacedLaw>,
     ) {
         let compiled = compile_term(self.env, sig, name, source);
@@ -100,7 +97,7 @@ impl TermMaker<'_> {
             }
         }
         if let Some(law) = compiled.value {
-            out.push(PlacedLaw { law, place: sig.name.clone(), set, span, is_load });
+            out.push(PlacedLaw { law, place: sig.name.clone(), set, span });
         }
     }
 
@@ -141,7 +138,7 @@ impl TermMaker<'_> {
         };
         let source = TermSource::Load { value: &load.value, field: FieldId::new(position), part };
         let name = format!("load{} of {} on {}", k + 1, target.field.name, place.name);
-        self.push(&sig, &name, source, Some(set), load.span, true, out);
+        self.push(&sig, &name, source, Some(set), load.span, out);
     }
 
     /// The rule of every region that has terms: what `quadrature` says, else the largest degree its terms need.
@@ -206,19 +203,31 @@ pub(super) fn restricted(field: &Field, set: &RegionSet) -> RegionSet {
 /// The domain of a set under a rule.
 pub(super) fn domain(
     mesh: &Mesh,
+    fields: &[Field],
     set: Option<&RegionSet>,
     choice: RuleChoice,
     span: Span,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<Arc<Domain>> {
     let Some(set) = set else { return Some(Arc::new(Domain::global(mesh))) };
+    let nodes = fields.iter().filter(|f| !restricted(f, set).is_empty()).map(Field::degree).max().unwrap_or(1);
+    let refused = std::cell::Cell::new(None);
     let make = |kind: CellKind| -> Rule {
-        match choice {
-            RuleChoice::Vertex => vertex(kind),
-            RuleChoice::Degree(d) => rule(kind, d).expect("degrees are bounded by MAX_DEGREE"),
-        }
+        let made = match choice {
+            RuleChoice::Vertex => nodal(kind, nodes),
+            RuleChoice::Degree(d) => rule(kind, d),
+        };
+        made.unwrap_or_else(|e| {
+            refused.set(Some(e));
+            vertex(kind)
+        })
     };
-    match Domain::new(mesh, set, &make) {
+    let made = Domain::new(mesh, set, &make);
+    if let Some(e) = refused.get() {
+        diagnostics.push(Diagnostic::new("E411", e.to_string()).at(span, ""));
+        return None;
+    }
+    match made {
         Ok(d) => Some(Arc::new(d)),
         Err(e) => {
             diagnostics.push(Diagnostic::new("E409", e.to_string()).at(span, ""));

@@ -7,10 +7,10 @@
 use std::sync::Arc;
 
 use super::dense::{Dense, Kind};
+use super::judge::{Judge, inverse_norm_estimate};
 use super::llt::Llt;
 use super::lu::SparseLu;
 use super::sweep::Form;
-use super::judge::{Judge, inverse_norm_estimate};
 use super::{LinearSolver, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
 

@@ -38,6 +38,8 @@ const DENSE_LIMIT: usize = 600;
 const DENSE_RESCUE_LIMIT: usize = 12_000;
 /// Change of an equation of the scaled matrix that counts as large.
 const LARGE_CHANGE: f64 = 0.1;
+/// Iterations beyond the rank of the change before their rate is judged.
+const EXTRA_ITERATIONS: usize = 4;
 /// Relative asymmetry up to which the changing part counts as symmetric.
 const ASYMMETRY: f64 = 1e-14;
 
@@ -96,6 +98,8 @@ pub struct CheckedCondensed {
     narrower: Option<(Arc<Pattern>, Vec<usize>)>,
     gmres: Gmres,
     state: State,
+    /// Whether the fresh factor has been searched for a null vector.
+    null_space_is_clear: bool,
 }
 
 /// What is known about the factor.
@@ -172,6 +176,7 @@ impl CheckedCondensed {
             narrower: None,
             gmres: Gmres::new(MAX_ITERATIONS),
             state: State::Empty,
+            null_space_is_clear: false,
         })
     }
 
@@ -208,7 +213,7 @@ impl CheckedCondensed {
         {
             *value = new - old;
         }
-        if self.expected_iterations() > self.engine.worthwhile_iterations() {
+        if self.expected_iterations() >= self.engine.worthwhile_iterations() {
             return self.refactor();
         }
         self.state = State::Stale;
@@ -254,6 +259,7 @@ impl CheckedCondensed {
     /// Makes the factor that of the matrix.
     fn refactor(&mut self) -> Result<(), SolveError> {
         self.state = State::Empty;
+        self.null_space_is_clear = false;
         let kind = if self.is_symmetric() { Kind::Symmetric } else { Kind::General };
         let mut outcome = self.engine.factor(&self.bulk, &self.changing, kind);
         if matches!(outcome, Err(SolveError::VanishingPivot { .. })) && self.rescue()? {
@@ -304,6 +310,9 @@ impl CheckedCondensed {
     }
 
     fn check_null_space(&mut self) -> Result<(), SolveError> {
+        if self.null_space_is_clear {
+            return Ok(());
+        }
         let (engine, judge) = (&mut self.engine, &mut self.judge);
         let solver = &mut |x: &mut [f64]| engine.solve(Form::Plain, x);
         match judge.find_null_vector(&[&self.bulk, &self.changing], solver) {
@@ -311,7 +320,10 @@ impl CheckedCondensed {
                 self.state = State::Empty;
                 Err(error)
             }
-            None => Ok(()),
+            None => {
+                self.null_space_is_clear = true;
+                Ok(())
+            }
         }
     }
 
@@ -358,9 +370,11 @@ impl CheckedCondensed {
 
     /// Solves with the stale factor; the number of iterations, and a report when that was good enough.
     fn iterate(&mut self, rhs: &[f64], x: &mut [f64]) -> (usize, Option<SolveReport>) {
+        let expected = self.expected_iterations();
         let (engine, gmres, difference, dofs) = (&mut self.engine, &mut self.gmres, &self.difference, &self.dofs);
         let allowed = engine.worthwhile_iterations();
         let tolerance = self.judge.options().iteration_tolerance;
+        let trial_iterations = expected + EXTRA_ITERATIONS;
         let (mut iterations, mut converged) = (0, true);
         let mut on_dofs = vec![0.0; dofs.len()];
         let mut start = vec![0.0; dofs.len()];
@@ -379,7 +393,8 @@ impl CheckedCondensed {
                 out.copy_from_slice(w);
                 difference.multiply_add(&solved, out, 1);
             };
-            let limits = Limits { target, max_iterations: allowed.saturating_sub(iterations) };
+            let max_iterations = allowed.saturating_sub(iterations);
+            let limits = Limits { target, max_iterations, trial_iterations };
             let outcome = gmres.solve(&mut multiply, &start, &mut w, limits);
             iterations += outcome.iterations;
             converged &= outcome.converged;

@@ -50,7 +50,7 @@ pub(super) struct Dense {
 
 impl Dense {
     pub(super) fn new(n: usize, threads: usize) -> Result<Self, SolveError> {
-        let par = super::parallelism(threads);
+        let par = super::parallelism(threads, (n as f64).powi(3) / 3.0);
         let scratch = lu_in_place_scratch::<u32, f64>(n, n, par, Default::default())
             .or(cholesky_in_place_scratch::<f64>(n, par, Default::default()));
         let memory = MemBuffer::try_new(scratch)

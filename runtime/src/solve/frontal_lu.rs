@@ -81,7 +81,7 @@ struct Context<'a> {
     parts: &'a [Part<'a>],
     constant: Option<&'a Multifrontal>,
     tasks: &'a [Workspace],
-    par: Par,
+    threads: usize,
 }
 
 impl EntryMap {
@@ -144,6 +144,7 @@ impl FrontalLu {
         }
         let values = zeros(starts[symbolic.n_fronts()], "values of a sparse factor")?;
         let pivots = vec![0; pivot_starts[symbolic.n_fronts()]];
+        let threads = super::worthwhile_threads(threads, plan.cost);
         Ok(Self { plan, values, starts, pivots, pivot_starts, workspaces, top, threads })
     }
 
@@ -171,8 +172,8 @@ impl FrontalLu {
     ) -> Result<(f64, u32), SolveError> {
         self.values.fill(0.0);
         self.factor_tasks(symbolic, parts, constant)?;
-        let par = super::parallelism(self.threads);
-        let context = Context { symbolic, plan: &self.plan, parts, constant, tasks: &self.workspaces, par };
+        let threads = self.threads;
+        let context = Context { symbolic, plan: &self.plan, parts, constant, tasks: &self.workspaces, threads };
         self.top.clear();
         for &front in &self.plan.top {
             let front = front as usize;
@@ -194,7 +195,7 @@ impl FrontalLu {
         let (plan, starts, pivot_starts) = (&self.plan, &self.starts, &self.pivot_starts);
         let values = plan.split(&mut self.values, |front| starts[front]);
         let pivots = plan.split(&mut self.pivots, |front| pivot_starts[front]);
-        let context = Context { symbolic, plan, parts, constant, tasks: &[], par: Par::Seq };
+        let context = Context { symbolic, plan, parts, constant, tasks: &[], threads: 1 };
         let run = |task: &Task, workspace: &mut Workspace, values: &mut [f64], pivots: &mut [u32]| {
             workspace.clear();
             let (offset, pivot_offset) = (starts[task.first as usize], pivot_starts[task.first as usize]);
@@ -294,7 +295,8 @@ impl Workspace {
             *largest = column.iter().fold(0.0, |largest, value| value.abs().max(largest));
         }
         let inverse = &mut self.inverse[..k];
-        eliminate(panel, upper, trailing, pivots, inverse, context.par, &mut self.memory);
+        let par = super::parallelism(context.threads, 2.0 * symbolic.operations(front));
+        eliminate(panel, upper, trailing, pivots, inverse, par, &mut self.memory);
         self.judge_pivots(symbolic, front, panel)?;
         self.keep_contribution(symbolic, front);
         Ok(())
@@ -305,8 +307,7 @@ impl Workspace {
         for column in 0..k {
             let ratio = panel[column * (k + r) + column].abs() / self.largest_in_column[column];
             let place = symbolic.columns[front] + column as u32;
-            // Not "<": a NaN must fail.
-            if !(ratio > VANISHING_PIVOT) {
+            if ratio.is_nan() || ratio <= VANISHING_PIVOT {
                 let dof = symbolic.ordering.forward()[place as usize] as usize;
                 return Err(SolveError::VanishingPivot { dof, ratio: if ratio.is_finite() { ratio } else { 0.0 } });
             }

@@ -270,9 +270,8 @@ pub(super) fn inverse_norm_estimate(n: usize, solver: &mut dyn FnMut(Form, &mut 
         x[place] = 1.0;
     }
     // A second start that no cancellation is likely to fool.
-    let sign = |i: usize| if i % 2 == 0 { 1.0 } else { -1.0 };
+    let sign = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
     let mut y: Vec<f64> = (0..n).map(|i| sign(i) * (1.0 + i as f64 / (n.max(2) - 1) as f64)).collect();
     solver(Form::Plain, &mut y);
     best.max(2.0 * norm_1(&y) / (3.0 * n as f64))
 }
-

@@ -13,8 +13,6 @@ pub(super) struct Outcome {
     pub(super) converged: bool,
 }
 
-/// From this iteration on the rate of convergence is looked at.
-const TRIAL_ITERATIONS: usize = 5;
 /// Part of the reduction still needed that the rate so far must promise. Below one, because GMRES gets faster.
 const PROMISE: f64 = 0.6;
 
@@ -25,13 +23,15 @@ pub(super) struct Limits {
     pub(super) target: f64,
     /// Also the measure of hope: a first cycle that is not on its way to the target with so many is given up.
     pub(super) max_iterations: usize,
+    /// From this iteration on the rate of convergence is looked at: a change of rank r shows no rate before.
+    pub(super) trial_iterations: usize,
 }
 
 impl Limits {
     /// Whether the rate of convergence from `start` to `size` in `done` iterations cannot suffice.
     fn is_hopeless(&self, start: f64, size: f64, done: usize) -> bool {
         let gained = (start / size).ln() / done as f64 * self.max_iterations as f64;
-        done >= TRIAL_ITERATIONS && gained < PROMISE * (start / self.target).ln()
+        done >= self.trial_iterations && gained < PROMISE * (start / self.target).ln()
     }
 }
 
@@ -191,7 +191,7 @@ mod tests {
         a(&wanted, &mut b);
         for restart in [30, 7] {
             let mut x = vec![0.0; 20];
-            let limits = Limits { target: 1e-12, max_iterations: 2000 };
+            let limits = Limits { target: 1e-12, max_iterations: 2000, trial_iterations: 2000 };
             let outcome = Gmres::new(restart).solve(&mut |x, y| a(x, y), &b, &mut x, limits);
             assert!(outcome.converged && (restart < 20 || outcome.iterations <= 21), "{outcome:?}");
             assert!(x.iter().zip(&wanted).all(|(x, w)| (x - w).abs() < 1e-9), "{x:?}");
@@ -201,7 +201,7 @@ mod tests {
     #[test]
     fn two_eigenvalues_need_two_steps() {
         let mut x = vec![0.0; 4];
-        let limits = Limits { target: 1e-13, max_iterations: 10 };
+        let limits = Limits { target: 1e-13, max_iterations: 10, trial_iterations: 5 };
         let mut scale = |x: &[f64], y: &mut [f64]| (0..4).for_each(|i| y[i] = x[i] * [2.0, 4.0, 4.0, 2.0][i]);
         let outcome = Gmres::new(5).solve(&mut scale, &[2.0, 4.0, 8.0, 6.0], &mut x, limits);
         assert_eq!((outcome.iterations, outcome.converged), (2, true));

@@ -248,7 +248,18 @@ pub trait LinearSolver {
     fn condition_estimate(&mut self) -> Result<f64, SolveError>;
 }
 
-/// How faer's kernels share their work.
-fn parallelism(threads: usize) -> faer::Par {
-    if threads > 1 { faer::Par::rayon(threads) } else { faer::Par::Seq }
+/// Multiplications below which a second thread costs more than it gives.
+const PARALLEL_OPERATIONS: f64 = 2e7;
+
+/// Threads for so many multiplications. Changes no result: sums run in the same order for any number.
+fn worthwhile_threads(threads: usize, operations: f64) -> usize {
+    if operations < PARALLEL_OPERATIONS { 1 } else { threads }
+}
+
+/// How faer's kernels share so many multiplications.
+fn parallelism(threads: usize, operations: f64) -> faer::Par {
+    match worthwhile_threads(threads, operations) {
+        0 | 1 => faer::Par::Seq,
+        threads => faer::Par::rayon(threads),
+    }
 }

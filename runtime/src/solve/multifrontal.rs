@@ -54,7 +54,7 @@ struct Context<'a> {
     matrix_values: &'a [f64],
     /// Contributions of finished tasks; empty inside a task.
     tasks: &'a [Workspace],
-    par: Par,
+    threads: usize,
 }
 
 impl Multifrontal {
@@ -72,6 +72,7 @@ impl Multifrontal {
             panels.push(panels[front] + if plan.members[front] { k * (k + r) } else { 0 });
         }
         let values = zeros(panels[symbolic.n_fronts()], "values of a sparse factor")?;
+        let threads = super::worthwhile_threads(threads, plan.cost);
         Ok(Self { plan, values, panels, workspaces, top, threads })
     }
 
@@ -111,7 +112,7 @@ impl Multifrontal {
     fn factor_tasks(&mut self, symbolic: &Symbolic, matrix_values: &[f64]) -> Result<(), SolveError> {
         let (plan, starts) = (&self.plan, &self.panels);
         let panels = plan.split(&mut self.values, |front| starts[front]);
-        let context = Context { symbolic, plan, matrix_values, tasks: &[], par: Par::Seq };
+        let context = Context { symbolic, plan, matrix_values, tasks: &[], threads: 1 };
         let run = |task: &Task, workspace: &mut Workspace, panels: &mut [f64]| {
             workspace.factor_subtree(&context, task, starts, panels)
         };
@@ -136,8 +137,9 @@ impl Multifrontal {
         matrix_values: &[f64],
         interface: &mut [f64],
     ) -> Result<(), SolveError> {
-        let (plan, par) = (&self.plan, super::parallelism(self.threads));
-        let context = Context { symbolic, plan, matrix_values, tasks: &self.workspaces, par };
+        let plan = &self.plan;
+        let threads = self.threads;
+        let context = Context { symbolic, plan, matrix_values, tasks: &self.workspaces, threads };
         let n_interface = symbolic.n_interface();
         let mut tasks = plan.tasks.iter().zip(&self.workspaces).peekable();
         let add_task = |task: &Task, workspace: &Workspace, interface: &mut [f64]| {
@@ -257,11 +259,12 @@ impl Workspace {
                 (contribution, symbolic.places_of(child as usize))
             })
         };
+        let par = super::parallelism(context.threads, symbolic.operations(front));
         scatter_front(symbolic, front, context.matrix_values, panel);
         for (contribution, places) in children() {
             add_to_columns(contribution, places, panel, k, k + r);
         }
-        eliminate(panel, own, k, context.par, &mut self.memory).map_err(|column| {
+        eliminate(panel, own, k, par, &mut self.memory).map_err(|column| {
             let dof = symbolic.ordering.forward()[symbolic.columns[front] as usize + column];
             SolveError::NotPositiveDefinite { dof: dof as usize, pivot: f64::NAN }
         })?;

@@ -13,7 +13,7 @@ use super::kernels::{
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
 
 /// Below this number of values of the factor, a sweep costs less than waking threads.
-const PARALLEL_VALUES: usize = 1_000_000;
+const PARALLEL_VALUES: f64 = 2e6;
 
 /// The factor of one front.
 #[derive(Debug, Clone, Copy)]
@@ -72,8 +72,8 @@ impl Sweep {
             let (k, r) = symbolic.sizes(front);
             (k * (k + 2 * r)) as f64
         };
-        let n_values: f64 = (0..symbolic.n_fronts()).filter(|&front| members[front]).map(cost).sum();
         let plan = symbolic.plan(members, cost);
+        let parallel = threads > 1 && plan.cost > PARALLEL_VALUES;
         let workspaces = plan.tasks.iter().map(|task| Workspace::new(symbolic, plan.fronts_of(task))).collect();
         let n = symbolic.ordering.forward().len();
         Self {
@@ -83,7 +83,7 @@ impl Sweep {
             workspaces,
             ordered: vec![0.0; n],
             shared: vec![0.0; n],
-            parallel: threads > 1 && n_values > PARALLEL_VALUES as f64,
+            parallel,
         }
     }
 

@@ -47,7 +47,7 @@ pub(super) struct Symbolic {
 }
 
 /// A split of some fronts into independent subtrees and the rest above them.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Plan {
     /// Which fronts take part.
     pub(super) members: Vec<bool>,
@@ -55,6 +55,8 @@ pub(super) struct Plan {
     pub(super) tasks: Vec<Task>,
     /// Members in no task, increasing.
     pub(super) top: Vec<u32>,
+    /// Cost of all members.
+    pub(super) cost: f64,
 }
 
 /// One independent subtree.
@@ -225,7 +227,7 @@ impl Symbolic {
         }
         top.sort_unstable();
         tasks.sort_unstable_by_key(|task| task.root);
-        Plan { members, tasks, top }
+        Plan { members, tasks, top, cost: total }
     }
 }
 

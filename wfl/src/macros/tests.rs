@@ -14,9 +14,7 @@ fn expanded(text: &str) -> (Vec<String>, Vec<Diagnostic>, SourceMap, Expansions)
     let parsed = parse(&sources, id);
     assert!(parsed.diagnostics.is_empty(), "{:?}", parsed.diagnostics);
     let items = parsed.value.unwrap().items;
-    let defs = items
-        .iter()
-        .filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d) } else { None });
+    let defs = items.iter().filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d) } else { None });
     let mut expander = Expander::new(&sources, defs);
     let mut found = Vec::new();
     for item in &items {
@@ -30,11 +28,7 @@ fn expanded(text: &str) -> (Vec<String>, Vec<Diagnostic>, SourceMap, Expansions)
 
 fn one(defs: &str, term: &str) -> String {
     let (found, diagnostics, ..) = expanded(&format!("{defs}\nterm on all : {term}\n"));
-    if diagnostics.is_empty() {
-        found.concat()
-    } else {
-        codes(&diagnostics)
-    }
+    if diagnostics.is_empty() { found.concat() } else { codes(&diagnostics) }
 }
 
 #[test]
@@ -50,18 +44,9 @@ fn parameters_follow_prefixes_and_stand_in_interpolate() {
     let defs = "def sigma(v) = l*Div_v*Id(3) + 2*m*Sym(Grad_v)\ndef jump(a,b) = a - Interpolate(b, neighbor_element)\n\
         def w(a, b) = sigma(a):Grad_b\ndef test(v) = Test_v + Previous_Dot_v";
     assert_eq!(one(defs, "sigma(u)"), tree("l*Div_u*Id(3) + 2*m*Sym(Grad_u)"));
-    assert_eq!(
-        one(defs, "w(u, Test_u)"),
-        tree("(l*Div_u*Id(3) + 2*m*Sym(Grad_u)):Grad_Test_u")
-    );
-    assert_eq!(
-        one(defs, "jump(Test_a, Test_b)"),
-        tree("Test_a - Interpolate(Test_b, neighbor_element)")
-    );
-    assert_eq!(
-        one(defs, "jump(2*c, d)"),
-        tree("2*c - Interpolate(d, neighbor_element)")
-    );
+    assert_eq!(one(defs, "w(u, Test_u)"), tree("(l*Div_u*Id(3) + 2*m*Sym(Grad_u)):Grad_Test_u"));
+    assert_eq!(one(defs, "jump(Test_a, Test_b)"), tree("Test_a - Interpolate(Test_b, neighbor_element)"));
+    assert_eq!(one(defs, "jump(2*c, d)"), tree("2*c - Interpolate(d, neighbor_element)"));
     assert_eq!(one(defs, "test(u)"), tree("Test_u + Previous_Dot_u"));
     assert_eq!(one(defs, "jump(c, 2*d)"), "E106");
 }
@@ -122,11 +107,7 @@ error[E106]: `Grad_v` needs a field name, but `v` is an expression here
 
 #[test]
 fn macros_that_use_themselves_are_named_once() {
-    for defs in [
-        "def a = 1 + a",
-        "def a = b\ndef b = c(1)\ndef c(x) = x*a",
-        "def a(v) = a(v)",
-    ] {
+    for defs in ["def a = 1 + a", "def a = b\ndef b = c(1)\ndef c(x) = x*a", "def a(v) = a(v)"] {
         let (_, d, ..) = expanded(&format!("{defs}\nterm on all : 2*b*c(1)\nterm on all : 3\n"));
         assert_eq!(codes(&d), "E123", "{defs}");
     }
@@ -139,27 +120,21 @@ fn macros_that_use_themselves_are_named_once() {
 
 #[test]
 fn expansion_is_bounded() {
-    let doubling: String = (1..60)
-        .map(|i| format!("def a{i} = a{} + a{}\n", i - 1, i - 1))
-        .collect();
+    let doubling: String = (1..60).map(|i| format!("def a{i} = a{} + a{}\n", i - 1, i - 1)).collect();
     assert_eq!(one(&format!("def a0 = x + x\n{doubling}"), "a59"), "E124");
     let arguments: String = (1..60).map(|i| format!("def f{i}(v) = f{}(v + v)\n", i - 1)).collect();
     assert_eq!(one(&format!("def f0(v) = v\n{arguments}"), "f59(x)"), "E124");
     let chain: String = (1..100_000).map(|i| format!("def a{i} = a{}\n", i - 1)).collect();
     assert_eq!(one(&format!("def a0 = x\n{chain}"), "a99999"), "E119");
     assert_eq!(one(&format!("def a0 = x\n{chain}"), "a200"), "x");
-    let towers: String = (1..50)
-        .map(|i| format!("def b{i} = {}b{}{}\n", "-f(".repeat(40), i - 1, ")".repeat(40)))
-        .collect();
+    let towers: String =
+        (1..50).map(|i| format!("def b{i} = {}b{}{}\n", "-f(".repeat(40), i - 1, ")".repeat(40))).collect();
     assert_eq!(one(&format!("def b0 = x\n{towers}"), "b49"), "E119");
 }
 
 #[test]
 fn one_error_does_not_hide_the_next() {
-    assert_eq!(
-        one("def f(a) = a\ndef g(v) = Grad_v", "f(1,2) + [g(1); f]"),
-        "E105 E106 E105"
-    );
+    assert_eq!(one("def f(a) = a\ndef g(v) = Grad_v", "f(1,2) + [g(1); f]"), "E105 E106 E105");
 }
 
 #[test]
@@ -168,13 +143,9 @@ fn nodes_know_the_use_that_brought_them() {
     let mut sources = SourceMap::new();
     let id = sources.add("scene.wfl", text);
     let items = parse(&sources, id).value.unwrap().items;
-    let defs = items
-        .iter()
-        .filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d) } else { None });
+    let defs = items.iter().filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d) } else { None });
     let mut x = Expander::new(&sources, defs);
-    let ItemKind::Term { expr, .. } = &items[2].kind else {
-        panic!()
-    };
+    let ItemKind::Term { expr, .. } = &items[2].kind else { panic!() };
     let e = x.expr(expr).unwrap();
     let mut seen = Vec::new();
     fn visit<'e>(e: &'e Expr, seen: &mut Vec<&'e Expr>) {
@@ -182,25 +153,13 @@ fn nodes_know_the_use_that_brought_them() {
         children(e, &mut |c| visit(c, seen));
     }
     visit(&e, &mut seen);
-    let pasted = seen
-        .iter()
-        .find(|e| matches!(&e.kind, ExprKind::Name(n) if n == "Grad_u"))
-        .unwrap();
+    let pasted = seen.iter().find(|e| matches!(&e.kind, ExprKind::Name(n) if n == "Grad_u")).unwrap();
     let use_of_inner = &x.expansions.list[pasted.expansion.unwrap().index()];
-    assert_eq!(
-        (use_of_inner.name.as_str(), sources.snippet(use_of_inner.call)),
-        ("inner", "inner(v)")
-    );
+    assert_eq!((use_of_inner.name.as_str(), sources.snippet(use_of_inner.call)), ("inner", "inner(v)"));
     assert_eq!(sources.snippet(use_of_inner.definition), "inner(v)");
     let use_of_outer = &x.expansions.list[use_of_inner.parent.unwrap().index()];
-    assert_eq!(
-        (sources.snippet(use_of_outer.call), use_of_outer.parent),
-        ("outer(u)", None)
-    );
-    let written = seen
-        .iter()
-        .find(|e| matches!(&e.kind, ExprKind::Name(n) if n == "w"))
-        .unwrap();
+    assert_eq!((sources.snippet(use_of_outer.call), use_of_outer.parent), ("outer(u)", None));
+    let written = seen.iter().find(|e| matches!(&e.kind, ExprKind::Name(n) if n == "w")).unwrap();
     assert_eq!(written.expansion, None);
     // the use is marked first, the definition second
     let d = at_expr(Diagnostic::new("E201", "m"), pasted, &x.expansions, "here");
@@ -217,10 +176,7 @@ fn scenes_and_gwfl_strings_expand() {
         let (found, d, ..) = expanded(text);
         assert!(d.is_empty() && !found.is_empty(), "{name}: {d:?}");
         for e in found {
-            assert!(
-                !e.contains("jump") && !e.contains("Pn") && !e.contains("sigma"),
-                "{name}: {e}"
-            );
+            assert!(!e.contains("jump") && !e.contains("Pn") && !e.contains("sigma"), "{name}: {e}");
         }
     }
     for line in GWFL.lines().filter(|l| !l.contains("f(p)")) {

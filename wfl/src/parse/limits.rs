@@ -30,10 +30,7 @@ fn nesting_is_bounded_and_never_overflows() {
     ] {
         let text = |n: usize| format!("{}{middle}{}", open.repeat(n), close.repeat(n));
         let small = tree(&text(20));
-        assert!(
-            small.len() > 4 || small == "1" || open.contains("if ") && open.ends_with('('),
-            "{open}: {small}"
-        );
+        assert!(small.len() > 4 || small == "1" || open.contains("if ") && open.ends_with('('), "{open}: {small}");
         for n in [1_000, 100_000] {
             let code = tree(&text(n));
             assert!(code == "E119" || code == "E122", "{open} {n}: {code}");
@@ -41,27 +38,19 @@ fn nesting_is_bounded_and_never_overflows() {
     }
     assert_eq!(tree(&"(".repeat(100_000)), "E119");
     assert_eq!(tree(&format!("{}1", "-+".repeat(50_001))), "(-1)");
-    assert_eq!(
-        tree(&format!("if {}a<b then 1 else 2", "not ".repeat(100_001))),
-        "(if {not {a<b}} then 1 else 2)"
-    );
+    assert_eq!(tree(&format!("if {}a<b then 1 else 2", "not ".repeat(100_001))), "(if {not {a<b}} then 1 else 2)");
     let at_limit = format!("{}1{}", "(".repeat(NESTING_LIMIT), ")".repeat(NESTING_LIMIT));
     assert_eq!(tree(&at_limit), "1");
 }
 
 #[test]
 fn a_long_sum_is_flat_and_fast() {
-    let text = (0..200_000)
-        .map(|i| format!("a{}*b.c", i % 10))
-        .collect::<Vec<_>>()
-        .join(" + ");
+    let text = (0..200_000).map(|i| format!("a{}*b.c", i % 10)).collect::<Vec<_>>().join(" + ");
     let mut sources = SourceMap::new();
     let id = sources.add("long", text);
     let start = std::time::Instant::now();
     let e = parse_expr(&sources, id).value.unwrap();
-    let crate::ast::ExprKind::Sum(parts) = e.kind else {
-        panic!("a sum")
-    };
+    let crate::ast::ExprKind::Sum(parts) = e.kind else { panic!("a sum") };
     assert_eq!(parts.len(), 200_000);
     assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
 }
@@ -77,17 +66,13 @@ fn no_text_panics() {
     let tokens: Vec<&str> = SCENES
         .iter()
         .flat_map(|(_, t)| t.split_inclusive(|c: char| !c.is_ascii_alphanumeric()))
-        .chain([
-            "**", "\u{2212}", "é", "\0", "\t", "\r", "\n", "\n ", "..", "if ", "then ", "not ", "'", "\"", "Sym ",
-        ])
+        .chain(["**", "\u{2212}", "é", "\0", "\t", "\r", "\n", "\n ", "..", "if ", "then ", "not ", "'", "\"", "Sym "])
         .collect();
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
     let lines: Vec<&str> = SCENES.iter().flat_map(|(_, t)| t.lines()).collect();
     for round in 0..200_000_usize {
         let text = if round % 4 == 0 {
-            (0..1 + random.below(12))
-                .map(|_| tokens[random.below(tokens.len())])
-                .collect::<String>()
+            (0..1 + random.below(12)).map(|_| tokens[random.below(tokens.len())]).collect::<String>()
         } else {
             mutated(lines[random.below(lines.len())], &mut random)
         };
@@ -96,16 +81,10 @@ fn no_text_panics() {
         let parsed = parse(&sources, id);
         for d in &parsed.diagnostics {
             let span = d.labels[0].span;
-            assert!(
-                text.get(span.start as usize..span.end as usize).is_some(),
-                "{text:?}: {d:?}"
-            );
+            assert!(text.get(span.start as usize..span.end as usize).is_some(), "{text:?}: {d:?}");
         }
         if round % 50 == 0 {
-            parsed
-                .diagnostics
-                .iter()
-                .for_each(|d| assert!(render(d, &sources, false).contains(d.code)));
+            parsed.diagnostics.iter().for_each(|d| assert!(render(d, &sources, false).contains(d.code)));
         }
     }
 }

@@ -18,11 +18,7 @@ pub(crate) struct Piece {
 
 /// Where the text starts behind a byte order mark.
 pub(super) fn text_start(text: &str) -> usize {
-    if text.starts_with('\u{feff}') {
-        '\u{feff}'.len_utf8()
-    } else {
-        0
-    }
+    if text.starts_with('\u{feff}') { '\u{feff}'.len_utf8() } else { 0 }
 }
 
 /// Refuses texts longer than [`TEXT_LIMIT`].
@@ -30,14 +26,8 @@ pub(super) fn check_length(text: &str, id: SourceId) -> Parsed<()> {
     if text.len() <= TEXT_LIMIT {
         return Ok(());
     }
-    let d = Diagnostic::new(
-        "E125",
-        format!("this text has {} bytes, {TEXT_LIMIT} are allowed", text.len()),
-    );
-    Err(Box::new(
-        d.at(span_at(id, 0, 0, 0), "")
-            .help("tables of numbers belong into a file: data k : ... = \"file\""),
-    ))
+    let d = Diagnostic::new("E125", format!("this text has {} bytes, {TEXT_LIMIT} are allowed", text.len()));
+    Err(Box::new(d.at(span_at(id, 0, 0, 0), "").help("tables of numbers belong into a file: data k : ... = \"file\"")))
 }
 
 /// Cuts a text at the lines that start in column 1. Comment lines and lines that open with a closing bracket do not
@@ -53,19 +43,14 @@ pub(crate) fn cut(text: &str, id: SourceId) -> Parsed<(Vec<Piece>, Vec<Diagnosti
             if let Some(last) = pieces.last_mut() {
                 last.end = at;
             }
-            pieces.push(Piece {
-                start: at,
-                end: text.len(),
-            });
+            pieces.push(Piece { start: at, end: text.len() });
         } else if pieces.is_empty() && strays.is_empty() {
             let content = line.trim_start();
             if !content.is_empty() && !content.starts_with('#') {
                 let from = at + line.len() - content.len();
                 let to = at + line.trim_end().len();
-                let d = Diagnostic::new("E115", "a statement starts in column 1").at(
-                    span_at(id, 0, from, to),
-                    "this line is indented, but there is no statement to continue",
-                );
+                let d = Diagnostic::new("E115", "a statement starts in column 1")
+                    .at(span_at(id, 0, from, to), "this line is indented, but there is no statement to continue");
                 strays.push(d);
             }
         }
@@ -76,10 +61,7 @@ pub(crate) fn cut(text: &str, id: SourceId) -> Parsed<(Vec<Piece>, Vec<Diagnosti
 
 /// Refuses a piece whose first word is no statement.
 pub(super) fn known_statement(masked: &str, piece: &Piece, id: SourceId) -> Parsed<()> {
-    let word = masked
-        .split(|c: char| !c.is_ascii_alphanumeric() && c != '_')
-        .next()
-        .unwrap_or("");
+    let word = masked.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').next().unwrap_or("");
     if STATEMENTS.contains(&word) || word == "wfl" {
         return Ok(());
     }
@@ -100,9 +82,9 @@ pub(super) fn known_statement(masked: &str, piece: &Piece, id: SourceId) -> Pars
     let rest = masked[word.len()..].trim_start();
     let d = match nearest(word, STATEMENTS.iter().copied()) {
         Some(s) => d.at(mark, format!("did you mean `{s}`?")),
-        None if rest.starts_with('=') && !rest.starts_with("==") => d.at(mark, "").help(format!(
-            "a number: param {shown_short} = ...; an expression: def {shown_short} = ..."
-        )),
+        None if rest.starts_with('=') && !rest.starts_with("==") => {
+            d.at(mark, "").help(format!("a number: param {shown_short} = ...; an expression: def {shown_short} = ..."))
+        }
         None => d.at(mark, "").help(continued),
     };
     Err(Box::new(d.note(format!("statements are {}", STATEMENTS.join(", ")))))
@@ -157,11 +139,7 @@ impl Scanner<'_> {
             '"' => return self.string(),
             'a'..='z' | 'A'..='Z' | '_' | '0'..='9' => {
                 let start = self.at;
-                return if self.word() == "if" {
-                    self.open_if(start)
-                } else {
-                    Ok(())
-                };
+                return if self.word() == "if" { self.open_if(start) } else { Ok(()) };
             }
             '(' | '[' | '{' => {
                 self.open.push((c, self.at));
@@ -204,18 +182,13 @@ impl Scanner<'_> {
         }
         let end = self.masked.trim_end().len();
         let d = Diagnostic::new("E121", "this text has no closing quote");
-        Err(Box::new(d.at(
-            self.span(start, end.max(start + 1)),
-            "a text ends on the line it starts on",
-        )))
+        Err(Box::new(d.at(self.span(start, end.max(start + 1)), "a text ends on the line it starts on")))
     }
 
     fn word(&mut self) -> &str {
         let start = self.at;
         let rest = &self.text[start..];
-        let n = rest
-            .find(|c: char| !c.is_ascii_alphanumeric() && c != '_')
-            .unwrap_or(rest.len());
+        let n = rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(rest.len());
         self.keep(n);
         &self.text[start..start + n]
     }
@@ -231,10 +204,7 @@ impl Scanner<'_> {
             return Ok(());
         }
         let d = Diagnostic::new("E119", format!("nested more than {NESTING_LIMIT} deep"));
-        Err(Box::new(
-            d.at(self.span(at, at + 1), "")
-                .help("give parts of it a name: def part = ..."),
-        ))
+        Err(Box::new(d.at(self.span(at, at + 1), "").help("give parts of it a name: def part = ...")))
     }
 
     fn close(&mut self, c: char) -> Parsed<()> {
@@ -261,9 +231,7 @@ impl Scanner<'_> {
             return Ok(self.masked);
         };
         let d = Diagnostic::new("E114", format!("`{open}` is never closed"));
-        Err(Box::new(
-            d.at(self.span(at, at + 1), format!("`{}` is missing", closing(open))),
-        ))
+        Err(Box::new(d.at(self.span(at, at + 1), format!("`{}` is missing", closing(open)))))
     }
 
     /// Characters that no part of a text may hold, comments and strings included.
@@ -289,10 +257,7 @@ impl Scanner<'_> {
             return Ok(());
         }
         if !c.is_ascii() {
-            let d = Diagnostic::new(
-                "E118",
-                format!("the character {} is not part of the language", character_name(c)),
-            );
+            let d = Diagnostic::new("E118", format!("the character {} is not part of the language", character_name(c)));
             let d = d.at(self.span(self.at, self.at + c.len_utf8()), "");
             return Err(Box::new(match ascii_for(c) {
                 Some(r) => d.help(format!("write {r}")),
@@ -304,11 +269,7 @@ impl Scanner<'_> {
         let rest = &self.text[self.at..];
         for (slip, help) in FOREIGN_OPERATORS {
             if rest.starts_with(slip) && !(*slip == "!" && rest.starts_with("!=")) {
-                let code = if slip.len() == 1 && "$?\\`%~".contains(slip) {
-                    "E118"
-                } else {
-                    "E107"
-                };
+                let code = if slip.len() == 1 && "$?\\`%~".contains(slip) { "E118" } else { "E107" };
                 let message = match code {
                     "E107" => format!("`{slip}` is not an operator"),
                     _ => format!("the character `{slip}` is not part of the language"),

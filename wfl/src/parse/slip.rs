@@ -14,19 +14,10 @@ pub(super) fn explain(error: &Error<Rule>, masked: &str, base: usize, id: Source
     };
     let ErrorVariant::ParsingError { positives, .. } = &error.variant else {
         let d = Diagnostic::new("E119", "this statement is too complicated to be read");
-        return d
-            .at(span_at(id, base, 0, 1), "")
-            .help("give parts of it a name: def part = ...");
+        return d.at(span_at(id, base, 0, 1), "").help("give parts of it a name: def part = ...");
     };
     let at = at + masked[at..].len() - masked[at..].trim_start().len();
-    Slip {
-        masked,
-        base,
-        id,
-        at,
-        expected: positives,
-    }
-    .diagnostic()
+    Slip { masked, base, id, at, expected: positives }.diagnostic()
 }
 
 struct Slip<'s> {
@@ -70,16 +61,9 @@ impl Slip<'_> {
     }
 
     fn expects_operand(&self) -> bool {
-        [
-            Rule::number,
-            Rule::tensor,
-            Rule::paren,
-            Rule::sign,
-            Rule::argument,
-            Rule::row,
-        ]
-        .iter()
-        .any(|r| self.expects(*r))
+        [Rule::number, Rule::tensor, Rule::paren, Rule::sign, Rule::argument, Rule::row]
+            .iter()
+            .any(|r| self.expects(*r))
     }
 
     fn mark(&self, d: Diagnostic, found: &str, text: impl Into<String>) -> Diagnostic {
@@ -94,11 +78,8 @@ impl Slip<'_> {
     fn too_short(&self) -> Diagnostic {
         let end = self.masked.trim_end().len();
         let last = self.masked[..end].char_indices().next_back().map_or(0, |(i, _)| i);
-        Diagnostic::new(
-            "E113",
-            format!("the statement ends too early: expected {}", self.list()),
-        )
-        .at(span_at(self.id, self.base, last, end), "the statement ends here")
+        Diagnostic::new("E113", format!("the statement ends too early: expected {}", self.list()))
+            .at(span_at(self.id, self.base, last, end), "the statement ends here")
     }
 
     /// `=` where a comparison stands, `==` where a value is given.
@@ -112,10 +93,7 @@ impl Slip<'_> {
             return Some(self.mark(d, found, "").help("write `=`"));
         }
         if found == ":=" && self.expects(Rule::t_eq) {
-            let d = Diagnostic::new(
-                "E116",
-                "`:=` stands in `Def` inside a term and in `state`; here it is `=`",
-            );
+            let d = Diagnostic::new("E116", "`:=` stands in `Def` inside a term and in `state`; here it is `=`");
             return Some(self.mark(d, found, "").help("write `=`"));
         }
         if found == "=" && self.expects(Rule::t_assign) {
@@ -151,9 +129,7 @@ impl Slip<'_> {
         }
         let starts_operand = found.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '_' || c == '(' || c == '.')
             && !is_keyword(found);
-        let start = before
-            .rfind(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '.')
-            .map_or(0, |i| i + 1);
+        let start = before.rfind(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '.').map_or(0, |i| i + 1);
         let value = &before[start..];
         if !starts_operand {
             return None;
@@ -165,20 +141,12 @@ impl Slip<'_> {
             let d = Diagnostic::new("E113", format!("expected {}, found `{found}`", self.list()));
             return Some(self.mark(d, found, format!("did you mean `{w}`?")));
         }
-        let left = if value.is_empty() {
-            &before[before.len().saturating_sub(1)..]
-        } else {
-            value
-        };
+        let left = if value.is_empty() { &before[before.len().saturating_sub(1)..] } else { value };
         if left.is_empty() || !left.is_ascii() {
             return None;
         }
         let d = Diagnostic::new("E113", format!("an operator is missing between `{left}` and `{found}`"));
-        let product = if found == "(" {
-            format!("{left}*(...)")
-        } else {
-            format!("{left}*{found}")
-        };
+        let product = if found == "(" { format!("{left}*(...)") } else { format!("{left}*{found}") };
         let d = self.mark(d, found, "");
         Some(d.help(format!("a product is written with `*`: {product}")))
     }
@@ -189,11 +157,7 @@ impl Slip<'_> {
         }
         let d = Diagnostic::new("E117", format!("`{found}` stands after the end of the statement"));
         let list = self.list();
-        let d = if list == "the end of the statement" {
-            d
-        } else {
-            d.note(format!("here may follow {list}"))
-        };
+        let d = if list == "the end of the statement" { d } else { d.note(format!("here may follow {list}")) };
         self.with_hints(self.mark(d, found, ""), found)
     }
 
@@ -232,21 +196,14 @@ impl Slip<'_> {
         // Rules that are always possible behind an expression say the least, so they come last.
         words.sort_by_key(|w| (w == "the end of the statement", w == "an operator"));
         let last = words.pop().unwrap_or_else(|| "something else".to_owned());
-        if words.is_empty() {
-            last
-        } else {
-            format!("{} or {last}", words.join(", "))
-        }
+        if words.is_empty() { last } else { format!("{} or {last}", words.join(", ")) }
     }
 }
 
 /// E207 for a keyword that is used as a name.
 pub(super) fn keyword_as_name(word: &str) -> Diagnostic {
-    Diagnostic::new(
-        "E207",
-        format!("`{word}` is a word of the language and cannot be a name"),
-    )
-    .help(format!("choose another name, such as `{word}_`"))
+    Diagnostic::new("E207", format!("`{word}` is a word of the language and cannot be a name"))
+        .help(format!("choose another name, such as `{word}_`"))
 }
 
 /// The first word, number or sign of a text.
@@ -256,15 +213,11 @@ fn token(text: &str) -> &str {
         return "";
     };
     let n = if word(first) || first == '.' && text[1..].starts_with(|c: char| c.is_ascii_digit()) {
-        text[1..]
-            .find(|c: char| !word(c) && (c != '.' || !first.is_ascii_digit()))
-            .map_or(text.len(), |i| i + 1)
+        text[1..].find(|c: char| !word(c) && (c != '.' || !first.is_ascii_digit())).map_or(text.len(), |i| i + 1)
     } else if first == '"' {
         text[1..].find('"').map_or(text.len(), |i| i + 2)
     } else {
-        let two = [":=", "==", "<=", ">=", "!=", "..", ".*", "./"]
-            .iter()
-            .any(|t| text.starts_with(t));
+        let two = [":=", "==", "<=", ">=", "!=", "..", ".*", "./"].iter().any(|t| text.starts_with(t));
         if two { 2 } else { first.len_utf8() }
     };
     &text[..n]

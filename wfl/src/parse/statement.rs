@@ -131,10 +131,7 @@ impl Reader<'_> {
     }
 
     fn ident(&self, pair: &Pair<'_>) -> Ident {
-        Ident {
-            name: pair.as_str().to_owned(),
-            span: self.span(pair),
-        }
+        Ident { name: pair.as_str().to_owned(), span: self.span(pair) }
     }
 
     fn idents(&self, pairs: &[Pair<'_>]) -> Vec<Ident> {
@@ -162,10 +159,7 @@ impl Reader<'_> {
     pub(super) fn statement(&self, pair: Pair<'_>) -> Parsed<Item> {
         let inner = self.only(pair);
         let span = self.span(&inner);
-        Ok(Item {
-            kind: self.kind(inner)?,
-            span,
-        })
+        Ok(Item { kind: self.kind(inner)?, span })
     }
 
     fn kind(&self, pair: Pair<'_>) -> Parsed<ItemKind> {
@@ -173,24 +167,16 @@ impl Reader<'_> {
         let mut p = self.open(pair);
         Ok(match rule {
             Rule::version => ItemKind::Version(self.number(&p.next())?),
-            Rule::include => ItemKind::Use {
-                path: self.text(&p.next()),
-            },
+            Rule::include => ItemKind::Use { path: self.text(&p.next()) },
             Rule::mesh => self.mesh(p)?,
-            Rule::region => ItemKind::Region {
-                name: self.name(&p.next())?,
-                region: self.region(p.next())?,
-            },
+            Rule::region => ItemKind::Region { name: self.name(&p.next())?, region: self.region(p.next())? },
             Rule::mapping => ItemKind::Mapping {
                 name: self.name(&p.next())?,
                 kind: self.mapping(p.next())?,
                 options: self.options(&mut p)?,
             },
             Rule::param => self.param(p)?,
-            Rule::unknown => ItemKind::Unknown {
-                name: self.name(&p.next())?,
-                space: self.space(p.next())?,
-            },
+            Rule::unknown => ItemKind::Unknown { name: self.name(&p.next())?, space: self.space(p.next())? },
             Rule::multiplier => ItemKind::Multiplier {
                 name: self.name(&p.next())?,
                 space: self.space(p.next())?,
@@ -218,14 +204,8 @@ impl Reader<'_> {
                 by: self.value(p.next())?,
                 options: self.options(&mut p)?,
             },
-            Rule::solver => ItemKind::Solver {
-                name: self.ident(&p.next()),
-                options: self.options(&mut p)?,
-            },
-            Rule::quadrature => ItemKind::Quadrature {
-                places: self.places(p.next()),
-                rule: self.rule(p.next())?,
-            },
+            Rule::solver => ItemKind::Solver { name: self.ident(&p.next()), options: self.options(&mut p)? },
+            Rule::quadrature => ItemKind::Quadrature { places: self.places(p.next()), rule: self.rule(p.next())? },
             Rule::measure => ItemKind::Measure {
                 name: self.name(&p.next())?,
                 reduction: reduction(p.next().as_str()),
@@ -243,18 +223,11 @@ impl Reader<'_> {
             Rule::mesh_box => self.mesh_box(self.open(source))?,
             _ => {
                 let path = self.only(source);
-                MeshSource::File {
-                    path: self.text(&path),
-                    span: self.span(&path),
-                }
+                MeshSource::File { path: self.text(&path), span: self.span(&path) }
             }
         };
         let map = p.take(Rule::mesh_map).map(|m| self.value(self.only(m))).transpose()?;
-        Ok(ItemKind::Mesh {
-            source,
-            map,
-            options: self.options(&mut p)?,
-        })
+        Ok(ItemKind::Mesh { source, map, options: self.options(&mut p)? })
     }
 
     fn mesh_box(&self, mut p: Parts<'_>) -> Parsed<MeshSource> {
@@ -262,18 +235,9 @@ impl Reader<'_> {
         let division = p.next();
         let by_cells = division.as_rule() == Rule::mesh_cells;
         let size = self.value(self.only(division))?;
-        let division = if by_cells {
-            BoxDivision::Cells(size)
-        } else {
-            BoxDivision::Size(size)
-        };
+        let division = if by_cells { BoxDivision::Cells(size) } else { BoxDivision::Size(size) };
         let shape = p.take(Rule::shape).map(|s| (box_shape(s.as_str()), self.span(&s)));
-        Ok(MeshSource::Box {
-            from,
-            to,
-            division,
-            shape,
-        })
+        Ok(MeshSource::Box { from, to, division, shape })
     }
 
     fn region(&self, pair: Pair<'_>) -> Parsed<RegionExpr> {
@@ -286,17 +250,11 @@ impl Reader<'_> {
                 while let Some(op) = p.take(Rule::region_op) {
                     rest.push((region_op(op.as_str()), self.region(p.next())?));
                 }
-                Ok(if rest.is_empty() {
-                    first
-                } else {
-                    RegionExpr::Combine(Box::new(first), rest)
-                })
+                Ok(if rest.is_empty() { first } else { RegionExpr::Combine(Box::new(first), rest) })
             }
-            Rule::interface => Ok(RegionExpr::Interface {
-                from: self.ident(&p.next()),
-                to: self.ident(&p.next()),
-                span,
-            }),
+            Rule::interface => {
+                Ok(RegionExpr::Interface { from: self.ident(&p.next()), to: self.ident(&p.next()), span })
+            }
             Rule::picked => Ok(RegionExpr::Picked {
                 entity: entity(p.next().as_str()),
                 of: p.take(Rule::pick_of).map(|o| self.ident(&self.only(o))),
@@ -333,11 +291,7 @@ impl Reader<'_> {
 
     fn domain(&self, pair: Pair<'_>) -> Parsed<Domain> {
         let is_set = pair.as_rule() == Rule::set;
-        let mut values = self
-            .parts(pair)
-            .into_iter()
-            .map(|v| self.value(v))
-            .collect::<Parsed<Vec<Expr>>>()?;
+        let mut values = self.parts(pair).into_iter().map(|v| self.value(v)).collect::<Parsed<Vec<Expr>>>()?;
         if is_set {
             return Ok(Domain::Set(values));
         }
@@ -377,11 +331,7 @@ impl Reader<'_> {
         let sizes = p.take(Rule::rank_sizes);
         let sizes_span = sizes.as_ref().map(|s| self.span(s));
         let values = match sizes {
-            Some(s) => self
-                .parts(s)
-                .into_iter()
-                .map(|v| self.value(v))
-                .collect::<Parsed<Vec<Expr>>>()?,
+            Some(s) => self.parts(s).into_iter().map(|v| self.value(v)).collect::<Parsed<Vec<Expr>>>()?,
             None => Vec::new(),
         };
         let rank = rank(rank_word.as_str(), values).map_err(|wanted| {
@@ -401,13 +351,7 @@ impl Reader<'_> {
             }
         };
         let unit = p.take(Rule::unit).map(|u| self.unit(u)).transpose()?;
-        Ok(Space {
-            rank,
-            element,
-            place,
-            unit,
-            span,
-        })
+        Ok(Space { rank, element, place, unit, span })
     }
 
     /// `name formals? body`, whose words are already dropped.
@@ -421,12 +365,7 @@ impl Reader<'_> {
                 formals.push(self.name(&formal)?);
             }
         }
-        Ok(MacroDef {
-            name,
-            formals,
-            body: self.value(p.next())?,
-            head,
-        })
+        Ok(MacroDef { name, formals, body: self.value(p.next())?, head })
     }
 
     /// Local macros and the expression behind them.
@@ -443,28 +382,14 @@ impl Reader<'_> {
         let name = p.take(Rule::name).map(|n| self.name(&n)).transpose()?;
         let places = self.places(p.next());
         let (defs, expr) = self.defs_and_value(p.0.collect())?;
-        Ok(ItemKind::Term {
-            energy,
-            name,
-            places,
-            defs,
-            expr,
-        })
+        Ok(ItemKind::Term { energy, name, places, defs, expr })
     }
 
     fn condition_on(&self, fix: bool, mut p: Parts<'_>) -> Parsed<ItemKind> {
-        let targets = p
-            .take_all(Rule::target)
-            .into_iter()
-            .map(|t| self.target(t))
-            .collect::<Parsed<Vec<Target>>>()?;
+        let targets = p.take_all(Rule::target).into_iter().map(|t| self.target(t)).collect::<Parsed<Vec<Target>>>()?;
         let value = self.value(p.next())?;
         let places = self.places(p.next());
-        Ok(if fix {
-            ItemKind::Fix { targets, value, places }
-        } else {
-            ItemKind::Load { targets, value, places }
-        })
+        Ok(if fix { ItemKind::Fix { targets, value, places } } else { ItemKind::Load { targets, value, places } })
     }
 
     fn target(&self, pair: Pair<'_>) -> Parsed<Target> {
@@ -484,15 +409,9 @@ impl Reader<'_> {
         let mut p = self.open(pair);
         let first = p.next();
         if is_file {
-            return Ok(ItemKind::StartFrom {
-                path: self.text(&first),
-                path_span: self.span(&first),
-            });
+            return Ok(ItemKind::StartFrom { path: self.text(&first), path_span: self.span(&first) });
         }
-        Ok(ItemKind::Start {
-            field: self.ident(&first),
-            value: self.value(p.next())?,
-        })
+        Ok(ItemKind::Start { field: self.ident(&first), value: self.value(p.next())? })
     }
 
     fn rule(&self, pair: Pair<'_>) -> Parsed<QuadratureRule> {
@@ -509,10 +428,7 @@ impl Reader<'_> {
         for item in p.take_all(Rule::outitem) {
             let mut q = self.open(item);
             let expr = self.value(q.next())?;
-            items.push(OutputItem {
-                expr,
-                name: q.take(Rule::name).map(|n| self.name(&n)).transpose()?,
-            });
+            items.push(OutputItem { expr, name: q.take(Rule::name).map(|n| self.name(&n)).transpose()? });
         }
         let along = match p.take(Rule::along) {
             None => None,
@@ -521,13 +437,7 @@ impl Reader<'_> {
                 Some((self.value(q.next())?, self.value(q.next())?))
             }
         };
-        Ok(ItemKind::Output {
-            format,
-            file,
-            items,
-            along,
-            options: self.options(&mut p)?,
-        })
+        Ok(ItemKind::Output { format, file, items, along, options: self.options(&mut p)? })
     }
 
     fn options(&self, p: &mut Parts<'_>) -> Parsed<Vec<OptionItem>> {
@@ -538,10 +448,7 @@ impl Reader<'_> {
         for option in self.parts(options) {
             let mut q = self.open(option);
             let name = self.ident(&q.next());
-            list.push(OptionItem {
-                name,
-                value: q.0.next().map(|v| self.option_value(v)).transpose()?,
-            });
+            list.push(OptionItem { name, value: q.0.next().map(|v| self.option_value(v)).transpose()? });
         }
         Ok(list)
     }

@@ -9,10 +9,7 @@ fn items(text: &str) -> (Vec<Item>, String) {
     let mut sources = SourceMap::new();
     let id = sources.add("scene.wfl", text);
     let parsed = parse(&sources, id);
-    (
-        parsed.value.map(|s| s.items).unwrap_or_default(),
-        codes(&parsed.diagnostics),
-    )
+    (parsed.value.map(|s| s.items).unwrap_or_default(), codes(&parsed.diagnostics))
 }
 
 /// Code, message, marked text and help of the only error of a text.
@@ -23,12 +20,7 @@ fn error(text: &str) -> [String; 4] {
     assert_eq!(d.len(), 1, "{text}: {d:?}");
     let d = &d[0];
     let marked = sources.snippet(d.labels[0].span).to_owned();
-    [
-        d.code.to_owned(),
-        d.message.clone(),
-        marked,
-        d.helps.first().cloned().unwrap_or_default(),
-    ]
+    [d.code.to_owned(), d.message.clone(), marked, d.helps.first().cloned().unwrap_or_default()]
 }
 
 #[test]
@@ -46,11 +38,7 @@ fn gwfl_strings_parse() {
         let mut sources = SourceMap::new();
         let id = sources.add("gwfl", line);
         let parsed = parse_gwfl(&sources, id);
-        assert!(
-            parsed.value.is_some() && parsed.diagnostics.is_empty(),
-            "{line}: {:?}",
-            parsed.diagnostics
-        );
+        assert!(parsed.value.is_some() && parsed.diagnostics.is_empty(), "{line}: {:?}", parsed.diagnostics);
     }
 }
 
@@ -78,14 +66,8 @@ fn precedence_is_that_of_the_language_page() {
         ("[[1,2],[3,4]]'", "([[1,2],[3,4]]')"),
         ("if a < b then c else d + e", "(if {a<b} then c else (d + e))"),
         ("if a then b else c", "E122"),
-        (
-            "if a<b and c<d or not e<f then 1 else 2",
-            "(if {{{a<b} and {c<d}} or {not {e<f}}} then 1 else 2)",
-        ),
-        (
-            "if (a<b or c<d) and (x) > 0 then 1 else 2",
-            "(if {{{a<b} or {c<d}} and {x>0}} then 1 else 2)",
-        ),
+        ("if a<b and c<d or not e<f then 1 else 2", "(if {{{a<b} and {c<d}} or {not {e<f}}} then 1 else 2)"),
+        ("if (a<b or c<d) and (x) > 0 then 1 else 2", "(if {{{a<b} or {c<d}} and {x>0}} then 1 else 2)"),
         ("if 0 <= x < 1 then 1 else 2", "(if {0<=x<1} then 1 else 2)"),
         ("if not not a == b then 1 else 2", "(if {a==b} then 1 else 2)"),
         ("(if a>0 then a else 0)*b", "((if {a>0} then a else 0) * b)"),
@@ -143,23 +125,14 @@ fn statements_carry_what_they_say() {
     let (found, codes) = items(text);
     assert_eq!(codes, "E117");
     assert_eq!(found.len(), 14);
-    let ItemKind::Multiplier { space, options, .. } = &found[5].kind else {
-        panic!("{:?}", found[5])
-    };
+    let ItemKind::Multiplier { space, options, .. } = &found[5].kind else { panic!("{:?}", found[5]) };
     let unit = space.unit.as_ref().unwrap();
-    assert_eq!(
-        unit.factors,
-        [("MPa".to_owned(), 1), ("mm".to_owned(), -2), ("s".to_owned(), -1)]
-    );
+    assert_eq!(unit.factors, [("MPa".to_owned(), 1), ("mm".to_owned(), -2), ("s".to_owned(), -1)]);
     assert_eq!(space.element.as_ref().unwrap().name, "P2");
     assert!(matches!(&options[0].value, Some(OptionValue::Expr(e)) if show(e) == "keep"));
-    let ItemKind::Unknown { space, .. } = &found[6].kind else {
-        panic!("{:?}", found[6])
-    };
+    let ItemKind::Unknown { space, .. } = &found[6].kind else { panic!("{:?}", found[6]) };
     assert!(matches!((&space.rank, &space.place), (Rank::Scalar, Place::Global(_))));
-    let ItemKind::Param { text, domain, .. } = &found[11].kind else {
-        panic!("{:?}", found[11])
-    };
+    let ItemKind::Param { text, domain, .. } = &found[11].kind else { panic!("{:?}", found[11]) };
     assert_eq!(text.as_deref(), Some("text # here"));
     assert!(matches!(domain, Some(crate::ast::Domain::Set(v)) if v.len() == 2));
 }
@@ -190,145 +163,56 @@ fn spans_hold_exactly_the_text_of_their_node() {
 #[test]
 fn usual_slips_have_messages_of_their_own() {
     for (text, expected) in [
-        (
-            "def gap = x**2/(2*R) - d",
-            ["E107", "`**` is not an operator", "**", "x^2, or sqr(x)"],
-        ),
-        (
-            "expect a < b && c < d",
-            ["E107", "`&&` is not an operator", "&&", "a < b and c < d"],
-        ),
-        (
-            "expect !(a < b)",
-            ["E107", "`!` is not an operator", "!", "not a == b, or a != b"],
-        ),
+        ("def gap = x**2/(2*R) - d", ["E107", "`**` is not an operator", "**", "x^2, or sqr(x)"]),
+        ("expect a < b && c < d", ["E107", "`&&` is not an operator", "&&", "a < b and c < d"]),
+        ("expect !(a < b)", ["E107", "`!` is not an operator", "!", "not a == b, or a != b"]),
         ("expect a =< b", ["E107", "`=<` is not an operator", "=<", "<="]),
-        (
-            "def a = 2 // two",
-            ["E107", "`//` is not an operator", "//", "a comment starts with `#`"],
-        ),
+        ("def a = 2 // two", ["E107", "`//` is not an operator", "//", "a comment starts with `#`"]),
         (
             "def a = b % two",
-            [
-                "E118",
-                "the character `%` is not part of the language",
-                "%",
-                "a comment starts with `#`",
-            ],
+            ["E118", "the character `%` is not part of the language", "%", "a comment starts with `#`"],
         ),
         ("def a = (b", ["E114", "`(` is never closed", "(", ""]),
         ("def a = b)", ["E114", "`)` closes nothing", ")", ""]),
         ("def a = [b)", ["E114", "`[` is closed by `)`", ")", ""]),
-        (
-            "regoin a = cells",
-            ["E115", "`regoin` is not a statement", "regoin", ""],
-        ),
-        (
-            "E = 4",
-            [
-                "E115",
-                "`E` is not a statement",
-                "E",
-                "a number: param E = ...; an expression: def E = ...",
-            ],
-        ),
+        ("regoin a = cells", ["E115", "`regoin` is not a statement", "regoin", ""]),
+        ("E = 4", ["E115", "`E` is not a statement", "E", "a number: param E = ...; an expression: def E = ..."]),
         (
             "on left : 2",
-            [
-                "E115",
-                "`on` does not start a statement",
-                "on",
-                "a continuation line is indented: put a space before it",
-            ],
+            ["E115", "`on` does not start a statement", "on", "a continuation line is indented: put a space before it"],
         ),
         (
             "+ 2",
-            [
-                "E115",
-                "a statement starts with a word",
-                "+ 2",
-                "a continuation line is indented: put a space before it",
-            ],
+            ["E115", "a statement starts with a word", "+ 2", "a continuation line is indented: put a space before it"],
         ),
-        (
-            "  param a = 1",
-            ["E115", "a statement starts in column 1", "param a = 1", ""],
-        ),
-        (
-            "region a = cells where x = 0",
-            ["E116", "`=` gives a value, `==` compares", "=", "write `==`"],
-        ),
-        (
-            "expect a = b",
-            ["E116", "`=` gives a value, `==` compares", "=", "write `==`"],
-        ),
-        (
-            "param a == 2",
-            ["E116", "`==` compares, `=` gives a value", "==", "write `=`"],
-        ),
+        ("  param a = 1", ["E115", "a statement starts in column 1", "param a = 1", ""]),
+        ("region a = cells where x = 0", ["E116", "`=` gives a value, `==` compares", "=", "write `==`"]),
+        ("expect a = b", ["E116", "`=` gives a value, `==` compares", "=", "write `==`"]),
+        ("param a == 2", ["E116", "`==` compares, `=` gives a value", "==", "write `=`"]),
         (
             "def a := 2",
-            [
-                "E116",
-                "`:=` stands in `Def` inside a term and in `state`; here it is `=`",
-                ":=",
-                "write `=`",
-            ],
+            ["E116", "`:=` stands in `Def` inside a term and in `state`; here it is `=`", ":=", "write `=`"],
         ),
         (
             "term on a : Def b = 2; b",
-            [
-                "E116",
-                "`Def` inside a term and `state` are written with `:=`",
-                "=",
-                "write `:=`",
-            ],
+            ["E116", "`Def` inside a term and `state` are written with `:=`", "=", "write `:=`"],
         ),
         (
             "param a = 1\n  param b = 2",
-            [
-                "E117",
-                "`param` starts a new statement inside another one",
-                "param",
-                "a statement starts in column 1",
-            ],
+            ["E117", "`param` starts a new statement inside another one", "param", "a statement starts in column 1"],
         ),
-        (
-            "use \"a.wfl\" \"b.wfl\"",
-            [
-                "E117",
-                "`\"b.wfl\"` stands after the end of the statement",
-                "\"b.wfl\"",
-                "",
-            ],
-        ),
+        ("use \"a.wfl\" \"b.wfl\"", ["E117", "`\"b.wfl\"` stands after the end of the statement", "\"b.wfl\"", ""]),
         (
             "param a = 2x",
-            [
-                "E113",
-                "an operator is missing between `2` and `x`",
-                "x",
-                "a product is written with `*`: 2*x",
-            ],
+            ["E113", "an operator is missing between `2` and `x`", "x", "a product is written with `*`: 2*x"],
         ),
         (
             "def a = b c",
-            [
-                "E113",
-                "an operator is missing between `b` and `c`",
-                "c",
-                "a product is written with `*`: b*c",
-            ],
+            ["E113", "an operator is missing between `b` and `c`", "c", "a product is written with `*`: b*c"],
         ),
         ("def a = 1.2.3", ["E120", "`1.2.3` is not a number", "1.2.3", ""]),
-        (
-            "param a = 1e999",
-            ["E120", "the number `1e999` is too large", "1e999", ""],
-        ),
-        (
-            "param a = 1e-999",
-            ["E120", "the number `1e-999` is too small", "1e-999", ""],
-        ),
+        ("param a = 1e999", ["E120", "the number `1e999` is too large", "1e999", ""]),
+        ("param a = 1e-999", ["E120", "the number `1e-999` is too small", "1e-999", ""]),
         ("use \"a.wfl", ["E121", "this text has no closing quote", "\"a.wfl", ""]),
         (
             "param load = 1",
@@ -341,12 +225,7 @@ fn usual_slips_have_messages_of_their_own() {
         ),
         (
             "def f(in) = 1",
-            [
-                "E207",
-                "`in` is a word of the language and cannot be a name",
-                "in",
-                "choose another name, such as `in_`",
-            ],
+            ["E207", "`in` is a word of the language and cannot be a name", "in", "choose another name, such as `in_`"],
         ),
         (
             "def a = 2*load",
@@ -357,19 +236,8 @@ fn usual_slips_have_messages_of_their_own() {
                 "choose another name, such as `load_`",
             ],
         ),
-        (
-            "fix u = on bottom",
-            ["E113", "expected an expression, found the word `on`", "on", ""],
-        ),
-        (
-            "fix u = 0",
-            [
-                "E113",
-                "the statement ends too early: expected `on` or an operator",
-                "0",
-                "",
-            ],
-        ),
+        ("fix u = on bottom", ["E113", "expected an expression, found the word `on`", "on", ""]),
+        ("fix u = 0", ["E113", "the statement ends too early: expected `on` or an operator", "0", ""]),
         (
             "mesh box [0] to [1] cells 3 hxe",
             [
@@ -379,50 +247,15 @@ fn usual_slips_have_messages_of_their_own() {
                 "",
             ],
         ),
-        (
-            "unknown u : vectr",
-            [
-                "E113",
-                "expected `scalar`, `vector` or `matrix`, found `vectr`",
-                "vectr",
-                "",
-            ],
-        ),
-        (
-            "unknown u : matrix(3)",
-            ["E113", "`matrix` takes two sizes, rows and columns", "(3)", ""],
-        ),
+        ("unknown u : vectr", ["E113", "expected `scalar`, `vector` or `matrix`, found `vectr`", "vectr", ""]),
+        ("unknown u : matrix(3)", ["E113", "`matrix` takes two sizes, rows and columns", "(3)", ""]),
         (
             "def a = 2*if b < c then 1 else 2",
-            [
-                "E113",
-                "`if` inside a larger expression needs parentheses",
-                "if",
-                "(if condition then a else b)",
-            ],
+            ["E113", "`if` inside a larger expression needs parentheses", "if", "(if condition then a else b)"],
         ),
-        (
-            "expect a",
-            [
-                "E122",
-                "a number stands where a condition is needed",
-                "a",
-                "compare it: a < b, a == b",
-            ],
-        ),
-        (
-            "measure m = sum(u) on a",
-            [
-                "E113",
-                "expected `mean`, `max`, `min` or `integral`, found `sum`",
-                "sum",
-                "",
-            ],
-        ),
-        (
-            "unknown u : scalar [m^300]",
-            ["E120", "the power `300` of a unit is too large", "300", ""],
-        ),
+        ("expect a", ["E122", "a number stands where a condition is needed", "a", "compare it: a < b, a == b"]),
+        ("measure m = sum(u) on a", ["E113", "expected `mean`, `max`, `min` or `integral`, found `sum`", "sum", ""]),
+        ("unknown u : scalar [m^300]", ["E120", "the power `300` of a unit is too large", "300", ""]),
     ] {
         assert_eq!(error(text), expected.map(str::to_owned), "{text}");
     }
@@ -441,31 +274,19 @@ fn foreign_characters_are_named_with_their_replacement() {
             "the character `\u{201c}` (U+201C, typographic quote) is not part of the language",
             "write `\"`",
         ),
-        (
-            "def a = γ*b",
-            "the character `γ` (U+03B3) is not part of the language",
-            "write `gamma`",
-        ),
+        ("def a = γ*b", "the character `γ` (U+03B3) is not part of the language", "write `gamma`"),
         (
             "def a =\u{a0}b",
             "the character U+00A0 (a wide or fixed space) is not part of the language",
             "write an ordinary space",
         ),
-        (
-            "def a = x²",
-            "the character `²` (U+00B2) is not part of the language",
-            "write `^2`",
-        ),
+        ("def a = x²", "the character `²` (U+00B2) is not part of the language", "write `^2`"),
         (
             "def a = \0",
             "the character U+0000 (a control character) is not allowed",
             "this looks like a binary file, or text in UTF-16; a scene is UTF-8 text",
         ),
-        (
-            "def a = b # \u{202e}hidden",
-            "the character U+202E (a control character) is not allowed",
-            "delete it",
-        ),
+        ("def a = b # \u{202e}hidden", "the character U+202E (a control character) is not allowed", "delete it"),
         (
             "def a = b\rdef c = d",
             "the character U+000D (a control character) is not allowed",
@@ -473,11 +294,7 @@ fn foreign_characters_are_named_with_their_replacement() {
         ),
     ] {
         let found = error(text);
-        assert_eq!(
-            [found[0].as_str(), &found[1], &found[3]],
-            ["E118", message, help],
-            "{text:?}"
-        );
+        assert_eq!([found[0].as_str(), &found[1], &found[3]], ["E118", message, help], "{text:?}");
     }
     let (found, codes) = items("param a = 1 # grüße − “x”\nparam b = 2 \"größe\"\n");
     assert_eq!((found.len(), codes.as_str()), (2, ""));
@@ -514,9 +331,7 @@ fn keywords_of_the_grammar_and_of_the_table_are_the_same() {
     for word in STATEMENTS.iter().chain(KEYWORDS) {
         assert!(tree(word).starts_with('E'), "{word} reads as a name");
     }
-    for word in [
-        "global", "box", "hex", "vertex", "map", "Normal", "wfl", "iff", "on_", "loads",
-    ] {
+    for word in ["global", "box", "hex", "vertex", "map", "Normal", "wfl", "iff", "on_", "loads"] {
         assert_eq!(tree(word), word);
     }
 }

@@ -71,13 +71,7 @@ impl<'a> Includes<'a> {
             .items
             .iter()
             .filter(|i| !of_library(i))
-            .filter_map(|i| {
-                if let ItemKind::Def(d) = &i.kind {
-                    Some(d.name.name.clone())
-                } else {
-                    None
-                }
-            })
+            .filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d.name.name.clone()) } else { None })
             .collect();
         self.items.retain(|i| match &i.kind {
             ItemKind::Def(d) => !of_library(i) || !own.contains(&d.name.name),
@@ -111,8 +105,7 @@ impl<'a> Includes<'a> {
             self.diagnostics.push(d.at(span, "this program reads version 1"));
         } else if !first {
             let d = Diagnostic::new("E126", "the version stands before every other statement");
-            self.diagnostics
-                .push(d.at(span, "").help("move this line to the top of the file"));
+            self.diagnostics.push(d.at(span, "").help("move this line to the top of the file"));
         }
     }
 
@@ -149,12 +142,8 @@ impl<'a> Includes<'a> {
 
     /// Name, text and whether it is of the library. Inside the library the library is asked first.
     fn find(&mut self, path: &str, from: SourceId) -> Result<(String, String, bool), String> {
-        let library = || {
-            LIBRARY
-                .iter()
-                .find(|l| l.0 == path)
-                .map(|l| (format!("<library>/{path}"), l.1.to_owned(), true))
-        };
+        let library =
+            || LIBRARY.iter().find(|l| l.0 == path).map(|l| (format!("<library>/{path}"), l.1.to_owned(), true));
         let in_library = self.open.last().is_some_and(|o| o.1);
         if in_library && let Some(found) = library() {
             return Ok(found);

@@ -199,11 +199,8 @@ pub(super) fn offer(near: &str, kind: &str, at: Option<Span>, from: Span, source
         None => format!("did you mean `{near}`?"),
         Some(at) => {
             let line = sources.line_column(at).0;
-            let file = if at.source == from.source {
-                String::new()
-            } else {
-                format!(" of {}", sources.get(at.source).name)
-            };
+            let file =
+                if at.source == from.source { String::new() } else { format!(" of {}", sources.get(at.source).name) };
             format!("did you mean `{near}`, {kind} on line {line}{file}?")
         }
     }
@@ -261,13 +258,8 @@ pub(super) fn unused(
             found.push((*span, text));
         }
     }
-    found.extend(
-        names
-            .regions
-            .iter()
-            .filter(|(n, _)| !regions.contains(*n))
-            .map(|(_, s)| (*s, "no statement uses it")),
-    );
+    found
+        .extend(names.regions.iter().filter(|(n, _)| !regions.contains(*n)).map(|(_, s)| (*s, "no statement uses it")));
     found.retain(|(span, _)| span.source == main);
     found.sort_by_key(|(span, _)| span.start);
     let warning = |(span, text)| Diagnostic::new("W702", "declared but not needed by this scene").at(span, text);

@@ -14,8 +14,7 @@ impl Resolver<'_> {
         }
         let d = Diagnostic::new("E211", format!("`{statement}` does not know `{}`", word.name));
         let text = nearest(&word.name, words.iter().copied()).map_or(String::new(), |n| format!("did you mean `{n}`?"));
-        self.diagnostics
-            .push(d.at(word.span, text).note(format!("it knows {}", words.join(", "))));
+        self.diagnostics.push(d.at(word.span, text).note(format!("it knows {}", words.join(", "))));
         None
     }
 
@@ -32,8 +31,7 @@ impl Resolver<'_> {
             }
             if let Some(first) = resolved.iter().find(|o| o.name.name == name.name) {
                 let d = Diagnostic::new("E209", format!("the option `{}` is given twice", name.name));
-                self.diagnostics
-                    .push(d.at(name.span, "").at(first.name.span, "first given here"));
+                self.diagnostics.push(d.at(name.span, "").at(first.name.span, "first given here"));
                 complete = None;
             }
             let value = match &option.value {
@@ -51,8 +49,7 @@ impl Resolver<'_> {
         for (i, given) in overrides.iter().enumerate() {
             if let Some(first) = overrides[..i].iter().find(|o| o.name == given.name) {
                 let d = Diagnostic::new("E209", format!("`{}` is given twice", given.name));
-                self.diagnostics
-                    .push(d.at(given.span, "").at(first.span, "first given here"));
+                self.diagnostics.push(d.at(given.span, "").at(first.span, "first given here"));
                 continue;
             }
             let value = self.expr(&given.value);
@@ -92,10 +89,6 @@ impl Resolver<'_> {
 fn unknown_option(statement: &str, name: &Ident, known: &[&str]) -> Diagnostic {
     let d = Diagnostic::new("E211", format!("`{statement}` has no option `{}`", name.name));
     let text = nearest(&name.name, known.iter().copied()).map_or(String::new(), |n| format!("did you mean `{n}`?"));
-    let list = if known.is_empty() {
-        "none".to_owned()
-    } else {
-        known.join(", ")
-    };
+    let list = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
     d.at(name.span, text).note(format!("options of `{statement}`: {list}"))
 }

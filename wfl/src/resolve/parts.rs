@@ -20,12 +20,7 @@ impl Resolver<'_> {
     pub(super) fn mesh_source(&mut self, source: &MeshSource) -> Option<MeshSource> {
         Some(match source {
             MeshSource::File { .. } => source.clone(),
-            MeshSource::Box {
-                from,
-                to,
-                division,
-                shape,
-            } => MeshSource::Box {
+            MeshSource::Box { from, to, division, shape } => MeshSource::Box {
                 from: self.expr(from)?,
                 to: self.expr(to)?,
                 division: match division {
@@ -42,27 +37,13 @@ impl Resolver<'_> {
             RegionExpr::Name(name) => RegionExpr::Name(self.place(name, false)?),
             RegionExpr::Interface { from, to, span } => {
                 let (from, to) = (self.place(from, false), self.place(to, false));
-                RegionExpr::Interface {
-                    from: from?,
-                    to: to?,
-                    span: *span,
-                }
+                RegionExpr::Interface { from: from?, to: to?, span: *span }
             }
-            RegionExpr::Picked {
-                entity,
-                of,
-                condition,
-                span,
-            } => {
+            RegionExpr::Picked { entity, of, condition, span } => {
                 let of = of.as_ref().map(|o| self.place(o, false));
                 let condition = condition.as_ref().map(|c| self.cond(c));
                 let (of, condition) = (of.transpose_option()?, condition.transpose_option()?);
-                RegionExpr::Picked {
-                    entity: *entity,
-                    of,
-                    condition,
-                    span: *span,
-                }
+                RegionExpr::Picked { entity: *entity, of, condition, span: *span }
             }
             RegionExpr::Combine(first, rest) => {
                 let first = self.region(first);
@@ -75,20 +56,10 @@ impl Resolver<'_> {
     pub(super) fn mapping(&mut self, kind: &MappingKind) -> Option<MappingKind> {
         Some(match kind {
             MappingKind::Point(e) => MappingKind::Point(self.expr(e)?),
-            MappingKind::Search {
-                raytrace,
-                from,
-                onto,
-                within,
-            } => {
+            MappingKind::Search { raytrace, from, onto, within } => {
                 let (from, onto) = (self.place(from, false), self.place(onto, false));
                 let within = self.optional(within.as_ref())?;
-                MappingKind::Search {
-                    raytrace: *raytrace,
-                    from: from?,
-                    onto: onto?,
-                    within,
-                }
+                MappingKind::Search { raytrace: *raytrace, from: from?, onto: onto?, within }
             }
         })
     }
@@ -115,19 +86,8 @@ impl Resolver<'_> {
             other => Some(other.clone()),
         };
         let (element, unit) = (space.element.clone(), space.unit.clone());
-        let space = Space {
-            rank: rank?,
-            element,
-            place: place?,
-            unit,
-            span: space.span,
-        };
-        self.script.fields.push(Field {
-            name: name.clone(),
-            kind: kind?,
-            space,
-            span,
-        });
+        let space = Space { rank: rank?, element, place: place?, unit, span: space.span };
+        self.script.fields.push(Field { name: name.clone(), kind: kind?, space, span });
         Some(())
     }
 
@@ -135,10 +95,7 @@ impl Resolver<'_> {
         let mut keep_crosspoints = false;
         for option in self.options("multiplier", options)? {
             let value = match &option.value {
-                Some(OptionValue::Expr(Expr {
-                    kind: ExprKind::Name(word),
-                    ..
-                })) => word.as_str(),
+                Some(OptionValue::Expr(Expr { kind: ExprKind::Name(word), .. })) => word.as_str(),
                 _ => "",
             };
             keep_crosspoints = match value {

@@ -12,10 +12,7 @@ struct Files(BTreeMap<&'static str, String>);
 
 impl Loader for Files {
     fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), String> {
-        self.0
-            .get(path)
-            .map(|t| (path.to_owned(), t.clone()))
-            .ok_or_else(|| "no such file".to_owned())
+        self.0.get(path).map(|t| (path.to_owned(), t.clone())).ok_or_else(|| "no such file".to_owned())
     }
 }
 
@@ -27,15 +24,7 @@ fn run(text: &str, files: &[(&'static str, &str)], overrides: &[&str]) -> (Check
         let line = sources.add("(command line)", *o);
         let id = sources.add("(command line)", value);
         let value = parse_expr(&sources, id).value.unwrap();
-        Override {
-            name: name.to_owned(),
-            value,
-            span: Span {
-                source: line,
-                start: 0,
-                end: o.len() as u32,
-            },
-        }
+        Override { name: name.to_owned(), value, span: Span { source: line, start: 0, end: o.len() as u32 } }
     });
     let given: Vec<Override> = given.collect();
     let mut loader = Files(files.iter().map(|(n, t)| (*n, (*t).to_owned())).collect());
@@ -45,11 +34,7 @@ fn run(text: &str, files: &[(&'static str, &str)], overrides: &[&str]) -> (Check
 /// Codes with the first marked text of each message.
 fn found(text: &str, files: &[(&'static str, &str)]) -> Vec<(&'static str, String)> {
     let (checked, sources) = run(text, files, &[]);
-    let mark = |d: &Diagnostic| {
-        d.labels
-            .first()
-            .map_or(String::new(), |l| sources.snippet(l.span).to_owned())
-    };
+    let mark = |d: &Diagnostic| d.labels.first().map_or(String::new(), |l| sources.snippet(l.span).to_owned());
     checked.diagnostics.iter().map(|d| (d.code, mark(d))).collect()
 }
 
@@ -67,47 +52,20 @@ fn the_five_scenes_resolve_without_a_word() {
         let (checked, _) = run(text, &[], &[]);
         assert!(checked.diagnostics.is_empty(), "{name}: {:?}", checked.diagnostics);
         let script = checked.value.unwrap();
-        assert!(
-            script.mesh.is_some() && !script.terms.is_empty() && script.macros.iter().all(|m| m.used),
-            "{name}"
-        );
+        assert!(script.mesh.is_some() && !script.terms.is_empty() && script.macros.iter().all(|m| m.used), "{name}");
     }
     let (checked, _) = run(SCENES[2].1, &[], &[]);
     let script = checked.value.unwrap();
-    assert_eq!(
-        (
-            script.params.len(),
-            script.regions.len(),
-            script.fields.len(),
-            script.terms.len()
-        ),
-        (5, 7, 3, 4)
-    );
-    assert_eq!(
-        (
-            script.fixes.len(),
-            script.loads.len(),
-            script.outputs.len(),
-            script.measures.len()
-        ),
-        (2, 2, 2, 2)
-    );
-    assert_eq!(
-        script.fields[2].kind,
-        FieldKind::Multiplier {
-            keep_crosspoints: false
-        }
-    );
+    assert_eq!((script.params.len(), script.regions.len(), script.fields.len(), script.terms.len()), (5, 7, 3, 4));
+    assert_eq!((script.fixes.len(), script.loads.len(), script.outputs.len(), script.measures.len()), (2, 2, 2, 2));
+    assert_eq!(script.fields[2].kind, FieldKind::Multiplier { keep_crosspoints: false });
     assert_eq!(script.outputs[1].items[2].name, "sigma(uL)");
     let (checked, sources) = run(SCENES[3].1, &[], &[]);
     let script = checked.value.unwrap();
     assert!(script.expects[0].text.starts_with("abs(a/a_ref - 1) < 0.05"));
     assert!(show_cond(&script.expects[0].condition).contains("sqrt"));
     assert_eq!(
-        (
-            script.terms[2].places[0].name.as_str(),
-            sources.snippet(script.starts[0].span)
-        ),
+        (script.terms[2].places[0].name.as_str(), sources.snippet(script.starts[0].span)),
         ("global", "start   d = 0.01")
     );
 }
@@ -132,19 +90,13 @@ fn a_correct_scene_says_nothing_and_each_slip_says_its_own() {
         ("load u = 0 on global", &[("E212", "global")]),
         ("unknown v : vector on there", &[("E201", "there")]),
         ("mesh file \"a\"", &[("E424", "mesh file \"a\"")]),
-        (
-            "steps t = 0 to 1 by 1\nsteps t = 0 to 1 by 1",
-            &[("E424", "steps t = 0 to 1 by 1")],
-        ),
+        ("steps t = 0 to 1 by 1\nsteps t = 0 to 1 by 1", &[("E424", "steps t = 0 to 1 by 1")]),
         ("solver newton with tolerance=1", &[("E211", "tolerance")]),
         ("solver newtn", &[("E211", "newtn")]),
         ("solver newton with tol=1, tol=2", &[("E209", "tol")]),
         ("output vtu \"a\" : u", &[("E211", "vtu")]),
         ("mesh file \"a\" with b", &[("E424", "mesh file \"a\" with b")]),
-        (
-            "multiplier l : scalar on west with crosspoints=lose",
-            &[("E211", "crosspoints")],
-        ),
+        ("multiplier l : scalar on west with crosspoints=lose", &[("E211", "crosspoints")]),
         ("region a = b + west\nregion b = a - west", &[("E123", "a")]),
         ("term on all : Def u := 2; Test_u", &[("E209", "u")]),
         ("term on all : Def k := 2; k*Test_u", &[("E209", "k")]),
@@ -158,10 +110,7 @@ fn a_correct_scene_says_nothing_and_each_slip_says_its_own() {
         ("data d : scalar = 2", &[("W702", "d")]),
         ("split u across west", &[]),
         ("split k across west", &[("E212", "k")]),
-        (
-            "quadrature on west vertex\nmeasure m = mean(u(1)) on west\nstart u = [0,0]\nstart from \"old\"",
-            &[],
-        ),
+        ("quadrature on west vertex\nmeasure m = mean(u(1)) on west\nstart u = [0,0]\nstart from \"old\"", &[]),
     ] {
         let expected: Vec<_> = expected.iter().map(|(c, m)| (*c, (*m).to_owned())).collect();
         assert_eq!(found(&scene(line), &[]), expected, "{line}");
@@ -170,10 +119,7 @@ fn a_correct_scene_says_nothing_and_each_slip_says_its_own() {
 
 #[test]
 fn what_every_scene_needs_is_missed() {
-    assert_eq!(
-        found("", &[]).iter().map(|f| f.0).collect::<Vec<_>>(),
-        ["E421", "E422", "E423"]
-    );
+    assert_eq!(found("", &[]).iter().map(|f| f.0).collect::<Vec<_>>(), ["E421", "E422", "E423"]);
     // but not while a statement cannot be read
     assert_eq!(found("mesh bxo\n", &[]), [("E113", "bxo".to_owned())]);
     assert_eq!(found("wfl 2\n", &[])[0].0, "E126");
@@ -197,11 +143,8 @@ fn regions_of_a_mesh_file_are_not_known_here() {
 
 #[test]
 fn regions_stand_behind_what_they_are_made_of() {
-    let (checked, _) = run(
-        &scene("region a = b + c\nregion b = faces of c\nregion c = west\nload u = 0 on a"),
-        &[],
-        &[],
-    );
+    let (checked, _) =
+        run(&scene("region a = b + c\nregion b = faces of c\nregion c = west\nload u = 0 on a"), &[], &[]);
     let script = checked.value.unwrap();
     let names: Vec<&str> = script.regions.iter().map(|r| r.name.name.as_str()).collect();
     assert_eq!(names, ["west", "c", "b", "a"]);
@@ -210,10 +153,7 @@ fn regions_stand_behind_what_they_are_made_of() {
 #[test]
 fn t_is_free_without_steps_and_z_in_the_plane() {
     assert_eq!(found(&scene("param t = 1\ndef z = 2\nload u = t*z on west"), &[]), []);
-    assert_eq!(
-        found(&scene("steps t = 0 to 1 by 1\nparam t = 1"), &[]),
-        [("E209", "t".to_owned())]
-    );
+    assert_eq!(found(&scene("steps t = 0 to 1 by 1\nparam t = 1"), &[]), [("E209", "t".to_owned())]);
 }
 
 #[test]
@@ -224,24 +164,12 @@ fn files_are_included_once_and_not_in_circles() {
     assert_eq!(codes(&checked.diagnostics), "");
     assert_eq!(show(&checked.value.unwrap().loads[0].value), tree("(2*3)*3"));
     let circle = [("a.wfl", "use \"b.wfl\"\n"), ("b.wfl", "use \"a.wfl\"\n")];
-    assert_eq!(
-        found(&scene("use \"a.wfl\""), &circle),
-        [("E214", "use \"a.wfl\"".to_owned())]
-    );
+    assert_eq!(found(&scene("use \"a.wfl\""), &circle), [("E214", "use \"a.wfl\"".to_owned())]);
     let own = [("scene.wfl", "use \"scene.wfl\"\n")];
-    assert_eq!(
-        found(&scene("use \"scene.wfl\""), &own),
-        [("E214", "use \"scene.wfl\"".to_owned())]
-    );
+    assert_eq!(found(&scene("use \"scene.wfl\""), &own), [("E214", "use \"scene.wfl\"".to_owned())]);
     // unused macros of a file are no matter; errors in it are
-    assert_eq!(
-        found(&scene("use \"a.wfl\""), &[("a.wfl", "def f = 1\nparam p = 2\n")]),
-        []
-    );
-    assert_eq!(
-        found(&scene("use \"a.wfl\""), &[("a.wfl", "def f = 1**2\n")]),
-        [("E107", "**".to_owned())]
-    );
+    assert_eq!(found(&scene("use \"a.wfl\""), &[("a.wfl", "def f = 1\nparam p = 2\n")]), []);
+    assert_eq!(found(&scene("use \"a.wfl\""), &[("a.wfl", "def f = 1**2\n")]), [("E107", "**".to_owned())]);
 }
 
 /// The laws of the library have, for any values of the fields, the value of the terms that the scenes write out.
@@ -252,32 +180,14 @@ fn the_library_says_what_the_scenes_write_out() {
         assert_eq!(codes(&checked.diagnostics), "", "{:?}", checked.diagnostics);
         checked.value.unwrap().terms
     };
-    let own = [
-        "def jump",
-        "def tang",
-        "def trac",
-        "def Pn",
-        "def Pt ",
-        "def Ptheta",
-        "def force",
-        "term ",
-    ];
-    let laws = [
-        "nitsche(uL,uR,gamma,theta,fric)",
-        "penalty(uL,uR,gamma,fric)",
-        "augmented(uL,uR,lambda,gamma,fric)",
-    ];
+    let own = ["def jump", "def tang", "def trac", "def Pn", "def Pt ", "def Ptheta", "def force", "term "];
+    let laws = ["nitsche(uL,uR,gamma,theta,fric)", "penalty(uL,uR,gamma,fric)", "augmented(uL,uR,lambda,gamma,fric)"];
     for ((_, text), law) in SCENES[..3].iter().zip(laws) {
-        let kept = text
-            .lines()
-            .filter(|l| !own.iter().any(|o| l.starts_with(o)) && !l.contains("jump"));
+        let kept = text.lines().filter(|l| !own.iter().any(|o| l.starts_with(o)) && !l.contains("jump"));
         let kept: String = kept.map(|l| format!("{l}\n")).collect();
         let expected: f64 = terms(text)[2..].iter().map(|t| value(&t.expr)[0]).sum();
         let got = value(&terms(&format!("use \"contact.wfl\"\n{kept}term on fault : {law}\n"))[0].expr)[0];
-        assert!(
-            (got - expected).abs() < 1e-12 * expected.abs().max(1.0),
-            "{law}: {got} {expected}"
-        );
+        assert!((got - expected).abs() < 1e-12 * expected.abs().max(1.0), "{law}: {got} {expected}");
     }
 }
 
@@ -290,10 +200,7 @@ fn the_library_of_elasticity_expands() {
     let script = checked.value.unwrap();
     let lambda = "k*0.3/((1+0.3)*(1-2*0.3))";
     let sigma = format!("({lambda})*Div_u*Id(meshdim) + 2*(k/(2*(1+0.3)))*Sym(Grad_u)");
-    assert_eq!(
-        show(&script.measures[0].expr),
-        tree(&format!("sqrt(1.5)*Norm(Deviator({sigma}))"))
-    );
+    assert_eq!(show(&script.measures[0].expr), tree(&format!("sqrt(1.5)*Norm(Deviator({sigma}))")));
     // a scene may say what sigma is and still use the rest
     let own = scene("use \"elasticity.wfl\"\nuse \"contact.wfl\"\ndef sigma(v) = 7*Grad_v\nload u = trac(u) on west");
     let (checked, _) = run(&own, &[], &[]);
@@ -303,43 +210,25 @@ fn the_library_of_elasticity_expands() {
 
 #[test]
 fn overrides_replace_values_and_unknown_ones_are_named() {
-    let (checked, sources) = run(
-        &scene("param e = 1 in {1, 2}\nload u = e on west"),
-        &[],
-        &["k=1e4", "e=k+1"],
-    );
+    let (checked, sources) = run(&scene("param e = 1 in {1, 2}\nload u = e on west"), &[], &["k=1e4", "e=k+1"]);
     let script = checked.value.unwrap();
     assert_eq!(codes(&checked.diagnostics), "");
-    assert_eq!(
-        (show(&script.params[0].value), show(&script.params[1].value)),
-        ("10000".to_owned(), tree("k+1"))
-    );
+    assert_eq!((show(&script.params[0].value), show(&script.params[1].value)), ("10000".to_owned(), tree("k+1")));
     assert_eq!(sources.snippet(script.params[1].overridden.unwrap()), "e=k+1");
     let text = render(&script.params[1].outside_domain(&sources), &sources, false);
-    assert!(
-        text.contains("error[E701]: `e` must be one of 1, 2\n --> (command line):1:1"),
-        "{text}"
-    );
-    assert!(
-        text.contains("^^^^^ declared: param e = 1 in {1, 2}, scene.wfl:7"),
-        "{text}"
-    );
+    assert!(text.contains("error[E701]: `e` must be one of 1, 2\n --> (command line):1:1"), "{text}");
+    assert!(text.contains("^^^^^ declared: param e = 1 in {1, 2}, scene.wfl:7"), "{text}");
     let (checked, sources) = run(&scene(""), &[], &["kk=3"]);
     let text = render(&checked.diagnostics[0], &sources, false);
-    assert!(
-        text.contains("E703") && text.contains("did you mean `k`, param on line 4 of scene.wfl?"),
-        "{text}"
-    );
+    assert!(text.contains("E703") && text.contains("did you mean `k`, param on line 4 of scene.wfl?"), "{text}");
     let (checked, _) = run(&scene(""), &[], &["k=3", "k=4"]);
     assert_eq!(codes(&checked.diagnostics), "E209");
 }
 
 #[test]
 fn several_slips_are_all_found_in_one_run() {
-    let codes = found(
-        &scene("fix w = 0 on wset\noutput vtu \"a\" : f(1,2)\ndef f(a) = a\nsolver newton with a, b"),
-        &[],
-    );
+    let codes =
+        found(&scene("fix w = 0 on wset\noutput vtu \"a\" : f(1,2)\ndef f(a) = a\nsolver newton with a, b"), &[]);
     let codes: Vec<_> = codes.iter().map(|c| c.0).collect();
     assert_eq!(codes, ["E201", "E201", "E211", "E105", "E211", "E211"]);
 }
@@ -348,10 +237,8 @@ fn several_slips_are_all_found_in_one_run() {
 #[test]
 fn no_scene_panics() {
     let mut random = Random(42);
-    let words: Vec<&str> = SCENES
-        .iter()
-        .flat_map(|(_, t)| t.split(|c: char| !c.is_ascii_alphanumeric() && c != '_'))
-        .collect();
+    let words: Vec<&str> =
+        SCENES.iter().flat_map(|(_, t)| t.split(|c: char| !c.is_ascii_alphanumeric() && c != '_')).collect();
     for round in 0..1500 {
         let (_, text) = SCENES[random.below(SCENES.len())];
         let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
@@ -369,10 +256,7 @@ fn no_scene_panics() {
         }
         let (checked, sources) = run(&lines.join("\n"), &[], &[]);
         if round % 10 == 0 {
-            checked
-                .diagnostics
-                .iter()
-                .for_each(|d| assert!(render(d, &sources, false).contains(d.code)));
+            checked.diagnostics.iter().for_each(|d| assert!(render(d, &sources, false).contains(d.code)));
         }
     }
 }

@@ -48,11 +48,11 @@ pub(super) enum Method {
         work: Vec<f64>,
     },
     Fronts {
-        fronts: FrontalLu,
+        fronts: Box<FrontalLu>,
         bulk_map: EntryMap,
         changing_map: EntryMap,
         /// Sweep over the changing fronts alone.
-        reduced: Sweep,
+        reduced: Box<Sweep>,
         work: Vec<f64>,
     },
 }
@@ -111,10 +111,10 @@ impl EngineContext<'_> {
             constant_pivot: smallest_pivot(&constant, &symbolic, self.bulk),
             constant,
             method: Method::Fronts {
-                fronts: FrontalLu::new(&symbolic, members.clone(), self.threads)?,
+                fronts: Box::new(FrontalLu::new(&symbolic, members.clone(), self.threads)?),
                 bulk_map,
                 changing_map,
-                reduced: Sweep::new(&symbolic, members, self.threads),
+                reduced: Box::new(Sweep::new(&symbolic, members, self.threads)),
                 work: vec![0.0; self.bulk.n_rows()],
             },
             symbolic,
@@ -159,7 +159,7 @@ impl Engine {
                 self.sweep.solve(symbolic, cholesky, form, |interface| dense.solve(form, interface), x);
             }
             Method::Fronts { fronts, .. } => {
-                let fronts = &*fronts;
+                let fronts = &**fronts;
                 let factor = |front: usize| {
                     if fronts.members()[front] { fronts.front(symbolic, front) } else { cholesky(front) }
                 };
@@ -177,7 +177,7 @@ impl Engine {
                 order.iter().zip(x).for_each(|(&place, value)| *value = work[place as usize]);
             }
             Method::Fronts { fronts, reduced, work, .. } => {
-                let (fronts, symbolic) = (&*fronts, &self.symbolic);
+                let (fronts, symbolic) = (&**fronts, &self.symbolic);
                 work.fill(0.0);
                 dofs.iter().zip(&*x).for_each(|(&dof, value)| work[dof as usize] = *value);
                 reduced.solve(symbolic, |front| fronts.front(symbolic, front), Form::Plain, |_| {}, work);

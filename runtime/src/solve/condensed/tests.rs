@@ -82,7 +82,7 @@ fn the_same_part_again_costs_no_iteration() {
 
 #[test]
 fn threads_do_not_change_a_byte() {
-    let problem = two_blocks(7);
+    let problem = two_blocks(9);
     let b = load(problem.n());
     for method in [DENSE, FRONTS] {
         let runs = [1, 2].map(|threads| {
