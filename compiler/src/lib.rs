@@ -19,6 +19,7 @@ mod matrix_fn;
 mod ops;
 mod real;
 mod scalar;
+mod tangent_check;
 mod term;
 pub mod types;
 mod verify;
@@ -31,6 +32,7 @@ pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions};
 pub use dd::Dd;
 pub use real::{Dual, Real};
+pub use tangent_check::{BlockCheck, EntryPlace, SlotGroup, TangentCheck, TangentSampling, check_tangent};
 pub use term::{
     Class, Kink, KinkKind, Listing, LoadPart, Prologue, TermLaw, TermSource, ValueLaw, compile_condition, compile_term,
     compile_value, constant, run_prologue, unit_normals,

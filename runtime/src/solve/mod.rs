@@ -197,14 +197,6 @@ pub enum SolveError {
         /// Backward error asked for.
         limit: f64,
     },
-    /// An iteration did not reach its tolerance.
-    #[error("no convergence in {iterations} iterations (relative residual {relative:.1e})")]
-    NotConverged {
-        /// Iterations made.
-        iterations: usize,
-        /// Backward error reached.
-        relative: f64,
-    },
     /// The work space could not be had.
     #[error("out of memory: {what}")]
     OutOfMemory {
