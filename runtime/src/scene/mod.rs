@@ -144,8 +144,24 @@ pub struct Prepared {
 pub fn prepare(script: &ResolvedScript, folder: &Path, backend: &dyn KernelBackend) -> Prepared {
     let mut diagnostics = Vec::new();
     let scene = prepare_all(script, folder, backend, &mut diagnostics);
+    once_per_place(&mut diagnostics);
     let failed = diagnostics.iter().any(Diagnostic::is_error);
     Prepared { scene: if failed { None } else { scene }, diagnostics }
+}
+
+/// A mistake in a macro is told once, at its first use, however often the macro is used.
+fn once_per_place(diagnostics: &mut Vec<Diagnostic>) {
+    let mut seen: Vec<(&'static str, String, Vec<wfl::Span>)> = Vec::new();
+    diagnostics.retain(|d| {
+        let spans: Vec<wfl::Span> = d.labels.iter().map(|l| l.span).collect();
+        let in_macro = d.labels.first().is_some_and(|l| l.text.starts_with("in this use of"));
+        let key = (d.code, d.message.clone(), spans[usize::from(in_macro && spans.len() > 1)..].to_vec());
+        let new = !seen.contains(&key);
+        if new {
+            seen.push(key);
+        }
+        new
+    });
 }
 
 fn prepare_all(
