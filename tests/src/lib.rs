@@ -1,1 +1,132 @@
-//! Placeholder.
+//! Scenes as text, solved through the library: what the suites share.
+
+use std::path::{Path, PathBuf};
+
+use wfl::{Diagnostic, Loader, Override, SourceId, SourceMap, parse_expr, render, resolve};
+use wfl_compiler::backend::KernelBackend;
+use wfl_jit::JitBackend;
+use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, prepare, run};
+
+/// Files by name, changed by text replacements on the way.
+struct Edited<'a> {
+    folder: PathBuf,
+    edits: &'a [(&'a str, String)],
+}
+
+impl Loader for Edited<'_> {
+    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), String> {
+        let full = self.folder.join(path);
+        let text = std::fs::read_to_string(&full).map_err(|e| e.to_string())?;
+        Ok((full.display().to_string(), edited(text, self.edits)))
+    }
+}
+
+fn edited(text: String, edits: &[(&str, String)]) -> String {
+    edits.iter().fold(text, |t, (from, to)| t.replace(from, to))
+}
+
+/// The folder of the examples.
+#[must_use]
+pub fn examples() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples")
+}
+
+/// A reference file as JSON.
+///
+/// # Panics
+/// If it is not in the repository.
+#[must_use]
+pub fn reference(name: &str) -> serde_json::Value {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("reference").join(name);
+    let text = std::fs::read_to_string(path).expect("the reference file is in the repository");
+    serde_json::from_str(&text).expect("reference files are JSON")
+}
+
+/// A scene that was solved.
+pub struct Solved {
+    /// The problem.
+    pub scene: Scene,
+    /// Its steps.
+    pub outcome: Outcome,
+}
+
+/// Prepares a scene of `folder` from its text; `edits` are replaced in every file.
+///
+/// # Errors
+/// The messages as text.
+pub fn prepared(
+    folder: &Path,
+    text: String,
+    edits: &[(&str, String)],
+    params: &[(&str, f64)],
+    backend: &dyn KernelBackend,
+) -> Result<Scene, String> {
+    let mut sources = SourceMap::new();
+    let main = sources.add("scene.wfl", edited(text, edits));
+    let mut overrides = Vec::new();
+    for (name, value) in params {
+        let id = sources.add("(command line)", format!("{value:?}"));
+        let value = parse_expr(&sources, id).value.expect("a number");
+        overrides.push(Override { name: (*name).to_owned(), span: value.span, value });
+    }
+    let mut loader = Edited { folder: folder.to_path_buf(), edits };
+    let checked = resolve(&mut sources, main, &mut loader, &overrides);
+    let told = |d: &[Diagnostic], s: &SourceMap| d.iter().map(|d| render(d, s, false)).collect::<Vec<_>>().join("\n");
+    if checked.diagnostics.iter().any(Diagnostic::is_error) {
+        return Err(told(&checked.diagnostics, &sources));
+    }
+    let script = checked.value.ok_or("no script")?;
+    let made = prepare(&script, folder, backend);
+    made.scene.ok_or_else(|| told(&made.diagnostics, &sources))
+}
+
+/// Solves a scene of `folder` from its text.
+///
+/// # Errors
+/// The messages as text.
+pub fn solve(folder: &Path, text: String, edits: &[(&str, String)], params: &[(&str, f64)]) -> Result<Solved, String> {
+    let backend = JitBackend::new().map_err(|e| e.to_string())?;
+    let mut scene = prepared(folder, text, edits, params, &backend)?;
+    let options = RunOptions {
+        name: "test".to_owned(),
+        out: None,
+        threads: 2,
+        version: String::new(),
+        parse_seconds: 0.0,
+        started: std::time::Instant::now(),
+        warnings: Vec::new(),
+    };
+    let outcome = run(&mut scene, &options, &mut Quiet).map_err(|e| e.to_string())?;
+    Ok(Solved { scene, outcome })
+}
+
+impl Solved {
+    /// A measure at a step.
+    ///
+    /// # Panics
+    /// If there is none of that name.
+    #[must_use]
+    pub fn measure(&self, step: usize, name: &str) -> f64 {
+        let list = &self.outcome.steps[step].measures;
+        list.iter().find(|m| m.0 == name).unwrap_or_else(|| panic!("no measure {name}")).1
+    }
+
+    /// The value of a field at the node at a position.
+    ///
+    /// # Panics
+    /// If no node is there.
+    #[must_use]
+    pub fn at(&self, step: usize, field: &str, x: [f64; 3]) -> Vec<f64> {
+        let system = &self.scene.system;
+        let k = system.fields.iter().position(|f| f.name == field).expect("a field of the scene");
+        let f = &system.fields[k];
+        let distance = |n: usize| {
+            let y = f.node_position(n);
+            (0..3).map(|d| (x[d] - y[d]).powi(2)).sum::<f64>()
+        };
+        let node = (0..f.n_nodes()).min_by(|a, b| distance(*a).total_cmp(&distance(*b))).expect("fields have nodes");
+        assert!(distance(node) < 1e-18, "no node of {field} at {x:?}");
+        let start = system.range(k).expect("an unknown").start + node * f.n_components;
+        self.outcome.steps[step].state[start..start + f.n_components].to_vec()
+    }
+}

@@ -1,9 +1,7 @@
 //! The fault benchmark against an independent program and the original one (B3 and B17).
 
-mod common;
-
-use common::{Solved, examples, reference, solve};
 use serde_json::Value;
+use wfl_tests::{Solved, examples, reference, solve};
 
 fn number(v: &Value) -> f64 {
     v.as_f64().expect("a number")
@@ -37,7 +35,8 @@ fn run_of(run: &Value, cells: [usize; 3], degree: usize) -> Solved {
 
 /// Forces, energy and displacements within 1e-6, slip fraction exact, few iterations.
 fn compare(run: &Value, solved: &Solved, limits: (usize, usize)) {
-    let name = format!("{} gamma {} theta {} rule {}", run["method"], run["gamma"], run["theta"], run["face_quadrature"]);
+    let name =
+        format!("{} gamma {} theta {} rule {}", run["method"], run["gamma"], run["theta"], run["face_quadrature"]);
     let steps = run["steps"].as_array().expect("steps");
     let largest = |key: &str| steps.iter().fold(0.0f64, |m, s| m.max(number(&s[key]).abs()));
     let scales = ["Fn", "Ftz", "energy"].map(largest);
@@ -120,14 +119,22 @@ fn every_displacement_agrees_with_the_original_program() {
     let folder = examples().join("fault");
     let text = std::fs::read_to_string(folder.join("nitsche.wfl")).expect("an example");
     let solved = solve(&folder, text, &[], &[]).unwrap_or_else(|e| panic!("{e}"));
-    let nodes: Vec<Vec<f64>> =
-        data["nodes"].as_array().expect("nodes").iter().map(|n| n.as_array().expect("xyz").iter().map(number).collect()).collect();
+    let nodes: Vec<Vec<f64>> = data["nodes"]
+        .as_array()
+        .expect("nodes")
+        .iter()
+        .map(|n| n.as_array().expect("xyz").iter().map(number).collect())
+        .collect();
     let left = usize::try_from(data["left_nodes"].as_u64().expect("a count")).expect("small");
     let steps = data["steps"].as_array().expect("steps");
     assert_eq!(steps.len(), 20);
     for (k, step) in steps.iter().enumerate() {
-        let u: Vec<Vec<f64>> =
-            step["u"].as_array().expect("u").iter().map(|v| v.as_array().expect("xyz").iter().map(number).collect()).collect();
+        let u: Vec<Vec<f64>> = step["u"]
+            .as_array()
+            .expect("u")
+            .iter()
+            .map(|v| v.as_array().expect("xyz").iter().map(number).collect())
+            .collect();
         let scale = u.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
         for (n, (x, expected)) in nodes.iter().zip(&u).enumerate() {
             let field = if n < left { "uL" } else { "uR" };

@@ -3,24 +3,11 @@
 
 use std::path::{Path, PathBuf};
 
-use wfl::{Diagnostic, Loader, SourceId, SourceMap, render, resolve};
-use wfl_jit::JitBackend;
-use wfl_runtime::{Quiet, RunOptions, prepare, run};
-
-struct Folder(PathBuf);
-
-impl Loader for Folder {
-    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), String> {
-        let full = self.0.join(path);
-        let text = std::fs::read_to_string(&full).map_err(|e| e.to_string())?;
-        Ok((full.display().to_string(), text))
-    }
-}
+use wfl_tests::{examples as folder, solve as solve_text};
 
 fn examples() -> Vec<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
     let mut scenes = Vec::new();
-    let mut folders = vec![root];
+    let mut folders = vec![folder()];
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(&folder).expect("examples can be read") {
             let path = entry.expect("examples can be read").path();
@@ -45,29 +32,8 @@ fn is_library(scene: &Path, all: &[PathBuf]) -> bool {
 }
 
 fn solve(scene: &Path) -> Result<(), String> {
-    let mut sources = SourceMap::new();
     let text = std::fs::read_to_string(scene).map_err(|e| e.to_string())?;
-    let main = sources.add(scene.display().to_string(), text);
-    let folder = scene.parent().expect("a folder").to_path_buf();
-    let checked = resolve(&mut sources, main, &mut Folder(folder.clone()), &[]);
-    let all = |d: &[Diagnostic], s: &SourceMap| d.iter().map(|d| render(d, s, false)).collect::<Vec<_>>().join("\n");
-    if checked.diagnostics.iter().any(Diagnostic::is_error) {
-        return Err(all(&checked.diagnostics, &sources));
-    }
-    let script = checked.value.ok_or("no script")?;
-    let backend = JitBackend::new().map_err(|e| e.to_string())?;
-    let prepared = prepare(&script, &folder, &backend);
-    let Some(mut scene) = prepared.scene else { return Err(all(&prepared.diagnostics, &sources)) };
-    let options = RunOptions {
-        name: "test".to_owned(),
-        out: None,
-        threads: 2,
-        version: String::new(),
-        parse_seconds: 0.0,
-        started: std::time::Instant::now(),
-        warnings: Vec::new(),
-    };
-    let outcome = run(&mut scene, &options, &mut Quiet).map_err(|e| e.to_string())?;
+    let outcome = solve_text(scene.parent().expect("a folder"), text, &[], &[])?.outcome;
     if !outcome.converged() {
         return Err("a step did not converge".to_owned());
     }
@@ -92,8 +58,7 @@ fn every_example_is_solved_and_its_expectations_hold() {
 /// A scene with numbers must not be satisfied by anything: a wrong number is noticed.
 #[test]
 fn a_wrong_expectation_is_noticed() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/stokes/stokes.wfl");
-    let text = std::fs::read_to_string(root).expect("examples can be read");
+    let text = std::fs::read_to_string(folder().join("stokes/stokes.wfl")).expect("examples can be read");
     let wrong = text.replace("velocity_error < 1e-12", "velocity_error > 1e-12");
     assert_ne!(text, wrong);
     let folder = std::env::temp_dir().join(format!("wfl-scenes-{}", std::process::id()));
