@@ -155,7 +155,7 @@ pub const CONSTANTS: &[&str] = &[
 ];
 
 /// Regions that exist without being declared; `global` stands for "no place" in terms and measures.
-pub const REGIONS: &[&str] = &["all", "boundary", "global"];
+pub const REGIONS: &[&str] = &["all", "boundary", "interior", "global"];
 
 /// What may stand before the name of a field, with the longer words first where one starts the other.
 pub const PREFIXES: &[&str] =

@@ -11,7 +11,7 @@ use wfl_compiler::{Constant, Env, backend::KernelBackend, compile_condition};
 
 use crate::{
     mesh::{
-        CellId, Mesh, RegionError, RegionSet, Topology, boundary_of, interface, outer_boundary, pick_cells, pick_facets,
+        CellId, InterfaceFacet, Mesh, RegionError, RegionSet, Topology, boundary_of, interface, outer_boundary, pick_cells, pick_facets,
         pick_nodes,
     },
     scene::mesh::position_place,
@@ -51,6 +51,13 @@ impl RegionMaker<'_> {
         let plain = |set| NamedRegion { set, span: None, here_name: None };
         self.regions.insert("all".to_owned(), plain(RegionSet::Cells(self.mesh.cells().collect())));
         self.regions.insert("boundary".to_owned(), plain(RegionSet::Facets(outer_boundary(self.topology))));
+        if names_interior(self.script) {
+            // every inner face once, seen from its first cell
+            let pairs = self.topology.facets().iter().filter_map(|f| Some(InterfaceFacet { here: f.here, there: f.there? }));
+            let mut pairs: Vec<InterfaceFacet> = pairs.collect();
+            pairs.sort_unstable();
+            self.regions.insert("interior".to_owned(), plain(RegionSet::Interface(pairs)));
+        }
         for group in self.mesh.groups() {
             match RegionSet::from_group(self.mesh, self.topology, group) {
                 Ok(set) => {
@@ -234,5 +241,23 @@ impl RegionMaker<'_> {
                 None
             }
         }
+    }
+}
+
+/// True if some statement is about `interior`; the region is made only then.
+fn names_interior(script: &ResolvedScript) -> bool {
+    let is = |i: &Ident| i.name == "interior";
+    let in_regions = script.regions.iter().any(|r| mentions_interior(&r.region));
+    let in_fields = script.fields.iter().any(|f| matches!(&f.space.place, wfl::ast::Place::On(list) if list.iter().any(is)));
+    let places = script.terms.iter().map(|t| &t.places);
+    let places = places.chain(script.loads.iter().map(|l| &l.places)).chain(script.measures.iter().map(|m| &m.places));
+    in_regions || in_fields || places.into_iter().flatten().any(is)
+}
+
+fn mentions_interior(region: &RegionExpr) -> bool {
+    match region {
+        RegionExpr::Name(name) => name.name == "interior",
+        RegionExpr::Combine(first, rest) => mentions_interior(first) || rest.iter().any(|(_, r)| mentions_interior(r)),
+        _ => false,
     }
 }

@@ -1,0 +1,173 @@
+//! Every term of every example: machine code against the interpreter, tangent against differences of the residual in
+//! double-double arithmetic.
+
+use std::path::PathBuf;
+
+use wfl_compiler::{
+    Dd, InterpreterBackend, KinkKind, Real, TermLaw,
+    backend::KernelBackend,
+    interpret,
+    ir::{LANES, VerifiedKernel},
+    types::InputSlot,
+    unit_normals,
+};
+use wfl_jit::JitBackend;
+use wfl_tests::{examples, prepared};
+
+/// A fixed sequence of numbers in [-1, 1).
+struct Sequence(u64);
+
+impl Sequence {
+    fn next(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+/// The laws of every example that is a problem by itself.
+fn laws() -> Vec<(String, TermLaw)> {
+    let mut laws = Vec::new();
+    let mut folders = vec![examples()];
+    let mut scenes: Vec<PathBuf> = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).expect("examples can be read") {
+            let path = entry.expect("examples can be read").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "wfl") {
+                scenes.push(path);
+            }
+        }
+    }
+    scenes.sort();
+    for path in scenes {
+        let text = std::fs::read_to_string(&path).expect("examples can be read");
+        // a theta that keeps every term, on few cells
+        let params: &[(&str, f64)] = if text.contains("param theta") { &[("theta", 1.0)] } else { &[] };
+        let Ok(scene) = prepared(path.parent().expect("a folder"), text, &[], params, &InterpreterBackend) else { continue };
+        let name = path.file_stem().expect("a name").to_string_lossy().into_owned();
+        laws.extend(scene.system.terms.into_iter().map(|t| (format!("{name}: {}", t.law.name), t.law)));
+    }
+    assert!(laws.len() > 40, "only {} terms found", laws.len());
+    laws
+}
+
+/// A state of a point: fields of a size, unit normals, positive sizes.
+fn state(law: &TermLaw, sequence: &mut Sequence, size: f64) -> Vec<f64> {
+    let mut inputs: Vec<f64> = law
+        .inputs
+        .iter()
+        .map(|s| sequence.next() * if matches!(s, InputSlot::Field(_) | InputSlot::Previous(_)) { size } else { 1.0 })
+        .collect();
+    unit_normals(&law.inputs, &mut inputs);
+    inputs
+}
+
+fn uniforms(law: &TermLaw, sequence: &mut Sequence) -> Vec<f64> {
+    (0..law.residual.kernel().n_uniforms).map(|_| sequence.next()).collect()
+}
+
+/// Outputs at one point by the interpreter in any arithmetic.
+fn outputs<T: Real>(kernel: &VerifiedKernel, uniforms: &[f64], inputs: &[T]) -> Vec<T> {
+    let uniforms: Vec<T> = uniforms.iter().map(|u| T::from_f64(*u)).collect();
+    let mut out = vec![T::from_f64(0.0); kernel.kernel().outputs.len()];
+    interpret(kernel, &uniforms, inputs, &mut Vec::new(), &mut out);
+    out
+}
+
+#[test]
+fn machine_code_gives_the_bits_of_the_interpreter() {
+    let jit = JitBackend::new().expect("machine code on this processor");
+    let mut sequence = Sequence(0x1234_5678_9abc_def1);
+    for (name, law) in laws() {
+        let kernels = [&law.residual, &law.tangent];
+        let compiled = jit.compile(&kernels).expect("machine code");
+        for (kernel, code) in kernels.iter().zip(&compiled) {
+            let (n_in, n_out) = (law.inputs.len(), kernel.kernel().outputs.len());
+            let given = uniforms(&law, &mut sequence);
+            let states: Vec<Vec<f64>> =
+                (0..2 * LANES).map(|k| state(&law, &mut sequence, 10f64.powi(k as i32 % 5 - 4))).collect();
+            let mut blocked = vec![0.0; 2 * n_in * LANES];
+            for (k, s) in states.iter().enumerate() {
+                for (slot, x) in s.iter().enumerate() {
+                    blocked[((k / LANES) * n_in + slot) * LANES + k % LANES] = *x;
+                }
+            }
+            let mut found = vec![0.0; 2 * n_out * LANES];
+            code.run(&given, &blocked, &mut found, 2);
+            for (k, s) in states.iter().enumerate() {
+                for (o, expected) in outputs::<f64>(kernel, &given, s).iter().enumerate() {
+                    let value = found[((k / LANES) * n_out + o) * LANES + k % LANES];
+                    let same = value.to_bits() == expected.to_bits() || (value.is_nan() && expected.is_nan());
+                    assert!(same, "{name}: output {o} is {value:e}, interpreted {expected:e}");
+                }
+            }
+        }
+    }
+}
+
+/// Branch codes of the residual at a state.
+fn codes(law: &TermLaw, given: &[f64], inputs: &[f64]) -> Vec<f64> {
+    outputs::<f64>(&law.residual, given, inputs)[law.tests.len()..].to_vec()
+}
+
+/// Largest difference of the entries from central differences of the fluxes, relative to the largest entry.
+fn tangent_error(law: &TermLaw, given: &[f64], inputs: &[f64], step: f64) -> f64 {
+    let entries = &outputs::<f64>(&law.tangent, given, inputs)[law.tests.len()..][..law.entries.len()];
+    let largest = entries.iter().fold(0.0f64, |m, e| m.max(e.abs()));
+    let mut worst = 0.0f64;
+    for (s, trial) in law.trials.iter().enumerate() {
+        // a trial slot that no law reads has no entry but those of terms linear in it
+        let slot = law.inputs.iter().position(|i| *i == InputSlot::Field(*trial)).expect("trial slots are inputs");
+        let shifted = |sign: f64| {
+            let mut x: Vec<Dd> = inputs.iter().map(|v| Dd::from_f64(*v)).collect();
+            x[slot] = x[slot] + Dd::from_f64(sign * step);
+            outputs::<Dd>(&law.residual, given, &x)
+        };
+        let (above, below) = (shifted(1.0), shifted(-1.0));
+        for t in 0..law.tests.len() {
+            let difference = ((above[t] - below[t]) / Dd::from_f64(2.0 * step)).to_f64();
+            let key = (u16::try_from(t).expect("few slots"), u16::try_from(s).expect("few slots"));
+            let entry = law.entries.binary_search(&key).map_or(0.0, |e| entries[e]);
+            worst = worst.max((difference - entry).abs());
+        }
+    }
+    if largest == 0.0 { worst } else { worst / largest }
+}
+
+#[test]
+fn tangents_agree_with_differences_of_the_residual_on_every_branch() {
+    let mut sequence = Sequence(0x0dd0_beef_cafe_f00d);
+    for (name, law) in laws() {
+        if law.entries.is_empty() {
+            continue;
+        }
+        let mut seen: Vec<Vec<f64>> = Vec::new();
+        for k in 0..60 {
+            let size = 10f64.powi(k % 6 - 5);
+            let given = uniforms(&law, &mut sequence);
+            let inputs = state(&law, &mut sequence, size);
+            let here = codes(&law, &given, &inputs);
+            let step = 1e-9 * size;
+            // away from kinks: the branch is the same all around
+            let near: Vec<f64> = inputs.iter().map(|x| x * (1.0 + 1e-6)).collect();
+            if codes(&law, &given, &near) != here {
+                continue;
+            }
+            if !outputs::<f64>(&law.tangent, &given, &inputs).iter().all(|x| x.is_finite()) {
+                // the logarithm of a negative determinant: no state of a body
+                continue;
+            }
+            let error = tangent_error(&law, &given, &inputs, step);
+            assert!(error < 1e-9, "{name}: off by {error:e} at branch {here:?}");
+            if !seen.contains(&here) {
+                seen.push(here);
+            }
+        }
+        // friction was met open, slipping or sticking: more than one branch at least
+        let frictional = law.kinks.iter().any(|k| k.kind == KinkKind::Ball);
+        assert!(!frictional || seen.len() > 1, "{name}: only one branch was met");
+    }
+}
