@@ -87,14 +87,11 @@ impl Rules<'_, '_> {
             Node::Scale(a, b) => self.product(g, a, b, Graph::scale),
             Node::MulComponents(a, b) => self.product(g, a, b, Graph::mul_components),
             Node::Contract(a, b, axes) => {
-                let axes: Vec<(usize, usize)> =
-                    axes.iter().map(|(i, j)| (usize::from(*i), usize::from(*j))).collect();
+                let axes: Vec<(usize, usize)> = axes.iter().map(|(i, j)| (usize::from(*i), usize::from(*j))).collect();
                 self.product(g, a, b, |g, x, y| g.contract(x, y, &axes))
             }
             Node::Divide(a, s) => self.quotient(g, e, a, s, Graph::divide, Graph::scale),
-            Node::DivComponents(a, b) => {
-                self.quotient(g, e, a, b, Graph::div_components, Graph::mul_components)
-            }
+            Node::DivComponents(a, b) => self.quotient(g, e, a, b, Graph::div_components, Graph::mul_components),
             Node::Map(f, a) => match self.of(g, a)? {
                 None => Ok(None),
                 Some(da) => {
@@ -105,6 +102,13 @@ impl Rules<'_, '_> {
             Node::Map2(f, a, b) => self.function2(g, e, f, a, b),
             Node::Select(mask, a, b) => {
                 let (da, db) = (self.of(g, a)?, self.of(g, b)?);
+                if g.getfem_ties
+                    && let Some(other) = second_mask(g, mask, a, b)
+                {
+                    let first = select(g, mask, da, None);
+                    let second = select(g, other, db, None);
+                    return Ok(sum(g, first, second));
+                }
                 Ok(select(g, mask, da, db))
             }
             Node::Norm(v) => Ok(self.of(g, v)?.map(|dv| {
@@ -212,8 +216,10 @@ impl Rules<'_, '_> {
         let stick = g.in_ball(v, r);
         let closed = select(g, stick, dv, slip);
         let zero = g.number(0.0);
-        let open = g.compare(Compare::LessEqual, zero, r);
-        Ok(select(g, open, closed, None))
+        // GetFEM drops both derivatives already at r = 0
+        let test = if g.getfem_ties { Compare::Less } else { Compare::LessEqual };
+        let pressed = g.compare(test, zero, r);
+        Ok(select(g, pressed, closed, None))
     }
 
     /// d(r/|v|) = (dr - (r/|v|) e.dv)/|v| where |v| > r, else 0
@@ -276,6 +282,14 @@ fn select(g: &mut Graph, mask: ExprId, a: Option<ExprId>, b: Option<ExprId>) -> 
     let a = a.unwrap_or_else(|| g.zero(shape));
     let b = b.unwrap_or_else(|| g.zero(shape));
     Some(g.select(mask, a, b))
+}
+
+/// For `max` and `min` (a selection between the operands of its own comparison): where the second one is taken as
+/// GetFEM sees it, so that both count at a tie.
+fn second_mask(g: &mut Graph, mask: ExprId, a: ExprId, b: ExprId) -> Option<ExprId> {
+    let Node::Compare(op, x, y) = *g.node(mask) else { return None };
+    let swapped = ((x, y) == (a, b)) || ((x, y) == (b, a));
+    swapped.then(|| g.compare(op, y, x))
 }
 
 /// dv - e (e . dv), the part of dv that turns v

@@ -190,6 +190,8 @@ pub struct Graph {
     origin: Option<Origin>,
     /// The space dimension.
     pub dim: usize,
+    /// Ties of kinked functions are decided as GetFEM does (`TermSource::GetFem`).
+    pub(crate) getfem_ties: bool,
     /// Whether each field is solved for.
     unknown: Vec<bool>,
     shapes: Vec<Shape>,
@@ -206,6 +208,7 @@ impl Graph {
             index: HashMap::new(),
             origin: None,
             dim,
+            getfem_ties: false,
             unknown: fields.iter().map(FieldSig::is_unknown).collect(),
             shapes: fields.iter().map(|f| f.shape).collect(),
             global: fields.iter().map(|f| f.global).collect(),

@@ -262,7 +262,8 @@ pub enum InputSlot {
     X(u8),
     /// A component of the outward unit normal of a side.
     Normal(Side, u8),
-    /// The largest distance between two vertices of the cell.
+    /// The size of the cell: smallest singular value of the gradient of the map (largest over its nodes) times the root
+    /// of the space dimension, as GetFEM's `element_size`.
     ElementSize(Side),
     /// An entry of the gradient of the geometric map, N by P, first index fastest.
     ElementK(Side, u8),

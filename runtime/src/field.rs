@@ -7,6 +7,7 @@ use crate::{
     assemble::Group,
     element::Table,
     mesh::{CellId, FacetRef, Mesh, RegionSet, Topology},
+    point_space::PointSpace,
     space::{Space, Support},
 };
 
@@ -17,6 +18,8 @@ pub enum FieldSpace {
     Nodal(Space),
     /// One node: one value for the whole scene.
     Global,
+    /// One node at each integration point of a region.
+    Points(PointSpace),
 }
 
 /// A field: nodes with components.
@@ -49,6 +52,12 @@ pub enum FieldError {
         /// The field.
         field: String,
     },
+    /// A field of integration points is asked for at other points.
+    #[error("`{field}` lives at integration points, and the points used here are others")]
+    OtherPoints {
+        /// The field.
+        field: String,
+    },
 }
 
 /// Basis and nodes of a field on a group.
@@ -67,15 +76,16 @@ impl Field {
         match &self.space {
             FieldSpace::Nodal(space) => space.n_nodes(),
             FieldSpace::Global => 1,
+            FieldSpace::Points(space) => space.coordinates().len(),
         }
     }
 
-    /// Polynomial degree; 0 for a global field.
+    /// Polynomial degree; 0 for a global field and at integration points.
     #[must_use]
     pub fn degree(&self) -> usize {
         match &self.space {
             FieldSpace::Nodal(space) => space.degree(),
-            FieldSpace::Global => 0,
+            FieldSpace::Global | FieldSpace::Points(_) => 0,
         }
     }
 
@@ -91,6 +101,7 @@ impl Field {
         match &self.space {
             FieldSpace::Nodal(space) => space.node_coordinates()[node],
             FieldSpace::Global => [0.0; 3],
+            FieldSpace::Points(space) => space.coordinates()[node],
         }
     }
 
@@ -100,6 +111,7 @@ impl Field {
         match &self.space {
             FieldSpace::Nodal(space) => space.position_of_cell(cell).is_some(),
             FieldSpace::Global => true,
+            FieldSpace::Points(space) => space.has_cell(cell),
         }
     }
 
@@ -112,13 +124,18 @@ impl Field {
                 Support::Facets(_) => space.position_of_facet(facet).is_some(),
             },
             FieldSpace::Global => true,
+            FieldSpace::Points(space) => space.has_facet(facet),
         }
     }
 
     /// Sorted nodes of the field in a region.
     #[must_use]
     pub fn nodes_in(&self, mesh: &Mesh, topology: &Topology, region: &RegionSet) -> Vec<u32> {
-        let FieldSpace::Nodal(space) = &self.space else { return vec![0] };
+        let space = match &self.space {
+            FieldSpace::Nodal(space) => space,
+            FieldSpace::Global => return vec![0],
+            FieldSpace::Points(_) => return Vec::new(),
+        };
         match region {
             RegionSet::Cells(cells) => {
                 let mut nodes: Vec<u32> = cells
@@ -145,6 +162,11 @@ impl Field {
     /// [`FieldError`] where the field has no nodes or no gradient.
     pub fn tabulate(&self, mesh: &Mesh, group: &Group, side: Side, order: usize) -> Result<Tabulated, FieldError> {
         let n = group.entities.len();
+        if let FieldSpace::Points(space) = &self.space {
+            let found = if side == Side::Here && order == 0 { space.tabulate(mesh.dim(), group) } else { None };
+            let (table, nodes) = found.ok_or_else(|| FieldError::OtherPoints { field: self.name.clone() })?;
+            return Ok(Tabulated { table, nodes });
+        }
         let FieldSpace::Nodal(space) = &self.space else {
             let points = group.n_points();
             let table =

@@ -5,12 +5,14 @@
 #![forbid(unsafe_code)]
 
 pub mod assemble;
+pub mod corpus;
 pub mod csr;
 pub mod element;
 pub mod field;
 pub mod mesh;
 pub mod newton;
 pub mod output;
+pub mod point_space;
 pub mod quadrature;
 pub mod results;
 mod run;

@@ -2,29 +2,54 @@
 
 use wfl::{
     Diagnostic,
-    ast::{Argument, Expr, ExprKind},
+    ast::{Expr, ExprKind},
 };
 
 use crate::{
     build::{Builder, Call},
-    derive::{derive, function_derivative, function2_derivative},
+    derive::derive,
     graph::{ExprId, Leaf, Node, Role},
-    ops::{OpDef, find},
+    ops::OpDef,
     types::{FieldId, FieldOp, PlaceKind, Side},
 };
 
 macro_rules! row {
     ($name:literal, $least:literal, $most:literal, $usage:literal, $doc:literal, $samples:expr, $build:expr) => {
-        OpDef { name: $name, least: $least, most: $most, usage: $usage, doc: $doc, samples: $samples, build: $build }
+        OpDef {
+            name: $name,
+            least: $least,
+            most: $most,
+            usage: $usage,
+            doc: $doc,
+            samples: $samples,
+            build: $build,
+            entrywise: None,
+        }
     };
 }
 
 pub(super) const TABLE: &[OpDef] = &[
-    row!("Interpolate", 2, 2, "Interpolate(u, neighbor_element)", "a field, its gradient or its test function on the other side", &[], interpolate),
-    row!("Grad", 1, 1, "Grad(e)", "symbolic gradient of an expression: one more index", &["Grad(p*q).Grad_p", "Grad(sin(p)*u):B"], |b, c| {
-        let (text, value) = b.argument(c, 0)?;
-        b.gradient(text, value)
-    }),
+    row!(
+        "Interpolate",
+        2,
+        2,
+        "Interpolate(u, neighbor_element)",
+        "a field, its gradient or its test function on the other side",
+        &[],
+        interpolate
+    ),
+    row!(
+        "Grad",
+        1,
+        1,
+        "Grad(e)",
+        "symbolic gradient of an expression: one more index",
+        &["Grad(p*q).Grad_p", "Grad(sin(p)*u):B"],
+        |b, c| {
+            let (text, value) = b.argument(c, 0)?;
+            b.gradient(text, value)
+        }
+    ),
     row!("Hess", 1, 1, "Hess(e)", "gradient of the gradient", &[], |b, c| {
         let (text, value) = b.argument(c, 0)?;
         let first = b.gradient(text, value)?;
@@ -39,7 +64,15 @@ pub(super) const TABLE: &[OpDef] = &[
         let grad = b.gradient(text, value)?;
         Some(b.graph.trace(grad, shape.rank() - 1, shape.rank()))
     }),
-    row!("Diff", 2, 3, "Diff(e, u) or Diff(e, u, direction)", "symbolic derivative in a field; without a direction along Test_u", &["Diff(sin(u.w), u, w)", "Diff(p*p*p, p, q)"], diff),
+    row!(
+        "Diff",
+        2,
+        3,
+        "Diff(e, u) or Diff(e, u, direction)",
+        "symbolic derivative in a field; without a direction along Test_u",
+        &["Diff(sin(u.w), u, w)", "Diff(p*p*p, p, q)"],
+        diff
+    ),
     row!("qdim", 1, 1, "qdim(u)", "number of components of a field", &[], |b, c| {
         let field = field_argument(b, c, 0)?;
         #[expect(clippy::cast_precision_loss, reason = "field sizes are small")]
@@ -53,10 +86,18 @@ pub(super) const TABLE: &[OpDef] = &[
         let values: Vec<f64> = if sizes.is_empty() { vec![1.0] } else { sizes.iter().map(|s| *s as f64).collect() };
         Some(b.graph.constant(crate::types::Shape::vector(values.len()), &values))
     }),
-    row!("Print", 1, 1, "Print(e)", "e itself, printed at each point when `wfl run` is given `--print`", &[], |b, c| {
-        let (_, value) = b.argument(c, 0)?;
-        Some(b.graph.print(value))
-    }),
+    row!(
+        "Print",
+        1,
+        1,
+        "Print(e)",
+        "e itself, printed at each point when `wfl run` is given `--print`",
+        &[],
+        |b, c| {
+            let (_, value) = b.argument(c, 0)?;
+            Some(b.graph.print(value))
+        }
+    ),
 ];
 
 fn field_argument(b: &mut Builder<'_>, c: &Call<'_>, k: usize) -> Option<FieldId> {
@@ -120,7 +161,8 @@ fn diff(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
             return b.bad_argument(c, 2, dt, &format!("a {needed} like `{name}`"), found);
         }
     } else if !b.env.fields[field.index()].is_unknown() {
-        let d = Diagnostic::new("E304", format!("`{name}` has no test function: give a direction")).help(format!("Diff(e, {name}, direction)"));
+        let d = Diagnostic::new("E304", format!("`{name}` has no test function: give a direction"))
+            .help(format!("Diff(e, {name}, direction)"));
         return b.report(d, variable, "");
     }
     let grads = direction_gradients(b, value, field, direction)?;
@@ -149,7 +191,12 @@ fn diff(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
 }
 
 /// The direction, its gradient and its Hessian, as far as the expression uses them.
-fn direction_gradients(b: &mut Builder<'_>, value: ExprId, field: FieldId, direction: Option<(&Expr, ExprId)>) -> Option<[Option<ExprId>; 3]> {
+fn direction_gradients(
+    b: &mut Builder<'_>,
+    value: ExprId,
+    field: FieldId,
+    direction: Option<(&Expr, ExprId)>,
+) -> Option<[Option<ExprId>; 3]> {
     let mut out = [None; 3];
     let Some((text, d)) = direction else {
         return Some(out);
@@ -184,43 +231,4 @@ fn highest_order(b: &mut Builder<'_>, value: ExprId, field: FieldId) -> usize {
         }
     }
     order
-}
-
-/// `Derivative_f(t)`, `Derivative_1_f(t,u)`, `Derivative_2_f(t,u)`: the derivative of a scalar function by name.
-pub(crate) fn derivative_of(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
-    let rest = c.name.strip_prefix("Derivative_").unwrap_or(c.name);
-    let (which, function) = match (rest.strip_prefix("1_"), rest.strip_prefix("2_")) {
-        (Some(f), _) => (0, f),
-        (_, Some(f)) => (1, f),
-        _ => (0, rest),
-    };
-    let Some(op) = find(function).filter(|op| super::scalar::TABLE.iter().any(|row| row.name == op.name)) else {
-        let d = Diagnostic::new("E201", format!("`{function}` is no scalar function")).help("Derivative_sin(t), Derivative_2_pow(t, u)");
-        return b.report(d, c.expr, "");
-    };
-    if c.args.len() != op.least {
-        let d = Diagnostic::new("E105", format!("`{}` takes {} argument(s), {} given", c.name, op.least, c.args.len()));
-        return b.report(d, c.expr, op.usage);
-    }
-    let inner = Call { name: op.name, expr: c.expr, args: c.args };
-    let value = (op.build)(b, &inner)?;
-    // the direction is 1 in every entry of the argument and 0 in what it is made of
-    let Argument::Expr(argument) = &c.args[which] else { return None };
-    let argument = b.expr(argument)?;
-    slope(b, c, value, argument)
-}
-
-fn slope(b: &mut Builder<'_>, c: &Call<'_>, value: ExprId, argument: ExprId) -> Option<ExprId> {
-    let g = &mut b.graph;
-    match *g.node(value) {
-        Node::Map(f, a) if a == argument => return Some(function_derivative(g, f, a, value)),
-        Node::Map2(f, x, y) if x == argument || y == argument => {
-            let which = usize::from(x != argument);
-            return Some(function2_derivative(g, f, x, y, value, which));
-        }
-        _ => {}
-    }
-    // composite functions: differentiate with the argument replaced by a field of one entry per point
-    let d = Diagnostic::new("E111", format!("`{}` is not available by name", c.name)).help("write Diff(f(u), u, 1)");
-    b.report(d, c.expr, "")
 }

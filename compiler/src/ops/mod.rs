@@ -4,7 +4,9 @@
 //! derivative cannot follow that way gets a node of its own there. Names in samples: `p`, `q` scalar fields, `u`, `w`
 //! vector fields, `A`, `B` square matrix expressions near the identity (the tests put `Grad_u` in them).
 
+mod by_name;
 mod field;
+mod formula;
 mod hyperelastic;
 mod project;
 mod scalar;
@@ -19,7 +21,7 @@ use crate::{
     types::Shape,
 };
 
-pub(crate) use field::derivative_of;
+pub(crate) use by_name::derivative_of;
 pub(crate) use scalar::power;
 
 /// What builds the graph of a call.
@@ -40,6 +42,17 @@ pub struct OpDef {
     /// Expressions that the tests evaluate and differentiate.
     pub samples: &'static [&'static str],
     pub(crate) build: BuildFn,
+    /// The formula of a function that acts entry by entry: `Derivative_f` differentiates it.
+    pub(crate) entrywise: Option<Entrywise>,
+}
+
+/// A function of one or two tensors of one shape, entry by entry.
+#[derive(Clone, Copy)]
+pub(crate) enum Entrywise {
+    /// f(t)
+    One(fn(&mut Graph, ExprId) -> ExprId),
+    /// f(t, u)
+    Two(fn(&mut Graph, ExprId, ExprId) -> ExprId),
 }
 
 /// GWFL words that are known but not supported.
@@ -115,7 +128,14 @@ impl Builder<'_> {
         self.bad_argument(call, k, text, "a square matrix", shape)
     }
 
-    pub(crate) fn bad_argument<T>(&mut self, call: &Call<'_>, k: usize, text: &Expr, needs: &str, found: Shape) -> Option<T> {
+    pub(crate) fn bad_argument<T>(
+        &mut self,
+        call: &Call<'_>,
+        k: usize,
+        text: &Expr,
+        needs: &str,
+        found: Shape,
+    ) -> Option<T> {
         let place = if call.args.len() > 1 { format!(" as argument {}", k + 1) } else { String::new() };
         let d = wfl::Diagnostic::new("E108", format!("`{}` needs {needs}{place}, found a {found}", call.name));
         self.report(d, text, found.to_string())

@@ -6,7 +6,11 @@ use crate::{
     build::{Builder, Call},
     graph::{ExprId, Graph},
     ir::Compare,
-    ops::{OpDef, scalar::pos_part, tensor::deviator},
+    ops::{
+        OpDef,
+        scalar::{pos_part, strict_pos_part},
+        tensor::deviator,
+    },
     types::Shape,
 };
 
@@ -17,12 +21,18 @@ pub(super) const TABLE: &[OpDef] = &[
         most: 2,
         usage: "Ball_projection(v, r)",
         doc: "projection on the ball of radius r; 0 for r < 0; norm = r sticks, also at v = 0, r = 0",
-        samples: &["Ball_projection(u, 0.4).w", "Ball_projection(u, 40).w", "Ball_projection(u, 0.3+0.1*q).w", "Ball_projection(Grad_u, 0.5):B"],
+        samples: &[
+            "Ball_projection(u, 0.4).w",
+            "Ball_projection(u, 40).w",
+            "Ball_projection(u, 0.3+0.1*q).w",
+            "Ball_projection(Grad_u, 0.5):B",
+        ],
         build: |b, c| {
             let (_, v) = b.plain_argument(c, 0)?;
             let r = b.scalar_argument(c, 1)?;
             Some(b.graph.ball(v, r))
         },
+        entrywise: None,
     },
     OpDef {
         name: "Von_Mises_projection",
@@ -40,6 +50,7 @@ pub(super) const TABLE: &[OpDef] = &[
             let projected = g.ball(dev, r);
             Some(g.add(mean, projected))
         },
+        entrywise: None,
     },
     OpDef {
         name: "Transformed_unit_vector",
@@ -62,6 +73,7 @@ pub(super) const TABLE: &[OpDef] = &[
             let carried = g.contract(n, inverse, &[(0, 0)]);
             Some(g.unit(carried))
         },
+        entrywise: None,
     },
     OpDef {
         name: "Coulomb_friction_coupled_projection",
@@ -74,6 +86,7 @@ pub(super) const TABLE: &[OpDef] = &[
             "Coulomb_friction_coupled_projection(u, [0;1], w, p-3, [0.3;0.8;0.1], 1.5).[1;2]",
         ],
         build: coulomb,
+        entrywise: None,
     },
 ];
 
@@ -106,11 +119,19 @@ fn coulomb(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let pushed = g.scale(r, gap);
     let trial = g.add(normal, pushed);
     let minus = g.neg(trial);
-    let pressure = pos_part(g, minus);
+    let pressure = if g.getfem_ties { strict_pos_part(g, minus) } else { pos_part(g, minus) };
     Some(coulomb_force(g, lambda, n, slip, pressure, &f, r))
 }
 
-fn coulomb_force(g: &mut Graph, lambda: ExprId, n: ExprId, slip: ExprId, pressure: ExprId, f: &[ExprId], r: ExprId) -> ExprId {
+fn coulomb_force(
+    g: &mut Graph,
+    lambda: ExprId,
+    n: ExprId,
+    slip: ExprId,
+    pressure: ExprId,
+    f: &[ExprId],
+    r: ExprId,
+) -> ExprId {
     let moved = g.scale(r, slip);
     let q = g.sub(lambda, moved);
     let along = g.inner(q, n);

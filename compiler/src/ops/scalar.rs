@@ -5,7 +5,7 @@ use crate::{
     graph::{ExprId, Function1, Graph},
     ir::Compare,
     math::{MathFn1, MathFn2},
-    ops::{OpDef, apply, pow_components, times},
+    ops::{Entrywise, OpDef, apply, pow_components, times},
 };
 
 macro_rules! one {
@@ -22,6 +22,7 @@ macro_rules! one {
                 let f: fn(&mut Graph, ExprId) -> ExprId = $f;
                 Some(f(&mut b.graph, a))
             },
+            entrywise: Some(Entrywise::One($f)),
         }
     };
 }
@@ -40,6 +41,7 @@ macro_rules! two {
                 let f: fn(&mut Graph, ExprId, ExprId) -> ExprId = $f;
                 Some(f(&mut b.graph, x, y))
             },
+            entrywise: Some(Entrywise::Two($f)),
         }
     };
 }
@@ -74,10 +76,12 @@ pub(super) const TABLE: &[OpDef] = &[
     one!("pos_part", "t for t >= 0, else 0; derivative 1 at 0", &["pos_part(p)", "pos_part(u).w"], pos_part),
     one!("neg_part", "pos_part(-t), also at 0", &["neg_part(p)"], |g, a| {
         let minus = g.neg(a);
-        pos_part(g, minus)
+        if g.getfem_ties { strict_pos_part(g, minus) } else { pos_part(g, minus) }
     }),
     one!("sqr_pos_part", "pos_part squared", &["sqr_pos_part(p)"], |g, a| square(g, a, 1.0)),
-    one!("half_sqr_pos_part", "half of pos_part squared: a potential", &["half_sqr_pos_part(p)"], |g, a| square(g, a, 0.5)),
+    one!("half_sqr_pos_part", "half of pos_part squared: a potential", &["half_sqr_pos_part(p)"], |g, a| square(
+        g, a, 0.5
+    )),
     one!("sqr_neg_part", "neg_part squared", &["sqr_neg_part(p)"], |g, a| {
         let minus = g.neg(a);
         square(g, minus, 1.0)
@@ -98,21 +102,26 @@ pub(super) const TABLE: &[OpDef] = &[
         let mask = g.compare(Compare::LessEqual, a, b);
         g.select(mask, a, b)
     }),
-    two!("reg_pos_part", "pos_part with a parabola on [0, eps]", &["reg_pos_part(p, 0.3)", "reg_pos_part(p, 2+q)"], |g, a, e| {
-        let half = times(g, 0.5, e);
-        let far = g.sub(a, half);
-        let square = g.mul_components(a, a);
-        let double = times(g, 2.0, e);
-        let near = g.div_components(square, double);
-        let zero = g.zero(g.shape(a));
-        let positive = g.compare(Compare::Less, zero, a);
-        let inner = g.select(positive, near, zero);
-        let beyond = g.compare(Compare::LessEqual, e, a);
-        g.select(beyond, far, inner)
-    }),
+    two!(
+        "reg_pos_part",
+        "pos_part with a parabola on [0, eps]",
+        &["reg_pos_part(p, 0.3)", "reg_pos_part(p, 2+q)"],
+        |g, a, e| {
+            let half = times(g, 0.5, e);
+            let far = g.sub(a, half);
+            let square = g.mul_components(a, a);
+            let double = times(g, 2.0, e);
+            let near = g.div_components(square, double);
+            let zero = g.zero(g.shape(a));
+            let positive = g.compare(Compare::Less, zero, a);
+            let inner = g.select(positive, near, zero);
+            let beyond = g.compare(Compare::LessEqual, e, a);
+            g.select(beyond, far, inner)
+        }
+    ),
 ];
 
-fn two_arguments(b: &mut Builder<'_>, c: &Call<'_>) -> Option<(ExprId, ExprId)> {
+pub(super) fn two_arguments(b: &mut Builder<'_>, c: &Call<'_>) -> Option<(ExprId, ExprId)> {
     let x = b.plain_argument(c, 0);
     let y = b.plain_argument(c, 1);
     let ((_, x), (_, y)) = (x?, y?);
@@ -130,6 +139,13 @@ pub(super) fn by_sign(g: &mut Graph, t: ExprId, a: ExprId, b: ExprId) -> ExprId 
 pub(super) fn pos_part(g: &mut Graph, a: ExprId) -> ExprId {
     let zero = g.zero(g.shape(a));
     by_sign(g, a, a, zero)
+}
+
+/// t for t > 0, else 0: inactive at 0, as some of GetFEM's operators are.
+pub(super) fn strict_pos_part(g: &mut Graph, a: ExprId) -> ExprId {
+    let zero = g.zero(g.shape(a));
+    let mask = g.compare(Compare::Less, zero, a);
+    g.select(mask, a, zero)
 }
 
 fn square(g: &mut Graph, a: ExprId, factor: f64) -> ExprId {
@@ -167,5 +183,5 @@ fn whole_power(g: &mut Graph, a: ExprId, n: u32) -> ExprId {
     }
     let half = whole_power(g, a, n / 2);
     let square = g.scale(half, half);
-    if n % 2 == 0 { square } else { g.scale(a, square) }
+    if n.is_multiple_of(2) { square } else { g.scale(a, square) }
 }

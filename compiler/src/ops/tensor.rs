@@ -5,7 +5,6 @@ use wfl::{Diagnostic, ast::Expr};
 use crate::{
     build::{Builder, Call},
     graph::{ExprId, Graph},
-    ir::Compare,
     math::MatrixFn,
     ops::{OpDef, times},
     types::{MAX_RANK, Shape},
@@ -13,7 +12,16 @@ use crate::{
 
 macro_rules! row {
     ($name:literal, $least:literal, $most:literal, $usage:literal, $doc:literal, $samples:expr, $build:expr) => {
-        OpDef { name: $name, least: $least, most: $most, usage: $usage, doc: $doc, samples: $samples, build: $build }
+        OpDef {
+            name: $name,
+            least: $least,
+            most: $most,
+            usage: $usage,
+            doc: $doc,
+            samples: $samples,
+            build: $build,
+            entrywise: None,
+        }
     };
 }
 
@@ -57,16 +65,24 @@ pub(super) const TABLE: &[OpDef] = &[
         let (_, v) = b.plain_argument(c, 0)?;
         Some(b.graph.unit(v))
     }),
-    row!("Normalized_reg", 2, 2, "Normalized_reg(v, eps)", "v/sqrt(|v|^2 + eps^2)", &["Normalized_reg(u, 0.3).w", "Normalized_reg(u, 2+q).w"], |b, c| {
-        let (_, v) = b.plain_argument(c, 0)?;
-        let eps = b.scalar_argument(c, 1)?;
-        let g = &mut b.graph;
-        // the norm of (|v|, eps): safe against overflow like every norm
-        let length = g.norm(v);
-        let both = g.stack(Shape::vector(2), &[length, eps]);
-        let below = g.norm(both);
-        Some(g.divide(v, below))
-    }),
+    row!(
+        "Normalized_reg",
+        2,
+        2,
+        "Normalized_reg(v, eps)",
+        "v/sqrt(|v|^2 + eps^2)",
+        &["Normalized_reg(u, 0.3).w", "Normalized_reg(u, 2+q).w"],
+        |b, c| {
+            let (_, v) = b.plain_argument(c, 0)?;
+            let eps = b.scalar_argument(c, 1)?;
+            let g = &mut b.graph;
+            // the norm of (|v|, eps): safe against overflow like every norm
+            let length = g.norm(v);
+            let both = g.stack(Shape::vector(2), &[length, eps]);
+            let below = g.norm(both);
+            Some(g.divide(v, below))
+        }
+    ),
     row!("Det", 1, 1, "Det(M)", "determinant", &["Det(A)"], |b, c| {
         let m = b.square_argument(c, 0, false)?;
         Some(b.graph.det(m))
@@ -76,11 +92,23 @@ pub(super) const TABLE: &[OpDef] = &[
         Some(b.graph.inverse(m))
     }),
     row!("Expm", 1, 1, "Expm(M)", "matrix exponential", &["Expm(A):B"], |b, c| matrix_function(b, c, MatrixFn::Expm)),
-    row!("Logm", 1, 1, "Logm(M)", "principal matrix logarithm", &["Logm(A):B"], |b, c| matrix_function(b, c, MatrixFn::Logm)),
-    row!("Matrix_i2", 1, 1, "Matrix_i2(M)", "second invariant (Trace(M)^2 - Trace(M*M))/2", &["Matrix_i2(A)"], |b, c| {
-        let m = b.square_argument(c, 0, false)?;
-        Some(second_invariant(&mut b.graph, m))
-    }),
+    row!("Logm", 1, 1, "Logm(M)", "principal matrix logarithm", &["Logm(A):B"], |b, c| matrix_function(
+        b,
+        c,
+        MatrixFn::Logm
+    )),
+    row!(
+        "Matrix_i2",
+        1,
+        1,
+        "Matrix_i2(M)",
+        "second invariant (Trace(M)^2 - Trace(M*M))/2",
+        &["Matrix_i2(A)"],
+        |b, c| {
+            let m = b.square_argument(c, 0, false)?;
+            Some(second_invariant(&mut b.graph, m))
+        }
+    ),
     row!("Matrix_j1", 1, 1, "Matrix_j1(M)", "Trace(M) Det(M)^(-1/3)", &["Matrix_j1(A)"], |b, c| {
         let m = b.square_argument(c, 0, false)?;
         let trace = b.graph.trace(m, 0, 1);
@@ -91,22 +119,54 @@ pub(super) const TABLE: &[OpDef] = &[
         let i2 = second_invariant(&mut b.graph, m);
         Some(scaled_by_det(&mut b.graph, i2, m, -2.0 / 3.0))
     }),
-    row!("Reshape", 2, 11, "Reshape(t, i, j, ...)", "the same numbers, first index fastest, with new sizes", &["Reshape(Grad_u, 4).[1;2;3;4]"], reshape),
-    row!("Swap_indices", 3, 3, "Swap_indices(t, i, j)", "two indices exchanged", &["Swap_indices(Grad_u,1,2):B"], |b, c| {
-        let (text, t) = b.argument(c, 0)?;
-        let [i, j] = indices(b, c, t, [1, 2], text)?;
-        let mut perm: Vec<usize> = (0..b.graph.shape(t).rank()).collect();
-        perm.swap(i, j);
-        Some(b.graph.permute(t, &perm))
-    }),
-    row!("Index_move_last", 2, 2, "Index_move_last(t, i)", "index i moved to the end", &["Index_move_last(Grad_u,1):B"], |b, c| {
-        let (text, t) = b.argument(c, 0)?;
-        let [i] = indices(b, c, t, [1], text)?;
-        let mut perm: Vec<usize> = (0..b.graph.shape(t).rank()).filter(|k| *k != i).collect();
-        perm.push(i);
-        Some(b.graph.permute(t, &perm))
-    }),
-    row!("Contract", 3, 6, "Contract(A, i, j), Contract(A, i, B, j) or Contract(A, i, j, B, k, l)", "sum over pairs of indices", &["Contract(Grad_u,1,2)", "Contract(Grad_u,1,u,1).w", "Contract(Grad_u,1,2,B,2,1)"], contract),
+    row!(
+        "Reshape",
+        2,
+        11,
+        "Reshape(t, i, j, ...)",
+        "the same numbers, first index fastest, with new sizes",
+        &["Reshape(Grad_u, 4).[1;2;3;4]"],
+        reshape
+    ),
+    row!(
+        "Swap_indices",
+        3,
+        3,
+        "Swap_indices(t, i, j)",
+        "two indices exchanged",
+        &["Swap_indices(Grad_u,1,2):B"],
+        |b, c| {
+            let (text, t) = b.argument(c, 0)?;
+            let [i, j] = indices(b, c, t, [1, 2], text)?;
+            let mut perm: Vec<usize> = (0..b.graph.shape(t).rank()).collect();
+            perm.swap(i, j);
+            Some(b.graph.permute(t, &perm))
+        }
+    ),
+    row!(
+        "Index_move_last",
+        2,
+        2,
+        "Index_move_last(t, i)",
+        "index i moved to the end",
+        &["Index_move_last(Grad_u,1):B"],
+        |b, c| {
+            let (text, t) = b.argument(c, 0)?;
+            let [i] = indices(b, c, t, [1], text)?;
+            let mut perm: Vec<usize> = (0..b.graph.shape(t).rank()).filter(|k| *k != i).collect();
+            perm.push(i);
+            Some(b.graph.permute(t, &perm))
+        }
+    ),
+    row!(
+        "Contract",
+        3,
+        6,
+        "Contract(A, i, j), Contract(A, i, B, j) or Contract(A, i, j, B, k, l)",
+        "sum over pairs of indices",
+        &["Contract(Grad_u,1,2)", "Contract(Grad_u,1,u,1).w", "Contract(Grad_u,1,2,B,2,1)"],
+        contract
+    ),
     row!("Cross_product", 2, 2, "Cross_product(v, w)", "vector product in 3-D", &[], cross),
 ];
 
@@ -173,14 +233,23 @@ fn reshape(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
         return b.report(d, c.expr, "");
     };
     if shape.len() != found.len() {
-        let d = Diagnostic::new("E108", format!("`Reshape` keeps the number of entries: {} asked, {} there", shape.len(), found.len()));
+        let d = Diagnostic::new(
+            "E108",
+            format!("`Reshape` keeps the number of entries: {} asked, {} there", shape.len(), found.len()),
+        );
         return b.report(d, text, found.to_string());
     }
     Some(b.graph.reshape(t, shape))
 }
 
 /// Literal indices of `t` (from 1 in the text, from 0 here).
-fn indices<const N: usize>(b: &mut Builder<'_>, c: &Call<'_>, t: ExprId, which: [usize; N], whole: &Expr) -> Option<[usize; N]> {
+fn indices<const N: usize>(
+    b: &mut Builder<'_>,
+    c: &Call<'_>,
+    t: ExprId,
+    which: [usize; N],
+    whole: &Expr,
+) -> Option<[usize; N]> {
     let shape = b.graph.shape(t);
     let mut out = [0; N];
     for (slot, k) in out.iter_mut().zip(which) {
@@ -276,10 +345,4 @@ fn cross(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
         parts.push(g.sub(first, second));
     }
     Some(g.stack(Shape::vector(3), &parts))
-}
-
-/// Mask: the value is not zero.
-pub(super) fn not_zero(g: &mut Graph, a: ExprId) -> ExprId {
-    let zero = g.zero(g.shape(a));
-    g.compare(Compare::NotEqual, a, zero)
 }

@@ -27,6 +27,8 @@ pub struct GroupSide {
     pub points: Vec<[f64; 3]>,
     /// Basis of the geometry at the points, with first and second derivatives.
     pub geometry: Table,
+    /// Basis of the geometry at its own nodes, with first derivatives: for the size of the cells.
+    pub corners: Table,
 }
 
 /// Entities with the same reference points.
@@ -84,7 +86,6 @@ pub struct Domain {
     pub n_entities: usize,
 }
 
-
 type Key = (CellKind, usize, CellKind, usize, usize);
 
 impl Domain {
@@ -115,7 +116,7 @@ impl Domain {
     pub fn global(mesh: &Mesh) -> Self {
         let cell = CellId::new(0);
         let kind = mesh.kind(cell);
-        let mut here = side(mesh, kind, vec![kind.reference_centre()]);
+        let mut here = GroupSide::new(mesh, kind, vec![kind.reference_centre()]);
         here.cells.push(cell);
         let group = Group {
             entities: vec![0],
@@ -131,9 +132,15 @@ impl Domain {
     }
 }
 
-fn side(mesh: &Mesh, kind: CellKind, points: Vec<[f64; 3]>) -> GroupSide {
-    let geometry = mesh.geometry_element(kind).tabulate(&points, 2);
-    GroupSide { kind, cells: Vec::new(), facets: Vec::new(), points, geometry }
+impl GroupSide {
+    /// Cells of `kind` at these reference points; no cell yet.
+    #[must_use]
+    pub fn new(mesh: &Mesh, kind: CellKind, points: Vec<[f64; 3]>) -> Self {
+        let element = mesh.geometry_element(kind);
+        let geometry = element.tabulate(&points, 2);
+        let corners = element.tabulate(element.points(), 1);
+        Self { kind, cells: Vec::new(), facets: Vec::new(), points, geometry, corners }
+    }
 }
 
 fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -> Vec<Group> {
@@ -149,7 +156,7 @@ fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -
                 tangents: None,
                 reference_normal: [0.0; 3],
                 is_global: false,
-                here: side(mesh, kind, rule.points),
+                here: GroupSide::new(mesh, kind, rule.points),
                 there: None,
             }
         });
@@ -159,7 +166,11 @@ fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -
     groups.into_values().collect()
 }
 
-fn facet_groups(mesh: &Mesh, sides: &[(FacetRef, Option<FacetRef>)], rule: &dyn Fn(CellKind) -> Rule) -> Result<Vec<Group>, MeshError> {
+fn facet_groups(
+    mesh: &Mesh,
+    sides: &[(FacetRef, Option<FacetRef>)],
+    rule: &dyn Fn(CellKind) -> Rule,
+) -> Result<Vec<Group>, MeshError> {
     let mut groups: BTreeMap<Key, Group> = BTreeMap::new();
     for (k, (here, there)) in sides.iter().enumerate() {
         let kind = mesh.kind(here.cell);
@@ -180,8 +191,8 @@ fn facet_groups(mesh: &Mesh, sides: &[(FacetRef, Option<FacetRef>)], rule: &dyn 
             tangents: Some(kind.facet_map(local).tangents),
             reference_normal: kind.facet_normal(local),
             is_global: false,
-            here: side(mesh, kind, facet_points(kind, local, &rule)),
-            there: opposite.as_ref().map(|(there, points)| side(mesh, mesh.kind(there.cell), points.clone())),
+            here: GroupSide::new(mesh, kind, facet_points(kind, local, &rule)),
+            there: opposite.as_ref().map(|(there, points)| GroupSide::new(mesh, mesh.kind(there.cell), points.clone())),
         });
         group.entities.push(k);
         group.here.cells.push(here.cell);

@@ -45,6 +45,8 @@ pub struct Workspace {
     bases: Vec<PointBasis>,
     /// Weight times measure at each point.
     weights: Vec<Lanes>,
+    /// Sizes of the cells here and there, if the law reads them.
+    sizes: [Lanes; 2],
     current: Vec<Lanes>,
     previous: Vec<Lanes>,
     /// Kernel inputs, blocked.
@@ -70,6 +72,7 @@ impl Workspace {
     pub fn prepare(&mut self, bound: Bound<'_>, g: usize, batch: usize, values: FieldValues<'_>) {
         let (group, binding) = (&bound.domain.groups[g], &bound.binding.groups[g]);
         self.gather(bound, g, batch, values);
+        self.measure_cells(bound, group);
         let n_bases = binding.bases.len();
         let n_points = group.n_points();
         self.weights.resize(n_points, ZERO);
@@ -104,6 +107,21 @@ impl Workspace {
                         }
                     }
                 }
+            }
+        }
+    }
+
+    /// The sizes of the cells, where an input asks for them.
+    fn measure_cells(&mut self, bound: Bound<'_>, group: &Group) {
+        for input in &bound.binding.inputs {
+            match (input, &group.there) {
+                (Input::Geometry(InputSlot::ElementSize(Side::There)), Some(there)) => {
+                    element_size(bound.domain.dim, &there.corners, &self.nodes_there, &mut self.sizes[1]);
+                }
+                (Input::Geometry(InputSlot::ElementSize(_)), _) => {
+                    element_size(bound.domain.dim, &group.here.corners, &self.nodes_here, &mut self.sizes[0]);
+                }
+                _ => {}
             }
         }
     }
@@ -158,21 +176,14 @@ impl Workspace {
     }
 
     fn geometry(&self, dim: usize, group: &Group, slot: InputSlot) -> Lanes {
-        let of = |side: Side| match (side, &group.there) {
-            (Side::There, Some(there)) => (&self.there, &self.nodes_there, there),
-            _ => (&self.here, &self.nodes_here, &group.here),
-        };
+        let two_sided = group.there.is_some();
+        let of = |side: Side| if side == Side::There && two_sided { &self.there } else { &self.here };
         match slot {
             InputSlot::X(k) => self.here.x[usize::from(k)],
-            InputSlot::ElementSize(side) => {
-                let (_, nodes, side) = of(side);
-                let mut out = ZERO;
-                element_size(nodes, side.kind.n_vertices().min(nodes.len()), &mut out);
-                out
-            }
+            InputSlot::ElementSize(side) => self.sizes[usize::from(side == Side::There && two_sided)],
             // entry i + dim * j of K = dx_i/dxi_j; of B = K^-T, so B_ij = inverse_ji
-            InputSlot::ElementK(side, e) => of(side).0.jacobian[usize::from(e) % dim][usize::from(e) / dim],
-            InputSlot::ElementB(side, e) => of(side).0.inverse[usize::from(e) / dim][usize::from(e) % dim],
+            InputSlot::ElementK(side, e) => of(side).jacobian[usize::from(e) % dim][usize::from(e) / dim],
+            InputSlot::ElementB(side, e) => of(side).inverse[usize::from(e) / dim][usize::from(e) % dim],
             InputSlot::Normal(..) | InputSlot::Field(_) | InputSlot::Previous(_) => ZERO,
         }
     }

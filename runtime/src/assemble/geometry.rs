@@ -257,15 +257,36 @@ fn length(v: [f64; 3]) -> f64 {
     m * s.sqrt()
 }
 
-/// Largest distance between two vertices of each cell of a batch.
-pub(super) fn element_size(nodes: &[[Lanes; 3]], n_vertices: usize, out: &mut Lanes) {
-    *out = ZERO;
-    for i in 0..n_vertices {
-        for j in 0..i {
-            for l in 0..LANES {
-                let d = [0, 1, 2].map(|k| nodes[i][k][l] - nodes[j][k][l]);
-                out[l] = out[l].max(length(d));
+/// The size of each cell of a batch: with the smallest singular value of the gradient of the geometric map, the
+/// largest such value over the nodes of the geometry, times the root of the space dimension. This is the estimate that
+/// GetFEM calls `element_size` (twice its `convex_radius_estimate`, src/getfem_mesh.cc, whose `emax` is the smallest
+/// one); it is the edge of a square or cube times that root.
+pub(super) fn element_size(dim: usize, corners: &Table, nodes: &[[Lanes; 3]], out: &mut Lanes) {
+    #[expect(clippy::cast_precision_loss, reason = "the dimension is 1 to 3")]
+    let root = (dim as f64).sqrt();
+    for (l, size) in out.iter_mut().enumerate() {
+        let mut largest = 0.0f64;
+        for q in 0..corners.n_points {
+            let mut jacobian = nalgebra::Matrix3::<f64>::zeros();
+            for (k, node) in nodes.iter().enumerate() {
+                let gradient = &corners.gradients[(q * corners.n_dofs + k) * dim..][..dim];
+                for i in 0..dim {
+                    for (j, g) in gradient.iter().enumerate() {
+                        jacobian[(i, j)] += g * node[i][l];
+                    }
+                }
             }
+            largest = largest.max(smallest_singular_value(&jacobian, dim));
         }
+        *size = root * largest;
+    }
+}
+
+/// Of the leading `dim` by `dim` block.
+fn smallest_singular_value(m: &nalgebra::Matrix3<f64>, dim: usize) -> f64 {
+    match dim {
+        1 => m[(0, 0)].abs(),
+        2 => m.fixed_view::<2, 2>(0, 0).into_owned().singular_values().min(),
+        _ => m.singular_values().min(),
     }
 }

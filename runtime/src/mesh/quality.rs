@@ -126,8 +126,7 @@ pub fn facet_heights(mesh: &Mesh, facets: &[FacetRef]) -> Vec<f64> {
     triples.map(|((cell, v), a)| factor(cell) * v / a).collect()
 }
 
-/// Diameter of each cell: the largest distance between two vertices, which is what GetFEM calls
-/// `element_size`.
+/// Diameter of each cell: the largest distance between two vertices (not what the language calls `element_size`).
 #[must_use]
 pub fn element_sizes(mesh: &Mesh, cells: &[CellId]) -> Vec<f64> {
     cells.iter().map(|cell| check::size(mesh, *cell)).collect()

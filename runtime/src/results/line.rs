@@ -152,15 +152,16 @@ fn inverse_map(mesh: &Mesh, cell: CellId, x: [f64; 3]) -> Option<[f64; 3]> {
 fn point_group(mesh: &Mesh, cell: CellId, reference: [f64; 3]) -> Group {
     let kind = mesh.kind(cell);
     let points = vec![reference];
-    let geometry = mesh.geometry_element(kind).tabulate(&points, 2);
+    let parameters = points.clone();
+    let here = GroupSide { cells: vec![cell], ..GroupSide::new(mesh, kind, points) };
     Group {
         entities: vec![0],
         weights: vec![1.0],
-        parameters: points.clone(),
+        parameters,
         tangents: None,
         reference_normal: [0.0; 3],
         is_global: false,
-        here: GroupSide { kind, cells: vec![cell], facets: Vec::new(), points, geometry },
+        here,
         there: None,
     }
 }

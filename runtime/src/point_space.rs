@@ -1,0 +1,89 @@
+//! Values at integration points: one node a point, nothing between the points.
+//!
+//! A field on such a space can be read where the same points are used again: the basis function of a point is 1 there
+//! and 0 at the others, so gathering and assembly work as for any field. It has no gradient. Asked for at other
+//! points (another rule, another place) it answers that it has no values there; it never interpolates.
+
+use std::collections::BTreeMap;
+
+use crate::{
+    assemble::{Domain, Group},
+    element::Table,
+    mesh::{CellId, FacetRef, Mesh},
+};
+
+/// A cell, or a facet seen from its cell.
+type Entity = (CellId, Option<u8>);
+
+/// The integration points of a domain as nodes.
+#[derive(Clone, Debug, Default)]
+pub struct PointSpace {
+    /// Rule and first node of each entity.
+    entities: BTreeMap<Entity, (usize, u32)>,
+    /// Points of each rule, in the parameters of the entity.
+    rules: Vec<Vec<[f64; 3]>>,
+    coordinates: Vec<[f64; 3]>,
+}
+
+impl PointSpace {
+    /// One node at each point of `domain`, entity after entity in the order of its groups.
+    #[must_use]
+    pub fn new(mesh: &Mesh, domain: &Domain) -> Self {
+        let mut space = PointSpace::default();
+        for group in &domain.groups {
+            let rule = space.rules.len();
+            space.rules.push(group.parameters.clone());
+            for k in 0..group.entities.len() {
+                let first = u32::try_from(space.coordinates.len()).expect("fewer than 2^32 integration points");
+                space.entities.insert(entity(group, k), (rule, first));
+                for q in 0..group.n_points() {
+                    space.coordinates.push(mesh.point_at(group.here.cells[k], &group.here.geometry, q));
+                }
+            }
+        }
+        space
+    }
+
+    /// Positions of the nodes.
+    #[must_use]
+    pub fn coordinates(&self) -> &[[f64; 3]] {
+        &self.coordinates
+    }
+
+    /// True if there are nodes in this cell (not on its facets).
+    #[must_use]
+    pub fn has_cell(&self, cell: CellId) -> bool {
+        self.entities.contains_key(&(cell, None))
+    }
+
+    /// True if there are nodes on this facet, seen from its cell.
+    #[must_use]
+    pub fn has_facet(&self, facet: FacetRef) -> bool {
+        self.entities.contains_key(&(facet.cell, Some(facet.local)))
+    }
+
+    /// Basis and nodes on a group; `None` where its points are not those of this space.
+    pub(crate) fn tabulate(&self, dim: usize, group: &Group) -> Option<(Table, Vec<u32>)> {
+        let n = group.n_points();
+        let mut nodes = Vec::with_capacity(group.entities.len() * n);
+        for k in 0..group.entities.len() {
+            let (rule, first) = *self.entities.get(&entity(group, k))?;
+            if self.rules[rule] != group.parameters {
+                return None;
+            }
+            nodes.extend((0..u32::try_from(n).ok()?).map(|q| first + q));
+        }
+        let values = (0..n * n).map(|p| if p % (n + 1) == 0 { 1.0 } else { 0.0 }).collect();
+        Some((Table { n_points: n, n_dofs: n, dim, values, ..Table::default() }, nodes))
+    }
+
+    /// The node of point `q` of entity `k` of a group of the domain this space was made on.
+    #[must_use]
+    pub fn node(&self, group: &Group, k: usize, q: usize) -> Option<usize> {
+        self.entities.get(&entity(group, k)).map(|(_, first)| *first as usize + q)
+    }
+}
+
+fn entity(group: &Group, k: usize) -> Entity {
+    (group.here.cells[k], group.here.facets.get(k).map(|f| f.local))
+}
