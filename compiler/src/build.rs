@@ -719,7 +719,7 @@ impl<'a> Builder<'a> {
         let number = self.graph.scalar_constant(value);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be small and whole")]
         match number {
-            Some(x) if x >= 0.0 && x <= 65_535.0 && x.fract() == 0.0 => Some(x as usize),
+            Some(x) if (0.0..=65_535.0).contains(&x) && x.fract() == 0.0 => Some(x as usize),
             _ => {
                 let d = Diagnostic::new("E104", format!("{what} must be a whole number known before the run"));
                 self.report(d, a, number.map_or("not constant".to_owned(), |x| format!("{x}")))

@@ -55,9 +55,9 @@ pub fn expression_text(graph: &Graph, root: ExprId, fields: &[FieldSig]) -> Stri
     }
     let mut printer = Printer { graph, fields, names: BTreeMap::new() };
     let mut out = String::new();
-    for k in 0..root.index() {
+    for (k, seen) in seen.iter().enumerate().take(root.index()) {
         let e = ExprId::new(k);
-        if seen[k] && uses.get(&e).is_some_and(|n| *n > 1) && !is_small(graph, e) {
+        if *seen && uses.get(&e).is_some_and(|n| *n > 1) && !is_small(graph, e) {
             let text = printer.text(e, 0);
             let name = format!("e{}", printer.names.len() + 1);
             let kind = if graph.is_mask(e) { "condition".to_owned() } else { graph.shape(e).to_string() };

@@ -2,9 +2,12 @@
 //!
 //! States are drawn at random, then pairs of them in different branches are bisected, so that states close to each
 //! kink on both of its sides are tested too. The residual is differenced in double-double arithmetic with four
-//! points: neither truncation nor rounding of the difference reaches 1e-14 of a block. Promises: every pair of test
+//! points: truncation stays below 1e-14 of a block, and what rounding does to a difference is bounded by a running
+//! error analysis and not counted. Promises: every pair of test
 //! slot and unknown input is looked at, also those that the tangent says are zero; nothing is tested across a kink.
 //! It does not know meshes, basis functions or how entries are assembled.
+
+mod bounded;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,6 +21,7 @@ use crate::{
     term::{TermLaw, run_prologue, unit_normals},
     types::{BasisSlot, FieldId, FieldOp, InputSlot, Side, UniformSlot},
 };
+use bounded::Bounded;
 
 /// Step of the differences over the size of the field values it moves.
 const STEP: f64 = 1e-9;
@@ -195,10 +199,37 @@ impl Random {
 
 #[derive(Clone, Debug, Default)]
 struct Block {
-    entries: BTreeSet<(usize, usize)>,
+    entries: BTreeSet<(BasisSlot, BasisSlot)>,
     error: f64,
     rounding: f64,
     worst: Option<EntryPlace>,
+}
+
+/// Largest entry of each block at one state.
+type Sizes = BTreeMap<(SlotGroup, SlotGroup), f64>;
+
+/// Differences of all fluxes by one unknown input.
+struct Column {
+    step: f64,
+    differences: Vec<Dd>,
+}
+
+/// Outputs of the tangent kernel at one state in both precisions.
+struct Outputs {
+    wide: Vec<Dd>,
+    narrow: Vec<f64>,
+}
+
+/// One pair of test slot and unknown input at one state.
+struct Pair {
+    key: (SlotGroup, SlotGroup),
+    test: BasisSlot,
+    trial: BasisSlot,
+    difference: Dd,
+    wide: Dd,
+    plain: f64,
+    /// What rounding may do to the difference.
+    noise: f64,
 }
 
 /// A tested state with what the interpreter gives there.
@@ -359,10 +390,14 @@ impl<'l> Checker<'l> {
         for (count, code) in self.out.kinks.iter_mut().zip(&codes) {
             count[usize::from(*code).min(2)] += 1;
         }
-        let columns: Vec<Option<Vec<Dd>>> =
+        let columns: Vec<Option<Column>> =
             (0..self.unknowns.len()).map(|u| self.column(uniforms, &wide, u, &codes)).collect();
         self.out.across += columns.iter().filter(|c| c.is_none()).count();
-        self.compare(&columns, &tangent, &narrow, &codes, near_kink);
+        let bounded: Vec<Bounded> = inputs.iter().map(|x| Bounded::from_f64(*x)).collect();
+        let errors: Vec<f64> = Self::run(&self.law.residual, uniforms, &bounded).iter().map(|b| b.error).collect();
+        let outputs = Outputs { wide: tangent, narrow };
+        self.compare(&columns, &errors, &outputs, &codes, near_kink);
+        let narrow = outputs.narrow;
         self.tested.push(Tested {
             uniforms: uniforms.to_vec(),
             inputs: inputs.to_vec(),
@@ -372,7 +407,7 @@ impl<'l> Checker<'l> {
     }
 
     /// Derivatives of all fluxes with respect to one unknown input; `None` if a kink is within the step.
-    fn column(&self, uniforms: &[f64], inputs: &[Dd], unknown: usize, codes: &[u8]) -> Option<Vec<Dd>> {
+    fn column(&self, uniforms: &[f64], inputs: &[Dd], unknown: usize, codes: &[u8]) -> Option<Column> {
         let (position, slot) = self.unknowns[unknown];
         let group = SlotGroup::from(slot);
         let own = self.unknowns.iter().filter(|(_, s)| SlotGroup::from(*s) == group);
@@ -388,40 +423,64 @@ impl<'l> Checker<'l> {
         };
         let (a, b, c, d) = (at(1.0)?, at(-1.0)?, at(2.0)?, at(-2.0)?);
         let (eight, all) = (Dd::from_f64(8.0), Dd::from_f64(12.0 * h));
-        Some((0..self.law.tests.len()).map(|t| (eight * (a[t] - b[t]) - (c[t] - d[t])) / all).collect())
+        let differences = (0..self.law.tests.len()).map(|t| (eight * (a[t] - b[t]) - (c[t] - d[t])) / all).collect();
+        Some(Column { step: h, differences })
     }
 
-    /// Compares the columns with the entries, block by block.
-    fn compare(&mut self, columns: &[Option<Vec<Dd>>], tangent: &[Dd], narrow: &[f64], codes: &[u8], near_kink: bool) {
+    /// All pairs of test slot and unknown input that say something, with the size of each block.
+    fn pairs(&self, columns: &[Option<Column>], errors: &[f64], outputs: &Outputs) -> (Vec<Pair>, Sizes) {
         let law = self.law;
-        let mut sizes: BTreeMap<(SlotGroup, SlotGroup), f64> = BTreeMap::new();
-        let mut found = Vec::new();
-        for ((_, slot), column) in self.unknowns.iter().zip(columns) {
-            let trial = law.trials.iter().position(|s| s == slot);
+        let n_tests = law.tests.len();
+        let (mut sizes, mut found) = (Sizes::new(), Vec::new());
+        for ((_, trial), column) in self.unknowns.iter().zip(columns) {
+            let Some(column) = column else { continue };
+            let position = law.trials.iter().position(|s| s == trial);
             for (t, test) in law.tests.iter().enumerate() {
-                let entry = trial.and_then(|s| law.entries.binary_search(&(narrow_index(t), narrow_index(s))).ok());
-                let wide = entry.map_or(Dd::ZERO, |e| tangent[law.tests.len() + e]);
-                let plain = entry.map_or(0.0, |e| narrow[law.tests.len() + e]);
-                let Some(difference) = column.as_ref().map(|c| c[t]) else { continue };
-                let key = (SlotGroup::from(*test), SlotGroup::from(*slot));
+                let entry = position.and_then(|s| law.entries.binary_search(&(narrow_index(t), narrow_index(s))).ok());
+                let wide = entry.map_or(Dd::ZERO, |e| outputs.wide[n_tests + e]);
+                let plain = entry.map_or(0.0, |e| outputs.narrow[n_tests + e]);
+                let difference = column.differences[t];
+                // the weights of the four points add up to 1.5 over the step
+                let noise = Some(2.0 * errors[t] / column.step).filter(|n| n.is_finite()).unwrap_or(0.0);
+                let key = (SlotGroup::from(*test), SlotGroup::from(*trial));
                 let size = sizes.entry(key).or_default();
                 *size = size.max(wide.hi().abs()).max(difference.hi().abs());
-                if entry.is_some() || difference.hi() != 0.0 {
-                    found.push((key, t, *test, *slot, difference, wide, plain));
+                if entry.is_some() || difference.hi().abs() > noise {
+                    found.push(Pair { key, test: *test, trial: *trial, difference, wide, plain, noise });
                 }
             }
         }
-        for (key, t, test, trial, difference, wide, plain) in found {
-            let size = sizes.get(&key).copied().unwrap_or(0.0);
-            let over = |x: f64| if size > 0.0 { x.abs() / size } else { 0.0 };
-            let error = over((difference - wide).hi());
-            let block = self.blocks.entry(key).or_default();
-            block.entries.insert((t, usize::from(trial.entry)));
-            block.rounding = block.rounding.max(over((Dd::from_f64(plain) - wide).hi()));
+        (found, sizes)
+    }
+
+    /// Compares the columns with the entries, block by block.
+    fn compare(
+        &mut self,
+        columns: &[Option<Column>],
+        errors: &[f64],
+        outputs: &Outputs,
+        codes: &[u8],
+        near_kink: bool,
+    ) {
+        let (found, sizes) = self.pairs(columns, errors, outputs);
+        for pair in found {
+            let size = sizes.get(&pair.key).copied().unwrap_or(0.0);
+            let over = |x: f64| if size > 0.0 { x / size } else { 0.0 };
+            let off = (pair.difference - pair.wide).hi().abs();
+            let error = if off <= pair.noise { 0.0 } else { over(off) };
+            let block = self.blocks.entry(pair.key).or_default();
+            block.entries.insert((pair.test, pair.trial));
+            block.rounding = block.rounding.max(over((Dd::from_f64(pair.plain) - pair.wide).hi().abs()));
             if block.worst.is_none() || error > block.error || error.is_nan() {
                 block.error = error;
-                let (difference, tangent) = (difference.hi(), plain);
-                block.worst = Some(EntryPlace { test, trial, difference, tangent, codes: codes.to_vec(), near_kink });
+                block.worst = Some(EntryPlace {
+                    test: pair.test,
+                    trial: pair.trial,
+                    difference: pair.difference.hi(),
+                    tangent: pair.plain,
+                    codes: codes.to_vec(),
+                    near_kink,
+                });
             }
         }
     }

@@ -70,11 +70,7 @@ impl Strategy {
     }
 
     fn choose_nonlinear(&mut self, system: &System) -> Result<(), SolveError> {
-        let touched = system.changing_dofs();
-        let n = system.numbering.n_free();
-        #[expect(clippy::cast_precision_loss, reason = "a ratio of counts")]
-        let few = (touched.len() as f64) < CONDENSE_BELOW * n as f64;
-        if few && system.bulk_is_symmetric() {
+        if condenses(system) {
             match CheckedCondensed::new(system.bulk(), system.changing().pattern(), Some(&self.coordinates), self.options) {
                 Ok(condensed) => {
                     self.factorisations += 1;
@@ -93,6 +89,21 @@ impl Strategy {
         let (bulk_positions, changing_positions) = (positions(system.bulk()), positions(system.changing()));
         self.kind = Kind::Full { pattern, bulk_positions, changing_positions };
         Ok(())
+    }
+
+    /// The solver that a system asks for, in words; nothing is assembled for it. A linear part that turns out not
+    /// to be positive definite changes it.
+    #[must_use]
+    pub fn plan(system: &System) -> String {
+        let (symmetric, method) = if system.is_symmetric() { ("symmetric", "LLT") } else { ("unsymmetric", "LU") };
+        if system.is_linear() {
+            return format!("one linear system, {symmetric} ({method}), factored once");
+        }
+        if condenses(system) {
+            let touched = system.changing_dofs().len();
+            return format!("Newton; linear part factored once (LLT), the {touched} dofs of the nonlinear terms condensed");
+        }
+        format!("Newton; whole tangent, {symmetric} ({method}), factored each iteration")
     }
 
     /// The solver in words.
@@ -197,4 +208,11 @@ impl Strategy {
             _ => self.solver.as_mut().ok_or(SolveError::NotFactored)?.solve(rhs, x),
         }
     }
+}
+
+/// True if the nonlinear terms touch few dofs beside a symmetric linear part.
+fn condenses(system: &System) -> bool {
+    #[expect(clippy::cast_precision_loss, reason = "a ratio of counts")]
+    let few = (system.changing_dofs().len() as f64) < CONDENSE_BELOW * system.numbering.n_free() as f64;
+    few && system.bulk_is_symmetric()
 }

@@ -157,6 +157,14 @@ fn a_wrong_bit_of_the_machine_is_seen() {
     assert!(found.error() < 1e-12);
 }
 
+/// The field drops out of the law up to rounding: its derivative is 0, and the difference is not, by its own noise.
+#[test]
+fn rounding_of_the_difference_is_no_error() {
+    let law = law("((u + g*[1,0]*1e6 - g*1e6*[1,0]*(1 + 1e-16) - u + 1e-3*Norm_sqr(u)*[0,1])).Test_u", false);
+    let found = check(&law, 32);
+    assert!(found.passes(1e-7), "{found:?}");
+}
+
 #[test]
 fn the_same_seed_gives_the_same_states() {
     let law = law(COULOMB, false);

@@ -1,23 +1,89 @@
 //! The command line.
 
-use std::path::PathBuf;
+use std::{num::NonZeroUsize, path::PathBuf};
 
-use clap::{Args as ClapArgs, Parser, Subcommand};
+use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 
 /// Write, check and solve contact formulations from text files.
 #[derive(Debug, Parser)]
-#[command(name = "wfl", version, about, arg_required_else_help = true)]
+#[command(name = "wfl", version, about, arg_required_else_help = true, after_help = EXIT_CODES)]
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,
 }
 
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  done
+  1  an error: the command line, the scene, a file, a singular system; `fmt --check`: a file is not formatted;
+     `verify`: a tangent is wrong
+  2  `run`: a step did not converge
+  3  `run`: an expectation of the scene does not hold
+
+Start with:
+  wfl check examples/fault/nitsche.wfl
+  wfl run examples/fault/nitsche.wfl";
+
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Solve a scene and write its results to out/<scene>/
+    #[command(after_help = RUN_HELP)]
     Run(RunArgs),
+    /// Everything but solving: mesh, fields, terms, and the solver that follows
+    #[command(after_help = CHECK_HELP)]
+    Check(CheckArgs),
+    /// What the compiler makes of a scene
+    #[command(after_help = SHOW_HELP)]
+    Show(ShowArgs),
+    /// Compare each term's tangent with high-precision differences of its residual
+    #[command(after_help = VERIFY_HELP)]
+    Verify(VerifyArgs),
+    /// What the code of a message means, with an example
+    #[command(after_help = "Example:\n  wfl explain E103\n  wfl explain --list")]
+    Explain(ExplainArgs),
+    /// Write files in their canonical form: comments and meaning are kept
+    #[command(
+        after_help = "Examples:\n  wfl fmt scene.wfl\n  wfl fmt --check examples/fault/*.wfl    # exit code 1 if a file would change"
+    )]
+    Fmt(FmtArgs),
+    /// Turn an assembly string of a GetFEM script into statements of a scene
+    #[command(after_help = IMPORT_HELP)]
+    Import(ImportArgs),
 }
+
+const RUN_HELP: &str = "\
+Results: .pvd with one .vtu a step, CSV files as the scene says, report.json.
+Exit codes: 0 done, 1 error, 2 a step did not converge, 3 an `expect` of the scene does not hold.
+
+Examples:
+  wfl run examples/fault/nitsche.wfl
+  wfl run examples/fault/nitsche.wfl theta=-1 gamma=1e6 --out results -v";
+
+const CHECK_HELP: &str = "\
+Examples:
+  wfl check examples/fault/nitsche.wfl
+  wfl check examples/fault/nitsche.wfl theta=1 --json | jq '.terms[].class'";
+
+const SHOW_HELP: &str = "\
+Examples:
+  wfl show examples/fault/nitsche.wfl tangent --term contact
+  wfl show examples/fault/nitsche.wfl kinks";
+
+const VERIFY_HELP: &str = "\
+States are random: of every size, and close to each kink on both of its sides. Differences are taken in 31 digits, so
+that an error above 1e-7 of a block is an error of the tangent; the exit code is then 1. Machine code and interpreter
+are compared bit by bit at the same states.
+
+Example:
+  wfl verify examples/fault/nitsche.wfl --samples 200";
+
+const IMPORT_HELP: &str = "\
+Declarations that the string does not hold (unknowns, parameters) are guessed and marked: look at each of them.
+
+Examples:
+  wfl import \"(2*mu*Sym(Grad_u) + lambda*Trace(Grad_u)*Id(3)):Grad_Test_u\"
+  wfl import \"pos_part(g*u.Normal)*Test_u.Normal\" --on wall";
 
 /// A scene with parameter values.
 #[derive(Debug, ClapArgs)]
@@ -37,9 +103,12 @@ pub(crate) struct RunArgs {
     /// Directory of the results [default: out/<scene>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Threads of assembly and solver [default: all]
+    /// Threads of assembly and solver, 1 or more [default: all]
     #[arg(long, value_name = "N")]
-    pub(crate) threads: Option<usize>,
+    pub(crate) threads: Option<NonZeroUsize>,
+    /// Most Newton iterations in a step, in place of what the scene says
+    #[arg(long, value_name = "N")]
+    pub(crate) max_iter: Option<NonZeroUsize>,
     /// Say nothing but errors
     #[arg(short, long, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
@@ -49,4 +118,94 @@ pub(crate) struct RunArgs {
     /// Run the point laws in the reference interpreter instead of machine code
     #[arg(long)]
     pub(crate) interpret: bool,
+}
+
+/// How a scene is checked.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct CheckArgs {
+    #[command(flatten)]
+    pub(crate) scene: SceneArgs,
+    /// Print JSON: the same tables, each a list of objects
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum View {
+    /// The statements as they were read, expressions as trees
+    Ast,
+    /// The typed tensor graph of each term
+    Graph,
+    /// Energy, residual and tangent of each term as formulas
+    Tangent,
+    /// The instructions of the point laws
+    Ir,
+    /// What the code generator is given
+    Clif,
+    /// The terms, a line each
+    Terms,
+    /// The places where a term has no derivative, and the rule used there
+    Kinks,
+}
+
+/// What to show of a scene.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ShowArgs {
+    /// The scene, a .wfl file
+    pub(crate) scene: PathBuf,
+    /// What to show
+    pub(crate) view: View,
+    /// Parameters to replace: gamma=1e6 theta=-1
+    #[arg(value_name = "NAME=VALUE")]
+    pub(crate) overrides: Vec<String>,
+    /// Only this term
+    #[arg(long, value_name = "NAME")]
+    pub(crate) term: Option<String>,
+}
+
+/// How tangents are verified.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct VerifyArgs {
+    #[command(flatten)]
+    pub(crate) scene: SceneArgs,
+    /// Random states a term; those beside kinks come on top
+    #[arg(long, value_name = "N", default_value = "100")]
+    pub(crate) samples: NonZeroUsize,
+    /// Start of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) seed: u64,
+}
+
+/// Which code is explained.
+#[derive(Debug, ClapArgs)]
+#[command(arg_required_else_help = true)]
+pub(crate) struct ExplainArgs {
+    /// The code of a message, such as E103
+    #[arg(required_unless_present = "list")]
+    pub(crate) code: Option<String>,
+    /// All codes, a line each
+    #[arg(long)]
+    pub(crate) list: bool,
+}
+
+/// Which files are formatted.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct FmtArgs {
+    /// Files to write in canonical form
+    #[arg(required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// Change nothing; name the files that would change
+    #[arg(long)]
+    pub(crate) check: bool,
+}
+
+/// What is imported.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ImportArgs {
+    /// The assembly string
+    pub(crate) text: String,
+    /// The region the term stands on
+    #[arg(long, value_name = "REGION", default_value = "all")]
+    pub(crate) on: String,
 }

@@ -1,13 +1,12 @@
 //! Reading scenes: files, included files, parameters of the command line, and printing of messages.
 
 use std::{
-    io::{IsTerminal, Write},
+    collections::BTreeMap,
+    io::{ErrorKind, IsTerminal, Write},
     path::{Path, PathBuf},
 };
 
-use wfl::{Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, parse_expr, render, resolve};
-
-use crate::args::SceneArgs;
+use wfl::{Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, Span, parse_expr, render, resolve};
 
 /// A scene that was read, with its texts.
 pub(crate) struct Loaded {
@@ -20,82 +19,143 @@ pub(crate) struct Loaded {
 
 /// Finds included files beside the file that includes them.
 struct Files {
-    folders: Vec<PathBuf>,
+    folders: BTreeMap<usize, PathBuf>,
+    /// Folder of the file last read: texts are gone through as they are read, so a text not yet known is that one.
+    last: PathBuf,
 }
 
 impl Loader for Files {
     fn load(&mut self, path: &str, from: SourceId) -> Result<(String, String), String> {
-        let folder = self.folders.get(from.index()).cloned().unwrap_or_default();
+        let folder = self.folders.entry(from.index()).or_insert_with(|| self.last.clone());
         let full = folder.join(path);
         let text = read_text(&full)?;
+        self.last = full.parent().map(Path::to_path_buf).unwrap_or_default();
         Ok((full.display().to_string(), text))
     }
 }
 
 /// The text of a file, or why it cannot be read.
-fn read_text(path: &Path) -> Result<String, String> {
+pub(crate) fn read_text(path: &Path) -> Result<String, String> {
     let bytes = std::fs::read(path).map_err(|e| match e.kind() {
-        std::io::ErrorKind::NotFound => "no such file".to_owned(),
-        std::io::ErrorKind::IsADirectory => "it is a directory".to_owned(),
+        ErrorKind::NotFound => "there is no such file".to_owned(),
+        ErrorKind::IsADirectory => "it is a directory, a file is needed".to_owned(),
+        ErrorKind::PermissionDenied => "permission denied".to_owned(),
         _ => e.to_string(),
     })?;
-    String::from_utf8(bytes).map_err(|e| format!("not UTF-8 text (byte {})", e.utf8_error().valid_up_to()))
+    if let Some(at) = bytes.iter().position(|b| *b == 0) {
+        return Err(format!("it is a binary file (byte {at} is 0), a text is needed"));
+    }
+    String::from_utf8(bytes).map_err(|e| {
+        let at = e.utf8_error().valid_up_to();
+        format!("it is not UTF-8 text (byte {at} is no character)")
+    })
 }
 
 /// Reads and resolves a scene; prints what is wrong and returns `None` on errors.
-pub(crate) fn load(args: &SceneArgs) -> Option<Loaded> {
+pub(crate) fn load(scene: &Path, overrides: &[String], command: &str) -> Option<Loaded> {
     let mut sources = SourceMap::new();
-    let text = match read_text(&args.scene) {
+    let text = match read_text(scene) {
         Ok(text) => text,
         Err(why) => {
-            say(&format!("error: cannot read {}: {why}\n", args.scene.display()));
+            say(&format!("error: cannot read {}: {why}\n", scene.display()));
             return None;
         }
     };
-    let main = sources.add(args.scene.display().to_string(), text);
-    let folder = args.scene.parent().map(Path::to_path_buf).unwrap_or_default();
+    if text.trim().is_empty() {
+        let help = "a scene has at least a mesh, an unknown and a term; the README shows one";
+        say(&format!("error: {} is empty\n  = help: {help}\n", scene.display()));
+        return None;
+    }
+    let main = sources.add(scene.display().to_string(), text);
+    let folder = scene.parent().map(Path::to_path_buf).unwrap_or_default();
     let mut diagnostics = Vec::new();
-    let overrides = overrides(&args.overrides, &mut sources, &mut diagnostics);
-    let mut loader = Files { folders: vec![folder.clone(); sources.iter().count() + 64] };
+    let overrides = command_line(scene, overrides, command, &mut sources, &mut diagnostics);
+    let mut loader = Files { folders: BTreeMap::from([(main.index(), folder.clone())]), last: folder.clone() };
     let checked = resolve(&mut sources, main, &mut loader, &overrides);
     diagnostics.extend(checked.diagnostics);
-    let failed = diagnostics.iter().any(Diagnostic::is_error);
-    if failed {
+    if diagnostics.iter().any(Diagnostic::is_error) {
         print_all(&diagnostics, &sources);
         return None;
     }
-    let name = args.scene.file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
+    let name = scene.file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
     Some(Loaded { script: checked.value?, sources, warnings: diagnostics, folder, name })
 }
 
-fn overrides(words: &[String], sources: &mut SourceMap, diagnostics: &mut Vec<Diagnostic>) -> Vec<Override> {
-    let mut out = Vec::new();
+/// The name of the text that holds the command line.
+const COMMAND_LINE: &str = "(command line)";
+
+/// The values given as NAME=VALUE; messages show them where they stand in the command line.
+fn command_line(
+    scene: &Path,
+    words: &[String],
+    command: &str,
+    sources: &mut SourceMap,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Vec<Override> {
+    let mut line = format!("wfl {command} {}", scene.display());
+    let mut starts = Vec::new();
     for word in words {
-        let Some((name, value)) = word.split_once('=') else {
-            let id = sources.add("(command line)", word.as_str());
-            let end = u32::try_from(word.len()).unwrap_or(u32::MAX);
-            let d = Diagnostic::new("E703", format!("`{word}` is not NAME=VALUE"));
-            diagnostics.push(d.at(wfl::Span { source: id, start: 0, end }, "").help("gamma=1e6 replaces the value of param gamma"));
-            continue;
-        };
-        // the name stays in the text, so that columns are those of the command line
-        let padded = format!("{}{value}", " ".repeat(name.len() + 1));
-        let id = sources.add("(command line)", padded);
-        let parsed = parse_expr(sources, id);
-        diagnostics.extend(parsed.diagnostics);
-        if let Some(value) = parsed.value {
-            out.push(Override { name: name.trim().to_owned(), span: value.span, value });
+        line.push(' ');
+        starts.push(line.len());
+        line.push_str(word);
+    }
+    let id = sources.add(COMMAND_LINE, line.as_str());
+    let mut out = Vec::new();
+    for (word, start) in words.iter().zip(starts) {
+        let span = span(id, start, start + word.len());
+        match one_override(word, span, sources) {
+            Ok(given) => out.push(given),
+            Err(messages) => diagnostics.extend(messages),
         }
     }
     out
 }
 
-/// Prints messages to standard error, with colour on a terminal.
+fn span(source: SourceId, start: usize, end: usize) -> Span {
+    let narrow = |x: usize| u32::try_from(x).unwrap_or(u32::MAX);
+    Span { source, start: narrow(start), end: narrow(end) }
+}
+
+fn one_override(word: &str, whole: Span, sources: &SourceMap) -> Result<Override, Vec<Diagnostic>> {
+    let wrong = |text: String, note: &str| Err(vec![Diagnostic::new("E703", text).at(whole, "").help(note)]);
+    let Some((name, value)) = word.split_once('=') else {
+        return wrong(format!("`{word}` is not NAME=VALUE"), "gamma=1e6 replaces the value of param gamma");
+    };
+    if name.trim().is_empty() {
+        return wrong("there is no name before `=`".to_owned(), "gamma=1e6 replaces the value of param gamma");
+    }
+    if value.trim().is_empty() {
+        return wrong(
+            format!("`{}` is given no value", name.trim()),
+            "write the value right behind `=`; one with spaces in quotes: \"gamma=1e6 + 1\"",
+        );
+    }
+    // The value is read from a text of blanks in which it stands where it stands in the command line, with the same
+    // id: so the places of all its parts are right.
+    let before = whole.start as usize + name.len() + 1;
+    let line = format!("{}{value}", " ".repeat(before));
+    let mut texts = SourceMap::new();
+    for (k, _) in sources.iter() {
+        let text = if k == whole.source { line.as_str() } else { "" };
+        texts.add(COMMAND_LINE, text);
+    }
+    let parsed = parse_expr(&texts, whole.source);
+    match parsed.value {
+        Some(value) if parsed.diagnostics.iter().all(|d| !d.is_error()) => {
+            Ok(Override { name: name.trim().to_owned(), value, span: whole })
+        }
+        _ => Err(parsed.diagnostics),
+    }
+}
+
+/// Prints messages to standard error, each once, with colour on a terminal.
 pub(crate) fn print_all(diagnostics: &[Diagnostic], sources: &SourceMap) {
-    let color = std::io::stderr().is_terminal();
-    for d in diagnostics {
-        say(&render(d, sources, color));
-        say("\n");
+    let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    for (k, d) in diagnostics.iter().enumerate() {
+        if !diagnostics[..k].contains(d) {
+            say(&render(d, sources, color));
+            say("\n");
+        }
     }
 }
 
@@ -106,5 +166,6 @@ pub(crate) fn say(text: &str) {
 
 /// Writes to standard output; a closed pipe is not our problem.
 pub(crate) fn out(text: &str) {
-    let _ = std::io::stdout().lock().write_all(text.as_bytes());
+    let mut stdout = std::io::stdout().lock();
+    let _ = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush());
 }

@@ -2,19 +2,43 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod ast_text;
+mod check;
+mod explain;
+mod fmt;
+mod import;
 mod load;
+mod prepared;
 mod progress;
 mod run;
+mod show;
+mod table;
+mod verify;
 
 use std::process::ExitCode;
 use std::time::Instant;
 
+use args::Command;
 use clap::Parser;
 
 fn main() -> ExitCode {
     let started = Instant::now();
-    let args = args::Args::parse();
+    let args = match args::Args::try_parse() {
+        Ok(args) => args,
+        Err(message) => {
+            // help and version go to standard output and are no error; a closed pipe is not our problem
+            let _ = message.print();
+            // 2 is a step that did not converge, so a wrong command line is 1 as other errors are
+            return if message.use_stderr() { ExitCode::from(prepared::EXIT_ERROR) } else { ExitCode::SUCCESS };
+        }
+    };
     match args.command {
-        args::Command::Run(options) => run::run(&options, started),
+        Command::Run(options) => run::run(&options, started),
+        Command::Check(options) => check::check(&options, started),
+        Command::Show(options) => show::show(&options),
+        Command::Verify(options) => verify::verify(&options),
+        Command::Explain(options) => explain::explain(&options),
+        Command::Fmt(options) => fmt::fmt(&options),
+        Command::Import(options) => import::import(&options),
     }
 }

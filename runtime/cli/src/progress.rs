@@ -43,7 +43,8 @@ impl Progress for Terminal {
         let terminal = std::io::stderr().is_terminal();
         if number == 0 && count > 1 && self.loudness != Loudness::Quiet && terminal {
             let bar = ProgressBar::new(count as u64);
-            if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} steps, {elapsed} ({eta} left) {msg}") {
+            if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} steps, {elapsed} ({eta} left) {msg}")
+            {
                 bar.set_style(style);
             }
             self.bar = Some(bar);
@@ -73,7 +74,9 @@ impl Progress for Terminal {
             || (self.loudness == Loudness::Normal && (std::io::stderr().is_terminal() || !step.history.converged()));
         if show {
             let last = step.history.iterations.last();
-            let contact = last.and_then(|i| i.contact).map_or_else(String::new, |c| format!("  open {} slip {} stick {}", c[0], c[1], c[2]));
+            let contact = last
+                .and_then(|i| i.contact)
+                .map_or_else(String::new, |c| format!("  open {} slip {} stick {}", c[0], c[1], c[2]));
             let word = match step.history.stop {
                 Some(stop) if step.history.converged() => stop.word(),
                 _ => "NOT CONVERGED",

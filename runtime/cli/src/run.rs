@@ -1,64 +1,38 @@
 //! `wfl run`.
 
-use std::{
-    path::PathBuf,
-    process::ExitCode,
-    time::Instant,
-};
+use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, time::Instant};
 
 use wfl::Diagnostic;
-use wfl_compiler::{InterpreterBackend, backend::KernelBackend, locate};
-use wfl_jit::JitBackend;
+use wfl_compiler::locate;
 use wfl_runtime::{
     Outcome, RunError, RunOptions, Scene,
     assemble::{NonFinitePlace, TermError},
     newton::NewtonError,
-    prepare,
 };
 
 use crate::{
     args::RunArgs,
     load::{Loaded, load, out, print_all, say},
+    prepared::{EXIT_ERROR, backend, prepare_scene},
     progress::{Loudness, Terminal},
 };
 
-/// The scene could not be run.
-const EXIT_ERROR: u8 = 1;
 /// A step did not converge.
 const EXIT_NOT_CONVERGED: u8 = 2;
 /// An expectation of the scene does not hold.
 const EXIT_EXPECTATION: u8 = 3;
 
-/// Machine code, or the interpreter when asked for.
-pub(crate) fn backend(interpret: bool) -> Option<Box<dyn KernelBackend>> {
-    if interpret {
-        return Some(Box::new(InterpreterBackend));
-    }
-    match JitBackend::new() {
-        Ok(jit) => Some(Box::new(jit)),
-        Err(e) => {
-            say(&format!("error: {e}\n  = help: --interpret runs without machine code, more slowly\n"));
-            None
-        }
-    }
-}
-
-/// Prepares a scene; prints messages.
-pub(crate) fn prepare_scene(loaded: &mut Loaded, backend: &dyn KernelBackend) -> Option<Scene> {
-    let prepared = prepare(&loaded.script, &loaded.folder, backend);
-    loaded.warnings.extend(prepared.diagnostics);
-    if prepared.scene.is_none() {
-        print_all(&loaded.warnings, &loaded.sources);
-    }
-    prepared.scene
-}
-
 pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
-    let Some(mut loaded) = load(&args.scene) else { return ExitCode::from(EXIT_ERROR) };
+    let Some(mut loaded) = load(&args.scene.scene, &args.scene.overrides, "run") else {
+        return ExitCode::from(EXIT_ERROR);
+    };
     let parse_seconds = started.elapsed().as_secs_f64();
-    let threads = args.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get));
+    let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
     let Some(mut scene) = prepare_scene(&mut loaded, &*backend) else { return ExitCode::from(EXIT_ERROR) };
+    if let Some(most) = args.max_iter {
+        scene.newton.max_iterations = most.get();
+    }
     let loudness = match (args.quiet, args.verbose) {
         (true, _) => Loudness::Quiet,
         (_, true) => Loudness::Verbose,
@@ -89,7 +63,8 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
 }
 
 fn finish(loaded: &Loaded, options: &RunOptions, outcome: &Outcome, loudness: Loudness) -> ExitCode {
-    print_all(&outcome.diagnostics, &loaded.sources);
+    let fresh: Vec<Diagnostic> = outcome.diagnostics.iter().filter(|d| !loaded.warnings.contains(d)).cloned().collect();
+    print_all(&fresh, &loaded.sources);
     if loudness != Loudness::Quiet {
         out(&summary(options, outcome));
     }
@@ -134,8 +109,14 @@ fn summary(options: &RunOptions, outcome: &Outcome) -> String {
     }
     let t = report.timings;
     text += &format!(
-        "  time {:.3} s: parse {:.3}, compile {:.3}, mesh {:.3}, assemble {:.3}, factor {:.3}, solve {:.3}, write {:.3}\n",
-        t.total, t.parse, t.compile, t.mesh, t.assemble, t.factor, t.solve, t.write
+        "  text to kernels {:.1} ms: parse {:.1}, compile {:.1}\n",
+        1e3 * (t.parse + t.compile),
+        1e3 * t.parse,
+        1e3 * t.compile
+    );
+    text += &format!(
+        "  time {:.3} s: mesh {:.3}, assemble {:.3}, factor {:.3}, solve {:.3}, write {:.3}\n",
+        t.total, t.mesh, t.assemble, t.factor, t.solve, t.write
     );
     if let Some(out) = &options.out {
         text += &format!("  results in {}\n", out.display());
@@ -155,7 +136,9 @@ fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
         }
         NewtonError::Solve(wfl_runtime::solve::SolveError::Singular { mode, .. }) => {
             let names = moving_fields(scene, mode.dofs_above(0.1).as_slice());
-            say(&format!("error[E602]: step t = {time}: nothing holds {names}\n  = note: the tangent is singular: {inner}\n  = help: fix it, or press it against something that is held\n"));
+            say(&format!(
+                "error[E602]: step t = {time}: nothing holds {names}\n  = note: the tangent is singular: {inner}\n  = help: fix it, or press it against something that is held\n"
+            ));
         }
         other => say(&format!("error[E602]: step t = {time}: {other}\n")),
     }
@@ -168,7 +151,8 @@ fn moving_fields(scene: &Scene, dofs: &[u32]) -> String {
         let Some(dof) = scene.system.numbering.free_dofs.get(*free as usize) else { continue };
         let (field, _, component) = scene.system.numbering.describe(&scene.system.fields, *dof as usize);
         let f = &scene.system.fields[field];
-        let name = if f.n_components > 1 { format!("`{}({})`", f.name, component + 1) } else { format!("`{}`", f.name) };
+        let name =
+            if f.n_components > 1 { format!("`{}({})`", f.name, component + 1) } else { format!("`{}`", f.name) };
         if !names.contains(&name) {
             names.push(name);
         }
@@ -178,7 +162,12 @@ fn moving_fields(scene: &Scene, dofs: &[u32]) -> String {
 
 fn non_finite(loaded: &Loaded, place: &NonFinitePlace, time: f64) -> Diagnostic {
     let x: Vec<String> = place.position.iter().map(|c| format!("{c}")).collect();
-    let at = format!("entity {} of the region, point {}, position [{}], step t = {time}", place.entity, place.point, x.join(", "));
+    let at = format!(
+        "entity {} of the region, point {}, position [{}], step t = {time}",
+        place.entity,
+        place.point,
+        x.join(", ")
+    );
     let d = Diagnostic::new("E601", format!("not a finite number in term `{}`", place.term));
     match &place.cause {
         Some(cause) => {

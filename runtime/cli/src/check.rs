@@ -1,0 +1,246 @@
+//! `wfl check`: everything but solving.
+
+use std::{process::ExitCode, time::Instant};
+
+use serde_json::{Map, Value, json};
+use wfl::{
+    Span,
+    ast::{Place, Reduction},
+};
+use wfl_compiler::types::FieldKind;
+use wfl_runtime::{FIXED, RuleChoice, Scene, Strategy, element::Family, field::FieldSpace, mesh::RegionSet};
+
+use crate::{
+    args::CheckArgs,
+    load::{Loaded, load, out, print_all},
+    prepared::{EXIT_ERROR, backend, prepare_scene},
+    table::{Table, number},
+};
+
+pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
+    let Some(mut loaded) = load(&args.scene.scene, &args.scene.overrides, "check") else {
+        return ExitCode::from(EXIT_ERROR);
+    };
+    let parse = started.elapsed().as_secs_f64();
+    let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
+    let Some(scene) = prepare_scene(&mut loaded, &*backend) else { return ExitCode::from(EXIT_ERROR) };
+    print_all(&loaded.warnings, &loaded.sources);
+    let tables = tables(&loaded, &scene, parse);
+    if args.json {
+        let mut all = Map::new();
+        all.insert("scene".to_owned(), loaded.name.clone().into());
+        for table in &tables {
+            all.insert(table.name.replace(' ', "_"), table.json());
+        }
+        out(&format!("{:#}\n", Value::Object(all)));
+    } else {
+        let texts: Vec<String> = tables.iter().map(Table::text).filter(|t| !t.is_empty()).collect();
+        out(&texts.join("\n"));
+    }
+    ExitCode::SUCCESS
+}
+
+fn tables(loaded: &Loaded, scene: &Scene, parse: f64) -> Vec<Table> {
+    let mut list = vec![mesh(scene), regions(loaded, scene), fields(loaded, scene), parameters(loaded, scene)];
+    list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded)]);
+    list.extend([system(scene), left_out(loaded, scene), times(scene, parse)]);
+    list
+}
+
+/// The text of a place on one line.
+fn line(loaded: &Loaded, span: Span) -> Value {
+    let text = loaded.sources.snippet(span);
+    let without_comments = text.lines().map(|l| l.split('#').next().unwrap_or(l));
+    without_comments.flat_map(str::split_whitespace).collect::<Vec<_>>().join(" ").into()
+}
+
+fn mesh(scene: &Scene) -> Table {
+    let mesh = &scene.system.mesh;
+    let mut table = Table::new("mesh", &["cells", "kind", "dimension", "order", "nodes", "from", "to"]);
+    let mut kinds = mesh.kinds().to_vec();
+    kinds.sort_by_key(|k| k.index());
+    let (low, high) = mesh.bounds();
+    for same in kinds.chunk_by(|a, b| a == b) {
+        let corner = |x: &[f64; 3]| Value::from(x[..mesh.dim()].iter().map(|v| number(*v)).collect::<Vec<_>>());
+        table.push(vec![
+            same.len().into(),
+            same[0].to_string().into(),
+            mesh.dim().into(),
+            mesh.order().into(),
+            mesh.n_nodes().into(),
+            corner(&low),
+            corner(&high),
+        ]);
+    }
+    table
+}
+
+fn regions(loaded: &Loaded, scene: &Scene) -> Table {
+    let mut table = Table::new("regions", &["name", "kind", "members", "statement"]);
+    let mut list: Vec<_> = scene.regions.iter().collect();
+    // as in the text; what exists without a statement comes first
+    list.sort_by_key(|(_, r)| r.span.map(|s| (s.source.index(), s.start)));
+    for (name, region) in list {
+        let kind = match region.set {
+            RegionSet::Cells(_) => "cells",
+            RegionSet::Facets(_) => "faces",
+            RegionSet::Interface(_) => "interface",
+            RegionSet::Nodes(_) => "nodes",
+        };
+        let statement = region.span.map_or(Value::Null, |s| line(loaded, s));
+        table.push(vec![name.clone().into(), kind.into(), region.set.len().into(), statement]);
+    }
+    table
+}
+
+fn kind_word(kind: FieldKind) -> &'static str {
+    match kind {
+        FieldKind::Unknown => "unknown",
+        FieldKind::Multiplier => "multiplier",
+        FieldKind::Data => "data",
+        FieldKind::State => "state",
+    }
+}
+
+fn fields(loaded: &Loaded, scene: &Scene) -> Table {
+    let columns = ["name", "kind", "shape", "element", "on", "nodes", "dofs", "free dofs"];
+    let mut table = Table::new("fields", &columns);
+    let system = &scene.system;
+    let tensor = system.mesh.kinds().iter().any(|k| !k.is_simplex());
+    for (k, (field, declared)) in system.fields.iter().zip(&loaded.script.fields).enumerate() {
+        let element = match &field.space {
+            FieldSpace::Global => "one value".to_owned(),
+            FieldSpace::Points(_) => "integration points".to_owned(),
+            FieldSpace::Nodal(space) => {
+                let broken = if space.family() == Family::Discontinuous { "D" } else { "" };
+                format!("{broken}{}{}", if tensor { "Q" } else { "P" }, space.degree())
+            }
+        };
+        let on: Vec<String> = match &declared.space.place {
+            Place::On(list) => list.iter().map(|n| n.name.clone()).collect(),
+            Place::Global(_) => vec!["global".to_owned()],
+            Place::Everywhere => vec!["all".to_owned()],
+        };
+        let range = system.range(k);
+        let free = range.clone().map(|r| r.filter(|d| system.numbering.free[*d] != FIXED).count());
+        table.push(vec![
+            field.name.clone().into(),
+            kind_word(field.kind).into(),
+            scene.sigs[k].shape.to_string().into(),
+            element.into(),
+            on.into(),
+            field.n_nodes().into(),
+            range.map_or(0, |r| r.len()).into(),
+            free.unwrap_or(0).into(),
+        ]);
+    }
+    table
+}
+
+fn parameters(loaded: &Loaded, scene: &Scene) -> Table {
+    let mut table = Table::new("parameters", &["name", "value", "given by", "what it is"]);
+    for (name, value) in &scene.params {
+        let Some(declared) = loaded.script.params.iter().find(|p| p.name.name == *name) else { continue };
+        let value = match value.values.as_slice() {
+            [x] => json!(x),
+            list => json!(list),
+        };
+        let by = if declared.overridden.is_some() { "command line" } else { "scene" };
+        let text = declared.text.clone().map_or(Value::Null, Value::from);
+        table.push(vec![name.clone().into(), value, by.into(), text]);
+    }
+    table
+}
+
+/// The classes and kernels of all terms; also the view `terms` of `wfl show`.
+pub(crate) fn terms(scene: &Scene) -> Table {
+    let columns = ["name", "on", "class", "symmetric", "kinks", "rule", "points", "residual", "tangent"];
+    let mut table = Table::new("terms", &columns);
+    for (summary, term) in scene.terms.iter().zip(&scene.system.terms) {
+        let rule = match summary.rule {
+            RuleChoice::Degree(d) => format!("degree {d}"),
+            RuleChoice::Vertex => "vertex".to_owned(),
+        };
+        table.push(vec![
+            summary.name.clone().into(),
+            summary.place.clone().into(),
+            summary.class.word().into(),
+            summary.symmetric.into(),
+            term.law.kinks.len().into(),
+            rule.into(),
+            summary.n_points.into(),
+            summary.instructions.0.into(),
+            summary.instructions.1.into(),
+        ]);
+    }
+    table
+}
+
+fn conditions(loaded: &Loaded, scene: &Scene) -> Table {
+    let script = &loaded.script;
+    let mut table = Table::new("conditions", &["kind", "statement"]);
+    let mut push = |kind: &str, span: Span| table.push(vec![kind.into(), line(loaded, span)]);
+    script.fixes.iter().for_each(|c| push("fixed", c.span));
+    script.loads.iter().for_each(|c| push("load", c.span));
+    script.starts.iter().for_each(|s| push("start", s.span));
+    script.solver.iter().for_each(|s| push("solver", s.span));
+    script.quadratures.iter().for_each(|q| push("rule", q.span));
+    script.expects.iter().for_each(|e| push("expected", e.span));
+    if let Some(steps) = &script.steps {
+        push(&format!("{} steps", scene.steps.values.len()), steps.span);
+    }
+    table
+}
+
+fn measures(loaded: &Loaded) -> Table {
+    let mut table = Table::new("measures", &["name", "what", "on", "of"]);
+    for m in &loaded.script.measures {
+        let what = match m.reduction {
+            Reduction::Mean => "mean",
+            Reduction::Max => "max",
+            Reduction::Min => "min",
+            Reduction::Integral => "integral",
+        };
+        let on: Vec<Value> = m.places.iter().map(|p| p.name.clone().into()).collect();
+        table.push(vec![m.name.name.clone().into(), what.into(), on.into(), line(loaded, m.expr.span)]);
+    }
+    table
+}
+
+fn outputs(loaded: &Loaded) -> Table {
+    let mut table = Table::new("outputs", &["format", "file", "quantities"]);
+    for o in &loaded.script.outputs {
+        let items: Vec<Value> = o.items.iter().map(|i| i.name.clone().into()).collect();
+        table.push(vec![o.format.name.clone().into(), o.file.clone().into(), items.into()]);
+    }
+    table
+}
+
+fn system(scene: &Scene) -> Table {
+    let numbering = &scene.system.numbering;
+    let mut table = Table::new("system", &["dofs", "fixed", "free", "solver"]);
+    let free = numbering.n_free();
+    let solver = Strategy::plan(&scene.system);
+    table.push(vec![numbering.n_dofs.into(), (numbering.n_dofs - free).into(), free.into(), solver.into()]);
+    table
+}
+
+fn left_out(loaded: &Loaded, scene: &Scene) -> Table {
+    let mut table = Table::new("left out", &["name", "why"]);
+    for name in &scene.unused_fields {
+        table.push(vec![name.clone().into(), "field in no term: it has no dofs".into()]);
+    }
+    let own = |m: &&wfl::MacroInfo| !loaded.sources.get(m.head.source).name.starts_with("<library>");
+    for m in loaded.script.macros.iter().filter(own).filter(|m| !m.used) {
+        table.push(vec![m.name.name.clone().into(), "def that nothing uses".into()]);
+    }
+    table
+}
+
+fn times(scene: &Scene, parse: f64) -> Table {
+    let mut table = Table::new("seconds", &["parse", "compile", "text to kernels", "mesh"]);
+    let round = |x: f64| json!((x * 1e6).round() / 1e6);
+    let compile = scene.times.compile;
+    table.push(vec![round(parse), round(compile), round(parse + compile), round(scene.times.mesh)]);
+    table
+}

@@ -1,0 +1,34 @@
+//! A scene made ready for a command: text, messages, compiled terms.
+
+use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
+use wfl_jit::JitBackend;
+use wfl_runtime::{Scene, prepare};
+
+use crate::load::{Loaded, print_all, say};
+
+/// The exit code of every error.
+pub(crate) const EXIT_ERROR: u8 = 1;
+
+/// Machine code, or the interpreter when asked for.
+pub(crate) fn backend(interpret: bool) -> Option<Box<dyn KernelBackend>> {
+    if interpret {
+        return Some(Box::new(InterpreterBackend));
+    }
+    match JitBackend::new() {
+        Ok(jit) => Some(Box::new(jit)),
+        Err(e) => {
+            say(&format!("error: {e}\n  = help: wfl run --interpret works without machine code, more slowly\n"));
+            None
+        }
+    }
+}
+
+/// Prepares a scene. All messages go to `loaded`; they are printed here only when there is no scene.
+pub(crate) fn prepare_scene(loaded: &mut Loaded, backend: &dyn KernelBackend) -> Option<Scene> {
+    let prepared = prepare(&loaded.script, &loaded.folder, backend);
+    loaded.warnings.extend(prepared.diagnostics);
+    if prepared.scene.is_none() {
+        print_all(&loaded.warnings, &loaded.sources);
+    }
+    prepared.scene
+}

@@ -1,0 +1,302 @@
+//! The program as it is called: what it prints, where, and its exit codes.
+
+use std::{
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+};
+
+use serde_json::Value;
+
+/// A body pulled at one end, with closed forms: u = 2x/100 at x = 1 is 0.02.
+const ROD: &str = "\
+wfl 1
+mesh box [0] to [1] cells [4] segment
+param k = 100 in 1..1e6 \"stiffness\"
+param load_factor = 1
+unknown u : scalar
+region west = faces where x == 0
+region east = faces where x == 1
+term stretch on all : k*Grad_u.Grad_Test_u
+fix u = 0 on west
+load u = 2*load_factor on east
+measure tip = max(u) on east
+expect 0.0199999 < tip < 0.0200001
+";
+
+/// The same rod pressed against a wall.
+const CONTACT: &str = "\
+wfl 1
+mesh box [0] to [1] cells [4] segment
+param k = 100
+param gamma = 1000
+unknown u : scalar
+region west = faces where x == 0
+region east = faces where x == 1
+term stretch on all : k*Grad_u.Grad_Test_u
+term wall on east : gamma*pos_part(u - 0.01)*Test_u
+fix u = 0 on west
+load u = 2 on east
+";
+
+/// A folder of its own for each test, gone at its end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("wfl-cli-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    fn file(&self, name: &str, text: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.0.join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+struct Ran {
+    code: i32,
+    out: String,
+    err: String,
+}
+
+fn wfl(folder: &Path, words: &[&str]) -> Ran {
+    let Output { status, stdout, stderr } =
+        Command::new(env!("CARGO_BIN_EXE_wfl")).current_dir(folder).args(words).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    Ran { code: status.code().unwrap(), out: text(stdout), err: text(stderr) }
+}
+
+#[test]
+fn run_prints_a_summary_and_is_quiet_otherwise() {
+    let folder = Folder::new("run");
+    folder.file("rod.wfl", ROD);
+    let ran = wfl(&folder.0, &["run", "rod.wfl"]);
+    assert_eq!((ran.code, ran.err.as_str()), (0, ""), "{}", ran.out);
+    for part in ["4 unknowns, 1 of 1 steps converged", "tip = 2.0", "text to kernels", "results in out/rod"] {
+        assert!(ran.out.contains(part), "{part}: {}", ran.out);
+    }
+    assert!(folder.0.join("out/rod/report.json").is_file());
+    let quiet = wfl(&folder.0, &["run", "rod.wfl", "-q", "--out", "there"]);
+    assert_eq!((quiet.code, quiet.out + &quiet.err), (0, String::new()));
+    assert!(folder.0.join("there/report.json").is_file());
+    let verbose = wfl(&folder.0, &["run", "rod.wfl", "-v", "--threads", "1"]);
+    assert!(verbose.err.contains("solver: one linear system") && verbose.err.contains("residual"), "{}", verbose.err);
+}
+
+#[test]
+fn exit_codes_tell_what_happened() {
+    let folder = Folder::new("codes");
+    folder.file("rod.wfl", ROD);
+    folder.file("contact.wfl", CONTACT);
+    let missed = wfl(&folder.0, &["run", "rod.wfl", "load_factor=2"]);
+    assert_eq!(missed.code, 3, "{}", missed.err);
+    assert!(missed.err.contains("E604"));
+    let short = wfl(&folder.0, &["run", "contact.wfl", "--max-iter", "1"]);
+    assert_eq!(short.code, 2, "{}{}", short.out, short.err);
+    assert!(short.err.contains("E603"), "{}", short.err);
+    assert_eq!(wfl(&folder.0, &["run", "contact.wfl"]).code, 0);
+    for words in
+        [&["run", "rod.wfl", "--threads", "0"][..], &["run"], &["march", "rod.wfl"], &["run", "rod.wfl", "-q", "-v"]]
+    {
+        let wrong = wfl(&folder.0, words);
+        assert_eq!(wrong.code, 1, "{words:?}");
+        assert!(wrong.err.starts_with("error"), "{}", wrong.err);
+    }
+    let help = wfl(&folder.0, &["--help"]);
+    assert!(help.code == 0 && help.out.contains("Exit codes"));
+}
+
+#[test]
+fn every_command_has_help_with_an_example() {
+    for command in ["run", "check", "show", "verify", "explain", "fmt", "import"] {
+        let help = wfl(Path::new("."), &[command, "--help"]);
+        assert_eq!(help.code, 0);
+        assert!(help.out.contains("Example") && help.out.contains(&format!("wfl {command}")), "{}", help.out);
+    }
+}
+
+#[test]
+fn what_is_no_scene_says_so() {
+    let folder = Folder::new("files");
+    folder.file("empty.wfl", "  \n");
+    folder.file("image.wfl", [0x89, b'P', b'N', b'G', 0, 1, 2]);
+    folder.file("latin.wfl", b"mesh box # caf\xe9\n");
+    let cases = [
+        (".", "it is a directory"),
+        ("empty.wfl", "is empty"),
+        ("image.wfl", "binary file (byte 4"),
+        ("latin.wfl", "not UTF-8 text (byte 14"),
+        ("nowhere.wfl", "there is no such file"),
+    ];
+    for (file, words) in cases {
+        let ran = wfl(&folder.0, &["run", file]);
+        assert_eq!(ran.code, 1, "{file}");
+        assert!(ran.err.starts_with("error: ") && ran.err.contains(words), "{file}: {}", ran.err);
+        assert_eq!(ran.err.matches("error").count(), 1, "{}", ran.err);
+        assert!(!folder.0.join("out").exists());
+    }
+}
+
+#[test]
+fn overrides_are_shown_in_the_command_line() {
+    let folder = Folder::new("overrides");
+    folder.file("rod.wfl", ROD);
+    // word, code, column of the mark, its length
+    let cases = [
+        ("k=", "E703", 17, 2),
+        ("=3", "E703", 17, 2),
+        ("k", "E703", 17, 1),
+        ("kk=3", "E703", 17, 4),
+        ("k=0.5", "E701", 19, 3),
+        ("k=1/0", "E109", 21, 1),
+        ("k=2*", "E113", 20, 1),
+    ];
+    for (word, code, column, length) in cases {
+        let ran = wfl(&folder.0, &["run", "rod.wfl", word]);
+        assert_eq!(ran.code, 1, "{word}: {}", ran.out);
+        assert!(ran.err.contains(&format!("error[{code}]")), "{word}: {}", ran.err);
+        assert!(ran.err.contains(&format!("(command line):1:{column}")), "{word}: {}", ran.err);
+        assert!(ran.err.contains(&format!("1 | wfl run rod.wfl {word}")), "{word}: {}", ran.err);
+        let marks = ran.err.lines().find(|l| l.contains('^')).unwrap();
+        assert_eq!(marks.matches('^').count(), length, "{word}: {}", ran.err);
+    }
+    let twice = wfl(&folder.0, &["run", "rod.wfl", "k=3", "k=4"]);
+    assert!(twice.err.contains("E209") && twice.err.contains("first given here"), "{}", twice.err);
+}
+
+#[test]
+fn included_files_are_looked_for_beside_the_file_that_uses_them() {
+    let folder = Folder::new("nested");
+    std::fs::create_dir_all(folder.0.join("scenes/laws")).unwrap();
+    folder.file("scenes/rod.wfl", ROD.replace("param k", "use \"laws/first.wfl\"\nuse \"last.wfl\"\nparam k"));
+    folder.file("scenes/laws/first.wfl", "use \"second.wfl\"\ndef one(a) = two(a)\n");
+    folder.file("scenes/laws/second.wfl", "def two(a) = 2*a\n");
+    folder.file("scenes/last.wfl", "def three(a) = 3*a\n");
+    let ran = wfl(&folder.0, &["run", "scenes/rod.wfl"]);
+    assert_eq!(ran.code, 0, "{}", ran.err);
+}
+
+#[test]
+fn check_counts_what_closed_forms_count() {
+    let folder = Folder::new("check");
+    folder.file("contact.wfl", CONTACT);
+    let text = wfl(&folder.0, &["check", "contact.wfl"]);
+    assert_eq!((text.code, text.err.as_str()), (0, ""));
+    assert!(text.out.contains("nonlinear with kinks"), "{}", text.out);
+    let json = wfl(&folder.0, &["check", "contact.wfl", "gamma=7", "--json"]);
+    let all: Value = serde_json::from_str(&json.out).unwrap();
+    assert_eq!((&all["mesh"][0]["cells"], &all["mesh"][0]["nodes"]), (&4.into(), &5.into()));
+    let field = &all["fields"][0];
+    assert_eq!((&field["element"], &field["dofs"], &field["free_dofs"]), (&"P1".into(), &5.into(), &4.into()));
+    let classes: Vec<&str> = all["terms"].as_array().unwrap().iter().map(|t| t["class"].as_str().unwrap()).collect();
+    assert_eq!(classes, ["linear", "nonlinear with kinks", "constant"]);
+    assert!(all["terms"].as_array().unwrap().iter().all(|t| t["symmetric"] == true));
+    assert_eq!(all["parameters"][1]["value"], 7.0);
+    assert_eq!(all["parameters"][1]["given_by"], "command line");
+    assert_eq!((&all["system"][0]["free"], &all["system"][0]["fixed"]), (&4.into(), &1.into()));
+    // check solves nothing and writes nothing
+    assert!(!folder.0.join("out").exists());
+}
+
+#[test]
+fn show_has_every_view() {
+    let folder = Folder::new("show");
+    folder.file("contact.wfl", CONTACT);
+    let cases = [
+        ("ast", "pos_part"),
+        ("graph", "pos_part"),
+        ("tangent", "tangent\n"),
+        ("ir", "output 0"),
+        ("clif", "function %wall.tangent"),
+        ("terms", "nonlinear with kinks"),
+        ("kinks", "contact.wfl:9:27"),
+    ];
+    for (view, part) in cases {
+        let ran = wfl(&folder.0, &["show", "contact.wfl", view]);
+        assert_eq!(ran.code, 0, "{view}: {}", ran.err);
+        assert!(ran.out.contains(part), "{view}: {}", ran.out);
+    }
+    let one = wfl(&folder.0, &["show", "contact.wfl", "tangent", "--term", "wall"]);
+    assert!(one.out.contains("if 0 <= ") && !one.out.contains("Grad_u"), "{}", one.out);
+    let none = wfl(&folder.0, &["show", "contact.wfl", "ir", "--term", "wal"]);
+    assert!(none.code == 1 && none.err.contains("did you mean `wall`?"), "{}", none.err);
+}
+
+#[test]
+fn verify_visits_both_branches_and_passes() {
+    let folder = Folder::new("verify");
+    folder.file("contact.wfl", CONTACT);
+    let ran = wfl(&folder.0, &["verify", "contact.wfl", "--samples", "20"]);
+    assert_eq!(ran.code, 0, "{}{}", ran.out, ran.err);
+    assert!(ran.out.contains("all tangents agree within 1e-7"));
+    let wall = ran.out.lines().find(|l| l.trim_start().starts_with("wall") && l.contains("false")).unwrap();
+    assert!(!wall.contains("false 0 ") && !wall.ends_with("true 0"), "{wall}");
+}
+
+#[test]
+fn explain_prints_pages_and_refuses_other_words() {
+    let folder = Folder::new("explain");
+    let page = wfl(&folder.0, &["explain", "e402"]);
+    assert!(page.code == 0 && page.out.starts_with("E402: ") && page.out.contains("Right:"), "{}", page.out);
+    assert!(wfl(&folder.0, &["explain", "--list"]).out.lines().count() > 50);
+    assert_eq!(wfl(&folder.0, &["explain", "E999"]).code, 1);
+}
+
+#[test]
+fn fmt_changes_files_once() {
+    let folder = Folder::new("fmt");
+    let file = folder.file("rod.wfl", ROD.replace("k*Grad_u.Grad_Test_u", "k * Grad_u   .Grad_Test_u # kept"));
+    let check = wfl(&folder.0, &["fmt", "--check", "rod.wfl"]);
+    assert_eq!((check.code, check.out.as_str()), (1, "rod.wfl would change\n"));
+    assert_eq!(wfl(&folder.0, &["fmt", "rod.wfl"]).code, 0);
+    let text = std::fs::read_to_string(&file).unwrap();
+    assert!(text.contains("# kept") && !text.contains("   ."), "{text}");
+    assert_eq!(wfl(&folder.0, &["fmt", "--check", "rod.wfl"]).code, 0);
+    let bad = folder.file("bad.wfl", "mesh box [0 to\n");
+    assert_eq!(wfl(&folder.0, &["fmt", "bad.wfl"]).code, 1);
+    assert_eq!(std::fs::read_to_string(bad).unwrap(), "mesh box [0 to\n");
+    // nothing else is left in the folder
+    assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 2);
+}
+
+#[test]
+fn an_imported_form_checks() {
+    let folder = Folder::new("import");
+    let form = "(2*mu*Sym(Grad_Test2_u) + lambda*Trace(Grad_Test2_u)*Id(2)):Grad_Test_u";
+    let text = wfl(&folder.0, &["import", form]);
+    assert_eq!(text.code, 0, "{}", text.err);
+    let scene = format!("{}mesh box [0,0] to [1,1] cells [2,2] quad\n", text.out);
+    folder.file("elastic.wfl", scene);
+    let checked = wfl(&folder.0, &["check", "elastic.wfl", "--json"]);
+    assert_eq!(checked.code, 0, "{}{}", text.out, checked.err);
+    let all: Value = serde_json::from_str(&checked.out).unwrap();
+    assert_eq!((&all["fields"][0]["dofs"], &all["terms"][0]["class"]), (&18.into(), &"linear".into()));
+    let bad = wfl(&folder.0, &["import", "Grad_u.(Grad_Test_u"]);
+    assert!(bad.code == 1 && bad.err.contains("(assembly string):1:"), "{}", bad.err);
+}
+
+#[test]
+fn a_closed_pipe_is_no_panic() {
+    let folder = Folder::new("pipe");
+    folder.file("contact.wfl", CONTACT);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_wfl"))
+        .current_dir(&folder.0)
+        .args(["show", "contact.wfl", "clif"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // closed before anything is written
+    drop(child.stdout.take());
+    let ended = child.wait_with_output().unwrap();
+    assert!(ended.status.code().is_some(), "{ended:?}");
+    assert!(ended.stderr.is_empty(), "{}", String::from_utf8_lossy(&ended.stderr));
+}
