@@ -226,7 +226,8 @@ impl<'a> Builder<'a> {
     pub(crate) fn geometry(&mut self, e: &Expr, name: &str, side: Side) -> Option<ExprId> {
         let on_cells = matches!(self.place.kind, PlaceKind::Cells);
         if self.place.kind == PlaceKind::Global || (on_cells && name == "Normal") {
-            let (code, text) = if name == "Normal" { ("E204", "exists on faces only") } else { ("E204", "needs a cell") };
+            let (code, text) =
+                if name == "Normal" { ("E204", "exists on faces only") } else { ("E204", "needs a cell") };
             let d = Diagnostic::new(code, format!("`{name}` {text}"));
             let place = format!("`{}` is {}", self.place.name, self.place.description);
             return self.report(d, e, place);
@@ -261,7 +262,10 @@ impl<'a> Builder<'a> {
             return self.report(d, e, "only unknowns and multipliers have one");
         }
         if word.op != WordOp::Value && sig.global {
-            let d = Diagnostic::new("E208", format!("`{}` is one number for the whole scene: it has no gradient", sig.name));
+            let d = Diagnostic::new(
+                "E208",
+                format!("`{}` is one number for the whole scene: it has no gradient", sig.name),
+            );
             return self.report(d, e, "");
         }
         if word.op != WordOp::Value && sig.kind == FieldKind::State {
@@ -279,7 +283,8 @@ impl<'a> Builder<'a> {
             WordRole::Previous => Role::Previous,
         };
         if matches!(word.role, WordRole::Previous | WordRole::Dot) && self.env.step_variable.is_none() {
-            let d = Diagnostic::new("E206", format!("`{name}` needs a `steps` statement: without steps there is no past"));
+            let d =
+                Diagnostic::new("E206", format!("`{name}` needs a `steps` statement: without steps there is no past"));
             return self.report(d, e, "");
         }
         let op = match word.op {
@@ -386,7 +391,8 @@ impl<'a> Builder<'a> {
             {
                 let sign = if minus { "-" } else { "+" };
                 let op = if *op == MulOp::Dot { "." } else { ":" };
-                d = d.note(format!("`{op}` binds tighter than `{sign}`, so only the second part meets {}", brief(last)));
+                d = d
+                    .note(format!("`{op}` binds tighter than `{sign}`, so only the second part meets {}", brief(last)));
                 let _ = first;
                 d = d.help(format!("put the sum in parentheses: (a {sign} b){op}{}", brief(last)));
             }
@@ -395,11 +401,8 @@ impl<'a> Builder<'a> {
         }
         let (x, y) = (self.graph.arity(sum), self.graph.arity(value));
         if x != y && !self.graph.is_zero(sum) && !self.graph.is_zero(value) {
-            let (culprit, other) = if y == Arity::NONE || (y.test && !y.trial && x.trial) {
-                (part, before)
-            } else {
-                (before, part)
-            };
+            let (culprit, other) =
+                if y == Arity::NONE || (y.test && !y.trial && x.trial) { (part, before) } else { (before, part) };
             let d = Diagnostic::new("E302", "part of this term has no test function");
             let d = self.at(d, culprit, "no Test_ in this summand");
             let d = self.at(d, other, "this one has");
@@ -436,7 +439,11 @@ impl<'a> Builder<'a> {
             let d = self.at(d, eb, "second test function in the same product");
             let d = self.at(d, ea, "");
             let d = match (test_free(ea), test_free(eb)) {
-                (Some(x), Some(y)) => d.help(format!("one of the two is the unknown: {x} in place of {}, or {y} in place of {}", brief(ea), brief(eb))),
+                (Some(x), Some(y)) => d.help(format!(
+                    "one of the two is the unknown: {x} in place of {}, or {y} in place of {}",
+                    brief(ea),
+                    brief(eb)
+                )),
                 _ => d.help("one of the two is the unknown"),
             };
             self.diagnostics.push(d);
@@ -447,7 +454,8 @@ impl<'a> Builder<'a> {
             MulOp::Times => self.times(a, b, ea, eb),
             MulOp::Divide => {
                 if !sb.is_scalar_like() {
-                    let d = Diagnostic::new("E109", format!("cannot divide by a {sb}")).help("`./` divides component by component");
+                    let d = Diagnostic::new("E109", format!("cannot divide by a {sb}"))
+                        .help("`./` divides component by component");
                     return self.report(d, eb, sb.to_string());
                 }
                 if self.graph.scalar_constant(b) == Some(0.0) {
@@ -465,13 +473,26 @@ impl<'a> Builder<'a> {
                     return self.bad_pair(sign, "equal shapes", ea, sa, eb, sb, None);
                 }
                 let b = self.graph.reshape(b, sa);
-                Some(if op == MulOp::ByComponent { self.graph.mul_components(a, b) } else { self.graph.div_components(a, b) })
+                Some(if op == MulOp::ByComponent {
+                    self.graph.mul_components(a, b)
+                } else {
+                    self.graph.div_components(a, b)
+                })
             }
         }
     }
 
     #[expect(clippy::too_many_arguments, reason = "two operands with their texts and shapes")]
-    fn bad_pair(&mut self, op: &str, needs: &str, ea: &Expr, sa: Shape, eb: &Expr, sb: Shape, help: Option<&str>) -> Option<ExprId> {
+    fn bad_pair(
+        &mut self,
+        op: &str,
+        needs: &str,
+        ea: &Expr,
+        sa: Shape,
+        eb: &Expr,
+        sb: Shape,
+        help: Option<&str>,
+    ) -> Option<ExprId> {
         let mut d = Diagnostic::new("E102", format!("`{op}` needs {needs}, found {sa} and {sb}"));
         d = self.at(d, eb, sb.to_string());
         d = self.at(d, ea, sa.to_string());
@@ -502,11 +523,21 @@ impl<'a> Builder<'a> {
                 let mut d = Diagnostic::new("E102", "`*` does not multiply two vectors");
                 d = self.at(d, eb, if sa == sb { format!("{sb} on both sides") } else { sb.to_string() });
                 d = self.at(d, ea, sa.to_string());
-                d = d.help("`u.v` for the scalar product, `u@v` for the tensor product, `u.*v` for component by component");
+                d = d.help(
+                    "`u.v` for the scalar product, `u@v` for the tensor product, `u.*v` for component by component",
+                );
                 self.diagnostics.push(d);
                 None
             }
-            _ => self.bad_pair("*", "a scalar factor, or matrix times vector or matrix of fitting sizes", ea, sa, eb, sb, Some("`:` contracts two indices, `.` one, `@` none")),
+            _ => self.bad_pair(
+                "*",
+                "a scalar factor, or matrix times vector or matrix of fitting sizes",
+                ea,
+                sa,
+                eb,
+                sb,
+                Some("`:` contracts two indices, `.` one, `@` none"),
+            ),
         }
     }
 
@@ -515,12 +546,22 @@ impl<'a> Builder<'a> {
         match (sa.rank(), sb.rank()) {
             (0, 0) => Some(self.graph.scale(a, b)),
             (0, _) | (_, 0) if sa.is_scalar_like() && sb.is_scalar_like() => Some(self.graph.scale(a, b)),
-            (0, _) | (_, 0) => self.bad_pair(".", "two tensors to contract", ea, sa, eb, sb, Some("`*` multiplies by a scalar")),
+            (0, _) | (_, 0) => {
+                self.bad_pair(".", "two tensors to contract", ea, sa, eb, sb, Some("`*` multiplies by a scalar"))
+            }
             (m, n) if sa.size(m - 1) == sb.size(0) => {
                 self.rank_fits(m + n - 2, ea)?;
                 Some(self.graph.contract(a, b, &[(m - 1, 0)]))
             }
-            _ => self.bad_pair(".", "the last index of the first as long as the first index of the second", ea, sa, eb, sb, None),
+            _ => self.bad_pair(
+                ".",
+                "the last index of the first as long as the first index of the second",
+                ea,
+                sa,
+                eb,
+                sb,
+                None,
+            ),
         }
     }
 
@@ -533,7 +574,15 @@ impl<'a> Builder<'a> {
                 self.rank_fits(m + n - 4, ea)?;
                 Some(self.graph.contract(a, b, &[(m - 2, 0), (m - 1, 1)]))
             }
-            _ => self.bad_pair(":", "the last two indices of the first as long as the first two of the second", ea, sa, eb, sb, None),
+            _ => self.bad_pair(
+                ":",
+                "the last two indices of the first as long as the first two of the second",
+                ea,
+                sa,
+                eb,
+                sb,
+                None,
+            ),
         }
     }
 
@@ -546,7 +595,10 @@ impl<'a> Builder<'a> {
         if rank <= crate::types::MAX_RANK {
             return Some(());
         }
-        let d = Diagnostic::new("E110", format!("a tensor with {rank} indices is too large: {} at most", crate::types::MAX_RANK));
+        let d = Diagnostic::new(
+            "E110",
+            format!("a tensor with {rank} indices is too large: {} at most", crate::types::MAX_RANK),
+        );
         self.report(d, e, "")
     }
 
@@ -570,7 +622,8 @@ impl<'a> Builder<'a> {
         self.no_tests(a, base, "^")?;
         self.no_tests(b, exponent, "^")?;
         if !self.graph.shape(base).is_scalar_like() || !self.graph.shape(exponent).is_scalar_like() {
-            let d = Diagnostic::new("E108", "`^` takes a scalar and a scalar").help("pow(v, p) acts component by component");
+            let d = Diagnostic::new("E108", "`^` takes a scalar and a scalar")
+                .help("pow(v, p) acts component by component");
             return self.report(d, a, self.graph.shape(base).to_string());
         }
         let (base, exponent) = (self.graph.to_scalar(base), self.graph.to_scalar(exponent));
@@ -653,7 +706,8 @@ impl<'a> Builder<'a> {
             if let Some(op) = ops::find(name) {
                 let n = args.len();
                 if n < op.least || n > op.most {
-                    let expected = if op.least == op.most { op.least.to_string() } else { format!("{} to {}", op.least, op.most) };
+                    let expected =
+                        if op.least == op.most { op.least.to_string() } else { format!("{} to {}", op.least, op.most) };
                     let plural = if expected == "1" { "" } else { "s" };
                     let d = Diagnostic::new("E105", format!("`{name}` takes {expected} argument{plural}, {n} given"));
                     return self.report(d, e, op.usage);
@@ -683,7 +737,10 @@ impl<'a> Builder<'a> {
             }
         }
         if args.len() != rank {
-            let d = Diagnostic::new("E104", format!("{} ind{} given for a {shape}", args.len(), if args.len() == 1 { "ex" } else { "ices" }));
+            let d = Diagnostic::new(
+                "E104",
+                format!("{} ind{} given for a {shape}", args.len(), if args.len() == 1 { "ex" } else { "ices" }),
+            );
             let text = if rank == 0 { "a scalar has no components".to_owned() } else { format!("needs {rank}") };
             return self.report(d, e, text);
         }

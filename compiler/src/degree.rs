@@ -55,11 +55,19 @@ pub(crate) fn degree(graph: &Graph, root: ExprId, fields: &[FieldSig], tensor_ce
                 of(*a).join(of(*b))
             }
             Node::InBall(a, b) => of(*a).join(of(*b)),
-            Node::Neg(a) | Node::Trace(a, ..) | Node::Permute(a, _) | Node::Reshape(a) | Node::Pick(a, _) | Node::Not(a) | Node::Print(a) => of(*a),
+            Node::Neg(a)
+            | Node::Trace(a, ..)
+            | Node::Permute(a, _)
+            | Node::Reshape(a)
+            | Node::Pick(a, _)
+            | Node::Not(a)
+            | Node::Print(a) => of(*a),
             Node::Scale(a, b) | Node::MulComponents(a, b) | Node::Contract(a, b, _) => of(*a).times(of(*b)),
             Node::Divide(a, b) | Node::DivComponents(a, b) => of(*a).times(of(*b).through_function()),
             Node::Stack(parts) => parts.iter().fold(Degree::default(), |d, p| d.join(of(*p))),
-            Node::Map(_, a) | Node::Matrix(_, a) | Node::Inverse(a) | Node::Norm(a) | Node::Unit(a) => of(*a).through_function(),
+            Node::Map(_, a) | Node::Matrix(_, a) | Node::Inverse(a) | Node::Norm(a) | Node::Unit(a) => {
+                of(*a).through_function()
+            }
             Node::Map2(_, a, b) => of(*a).join(of(*b)).through_function(),
             Node::Select(mask, a, b) => {
                 let d = of(*a).join(of(*b));

@@ -79,12 +79,9 @@ pub fn graph_text(graph: &Graph, fields: &[FieldSig]) -> String {
         let shape = if graph.is_mask(e) { "condition".to_owned() } else { graph.shape(e).to_string() };
         let d = graph.depends(e);
         let mut notes = Vec::new();
-        for (yes, word) in [
-            (graph.arity(e).test, "test"),
-            (graph.arity(e).trial, "trial"),
-            (d.unknown, "unknown"),
-            (d.step, "step"),
-        ] {
+        for (yes, word) in
+            [(graph.arity(e).test, "test"), (graph.arity(e).trial, "trial"), (d.unknown, "unknown"), (d.step, "step")]
+        {
             if yes {
                 notes.push(word);
             }

@@ -568,8 +568,7 @@ impl Graph {
             }
             return self.constant(shape, &out);
         }
-        let node =
-            Node::Trace(a, u8::try_from(i).expect("rank is small"), u8::try_from(j).expect("rank is small"));
+        let node = Node::Trace(a, u8::try_from(i).expect("rank is small"), u8::try_from(j).expect("rank is small"));
         self.intern(node, shape, false, self.arity(a), self.depends(a))
     }
 

@@ -25,12 +25,12 @@ pub mod types;
 mod verify;
 
 pub use build::{Builder, Constant, Env, locate};
+pub use dd::Dd;
 pub use degree::Degree;
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, first_non_finite, interpret};
 pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions};
-pub use dd::Dd;
 pub use real::{Dual, Real};
 pub use tangent_check::{BlockCheck, EntryPlace, SlotGroup, TangentCheck, TangentSampling, check_tangent};
 pub use term::{

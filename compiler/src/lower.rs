@@ -292,8 +292,8 @@ impl<'g> Lowering<'g> {
         let (x, y) = (self.lower(a), self.lower(b));
         let free_a: Vec<usize> = (0..sa.rank()).filter(|i| axes.iter().all(|p| usize::from(p.0) != *i)).collect();
         let free_b: Vec<usize> = (0..sb.rank()).filter(|i| axes.iter().all(|p| usize::from(p.1) != *i)).collect();
-        let summed = Shape::new(&axes.iter().map(|p| sa.size(usize::from(p.0))).collect::<Vec<_>>())
-            .expect("smaller rank");
+        let summed =
+            Shape::new(&axes.iter().map(|p| sa.size(usize::from(p.0))).collect::<Vec<_>>()).expect("smaller rank");
         let mut out = Vec::with_capacity(shape.len());
         for q in 0..shape.len() {
             let idx = shape.indices(q);

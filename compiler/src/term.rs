@@ -181,7 +181,8 @@ pub fn compile_term(env: &Env<'_>, place: &PlaceSig, name: &str, source: TermSou
     let mut builder = Builder::new(env, place);
     let roots = roots(&mut builder, source);
     let mut diagnostics = std::mem::take(&mut builder.diagnostics);
-    let Some(listing) = roots.map(|(energy, residual, tangent)| Listing { graph: builder.graph, energy, residual, tangent })
+    let Some(listing) =
+        roots.map(|(energy, residual, tangent)| Listing { graph: builder.graph, energy, residual, tangent })
     else {
         return Checked { value: None, diagnostics };
     };
@@ -210,7 +211,11 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
     let shape = b.graph.shape(root);
     if !shape.is_scalar_like() {
         let d = Diagnostic::new("E103", format!("this term is not a scalar, it is a {shape}"));
-        let d = d.help(if shape.rank() == 2 { "`:` contracts both indices of two matrices" } else { "`.` contracts a vector with a vector" });
+        let d = d.help(if shape.rank() == 2 {
+            "`:` contracts both indices of two matrices"
+        } else {
+            "`.` contracts a vector with a vector"
+        });
         return b.report(d, text, shape.to_string());
     }
     let root = b.graph.to_scalar(root);
@@ -227,10 +232,13 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
         }
         Arity { test: true, trial: false } if residual_allowed => (None, root),
         Arity { test: true, trial: false } => {
-            let d = Diagnostic::new("E302", "an energy has no test functions").help("write `term` in place of `energy`");
+            let d =
+                Diagnostic::new("E302", "an energy has no test functions").help("write `term` in place of `energy`");
             return b.report(d, text, "");
         }
-        _ if matches!(source, TermSource::Any(_) | TermSource::GetFem(_)) && b.graph.arity(root).test => return Some((None, None, root)),
+        _ if matches!(source, TermSource::Any(_) | TermSource::GetFem(_)) && b.graph.arity(root).test => {
+            return Some((None, None, root));
+        }
         _ => {
             let d = Diagnostic::new("E301", "`Test2_` stands in tangents only; a scene gives residuals and potentials");
             return b.report(d, text, "");
@@ -259,7 +267,12 @@ fn load(b: &mut Builder<'_>, value: &Expr, field: FieldId, part: LoadPart) -> Op
     let v = b.expr(value)?;
     b.no_tests(value, v, "load")?;
     let shape = b.env.fields[field.index()].shape;
-    let test = b.graph.leaf(Leaf::Field { field, side: crate::types::Side::Here, op: crate::types::FieldOp::Value, role: Role::Test });
+    let test = b.graph.leaf(Leaf::Field {
+        field,
+        side: crate::types::Side::Here,
+        op: crate::types::FieldOp::Value,
+        role: Role::Test,
+    });
     let needed = if part == LoadPart::Whole { shape } else { Shape::SCALAR };
     let found = b.graph.shape(v);
     if found != needed && !(found.is_scalar_like() && needed.is_scalar_like()) {
@@ -333,8 +346,7 @@ fn law(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listing) -> TermLaw
     for ((t, _), v) in &residual {
         fluxes[usize::from(test_of[t])] = *v;
     }
-    let pairs: BTreeMap<(u16, u16), Val> =
-        tangent.iter().map(|((t, s), v)| ((test_of[t], trial_of[s]), *v)).collect();
+    let pairs: BTreeMap<(u16, u16), Val> = tangent.iter().map(|((t, s), v)| ((test_of[t], trial_of[s]), *v)).collect();
     let entries: Vec<(u16, u16)> = pairs.keys().copied().collect();
 
     let slots: Vec<InputSlot> = by_position(&lowering.slots.inputs);
@@ -438,7 +450,9 @@ fn changes(env: &Env<'_>, scalars: &Scalars, slots: &[InputSlot]) -> Vec<Changes
     for inst in &scalars.insts {
         let mut c = match inst {
             Inst::Input(s) => match slots[*s as usize] {
-                InputSlot::Field(b) if env.fields[b.field.index()].is_unknown() => Changes { unknown: true, step: false },
+                InputSlot::Field(b) if env.fields[b.field.index()].is_unknown() => {
+                    Changes { unknown: true, step: false }
+                }
                 InputSlot::Field(_) | InputSlot::Previous(_) => Changes { unknown: false, step: true },
                 _ => Changes::default(),
             },
@@ -621,7 +635,8 @@ fn sampled_symmetric(law: &TermLaw, mirror: &BTreeMap<usize, usize>) -> bool {
     for sample in 0..SYMMETRY_SAMPLES {
         let scale = 10f64.powi(i32::try_from(sample % 6).expect("small") - 4);
         let uniforms: Vec<f64> = (0..kernel.n_uniforms).map(|_| random()).collect();
-        let mut inputs: Vec<f64> = law.inputs.iter().map(|s| random() * if matches!(s, InputSlot::Field(_)) { scale } else { 1.0 }).collect();
+        let mut inputs: Vec<f64> =
+            law.inputs.iter().map(|s| random() * if matches!(s, InputSlot::Field(_)) { scale } else { 1.0 }).collect();
         unit_normals(&law.inputs, &mut inputs);
         interpret(&law.tangent, &uniforms, &inputs, &mut values, &mut outputs);
         let entries = &outputs[law.tests.len()..law.tests.len() + law.entries.len()];

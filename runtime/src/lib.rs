@@ -25,8 +25,8 @@ mod value;
 
 pub use run::{Outcome, Progress, Quiet, RunError, RunOptions, StepResult, run};
 pub use scene::{
-    CsvOutput, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Regions, RuleChoice, Scene, Steps, TermSummary,
-    VtkOutput, prepare,
+    CsvOutput, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Regions, RuleChoice, Scene, Steps,
+    TermSummary, VtkOutput, prepare,
 };
 pub use strategy::Strategy;
 pub use system::{FIXED, Known, Numbering, System, SystemError};

@@ -8,8 +8,8 @@ use crate::{
     assemble::{AssembledTerm, FieldValues},
     newton::{Iteration, NewtonError, StepHistory, Stop, Watch, solve_step},
     output::{
-        self, Check, ContactCounts, MeshReport, OrderedMap, OutputDir, OutputError, ParameterValue, Real, Report, Series,
-        StepReport, Timings, peak_memory_bytes, write_csv, write_report,
+        self, Check, ContactCounts, MeshReport, OrderedMap, OutputDir, OutputError, ParameterValue, Real, Report,
+        Series, StepReport, Timings, peak_memory_bytes, write_csv, write_report,
     },
     scene::Scene,
     strategy::Strategy,
@@ -130,12 +130,13 @@ pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress)
         None => Vec::new(),
     };
     let mut clock = Clock::default();
-    let (steps, description) = all_steps(scene, options, progress, &mut clock, |scene, step, number, increment, clock| {
-        let begin = Instant::now();
-        write_step(scene, step, number, increment, &mut series, dir.as_ref(), &mut files)?;
-        clock.write += begin.elapsed().as_secs_f64();
-        Ok(())
-    })?;
+    let (steps, description) =
+        all_steps(scene, options, progress, &mut clock, |scene, step, number, increment, clock| {
+            let begin = Instant::now();
+            write_step(scene, step, number, increment, &mut series, dir.as_ref(), &mut files)?;
+            clock.write += begin.elapsed().as_secs_f64();
+            Ok(())
+        })?;
     let begin = Instant::now();
     let done = steps.len() == scene.steps.values.len() && steps.iter().all(|s| s.history.converged());
     if done && let Some(dir) = &dir {
@@ -214,7 +215,8 @@ fn all_steps(
         for p in &mut scene.prescribed {
             p.apply(*time, increment, &mut u);
         }
-        let history = solve_step(&mut scene.system, solver, &mut u, scene.newton, &mut Forward(progress)).map_err(wrap)?;
+        let history =
+            solve_step(&mut scene.system, solver, &mut u, scene.newton, &mut Forward(progress)).map_err(wrap)?;
         clock.assemble += history.seconds.assemble;
         clock.factor += history.seconds.factor;
         clock.solve += history.seconds.solve;
@@ -327,7 +329,13 @@ fn report(
         let count = kinds.get(&name).copied().unwrap_or(0);
         kinds.insert(name, count + 1);
     }
-    report.mesh = MeshReport { dim: mesh.dim() as u64, cells: mesh.n_cells() as u64, nodes: mesh.n_nodes() as u64, kinds, ..MeshReport::default() };
+    report.mesh = MeshReport {
+        dim: mesh.dim() as u64,
+        cells: mesh.n_cells() as u64,
+        nodes: mesh.n_nodes() as u64,
+        kinds,
+        ..MeshReport::default()
+    };
     for (k, field) in scene.system.fields.iter().enumerate() {
         if let Some(range) = scene.system.range(k) {
             let free = range.filter(|d| scene.system.numbering.free[*d] != crate::system::FIXED).count();

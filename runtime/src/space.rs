@@ -113,17 +113,8 @@ impl Space {
         Ok(space)
     }
 
-    fn empty(
-        kinds: Vec<CellKind>,
-        support: Support,
-        degree: usize,
-        family: Family,
-    ) -> Result<Space, ElementError> {
-        let family = if degree == 0 {
-            Family::Discontinuous
-        } else {
-            family
-        };
+    fn empty(kinds: Vec<CellKind>, support: Support, degree: usize, family: Family) -> Result<Space, ElementError> {
+        let family = if degree == 0 { Family::Discontinuous } else { family };
         let mut elements = vec![None; CellKind::ALL.len()];
         for kind in &kinds {
             if elements[kind.index()].is_none() {
@@ -148,22 +139,11 @@ impl Space {
     fn number(&mut self, mesh: &Mesh, topology: &Topology) {
         let with_edges = mesh.dim() == 3 && self.degree > 1 && self.family == Family::Continuous;
         let edges = with_edges.then(|| topology.edges(mesh));
-        let context = Context {
-            mesh,
-            topology,
-            edges,
-        };
+        let context = Context { mesh, topology, edges };
         self.numbering = Numbering {
             vertices: vec![NONE; mesh.n_nodes()],
             edges: vec![NONE; edges.map_or(0, |table| table.edges().len())],
-            facets: vec![
-                NONE;
-                if self.degree > 1 {
-                    topology.n_facets()
-                } else {
-                    0
-                }
-            ],
+            facets: vec![NONE; if self.degree > 1 { topology.n_facets() } else { 0 }],
             n_nodes: 0,
         };
         self.index_positions(mesh);
@@ -223,9 +203,7 @@ impl Space {
             if self.coordinates[node as usize][0].is_nan() {
                 self.coordinates[node as usize] = match &self.support {
                     Support::Cells(cells) => context.mesh.point_at(cells[position], table, dof),
-                    Support::Facets(facets) => {
-                        context.mesh.facet_point_at(facets[position], table, dof)
-                    }
+                    Support::Facets(facets) => context.mesh.facet_point_at(facets[position], table, dof),
                 };
             }
         }
@@ -271,9 +249,7 @@ impl Space {
     /// Element of the cell or facet at `position`.
     #[must_use]
     pub fn element_at(&self, position: usize) -> &Element {
-        self.elements[self.kinds[position].index()]
-            .as_ref()
-            .expect("there is an element for every kind of the support")
+        self.elements[self.kinds[position].index()].as_ref().expect("there is an element for every kind of the support")
     }
 
     /// Element of `kind`, when the support has such cells or facets.
@@ -294,10 +270,7 @@ impl Space {
     #[must_use]
     pub fn position_of_facet(&self, facet: FacetRef) -> Option<usize> {
         let find = |entry: &(FacetRef, u32)| entry.0;
-        let place = self
-            .position_of_facet
-            .binary_search_by_key(&facet, find)
-            .ok()?;
+        let place = self.position_of_facet.binary_search_by_key(&facet, find).ok()?;
         Some(self.position_of_facet[place].1 as usize)
     }
 
@@ -312,12 +285,7 @@ impl Space {
     /// A discontinuous space on cells gives the nodes at the facet of its own cell, a discontinuous
     /// space on facets all nodes of the facet, whichever side is named.
     #[must_use]
-    pub fn nodes_on_facets(
-        &self,
-        mesh: &Mesh,
-        topology: &Topology,
-        facets: &[FacetRef],
-    ) -> Vec<u32> {
+    pub fn nodes_on_facets(&self, mesh: &Mesh, topology: &Topology, facets: &[FacetRef]) -> Vec<u32> {
         let mut found = Vec::new();
         for facet in facets {
             match self.family {
@@ -332,30 +300,18 @@ impl Space {
 
     fn own_nodes(&self, topology: &Topology, facet: FacetRef, found: &mut Vec<u32>) {
         if let Some(position) = self.position_of_cell(facet.cell) {
-            let closure = self
-                .element_at(position)
-                .facet_closure(facet.local as usize);
+            let closure = self.element_at(position).facet_closure(facet.local as usize);
             let nodes = self.entity_nodes(position);
             found.extend(closure.iter().map(|dof| nodes[*dof]));
             return;
         }
         let sides = [Some(facet), topology.opposite(facet)];
-        for position in sides
-            .into_iter()
-            .flatten()
-            .filter_map(|f| self.position_of_facet(f))
-        {
+        for position in sides.into_iter().flatten().filter_map(|f| self.position_of_facet(f)) {
             found.extend_from_slice(self.entity_nodes(position));
         }
     }
 
-    fn shared_nodes(
-        &self,
-        mesh: &Mesh,
-        topology: &Topology,
-        facet: FacetRef,
-        found: &mut Vec<u32>,
-    ) {
+    fn shared_nodes(&self, mesh: &Mesh, topology: &Topology, facet: FacetRef, found: &mut Vec<u32>) {
         let kind = mesh.kind(facet.cell);
         let numbering = &self.numbering;
         let mut take = |first: u32, count: usize| {
@@ -413,10 +369,7 @@ impl Numbering {
         if *slot == NONE {
             *slot = self.n_nodes;
             let count = u32::try_from(key.count).expect("an entity carries a few dofs");
-            self.n_nodes = self
-                .n_nodes
-                .checked_add(count)
-                .expect("fewer than 2^32 nodes");
+            self.n_nodes = self.n_nodes.checked_add(count).expect("fewer than 2^32 nodes");
         }
         *slot + key.index as u32
     }
@@ -429,11 +382,7 @@ impl Context<'_> {
         let along = element.degree().saturating_sub(1);
         match entity {
             DofEntity::Vertex(vertex) => single(Entity::Vertex(vertices[vertex].index())),
-            DofEntity::Interior(index) => DofKey {
-                entity: Entity::Own,
-                index,
-                count: inside(element),
-            },
+            DofEntity::Interior(index) => DofKey { entity: Entity::Own, index, count: inside(element) },
             DofEntity::Facet { facet, index } => DofKey {
                 entity: Entity::Facet(self.topology.cell_facets(cell)[facet].index()),
                 index,
@@ -446,11 +395,7 @@ impl Context<'_> {
                     Some(table) => Entity::Edge(table.cell_edges(cell)[edge].index()),
                     None => Entity::Facet(self.topology.cell_facets(cell)[edge].index()),
                 };
-                DofKey {
-                    entity,
-                    index: oriented(ends, index, along),
-                    count: along,
-                }
+                DofKey { entity, index: oriented(ends, index, along), count: along }
             }
         }
     }
@@ -462,11 +407,7 @@ impl Context<'_> {
             let DofEntity::Interior(index) = entity else {
                 unreachable!("all dofs of a discontinuous element are interior");
             };
-            return DofKey {
-                entity: Entity::Own,
-                index,
-                count: element.n_dofs(),
-            };
+            return DofKey { entity: Entity::Own, index, count: element.n_dofs() };
         }
         match entity {
             DofEntity::Vertex(vertex) => single(Entity::Vertex(vertices[vertex].index())),
@@ -497,20 +438,12 @@ impl Context<'_> {
 }
 
 fn single(entity: Entity) -> DofKey {
-    DofKey {
-        entity,
-        index: 0,
-        count: 1,
-    }
+    DofKey { entity, index: 0, count: 1 }
 }
 
 /// Place along an edge counted from its vertex of lower number.
 fn oriented(ends: [NodeId; 2], index: usize, count: usize) -> usize {
-    if ends[0] < ends[1] {
-        index
-    } else {
-        count - 1 - index
-    }
+    if ends[0] < ends[1] { index } else { count - 1 - index }
 }
 
 fn inside(element: &Element) -> usize {

@@ -71,7 +71,12 @@ impl Strategy {
 
     fn choose_nonlinear(&mut self, system: &System) -> Result<(), SolveError> {
         if condenses(system) {
-            match CheckedCondensed::new(system.bulk(), system.changing().pattern(), Some(&self.coordinates), self.options) {
+            match CheckedCondensed::new(
+                system.bulk(),
+                system.changing().pattern(),
+                Some(&self.coordinates),
+                self.options,
+            ) {
                 Ok(condensed) => {
                     self.factorisations += 1;
                     self.kind = Kind::Condensed(Box::new(condensed));
@@ -101,7 +106,9 @@ impl Strategy {
         }
         if condenses(system) {
             let touched = system.changing_dofs().len();
-            return format!("Newton; linear part factored once (LLT), the {touched} dofs of the nonlinear terms condensed");
+            return format!(
+                "Newton; linear part factored once (LLT), the {touched} dofs of the nonlinear terms condensed"
+            );
         }
         format!("Newton; whole tangent, {symmetric} ({method}), factored each iteration")
     }
@@ -113,7 +120,9 @@ impl Strategy {
             Kind::Linear if self.symmetric => "one linear system, symmetric (LLT), factored once".to_owned(),
             Kind::Linear => "one linear system, unsymmetric (LU), factored once".to_owned(),
             Kind::Condensed(c) => format!("Newton; linear part factored once, {}", c.strategy()),
-            Kind::Full { .. } if self.symmetric => "Newton; whole tangent, symmetric (LLT), factored each iteration".to_owned(),
+            Kind::Full { .. } if self.symmetric => {
+                "Newton; whole tangent, symmetric (LLT), factored each iteration".to_owned()
+            }
             Kind::Full { .. } => "Newton; whole tangent, unsymmetric (LU), factored each iteration".to_owned(),
         }
     }
@@ -158,7 +167,8 @@ impl Strategy {
             }
             Kind::Full { pattern, bulk_positions, changing_positions } => {
                 let mut sum = Csr::zeros(pattern.clone());
-                for (part, positions) in [(system.bulk(), &*bulk_positions), (system.changing(), &*changing_positions)] {
+                for (part, positions) in [(system.bulk(), &*bulk_positions), (system.changing(), &*changing_positions)]
+                {
                     for (p, v) in positions.iter().zip(part.values()) {
                         sum.values_mut()[*p] += v;
                     }

@@ -46,7 +46,9 @@ fn laws() -> Vec<(String, TermLaw)> {
         let text = std::fs::read_to_string(&path).expect("examples can be read");
         // a theta that keeps every term, on few cells
         let params: &[(&str, f64)] = if text.contains("param theta") { &[("theta", 1.0)] } else { &[] };
-        let Ok(scene) = prepared(path.parent().expect("a folder"), text, &[], params, &InterpreterBackend) else { continue };
+        let Ok(scene) = prepared(path.parent().expect("a folder"), text, &[], params, &InterpreterBackend) else {
+            continue;
+        };
         let name = path.file_stem().expect("a name").to_string_lossy().into_owned();
         laws.extend(scene.system.terms.into_iter().map(|t| (format!("{name}: {}", t.law.name), t.law)));
     }

@@ -118,7 +118,12 @@ impl Binding {
         let place = |slot: &BasisSlot| {
             let n = fields[slot.field.index()].n_components;
             let entry = usize::from(slot.entry);
-            SlotPlace { basis: index[&(slot.field, slot.side)], component: entry % n, op: slot.op, direction: entry / n }
+            SlotPlace {
+                basis: index[&(slot.field, slot.side)],
+                component: entry % n,
+                op: slot.op,
+                direction: entry / n,
+            }
         };
         let inputs = law
             .inputs

@@ -9,8 +9,13 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use thiserror::Error;
 use wfl_compiler::{
-    Kink, KinkKind, NonFinite, TermLaw, backend::PointKernel, first_non_finite, ir::LANES, ir::VerifiedKernel,
-    run_prologue, types::{FieldId, UniformSlot},
+    Kink, KinkKind, NonFinite, TermLaw,
+    backend::PointKernel,
+    first_non_finite,
+    ir::LANES,
+    ir::VerifiedKernel,
+    run_prologue,
+    types::{FieldId, UniformSlot},
 };
 
 use crate::{
@@ -59,7 +64,6 @@ pub struct BranchCounts {
     /// A number that changes when any point changes its branch.
     pub fingerprint: u64,
 }
-
 
 /// A law on a domain, callable.
 pub struct Integrator {
@@ -116,9 +120,8 @@ impl AssembledTerm {
                         for node in &basis.nodes[entity * basis.n_nodes..][..basis.n_nodes] {
                             for c in 0..basis.n_components {
                                 dofs.push(match start {
-                                    Some(s) => {
-                                        u32::try_from(s + *node as usize * basis.n_components + c).expect("fewer than 2^32 dofs")
-                                    }
+                                    Some(s) => u32::try_from(s + *node as usize * basis.n_components + c)
+                                        .expect("fewer than 2^32 dofs"),
                                     None => NOWHERE,
                                 });
                             }
@@ -128,7 +131,18 @@ impl AssembledTerm {
                 dofs
             })
             .collect();
-        Self { law, integrator, place, residual, tangent, uniforms: Vec::new(), dofs, positions: Vec::new(), branches: BranchCounts::default(), states: Vec::new() }
+        Self {
+            law,
+            integrator,
+            place,
+            residual,
+            tangent,
+            uniforms: Vec::new(),
+            dofs,
+            positions: Vec::new(),
+            branches: BranchCounts::default(),
+            states: Vec::new(),
+        }
     }
 
     /// Sets the step variable and its increment.
@@ -329,7 +343,12 @@ impl AssembledTerm {
     }
 
     /// Computes local tangents and hands them over entity by entity in fixed order: `(group, entity, lane, local)`.
-    fn tangent_blocks(&self, mesh: &Mesh, values: FieldValues<'_>, mut take: impl FnMut(usize, usize, usize, &[Lanes])) {
+    fn tangent_blocks(
+        &self,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        mut take: impl FnMut(usize, usize, usize, &[Lanes]),
+    ) {
         let Some(kernel) = &self.tangent else { return };
         let n_out = self.law.tangent.kernel().outputs.len();
         for g in 0..self.dofs.len() {

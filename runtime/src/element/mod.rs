@@ -105,16 +105,10 @@ impl Element {
     pub fn lagrange(kind: CellKind, degree: usize, family: Family) -> Result<Self, ElementError> {
         let highest = MAX_DEGREE[usize::from(!kind.is_simplex())];
         if degree > highest {
-            return Err(ElementError::DegreeTooHigh {
-                kind,
-                degree,
-                highest,
-            });
+            return Err(ElementError::DegreeTooHigh { kind, degree, highest });
         }
         let mut element = Self::without_closures(kind, degree, family);
-        element.closures = (0..kind.facets().len())
-            .map(|local| closure(&element, local))
-            .collect();
+        element.closures = (0..kind.facets().len()).map(|local| closure(&element, local)).collect();
         Ok(element)
     }
 
@@ -142,15 +136,7 @@ impl Element {
         if family == Family::Discontinuous {
             entities = (0..places.len()).map(DofEntity::Interior).collect();
         }
-        Element {
-            kind,
-            degree,
-            family,
-            points,
-            entities,
-            places,
-            closures: Vec::new(),
-        }
+        Element { kind, degree, family, points, entities, places, closures: Vec::new() }
     }
 
     /// Every supported (cell, degree).
@@ -158,9 +144,7 @@ impl Element {
     pub fn registry() -> Vec<(CellKind, usize)> {
         CellKind::ALL
             .into_iter()
-            .flat_map(|kind| {
-                (0..=MAX_DEGREE[usize::from(!kind.is_simplex())]).map(move |degree| (kind, degree))
-            })
+            .flat_map(|kind| (0..=MAX_DEGREE[usize::from(!kind.is_simplex())]).map(move |degree| (kind, degree)))
             .collect()
     }
 
@@ -230,11 +214,7 @@ impl Element {
             dim,
             values: Vec::with_capacity(entries),
             gradients: Vec::with_capacity(if derivatives > 0 { entries * dim } else { 0 }),
-            hessians: Vec::with_capacity(if derivatives > 1 {
-                entries * dim * dim
-            } else {
-                0
-            }),
+            hessians: Vec::with_capacity(if derivatives > 1 { entries * dim * dim } else { 0 }),
         };
         for point in points {
             if self.kind.is_simplex() {
@@ -273,11 +253,7 @@ fn closure(element: &Element, local: usize) -> Vec<usize> {
 /// Product of the factors `n` with derivatives taken of factor `d` and factor `e`.
 fn product(factors: &[Jet], d: Option<usize>, e: Option<usize>) -> f64 {
     let order = |i| usize::from(d == Some(i)) + usize::from(e == Some(i));
-    factors
-        .iter()
-        .enumerate()
-        .map(|(i, jet)| jet[order(i)])
-        .product()
+    factors.iter().enumerate().map(|(i, jet)| jet[order(i)]).product()
 }
 
 #[cfg(test)]

@@ -55,11 +55,7 @@ fn factor(m: u8, degree: f64, l: f64) -> Jet {
     for j in 0..m {
         let j = f64::from(j);
         let (value, slope) = ((degree * l - j) / (j + 1.0), degree / (j + 1.0));
-        jet = [
-            jet[0] * value,
-            jet[1] * value + jet[0] * slope,
-            jet[2] * value + 2.0 * jet[1] * slope,
-        ];
+        jet = [jet[0] * value, jet[1] * value + jet[0] * slope, jet[2] * value + 2.0 * jet[1] * slope];
     }
     jet
 }

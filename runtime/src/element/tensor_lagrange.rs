@@ -60,11 +60,7 @@ fn factor(m: u8, degree: usize, t: f64) -> Jet {
             continue;
         }
         let (value, slope) = ((k * t - j) / (m - j), k / (m - j));
-        jet = [
-            jet[0] * value,
-            jet[1] * value + jet[0] * slope,
-            jet[2] * value + 2.0 * jet[1] * slope,
-        ];
+        jet = [jet[0] * value, jet[1] * value + jet[0] * slope, jet[2] * value + 2.0 * jet[1] * slope];
     }
     jet
 }

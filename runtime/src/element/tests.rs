@@ -2,19 +2,12 @@ use super::*;
 use crate::quadrature;
 
 fn all() -> impl Iterator<Item = Element> {
-    Element::registry()
-        .into_iter()
-        .map(|(kind, degree)| Element::lagrange(kind, degree, Family::Continuous).unwrap())
+    Element::registry().into_iter().map(|(kind, degree)| Element::lagrange(kind, degree, Family::Continuous).unwrap())
 }
 
 /// Points inside and around the reference cell, none special.
 fn points(kind: CellKind) -> Vec<[f64; 3]> {
-    let raw = [
-        [0.21, 0.13, 0.37],
-        [0.05, 0.61, 0.02],
-        [0.83, 0.07, 0.55],
-        [1.3, -0.4, 0.9],
-    ];
+    let raw = [[0.21, 0.13, 0.37], [0.05, 0.61, 0.02], [0.83, 0.07, 0.55], [1.3, -0.4, 0.9]];
     let keep = |x: [f64; 3]| std::array::from_fn(|d| if d < kind.dim() { x[d] } else { 0.0 });
     raw.map(keep).to_vec()
 }
@@ -40,10 +33,7 @@ fn every_element_is_nodal_and_sums_to_one() {
                 assert!(slope.abs() < 1e-12);
             }
             for de in 0..dim * dim {
-                let bend: f64 = rows
-                    .clone()
-                    .map(|r| table.hessians[r * dim * dim + de])
-                    .sum();
+                let bend: f64 = rows.clone().map(|r| table.hessians[r * dim * dim + de]).sum();
                 assert!(bend.abs() < 1e-11);
             }
         }
@@ -55,10 +45,7 @@ fn dof_counts_are_those_of_the_polynomial_spaces() {
     for element in all() {
         let (dim, k) = (element.kind().dim(), element.degree());
         let expected = if element.kind().is_simplex() {
-            (1..=dim)
-                .map(|i| (k + i) as f64 / i as f64)
-                .product::<f64>()
-                .round() as usize
+            (1..=dim).map(|i| (k + i) as f64 / i as f64).product::<f64>().round() as usize
         } else {
             (k + 1).pow(dim as u32)
         };
@@ -86,11 +73,7 @@ fn gradients_and_hessians_agree_with_differences() {
                         let at = |p: usize| shifted.gradients[(p * n + dof) * dim + e];
                         let bend = (at(0) - at(1)) / (2.0 * step);
                         let found = table.hessians[(dof * dim + e) * dim + d];
-                        assert!(
-                            (bend - found).abs() < 2e-7,
-                            "{} {bend} {found}",
-                            element.kind()
-                        );
+                        assert!((bend - found).abs() < 2e-7, "{} {bend} {found}", element.kind());
                     }
                 }
             }
@@ -108,13 +91,10 @@ fn monomials_of_the_degree_are_reproduced_and_the_next_is_not() {
             let nodal: Vec<f64> = element.points().iter().map(f).collect();
             let test_points = points(element.kind());
             let table = element.tabulate(&test_points, 0);
-            test_points
-                .iter()
-                .zip(table.values.chunks_exact(nodal.len()))
-                .all(|(x, row)| {
-                    let value: f64 = row.iter().zip(&nodal).map(|(a, b)| a * b).sum();
-                    (value - f(x)).abs() < 1e-12
-                })
+            test_points.iter().zip(table.values.chunks_exact(nodal.len())).all(|(x, row)| {
+                let value: f64 = row.iter().zip(&nodal).map(|(a, b)| a * b).sum();
+                (value - f(x)).abs() < 1e-12
+            })
         };
         let reach = |d: usize| if d < dim { k } else { 0 };
         for i in 0..=reach(0) {
@@ -134,22 +114,16 @@ fn monomials_of_the_degree_are_reproduced_and_the_next_is_not() {
 fn only_dofs_of_the_closure_have_a_trace_and_it_is_the_facet_element() {
     for element in all().filter(|e| e.degree() > 0) {
         for (local, facet) in element.kind().facets().iter().enumerate() {
-            let on_facet =
-                Element::lagrange(facet.kind, element.degree(), Family::Continuous).unwrap();
+            let on_facet = Element::lagrange(facet.kind, element.degree(), Family::Continuous).unwrap();
             let rule = quadrature::rule(facet.kind, 3).unwrap();
             let points = quadrature::facet_points(element.kind(), local, &rule);
-            let (inner, outer) = (
-                on_facet.tabulate(&rule.points, 0),
-                element.tabulate(&points, 0),
-            );
+            let (inner, outer) = (on_facet.tabulate(&rule.points, 0), element.tabulate(&points, 0));
             let closure = element.facet_closure(local);
             assert_eq!(closure.len(), on_facet.n_dofs());
             for p in 0..rule.n_points() {
                 for dof in 0..element.n_dofs() {
-                    let expected = closure
-                        .iter()
-                        .position(|c| *c == dof)
-                        .map_or(0.0, |i| inner.values[p * inner.n_dofs + i]);
+                    let expected =
+                        closure.iter().position(|c| *c == dof).map_or(0.0, |i| inner.values[p * inner.n_dofs + i]);
                     assert!((outer.values[p * outer.n_dofs + dof] - expected).abs() < 1e-13);
                 }
             }
@@ -173,19 +147,14 @@ fn entities_agree_with_the_points() {
                     let t = (index + 1) as f64 / element.degree() as f64;
                     std::array::from_fn(|d| a[d] + t * (b[d] - a[d]))
                 }
-                DofEntity::Facet { facet, .. } => {
-                    mean(kind.facets()[facet].vertices.iter().map(vertex).collect())
-                }
+                DofEntity::Facet { facet, .. } => mean(kind.facets()[facet].vertices.iter().map(vertex).collect()),
                 DofEntity::Interior(_) => {
                     let hats = kind.hat_values(*point);
                     assert!(hats[..kind.n_vertices()].iter().all(|h| *h > 0.0));
                     continue;
                 }
             };
-            assert!(
-                (0..3).all(|d| (point[d] - expected[d]).abs() < 1e-15),
-                "{kind} {entity:?}"
-            );
+            assert!((0..3).all(|d| (point[d] - expected[d]).abs() < 1e-15), "{kind} {entity:?}");
         }
     }
 }
@@ -193,8 +162,5 @@ fn entities_agree_with_the_points() {
 #[test]
 fn too_high_a_degree_is_an_error() {
     let error = Element::lagrange(CellKind::Hexahedron, 3, Family::Continuous).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "no Lagrange element of degree 3 on a hexahedron, the highest is 2"
-    );
+    assert_eq!(error.to_string(), "no Lagrange element of degree 3 on a hexahedron, the highest is 2");
 }

@@ -53,9 +53,7 @@ impl FacetMap {
     #[must_use]
     pub fn apply(&self, parameters: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|i| {
-            self.origin[i]
-                + parameters[0] * self.tangents[0][i]
-                + parameters[1] * self.tangents[1][i]
+            self.origin[i] + parameters[0] * self.tangents[0][i] + parameters[1] * self.tangents[1][i]
         })
     }
 }
@@ -70,42 +68,21 @@ const CUBE: [[f64; 3]; 8] = [
     [0.0, 1.0, 1.0],
     [1.0, 1.0, 1.0],
 ];
-const SIMPLEX: [[f64; 3]; 4] = [
-    [0.0, 0.0, 0.0],
-    [1.0, 0.0, 0.0],
-    [0.0, 1.0, 0.0],
-    [0.0, 0.0, 1.0],
-];
+const SIMPLEX: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 const TRIANGLE_EDGES: [[usize; 2]; 3] = [[0, 1], [1, 2], [0, 2]];
 const QUADRILATERAL_EDGES: [[usize; 2]; 4] = [[0, 2], [1, 3], [0, 1], [2, 3]];
 const TETRAHEDRON_EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
-const HEXAHEDRON_EDGES: [[usize; 2]; 12] = [
-    [0, 1],
-    [2, 3],
-    [4, 5],
-    [6, 7],
-    [0, 2],
-    [1, 3],
-    [4, 6],
-    [5, 7],
-    [0, 4],
-    [1, 5],
-    [2, 6],
-    [3, 7],
-];
+const HEXAHEDRON_EDGES: [[usize; 2]; 12] =
+    [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
 
 const fn facet(kind: CellKind, vertices: &'static [usize]) -> LocalFacet {
     LocalFacet { kind, vertices }
 }
 
-const SEGMENT_FACETS: [LocalFacet; 2] =
-    [facet(CellKind::Point, &[0]), facet(CellKind::Point, &[1])];
-const TRIANGLE_FACETS: [LocalFacet; 3] = [
-    facet(CellKind::Segment, &[0, 1]),
-    facet(CellKind::Segment, &[1, 2]),
-    facet(CellKind::Segment, &[0, 2]),
-];
+const SEGMENT_FACETS: [LocalFacet; 2] = [facet(CellKind::Point, &[0]), facet(CellKind::Point, &[1])];
+const TRIANGLE_FACETS: [LocalFacet; 3] =
+    [facet(CellKind::Segment, &[0, 1]), facet(CellKind::Segment, &[1, 2]), facet(CellKind::Segment, &[0, 2])];
 const QUADRILATERAL_FACETS: [LocalFacet; 4] = [
     facet(CellKind::Segment, &[0, 2]),
     facet(CellKind::Segment, &[1, 3]),
@@ -129,36 +106,16 @@ const HEXAHEDRON_FACETS: [LocalFacet; 6] = [
 
 /// Edges of the cell on each facet, in the order of the edges of the facet's kind.
 const TETRAHEDRON_FACET_EDGES: [[usize; 3]; 4] = [[0, 1, 2], [0, 4, 3], [2, 5, 3], [1, 5, 4]];
-const HEXAHEDRON_FACET_EDGES: [[usize; 4]; 6] = [
-    [8, 10, 4, 6],
-    [9, 11, 5, 7],
-    [8, 9, 0, 2],
-    [10, 11, 1, 3],
-    [4, 5, 0, 1],
-    [6, 7, 2, 3],
-];
+const HEXAHEDRON_FACET_EDGES: [[usize; 4]; 6] =
+    [[8, 10, 4, 6], [9, 11, 5, 7], [8, 9, 0, 2], [10, 11, 1, 3], [4, 5, 0, 1], [6, 7, 2, 3]];
 const SINGLE: [[usize; 1]; 4] = [[0], [1], [2], [3]];
 
-const TRIANGLE_NORMALS: [[f64; 3]; 3] = [
-    [0.0, -1.0, 0.0],
-    [FRAC_1_SQRT_2, FRAC_1_SQRT_2, 0.0],
-    [-1.0, 0.0, 0.0],
-];
-const TETRAHEDRON_NORMALS: [[f64; 3]; 4] = [
-    [0.0, 0.0, -1.0],
-    [0.0, -1.0, 0.0],
-    [-1.0, 0.0, 0.0],
-    [FRAC_1_SQRT_3, FRAC_1_SQRT_3, FRAC_1_SQRT_3],
-];
+const TRIANGLE_NORMALS: [[f64; 3]; 3] = [[0.0, -1.0, 0.0], [FRAC_1_SQRT_2, FRAC_1_SQRT_2, 0.0], [-1.0, 0.0, 0.0]];
+const TETRAHEDRON_NORMALS: [[f64; 3]; 4] =
+    [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [FRAC_1_SQRT_3, FRAC_1_SQRT_3, FRAC_1_SQRT_3]];
 /// Tensor cells list their facets as x = 0, x = 1, y = 0, y = 1, z = 0, z = 1.
-const CUBE_NORMALS: [[f64; 3]; 6] = [
-    [-1.0, 0.0, 0.0],
-    [1.0, 0.0, 0.0],
-    [0.0, -1.0, 0.0],
-    [0.0, 1.0, 0.0],
-    [0.0, 0.0, -1.0],
-    [0.0, 0.0, 1.0],
-];
+const CUBE_NORMALS: [[f64; 3]; 6] =
+    [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
 
 impl CellKind {
     /// Every kind, by dimension.
@@ -258,9 +215,7 @@ impl CellKind {
             CellKind::Point => [0.0; 3],
             CellKind::Triangle => TRIANGLE_NORMALS[local],
             CellKind::Tetrahedron => TETRAHEDRON_NORMALS[local],
-            CellKind::Segment | CellKind::Quadrilateral | CellKind::Hexahedron => {
-                CUBE_NORMALS[local]
-            }
+            CellKind::Segment | CellKind::Quadrilateral | CellKind::Hexahedron => CUBE_NORMALS[local],
         }
     }
 
@@ -307,9 +262,7 @@ impl CellKind {
             return values;
         }
         for (value, vertex) in values.iter_mut().zip(self.vertices()) {
-            *value = (0..self.dim())
-                .map(|d| if vertex[d] > 0.5 { x[d] } else { 1.0 - x[d] })
-                .product();
+            *value = (0..self.dim()).map(|d| if vertex[d] > 0.5 { x[d] } else { 1.0 - x[d] }).product();
         }
         values
     }

@@ -4,8 +4,8 @@
 //! to the cell or edge it judges, so scaling or shifting a mesh does not change the verdict.
 
 use super::{
-    CellId, CellKind, DUPLICATE_TOLERANCE, GroupEntities, Mesh, MeshError, MeshWarnings, NodeId,
-    RawMesh, determinant, distance, norm, points::PointGrid,
+    CellId, CellKind, DUPLICATE_TOLERANCE, GroupEntities, Mesh, MeshError, MeshWarnings, NodeId, RawMesh, determinant,
+    distance, norm, points::PointGrid,
 };
 use crate::element::Table;
 use crate::quadrature;
@@ -43,17 +43,10 @@ pub(super) fn structure(raw: &RawMesh) -> Result<Vec<usize>, MeshError> {
         starts.push(end);
     }
     if raw.connectivity.len() != end {
-        return Err(MeshError::ConnectivityLength {
-            expected: end,
-            found: raw.connectivity.len(),
-        });
+        return Err(MeshError::ConnectivityLength { expected: end, found: raw.connectivity.len() });
     }
     for (cell, bounds) in starts.windows(2).enumerate() {
-        cell_nodes(
-            raw,
-            CellId::new(cell),
-            &raw.connectivity[bounds[0]..bounds[1]],
-        )?;
+        cell_nodes(raw, CellId::new(cell), &raw.connectivity[bounds[0]..bounds[1]])?;
     }
     groups(raw)?;
     Ok(starts)
@@ -85,11 +78,7 @@ fn finite(raw: &RawMesh) -> Result<(), MeshError> {
 fn cell_nodes(raw: &RawMesh, cell: CellId, nodes: &[u32]) -> Result<(), MeshError> {
     for (position, node) in nodes.iter().enumerate() {
         if *node as usize >= raw.nodes.len() {
-            return Err(MeshError::MissingNode {
-                cell,
-                node: *node as usize,
-                n_nodes: raw.nodes.len(),
-            });
+            return Err(MeshError::MissingNode { cell, node: *node as usize, n_nodes: raw.nodes.len() });
         }
         if nodes[..position].contains(node) {
             let node = NodeId::new(*node as usize);
@@ -103,9 +92,7 @@ fn groups(raw: &RawMesh) -> Result<(), MeshError> {
     let node_exists = |node: &NodeId| node.index() < raw.nodes.len();
     for group in &raw.groups {
         let (what, complete) = match &group.entities {
-            GroupEntities::Cells(cells) => {
-                ("cell", cells.iter().all(|c| c.index() < raw.kinds.len()))
-            }
+            GroupEntities::Cells(cells) => ("cell", cells.iter().all(|c| c.index() < raw.kinds.len())),
             GroupEntities::Facets(facets) => {
                 let complete = facets.iter().all(|f| f.vertices().iter().all(node_exists));
                 ("facet", complete)
@@ -135,8 +122,8 @@ fn sample(mesh: &Mesh, kind: CellKind) -> Table {
     let points = if kind.is_simplex() && mesh.order() == 1 {
         vec![kind.reference_centre()]
     } else {
-        let rule = quadrature::gauss(kind, mesh.order() + 1)
-            .expect("Gauss rules of two and three points exist on every cell");
+        let rule =
+            quadrature::gauss(kind, mesh.order() + 1).expect("Gauss rules of two and three points exist on every cell");
         let mut points = kind.vertices().to_vec();
         points.extend_from_slice(element.points());
         points.extend_from_slice(&rule.points);
@@ -146,11 +133,8 @@ fn sample(mesh: &Mesh, kind: CellKind) -> Table {
 }
 
 fn check_cell(mesh: &Mesh, cell: CellId, table: &Table) -> Result<(), MeshError> {
-    let magnitude = mesh
-        .cell_nodes(cell)
-        .iter()
-        .flat_map(|node| mesh.node(*node))
-        .fold(0.0, |m: f64, c| m.max(c.abs()));
+    let magnitude =
+        mesh.cell_nodes(cell).iter().flat_map(|node| mesh.node(*node)).fold(0.0, |m: f64, c| m.max(c.abs()));
     let (mut lowest, mut highest) = ((f64::INFINITY, 0), f64::NEG_INFINITY);
     let mut bad = false;
     let mut flat_everywhere = true;
@@ -178,33 +162,15 @@ fn check_cell(mesh: &Mesh, cell: CellId, table: &Table) -> Result<(), MeshError>
     }
     let group = group_of(mesh, cell);
     if flat_everywhere {
-        let determinant = if highest.abs() > lowest.0.abs() {
-            highest
-        } else {
-            lowest.0
-        };
+        let determinant = if highest.abs() > lowest.0.abs() { highest } else { lowest.0 };
         let size = size(mesh, cell);
-        return Err(MeshError::ZeroVolume {
-            cell,
-            group,
-            determinant,
-            size,
-        });
+        return Err(MeshError::ZeroVolume { cell, group, determinant, size });
     }
     if highest < 0.0 {
         let determinant = highest;
-        return Err(MeshError::Inverted {
-            cell,
-            group,
-            determinant,
-        });
+        return Err(MeshError::Inverted { cell, group, determinant });
     }
-    Err(MeshError::Folded {
-        cell,
-        group,
-        determinant: lowest.0,
-        point: mesh.point_at(cell, table, lowest.1),
-    })
+    Err(MeshError::Folded { cell, group, determinant: lowest.0, point: mesh.point_at(cell, table, lowest.1) })
 }
 
 /// Largest distance between two vertices of a cell.
@@ -242,17 +208,9 @@ pub(super) fn warnings(mesh: &Mesh) -> MeshWarnings {
             shortest[second] = shortest[second].min(length);
         }
     }
-    let members: Vec<u32> = (0..mesh.n_nodes() as u32)
-        .filter(|node| shortest[*node as usize].is_finite())
-        .collect();
-    let unused_nodes = (0..mesh.n_nodes())
-        .filter(|node| !used[*node])
-        .map(NodeId::new)
-        .collect();
-    MeshWarnings {
-        duplicate_nodes: duplicates(mesh, &members, &shortest),
-        unused_nodes,
-    }
+    let members: Vec<u32> = (0..mesh.n_nodes() as u32).filter(|node| shortest[*node as usize].is_finite()).collect();
+    let unused_nodes = (0..mesh.n_nodes()).filter(|node| !used[*node]).map(NodeId::new).collect();
+    MeshWarnings { duplicate_nodes: duplicates(mesh, &members, &shortest), unused_nodes }
 }
 
 fn duplicates(mesh: &Mesh, members: &[u32], shortest: &[f64]) -> Vec<(NodeId, NodeId)> {
@@ -296,7 +254,5 @@ fn bodies(mesh: &Mesh) -> Vec<u32> {
             parent[other as usize] = first;
         }
     }
-    (0..mesh.n_nodes() as u32)
-        .map(|node| root(&mut parent, node))
-        .collect()
+    (0..mesh.n_nodes() as u32).map(|node| root(&mut parent, node)).collect()
 }

@@ -146,7 +146,5 @@ pub enum MeshError {
 }
 
 fn in_group(group: &Option<String>) -> String {
-    group
-        .as_ref()
-        .map_or_else(String::new, |name| format!(" of `{name}`"))
+    group.as_ref().map_or_else(String::new, |name| format!(" of `{name}`"))
 }

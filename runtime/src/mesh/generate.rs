@@ -42,14 +42,9 @@ impl BoxShape {
             BoxShape::Quadrilateral => &[&[0, 1, 2, 3]],
             // Paths along the axes from corner 0 to corner 7; odd permutations of the axes list
             // their inner vertices the other way round.
-            BoxShape::Tetrahedron => &[
-                &[0, 1, 3, 7],
-                &[0, 5, 1, 7],
-                &[0, 3, 2, 7],
-                &[0, 2, 6, 7],
-                &[0, 4, 5, 7],
-                &[0, 6, 4, 7],
-            ],
+            BoxShape::Tetrahedron => {
+                &[&[0, 1, 3, 7], &[0, 5, 1, 7], &[0, 3, 2, 7], &[0, 2, 6, 7], &[0, 4, 5, 7], &[0, 6, 4, 7]]
+            }
             BoxShape::Hexahedron => &[&[0, 1, 2, 3, 4, 5, 6, 7]],
         }
     }
@@ -70,12 +65,7 @@ pub enum MapError<E> {
 ///
 /// # Errors
 /// [`MeshError::BadBox`] when `size` is not positive or far too small.
-pub fn cells_for_size(
-    from: [f64; 3],
-    to: [f64; 3],
-    size: f64,
-    dim: usize,
-) -> Result<[usize; 3], MeshError> {
+pub fn cells_for_size(from: [f64; 3], to: [f64; 3], size: f64, dim: usize) -> Result<[usize; 3], MeshError> {
     /// Part of a cell that is taken for rounding in `length / size`.
     const SLACK: f64 = 1e-9;
     let mut cells = [1; 3];
@@ -184,10 +174,7 @@ fn connectivity(counts: [usize; 3], dim: usize, shape: BoxShape) -> Vec<u32> {
 ///
 /// # Errors
 /// The first error of the map, or what [`Mesh::from_raw`] finds in the moved mesh.
-pub fn map_nodes<E>(
-    mesh: Mesh,
-    mut map: impl FnMut([f64; 3]) -> Result<[f64; 3], E>,
-) -> Result<Mesh, MapError<E>> {
+pub fn map_nodes<E>(mesh: Mesh, mut map: impl FnMut([f64; 3]) -> Result<[f64; 3], E>) -> Result<Mesh, MapError<E>> {
     let mut raw = mesh.into_raw();
     for node in &mut raw.nodes {
         *node = map(*node).map_err(MapError::Map)?;

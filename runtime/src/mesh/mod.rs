@@ -19,12 +19,10 @@ pub use cell::{CellKind, FacetMap, LocalFacet};
 pub use error::MeshError;
 pub use generate::{BoxShape, MapError, cells_for_size, generate_box, map_nodes};
 pub use pair::{facet_correspondences, orientation};
-pub use quality::{
-    QualitySummary, cell_volumes, element_sizes, facet_heights, facet_measures, summary,
-};
+pub use quality::{QualitySummary, cell_volumes, element_sizes, facet_heights, facet_measures, summary};
 pub use region::{
-    InterfaceFacet, RegionError, RegionKind, RegionSet, boundary_of, interface, outer_boundary,
-    pick_cells, pick_facets, pick_nodes,
+    InterfaceFacet, RegionError, RegionKind, RegionSet, boundary_of, interface, outer_boundary, pick_cells,
+    pick_facets, pick_nodes,
 };
 pub use topology::{EdgeTable, Facet, Topology};
 
@@ -181,18 +179,10 @@ impl Mesh {
                     .expect("there are elements of degree 1 and 2 on every cell");
                 let vertices = element.vertex_dofs().expect("the degree is not 0");
                 let centre = element.tabulate(&[kind.reference_centre()], 0).values;
-                KindGeometry {
-                    element,
-                    vertices,
-                    centre,
-                }
+                KindGeometry { element, vertices, centre }
             })
             .collect();
-        let connectivity: Vec<NodeId> = raw
-            .connectivity
-            .into_iter()
-            .map(|node| NodeId::new(node as usize))
-            .collect();
+        let connectivity: Vec<NodeId> = raw.connectivity.into_iter().map(|node| NodeId::new(node as usize)).collect();
         let (mut vertices, mut vertex_starts) = (Vec::new(), Vec::new());
         if raw.order > 1 {
             vertex_starts.push(0);
@@ -310,13 +300,8 @@ impl Mesh {
     pub fn facet_vertices(&self, facet: FacetRef) -> GroupFacet {
         let local = self.kind(facet.cell).facets()[facet.local as usize];
         let cell = self.cell_vertices(facet.cell);
-        let vertices = std::array::from_fn(|i| {
-            cell[local.vertices.get(i).copied().unwrap_or(local.vertices[0])]
-        });
-        GroupFacet {
-            kind: local.kind,
-            vertices,
-        }
+        let vertices = std::array::from_fn(|i| cell[local.vertices.get(i).copied().unwrap_or(local.vertices[0])]);
+        GroupFacet { kind: local.kind, vertices }
     }
 
     /// The Lagrange element of the geometry map of cells (and facets) of `kind`.
@@ -348,9 +333,7 @@ impl Mesh {
     #[must_use]
     pub fn facet_centroid(&self, facet: FacetRef) -> [f64; 3] {
         let kind = self.kind(facet.cell);
-        let closure = self.geometry[kind.index()]
-            .element
-            .facet_closure(facet.local as usize);
+        let closure = self.geometry[kind.index()].element.facet_closure(facet.local as usize);
         let values = &self.geometry[self.facet_kind(facet).index()].centre;
         let nodes = self.cell_nodes(facet.cell);
         self.combine(closure.iter().map(|dof| nodes[*dof]), values)
@@ -381,11 +364,7 @@ impl Mesh {
     pub fn jacobian_at(&self, cell: CellId, table: &Table, point: usize) -> [[f64; 3]; 3] {
         let mut jacobian = [[0.0; 3]; 3];
         let row = &table.gradients[point * table.n_dofs * table.dim..];
-        for (node, gradient) in self
-            .cell_nodes(cell)
-            .iter()
-            .zip(row.chunks_exact(table.dim))
-        {
+        for (node, gradient) in self.cell_nodes(cell).iter().zip(row.chunks_exact(table.dim)) {
             let x = self.node(*node);
             for i in 0..self.dim {
                 for (j, slope) in gradient.iter().enumerate() {
@@ -431,8 +410,7 @@ pub fn determinant(m: &[[f64; 3]; 3], dim: usize) -> f64 {
         1 => m[0][0],
         2 => m[0][0] * m[1][1] - m[0][1] * m[1][0],
         _ => {
-            m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1])
-                - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
+            m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
                 + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
         }
     }
@@ -447,11 +425,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 fn norm(a: [f64; 3]) -> f64 {

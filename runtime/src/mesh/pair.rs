@@ -6,8 +6,7 @@
 //! other than by an error.
 
 use super::{
-    CellKind, FacetRef, InterfaceFacet, Mesh, MeshError, cross, difference, distance, dot, norm,
-    points::PointGrid,
+    CellKind, FacetRef, InterfaceFacet, Mesh, MeshError, cross, difference, distance, dot, norm, points::PointGrid,
 };
 
 /// Vertices of two facets coincide within this part of the facet size.
@@ -19,25 +18,10 @@ const FACING: f64 = 0.1;
 
 const POINT: [[u8; 4]; 1] = [[0, 0, 0, 0]];
 const SEGMENT: [[u8; 4]; 2] = [[0, 1, 0, 0], [1, 0, 0, 0]];
-const TRIANGLE: [[u8; 4]; 6] = [
-    [0, 1, 2, 0],
-    [0, 2, 1, 0],
-    [1, 0, 2, 0],
-    [1, 2, 0, 0],
-    [2, 0, 1, 0],
-    [2, 1, 0, 0],
-];
+const TRIANGLE: [[u8; 4]; 6] = [[0, 1, 2, 0], [0, 2, 1, 0], [1, 0, 2, 0], [1, 2, 0, 0], [2, 0, 1, 0], [2, 1, 0, 0]];
 /// The eight symmetries of the square with lexicographic vertices.
-const QUADRILATERAL: [[u8; 4]; 8] = [
-    [0, 1, 2, 3],
-    [0, 2, 1, 3],
-    [1, 0, 3, 2],
-    [1, 3, 0, 2],
-    [2, 0, 3, 1],
-    [2, 3, 0, 1],
-    [3, 1, 2, 0],
-    [3, 2, 1, 0],
-];
+const QUADRILATERAL: [[u8; 4]; 8] =
+    [[0, 1, 2, 3], [0, 2, 1, 3], [1, 0, 3, 2], [1, 3, 0, 2], [2, 0, 3, 1], [2, 3, 0, 1], [3, 1, 2, 0], [3, 2, 1, 0]];
 
 /// Vertex correspondences of a facet kind: entry `key`, place `i` is the vertex of the facet there
 /// that coincides with vertex `i` of the facet here; empty for cells that are nobody's facet.
@@ -83,17 +67,12 @@ pub fn orientation(mesh: &Mesh, here: FacetRef, there: FacetRef) -> Result<u8, M
         *place = nearest;
         largest_distance = f64::max(largest_distance, gap);
     }
-    let key = facet_correspondences(ours.kind)
-        .iter()
-        .position(|p| *p == permutation);
+    let key = facet_correspondences(ours.kind).iter().position(|p| *p == permutation);
     match key {
         Some(key) if ours.kind == theirs.kind && largest_distance <= COINCIDENT * size => {
             Ok(u8::try_from(key).expect("at most eight correspondences"))
         }
-        _ => Err(MeshError::NotMatching {
-            facets: 1,
-            largest_distance,
-        }),
+        _ => Err(MeshError::NotMatching { facets: 1, largest_distance }),
     }
 }
 
@@ -149,12 +128,7 @@ pub(super) fn pair_by_geometry(
 ) -> Result<Vec<InterfaceFacet>, MeshError> {
     let candidate = |facet: &FacetRef| {
         let centre = mesh.facet_centroid(*facet);
-        Candidate {
-            facet: *facet,
-            centre,
-            size: facet_size(mesh, *facet),
-            normal: outward(mesh, *facet, centre),
-        }
+        Candidate { facet: *facet, centre, size: facet_size(mesh, *facet), normal: outward(mesh, *facet, centre) }
     };
     let theirs: Vec<Candidate> = theirs.iter().map(candidate).collect();
     let centres: Vec<[f64; 3]> = theirs.iter().map(|c| c.centre).collect();
@@ -167,9 +141,7 @@ pub(super) fn pair_by_geometry(
         let (mut found, mut mismatch) = (None, None::<f64>);
         grid.near(here.centre, here.size.max(widest), |member, gap| {
             let there = &theirs[member as usize];
-            if gap <= COINCIDENT * here.size.max(there.size)
-                && orientation(mesh, here.facet, there.facet).is_ok()
-            {
+            if gap <= COINCIDENT * here.size.max(there.size) && orientation(mesh, here.facet, there.facet).is_ok() {
                 found = Some(there.facet);
             } else if facing(mesh, &here, there) {
                 let gap = vertex_distance(mesh, here.facet, there.facet);
@@ -177,10 +149,7 @@ pub(super) fn pair_by_geometry(
             }
         });
         match (found, mismatch) {
-            (Some(there), _) => pairs.push(InterfaceFacet {
-                here: here.facet,
-                there,
-            }),
+            (Some(there), _) => pairs.push(InterfaceFacet { here: here.facet, there }),
             (None, Some(gap)) => {
                 facets += 1;
                 largest_distance = f64::max(largest_distance, gap);
@@ -189,10 +158,7 @@ pub(super) fn pair_by_geometry(
         }
     }
     if facets > 0 {
-        return Err(MeshError::NotMatching {
-            facets,
-            largest_distance,
-        });
+        return Err(MeshError::NotMatching { facets, largest_distance });
     }
     Ok(pairs)
 }
@@ -237,9 +203,6 @@ fn inside(mesh: &Mesh, facet: &Candidate, x: [f64; 3]) -> bool {
 /// Largest distance from a vertex of one facet to the nearest vertex of the other.
 fn vertex_distance(mesh: &Mesh, here: FacetRef, there: FacetRef) -> f64 {
     let (ours, theirs) = (mesh.facet_vertices(here), mesh.facet_vertices(there));
-    let gaps = ours
-        .vertices()
-        .iter()
-        .map(|v| nearest(mesh, *v, theirs.vertices()).1);
+    let gaps = ours.vertices().iter().map(|v| nearest(mesh, *v, theirs.vertices()).1);
     gaps.fold(0.0, f64::max)
 }

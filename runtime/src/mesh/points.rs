@@ -31,12 +31,7 @@ impl<'a> PointGrid<'a> {
             per_axis *= 2.0;
         }
         let box_size = if extent > 0.0 { extent / per_axis } else { 1.0 };
-        let mut grid = PointGrid {
-            points,
-            low,
-            box_size,
-            entries: Vec::with_capacity(members.len()),
-        };
+        let mut grid = PointGrid { points, low, box_size, entries: Vec::with_capacity(members.len()) };
         for member in members {
             let key = grid.key(points[*member as usize]);
             grid.entries.push((key, *member));
@@ -62,20 +57,15 @@ impl<'a> PointGrid<'a> {
                 }
             }
         };
-        let boxes: f64 = (0..2)
-            .map(|i| f64::from(high[i]) - f64::from(low[i]) + 1.0)
-            .product();
+        let boxes: f64 = (0..2).map(|i| f64::from(high[i]) - f64::from(low[i]) + 1.0).product();
         if boxes > self.entries.len() as f64 {
             report(&self.entries);
             return;
         }
         for i in low[0]..=high[0] {
             for j in low[1]..=high[1] {
-                let from = self
-                    .entries
-                    .partition_point(|(key, _)| *key < [i, j, low[2]]);
-                let count =
-                    self.entries[from..].partition_point(|(key, _)| *key <= [i, j, high[2]]);
+                let from = self.entries.partition_point(|(key, _)| *key < [i, j, low[2]]);
+                let count = self.entries[from..].partition_point(|(key, _)| *key <= [i, j, high[2]]);
                 report(&self.entries[from..from + count]);
             }
         }
@@ -90,14 +80,10 @@ mod tests {
     fn the_grid_finds_what_a_full_search_finds() {
         let mut state = 7u64;
         let mut next = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (state >> 40) as f64 / (1u64 << 24) as f64
         };
-        let points: Vec<[f64; 3]> = (0..300)
-            .map(|_| [next() - 3.0, next(), 0.1 * next()])
-            .collect();
+        let points: Vec<[f64; 3]> = (0..300).map(|_| [next() - 3.0, next(), 0.1 * next()]).collect();
         let members: Vec<u32> = (0..300).filter(|i| i % 3 != 0).collect();
         let grid = PointGrid::new(&points, &members, 3);
         for radius in [0.0, 1e-3, 0.05, 0.4, 10.0] {

@@ -41,11 +41,7 @@ pub fn cell_volumes(mesh: &Mesh, cells: &[CellId]) -> Vec<f64> {
     // The determinant has degree dim * (order - 1) on simplices and at most dim * order - 1 in
     // each variable on tensor cells.
     let tables = CellKind::ALL.map(|kind| {
-        let degree = if kind.is_simplex() {
-            kind.dim() * (order - 1)
-        } else {
-            kind.dim() * order - 1
-        };
+        let degree = if kind.is_simplex() { kind.dim() * (order - 1) } else { kind.dim() * order - 1 };
         sampled(mesh, kind, degree)
     });
     let volume = |cell: &CellId| -> f64 {
@@ -74,15 +70,11 @@ pub fn facet_measures(mesh: &Mesh, facets: &[FacetRef]) -> Vec<f64> {
     let measure = |facet: &FacetRef| -> f64 {
         let kind = mesh.facet_kind(*facet);
         let sampled = &tables[kind.index()];
-        let closure = mesh
-            .geometry_element(mesh.kind(facet.cell))
-            .facet_closure(facet.local as usize);
+        let closure = mesh.geometry_element(mesh.kind(facet.cell)).facet_closure(facet.local as usize);
         let nodes = mesh.cell_nodes(facet.cell);
         let x = |dof: usize| mesh.node(nodes[closure[dof]]);
         let weights = sampled.rule.weights.iter().enumerate();
-        weights
-            .map(|(point, weight)| weight * stretch(kind, &sampled.table, point, &x))
-            .sum()
+        weights.map(|(point, weight)| weight * stretch(kind, &sampled.table, point, &x)).sum()
     };
     facets.iter().map(measure).collect()
 }
@@ -116,11 +108,7 @@ pub fn facet_heights(mesh: &Mesh, facets: &[FacetRef]) -> Vec<f64> {
     let volumes = cell_volumes(mesh, &cells);
     let areas = facet_measures(mesh, facets);
     let factor = |cell: &CellId| {
-        if mesh.kind(*cell).is_simplex() {
-            mesh.dim() as f64
-        } else {
-            1.0
-        }
+        if mesh.kind(*cell).is_simplex() { mesh.dim() as f64 } else { 1.0 }
     };
     let triples = cells.iter().zip(volumes).zip(areas);
     triples.map(|((cell, v), a)| factor(cell) * v / a).collect()
@@ -145,9 +133,8 @@ pub fn summary(mesh: &Mesh) -> QualitySummary {
     let aspect = |cell: &CellId| {
         let vertices = mesh.cell_vertices(*cell);
         let edges = mesh.kind(*cell).edges().iter();
-        let lengths: Vec<f64> = edges
-            .map(|[a, b]| super::distance(mesh.node(vertices[*a]), mesh.node(vertices[*b])))
-            .collect();
+        let lengths: Vec<f64> =
+            edges.map(|[a, b]| super::distance(mesh.node(vertices[*a]), mesh.node(vertices[*b]))).collect();
         let (shortest, longest) = bounds(&lengths);
         longest / shortest
     };

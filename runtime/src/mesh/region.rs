@@ -4,10 +4,7 @@
 //! cells it is two members. `here` of an interface facet is the cell of the first region.
 //! Does not know names or the language; conditions come in as closures.
 
-use super::{
-    CellId, FacetRef, Group, GroupEntities, Mesh, MeshError, NodeId, Topology,
-    pair::pair_by_geometry,
-};
+use super::{CellId, FacetRef, Group, GroupEntities, Mesh, MeshError, NodeId, Topology, pair::pair_by_geometry};
 
 /// A facet of an interface with both its sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -164,21 +161,13 @@ impl RegionSet {
     ///
     /// # Errors
     /// [`RegionError::LooseFacets`].
-    pub fn from_group(
-        mesh: &Mesh,
-        topology: &Topology,
-        group: &Group,
-    ) -> Result<Self, RegionError> {
+    pub fn from_group(mesh: &Mesh, topology: &Topology, group: &Group) -> Result<Self, RegionError> {
         Ok(match &group.entities {
             GroupEntities::Cells(cells) => RegionSet::Cells(sorted(cells.clone())),
             GroupEntities::Nodes(nodes) => RegionSet::Nodes(sorted(nodes.clone())),
             GroupEntities::Facets(facets) => {
                 let find = |f: &super::GroupFacet| topology.find_facet(mesh, f.vertices());
-                let found: Vec<FacetRef> = facets
-                    .iter()
-                    .filter_map(find)
-                    .map(|id| topology.facet(id).here)
-                    .collect();
+                let found: Vec<FacetRef> = facets.iter().filter_map(find).map(|id| topology.facet(id).here).collect();
                 if found.len() < facets.len() {
                     return Err(RegionError::LooseFacets {
                         group: group.name.clone(),
@@ -337,17 +326,9 @@ fn mark(mesh: &Mesh, cells: &[CellId]) -> Vec<bool> {
 /// # Errors
 /// [`RegionError::Overlap`]; [`MeshError::NotMatching`] when facets lie against each other but do
 /// not match.
-pub fn interface(
-    mesh: &Mesh,
-    topology: &Topology,
-    from: &[CellId],
-    to: &[CellId],
-) -> Result<RegionSet, RegionError> {
+pub fn interface(mesh: &Mesh, topology: &Topology, from: &[CellId], to: &[CellId]) -> Result<RegionSet, RegionError> {
     let (inside_from, inside_to) = (mark(mesh, from), mark(mesh, to));
-    let shared = inside_from
-        .iter()
-        .zip(&inside_to)
-        .filter(|(a, b)| **a && **b);
+    let shared = inside_from.iter().zip(&inside_to).filter(|(a, b)| **a && **b);
     let cells = shared.count();
     if cells > 0 {
         return Err(RegionError::Overlap { cells });

@@ -55,10 +55,7 @@ fn boxes_have_the_right_volume_and_euler_characteristic() {
         let topology = Topology::new(&mesh).unwrap();
         let cells: Vec<CellId> = mesh.cells().collect();
         let volume: f64 = cell_volumes(&mesh, &cells).iter().sum();
-        assert!(
-            (volume - [2.0, 8.0, 4.0][dim - 1]).abs() < 1e-12,
-            "{shape:?}"
-        );
+        assert!((volume - [2.0, 8.0, 4.0][dim - 1]).abs() < 1e-12, "{shape:?}");
         let (v, f, c) = (mesh.n_nodes(), topology.n_facets(), mesh.n_cells());
         let e = topology.edges(&mesh).edges().len();
         let euler = match dim {
@@ -67,9 +64,7 @@ fn boxes_have_the_right_volume_and_euler_characteristic() {
             _ => (v + f) as i64 - (e + c) as i64,
         };
         assert_eq!(euler, 1, "{shape:?}");
-        let area: f64 = facet_measures(&mesh, &outer_boundary(&topology))
-            .iter()
-            .sum();
+        let area: f64 = facet_measures(&mesh, &outer_boundary(&topology)).iter().sum();
         let expected = [2.0, 12.0, 2.0 * (2.0 * 4.0 + 2.0 * 0.5 + 4.0 * 0.5)][dim - 1];
         assert!((area - expected).abs() < 1e-12, "{shape:?} {area}");
         assert_eq!(mesh.warnings(), &MeshWarnings::default());
@@ -79,16 +74,10 @@ fn boxes_have_the_right_volume_and_euler_characteristic() {
 #[test]
 fn nodes_of_a_box_are_lexicographic_and_meet_whole_numbers() {
     let mesh = boxed(3, BoxShape::Hexahedron, [2, 4, 1]);
-    assert_eq!(
-        mesh.nodes()[..3],
-        [[-1.0, 0.0, 2.0], [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]]
-    );
+    assert_eq!(mesh.nodes()[..3], [[-1.0, 0.0, 2.0], [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]]);
     assert_eq!(mesh.nodes()[3], [-1.0, 1.0, 2.0]);
     assert_eq!(mesh.nodes()[29], [1.0, 4.0, 2.5]);
-    assert_eq!(
-        cells_for_size([-1.0, 0.0, 0.0], [1.0, 4.0, 1.0], 0.25, 3),
-        Ok([8, 16, 4])
-    );
+    assert_eq!(cells_for_size([-1.0, 0.0, 0.0], [1.0, 4.0, 1.0], 0.25, 3), Ok([8, 16, 4]));
     assert_eq!(cells_for_size([0.0; 3], [1.0; 3], 0.3, 2), Ok([4, 4, 1]));
 }
 
@@ -101,12 +90,7 @@ fn impossible_boxes_are_errors() {
     assert!(bad(make(1.0, 0, BoxShape::Triangle)));
     assert!(bad(make(1.0, 1, BoxShape::Hexahedron)));
     let huge = make(1.0, 100_000, BoxShape::Quadrilateral);
-    assert_eq!(
-        huge.unwrap_err(),
-        MeshError::TooLarge {
-            nodes: 100_001 * 100_001
-        }
-    );
+    assert_eq!(huge.unwrap_err(), MeshError::TooLarge { nodes: 100_001 * 100_001 });
     assert!(cells_for_size([0.0; 3], [1.0; 3], 0.0, 1).is_err());
     assert!(cells_for_size([0.0; 3], [1.0; 3], f64::NAN, 1).is_err());
 }
@@ -114,26 +98,17 @@ fn impossible_boxes_are_errors() {
 #[test]
 fn a_node_map_moves_nodes_and_is_checked() {
     let mesh = boxed(2, BoxShape::Quadrilateral, [2, 2, 1]);
-    let sheared = map_nodes(mesh.clone(), |x| {
-        Ok::<_, ()>([x[0] + 0.1 * x[1], x[1], 0.0])
-    })
-    .unwrap();
+    let sheared = map_nodes(mesh.clone(), |x| Ok::<_, ()>([x[0] + 0.1 * x[1], x[1], 0.0])).unwrap();
     let cells: Vec<CellId> = sheared.cells().collect();
     assert!((cell_volumes(&sheared, &cells).iter().sum::<f64>() - 8.0).abs() < 1e-12);
     let mirrored = map_nodes(mesh.clone(), |x| Ok::<_, ()>([-x[0], x[1], 0.0]));
-    assert!(matches!(
-        mirrored,
-        Err(MapError::Mesh(MeshError::Inverted { .. }))
-    ));
+    assert!(matches!(mirrored, Err(MapError::Mesh(MeshError::Inverted { .. }))));
     assert_eq!(map_nodes(mesh, |_| Err(7)).unwrap_err(), MapError::Map(7));
 }
 
 #[test]
 fn defects_of_structure_are_named() {
-    let good = single(
-        CellKind::Triangle,
-        &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-    );
+    let good = single(CellKind::Triangle, &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     assert!(Mesh::from_raw(good.clone()).is_ok());
     let broken = |change: &dyn Fn(&mut RawMesh)| {
         let mut raw = good.clone();
@@ -149,11 +124,7 @@ fn defects_of_structure_are_named() {
         broken(&|raw| raw.kinds.clear()),
         broken(&|raw| raw.order = 3),
         broken(&|raw| {
-            raw.groups.push(Group {
-                name: "top".into(),
-                dim: 2,
-                entities: GroupEntities::Cells(vec![CellId::new(1)]),
-            });
+            raw.groups.push(Group { name: "top".into(), dim: 2, entities: GroupEntities::Cells(vec![CellId::new(1)]) });
         }),
     ];
     assert_eq!(
@@ -180,18 +151,9 @@ fn cells_are_judged_alike_at_every_scale() {
         }
         for raw in cells_of(|x| [-x[0] * scale, x[1] * scale, x[2] * scale]) {
             let error = Mesh::from_raw(raw).unwrap_err();
-            assert!(
-                matches!(error, MeshError::Inverted { .. }),
-                "{scale} {error}"
-            );
+            assert!(matches!(error, MeshError::Inverted { .. }), "{scale} {error}");
         }
-        for raw in cells_of(|x| {
-            [
-                scale * 1e-14 * x[0],
-                scale * x[1],
-                scale * (x[2] + 3.0 * x[0]),
-            ]
-        }) {
+        for raw in cells_of(|x| [scale * 1e-14 * x[0], scale * x[1], scale * (x[2] + 3.0 * x[0])]) {
             if raw.dim == 2 {
                 continue;
             }
@@ -209,10 +171,7 @@ fn cells_are_judged_alike_at_every_scale() {
     }
     // Nodes that differ only by rounding make no cell.
     for raw in cells_of(|x| [1.0 + 4e-16 * x[0], 1.0 + x[1], x[2]]) {
-        assert!(matches!(
-            Mesh::from_raw(raw),
-            Err(MeshError::ZeroVolume { .. })
-        ));
+        assert!(matches!(Mesh::from_raw(raw), Err(MeshError::ZeroVolume { .. })));
     }
 }
 
@@ -221,18 +180,9 @@ fn a_folded_cell_reports_the_worst_point_and_its_region() {
     let mut nodes: Vec<[f64; 3]> = CellKind::Quadrilateral.vertices().to_vec();
     nodes[3] = [0.2, 0.2, 0.0];
     let mut raw = single(CellKind::Quadrilateral, &nodes);
-    raw.groups.push(Group {
-        name: "rock".into(),
-        dim: 2,
-        entities: GroupEntities::Cells(vec![CellId::new(0)]),
-    });
+    raw.groups.push(Group { name: "rock".into(), dim: 2, entities: GroupEntities::Cells(vec![CellId::new(0)]) });
     match Mesh::from_raw(raw).unwrap_err() {
-        MeshError::Folded {
-            group,
-            determinant,
-            point,
-            ..
-        } => {
+        MeshError::Folded { group, determinant, point, .. } => {
             assert_eq!(group.as_deref(), Some("rock"));
             assert_eq!(point, nodes[3]);
             // Edges at the inner corner: (0.2, -0.8) and (-0.8, 0.2).
@@ -245,14 +195,7 @@ fn a_folded_cell_reports_the_worst_point_and_its_region() {
 #[test]
 fn duplicate_nodes_of_one_body_and_loose_nodes_are_listed() {
     // Two triangles of a strip, whose shared edge has one node twice.
-    let nodes = vec![
-        [0.0; 3],
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [1.0, 1.0, 0.0],
-        [1.0, 1e-9, 0.0],
-        [7.0, 7.0, 0.0],
-    ];
+    let nodes = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, 1e-9, 0.0], [7.0, 7.0, 0.0]];
     let raw = RawMesh {
         dim: 2,
         order: 1,
@@ -266,10 +209,7 @@ fn duplicate_nodes_of_one_body_and_loose_nodes_are_listed() {
     assert_eq!(warnings.duplicate_nodes, [(NodeId::new(1), NodeId::new(4))]);
     assert_eq!(warnings.unused_nodes, [NodeId::new(5)]);
     // Two bodies that touch are no duplicates.
-    assert_eq!(
-        two_boxes([2, 2, 2], [2, 2, 2], BoxShape::Hexahedron, 0.0).warnings(),
-        &MeshWarnings::default()
-    );
+    assert_eq!(two_boxes([2, 2, 2], [2, 2, 2], BoxShape::Hexahedron, 0.0).warnings(), &MeshWarnings::default());
 }
 
 #[test]
@@ -284,15 +224,9 @@ fn three_cells_at_a_facet_and_twin_cells_are_errors() {
     };
     let topology = |raw| Topology::new(&Mesh::from_raw(raw).unwrap()).map(|_| ());
     let cells = [0, 1, 2].map(CellId::new).to_vec();
-    assert_eq!(
-        topology(raw(vec![0, 1, 1, 2, 1, 3])),
-        Err(MeshError::NonManifold { cells })
-    );
+    assert_eq!(topology(raw(vec![0, 1, 1, 2, 1, 3])), Err(MeshError::NonManifold { cells }));
     let (first, second) = (CellId::new(0), CellId::new(1));
-    assert_eq!(
-        topology(raw(vec![0, 1, 0, 1])),
-        Err(MeshError::DuplicateCell { first, second })
-    );
+    assert_eq!(topology(raw(vec![0, 1, 0, 1])), Err(MeshError::DuplicateCell { first, second }));
 }
 
 #[test]
@@ -315,10 +249,7 @@ fn the_topology_knows_both_sides() {
             theirs.sort();
             assert_eq!(ours, theirs);
         }
-        assert_eq!(
-            topology.find_facet(&mesh, &[NodeId::new(mesh.n_nodes() - 1), NodeId::new(0)]),
-            None
-        );
+        assert_eq!(topology.find_facet(&mesh, &[NodeId::new(mesh.n_nodes() - 1), NodeId::new(0)]), None);
         for cell in mesh.cells() {
             for (local, edge) in topology.edges(&mesh).cell_edges(cell).iter().enumerate() {
                 let mut ends = mesh.kind(cell).edges()[local].map(|v| mesh.cell_vertices(cell)[v]);
@@ -331,8 +262,7 @@ fn the_topology_knows_both_sides() {
 
 #[test]
 fn set_operations_are_those_of_sets() {
-    let set =
-        |members: &[usize]| RegionSet::Nodes(members.iter().map(|m| NodeId::new(*m)).collect());
+    let set = |members: &[usize]| RegionSet::Nodes(members.iter().map(|m| NodeId::new(*m)).collect());
     let (a, b) = (set(&[1, 2, 5, 9]), set(&[0, 2, 9, 11]));
     assert_eq!(a.union(&b).unwrap(), set(&[0, 1, 2, 5, 9, 11]));
     assert_eq!(a.difference(&b).unwrap(), set(&[1, 5]));
@@ -340,10 +270,7 @@ fn set_operations_are_those_of_sets() {
     assert_eq!(a.difference(&set(&[])).unwrap(), a);
     assert!(a.intersection(&set(&[])).unwrap().is_empty());
     let error = a.union(&RegionSet::Cells(vec![])).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "a region of nodes cannot be combined with a region of cells"
-    );
+    assert_eq!(error.to_string(), "a region of nodes cannot be combined with a region of cells");
 }
 
 #[test]
@@ -351,14 +278,9 @@ fn boundaries_and_interfaces_have_the_right_side() {
     for (dim, shape) in SHAPES {
         let mesh = boxed(dim, shape, [4, 4, 4]);
         let topology = Topology::new(&mesh).unwrap();
-        let (near, far) = (
-            cell_set(&mesh, |x| x[0] < 0.0),
-            cell_set(&mesh, |x| x[0] > 0.0),
-        );
+        let (near, far) = (cell_set(&mesh, |x| x[0] < 0.0), cell_set(&mesh, |x| x[0] > 0.0));
         let fault = faces(interface(&mesh, &topology, &far, &near).unwrap());
-        let flat = |side: fn(&InterfaceFacet) -> FacetRef| -> Vec<FacetRef> {
-            fault.iter().map(side).collect()
-        };
+        let flat = |side: fn(&InterfaceFacet) -> FacetRef| -> Vec<FacetRef> { fault.iter().map(side).collect() };
         let area: f64 = facet_measures(&mesh, &flat(|f| f.here)).iter().sum();
         assert!((area - [1.0, 4.0, 2.0][dim - 1]).abs() < 1e-12);
         for facet in &fault {
@@ -368,9 +290,7 @@ fn boundaries_and_interfaces_have_the_right_side() {
         }
         let border = boundary_of(&mesh, &topology, &near);
         assert!(border.iter().all(|f| near.contains(&f.cell)));
-        let Ok(RegionSet::Facets(inner)) =
-            pick_facets(&mesh, &border, |x| Ok::<_, ()>(x[0].abs() < 1e-12))
-        else {
+        let Ok(RegionSet::Facets(inner)) = pick_facets(&mesh, &border, |x| Ok::<_, ()>(x[0].abs() < 1e-12)) else {
             panic!()
         };
         let mut theirs = flat(|f| f.there);
@@ -384,17 +304,14 @@ fn boundaries_and_interfaces_have_the_right_side() {
 /// Two unit boxes side by side along x with separate nodes, the second shifted by `gap`.
 fn two_boxes(n: [usize; 3], m: [usize; 3], shape: BoxShape, gap: f64) -> Mesh {
     let dim = shape.kind().dim();
-    let first = generate_box([0.0; 3], [1.0; 3], n, dim, shape)
-        .unwrap()
-        .into_raw();
+    let first = generate_box([0.0; 3], [1.0; 3], n, dim, shape).unwrap().into_raw();
     let second = generate_box([1.0 + gap, 0.0, 0.0], [2.0 + gap, 1.0, 1.0], m, dim, shape);
     let second = second.unwrap().into_raw();
     let mut raw = first;
     let shift = raw.nodes.len() as u32;
     raw.nodes.extend(second.nodes);
     raw.kinds.extend(second.kinds);
-    raw.connectivity
-        .extend(second.connectivity.iter().map(|n| n + shift));
+    raw.connectivity.extend(second.connectivity.iter().map(|n| n + shift));
     Mesh::from_raw(raw).unwrap()
 }
 
@@ -403,24 +320,12 @@ fn two_bodies_with_separate_nodes_meet_by_geometry() {
     for (dim, shape) in SHAPES {
         let mesh = two_boxes([3, 3, 3], [2, 3, 3], shape, 0.0);
         let topology = Topology::new(&mesh).unwrap();
-        let (near, far) = (
-            cell_set(&mesh, |x| x[0] < 1.0),
-            cell_set(&mesh, |x| x[0] > 1.0),
-        );
+        let (near, far) = (cell_set(&mesh, |x| x[0] < 1.0), cell_set(&mesh, |x| x[0] > 1.0));
         let fault = faces(interface(&mesh, &topology, &near, &far).unwrap());
         let per_square = if shape == BoxShape::Tetrahedron { 2 } else { 1 };
-        assert_eq!(
-            fault.len(),
-            per_square * 3usize.pow(dim as u32 - 1),
-            "{shape:?}"
-        );
+        assert_eq!(fault.len(), per_square * 3usize.pow(dim as u32 - 1), "{shape:?}");
         for facet in &fault {
-            assert!(
-                distance(
-                    mesh.facet_centroid(facet.here),
-                    mesh.facet_centroid(facet.there)
-                ) < 1e-12
-            );
+            assert!(distance(mesh.facet_centroid(facet.here), mesh.facet_centroid(facet.there)) < 1e-12);
             assert_eq!(topology.opposite(facet.here), None);
             assert!(orientation(&mesh, facet.here, facet.there).is_ok());
         }
@@ -431,16 +336,11 @@ fn two_bodies_with_separate_nodes_meet_by_geometry() {
 fn bodies_that_do_not_match_are_an_error_with_the_distance() {
     let check = |mesh: &Mesh| {
         let topology = Topology::new(mesh).unwrap();
-        let (near, far) = (
-            cell_set(mesh, |x| x[0] < 1.0),
-            cell_set(mesh, |x| x[0] > 1.0),
-        );
+        let (near, far) = (cell_set(mesh, |x| x[0] < 1.0), cell_set(mesh, |x| x[0] > 1.0));
         interface(mesh, &topology, &near, &far)
     };
     let mismatch = |result: Result<RegionSet, RegionError>| match result {
-        Err(RegionError::Mesh(MeshError::NotMatching {
-            largest_distance, ..
-        })) => largest_distance,
+        Err(RegionError::Mesh(MeshError::NotMatching { largest_distance, .. })) => largest_distance,
         other => panic!("{other:?}"),
     };
     // 2 against 3 cells over the unit height: vertex 1/2 is 1/6 away from 1/3 and 2/3.
@@ -448,12 +348,7 @@ fn bodies_that_do_not_match_are_an_error_with_the_distance() {
         let found = mismatch(check(&two_boxes([2, 2, 1], [2, 3, 1], shape, 0.0)));
         assert!((found - 1.0 / 6.0).abs() < 1e-12, "{found}");
     }
-    let found = mismatch(check(&two_boxes(
-        [2, 2, 2],
-        [2, 2, 2],
-        BoxShape::Hexahedron,
-        1e-3,
-    )));
+    let found = mismatch(check(&two_boxes([2, 2, 2], [2, 2, 2], BoxShape::Hexahedron, 1e-3)));
     assert!((found - 1e-3).abs() < 1e-12);
     let apart = check(&two_boxes([2, 2, 2], [2, 2, 2], BoxShape::Hexahedron, 0.7)).unwrap();
     assert!(apart.is_empty());
@@ -473,17 +368,11 @@ fn heights_and_sizes_have_their_meaning() {
     assert!((summary.max_aspect - 8.0).abs() < 1e-12);
     for kind in [CellKind::Triangle, CellKind::Tetrahedron] {
         let mesh = Mesh::from_raw(single(kind, kind.vertices())).unwrap();
-        let facets: Vec<FacetRef> = (0..kind.facets().len())
-            .map(|i| FacetRef::new(CellId::new(0), i))
-            .collect();
+        let facets: Vec<FacetRef> = (0..kind.facets().len()).map(|i| FacetRef::new(CellId::new(0), i)).collect();
         for (local, height) in facet_heights(&mesh, &facets).into_iter().enumerate() {
             let normal = kind.facet_normal(local);
             let oblique = normal[0] > 0.0;
-            let expected = if oblique {
-                1.0 / (kind.dim() as f64).sqrt()
-            } else {
-                1.0
-            };
+            let expected = if oblique { 1.0 / (kind.dim() as f64).sqrt() } else { 1.0 };
             assert!((height - expected).abs() < 1e-12, "{kind} {local} {height}");
         }
         let sizes = element_sizes(&mesh, &[CellId::new(0)]);
@@ -517,10 +406,7 @@ fn curved_cells_have_curved_volume() {
     let expected = 0.5 + 2.0 / 3.0 * sagitta * (2.0 + 2f64.sqrt());
     assert!((volume - expected).abs() < 1e-14, "{volume} {expected}");
     assert_eq!(mesh.cell_vertices(CellId::new(0)).len(), 3);
-    assert_eq!(
-        mesh.facet_centroid(FacetRef::new(CellId::new(0), 0)),
-        [0.5, -sagitta, 0.0]
-    );
+    assert_eq!(mesh.facet_centroid(FacetRef::new(CellId::new(0), 0)), [0.5, -sagitta, 0.0]);
 }
 
 #[test]
@@ -529,50 +415,25 @@ fn picking_needs_all_vertices_and_the_centre_and_passes_errors_on() {
     let topology = Topology::new(&mesh).unwrap();
     let boundary = outer_boundary(&topology);
     let count = |limit: f64| {
-        let picked = pick_facets(&mesh, &boundary, |x| {
-            Ok::<_, ()>(x[1] == 4.0 && x[0] <= limit)
-        });
+        let picked = pick_facets(&mesh, &boundary, |x| Ok::<_, ()>(x[1] == 4.0 && x[0] <= limit));
         picked.unwrap().len()
     };
     assert_eq!((count(1.0), count(0.6), count(0.4)), (4, 3, 2));
     let nodes = pick_nodes(&mesh, Some(&[CellId::new(0)]), |x| Ok::<_, ()>(x[1] == 0.0)).unwrap();
-    assert_eq!(
-        nodes,
-        RegionSet::Nodes(vec![NodeId::new(0), NodeId::new(1)])
-    );
-    assert_eq!(
-        pick_cells(&mesh, None, |_| Err("stop")).unwrap_err(),
-        "stop"
-    );
+    assert_eq!(nodes, RegionSet::Nodes(vec![NodeId::new(0), NodeId::new(1)]));
+    assert_eq!(pick_cells(&mesh, None, |_| Err("stop")).unwrap_err(), "stop");
 }
 
 #[test]
 fn groups_become_regions() {
     let mut raw = boxed(2, BoxShape::Triangle, [1, 1, 1]).into_raw();
-    let facet = |a, b| GroupFacet {
-        kind: CellKind::Segment,
-        vertices: [b, a, a, a].map(NodeId::new),
-    };
-    raw.groups.push(Group {
-        name: "low".into(),
-        dim: 1,
-        entities: GroupEntities::Facets(vec![facet(0, 1)]),
-    });
-    raw.groups.push(Group {
-        name: "loose".into(),
-        dim: 1,
-        entities: GroupEntities::Facets(vec![facet(1, 2)]),
-    });
+    let facet = |a, b| GroupFacet { kind: CellKind::Segment, vertices: [b, a, a, a].map(NodeId::new) };
+    raw.groups.push(Group { name: "low".into(), dim: 1, entities: GroupEntities::Facets(vec![facet(0, 1)]) });
+    raw.groups.push(Group { name: "loose".into(), dim: 1, entities: GroupEntities::Facets(vec![facet(1, 2)]) });
     let mesh = Mesh::from_raw(raw).unwrap();
     let topology = Topology::new(&mesh).unwrap();
     let region = RegionSet::from_group(&mesh, &topology, &mesh.groups()[0]).unwrap();
-    assert_eq!(
-        region,
-        RegionSet::Facets(vec![FacetRef::new(CellId::new(0), 0)])
-    );
+    assert_eq!(region, RegionSet::Facets(vec![FacetRef::new(CellId::new(0), 0)]));
     let error = RegionSet::from_group(&mesh, &topology, &mesh.groups()[1]).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "group `loose` has 1 faces that belong to no cell"
-    );
+    assert_eq!(error.to_string(), "group `loose` has 1 faces that belong to no cell");
 }

@@ -92,14 +92,7 @@ impl Topology {
             });
             facets.push(Facet { here: *here, there });
         }
-        Topology {
-            facets,
-            starts,
-            cell_facets,
-            bucket_starts: Vec::new(),
-            buckets: Vec::new(),
-            edges: OnceLock::new(),
-        }
+        Topology { facets, starts, cell_facets, bucket_starts: Vec::new(), buckets: Vec::new(), edges: OnceLock::new() }
     }
 
     fn fill_buckets(&mut self, mesh: &Mesh) {
@@ -173,11 +166,7 @@ impl Topology {
 
     fn across(&self, facet: FacetId, cell: CellId) -> Option<FacetRef> {
         let facet = self.facet(facet);
-        if facet.here.cell == cell {
-            facet.there
-        } else {
-            Some(facet.here)
-        }
+        if facet.here.cell == cell { facet.there } else { Some(facet.here) }
     }
 
     /// The facet with these vertices, in any order.
@@ -214,28 +203,18 @@ fn bucket(mesh: &Mesh, slots: &[FacetRef]) -> (Vec<u32>, Vec<Entry>) {
     }
     accumulate(&mut starts);
     let mut next = starts.clone();
-    let empty = || Entry {
-        rest: [0; 3],
-        slot: 0,
-    };
+    let empty = || Entry { rest: [0; 3], slot: 0 };
     let mut entries: Vec<Entry> = std::iter::repeat_with(empty).take(keys.len()).collect();
     for (slot, key) in keys.iter().enumerate() {
         let place = &mut next[key[0] as usize];
-        entries[*place as usize] = Entry {
-            rest: [key[1], key[2], key[3]],
-            slot: slot as u32,
-        };
+        entries[*place as usize] = Entry { rest: [key[1], key[2], key[3]], slot: slot as u32 };
         *place += 1;
     }
     (starts, entries)
 }
 
 /// For each slot the slot of the same facet in the other cell, `u32::MAX` on the boundary.
-fn pair(
-    starts: &[u32],
-    mut entries: Vec<Entry>,
-    slots: &[FacetRef],
-) -> Result<Vec<u32>, MeshError> {
+fn pair(starts: &[u32], mut entries: Vec<Entry>, slots: &[FacetRef]) -> Result<Vec<u32>, MeshError> {
     let mut partners = vec![u32::MAX; slots.len()];
     let mut crowd: Option<Vec<CellId>> = None;
     for bounds in starts.windows(2) {
@@ -279,10 +258,7 @@ impl EdgeTable {
             starts.push(ends.len() as u32);
             let vertices = mesh.cell_vertices(cell);
             ends.extend(mesh.kind(cell).edges().iter().map(|[first, second]| {
-                let pair = [
-                    vertices[*first].index() as u32,
-                    vertices[*second].index() as u32,
-                ];
+                let pair = [vertices[*first].index() as u32, vertices[*second].index() as u32];
                 [pair[0].min(pair[1]), pair[0].max(pair[1])]
             }));
         }
@@ -299,11 +275,7 @@ impl EdgeTable {
                 cell_edges.push(cell_edges[first]);
             }
         }
-        EdgeTable {
-            edges,
-            starts,
-            cell_edges,
-        }
+        EdgeTable { edges, starts, cell_edges }
     }
 
     /// Vertices of each edge, lower number first.

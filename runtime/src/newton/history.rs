@@ -69,8 +69,7 @@ pub struct Seconds {
 impl StepHistory {
     pub(super) fn push(&mut self, watch: &mut dyn Watch, number: usize, m: &Measured, step: f64, system: &System) {
         let (contact, fingerprint) = branches(system);
-        let iteration =
-            Iteration { number, residual: m.relative, floor: m.floor, step, contact, fingerprint };
+        let iteration = Iteration { number, residual: m.relative, floor: m.floor, step, contact, fingerprint };
         watch.iteration(&iteration);
         self.iterations.push(iteration);
     }
@@ -91,7 +90,9 @@ impl StepHistory {
     #[must_use]
     pub fn cycles(&self) -> usize {
         let cycle = |w: &[Iteration]| {
-            w[0].fingerprint == w[2].fingerprint && w[1].fingerprint != w[2].fingerprint && w[2].residual > 0.5 * w[0].residual
+            w[0].fingerprint == w[2].fingerprint
+                && w[1].fingerprint != w[2].fingerprint
+                && w[2].residual > 0.5 * w[0].residual
         };
         self.iterations.windows(3).filter(|w| cycle(w)).count()
     }

@@ -45,19 +45,12 @@ impl OutputDir {
         let path = path.as_ref().to_path_buf();
         make_folder(&path)?;
         let lock = lock_folder(&path)?;
-        let dir = OutputDir {
-            path,
-            written: Mutex::new(BTreeSet::new()),
-            n_temporaries: AtomicU64::new(0),
-            _lock: lock,
-        };
+        let dir =
+            OutputDir { path, written: Mutex::new(BTreeSet::new()), n_temporaries: AtomicU64::new(0), _lock: lock };
         if dir._lock.is_some() {
             dir.remove_temporaries();
         }
-        dir.probe().map_err(|source| OutputError::NotWritable {
-            path: dir.path.clone(),
-            source,
-        })?;
+        dir.probe().map_err(|source| OutputError::NotWritable { path: dir.path.clone(), source })?;
         Ok(dir)
     }
 
@@ -85,17 +78,9 @@ impl OutputDir {
     ///
     /// # Errors
     /// [`OutputError::Remove`]; files before the failing one are gone.
-    pub fn remove_stale_steps(
-        &self,
-        base: &str,
-        extension: &str,
-    ) -> Result<Vec<String>, OutputError> {
-        let names = self.names().map_err(|source| OutputError::Remove {
-            file: self.path.clone(),
-            source,
-        })?;
-        let is_stale =
-            |name: &String| is_step_name(name, base, extension) && !self.written().contains(name);
+    pub fn remove_stale_steps(&self, base: &str, extension: &str) -> Result<Vec<String>, OutputError> {
+        let names = self.names().map_err(|source| OutputError::Remove { file: self.path.clone(), source })?;
+        let is_stale = |name: &String| is_step_name(name, base, extension) && !self.written().contains(name);
         let stale: Vec<String> = names.into_iter().filter(is_stale).collect();
         for name in &stale {
             let file = self.path.join(name);
@@ -116,16 +101,9 @@ impl OutputDir {
         write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<Staged<'_>, OutputError> {
         check_name(name)?;
-        let failed = |source| OutputError::Write {
-            file: self.path.join(name),
-            source,
-        };
+        let failed = |source| OutputError::Write { file: self.path.join(name), source };
         let (temporary, file) = self.open_temporary().map_err(failed)?;
-        let staged = Staged {
-            dir: self,
-            name: name.to_owned(),
-            temporary: Some(temporary),
-        };
+        let staged = Staged { dir: self, name: name.to_owned(), temporary: Some(temporary) };
         fill(file, write).map_err(failed)?;
         Ok(staged)
     }
@@ -243,15 +221,9 @@ fn make_folder(path: &Path) -> Result<(), OutputError> {
     // The first existing ancestor decides: if it is a folder, the rest can be made in it.
     let obstacle = path.ancestors().find(|part| part.exists());
     if let Some(obstacle) = obstacle.filter(|part| !part.is_dir()) {
-        return Err(OutputError::NotADirectory {
-            path: path.to_path_buf(),
-            obstacle: obstacle.to_path_buf(),
-        });
+        return Err(OutputError::NotADirectory { path: path.to_path_buf(), obstacle: obstacle.to_path_buf() });
     }
-    fs::create_dir_all(path).map_err(|source| OutputError::CannotCreate {
-        path: path.to_path_buf(),
-        source,
-    })
+    fs::create_dir_all(path).map_err(|source| OutputError::CannotCreate { path: path.to_path_buf(), source })
 }
 
 /// Locks the folder itself, so no lock file is left in it. Systems that cannot open or lock a
@@ -262,9 +234,7 @@ fn lock_folder(path: &Path) -> Result<Option<File>, OutputError> {
     };
     match folder.try_lock() {
         Ok(()) => Ok(Some(folder)),
-        Err(TryLockError::WouldBlock) => Err(OutputError::InUse {
-            path: path.to_path_buf(),
-        }),
+        Err(TryLockError::WouldBlock) => Err(OutputError::InUse { path: path.to_path_buf() }),
         Err(TryLockError::Error(_)) => Ok(None),
     }
 }
@@ -281,10 +251,7 @@ fn check_name(name: &str) -> Result<(), OutputError> {
     } else {
         return Ok(());
     };
-    Err(OutputError::BadName {
-        name: name.to_owned(),
-        reason,
-    })
+    Err(OutputError::BadName { name: name.to_owned(), reason })
 }
 
 #[cfg(test)]
@@ -379,10 +346,7 @@ mod tests {
         let scratch = Scratch::new();
         let dir = OutputDir::create(scratch.path()).unwrap();
         fs::create_dir(scratch.path().join("u.csv")).unwrap();
-        assert!(matches!(
-            put(&dir, "u.csv", "text"),
-            Err(OutputError::Write { .. })
-        ));
+        assert!(matches!(put(&dir, "u.csv", "text"), Err(OutputError::Write { .. })));
         assert_eq!(scratch.names(), ["u.csv"]);
     }
 
@@ -399,14 +363,9 @@ mod tests {
     fn only_plain_visible_names_are_accepted() {
         let scratch = Scratch::new();
         let dir = OutputDir::create(scratch.path()).unwrap();
-        for name in [
-            "", ".", "..", ".hidden", "a/b", "../up", "a\\b", "a\nb", "a\0b",
-        ] {
+        for name in ["", ".", "..", ".hidden", "a/b", "../up", "a\\b", "a\nb", "a\0b"] {
             let result = put(&dir, name, "x");
-            assert!(
-                matches!(result, Err(OutputError::BadName { .. })),
-                "{name:?}"
-            );
+            assert!(matches!(result, Err(OutputError::BadName { .. })), "{name:?}");
         }
         put(&dir, "Spannung σ (1).csv", "x").unwrap();
         assert_eq!(scratch.names(), ["Spannung σ (1).csv"]);
@@ -425,10 +384,7 @@ mod tests {
             "uu_0007.csv",
             "u_.csv",
         ];
-        for name in others
-            .iter()
-            .chain(&["u_0001.csv", "u_0002.csv", "u_12345.csv"])
-        {
+        for name in others.iter().chain(&["u_0001.csv", "u_0002.csv", "u_12345.csv"]) {
             fs::write(scratch.path().join(name), "old").unwrap();
         }
         let dir = OutputDir::create(scratch.path()).unwrap();

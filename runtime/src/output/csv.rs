@@ -47,9 +47,7 @@ pub fn write_csv<C: AsRef<str>, R: AsRef<[f64]>>(
     rows: &[R],
 ) -> Result<PathBuf, OutputError> {
     let rows = rows.iter().map(AsRef::as_ref);
-    write_rows(dir, name, columns, rows, |out, number| {
-        CsvField::Number(*number).write(out)
-    })
+    write_rows(dir, name, columns, rows, |out, number| CsvField::Number(*number).write(out))
 }
 
 /// [`write_csv`] with counts, texts and empty entries beside numbers.
@@ -76,12 +74,7 @@ fn write_rows<'r, T: 'r, C: AsRef<str>>(
     let expected = columns.len();
     let mut lengths = rows.clone().map(<[T]>::len).enumerate();
     if let Some((row, found)) = lengths.find(|&(_, found)| found != expected) {
-        return Err(OutputError::RowLength {
-            file: dir.path().join(name),
-            row,
-            expected,
-            found,
-        });
+        return Err(OutputError::RowLength { file: dir.path().join(name), row, expected, found });
     }
     dir.write_atomic(name, |out| {
         write_line(out, columns, |out, column| write_text(out, column.as_ref()))?;
@@ -112,11 +105,7 @@ fn write_text(out: &mut dyn Write, text: &str) -> io::Result<()> {
         || text.contains(['"', ',', '\n', '\r'])
         || text.starts_with(char::is_whitespace)
         || text.ends_with(char::is_whitespace);
-    if needs_quotes {
-        write!(out, "\"{}\"", text.replace('"', "\"\""))
-    } else {
-        out.write_all(text.as_bytes())
-    }
+    if needs_quotes { write!(out, "\"{}\"", text.replace('"', "\"\"")) } else { out.write_all(text.as_bytes()) }
 }
 
 #[cfg(test)]
@@ -133,23 +122,11 @@ mod tests {
             .map(|i| f64::from_bits(i.wrapping_mul(0x9E37_79B9_7F4A_7C15)))
             .filter(|number| number.is_finite())
             .collect();
-        numbers.extend([
-            0.0,
-            -0.0,
-            0.1,
-            5e-324,
-            f64::MAX,
-            f64::MIN_POSITIVE,
-            9_007_199_254_740_993.0,
-        ]);
+        numbers.extend([0.0, -0.0, 0.1, 5e-324, f64::MAX, f64::MIN_POSITIVE, 9_007_199_254_740_993.0]);
         let rows: Vec<[f64; 1]> = numbers.iter().map(|&number| [number]).collect();
         write_csv(&dir, "n.csv", &["n"], &rows).unwrap();
         let text = scratch.read("n.csv");
-        let read: Vec<u64> = text
-            .lines()
-            .skip(1)
-            .map(|line| line.parse::<f64>().unwrap().to_bits())
-            .collect();
+        let read: Vec<u64> = text.lines().skip(1).map(|line| line.parse::<f64>().unwrap().to_bits()).collect();
         let written: Vec<u64> = numbers.iter().map(|number| number.to_bits()).collect();
         assert_eq!(read, written);
         assert!(text.lines().all(|line| line.len() <= 24), "shortest form");
@@ -178,18 +155,11 @@ mod tests {
         let scratch = Scratch::new();
         let dir = OutputDir::create(scratch.path()).unwrap();
         let rows = [
-            [
-                CsvField::Text("a,b"),
-                CsvField::Count(u64::MAX),
-                CsvField::Number(2.0),
-            ],
+            [CsvField::Text("a,b"), CsvField::Count(u64::MAX), CsvField::Number(2.0)],
             [CsvField::Text("floor"), CsvField::Count(0), CsvField::Empty],
         ];
         write_csv_fields(&dir, "r.csv", &["stop", "dofs", "error"], &rows).unwrap();
-        assert_eq!(
-            scratch.read("r.csv"),
-            "stop,dofs,error\n\"a,b\",18446744073709551615,2.0\nfloor,0,\n"
-        );
+        assert_eq!(scratch.read("r.csv"), "stop,dofs,error\n\"a,b\",18446744073709551615,2.0\nfloor,0,\n");
     }
 
     #[test]
@@ -198,12 +168,7 @@ mod tests {
         let dir = OutputDir::create(scratch.path()).unwrap();
         let rows = [vec![1.0, 2.0], vec![3.0]];
         match write_csv(&dir, "t.csv", &["a", "b"], &rows) {
-            Err(OutputError::RowLength {
-                row,
-                expected,
-                found,
-                ..
-            }) => {
+            Err(OutputError::RowLength { row, expected, found, .. }) => {
                 assert_eq!((row, expected, found), (1, 2, 1));
             }
             other => panic!("{other:?}"),

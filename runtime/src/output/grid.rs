@@ -107,11 +107,7 @@ impl Array {
     /// One number an entry.
     #[must_use]
     pub fn scalar(name: impl Into<String>, values: Vec<f64>) -> Self {
-        Array {
-            name: name.into(),
-            components: 1,
-            values,
-        }
+        Array { name: name.into(), components: 1, values }
     }
 
     /// Matrices of `shape` rows and columns, at most 3 by 3, row-major in `values`; put into the
@@ -122,11 +118,7 @@ impl Array {
         let name = name.into();
         let fits = (1..=3).contains(&rows) && (1..=3).contains(&columns);
         if !fits || shape == [3, 3] || !values.len().is_multiple_of(rows * columns) {
-            return Array {
-                name,
-                components: rows * columns,
-                values,
-            };
+            return Array { name, components: rows * columns, values };
         }
         let mut padded = vec![0.0; values.len() / (rows * columns) * 9];
         let entries = values.chunks_exact(rows * columns);
@@ -135,11 +127,7 @@ impl Array {
                 full_row[..columns].copy_from_slice(row);
             }
         }
-        Array {
-            name,
-            components: 9,
-            values: padded,
-        }
+        Array { name, components: 9, values: padded }
     }
 }
 
@@ -212,20 +200,10 @@ pub(super) fn check_cells(idx: usize, piece: &Piece) -> Result<(), VtuError> {
     let n_points = piece.points.len();
     for (cell, (kind, nodes)) in piece.cells.iter().enumerate() {
         if nodes.len() != kind.n_nodes() {
-            return Err(VtuError::CellNodes {
-                piece: idx,
-                cell,
-                kind,
-                found: nodes.len(),
-            });
+            return Err(VtuError::CellNodes { piece: idx, cell, kind, found: nodes.len() });
         }
         if let Some(&node) = nodes.iter().find(|&&node| node as usize >= n_points) {
-            return Err(VtuError::NoSuchNode {
-                piece: idx,
-                cell,
-                node,
-                n_points,
-            });
+            return Err(VtuError::NoSuchNode { piece: idx, cell, node, n_points });
         }
     }
     Ok(())

@@ -20,9 +20,7 @@ impl<V> OrderedMap<V> {
     /// No entries.
     #[must_use]
     pub const fn new() -> Self {
-        OrderedMap {
-            entries: Vec::new(),
-        }
+        OrderedMap { entries: Vec::new() }
     }
 
     /// Sets the value of `name`; a former value is returned and its place kept.
@@ -45,9 +43,7 @@ impl<V> OrderedMap<V> {
 
     /// Names with their values, in order.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &V)> {
-        self.entries
-            .iter()
-            .map(|(name, value)| (name.as_str(), value))
+        self.entries.iter().map(|(name, value)| (name.as_str(), value))
     }
 
     /// Number of entries.

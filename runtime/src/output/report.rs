@@ -202,11 +202,7 @@ impl Check {
     /// Holds if `value <= tolerance`; never for NaN.
     #[must_use]
     pub fn at_most(tolerance: f64, value: f64) -> Self {
-        Check {
-            value: Real(value),
-            tolerance: Real(tolerance),
-            ok: value <= tolerance,
-        }
+        Check { value: Real(value), tolerance: Real(tolerance), ok: value <= tolerance }
     }
 }
 
@@ -230,9 +226,7 @@ pub fn peak_memory_bytes() -> Option<u64> {
 
 /// The line reads `VmHWM:    12345 kB`; the unit is fixed and means 1024 bytes, see proc(5).
 fn peak_of_status(status: &str) -> Option<u64> {
-    let line = status
-        .lines()
-        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     kibibytes.checked_mul(1024)
 }
@@ -250,10 +244,7 @@ mod tests {
                 ("young", ParameterValue::from(2.1e11)),
                 ("axis", ParameterValue::from(&[0.0, 1.0][..])),
                 ("law", ParameterValue::from("coulomb")),
-                (
-                    "fabric",
-                    ParameterValue::Matrix(vec![vec![Real(1.0)], vec![Real(0.5)]]),
-                ),
+                ("fabric", ParameterValue::Matrix(vec![vec![Real(1.0)], vec![Real(0.5)]])),
             ]
             .into_iter()
             .collect(),
@@ -274,16 +265,10 @@ mod tests {
                 stop: Stop::Maxit,
                 iterations: 2,
                 residual: vec![Real(1.0), Real(f64::INFINITY), Real(1.0 / 3.0)],
-                contact: Some(ContactCounts {
-                    open: 1,
-                    slip: 2,
-                    stick: 3,
-                }),
+                contact: Some(ContactCounts { open: 1, slip: 2, stick: 3 }),
                 measures: [("force", Real(-5e-324))].into_iter().collect(),
             }],
-            checks: [("residual", Check::at_most(1e-8, 1e-9))]
-                .into_iter()
-                .collect(),
+            checks: [("residual", Check::at_most(1e-8, 1e-9))].into_iter().collect(),
             ..Report::default()
         }
     }

@@ -24,11 +24,7 @@ impl<'d> Series<'d> {
     /// A series without steps; nothing is written or removed yet.
     #[must_use]
     pub fn new(dir: &'d OutputDir, base: impl Into<String>) -> Self {
-        Series {
-            dir,
-            base: base.into(),
-            steps: Vec::new(),
-        }
+        Series { dir, base: base.into(), steps: Vec::new() }
     }
 
     /// Writes the next step and then the index, and returns the path of the step file.
@@ -70,26 +66,18 @@ impl<'d> Series<'d> {
     }
 
     fn write_index(&self) -> Result<(), OutputError> {
-        self.dir
-            .write_atomic(&self.index_name(), |out| write_pvd(out, &self.steps))
-            .map(drop)
+        self.dir.write_atomic(&self.index_name(), |out| write_pvd(out, &self.steps)).map(drop)
     }
 }
 
 /// A VTK collection: one data set a step.
 fn write_pvd(out: &mut dyn Write, steps: &[(f64, String)]) -> io::Result<()> {
     out.write_all(XML_DECLARATION.as_bytes())?;
-    writeln!(
-        out,
-        "<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">"
-    )?;
+    writeln!(out, "<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">")?;
     writeln!(out, "<Collection>")?;
     for (time, file) in steps {
         let file = escape(file);
-        writeln!(
-            out,
-            "<DataSet timestep=\"{time:?}\" group=\"\" part=\"0\" file=\"{file}\"/>"
-        )?;
+        writeln!(out, "<DataSet timestep=\"{time:?}\" group=\"\" part=\"0\" file=\"{file}\"/>")?;
     }
     writeln!(out, "</Collection>\n</VTKFile>")
 }
@@ -127,12 +115,7 @@ mod tests {
         };
         text.lines()
             .filter(|line| line.starts_with("<DataSet"))
-            .map(|line| {
-                (
-                    value(line, "timestep").parse().unwrap(),
-                    value(line, "file"),
-                )
-            })
+            .map(|line| (value(line, "timestep").parse().unwrap(), value(line, "file")))
             .collect()
     }
 
@@ -171,14 +154,8 @@ mod tests {
         let before = (scratch.names(), scratch.read("hertz.pvd"));
         let dir = OutputDir::create(scratch.path()).unwrap();
         let mut series = Series::new(&dir, "hertz");
-        assert!(matches!(
-            series.write_step(f64::NAN, &grid(0.0)),
-            Err(OutputError::Time { .. })
-        ));
-        assert!(matches!(
-            series.write_step(0.0, &[]),
-            Err(OutputError::Vtu { .. })
-        ));
+        assert!(matches!(series.write_step(f64::NAN, &grid(0.0)), Err(OutputError::Time { .. })));
+        assert!(matches!(series.write_step(0.0, &[]), Err(OutputError::Vtu { .. })));
         assert_eq!(series.finish().unwrap(), [""; 0]);
         assert_eq!((scratch.names(), scratch.read("hertz.pvd")), before);
     }

@@ -107,17 +107,8 @@ mod tests {
     /// Twice the parametric coordinates of the VTK nodes, as VTK 9.7 prints them
     /// (`GetParametricCoords` of vtkBiQuadraticQuad and vtkTriQuadraticHexahedron; the first 4
     /// and 8 are those of vtkQuad and vtkHexahedron).
-    const QUAD: [[usize; 3]; 9] = [
-        [0, 0, 0],
-        [2, 0, 0],
-        [2, 2, 0],
-        [0, 2, 0],
-        [1, 0, 0],
-        [2, 1, 0],
-        [1, 2, 0],
-        [0, 1, 0],
-        [1, 1, 0],
-    ];
+    const QUAD: [[usize; 3]; 9] =
+        [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 0, 0], [2, 1, 0], [1, 2, 0], [0, 1, 0], [1, 1, 0]];
     const HEXAHEDRON: [[usize; 3]; 27] = [
         [0, 0, 0],
         [2, 0, 0],

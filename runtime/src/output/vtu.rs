@@ -24,12 +24,7 @@ pub(super) const XML_DECLARATION: &str = "<?xml version=\"1.0\" encoding=\"UTF-8
 /// # Errors
 /// [`OutputError::Vtu`], [`OutputError::Time`], [`OutputError::BadName`],
 /// [`OutputError::Write`]; after any of them the file has its former content.
-pub fn write_vtu(
-    dir: &OutputDir,
-    name: &str,
-    time: Option<f64>,
-    pieces: &[Piece],
-) -> Result<PathBuf, OutputError> {
+pub fn write_vtu(dir: &OutputDir, name: &str, time: Option<f64>, pieces: &[Piece]) -> Result<PathBuf, OutputError> {
     stage_vtu(dir, name, time, pieces)?.commit()
 }
 
@@ -44,10 +39,7 @@ pub(super) fn stage_vtu<'d>(
     if let Some(time) = time.filter(|time| !time.is_finite()) {
         return Err(OutputError::Time { file: file(), time });
     }
-    let grid = Grid::check(time, pieces).map_err(|source| OutputError::Vtu {
-        file: file(),
-        source,
-    })?;
+    let grid = Grid::check(time, pieces).map_err(|source| OutputError::Vtu { file: file(), source })?;
     dir.stage(name, |out| grid.write(out))
 }
 
@@ -70,11 +62,7 @@ struct Channel<'a> {
 impl Channel<'_> {
     /// Components in the file.
     fn width(&self) -> usize {
-        if self.components == 2 {
-            3
-        } else {
-            self.components
-        }
+        if self.components == 2 { 3 } else { self.components }
     }
 }
 
@@ -93,10 +81,7 @@ enum Content<'a> {
     Nodes(&'a [u32]),
     Ends(&'a [usize]),
     Types(&'a [VtkCell]),
-    Values {
-        components: usize,
-        values: &'a [f64],
-    },
+    Values { components: usize, values: &'a [f64] },
     Missing,
 }
 
@@ -128,9 +113,7 @@ impl<'a> Grid<'a> {
         }
         for (idx, piece) in self.pieces.iter().enumerate() {
             let [n_points, n_cells] = [piece.points.len(), piece.cells.len()];
-            header.text.push_str(&format!(
-                "<Piece NumberOfPoints=\"{n_points}\" NumberOfCells=\"{n_cells}\">\n"
-            ));
+            header.text.push_str(&format!("<Piece NumberOfPoints=\"{n_points}\" NumberOfCells=\"{n_cells}\">\n"));
             let points = self.point_channels.iter();
             let cells = self.cell_channels.iter();
             header.section("Points", [point_block(piece)]);
@@ -139,9 +122,7 @@ impl<'a> Grid<'a> {
             header.section("CellData", cells.map(|c| value_block(c, idx, n_cells)));
             header.text.push_str("</Piece>\n");
         }
-        let Header {
-            mut text, blocks, ..
-        } = header;
+        let Header { mut text, blocks, .. } = header;
         text.push_str("</UnstructuredGrid>\n<AppendedData encoding=\"raw\">\n_");
         out.write_all(text.as_bytes())?;
         for block in blocks {
@@ -165,14 +146,7 @@ impl<'a> Header<'a> {
     fn section(&mut self, tag: &str, blocks: impl IntoIterator<Item = Block<'a>>) {
         self.text.push_str(&format!("<{tag}>\n"));
         for block in blocks {
-            self.declare(
-                block,
-                if tag == "FieldData" {
-                    "NumberOfTuples=\"1\" "
-                } else {
-                    ""
-                },
-            );
+            self.declare(block, if tag == "FieldData" { "NumberOfTuples=\"1\" " } else { "" });
         }
         self.text.push_str(&format!("</{tag}>\n"));
     }
@@ -210,19 +184,11 @@ impl Block<'_> {
     fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         match self.content {
             Content::Time(time) => out.write_all(&time.to_le_bytes()),
-            Content::Points(points) => {
-                write_words(out, points.as_flattened().iter().map(|x| x.to_le_bytes()))
-            }
-            Content::Nodes(nodes) => {
-                write_words(out, nodes.iter().map(|&node| i64::from(node).to_le_bytes()))
-            }
+            Content::Points(points) => write_words(out, points.as_flattened().iter().map(|x| x.to_le_bytes())),
+            Content::Nodes(nodes) => write_words(out, nodes.iter().map(|&node| i64::from(node).to_le_bytes())),
             // A length in memory is below 2^63, so the signed type of VTK has the same bytes.
-            Content::Ends(ends) => {
-                write_words(out, ends.iter().map(|&end| (end as u64).to_le_bytes()))
-            }
-            Content::Types(kinds) => {
-                write_words(out, kinds.iter().map(|kind| [kind.type_number()]))
-            }
+            Content::Ends(ends) => write_words(out, ends.iter().map(|&end| (end as u64).to_le_bytes())),
+            Content::Types(kinds) => write_words(out, kinds.iter().map(|kind| [kind.type_number()])),
             Content::Values { components, values } if components == self.width => {
                 write_words(out, values.iter().map(|x| x.to_le_bytes()))
             }
@@ -241,17 +207,10 @@ impl Block<'_> {
 
 /// The entry, then zeros up to `width`.
 fn pad(entry: &[f64], width: usize) -> impl Iterator<Item = f64> {
-    entry
-        .iter()
-        .copied()
-        .chain(std::iter::repeat(0.0))
-        .take(width)
+    entry.iter().copied().chain(std::iter::repeat(0.0)).take(width)
 }
 
-fn write_words<const N: usize>(
-    out: &mut dyn Write,
-    words: impl Iterator<Item = [u8; N]>,
-) -> io::Result<()> {
+fn write_words<const N: usize>(out: &mut dyn Write, words: impl Iterator<Item = [u8; N]>) -> io::Result<()> {
     let mut buffer = [0; CHUNK];
     let mut filled = 0;
     for word in words {
@@ -266,31 +225,16 @@ fn write_words<const N: usize>(
 }
 
 fn time_block<'a>(time: f64) -> Block<'a> {
-    Block {
-        name: "TimeValue",
-        width: 1,
-        n_entries: 1,
-        content: Content::Time(time),
-    }
+    Block { name: "TimeValue", width: 1, n_entries: 1, content: Content::Time(time) }
 }
 
 fn point_block(piece: &Piece) -> Block<'_> {
-    Block {
-        name: "Points",
-        width: 3,
-        n_entries: piece.points.len(),
-        content: Content::Points(&piece.points),
-    }
+    Block { name: "Points", width: 3, n_entries: piece.points.len(), content: Content::Points(&piece.points) }
 }
 
 fn cell_blocks(piece: &Piece) -> [Block<'_>; 3] {
     let Cells { kinds, nodes, ends } = &piece.cells;
-    let block = |name, n_entries, content| Block {
-        name,
-        width: 1,
-        n_entries,
-        content,
-    };
+    let block = |name, n_entries, content| Block { name, width: 1, n_entries, content };
     [
         block("connectivity", nodes.len(), Content::Nodes(nodes)),
         block("offsets", ends.len(), Content::Ends(ends)),
@@ -304,10 +248,7 @@ fn value_block<'a>(channel: &Channel<'a>, piece: usize, n_entries: usize) -> Blo
         name: channel.name,
         width: channel.width(),
         n_entries,
-        content: channel.values[piece].map_or(Content::Missing, |values| Content::Values {
-            components,
-            values,
-        }),
+        content: channel.values[piece].map_or(Content::Missing, |values| Content::Values { components, values }),
     }
 }
 
@@ -336,12 +277,7 @@ fn channels<'a>(
     Ok(channels)
 }
 
-fn check_array(
-    piece: usize,
-    n_entries: usize,
-    array: &Array,
-    channel: &Channel<'_>,
-) -> Result<(), VtuError> {
+fn check_array(piece: usize, n_entries: usize, array: &Array, channel: &Channel<'_>) -> Result<(), VtuError> {
     let name = || array.name.clone();
     if channel.values[piece].is_some() {
         let name = name();
@@ -357,12 +293,7 @@ fn check_array(
     }
     let expected = n_entries * array.components;
     if array.values.len() != expected {
-        return Err(VtuError::ArrayLength {
-            piece,
-            name: name(),
-            expected,
-            found: array.values.len(),
-        });
+        return Err(VtuError::ArrayLength { piece, name: name(), expected, found: array.values.len() });
     }
     Ok(())
 }

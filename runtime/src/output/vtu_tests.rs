@@ -17,16 +17,12 @@ struct Read {
 impl Read {
     fn floats(&self) -> Vec<f64> {
         let words = self.bytes.chunks_exact(8);
-        words
-            .map(|w| f64::from_le_bytes(w.try_into().unwrap()))
-            .collect()
+        words.map(|w| f64::from_le_bytes(w.try_into().unwrap())).collect()
     }
 
     fn integers(&self) -> Vec<i64> {
         let words = self.bytes.chunks_exact(8);
-        words
-            .map(|w| i64::from_le_bytes(w.try_into().unwrap()))
-            .collect()
+        words.map(|w| i64::from_le_bytes(w.try_into().unwrap())).collect()
     }
 }
 
@@ -82,11 +78,7 @@ fn fault(pieces: &[Piece]) -> VtuError {
 }
 
 fn array(name: &str, components: usize, values: &[f64]) -> Array {
-    Array {
-        name: name.into(),
-        components,
-        values: values.to_vec(),
-    }
+    Array { name: name.into(), components, values: values.to_vec() }
 }
 
 /// A unit square of one quadrilateral and one triangle beside it.
@@ -95,19 +87,9 @@ fn square() -> Piece {
     cells.push_local(VtkCell::Quad, &[0, 1, 2, 3]);
     cells.push(VtkCell::Triangle, &[1, 4, 3]);
     Piece {
-        points: vec![
-            [0.0, 0.0, 0.0],
-            [1.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0],
-            [1.0, 1.0, 0.0],
-            [2.0, 0.5, 0.0],
-        ],
+        points: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [2.0, 0.5, 0.0]],
         cells,
-        point_data: vec![array(
-            "u",
-            2,
-            &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 0.1],
-        )],
+        point_data: vec![array("u", 2, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 0.1])],
         cell_data: vec![array("p", 1, &[-0.0, 5e-324])],
     }
 }
@@ -125,10 +107,7 @@ fn line() -> Piece {
 #[test]
 fn a_mixed_grid_reads_back_bit_for_bit() {
     let arrays = write(&[square()], Some(1.0 / 3.0)).unwrap();
-    let names: Vec<(&str, &str)> = arrays
-        .iter()
-        .map(|a| (a.section.as_str(), a.name.as_str()))
-        .collect();
+    let names: Vec<(&str, &str)> = arrays.iter().map(|a| (a.section.as_str(), a.name.as_str())).collect();
     assert_eq!(
         names,
         [
@@ -147,9 +126,7 @@ fn a_mixed_grid_reads_back_bit_for_bit() {
     assert_eq!(arrays[3].integers(), [4, 7]);
     assert_eq!(arrays[4].bytes, [9, 5]);
     assert_eq!(arrays[5].components, 3);
-    let u = [
-        1.0, 2.0, 0.0, 3.0, 4.0, 0.0, 5.0, 6.0, 0.0, 7.0, 8.0, 0.0, 9.0, 0.1, 0.0,
-    ];
+    let u = [1.0, 2.0, 0.0, 3.0, 4.0, 0.0, 5.0, 6.0, 0.0, 7.0, 8.0, 0.0, 9.0, 0.1, 0.0];
     assert_eq!(arrays[5].floats(), u);
     let bits: Vec<u64> = arrays[6].floats().iter().map(|x| x.to_bits()).collect();
     assert_eq!(bits, [1 << 63, 1]);
@@ -167,11 +144,7 @@ fn blocks_longer_than_the_buffer_are_whole() {
     let arrays = write(&[piece], None).unwrap();
     let u = arrays.iter().find(|a| a.name == "u").unwrap().floats();
     assert_eq!(u.len(), 3 * n);
-    assert!(
-        u.chunks(3)
-            .enumerate()
-            .all(|(i, row)| { row == [2.0 * i as f64, 2.0 * i as f64 + 1.0, 0.0] })
-    );
+    assert!(u.chunks(3).enumerate().all(|(i, row)| { row == [2.0 * i as f64, 2.0 * i as f64 + 1.0, 0.0] }));
     let p = arrays.iter().find(|a| a.name == "p").unwrap().floats();
     assert_eq!(p, values[..n]);
 }
@@ -179,14 +152,10 @@ fn blocks_longer_than_the_buffer_are_whole() {
 #[test]
 fn every_piece_has_every_array() {
     let arrays = write(&[square(), line()], None).unwrap();
-    let data: Vec<&Read> = arrays
-        .iter()
-        .filter(|a| a.section.ends_with("Data>"))
-        .collect();
+    let data: Vec<&Read> = arrays.iter().filter(|a| a.section.ends_with("Data>")).collect();
     let names: Vec<&str> = data.iter().map(|a| a.name.as_str()).collect();
     assert_eq!(names, ["u", "lambda", "p", "u", "lambda", "p"]);
-    let is_missing =
-        |a: &Read, n: usize| a.floats().len() == n && a.floats().iter().all(|value| value.is_nan());
+    let is_missing = |a: &Read, n: usize| a.floats().len() == n && a.floats().iter().all(|value| value.is_nan());
     assert!(is_missing(data[1], 5));
     assert!(is_missing(data[3], 6));
     assert!(is_missing(data[5], 1));
@@ -198,11 +167,7 @@ fn names_are_escaped() {
     let mut piece = line();
     piece.point_data[0].name = "<σ & \"n\"\t\u{1}'>".into();
     let arrays = write(&[piece], None).unwrap();
-    let name = &arrays
-        .iter()
-        .find(|a| a.section == "<PointData>")
-        .unwrap()
-        .name;
+    let name = &arrays.iter().find(|a| a.section == "<PointData>").unwrap().name;
     assert_eq!(name, "&lt;σ &amp; &quot;n&quot;&#9;\u{fffd}&apos;&gt;");
 }
 
@@ -210,10 +175,7 @@ fn names_are_escaped() {
 fn small_matrices_stand_in_the_upper_corner() {
     let plane = Array::matrix("s", [2, 2], vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
     assert_eq!(plane.components, 9);
-    let expected = [
-        [1.0, 2.0, 0.0, 3.0, 4.0, 0.0, 0.0, 0.0, 0.0],
-        [5.0, 6.0, 0.0, 7.0, 8.0, 0.0, 0.0, 0.0, 0.0],
-    ];
+    let expected = [[1.0, 2.0, 0.0, 3.0, 4.0, 0.0, 0.0, 0.0, 0.0], [5.0, 6.0, 0.0, 7.0, 8.0, 0.0, 0.0, 0.0, 0.0]];
     assert_eq!(plane.values, expected.as_flattened());
     let full: Vec<f64> = (0..9).map(f64::from).collect();
     assert_eq!(Array::matrix("s", [3, 3], full.clone()).values, full);
@@ -224,14 +186,7 @@ fn small_matrices_stand_in_the_upper_corner() {
 fn a_wrong_matrix_length_is_found() {
     let mut piece = line();
     piece.point_data = vec![Array::matrix("s", [2, 2], vec![0.0; 9])];
-    assert!(matches!(
-        fault(&[piece]),
-        VtuError::ArrayLength {
-            expected: 8,
-            found: 9,
-            ..
-        }
-    ));
+    assert!(matches!(fault(&[piece]), VtuError::ArrayLength { expected: 8, found: 9, .. }));
 }
 
 #[test]
@@ -240,60 +195,23 @@ fn contradictions_are_found_before_the_file_is_touched() {
 
     let mut piece = line();
     piece.cells.push_local(VtkCell::Quad, &[0, 1, 0]);
-    assert!(matches!(
-        fault(&[line(), piece]),
-        VtuError::CellNodes {
-            piece: 1,
-            cell: 1,
-            found: 3,
-            ..
-        }
-    ));
+    assert!(matches!(fault(&[line(), piece]), VtuError::CellNodes { piece: 1, cell: 1, found: 3, .. }));
 
     let mut piece = line();
     piece.cells.push(VtkCell::Vertex, &[2]);
-    assert!(matches!(
-        fault(&[piece]),
-        VtuError::NoSuchNode {
-            cell: 1,
-            node: 2,
-            n_points: 2,
-            ..
-        }
-    ));
+    assert!(matches!(fault(&[piece]), VtuError::NoSuchNode { cell: 1, node: 2, n_points: 2, .. }));
 
     let mut piece = line();
     piece.cell_data = vec![array("p", 1, &[1.0, 2.0])];
-    assert!(matches!(
-        fault(&[piece]),
-        VtuError::ArrayLength {
-            expected: 1,
-            found: 2,
-            ..
-        }
-    ));
+    assert!(matches!(fault(&[piece]), VtuError::ArrayLength { expected: 1, found: 2, .. }));
 
     let mut piece = line();
     piece.point_data.push(piece.point_data[0].clone());
-    assert!(matches!(
-        fault(&[piece]),
-        VtuError::DuplicateArray { piece: 0, .. }
-    ));
+    assert!(matches!(fault(&[piece]), VtuError::DuplicateArray { piece: 0, .. }));
 
     let mut piece = line();
     piece.point_data = vec![array("u", 0, &[])];
-    assert!(matches!(
-        fault(&[piece.clone()]),
-        VtuError::ArrayComponents { found: 0, .. }
-    ));
+    assert!(matches!(fault(&[piece.clone()]), VtuError::ArrayComponents { found: 0, .. }));
     piece.point_data = vec![array("u", 3, &[0.0; 6])];
-    assert!(matches!(
-        fault(&[square(), piece]),
-        VtuError::ArrayComponents {
-            piece: 1,
-            expected: 2,
-            found: 3,
-            ..
-        }
-    ));
+    assert!(matches!(fault(&[square(), piece]), VtuError::ArrayComponents { piece: 1, expected: 2, found: 3, .. }));
 }

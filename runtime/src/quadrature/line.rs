@@ -10,10 +10,7 @@ fn jacobi(n: usize, alpha: f64, x: f64) -> (f64, f64) {
     if n == 0 {
         return (before, slope_before);
     }
-    let (mut value, mut slope) = (
-        alpha + 1.0 + (alpha + 2.0) * (x - 1.0) / 2.0,
-        (alpha + 2.0) / 2.0,
-    );
+    let (mut value, mut slope) = (alpha + 1.0 + (alpha + 2.0) * (x - 1.0) / 2.0, (alpha + 2.0) / 2.0);
     for m in 2..=n {
         let m = m as f64;
         let top = 2.0 * m + alpha;
@@ -45,11 +42,7 @@ fn root(n: usize, alpha: f64, mut low: f64, mut high: f64) -> f64 {
             high = x;
         }
         let newton = x - value / slope;
-        let next = if newton > low && newton < high {
-            newton
-        } else {
-            0.5 * (low + high)
-        };
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         if (next - x).abs() <= f64::EPSILON * 0.5 {
             return next;
         }
@@ -69,9 +62,7 @@ pub(super) fn gauss_jacobi(n: usize, alpha: u32) -> Vec<(f64, f64)> {
             i if i > m - 1 => 1.0,
             i => roots[i - 1],
         };
-        roots = (0..m)
-            .map(|i| root(m, alpha, bound(i), bound(i + 1)))
-            .collect();
+        roots = (0..m).map(|i| root(m, alpha, bound(i), bound(i + 1))).collect();
     }
     if alpha == 0.0 {
         // Legendre roots are symmetric; make them so to the last bit.

@@ -88,24 +88,14 @@ pub fn gauss(kind: CellKind, n: usize) -> Result<Rule, QuadratureError> {
         CellKind::Triangle | CellKind::Tetrahedron => simplex::collapsed(kind.dim(), n),
         _ => tensor::gauss(kind.dim(), n),
     };
-    Ok(Rule {
-        kind,
-        degree: 2 * n - 1,
-        points,
-        weights,
-    })
+    Ok(Rule { kind, degree: 2 * n - 1, points, weights })
 }
 
 /// The nodal rule: the vertices, each with the integral of its hat function. Exact for degree 1.
 #[must_use]
 pub fn vertex(kind: CellKind) -> Rule {
     let n = kind.n_vertices();
-    Rule {
-        kind,
-        degree: 1,
-        points: kind.vertices().to_vec(),
-        weights: vec![kind.reference_volume() / n as f64; n],
-    }
+    Rule { kind, degree: 1, points: kind.vertices().to_vec(), weights: vec![kind.reference_volume() / n as f64; n] }
 }
 
 /// The nodal rule of a Lagrange element: its nodes, in its order, each with the integral of its basis function.

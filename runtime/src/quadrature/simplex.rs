@@ -18,34 +18,23 @@ struct Orbit {
 
 const fn s3(weight: f64, a: f64) -> Orbit {
     let barycentric = [a, a, 1.0 - 2.0 * a, 0.0];
-    Orbit {
-        weight,
-        barycentric,
-    }
+    Orbit { weight, barycentric }
 }
 
 const fn s4(weight: f64, a: f64) -> Orbit {
     let barycentric = [a, a, a, 1.0 - 3.0 * a];
-    Orbit {
-        weight,
-        barycentric,
-    }
+    Orbit { weight, barycentric }
 }
 
 const fn orbit(weight: f64, barycentric: [f64; 4]) -> Orbit {
-    Orbit {
-        weight,
-        barycentric,
-    }
+    Orbit { weight, barycentric }
 }
 
 const THIRD: f64 = 1.0 / 3.0;
 const TRIANGLE_1: [Orbit; 1] = [orbit(0.5, [THIRD, THIRD, THIRD, 0.0])];
 const TRIANGLE_2: [Orbit; 1] = [s3(1.0 / 6.0, 1.0 / 6.0)];
-const TRIANGLE_4: [Orbit; 2] = [
-    s3(0.111_690_794_839_005_73, 0.445_948_490_915_964_9),
-    s3(0.054_975_871_827_660_93, 0.091_576_213_509_770_74),
-];
+const TRIANGLE_4: [Orbit; 2] =
+    [s3(0.111_690_794_839_005_73, 0.445_948_490_915_964_9), s3(0.054_975_871_827_660_93, 0.091_576_213_509_770_74)];
 const TRIANGLE_5: [Orbit; 3] = [
     orbit(0.1125, [THIRD, THIRD, THIRD, 0.0]),
     // (6 -+ sqrt 15) / 21 with weights (155 -+ sqrt 15) / 2400.
@@ -55,15 +44,7 @@ const TRIANGLE_5: [Orbit; 3] = [
 const TRIANGLE_6: [Orbit; 3] = [
     s3(0.058_393_137_863_189_68, 0.249_286_745_170_910_42),
     s3(0.025_422_453_185_103_41, 0.063_089_014_491_502_23),
-    orbit(
-        0.041_425_537_809_186_79,
-        [
-            0.053_145_049_844_816_95,
-            0.310_352_451_033_784_4,
-            0.636_502_499_121_398_6,
-            0.0,
-        ],
-    ),
+    orbit(0.041_425_537_809_186_79, [0.053_145_049_844_816_95, 0.310_352_451_033_784_4, 0.636_502_499_121_398_6, 0.0]),
 ];
 const TETRAHEDRON_1: [Orbit; 1] = [orbit(1.0 / 6.0, [0.25; 4])];
 /// (5 - sqrt 5) / 20.
@@ -77,12 +58,7 @@ const TETRAHEDRON_5: [Orbit; 3] = [
     s4(0.012_248_840_519_393_659, 0.092_735_250_310_891_23),
     orbit(
         0.007_091_003_462_846_911,
-        [
-            0.045_503_704_125_649_65,
-            0.045_503_704_125_649_65,
-            0.454_496_295_874_350_35,
-            0.454_496_295_874_350_35,
-        ],
+        [0.045_503_704_125_649_65, 0.045_503_704_125_649_65, 0.454_496_295_874_350_35, 0.454_496_295_874_350_35],
     ),
 ];
 const TETRAHEDRON_6: [Orbit; 4] = [
@@ -91,12 +67,7 @@ const TETRAHEDRON_6: [Orbit; 4] = [
     s4(0.009_226_196_923_942_454, 0.322_337_890_142_275_5),
     orbit(
         0.008_035_714_285_714_286,
-        [
-            0.063_661_001_875_017_53,
-            0.063_661_001_875_017_53,
-            0.269_672_331_458_315_8,
-            0.603_005_664_791_649_1,
-        ],
+        [0.063_661_001_875_017_53, 0.063_661_001_875_017_53, 0.269_672_331_458_315_8, 0.603_005_664_791_649_1],
     ),
 ];
 
@@ -127,12 +98,7 @@ pub(super) fn symmetric(kind: CellKind, degree: usize) -> Option<Rule> {
             weights.push(orbit.weight);
         }
     }
-    Some(Rule {
-        kind,
-        degree,
-        points,
-        weights,
-    })
+    Some(Rule { kind, degree, points, weights })
 }
 
 /// All distinct permutations of the first `n` coordinates, in a fixed order.
@@ -154,9 +120,7 @@ fn permute(point: [f64; 4], fixed: usize, n: usize, seen: &mut Vec<[f64; 4]>) {
 /// whose jacobian `(1 - u)^(dim - 1) ...` is taken up by Gauss-Jacobi weights.
 pub(super) fn collapsed(dim: usize, n: usize) -> (Vec<[f64; 3]>, Vec<f64>) {
     let (mut points, mut weights) = (Vec::new(), Vec::new());
-    let lines: Vec<Vec<(f64, f64)>> = (0..dim)
-        .map(|d| gauss_jacobi(n, (dim - 1 - d) as u32))
-        .collect();
+    let lines: Vec<Vec<(f64, f64)>> = (0..dim).map(|d| gauss_jacobi(n, (dim - 1 - d) as u32)).collect();
     for position in 0..n.pow(dim as u32) {
         let (mut point, mut weight, mut room, mut rest) = ([0.0; 3], 1.0, 1.0, position);
         for (x, line) in point.iter_mut().zip(&lines) {

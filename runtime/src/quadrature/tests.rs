@@ -9,10 +9,7 @@ fn moment(kind: CellKind, powers: [usize; 3]) -> f64 {
         let top: f64 = powers.iter().map(|p| factorial(*p)).product();
         return top / factorial(powers.iter().sum::<usize>() + dim);
     }
-    powers[..dim]
-        .iter()
-        .map(|p| 1.0 / (*p as f64 + 1.0))
-        .product()
+    powers[..dim].iter().map(|p| 1.0 / (*p as f64 + 1.0)).product()
 }
 
 fn powers(kind: CellKind, degree: usize) -> Vec<[usize; 3]> {
@@ -42,18 +39,12 @@ fn check(rule: &Rule, degree: usize) {
     for powers in powers(kind, degree) {
         let (found, exact) = (integrate(rule, powers), moment(kind, powers));
         let error = (found - exact).abs();
-        assert!(
-            error <= 4e-15 * exact.max(0.01),
-            "{kind} {degree} {powers:?}: {error:e}"
-        );
+        assert!(error <= 4e-15 * exact.max(0.01), "{kind} {degree} {powers:?}: {error:e}");
     }
     assert!(rule.weights.iter().all(|w| *w > 0.0));
     for x in &rule.points {
         let hats = kind.hat_values(*x);
-        assert!(
-            hats[..kind.n_vertices()].iter().all(|h| *h >= 0.0),
-            "{kind} {x:?}"
-        );
+        assert!(hats[..kind.n_vertices()].iter().all(|h| *h >= 0.0), "{kind} {x:?}");
     }
 }
 
@@ -78,10 +69,7 @@ fn a_rule_is_not_exact_beyond_its_degree() {
         for degree in 0..=6 {
             let rule = rule(kind, degree).unwrap();
             let wrong = |p: &[usize; 3]| (integrate(&rule, *p) - moment(kind, *p)).abs() > 1e-9;
-            assert!(
-                powers(kind, rule.degree + 1).iter().any(wrong),
-                "{kind} {degree}"
-            );
+            assert!(powers(kind, rule.degree + 1).iter().any(wrong), "{kind} {degree}");
         }
     }
 }
@@ -89,10 +77,7 @@ fn a_rule_is_not_exact_beyond_its_degree() {
 #[test]
 fn tensor_rules_have_the_fewest_points() {
     for (degree, n) in [(0, 1), (1, 1), (2, 2), (3, 2), (4, 3), (5, 3)] {
-        assert_eq!(
-            rule(CellKind::Hexahedron, degree).unwrap().n_points(),
-            n * n * n
-        );
+        assert_eq!(rule(CellKind::Hexahedron, degree).unwrap().n_points(), n * n * n);
     }
     let counts = [1, 1, 3, 6, 6, 7, 12];
     for (degree, n) in counts.into_iter().enumerate() {
@@ -124,23 +109,15 @@ fn both_sides_of_every_inner_facet_see_the_same_points() {
         let topology = Topology::new(&mesh).unwrap();
         let physical = |facet: FacetRef, x: &[[f64; 3]]| -> Vec<[f64; 3]> {
             let table = mesh.geometry_element(mesh.kind(facet.cell)).tabulate(x, 0);
-            (0..x.len())
-                .map(|p| mesh.point_at(facet.cell, &table, p))
-                .collect()
+            (0..x.len()).map(|p| mesh.point_at(facet.cell, &table, p)).collect()
         };
         for facet in topology.facets() {
             let Some(there) = facet.there else { continue };
             let rule = rule(mesh.facet_kind(facet.here), 3).unwrap();
             let ours = facet_points(mesh.kind(facet.here.cell), facet.here.local as usize, &rule);
             let (_, theirs) = neighbour_points(&mesh, facet.here, there, &rule).unwrap();
-            for (p, q) in physical(facet.here, &ours)
-                .iter()
-                .zip(physical(there, &theirs))
-            {
-                assert!(
-                    (0..3).all(|i| (p[i] - q[i]).abs() < 1e-13),
-                    "{shape:?} {p:?} {q:?}"
-                );
+            for (p, q) in physical(facet.here, &ours).iter().zip(physical(there, &theirs)) {
+                assert!((0..3).all(|i| (p[i] - q[i]).abs() < 1e-13), "{shape:?} {p:?} {q:?}");
             }
         }
     }

@@ -48,7 +48,14 @@ impl LineSample {
     ///
     /// # Errors
     /// [`FieldError`] where a field it reads has no dofs.
-    pub fn add(&mut self, mesh: &Mesh, fields: &[Field], name: String, value: Value, cells: &[CellId]) -> Result<(), FieldError> {
+    pub fn add(
+        &mut self,
+        mesh: &Mesh,
+        fields: &[Field],
+        name: String,
+        value: Value,
+        cells: &[CellId],
+    ) -> Result<(), FieldError> {
         let (mut groups, mut samples) = (Vec::new(), Vec::new());
         for (k, x) in self.points.iter().enumerate() {
             if let Some((cell, reference)) = find(mesh, cells, *x) {
@@ -70,7 +77,11 @@ impl LineSample {
             let shape = item.value.law.shape;
             for e in 0..shape.len() {
                 let index: Vec<String> = shape.indices(e).iter().map(|i| (i + 1).to_string()).collect();
-                names.push(if index.is_empty() { item.name.clone() } else { format!("{}_{}", item.name, index.join("")) });
+                names.push(if index.is_empty() {
+                    item.name.clone()
+                } else {
+                    format!("{}_{}", item.name, index.join(""))
+                });
             }
         }
         names
@@ -131,7 +142,10 @@ fn inverse_map(mesh: &Mesh, cell: CellId, x: [f64; 3]) -> Option<[f64; 3]> {
         let table = element.tabulate(&[r], 1);
         let at = mesh.point_at(cell, &table, 0);
         let jacobian = mesh.jacobian_at(cell, &table, 0);
-        let m = nalgebra::Matrix3::from_fn(|i, j| if i < dim && j < dim { jacobian[i][j] } else { f64::from(u8::from(i == j)) });
+        let m =
+            nalgebra::Matrix3::from_fn(
+                |i, j| if i < dim && j < dim { jacobian[i][j] } else { f64::from(u8::from(i == j)) },
+            );
         let gap = nalgebra::Vector3::from_fn(|i, _| if i < dim { x[i] - at[i] } else { 0.0 });
         let step = m.lu().solve(&gap)?;
         for d in 0..dim {

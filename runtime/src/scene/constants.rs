@@ -9,7 +9,11 @@ use wfl::{
 use wfl_compiler::{Constant, Env, constant};
 
 /// The value of every parameter, in order of declaration; problems go to `diagnostics`.
-pub(super) fn parameters(script: &ResolvedScript, dim: usize, diagnostics: &mut Vec<Diagnostic>) -> BTreeMap<String, Constant> {
+pub(super) fn parameters(
+    script: &ResolvedScript,
+    dim: usize,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> BTreeMap<String, Constant> {
     let mut known: BTreeMap<String, Constant> = BTreeMap::new();
     for param in &script.params {
         let found = {
@@ -55,7 +59,10 @@ fn check_domain(
     let (good, words) = match domain {
         Domain::Range(low, high) => {
             let (Some(low), Some(high)) = (number(low), number(high)) else { return };
-            (value.values.iter().all(|v| (low..=high).contains(v)), format!("between {} and {}", short(low), short(high)))
+            (
+                value.values.iter().all(|v| (low..=high).contains(v)),
+                format!("between {} and {}", short(low), short(high)),
+            )
         }
         Domain::Set(list) => {
             let allowed: Vec<f64> = list.iter().filter_map(number).collect();
@@ -97,6 +104,7 @@ pub(super) fn number(env: &Env<'_>, what: &str, e: &Expr, diagnostics: &mut Vec<
     if let [one] = values.as_slice() {
         return Some(*one);
     }
-    diagnostics.push(Diagnostic::new("E108", format!("{what} must be one number, found {}", values.len())).at(e.span, ""));
+    diagnostics
+        .push(Diagnostic::new("E108", format!("{what} must be one number, found {}", values.len())).at(e.span, ""));
     None
 }

@@ -6,12 +6,7 @@ use wfl::{
     Diagnostic, FieldKind as Declared, ResolvedScript,
     ast::{Expr, Target, TargetPart},
 };
-use wfl_compiler::{
-    Env,
-    backend::KernelBackend,
-    compile_value,
-    types::FieldKind,
-};
+use wfl_compiler::{Env, backend::KernelBackend, compile_value, types::FieldKind};
 
 use crate::{
     field::{Field, FieldSpace},
@@ -90,7 +85,13 @@ impl ConstraintMaker<'_> {
         if nodes.is_empty() {
             let d = Diagnostic::new("E401", format!("`fix {}` meets no node of `{}`", field.name, field.name));
             let region = &self.regions[&place.name];
-            let text = format!("`{}` has {} {}, none of them touches `{}`", place.name, region.set.len(), region.set.kind(), field.name);
+            let text = format!(
+                "`{}` has {} {}, none of them touches `{}`",
+                place.name,
+                region.set.len(),
+                region.set.kind(),
+                field.name
+            );
             self.diagnostics.push(d.at(place.span, text));
             return None;
         }
@@ -102,7 +103,8 @@ impl ConstraintMaker<'_> {
         };
         let whole = matches!(target.part, TargetPart::Whole);
         let value = self.value(value, if whole { n } else { 1 })?;
-        let dofs = nodes.iter().flat_map(|node| components.iter().map(move |(c, _)| start + *node as usize * n + c)).collect();
+        let dofs =
+            nodes.iter().flat_map(|node| components.iter().map(move |(c, _)| start + *node as usize * n + c)).collect();
         let positions = nodes.iter().map(|node| field.node_position(*node as usize)).collect();
         let components = if whole { components } else { vec![(0, components[0].1)] };
         Some(Prescribed { dofs, components, positions, value })
@@ -121,7 +123,10 @@ impl ConstraintMaker<'_> {
         match Value::new(law, self.backend) {
             Ok(v) if v.reads_positions_only() => Some(v),
             Ok(_) => {
-                self.diagnostics.push(Diagnostic::new("E407", "a prescribed value depends on x, y, z and the step variable only").at(e.span, ""));
+                self.diagnostics.push(
+                    Diagnostic::new("E407", "a prescribed value depends on x, y, z and the step variable only")
+                        .at(e.span, ""),
+                );
                 None
             }
             Err(error) => {
@@ -168,7 +173,8 @@ fn facet_normal(mesh: &Mesh, facet: FacetRef) -> [f64; 3] {
     let dim = mesh.dim();
     let m = nalgebra::Matrix3::from_fn(|r, c| if r < dim && c < dim { j[r][c] } else { f64::from(u8::from(r == c)) });
     let reference = kind.facet_normal(usize::from(facet.local));
-    let n = m.try_inverse().map_or_else(nalgebra::Vector3::zeros, |i| i.transpose() * nalgebra::Vector3::from(reference));
+    let n =
+        m.try_inverse().map_or_else(nalgebra::Vector3::zeros, |i| i.transpose() * nalgebra::Vector3::from(reference));
     let n = n.normalize();
     [n[0], n[1], n[2]]
 }
@@ -187,7 +193,8 @@ pub(super) fn idle_multipliers(
     let mut idle = Vec::new();
     for (k, declared) in script.fields.iter().enumerate() {
         let keep = matches!(declared.kind, Declared::Multiplier { keep_crosspoints: true });
-        let (true, FieldSpace::Nodal(space)) = (fields[k].kind == FieldKind::Multiplier && !keep, &fields[k].space) else {
+        let (true, FieldSpace::Nodal(space)) = (fields[k].kind == FieldKind::Multiplier && !keep, &fields[k].space)
+        else {
             continue;
         };
         let Some(start) = numbering.starts[k] else { continue };
@@ -210,8 +217,15 @@ pub(super) fn idle_multipliers(
             let n = nodes.len();
             let (words, have) = if n == 1 { ("1 node", "has") } else { ("nodes", "have") };
             let count = if n == 1 { words.to_owned() } else { format!("{n} {words}") };
-            let d = Diagnostic::new("W404", format!("{count} of `{}` {have} no jump to act on and {} dropped", fields[k].name, if n == 1 { "is" } else { "are" }))
-                .note("kept, they make the system singular in stick; `with crosspoints=keep` keeps them");
+            let d = Diagnostic::new(
+                "W404",
+                format!(
+                    "{count} of `{}` {have} no jump to act on and {} dropped",
+                    fields[k].name,
+                    if n == 1 { "is" } else { "are" }
+                ),
+            )
+            .note("kept, they make the system singular in stick; `with crosspoints=keep` keeps them");
             diagnostics.push(d.at(declared.name.span, "where the fields on both sides are fixed"));
         }
     }
@@ -234,7 +248,9 @@ fn prescribed_there(
 ) -> bool {
     let mut any = false;
     for (k, field) in fields.iter().enumerate() {
-        let (FieldKind::Unknown, FieldSpace::Nodal(space), Some(start)) = (field.kind, &field.space, numbering.starts[k]) else {
+        let (FieldKind::Unknown, FieldSpace::Nodal(space), Some(start)) =
+            (field.kind, &field.space, numbering.starts[k])
+        else {
             continue;
         };
         for node in space.nodes_on_facets(mesh, topology, facets) {

@@ -13,7 +13,10 @@ use crate::{
     element::Family,
     field::{Field, FieldSpace},
     mesh::{FacetRef, Mesh, RegionSet, Topology},
-    scene::{constants::number, regions::{NamedRegion, Regions}},
+    scene::{
+        constants::number,
+        regions::{NamedRegion, Regions},
+    },
     space::Space,
 };
 
@@ -83,7 +86,9 @@ fn field(
             Space::on_facets(mesh, topology, &facets, degree, family)
         }
         RegionSet::Nodes(_) => {
-            diagnostics.push(Diagnostic::new("E405", "a field lives on cells or faces, not on nodes").at(declared.space.span, ""));
+            diagnostics.push(
+                Diagnostic::new("E405", "a field lives on cells or faces, not on nodes").at(declared.space.span, ""),
+            );
             return None;
         }
     };
@@ -103,7 +108,9 @@ fn shape(rank: &Rank, env: &Env<'_>, diagnostics: &mut Vec<Diagnostic>) -> Optio
     let mut size = |e: &Expr| -> Option<usize> {
         let x = number(env, "a size", e, diagnostics)?;
         if x.fract() != 0.0 || !(1.0..=100.0).contains(&x) {
-            diagnostics.push(Diagnostic::new("E108", format!("a size is a whole number from 1 to 100, found {x}")).at(e.span, ""));
+            diagnostics.push(
+                Diagnostic::new("E108", format!("a size is a whole number from 1 to 100, found {x}")).at(e.span, ""),
+            );
             return None;
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
@@ -135,7 +142,11 @@ fn element(word: &Ident, mesh: &Mesh, diagnostics: &mut Vec<Diagnostic>) -> Opti
     match degree {
         Some(degree) if fits || (degree == 0 && rest.starts_with(['P', 'Q'])) => Some((degree, family)),
         _ => {
-            let cells = if tensors { "quadrilaterals or hexahedra: Q1, Q2, DQ0, ..." } else { "simplices: P1, P2, P3, DP0, ..." };
+            let cells = if tensors {
+                "quadrilaterals or hexahedra: Q1, Q2, DQ0, ..."
+            } else {
+                "simplices: P1, P2, P3, DP0, ..."
+            };
             let d = Diagnostic::new("E406", format!("no element `{}` on this mesh", word.name));
             diagnostics.push(d.at(word.span, format!("the cells are {cells}")));
             None

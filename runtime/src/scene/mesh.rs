@@ -6,7 +6,12 @@ use wfl::{
     Diagnostic, MeshStmt, ResolvedScript, Span,
     ast::{self, BoxDivision, Expr, MeshSource},
 };
-use wfl_compiler::{Constant, Env, compile_value, types::{PlaceKind, PlaceSig}, backend::KernelBackend};
+use wfl_compiler::{
+    Constant, Env,
+    backend::KernelBackend,
+    compile_value,
+    types::{PlaceKind, PlaceSig},
+};
 
 use crate::{
     mesh::{BoxShape, MapError, Mesh, MeshError, cells_for_size, generate_box, map_nodes},
@@ -44,7 +49,8 @@ pub(super) fn mesh(
             match crate::mesh::read::read_mesh(&full) {
                 Ok(mesh) => mesh,
                 Err(e) => {
-                    diagnostics.push(Diagnostic::new("E410", format!("cannot use the mesh file `{path}`: {e}")).at(*span, ""));
+                    diagnostics
+                        .push(Diagnostic::new("E410", format!("cannot use the mesh file `{path}`: {e}")).at(*span, ""));
                     return None;
                 }
             }
@@ -69,8 +75,12 @@ fn generated(
     let high = numbers(env, "a corner of the box", to, diagnostics)?;
     let dim = low.len();
     if dim != high.len() || dim > 3 {
-        let d = Diagnostic::new("E408", format!("the corners of a box have 1 to 3 coordinates each, found {dim} and {}", high.len()));
-        diagnostics.push(d.at(to.span, format!("{} coordinates", high.len())).at(from.span, format!("{dim} coordinates")));
+        let d = Diagnostic::new(
+            "E408",
+            format!("the corners of a box have 1 to 3 coordinates each, found {dim} and {}", high.len()),
+        );
+        diagnostics
+            .push(d.at(to.span, format!("{} coordinates", high.len())).at(from.span, format!("{dim} coordinates")));
         return None;
     }
     let corner = |v: &[f64]| [0, 1, 2].map(|d| v.get(d).copied().unwrap_or(0.0));
@@ -115,7 +125,10 @@ fn whole_cells(n: &[f64], dim: usize, e: &Expr, diagnostics: &mut Vec<Diagnostic
     let expanded: Vec<f64> = if n.len() == 1 { vec![n[0]; dim] } else { n.to_vec() };
     for (slot, x) in cells.iter_mut().zip(&expanded) {
         if x.fract() != 0.0 || *x < 1.0 || *x > 1e6 {
-            diagnostics.push(Diagnostic::new("E408", format!("a number of cells is a whole number from 1, found {x}")).at(e.span, ""));
+            diagnostics.push(
+                Diagnostic::new("E408", format!("a number of cells is a whole number from 1, found {x}"))
+                    .at(e.span, ""),
+            );
             return None;
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
@@ -124,7 +137,10 @@ fn whole_cells(n: &[f64], dim: usize, e: &Expr, diagnostics: &mut Vec<Diagnostic
         }
     }
     if expanded.len() != dim {
-        let d = Diagnostic::new("E408", format!("this box has {dim} directions, found {} numbers of cells", expanded.len()));
+        let d = Diagnostic::new(
+            "E408",
+            format!("this box has {dim} directions, found {} numbers of cells", expanded.len()),
+        );
         diagnostics.push(d.at(e.span, ""));
         return None;
     }

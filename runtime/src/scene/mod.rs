@@ -18,8 +18,9 @@ use wfl::{
     ast::{OptionItem, OptionValue, Reduction},
 };
 use wfl_compiler::{
-    Class, Constant, Env, compile_condition, compile_value,
+    Class, Constant, Env,
     backend::KernelBackend,
+    compile_condition, compile_value,
     ir::VerifiedKernel,
     types::{FieldKind, FieldSig, InputSlot},
 };
@@ -199,7 +200,20 @@ fn prepare_all(
     let mesh_time = begin.elapsed().as_secs_f64();
     let variable = script.steps.as_ref().map(|s| s.variable.name.clone());
     let env = Env { fields: &sigs, step_variable: variable.as_deref(), ..bare };
-    Builder { script, env: &env, mesh, topology, regions, fields, sigs: &sigs, backend, diagnostics, params: &params, mesh_time }.build()
+    Builder {
+        script,
+        env: &env,
+        mesh,
+        topology,
+        regions,
+        fields,
+        sigs: &sigs,
+        backend,
+        diagnostics,
+        params: &params,
+        mesh_time,
+    }
+    .build()
 }
 
 struct Builder<'a> {
@@ -235,7 +249,8 @@ impl Builder<'_> {
         let used: BTreeSet<usize> = laws.iter().flat_map(|l| used_fields(&l.law)).collect();
         let known_kind = |f: &Field| matches!(f.kind, FieldKind::Unknown | FieldKind::Multiplier);
         let position = |f: &Field, all: &[Field]| all.iter().position(|g| g.name == f.name).unwrap_or(usize::MAX);
-        let mut numbering = Numbering::new(&self.fields, |f| known_kind(f) && used.contains(&position(f, &self.fields)));
+        let mut numbering =
+            Numbering::new(&self.fields, |f| known_kind(f) && used.contains(&position(f, &self.fields)));
         let prescribed = self.constraints(&mut numbering);
         let assembled = self.assemble_terms(laws, &rules, &numbering);
         let mesh_time = self.mesh_time + begin.elapsed().as_secs_f64();
@@ -279,7 +294,8 @@ impl Builder<'_> {
             }
         };
         let params = self.script.params.iter();
-        let params = params.filter_map(|p| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone()))).collect();
+        let params =
+            params.filter_map(|p| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone()))).collect();
         Some(Scene {
             system,
             topology: self.topology,
@@ -341,7 +357,9 @@ impl Builder<'_> {
     ) -> Option<(Vec<AssembledTerm>, Vec<TermSummary>)> {
         let kernels: Vec<&VerifiedKernel> = laws
             .iter()
-            .flat_map(|l| std::iter::once(&l.law.residual).chain((l.law.class > Class::Constant).then_some(&l.law.tangent)))
+            .flat_map(|l| {
+                std::iter::once(&l.law.residual).chain((l.law.class > Class::Constant).then_some(&l.law.tangent))
+            })
             .collect();
         let compiled = match self.backend.compile(&kernels) {
             Ok(k) => k,
@@ -351,7 +369,8 @@ impl Builder<'_> {
             }
         };
         let mut compiled = compiled.into_iter();
-        let mut domains: Vec<(String, Option<crate::mesh::RegionSet>, std::sync::Arc<crate::assemble::Domain>)> = Vec::new();
+        let mut domains: Vec<(String, Option<crate::mesh::RegionSet>, std::sync::Arc<crate::assemble::Domain>)> =
+            Vec::new();
         let (mut terms, mut summaries, mut complete) = (Vec::new(), Vec::new(), true);
         for placed in laws {
             let residual = compiled.next()?;
@@ -359,7 +378,14 @@ impl Builder<'_> {
             let choice = rules.get(&placed.place).copied().unwrap_or(RuleChoice::Degree(1));
             let shared = domains.iter().find(|(p, s, _)| *p == placed.place && *s == placed.set).map(|d| d.2.clone());
             let domain = shared.or_else(|| {
-                let made = terms::domain(&self.mesh, &self.fields, placed.set.as_ref(), choice, placed.span, self.diagnostics)?;
+                let made = terms::domain(
+                    &self.mesh,
+                    &self.fields,
+                    placed.set.as_ref(),
+                    choice,
+                    placed.span,
+                    self.diagnostics,
+                )?;
                 domains.push((placed.place.clone(), placed.set.clone(), made.clone()));
                 Some(made)
             });
@@ -377,7 +403,10 @@ impl Builder<'_> {
                         symmetric: placed.law.symmetric,
                         rule: choice,
                         n_points: domain.groups.iter().map(|g| g.weights.len()).max().unwrap_or(0),
-                        instructions: (placed.law.residual.kernel().insts.len(), placed.law.tangent.kernel().insts.len()),
+                        instructions: (
+                            placed.law.residual.kernel().insts.len(),
+                            placed.law.tangent.kernel().insts.len(),
+                        ),
                     });
                     let integrator = Integrator { domain, binding };
                     let place = placed.set.as_ref().and_then(outputs::facet_support);
@@ -413,8 +442,15 @@ impl Builder<'_> {
                 (name, _) => self.bad_option(option, name, "on_fail=stop, on_fail=go_on"),
             }
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "bounded above")]
-        let values = (0..=count as usize).map(|k| if k as f64 == count { from + count * by } else { from + k as f64 * by }).collect();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            clippy::cast_precision_loss,
+            reason = "bounded above"
+        )]
+        let values = (0..=count as usize)
+            .map(|k| if k as f64 == count { from + count * by } else { from + k as f64 * by })
+            .collect();
         Some(Steps { variable: Some(steps.variable.name.clone()), values, go_on })
     }
 
@@ -464,7 +500,10 @@ impl Builder<'_> {
             }
             match Value::new(law, self.backend) {
                 Ok(v) if v.reads_positions_only() => out.push((k, v)),
-                Ok(_) => self.diagnostics.push(Diagnostic::new("E407", "a nodal value depends on x, y, z and the step variable only").at(e.span, "")),
+                Ok(_) => self.diagnostics.push(
+                    Diagnostic::new("E407", "a nodal value depends on x, y, z and the step variable only")
+                        .at(e.span, ""),
+                ),
                 Err(error) => self.diagnostics.push(Diagnostic::new("E609", error.to_string()).at(e.span, "")),
             }
         }
@@ -529,13 +568,17 @@ impl Builder<'_> {
                 }
                 // the rule of the terms there, so that measured forces are those that act
                 let choice = rules.get(&place.name).copied().unwrap_or(RuleChoice::Degree(law.degree.rule()));
-                let Some(domain) = terms::domain(&self.mesh, &self.fields, set.as_ref(), choice, measure.expr.span, self.diagnostics) else {
+                let Some(domain) =
+                    terms::domain(&self.mesh, &self.fields, set.as_ref(), choice, measure.expr.span, self.diagnostics)
+                else {
                     continue;
                 };
                 match Value::new(law, self.backend) {
                     Ok(value) => match value.bind(&self.mesh, domain, &self.fields) {
                         Ok(sampled) => parts.push((value, sampled)),
-                        Err(e) => self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(measure.expr.span, "")),
+                        Err(e) => {
+                            self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(measure.expr.span, ""))
+                        }
                     },
                     Err(e) => self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(measure.expr.span, "")),
                 }
@@ -620,7 +663,13 @@ impl Scene {
             diagnostics.extend(law.diagnostics);
             let holds = law.value.filter(|l| l.inputs.is_empty()).map(|law| {
                 let mut value = [0.0];
-                wfl_compiler::interpret(&law.kernel, &wfl_compiler::run_prologue(&law.prologue, &[]), &[], &mut Vec::new(), &mut value);
+                wfl_compiler::interpret(
+                    &law.kernel,
+                    &wfl_compiler::run_prologue(&law.prologue, &[]),
+                    &[],
+                    &mut Vec::new(),
+                    &mut value,
+                );
                 value[0] == 1.0
             });
             out.push((expect.clone(), holds));

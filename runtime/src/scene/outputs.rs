@@ -8,12 +8,7 @@ use wfl::{
     Diagnostic, ResolvedScript, Span,
     ast::{Expr, ExprKind, OptionValue},
 };
-use wfl_compiler::{
-    Env, ValueLaw,
-    backend::KernelBackend,
-    compile_value,
-    types::PlaceSig,
-};
+use wfl_compiler::{Env, ValueLaw, backend::KernelBackend, compile_value, types::PlaceSig};
 
 use crate::{
     field::{Field, FieldSpace},
@@ -101,7 +96,8 @@ impl OutputMaker<'_> {
                 }
             }
         }
-        let target = |cells: Vec<CellId>| self.target("this body", RegionSet::Cells(cells.clone()), SupportSet::Cells(cells));
+        let target =
+            |cells: Vec<CellId>| self.target("this body", RegionSet::Cells(cells.clone()), SupportSet::Cells(cells));
         sets.into_iter().map(target).collect()
     }
 
@@ -193,7 +189,15 @@ impl OutputMaker<'_> {
         self.try_compile(face, &other).ok()
     }
 
-    fn add(&mut self, pieces: &mut Vec<(SupportSet, SampledPiece)>, target: &Target, law: ValueLaw, name: &str, degree: usize, span: Span) {
+    fn add(
+        &mut self,
+        pieces: &mut Vec<(SupportSet, SampledPiece)>,
+        target: &Target,
+        law: ValueLaw,
+        name: &str,
+        degree: usize,
+        span: Span,
+    ) {
         let position = match pieces.iter().position(|(s, _)| *s == target.support) {
             Some(p) => p,
             None => match SampledPiece::new(self.mesh, self.topology, &target.support, degree) {
@@ -207,9 +211,9 @@ impl OutputMaker<'_> {
                 }
             },
         };
-        let added = Value::new(law, self.backend)
-            .map_err(|e| e.to_string())
-            .and_then(|v| pieces[position].1.add(self.mesh, self.fields, name.to_owned(), v).map_err(|e| e.to_string()));
+        let added = Value::new(law, self.backend).map_err(|e| e.to_string()).and_then(|v| {
+            pieces[position].1.add(self.mesh, self.fields, name.to_owned(), v).map_err(|e| e.to_string())
+        });
         if let Err(text) = added {
             self.diagnostics.push(Diagnostic::new("E416", text).at(span, ""));
         }
@@ -231,7 +235,9 @@ impl OutputMaker<'_> {
         let mut n = DEFAULT_POINTS;
         for option in &output.options {
             match (&option.value, option.name.name.as_str()) {
-                (Some(OptionValue::Expr(e)), "points") => n = number(self.env, "a number of points", e, self.diagnostics)?,
+                (Some(OptionValue::Expr(e)), "points") => {
+                    n = number(self.env, "a number of points", e, self.diagnostics)?
+                }
                 (_, name) => {
                     let d = Diagnostic::new("E414", format!("option `{name}` is not understood here"));
                     self.diagnostics.push(d.at(option.name.span, "known: points=101"));

@@ -11,8 +11,8 @@ use wfl_compiler::{Constant, Env, backend::KernelBackend, compile_condition};
 
 use crate::{
     mesh::{
-        CellId, InterfaceFacet, Mesh, RegionError, RegionSet, Topology, boundary_of, interface, outer_boundary, pick_cells, pick_facets,
-        pick_nodes,
+        CellId, InterfaceFacet, Mesh, RegionError, RegionSet, Topology, boundary_of, interface, outer_boundary,
+        pick_cells, pick_facets, pick_nodes,
     },
     scene::mesh::position_place,
     value::Value,
@@ -53,7 +53,8 @@ impl RegionMaker<'_> {
         self.regions.insert("boundary".to_owned(), plain(RegionSet::Facets(outer_boundary(self.topology))));
         if names_interior(self.script) {
             // every inner face once, seen from its first cell
-            let pairs = self.topology.facets().iter().filter_map(|f| Some(InterfaceFacet { here: f.here, there: f.there? }));
+            let pairs =
+                self.topology.facets().iter().filter_map(|f| Some(InterfaceFacet { here: f.here, there: f.there? }));
             let mut pairs: Vec<InterfaceFacet> = pairs.collect();
             pairs.sort_unstable();
             self.regions.insert("interior".to_owned(), plain(RegionSet::Interface(pairs)));
@@ -63,7 +64,9 @@ impl RegionMaker<'_> {
                 Ok(set) => {
                     self.regions.insert(group.name.clone(), plain(set));
                 }
-                Err(e) => self.diagnostics.push(Diagnostic::new("E410", format!("group `{}` of the mesh file: {e}", group.name))),
+                Err(e) => self
+                    .diagnostics
+                    .push(Diagnostic::new("E410", format!("group `{}` of the mesh file: {e}", group.name))),
             }
         }
         for region in &self.script.regions {
@@ -117,7 +120,10 @@ impl RegionMaker<'_> {
         match &self.lookup(name)?.set {
             RegionSet::Cells(cells) => Some(cells.clone()),
             other => {
-                let d = Diagnostic::new("E405", format!("`{}` is a region of {}, cells are needed", name.name, other.kind()));
+                let d = Diagnostic::new(
+                    "E405",
+                    format!("`{}` is a region of {}, cells are needed", name.name, other.kind()),
+                );
                 self.diagnostics.push(d.at(name.span, ""));
                 None
             }
@@ -149,7 +155,9 @@ impl RegionMaker<'_> {
                 let made = interface(self.mesh, self.topology, &a?, &b?);
                 self.checked(made, *span)
             }
-            RegionExpr::Picked { entity, of, condition, span } => self.picked(*entity, of.as_ref(), condition.as_ref(), *span),
+            RegionExpr::Picked { entity, of, condition, span } => {
+                self.picked(*entity, of.as_ref(), condition.as_ref(), *span)
+            }
             RegionExpr::Combine(first, rest) => {
                 let mut total = self.evaluate(first, place)?;
                 for (op, other) in rest {
@@ -248,7 +256,8 @@ impl RegionMaker<'_> {
 fn names_interior(script: &ResolvedScript) -> bool {
     let is = |i: &Ident| i.name == "interior";
     let in_regions = script.regions.iter().any(|r| mentions_interior(&r.region));
-    let in_fields = script.fields.iter().any(|f| matches!(&f.space.place, wfl::ast::Place::On(list) if list.iter().any(is)));
+    let in_fields =
+        script.fields.iter().any(|f| matches!(&f.space.place, wfl::ast::Place::On(list) if list.iter().any(is)));
     let places = script.terms.iter().map(|t| &t.places);
     let places = places.chain(script.loads.iter().map(|l| &l.places)).chain(script.measures.iter().map(|m| &m.places));
     in_regions || in_fields || places.into_iter().flatten().any(is)

@@ -64,10 +64,13 @@ impl TermMaker<'_> {
             for place in &term.places {
                 let Some((sig, set)) = self.place(place) else { continue };
                 let mut name = term.name.as_ref().map_or_else(|| format!("term{}", k + 1), |n| n.name.clone());
-                if term.places.len() > 1 || self.script.terms.iter().filter(|t| t.name.as_ref().is_some_and(|n| n.name == name)).count() > 1 {
+                if term.places.len() > 1
+                    || self.script.terms.iter().filter(|t| t.name.as_ref().is_some_and(|n| n.name == name)).count() > 1
+                {
                     name = format!("{name} on {}", place.name);
                 }
-                let source = if term.energy { TermSource::Energy(&term.expr) } else { TermSource::Residual(&term.expr) };
+                let source =
+                    if term.energy { TermSource::Energy(&term.expr) } else { TermSource::Residual(&term.expr) };
                 self.push(&sig, &name, source, set, term.span, &mut out);
             }
         }
@@ -108,21 +111,33 @@ impl TermMaker<'_> {
         }
         let region = self.regions.get(&place.name)?;
         if let RegionSet::Nodes(_) = region.set {
-            let d = Diagnostic::new("E405", format!("nothing can be integrated over `{}`, a region of nodes", place.name));
+            let d =
+                Diagnostic::new("E405", format!("nothing can be integrated over `{}`, a region of nodes", place.name));
             self.diagnostics.push(d.at(place.span, "cells or faces are needed"));
             return None;
         }
         Some((place_sig(&place.name, region, self.mesh, self.fields), Some(region.set.clone())))
     }
 
-    fn load(&mut self, k: usize, load: &wfl::Condition, target: &wfl::ast::Target, place: &Ident, out: &mut Vec<PlacedLaw>) {
+    fn load(
+        &mut self,
+        k: usize,
+        load: &wfl::Condition,
+        target: &wfl::ast::Target,
+        place: &Ident,
+        out: &mut Vec<PlacedLaw>,
+    ) {
         let Some(position) = self.fields.iter().position(|f| f.name == target.field.name) else { return };
         let Some(region) = self.regions.get(&place.name) else { return };
         let field = &self.fields[position];
         let set = restricted(field, &region.set);
         if set.is_empty() {
-            let d = Diagnostic::new("E401", format!("`load {}` meets no part of `{}`", target.field.name, target.field.name));
-            let text = format!("the {} {} of `{}` belong to other fields", region.set.len(), region.set.kind(), place.name);
+            let d = Diagnostic::new(
+                "E401",
+                format!("`load {}` meets no part of `{}`", target.field.name, target.field.name),
+            );
+            let text =
+                format!("the {} {} of `{}` belong to other fields", region.set.len(), region.set.kind(), place.name);
             self.diagnostics.push(d.at(place.span, text));
             return;
         }
@@ -154,15 +169,26 @@ impl TermMaker<'_> {
         for statement in &self.script.quadratures {
             let choice = match &statement.rule {
                 QuadratureRule::Vertex => Some(RuleChoice::Vertex),
-                QuadratureRule::Degree(e) => number(self.env, "the degree of a rule", e, self.diagnostics).and_then(|d| {
-                    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
-                    if d.fract() == 0.0 && (0.0..=MAX_DEGREE).contains(&d) {
-                        return Some(RuleChoice::Degree(d as usize));
-                    }
-                    let m = Diagnostic::new("E411", format!("the degree of a quadrature rule is a whole number from 0 to {MAX_DEGREE}, found {d}"));
-                    self.diagnostics.push(m.at(e.span, ""));
-                    None
-                }),
+                QuadratureRule::Degree(e) => {
+                    number(self.env, "the degree of a rule", e, self.diagnostics).and_then(|d| {
+                        #[expect(
+                            clippy::cast_possible_truncation,
+                            clippy::cast_sign_loss,
+                            reason = "checked in the guard"
+                        )]
+                        if d.fract() == 0.0 && (0.0..=MAX_DEGREE).contains(&d) {
+                            return Some(RuleChoice::Degree(d as usize));
+                        }
+                        let m = Diagnostic::new(
+                            "E411",
+                            format!(
+                                "the degree of a quadrature rule is a whole number from 0 to {MAX_DEGREE}, found {d}"
+                            ),
+                        );
+                        self.diagnostics.push(m.at(e.span, ""));
+                        None
+                    })
+                }
             };
             let Some(choice) = choice else { continue };
             for place in &statement.places {
@@ -174,7 +200,12 @@ impl TermMaker<'_> {
 }
 
 /// The component named in `u(1)`, from 0.
-pub(super) fn component(env: &Env<'_>, e: &wfl::ast::Expr, field: &Field, diagnostics: &mut Vec<Diagnostic>) -> Option<usize> {
+pub(super) fn component(
+    env: &Env<'_>,
+    e: &wfl::ast::Expr,
+    field: &Field,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<usize> {
     let x = number(env, "a component", e, diagnostics)?;
     let n = field.n_components;
     #[expect(clippy::cast_precision_loss, reason = "few components")]

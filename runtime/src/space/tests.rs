@@ -1,7 +1,6 @@
 use super::*;
 use crate::mesh::{
-    BoxShape, RawMesh, RegionSet, boundary_of, generate_box, interface, outer_boundary, pick_cells,
-    pick_facets,
+    BoxShape, RawMesh, RegionSet, boundary_of, generate_box, interface, outer_boundary, pick_cells, pick_facets,
 };
 
 const SHAPES: [(usize, BoxShape, usize); 5] = [
@@ -25,9 +24,7 @@ fn shuffled(mesh: Mesh) -> Mesh {
     let mut order: Vec<usize> = (0..n).collect();
     let mut state = 12345u64;
     for i in (1..n).rev() {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         order.swap(i, (state >> 33) as usize % (i + 1));
     }
     let raw = mesh.into_raw();
@@ -35,17 +32,8 @@ fn shuffled(mesh: Mesh) -> Mesh {
     for (old, new) in order.iter().enumerate() {
         nodes[*new] = raw.nodes[old];
     }
-    let connectivity = raw
-        .connectivity
-        .iter()
-        .map(|n| order[*n as usize] as u32)
-        .collect();
-    Mesh::from_raw(RawMesh {
-        nodes,
-        connectivity,
-        ..raw
-    })
-    .unwrap()
+    let connectivity = raw.connectivity.iter().map(|n| order[*n as usize] as u32).collect();
+    Mesh::from_raw(RawMesh { nodes, connectivity, ..raw }).unwrap()
 }
 
 fn everywhere(mesh: &Mesh) -> Vec<CellId> {
@@ -58,19 +46,12 @@ fn node_counts_are_those_of_the_lattice() {
         let (mesh, topology) = unit(dim, shape, 3);
         for degree in 1..=highest {
             let cells = everywhere(&mesh);
-            let space =
-                Space::on_cells(&mesh, &topology, &cells, degree, Family::Continuous).unwrap();
-            assert_eq!(
-                space.n_nodes(),
-                (3 * degree + 1).pow(dim as u32),
-                "{shape:?} {degree}"
-            );
-            let apart =
-                Space::on_cells(&mesh, &topology, &cells, degree, Family::Discontinuous).unwrap();
+            let space = Space::on_cells(&mesh, &topology, &cells, degree, Family::Continuous).unwrap();
+            assert_eq!(space.n_nodes(), (3 * degree + 1).pow(dim as u32), "{shape:?} {degree}");
+            let apart = Space::on_cells(&mesh, &topology, &cells, degree, Family::Discontinuous).unwrap();
             assert_eq!(apart.n_nodes(), cells.len() * apart.element_at(0).n_dofs());
         }
-        let flat =
-            Space::on_cells(&mesh, &topology, &everywhere(&mesh), 0, Family::Continuous).unwrap();
+        let flat = Space::on_cells(&mesh, &topology, &everywhere(&mesh), 0, Family::Continuous).unwrap();
         assert_eq!(flat.n_nodes(), mesh.n_cells());
     }
 }
@@ -83,30 +64,15 @@ fn shared_nodes_have_one_place_for_all_cells() {
         let mesh = shuffled(unit(dim, shape, 3).0);
         let topology = Topology::new(&mesh).unwrap();
         for degree in 1..=highest {
-            let space = Space::on_cells(
-                &mesh,
-                &topology,
-                &everywhere(&mesh),
-                degree,
-                Family::Continuous,
-            )
-            .unwrap();
+            let space = Space::on_cells(&mesh, &topology, &everywhere(&mesh), degree, Family::Continuous).unwrap();
             let mut seen = vec![false; space.n_nodes()];
             for cell in mesh.cells() {
                 let position = space.position_of_cell(cell).unwrap();
                 let element = space.element_at(position);
-                let table = mesh
-                    .geometry_element(element.kind())
-                    .tabulate(element.points(), 0);
+                let table = mesh.geometry_element(element.kind()).tabulate(element.points(), 0);
                 for (dof, node) in space.entity_nodes(position).iter().enumerate() {
-                    let (x, y) = (
-                        mesh.point_at(cell, &table, dof),
-                        space.node_coordinates()[*node as usize],
-                    );
-                    assert!(
-                        (0..3).all(|i| (x[i] - y[i]).abs() < 1e-13),
-                        "{shape:?} {degree}"
-                    );
+                    let (x, y) = (mesh.point_at(cell, &table, dof), space.node_coordinates()[*node as usize]);
+                    assert!((0..3).all(|i| (x[i] - y[i]).abs() < 1e-13), "{shape:?} {degree}");
                     seen[*node as usize] = true;
                 }
             }
@@ -118,8 +84,7 @@ fn shared_nodes_have_one_place_for_all_cells() {
 #[test]
 fn numbers_follow_first_appearance() {
     let (mesh, topology) = unit(3, BoxShape::Hexahedron, 2);
-    let space =
-        Space::on_cells(&mesh, &topology, &everywhere(&mesh), 2, Family::Continuous).unwrap();
+    let space = Space::on_cells(&mesh, &topology, &everywhere(&mesh), 2, Family::Continuous).unwrap();
     let mut highest = None;
     for position in 0..space.n_positions() {
         for node in space.entity_nodes(position) {
@@ -134,41 +99,18 @@ fn nodes_on_facets_are_the_nodes_on_that_plane() {
     for (dim, shape, highest) in SHAPES {
         let mesh = shuffled(unit(dim, shape, 2).0);
         let topology = Topology::new(&mesh).unwrap();
-        let picked = pick_facets(&mesh, &outer_boundary(&topology), |x| {
-            Ok::<_, ()>(x[0] == 1.0)
-        });
-        let Ok(RegionSet::Facets(facets)) = picked else {
-            panic!()
-        };
+        let picked = pick_facets(&mesh, &outer_boundary(&topology), |x| Ok::<_, ()>(x[0] == 1.0));
+        let Ok(RegionSet::Facets(facets)) = picked else { panic!() };
         for degree in 1..=highest {
-            let space = Space::on_cells(
-                &mesh,
-                &topology,
-                &everywhere(&mesh),
-                degree,
-                Family::Continuous,
-            )
-            .unwrap();
-            let on_plane =
-                |node: &u32| (space.node_coordinates()[*node as usize][0] - 1.0).abs() < 1e-12;
+            let space = Space::on_cells(&mesh, &topology, &everywhere(&mesh), degree, Family::Continuous).unwrap();
+            let on_plane = |node: &u32| (space.node_coordinates()[*node as usize][0] - 1.0).abs() < 1e-12;
             let expected: Vec<u32> = (0..space.n_nodes() as u32).filter(on_plane).collect();
             assert_eq!(space.nodes_on_facets(&mesh, &topology, &facets), expected);
-            let apart = Space::on_cells(
-                &mesh,
-                &topology,
-                &everywhere(&mesh),
-                degree,
-                Family::Discontinuous,
-            )
-            .unwrap();
+            let apart = Space::on_cells(&mesh, &topology, &everywhere(&mesh), degree, Family::Discontinuous).unwrap();
             let found = apart.nodes_on_facets(&mesh, &topology, &facets);
             let per_facet = apart.element_at(0).facet_closure(0).len();
             assert_eq!(found.len(), facets.len() * per_facet);
-            assert!(
-                found
-                    .iter()
-                    .all(|n| (apart.node_coordinates()[*n as usize][0] - 1.0).abs() < 1e-12)
-            );
+            assert!(found.iter().all(|n| (apart.node_coordinates()[*n as usize][0] - 1.0).abs() < 1e-12));
         }
     }
 }
@@ -185,23 +127,19 @@ fn an_interface_is_met_from_both_sides() {
             _ => panic!(),
         };
         let (near, far) = (half(true), half(false));
-        let Ok(RegionSet::Interface(fault)) = interface(&mesh, &topology, &near, &far) else {
-            panic!()
-        };
+        let Ok(RegionSet::Interface(fault)) = interface(&mesh, &topology, &near, &far) else { panic!() };
         let here: Vec<FacetRef> = fault.iter().map(|f| f.here).collect();
         let there: Vec<FacetRef> = fault.iter().map(|f| f.there).collect();
         for degree in 1..=highest {
             let count = (4 * degree + 1).pow(dim as u32 - 1);
             for cells in [&near, &far] {
-                let space =
-                    Space::on_cells(&mesh, &topology, cells, degree, Family::Continuous).unwrap();
+                let space = Space::on_cells(&mesh, &topology, cells, degree, Family::Continuous).unwrap();
                 assert_eq!(space.n_nodes(), count * (2 * degree + 1));
                 let nodes = space.nodes_on_facets(&mesh, &topology, &here);
                 assert_eq!(nodes.len(), count);
                 assert_eq!(nodes, space.nodes_on_facets(&mesh, &topology, &there));
             }
-            let trace =
-                Space::on_facets(&mesh, &topology, &here, degree, Family::Continuous).unwrap();
+            let trace = Space::on_facets(&mesh, &topology, &here, degree, Family::Continuous).unwrap();
             assert_eq!(trace.n_nodes(), count);
             let all: Vec<u32> = (0..count as u32).collect();
             assert_eq!(trace.nodes_on_facets(&mesh, &topology, &there), all);
@@ -209,12 +147,10 @@ fn an_interface_is_met_from_both_sides() {
                 assert_eq!(trace.position_of_facet(*facet), Some(position));
                 check_trace(&mesh, &trace, position, *facet);
             }
-            let apart =
-                Space::on_facets(&mesh, &topology, &here, degree, Family::Discontinuous).unwrap();
+            let apart = Space::on_facets(&mesh, &topology, &here, degree, Family::Discontinuous).unwrap();
             let nodes = apart.nodes_on_facets(&mesh, &topology, &there[..1]);
             assert_eq!(nodes, apart.entity_nodes(0).to_vec());
-            let flat =
-                Space::on_facets(&mesh, &topology, &there, 0, Family::Discontinuous).unwrap();
+            let flat = Space::on_facets(&mesh, &topology, &there, 0, Family::Discontinuous).unwrap();
             assert_eq!(flat.n_nodes(), fault.len());
         }
     }
@@ -223,9 +159,7 @@ fn an_interface_is_met_from_both_sides() {
 /// Local order of a trace space: the facet's element in the facet's parameters.
 fn check_trace(mesh: &Mesh, trace: &Space, position: usize, facet: FacetRef) {
     let element = trace.element_at(position);
-    let table = mesh
-        .geometry_element(element.kind())
-        .tabulate(element.points(), 0);
+    let table = mesh.geometry_element(element.kind()).tabulate(element.points(), 0);
     for (dof, node) in trace.entity_nodes(position).iter().enumerate() {
         let x = mesh.facet_point_at(facet, &table, dof);
         let y = trace.node_coordinates()[*node as usize];
@@ -240,10 +174,7 @@ fn corners_of_a_part_are_found_by_mesh_node() {
     let space = Space::on_cells(&mesh, &topology, &cells, 2, Family::Continuous).unwrap();
     let nodes: Vec<NodeId> = [0, 1, 5].map(NodeId::new).to_vec();
     let found = space.nodes_at_mesh_nodes(&nodes);
-    let places: Vec<[f64; 3]> = found
-        .iter()
-        .map(|n| space.node_coordinates()[*n as usize])
-        .collect();
+    let places: Vec<[f64; 3]> = found.iter().map(|n| space.node_coordinates()[*n as usize]).collect();
     assert_eq!(places, [[0.5, 0.0, 0.0], [1.0, 0.5, 0.0]]);
     let edge = boundary_of(&mesh, &topology, &cells);
     assert_eq!(space.nodes_on_facets(&mesh, &topology, &edge).len(), 8);

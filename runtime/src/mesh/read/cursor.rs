@@ -16,12 +16,7 @@ pub(super) struct Cursor<'a> {
 
 impl<'a> Cursor<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
-        Cursor {
-            bytes,
-            at: 0,
-            binary: false,
-            big_endian: false,
-        }
+        Cursor { bytes, at: 0, binary: false, big_endian: false }
     }
 
     /// The current place, for an error message; counts lines only then.
@@ -53,10 +48,7 @@ impl<'a> Cursor<'a> {
     fn word(&mut self) -> &'a [u8] {
         self.skip_white();
         let rest = &self.bytes[self.at..];
-        let length = rest
-            .iter()
-            .position(u8::is_ascii_whitespace)
-            .unwrap_or(rest.len());
+        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
         self.at += length;
         &rest[..length]
     }
@@ -76,11 +68,7 @@ impl<'a> Cursor<'a> {
         }
         self.at -= word.len();
         let shown = &word[..word.len().min(40)];
-        ReadError::Syntax {
-            needed,
-            found: String::from_utf8_lossy(shown).into_owned(),
-            place: self.place(),
-        }
+        ReadError::Syntax { needed, found: String::from_utf8_lossy(shown).into_owned(), place: self.place() }
     }
 
     /// A whole number written as text, also in a binary file.
@@ -94,9 +82,7 @@ impl<'a> Cursor<'a> {
         if digits.is_empty() || digits.len() > 18 || !digits.iter().all(u8::is_ascii_digit) {
             return Err(self.wrong(word, needed));
         }
-        let value = digits
-            .iter()
-            .fold(0, |value, digit| value * 10 + i64::from(digit - b'0'));
+        let value = digits.iter().fold(0, |value, digit| value * 10 + i64::from(digit - b'0'));
         Ok(if negative { -value } else { value })
     }
 
@@ -112,11 +98,7 @@ impl<'a> Cursor<'a> {
         if !self.binary {
             self.skip_white();
         }
-        ReadError::Syntax {
-            needed,
-            found: value.to_string(),
-            place: self.place(),
-        }
+        ReadError::Syntax { needed, found: value.to_string(), place: self.place() }
     }
 
     fn raw<const N: usize>(&mut self, needed: &'static str) -> Result<[u8; N], ReadError> {
@@ -171,11 +153,7 @@ impl<'a> Cursor<'a> {
         for value in &mut x {
             *value = self.double("a coordinate")?;
             if !value.is_finite() {
-                return Err(ReadError::NonFinite {
-                    node,
-                    value: *value,
-                    place: self.place(),
-                });
+                return Err(ReadError::NonFinite { node, value: *value, place: self.place() });
             }
         }
         Ok(x)
@@ -209,10 +187,7 @@ impl<'a> Cursor<'a> {
         let end = [b"$End", name].concat();
         let rest = &self.bytes[self.at..];
         // Only the few bytes after a `$` are compared in full.
-        let found = rest
-            .iter()
-            .enumerate()
-            .find(|(i, byte)| **byte == b'$' && rest[*i..].starts_with(&end));
+        let found = rest.iter().enumerate().find(|(i, byte)| **byte == b'$' && rest[*i..].starts_with(&end));
         let Some((offset, _)) = found else {
             self.at = self.bytes.len();
             return Err(self.truncated("the end of a section"));

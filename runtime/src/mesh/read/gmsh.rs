@@ -16,18 +16,8 @@ pub(super) struct ElementType {
     nodes: &'static [usize],
 }
 
-const fn element_type(
-    code: i64,
-    kind: CellKind,
-    order: usize,
-    nodes: &'static [usize],
-) -> ElementType {
-    ElementType {
-        code,
-        kind,
-        order,
-        nodes,
-    }
+const fn element_type(code: i64, kind: CellKind, order: usize, nodes: &'static [usize]) -> ElementType {
+    ElementType { code, kind, order, nodes }
 }
 
 /// Gmsh lists corners counter-clockwise and edges in its own order; ours are lexicographic on
@@ -42,20 +32,12 @@ static ELEMENT_TYPES: [ElementType; 11] = [
     element_type(8, CellKind::Segment, 2, &[0, 1, 2]),
     element_type(9, CellKind::Triangle, 2, &[0, 1, 2, 3, 4, 5]),
     element_type(10, CellKind::Quadrilateral, 2, &[0, 4, 1, 7, 8, 5, 3, 6, 2]),
-    element_type(
-        11,
-        CellKind::Tetrahedron,
-        2,
-        &[0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
-    ),
+    element_type(11, CellKind::Tetrahedron, 2, &[0, 1, 2, 3, 4, 5, 6, 7, 9, 8]),
     element_type(
         12,
         CellKind::Hexahedron,
         2,
-        &[
-            0, 8, 1, 9, 20, 11, 3, 13, 2, 10, 21, 12, 22, 26, 23, 15, 24, 14, 4, 16, 5, 17, 25, 18,
-            7, 19, 6,
-        ],
+        &[0, 8, 1, 9, 20, 11, 3, 13, 2, 10, 21, 12, 22, 26, 23, 15, 24, 14, 4, 16, 5, 17, 25, 18, 7, 19, 6],
     ),
 ];
 
@@ -117,11 +99,7 @@ pub(super) fn header(cursor: &mut Cursor<'_>) -> Result<(), ReadError> {
         if found == 1 << 24 {
             cursor.big_endian = true;
         } else if found != 1 {
-            return Err(ReadError::Syntax {
-                needed: "the number 1",
-                found: found.to_string(),
-                place,
-            });
+            return Err(ReadError::Syntax { needed: "the number 1", found: found.to_string(), place });
         }
     }
     cursor.close("$EndMeshFormat")
@@ -237,11 +215,7 @@ impl Contents {
         }
         let order = self.order(dim)?;
         let map = NodeMap::new(&self.node_numbers)?;
-        let mut raw = RawMesh {
-            dim,
-            order,
-            ..RawMesh::default()
-        };
+        let mut raw = RawMesh { dim, order, ..RawMesh::default() };
         let mut groups = Groups::default();
         for block in &self.blocks {
             if block.element_type.dim() == dim {
@@ -260,10 +234,7 @@ impl Contents {
     fn order(&self, dim: usize) -> Result<usize, ReadError> {
         let example = |order: usize| {
             let fits = |b: &&Block| b.element_type.dim() == dim && b.element_type.order == order;
-            self.blocks
-                .iter()
-                .filter(fits)
-                .find_map(|b| b.elements.first().copied())
+            self.blocks.iter().filter(fits).find_map(|b| b.elements.first().copied())
         };
         match (example(1), example(2)) {
             (Some(first), Some(second)) => Err(ReadError::MixedOrder { first, second }),
@@ -280,22 +251,13 @@ impl Contents {
             return Ok(());
         };
         let start = self.nodes[*first as usize];
-        let used = raw
-            .connectivity
-            .iter()
-            .map(|n| (*n, self.nodes[*n as usize]));
+        let used = raw.connectivity.iter().map(|n| (*n, self.nodes[*n as usize]));
         let offset = |x: &[f64; 3], d: usize| (x[d] - start[d]).abs();
-        let extent = used
-            .clone()
-            .flat_map(|(_, x)| (0..3).map(move |d| offset(&x, d)))
-            .fold(0.0, f64::max);
+        let extent = used.clone().flat_map(|(_, x)| (0..3).map(move |d| offset(&x, d))).fold(0.0, f64::max);
         let outside = |x: &[f64; 3]| (raw.dim..3).any(|d| offset(x, d) > THICKNESS * extent);
         match used.into_iter().find(|(_, x)| outside(x)) {
             None => Ok(()),
-            Some((node, _)) => Err(ReadError::NotFlat {
-                dim: raw.dim,
-                node: self.node_numbers[node as usize],
-            }),
+            Some((node, _)) => Err(ReadError::NotFlat { dim: raw.dim, node: self.node_numbers[node as usize] }),
         }
     }
 }
@@ -309,26 +271,15 @@ struct Groups {
 }
 
 fn resolve(map: &NodeMap, element: u64, node: u64) -> Result<u32, ReadError> {
-    map.find(node)
-        .ok_or(ReadError::MissingNode { element, node })
+    map.find(node).ok_or(ReadError::MissingNode { element, node })
 }
 
-fn add_cells(
-    block: &Block,
-    map: &NodeMap,
-    raw: &mut RawMesh,
-    groups: &mut Groups,
-) -> Result<(), ReadError> {
+fn add_cells(block: &Block, map: &NodeMap, raw: &mut RawMesh, groups: &mut Groups) -> Result<(), ReadError> {
     let places = block.element_type.nodes;
     let first = raw.kinds.len();
-    for (element, nodes) in block
-        .elements
-        .iter()
-        .zip(block.nodes.chunks_exact(places.len()))
-    {
+    for (element, nodes) in block.elements.iter().zip(block.nodes.chunks_exact(places.len())) {
         for place in places {
-            raw.connectivity
-                .push(resolve(map, *element, nodes[*place])?);
+            raw.connectivity.push(resolve(map, *element, nodes[*place])?);
         }
         raw.kinds.push(block.element_type.kind);
     }
@@ -339,12 +290,7 @@ fn add_cells(
     Ok(())
 }
 
-fn add_lower(
-    block: &Block,
-    dim: usize,
-    map: &NodeMap,
-    groups: &mut Groups,
-) -> Result<(), ReadError> {
+fn add_lower(block: &Block, dim: usize, map: &NodeMap, groups: &mut Groups) -> Result<(), ReadError> {
     let (kind, n) = (block.element_type.kind, block.element_type.n_nodes());
     for (element, numbers) in block.elements.iter().zip(block.nodes.chunks_exact(n)) {
         // Resolved also without a group: a missing node is an error of the file.

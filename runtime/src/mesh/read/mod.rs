@@ -113,9 +113,7 @@ pub enum ReadError {
         place: Place,
     },
     /// Elements of first and second order in one mesh.
-    #[error(
-        "the cells are partly of first and partly of second order (elements {first} and {second})"
-    )]
+    #[error("the cells are partly of first and partly of second order (elements {first} and {second})")]
     MixedOrder {
         /// A first-order element.
         first: u64,
@@ -144,14 +142,8 @@ struct Reader {
 }
 
 const READERS: [Reader; 2] = [
-    Reader {
-        recognises: msh2::recognises,
-        parse: msh2::parse,
-    },
-    Reader {
-        recognises: msh4::recognises,
-        parse: msh4::parse,
-    },
+    Reader { recognises: msh2::recognises, parse: msh2::parse },
+    Reader { recognises: msh4::recognises, parse: msh4::parse },
 ];
 
 /// Reads and checks a mesh file. Physical groups become [`super::Group`]s; an unnamed one is
@@ -160,10 +152,7 @@ const READERS: [Reader; 2] = [
 /// # Errors
 /// [`ReadError`].
 pub fn read_mesh(path: &Path) -> Result<Mesh, ReadError> {
-    let bytes = std::fs::read(path).map_err(|source| ReadError::Io {
-        path: path.to_path_buf(),
-        source,
-    })?;
+    let bytes = std::fs::read(path).map_err(|source| ReadError::Io { path: path.to_path_buf(), source })?;
     Ok(Mesh::from_raw(parse_mesh(&bytes)?)?)
 }
 

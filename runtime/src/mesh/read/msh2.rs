@@ -106,16 +106,12 @@ fn element(
     }
     // A negative number says that the group takes the entity with its orientation reversed.
     let groups: &[i64] = if group == 0 { &[] } else { &[group.abs()] };
-    let joins = contents.blocks.last().is_some_and(|block| {
-        std::ptr::eq(block.element_type, element_type) && block.groups == groups
-    });
+    let joins = contents
+        .blocks
+        .last()
+        .is_some_and(|block| std::ptr::eq(block.element_type, element_type) && block.groups == groups);
     if !joins {
-        contents.blocks.push(Block {
-            element_type,
-            groups: groups.to_vec(),
-            elements: Vec::new(),
-            nodes: Vec::new(),
-        });
+        contents.blocks.push(Block { element_type, groups: groups.to_vec(), elements: Vec::new(), nodes: Vec::new() });
     }
     let block = contents.blocks.last_mut().expect("a block was just added");
     block.elements.push(number);

@@ -107,11 +107,7 @@ fn nodes(cursor: &mut Cursor<'_>, contents: &mut Contents) -> Result<(), ReadErr
     cursor.close("$EndNodes")
 }
 
-fn elements(
-    cursor: &mut Cursor<'_>,
-    groups: &Entities,
-    contents: &mut Contents,
-) -> Result<(), ReadError> {
+fn elements(cursor: &mut Cursor<'_>, groups: &Entities, contents: &mut Contents) -> Result<(), ReadError> {
     let n_blocks = cursor.size("the number of element blocks")?;
     cursor.size("the number of elements")?;
     cursor.size("the lowest element number")?;
@@ -139,9 +135,7 @@ fn elements(
             nodes: Vec::with_capacity(room * n_nodes),
         };
         for _ in 0..in_block {
-            block
-                .elements
-                .push(cursor.size("the number of an element")?);
+            block.elements.push(cursor.size("the number of an element")?);
             for _ in 0..n_nodes {
                 block.nodes.push(cursor.size("a node of an element")?);
             }

@@ -1,46 +1,15 @@
 use super::*;
 use crate::mesh::{
-    CellId, CellKind, FacetRef, GroupEntities, RegionSet, Topology, cell_volumes, facet_measures,
-    interface,
+    CellId, CellKind, FacetRef, GroupEntities, RegionSet, Topology, cell_volumes, facet_measures, interface,
 };
 
 /// Files of [`data/README.md`](data/README.md) in two formats each.
 const FILES: [(&str, [&[u8]; 2]); 5] = [
-    (
-        "disc",
-        [
-            include_bytes!("data/disc_22b.msh"),
-            include_bytes!("data/disc_41a.msh"),
-        ],
-    ),
-    (
-        "hex",
-        [
-            include_bytes!("data/hex_22a.msh"),
-            include_bytes!("data/hex_41b.msh"),
-        ],
-    ),
-    (
-        "tet",
-        [
-            include_bytes!("data/tet_22b.msh"),
-            include_bytes!("data/tet_41a.msh"),
-        ],
-    ),
-    (
-        "mixed",
-        [
-            include_bytes!("data/mixed_22a.msh"),
-            include_bytes!("data/mixed_41b.msh"),
-        ],
-    ),
-    (
-        "line",
-        [
-            include_bytes!("data/line_22b.msh"),
-            include_bytes!("data/line_41a.msh"),
-        ],
-    ),
+    ("disc", [include_bytes!("data/disc_22b.msh"), include_bytes!("data/disc_41a.msh")]),
+    ("hex", [include_bytes!("data/hex_22a.msh"), include_bytes!("data/hex_41b.msh")]),
+    ("tet", [include_bytes!("data/tet_22b.msh"), include_bytes!("data/tet_41a.msh")]),
+    ("mixed", [include_bytes!("data/mixed_22a.msh"), include_bytes!("data/mixed_41b.msh")]),
+    ("line", [include_bytes!("data/line_22b.msh"), include_bytes!("data/line_41a.msh")]),
 ];
 
 fn files(name: &str) -> [Mesh; 2] {
@@ -98,15 +67,7 @@ fn groups_have_the_measures_that_gmsh_finds() {
                 ("trace", 3.0, 0.0),
             ],
         ),
-        (
-            "mixed",
-            12,
-            &[
-                ("squares", 1.0, 1e-13),
-                ("triangles", 1.0, 1e-13),
-                ("seam", 1.0, 1e-13),
-            ],
-        ),
+        ("mixed", 12, &[("squares", 1.0, 1e-13), ("triangles", 1.0, 1e-13), ("seam", 1.0, 1e-13)]),
         ("line", 3, &[("bar", 3.0, 1e-13), ("end", 1.0, 1e-13)]),
     ];
     for (name, n_cells, groups) in expected {
@@ -116,10 +77,7 @@ fn groups_have_the_measures_that_gmsh_finds() {
             assert_eq!(mesh.groups().len(), groups.len(), "{name}");
             for (group, value, tolerance) in groups {
                 let found = measure(&mesh, &topology, group);
-                assert!(
-                    (found - value).abs() <= *tolerance,
-                    "{name} {group}: {found} {value}"
-                );
+                assert!((found - value).abs() <= *tolerance, "{name} {group}: {found} {value}");
             }
             assert_eq!(mesh.warnings().duplicate_nodes, []);
         }
@@ -132,18 +90,12 @@ fn both_formats_give_the_same_mesh() {
         let [first, second] = files(name);
         let topology = Topology::new(&first).unwrap();
         assert_eq!(first.order(), second.order());
-        assert_eq!(
-            topology.n_facets(),
-            Topology::new(&second).unwrap().n_facets()
-        );
+        assert_eq!(topology.n_facets(), Topology::new(&second).unwrap().n_facets());
         assert_eq!(first.nodes().len(), second.nodes().len(), "{name}");
         // The order of the cells differs (by shape in 2.2, by surface in 4.1), not the cells.
         for x in first.cells().map(|cell| first.centroid(cell)) {
             let near = |y: [f64; 3]| (0..3).all(|i| (x[i] - y[i]).abs() < 1e-12);
-            assert!(
-                second.cells().any(|cell| near(second.centroid(cell))),
-                "{name}"
-            );
+            assert!(second.cells().any(|cell| near(second.centroid(cell))), "{name}");
         }
     }
 }
@@ -161,9 +113,7 @@ fn the_interface_between_volumes_is_the_surface_group() {
             }
         };
         let (near, far) = (cells("near"), cells("far"));
-        let Ok(RegionSet::Interface(fault)) = interface(&mesh, &topology, &near, &far) else {
-            panic!()
-        };
+        let Ok(RegionSet::Interface(fault)) = interface(&mesh, &topology, &near, &far) else { panic!() };
         let here: Vec<FacetRef> = fault.iter().map(|f| f.here).collect();
         let area: f64 = facet_measures(&mesh, &here).iter().sum();
         assert!((area - measure(&mesh, &topology, "fault")).abs() < 1e-12);
@@ -174,10 +124,7 @@ fn the_interface_between_volumes_is_the_surface_group() {
 fn kinds_may_be_mixed() {
     let [mesh, _] = files("mixed");
     let count = |kind| mesh.kinds().iter().filter(|k| **k == kind).count();
-    assert_eq!(
-        (count(CellKind::Quadrilateral), count(CellKind::Triangle)),
-        (4, 8)
-    );
+    assert_eq!((count(CellKind::Quadrilateral), count(CellKind::Triangle)), (4, 8));
 }
 
 const HEAD: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n";
@@ -205,72 +152,27 @@ fn errors_name_the_place() {
     let file = |nodes: &str, elements: &str| message(&format!("{HEAD}{nodes}{elements}"));
     let n = |from, to| file(&NODES.replace(from, to), ELEMENTS);
     let e = |from, to| file(NODES, &ELEMENTS.replace(from, to));
-    assert_eq!(
-        n("9 0 1", "8 0 1"),
-        "element 5 uses node 9, which is not in the file"
-    );
+    assert_eq!(n("9 0 1", "8 0 1"), "element 5 uses node 9, which is not in the file");
     assert_eq!(n("9 0 1", "2 0 1"), "node 2 is given twice");
-    assert_eq!(
-        n("9 0 1", "9 0 nan"),
-        "line 8: a coordinate of node 9 is NaN"
-    );
-    assert_eq!(
-        n("9 0 1", "9 0 1e999"),
-        "line 8: a coordinate of node 9 is inf"
-    );
-    assert_eq!(
-        n("9 0 1", "9 0 x1"),
-        "line 8: found `x1`, needed a coordinate"
-    );
-    assert_eq!(
-        n("$Nodes\n3", "$Nodes\n4"),
-        "line 9: found `$EndNodes`, needed the number of a node"
-    );
-    assert_eq!(
-        n("$Nodes\n3", "$Nodes\n2"),
-        "line 8: found `9`, needed $EndNodes"
-    );
-    assert_eq!(
-        n("$Nodes\n3", "$Nodes\n-3"),
-        "line 5: found `-3`, needed the number of nodes"
-    );
-    assert_eq!(
-        e("5 2 2", "5 6 2"),
-        "line 12: element 5 is a prism (Gmsh type 6), which is not supported"
-    );
-    assert_eq!(
-        e("1 1 2 9", "1 1 2"),
-        "line 13: found `$EndElements`, needed a node of an element"
-    );
-    assert_eq!(
-        e("1 2 9", "2 1 9"),
-        "cell 0 is inside out: its jacobian determinant is -1e0 everywhere checked"
-    );
-    assert_eq!(
-        e("\n1\n5", "\n0\n"),
-        "line 12: found `2`, needed $EndElements"
-    );
+    assert_eq!(n("9 0 1", "9 0 nan"), "line 8: a coordinate of node 9 is NaN");
+    assert_eq!(n("9 0 1", "9 0 1e999"), "line 8: a coordinate of node 9 is inf");
+    assert_eq!(n("9 0 1", "9 0 x1"), "line 8: found `x1`, needed a coordinate");
+    assert_eq!(n("$Nodes\n3", "$Nodes\n4"), "line 9: found `$EndNodes`, needed the number of a node");
+    assert_eq!(n("$Nodes\n3", "$Nodes\n2"), "line 8: found `9`, needed $EndNodes");
+    assert_eq!(n("$Nodes\n3", "$Nodes\n-3"), "line 5: found `-3`, needed the number of nodes");
+    assert_eq!(e("5 2 2", "5 6 2"), "line 12: element 5 is a prism (Gmsh type 6), which is not supported");
+    assert_eq!(e("1 1 2 9", "1 1 2"), "line 13: found `$EndElements`, needed a node of an element");
+    assert_eq!(e("1 2 9", "2 1 9"), "cell 0 is inside out: its jacobian determinant is -1e0 everywhere checked");
+    assert_eq!(e("\n1\n5", "\n0\n"), "line 12: found `2`, needed $EndElements");
     assert_eq!(file(NODES, ""), "the file has no $Elements section");
     assert_eq!(
         n("9 0 1 0", "9 0 1 1"),
         "the cells have dimension 2 but node 9 lies outside that plane: a mesh of dimension 2 must be flat"
     );
-    assert_eq!(
-        message("solid cube"),
-        "not a mesh file of a known format (Gmsh 2.2 or 4.1 is read)"
-    );
-    assert_eq!(
-        message("$MeshFormat\n4 0 8\n"),
-        "Gmsh file format 4 is not read, save the mesh as 2.2 or 4.1"
-    );
-    assert_eq!(
-        message(&format!("{HEAD}$Nodes\n")),
-        "line 5: the file ends where the number of nodes is needed"
-    );
-    assert!(matches!(
-        read_mesh(Path::new("/no/such.msh")),
-        Err(ReadError::Io { .. })
-    ));
+    assert_eq!(message("solid cube"), "not a mesh file of a known format (Gmsh 2.2 or 4.1 is read)");
+    assert_eq!(message("$MeshFormat\n4 0 8\n"), "Gmsh file format 4 is not read, save the mesh as 2.2 or 4.1");
+    assert_eq!(message(&format!("{HEAD}$Nodes\n")), "line 5: the file ends where the number of nodes is needed");
+    assert!(matches!(read_mesh(Path::new("/no/such.msh")), Err(ReadError::Io { .. })));
 }
 
 #[test]
@@ -289,10 +191,7 @@ fn copies_of_an_element_for_several_groups_are_one_cell() {
 fn damaged_files_are_errors() {
     for (name, contents) in FILES {
         for bytes in contents {
-            let last = bytes
-                .windows(12)
-                .rposition(|w| w == b"$EndElements")
-                .unwrap();
+            let last = bytes.windows(12).rposition(|w| w == b"$EndElements").unwrap();
             for cut in (0..last).step_by(1 + last / 200) {
                 assert!(parse_mesh(&bytes[..cut]).is_err(), "{name} cut at {cut}");
             }
@@ -300,9 +199,7 @@ fn damaged_files_are_errors() {
             for _ in 0..300 {
                 let mut damaged = bytes.to_vec();
                 for _ in 0..2 {
-                    state = state
-                        .wrapping_mul(6364136223846793005)
-                        .wrapping_add(1442695040888963407);
+                    state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
                     let at = (state >> 33) as usize % damaged.len();
                     damaged[at] = (state >> 20) as u8;
                 }
