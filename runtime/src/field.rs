@@ -13,6 +13,7 @@ use crate::{
 
 /// Where a field has its nodes.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a scene has few fields")]
 pub enum FieldSpace {
     /// Nodes of a space on cells or facets.
     Nodal(Space),

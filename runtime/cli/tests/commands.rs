@@ -44,13 +44,13 @@ struct Folder(PathBuf);
 impl Folder {
     fn new(name: &str) -> Self {
         let path = std::env::temp_dir().join(format!("wfl-cli-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
+        std::fs::create_dir_all(&path).expect("a temporary folder");
         Self(path)
     }
 
     fn file(&self, name: &str, text: impl AsRef<[u8]>) -> PathBuf {
         let path = self.0.join(name);
-        std::fs::write(&path, text).unwrap();
+        std::fs::write(&path, text).expect("a temporary file");
         path
     }
 }
@@ -69,9 +69,9 @@ struct Ran {
 
 fn wfl(folder: &Path, words: &[&str]) -> Ran {
     let Output { status, stdout, stderr } =
-        Command::new(env!("CARGO_BIN_EXE_wfl")).current_dir(folder).args(words).output().unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    Ran { code: status.code().unwrap(), out: text(stdout), err: text(stderr) }
+        Command::new(env!("CARGO_BIN_EXE_wfl")).current_dir(folder).args(words).output().expect("the program starts");
+    let text = |bytes| String::from_utf8(bytes).expect("UTF-8 output");
+    Ran { code: status.code().expect("an exit code"), out: text(stdout), err: text(stderr) }
 }
 
 #[test]
