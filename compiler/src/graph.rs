@@ -95,7 +95,7 @@ pub enum Node {
     Contract(ExprId, ExprId, Vec<(u8, u8)>),
     /// Sum over two indices of one tensor.
     Trace(ExprId, u8, u8),
-    /// Index k of the result is index perm[k] of a.
+    /// Index k of the result is index `perm[k]` of a.
     Permute(ExprId, Vec<u8>),
     /// The same entries with other sizes.
     Reshape(ExprId),

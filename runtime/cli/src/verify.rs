@@ -140,7 +140,11 @@ fn failure(law: &TermLaw, found: &TangentCheck, sigs: &[FieldSig]) -> Option<Str
         ));
     }
     let mut text = format!("term {}:", law.name);
-    let worst = found.blocks.iter().max_by(|a, b| a.error.total_cmp(&b.error)).filter(|b| !(b.error <= TOLERANCE));
+    let worst = found
+        .blocks
+        .iter()
+        .max_by(|a, b| a.error.total_cmp(&b.error))
+        .filter(|b| b.error > TOLERANCE || b.error.is_nan());
     if let Some(place) = worst.and_then(|b| b.worst.as_ref()) {
         text += &format!(
             " the derivative of the flux of {} by {} is {:e}, the tangent has {:e}{}",
