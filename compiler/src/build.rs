@@ -303,6 +303,10 @@ impl<'a> Builder<'a> {
         }
         if word.op == WordOp::Div {
             let rank = shape.rank();
+            if rank == 0 && self.env.dim == 1 {
+                // on a line a scalar is a vector of one component
+                return Some(self.graph.entry(leaf, 0));
+            }
             if rank == 0 || shape.size(rank - 1) != self.env.dim {
                 let d = Diagnostic::new("E108", format!("`{name}` needs as many components as space has dimensions"));
                 let text = format!("`{}` is a {shape}, space has {} dimensions", word.field, self.env.dim);

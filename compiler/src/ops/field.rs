@@ -39,6 +39,15 @@ pub(super) const TABLE: &[OpDef] = &[
         interpolate
     ),
     row!(
+        "Interpolate_filter",
+        2,
+        3,
+        "Interpolate_filter(neighbor_element, e, code)",
+        "e where the mapping found a point with that code (default: any but 0), 0 elsewhere; a neighbour always has code 1",
+        &[],
+        interpolate_filter
+    ),
+    row!(
         "Grad",
         1,
         1,
@@ -116,23 +125,8 @@ fn field_argument(b: &mut Builder<'_>, c: &Call<'_>, k: usize) -> Option<FieldId
 fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let word = b.argument_text(c, 0)?;
     let target = b.argument_text(c, 1)?;
-    match &target.kind {
-        ExprKind::Name(n) if n == "neighbor_element" || n == "neighbour_elt" => {}
-        ExprKind::Name(n) => {
-            let d = Diagnostic::new("E201", format!("unknown mapping `{n}`"));
-            return b.report(d, target, "`neighbor_element` is the other side of an interface");
-        }
-        _ => {
-            let d = Diagnostic::new("E106", "the second argument of `Interpolate` is the name of a mapping");
-            return b.report(d, target, "");
-        }
-    }
-    if b.place.kind != PlaceKind::Interface {
-        let d = Diagnostic::new("E203", "`neighbor_element` has no neighbour here")
-            .help("an interface region has two sides: region fault = interface from left to right");
-        let text = format!("needs a region of inner faces; `{}` is {}", b.place.name, b.place.description);
-        return b.report(d, c.expr, text);
-    }
+    mapping(b, c, target, "second")?;
+    on_interface(b, c)?;
     match &word.kind {
         ExprKind::Name(n) if n == "X" => Some(b.graph.leaf(Leaf::X)),
         ExprKind::Name(n) if matches!(n.as_str(), "Normal" | "element_size" | "element_K" | "element_B") => {
@@ -144,6 +138,48 @@ fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
             b.report(d, word, "an expression cannot be moved: apply `Interpolate` to the fields in it")
         }
     }
+}
+
+/// `neighbor_element` needs two sides.
+fn on_interface(b: &mut Builder<'_>, c: &Call<'_>) -> Option<()> {
+    if b.place.kind != PlaceKind::Interface {
+        let d = Diagnostic::new("E203", "`neighbor_element` has no neighbour here")
+            .help("an interface region has two sides: region fault = interface from left to right");
+        let text = format!("needs a region of inner faces; `{}` is {}", b.place.name, b.place.description);
+        return b.report(d, c.expr, text);
+    }
+    Some(())
+}
+
+/// Checks the name of a mapping.
+fn mapping(b: &mut Builder<'_>, c: &Call<'_>, target: &Expr, which: &str) -> Option<()> {
+    match &target.kind {
+        ExprKind::Name(n) if n == "neighbor_element" || n == "neighbour_elt" => Some(()),
+        ExprKind::Name(n) => {
+            let d = Diagnostic::new("E201", format!("unknown mapping `{n}`"));
+            b.report(d, target, "`neighbor_element` is the other side of an interface")
+        }
+        _ => {
+            let d = Diagnostic::new("E106", format!("the {which} argument of `{}` is the name of a mapping", c.name));
+            b.report(d, target, "")
+        }
+    }
+}
+
+fn interpolate_filter(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let target = b.argument_text(c, 0)?;
+    mapping(b, c, target, "first")?;
+    on_interface(b, c)?;
+    let (_, value) = b.argument(c, 1)?;
+    let code = match c.args.get(2) {
+        None => 1,
+        Some(_) => {
+            let text = b.argument_text(c, 2)?;
+            b.whole_number(text, "the code of a filter")?
+        }
+    };
+    let shape = b.graph.shape(value);
+    Some(if code == 1 { value } else { b.graph.zero(shape) })
 }
 
 fn diff(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {

@@ -84,11 +84,11 @@ pub(super) const TABLE: &[OpDef] = &[
     )),
     one!("sqr_neg_part", "neg_part squared", &["sqr_neg_part(p)"], |g, a| {
         let minus = g.neg(a);
-        square(g, minus, 1.0)
+        square_of_negative(g, minus, 1.0)
     }),
     one!("half_sqr_neg_part", "half of neg_part squared", &["half_sqr_neg_part(p)"], |g, a| {
         let minus = g.neg(a);
-        square(g, minus, 0.5)
+        square_of_negative(g, minus, 0.5)
     }),
     two!("pow", "t to the u", &["pow(4+p, 1.7)", "pow(4+p, q)"], |g, a, b| {
         if g.shape(a).rank() == 0 { power(g, a, b) } else { pow_components(g, a, b) }
@@ -150,6 +150,16 @@ pub(super) fn strict_pos_part(g: &mut Graph, a: ExprId) -> ExprId {
 
 fn square(g: &mut Graph, a: ExprId, factor: f64) -> ExprId {
     let p = pos_part(g, a);
+    scaled_square(g, p, factor)
+}
+
+/// factor * pos_part(a)^2 where `a` is minus the argument of a `neg_part`.
+fn square_of_negative(g: &mut Graph, a: ExprId, factor: f64) -> ExprId {
+    let p = if g.getfem_ties { strict_pos_part(g, a) } else { pos_part(g, a) };
+    scaled_square(g, p, factor)
+}
+
+fn scaled_square(g: &mut Graph, p: ExprId, factor: f64) -> ExprId {
     let square = g.mul_components(p, p);
     times(g, factor, square)
 }

@@ -63,6 +63,11 @@ pub(super) const TABLE: &[OpDef] = &[
     }),
     row!("Normalized", 1, 1, "Normalized(v)", "v/|v|; value and derivative 0 at 0", &["Normalized(u).w"], |b, c| {
         let (_, v) = b.plain_argument(c, 0)?;
+        if b.graph.getfem_ties {
+            // GetFEM regularises with this length, which only its derivative at 0 shows
+            let eps = b.graph.number(1e-25);
+            return Some(regularised(&mut b.graph, v, eps));
+        }
         Some(b.graph.unit(v))
     }),
     row!(
@@ -75,12 +80,7 @@ pub(super) const TABLE: &[OpDef] = &[
         |b, c| {
             let (_, v) = b.plain_argument(c, 0)?;
             let eps = b.scalar_argument(c, 1)?;
-            let g = &mut b.graph;
-            // the norm of (|v|, eps): safe against overflow like every norm
-            let length = g.norm(v);
-            let both = g.stack(Shape::vector(2), &[length, eps]);
-            let below = g.norm(both);
-            Some(g.divide(v, below))
+            Some(regularised(&mut b.graph, v, eps))
         }
     ),
     row!("Det", 1, 1, "Det(M)", "determinant", &["Det(A)"], |b, c| {
@@ -169,6 +169,15 @@ pub(super) const TABLE: &[OpDef] = &[
     ),
     row!("Cross_product", 2, 2, "Cross_product(v, w)", "vector product in 3-D", &[], cross),
 ];
+
+/// v/sqrt(|v|^2 + eps^2)
+fn regularised(g: &mut Graph, v: ExprId, eps: ExprId) -> ExprId {
+    // the norm of (|v|, eps): safe against overflow like every norm
+    let length = g.norm(v);
+    let both = g.stack(Shape::vector(2), &[length, eps]);
+    let below = g.norm(both);
+    g.divide(v, below)
+}
 
 /// M - Trace(M)/n Id
 pub(super) fn deviator(g: &mut Graph, m: ExprId) -> ExprId {

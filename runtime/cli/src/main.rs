@@ -4,6 +4,7 @@
 mod args;
 mod ast_text;
 mod check;
+mod corpus;
 mod explain;
 mod fmt;
 mod import;
@@ -40,5 +41,6 @@ fn main() -> ExitCode {
         Command::Explain(options) => explain::explain(&options),
         Command::Fmt(options) => fmt::fmt(&options),
         Command::Import(options) => import::import(&options),
+        Command::Corpus(options) => corpus::corpus(&options),
     }
 }

@@ -63,6 +63,10 @@ impl Comparison {
     }
 }
 
+/// Sums that cancel leave rounding errors of this part of what was summed (weights times numbers of order one): two
+/// programs that add in different orders cannot agree better.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
+
 const SCALAR: &str = "scalar";
 const RESIDUAL: &str = "residual";
 const TANGENT: &str = "tangent";
@@ -87,19 +91,20 @@ pub(super) fn compare(setup: &Setup, case: &Case, numbers: &Numbers) -> Result<C
     // where the other program has nothing but zeros, the size of a residual is that of tangent times state
     let state = setup.values.iter().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
     let fallback = size * if state > 0.0 { state } else { 1.0 };
+    let noise = ROUNDING * setup.measure() * (1.0 + state);
     if let Some(scalar) = case.scalar {
         let ours = numbers.scalar.ok_or("no potential, but a scalar to compare with")?;
-        lists.push(difference(SCALAR, &[scalar], |_| ours, |_| String::new(), rtol, fallback));
+        lists.push(difference(SCALAR, &[scalar], |_| ours, |_| String::new(), [rtol, fallback, noise]));
     }
     if let Some(residual) = &case.residual {
         if residual.len() != dofs.len() {
             return Err("the residual is not as long as the list of dofs".to_owned());
         }
-        lists.push(difference(RESIDUAL, residual, |k| numbers.residual[dofs[k]], name, rtol, fallback));
+        lists.push(difference(RESIDUAL, residual, |k| numbers.residual[dofs[k]], name, [rtol, fallback, noise]));
     }
     let ours = |k: usize| numbers.tangent.get(dofs[k / dofs.len()], dofs[k % dofs.len()]);
     let pair = |k: usize| format!("{} by {}", name(k / dofs.len()), name(k % dofs.len()).trim_start_matches("of "));
-    lists.push(difference(TANGENT, &theirs, ours, pair, rtol, size));
+    lists.push(difference(TANGENT, &theirs, ours, pair, [rtol, size, noise]));
     Ok(Comparison { lists })
 }
 
@@ -122,11 +127,10 @@ fn difference(
     theirs: &[f64],
     ours: impl Fn(usize) -> f64,
     place: impl Fn(usize) -> String,
-    rtol: f64,
-    fallback: f64,
+    [rtol, fallback, noise]: [f64; 3],
 ) -> Difference {
     let size = largest(theirs);
-    let allowed = rtol * if size > 0.0 { size } else { fallback };
+    let allowed = (rtol * if size > 0.0 { size } else { fallback }).max(noise);
     let part = |k: usize| {
         let d = (ours(k) - theirs[k]).abs();
         if d == 0.0 {

@@ -95,6 +95,12 @@ impl CorpusReport {
         self.cases.iter().filter(|c| c.verdict.passes()).count()
     }
 
+    /// The closing count.
+    #[must_use]
+    pub fn summary(&self) -> String {
+        format!("{} of {} cases pass ({})", self.passed(), self.cases.len(), self.backend)
+    }
+
     /// The cases that do not.
     pub fn failures(&self) -> impl Iterator<Item = &CaseReport> {
         self.cases.iter().filter(|c| !c.verdict.passes())
@@ -122,7 +128,7 @@ impl fmt::Display for CorpusReport {
         for case in &self.cases {
             writeln!(f, "{case}")?;
         }
-        writeln!(f, "{} of {} cases pass ({})", self.passed(), self.cases.len(), self.backend)
+        writeln!(f, "{}", self.summary())
     }
 }
 

@@ -4,12 +4,13 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use wfl_compiler::{
     Constant,
+    ir::LANES,
     types::{FieldKind, FieldSig, PlaceKind, PlaceSig, Shape},
 };
 
 use super::format::{Case, Corpus, DataText, FieldText, MeshText, PointDataText, QuadratureText, RegionText, Role};
 use crate::{
-    assemble::Domain,
+    assemble::{Binding, Bound, Domain, FieldValues, LawSlots, Workspace},
     element::Family,
     field::{Field, FieldSpace},
     mesh::{CellId, CellKind, FacetRef, InterfaceFacet, Mesh, RawMesh, RegionSet, Topology},
@@ -248,6 +249,25 @@ impl Setup {
             return Ok(out);
         }
         Err(format!("{} values for the {} nodes of `{}`", values.len(), field.n_nodes(), field.name))
+    }
+
+    /// Length, area or volume of the region.
+    pub(super) fn measure(&self) -> f64 {
+        let slots = LawSlots { inputs: &[], tests: &[], trials: &[] };
+        let Ok(binding) = Binding::new(&self.mesh, &self.domain, &self.fields, slots) else { return 0.0 };
+        let bound = Bound { mesh: &self.mesh, domain: &self.domain, binding: &binding };
+        let values = FieldValues { current: &[], previous: &[] };
+        let mut workspace = Workspace::default();
+        let mut sum = 0.0;
+        for (g, group) in self.domain.groups.iter().enumerate() {
+            for batch in 0..group.n_batches() {
+                workspace.prepare(bound, g, batch, values);
+                for lane in 0..LANES.min(group.entities.len() - batch * LANES) {
+                    sum += (0..group.n_points()).map(|q| workspace.weight(q)[lane]).sum::<f64>();
+                }
+            }
+        }
+        sum
     }
 
     pub(super) fn same_point(&self, a: [f64; 3], b: [f64; 3]) -> bool {
