@@ -173,3 +173,63 @@ fn tangents_agree_with_differences_of_the_residual_on_every_branch() {
         assert!(!frictional || seen.len() > 1, "{name}: only one branch was met");
     }
 }
+
+/// Weighted mean of two states; normals become unit vectors again.
+fn between(law: &TermLaw, a: &[f64], b: &[f64], part: f64) -> Vec<f64> {
+    let mut x: Vec<f64> = a.iter().zip(b).map(|(a, b)| a + part * (b - a)).collect();
+    unit_normals(&law.inputs, &mut x);
+    x
+}
+
+/// The parts of the way from `a` to `b` just before and behind a change of a branch code.
+fn bisect(law: &TermLaw, given: &[f64], a: &[f64], b: &[f64], kink: usize) -> (f64, f64) {
+    let start = codes(law, given, a)[kink];
+    let (mut low, mut high) = (0.0, 1.0);
+    while high - low > 1e-6 {
+        let middle = 0.5 * (low + high);
+        if codes(law, given, &between(law, a, b, middle))[kink] == start {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    (low, high)
+}
+
+#[test]
+fn tangents_agree_next_to_every_kink_on_both_of_its_sides() {
+    let mut sequence = Sequence(0x5eed_0f1e_55c0_ffee);
+    let (mut n_kinks, mut n_states) = (0, 0);
+    for (name, law) in laws().iter().filter(|(_, law)| !law.entries.is_empty()) {
+        for kink in 0..law.kinks.len() {
+            n_kinks += 1;
+            let mut tested = 0;
+            for k in 0..400 {
+                let size = 10f64.powi(k % 6 - 5);
+                let given = uniforms(law, &mut sequence);
+                let (a, b) = (state(law, &mut sequence, size), state(law, &mut sequence, size));
+                if codes(law, &given, &a)[kink] == codes(law, &given, &b)[kink] || tested >= 12 {
+                    continue;
+                }
+                let (low, high) = bisect(law, &given, &a, &b, kink);
+                // one gap further away from the kink than the bisection came, so that differences stay on one side
+                let gap = 2.0 * (high - low);
+                for part in [low - gap, high + gap] {
+                    let x = between(law, &a, &b, part);
+                    let step = 1e-3 * gap * size;
+                    let entries = outputs::<f64>(&law.tangent, &given, &x);
+                    let same = |p: f64| codes(law, &given, &between(law, &a, &b, p)) == codes(law, &given, &x);
+                    if !(same(part - 0.5 * gap) && same(part + 0.5 * gap)) || !entries.iter().all(|e| e.is_finite()) {
+                        continue;
+                    }
+                    let error = tangent_error(law, &given, &x, step);
+                    assert!(error < 1e-9, "{name}: off by {error:e} beside kink {kink}");
+                    tested += 1;
+                }
+            }
+            n_states += tested;
+            assert!(tested >= 2, "{name}: kink {kink} was not met");
+        }
+    }
+    assert!(n_kinks >= 20 && n_states >= 10 * n_kinks, "{n_states} states beside {n_kinks} kinks");
+}

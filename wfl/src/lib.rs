@@ -27,6 +27,7 @@ mod script;
 mod source;
 #[cfg(test)]
 mod testing;
+mod units;
 mod walk;
 mod words;
 
@@ -42,4 +43,5 @@ pub use script::{
     Param, Quadrature, Region, ResolvedScript, Solver, Split, Start, StartKind, Steps, Term,
 };
 pub use source::{Source, SourceId, SourceMap, Span};
+pub use units::{UnitOf, check_units, unit_report};
 pub use words::{CONSTANTS, FUNCTIONS, PREFIXES, REGIONS, UNSUPPORTED, is_function, reserved, split_prefixes};

@@ -19,6 +19,7 @@ use crate::{
         Region, ResolvedScript, Solver, Split, Start, StartKind, Steps, Term,
     },
     source::{SourceId, SourceMap, Span},
+    units::check_units,
     walk::{cond_children, names as names_of},
     words::{REGIONS, split_prefixes},
 };
@@ -138,6 +139,9 @@ impl<'d> Resolver<'d> {
             self.diagnostics.extend(names::unused(self.names, main, &self.words, &self.regions, &used));
         }
         self.script.expansions = self.expander.expansions;
+        if !broken {
+            self.diagnostics.extend(check_units(&self.script, self.sources));
+        }
         let place = |d: &Diagnostic| d.labels.first().map(|l| (l.span.source.index(), l.span.start));
         self.diagnostics.sort_by_key(place);
         Checked { value: Some(self.script), diagnostics: self.diagnostics }

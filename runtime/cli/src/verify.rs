@@ -81,11 +81,15 @@ fn block_rows(law: &TermLaw, found: &TangentCheck, sigs: &[FieldSig], table: &mu
             group(block.test).into(),
             group(block.trial).into(),
             block.n_entries.into(),
-            format!("{:.1e}", block.error).into(),
-            format!("{:.1e}", block.rounding).into(),
+            deviation(block.error).into(),
+            deviation(block.rounding).into(),
             Value::from(if good { "" } else { "WRONG" }),
         ]);
     }
+}
+
+fn deviation(x: f64) -> String {
+    if x == 0.0 { "0".to_owned() } else { format!("{x:.1e}") }
 }
 
 fn group_text(side: Side, op: FieldOp, name: &str) -> String {

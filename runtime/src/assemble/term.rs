@@ -12,8 +12,7 @@ use wfl_compiler::{
     Kink, KinkKind, NonFinite, TermLaw,
     backend::PointKernel,
     first_non_finite,
-    ir::LANES,
-    ir::VerifiedKernel,
+    ir::{Inst, LANES, VerifiedKernel},
     run_prologue,
     types::{FieldId, UniformSlot},
 };
@@ -83,6 +82,8 @@ pub struct AssembledTerm {
     pub place: Option<SupportSet>,
     residual: Box<dyn PointKernel>,
     tangent: Option<Box<dyn PointKernel>>,
+    /// What the prologue was given at this step, and what it made of it.
+    step: Vec<f64>,
     uniforms: Vec<f64>,
     /// For each group: global dof of each local dof, `dofs[entity * n_dofs + k]`.
     dofs: Vec<Vec<u32>>,
@@ -137,6 +138,7 @@ impl AssembledTerm {
             place,
             residual,
             tangent,
+            step: Vec::new(),
             uniforms: Vec::new(),
             dofs,
             positions: Vec::new(),
@@ -147,17 +149,12 @@ impl AssembledTerm {
 
     /// Sets the step variable and its increment.
     pub fn set_step(&mut self, time: f64, increment: f64) {
-        let values: Vec<f64> = self
-            .law
-            .prologue
-            .slots
-            .iter()
-            .map(|slot| match slot {
-                UniformSlot::Time => time,
-                UniformSlot::TimeStep => increment,
-            })
-            .collect();
-        self.uniforms = run_prologue(&self.law.prologue, &values);
+        let slot = |slot: &UniformSlot| match slot {
+            UniformSlot::Time => time,
+            UniformSlot::TimeStep => increment,
+        };
+        self.step = self.law.prologue.slots.iter().map(slot).collect();
+        self.uniforms = run_prologue(&self.law.prologue, &self.step);
     }
 
     /// Fields whose dofs the tangent of this term couples.
@@ -471,7 +468,7 @@ impl AssembledTerm {
                     for q in 0..group.n_points() {
                         let inputs: Vec<f64> =
                             (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES + lane]).collect();
-                        let found = first_non_finite(kernel, &self.uniforms, &inputs);
+                        let found = first_non_finite(kernel, &self.uniforms, &inputs).map(|f| self.origin(kernel, f));
                         let bad_input = inputs.iter().any(|x| !x.is_finite());
                         if found.is_some() || bad_input {
                             let k = batch * LANES + lane;
@@ -488,6 +485,14 @@ impl AssembledTerm {
             }
         }
         None
+    }
+
+    /// What is constant in a step is computed before the points: such a number went wrong there.
+    fn origin(&self, kernel: &VerifiedKernel, found: NonFinite) -> NonFinite {
+        match kernel.kernel().insts[found.inst] {
+            Inst::Uniform(_) => first_non_finite(&self.law.prologue.kernel, &self.step, &[]).unwrap_or(found),
+            _ => found,
+        }
     }
 
     /// The friction kink if there is one, else the first selection.

@@ -54,10 +54,20 @@ pub enum NewtonError {
     Term(#[from] TermError),
     /// A step could not be assembled.
     #[error(transparent)]
-    System(#[from] SystemError),
+    System(SystemError),
     /// A linear system could not be solved.
     #[error(transparent)]
     Solve(#[from] SolveError),
+}
+
+/// A number that is not finite is one kind of error, wherever it was met.
+impl From<SystemError> for NewtonError {
+    fn from(error: SystemError) -> Self {
+        match error {
+            SystemError::Term(term) => Self::Term(term),
+            other => Self::System(other),
+        }
+    }
 }
 
 /// What to tell while a step runs.

@@ -3,24 +3,26 @@
 //! Every stage reports all its problems; a later stage runs only where the earlier ones left what it needs. Nothing
 //! is made that the scene does not use: a field in no term has no dofs, an expression in no output no kernel.
 
+mod batch;
 mod constants;
 mod constraints;
 mod fields;
 mod mesh;
 mod outputs;
+mod quantities;
 mod regions;
 mod terms;
 
-use std::{collections::BTreeSet, path::Path, time::Instant};
+use std::{cell::Cell, collections::BTreeSet, path::Path, time::Instant};
 
 use wfl::{
-    DataValue, Diagnostic, ResolvedScript, StartKind,
+    Diagnostic, ResolvedScript,
     ast::{OptionItem, OptionValue, Reduction},
 };
 use wfl_compiler::{
     Class, Constant, Env,
     backend::KernelBackend,
-    compile_condition, compile_value,
+    compile_condition,
     ir::VerifiedKernel,
     types::{FieldKind, FieldSig, InputSlot},
 };
@@ -34,6 +36,7 @@ use crate::{
     value::{Sampled, Value},
 };
 
+use batch::Batch;
 pub use constraints::Prescribed;
 pub use outputs::{CsvOutput, VtkOutput};
 pub use regions::{NamedRegion, Regions};
@@ -62,9 +65,9 @@ pub struct Steps {
 /// Seconds spent while preparing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PrepareTimes {
-    /// Graphs, tangents, kernels, machine code.
+    /// Graphs, tangents, kernels; machine code of terms, fixed values, measures and outputs.
     pub compile: f64,
-    /// Mesh, regions, spaces, domains.
+    /// Mesh, regions, spaces, domains, and where outputs are sampled.
     pub mesh: f64,
 }
 
@@ -200,6 +203,7 @@ fn prepare_all(
     let mesh_time = begin.elapsed().as_secs_f64();
     let variable = script.steps.as_ref().map(|s| s.variable.name.clone());
     let env = Env { fields: &sigs, step_variable: variable.as_deref(), ..bare };
+    let batch = Batch::new(backend);
     Builder {
         script,
         env: &env,
@@ -208,7 +212,7 @@ fn prepare_all(
         regions,
         fields,
         sigs: &sigs,
-        backend,
+        batch: &batch,
         diagnostics,
         params: &params,
         mesh_time,
@@ -224,7 +228,7 @@ struct Builder<'a> {
     regions: Regions,
     fields: Vec<Field>,
     sigs: &'a [FieldSig],
-    backend: &'a dyn KernelBackend,
+    batch: &'a Batch<'a>,
     diagnostics: &'a mut Vec<Diagnostic>,
     params: &'a std::collections::BTreeMap<String, Constant>,
     mesh_time: f64,
@@ -265,17 +269,17 @@ impl Builder<'_> {
             return None;
         }
         let (terms, summaries) = assembled?;
-        let (vtk, csv) = outputs::outputs(&mut outputs::OutputMaker {
-            script: self.script,
-            env: self.env,
-            mesh: &self.mesh,
-            topology: &self.topology,
-            regions: &self.regions,
-            fields: &self.fields,
-            backend: self.backend,
-            diagnostics: &mut *self.diagnostics,
-        });
-        let compile = compile_terms + begin.elapsed().as_secs_f64();
+        let compile_values = begin.elapsed().as_secs_f64();
+
+        let begin = Instant::now();
+        let (vtk, csv, compile_outputs) = self.outputs();
+        let mesh_time = mesh_time + begin.elapsed().as_secs_f64() - compile_outputs;
+
+        let begin = Instant::now();
+        if let Err(e) = self.batch.finish() {
+            self.diagnostics.push(Diagnostic::new("E609", e.to_string()));
+        }
+        let compile = compile_terms + compile_values + compile_outputs + begin.elapsed().as_secs_f64();
         if self.diagnostics.iter().any(Diagnostic::is_error) {
             return None;
         }
@@ -322,6 +326,23 @@ impl Builder<'_> {
         })
     }
 
+    /// Files and line samples, with the seconds spent on their laws.
+    fn outputs(&mut self) -> (Vec<VtkOutput>, Vec<CsvOutput>, f64) {
+        let mut maker = outputs::OutputMaker {
+            script: self.script,
+            env: self.env,
+            mesh: &self.mesh,
+            topology: &self.topology,
+            regions: &self.regions,
+            fields: &self.fields,
+            backend: self.batch,
+            diagnostics: &mut *self.diagnostics,
+            law_seconds: Cell::new(0.0),
+        };
+        let (vtk, csv) = outputs::outputs(&mut maker);
+        (vtk, csv, maker.law_seconds.get())
+    }
+
     fn constraints(&mut self, numbering: &mut Numbering) -> Vec<Prescribed> {
         let prescribed = constraints::ConstraintMaker {
             script: self.script,
@@ -331,7 +352,7 @@ impl Builder<'_> {
             regions: &self.regions,
             fields: &self.fields,
             numbering: &*numbering,
-            backend: self.backend,
+            backend: self.batch,
             diagnostics: &mut *self.diagnostics,
         }
         .make();
@@ -361,7 +382,7 @@ impl Builder<'_> {
                 std::iter::once(&l.law.residual).chain((l.law.class > Class::Constant).then_some(&l.law.tangent))
             })
             .collect();
-        let compiled = match self.backend.compile(&kernels) {
+        let compiled = match self.batch.compile(&kernels) {
             Ok(k) => k,
             Err(e) => {
                 self.diagnostics.push(Diagnostic::new("E609", e.to_string()));
@@ -482,111 +503,6 @@ impl Builder<'_> {
         }
         options
     }
-
-    /// Values given at the nodes of a field by an expression of the position.
-    fn nodal_values(&mut self, list: Vec<(String, wfl::ast::Expr)>) -> Vec<(usize, Value)> {
-        let place = mesh::position_place(self.fields.len());
-        let mut out = Vec::new();
-        for (name, e) in list {
-            let Some(k) = self.fields.iter().position(|f| f.name == name) else { continue };
-            let law = compile_value(self.env, &place, "a nodal value", &e);
-            self.diagnostics.extend(law.diagnostics);
-            let Some(law) = law.value else { continue };
-            let (found, needed) = (law.shape, self.sigs[k].shape);
-            if found.len() != needed.len() {
-                let d = Diagnostic::new("E108", format!("`{name}` is a {needed}, found a {found}"));
-                self.diagnostics.push(d.at(e.span, found.to_string()));
-                continue;
-            }
-            match Value::new(law, self.backend) {
-                Ok(v) if v.reads_positions_only() => out.push((k, v)),
-                Ok(_) => self.diagnostics.push(
-                    Diagnostic::new("E407", "a nodal value depends on x, y, z and the step variable only")
-                        .at(e.span, ""),
-                ),
-                Err(error) => self.diagnostics.push(Diagnostic::new("E609", error.to_string()).at(e.span, "")),
-            }
-        }
-        out
-    }
-
-    fn starts(&mut self) -> Vec<(usize, Value)> {
-        let mut list = Vec::new();
-        for start in &self.script.starts {
-            match &start.kind {
-                StartKind::Field { field, value } => list.push((field.name.clone(), value.clone())),
-                StartKind::File { path_span, .. } => {
-                    let d = Diagnostic::new("E802", "starting from a file is not available yet");
-                    self.diagnostics.push(d.at(*path_span, "give an expression: start u = ..."));
-                }
-            }
-        }
-        self.nodal_values(list)
-    }
-
-    fn data(&mut self) -> Vec<(usize, Value)> {
-        let mut list = Vec::new();
-        for field in &self.script.fields {
-            if let wfl::FieldKind::Data { value } = &field.kind {
-                match value {
-                    DataValue::Formula(e) => list.push((field.name.name.clone(), e.clone())),
-                    DataValue::File(_, span) => {
-                        let d = Diagnostic::new("E802", "data fields from files are not available yet");
-                        self.diagnostics.push(d.at(*span, "give an expression of x, y, z"));
-                    }
-                    DataValue::Host => {
-                        let d = Diagnostic::new("E415", format!("data `{}` has no value", field.name.name));
-                        self.diagnostics.push(d.at(field.name.span, "write `= expression`"));
-                    }
-                }
-            }
-        }
-        self.nodal_values(list)
-    }
-
-    fn measures(&mut self, rules: &terms::Rules) -> Vec<Measure> {
-        let mut out = Vec::new();
-        for measure in &self.script.measures {
-            let mut parts = Vec::new();
-            for place in &measure.places {
-                let mut maker = terms::TermMaker {
-                    script: self.script,
-                    env: self.env,
-                    mesh: &self.mesh,
-                    regions: &self.regions,
-                    fields: &self.fields,
-                    diagnostics: &mut *self.diagnostics,
-                };
-                let Some((sig, set)) = maker.place(place) else { continue };
-                let law = compile_value(self.env, &sig, "measure", &measure.expr);
-                self.diagnostics.extend(law.diagnostics);
-                let Some(law) = law.value else { continue };
-                if !law.shape.is_scalar_like() {
-                    let d = Diagnostic::new("E108", format!("a measure is a scalar, found a {}", law.shape));
-                    self.diagnostics.push(d.at(measure.expr.span, law.shape.to_string()));
-                    continue;
-                }
-                // the rule of the terms there, so that measured forces are those that act
-                let choice = rules.get(&place.name).copied().unwrap_or(RuleChoice::Degree(law.degree.rule()));
-                let Some(domain) =
-                    terms::domain(&self.mesh, &self.fields, set.as_ref(), choice, measure.expr.span, self.diagnostics)
-                else {
-                    continue;
-                };
-                match Value::new(law, self.backend) {
-                    Ok(value) => match value.bind(&self.mesh, domain, &self.fields) {
-                        Ok(sampled) => parts.push((value, sampled)),
-                        Err(e) => {
-                            self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(measure.expr.span, ""))
-                        }
-                    },
-                    Err(e) => self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(measure.expr.span, "")),
-                }
-            }
-            out.push(Measure { name: measure.name.name.clone(), reduction: measure.reduction, parts });
-        }
-        out
-    }
 }
 
 fn word(option: &OptionItem) -> Option<&str> {
@@ -606,35 +522,6 @@ fn used_fields(law: &wfl_compiler::TermLaw) -> Vec<usize> {
         _ => None,
     });
     law.tests.iter().chain(&law.trials).map(|s| s.field.index()).chain(inputs).collect()
-}
-
-impl Measure {
-    /// Its value at a state.
-    pub fn evaluate(&mut self, system: &System, time: f64, increment: f64, u: &[f64]) -> f64 {
-        let current = system.slices(u);
-        let previous = system.previous_slices();
-        let values = crate::assemble::FieldValues { current: &current, previous: &previous };
-        let (mut sum, mut size) = (0.0, 0.0);
-        let (mut largest, mut smallest) = (f64::NEG_INFINITY, f64::INFINITY);
-        let mut broken = false;
-        for (value, sampled) in &mut self.parts {
-            value.set_step(time, increment);
-            value.for_each_point(&system.mesh, sampled, values, |_, _, _, weight, v| {
-                sum += weight * v[0];
-                size += weight;
-                largest = largest.max(v[0]);
-                smallest = smallest.min(v[0]);
-                broken |= v[0].is_nan();
-            });
-        }
-        match self.reduction {
-            _ if broken => f64::NAN,
-            Reduction::Integral => sum,
-            Reduction::Mean => sum / size,
-            Reduction::Max => largest,
-            Reduction::Min => smallest,
-        }
-    }
 }
 
 impl Scene {

@@ -4,6 +4,8 @@
 //! needs a face (`Normal`, the other side) goes to the faces that have terms. A plain field also goes to the faces of
 //! its side, so that the faces of a fault carry both displacements.
 
+use std::{cell::Cell, time::Instant};
+
 use wfl::{
     Diagnostic, ResolvedScript, Span,
     ast::{Expr, ExprKind, OptionValue},
@@ -48,6 +50,8 @@ pub(super) struct OutputMaker<'a> {
     pub(super) fields: &'a [Field],
     pub(super) backend: &'a dyn KernelBackend,
     pub(super) diagnostics: &'a mut Vec<Diagnostic>,
+    /// Seconds spent on laws; the rest goes to finding where they are sampled.
+    pub(super) law_seconds: Cell<f64>,
 }
 
 /// A place on which expressions may be sampled.
@@ -117,7 +121,9 @@ impl OutputMaker<'_> {
     }
 
     fn try_compile(&self, target: &Target, e: &Expr) -> Result<ValueLaw, Vec<Diagnostic>> {
+        let begin = Instant::now();
         let compiled = compile_value(self.env, &target.sig, "output", e);
+        self.law_seconds.set(self.law_seconds.get() + begin.elapsed().as_secs_f64());
         match compiled.value {
             Some(law) if !compiled.diagnostics.iter().any(Diagnostic::is_error) => Ok(law),
             _ => Err(compiled.diagnostics),

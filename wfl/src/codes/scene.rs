@@ -152,8 +152,16 @@ pub(super) const PAGES: &[CodePage] = &[
         "units that do not match",
         "Both sides of a sum must have one unit. Units are checked as soon as a param, field or datum carries one; a \
          penalty stiffness per area is a stress over a length.",
-        "param a = 1 [mm]\nparam b = 1 [MPa]\ndef c = a + b",
-        "param a = 1 [mm]\nparam b = 1 [mm]\ndef c = a + b",
+        "param a = 1 [mm]\nparam b = 1 [MPa]\nmeasure c = max(a + b) on all",
+        "param a = 1 [mm]\nparam b = 1 [mm]\nmeasure c = max(a + b) on all",
+    ),
+    page(
+        "E502",
+        "a unit that is not known",
+        "Units are SI units with their prefixes (N, Pa, J, W, g, m, s, K, A, mol) and a few others: bar, psi, t, L, in, \
+         ft, min, h, day, year, rad, deg, degC. A product is written with `*`, `/` and whole powers.",
+        "param E = 2e5 [MPaa]",
+        "param E = 2e5 [MPa]",
     ),
     page(
         "E601",
@@ -162,6 +170,23 @@ pub(super) const PAGES: &[CodePage] = &[
          division by zero. Nothing is dropped; the run stops with the place and the values.",
         "def mu = log(Norm(u))",
         "def mu = log(1 + Norm(u))",
+    ),
+    page(
+        "E602",
+        "a step that cannot be solved",
+        "The linear system of a step is singular or its solution is not finite. Most often a body can still move or \
+         turn: nothing fixes it, and no contact or spring holds it. The message names the fields that move.",
+        "fix u(1) = 0 on west",
+        "fix u = [0,0,0] on west",
+    ),
+    page(
+        "E603",
+        "a step that did not converge",
+        "Newton reached its last iteration above the tolerance. The step is marked in the report, its fields are not \
+         written, and the run ends unless `on_fail=go_on` asks otherwise. Smaller steps or another gamma often help; a \
+         body that slides away has no equilibrium at all.",
+        "solver newton with max_iter=3",
+        "solver newton with max_iter=50",
     ),
     page(
         "E604",
@@ -245,6 +270,16 @@ pub(super) const PAGES: &[CodePage] = &[
          fail. The message names the smallest safe value on this mesh.",
         "param gamma = 1e3",
         "param gamma = 1e6",
+    ),
+    page(
+        "W505",
+        "terms of different units in one equation",
+        "The sum of all terms with one test function is zero, so after integration over their regions they have one \
+         unit. A term on faces lacks one length against a term on cells.",
+        "param k = 1 [N/mm^4]\nparam p = 2 [N/mm]\nunknown u : vector [mm]\nterm base on all : k*u.Test_u\n\
+         term push on west : p*(Normal.Test_u)",
+        "param k = 1 [N/mm^4]\nparam p = 2 [N/mm^2]\nunknown u : vector [mm]\nterm base on all : k*u.Test_u\n\
+         term push on west : p*(Normal.Test_u)",
     ),
     page(
         "W602",

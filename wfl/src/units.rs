@@ -1,0 +1,65 @@
+//! Units checked through the form: every sum, comparison, value and integral of a scene, once some name has a unit.
+//!
+//! Works on expanded expressions of a resolved scene. Numbers are never converted: a unit that differs by a factor is
+//! as wrong as another quantity. Coordinates and time have one unit each for the whole scene, which is found from
+//! what they are added to or compared with; until something says it, it fits. Shapes are the compiler's business.
+
+mod eval;
+mod explain;
+mod functions;
+mod infer;
+mod scene;
+mod statements;
+mod table;
+mod unit;
+mod value;
+
+use crate::{diag::Diagnostic, script::ResolvedScript, source::SourceMap};
+use scene::Scene;
+
+/// E501, E502 and W505 of a scene; nothing if no param or field of it has a unit.
+#[must_use]
+pub fn check_units(script: &ResolvedScript, sources: &SourceMap) -> Vec<Diagnostic> {
+    if !Scene::has_units(script) {
+        return Vec::new();
+    }
+    let mut found = Vec::new();
+    let scene = Scene::new(script, sources, &mut found);
+    let pass = infer::checked(&scene);
+    let solved = pass.solved;
+    found.extend(explain::explained(&scene, &solved, pass.diagnostics));
+    found
+}
+
+/// The unit of a quantity of a scene, for a table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnitOf {
+    /// The field or measure; `X` for coordinates.
+    pub name: String,
+    /// `MPa/mm`, `pure number`, or `not known`.
+    pub unit: String,
+}
+
+/// The units of coordinates, fields and measures, in the order of the text; nothing if the scene has no units.
+#[must_use]
+pub fn unit_report(script: &ResolvedScript, sources: &SourceMap) -> Vec<UnitOf> {
+    if !Scene::has_units(script) {
+        return Vec::new();
+    }
+    let scene = Scene::new(script, sources, &mut Vec::new());
+    let pass = infer::checked(&scene);
+    let shown = |unit: Option<&unit::Unit>| match unit {
+        Some(unit) if !unit.is_open() => unit.show(),
+        _ => "not known".to_owned(),
+    };
+    let mut report = vec![UnitOf { name: "X".to_owned(), unit: shown(pass.solved.length.as_ref()) }];
+    let fields = script.fields.iter().map(|f| &f.name.name);
+    for name in fields.chain(script.measures.iter().map(|m| &m.name.name)) {
+        let unit = pass.units.get(name.as_str()).and_then(value::Value::unit);
+        report.push(UnitOf { name: name.clone(), unit: shown(unit) });
+    }
+    report
+}
+
+#[cfg(test)]
+mod tests;

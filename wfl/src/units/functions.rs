@@ -1,0 +1,92 @@
+//! What each built-in function does to units: one table.
+
+use super::unit::Ratio;
+
+/// How the unit of a call follows from those of its arguments.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Rule {
+    /// The unit of the first argument.
+    Keep,
+    /// A pure number whatever the first argument is; the others are not looked at.
+    Pure,
+    /// The first argument must be a pure number, and so is the result.
+    NeedsPure,
+    /// The unit of the first argument to a power.
+    Power(Ratio),
+    /// All arguments have one unit, and the result has it.
+    Same,
+    /// All arguments have one unit, the result is a pure number.
+    SameToPure,
+    /// The product of all arguments; indices are pure numbers and change nothing.
+    Multiply,
+    /// A gradient, which must be pure, and a vector of material parameters: the result is a stress like the first of
+    /// them.
+    Law,
+    /// A stress and a gradient, which must be pure.
+    StressAndGradient,
+    /// To the power of the space dimension.
+    Det,
+    /// `pow(a, b)`
+    Pow,
+    /// Over a power of the unit of coordinates.
+    Gradient(i64),
+    /// `Diff(e, u, d)`
+    Diff,
+    /// `Interpolate_filter(m, e, i)`
+    Filter,
+    /// `Coulomb_friction_coupled_projection(lambda, n, v, g, f, r)`
+    Coulomb,
+}
+
+/// The rule of a function of this language; `None` for other words.
+pub(super) fn rule(name: &str) -> Option<Rule> {
+    Some(match name {
+        "Contract" | "Cross_product" => Rule::Multiply,
+        "Deviator" | "Index_move_last" | "Interpolate" | "Norm" | "Print" | "Reshape" | "Skew" | "Swap_indices"
+        | "Sym" | "Trace" | "abs" | "neg_part" | "pos_part" => Rule::Keep,
+        "Heaviside" | "Id" | "Normalized" | "Transformed_unit_vector" | "qdim" | "qdims" | "sign" => Rule::Pure,
+        "Expm" | "Green_Lagrangian" | "Left_Cauchy_Green" | "Logm" | "Matrix_j1" | "Matrix_j2"
+        | "Right_Cauchy_Green" | "acos" | "acosh" | "asin" | "asinh" | "atan" | "atanh" | "cos" | "cosh" | "erf"
+        | "erfc" | "exp" | "log" | "log10" | "sin" | "sinc" | "sinh" | "tan" | "tanh" => Rule::NeedsPure,
+        "Matrix_i2" | "Norm_sqr" | "half_sqr_neg_part" | "half_sqr_pos_part" | "sqr" | "sqr_neg_part"
+        | "sqr_pos_part" => Rule::Power(Ratio::whole(2)),
+        "Inv" => Rule::Power(Ratio::whole(-1)),
+        "sqrt" => Rule::Power(Ratio::new(1, 2)?),
+        "Ball_projection" | "Von_Mises_projection" | "max" | "min" | "reg_pos_part" => Rule::Same,
+        "Normalized_reg" | "atan2" => Rule::SameToPure,
+        "Det" => Rule::Det,
+        "pow" => Rule::Pow,
+        "Grad" | "Div" => Rule::Gradient(1),
+        "Hess" => Rule::Gradient(2),
+        "Diff" => Rule::Diff,
+        "Interpolate_filter" => Rule::Filter,
+        "Coulomb_friction_coupled_projection" => Rule::Coulomb,
+        "Cauchy_stress_from_PK2" => Rule::StressAndGradient,
+        _ if ["_sigma", "_PK2", "_potential"].iter().any(|end| name.ends_with(end)) && crate::is_function(name) => {
+            Rule::Law
+        }
+        _ => return None,
+    })
+}
+
+/// The argument and the function of `Derivative_2_pow`; `Derivative_sin` is by the first argument.
+pub(super) fn derivative(name: &str) -> Option<(usize, &str)> {
+    let rest = name.strip_prefix("Derivative_")?;
+    let numbered = rest.strip_prefix("1_").map(|f| (0, f)).or_else(|| rest.strip_prefix("2_").map(|f| (1, f)));
+    Some(numbered.unwrap_or((0, rest)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_function_has_a_rule() {
+        for name in crate::FUNCTIONS {
+            assert!(rule(name).is_some(), "{name}");
+        }
+        assert_eq!(rule("sigma"), None);
+        assert_eq!(derivative("Derivative_2_pow"), Some((1, "pow")));
+        assert_eq!(derivative("Derivative_sin"), Some((0, "sin")));
+    }
+}

@@ -1,0 +1,218 @@
+//! The statements of a scene, each with the units its values need.
+
+use crate::{
+    ast::{Expr, Ident, Reduction},
+    diag::Diagnostic,
+    script::{Condition, DataValue, Field, FieldKind, StartKind, Term},
+    source::Span,
+    walk::names,
+    words::split_prefixes,
+};
+
+use super::{
+    eval::{Pass, scale_note},
+    unit::Unit,
+    value::Value,
+};
+
+/// The unit of the first term with a test function, with the place of the term.
+struct Total {
+    test: String,
+    unit: Unit,
+    at: Span,
+}
+
+impl<'s> Pass<'s> {
+    /// Walks over the whole scene.
+    pub(super) fn statements(&mut self) {
+        let script = self.scene.script;
+        self.plain = true;
+        self.params();
+        self.fields();
+        for start in &script.starts {
+            if let StartKind::Field { field, value } = &start.kind {
+                self.given(field, value);
+            }
+        }
+        for fix in &script.fixes {
+            for target in &fix.targets {
+                self.given(&target.field, &fix.value);
+            }
+        }
+        self.plain = false;
+        self.states();
+        self.sum_of_terms();
+        self.measures();
+        for expect in &script.expects {
+            let owner = first_expr(&expect.condition);
+            self.cond(&expect.condition, owner);
+        }
+        for output in &script.outputs {
+            for item in &output.items {
+                self.expr(&item.expr);
+            }
+        }
+    }
+
+    /// A param without a unit has that of its formula, if the formula names something.
+    fn params(&mut self) {
+        let script = self.scene.script;
+        for param in &script.params {
+            let declared = &self.scene.declared[param.name.name.as_str()];
+            let mut named = false;
+            names(&param.value, &mut |_| named = true);
+            if declared.written || !named {
+                self.units.insert(&param.name.name, of_declared(declared.unit.as_ref()));
+            }
+        }
+        for param in &script.params {
+            let name = param.name.name.as_str();
+            let value = self.expr(&param.value);
+            match self.units.get(name).cloned() {
+                Some(needed) => self.takes(name, self.scene.declared[name].span, &needed, &value, &param.value),
+                None => {
+                    let value = if value.named { value } else { Value::of(Some(Unit::pure())) };
+                    self.units.insert(name, value);
+                }
+            }
+        }
+    }
+
+    fn fields(&mut self) {
+        for field in &self.scene.script.fields {
+            let declared = &self.scene.declared[field.name.name.as_str()];
+            self.units.insert(&field.name.name, of_declared(declared.unit.as_ref()));
+        }
+        for field in &self.scene.script.fields {
+            if let FieldKind::Data { value: DataValue::Formula(e) } = &field.kind {
+                self.data(field, e);
+            }
+        }
+    }
+
+    fn data(&mut self, field: &'s Field, e: &Expr) {
+        let value = self.expr(e);
+        if value.named && !self.scene.declared[field.name.name.as_str()].written {
+            self.units.insert(&field.name.name, value);
+        } else {
+            self.given_value(&field.name, &value, e);
+        }
+    }
+
+    fn states(&mut self) {
+        for field in &self.scene.script.fields {
+            if let FieldKind::State { update } = &field.kind {
+                self.given(&field.name, update);
+            }
+        }
+    }
+
+    fn given(&mut self, field: &Ident, e: &Expr) {
+        let value = self.expr(e);
+        self.given_value(field, &value, e);
+    }
+
+    fn given_value(&mut self, field: &Ident, value: &Value, e: &Expr) {
+        let name = field.name.as_str();
+        if let (Some(needed), Some(declared)) = (self.units.get(name).cloned(), self.scene.declared.get(name)) {
+            self.takes(name, declared.span, &needed, value, e);
+        }
+    }
+
+    /// The size of a region as a unit.
+    fn size_of(&self, place: &Ident) -> Option<Unit> {
+        self.scene.size_of(&place.name, &self.length(), self.solved.volume.as_ref())
+    }
+
+    fn sum_of_terms(&mut self) {
+        let script = self.scene.script;
+        let mut totals = Vec::new();
+        for term in &script.terms {
+            let value = self.expr(&term.expr);
+            for place in &term.places {
+                let size = self.size_of(place);
+                let at = self.scene.outer(&term.expr);
+                for (test, unit) in self.residuals(term, &value) {
+                    let unit = size.as_ref().and_then(|s| s.times(&unit));
+                    self.add_to(&mut totals, test, unit, at, &term.expr);
+                }
+            }
+        }
+        self.plain = true;
+        for load in &script.loads {
+            self.load(load, &mut totals);
+        }
+        self.plain = false;
+    }
+
+    fn load(&mut self, load: &Condition, totals: &mut Vec<Total>) {
+        let value = self.expr(&load.value);
+        let Some(unit) = value.unit().filter(|_| value.named).cloned() else { return };
+        let at = self.scene.outer(&load.value);
+        for place in &load.places {
+            for target in &load.targets {
+                let unit = self.size_of(place).and_then(|s| s.times(&unit));
+                self.add_to(totals, target.field.name.clone(), unit, at, &load.value);
+            }
+        }
+    }
+
+    /// The unit a term has for each test function; an energy is differentiated by each unknown in it.
+    fn residuals(&self, term: &Term, value: &Value) -> Vec<(String, Unit)> {
+        if !term.energy {
+            let parts = value.parts.iter().filter(|p| !p.test.is_empty());
+            return parts.filter_map(|p| Some((p.test.clone(), p.unit.clone()?))).collect();
+        }
+        let Some(energy) = value.unit() else { return Vec::new() };
+        let mut words = Vec::new();
+        names(&term.expr, &mut |word| words.push(split_prefixes(word).1));
+        let solved_for = |f: &&Field| matches!(f.kind, FieldKind::Unknown | FieldKind::Multiplier { .. });
+        let fields = self.scene.script.fields.iter().filter(solved_for);
+        let used = fields.filter(|f| words.contains(&f.name.name.as_str()));
+        let by = |f: &Field| energy.over(self.units.get(f.name.name.as_str())?.unit()?);
+        used.filter_map(|f| Some((f.name.name.clone(), by(f)?))).collect()
+    }
+
+    /// The sum of all terms is zero for each test function, so they have one unit (W505).
+    fn add_to(&mut self, totals: &mut Vec<Total>, test: String, unit: Option<Unit>, at: Span, owner: &Expr) {
+        let Some(unit) = unit else { return };
+        let Some(first) = totals.iter_mut().find(|t| t.test == test) else {
+            totals.push(Total { test, unit, at });
+            return;
+        };
+        if !self.fits(at, &unit, &first.unit, true) {
+            let text = format!("the terms with `Test_{test}` have different units once they are integrated");
+            let d = Diagnostic::new("W505", text).at(at, unit.show()).at(first.at, first.unit.show());
+            self.report(scale_note(d, &first.unit, &unit), owner);
+        } else if first.unit.is_open() && !unit.is_open() {
+            first.unit = unit;
+        }
+    }
+
+    fn measures(&mut self) {
+        for measure in &self.scene.script.measures {
+            let value = self.expr(&measure.expr);
+            let size = match measure.reduction {
+                Reduction::Integral => measure.places.first().and_then(|p| self.size_of(p)),
+                Reduction::Mean | Reduction::Max | Reduction::Min => Some(Unit::pure()),
+            };
+            let value = value.map(|u| size.as_ref().and_then(|s| s.times(u)));
+            self.units.entry(&measure.name.name).or_insert(value);
+        }
+    }
+}
+
+/// A unit that could not be read is not known.
+fn of_declared(unit: Option<&Unit>) -> Value {
+    unit.map_or_else(Value::lost, |u| Value::of(Some(u.clone())))
+}
+
+/// The first expression of a condition: every condition compares something.
+fn first_expr(c: &crate::ast::Cond) -> &Expr {
+    use crate::ast::CondKind;
+    match &c.kind {
+        CondKind::Compare(first, _) => first,
+        CondKind::And(parts) | CondKind::Or(parts) => first_expr(&parts[0]),
+        CondKind::Not(a) => first_expr(a),
+    }
+}
