@@ -1,5 +1,7 @@
 //! Scenes as text, solved through the library: what the suites share.
 
+pub mod verification;
+
 use std::path::{Path, PathBuf};
 
 use wfl::{Diagnostic, Loader, Override, SourceId, SourceMap, parse_expr, render, resolve};

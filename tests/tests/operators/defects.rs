@@ -46,8 +46,9 @@ fn defect_03_coulomb_projection_in_friction_and_augmentation() {
         assert!((found - right).abs() < 1e-16, "{in_r:?}");
     }
     // slipping: the force is the friction limit along the direction of slip
-    let slipping = compile(&text.replace("[0.1;0.2;-10]", "[30;40;-10]").replace("[0.1;-0.05;0]", "[0;0;0]"), 3, As::Term)
-        .expect("compiles");
+    let slipping =
+        compile(&text.replace("[0.1;0.2;-10]", "[30;40;-10]").replace("[0.1;-0.05;0]", "[0;0;0]"), 3, As::Term)
+            .expect("compiles");
     let at = Outcome::at(&slipping, &state(0.4, 1.5), &I);
     for (i, right) in [(0, 6.0), (1, 8.0), (2, 0.0)] {
         assert!((at.slope("u", i, "p", 0) - right).abs() < 1e-14);
@@ -120,7 +121,8 @@ fn defect_10_names_of_the_invariants() {
 #[test]
 fn defect_11_a_macro_cannot_hide_a_field() {
     let mut sources = wfl::SourceMap::new();
-    let text = "mesh box [0,0] to [1,1] cells [2,2] quad\nunknown p : scalar\ndef p(a) = 2*a\nterm on all : p(3)*Test_p\n";
+    let text =
+        "mesh box [0,0] to [1,1] cells [2,2] quad\nunknown p : scalar\ndef p(a) = 2*a\nterm on all : p(3)*Test_p\n";
     let main = sources.add("scene.wfl", text);
     let checked = wfl::resolve(&mut sources, main, &mut wfl::NoFiles, &[]);
     assert!(checked.has_errors(), "two meanings of one name are an error");

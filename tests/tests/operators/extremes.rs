@@ -81,7 +81,12 @@ fn powers_of_two_go_through_without_rounding() {
                         .collect();
                     let (f, e) = outputs(&law, &moved, backend);
                     assert_eq!(f, scaled(&fluxes, degree * power), "{text} at 2^{power} ({})", backend.name());
-                    assert_eq!(e, scaled(&entries, (degree - 1) * power), "slope of {text} at 2^{power} ({})", backend.name());
+                    assert_eq!(
+                        e,
+                        scaled(&entries, (degree - 1) * power),
+                        "slope of {text} at 2^{power} ({})",
+                        backend.name()
+                    );
                 }
             }
         }
@@ -142,7 +147,10 @@ fn functions_of_one_number_at_extreme_arguments() {
     for (text, p, value, slope) in table {
         for backend in [&InterpreterBackend as &dyn KernelBackend, &jit] {
             let found = scalar(text, "p", &State::default().value("p", &[*p]), backend);
-            assert!(close(found.0, *value) && close(found.1, *slope), "{text} at {p:e}: {found:?}, not ({value:e}, {slope:e})");
+            assert!(
+                close(found.0, *value) && close(found.1, *slope),
+                "{text} at {p:e}: {found:?}, not ({value:e}, {slope:e})"
+            );
         }
     }
 }

@@ -84,7 +84,11 @@ fn ball(u: [f64; 2], q: f64, backend: &dyn KernelBackend) -> ([f64; 2], [[f64; 2
     let law = compile("Ball_projection(u, q).Test_u", 2, As::Term).expect("compiles");
     let at = Outcome::at(&law, &State::default().value("u", &u).value("q", &[q]), backend);
     let each = [0u16, 1];
-    (each.map(|i| at.flux("u", i)), each.map(|i| each.map(|j| at.slope("u", i, "u", j))), each.map(|i| at.slope("u", i, "q", 0)))
+    (
+        each.map(|i| at.flux("u", i)),
+        each.map(|i| each.map(|j| at.slope("u", i, "u", j))),
+        each.map(|i| at.slope("u", i, "q", 0)),
+    )
 }
 
 const IDENTITY: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
@@ -178,7 +182,9 @@ fn von_mises_projection_is_elastic_at_the_tie() {
         };
         assert_eq!(at(5.0), (3.0, 1.0, 0.0));
         let (value, slope, radius) = at(2.5);
-        assert!((value - 1.5).abs() < 1e-15 && (slope - 0.5 * (1.0 - 0.36)).abs() < 1e-15 && (radius - 0.6).abs() < 1e-15);
+        assert!(
+            (value - 1.5).abs() < 1e-15 && (slope - 0.5 * (1.0 - 0.36)).abs() < 1e-15 && (radius - 0.6).abs() < 1e-15
+        );
         assert_eq!(at(-1.0), (0.0, 0.0, 0.0));
     });
 }
@@ -210,7 +216,12 @@ fn reg_pos_part_has_no_jump() {
 #[test]
 fn second_derivatives_at_ties() {
     everywhere(|backend| {
-        for (text, value) in [("half_sqr_pos_part(p)", 1.0), ("sqr_pos_part(p)", 2.0), ("half_sqr_neg_part(p)", 1.0), ("sqr_neg_part(p)", 2.0)] {
+        for (text, value) in [
+            ("half_sqr_pos_part(p)", 1.0),
+            ("sqr_pos_part(p)", 2.0),
+            ("half_sqr_neg_part(p)", 1.0),
+            ("sqr_neg_part(p)", 2.0),
+        ] {
             let law = compile(text, 2, As::Energy).expect("compiles");
             let at = Outcome::at(&law, &p(0.0), backend);
             assert_eq!((at.flux("p", 0), at.slope("p", 0, "p", 0)), (0.0, value), "{text}");

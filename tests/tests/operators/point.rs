@@ -147,7 +147,8 @@ impl Outcome<'_> {
     pub(crate) fn slope_in(&self, name: &str, entry: u16, unknown: &str, op: FieldOp, column: u16) -> f64 {
         let row = |s: &BasisSlot| s.field.index() == field(name) && s.op == FieldOp::Value && s.entry == entry;
         let trial = |s: &BasisSlot| s.field.index() == field(unknown) && s.op == op && s.entry == column;
-        let matches = |(t, s): &(u16, u16)| row(&self.law.tests[usize::from(*t)]) && trial(&self.law.trials[usize::from(*s)]);
+        let matches =
+            |(t, s): &(u16, u16)| row(&self.law.tests[usize::from(*t)]) && trial(&self.law.trials[usize::from(*s)]);
         let k = self.law.entries.iter().position(matches);
         k.map_or(0.0, |k| self.outputs[self.law.tests.len() + k])
     }

@@ -82,10 +82,23 @@ fn laws(sample: &str, what: As) -> Vec<(usize, Result<TermLaw, String>)> {
     for dim in [2, 3] {
         let tries = scalars(sample).map(|text| {
             let whole = if what == As::Term { format!("({text})*Test_p") } else { text };
-            compile(&whole, dim, what).map_err(|d| d.first().map_or_else(String::new, |d| format!("{} {} {:?}", d.code, d.message, d.labels.iter().map(|l| &l.text).collect::<Vec<_>>())))
+            compile(&whole, dim, what).map_err(|d| {
+                d.first().map_or_else(String::new, |d| {
+                    format!("{} {} {:?}", d.code, d.message, d.labels.iter().map(|l| &l.text).collect::<Vec<_>>())
+                })
+            })
         });
         let [first, second] = tries;
-        out.push((dim, if first.is_ok() { first } else if second.is_ok() { second } else { first }));
+        out.push((
+            dim,
+            if first.is_ok() {
+                first
+            } else if second.is_ok() {
+                second
+            } else {
+                first
+            },
+        ));
     }
     out
 }

@@ -36,7 +36,9 @@ fn vectors() -> Vectors {
     let text = std::fs::read_to_string(path).expect("the reference file");
     let vectors: Vectors = serde_json::from_str(&text).expect("its format");
     // the extremes must come through the reader bit by bit
-    assert!(vectors.pos_part.iter().any(|v| v.x == f64::MAX) && vectors.pos_part.iter().any(|v| v.x == f64::from_bits(1)));
+    assert!(
+        vectors.pos_part.iter().any(|v| v.x == f64::MAX) && vectors.pos_part.iter().any(|v| v.x == f64::from_bits(1))
+    );
     vectors
 }
 
@@ -79,7 +81,8 @@ fn ball_projection() {
                 let at = Outcome::at(&law, &state, backend);
                 let each = || 0..u16::try_from(dim).expect("small");
                 let proj: Vec<f64> = each().map(|i| at.flux("u", i)).collect();
-                let dx: Vec<f64> = each().flat_map(|i| each().map(move |j| (i, j))).map(|(i, j)| at.slope("u", i, "u", j)).collect();
+                let dx: Vec<f64> =
+                    each().flat_map(|i| each().map(move |j| (i, j))).map(|(i, j)| at.slope("u", i, "u", j)).collect();
                 let da: Vec<f64> = each().map(|i| at.slope("u", i, "q", 0)).collect();
                 let name = format!("x = {:?}, a = {:e}, {} ({})", v.x, v.a, v.kind, backend.name());
                 assert!(close(&proj, &v.proj), "{name}: projection {proj:?}, not {:?}", v.proj);
@@ -88,7 +91,10 @@ fn ball_projection() {
                 assert!(close(&dx, &right), "{name}: derivative in x {dx:?}, not {right:?}");
                 match v.kind.as_str() {
                     // radius 0, x not 0: the limit of positive radii, as language and table say
-                    "edge_a0" => assert!(da.iter().all(|x| x.is_finite()) && (da.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-15, "{name}: {da:?}"),
+                    "edge_a0" => assert!(
+                        da.iter().all(|x| x.is_finite()) && (da.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-15,
+                        "{name}: {da:?}"
+                    ),
                     _ => assert!(close(&da, &v.da), "{name}: derivative in a {da:?}, not {:?}", v.da),
                 }
             }

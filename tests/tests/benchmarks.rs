@@ -1,0 +1,61 @@
+//! The verification suite: every case of every benchmark passes; `docs/verification.md` shows the same cases.
+
+use std::path::Path;
+
+use wfl_tests::verification::{assert_holds, benchmarks};
+
+#[test]
+fn manufactured_solutions_have_the_errors_of_the_independent_program() {
+    assert_holds("B12");
+}
+
+#[test]
+fn solids_converge_with_the_order_of_their_elements() {
+    assert_holds("B12-3D");
+}
+
+#[test]
+fn cooks_membrane_has_the_table_of_the_independent_program() {
+    assert_holds("B13");
+}
+
+#[test]
+fn manufactured_contact_has_the_errors_of_the_independent_program() {
+    assert_holds("B6");
+}
+
+#[test]
+fn the_page_names_every_benchmark_and_none_fails() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/verification.md");
+    let page = std::fs::read_to_string(path).expect("the page is in the repository");
+    let made = "make it again: cargo run --release -p wfl-tests --bin verification";
+    for benchmark in benchmarks() {
+        let row = format!("| {} | {} |", benchmark.id, benchmark.title);
+        assert!(page.contains(&row), "the page lacks {}; {made}", benchmark.id);
+        assert!(
+            page.contains(&format!("\n## {}: ", benchmark.id)),
+            "the page lacks the cases of {}; {made}",
+            benchmark.id
+        );
+    }
+    assert!(!page.contains("FAIL"), "the page shows a failure");
+}
+
+/// The machinery can fail: a wrong number, no number and NaN do not pass.
+#[test]
+fn a_wrong_number_is_noticed() {
+    use wfl_tests::verification::{Case, Tolerance};
+    let compare = |got: f64, expected: f64, t| Case::new("x").compare("x", got, expected, t).passes();
+    assert!(
+        compare(1.0, 1.0 + 1e-7, Tolerance::Relative(1e-6)) && !compare(1.0, 1.0 + 1e-5, Tolerance::Relative(1e-6))
+    );
+    assert!(compare(0.0, 0.0, Tolerance::Relative(1e-6)) && !compare(1e-30, 0.0, Tolerance::Relative(1e-6)));
+    assert!(compare(1.0, 2.0, Tolerance::AtMost) && !compare(2.0, 1.0, Tolerance::AtMost));
+    assert!(compare(2.0, 1.0, Tolerance::AtLeast) && !compare(1.0, 2.0, Tolerance::AtLeast));
+    assert!(compare(1.0, 1.0, Tolerance::Bitwise) && !compare(1.0, 1.0 + f64::EPSILON, Tolerance::Bitwise));
+    for t in [Tolerance::Relative(1.0), Tolerance::Absolute(1.0), Tolerance::AtMost, Tolerance::AtLeast] {
+        assert!(!compare(f64::NAN, 1.0, t) && !compare(1.0, f64::NAN, t), "{t:?} accepts NaN");
+    }
+    assert!(!Case::new("nothing compared").passes() && !Case::failed("error", "why").passes());
+    assert!(!Case::new("outcome").require(false, "why").passes() && Case::new("outcome").require(true, "why").passes());
+}
