@@ -18,7 +18,7 @@ use crate::{
     ir::{Inst, Kernel, Origin, Val, VerifiedKernel},
     lower::Lowering,
     scalar::{NO_SLOT, Scalars},
-    types::{BasisSlot, FieldId, InputSlot, PlaceSig, Shape, UniformSlot},
+    types::{BasisSlot, FieldId, FieldSig, InputSlot, PlaceSig, Shape, UniformSlot},
     verify::verify,
 };
 
@@ -187,7 +187,7 @@ pub fn compile_term(env: &Env<'_>, place: &PlaceSig, name: &str, source: TermSou
         return Checked { value: None, diagnostics };
     };
     diagnostics.extend(kink_warnings(env, &listing));
-    Checked { value: Some(law(env, place, name, listing)), diagnostics }
+    Checked { value: Some(law_of(env, place, name, listing)), diagnostics }
 }
 
 type Roots = (Option<ExprId>, Option<ExprId>, ExprId);
@@ -249,15 +249,22 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
 }
 
 /// The derivative along the test or trial functions of all unknowns.
-fn direction(b: &mut Builder<'_>, root: ExprId, role: Role, text: &Expr) -> Option<ExprId> {
-    let fields = b.env.fields;
-    let derived = derive(&mut b.graph, root, &mut |g, leaf| match leaf {
+fn derived_along(g: &mut Graph, fields: &[FieldSig], root: ExprId, role: Role) -> Result<ExprId, NoDerivative> {
+    derive(g, root, &mut |g, leaf| match leaf {
         Leaf::Field { field, side, op, role: Role::Current } if fields[field.index()].is_unknown() => {
             Some(g.leaf(Leaf::Field { field, side, op, role }))
         }
         _ => None,
-    });
-    match derived {
+    })
+}
+
+/// The tangent of a residual.
+pub(crate) fn tangent_of(g: &mut Graph, fields: &[FieldSig], residual: ExprId) -> Result<ExprId, NoDerivative> {
+    derived_along(g, fields, residual, Role::Trial)
+}
+
+fn direction(b: &mut Builder<'_>, root: ExprId, role: Role, text: &Expr) -> Option<ExprId> {
+    match derived_along(&mut b.graph, b.env.fields, root, role) {
         Ok(d) => Some(d),
         Err(NoDerivative { what, .. }) => b.no_derivative(text, what),
     }
@@ -315,7 +322,7 @@ fn kink_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnostic> {
 }
 
 /// Nodes below `root`, operands first.
-fn reachable(g: &Graph, root: ExprId) -> Vec<ExprId> {
+pub(crate) fn reachable(g: &Graph, root: ExprId) -> Vec<ExprId> {
     let mut seen = vec![false; g.len()];
     seen[root.index()] = true;
     for k in (0..=root.index()).rev() {
@@ -326,7 +333,8 @@ fn reachable(g: &Graph, root: ExprId) -> Vec<ExprId> {
     (0..g.len()).filter(|k| seen[*k]).map(ExprId::new).collect()
 }
 
-fn law(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listing) -> TermLaw {
+/// The law of a residual and its tangent.
+pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listing) -> TermLaw {
     let g = listing.graph.clone();
     let mut lowering = Lowering::new(&g);
     let residual = listing.residual.map(|r| lowering.lower(r).swap_remove(0)).unwrap_or_default();
@@ -706,7 +714,11 @@ fn compile_built(
     let Some(root) = root else {
         return Checked { value: None, diagnostics };
     };
-    let g = builder.graph;
+    Checked { value: Some(value_of(env, place, name, builder.graph, root)), diagnostics }
+}
+
+/// The law of a value.
+pub(crate) fn value_of(env: &Env<'_>, place: &PlaceSig, name: &str, g: Graph, root: ExprId) -> ValueLaw {
     let mut lowering = Lowering::new(&g);
     let outputs = lowering.values(root);
     let inputs = by_position(&lowering.slots.inputs);
@@ -718,8 +730,7 @@ fn compile_built(
     kernel.n_uniforms = emitter.order.len();
     let prologue = emitter.prologue(slots, name);
     let degree = degree(&g, root, env.fields, place.tensor_cells);
-    let law = ValueLaw { shape: g.shape(root), inputs, prologue, kernel: accepted(kernel), degree, changes_with_step };
-    Checked { value: Some(law), diagnostics }
+    ValueLaw { shape: g.shape(root), inputs, prologue, kernel: accepted(kernel), degree, changes_with_step }
 }
 
 /// The value of an expression that must not change with anything.

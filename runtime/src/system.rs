@@ -15,6 +15,7 @@ use crate::{
     csr::{Csr, CsrError, Pattern, PatternBuilder, SubmatrixMap},
     field::Field,
     mesh::Mesh,
+    newton::TermPieces,
 };
 
 /// Marks a dof that is not solved for.
@@ -103,6 +104,14 @@ pub struct Known {
     pub previous: Option<Vec<f64>>,
 }
 
+/// What evaluation borrows of a system.
+struct Parts<'a> {
+    mesh: &'a Mesh,
+    fields: &'a [Field],
+    terms: &'a mut [AssembledTerm],
+    pieces: &'a mut [TermPieces],
+}
+
 /// The assembled problem.
 pub struct System {
     /// The mesh.
@@ -115,10 +124,17 @@ pub struct System {
     pub terms: Vec<AssembledTerm>,
     /// Data and the past.
     pub known: Known,
+    pieces: Vec<TermPieces>,
+    /// By piece: its guides at the integration points, a field of values behind those of the scene.
+    guides: Vec<Vec<f64>>,
+    /// The held pieces belong to a converged state; else they are chosen anew at the start of a step.
+    settled: bool,
     linear: Option<Csr>,
     bulk: Csr,
     changing: Csr,
     constant: Vec<f64>,
+    /// The last residual without the terms that have pieces.
+    smooth: Vec<f64>,
     /// By dof: sum over the columns of |K_linear| |u| in the last residual, the size of what cancels there.
     magnitude: Vec<f64>,
     /// By field: largest contribution of one class of terms to one entry of the last residual.
@@ -138,7 +154,8 @@ impl System {
         known: Known,
     ) -> Result<Self, CsrError> {
         let n_free = numbering.n_free();
-        let changing = pattern(&terms, n_free, |c| c >= Class::Nonlinear, |d| numbering.free[d as usize])?;
+        let nonlinear = terms.iter().filter(|t| t.law.class >= Class::Nonlinear);
+        let changing = pattern(nonlinear, n_free, |d| numbering.free[d as usize])?;
         for term in terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear) {
             term.locate(changing.pattern(), &numbering.free);
         }
@@ -149,13 +166,104 @@ impl System {
             numbering,
             terms,
             known,
+            pieces: Vec::new(),
+            guides: Vec::new(),
+            settled: false,
             linear: None,
             bulk: nothing(n_free),
             changing,
             constant,
+            smooth: Vec::new(),
             magnitude: Vec::new(),
             force: Vec::new(),
         })
+    }
+
+    /// Gives terms their held forms; their guides are fields numbered behind those of the scene.
+    ///
+    /// # Errors
+    /// [`CsrError`] when the pattern does not fit the index types.
+    pub fn hold(&mut self, pieces: Vec<TermPieces>) -> Result<(), CsrError> {
+        self.guides = pieces.iter().map(TermPieces::no_guides).collect();
+        self.pieces = pieces;
+        let numbering = &self.numbering;
+        let kinked = self.terms.iter().filter(|t| t.law.class >= Class::Nonlinear);
+        let all = || kinked.clone().chain(self.pieces.iter().map(|p| &p.held));
+        self.changing = pattern(all(), numbering.n_free(), |d| numbering.free[d as usize])?;
+        let held = self.pieces.iter_mut().map(|p| &mut p.held);
+        for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(held) {
+            term.locate(self.changing.pattern(), &numbering.free);
+        }
+        Ok(())
+    }
+
+    /// True if some term has projections whose pieces can be held.
+    #[must_use]
+    pub fn has_pieces(&self) -> bool {
+        !self.pieces.is_empty()
+    }
+
+    /// Says whether the held pieces belong to a converged state.
+    pub fn settle(&mut self, settled: bool) {
+        self.settled = settled;
+    }
+
+    /// Makes sure that pieces are held at the start of a step from `u`: those of the last converged state, else those
+    /// of the terms as written.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub fn start_pieces(&mut self, u: &[f64]) -> Result<(), TermError> {
+        if self.settled {
+            return Ok(());
+        }
+        let mut diagonal = vec![0.0; self.numbering.n_dofs];
+        self.with_values(u, |parts, values| {
+            for term in parts.terms.iter().filter(|t| t.law.class > Class::Constant && t.on_cells()) {
+                term.add_diagonal(parts.mesh, values, &mut diagonal);
+            }
+            for piece in parts.pieces.iter_mut() {
+                piece.fit(parts.mesh, parts.fields, values, &diagonal);
+            }
+            Ok(())
+        })?;
+        self.choose_pieces(u, |piece, mesh, values, guides| piece.start(mesh, values, guides))?;
+        Ok(())
+    }
+
+    /// Chooses the pieces that follow from the held ones at `u`, for the `time`th time in this step. True if any
+    /// changed.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub fn follow_pieces(&mut self, u: &[f64], time: usize) -> Result<bool, TermError> {
+        self.pieces.iter_mut().for_each(|p| p.chosen(time));
+        self.choose_pieces(u, |piece, mesh, values, guides| *guides = piece.follow(mesh, values, guides))
+    }
+
+    /// True if contact here is better searched than chosen by pieces ([`TermPieces::is_compliant`]).
+    #[must_use]
+    pub fn is_compliant(&self) -> bool {
+        self.pieces.iter().any(|p| p.is_compliant(&self.fields))
+    }
+
+    fn choose_pieces(
+        &mut self,
+        u: &[f64],
+        choose: impl Fn(&TermPieces, &Mesh, FieldValues<'_>, &mut Vec<f64>),
+    ) -> Result<bool, TermError> {
+        let mut chosen = Vec::with_capacity(self.pieces.len());
+        self.with_values(u, |parts, values| {
+            for piece in parts.pieces.iter() {
+                let mut guides = values.current[piece.field].to_vec();
+                choose(piece, parts.mesh, values, &mut guides);
+                chosen.push(guides);
+            }
+            Ok(())
+        })?;
+        let changed = self.guides != chosen;
+        self.guides = chosen;
+        Ok(changed)
     }
 
     /// True if no term needs Newton.
@@ -167,7 +275,7 @@ impl System {
     /// True if every tangent is symmetric.
     #[must_use]
     pub fn is_symmetric(&self) -> bool {
-        self.terms.iter().all(|t| t.law.symmetric)
+        self.terms.iter().chain(self.pieces.iter().map(|p| &p.held)).all(|t| t.law.symmetric)
     }
 
     /// True if the linear terms are symmetric.
@@ -209,11 +317,14 @@ impl System {
         for term in &mut self.terms {
             term.set_step(time, increment);
         }
+        for piece in &mut self.pieces {
+            piece.set_step(time, increment);
+        }
         let zero = vec![0.0; self.numbering.n_dofs];
         let (mut constant, mut changed) = (vec![0.0; self.numbering.n_dofs], false);
         let stale = self.linear.is_none()
             || self.terms.iter().any(|t| t.law.class == Class::Linear && t.law.tangent_changes_with_step);
-        self.with_values(&zero, |mesh, terms, values| {
+        self.with_values(&zero, |Parts { mesh, terms, .. }, values| {
             for term in terms.iter_mut().filter(|t| t.law.class <= Class::Linear) {
                 term.add_residual(mesh, values, &mut constant)?;
             }
@@ -222,8 +333,8 @@ impl System {
         self.constant = constant;
         if stale {
             let n = self.numbering.n_dofs;
-            let mut linear = pattern(&self.terms, n, |c| c == Class::Linear, |d| d)?;
-            self.with_values(&zero, |mesh, terms, values| {
+            let mut linear = pattern(self.terms.iter().filter(|t| t.law.class == Class::Linear), n, |d| d)?;
+            self.with_values(&zero, |Parts { mesh, terms, .. }, values| {
                 for term in terms.iter().filter(|t| t.law.class == Class::Linear) {
                     term.add_full_tangent(mesh, values, &mut linear)?;
                 }
@@ -240,14 +351,16 @@ impl System {
     fn with_values<R>(
         &mut self,
         u: &[f64],
-        f: impl FnOnce(&Mesh, &mut [AssembledTerm], FieldValues<'_>) -> Result<R, TermError>,
+        f: impl FnOnce(Parts<'_>, FieldValues<'_>) -> Result<R, TermError>,
     ) -> Result<R, TermError> {
-        let current = field_slices(&self.fields, &self.numbering, &self.known.data, u);
+        let mut current = field_slices(&self.fields, &self.numbering, &self.known.data, u);
+        current.extend(self.guides.iter().map(Vec::as_slice));
         let previous = match &self.known.previous {
             Some(p) => field_slices(&self.fields, &self.numbering, &self.known.data, p),
             None => Vec::new(),
         };
-        f(&self.mesh, &mut self.terms, FieldValues { current: &current, previous: &previous })
+        let parts = Parts { mesh: &self.mesh, fields: &self.fields, terms: &mut self.terms, pieces: &mut self.pieces };
+        f(parts, FieldValues { current: &current, previous: &previous })
     }
 
     /// The residual at `u`, by dof, fixed ones included.
@@ -276,17 +389,39 @@ impl System {
             self.grow_force(&part);
         }
         let mut rest = vec![0.0; out.len()];
-        self.with_values(u, |mesh, terms, values| {
-            for term in terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear) {
-                term.add_residual(mesh, values, &mut rest)?;
+        let mut with_pieces = vec![0.0; if self.pieces.is_empty() { 0 } else { out.len() }];
+        self.with_values(u, |Parts { mesh, terms, pieces, .. }, values| {
+            for (k, term) in terms.iter_mut().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear) {
+                let has_pieces = pieces.iter().any(|p| p.term == k);
+                term.add_residual(mesh, values, if has_pieces { &mut with_pieces } else { &mut rest })?;
             }
             Ok(())
         })?;
+        if !self.pieces.is_empty() {
+            self.smooth.clear();
+            self.smooth.extend(out.iter().zip(&rest).map(|(a, b)| a + b));
+            rest.iter_mut().zip(&with_pieces).for_each(|(a, b)| *a += b);
+        }
         self.grow_force(&rest);
         for (slot, r) in out.iter_mut().zip(&rest) {
             *slot += r;
         }
         Ok(())
+    }
+
+    /// The residual with held pieces at `u`, the state of the last [`Self::residual`].
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub fn held_residual(&mut self, u: &[f64], out: &mut Vec<f64>) -> Result<(), TermError> {
+        out.clear();
+        out.extend_from_slice(&self.smooth);
+        self.with_values(u, |Parts { mesh, pieces, .. }, values| {
+            for piece in pieces.iter_mut() {
+                piece.held.add_residual(mesh, values, out)?;
+            }
+            Ok(())
+        })
     }
 
     fn grow_force(&mut self, part: &[f64]) {
@@ -333,16 +468,17 @@ impl System {
         out
     }
 
-    /// Assembles the tangent of the nonlinear terms at `u`.
+    /// Assembles the tangent of the nonlinear terms at `u`; `held` takes the held forms of terms that have one.
     ///
     /// # Errors
     /// [`TermError`] with its place.
-    pub fn tangent(&mut self, u: &[f64]) -> Result<(), TermError> {
+    pub fn tangent(&mut self, u: &[f64], held: bool) -> Result<(), TermError> {
         let mut changing = std::mem::replace(&mut self.changing, nothing(0));
         changing.values_mut().fill(0.0);
-        let result = self.with_values(u, |mesh, terms, values| {
-            for term in terms.iter().filter(|t| t.law.class >= Class::Nonlinear) {
-                term.add_tangent(mesh, values, changing.values_mut())?;
+        let result = self.with_values(u, |Parts { mesh, terms, pieces, .. }, values| {
+            for (k, term) in terms.iter().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear) {
+                let piece = pieces.iter().find(|p| held && p.term == k);
+                piece.map_or(term, |p| &p.held).add_tangent(mesh, values, changing.values_mut())?;
             }
             Ok(())
         });
@@ -377,16 +513,15 @@ fn field_slices<'a>(fields: &[Field], numbering: &Numbering, data: &'a [Vec<f64>
         .collect()
 }
 
-/// The pattern of the terms of some classes; `place` maps a dof to its row.
-fn pattern(
-    terms: &[AssembledTerm],
+/// The pattern of some terms; `place` maps a dof to its row.
+fn pattern<'t>(
+    terms: impl Iterator<Item = &'t AssembledTerm>,
     n: usize,
-    class: impl Fn(Class) -> bool,
     place: impl Fn(u32) -> u32,
 ) -> Result<Csr, CsrError> {
     let mut builder = PatternBuilder::new(n, n);
     let mut rows = Vec::new();
-    for term in terms.iter().filter(|t| class(t.law.class)) {
+    for term in terms {
         term.for_each_entity(|dofs| {
             rows.clear();
             rows.extend(dofs.iter().map(|d| place(*d)).filter(|r| *r != FIXED));

@@ -46,6 +46,12 @@ impl Value {
         Ok(Self { law, kernel, uniforms })
     }
 
+    /// Numbers of the law that are the same at all points, at the present step.
+    #[must_use]
+    pub fn uniforms(&self) -> &[f64] {
+        &self.uniforms
+    }
+
     /// Sets the step variable and its increment.
     pub fn set_step(&mut self, time: f64, increment: f64) {
         self.uniforms = uniforms_at(&self.law.prologue, time, increment);
@@ -129,5 +135,6 @@ impl Value {
 pub struct Sampled {
     /// Where.
     pub domain: Arc<Domain>,
-    binding: Binding,
+    /// Slots and tables.
+    pub binding: Binding,
 }

@@ -72,8 +72,14 @@ impl Formula {
     }
 }
 
-/// One node of `from` made in `g`, operands already there.
-fn rebuild(from: &Graph, e: ExprId, g: &mut Graph, values: &[ExprId], of: &dyn Fn(ExprId) -> ExprId) -> ExprId {
+/// One node of `from` made in `g`, operands already there; `values` stand for the symbols of a [`Formula`].
+pub(crate) fn rebuild(
+    from: &Graph,
+    e: ExprId,
+    g: &mut Graph,
+    values: &[ExprId],
+    of: &dyn Fn(ExprId) -> ExprId,
+) -> ExprId {
     let shape = from.shape(e);
     let wide = |x: u8| usize::from(x);
     match from.node(e) {

@@ -7,6 +7,7 @@
 mod by_name;
 mod field;
 mod formula;
+pub(crate) use formula::rebuild;
 mod hyperelastic;
 mod project;
 mod scalar;

@@ -162,6 +162,33 @@ impl AssembledTerm {
         self.law.tests.iter().chain(&self.law.trials).map(|s| s.field)
     }
 
+    /// Sorted dofs of the fields that the term reads or tests, each once.
+    #[must_use]
+    pub fn dofs(&self) -> Vec<u32> {
+        let mut all: Vec<u32> = self.dofs.iter().flatten().copied().filter(|d| *d != NOWHERE).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// True if it is integrated over cells.
+    #[must_use]
+    pub fn on_cells(&self) -> bool {
+        self.integrator.domain.groups.iter().all(|g| g.tangents.is_none() && !g.is_global)
+    }
+
+    /// Adds the diagonal of the tangent, by dof.
+    pub fn add_diagonal(&self, mesh: &Mesh, values: FieldValues<'_>, diagonal: &mut [f64]) {
+        self.tangent_blocks(mesh, values, |g, entity, lane, local| {
+            let n = self.integrator.binding.groups[g].n_dofs();
+            for (k, dof) in self.dofs[g][entity * n..][..n].iter().enumerate() {
+                if *dof != NOWHERE {
+                    diagonal[*dof as usize] += local[k * n + k][lane];
+                }
+            }
+        });
+    }
+
     /// The branch of each kink, counted over the points of the last residual.
     #[must_use]
     pub fn branches(&self) -> &BranchCounts {

@@ -5,11 +5,15 @@
 //! that does not reduce the residual is halved: a plain Newton method on contact has stick/slip two-cycles.
 
 mod history;
+mod ladder;
+mod pieces;
 
 use std::time::Instant;
 
 pub use history::{Iteration, Seconds, StepHistory, Stop};
+pub use pieces::TermPieces;
 
+use ladder::{Ladder, Method};
 use thiserror::Error;
 
 use crate::{
@@ -35,7 +39,7 @@ pub const DEFAULT_TOLERANCE: f64 = 1e-10;
 
 impl Default for NewtonOptions {
     fn default() -> Self {
-        Self { tolerance: DEFAULT_TOLERANCE, max_iterations: 50, search: true }
+        Self { tolerance: DEFAULT_TOLERANCE, max_iterations: 100, search: true }
     }
 }
 
@@ -83,16 +87,22 @@ impl Watch for Silent {}
 
 /// A residual with its measures.
 struct Measured {
+    /// Of the scene as written, or with held pieces.
     residual: Vec<f64>,
-    /// Largest over the fields of residual over scale.
+    /// Largest over the fields of residual over scale, always of the scene as written.
     relative: f64,
     /// What rounding leaves of it.
     floor: f64,
-    /// Weighted 2-norm over the free dofs, for the search.
+    /// Weighted 2-norm of `residual` over the free dofs, for the search.
     norm: f64,
+    /// What rounding leaves of that norm.
+    rounding: f64,
 }
 
 /// Solves one step from `u`, which holds the prescribed values already; leaves the best state in `u`.
+///
+/// Scenes with contact first run with held pieces ([`pieces`]); if that does not settle, plain Newton steps with a
+/// line search on the residual follow.
 ///
 /// # Errors
 /// [`NewtonError`]; a step that does not converge is no error but is marked in the history.
@@ -103,10 +113,23 @@ pub fn solve_step(
     options: NewtonOptions,
     watch: &mut dyn Watch,
 ) -> Result<StepHistory, NewtonError> {
+    let result = iterate(system, strategy, u, options, watch);
+    system.settle(result.as_ref().is_ok_and(StepHistory::converged));
+    result
+}
+
+fn iterate(
+    system: &mut System,
+    strategy: &mut Strategy,
+    u: &mut [f64],
+    options: NewtonOptions,
+    watch: &mut dyn Watch,
+) -> Result<StepHistory, NewtonError> {
     let mut history = StepHistory::default();
     let mut weights = vec![1.0; system.fields.len()];
     let begin = Instant::now();
-    let mut here = measure(system, u, &weights)?;
+    let mut ladder = Ladder::new(system, u, options)?;
+    let mut here = measure(system, u, &weights, ladder.held())?;
     history.seconds.assemble += begin.elapsed().as_secs_f64();
     history.push(watch, 0, &here, 1.0, system);
     let mut direction = Vec::new();
@@ -117,7 +140,14 @@ pub fn solve_step(
             return Ok(history);
         }
         let begin = Instant::now();
-        system.tangent(u)?;
+        if ladder.next(&history) {
+            if ladder.held() {
+                system.settle(false);
+                system.start_pieces(u)?;
+            }
+            here = measure(system, u, &weights, ladder.held())?;
+        }
+        system.tangent(u, ladder.held())?;
         history.seconds.assemble += begin.elapsed().as_secs_f64();
         weights = system_weights(system);
         here.norm = weighted_norm(system, &here.residual, &weights);
@@ -131,9 +161,15 @@ pub fn solve_step(
         history.solves.push(report);
         history.seconds.solve += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
-        let (alpha, next) = advance(system, u, &direction, &here, &weights, options)?;
-        history.seconds.assemble += begin.elapsed().as_secs_f64();
+        let method = ladder.method();
+        let mut line = Line { direction: &direction, weights: &weights, options, method };
+        let (alpha, next) = line.advance(system, strategy, u, &here)?;
         here = next;
+        if ladder.held() && stopped(&here, options).is_none() {
+            system.follow_pieces(u, ladder.iterations())?;
+            system.held_residual(u, &mut here.residual)?;
+        }
+        history.seconds.assemble += begin.elapsed().as_secs_f64();
         history.push(watch, iteration, &here, alpha, system);
     }
     history.stop = Some(stopped(&here, options).unwrap_or(Stop::MaxIterations));
@@ -147,40 +183,72 @@ fn stopped(here: &Measured, options: NewtonOptions) -> Option<Stop> {
     (here.relative <= here.floor).then_some(Stop::Floor)
 }
 
-/// Takes the full step, or the first halved one that reduces the residual, or the best of those tried.
-fn advance(
-    system: &mut System,
-    u: &mut [f64],
-    direction: &[f64],
-    here: &Measured,
-    weights: &[f64],
+/// A direction and how far it is followed.
+struct Line<'a> {
+    direction: &'a [f64],
+    weights: &'a [f64],
     options: NewtonOptions,
-) -> Result<(f64, Measured), NewtonError> {
-    let start: Vec<f64> = u.to_vec();
-    let mut best: Option<(f64, Measured)> = None;
-    let mut alpha = 1.0;
-    for _ in 0..=MAX_HALVINGS {
-        step_to(system, &start, direction, alpha, u);
-        match measure(system, u, weights) {
-            Ok(found) => {
-                let enough = found.norm <= (1.0 - SUFFICIENT * alpha) * here.norm;
-                if enough || !options.search || stopped(&found, options).is_some() {
-                    return Ok((alpha, found));
+    method: Method,
+}
+
+impl Line<'_> {
+    /// Takes the full step, or the first halved one that reduces the merit, or the best of those tried.
+    fn advance(
+        &mut self,
+        system: &mut System,
+        strategy: &mut Strategy,
+        u: &mut [f64],
+        here: &Measured,
+    ) -> Result<(f64, Measured), NewtonError> {
+        let start: Vec<f64> = u.to_vec();
+        let held = self.method == Method::Pieces;
+        let mut best: Option<(f64, f64)> = None;
+        let mut alpha = 1.0;
+        for _ in 0..=MAX_HALVINGS {
+            step_to(system, &start, self.direction, alpha, u);
+            match measure(system, u, self.weights, held) {
+                Ok(found) => {
+                    if !self.options.search || stopped(&found, self.options).is_some() {
+                        return Ok((alpha, found));
+                    }
+                    let merit = self.merit(system, strategy, &found, here)?;
+                    if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
+                        return Ok((alpha, found));
+                    }
+                    if best.is_none_or(|(_, m)| merit < m) {
+                        best = Some((alpha, merit));
+                    }
                 }
-                if best.as_ref().is_none_or(|(_, b)| found.norm < b.norm) {
-                    best = Some((alpha, found));
-                }
+                // a step out of the domain of a function (log of a negative number) is too long
+                Err(e) if alpha <= 1.0 / f64::from(1u32 << MAX_HALVINGS) && best.is_none() => return Err(e.into()),
+                Err(_) => {}
             }
-            // a step out of the domain of a function (log of a negative number) is too long
-            Err(e) if alpha <= 1.0 / f64::from(1u32 << MAX_HALVINGS) && best.is_none() => return Err(e.into()),
-            Err(_) => {}
+            alpha *= 0.5;
         }
-        alpha *= 0.5;
+        // measured again, so that the branches reported are those of the state that is kept
+        let alpha = best.map_or(0.0, |(alpha, _)| alpha);
+        step_to(system, &start, self.direction, alpha, u);
+        Ok((alpha, measure(system, u, self.weights, held)?))
     }
-    // measured again, so that the branches reported are those of the state that is kept
-    let alpha = best.map_or(0.0, |(alpha, _)| alpha);
-    step_to(system, &start, direction, alpha, u);
-    Ok((alpha, measure(system, u, weights)?))
+
+    /// How large a state is against the one before: the norm of the residual, or that of the simplified Newton
+    /// correction (Deuflhard 2004, natural monotonicity test), which does not depend on the scaling of the equations.
+    fn merit(
+        &self,
+        system: &System,
+        strategy: &mut Strategy,
+        found: &Measured,
+        here: &Measured,
+    ) -> Result<f64, NewtonError> {
+        if self.method != Method::Natural {
+            return Ok(found.norm / here.norm);
+        }
+        let (mut rhs, mut correction) = (Vec::new(), Vec::new());
+        system.numbering.gather(&found.residual, &mut rhs);
+        strategy.solve(&rhs, &mut correction)?;
+        let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        Ok(norm(&correction) / norm(self.direction))
+    }
 }
 
 fn step_to(system: &System, start: &[f64], direction: &[f64], alpha: f64, u: &mut [f64]) {
@@ -190,7 +258,7 @@ fn step_to(system: &System, start: &[f64], direction: &[f64], alpha: f64, u: &mu
     }
 }
 
-fn measure(system: &mut System, u: &[f64], weights: &[f64]) -> Result<Measured, TermError> {
+fn measure(system: &mut System, u: &[f64], weights: &[f64], held: bool) -> Result<Measured, TermError> {
     let mut residual = Vec::new();
     system.residual(u, &mut residual)?;
     let scales = system.scales(u);
@@ -210,8 +278,12 @@ fn measure(system: &mut System, u: &[f64], weights: &[f64]) -> Result<Measured, 
             floor = floor.max(FLOOR_FACTOR * f64::EPSILON * cancelled / scales[field]);
         }
     }
+    let rounding = FLOOR_FACTOR * f64::EPSILON * weighted_norm(system, &magnitudes, weights);
+    if held {
+        system.held_residual(u, &mut residual)?;
+    }
     let norm = weighted_norm(system, &residual, weights);
-    Ok(Measured { residual, relative, floor, norm })
+    Ok(Measured { residual, relative, floor, norm, rounding })
 }
 
 fn weighted_norm(system: &System, residual: &[f64], weights: &[f64]) -> f64 {

@@ -13,25 +13,26 @@ mod quantities;
 mod regions;
 mod terms;
 
-use std::{cell::Cell, collections::BTreeSet, path::Path, time::Instant};
+use std::{cell::Cell, collections::BTreeSet, path::Path, sync::Arc, time::Instant};
 
 use wfl::{
     Diagnostic, ResolvedScript,
     ast::{OptionItem, OptionValue, Reduction},
 };
 use wfl_compiler::{
-    Class, Constant, Env,
-    backend::KernelBackend,
+    Class, Constant, Env, PiecesLaw,
+    backend::{KernelBackend, PointKernel},
     compile_condition,
     ir::VerifiedKernel,
     types::{FieldKind, FieldSig, InputSlot},
 };
 
 use crate::{
-    assemble::{AssembledTerm, Binding, Integrator, LawSlots},
-    field::Field,
+    assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
+    field::{Field, FieldSpace},
     mesh::{Mesh, Topology},
-    newton::NewtonOptions,
+    newton::{NewtonOptions, TermPieces},
+    point_space::PointSpace,
     system::{Known, Numbering, System},
     value::{Sampled, Value},
 };
@@ -268,7 +269,7 @@ impl Builder<'_> {
         if self.diagnostics.iter().any(Diagnostic::is_error) {
             return None;
         }
-        let (terms, summaries) = assembled?;
+        let (terms, summaries, pieces) = assembled?;
         let compile_values = begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
@@ -290,13 +291,17 @@ impl Builder<'_> {
         };
         let unused_fields =
             (0..self.fields.len()).filter(|k| !used.contains(k)).map(|k| self.fields[k].name.clone()).collect();
-        let system = match System::new(self.mesh, self.fields, numbering, terms, known) {
+        let mut system = match System::new(self.mesh, self.fields, numbering, terms, known) {
             Ok(s) => s,
             Err(e) => {
                 self.diagnostics.push(Diagnostic::new("E412", e.to_string()));
                 return None;
             }
         };
+        if let Err(e) = system.hold(pieces) {
+            self.diagnostics.push(Diagnostic::new("E412", e.to_string()));
+            return None;
+        }
         let params = self.script.params.iter();
         let params =
             params.filter_map(|p| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone()))).collect();
@@ -375,11 +380,14 @@ impl Builder<'_> {
         laws: Vec<terms::PlacedLaw>,
         rules: &terms::Rules,
         numbering: &Numbering,
-    ) -> Option<(Vec<AssembledTerm>, Vec<TermSummary>)> {
+    ) -> Option<(Vec<AssembledTerm>, Vec<TermSummary>, Vec<TermPieces>)> {
         let kernels: Vec<&VerifiedKernel> = laws
             .iter()
             .flat_map(|l| {
-                std::iter::once(&l.law.residual).chain((l.law.class > Class::Constant).then_some(&l.law.tangent))
+                let held = l.pieces.as_ref().map(|p| &p.law);
+                std::iter::once(&l.law.residual)
+                    .chain((l.law.class > Class::Constant).then_some(&l.law.tangent))
+                    .chain(held.into_iter().flat_map(|law| [&law.residual, &law.tangent]))
             })
             .collect();
         let compiled = match self.batch.compile(&kernels) {
@@ -390,12 +398,13 @@ impl Builder<'_> {
             }
         };
         let mut compiled = compiled.into_iter();
-        let mut domains: Vec<(String, Option<crate::mesh::RegionSet>, std::sync::Arc<crate::assemble::Domain>)> =
-            Vec::new();
+        let mut domains: Vec<(String, Option<crate::mesh::RegionSet>, Arc<Domain>)> = Vec::new();
         let (mut terms, mut summaries, mut complete) = (Vec::new(), Vec::new(), true);
+        let mut pieces: Vec<TermPieces> = Vec::new();
         for placed in laws {
             let residual = compiled.next()?;
             let tangent = if placed.law.class > Class::Constant { compiled.next() } else { None };
+            let held = if placed.pieces.is_some() { Some((compiled.next()?, compiled.next()?)) } else { None };
             let choice = rules.get(&placed.place).copied().unwrap_or(RuleChoice::Degree(1));
             let shared = domains.iter().find(|(p, s, _)| *p == placed.place && *s == placed.set).map(|d| d.2.clone());
             let domain = shared.or_else(|| {
@@ -431,6 +440,12 @@ impl Builder<'_> {
                     });
                     let integrator = Integrator { domain, binding };
                     let place = placed.set.as_ref().and_then(outputs::facet_support);
+                    if let (Some(law), Some(kernels)) = (placed.pieces, held) {
+                        match self.hold(law, kernels, &integrator.domain, terms.len(), numbering) {
+                            Ok(made) => pieces.push(made),
+                            Err(e) => self.diagnostics.push(Diagnostic::new("E609", e)),
+                        }
+                    }
                     terms.push(AssembledTerm::new(placed.law, integrator, place, residual, tangent, &numbering.starts));
                 }
                 Err(e) => {
@@ -439,7 +454,35 @@ impl Builder<'_> {
                 }
             }
         }
-        complete.then_some((terms, summaries))
+        complete.then_some((terms, summaries, pieces))
+    }
+
+    /// The held form of a term: its guides are a field of its integration points behind the fields of the scene.
+    fn hold(
+        &self,
+        law: PiecesLaw,
+        (residual, tangent): (Box<dyn PointKernel>, Box<dyn PointKernel>),
+        domain: &Arc<Domain>,
+        term: usize,
+        numbering: &Numbering,
+    ) -> Result<TermPieces, String> {
+        let guides =
+            |name: String, space: FieldSpace| Field { name, kind: FieldKind::Data, n_components: law.n_guides, space };
+        let mut fields = self.fields.clone();
+        while fields.len() < law.field.index() {
+            fields.push(guides(String::new(), FieldSpace::Global));
+        }
+        let points = FieldSpace::Points(PointSpace::new(&self.mesh, domain));
+        fields.push(guides(format!("pieces of {}", law.law.name), points));
+        let mut starts = numbering.starts.clone();
+        starts.resize(fields.len(), None);
+        let slots = LawSlots { inputs: &law.law.inputs, tests: &law.law.tests, trials: &law.law.trials };
+        let binding = Binding::new(&self.mesh, domain, &fields, slots).map_err(|e| e.to_string())?;
+        let integrator = Integrator { domain: domain.clone(), binding };
+        let watch = Value::new(law.watch, self.batch).map_err(|e| e.to_string())?;
+        let sampled = watch.bind(&self.mesh, domain.clone(), &fields).map_err(|e| e.to_string())?;
+        let held = AssembledTerm::new(law.law, integrator, None, residual, Some(tangent), &starts);
+        Ok(TermPieces::new(term, held, law.field.index(), law.projections, law.n_guides, (watch, sampled)))
     }
 
     fn steps(&mut self) -> Option<Steps> {

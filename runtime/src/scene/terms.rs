@@ -7,7 +7,7 @@ use wfl::{
     ast::{Ident, QuadratureRule, TargetPart},
 };
 use wfl_compiler::{
-    Env, LoadPart, TermLaw, TermSource, compile_term,
+    Class, Env, LoadPart, PiecesLaw, TermLaw, TermSource, compile_pieces, compile_term,
     types::{FieldId, PlaceSig},
 };
 
@@ -26,6 +26,8 @@ use crate::{
 /// A compiled term with its place, before kernels and dofs.
 pub(super) struct PlacedLaw {
     pub(super) law: TermLaw,
+    /// The same term with the pieces of its projections held.
+    pub(super) pieces: Option<PiecesLaw>,
     /// The name of the region, or of the restricted region of a load.
     pub(super) place: String,
     pub(super) set: Option<RegionSet>,
@@ -100,7 +102,10 @@ impl TermMaker<'_> {
             }
         }
         if let Some(law) = compiled.value {
-            out.push(PlacedLaw { law, place: sig.name.clone(), set, span });
+            let guides = FieldId::new(self.fields.len() + out.iter().filter(|l| l.pieces.is_some()).count());
+            let kinked = law.class == Class::Kinked;
+            let pieces = if kinked { compile_pieces(self.env, sig, name, &law.listing, guides) } else { None };
+            out.push(PlacedLaw { law, pieces, place: sig.name.clone(), set, span });
         }
     }
 

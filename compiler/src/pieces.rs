@@ -1,0 +1,219 @@
+//! Projections of a law and the law with its pieces held: what Newton's method linearises at contact points.
+//!
+//! Every [`pos_part`](crate::functions) and `Ball_projection` of an unknown is the projection of an argument `x` on a
+//! half-line or a ball: `t = P(x)`. For any `c > 0` the same equation reads `t = P(t + c (x - t))` (the scaling of a
+//! normal cone), and Newton's method on `t` and the unknowns together, with `t` eliminated at each point, picks its
+//! branches from `t + c (x - t)` in place of `x`. With `c` chosen so that `c dx/du` is about the stiffness of the
+//! bodies this is the primal-dual active set method (Alart and Curnier 1991; Hintermüller, Ito and Kunisch 2002),
+//! whatever the penalty, Nitsche or augmentation parameter in `x`: a point that slipped one way is tried as sticking
+//! before it slips the other way, and two-cycles do not arise.
+//!
+//! Here the projections are found and the term is compiled a second time with each of them replaced by its held
+//! piece, an affine function of its argument whose numbers (*guides*) are inputs; the runtime fills them in
+//! (`runtime/src/newton/pieces.rs`). A converged state solves the term as written: only the path to it changes.
+//!
+//! Pieces: half-line, entry by entry: `m ? x : 0`. Ball: `s ? x : a e + k (x - e (e.x)) + h`.
+//! Guides: half-line `m` (n numbers); ball `s, k, e (n), h (n)`; masks are 0 or 1.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::{
+    build::Env,
+    graph::{ExprId, Graph, Leaf, Node, Role},
+    ir::Compare,
+    ops::rebuild,
+    term::{Listing, TermLaw, ValueLaw, law_of, tangent_of, value_of},
+    types::{FieldId, FieldKind, FieldOp, FieldSig, PlaceSig, Shape, Side},
+};
+
+/// The convex set of a projection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProjectionKind {
+    /// Numbers that are not negative, for each entry (`pos_part`).
+    HalfLine,
+    /// A ball (`Ball_projection`).
+    Ball,
+}
+
+/// One projection of a law.
+#[derive(Clone, Copy, Debug)]
+pub struct Projection {
+    /// On what.
+    pub kind: ProjectionKind,
+    /// Entries of its argument.
+    pub n: usize,
+    /// Its first guide.
+    pub guide: usize,
+    /// Its first output in the watch law: the argument (n), the radius (balls only), the value of the held piece (n).
+    pub output: usize,
+}
+
+/// A term with the pieces of its projections held.
+#[derive(Clone, Debug)]
+pub struct PiecesLaw {
+    /// The field of the guides: one node at each integration point.
+    pub field: FieldId,
+    /// Guides at a point.
+    pub n_guides: usize,
+    /// The projections, inner ones first.
+    pub projections: Vec<Projection>,
+    /// The term with held pieces; reads the guides.
+    pub law: TermLaw,
+    /// Arguments, radii and values of all projections; reads the guides.
+    pub watch: ValueLaw,
+}
+
+/// Compiles a term with held pieces; `None` if no projection moves with the unknowns, or if no derivative exists.
+#[must_use]
+pub fn compile_pieces(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    listing: &Listing,
+    field: FieldId,
+) -> Option<PiecesLaw> {
+    let root = listing.residual?;
+    let from = &listing.graph;
+    let order = reachable(from, root);
+    let half_lines = half_lines(from, &order);
+    let mut guide = 0;
+    let mut output = 0;
+    let mut found: Vec<(ExprId, Projection)> = Vec::new();
+    for e in &order {
+        let moves = |v: ExprId| from.depends(v).unknown;
+        let (kind, n, guides, outputs) = match *from.node(*e) {
+            Node::Select(mask, x, _) if half_lines.contains(&(mask, *e)) => {
+                let n = from.shape(x).len();
+                (ProjectionKind::HalfLine, n, n, 2 * n)
+            }
+            Node::Ball(v, r) if moves(v) || moves(r) => {
+                let n = from.shape(v).len();
+                (ProjectionKind::Ball, n, 2 + 2 * n, 2 * n + 1)
+            }
+            _ => continue,
+        };
+        found.push((*e, Projection { kind, n, guide, output }));
+        guide += guides;
+        output += outputs;
+    }
+    if found.is_empty() {
+        return None;
+    }
+    let fields = with_guides(env.fields, field, guide);
+    let env = Env { fields: &fields, ..*env };
+    let mut g = Graph::new(from.dim, &fields);
+    g.getfem_ties = from.getfem_ties;
+    let guides = g.leaf(Leaf::Field { field, side: Side::Here, op: FieldOp::Value, role: Role::Current });
+    let (residual, watched) = hold(from, &order, &found, &mut g, guides)?;
+    let watched = g.stack(Shape::vector(watched.len()), &watched);
+    let watch = value_of(&env, place, &format!("{name}.watch"), g.clone(), watched);
+    let tangent = tangent_of(&mut g, &fields, residual).ok()?;
+    let listing = Listing { graph: g, energy: None, residual: Some(residual), tangent };
+    let law = law_of(&env, place, &format!("{name}.held"), listing);
+    let projections = found.into_iter().map(|(_, p)| p).collect();
+    Some(PiecesLaw { field, n_guides: guide, projections, law, watch })
+}
+
+/// The fields with the field of the guides at its place; places between are not used by the law.
+fn with_guides(fields: &[FieldSig], field: FieldId, n_guides: usize) -> Vec<FieldSig> {
+    let data = |shape: Shape| FieldSig { name: String::new(), shape, degree: 0, kind: FieldKind::Data, global: false };
+    let mut all = fields.to_vec();
+    all.resize_with(field.index(), || data(Shape::SCALAR));
+    all.push(data(Shape::vector(n_guides)));
+    all
+}
+
+/// Selections `0 <= x ? x : 0`, one for each mask: `(mask, selection)`.
+fn half_lines(g: &Graph, order: &[ExprId]) -> BTreeSet<(ExprId, ExprId)> {
+    let mut found: BTreeMap<ExprId, ExprId> = BTreeMap::new();
+    for e in order {
+        if let Node::Select(mask, a, b) = *g.node(*e)
+            && let Node::Compare(Compare::LessEqual, zero, x) = *g.node(mask)
+            && a == x
+            && g.is_zero(b)
+            && g.is_zero(zero)
+            && g.depends(x).unknown
+        {
+            found.insert(mask, *e);
+        }
+    }
+    found.into_iter().collect()
+}
+
+/// The residual with held pieces, and what is watched of each projection.
+fn hold(
+    from: &Graph,
+    order: &[ExprId],
+    found: &[(ExprId, Projection)],
+    g: &mut Graph,
+    guides: ExprId,
+) -> Option<(ExprId, Vec<ExprId>)> {
+    let mut copied: BTreeMap<ExprId, ExprId> = BTreeMap::new();
+    let mut masks: BTreeMap<ExprId, ExprId> = BTreeMap::new();
+    for (e, p) in found {
+        if let (ProjectionKind::HalfLine, Node::Select(mask, x, _)) = (p.kind, from.node(*e)) {
+            let numbers: Vec<ExprId> = (0..p.n).map(|k| g.entry(guides, p.guide + k)).collect();
+            let numbers = g.stack(from.shape(*x), &numbers);
+            masks.insert(*mask, switched_on(g, numbers));
+        }
+    }
+    let mut watched = Vec::new();
+    for e in order {
+        let before = g.set_origin(from.origin(*e));
+        let made = match (masks.get(e), found.iter().find(|(f, _)| f == e), from.node(*e)) {
+            (Some(mask), _, _) => *mask,
+            (_, Some((_, p)), Node::Ball(v, r)) => {
+                let (x, a) = (copied[v], copied[r]);
+                let a = g.to_scalar(a);
+                let value = held_ball(g, guides, *p, x, a);
+                watched.extend((0..p.n).map(|k| g.entry(x, k)));
+                watched.push(a);
+                watched.extend((0..p.n).map(|k| g.entry(value, k)));
+                value
+            }
+            (_, found, _) => {
+                let value = rebuild(from, *e, g, &[], &|o: ExprId| copied[&o]);
+                if let (Some((_, p)), Node::Select(_, x, _)) = (found, from.node(*e)) {
+                    watched.extend((0..p.n).map(|k| g.entry(copied[x], k)));
+                    watched.extend((0..p.n).map(|k| g.entry(value, k)));
+                }
+                value
+            }
+        };
+        g.set_origin(before);
+        copied.insert(*e, made);
+    }
+    let residual = copied.get(order.last()?)?;
+    Some((*residual, watched))
+}
+
+fn switched_on(g: &mut Graph, numbers: ExprId) -> ExprId {
+    let shape = g.shape(numbers);
+    let half = g.constant(shape, &vec![0.5; shape.len()]);
+    g.compare(Compare::LessEqual, half, numbers)
+}
+
+fn held_ball(g: &mut Graph, guides: ExprId, p: Projection, x: ExprId, radius: ExprId) -> ExprId {
+    let shape = g.shape(x);
+    let [stick, factor] = [0, 1].map(|k| g.entry(guides, p.guide + k));
+    let vector = |g: &mut Graph, first: usize| {
+        let entries: Vec<ExprId> = (0..p.n).map(|k| g.entry(guides, p.guide + first + k)).collect();
+        g.stack(shape, &entries)
+    };
+    let along = vector(g, 2);
+    let shift = vector(g, 2 + p.n);
+    let part = g.inner(along, x);
+    let part = g.scale(part, along);
+    let across = g.sub(x, part);
+    let across = g.scale(factor, across);
+    let limit = g.scale(radius, along);
+    let slip = g.add(limit, across);
+    let slip = g.add(slip, shift);
+    let stick = switched_on(g, stick);
+    g.select(stick, x, slip)
+}
+
+/// Nodes below `root`, operands first, `root` last.
+fn reachable(g: &Graph, root: ExprId) -> Vec<ExprId> {
+    crate::term::reachable(g, root)
+}

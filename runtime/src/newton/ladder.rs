@@ -1,0 +1,100 @@
+//! Which globalisation a step uses, and when the next one takes over.
+//!
+//! Three are there; each is the best of them somewhere (`docs/newton.md`): held pieces where a penalty, augmentation
+//! or Nitsche parameter is large or a multiplier carries the traction; the natural monotonicity test where such a
+//! parameter is small; backtracking on the residual for everything else. A step that makes no progress with one goes
+//! on with the next from where it stands.
+
+use crate::{
+    assemble::TermError,
+    newton::{NewtonOptions, StepHistory},
+    system::System,
+};
+
+/// A way to get from one state to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Method {
+    /// Contact by held pieces ([`super::pieces`]).
+    Pieces,
+    /// Backtracking on the norm of the residual.
+    Residual,
+    /// Backtracking on the norm of the simplified Newton correction.
+    Natural,
+}
+
+/// Iterations that may pass with short steps or without a smaller residual.
+const PATIENCE: usize = 6;
+/// Iterations with held pieces that may pass: their residual says little before they settle.
+const PIECES_PATIENCE: usize = 25;
+/// Iterations under the natural test that may pass: short steps are progress there.
+const NATURAL_PATIENCE: usize = 50;
+/// A step below this is short.
+const SHORT: f64 = 0.2;
+
+/// The methods of a step, in their order.
+pub(super) struct Ladder {
+    methods: Vec<Method>,
+    position: usize,
+    /// Iterations with the present method.
+    iterations: usize,
+}
+
+impl Ladder {
+    /// The methods that suit the scene; pieces are held where they come first.
+    pub(super) fn new(system: &mut System, u: &[f64], options: NewtonOptions) -> Result<Self, TermError> {
+        let mut methods = vec![Method::Residual, Method::Natural];
+        if options.search && system.has_pieces() {
+            system.start_pieces(u)?;
+            methods = match system.is_compliant() {
+                true => vec![Method::Natural, Method::Residual, Method::Pieces],
+                false => vec![Method::Pieces, Method::Residual, Method::Natural],
+            };
+        }
+        if !options.search || system.is_linear() {
+            methods.truncate(1);
+        }
+        Ok(Self { methods, position: 0, iterations: 0 })
+    }
+
+    /// The method of the present iteration.
+    pub(super) fn method(&self) -> Method {
+        self.methods[self.position]
+    }
+
+    /// True if pieces are held.
+    pub(super) fn held(&self) -> bool {
+        self.method() == Method::Pieces
+    }
+
+    /// Iterations with the present method, this one included.
+    pub(super) fn iterations(&self) -> usize {
+        self.iterations
+    }
+
+    /// Counts an iteration; true if it is the first of another method.
+    pub(super) fn next(&mut self, history: &StepHistory) -> bool {
+        self.iterations += 1;
+        if self.methods.len() < 2 || !self.exhausted(history) {
+            return false;
+        }
+        self.position = (self.position + 1) % self.methods.len();
+        self.iterations = 1;
+        true
+    }
+
+    fn exhausted(&self, history: &StepHistory) -> bool {
+        match self.method() {
+            Method::Pieces => return self.iterations > PIECES_PATIENCE,
+            Method::Natural => return self.iterations > NATURAL_PATIENCE,
+            Method::Residual => {}
+        }
+        if self.iterations <= PATIENCE {
+            return false;
+        }
+        let last = &history.iterations[history.iterations.len().saturating_sub(PATIENCE + 1)..];
+        let (first, rest) = last.split_first().expect("iterations have passed");
+        let short = rest.iter().filter(|i| i.step < SHORT).count();
+        let smallest = rest.iter().fold(f64::INFINITY, |m, i| m.min(i.residual));
+        2 * short >= rest.len() && smallest > 0.5 * first.residual
+    }
+}

@@ -1,0 +1,267 @@
+//! Contact by pieces: the projections of a scene held on a branch while the unknowns move, then chosen anew.
+//!
+//! See `compiler/src/pieces.rs` for the reason. Each projection `t = P(x)` keeps a value `t` at every integration
+//! point, the value of its held piece at the present unknowns. The next piece is that of `t + c (x - t)`; `c` is the
+//! stiffness of the bodies over the slope of `x` in the displacement, so that the choice does not depend on the
+//! penalty, Nitsche or augmentation parameter in `x`. Promises: nothing is remembered but the guides, which depend on
+//! the order of the calls only. Does not decide when to stop or to give up: `newton/mod.rs` does.
+
+use wfl_compiler::{
+    Projection, ProjectionKind, interpret,
+    ir::LANES,
+    types::{FieldKind, FieldOp, InputSlot},
+};
+
+use crate::{
+    assemble::{AssembledTerm, Bound, FieldValues, Workspace},
+    field::Field,
+    mesh::Mesh,
+    value::{Sampled, Value},
+};
+
+/// The stiffness that the choice of pieces works with, in units of the nodal stiffness over the area of an entity.
+/// Values from 0.1 to 3 serve alike (`docs/newton.md`).
+const STIFFNESS_FACTOR: f64 = 1.0;
+/// After so many choices in a step the stiffness grows by a factor each time, up to a bound: what is left then are
+/// directions of slip, which converge faster near the arguments as written.
+const SETTLED_CHOICES: usize = 3;
+const STIFFNESS_GROWTH: f64 = 2.0;
+const LARGEST_GROWTH: f64 = 5.0;
+/// Points at which the slope of an argument is sampled.
+const SLOPE_POINTS: usize = 64;
+/// Change of the displacement for that slope, over the size of an entity.
+const SLOPE_STEP: f64 = 1e-3;
+/// Above this `c` a law without multiplier is better searched than chosen by pieces (`docs/newton.md`).
+const COMPLIANT: f64 = 3.0;
+/// Bounds of `c`.
+const RATIO_RANGE: (f64, f64) = (1e-13, 1e13);
+
+/// The held form of one term.
+pub struct TermPieces {
+    /// Position of the term in the system.
+    pub term: usize,
+    /// The term with its pieces held.
+    pub held: AssembledTerm,
+    /// The number of the field of its guides, behind those of the scene.
+    pub field: usize,
+    projections: Vec<Projection>,
+    n_guides: usize,
+    watch: Value,
+    sampled: Sampled,
+    /// By projection: `c`.
+    ratios: Vec<f64>,
+    /// Factor on `c` where it is below 1, and its inverse where it is above.
+    growth: f64,
+}
+
+impl TermPieces {
+    /// Held pieces of the term at position `term`, guided by the values of field number `field`.
+    #[must_use]
+    pub fn new(
+        term: usize,
+        held: AssembledTerm,
+        field: usize,
+        projections: Vec<Projection>,
+        n_guides: usize,
+        (watch, sampled): (Value, Sampled),
+    ) -> Self {
+        let ratios = vec![1.0; projections.len()];
+        Self { term, held, field, projections, n_guides, watch, sampled, ratios, growth: 1.0 }
+    }
+
+    /// Sets the step variable and its increment.
+    pub fn set_step(&mut self, time: f64, increment: f64) {
+        self.held.set_step(time, increment);
+        self.watch.set_step(time, increment);
+    }
+
+    /// Fits `c` of each projection to the stiffness of the bodies: `diagonal` of the cell terms, by dof.
+    pub fn fit(&mut self, mesh: &Mesh, fields: &[Field], values: FieldValues<'_>, diagonal: &[f64]) {
+        let dofs = self.held.dofs();
+        let stiff: Vec<f64> = dofs.iter().map(|d| diagonal[*d as usize]).filter(|k| *k > 0.0).collect();
+        let (area, size) = self.entity_size(mesh, values);
+        if stiff.is_empty() || area <= 0.0 {
+            return;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a mean")]
+        let stiffness = STIFFNESS_FACTOR * stiff.iter().sum::<f64>() / (stiff.len() as f64 * area);
+        let slopes = self.slopes(mesh, fields, values, SLOPE_STEP * size);
+        for (ratio, slope) in self.ratios.iter_mut().zip(slopes) {
+            if slope > 0.0 && stiffness.is_finite() {
+                *ratio = (stiffness / slope).clamp(RATIO_RANGE.0, RATIO_RANGE.1);
+            }
+        }
+    }
+
+    /// Tells how often pieces were chosen in this step.
+    pub fn chosen(&mut self, times: usize) {
+        let exponent = i32::try_from(times.saturating_sub(SETTLED_CHOICES)).unwrap_or(i32::MAX);
+        self.growth = STIFFNESS_GROWTH.powi(exponent).min(LARGEST_GROWTH);
+    }
+
+    /// True if the arguments are far stiffer in the traction than the bodies: a small augmentation, and no multiplier
+    /// that would take the place of the traction.
+    #[must_use]
+    pub fn is_compliant(&self, fields: &[Field]) -> bool {
+        let multiplier = self.held.coupled_fields().any(|f| fields[f.index()].kind == FieldKind::Multiplier);
+        !multiplier && self.ratios.iter().any(|c| *c > COMPLIANT)
+    }
+
+    /// Mean measure of an entity and its length.
+    fn entity_size(&self, mesh: &Mesh, values: FieldValues<'_>) -> (f64, f64) {
+        let mut total = 0.0;
+        self.watch.for_each_point(mesh, &self.sampled, values, |_, _, _, weight, _| total += weight);
+        let domain = &self.sampled.domain;
+        let on_cells = domain.groups.iter().all(|g| g.tangents.is_none());
+        let dimension = if on_cells { domain.dim } else { domain.dim.saturating_sub(1).max(1) };
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let area = total / domain.n_entities.max(1) as f64;
+        #[expect(clippy::cast_precision_loss, reason = "1, 2 or 3")]
+        let size = area.powf(1.0 / dimension as f64);
+        (area, size)
+    }
+
+    /// By projection: the largest change of its argument when one displacement changes by 1, median of some points.
+    fn slopes(&self, mesh: &Mesh, fields: &[Field], values: FieldValues<'_>, step: f64) -> Vec<f64> {
+        let law = &self.watch.law;
+        let moving: Vec<usize> = (0..law.inputs.len())
+            .filter(|k| match law.inputs[*k] {
+                // guides are numbered behind the fields
+                InputSlot::Field(b) if b.op == FieldOp::Value => {
+                    fields.get(b.field.index()).is_some_and(|f| f.kind == FieldKind::Unknown)
+                }
+                _ => false,
+            })
+            .collect();
+        let mut found: Vec<Vec<f64>> = vec![Vec::new(); self.projections.len()];
+        let bound = Bound { mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
+        let mut workspace = Workspace::default();
+        let n_in = law.inputs.len();
+        let n_out = law.kernel.kernel().outputs.len();
+        let (mut scratch, mut base, mut changed) = (Vec::new(), vec![0.0; n_out], vec![0.0; n_out]);
+        for (g, group) in self.sampled.domain.groups.iter().enumerate() {
+            let stride = (group.n_batches() * group.n_points()).div_ceil(SLOPE_POINTS).max(1);
+            for at in (0..group.n_batches() * group.n_points()).step_by(stride) {
+                let (batch, q) = (at / group.n_points(), at % group.n_points());
+                workspace.prepare(bound, g, batch, values);
+                let mut inputs: Vec<f64> = (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES]).collect();
+                interpret(&law.kernel, self.watch.uniforms(), &inputs, &mut scratch, &mut base);
+                let mut largest = vec![0.0f64; self.projections.len()];
+                for k in &moving {
+                    let kept = inputs[*k];
+                    inputs[*k] = kept + step;
+                    interpret(&law.kernel, self.watch.uniforms(), &inputs, &mut scratch, &mut changed);
+                    inputs[*k] = kept;
+                    for (p, slot) in self.projections.iter().zip(&mut largest) {
+                        let change = (p.output..p.output + p.n).map(|o| (changed[o] - base[o]).abs() / step);
+                        *slot = change.fold(*slot, f64::max);
+                    }
+                }
+                found.iter_mut().zip(largest).for_each(|(list, x)| list.push(x));
+            }
+        }
+        found.into_iter().map(median).collect()
+    }
+
+    /// The pieces of the term as it is written at this state: a start without a past.
+    ///
+    /// Inner projections enter the radius of outer ones, so the watch is read as often as they can be nested.
+    pub fn start(&self, mesh: &Mesh, values: FieldValues<'_>, guides: &mut Vec<f64>) {
+        *guides = self.no_guides();
+        for _ in 0..self.projections.len() {
+            let mut current: Vec<&[f64]> = values.current.to_vec();
+            current[self.field] = guides;
+            let next = self.choose(mesh, FieldValues { current: &current, ..values }, guides, true);
+            if next == *guides {
+                break;
+            }
+            *guides = next;
+        }
+    }
+
+    /// The pieces that follow from the held ones at this state.
+    #[must_use]
+    pub fn follow(&self, mesh: &Mesh, values: FieldValues<'_>, guides: &[f64]) -> Vec<f64> {
+        self.choose(mesh, values, guides, false)
+    }
+
+    /// Guides before any piece is chosen.
+    #[must_use]
+    pub fn no_guides(&self) -> Vec<f64> {
+        vec![0.0; self.n_points() * self.n_guides]
+    }
+
+    fn n_points(&self) -> usize {
+        self.sampled.domain.groups.iter().map(|g| g.entities.len() * g.n_points()).sum()
+    }
+
+    fn choose(&self, mesh: &Mesh, values: FieldValues<'_>, guides: &[f64], as_written: bool) -> Vec<f64> {
+        let mut next = guides.to_vec();
+        let mut point = 0;
+        self.watch.for_each_point(mesh, &self.sampled, values, |_, _, _, _, out| {
+            let guides = &mut next[point * self.n_guides..][..self.n_guides];
+            for (p, ratio) in self.projections.iter().zip(&self.ratios) {
+                let towards_one =
+                    |c: f64| if c < 1.0 { (c * self.growth).min(1.0) } else { (c / self.growth).max(1.0) };
+                let ratio = towards_one(*ratio);
+                let x = &out[p.output..][..p.n];
+                match p.kind {
+                    ProjectionKind::HalfLine => {
+                        let t = &out[p.output + p.n..][..p.n];
+                        for k in 0..p.n {
+                            let y = if as_written { x[k] } else { t[k] + ratio * (x[k] - t[k]) };
+                            guides[p.guide + k] = f64::from(u8::from(y >= 0.0));
+                        }
+                    }
+                    ProjectionKind::Ball => {
+                        let radius = out[p.output + p.n];
+                        let t = &out[p.output + p.n + 1..][..p.n];
+                        let (t, ratio) = if as_written { (x, 1.0) } else { (t, ratio) };
+                        ball(x, t, radius, ratio, &mut guides[p.guide..][..2 + 2 * p.n]);
+                    }
+                }
+            }
+            point += 1;
+        });
+        next
+    }
+}
+
+/// The piece of a ball projection: `s, k, e, h` from the argument `x`, the value `t`, the radius and `c`.
+fn ball(x: &[f64], t: &[f64], radius: f64, ratio: f64, guides: &mut [f64]) {
+    let n = x.len();
+    let (numbers, vectors) = guides.split_at_mut(2);
+    let (along, shift) = vectors.split_at_mut(n);
+    for k in 0..n {
+        along[k] = t[k] + ratio * (x[k] - t[k]);
+        shift[k] = 0.0;
+    }
+    let largest = along.iter().fold(0.0f64, |m, y| m.max(y.abs()));
+    let reduced = if largest > 0.0 { along.iter().map(|y| (y / largest).powi(2)).sum::<f64>().sqrt() } else { 0.0 };
+    let stick = radius >= 0.0 && (largest == 0.0 || reduced <= radius / largest);
+    numbers[0] = f64::from(u8::from(stick));
+    numbers[1] = 0.0;
+    if largest > 0.0 {
+        along.iter_mut().for_each(|y| *y = *y / largest / reduced);
+    }
+    if stick || radius <= 0.0 {
+        return;
+    }
+    // the piece of t = P(t + c (x - t)), solved for t
+    let k0 = radius / largest / reduced;
+    let damping = 1.0 / (1.0 - k0 + ratio * k0);
+    let k = ratio * k0 * damping;
+    numbers[1] = k;
+    let dot = |v: &[f64]| v.iter().zip(along.iter()).map(|(v, e)| v * e).sum::<f64>();
+    let (x_along, t_along) = (dot(x), dot(t));
+    for i in 0..n {
+        let across_x = x[i] - x_along * along[i];
+        let across_t = t[i] - t_along * along[i];
+        shift[i] = (1.0 - damping) * across_t - k * across_x;
+    }
+}
+
+fn median(mut list: Vec<f64>) -> f64 {
+    list.sort_by(f64::total_cmp);
+    list.get(list.len() / 2).copied().unwrap_or(0.0)
+}
