@@ -241,6 +241,13 @@ impl System {
         self.choose_pieces(u, |piece, mesh, values, guides| *guides = piece.follow(mesh, values, guides))
     }
 
+    /// True if every term is affine in the unknowns once pieces are held: then a full step solves the held problem.
+    #[must_use]
+    pub fn is_affine_when_held(&self) -> bool {
+        let affine = |k: usize| self.pieces.iter().any(|p| p.term == k && p.held.law.class <= Class::Linear);
+        self.terms.iter().enumerate().all(|(k, t)| t.law.class <= Class::Linear || affine(k))
+    }
+
     /// True if contact here is better searched than chosen by pieces ([`TermPieces::is_compliant`]).
     #[must_use]
     pub fn is_compliant(&self) -> bool {

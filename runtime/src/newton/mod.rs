@@ -202,6 +202,10 @@ impl Line<'_> {
     ) -> Result<(f64, Measured), NewtonError> {
         let start: Vec<f64> = u.to_vec();
         let held = self.method == Method::Pieces;
+        if held && system.is_affine_when_held() {
+            step_to(system, &start, self.direction, 1.0, u);
+            return Ok((1.0, measure(system, u, self.weights, false)?));
+        }
         let mut best: Option<(f64, f64)> = None;
         let mut alpha = 1.0;
         for _ in 0..=MAX_HALVINGS {
