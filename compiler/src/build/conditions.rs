@@ -1,0 +1,80 @@
+//! Conditions to masks. Coordinates may be compared within a tolerance, everything else exactly.
+
+use wfl::{
+    Diagnostic,
+    ast::{CmpOp, Cond, CondKind, Expr},
+};
+
+use crate::{
+    build::Builder,
+    graph::{ExprId, Graph},
+    ir::Compare,
+};
+
+impl Builder<'_> {
+    /// The mask of a condition.
+    pub fn condition(&mut self, c: &Cond) -> Option<ExprId> {
+        match &c.kind {
+            CondKind::Compare(first, rest) => {
+                let mut left = self.scalar_operand(first);
+                let mut all: Option<ExprId> = None;
+                for (op, part) in rest {
+                    let right = self.scalar_operand(part);
+                    let (a, b) = (left?, right?);
+                    let mask = self.comparison(*op, a, b);
+                    all = Some(all.map_or(mask, |m| self.graph.and(m, mask)));
+                    left = Some(b);
+                }
+                all
+            }
+            CondKind::And(parts) => self.join(parts, Graph::and),
+            CondKind::Or(parts) => self.join(parts, Graph::or),
+            CondKind::Not(a) => {
+                let a = self.condition(a)?;
+                Some(self.graph.not(a))
+            }
+        }
+    }
+
+    fn join(&mut self, parts: &[Cond], f: fn(&mut Graph, ExprId, ExprId) -> ExprId) -> Option<ExprId> {
+        let built: Vec<Option<ExprId>> = parts.iter().map(|p| self.condition(p)).collect();
+        let mut all: Option<ExprId> = None;
+        for b in built {
+            let b = b?;
+            all = Some(all.map_or(b, |a| f(&mut self.graph, a, b)));
+        }
+        all
+    }
+
+    fn scalar_operand(&mut self, e: &Expr) -> Option<ExprId> {
+        let value = self.expr(e)?;
+        self.no_tests(e, value, "a comparison")?;
+        let shape = self.graph.shape(value);
+        if !shape.is_scalar_like() {
+            let d = Diagnostic::new("E108", format!("a comparison needs scalars, found a {shape}"));
+            return self.report(d, e, shape.to_string());
+        }
+        Some(self.graph.to_scalar(value))
+    }
+
+    fn comparison(&mut self, op: CmpOp, a: ExprId, b: ExprId) -> ExprId {
+        let g = &mut self.graph;
+        match op {
+            CmpOp::Less => g.compare(Compare::Less, a, b),
+            CmpOp::LessEqual => g.compare(Compare::LessEqual, a, b),
+            CmpOp::Greater => g.compare(Compare::Less, b, a),
+            CmpOp::GreaterEqual => g.compare(Compare::LessEqual, b, a),
+            CmpOp::Equal | CmpOp::NotEqual if self.loose_equality => {
+                let difference = g.sub(a, b);
+                let minus = g.neg(difference);
+                let tolerance = g.number(self.env.equal_within);
+                let above = g.compare(Compare::LessEqual, difference, tolerance);
+                let below = g.compare(Compare::LessEqual, minus, tolerance);
+                let equal = g.and(above, below);
+                if op == CmpOp::Equal { equal } else { g.not(equal) }
+            }
+            CmpOp::Equal => g.compare(Compare::Equal, a, b),
+            CmpOp::NotEqual => g.compare(Compare::NotEqual, a, b),
+        }
+    }
+}

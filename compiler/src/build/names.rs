@@ -1,0 +1,277 @@
+//! Words of expressions: params, fields with their prefixes, coordinates and geometry, each checked against the place.
+//!
+//! What lives on the other side of an interface, and what has no gradient or test function, is told here. Functions
+//! are in `parts.rs` and `ops/`.
+
+use wfl::{Diagnostic, ast::Expr, nearest};
+
+use crate::{
+    build::Builder,
+    graph::{ExprId, Leaf, Role},
+    ops,
+    types::{FieldId, FieldKind, FieldOp, PlaceKind, Side},
+};
+
+impl Builder<'_> {
+    pub(super) fn name(&mut self, e: &Expr, name: &str) -> Option<ExprId> {
+        if let Some(c) = self.env.params.get(name) {
+            return Some(self.graph.constant(c.shape, &c.values));
+        }
+        if self.field_id(name).is_some() {
+            return self.field_word(e, name, Side::Here);
+        }
+        let component = |this: &mut Self, k: usize| {
+            if k < this.env.dim {
+                let x = this.graph.leaf(Leaf::X);
+                Some(this.graph.pick(x, &[Some(k)]))
+            } else {
+                let d = Diagnostic::new("E205", format!("`{name}` does not exist in {} dimensions", this.env.dim));
+                this.report(d, e, "")
+            }
+        };
+        match name {
+            "pi" => return Some(self.graph.number(std::f64::consts::PI)),
+            "meshdim" => {
+                #[expect(clippy::cast_precision_loss, reason = "the dimension is 1 to 3")]
+                return Some(self.graph.number(self.env.dim as f64));
+            }
+            "X" => return Some(self.graph.leaf(Leaf::X)),
+            "x" => return component(self, 0),
+            "y" => return component(self, 1),
+            "z" => return component(self, 2),
+            "Normal" | "element_size" | "element_K" | "element_B" => return self.geometry(e, name, Side::Here),
+            "timestep" => {
+                if self.env.step_variable.is_none() {
+                    let d = Diagnostic::new("E206", "`timestep` needs a `steps` statement");
+                    return self.report(d, e, "");
+                }
+                return Some(self.graph.leaf(Leaf::TimeStep));
+            }
+            _ if Some(name) == self.env.step_variable => return Some(self.graph.leaf(Leaf::Time)),
+            "t" => {
+                let d = Diagnostic::new("E206", "`t` exists only if the scene says `steps t = ...`");
+                return self.report(d, e, "");
+            }
+            _ => {}
+        }
+        if let Some(word) = FieldWord::split(name)
+            && word.has_prefix()
+        {
+            return self.field_word(e, name, Side::Here);
+        }
+        if ops::find(name).is_some() {
+            let d = Diagnostic::new("E105", format!("`{name}` is a function and needs its arguments"))
+                .help(format!("{name}(...)"));
+            return self.report(d, e, "");
+        }
+        self.unknown_name(e, name)
+    }
+
+    pub(super) fn unknown_name<T>(&mut self, e: &Expr, name: &str) -> Option<T> {
+        if ops::NOT_SUPPORTED.contains(&name) {
+            let d = Diagnostic::new("E801", format!("`{name}` is GWFL this program does not have"))
+                .help("`wfl explain E801` lists what is left out and what to write in its place");
+            return self.report(d, e, "");
+        }
+        let env = self.env;
+        let fixed = ["pi", "meshdim", "X", "x", "y", "z", "Normal", "element_size", "timestep"];
+        let known = env.params.keys().map(String::as_str);
+        let known = known.chain(env.fields.iter().map(|f| f.name.as_str()));
+        let known = known.chain(fixed).chain(env.step_variable).chain(ops::names().map(|n| -> &str { n }));
+        let text = match nearest(name, known) {
+            Some(k) => format!("did you mean `{k}`?"),
+            None => "not a parameter, field, macro or built-in name".to_owned(),
+        };
+        let d = Diagnostic::new("E201", format!("unknown name `{name}`"));
+        self.report(d, e, text)
+    }
+
+    /// The field of that name.
+    pub(crate) fn field_id(&self, name: &str) -> Option<FieldId> {
+        self.env.fields.iter().position(|f| f.name == name).map(FieldId::new)
+    }
+
+    /// `Normal`, `element_size`, ... on a side.
+    pub(crate) fn geometry(&mut self, e: &Expr, name: &str, side: Side) -> Option<ExprId> {
+        let on_cells = matches!(self.place.kind, PlaceKind::Cells);
+        if self.place.kind == PlaceKind::Global || (on_cells && name == "Normal") {
+            let (code, text) =
+                if name == "Normal" { ("E204", "exists on faces only") } else { ("E204", "needs a cell") };
+            let d = Diagnostic::new(code, format!("`{name}` {text}"));
+            let place = format!("`{}` is {}", self.place.name, self.place.description);
+            return self.report(d, e, place);
+        }
+        Some(self.graph.leaf(match name {
+            "Normal" => Leaf::Normal(side),
+            "element_size" => Leaf::ElementSize(side),
+            "element_K" => Leaf::ElementK(side),
+            _ => Leaf::ElementB(side),
+        }))
+    }
+
+    /// `u`, `Grad_u`, `Div_Test_u`, `Previous_u`, `Dot_u`, ... on a side.
+    pub(crate) fn field_word(&mut self, e: &Expr, name: &str, side: Side) -> Option<ExprId> {
+        let word = FieldWord::split(name)?;
+        let Some(field) = self.field_id(word.field) else {
+            if word.has_prefix() && self.env.params.contains_key(word.field) {
+                let what = name.strip_suffix(word.field).unwrap_or(name).trim_end_matches('_').to_owned();
+                let d = if word.role == WordRole::Test || word.role == WordRole::Test2 {
+                    Diagnostic::new("E304", format!("`{}` is a param, it has no test function", word.field))
+                } else {
+                    Diagnostic::new("E106", format!("`{what}_` needs a field name, but `{}` is a param", word.field))
+                };
+                return self.report(d, e, "");
+            }
+            return self.unknown_name(e, name);
+        };
+        let sig = &self.env.fields[field.index()];
+        if word.is_test() && !sig.is_unknown() {
+            let kind = if sig.kind == FieldKind::State { "state" } else { "data" };
+            let d = Diagnostic::new("E304", format!("`{}` is {kind}, it has no test function", sig.name));
+            return self.report(d, e, "only unknowns and multipliers have one");
+        }
+        if word.op != WordOp::Value && sig.global {
+            let d = Diagnostic::new(
+                "E208",
+                format!("`{}` is one number for the whole scene: it has no gradient", sig.name),
+            );
+            return self.report(d, e, "");
+        }
+        if word.op != WordOp::Value && sig.kind == FieldKind::State {
+            let d = Diagnostic::new("E208", format!("`{}` lives at integration points: it has no gradient", sig.name));
+            return self.report(d, e, "");
+        }
+        self.lives_here(e, field, side)?;
+        let role = match word.role {
+            WordRole::Plain | WordRole::Dot => Role::Current,
+            WordRole::Test => Role::Test,
+            WordRole::Test2 => {
+                self.order2 = true;
+                Role::Trial
+            }
+            WordRole::Previous => Role::Previous,
+        };
+        if matches!(word.role, WordRole::Previous | WordRole::Dot) && self.env.step_variable.is_none() {
+            let d =
+                Diagnostic::new("E206", format!("`{name}` needs a `steps` statement: without steps there is no past"));
+            return self.report(d, e, "");
+        }
+        let op = match word.op {
+            WordOp::Value => FieldOp::Value,
+            WordOp::Grad | WordOp::Div => FieldOp::Grad,
+            WordOp::Hess => FieldOp::Hess,
+        };
+        let shape = sig.shape;
+        let mut leaf = self.graph.leaf(Leaf::Field { field, side, op, role });
+        if word.role == WordRole::Dot {
+            // backward Euler: the rate over the step
+            let past = self.graph.leaf(Leaf::Field { field, side, op, role: Role::Previous });
+            let change = self.graph.sub(leaf, past);
+            let step = self.graph.leaf(Leaf::TimeStep);
+            leaf = self.graph.divide(change, step);
+        }
+        if word.op == WordOp::Div {
+            let rank = shape.rank();
+            if rank == 0 && self.env.dim == 1 {
+                // on a line a scalar is a vector of one component
+                return Some(self.graph.entry(leaf, 0));
+            }
+            if rank == 0 || shape.size(rank - 1) != self.env.dim {
+                let d = Diagnostic::new("E108", format!("`{name}` needs as many components as space has dimensions"));
+                let text = format!("`{}` is a {shape}, space has {} dimensions", word.field, self.env.dim);
+                return self.report(d, e, text);
+            }
+            return Some(self.graph.trace(leaf, rank - 1, rank));
+        }
+        Some(leaf)
+    }
+
+    fn lives_here(&mut self, e: &Expr, field: FieldId, side: Side) -> Option<()> {
+        let sig = &self.env.fields[field.index()];
+        if sig.global {
+            return Some(());
+        }
+        let lives = match side {
+            Side::Here => self.place.here[field.index()],
+            Side::There => self.place.there[field.index()],
+        };
+        if lives {
+            return Some(());
+        }
+        let name = &sig.name;
+        let place = &self.place.name;
+        if self.place.kind == PlaceKind::Global {
+            let d = Diagnostic::new("E202", format!("`{name}` varies in space, but this term is on `global`"));
+            return self.report(d, e, "only numbers and global unknowns have one value");
+        }
+        let other = match side {
+            Side::Here => self.place.there[field.index()],
+            Side::There => self.place.here[field.index()],
+        };
+        let d = if self.place.kind == PlaceKind::Interface && other {
+            let d = Diagnostic::new("E202", format!("`{name}` does not live on this side of `{place}`"));
+            match side {
+                Side::Here => d.help(format!("Interpolate({name}, neighbor_element) is the trace from the other side")),
+                Side::There => d.help(format!("`{name}` alone is the trace from this side")),
+            }
+        } else {
+            Diagnostic::new("E202", format!("`{name}` does not live on `{place}`"))
+        };
+        let text = match (&self.place.here_name, other) {
+            (Some(here), true) => format!("`{place}` is integrated from `{here}`"),
+            _ => format!("`{place}` is {}", self.place.description),
+        };
+        self.report(d, e, text)
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum WordOp {
+    Value,
+    Grad,
+    Hess,
+    Div,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum WordRole {
+    Plain,
+    Test,
+    Test2,
+    Previous,
+    Dot,
+}
+
+/// `Grad_Test_u` in its parts.
+pub(super) struct FieldWord<'n> {
+    op: WordOp,
+    role: WordRole,
+    field: &'n str,
+}
+
+impl<'n> FieldWord<'n> {
+    pub(super) fn split(name: &'n str) -> Option<Self> {
+        let (op, rest) = [("Grad_", WordOp::Grad), ("Hess_", WordOp::Hess), ("Div_", WordOp::Div)]
+            .iter()
+            .find_map(|(p, op)| name.strip_prefix(p).map(|r| (*op, r)))
+            .unwrap_or((WordOp::Value, name));
+        let (role, field) = [
+            ("Test_", WordRole::Test),
+            ("Test2_", WordRole::Test2),
+            ("Previous_", WordRole::Previous),
+            ("Dot_", WordRole::Dot),
+        ]
+        .iter()
+        .find_map(|(p, role)| rest.strip_prefix(p).map(|r| (*role, r)))
+        .unwrap_or((WordRole::Plain, rest));
+        (!field.is_empty()).then_some(Self { op, role, field })
+    }
+
+    pub(super) fn has_prefix(&self) -> bool {
+        self.op != WordOp::Value || self.role != WordRole::Plain
+    }
+
+    fn is_test(&self) -> bool {
+        matches!(self.role, WordRole::Test | WordRole::Test2)
+    }
+}

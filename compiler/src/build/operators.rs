@@ -1,0 +1,310 @@
+//! Operators: sums, products and powers, with the shapes and test functions that each needs.
+//!
+//! A product is read from left to right as in GWFL; every pair that does not fit is told with both shapes.
+
+use wfl::{
+    Diagnostic, Span,
+    ast::{Expr, ExprKind, MulOp},
+};
+
+use crate::{
+    build::{Builder, brief},
+    graph::{Arity, ExprId},
+    ops,
+    types::Shape,
+};
+
+impl Builder<'_> {
+    pub(super) fn sum(&mut self, parts: &[(bool, Expr)]) -> Option<ExprId> {
+        let built: Vec<Option<ExprId>> = parts.iter().map(|(_, p)| self.expr(p)).collect();
+        let mut total: Option<ExprId> = None;
+        for (k, ((minus, part), value)) in parts.iter().zip(built).enumerate() {
+            let value = value?;
+            let Some(sum) = total else {
+                total = Some(if *minus { self.graph.neg(value) } else { value });
+                continue;
+            };
+            let value = self.summand(sum, value, *minus, part, &parts[k - 1].1)?;
+            total = Some(if *minus { self.graph.sub(sum, value) } else { self.graph.add(sum, value) });
+        }
+        total
+    }
+
+    /// Checks that `value` may be added to `sum`; returns it with the shape of `sum`.
+    fn summand(&mut self, sum: ExprId, value: ExprId, minus: bool, part: &Expr, before: &Expr) -> Option<ExprId> {
+        let (a, b) = (self.graph.shape(sum), self.graph.shape(value));
+        let word = if minus { "subtract" } else { "add" };
+        if a != b {
+            if a.is_scalar_like() && b.is_scalar_like() {
+                return Some(self.graph.reshape(value, a));
+            }
+            let (article_a, article_b) = (kind_word(a), kind_word(b));
+            let message = match (minus, article_a == article_b) {
+                (_, true) => format!("cannot {word} {b} {} {a}", if minus { "from" } else { "to" }),
+                (true, _) => format!("cannot subtract a {article_b} from a {article_a}"),
+                (false, _) => format!("cannot add a {article_b} to a {article_a}"),
+            };
+            let mut d = Diagnostic::new("E101", message);
+            d = self.at(d, part, b.to_string());
+            d = self.at(d, before, a.to_string());
+            if let ExprKind::Product(first, rest) = &part.kind
+                && let Some((op, _, last)) = rest.last()
+                && matches!(op, MulOp::Dot | MulOp::DoubleDot)
+            {
+                let sign = if minus { "-" } else { "+" };
+                let op = if *op == MulOp::Dot { "." } else { ":" };
+                d = d
+                    .note(format!("`{op}` binds tighter than `{sign}`, so only the second part meets {}", brief(last)));
+                let _ = first;
+                d = d.help(format!("put the sum in parentheses: (a {sign} b){op}{}", brief(last)));
+            }
+            self.diagnostics.push(d);
+            return None;
+        }
+        let (x, y) = (self.graph.arity(sum), self.graph.arity(value));
+        if x != y && !self.graph.is_zero(sum) && !self.graph.is_zero(value) {
+            let (culprit, other) =
+                if y == Arity::NONE || (y.test && !y.trial && x.trial) { (part, before) } else { (before, part) };
+            let d = Diagnostic::new("E302", "part of this term has no test function");
+            let d = self.at(d, culprit, "no Test_ in this summand");
+            let d = self.at(d, other, "this one has");
+            let d = d.help("if it is a potential to be minimised, write `energy` in place of `term`");
+            self.diagnostics.push(d);
+            return None;
+        }
+        Some(value)
+    }
+
+    pub(super) fn product(&mut self, e: &Expr, first: &Expr, rest: &[(MulOp, Span, Expr)]) -> Option<ExprId> {
+        let mut left = self.expr(first);
+        let mut before = first;
+        for (op, _, factor) in rest {
+            let right = self.expr(factor);
+            left = match (left, right) {
+                (Some(a), Some(b)) => self.multiply(e, *op, a, b, before, factor),
+                _ => None,
+            };
+            before = factor;
+        }
+        left
+    }
+
+    fn multiply(&mut self, e: &Expr, op: MulOp, a: ExprId, b: ExprId, ea: &Expr, eb: &Expr) -> Option<ExprId> {
+        let (ta, tb) = (self.graph.arity(a), self.graph.arity(b));
+        if matches!(op, MulOp::Divide | MulOp::DivideByComponent) {
+            if tb != Arity::NONE {
+                let d = Diagnostic::new("E303", "a test function cannot be divided by");
+                return self.report(d, eb, "test function in the denominator");
+            }
+        } else if (ta.test && tb.test) || (ta.trial && tb.trial) {
+            let d = Diagnostic::new("E301", "a term must be linear in the test functions");
+            let d = self.at(d, eb, "second test function in the same product");
+            let d = self.at(d, ea, "");
+            let d = match (test_free(ea), test_free(eb)) {
+                (Some(x), Some(y)) => d.help(format!(
+                    "one of the two is the unknown: {x} in place of {}, or {y} in place of {}",
+                    brief(ea),
+                    brief(eb)
+                )),
+                _ => d.help("one of the two is the unknown"),
+            };
+            self.diagnostics.push(d);
+            return None;
+        }
+        let (sa, sb) = (self.graph.shape(a), self.graph.shape(b));
+        match op {
+            MulOp::Times => self.times(a, b, ea, eb),
+            MulOp::Divide => {
+                if !sb.is_scalar_like() {
+                    let d = Diagnostic::new("E109", format!("cannot divide by a {sb}"))
+                        .help("`./` divides component by component");
+                    return self.report(d, eb, sb.to_string());
+                }
+                if self.graph.scalar_constant(b) == Some(0.0) {
+                    let d = Diagnostic::new("E109", "division by zero");
+                    return self.report(d, eb, "this is 0");
+                }
+                Some(self.graph.divide(a, b))
+            }
+            MulOp::Dot => self.dot(e, a, b, ea, eb),
+            MulOp::DoubleDot => self.double_dot(a, b, ea, eb),
+            MulOp::Outer => self.outer(a, b, ea, eb),
+            MulOp::ByComponent | MulOp::DivideByComponent => {
+                let sign = if op == MulOp::ByComponent { ".*" } else { "./" };
+                if sa != sb && !(sa.is_scalar_like() && sb.is_scalar_like()) {
+                    return self.bad_pair(sign, "equal shapes", ea, sa, eb, sb, None);
+                }
+                let b = self.graph.reshape(b, sa);
+                Some(if op == MulOp::ByComponent {
+                    self.graph.mul_components(a, b)
+                } else {
+                    self.graph.div_components(a, b)
+                })
+            }
+        }
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "two operands with their texts and shapes")]
+    fn bad_pair(
+        &mut self,
+        op: &str,
+        needs: &str,
+        ea: &Expr,
+        sa: Shape,
+        eb: &Expr,
+        sb: Shape,
+        help: Option<&str>,
+    ) -> Option<ExprId> {
+        let mut d = Diagnostic::new("E102", format!("`{op}` needs {needs}, found {sa} and {sb}"));
+        d = self.at(d, eb, sb.to_string());
+        d = self.at(d, ea, sa.to_string());
+        if let Some(h) = help {
+            d = d.help(h);
+        }
+        self.diagnostics.push(d);
+        None
+    }
+
+    fn times(&mut self, a: ExprId, b: ExprId, ea: &Expr, eb: &Expr) -> Option<ExprId> {
+        let (sa, sb) = (self.graph.shape(a), self.graph.shape(b));
+        if sa.rank() == 0 {
+            return Some(self.graph.scale(a, b));
+        }
+        if sb.rank() == 0 {
+            return Some(self.graph.scale(b, a));
+        }
+        let inner = sa.size(sa.rank() - 1) == sb.size(0);
+        match (sa.rank(), sb.rank()) {
+            (2, 1 | 2) if inner => Some(self.graph.contract(a, b, &[(1, 0)])),
+            (4, 2) if sa.size(2) == sb.size(0) && sa.size(3) == sb.size(1) => {
+                Some(self.graph.contract(a, b, &[(2, 0), (3, 1)]))
+            }
+            _ if sa.is_scalar_like() => Some(self.graph.scale(a, b)),
+            _ if sb.is_scalar_like() => Some(self.graph.scale(b, a)),
+            (1, 1) => {
+                let mut d = Diagnostic::new("E102", "`*` does not multiply two vectors");
+                d = self.at(d, eb, if sa == sb { format!("{sb} on both sides") } else { sb.to_string() });
+                d = self.at(d, ea, sa.to_string());
+                d = d.help(
+                    "`u.v` for the scalar product, `u@v` for the tensor product, `u.*v` for component by component",
+                );
+                self.diagnostics.push(d);
+                None
+            }
+            _ => self.bad_pair(
+                "*",
+                "a scalar factor, or matrix times vector or matrix of fitting sizes",
+                ea,
+                sa,
+                eb,
+                sb,
+                Some("`:` contracts two indices, `.` one, `@` none"),
+            ),
+        }
+    }
+
+    fn dot(&mut self, _e: &Expr, a: ExprId, b: ExprId, ea: &Expr, eb: &Expr) -> Option<ExprId> {
+        let (sa, sb) = (self.graph.shape(a), self.graph.shape(b));
+        match (sa.rank(), sb.rank()) {
+            (0, 0) => Some(self.graph.scale(a, b)),
+            (0, _) | (_, 0) if sa.is_scalar_like() && sb.is_scalar_like() => Some(self.graph.scale(a, b)),
+            (0, _) | (_, 0) => {
+                self.bad_pair(".", "two tensors to contract", ea, sa, eb, sb, Some("`*` multiplies by a scalar"))
+            }
+            (m, n) if sa.size(m - 1) == sb.size(0) => {
+                self.rank_fits(m + n - 2, ea)?;
+                Some(self.graph.contract(a, b, &[(m - 1, 0)]))
+            }
+            _ => self.bad_pair(
+                ".",
+                "the last index of the first as long as the first index of the second",
+                ea,
+                sa,
+                eb,
+                sb,
+                None,
+            ),
+        }
+    }
+
+    fn double_dot(&mut self, a: ExprId, b: ExprId, ea: &Expr, eb: &Expr) -> Option<ExprId> {
+        let (sa, sb) = (self.graph.shape(a), self.graph.shape(b));
+        match (sa.rank(), sb.rank()) {
+            (0, 0) => Some(self.graph.scale(a, b)),
+            (1, 1) if sa == sb => Some(self.graph.contract(a, b, &[(0, 0)])),
+            (m, n) if m >= 2 && n >= 2 && sa.size(m - 2) == sb.size(0) && sa.size(m - 1) == sb.size(1) => {
+                self.rank_fits(m + n - 4, ea)?;
+                Some(self.graph.contract(a, b, &[(m - 2, 0), (m - 1, 1)]))
+            }
+            _ => self.bad_pair(
+                ":",
+                "the last two indices of the first as long as the first two of the second",
+                ea,
+                sa,
+                eb,
+                sb,
+                None,
+            ),
+        }
+    }
+
+    fn outer(&mut self, a: ExprId, b: ExprId, ea: &Expr, _eb: &Expr) -> Option<ExprId> {
+        self.rank_fits(self.graph.shape(a).rank() + self.graph.shape(b).rank(), ea)?;
+        Some(self.graph.contract(a, b, &[]))
+    }
+
+    fn rank_fits(&mut self, rank: usize, e: &Expr) -> Option<()> {
+        if rank <= crate::types::MAX_RANK {
+            return Some(());
+        }
+        let d = Diagnostic::new(
+            "E110",
+            format!("a tensor with {rank} indices is too large: {} at most", crate::types::MAX_RANK),
+        );
+        self.report(d, e, "")
+    }
+
+    /// Vector to row; matrix transposed; higher: first two indices exchanged.
+    pub(crate) fn transpose(&mut self, x: ExprId) -> ExprId {
+        let s = self.graph.shape(x);
+        match s.rank() {
+            0 => x,
+            1 => self.graph.reshape(x, Shape::matrix(1, s.size(0))),
+            n => {
+                let mut perm: Vec<usize> = (0..n).collect();
+                perm.swap(0, 1);
+                self.graph.permute(x, &perm)
+            }
+        }
+    }
+
+    pub(super) fn power(&mut self, a: &Expr, b: &Expr) -> Option<ExprId> {
+        let (base, exponent) = (self.expr(a), self.expr(b));
+        let (base, exponent) = (base?, exponent?);
+        self.no_tests(a, base, "^")?;
+        self.no_tests(b, exponent, "^")?;
+        if !self.graph.shape(base).is_scalar_like() || !self.graph.shape(exponent).is_scalar_like() {
+            let d = Diagnostic::new("E108", "`^` takes a scalar and a scalar")
+                .help("pow(v, p) acts component by component");
+            return self.report(d, a, self.graph.shape(base).to_string());
+        }
+        let (base, exponent) = (self.graph.to_scalar(base), self.graph.to_scalar(exponent));
+        Some(ops::power(&mut self.graph, base, exponent))
+    }
+}
+
+fn test_free(e: &Expr) -> Option<String> {
+    match &e.kind {
+        ExprKind::Name(n) if n.contains("Test_") => Some(n.replacen("Test_", "", 1)),
+        _ => None,
+    }
+}
+
+fn kind_word(s: Shape) -> &'static str {
+    match s.rank() {
+        0 => "scalar",
+        1 => "vector",
+        2 => "matrix",
+        _ => "tensor",
+    }
+}
