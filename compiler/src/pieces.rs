@@ -12,8 +12,9 @@
 //! piece, an affine function of its argument whose numbers (*guides*) are inputs; the runtime fills them in
 //! (`runtime/src/newton/pieces.rs`). A converged state solves the term as written: only the path to it changes.
 //!
-//! Pieces: half-line, entry by entry: `m ? x : 0`. Ball: `s ? x : a e + k (x - e (e.x)) + h`.
-//! Guides: half-line `m` (n numbers); ball `s, k, e (n), h (n)`; masks are 0 or 1.
+//! Pieces: half-line, entry by entry: `m ? x : 0`. Ball: `s ? x : f a e + k (x - e (e.x))`; the factor `f` on the radius
+//! is 1 but for continuation in the friction.
+//! Guides: half-line `m` (n numbers); ball `s, k, f, e (n)`; masks are 0 or 1.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -34,6 +35,9 @@ pub enum ProjectionKind {
     /// A ball (`Ball_projection`).
     Ball,
 }
+
+/// Guides of a ball before the direction of slip: stick, factor across the direction of slip, factor on the radius.
+pub const BALL_NUMBERS: usize = 3;
 
 /// One projection of a law.
 #[derive(Clone, Copy, Debug)]
@@ -88,7 +92,7 @@ pub fn compile_pieces(
             }
             Node::Ball(v, r) if moves(v) || moves(r) => {
                 let n = from.shape(v).len();
-                (ProjectionKind::Ball, n, 2 + 2 * n, 2 * n + 1)
+                (ProjectionKind::Ball, n, BALL_NUMBERS + n, 2 * n + 1)
             }
             _ => continue,
         };
@@ -195,20 +199,16 @@ fn switched_on(g: &mut Graph, numbers: ExprId) -> ExprId {
 
 fn held_ball(g: &mut Graph, guides: ExprId, p: Projection, x: ExprId, radius: ExprId) -> ExprId {
     let shape = g.shape(x);
-    let [stick, factor] = [0, 1].map(|k| g.entry(guides, p.guide + k));
-    let vector = |g: &mut Graph, first: usize| {
-        let entries: Vec<ExprId> = (0..p.n).map(|k| g.entry(guides, p.guide + first + k)).collect();
-        g.stack(shape, &entries)
-    };
-    let along = vector(g, 2);
-    let shift = vector(g, 2 + p.n);
+    let [stick, factor, friction] = [0, 1, 2].map(|k| g.entry(guides, p.guide + k));
+    let along: Vec<ExprId> = (0..p.n).map(|k| g.entry(guides, p.guide + BALL_NUMBERS + k)).collect();
+    let along = g.stack(shape, &along);
     let part = g.inner(along, x);
     let part = g.scale(part, along);
     let across = g.sub(x, part);
     let across = g.scale(factor, across);
+    let radius = g.mul_components(friction, radius);
     let limit = g.scale(radius, along);
     let slip = g.add(limit, across);
-    let slip = g.add(slip, shift);
     let stick = switched_on(g, stick);
     g.select(stick, x, slip)
 }

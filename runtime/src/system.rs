@@ -231,6 +231,17 @@ impl System {
         Ok(())
     }
 
+    /// Sets the factor on the friction of held pieces; 1 is the law as written.
+    pub fn set_friction(&mut self, factor: f64) {
+        self.pieces.iter_mut().for_each(|p| p.set_friction(factor));
+    }
+
+    /// True if pieces can be held of a projection on a ball.
+    #[must_use]
+    pub fn has_friction(&self) -> bool {
+        self.pieces.iter().any(TermPieces::has_friction)
+    }
+
     /// Chooses the pieces that follow from the held ones at `u`, for the `time`th time in this step. True if any
     /// changed.
     ///

@@ -1,6 +1,6 @@
 //! Which globalisation a step uses, and when the next one takes over.
 //!
-//! Three are there; each is the best of them somewhere (`docs/newton.md`): held pieces where a penalty, augmentation
+//! Three are there, and continuation in the friction as the last resort; each is the best of them somewhere (`docs/newton.md`): held pieces where a penalty, augmentation
 //! or Nitsche parameter is large or a multiplier carries the traction; the natural monotonicity test where such a
 //! parameter is small; backtracking on the residual for everything else. A step that makes no progress with one goes
 //! on with the next from where it stands.
@@ -20,7 +20,13 @@ pub(super) enum Method {
     Residual,
     /// Backtracking on the norm of the simplified Newton correction.
     Natural,
+    /// Held pieces while friction grows from nothing to what is written: the last resort.
+    Friction,
 }
+
+/// Parts in which friction is brought in, and the most iterations for each but the last.
+const FRICTION_PARTS: usize = 8;
+const FRICTION_PATIENCE: usize = 5;
 
 /// Iterations that may pass with short steps or without a smaller residual.
 const PATIENCE: usize = 6;
@@ -49,6 +55,9 @@ impl Ladder {
                 true => vec![Method::Natural, Method::Residual, Method::Pieces],
                 false => vec![Method::Pieces, Method::Residual, Method::Natural],
             };
+            if system.has_friction() {
+                methods.push(Method::Friction);
+            }
         }
         if !options.search || system.is_linear() {
             methods.truncate(1);
@@ -63,7 +72,17 @@ impl Ladder {
 
     /// True if pieces are held.
     pub(super) fn held(&self) -> bool {
-        self.method() == Method::Pieces
+        matches!(self.method(), Method::Pieces | Method::Friction)
+    }
+
+    /// The factor on friction in the present iteration.
+    pub(super) fn friction(&self) -> f64 {
+        if self.method() != Method::Friction {
+            return 1.0;
+        }
+        let part = (self.iterations.saturating_sub(1) / FRICTION_PATIENCE).min(FRICTION_PARTS);
+        #[expect(clippy::cast_precision_loss, reason = "few parts")]
+        return part as f64 / FRICTION_PARTS as f64;
     }
 
     /// Iterations with the present method, this one included.
@@ -86,6 +105,7 @@ impl Ladder {
         match self.method() {
             Method::Pieces => return self.iterations > PIECES_PATIENCE,
             Method::Natural => return self.iterations > NATURAL_PATIENCE,
+            Method::Friction => return self.iterations > FRICTION_PARTS * FRICTION_PATIENCE + PIECES_PATIENCE,
             Method::Residual => {}
         }
         if self.iterations <= PATIENCE {

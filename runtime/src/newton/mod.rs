@@ -39,12 +39,15 @@ pub const DEFAULT_TOLERANCE: f64 = 1e-10;
 
 impl Default for NewtonOptions {
     fn default() -> Self {
-        Self { tolerance: DEFAULT_TOLERANCE, max_iterations: 100, search: true }
+        Self { tolerance: DEFAULT_TOLERANCE, max_iterations: 150, search: true }
     }
 }
 
 /// Halvings of a step before the best one seen is taken.
 const MAX_HALVINGS: usize = 10;
+/// A step to a state that is not finite is cut by this, down to the shortest.
+const DOMAIN_CUT: f64 = 1.0 / 16.0;
+const SHORTEST: f64 = 1e-60;
 /// A step is accepted when it reduces the residual norm by this part of its length.
 const SUFFICIENT: f64 = 1e-4;
 /// The rounding floor in units of roundoff times |K||u|.
@@ -140,7 +143,9 @@ fn iterate(
             return Ok(history);
         }
         let begin = Instant::now();
-        if ladder.next(&history) {
+        let other = ladder.next(&history);
+        system.set_friction(ladder.friction());
+        if other {
             if ladder.held() {
                 system.settle(false);
                 system.start_pieces(u)?;
@@ -201,33 +206,36 @@ impl Line<'_> {
         here: &Measured,
     ) -> Result<(f64, Measured), NewtonError> {
         let start: Vec<f64> = u.to_vec();
-        let held = self.method == Method::Pieces;
+        let held = matches!(self.method, Method::Pieces | Method::Friction);
         if held && system.is_affine_when_held() {
             step_to(system, &start, self.direction, 1.0, u);
             return Ok((1.0, measure(system, u, self.weights, false)?));
         }
         let mut best: Option<(f64, f64)> = None;
-        let mut alpha = 1.0;
-        for _ in 0..=MAX_HALVINGS {
+        let (mut alpha, mut halvings) = (1.0, 0);
+        while halvings <= MAX_HALVINGS {
             step_to(system, &start, self.direction, alpha, u);
-            match measure(system, u, self.weights, held) {
-                Ok(found) => {
-                    if !self.options.search || stopped(&found, self.options).is_some() {
-                        return Ok((alpha, found));
-                    }
-                    let merit = self.merit(system, strategy, &found, here)?;
-                    if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
-                        return Ok((alpha, found));
-                    }
-                    if best.is_none_or(|(_, m)| merit < m) {
-                        best = Some((alpha, merit));
-                    }
+            let found = match measure(system, u, self.weights, held) {
+                Ok(found) => found,
+                // out of the domain of a function (log of a negative number) or out of range
+                Err(_) if alpha > SHORTEST => {
+                    alpha *= DOMAIN_CUT;
+                    continue;
                 }
-                // a step out of the domain of a function (log of a negative number) is too long
-                Err(e) if alpha <= 1.0 / f64::from(1u32 << MAX_HALVINGS) && best.is_none() => return Err(e.into()),
-                Err(_) => {}
+                Err(e) => return Err(e.into()),
+            };
+            if !self.options.search || stopped(&found, self.options).is_some() {
+                return Ok((alpha, found));
+            }
+            let merit = self.merit(system, strategy, &found, here)?;
+            if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
+                return Ok((alpha, found));
+            }
+            if best.is_none_or(|(_, m)| merit < m) {
+                best = Some((alpha, merit));
             }
             alpha *= 0.5;
+            halvings += 1;
         }
         // measured again, so that the branches reported are those of the state that is kept
         let alpha = best.map_or(0.0, |(alpha, _)| alpha);

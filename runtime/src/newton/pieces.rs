@@ -7,7 +7,7 @@
 //! the order of the calls only. Does not decide when to stop or to give up: `newton/mod.rs` does.
 
 use wfl_compiler::{
-    Projection, ProjectionKind, interpret,
+    BALL_NUMBERS, Projection, ProjectionKind, interpret,
     ir::LANES,
     types::{FieldKind, FieldOp, InputSlot},
 };
@@ -52,6 +52,8 @@ pub struct TermPieces {
     ratios: Vec<f64>,
     /// Factor on `c` where it is below 1, and its inverse where it is above.
     growth: f64,
+    /// Factor on the radius of balls: below 1 while friction is brought in step by step.
+    friction: f64,
 }
 
 impl TermPieces {
@@ -66,7 +68,7 @@ impl TermPieces {
         (watch, sampled): (Value, Sampled),
     ) -> Self {
         let ratios = vec![1.0; projections.len()];
-        Self { term, held, field, projections, n_guides, watch, sampled, ratios, growth: 1.0 }
+        Self { term, held, field, projections, n_guides, watch, sampled, ratios, growth: 1.0, friction: 1.0 }
     }
 
     /// Sets the step variable and its increment.
@@ -91,6 +93,17 @@ impl TermPieces {
                 *ratio = (stiffness / slope).clamp(RATIO_RANGE.0, RATIO_RANGE.1);
             }
         }
+    }
+
+    /// Sets the factor on the radius of balls; 1 is the law as written.
+    pub fn set_friction(&mut self, factor: f64) {
+        self.friction = factor;
+    }
+
+    /// True if some projection is on a ball.
+    #[must_use]
+    pub fn has_friction(&self) -> bool {
+        self.projections.iter().any(|p| p.kind == ProjectionKind::Ball)
     }
 
     /// Tells how often pieces were chosen in this step.
@@ -214,10 +227,12 @@ impl TermPieces {
                         }
                     }
                     ProjectionKind::Ball => {
-                        let radius = out[p.output + p.n];
+                        let radius = self.friction * out[p.output + p.n];
                         let t = &out[p.output + p.n + 1..][..p.n];
                         let (t, ratio) = if as_written { (x, 1.0) } else { (t, ratio) };
-                        ball(x, t, radius, ratio, &mut guides[p.guide..][..2 + 2 * p.n]);
+                        let guides = &mut guides[p.guide..][..BALL_NUMBERS + p.n];
+                        ball(x, t, radius, ratio, guides);
+                        guides[2] = self.friction;
                     }
                 }
             }
@@ -227,14 +242,14 @@ impl TermPieces {
     }
 }
 
-/// The piece of a ball projection: `s, k, e, h` from the argument `x`, the value `t`, the radius and `c`.
+/// The piece of a ball projection: `s, k, -, e` from the argument `x`, the value `t`, the radius and `c`.
+///
+/// Of `t + dt = P(y) + P'(y) (dy)`, y = t + c (x - t), solved for t + dt: the part of t across y drops out, because y
+/// has none.
 fn ball(x: &[f64], t: &[f64], radius: f64, ratio: f64, guides: &mut [f64]) {
-    let n = x.len();
-    let (numbers, vectors) = guides.split_at_mut(2);
-    let (along, shift) = vectors.split_at_mut(n);
-    for k in 0..n {
-        along[k] = t[k] + ratio * (x[k] - t[k]);
-        shift[k] = 0.0;
+    let (numbers, along) = guides.split_at_mut(BALL_NUMBERS);
+    for (k, y) in along.iter_mut().enumerate() {
+        *y = t[k] + ratio * (x[k] - t[k]);
     }
     let largest = along.iter().fold(0.0f64, |m, y| m.max(y.abs()));
     let reduced = if largest > 0.0 { along.iter().map(|y| (y / largest).powi(2)).sum::<f64>().sqrt() } else { 0.0 };
@@ -247,21 +262,98 @@ fn ball(x: &[f64], t: &[f64], radius: f64, ratio: f64, guides: &mut [f64]) {
     if stick || radius <= 0.0 {
         return;
     }
-    // the piece of t = P(t + c (x - t)), solved for t
     let k0 = radius / largest / reduced;
-    let damping = 1.0 / (1.0 - k0 + ratio * k0);
-    let k = ratio * k0 * damping;
-    numbers[1] = k;
-    let dot = |v: &[f64]| v.iter().zip(along.iter()).map(|(v, e)| v * e).sum::<f64>();
-    let (x_along, t_along) = (dot(x), dot(t));
-    for i in 0..n {
-        let across_x = x[i] - x_along * along[i];
-        let across_t = t[i] - t_along * along[i];
-        shift[i] = (1.0 - damping) * across_t - k * across_x;
-    }
+    numbers[1] = ratio * k0 / (1.0 - k0 + ratio * k0);
 }
 
 fn median(mut list: Vec<f64>) -> f64 {
     list.sort_by(f64::total_cmp);
     list.get(list.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn value(x: &[f64], radius: f64, guides: &[f64]) -> Vec<f64> {
+        let n = x.len();
+        let e = &guides[BALL_NUMBERS..];
+        if guides[0] > 0.5 {
+            return x.to_vec();
+        }
+        let along: f64 = x.iter().zip(e).map(|(x, e)| x * e).sum();
+        (0..n).map(|k| radius * e[k] + guides[1] * (x[k] - along * e[k])).collect()
+    }
+
+    fn projection(x: &[f64], radius: f64) -> Vec<f64> {
+        let norm = x.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let factor = if norm <= radius { 1.0 } else { radius / norm };
+        x.iter().map(|x| factor * x).collect()
+    }
+
+    fn piece(x: &[f64], t: &[f64], radius: f64, ratio: f64) -> Vec<f64> {
+        let mut guides = vec![0.0; BALL_NUMBERS + x.len()];
+        ball(x, t, radius, ratio, &mut guides);
+        guides
+    }
+
+    fn gap(a: &[f64], b: &[f64]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
+    const STATES: [([f64; 3], f64); 4] =
+        [([3.0, -4.0, 1.0], 2.0), ([0.3, 0.1, -0.2], 2.0), ([0.0, 2.0, 0.1], 0.5), ([-7.0, 0.0, 0.0], 6.9)];
+
+    #[test]
+    fn a_settled_projection_keeps_its_value_for_every_ratio() {
+        for (x, radius) in STATES {
+            let t = projection(&x, radius);
+            for ratio in [1e-8, 1e-3, 1.0, 20.0, 1e6] {
+                let guides = piece(&x, &t, radius, ratio);
+                assert!(gap(&value(&x, radius, &guides), &t) < 1e-14, "{x:?} {ratio}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_settled_piece_is_the_tangent_of_the_projection() {
+        for (x, radius) in STATES {
+            let t = projection(&x, radius);
+            for ratio in [1e-3, 1.0, 50.0] {
+                let guides = piece(&x, &t, radius, ratio);
+                let moved = |s: f64| [x[0] + 2.0 * s, x[1] - s, x[2] + 3.0 * s];
+                let error = |s: f64| gap(&value(&moved(s), radius, &guides), &projection(&moved(s), radius));
+                assert!(error(1e-4) < 1e-6 && error(1e-5) < 1e-8, "{x:?} {ratio}: second order");
+            }
+        }
+    }
+
+    #[test]
+    fn a_piece_solves_the_linearised_equation() {
+        // t = P(t + c (x - t)) about a state that is not settled: the exact derivative of P makes the residual of the
+        // linear equation vanish
+        let (x, t, radius, ratio) = ([3.0, 1.0], [0.4, -0.9], 1.0, 0.3);
+        let guides = piece(&x, &t, radius, ratio);
+        let y: Vec<f64> = (0..2).map(|k| t[k] + ratio * (x[k] - t[k])).collect();
+        let found = value(&x, radius, &guides);
+        let step: Vec<f64> = (0..2).map(|k| found[k] - t[k]).collect();
+        let along = |s: f64| -> Vec<f64> { (0..2).map(|k| y[k] + s * (1.0 - ratio) * step[k]).collect() };
+        let (a, b) = (projection(&along(1e-6), radius), projection(&along(-1e-6), radius));
+        let base = projection(&y, radius);
+        for k in 0..2 {
+            let linear = base[k] + (a[k] - b[k]) / 2e-6;
+            assert!((found[k] - linear).abs() < 1e-8, "entry {k}: {} against {linear}", found[k]);
+        }
+    }
+
+    #[test]
+    fn an_open_or_resting_point_has_a_piece() {
+        let open = piece(&[1.0, 0.0], &[0.0, 0.0], 0.0, 0.1);
+        assert_eq!(value(&[1.0, 0.0], 0.0, &open), [0.0, 0.0]);
+        let rest = piece(&[0.0, 0.0], &[0.0, 0.0], 0.0, 0.1);
+        assert!(rest[0] > 0.5, "the tie sticks");
+        assert_eq!(value(&[0.0, 0.0], -1.0, &piece(&[0.0, 0.0], &[0.0, 0.0], -1.0, 1.0)), [0.0, 0.0]);
+        let tiny = piece(&[3e-320, 0.0], &[0.0, 0.0], 1e-321, 1.0);
+        assert!(tiny.iter().all(|g| g.is_finite()));
+    }
 }
