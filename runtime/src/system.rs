@@ -8,7 +8,10 @@
 use std::sync::Arc;
 
 use thiserror::Error;
-use wfl_compiler::{Class, types::FieldKind};
+use wfl_compiler::{
+    Class,
+    types::{FieldKind, Side},
+};
 
 use crate::{
     assemble::{AssembledTerm, FieldValues, TermError},
@@ -139,6 +142,8 @@ pub struct System {
     magnitude: Vec<f64>,
     /// By field: largest contribution of one class of terms to one entry of the last residual.
     force: Vec<f64>,
+    /// By field: the first field of those whose forces meet on interfaces.
+    meets: Vec<usize>,
 }
 
 impl System {
@@ -160,6 +165,7 @@ impl System {
             term.locate(changing.pattern(), &numbering.free);
         }
         let constant = vec![0.0; numbering.n_dofs];
+        let meets = meeting_fields(&fields, &terms);
         Ok(Self {
             mesh,
             fields,
@@ -176,6 +182,7 @@ impl System {
             smooth: Vec::new(),
             magnitude: Vec::new(),
             force: Vec::new(),
+            meets,
         })
     }
 
@@ -461,14 +468,19 @@ impl System {
     }
 
     /// By field: what relative residuals are relative to. For unknowns the largest nodal force of loads, linear or
-    /// nonlinear terms; for multipliers, whose equations balance inside one term, the size of what cancels.
+    /// nonlinear terms, of all fields that meet on an interface (a body that nothing touches has no force of its own);
+    /// for multipliers, whose equations balance inside one term, the size of what cancels.
     #[must_use]
     pub fn scales(&self, u: &[f64]) -> Vec<f64> {
         let magnitudes = self.largest_by_field(&self.magnitudes(u));
+        let mut forces = vec![0.0f64; self.fields.len()];
+        for (force, group) in self.force.iter().zip(&self.meets) {
+            forces[*group] = forces[*group].max(*force);
+        }
         (0..self.fields.len())
             .map(|k| match self.fields[k].kind {
                 FieldKind::Multiplier => magnitudes[k],
-                _ => self.force[k],
+                _ => forces[self.meets[k]],
             })
             .collect()
     }
@@ -529,6 +541,26 @@ fn field_slices<'a>(fields: &[Field], numbering: &Numbering, data: &'a [Vec<f64>
             None => data[k].as_slice(),
         })
         .collect()
+}
+
+/// By field: the first of the fields whose test functions stand on opposite sides of one interface term, with equal
+/// shapes: displacements of bodies that push each other, whose forces have one unit and one size.
+fn meeting_fields(fields: &[Field], terms: &[AssembledTerm]) -> Vec<usize> {
+    let mut group: Vec<usize> = (0..fields.len()).collect();
+    for tests in terms.iter().map(|t| &t.law.tests) {
+        let side = |side: Side| tests.iter().filter(move |t| t.side == side).map(|t| t.field.index());
+        for here in side(Side::Here) {
+            for there in side(Side::There) {
+                let alike = fields[here].n_components == fields[there].n_components;
+                let (low, high) = (group[here].min(group[there]), group[here].max(group[there]));
+                let unknowns = [here, there].iter().all(|f| fields[*f].kind == FieldKind::Unknown);
+                if alike && unknowns && low < high {
+                    group.iter_mut().filter(|g| **g == high).for_each(|g| *g = low);
+                }
+            }
+        }
+    }
+    group
 }
 
 /// The pattern of some terms; `place` maps a dof to its row.

@@ -33,6 +33,35 @@ pub fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples")
 }
 
+/// Every scene of the examples that is a problem by itself: files that another one uses are left out.
+///
+/// # Panics
+/// If the folder cannot be read.
+#[must_use]
+pub fn scene_files() -> Vec<PathBuf> {
+    let mut scenes = Vec::new();
+    let mut folders = vec![examples()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("examples can be read") {
+            let path = entry.expect("examples can be read").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "wfl") {
+                scenes.push(path);
+            }
+        }
+    }
+    scenes.sort();
+    let texts: Vec<String> = scenes.iter().map(|s| std::fs::read_to_string(s).expect("examples can be read")).collect();
+    let used = |path: &Path| {
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let line = format!("use \"{name}\"");
+        let beside = scenes.iter().zip(&texts).filter(|(s, _)| s.parent() == path.parent());
+        beside.into_iter().any(|(_, text)| text.lines().any(|l| l.trim() == line))
+    };
+    scenes.iter().filter(|s| !used(s)).cloned().collect()
+}
+
 /// A reference file as JSON.
 ///
 /// # Panics

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use wfl_tests::verification::{assert_holds, benchmarks};
+use wfl_tests::verification::{Case, Tolerance, assert_holds, benchmarks};
 
 #[test]
 fn manufactured_solutions_have_the_errors_of_the_independent_program() {
@@ -44,7 +44,6 @@ fn the_page_names_every_benchmark_and_none_fails() {
 /// The machinery can fail: a wrong number, no number and NaN do not pass.
 #[test]
 fn a_wrong_number_is_noticed() {
-    use wfl_tests::verification::{Case, Tolerance};
     let compare = |got: f64, expected: f64, t| Case::new("x").compare("x", got, expected, t).passes();
     assert!(
         compare(1.0, 1.0 + 1e-7, Tolerance::Relative(1e-6)) && !compare(1.0, 1.0 + 1e-5, Tolerance::Relative(1e-6))
@@ -58,4 +57,29 @@ fn a_wrong_number_is_noticed() {
     }
     assert!(!Case::new("nothing compared").passes() && !Case::failed("error", "why").passes());
     assert!(!Case::new("outcome").require(false, "why").passes() && Case::new("outcome").require(true, "why").passes());
+}
+
+#[test]
+fn pressed_cylinders_have_the_pressure_of_hertz() {
+    assert_holds("B9");
+}
+
+#[test]
+fn a_pressed_sphere_has_the_pressure_of_hertz() {
+    assert_holds("B10");
+}
+
+#[test]
+fn sheared_cylinders_stick_where_cattaneo_and_mindlin_say() {
+    assert_holds("B11");
+}
+
+#[test]
+fn units_sizes_directions_and_numbering_do_not_matter() {
+    assert_holds("B15");
+}
+
+#[test]
+fn every_assembled_tangent_is_the_derivative_of_the_residual() {
+    assert_holds("B16");
 }

@@ -1,35 +1,9 @@
 //! Every scene under `examples/` is solved; what it expects must hold. The expected numbers and their origin stand in
 //! the scenes.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use wfl_tests::{examples as folder, solve as solve_text};
-
-fn examples() -> Vec<PathBuf> {
-    let mut scenes = Vec::new();
-    let mut folders = vec![folder()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("examples can be read") {
-            let path = entry.expect("examples can be read").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|e| e == "wfl") {
-                scenes.push(path);
-            }
-        }
-    }
-    scenes.sort();
-    scenes
-}
-
-/// Files that other scenes include: they define only a part of a problem.
-fn is_library(scene: &Path, all: &[PathBuf]) -> bool {
-    let name = scene.file_name().expect("a file").to_string_lossy().into_owned();
-    all.iter().filter(|s| s.parent() == scene.parent()).any(|s| {
-        let text = std::fs::read_to_string(s).expect("examples can be read");
-        text.lines().any(|l| l.trim() == format!("use \"{name}\""))
-    })
-}
+use wfl_tests::{examples as folder, scene_files, solve as solve_text};
 
 fn solve(scene: &Path) -> Result<(), String> {
     let text = std::fs::read_to_string(scene).map_err(|e| e.to_string())?;
@@ -47,9 +21,8 @@ fn solve(scene: &Path) -> Result<(), String> {
 
 #[test]
 fn every_example_is_solved_and_its_expectations_hold() {
-    let all = examples();
-    assert!(all.len() >= 10, "the examples have gone");
-    let scenes: Vec<&PathBuf> = all.iter().filter(|s| !is_library(s, &all)).collect();
+    let scenes = scene_files();
+    assert!(scenes.len() >= 10, "the examples have gone");
     let failures: Vec<String> =
         scenes.iter().filter_map(|s| solve(s).err().map(|e| format!("{}: {e}", s.display()))).collect();
     assert!(failures.is_empty(), "{}", failures.join("\n"));

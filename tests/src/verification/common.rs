@@ -29,7 +29,11 @@ pub(super) fn scene(text: &str, params: &[(&str, f64)]) -> Result<Solved, String
     converged(solve(&examples(), text.to_owned(), &[], params)?)
 }
 
-fn converged(solved: Solved) -> Result<Solved, String> {
+/// A scene whose steps all converged.
+///
+/// # Errors
+/// If one did not.
+pub(super) fn converged(solved: Solved) -> Result<Solved, String> {
     if solved.outcome.converged() { Ok(solved) } else { Err("a step did not converge".to_owned()) }
 }
 

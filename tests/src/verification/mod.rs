@@ -8,8 +8,11 @@ mod case;
 mod common;
 mod convergence;
 mod cook;
+mod hertz;
+mod invariance;
 mod page;
 mod signorini;
+mod tangents;
 
 pub use case::{Case, Number, Tolerance};
 pub use page::page;
@@ -31,11 +34,18 @@ pub struct Benchmark {
 /// Every benchmark in the order of the page.
 #[must_use]
 pub fn benchmarks() -> Vec<Benchmark> {
-    [signorini::BENCHMARKS, convergence::BENCHMARKS, cook::BENCHMARKS]
-        .into_iter()
-        .flat_map(|list| list.iter())
-        .map(|b| Benchmark { ..*b })
-        .collect()
+    [
+        signorini::BENCHMARKS,
+        hertz::BENCHMARKS,
+        convergence::BENCHMARKS,
+        cook::BENCHMARKS,
+        invariance::BENCHMARKS,
+        tangents::BENCHMARKS,
+    ]
+    .into_iter()
+    .flat_map(|list| list.iter())
+    .map(|b| Benchmark { ..*b })
+    .collect()
 }
 
 /// Runs the benchmarks of one identifier; panics with every case that fails.

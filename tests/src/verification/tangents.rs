@@ -1,0 +1,175 @@
+//! B16: the assembled tangent of every example scene against central differences of its assembled residual.
+//!
+//! Residuals are summed from the terms themselves, never from an assembled matrix, so linear terms are checked too.
+
+use std::path::{Path, PathBuf};
+
+use wfl_compiler::types::FieldKind;
+use wfl_jit::JitBackend;
+use wfl_runtime::{Scene, System, assemble::FieldValues};
+
+use super::{Benchmark, Case, Tolerance, common::or_failed};
+use crate::{examples, prepared, scene_files};
+
+/// The benchmarks of this file.
+pub(super) const BENCHMARKS: &[Benchmark] = &[Benchmark {
+    id: "B16",
+    title: "tangent of every example scene against central differences of its residual at a random state",
+    origin: "central differences",
+    slow: false,
+    run: tangents,
+}];
+
+/// Directions a scene.
+const DIRECTIONS: usize = 3;
+
+/// Steps in parts of the direction: long ones for linear scenes, where loads leave few digits to short ones; short ones
+/// where kinks are near. A wrong tangent is wrong for every step; the best counts.
+const STEPS: [f64; 5] = [1.0, 1e-4, 1e-5, 1e-6, 1e-7];
+
+fn tangents() -> Vec<Case> {
+    scene_files()
+        .into_iter()
+        .map(|path| {
+            let what = path.strip_prefix(examples()).unwrap_or(&path).display().to_string();
+            or_failed(&what, check(&what, &path))
+        })
+        .collect()
+}
+
+fn check(what: &str, path: &Path) -> Result<Case, String> {
+    let text = std::fs::read_to_string(path).map_err(|e| e.to_string())?;
+    // a theta that keeps every term
+    let params: &[(&str, f64)] = if text.contains("param theta") { &[("theta", 1.0)] } else { &[] };
+    let backend = JitBackend::new().map_err(|e| e.to_string())?;
+    let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
+    let mut scene = prepared(&folder, text, &[], params, &backend)?;
+    let time = scene.steps.values.last().copied().unwrap_or(0.0);
+    scene.system.set_step(time, 0.5).map_err(|e| e.to_string())?;
+    let mut random = Sequence(0x9e37_79b9_7f4a_7c15);
+    let sizes = sizes(&mut scene, &mut random)?;
+    let mut case = Case::new(what);
+    for k in 0..DIRECTIONS {
+        let u = random.vector(&scene.system, &sizes);
+        let d = random.vector(&scene.system, &sizes);
+        let mut best: Vec<(String, f64)> = Vec::new();
+        for step in STEPS {
+            let found = errors(&mut scene.system, &u, &d, step)?;
+            if best.is_empty() {
+                best = found;
+            } else {
+                best.iter_mut().zip(found).for_each(|(b, f)| b.1 = b.1.min(f.1));
+            }
+        }
+        for (name, error) in best {
+            case = case.compare(format!("equations of {name}, direction {}", k + 1), error, 1e-7, Tolerance::AtMost);
+        }
+    }
+    Ok(case)
+}
+
+/// A fixed sequence of numbers in [-1, 1).
+struct Sequence(u64);
+
+impl Sequence {
+    fn next(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// Numbers of the size of each field.
+    fn vector(&mut self, system: &System, sizes: &[f64]) -> Vec<f64> {
+        let mut u = vec![0.0; system.numbering.n_dofs];
+        for (k, size) in sizes.iter().enumerate() {
+            for x in system.range(k).into_iter().flatten() {
+                u[x] = size * self.next();
+            }
+        }
+        u
+    }
+}
+
+/// By field, how large its values may be: displacements that strain cells by some percent; multipliers of the size
+/// that balances them in the contact terms, so that every branch is met.
+fn sizes(scene: &mut Scene, random: &mut Sequence) -> Result<Vec<f64>, String> {
+    let system = &mut scene.system;
+    let mesh = &system.mesh;
+    let extent = |d: usize| {
+        let values = mesh.nodes().iter().map(|x| x[d]);
+        values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
+    };
+    let size = (0..mesh.dim()).map(extent).product::<f64>() / mesh.n_cells() as f64;
+    let cell = size.powf(1.0 / mesh.dim() as f64);
+    let mut sizes: Vec<f64> = system.fields.iter().map(|_| 5e-3 * cell).collect();
+    let multipliers: Vec<usize> =
+        (0..sizes.len()).filter(|k| system.fields[*k].kind == FieldKind::Multiplier).collect();
+    if multipliers.is_empty() {
+        return Ok(sizes);
+    }
+    let u = random.vector(system, &sizes);
+    system.tangent(&u, false).map_err(|e| e.to_string())?;
+    for k in multipliers {
+        let range = system.range(k).ok_or("an unknown")?;
+        let dofs = &system.numbering.free_dofs;
+        let (mut own, mut coupled) = (0.0f64, 0.0f64);
+        for row in (0..dofs.len()).filter(|r| !range.contains(&(dofs[*r] as usize))) {
+            let (columns, values) = system.changing().row(row);
+            for (c, v) in columns.iter().zip(values) {
+                let slot = if range.contains(&(dofs[*c as usize] as usize)) { &mut coupled } else { &mut own };
+                *slot = slot.max(v.abs());
+            }
+        }
+        sizes[k] *= own / coupled;
+    }
+    Ok(sizes)
+}
+
+/// Residual of every term at `u`.
+fn residual(system: &mut System, u: &[f64]) -> Result<Vec<f64>, String> {
+    let mut out = vec![0.0; u.len()];
+    let mut terms = std::mem::take(&mut system.terms);
+    let values = FieldValues { current: &system.slices(u), previous: &system.previous_slices() };
+    for term in &mut terms {
+        term.add_residual(&system.mesh, values, &mut out).map_err(|e| e.to_string())?;
+    }
+    system.terms = terms;
+    Ok(out)
+}
+
+/// By field, the largest difference between `K d` and the difference quotient, in parts of the largest entry.
+fn errors(system: &mut System, u: &[f64], d: &[f64], step: f64) -> Result<Vec<(String, f64)>, String> {
+    // free dofs only: the matrix has no columns for the others
+    let free: Vec<usize> = system.numbering.free_dofs.iter().map(|f| *f as usize).collect();
+    let moved = |sign: f64| {
+        let mut x = u.to_vec();
+        for f in &free {
+            x[*f] += sign * step * d[*f];
+        }
+        x
+    };
+    let mut at = |sign: f64| residual(system, &moved(sign));
+    let (above, below, twice_above, twice_below) = (at(1.0)?, at(-1.0)?, at(2.0)?, at(-2.0)?);
+    system.tangent(u, false).map_err(|e| e.to_string())?;
+    let product = |row: usize| -> f64 {
+        [system.bulk(), system.changing()]
+            .iter()
+            .map(|m| {
+                let (columns, values) = m.row(row);
+                columns.iter().zip(values).map(|(c, v)| v * d[free[*c as usize]]).sum::<f64>()
+            })
+            .sum()
+    };
+    let mut worst = vec![(0.0f64, 0.0f64); system.fields.len()];
+    for (row, f) in free.iter().enumerate() {
+        let (field, _, _) = system.numbering.describe(&system.fields, *f);
+        let exact = product(row);
+        // central differences of fourth order
+        let quotient = (8.0 * (above[*f] - below[*f]) - (twice_above[*f] - twice_below[*f])) / (12.0 * step);
+        worst[field].0 = worst[field].0.max((exact - quotient).abs());
+        worst[field].1 = worst[field].1.max(exact.abs());
+    }
+    let named = worst.iter().zip(&system.fields).filter(|(w, _)| w.1 > 0.0);
+    Ok(named.map(|(w, f)| (f.name.clone(), w.0 / w.1)).collect())
+}
