@@ -3,7 +3,7 @@
 //! Sums and products are flat lists, so a long sum is no deep tree; nesting is limited ([`crate::NESTING_LIMIT`];
 //! after macro expansion [`crate::EXPANDED_NESTING_LIMIT`]), so every walk over a tree may recurse.
 
-use crate::source::Span;
+use crate::{lost::Lost, source::Span};
 
 crate::define_index! {
     /// One use of a macro: an entry of [`Expansions`].
@@ -598,4 +598,6 @@ pub enum MappingKind {
 pub struct Script {
     /// The statements.
     pub items: Vec<Item>,
+    /// What statements with errors would have declared.
+    pub lost: Lost,
 }

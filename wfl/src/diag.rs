@@ -38,6 +38,8 @@ pub struct Diagnostic {
     pub notes: Vec<String>,
     /// `= help:` lines: what to type instead.
     pub helps: Vec<String>,
+    /// The name that is called unknown or missing; nothing is said if a broken declaration explains it.
+    pub about: Option<String>,
 }
 
 impl Diagnostic {
@@ -45,7 +47,8 @@ impl Diagnostic {
     #[must_use]
     pub fn new(code: &'static str, message: impl Into<String>) -> Self {
         let severity = if code.starts_with('W') { Severity::Warning } else { Severity::Error };
-        Self { code, severity, message: message.into(), labels: Vec::new(), notes: Vec::new(), helps: Vec::new() }
+        let message = message.into();
+        Self { code, severity, message, labels: Vec::new(), notes: Vec::new(), helps: Vec::new(), about: None }
     }
 
     /// Adds a place; the first one added is the primary one.
@@ -66,6 +69,13 @@ impl Diagnostic {
     #[must_use]
     pub fn help(mut self, text: impl Into<String>) -> Self {
         self.helps.push(text.into());
+        self
+    }
+
+    /// Says which name is missing.
+    #[must_use]
+    pub fn about(mut self, name: impl Into<String>) -> Self {
+        self.about = Some(name.into());
         self
     }
 
@@ -113,7 +123,11 @@ impl<T> Checked<T> {
 
 /// The name in `known` nearest to `word` by edit distance, if it is near enough to be offered.
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let limit = (word.chars().count() / 3).max(1);
+    // one letter is as near to any other: only its case can be wrong
+    let limit = match word.chars().count() {
+        0 | 1 => 0,
+        n => (n / 3).max(1),
+    };
     known
         .into_iter()
         .map(|k| (edit_distance(word, k), k))
@@ -149,6 +163,8 @@ mod tests {
     #[test]
     fn offers_the_nearest_name_only() {
         assert_eq!(nearest("gama", ["gamma", "theta"]), Some("gamma"));
+        assert_eq!(nearest("m", ["X", "u"]), None);
+        assert_eq!(nearest("N", ["n", "u"]), Some("n"));
         assert_eq!(nearest("xyz", ["gamma", "theta"]), None);
         assert_eq!(nearest("Nomral", ["Normal", "X"]), Some("Normal"));
     }

@@ -109,13 +109,20 @@ pub fn parse(sources: &SourceMap, id: SourceId) -> Checked<Script> {
     let (pieces, mut diagnostics) = match cut(&text, id) {
         Ok(cut) => cut,
         Err(d) => {
+            script.lost.add_everything();
             return Checked { value: Some(script), diagnostics: vec![*d] };
         }
     };
+    for stray in diagnostics.iter().flat_map(|d| &d.labels) {
+        script.lost.add_statement(&text[stray.span.start as usize..stray.span.end as usize]);
+    }
     for piece in &pieces {
         match parse_piece(piece, &text, id) {
             Ok(item) => script.items.push(item),
-            Err(d) => diagnostics.push(*d),
+            Err(d) => {
+                script.lost.add_statement(&text[piece.start..piece.end]);
+                diagnostics.push(*d);
+            }
         }
     }
     diagnostics.sort_by_key(|d| d.labels.first().map(|l| l.span.start));

@@ -13,6 +13,7 @@ use std::collections::BTreeSet;
 use crate::{
     ast::{Cond, Expr, Ident, Item, ItemKind, OutputItem, QuadratureRule, RegionExpr, Target, TargetPart},
     diag::{Checked, Diagnostic},
+    lost::Lost,
     macros::Expander,
     script::{
         Condition, Expect, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output, OutputQuantity, Param, Quadrature,
@@ -64,8 +65,7 @@ pub fn resolve(
 ) -> Checked<ResolvedScript> {
     let mut includes = Includes::new(sources, loader);
     includes.read(main, false);
-    let (items, mut diagnostics) = includes.finish();
-    // A statement that could not be read may have declared anything, so nothing is called unknown or missing then.
+    let (items, mut diagnostics, lost) = includes.finish();
     let complete = !diagnostics.iter().any(Diagnostic::is_error);
     let names = Names::collect(&items, &mut diagnostics);
     let defs = || items.iter().filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d) } else { None });
@@ -77,7 +77,7 @@ pub fn resolve(
         regions: BTreeSet::new(),
         diagnostics,
         complete,
-        script: empty(main),
+        script: ResolvedScript { lost, ..empty(main) },
     };
     for item in &items {
         // `None` drops a statement whose error is already reported.
@@ -114,6 +114,7 @@ fn empty(main: SourceId) -> ResolvedScript {
         outputs: Vec::new(),
         macros: Vec::new(),
         expansions: crate::ast::Expansions::default(),
+        lost: Lost::default(),
     }
 }
 
@@ -126,6 +127,7 @@ struct Resolver<'d> {
     /// Regions that some statement names.
     regions: BTreeSet<String>,
     diagnostics: Vec<Diagnostic>,
+    /// Every statement could be read.
     complete: bool,
     script: ResolvedScript,
 }
@@ -138,13 +140,35 @@ impl<'d> Resolver<'d> {
             let used = self.script.macros.iter().filter(|m| m.used).map(|m| m.name.name.clone()).collect();
             self.diagnostics.extend(names::unused(self.names, main, &self.words, &self.regions, &used));
         }
+        self.lose_dropped();
         self.script.expansions = self.expander.expansions;
-        if !broken {
-            self.diagnostics.extend(check_units(&self.script, self.sources));
-        }
+        // two terms of one equation cannot be compared when one of them is missing
+        let told = |d: &Diagnostic| !broken || d.is_error();
+        self.diagnostics.extend(check_units(&self.script, self.sources).into_iter().filter(told));
         let place = |d: &Diagnostic| d.labels.first().map(|l| (l.span.source.index(), l.span.start));
         self.diagnostics.sort_by_key(place);
         Checked { value: Some(self.script), diagnostics: self.diagnostics }
+    }
+
+    /// Names whose statements were dropped for an error.
+    fn lose_dropped(&mut self) {
+        let s = &mut self.script;
+        let mut kept: BTreeSet<&str> = s.params.iter().map(|p| p.name.name.as_str()).collect();
+        kept.extend(s.fields.iter().map(|f| f.name.name.as_str()));
+        kept.extend(s.measures.iter().map(|m| m.name.name.as_str()));
+        kept.extend(s.mappings.iter().map(|m| m.name.name.as_str()));
+        kept.extend(s.macros.iter().map(|m| m.name.name.as_str()));
+        kept.extend(s.steps.iter().map(|t| t.variable.name.as_str()));
+        let regions: BTreeSet<&str> = s.regions.iter().map(|r| r.name.name.as_str()).collect();
+        for (name, (kind, _)) in self.names.values.iter().filter(|(n, _)| !kept.contains(n.as_str())) {
+            s.lost.add(name);
+            if *kind == Kind::Steps {
+                s.lost.add("steps");
+            }
+        }
+        for name in self.names.regions.keys().filter(|n| !regions.contains(n.as_str())) {
+            s.lost.add(name);
+        }
     }
 
     fn note_words(&mut self, e: &Expr) {
@@ -344,7 +368,7 @@ impl<'d> Resolver<'d> {
                 continue;
             }
             all = None;
-            if kind.is_some() || self.complete {
+            if kind.is_some() || !self.script.lost.covers(&field.name) {
                 self.diagnostics.push(self.names.not_a_field(field, needed, self.sources));
             }
         }
@@ -368,7 +392,7 @@ impl<'d> Resolver<'d> {
         if known || self.names.open_regions {
             return Some(name.clone());
         }
-        if self.complete {
+        if !self.script.lost.covers(&name.name) {
             self.diagnostics.push(self.names.unknown_region(name, self.sources));
         }
         None

@@ -6,6 +6,7 @@ use crate::{
     ast::{Cond, Domain, Expansions, Expr, Ident, MappingKind, MeshSource, OptionItem, QuadratureRule, Reduction},
     ast::{RegionExpr, Space, Target, Unit},
     diag::Diagnostic,
+    lost::Lost,
     source::{SourceId, SourceMap, Span},
 };
 
@@ -50,6 +51,8 @@ pub struct ResolvedScript {
     pub macros: Vec<MacroInfo>,
     /// Every use of a macro.
     pub expansions: Expansions,
+    /// Names whose statements have errors and are not in these lists.
+    pub lost: Lost,
 }
 
 /// `mesh ...`

@@ -42,14 +42,14 @@ impl Builder<'_> {
             "Normal" | "element_size" | "element_K" | "element_B" => return self.geometry(e, name, Side::Here),
             "timestep" => {
                 if self.env.step_variable.is_none() {
-                    let d = Diagnostic::new("E206", "`timestep` needs a `steps` statement");
+                    let d = Diagnostic::new("E206", "`timestep` needs a `steps` statement").about("steps");
                     return self.report(d, e, "");
                 }
                 return Some(self.graph.leaf(Leaf::TimeStep));
             }
             _ if Some(name) == self.env.step_variable => return Some(self.graph.leaf(Leaf::Time)),
             "t" => {
-                let d = Diagnostic::new("E206", "`t` exists only if the scene says `steps t = ...`");
+                let d = Diagnostic::new("E206", "`t` exists only if the scene says `steps t = ...`").about("steps");
                 return self.report(d, e, "");
             }
             _ => {}
@@ -82,7 +82,7 @@ impl Builder<'_> {
             Some(k) => format!("did you mean `{k}`?"),
             None => "not a parameter, field, macro or built-in name".to_owned(),
         };
-        let d = Diagnostic::new("E201", format!("unknown name `{name}`"));
+        let d = Diagnostic::new("E201", format!("unknown name `{name}`")).about(root(name));
         self.report(d, e, text)
     }
 
@@ -154,7 +154,7 @@ impl Builder<'_> {
         if matches!(word.role, WordRole::Previous | WordRole::Dot) && self.env.step_variable.is_none() {
             let d =
                 Diagnostic::new("E206", format!("`{name}` needs a `steps` statement: without steps there is no past"));
-            return self.report(d, e, "");
+            return self.report(d.about("steps"), e, "");
         }
         let op = match word.op {
             WordOp::Value => FieldOp::Value,
@@ -274,4 +274,9 @@ impl<'n> FieldWord<'n> {
     fn is_test(&self) -> bool {
         matches!(self.role, WordRole::Test | WordRole::Test2)
     }
+}
+
+/// The name behind prefixes.
+fn root(name: &str) -> &str {
+    FieldWord::split(name).map_or(name, |w| w.field)
 }

@@ -156,7 +156,7 @@ fn mapping(b: &mut Builder<'_>, c: &Call<'_>, target: &Expr, which: &str) -> Opt
     match &target.kind {
         ExprKind::Name(n) if n == "neighbor_element" || n == "neighbour_elt" => Some(()),
         ExprKind::Name(n) => {
-            let d = Diagnostic::new("E201", format!("unknown mapping `{n}`"));
+            let d = Diagnostic::new("E201", format!("unknown mapping `{n}`")).about(n);
             b.report(d, target, "`neighbor_element` is the other side of an interface")
         }
         _ => {

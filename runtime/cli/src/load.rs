@@ -12,7 +12,8 @@ use wfl::{Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, Spa
 pub(crate) struct Loaded {
     pub(crate) sources: SourceMap,
     pub(crate) script: ResolvedScript,
-    pub(crate) warnings: Vec<Diagnostic>,
+    /// Everything found so far; with an error among it there will be no scene.
+    pub(crate) messages: Vec<Diagnostic>,
     pub(crate) folder: PathBuf,
     pub(crate) name: String,
 }
@@ -51,7 +52,8 @@ pub(crate) fn read_text(path: &Path) -> Result<String, String> {
     })
 }
 
-/// Reads and resolves a scene; prints what is wrong and returns `None` on errors.
+/// Reads and resolves a scene. Prints why and returns `None` only if there is no text to check; other errors are kept, so
+/// that the stages behind can add what they find.
 pub(crate) fn load(scene: &Path, overrides: &[String], command: &str) -> Option<Loaded> {
     let mut sources = SourceMap::new();
     let text = match read_text(scene) {
@@ -73,12 +75,8 @@ pub(crate) fn load(scene: &Path, overrides: &[String], command: &str) -> Option<
     let mut loader = Files { folders: BTreeMap::from([(main.index(), folder.clone())]), last: folder.clone() };
     let checked = resolve(&mut sources, main, &mut loader, &overrides);
     diagnostics.extend(checked.diagnostics);
-    if diagnostics.iter().any(Diagnostic::is_error) {
-        print_all(&diagnostics, &sources);
-        return None;
-    }
     let name = scene.file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
-    Some(Loaded { script: checked.value?, sources, warnings: diagnostics, folder, name })
+    Some(Loaded { script: checked.value?, sources, messages: diagnostics, folder, name })
 }
 
 /// The name of the text that holds the command line.

@@ -1,5 +1,6 @@
 //! A scene made ready for a command: text, messages, compiled terms.
 
+use wfl::Diagnostic;
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_jit::JitBackend;
 use wfl_runtime::{Scene, prepare};
@@ -23,12 +24,16 @@ pub(crate) fn backend(interpret: bool) -> Option<Box<dyn KernelBackend>> {
     }
 }
 
-/// Prepares a scene. All messages go to `loaded`; they are printed here only when there is no scene.
+/// Prepares a scene. All messages go to `loaded`, in the order of the text; they are printed here only when there is no
+/// scene.
 pub(crate) fn prepare_scene(loaded: &mut Loaded, backend: &dyn KernelBackend) -> Option<Scene> {
     let prepared = prepare(&loaded.script, &loaded.folder, backend);
-    loaded.warnings.extend(prepared.diagnostics);
-    if prepared.scene.is_none() {
-        print_all(&loaded.warnings, &loaded.sources);
+    loaded.messages.extend(prepared.diagnostics);
+    let place = |d: &Diagnostic| d.labels.first().map(|l| (l.span.source.index(), l.span.start));
+    loaded.messages.sort_by_key(place);
+    let scene = prepared.scene.filter(|_| !loaded.messages.iter().any(Diagnostic::is_error));
+    if scene.is_none() {
+        print_all(&loaded.messages, &loaded.sources);
     }
-    prepared.scene
+    scene
 }

@@ -39,7 +39,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         _ => Loudness::Normal,
     };
     if loudness != Loudness::Quiet {
-        print_all(&loaded.warnings, &loaded.sources);
+        print_all(&loaded.messages, &loaded.sources);
     }
     let options = RunOptions {
         name: loaded.name.clone(),
@@ -48,7 +48,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         parse_seconds,
         started,
-        warnings: loaded.warnings.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
+        warnings: loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
     };
     let mut terminal = Terminal::new(loudness);
     let result = wfl_runtime::run(&mut scene, &options, &mut terminal);
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
 }
 
 fn finish(loaded: &Loaded, options: &RunOptions, outcome: &Outcome, loudness: Loudness) -> ExitCode {
-    let fresh: Vec<Diagnostic> = outcome.diagnostics.iter().filter(|d| !loaded.warnings.contains(d)).cloned().collect();
+    let fresh: Vec<Diagnostic> = outcome.diagnostics.iter().filter(|d| !loaded.messages.contains(d)).cloned().collect();
     print_all(&fresh, &loaded.sources);
     if loudness != Loudness::Quiet {
         out(&summary(options, outcome));

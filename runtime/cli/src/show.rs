@@ -15,7 +15,7 @@ use wfl_runtime::Scene;
 use crate::{
     args::{ShowArgs, View},
     ast_text, check,
-    load::{Loaded, load, out, say},
+    load::{Loaded, load, out, print_all, say},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     table::Table,
     verify::basis_text,
@@ -24,6 +24,10 @@ use crate::{
 pub(crate) fn show(args: &ShowArgs) -> ExitCode {
     let Some(mut loaded) = load(&args.scene, &args.overrides, "show") else { return ExitCode::from(EXIT_ERROR) };
     if args.view == View::Ast {
+        if loaded.messages.iter().any(wfl::Diagnostic::is_error) {
+            print_all(&loaded.messages, &loaded.sources);
+            return ExitCode::from(EXIT_ERROR);
+        }
         out(&ast_text::text(&loaded.sources));
         return ExitCode::SUCCESS;
     }

@@ -25,7 +25,7 @@ pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
     };
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
     let Some(scene) = prepare_scene(&mut loaded, &*backend) else { return ExitCode::from(EXIT_ERROR) };
-    print_all(&loaded.warnings, &loaded.sources);
+    print_all(&loaded.messages, &loaded.sources);
     let sampling = sampling(&scene, args);
     let columns = ["term", "test", "trial", "entries", "tangent - difference", "rounding", ""];
     let mut blocks = Table::new("tangents (largest deviation over the largest entry of the block)", &columns);

@@ -29,7 +29,12 @@ pub(super) fn parameters(
             continue;
         }
         if let Some(domain) = &param.domain {
+            // a value that is not allowed is not used: what follows from it says nothing
+            let before = diagnostics.len();
             check_domain(script, dim, &known, param, domain, &value, diagnostics);
+            if diagnostics.len() > before {
+                continue;
+            }
         }
         known.insert(param.name.name.clone(), value);
     }

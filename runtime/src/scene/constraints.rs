@@ -6,7 +6,12 @@ use wfl::{
     Diagnostic, FieldKind as Declared, ResolvedScript,
     ast::{Expr, Target, TargetPart},
 };
-use wfl_compiler::{Env, backend::KernelBackend, compile_value, types::FieldKind};
+use wfl_compiler::{
+    Env,
+    backend::KernelBackend,
+    compile_value,
+    types::{FieldKind, Shape},
+};
 
 use crate::{
     field::{Field, FieldSpace},
@@ -115,9 +120,8 @@ impl ConstraintMaker<'_> {
         let law = compile_value(self.env, &place, "a prescribed value", e);
         self.diagnostics.extend(law.diagnostics);
         let law = law.value?;
-        if law.shape.len() != entries {
-            let d = Diagnostic::new("E108", format!("{entries} value(s) needed here, found a {}", law.shape));
-            self.diagnostics.push(d.at(e.span, law.shape.to_string()));
+        if let Some(d) = wrong_size(e, law.shape, entries) {
+            self.diagnostics.push(d);
             return None;
         }
         match Value::new(law, self.backend) {
@@ -163,6 +167,16 @@ impl ConstraintMaker<'_> {
         }
         found
     }
+}
+
+/// E108 for a prescribed value with another number of entries than its target.
+pub(super) fn wrong_size(e: &Expr, found: Shape, entries: usize) -> Option<Diagnostic> {
+    if found.len() == entries {
+        return None;
+    }
+    let needed = if entries == 1 { "one value is".to_owned() } else { format!("{entries} values are") };
+    let d = Diagnostic::new("E108", format!("{needed} needed here, found a {found}"));
+    Some(d.at(e.span, found.to_string()))
 }
 
 /// Outward normal at the centre of a facet.

@@ -104,7 +104,7 @@ fn field(
     }
 }
 
-fn shape(rank: &Rank, env: &Env<'_>, diagnostics: &mut Vec<Diagnostic>) -> Option<Shape> {
+pub(super) fn shape(rank: &Rank, env: &Env<'_>, diagnostics: &mut Vec<Diagnostic>) -> Option<Shape> {
     let mut size = |e: &Expr| -> Option<usize> {
         let x = number(env, "a size", e, diagnostics)?;
         if x.fract() != 0.0 || !(1.0..=100.0).contains(&x) {

@@ -11,12 +11,13 @@ mod mesh;
 mod outputs;
 mod quantities;
 mod regions;
+mod rest;
 mod terms;
 
 use std::{cell::Cell, collections::BTreeSet, path::Path, sync::Arc, time::Instant};
 
 use wfl::{
-    Diagnostic, ResolvedScript,
+    Diagnostic, Lost, ResolvedScript,
     ast::{OptionItem, OptionValue, Reduction},
 };
 use wfl_compiler::{
@@ -144,13 +145,19 @@ pub struct Prepared {
     pub diagnostics: Vec<Diagnostic>,
 }
 
-/// Prepares a scene. `folder` is where its mesh and data files are.
+/// Prepares a scene. `folder` is where its mesh and data files are. A script with errors of its own gives no scene, but
+/// the messages of everything that can still be checked.
 #[must_use]
 pub fn prepare(script: &ResolvedScript, folder: &Path, backend: &dyn KernelBackend) -> Prepared {
     let mut diagnostics = Vec::new();
-    let scene = prepare_all(script, folder, backend, &mut diagnostics);
+    let (mut lost, mut dim) = (script.lost.clone(), None);
+    let scene = prepare_all(script, folder, backend, (&mut diagnostics, &mut lost, &mut dim));
+    if scene.is_none() || !lost.is_empty() {
+        rest::rest(script, dim, &mut lost, &mut diagnostics);
+        diagnostics.retain(|d| !lost.explains(d));
+    }
     once_per_place(&mut diagnostics);
-    let failed = diagnostics.iter().any(Diagnostic::is_error);
+    let failed = diagnostics.iter().any(Diagnostic::is_error) || !lost.is_empty();
     Prepared { scene: if failed { None } else { scene }, diagnostics }
 }
 
@@ -173,14 +180,15 @@ fn prepare_all(
     script: &ResolvedScript,
     folder: &Path,
     backend: &dyn KernelBackend,
-    diagnostics: &mut Vec<Diagnostic>,
+    (diagnostics, lost, dim): (&mut Vec<Diagnostic>, &mut Lost, &mut Option<usize>),
 ) -> Option<Scene> {
     let begin = Instant::now();
     let params = constants::parameters(script, mesh::dimension(script), diagnostics);
-    if diagnostics.iter().any(Diagnostic::is_error) {
-        return None;
+    for param in script.params.iter().filter(|p| !params.contains_key(&p.name.name)) {
+        lost.add(&param.name.name);
     }
     let mesh = mesh::mesh(script, folder, &params, backend, diagnostics)?;
+    *dim = Some(mesh.dim());
     let topology = match Topology::new(&mesh) {
         Ok(t) => t,
         Err(e) => {
@@ -199,6 +207,9 @@ fn prepare_all(
         regions: Regions::new(),
     }
     .make();
+    for region in script.regions.iter().filter(|r| !regions.contains_key(&r.name.name)) {
+        lost.add(&region.name.name);
+    }
     let bare = Env { dim: mesh.dim(), ..constants::bare_env(script, mesh.dim(), &params) };
     let fields::Fields { fields, sigs } = fields::fields(script, &bare, &mesh, &topology, &regions, diagnostics)?;
     let mesh_time = begin.elapsed().as_secs_f64();
@@ -257,7 +268,8 @@ impl Builder<'_> {
         let mut numbering =
             Numbering::new(&self.fields, |f| known_kind(f) && used.contains(&position(f, &self.fields)));
         let prescribed = self.constraints(&mut numbering);
-        let assembled = self.assemble_terms(laws, &rules, &numbering);
+        let broken = !self.script.lost.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error);
+        let assembled = if broken { None } else { self.assemble_terms(laws, &rules, &numbering) };
         let mesh_time = self.mesh_time + begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
@@ -266,7 +278,9 @@ impl Builder<'_> {
         let starts = self.starts();
         let data = self.data();
         let measures = self.measures(&rules);
-        if self.diagnostics.iter().any(Diagnostic::is_error) {
+        rest::expects(self.script, self.params, self.env.dim, self.diagnostics);
+        if assembled.is_none() || self.diagnostics.iter().any(Diagnostic::is_error) {
+            self.outputs();
             return None;
         }
         let (terms, summaries, pieces) = assembled?;

@@ -136,7 +136,7 @@ impl RegionMaker<'_> {
             let declared = self.script.regions.iter().any(|r| r.name.name == name.name);
             if !declared {
                 let text = known.map_or(String::new(), |k| format!("did you mean `{k}`?"));
-                let d = Diagnostic::new("E201", format!("unknown region `{}`", name.name));
+                let d = Diagnostic::new("E201", format!("unknown region `{}`", name.name)).about(&name.name);
                 self.diagnostics.push(d.at(name.span, text));
             } else if !self.diagnostics.iter().any(Diagnostic::is_error) {
                 let d = Diagnostic::new("E201", format!("region `{}` is used before its line", name.name));

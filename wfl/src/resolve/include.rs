@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use crate::{
     ast::{Item, ItemKind},
     diag::Diagnostic,
+    lost::Lost,
     parse::parse,
     source::{SourceId, SourceMap, Span},
 };
@@ -44,6 +45,7 @@ pub(super) struct Includes<'a> {
     pub(super) loader: &'a mut dyn Loader,
     items: Vec<Item>,
     diagnostics: Vec<Diagnostic>,
+    lost: Lost,
     /// Files being read, outermost first, and whether each is a library file.
     open: Vec<(String, bool)>,
     done: BTreeSet<String>,
@@ -57,15 +59,16 @@ impl<'a> Includes<'a> {
             loader,
             items: Vec::new(),
             diagnostics: Vec::new(),
+            lost: Lost::default(),
             open: Vec::new(),
             done: BTreeSet::new(),
             library: BTreeSet::new(),
         }
     }
 
-    /// All statements, and what was found. A macro of the library gives way to one of the scene of the same name, so
+    /// All statements, what was found, and what broken statements would have declared. A macro of the library gives way to one of the scene of the same name, so
     /// that a scene can say what `trac` is and still use `nitsche`.
-    pub(super) fn finish(mut self) -> (Vec<Item>, Vec<Diagnostic>) {
+    pub(super) fn finish(mut self) -> (Vec<Item>, Vec<Diagnostic>, Lost) {
         let of_library = |item: &Item| self.library.contains(&item.span.source.index());
         let own: BTreeSet<String> = self
             .items
@@ -77,7 +80,7 @@ impl<'a> Includes<'a> {
             ItemKind::Def(d) => !of_library(i) || !own.contains(&d.name.name),
             _ => true,
         });
-        (self.items, self.diagnostics)
+        (self.items, self.diagnostics, self.lost)
     }
 
     /// Reads the text `id` and everything it uses.
@@ -86,7 +89,9 @@ impl<'a> Includes<'a> {
         let parsed = parse(self.sources, id);
         self.diagnostics.extend(parsed.diagnostics);
         let mut first = true;
-        for item in parsed.value.map(|s| s.items).unwrap_or_default() {
+        let script = parsed.value.unwrap_or_default();
+        self.lost.extend(script.lost);
+        for item in script.items {
             match item.kind {
                 ItemKind::Use { ref path } => self.include(path, item.span, id),
                 ItemKind::Version(version) => self.version(version, first, item.span),
@@ -116,6 +121,7 @@ impl<'a> Includes<'a> {
                 let known = LIBRARY.iter().map(|l| l.0).collect::<Vec<_>>().join(", ");
                 let d = Diagnostic::new("E213", format!("cannot read \"{path}\": {why}")).at(span, "");
                 self.diagnostics.push(d.note(format!("the library has {known}")));
+                self.lost.add_everything();
                 return;
             }
         };

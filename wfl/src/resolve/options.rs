@@ -54,7 +54,7 @@ impl Resolver<'_> {
             }
             let value = self.expr(&given.value);
             let Some(param) = self.script.params.iter_mut().find(|p| p.name.name == given.name) else {
-                if self.complete {
+                if !self.script.lost.covers(&given.name) {
                     self.diagnostics.push(self.unknown_param(given));
                 }
                 continue;
