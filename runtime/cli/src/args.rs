@@ -39,7 +39,7 @@ pub(crate) enum Command {
     /// Compare each term's tangent with high-precision differences of its residual
     #[command(after_help = VERIFY_HELP)]
     Verify(VerifyArgs),
-    /// What the code of a message means, with an example
+    /// What the code of a message means, with an example; what a function does
     #[command(after_help = "Example:\n  wfl explain E103\n  wfl explain --list")]
     Explain(ExplainArgs),
     /// Write files in their canonical form: comments and meaning are kept
@@ -191,12 +191,15 @@ pub(crate) struct VerifyArgs {
 #[derive(Debug, ClapArgs)]
 #[command(arg_required_else_help = true)]
 pub(crate) struct ExplainArgs {
-    /// The code of a message, such as E103
-    #[arg(required_unless_present = "list")]
+    /// The code of a message, such as E103, or the name of a function, such as Ball_projection
+    #[arg(required_unless_present_any = ["list", "functions"])]
     pub(crate) code: Option<String>,
     /// All codes, a line each
     #[arg(long)]
     pub(crate) list: bool,
+    /// All functions as a table in Markdown
+    #[arg(long)]
+    pub(crate) functions: bool,
 }
 
 /// Which files are formatted.

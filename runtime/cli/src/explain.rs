@@ -1,8 +1,9 @@
-//! `wfl explain`.
+//! `wfl explain`: the page of a message, or of a function of the language.
 
 use std::{fmt::Write as _, process::ExitCode};
 
 use wfl::{codes, nearest};
+use wfl_compiler::{OpDef, functions};
 
 use crate::{
     args::ExplainArgs,
@@ -11,6 +12,10 @@ use crate::{
 };
 
 pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
+    if args.functions {
+        out(&table());
+        return ExitCode::SUCCESS;
+    }
     let Some(code) = args.code.as_deref().filter(|_| !args.list) else {
         let mut text = String::new();
         for page in codes() {
@@ -19,10 +24,17 @@ pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
         out(&text);
         return ExitCode::SUCCESS;
     };
+    if let Some(op) = functions().find(|op| op.name == code) {
+        out(&format!("{}\n\n{}\n", op.usage, wrapped(op.doc, 96)));
+        return ExitCode::SUCCESS;
+    }
     let Some(page) = wfl::explain(code) else {
-        let near = nearest(code, codes().map(|p| p.code));
+        let near = nearest(code, codes().map(|p| p.code).chain(functions().map(|op| op.name)));
         let near = near.map_or_else(String::new, |n| format!("; the nearest is {n}"));
-        say(&format!("error: no message has the code `{code}`{near}\n  = help: wfl explain --list shows all codes\n"));
+        say(&format!(
+            "error: no message has the code `{code}`, and no function that name{near}\n  \
+             = help: wfl explain --list shows all codes, --functions all functions\n"
+        ));
         return ExitCode::from(EXIT_ERROR);
     };
     let indented = |text: &str| text.lines().map(|l| format!("    {l}\n")).collect::<String>();
@@ -35,6 +47,18 @@ pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
         indented(page.fixed)
     ));
     ExitCode::SUCCESS
+}
+
+/// All functions as a table in Markdown, by name.
+fn table() -> String {
+    let mut all: Vec<&OpDef> = functions().collect();
+    all.sort_by_key(|op| (op.name.to_ascii_lowercase(), op.name));
+    let cell = |text: &str| text.replace('|', "\\|");
+    let mut text = "| function | what it is |\n|---|---|\n".to_owned();
+    for op in all {
+        let _ = writeln!(text, "| `{}` | {} |", cell(op.usage), cell(op.doc));
+    }
+    text
 }
 
 /// Lines of at most `width` characters where the words allow it.
