@@ -18,6 +18,7 @@ mod math;
 mod matrix_fn;
 mod ops;
 mod pieces;
+mod print;
 mod real;
 mod scalar;
 mod tangent_check;
@@ -33,6 +34,7 @@ pub use interp::{InterpreterBackend, NonFinite, first_non_finite, interpret};
 pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions};
 pub use pieces::{BALL_NUMBERS, PiecesLaw, Projection, ProjectionKind, compile_pieces};
+pub use print::{PrintLaw, compile_prints};
 pub use real::{Dual, Real};
 pub use tangent_check::{BlockCheck, EntryPlace, SlotGroup, TangentCheck, TangentSampling, check_tangent};
 pub use term::{

@@ -3,6 +3,7 @@
 use std::{path::PathBuf, time::Instant};
 
 use thiserror::Error;
+use wfl_compiler::ir::Origin;
 
 use crate::{
     assemble::{AssembledTerm, FieldValues},
@@ -43,6 +44,8 @@ pub trait Progress {
     fn step(&mut self, _number: usize, _count: usize, _time: f64) {}
     /// After each iteration.
     fn iteration(&mut self, _iteration: &Iteration) {}
+    /// A `Print` of a term: its name, where it is written, and its value at one of the points.
+    fn printed(&mut self, _term: &str, _origin: Option<Origin>, _position: [f64; 3], _value: &[f64]) {}
     /// A step has ended.
     fn step_done(&mut self, _step: &StepResult) {}
 }
@@ -225,6 +228,11 @@ fn all_steps(
             .iter_mut()
             .map(|m| (m.name.clone(), m.evaluate(&scene.system, *time, increment, &u)))
             .collect();
+        let Scene { prints, system, .. } = &mut *scene;
+        for print in prints {
+            let (term, origin) = (print.term.clone(), print.origin);
+            print.for_each(system, *time, increment, &u, |x, value| progress.printed(&term, origin, x, value));
+        }
         let step = StepResult { time: *time, history, measures, state: u.clone() };
         progress.step_done(&step);
         let converged = step.history.converged();

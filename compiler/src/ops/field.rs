@@ -100,7 +100,7 @@ pub(super) const TABLE: &[OpDef] = &[
         1,
         1,
         "Print(e)",
-        "e itself, printed at each point when `wfl run` is given `--print`",
+        "e itself; its values at the points of the term are shown after each step",
         &[],
         |b, c| {
             let (_, value) = b.argument(c, 0)?;

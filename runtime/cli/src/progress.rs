@@ -3,6 +3,7 @@
 use std::io::IsTerminal;
 
 use indicatif::{ProgressBar, ProgressStyle};
+use wfl_compiler::ir::Origin;
 use wfl_runtime::{Progress, StepResult, newton::Iteration};
 
 /// How much is said.
@@ -64,6 +65,11 @@ impl Progress for Terminal {
         let contact = i.contact.map_or_else(String::new, |c| format!("  open {} slip {} stick {}", c[0], c[1], c[2]));
         let step = if i.step < 1.0 { format!("  step {}", i.step) } else { String::new() };
         self.line(&format!("  {:>3}  residual {:.3e}{contact}{step}", i.number, i.residual));
+    }
+
+    fn printed(&mut self, term: &str, _origin: Option<Origin>, x: [f64; 3], value: &[f64]) {
+        let list = |v: &[f64]| v.iter().map(|x| format!("{x:.9e}")).collect::<Vec<_>>().join(", ");
+        crate::load::out(&format!("print {term} at [{}]: [{}]\n", list(&x), list(value)));
     }
 
     fn step_done(&mut self, step: &StepResult) {

@@ -21,15 +21,15 @@ use wfl::{
     ast::{OptionItem, OptionValue, Reduction},
 };
 use wfl_compiler::{
-    Class, Constant, Env, PiecesLaw,
+    Class, Constant, Env, PiecesLaw, PrintLaw,
     backend::{KernelBackend, PointKernel},
     compile_condition,
-    ir::VerifiedKernel,
+    ir::{Origin, VerifiedKernel},
     types::{FieldKind, FieldSig, InputSlot},
 };
 
 use crate::{
-    assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
+    assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots},
     field::{Field, FieldSpace},
     mesh::{Mesh, Topology},
     newton::{NewtonOptions, TermPieces},
@@ -51,6 +51,38 @@ pub struct Measure {
     /// What is done with the values at the points.
     pub reduction: Reduction,
     parts: Vec<(Value, Sampled)>,
+}
+
+/// A `Print` of a term.
+pub struct Printed {
+    /// The term.
+    pub term: String,
+    /// Where it is written.
+    pub origin: Option<Origin>,
+    value: Value,
+    sampled: Sampled,
+}
+
+impl Printed {
+    /// Calls `f(position, value)` at each point of the term, at the state and step given.
+    pub fn for_each(
+        &mut self,
+        system: &System,
+        time: f64,
+        increment: f64,
+        u: &[f64],
+        mut f: impl FnMut([f64; 3], &[f64]),
+    ) {
+        self.value.set_step(time, increment);
+        let current = system.slices(u);
+        let previous = system.previous_slices();
+        let values = FieldValues { current: &current, previous: &previous };
+        let domain = self.sampled.domain.clone();
+        self.value.for_each_point(&system.mesh, &self.sampled, values, |g, entity, q, _, value| {
+            let here = &domain.groups[g].here;
+            f(system.mesh.point_at(here.cells[entity], &here.geometry, q), value);
+        });
+    }
 }
 
 /// Load or time steps.
@@ -110,6 +142,8 @@ pub struct Scene {
     pub data: Vec<(usize, Value)>,
     /// Quantities to report.
     pub measures: Vec<Measure>,
+    /// What terms print.
+    pub prints: Vec<Printed>,
     /// VTU series.
     pub vtk: Vec<VtkOutput>,
     /// Line samples.
@@ -228,6 +262,7 @@ fn prepare_all(
         diagnostics,
         params: &params,
         mesh_time,
+        prints: Vec::new(),
     }
     .build()
 }
@@ -244,6 +279,7 @@ struct Builder<'a> {
     diagnostics: &'a mut Vec<Diagnostic>,
     params: &'a std::collections::BTreeMap<String, Constant>,
     mesh_time: f64,
+    prints: Vec<Printed>,
 }
 
 impl Builder<'_> {
@@ -328,6 +364,7 @@ impl Builder<'_> {
             starts,
             data,
             measures,
+            prints: self.prints,
             vtk,
             csv,
             newton,
@@ -454,6 +491,12 @@ impl Builder<'_> {
                     });
                     let integrator = Integrator { domain, binding };
                     let place = placed.set.as_ref().and_then(outputs::facet_support);
+                    for print in placed.prints {
+                        match self.print(print, &placed.law.name, &integrator.domain) {
+                            Ok(made) => self.prints.push(made),
+                            Err(e) => self.diagnostics.push(Diagnostic::new("E609", e)),
+                        }
+                    }
                     if let (Some(law), Some(kernels)) = (placed.pieces, held) {
                         match self.hold(law, kernels, &integrator.domain, terms.len(), numbering) {
                             Ok(made) => pieces.push(made),
@@ -469,6 +512,13 @@ impl Builder<'_> {
             }
         }
         complete.then_some((terms, summaries, pieces))
+    }
+
+    /// A `Print` at the points of its term.
+    fn print(&self, print: PrintLaw, term: &str, domain: &Arc<Domain>) -> Result<Printed, String> {
+        let value = Value::new(print.law, self.batch).map_err(|e| e.to_string())?;
+        let sampled = value.bind(&self.mesh, domain.clone(), &self.fields).map_err(|e| e.to_string())?;
+        Ok(Printed { term: term.to_owned(), origin: print.origin, value, sampled })
     }
 
     /// The held form of a term: its guides are a field of its integration points behind the fields of the scene.

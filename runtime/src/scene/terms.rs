@@ -7,7 +7,7 @@ use wfl::{
     ast::{Ident, QuadratureRule, TargetPart},
 };
 use wfl_compiler::{
-    Class, Env, LoadPart, PiecesLaw, TermLaw, TermSource, compile_pieces, compile_term,
+    Class, Env, LoadPart, PiecesLaw, PrintLaw, TermLaw, TermSource, compile_pieces, compile_prints, compile_term,
     types::{FieldId, PlaceSig},
 };
 
@@ -28,6 +28,8 @@ pub(super) struct PlacedLaw {
     pub(super) law: TermLaw,
     /// The same term with the pieces of its projections held.
     pub(super) pieces: Option<PiecesLaw>,
+    /// What it prints.
+    pub(super) prints: Vec<PrintLaw>,
     /// The name of the region, or of the restricted region of a load.
     pub(super) place: String,
     pub(super) set: Option<RegionSet>,
@@ -105,7 +107,8 @@ impl TermMaker<'_> {
             let guides = FieldId::new(self.fields.len() + out.iter().filter(|l| l.pieces.is_some()).count());
             let kinked = law.class == Class::Kinked;
             let pieces = if kinked { compile_pieces(self.env, sig, name, &law.listing, guides) } else { None };
-            out.push(PlacedLaw { law, pieces, place: sig.name.clone(), set, span });
+            let prints = compile_prints(self.env, sig, name, &law.listing);
+            out.push(PlacedLaw { law, pieces, prints, place: sig.name.clone(), set, span });
         }
     }
 

@@ -9,7 +9,7 @@ use crate::point::{As, State, compile, run, scalar};
 /// Expressions with f(s x) = s^degree f(x) in all fields together, and the largest power of two for s that they allow.
 const HOMOGENEOUS: &[(&str, i32, i32)] = &[
     ("pos_part(p)+neg_part(q)+abs(p-q)", 1, 1000),
-    ("max(p, q)+min(p, q)+max(u, w).w/Norm(w)", 1, 1000),
+    ("max(p, q)+min(p, q)+max(u, w).Normalized(w)", 1, 1000),
     ("Norm(u)", 1, 1000),
     ("Norm(Grad_u)+Norm(u-w)", 1, 1000),
     ("Ball_projection(u, p).[1;2;3]", 1, 1000),
