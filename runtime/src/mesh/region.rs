@@ -127,7 +127,7 @@ impl RegionSet {
         self.combine(other, Operation::Union)
     }
 
-    /// Members of this region that are not in `other`.
+    /// Members of this region that are not in `other`; of an interface also those that are not among faces.
     ///
     /// # Errors
     /// [`RegionError::KindMismatch`].
@@ -135,7 +135,7 @@ impl RegionSet {
         self.combine(other, Operation::Difference)
     }
 
-    /// Members of both regions.
+    /// Members of both regions; of an interface also those that are among faces seen from either side.
     ///
     /// # Errors
     /// [`RegionError::KindMismatch`].
@@ -150,6 +150,12 @@ impl RegionSet {
             (Facets(a), Facets(b)) => Facets(merge(a, b, operation)),
             (Interface(a), Interface(b)) => Interface(merge(a, b, operation)),
             (Nodes(a), Nodes(b)) => Nodes(merge(a, b, operation)),
+            // a part of an interface, picked by faces seen from either side
+            (Interface(a), Facets(b)) if !matches!(operation, Operation::Union) => {
+                let wanted = matches!(operation, Operation::Intersection);
+                let among = |f: &FacetRef| b.binary_search(f).is_ok();
+                Interface(a.iter().copied().filter(|p| (among(&p.here) || among(&p.there)) == wanted).collect())
+            }
             _ => {
                 let (here, there) = (self.kind(), other.kind());
                 return Err(RegionError::KindMismatch { here, there });

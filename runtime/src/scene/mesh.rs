@@ -19,8 +19,37 @@ use crate::{
     value::Value,
 };
 
-/// The dimension a scene's mesh will have, as far as its text says; 3 when only a file knows.
-pub(super) fn dimension(script: &ResolvedScript) -> usize {
+/// The mesh of a file, read before anything else because it has the dimension of the scene; `None` for a box, and
+/// after a message.
+pub(super) fn read(script: &ResolvedScript, folder: &Path, diagnostics: &mut Vec<Diagnostic>) -> Option<Mesh> {
+    let MeshSource::File { path, span } = &script.mesh.as_ref()?.source else { return None };
+    match crate::mesh::read::read_mesh(&folder.join(path)) {
+        Ok(mesh) => {
+            let twins = &mesh.warnings().duplicate_nodes;
+            if let Some((a, b)) = twins.first() {
+                let [a_at, b_at] = [a, b].map(|n| mesh.node(*n));
+                let d = Diagnostic::new(
+                    "W405",
+                    format!("{} pairs of nodes of one body are at the same place and not joined", twins.len()),
+                );
+                let first = format!("the first pair: {a_at:?} and {b_at:?}");
+                diagnostics.push(d.at(*span, first).help("they tear the body there; join them in the mesh generator"));
+            }
+            Some(mesh)
+        }
+        Err(e) => {
+            let d = Diagnostic::new("E410", format!("cannot use the mesh file `{path}`: {e}"));
+            diagnostics.push(d.at(*span, ""));
+            None
+        }
+    }
+}
+
+/// The dimension a scene's mesh will have; 3 where neither its text nor a file says.
+pub(super) fn dimension(script: &ResolvedScript, read: Option<&Mesh>) -> usize {
+    if let Some(mesh) = read {
+        return mesh.dim();
+    }
     match script.mesh.as_ref().map(|m| &m.source) {
         Some(MeshSource::Box { from, .. }) => match &from.kind {
             ast::ExprKind::Tensor(rows) => rows.iter().map(Vec::len).sum::<usize>().clamp(1, 3),
@@ -33,7 +62,7 @@ pub(super) fn dimension(script: &ResolvedScript) -> usize {
 /// Makes the mesh; problems go to `diagnostics`.
 pub(super) fn mesh(
     script: &ResolvedScript,
-    folder: &Path,
+    read: Option<Mesh>,
     params: &BTreeMap<String, Constant>,
     backend: &dyn KernelBackend,
     diagnostics: &mut Vec<Diagnostic>,
@@ -41,20 +70,10 @@ pub(super) fn mesh(
     let statement = script.mesh.as_ref()?;
     let mesh = match &statement.source {
         MeshSource::Box { from, to, division, shape } => {
-            let env = bare_env(script, dimension(script), params);
+            let env = bare_env(script, dimension(script, None), params);
             generated(&env, statement, from, to, division, *shape, diagnostics)?
         }
-        MeshSource::File { path, span } => {
-            let full = folder.join(path);
-            match crate::mesh::read::read_mesh(&full) {
-                Ok(mesh) => mesh,
-                Err(e) => {
-                    diagnostics
-                        .push(Diagnostic::new("E410", format!("cannot use the mesh file `{path}`: {e}")).at(*span, ""));
-                    return None;
-                }
-            }
-        }
+        MeshSource::File { .. } => read?,
     };
     match &statement.map {
         None => Some(mesh),

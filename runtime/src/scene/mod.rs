@@ -217,11 +217,12 @@ fn prepare_all(
     (diagnostics, lost, dim): (&mut Vec<Diagnostic>, &mut Lost, &mut Option<usize>),
 ) -> Option<Scene> {
     let begin = Instant::now();
-    let params = constants::parameters(script, mesh::dimension(script), diagnostics);
+    let read = mesh::read(script, folder, diagnostics);
+    let params = constants::parameters(script, mesh::dimension(script, read.as_ref()), diagnostics);
     for param in script.params.iter().filter(|p| !params.contains_key(&p.name.name)) {
         lost.add(&param.name.name);
     }
-    let mesh = mesh::mesh(script, folder, &params, backend, diagnostics)?;
+    let mesh = mesh::mesh(script, read, &params, backend, diagnostics)?;
     *dim = Some(mesh.dim());
     let topology = match Topology::new(&mesh) {
         Ok(t) => t,

@@ -248,6 +248,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "multiplier l : vector on fault with crosspoints=keep",
     ),
     page(
+        "W405",
+        "nodes of one body at the same place",
+        "Two nodes that cells of one body use stand at the same place but are not the same node: the body is torn \
+         there. Mesh generators leave such pairs where volumes were not fused. They are not joined silently.",
+        "mesh file \"torn.msh\"",
+        "mesh file \"fused.msh\"",
+    ),
+    page(
         "W501",
         "a step that Newton does not see",
         "Heaviside and sign have derivative 0, so a term that depends on an unknown through them alone looks constant \
