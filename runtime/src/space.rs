@@ -5,6 +5,8 @@
 //! dofs alike, whatever their local orientation (dofs along an edge run from its vertex of lower
 //! number). Does not know components, values or constraints.
 
+mod split;
+
 use crate::element::{DofEntity, Element, ElementError, Family};
 use crate::mesh::{CellId, CellKind, EdgeTable, FacetRef, Mesh, NodeId, Topology};
 
@@ -37,6 +39,10 @@ pub struct Space {
     position_of_facet: Vec<(FacetRef, u32)>,
     elements: Vec<Option<Element>>,
     numbering: Numbering,
+    /// Nodes that were torn and their copies, sorted; empty unless the space is split.
+    copies: Vec<(u32, u32)>,
+    /// The faces it was torn along.
+    torn: Vec<FacetRef>,
 }
 
 /// First node of each mesh entity, `NONE` where there is none.
@@ -133,6 +139,8 @@ impl Space {
             position_of_facet: Vec::new(),
             elements,
             numbering: Numbering::default(),
+            copies: Vec::new(),
+            torn: Vec::new(),
         })
     }
 
@@ -289,6 +297,8 @@ impl Space {
         let mut found = Vec::new();
         for facet in facets {
             match self.family {
+                // of a torn space each facet has the nodes of its own side
+                _ if self.is_split() => self.own_nodes(topology, *facet, &mut found),
                 Family::Discontinuous => self.own_nodes(topology, *facet, &mut found),
                 Family::Continuous => self.shared_nodes(mesh, topology, *facet, &mut found),
             }
@@ -341,6 +351,8 @@ impl Space {
     pub fn nodes_at_mesh_nodes(&self, nodes: &[NodeId]) -> Vec<u32> {
         let at = |node: &NodeId| self.numbering.vertices[node.index()];
         let mut found: Vec<u32> = nodes.iter().map(at).filter(|n| *n != NONE).collect();
+        let torn: Vec<u32> = self.copies.iter().filter(|(n, _)| found.contains(n)).map(|(_, copy)| *copy).collect();
+        found.extend(torn);
         found.sort_unstable();
         found.dedup();
         found

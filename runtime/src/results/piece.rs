@@ -10,7 +10,7 @@ use wfl_compiler::types::Shape;
 use crate::{
     assemble::{Domain, FieldValues},
     element::{ElementError, Family},
-    field::{Field, FieldError},
+    field::{Field, FieldError, FieldSpace},
     mesh::{CellId, CellKind, FacetRef, InterfaceFacet, Mesh, MeshError, RegionSet, Topology},
     output::{Array, Cells, Piece, VtkCell},
     quadrature::Rule,
@@ -64,8 +64,14 @@ impl SampledPiece {
     ///
     /// # Errors
     /// [`ElementError`] or [`MeshError`] when the entities have no such element.
-    pub fn new(mesh: &Mesh, topology: &Topology, support: &SupportSet, degree: usize) -> Result<Self, PieceError> {
-        let space = match support {
+    pub fn new(
+        mesh: &Mesh,
+        topology: &Topology,
+        fields: &[Field],
+        support: &SupportSet,
+        degree: usize,
+    ) -> Result<Self, PieceError> {
+        let mut space = match support {
             SupportSet::Cells(cells) => Space::on_cells(mesh, topology, cells, degree, Family::Continuous)?,
             SupportSet::Facets(facets) => Space::on_facets(mesh, topology, facets, degree, Family::Continuous)?,
             SupportSet::Interface(pairs) => {
@@ -73,6 +79,14 @@ impl SampledPiece {
                 Space::on_facets(mesh, topology, &facets, degree, Family::Continuous)?
             }
         };
+        // a field that is torn shows its two sides
+        for field in fields {
+            if let FieldSpace::Nodal(torn) = &field.space
+                && torn.is_split()
+            {
+                space.split(topology, torn.torn());
+            }
+        }
         let rule = |kind: CellKind| {
             let points = space.element(kind).map(|e| e.points().to_vec()).unwrap_or_default();
             Rule { kind, degree: 0, weights: vec![1.0; points.len()], points }

@@ -37,7 +37,7 @@ pub(super) fn fields(
     let (mut fields, mut sigs) = (Vec::new(), Vec::new());
     let mut complete = true;
     for declared in &script.fields {
-        match field(declared, env, mesh, topology, regions, diagnostics) {
+        match field(script, declared, env, mesh, topology, regions, diagnostics) {
             Some((field, sig)) => {
                 fields.push(field);
                 sigs.push(sig);
@@ -49,6 +49,7 @@ pub(super) fn fields(
 }
 
 fn field(
+    script: &ResolvedScript,
     declared: &wfl::Field,
     env: &Env<'_>,
     mesh: &Mesh,
@@ -93,7 +94,10 @@ fn field(
         }
     };
     match made {
-        Ok(space) => {
+        Ok(mut space) => {
+            for facets in torn(script, &name, topology, regions, diagnostics) {
+                space.split(topology, &facets);
+            }
             let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Nodal(space) };
             Some((field, FieldSig { name, shape, degree, kind, global: false }))
         }
@@ -102,6 +106,35 @@ fn field(
             None
         }
     }
+}
+
+/// The inner faces along which `split` tears a field.
+fn torn(
+    script: &ResolvedScript,
+    field: &str,
+    topology: &Topology,
+    regions: &Regions,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Vec<Vec<FacetRef>> {
+    let mut out = Vec::new();
+    for split in script.splits.iter().filter(|s| s.fields.iter().any(|f| f.name == field)) {
+        for place in &split.places {
+            let Some(region) = regions.get(&place.name) else { continue };
+            let facets: Vec<FacetRef> = match &region.set {
+                RegionSet::Interface(pairs) => pairs.iter().map(|p| p.here).collect(),
+                RegionSet::Facets(facets) => facets.clone(),
+                _ => Vec::new(),
+            };
+            if facets.is_empty() || facets.iter().any(|f| topology.opposite(*f).is_none()) {
+                let d = Diagnostic::new("E405", format!("`{}` cannot be torn across `{}`", field, place.name));
+                let d = d.help("region crack = interface from above to below & faces of below where y == 0");
+                diagnostics.push(d.at(place.span, "inner faces of the body are needed, all of them between two cells"));
+                continue;
+            }
+            out.push(facets);
+        }
+    }
+    out
 }
 
 pub(super) fn shape(rank: &Rank, env: &Env<'_>, diagnostics: &mut Vec<Diagnostic>) -> Option<Shape> {

@@ -206,7 +206,7 @@ impl OutputMaker<'_> {
     ) {
         let position = match pieces.iter().position(|(s, _)| *s == target.support) {
             Some(p) => p,
-            None => match SampledPiece::new(self.mesh, self.topology, &target.support, degree) {
+            None => match SampledPiece::new(self.mesh, self.topology, self.fields, &target.support, degree) {
                 Ok(piece) => {
                     pieces.push((target.support.clone(), piece));
                     pieces.len() - 1

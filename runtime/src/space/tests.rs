@@ -180,3 +180,40 @@ fn corners_of_a_part_are_found_by_mesh_node() {
     assert_eq!(space.nodes_on_facets(&mesh, &topology, &edge).len(), 8);
     assert_eq!(space.position_of_cell(CellId::new(0)), None);
 }
+
+/// Four quadrilaterals around the origin, torn along the part x < 0 of the line y = 0, then also along x = 0.
+#[test]
+fn a_torn_space_has_one_node_a_side() {
+    let mesh = generate_box([-1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [2, 2, 1], 2, BoxShape::Quadrilateral).expect("a box");
+    let topology = Topology::new(&mesh).expect("a manifold");
+    let cells: Vec<CellId> = mesh.cells().collect();
+    let on = |pick: &dyn Fn([f64; 3]) -> bool| -> Vec<FacetRef> {
+        topology
+            .facets()
+            .iter()
+            .filter(|f| f.there.is_some())
+            .map(|f| f.here)
+            .filter(|f| pick(mesh.facet_centroid(*f)))
+            .collect()
+    };
+    let space = |degree: usize, facets: &[FacetRef]| {
+        let mut s = Space::on_cells(&mesh, &topology, &cells, degree, Family::Continuous).expect("an element");
+        s.split(&topology, facets);
+        s
+    };
+    let half = on(&|x| x[1].abs() < 1e-12 && x[0] < 0.0);
+    let cross = on(&|_| true);
+    assert_eq!((half.len(), cross.len()), (1, 4));
+    // the end at the origin stays continuous, the end on the outer boundary opens
+    assert_eq!(space(1, &half).n_nodes(), 9 + 1);
+    assert_eq!(space(2, &half).n_nodes(), 25 + 2);
+    // four nodes at the crossing, two at each end
+    assert_eq!(space(1, &cross).n_nodes(), 16);
+    assert_eq!(space(2, &cross).n_nodes(), 36);
+    // a facet has the nodes of its own side
+    let torn = space(1, &half);
+    let there = topology.opposite(half[0]).expect("an inner face");
+    let (a, b) = (torn.nodes_on_facets(&mesh, &topology, &half), torn.nodes_on_facets(&mesh, &topology, &[there]));
+    assert_eq!((a.len(), b.len()), (2, 2));
+    assert_eq!(a.iter().filter(|n| b.contains(n)).count(), 1, "only the end is shared");
+}
