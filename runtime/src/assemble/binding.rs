@@ -162,6 +162,23 @@ impl GroupBinding {
     }
 }
 
+/// A basis function below this at every point does not act there; its largest value is 1.
+const NO_VALUE: f64 = 1e-14;
+
+impl GroupBinding {
+    /// For each node of basis `b`: whether some slot sees its function. Where only values are read, functions that are
+    /// 0 at every point (those of nodes off the facet) do nothing, and their dofs stay out of the tangent.
+    #[must_use]
+    pub fn acting_nodes<'s>(&self, b: usize, mut slots: impl Iterator<Item = &'s SlotPlace>) -> Vec<bool> {
+        let basis = &self.bases[b];
+        if slots.any(|s| s.basis == b && s.op != FieldOp::Value) {
+            return vec![true; basis.n_nodes];
+        }
+        let value = |point: usize, node: usize| basis.table.values[point * basis.n_nodes + node].abs();
+        (0..basis.n_nodes).map(|i| (0..basis.table.n_points).any(|q| value(q, i) > NO_VALUE)).collect()
+    }
+}
+
 fn basis(
     mesh: &Mesh,
     group: &Group,

@@ -224,8 +224,9 @@ impl AssembledTerm {
             let mut components = vec![false; basis.n_components];
             let slots = binding.tests.iter().chain(&binding.trials).filter(|p| p.basis == b);
             slots.for_each(|p| components[p.component] = true);
+            let acts = binding.groups[g].acting_nodes(b, binding.tests.iter().chain(&binding.trials));
             for k in 0..basis.n_dofs() {
-                if components[k % basis.n_components] {
+                if components[k % basis.n_components] && acts[k / basis.n_components] {
                     active.push(basis.offset + k);
                 }
             }
