@@ -81,17 +81,14 @@ pub struct Solved {
     pub outcome: Outcome,
 }
 
-/// Prepares a scene of `folder` from its text; `edits` are replaced in every file.
-///
-/// # Errors
-/// The messages as text.
-pub fn prepared(
+/// Reads and prepares a scene; the messages tell of errors and warnings.
+fn scene_and_messages(
     folder: &Path,
     text: String,
     edits: &[(&str, String)],
     params: &[(&str, f64)],
     backend: &dyn KernelBackend,
-) -> Result<Scene, String> {
+) -> (Option<Scene>, String) {
     let mut sources = SourceMap::new();
     let main = sources.add("scene.wfl", edited(text, edits));
     let mut overrides = Vec::new();
@@ -103,21 +100,48 @@ pub fn prepared(
     let mut loader = Edited { folder: folder.to_path_buf(), edits };
     let checked = resolve(&mut sources, main, &mut loader, &overrides);
     let told = |d: &[Diagnostic], s: &SourceMap| d.iter().map(|d| render(d, s, false)).collect::<Vec<_>>().join("\n");
+    let mut messages = told(&checked.diagnostics, &sources);
     if checked.diagnostics.iter().any(Diagnostic::is_error) {
-        return Err(told(&checked.diagnostics, &sources));
+        return (None, messages);
     }
-    let script = checked.value.ok_or("no script")?;
+    let Some(script) = checked.value else { return (None, messages + "no script") };
     let made = prepare(&script, folder, backend);
-    made.scene.ok_or_else(|| told(&made.diagnostics, &sources))
+    messages += &told(&made.diagnostics, &sources);
+    (made.scene, messages)
 }
 
-/// Solves a scene of `folder` from its text.
+/// Prepares a scene of `folder` from its text; `edits` are replaced in every file.
 ///
 /// # Errors
 /// The messages as text.
-pub fn solve(folder: &Path, text: String, edits: &[(&str, String)], params: &[(&str, f64)]) -> Result<Solved, String> {
-    let backend = JitBackend::new().map_err(|e| e.to_string())?;
-    let mut scene = prepared(folder, text, edits, params, &backend)?;
+pub fn prepared(
+    folder: &Path,
+    text: String,
+    edits: &[(&str, String)],
+    params: &[(&str, f64)],
+    backend: &dyn KernelBackend,
+) -> Result<Scene, String> {
+    let (scene, messages) = scene_and_messages(folder, text, edits, params, backend);
+    scene.ok_or(messages)
+}
+
+/// What became of a scene, solved or not.
+pub struct Attempt {
+    /// The run, if it came to its end; its steps need not have converged.
+    pub solved: Option<Solved>,
+    /// Every error and warning as text.
+    pub messages: String,
+}
+
+/// Tries to solve a scene of `folder` from its text.
+///
+/// # Panics
+/// If this processor cannot run machine code.
+#[must_use]
+pub fn attempt(folder: &Path, text: String, edits: &[(&str, String)], params: &[(&str, f64)]) -> Attempt {
+    let backend = JitBackend::new().expect("machine code on this processor");
+    let (scene, mut messages) = scene_and_messages(folder, text, edits, params, &backend);
+    let Some(mut scene) = scene else { return Attempt { solved: None, messages } };
     let options = RunOptions {
         name: "test".to_owned(),
         out: None,
@@ -127,8 +151,22 @@ pub fn solve(folder: &Path, text: String, edits: &[(&str, String)], params: &[(&
         started: std::time::Instant::now(),
         warnings: Vec::new(),
     };
-    let outcome = run(&mut scene, &options, &mut Quiet).map_err(|e| e.to_string())?;
-    Ok(Solved { scene, outcome })
+    match run(&mut scene, &options, &mut Quiet) {
+        Ok(outcome) => Attempt { solved: Some(Solved { scene, outcome }), messages },
+        Err(error) => {
+            messages += &error.to_string();
+            Attempt { solved: None, messages }
+        }
+    }
+}
+
+/// Solves a scene of `folder` from its text.
+///
+/// # Errors
+/// The messages as text.
+pub fn solve(folder: &Path, text: String, edits: &[(&str, String)], params: &[(&str, f64)]) -> Result<Solved, String> {
+    let Attempt { solved, messages } = attempt(folder, text, edits, params);
+    solved.ok_or(messages)
 }
 
 impl Solved {

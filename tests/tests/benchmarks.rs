@@ -83,3 +83,44 @@ fn units_sizes_directions_and_numbering_do_not_matter() {
 fn every_assembled_tangent_is_the_derivative_of_the_residual() {
     assert_holds("B16");
 }
+
+#[test]
+fn two_blocks_have_the_closed_form_of_stick_and_slip() {
+    assert_holds("B1");
+}
+
+#[test]
+fn the_theta_term_is_consistent_with_friction() {
+    assert_holds("B2");
+}
+
+#[test]
+fn all_methods_agree_with_the_independent_program_on_the_fault() {
+    assert_holds("B3");
+}
+
+/// Minutes without optimisation, so only in the release suite.
+#[test]
+fn finer_and_quadratic_meshes_agree_with_the_independent_program_on_the_fault() {
+    assert_holds("B3-fine");
+}
+
+#[test]
+fn a_block_held_by_friction_alone_is_in_equilibrium_up_to_the_limit() {
+    assert_holds("B4");
+}
+
+#[test]
+fn an_inclined_interface_passes_the_patch_test() {
+    assert_holds("B5");
+}
+
+#[test]
+fn every_displacement_agrees_with_the_original_program() {
+    assert_holds("B17");
+}
+
+#[test]
+fn a_press_fit_is_a_negative_gap() {
+    assert_holds("B18");
+}

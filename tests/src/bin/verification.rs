@@ -16,8 +16,9 @@ fn main() -> ExitCode {
         let begin = Instant::now();
         let cases = (benchmark.run)();
         let bad = cases.iter().filter(|c| !c.passes()).count();
-        failed |= bad > 0 || cases.is_empty();
-        eprintln!("{}: {} cases, {bad} fail, {:.1} s", benchmark.id, cases.len(), begin.elapsed().as_secs_f64());
+        failed |= cases.is_empty() || (bad > 0 && benchmark.open.is_none());
+        let word = if benchmark.open.is_some() { "open" } else { "fail" };
+        eprintln!("{}: {} cases, {bad} {word}, {:.1} s", benchmark.id, cases.len(), begin.elapsed().as_secs_f64());
         for case in cases.iter().filter(|c| !c.passes()) {
             eprintln!("  {}", case.describe());
         }

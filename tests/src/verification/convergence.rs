@@ -14,6 +14,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         title: "manufactured solutions: Poisson, plane-strain elasticity, interface law with a jump, neo-Hookean shear",
         origin: "scikit-fem and an independent program, `physics_mms.json`; orders: theory",
         slow: false,
+        open: None,
         run: tables,
     },
     Benchmark {
@@ -21,6 +22,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         title: "orders of convergence on tetrahedra and hexahedra, linear elasticity",
         origin: "theory: degree k gives k in H1 and k + 1 in L2",
         slow: true,
+        open: None,
         run: solid,
     },
 ];

@@ -14,6 +14,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[Benchmark {
     title: "Cook's membrane: lift of the tip and energy on every mesh",
     origin: "scikit-fem, `physics_cook.json`; limit 23.96 of the literature",
     slow: false,
+    open: None,
     run: cook,
 }];
 

@@ -15,6 +15,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         title: "Hertz line contact: half width, highest pressure, force for an approach",
         origin: "closed form; NAFEMS: 6.21 mm, 3585.37 N/mm2; force of the finite box: an independent program (`physics_closed_forms.json`)",
         slow: false,
+        open: None,
         run: cylinders,
     },
     Benchmark {
@@ -22,6 +23,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         title: "Hertz point contact in 3-D: radius, highest pressure, approach",
         origin: "closed form, data of MOOSE's contact verification (`physics_closed_forms.json`)",
         slow: true,
+        open: None,
         run: sphere,
     },
     Benchmark {
@@ -29,6 +31,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         title: "Cattaneo-Mindlin: part that sticks under a shear force",
         origin: "closed form c/a = sqrt(1 - Q/(F P))",
         slow: false,
+        open: None,
         run: sheared,
     },
 ];

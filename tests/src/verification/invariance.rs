@@ -12,13 +12,32 @@ use super::{
 use crate::{Solved, examples, solve};
 
 /// The benchmarks of this file.
-pub(super) const BENCHMARKS: &[Benchmark] = &[Benchmark {
-    id: "B15",
-    title: "invariances: units, sizes, rotation, order of the axes, mirror, numbering of nodes and cells",
-    origin: "the same scene; powers of two must give the same bits (with multipliers 1e-11)",
-    slow: false,
-    run: invariances,
-}];
+pub(super) const BENCHMARKS: &[Benchmark] = &[
+    Benchmark {
+        id: "B15",
+        title: "invariances: units, sizes, rotation, order of the axes, mirror, numbering of nodes and cells",
+        origin: "the same scene; powers of two must give the same bits (with multipliers 1e-11)",
+        slow: false,
+        open: None,
+        run: invariances,
+    },
+    Benchmark {
+        id: "X7",
+        title: "stresses, loads and gamma times 2^40 and 2^-60",
+        origin: "the same bits",
+        slow: false,
+        open: None,
+        run: || stresses(&[2f64.powi(40), 2f64.powi(-60)], Tolerance::Bitwise, &METHODS[..2]),
+    },
+    Benchmark {
+        id: "X8",
+        title: "E from 1e-9 to 1e15 with loads and gamma scaled alike",
+        origin: "the same scene",
+        slow: false,
+        open: None,
+        run: || stresses(&[4e-14, 4e-8, 4e-3, 4e4, 4e10], Tolerance::Absolute(1e-12), &METHODS),
+    },
+];
 
 type Matrix = [[f64; 3]; 3];
 const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -176,6 +195,24 @@ fn invariances() -> Vec<Case> {
             cases
         })
         .collect()
+}
+
+/// Stresses times each factor.
+fn stresses(factors: &[f64], tolerance: Tolerance, methods: &[(&str, &str)]) -> Vec<Case> {
+    let mut cases = Vec::new();
+    for (method, law) in methods {
+        let base = converged_scene(text(BOX, &IDENTITY, law), &[]);
+        for factor in factors {
+            let what = format!("{method}: stresses times {factor:e}");
+            let made = base.as_ref().map_err(Clone::clone).and_then(|base| {
+                let moved = converged_scene(text(BOX, &IDENTITY, law), &[("S", *factor)])?;
+                let v = Variation { tolerance, ..variation("", IDENTITY, 1.0, *factor) };
+                Ok(compare(&what, base, &moved, &v))
+            });
+            cases.push(or_failed(&what, made));
+        }
+    }
+    cases
 }
 
 fn converged_scene(text: String, params: &[(&str, f64)]) -> Result<Solved, String> {

@@ -8,11 +8,15 @@ mod case;
 mod common;
 mod convergence;
 mod cook;
+mod equilibrium;
+mod extremes;
+mod fault;
 mod hertz;
 mod invariance;
 mod page;
 mod signorini;
 mod tangents;
+mod two_block;
 
 pub use case::{Case, Number, Tolerance};
 pub use page::page;
@@ -27,6 +31,8 @@ pub struct Benchmark {
     pub origin: &'static str,
     /// Takes more than a few seconds with optimisation: only release builds run it in the tests.
     pub slow: bool,
+    /// What is known not to hold yet; the page shows it, the tests tell but do not stop.
+    pub open: Option<&'static str>,
     /// Solves the scenes and compares.
     pub run: fn() -> Vec<Case>,
 }
@@ -34,7 +40,11 @@ pub struct Benchmark {
 /// Every benchmark in the order of the page.
 #[must_use]
 pub fn benchmarks() -> Vec<Benchmark> {
-    [
+    let mut list = [
+        two_block::BENCHMARKS,
+        fault::BENCHMARKS,
+        equilibrium::BENCHMARKS,
+        extremes::BENCHMARKS,
         signorini::BENCHMARKS,
         hertz::BENCHMARKS,
         convergence::BENCHMARKS,
@@ -45,7 +55,15 @@ pub fn benchmarks() -> Vec<Benchmark> {
     .into_iter()
     .flat_map(|list| list.iter())
     .map(|b| Benchmark { ..*b })
-    .collect()
+    .collect::<Vec<_>>();
+    list.sort_by_key(|b| (b.id.starts_with('X'), digits(b.id)));
+    list
+}
+
+/// The number in an identifier.
+fn digits(id: &str) -> usize {
+    let digits: String = id.chars().skip(1).take_while(char::is_ascii_digit).collect();
+    digits.parse().unwrap_or(usize::MAX)
 }
 
 /// Runs the benchmarks of one identifier; panics with every case that fails.
@@ -62,6 +80,11 @@ pub fn assert_holds(id: &str) {
         }
         let cases = (benchmark.run)();
         assert!(!cases.is_empty(), "{id} compares nothing");
+        if let Some(why) = benchmark.open {
+            let held = if cases.iter().all(Case::passes) { "holds now: take the note away" } else { "open" };
+            eprintln!("{id} {held}: {why}");
+            continue;
+        }
         let failures: Vec<String> = cases.iter().filter(|c| !c.passes()).map(Case::describe).collect();
         assert!(failures.is_empty(), "{id}:\n{}", failures.join("\n"));
     }

@@ -17,6 +17,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[Benchmark {
     title: "tangent of every example scene against central differences of its residual at a random state",
     origin: "central differences",
     slow: false,
+    open: None,
     run: tangents,
 }];
 

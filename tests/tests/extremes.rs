@@ -1,0 +1,10 @@
+//! Extreme values and bad input: every row of the verification suite holds.
+
+use wfl_tests::verification::{assert_holds, benchmarks};
+
+#[test]
+fn every_row_of_extreme_input_holds() {
+    let ids: Vec<&str> = benchmarks().iter().map(|b| b.id).filter(|id| id.starts_with('X')).collect();
+    assert!(ids.len() > 30, "rows have gone: {ids:?}");
+    ids.into_iter().for_each(assert_holds);
+}
