@@ -2,7 +2,10 @@
 //! lines indented, comments kept. Formatting twice changes nothing, and never the syntax tree.
 //!
 //! Works on the words and signs of a text that parses, so numbers, parentheses and line breaks stay as the author
-//! wrote them. Does not align columns and does not join or break lines.
+//! wrote them. What an author aligns stays aligned: where a space belongs, outside brackets and before a comment, more
+//! of them are kept. Inside a pair of brackets the first comma and the first sum decide for the others whether spaces
+//! stand there: `[0,0,1]` and `(1+nu)` are as good as `[x, y + 1]`. Does not align columns of its own and does not join or
+//! break lines.
 
 use crate::{
     diag::Checked,
@@ -22,7 +25,7 @@ pub fn format(sources: &SourceMap, id: SourceId) -> Checked<String> {
     }
     let text = sources.get(id).text.trim_start_matches('\u{feff}');
     let lines: Vec<Line<'_>> = text.lines().map(Line::new).collect();
-    let versioned = lines.iter().any(|l| l.starts_statement && l.tokens.first() == Some(&"wfl"));
+    let versioned = lines.iter().any(|l| l.starts_statement && l.tokens.first().is_some_and(|t| t.text == "wfl"));
     let mut printer = Printer { out: String::with_capacity(text.len()), state: State::default(), blank: false };
     if !versioned && lines.iter().any(|l| l.starts_statement) {
         printer.out.push_str("wfl 1\n");
@@ -35,10 +38,17 @@ pub fn format(sources: &SourceMap, id: SourceId) -> Checked<String> {
     Checked { value: Some(printer.out), diagnostics: parsed.diagnostics }
 }
 
+/// A word or sign with the number of blanks before it; none at the start of a line.
+#[derive(Clone, Copy)]
+struct Token<'t> {
+    text: &'t str,
+    gap: Option<usize>,
+}
+
 /// One line of the source.
 struct Line<'t> {
-    tokens: Vec<&'t str>,
-    comment: Option<&'t str>,
+    tokens: Vec<Token<'t>>,
+    comment: Option<Token<'t>>,
     starts_statement: bool,
 }
 
@@ -48,30 +58,39 @@ impl<'t> Line<'t> {
         let starts = rest.starts_with(|c: char| !c.is_ascii_whitespace() && !"#)]}".contains(c));
         let mut line = Line { tokens: Vec::new(), comment: None, starts_statement: starts };
         loop {
+            let before = rest.len();
             rest = rest.trim_start();
+            let gap = (!line.tokens.is_empty()).then_some(before - rest.len());
             if rest.is_empty() {
                 return line;
             }
             if rest.starts_with('#') {
-                line.comment = Some(rest);
+                line.comment = Some(Token { text: rest, gap });
                 return line;
             }
-            let n = token_length(rest);
-            line.tokens.push(&rest[..n]);
+            let n = token_length(rest, line.tokens.last().is_some_and(|t| ends_value(t.text)));
+            line.tokens.push(Token { text: &rest[..n], gap });
             rest = &rest[n..];
         }
     }
 }
 
-/// Bytes of the first word, number, text or sign.
-fn token_length(text: &str) -> usize {
+/// True if a `.` behind this token is an operator even in front of a digit.
+fn ends_value(token: &str) -> bool {
+    let introduces = is_keyword(token) || ["box", "file", "size", "map", "point"].contains(&token);
+    let last = token.as_bytes().last().copied().unwrap_or(b' ');
+    !introduces && (last.is_ascii_alphanumeric() || matches!(last, b'_' | b')' | b']' | b'\''))
+}
+
+/// Bytes of the first word, number, text or sign; `operator` if a point is no part of a number here.
+fn token_length(text: &str, operator: bool) -> usize {
     let bytes = text.as_bytes();
     let digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);
     let run = |from: usize, ok: fn(&u8) -> bool| from + bytes[from..].iter().take_while(|b| ok(b)).count();
     match bytes[0] {
         b'"' => text[1..].find('"').map_or(text.len(), |i| i + 2),
         b'a'..=b'z' | b'A'..=b'Z' | b'_' => run(0, |b| b.is_ascii_alphanumeric() || *b == b'_'),
-        b'0'..=b'9' | b'.' if bytes[0] != b'.' || digit(1) => {
+        b'0'..=b'9' | b'.' if bytes[0] != b'.' || digit(1) && !operator => {
             let mut n = run(0, u8::is_ascii_digit);
             if bytes.get(n) == Some(&b'.') && bytes.get(n + 1) != Some(&b'.') {
                 n = run(n + 1, u8::is_ascii_digit);
@@ -89,6 +108,13 @@ fn token_length(text: &str) -> usize {
     }
 }
 
+/// What the first comma and the first sum inside a pair of brackets decided: true with spaces.
+#[derive(Clone, Copy, Default)]
+struct Bracket {
+    comma: Option<bool>,
+    sum: Option<bool>,
+}
+
 /// Where in a statement the printer is.
 #[derive(Default)]
 struct State {
@@ -97,10 +123,13 @@ struct State {
     /// It is one whose first `:` separates what it declares from the rest.
     colon_separates: bool,
     is_mesh: bool,
-    depth: usize,
+    /// Open brackets, outermost first.
+    brackets: Vec<Bracket>,
     in_options: bool,
     /// The last token was a sign of one operand: nothing stands between both.
     unary: bool,
+    /// The last token was a sign of two operands.
+    sum: bool,
     /// The last token was a `:` that separates.
     separator: bool,
     /// The last token was set off by a space.
@@ -127,39 +156,53 @@ impl Printer {
         if line.tokens.is_empty() {
             self.out.push_str(if inside { INDENT } else { "" });
         } else if line.starts_statement {
-            let word = line.tokens[0];
+            let word = line.tokens[0].text;
             let separates = ["term", "energy", "unknown", "multiplier", "data", "state", "output"].contains(&word);
             self.state = State { open: true, colon_separates: separates, is_mesh: word == "mesh", ..State::default() };
         } else {
             self.out.push_str(INDENT);
         }
         for (i, token) in line.tokens.iter().enumerate() {
-            let after = line.tokens.get(i + 1).copied().unwrap_or("");
-            self.token(token, i == 0, after);
+            self.token(*token, line.tokens.get(i + 1).copied());
         }
         if let Some(comment) = line.comment {
-            self.out.push_str(if line.tokens.is_empty() { "" } else { "  " });
-            self.out.push_str(comment);
+            let spaces = comment.gap.map_or(0, |g| g.max(2));
+            self.out.extend(std::iter::repeat_n(' ', spaces));
+            self.out.push_str(comment.text);
         }
         self.out.push('\n');
     }
 
-    fn token(&mut self, token: &str, first: bool, after: &str) {
-        let s = &self.state;
-        let separator = token == ":" && s.depth == 0 && s.colon_separates;
-        let unary = matches!(token, "-" | "+") && !s.ends_operand();
-        let set_off = !first && s.space_before(token, separator, after);
+    fn token(&mut self, Token { text: token, gap }: Token<'_>, next: Option<Token<'_>>) {
+        let after = next.map_or("", |n| n.text);
+        let s = &mut self.state;
+        let separator = token == ":" && s.brackets.is_empty() && s.colon_separates;
+        let sign = matches!(token, "-" | "+");
+        let unary = sign && !s.ends_operand();
+        if let Some(inside) = s.brackets.last_mut() {
+            // a break of the line is a space
+            let spaced = |gap: Option<usize>| gap.is_none_or(|g| g > 0);
+            if s.previous == "," || s.previous == ";" {
+                inside.comma.get_or_insert(spaced(gap));
+            } else if sign && !unary {
+                inside.sum.get_or_insert(spaced(gap) && spaced(next.and_then(|n| n.gap)));
+            }
+        }
+        let set_off = gap.is_some() && s.space_before(token, separator, unary, after);
         if set_off {
-            self.out.push(' ');
+            let aligned = if s.brackets.is_empty() { gap.unwrap_or(1).max(1) } else { 1 };
+            self.out.extend(std::iter::repeat_n(' ', aligned));
         }
         self.out.push_str(token);
-        let s = &mut self.state;
         match token {
-            "(" | "[" | "{" => s.depth += 1,
-            ")" | "]" | "}" => s.depth = s.depth.saturating_sub(1),
-            "with" if s.depth == 0 => s.in_options = true,
+            "(" | "[" | "{" => s.brackets.push(Bracket::default()),
+            ")" | "]" | "}" => {
+                s.brackets.pop();
+            }
+            "with" if s.brackets.is_empty() => s.in_options = true,
             _ => {}
         }
+        s.sum = sign && !unary;
         s.colon_separates &= !separator;
         s.separator = separator;
         s.unary = unary;
@@ -187,15 +230,22 @@ impl State {
         is_keyword(word) || self.is_mesh && ["box", "file", "size", "map"].contains(&word) || word == "point"
     }
 
-    fn space_before(&self, token: &str, separator: bool, after: &str) -> bool {
+    fn space_before(&self, token: &str, separator: bool, unary: bool, after: &str) -> bool {
         let p = self.previous.as_str();
         if matches!(p, "(" | "[" | "{") || matches!(token, ")" | "]" | "}" | "," | ";" | "'") || self.unary {
             return false;
         }
-        if separator || self.separator || matches!(p, "," | ";") {
+        let inside = self.brackets.last().copied().unwrap_or_default();
+        if matches!(p, "," | ";") {
+            return inside.comma.unwrap_or(true);
+        }
+        if self.sum || matches!(token, "-" | "+") && !unary {
+            return inside.sum.unwrap_or(true);
+        }
+        if separator || self.separator {
             return true;
         }
-        let in_option = |sign: &str| sign == "=" && self.in_options && self.depth == 0;
+        let in_option = |sign: &str| sign == "=" && self.in_options && self.brackets.is_empty();
         if in_option(token) || in_option(p) {
             return false;
         }
@@ -263,10 +313,14 @@ mod tests {
     #[test]
     fn spaces_stand_where_they_belong() {
         for (text, expected) in [
-            ("param  a=-1  [MPa/mm^2]   in  0 .. 1.5 \"x\"#c", "param a = -1 [MPa/mm^2] in 0..1.5 \"x\"  #c"),
+            ("param a=-1 [MPa/mm^2] in 0 .. 1.5 \"x\"#c", "param a = -1 [MPa/mm^2] in 0..1.5 \"x\"  #c"),
+            ("param a  =-1   in 0..1   # c", "param a  = -1   in 0..1   # c"),
+            ("def a=f( 1+nu,  2 )*(1 - 2*nu)-b", "def a = f(1+nu, 2)*(1 - 2*nu) - b"),
+            ("def a=[0,0, 1]+[x, y,z]+(a- b + -c)", "def a = [0,0,1] + [x, y, z] + (a-b+-c)"),
+            ("def a = b.1. + (c).5", "def a = b . 1. + (c) . 5"),
             ("param a=1 in 1. .. .5", "param a = 1 in 1. .. .5"),
-            ("param a=1 in { -1,0 , 1 }", "param a = 1 in {-1, 0, 1}"),
-            ("term  t  on  a,b:Grad_u : Grad_Test_u-f*Test_u", "term t on a, b : Grad_u:Grad_Test_u - f*Test_u"),
+            ("param a=1 in { -1,0 , 1 }", "param a = 1 in {-1,0,1}"),
+            ("term t on a,b:Grad_u : Grad_Test_u-f*Test_u", "term t on a, b : Grad_u:Grad_Test_u - f*Test_u"),
             ("term on a : Def f( a ):=a^-2 ;f (b) '", "term on a : Def f(a) := a^-2; f(b)'"),
             ("def a = 2 .* p + 2.*p - q . .5 + 3 . p", "def a = 2 .* p + 2.*p - q . .5 + 3 . p"),
             ("def a = p .* q ./ 2 + r . 5 + - - b", "def a = p.*q ./ 2 + r . 5 + --b"),
@@ -277,7 +331,7 @@ mod tests {
             ("state s:scalar:=s+1", "state s : scalar := s + 1"),
             ("region r=a+b-(c&d)", "region r = a + b - (c & d)"),
             ("fix u(1),v . Normal=0 on a", "fix u(1), v.Normal = 0 on a"),
-            ("def s = Sym  Grad_u (1 , :)", "def s = Sym Grad_u(1, :)"),
+            ("def s = Sym Grad_u (1 , :)", "def s = Sym Grad_u(1, :)"),
             ("mapping m = point(x)", "mapping m = point (x)"),
         ] {
             assert_eq!(check(text), format!("wfl 1\n{expected}\n"), "{text}");
