@@ -1,5 +1,6 @@
 //! Scenes as text, solved through the library: what the suites share.
 
+pub mod fuzz;
 pub mod verification;
 
 use std::path::{Path, PathBuf};
