@@ -14,6 +14,7 @@ use std::collections::BTreeMap;
 use wfl::{
     Diagnostic, Span,
     ast::{Argument, Expansions, Expr, ExprKind},
+    quote,
 };
 
 use crate::{
@@ -98,6 +99,27 @@ impl<'a> Builder<'a> {
         locate(diagnostic, Origin { span: e.span, expansion: e.expansion }, self.env.expansions, text)
     }
 
+    /// The place of an operand of `parent`: one that is a use of a macro is the use, not the body.
+    pub(crate) fn operand(&self, parent: &Expr, e: &Expr) -> Origin {
+        let mut origin = Origin { span: e.span, expansion: e.expansion };
+        while origin.expansion != parent.expansion {
+            let Some(id) = origin.expansion else { return Origin { span: e.span, expansion: e.expansion } };
+            let use_ = &self.env.expansions.list[id.index()];
+            origin = Origin { span: use_.call, expansion: use_.parent };
+        }
+        origin
+    }
+
+    /// A diagnostic at an operand of `parent`.
+    pub(crate) fn at_operand(&self, d: Diagnostic, parent: &Expr, e: &Expr, text: impl Into<String>) -> Diagnostic {
+        locate(d, self.operand(parent, e), self.env.expansions, text)
+    }
+
+    /// The text of an operand of `parent` as it is written.
+    pub(crate) fn text_of(&self, parent: &Expr, e: &Expr) -> String {
+        quote(self.operand(parent, e).span)
+    }
+
     pub(crate) fn report<T>(&mut self, diagnostic: Diagnostic, e: &Expr, text: impl Into<String>) -> Option<T> {
         let diagnostic = self.at(diagnostic, e, text);
         if !self.diagnostics.contains(&diagnostic) {
@@ -119,7 +141,7 @@ impl<'a> Builder<'a> {
         match &e.kind {
             ExprKind::Number(x) => Some(self.graph.number(*x)),
             ExprKind::Name(name) => self.name(e, name),
-            ExprKind::Sum(parts) => self.sum(parts),
+            ExprKind::Sum(parts) => self.sum(e, parts),
             ExprKind::Product(first, rest) => self.product(e, first, rest),
             ExprKind::Negate(a) => {
                 let a = self.expr(a)?;
@@ -151,7 +173,10 @@ impl<'a> Builder<'a> {
             return Some(());
         }
         let d = Diagnostic::new("E303", "test function inside a nonlinear function");
-        self.report(d, e, format!("`{function}` makes this term nonlinear in the test function"))
+        match first_test(e) {
+            Some((at, name)) => self.report(d, at, format!("`{function}` makes this term nonlinear in {name}")),
+            None => self.report(d, e, format!("`{function}` makes this term nonlinear in the test function")),
+        }
     }
 
     /// Gives two values one shape: a scalar is repeated to fit the other.
@@ -189,14 +214,19 @@ pub fn locate(diagnostic: Diagnostic, origin: Origin, expansions: &Expansions, t
     d.at(origin.span, text)
 }
 
-/// A short word for an expression in a message.
-pub(crate) fn brief(e: &Expr) -> String {
+/// The first test function in an expression, with its name.
+fn first_test(e: &Expr) -> Option<(&Expr, &str)> {
     match &e.kind {
-        ExprKind::Name(n) => n.clone(),
-        ExprKind::Call(callee, _) => match &callee.kind {
-            ExprKind::Name(n) => format!("{n}(...)"),
-            _ => "this".to_owned(),
-        },
-        _ => "this part".to_owned(),
+        ExprKind::Name(n) => n.find("Test_").map(|at| (e, &n[at..])),
+        ExprKind::Number(_) => None,
+        ExprKind::Sum(parts) => parts.iter().find_map(|(_, p)| first_test(p)),
+        ExprKind::Product(first, rest) => first_test(first).or_else(|| rest.iter().find_map(|(_, _, p)| first_test(p))),
+        ExprKind::Negate(a) | ExprKind::Transpose(a) => first_test(a),
+        ExprKind::Power(a, b) | ExprKind::If(_, a, b) => first_test(a).or_else(|| first_test(b)),
+        ExprKind::Call(callee, args) => args
+            .iter()
+            .find_map(|a| if let Argument::Expr(e) = a { first_test(e) } else { None })
+            .or_else(|| first_test(callee)),
+        ExprKind::Tensor(rows) => rows.iter().flatten().find_map(first_test),
     }
 }

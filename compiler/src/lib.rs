@@ -21,6 +21,7 @@ mod pieces;
 mod print;
 mod real;
 mod scalar;
+mod sign;
 mod tangent_check;
 mod term;
 pub mod types;

@@ -7,7 +7,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use wfl::{Checked, Diagnostic, ast::Expr};
+use wfl::{
+    Checked, Diagnostic,
+    ast::{Expr, ExprKind, MulOp},
+};
 
 use crate::{
     build::{Builder, Constant, Env, locate},
@@ -18,6 +21,7 @@ use crate::{
     ir::{Inst, Kernel, Origin, Val, VerifiedKernel},
     lower::Lowering,
     scalar::{NO_SLOT, Scalars},
+    sign::radius_warnings,
     types::{BasisSlot, FieldId, FieldSig, InputSlot, PlaceSig, Shape, UniformSlot},
     verify::verify,
 };
@@ -187,6 +191,7 @@ pub fn compile_term(env: &Env<'_>, place: &PlaceSig, name: &str, source: TermSou
         return Checked { value: None, diagnostics };
     };
     diagnostics.extend(kink_warnings(env, &listing));
+    diagnostics.extend(radius_warnings(env, &listing));
     Checked { value: Some(law_of(env, place, name, listing)), diagnostics }
 }
 
@@ -211,12 +216,7 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
     let shape = b.graph.shape(root);
     if !shape.is_scalar_like() {
         let d = Diagnostic::new("E103", format!("this term is not a scalar, it is a {shape}"));
-        let d = d.help(if shape.rank() == 2 {
-            "`:` contracts both indices of two matrices"
-        } else {
-            "`.` contracts a vector with a vector"
-        });
-        return b.report(d, text, shape.to_string());
+        return not_scalar(b, d, text, shape);
     }
     let root = b.graph.to_scalar(root);
     let (energy, residual) = match b.graph.arity(root) {
@@ -246,6 +246,26 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
     };
     let tangent = direction(b, residual, Role::Trial, text)?;
     Some((energy, Some(residual), tangent))
+}
+
+/// E103, with the operator that would have made a scalar.
+fn not_scalar<T>(b: &mut Builder<'_>, d: Diagnostic, text: &Expr, shape: Shape) -> Option<T> {
+    if let ExprKind::Product(first, rest) = &text.kind
+        && let [(MulOp::Dot, _, second)] = rest.as_slice()
+        && let (Some(x), Some(y)) = (b.expr(first), b.expr(second))
+        && b.graph.shape(x) == b.graph.shape(y)
+        && shape.rank() == 2
+    {
+        let s = b.graph.shape(x);
+        let d = d.help(format!("`:` contracts both indices: {}:{}", b.text_of(text, first), b.text_of(text, second)));
+        return b.report(d, text, format!("`.` contracts one index of each: {s} . {s} is {shape}"));
+    }
+    let d = d.help(if shape.rank() == 2 {
+        "`:` contracts both indices of two matrices"
+    } else {
+        "`.` contracts a vector with a vector"
+    });
+    b.report(d, text, shape.to_string())
 }
 
 /// The derivative along the test or trial functions of all unknowns.

@@ -14,6 +14,9 @@ wfl::define_index! {
 /// Most indices a tensor may have, test functions not counted.
 pub const MAX_RANK: usize = 6;
 
+/// Entries of a tensor at most: every entry is a formula of its own. Six indices in 4-D are 4096.
+pub const MAX_ENTRIES: usize = 10_000;
+
 /// The sizes of a tensor's indices. Entries are stored with the first index fastest.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Shape {
@@ -25,7 +28,8 @@ impl Shape {
     /// No index.
     pub const SCALAR: Shape = Shape { rank: 0, sizes: [0; MAX_RANK] };
 
-    /// A shape of the given sizes; `None` if there are more than [`MAX_RANK`] or one is 0 or above 65535.
+    /// A shape of the given sizes; `None` if there are more than [`MAX_RANK`], one is 0, or the tensor would have more
+    /// than [`MAX_ENTRIES`] entries.
     #[must_use]
     pub fn new(sizes: &[usize]) -> Option<Self> {
         if sizes.len() > MAX_RANK {
@@ -34,6 +38,10 @@ impl Shape {
         let mut shape = Shape { rank: u8::try_from(sizes.len()).ok()?, sizes: [0; MAX_RANK] };
         for (slot, &n) in shape.sizes.iter_mut().zip(sizes) {
             *slot = u16::try_from(n).ok().filter(|&n| n > 0)?;
+        }
+        let entries = sizes.iter().try_fold(1usize, |product, n| product.checked_mul(*n))?;
+        if entries > MAX_ENTRIES {
+            return None;
         }
         Some(shape)
     }

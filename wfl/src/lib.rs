@@ -22,6 +22,7 @@ mod idx;
 mod lost;
 mod macros;
 mod parse;
+mod quote;
 mod render;
 mod resolve;
 mod script;
@@ -38,6 +39,7 @@ pub use fmt::format;
 pub use lost::Lost;
 pub use macros::{EXPANDED_NESTING_LIMIT, EXPANSION_LIMIT, Expander};
 pub use parse::{KEYWORDS, NESTING_LIMIT, STATEMENTS, TEXT_LIMIT, is_keyword, parse, parse_expr, parse_gwfl};
+pub use quote::{line_of, quote, quote_without_tests};
 pub use render::{at_expr, render};
 pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SOLVERS, resolve};
 pub use script::{

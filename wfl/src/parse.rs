@@ -113,6 +113,13 @@ pub fn parse(sources: &SourceMap, id: SourceId) -> Checked<Script> {
             return Checked { value: Some(script), diagnostics: vec![*d] };
         }
     };
+    // comments before the first statement belong to no piece
+    let head = Piece { start: scan::text_start(&text), end: pieces.first().map_or(text.len(), |p| p.start) };
+    if diagnostics.is_empty()
+        && let Err(d) = scan::scan(&text, &head, id)
+    {
+        return Checked { value: Some(script), diagnostics: vec![*d] };
+    }
     for stray in diagnostics.iter().flat_map(|d| &d.labels) {
         script.lost.add_statement(&text[stray.span.start as usize..stray.span.end as usize]);
     }

@@ -10,6 +10,7 @@ use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use crate::{
     ast::{Expansions, Expr},
     diag::{Diagnostic, Label},
+    quote::unquoted,
     source::{Source, SourceId, SourceMap, Span},
 };
 
@@ -20,22 +21,26 @@ const LONGEST_MARK: usize = 4000;
 #[must_use]
 pub fn render(diagnostic: &Diagnostic, sources: &SourceMap, color: bool) -> String {
     let level = if diagnostic.is_error() { Level::ERROR } else { Level::WARNING };
-    let title = level.primary_title(clean(&diagnostic.message)).id(diagnostic.code);
+    let title = level.primary_title(clean(&unquoted(&diagnostic.message, sources))).id(diagnostic.code);
     let mut group = Group::with_title(title);
     for (source, labels) in by_source(diagnostic, sources) {
         let mut snippet = Snippet::source(&*source.text).path(clean(&source.name)).fold(true);
         for (label, primary) in labels {
             let kind = if primary { AnnotationKind::Primary } else { AnnotationKind::Context };
             let mark = kind.span(clamp(&source.text, label.span));
-            snippet = snippet.annotation(if label.text.is_empty() { mark } else { mark.label(clean(&label.text)) });
+            snippet = snippet.annotation(if label.text.is_empty() {
+                mark
+            } else {
+                mark.label(clean(&unquoted(&label.text, sources)))
+            });
         }
         group = group.element(snippet);
     }
     for note in &diagnostic.notes {
-        group = group.element(Level::NOTE.message(clean(note)));
+        group = group.element(Level::NOTE.message(clean(&unquoted(note, sources))));
     }
     for help in &diagnostic.helps {
-        group = group.element(Level::HELP.message(clean(help)));
+        group = group.element(Level::HELP.message(clean(&unquoted(help, sources))));
     }
     let renderer = if color { Renderer::styled() } else { Renderer::plain() };
     let mut text = renderer.render(&[group]);

@@ -69,8 +69,8 @@ impl Builder<'_> {
 
     pub(super) fn unknown_name<T>(&mut self, e: &Expr, name: &str) -> Option<T> {
         if ops::NOT_SUPPORTED.contains(&name) {
-            let d = Diagnostic::new("E801", format!("`{name}` is GWFL this program does not have"))
-                .help("`wfl explain E801` lists what is left out and what to write in its place");
+            let d =
+                Diagnostic::new("E801", format!("`{name}` is GWFL this program does not have")).help(in_place_of(name));
             return self.report(d, e, "");
         }
         let env = self.env;
@@ -98,8 +98,8 @@ impl Builder<'_> {
             let (code, text) =
                 if name == "Normal" { ("E204", "exists on faces only") } else { ("E204", "needs a cell") };
             let d = Diagnostic::new(code, format!("`{name}` {text}"));
-            let place = format!("`{}` is {}", self.place.name, self.place.description);
-            return self.report(d, e, place);
+            let d = d.note(format!("`{}` is {}", self.place.name, self.place.description));
+            return self.report(d, e, "");
         }
         Some(self.graph.leaf(match name {
             "Normal" => Leaf::Normal(side),
@@ -120,7 +120,8 @@ impl Builder<'_> {
                 } else {
                     Diagnostic::new("E106", format!("`{what}_` needs a field name, but `{}` is a param", word.field))
                 };
-                return self.report(d, e, "");
+                let text = if word.is_test() { "only unknowns and multipliers have one" } else { "" };
+                return self.report(d, e, text);
             }
             return self.unknown_name(e, name);
         };
@@ -209,13 +210,13 @@ impl Builder<'_> {
             Side::There => self.place.here[field.index()],
         };
         let d = if self.place.kind == PlaceKind::Interface && other {
-            let d = Diagnostic::new("E202", format!("`{name}` does not live on this side of `{place}`"));
+            let d = Diagnostic::new("E202", format!("`{name}` does not live on this side of `{place}`")).about(name);
             match side {
                 Side::Here => d.help(format!("Interpolate({name}, neighbor_element) is the trace from the other side")),
                 Side::There => d.help(format!("`{name}` alone is the trace from this side")),
             }
         } else {
-            Diagnostic::new("E202", format!("`{name}` does not live on `{place}`"))
+            Diagnostic::new("E202", format!("`{name}` does not live on `{place}`")).about(name)
         };
         let text = match (&self.place.here_name, other) {
             (Some(here), true) => format!("`{place}` is integrated from `{here}`"),
@@ -279,4 +280,12 @@ impl<'n> FieldWord<'n> {
 /// The name behind prefixes.
 fn root(name: &str) -> &str {
     FieldWord::split(name).map_or(name, |w| w.field)
+}
+
+/// What to write in place of a word of GWFL that is left out.
+fn in_place_of(name: &str) -> &'static str {
+    if name.starts_with("Xfem") {
+        return "a crack that follows faces: region crack = interface from above to below";
+    }
+    "`wfl explain E801` lists what is left out and what to write in its place"
 }

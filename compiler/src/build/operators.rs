@@ -5,17 +5,18 @@
 use wfl::{
     Diagnostic, Span,
     ast::{Expr, ExprKind, MulOp},
+    quote_without_tests,
 };
 
 use crate::{
-    build::{Builder, brief},
+    build::Builder,
     graph::{Arity, ExprId},
     ops,
-    types::Shape,
+    types::{MAX_ENTRIES, MAX_RANK, Shape},
 };
 
 impl Builder<'_> {
-    pub(super) fn sum(&mut self, parts: &[(bool, Expr)]) -> Option<ExprId> {
+    pub(super) fn sum(&mut self, e: &Expr, parts: &[(bool, Expr)]) -> Option<ExprId> {
         let built: Vec<Option<ExprId>> = parts.iter().map(|(_, p)| self.expr(p)).collect();
         let mut total: Option<ExprId> = None;
         for (k, ((minus, part), value)) in parts.iter().zip(built).enumerate() {
@@ -24,50 +25,58 @@ impl Builder<'_> {
                 total = Some(if *minus { self.graph.neg(value) } else { value });
                 continue;
             };
-            let value = self.summand(sum, value, *minus, part, &parts[k - 1].1)?;
+            let value = self.summand(e, sum, value, *minus, part, &parts[k - 1].1)?;
             total = Some(if *minus { self.graph.sub(sum, value) } else { self.graph.add(sum, value) });
         }
         total
     }
 
     /// Checks that `value` may be added to `sum`; returns it with the shape of `sum`.
-    fn summand(&mut self, sum: ExprId, value: ExprId, minus: bool, part: &Expr, before: &Expr) -> Option<ExprId> {
+    fn summand(
+        &mut self,
+        e: &Expr,
+        sum: ExprId,
+        value: ExprId,
+        minus: bool,
+        part: &Expr,
+        before: &Expr,
+    ) -> Option<ExprId> {
         let (a, b) = (self.graph.shape(sum), self.graph.shape(value));
         let word = if minus { "subtract" } else { "add" };
-        if a != b {
-            if a.is_scalar_like() && b.is_scalar_like() {
-                return Some(self.graph.reshape(value, a));
-            }
+        let one_number = a.is_scalar_like() && b.is_scalar_like();
+        let value = if one_number { self.graph.reshape(value, a) } else { value };
+        if a != b && !one_number {
             let (article_a, article_b) = (kind_word(a), kind_word(b));
             let message = match (minus, article_a == article_b) {
                 (_, true) => format!("cannot {word} {b} {} {a}", if minus { "from" } else { "to" }),
                 (true, _) => format!("cannot subtract a {article_b} from a {article_a}"),
                 (false, _) => format!("cannot add a {article_b} to a {article_a}"),
             };
-            let mut d = Diagnostic::new("E101", message);
-            d = self.at(d, part, b.to_string());
-            d = self.at(d, before, a.to_string());
+            let d = Diagnostic::new("E101", message);
+            let d = self.at_operand(d, e, before, a.to_string());
+            let mut d = self.at_operand(d, e, part, b.to_string());
             if let ExprKind::Product(first, rest) = &part.kind
                 && let Some((op, _, last)) = rest.last()
                 && matches!(op, MulOp::Dot | MulOp::DoubleDot)
+                && part.expansion == e.expansion
             {
                 let sign = if minus { "-" } else { "+" };
                 let op = if *op == MulOp::Dot { "." } else { ":" };
-                d = d
-                    .note(format!("`{op}` binds tighter than `{sign}`, so only the second part meets {}", brief(last)));
-                let _ = first;
-                d = d.help(format!("put the sum in parentheses: (a {sign} b){op}{}", brief(last)));
+                let end = self.text_of(e, last);
+                d = d.note(format!("`{op}` binds tighter than `{sign}`, so only the second part meets {end}"));
+                if rest.len() == 1 {
+                    let (before, first) = (self.text_of(e, before), self.text_of(e, first));
+                    d = d.help(format!("({before} {sign} {first}){op}{end}"));
+                }
             }
             self.diagnostics.push(d);
             return None;
         }
         let (x, y) = (self.graph.arity(sum), self.graph.arity(value));
         if x != y && !self.graph.is_zero(sum) && !self.graph.is_zero(value) {
-            let (culprit, other) =
-                if y == Arity::NONE || (y.test && !y.trial && x.trial) { (part, before) } else { (before, part) };
+            let culprit = if y == Arity::NONE || (y.test && !y.trial && x.trial) { part } else { before };
             let d = Diagnostic::new("E302", "part of this term has no test function");
-            let d = self.at(d, culprit, "no Test_ in this summand");
-            let d = self.at(d, other, "this one has");
+            let d = self.at_operand(d, e, culprit, "no Test_ in this summand");
             let d = d.help("if it is a potential to be minimised, write `energy` in place of `term`");
             self.diagnostics.push(d);
             return None;
@@ -98,22 +107,17 @@ impl Builder<'_> {
             }
         } else if (ta.test && tb.test) || (ta.trial && tb.trial) {
             let d = Diagnostic::new("E301", "a term must be linear in the test functions");
-            let d = self.at(d, eb, "second test function in the same product");
-            let d = self.at(d, ea, "");
-            let d = match (test_free(ea), test_free(eb)) {
-                (Some(x), Some(y)) => d.help(format!(
-                    "one of the two is the unknown: {x} in place of {}, or {y} in place of {}",
-                    brief(ea),
-                    brief(eb)
-                )),
-                _ => d.help("one of the two is the unknown"),
-            };
+            let d = self.at_operand(d, e, ea, "");
+            let d = self.at_operand(d, e, eb, "second test function in the same product");
+            let known = quote_without_tests(self.operand(e, ea).span);
+            let sign = sign_of(op);
+            let d = d.help(format!("one of the two is the unknown: {known}{sign}{}", self.text_of(e, eb)));
             self.diagnostics.push(d);
             return None;
         }
         let (sa, sb) = (self.graph.shape(a), self.graph.shape(b));
         match op {
-            MulOp::Times => self.times(a, b, ea, eb),
+            MulOp::Times => self.times(e, a, b, ea, eb),
             MulOp::Divide => {
                 if !sb.is_scalar_like() {
                     let d = Diagnostic::new("E109", format!("cannot divide by a {sb}"))
@@ -127,12 +131,12 @@ impl Builder<'_> {
                 Some(self.graph.divide(a, b))
             }
             MulOp::Dot => self.dot(e, a, b, ea, eb),
-            MulOp::DoubleDot => self.double_dot(a, b, ea, eb),
+            MulOp::DoubleDot => self.double_dot(e, a, b, ea, eb),
             MulOp::Outer => self.outer(a, b, ea, eb),
             MulOp::ByComponent | MulOp::DivideByComponent => {
                 let sign = if op == MulOp::ByComponent { ".*" } else { "./" };
                 if sa != sb && !(sa.is_scalar_like() && sb.is_scalar_like()) {
-                    return self.bad_pair(sign, "equal shapes", ea, sa, eb, sb, None);
+                    return self.bad_pair(e, sign, "equal shapes", ea, sa, eb, sb, None);
                 }
                 let b = self.graph.reshape(b, sa);
                 Some(if op == MulOp::ByComponent {
@@ -147,6 +151,7 @@ impl Builder<'_> {
     #[expect(clippy::too_many_arguments, reason = "two operands with their texts and shapes")]
     fn bad_pair(
         &mut self,
+        e: &Expr,
         op: &str,
         needs: &str,
         ea: &Expr,
@@ -156,8 +161,8 @@ impl Builder<'_> {
         help: Option<&str>,
     ) -> Option<ExprId> {
         let mut d = Diagnostic::new("E102", format!("`{op}` needs {needs}, found {sa} and {sb}"));
-        d = self.at(d, eb, sb.to_string());
-        d = self.at(d, ea, sa.to_string());
+        d = self.at_operand(d, e, eb, sb.to_string());
+        d = self.at_operand(d, e, ea, sa.to_string());
         if let Some(h) = help {
             d = d.help(h);
         }
@@ -165,7 +170,7 @@ impl Builder<'_> {
         None
     }
 
-    fn times(&mut self, a: ExprId, b: ExprId, ea: &Expr, eb: &Expr) -> Option<ExprId> {
+    fn times(&mut self, e: &Expr, a: ExprId, b: ExprId, ea: &Expr, eb: &Expr) -> Option<ExprId> {
         let (sa, sb) = (self.graph.shape(a), self.graph.shape(b));
         if sa.rank() == 0 {
             return Some(self.graph.scale(a, b));
@@ -182,16 +187,24 @@ impl Builder<'_> {
             _ if sa.is_scalar_like() => Some(self.graph.scale(a, b)),
             _ if sb.is_scalar_like() => Some(self.graph.scale(b, a)),
             (1, 1) => {
-                let mut d = Diagnostic::new("E102", "`*` does not multiply two vectors");
-                d = self.at(d, eb, if sa == sb { format!("{sb} on both sides") } else { sb.to_string() });
-                d = self.at(d, ea, sa.to_string());
-                d = d.help(
-                    "`u.v` for the scalar product, `u@v` for the tensor product, `u.*v` for component by component",
-                );
+                let d = Diagnostic::new("E102", "`*` does not multiply two vectors");
+                let d = if sa == sb {
+                    let d = self.at_operand(d, e, eb, format!("{sb} on both sides"));
+                    self.at_operand(d, e, ea, "")
+                } else {
+                    let d = self.at_operand(d, e, eb, sb.to_string());
+                    self.at_operand(d, e, ea, sa.to_string())
+                };
+                let (u, v) = (self.text_of(e, ea), self.text_of(e, eb));
+                let d = d.help(format!(
+                    "`{u}.{v}` for the scalar product, `{u}@{v}` for the tensor product, `{u}.*{v}` for component by \
+                     component"
+                ));
                 self.diagnostics.push(d);
                 None
             }
             _ => self.bad_pair(
+                e,
                 "*",
                 "a scalar factor, or matrix times vector or matrix of fitting sizes",
                 ea,
@@ -203,19 +216,20 @@ impl Builder<'_> {
         }
     }
 
-    fn dot(&mut self, _e: &Expr, a: ExprId, b: ExprId, ea: &Expr, eb: &Expr) -> Option<ExprId> {
+    fn dot(&mut self, e: &Expr, a: ExprId, b: ExprId, ea: &Expr, eb: &Expr) -> Option<ExprId> {
         let (sa, sb) = (self.graph.shape(a), self.graph.shape(b));
         match (sa.rank(), sb.rank()) {
             (0, 0) => Some(self.graph.scale(a, b)),
             (0, _) | (_, 0) if sa.is_scalar_like() && sb.is_scalar_like() => Some(self.graph.scale(a, b)),
             (0, _) | (_, 0) => {
-                self.bad_pair(".", "two tensors to contract", ea, sa, eb, sb, Some("`*` multiplies by a scalar"))
+                self.bad_pair(e, ".", "two tensors to contract", ea, sa, eb, sb, Some("`*` multiplies by a scalar"))
             }
             (m, n) if sa.size(m - 1) == sb.size(0) => {
-                self.rank_fits(m + n - 2, ea)?;
+                self.fits(m + n - 2, sa.len() / sb.size(0) * (sb.len() / sb.size(0)), ea)?;
                 Some(self.graph.contract(a, b, &[(m - 1, 0)]))
             }
             _ => self.bad_pair(
+                e,
                 ".",
                 "the last index of the first as long as the first index of the second",
                 ea,
@@ -227,16 +241,18 @@ impl Builder<'_> {
         }
     }
 
-    fn double_dot(&mut self, a: ExprId, b: ExprId, ea: &Expr, eb: &Expr) -> Option<ExprId> {
+    fn double_dot(&mut self, e: &Expr, a: ExprId, b: ExprId, ea: &Expr, eb: &Expr) -> Option<ExprId> {
         let (sa, sb) = (self.graph.shape(a), self.graph.shape(b));
         match (sa.rank(), sb.rank()) {
             (0, 0) => Some(self.graph.scale(a, b)),
             (1, 1) if sa == sb => Some(self.graph.contract(a, b, &[(0, 0)])),
             (m, n) if m >= 2 && n >= 2 && sa.size(m - 2) == sb.size(0) && sa.size(m - 1) == sb.size(1) => {
-                self.rank_fits(m + n - 4, ea)?;
+                let inner = sb.size(0) * sb.size(1);
+                self.fits(m + n - 4, sa.len() / inner * (sb.len() / inner), ea)?;
                 Some(self.graph.contract(a, b, &[(m - 2, 0), (m - 1, 1)]))
             }
             _ => self.bad_pair(
+                e,
                 ":",
                 "the last two indices of the first as long as the first two of the second",
                 ea,
@@ -249,19 +265,21 @@ impl Builder<'_> {
     }
 
     fn outer(&mut self, a: ExprId, b: ExprId, ea: &Expr, _eb: &Expr) -> Option<ExprId> {
-        self.rank_fits(self.graph.shape(a).rank() + self.graph.shape(b).rank(), ea)?;
+        let (sa, sb) = (self.graph.shape(a), self.graph.shape(b));
+        self.fits(sa.rank() + sb.rank(), sa.len() * sb.len(), ea)?;
         Some(self.graph.contract(a, b, &[]))
     }
 
-    fn rank_fits(&mut self, rank: usize, e: &Expr) -> Option<()> {
-        if rank <= crate::types::MAX_RANK {
+    fn fits(&mut self, rank: usize, entries: usize, e: &Expr) -> Option<()> {
+        if rank <= MAX_RANK && entries <= MAX_ENTRIES {
             return Some(());
         }
-        let d = Diagnostic::new(
-            "E110",
-            format!("a tensor with {rank} indices is too large: {} at most", crate::types::MAX_RANK),
-        );
-        self.report(d, e, "")
+        let text = if rank > MAX_RANK {
+            format!("a tensor with {rank} indices is too large: {MAX_RANK} at most")
+        } else {
+            format!("a tensor with {entries} entries is too large: {MAX_ENTRIES} at most")
+        };
+        self.report(Diagnostic::new("E110", text), e, "")
     }
 
     /// Vector to row; matrix transposed; higher: first two indices exchanged.
@@ -293,10 +311,16 @@ impl Builder<'_> {
     }
 }
 
-fn test_free(e: &Expr) -> Option<String> {
-    match &e.kind {
-        ExprKind::Name(n) if n.contains("Test_") => Some(n.replacen("Test_", "", 1)),
-        _ => None,
+/// The operator as it is written.
+pub(crate) fn sign_of(op: MulOp) -> &'static str {
+    match op {
+        MulOp::Times => "*",
+        MulOp::Divide => "/",
+        MulOp::Dot => ".",
+        MulOp::DoubleDot => ":",
+        MulOp::Outer => "@",
+        MulOp::ByComponent => ".*",
+        MulOp::DivideByComponent => "./",
     }
 }
 

@@ -145,8 +145,8 @@ fn on_interface(b: &mut Builder<'_>, c: &Call<'_>) -> Option<()> {
     if b.place.kind != PlaceKind::Interface {
         let d = Diagnostic::new("E203", "`neighbor_element` has no neighbour here")
             .help("an interface region has two sides: region fault = interface from left to right");
-        let text = format!("needs a region of inner faces; `{}` is {}", b.place.name, b.place.description);
-        return b.report(d, c.expr, text);
+        let d = d.note(format!("`{}` is {}", b.place.name, b.place.description));
+        return b.report(d, c.expr, "needs a region of inner faces");
     }
     Some(())
 }

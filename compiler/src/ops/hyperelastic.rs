@@ -125,7 +125,7 @@ fn cauchy_green(b: &mut Builder<'_>, c: &Call<'_>, f: fn(&mut Graph, ExprId, Exp
 }
 
 fn cauchy_stress(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
-    let stress = b.square_argument(c, 0, false);
+    let stress = b.small_matrix(c);
     let grad = b.square_argument(c, 1, false);
     let (stress, grad) = (stress?, grad?);
     let (found, needed) = (b.graph.shape(grad), b.graph.shape(stress));
@@ -149,7 +149,7 @@ fn deformation(g: &mut Graph, grad: ExprId) -> ExprId {
 }
 
 fn call(b: &mut Builder<'_>, c: &Call<'_>, law: Law, count: usize, wanted: Wanted, plane: bool) -> Option<ExprId> {
-    let grad = b.square_argument(c, 0, false);
+    let grad = b.small_matrix(c);
     let parameters = parameters(b, c, count);
     let (grad, parameters) = (grad?, parameters?);
     let shape = b.graph.shape(grad);

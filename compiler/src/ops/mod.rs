@@ -81,6 +81,9 @@ pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     all().map(|op| op.name)
 }
 
+/// Rows of a matrix whose determinant or inverse is written out.
+const LARGEST_DETERMINANT: usize = 6;
+
 impl Builder<'_> {
     /// Argument `k` as an expression (not `:`), with its text.
     pub(crate) fn argument<'c>(&mut self, call: &Call<'c>, k: usize) -> Option<(&'c Expr, ExprId)> {
@@ -127,6 +130,17 @@ impl Builder<'_> {
             return Some(self.graph.reshape(value, Shape::matrix(1, 1)));
         }
         self.bad_argument(call, k, text, "a square matrix", shape)
+    }
+
+    /// A square matrix whose determinant is written out: its cost grows with the factorial of the size.
+    pub(crate) fn small_matrix(&mut self, call: &Call<'_>) -> Option<ExprId> {
+        let value = self.square_argument(call, 0, false)?;
+        let shape = self.graph.shape(value);
+        if shape.size(0) <= LARGEST_DETERMINANT {
+            return Some(value);
+        }
+        let text = format!("`{}` of a {shape} is too large: {LARGEST_DETERMINANT} rows at most", call.name);
+        self.report(wfl::Diagnostic::new("E110", text), call.expr, shape.to_string())
     }
 
     pub(crate) fn bad_argument<T>(

@@ -60,7 +60,7 @@ pub(super) const TABLE: &[OpDef] = &[
         doc: "the normal carried by the deformation: (Id + Grad_u)^-T n, normalised",
         samples: &["Transformed_unit_vector(0.1*Grad_u, [3;4]/5).w"],
         build: |b, c| {
-            let grad = b.square_argument(c, 0, false)?;
+            let grad = b.small_matrix(c)?;
             let (text, n) = b.plain_argument(c, 1)?;
             let shape = b.graph.shape(n);
             if shape != Shape::vector(b.graph.shape(grad).size(0)) {

@@ -84,11 +84,11 @@ pub(super) const TABLE: &[OpDef] = &[
         }
     ),
     row!("Det", 1, 1, "Det(M)", "determinant", &["Det(A)"], |b, c| {
-        let m = b.square_argument(c, 0, false)?;
+        let m = b.small_matrix(c)?;
         Some(b.graph.det(m))
     }),
     row!("Inv", 1, 1, "Inv(M)", "inverse matrix", &["Inv(A):B"], |b, c| {
-        let m = b.square_argument(c, 0, false)?;
+        let m = b.small_matrix(c)?;
         Some(b.graph.inverse(m))
     }),
     row!("Expm", 1, 1, "Expm(M)", "matrix exponential", &["Expm(A):B"], |b, c| matrix_function(b, c, MatrixFn::Expm)),
@@ -110,12 +110,12 @@ pub(super) const TABLE: &[OpDef] = &[
         }
     ),
     row!("Matrix_j1", 1, 1, "Matrix_j1(M)", "Trace(M) Det(M)^(-1/3)", &["Matrix_j1(A)"], |b, c| {
-        let m = b.square_argument(c, 0, false)?;
+        let m = b.small_matrix(c)?;
         let trace = b.graph.trace(m, 0, 1);
         Some(scaled_by_det(&mut b.graph, trace, m, -1.0 / 3.0))
     }),
     row!("Matrix_j2", 1, 1, "Matrix_j2(M)", "Matrix_i2(M) Det(M)^(-2/3)", &["Matrix_j2(A)"], |b, c| {
-        let m = b.square_argument(c, 0, false)?;
+        let m = b.small_matrix(c)?;
         let i2 = second_invariant(&mut b.graph, m);
         Some(scaled_by_det(&mut b.graph, i2, m, -2.0 / 3.0))
     }),

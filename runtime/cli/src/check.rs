@@ -42,6 +42,7 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
 
 fn tables(loaded: &Loaded, scene: &Scene, parse: f64) -> Vec<Table> {
     let mut list = vec![mesh(scene), regions(loaded, scene), fields(loaded, scene), parameters(loaded, scene)];
+    list.push(units(loaded));
     list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded)]);
     list.extend([system(scene), left_out(loaded, scene), times(scene, parse)]);
     list
@@ -188,6 +189,15 @@ fn conditions(loaded: &Loaded, scene: &Scene) -> Table {
     script.expects.iter().for_each(|e| push("expected", e.span));
     if let Some(steps) = &script.steps {
         push(&format!("{} steps", scene.steps.values.len()), steps.span);
+    }
+    table
+}
+
+/// What the names of a scene are measured in; no rows if nothing in the scene has a unit.
+fn units(loaded: &Loaded) -> Table {
+    let mut table = Table::new("units", &["name", "unit"]);
+    for known in wfl::unit_report(&loaded.script, &loaded.sources) {
+        table.push(vec![known.name.into(), known.unit.into()]);
     }
     table
 }

@@ -31,6 +31,10 @@ pub(crate) fn prepare_scene(loaded: &mut Loaded, backend: &dyn KernelBackend) ->
     loaded.messages.extend(prepared.diagnostics);
     let place = |d: &Diagnostic| d.labels.first().map(|l| (l.span.source.index(), l.span.start));
     loaded.messages.sort_by_key(place);
+    if loaded.messages.iter().any(Diagnostic::is_error) {
+        // what a broken statement would have used is no leftover
+        loaded.messages.retain(|d| d.code != "W702");
+    }
     let scene = prepared.scene.filter(|_| !loaded.messages.iter().any(Diagnostic::is_error));
     if scene.is_none() {
         print_all(&loaded.messages, &loaded.sources);

@@ -161,23 +161,50 @@ fn moving_fields(scene: &Scene, dofs: &[u32]) -> String {
 }
 
 fn non_finite(loaded: &Loaded, place: &NonFinitePlace, time: f64) -> Diagnostic {
-    let x: Vec<String> = place.position.iter().map(|c| format!("{c}")).collect();
+    let x: Vec<String> = place.position.iter().map(|c| short(*c)).collect();
     let at = format!(
-        "entity {} of the region, point {}, position [{}], step t = {time}",
+        "at position [{}], entity {} of the region, point {}, step t = {time}",
+        x.join(", "),
         place.entity,
-        place.point,
-        x.join(", ")
+        place.point
     );
-    let d = Diagnostic::new("E601", format!("not a finite number in term `{}`", place.term));
+    let nan = place.cause.as_ref().is_none_or(|c| c.result.is_nan());
+    let what = if nan { "not a number" } else { "an infinite number" };
+    let d = Diagnostic::new("E601", format!("{what} in the residual of `{}`", place.term));
     match &place.cause {
         Some(cause) => {
-            let operands: Vec<String> = cause.operands.iter().map(|o| format!("{o}")).collect();
-            let text = format!("{}({}) is {} at {at}", cause.operation, operands.join(", "), cause.result);
+            let operands: Vec<String> = cause.operands.iter().map(|o| short(*o)).collect();
+            let d = match needs(&cause.operation) {
+                Some(help) => d.help(help),
+                None => d,
+            };
+            let text = format!("{}({}) is {} {at}", cause.operation, operands.join(", "), cause.result);
             match cause.origin {
                 Some(origin) => locate(d, origin, &loaded.script.expansions, text),
                 None => d.note(text),
             }
         }
-        None => d.note(format!("a field value is not finite at {at}")),
+        None => d.note(format!("a field value is not finite {at}")),
     }
+}
+
+/// Six digits: positions and operands are shown to be recognised, not to be computed with.
+fn short(x: f64) -> String {
+    let rounded = format!("{x:.6}").parse::<f64>().unwrap_or(x);
+    if rounded != 0.0 && x.abs() < 1e6 || x == 0.0 { format!("{rounded}") } else { format!("{x:.5e}") }
+}
+
+/// What an operation needs so that its value is finite.
+fn needs(operation: &str) -> Option<&'static str> {
+    Some(match operation {
+        "log" | "log10" => "a logarithm needs a positive argument; log(1 + v) is finite at 0",
+        "sqrt" => "a root needs an argument of at least 0, and its derivative one above 0",
+        "division" => "the denominator is 0 here",
+        "pow" => "a power of a negative number needs a whole exponent; a power of 0 one of at least 0",
+        "asin" | "acos" => "the argument lies between -1 and 1",
+        "acosh" => "the argument is at least 1",
+        "atanh" => "the argument lies between -1 and 1, ends excluded",
+        "exp" | "sinh" | "cosh" => "the argument is above 709: the value is larger than any number",
+        _ => return None,
+    })
 }

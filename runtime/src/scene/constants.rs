@@ -77,12 +77,11 @@ fn check_domain(
     };
     if !good {
         let shown: Vec<String> = value.values.iter().map(|v| short(*v)).collect();
-        let mut d = Diagnostic::new("E701", format!("`{}` must be {words}", param.name.name))
-            .at(param.value.span, format!("this is {}", shown.join(", ")));
-        if param.value.span.source != param.name.span.source {
-            d = d.at(param.name.span, "declared here");
-        }
-        diagnostics.push(d);
+        let d = Diagnostic::new("E701", format!("`{}` must be {words}", param.name.name));
+        diagnostics.push(match param.overridden {
+            Some(given) => d.at(given, format!("declared: {}, {}", wfl::quote(param.span), wfl::line_of(param.span))),
+            None => d.at(param.value.span, format!("this is {}", shown.join(", "))),
+        });
     }
 }
 

@@ -15,7 +15,7 @@ use wfl_compiler::{
 
 use crate::{
     field::{Field, FieldSpace},
-    mesh::{FacetRef, Mesh, RegionSet, Topology},
+    mesh::{CellId, FacetRef, Mesh, RegionSet, Topology},
     scene::{mesh::position_place, regions::Regions, terms::component},
     space::Support,
     system::Numbering,
@@ -90,13 +90,7 @@ impl ConstraintMaker<'_> {
         if nodes.is_empty() {
             let d = Diagnostic::new("E401", format!("`fix {}` meets no node of `{}`", field.name, field.name));
             let region = &self.regions[&place.name];
-            let text = format!(
-                "`{}` has {} {}, none of them touches `{}`",
-                place.name,
-                region.set.len(),
-                region.set.kind(),
-                field.name
-            );
+            let text = self.elsewhere(&place.name, &region.set, &field.name);
             self.diagnostics.push(d.at(place.span, text));
             return None;
         }
@@ -113,6 +107,35 @@ impl ConstraintMaker<'_> {
         let positions = nodes.iter().map(|node| field.node_position(*node as usize)).collect();
         let components = if whole { components } else { vec![(0, components[0].1)] };
         Some(Prescribed { dofs, components, positions, value })
+    }
+
+    /// "the 256 faces of `east` belong to `right`; uL lives on `left`"
+    fn elsewhere(&self, name: &str, set: &RegionSet, field: &str) -> String {
+        let count = format!("the {} {} of `{name}`", set.len(), set.kind());
+        let cells: Option<BTreeSet<CellId>> = match set {
+            RegionSet::Facets(f) => Some(f.iter().map(|f| f.cell).collect()),
+            RegionSet::Interface(i) => Some(i.iter().map(|p| p.here.cell).collect()),
+            RegionSet::Cells(c) => Some(c.iter().copied().collect()),
+            RegionSet::Nodes(_) => None,
+        };
+        // the first declared body that holds all of them
+        let owner = self.script.regions.iter().find(|r| {
+            let body = self.regions.get(&r.name.name).map(|n| &n.set);
+            let (Some(RegionSet::Cells(body)), Some(cells)) = (body, &cells) else { return false };
+            cells.iter().all(|c| body.contains(c)) && r.name.name != name
+        });
+        let belong = owner.map_or_else(
+            || format!("none of {count} touches {field}"),
+            |r| format!("{count} belong to `{}`", r.name.name),
+        );
+        let declared = self.script.fields.iter().find(|f| f.name.name == field);
+        match declared.map(|f| &f.space.place) {
+            Some(wfl::ast::Place::On(list)) => {
+                let list: Vec<String> = list.iter().map(|r| format!("`{}`", r.name)).collect();
+                format!("{belong}; {field} lives on {}", list.join(", "))
+            }
+            _ => belong,
+        }
     }
 
     fn value(&mut self, e: &Expr, entries: usize) -> Option<Value> {

@@ -6,6 +6,7 @@
 mod batch;
 mod constants;
 mod constraints;
+mod context;
 mod fields;
 mod mesh;
 mod outputs;
@@ -190,6 +191,7 @@ pub fn prepare(script: &ResolvedScript, folder: &Path, backend: &dyn KernelBacke
         rest::rest(script, dim, &mut lost, &mut diagnostics);
         diagnostics.retain(|d| !lost.explains(d));
     }
+    context::add(script, &mut diagnostics);
     once_per_place(&mut diagnostics);
     let failed = diagnostics.iter().any(Diagnostic::is_error) || !lost.is_empty();
     Prepared { scene: if failed { None } else { scene }, diagnostics }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use wfl::{
     Diagnostic, ResolvedScript, Span,
-    ast::{Cond, EntityKind, Ident, RegionExpr, RegionOp},
+    ast::{CmpOp, Cond, CondKind, EntityKind, ExprKind, Ident, RegionExpr, RegionOp},
     nearest,
 };
 use wfl_compiler::{Constant, Env, backend::KernelBackend, compile_condition};
@@ -14,12 +14,18 @@ use crate::{
         CellId, InterfaceFacet, Mesh, RegionError, RegionSet, Topology, boundary_of, interface, outer_boundary,
         pick_cells, pick_facets, pick_nodes,
     },
-    scene::mesh::position_place,
+    scene::{
+        constants::{bare_env, number},
+        mesh::position_place,
+    },
     value::Value,
 };
 
 /// `==` on coordinates means within this part of the mesh size.
 const EQUAL_WITHIN: f64 = 1e-9;
+
+/// Coordinates that are tried to name the nearest members of an empty region.
+const CANDIDATES: usize = 20;
 
 /// A region with where it was declared.
 #[derive(Clone, Debug)]
@@ -89,7 +95,8 @@ impl RegionMaker<'_> {
         let (span, text) = match region {
             RegionExpr::Picked { entity, condition, of, span } => {
                 let place = condition.as_ref().map_or(*span, |c| c.span);
-                (place, self.nearest_entity(*entity, of.as_ref()))
+                let nearest = condition.as_ref().and_then(|c| self.nearest_coordinate(*entity, of.as_ref(), c));
+                (place, nearest.unwrap_or_else(|| self.extent(*entity)))
             }
             RegionExpr::Interface { from, to, span } => {
                 (*span, format!("`{}` and `{}` share no face", from.name, to.name))
@@ -100,7 +107,35 @@ impl RegionMaker<'_> {
         self.diagnostics.push(d.at(span, text));
     }
 
-    fn nearest_entity(&self, entity: EntityKind, _of: Option<&Ident>) -> String {
+    /// "no face; the nearest faces have x = 1", for a condition on one coordinate.
+    fn nearest_coordinate(&mut self, entity: EntityKind, of: Option<&Ident>, c: &Cond) -> Option<String> {
+        let CondKind::Compare(first, rest) = &c.kind else { return None };
+        let ([(CmpOp::Equal, wanted)], ExprKind::Name(name)) = (rest.as_slice(), &first.kind) else { return None };
+        let axis = ["x", "y", "z"].iter().position(|n| n == name).filter(|d| *d < self.mesh.dim())?;
+        let env = bare_env(self.script, self.mesh.dim(), self.params);
+        let wanted = number(&env, "a coordinate", wanted, &mut Vec::new())?;
+        let cells = of.and_then(|o| self.cells_of(o));
+        let mut seen: Vec<f64> = Vec::new();
+        let _ = self.pick(entity, cells.as_deref(), &mut |x| {
+            seen.push(x[axis]);
+            Ok(true)
+        });
+        seen.sort_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()));
+        seen.dedup();
+        // the corners of a face may differ in the coordinate: one is wanted that a whole face has
+        let best = seen
+            .into_iter()
+            .take(CANDIDATES)
+            .find(|b| self.pick(entity, cells.as_deref(), &mut |x| Ok(x[axis] == *b)).is_ok_and(|set| !set.is_empty()));
+        let (one, many) = match entity {
+            EntityKind::Cells => ("cell", "cells"),
+            EntityKind::Faces => ("face", "faces"),
+            EntityKind::Nodes => ("node", "nodes"),
+        };
+        best.map(|b| format!("no {one}; the nearest {many} have {name} = {b}"))
+    }
+
+    fn extent(&self, entity: EntityKind) -> String {
         let (low, high) = self.mesh.bounds();
         let range: Vec<String> = ["x", "y", "z"][..self.mesh.dim()]
             .iter()
@@ -202,17 +237,7 @@ impl RegionMaker<'_> {
             }
             Ok(v == 1.0)
         };
-        let set = match entity {
-            EntityKind::Cells => pick_cells(self.mesh, cells.as_deref(), &mut holds),
-            EntityKind::Nodes => pick_nodes(self.mesh, cells.as_deref(), &mut holds),
-            EntityKind::Faces => {
-                let facets = match &cells {
-                    Some(c) => boundary_of(self.mesh, self.topology, c),
-                    None => outer_boundary(self.topology),
-                };
-                pick_facets(self.mesh, &facets, &mut holds)
-            }
-        };
+        let set = self.pick(entity, cells.as_deref(), &mut holds);
         if let Some(x) = bad {
             let d = Diagnostic::new("E601", format!("not a number in this condition at x = {x:?}"));
             self.diagnostics.push(d.at(span, ""));
@@ -221,6 +246,25 @@ impl RegionMaker<'_> {
         match set {
             Ok(set) => Some(set),
             Err(never) => match never {},
+        }
+    }
+
+    fn pick(
+        &self,
+        entity: EntityKind,
+        cells: Option<&[CellId]>,
+        holds: &mut dyn FnMut([f64; 3]) -> Result<bool, std::convert::Infallible>,
+    ) -> Result<RegionSet, std::convert::Infallible> {
+        match entity {
+            EntityKind::Cells => pick_cells(self.mesh, cells, holds),
+            EntityKind::Nodes => pick_nodes(self.mesh, cells, holds),
+            EntityKind::Faces => {
+                let facets = match cells {
+                    Some(c) => boundary_of(self.mesh, self.topology, c),
+                    None => outer_boundary(self.topology),
+                };
+                pick_facets(self.mesh, &facets, holds)
+            }
         }
     }
 

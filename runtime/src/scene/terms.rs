@@ -223,7 +223,12 @@ pub(super) fn component(
     }
     let list: Vec<String> = (1..=n).map(|k| k.to_string()).collect();
     let d = Diagnostic::new("E104", format!("index {x} is out of range")).note("indices start at 1, as in GWFL");
-    diagnostics.push(d.at(e.span, format!("`{}` has the components {}", field.name, list.join(", "))));
+    let words = if n == 1 {
+        "a scalar has one component".to_owned()
+    } else {
+        format!("vector({n}) has the components {}", list.join(", "))
+    };
+    diagnostics.push(d.at(e.span, words));
     None
 }
 
