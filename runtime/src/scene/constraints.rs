@@ -228,6 +228,8 @@ pub(super) fn idle_multipliers(
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Vec<usize> {
     let mut idle = Vec::new();
+    let (low, high) = mesh.bounds();
+    let scale = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
     for (k, declared) in script.fields.iter().enumerate() {
         let keep = matches!(declared.kind, Declared::Multiplier { keep_crosspoints: true });
         let (true, FieldSpace::Nodal(space)) = (fields[k].kind == FieldKind::Multiplier && !keep, &fields[k].space)
@@ -243,7 +245,7 @@ pub(super) fn idle_multipliers(
             for node in space.entity_nodes(position) {
                 let x = space.node_coordinates()[*node as usize];
                 for c in 0..fields[k].n_components {
-                    if prescribed_there(mesh, topology, fields, numbering, fixed, &around, x, c) {
+                    if prescribed_there(mesh, topology, fields, numbering, fixed, &around, (x, scale), c) {
                         idle.push(start + *node as usize * fields[k].n_components + c);
                         nodes.insert(*node);
                     }
@@ -280,7 +282,7 @@ fn prescribed_there(
     numbering: &Numbering,
     fixed: &BTreeSet<usize>,
     facets: &[FacetRef],
-    x: [f64; 3],
+    (x, scale): ([f64; 3], f64),
     c: usize,
 ) -> bool {
     let mut any = false;
@@ -292,8 +294,6 @@ fn prescribed_there(
         };
         for node in space.nodes_on_facets(mesh, topology, facets) {
             let y = space.node_coordinates()[node as usize];
-            let size = mesh.bounds();
-            let scale = (0..3).fold(0.0f64, |m, d| m.max(size.1[d] - size.0[d]));
             if (0..3).all(|d| (x[d] - y[d]).abs() <= 1e-9 * scale) {
                 if c >= field.n_components || !fixed.contains(&(start + node as usize * field.n_components + c)) {
                     return false;
