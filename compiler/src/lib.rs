@@ -40,6 +40,6 @@ pub use real::{Dual, Real};
 pub use tangent_check::{BlockCheck, EntryPlace, SlotGroup, TangentCheck, TangentSampling, check_tangent};
 pub use term::{
     Class, Kink, KinkKind, Listing, LoadPart, Prologue, TermLaw, TermSource, ValueLaw, compile_condition, compile_term,
-    compile_value, constant, run_prologue, unit_normals,
+    compile_value, constant, run_prologue, unit_normals, without_fields,
 };
 pub use verify::{SlotKind, ValueType, VerifyError, verify};

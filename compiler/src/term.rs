@@ -766,7 +766,9 @@ pub fn constant(env: &Env<'_>, what: &str, expr: &Expr) -> Checked<Constant> {
         here_name: None,
     };
     let law = compile_value(env, &nowhere, what, expr);
-    let mut diagnostics = law.diagnostics;
+    let known = format!("{what} must be a number known before the run");
+    let mut diagnostics: Vec<Diagnostic> =
+        law.diagnostics.into_iter().map(|d| without_fields(d, "E112", &known)).collect();
     let value = law.value.and_then(|law| {
         if law.inputs.is_empty() && law.prologue.slots.is_empty() {
             let kernel = law.kernel.kernel();
@@ -775,12 +777,26 @@ pub fn constant(env: &Env<'_>, what: &str, expr: &Expr) -> Checked<Constant> {
             interpret(&law.kernel, &uniforms, &[], &mut Vec::new(), &mut out);
             return Some(Constant { shape: law.shape, values: out, declared: Some(expr.span) });
         }
-        let d = Diagnostic::new("E112", format!("{what} must be a number known before the run"));
+        let d = Diagnostic::new("E112", known);
         let origin = Origin { span: expr.span, expansion: expr.expansion };
         diagnostics.push(locate(d, origin, env.expansions, "changes with position or time"));
         None
     });
     Checked { value, diagnostics }
+}
+
+/// A message about a field where no field can be (E202) in the words of the statement.
+#[must_use]
+pub fn without_fields(d: Diagnostic, code: &'static str, message: &str) -> Diagnostic {
+    if d.code != "E202" {
+        return d;
+    }
+    let field = d.about.clone().unwrap_or_default();
+    let told = d.labels.into_iter().enumerate().fold(Diagnostic::new(code, message), |told, (k, label)| {
+        let text = if k == 0 { format!("`{field}` is a field: it has values only during the run") } else { label.text };
+        told.at(label.span, text)
+    });
+    told.about(field)
 }
 
 /// The uniforms of a law for these values of its prologue's slots.

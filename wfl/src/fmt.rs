@@ -77,7 +77,7 @@ impl<'t> Line<'t> {
 
 /// True if a `.` behind this token is an operator even in front of a digit.
 fn ends_value(token: &str) -> bool {
-    let introduces = is_keyword(token) || ["box", "file", "size", "map", "point"].contains(&token);
+    let introduces = is_keyword(token) || ["wfl", "box", "file", "size", "map", "point"].contains(&token);
     let last = token.as_bytes().last().copied().unwrap_or(b' ');
     !introduces && (last.is_ascii_alphanumeric() || matches!(last, b'_' | b')' | b']' | b'\''))
 }

@@ -202,7 +202,8 @@ impl Builder<'_> {
         let name = &sig.name;
         let place = &self.place.name;
         if self.place.kind == PlaceKind::Global {
-            let d = Diagnostic::new("E202", format!("`{name}` varies in space, but this term is on `global`"));
+            let d =
+                Diagnostic::new("E202", format!("`{name}` varies in space, but this term is on `global`")).about(name);
             return self.report(d, e, "only numbers and global unknowns have one value");
         }
         let other = match side {

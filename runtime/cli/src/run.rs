@@ -3,11 +3,11 @@
 use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, time::Instant};
 
 use wfl::Diagnostic;
-use wfl_compiler::locate;
+use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
-    Outcome, RunError, RunOptions, Scene,
-    assemble::{NonFinitePlace, TermError},
-    newton::NewtonError,
+    Outcome, RunError, RunOptions, Scene, StepResult,
+    assemble::{AssembledTerm, NonFinitePlace, TermError},
+    newton::{Iteration, NewtonError},
 };
 
 use crate::{
@@ -54,7 +54,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     let result = wfl_runtime::run(&mut scene, &options, &mut terminal);
     drop(terminal);
     match result {
-        Ok(outcome) => finish(&loaded, &options, &outcome, loudness),
+        Ok(outcome) => finish(&loaded, &scene, &options, &outcome, loudness),
         Err(error) => {
             explain(&loaded, &scene, &error);
             ExitCode::from(EXIT_ERROR)
@@ -62,7 +62,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     }
 }
 
-fn finish(loaded: &Loaded, options: &RunOptions, outcome: &Outcome, loudness: Loudness) -> ExitCode {
+fn finish(loaded: &Loaded, scene: &Scene, options: &RunOptions, outcome: &Outcome, loudness: Loudness) -> ExitCode {
     let fresh: Vec<Diagnostic> = outcome.diagnostics.iter().filter(|d| !loaded.messages.contains(d)).cloned().collect();
     print_all(&fresh, &loaded.sources);
     if loudness != Loudness::Quiet {
@@ -70,10 +70,12 @@ fn finish(loaded: &Loaded, options: &RunOptions, outcome: &Outcome, loudness: Lo
     }
     if !outcome.converged() {
         for step in outcome.steps.iter().filter(|s| !s.history.converged()) {
-            let cycles = if step.history.cycles() > 0 { "; the contact set goes in a circle (W602)" } else { "" };
+            if let Some(d) = circle(loaded, scene, step) {
+                print_all(&[d], &loaded.sources);
+            }
             let residual = step.history.iterations.last().map_or(f64::NAN, |i| i.residual);
             say(&format!(
-                "error[E603]: step t = {} did not converge in {} iterations: residual {residual:.1e}{cycles}\n",
+                "error[E603]: step t = {} did not converge in {} iterations: residual {residual:.1e}\n",
                 step.time,
                 step.history.n_iterations()
             ));
@@ -89,6 +91,37 @@ fn finish(loaded: &Loaded, options: &RunOptions, outcome: &Outcome, loudness: Lo
         }
     }
     if failed { ExitCode::from(EXIT_EXPECTATION) } else { ExitCode::SUCCESS }
+}
+
+/// W602 for a step whose branches were those of two iterations before: between which branches points go to and fro.
+fn circle(loaded: &Loaded, scene: &Scene, step: &StepResult) -> Option<Diagnostic> {
+    let returns = |w: &[Iteration]| w[0].fingerprint == w[2].fingerprint && w[1].fingerprint != w[2].fingerprint;
+    let iterations = &step.history.iterations;
+    let last = iterations.windows(3).rev().find(|w| returns(w)).filter(|_| step.history.cycles() > 0)?;
+    let first = iterations.windows(3).find(|w| returns(w)).map_or(0, |w| w[0].number);
+    let kinks = || scene.system.terms.iter().flat_map(AssembledTerm::kinks);
+    let kink = kinks().find(|k| k.kind == KinkKind::Ball).or_else(|| kinks().next())?;
+    let words = if kink.kind == KinkKind::Ball { ["open", "slip", "stick"] } else { ["open", "slip", "closed"] };
+    let (a, b) = (last[0].contact.unwrap_or_default(), last[1].contact.unwrap_or_default());
+    let moved: Vec<&str> = (0..3).filter(|k| a[*k] != b[*k]).map(|k| words[k]).collect();
+    let n = (0..3).map(|k| a[k].abs_diff(b[k])).max().unwrap_or(0);
+    let who = match n {
+        0 => "points change places".to_owned(),
+        1 => format!("1 point switches {}", moved.join("/")),
+        _ => format!("{n} points switch {}", moved.join("/")),
+    };
+    let text = format!("{who} in turn since iteration {first}");
+    let d = Diagnostic::new("W602", "the contact set goes in a circle");
+    let d = d.note(format!(
+        "step t = {}; the residual alternates {:.4}, {:.4}",
+        step.time, last[1].residual, last[2].residual
+    ));
+    let search = if scene.newton.search { "" } else { "solver newton with search=auto, or " };
+    let d = d.help(format!("{search}smaller steps: steps ... by a smaller step"));
+    Some(match kink.origin {
+        Some(origin) => locate(d, origin, &loaded.script.expansions, text),
+        None => d.note(text),
+    })
 }
 
 fn summary(options: &RunOptions, outcome: &Outcome) -> String {
@@ -135,6 +168,10 @@ fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
             print_all(&[non_finite(loaded, place, *time)], &loaded.sources);
         }
         NewtonError::Solve(wfl_runtime::solve::SolveError::Singular { mode, .. }) => {
+            if let Some(d) = held_by_nothing(loaded, scene, mode.dofs_above(0.1).as_slice()) {
+                print_all(&[d], &loaded.sources);
+                return;
+            }
             let names = moving_fields(scene, mode.dofs_above(0.1).as_slice());
             say(&format!(
                 "error[E602]: step t = {time}: nothing holds {names}\n  = note: the tangent is singular: {inner}\n  = help: fix it, or press it against something that is held\n"
@@ -142,6 +179,22 @@ fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
         }
         other => say(&format!("error[E602]: step t = {time}: {other}\n")),
     }
+}
+
+/// E403 for a number of the whole scene that no equation holds.
+fn held_by_nothing(loaded: &Loaded, scene: &Scene, dofs: &[u32]) -> Option<Diagnostic> {
+    let [free] = dofs else { return None };
+    let dof = *scene.system.numbering.free_dofs.get(*free as usize)?;
+    let (field, _, _) = scene.system.numbering.describe(&scene.system.fields, dof as usize);
+    let name = &scene.system.fields[field].name;
+    let declared = loaded.script.fields.iter().find(|f| f.name.name == *name)?;
+    if !matches!(declared.space.place, wfl::ast::Place::Global(_)) {
+        return None;
+    }
+    let d =
+        Diagnostic::new("E403", format!("nothing holds `{name}` at the start: its row of the first tangent is zero"));
+    let d = d.at(declared.name.span, "every term with it is inactive");
+    Some(d.help(format!("start from a touching state, e.g. `start {name} = 0.01`")))
 }
 
 /// The fields of free dofs, with what they do in a singular mode.

@@ -475,3 +475,48 @@ term b on boundary : (u*Normal)*Test_u
     let codes: Vec<&str> = told.lines().filter(|l| l.starts_with("error")).map(code).collect();
     assert_eq!(codes, ["E408", "E103", "E102"], "{told}");
 }
+
+/// What only a run can tell: an unknown that nothing holds, and an iteration that goes in a circle. The residual
+/// `1 + |d|` has no root; Newton steps from 1.3 to -1 to 1 and so on.
+#[test]
+fn what_goes_wrong_in_a_run_is_told_at_its_place() {
+    let free = format!("{BASE}unknown d : scalar global\nterm contact on east : pos_part(uR.Normal - d - 1)*Test_d\n")
+        .replace(
+            "fix uR = [0,0,0] on east",
+            "fix uR(1) = 0 on east\nfix uR(2), uR(3) = 0 on east\nload uR = [1,0,0] on right",
+        );
+    let expected = "
+error[E403]: nothing holds `d` at the start: its row of the first tangent is zero
+  --> scene.wfl:22:9
+   |
+22 | unknown d : scalar global
+   |         ^ every term with it is inactive
+   |
+   = help: start from a touching state, e.g. `start d = 0.01`
+";
+    let told = errors(&run("E403", &free, "run", &[]));
+    assert!(told.contains(expected.trim()), "{told}");
+
+    let circle = "\
+mesh box [0,0] to [1,1] cells [2,2] quad
+unknown d : scalar global
+term law on global : (abs(d) + 1)*Test_d
+start d = 1.3
+solver newton with search=none, max_iter=12
+";
+    let expected = "
+warning[W602]: the contact set goes in a circle
+ --> scene.wfl:3:23
+  |
+3 | term law on global : (abs(d) + 1)*Test_d
+  |                       ^^^^^^ 1 point switches open/closed in turn since iteration 0
+  |
+  = note: step t = 0; the residual alternates 1.0000, 1.0000
+  = help: solver newton with search=auto, or smaller steps: steps ... by a smaller step
+";
+    let output = run("W602", circle, "run", &[]);
+    let told = errors(&output);
+    assert!(told.contains(expected.trim()), "{told}");
+    assert!(told.contains("error[E603]: step t = 0 did not converge in 12 iterations"), "{told}");
+    assert_eq!(output.status.code(), Some(2));
+}

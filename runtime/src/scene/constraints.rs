@@ -11,12 +11,17 @@ use wfl_compiler::{
     backend::KernelBackend,
     compile_value,
     types::{FieldKind, Shape},
+    without_fields,
 };
 
 use crate::{
     field::{Field, FieldSpace},
     mesh::{CellId, FacetRef, Mesh, RegionSet, Topology},
-    scene::{mesh::position_place, regions::Regions, terms::component},
+    scene::{
+        mesh::{POSITIONS_ONLY, position_place},
+        regions::Regions,
+        terms::component,
+    },
     space::Support,
     system::Numbering,
     value::Value,
@@ -141,7 +146,7 @@ impl ConstraintMaker<'_> {
     fn value(&mut self, e: &Expr, entries: usize) -> Option<Value> {
         let place = position_place(self.fields.len());
         let law = compile_value(self.env, &place, "a prescribed value", e);
-        self.diagnostics.extend(law.diagnostics);
+        self.diagnostics.extend(law.diagnostics.into_iter().map(|d| without_fields(d, "E407", POSITIONS_ONLY)));
         let law = law.value?;
         if let Some(d) = wrong_size(e, law.shape, entries) {
             self.diagnostics.push(d);
@@ -150,10 +155,7 @@ impl ConstraintMaker<'_> {
         match Value::new(law, self.backend) {
             Ok(v) if v.reads_positions_only() => Some(v),
             Ok(_) => {
-                self.diagnostics.push(
-                    Diagnostic::new("E407", "a prescribed value depends on x, y, z and the step variable only")
-                        .at(e.span, ""),
-                );
+                self.diagnostics.push(Diagnostic::new("E407", POSITIONS_ONLY).at(e.span, ""));
                 None
             }
             Err(error) => {

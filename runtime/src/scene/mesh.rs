@@ -215,6 +215,9 @@ fn mapped(
     }
 }
 
+/// What is told of a prescribed or nodal value that needs more than [`position_place`] has.
+pub(super) const POSITIONS_ONLY: &str = "this value depends on x, y, z and the step variable only";
+
 /// A place where only positions are known.
 pub(super) fn position_place(n_fields: usize) -> PlaceSig {
     PlaceSig {

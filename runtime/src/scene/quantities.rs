@@ -1,7 +1,7 @@
 //! Values that are no terms: first guesses, given fields, measures.
 
 use wfl::{DataValue, Diagnostic, StartKind, ast::Reduction};
-use wfl_compiler::compile_value;
+use wfl_compiler::{compile_value, without_fields};
 
 use super::{Builder, Measure, RuleChoice, mesh, terms};
 use crate::{system::System, value::Value};
@@ -14,7 +14,8 @@ impl Builder<'_> {
         for (name, e) in list {
             let Some(k) = self.fields.iter().position(|f| f.name == name) else { continue };
             let law = compile_value(self.env, &place, "a nodal value", &e);
-            self.diagnostics.extend(law.diagnostics);
+            self.diagnostics
+                .extend(law.diagnostics.into_iter().map(|d| without_fields(d, "E407", mesh::POSITIONS_ONLY)));
             let Some(law) = law.value else { continue };
             let (found, needed) = (law.shape, self.sigs[k].shape);
             if found.len() != needed.len() {
@@ -24,10 +25,7 @@ impl Builder<'_> {
             }
             match Value::new(law, self.batch) {
                 Ok(v) if v.reads_positions_only() => out.push((k, v)),
-                Ok(_) => self.diagnostics.push(
-                    Diagnostic::new("E407", "a nodal value depends on x, y, z and the step variable only")
-                        .at(e.span, ""),
-                ),
+                Ok(_) => self.diagnostics.push(Diagnostic::new("E407", mesh::POSITIONS_ONLY).at(e.span, "")),
                 Err(error) => self.diagnostics.push(Diagnostic::new("E609", error.to_string()).at(e.span, "")),
             }
         }

@@ -8,8 +8,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "an unknown name",
         "Nothing of this name is declared: no field, param, macro, region, mapping or function. Capital and small \
          letters differ. The nearest name is offered if there is one.",
-        "def Pt = gama*(uL.Normal)",
-        "def Pt = gamma*(uL.Normal)",
+        "measure Pt = max(gama*(uL.Normal)) on fault",
+        "measure Pt = max(gamma*(uL.Normal)) on fault",
     ),
     page(
         "E202",
@@ -39,8 +39,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "E205",
         "a coordinate that does not exist",
         "A mesh in the plane has x and y, a mesh on a line has x alone.",
-        "mesh box [0,0] to [1,1] cells [4,4] quad\nunknown p : scalar\nterm t on all : z*Test_p",
-        "mesh box [0,0] to [1,1] cells [4,4] quad\nunknown p : scalar\nterm t on all : y*Test_p",
+        "mesh box [0,0] to [1,1] cells [4,4] quad\nunknown p : scalar\nterm t on all : z*Test_p\nfix u = [0,0] on west",
+        "mesh box [0,0] to [1,1] cells [4,4] quad\nunknown p : scalar\nterm t on all : y*Test_p\nfix u = [0,0] on west",
     ),
     page(
         "E206",

@@ -213,9 +213,9 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E702",
         "a param or option that is not finite",
-        "A value that is computed before the run came out infinite or undefined, for example by a division by zero.",
-        "param a = 1/(2 - 2)",
-        "param a = 1/(2 - 1)",
+        "A value that is computed before the run came out infinite or undefined, for example because it is larger than any number.",
+        "param a = 1e200*1e200",
+        "param a = 1e200",
     ),
     page(
         "E703",
@@ -244,8 +244,10 @@ pub(super) const PAGES: &[CodePage] = &[
         "multiplier nodes that cannot act are dropped",
         "Where the fields on both sides are fixed a multiplier has no jump to act on; kept, it makes the system \
          singular. `with crosspoints=keep` keeps such nodes.",
-        "multiplier l : vector on fault",
-        "multiplier l : vector on fault with crosspoints=keep",
+        "multiplier l : vector on fault\nfix uL, uR = [0,0,0] on boundary\n\
+         term glue on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l",
+        "multiplier l : vector on fault with crosspoints=keep\nfix uL, uR = [0,0,0] on boundary\n\
+         term glue on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l",
     ),
     page(
         "W405",

@@ -8,8 +8,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "a sum of different shapes",
         "The parts of a sum must have one shape: a scalar cannot be added to a vector. Often a `.` binds tighter than \
          the `-` beside it: a - b.n is a - (b.n). Only a literal 0 fits every shape.",
-        "def un = uL - Interpolate(uR, neighbor_element).Normal",
-        "def un = (uL - Interpolate(uR, neighbor_element)).Normal",
+        "measure un = mean(uL - Interpolate(uR, neighbor_element).Normal) on fault",
+        "measure un = mean((uL - Interpolate(uR, neighbor_element)).Normal) on fault",
     ),
     page(
         "E102",
@@ -78,10 +78,10 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E110",
         "a tensor that is too large",
-        "Tensors have at most six indices, test functions not counted. Contract indices earlier, or write the needed \
-         components.",
-        "def t = Grad_u@Grad_u@Grad_u@Grad_u",
-        "def t = Grad_u:Grad_u",
+        "Tensors have at most six indices, test functions not counted, and 10000 entries; determinants and inverses are \
+         written out for matrices of up to 6 rows. Contract indices earlier, or write the needed components.",
+        "measure t = max(Norm(Grad_u@Grad_u@Grad_u@Grad_u)) on all",
+        "measure t = max(Grad_u:Grad_u) on all",
     ),
     page(
         "E111",
@@ -89,7 +89,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "Third derivatives of fields and a few derivatives through transformations do not exist here. Write the \
          derivative out, or introduce a field for the inner gradient.",
         "term t on all : Grad(Hess_u):Grad(Hess_Test_u)",
-        "term t on all : Grad(Grad_u):Grad(Grad_Test_u)",
+        "term t on all : Grad(Div_u).Grad(Div_Test_u)",
     ),
     page(
         "E112",
