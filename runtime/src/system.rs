@@ -234,7 +234,10 @@ impl System {
             }
             Ok(())
         })?;
-        self.choose_pieces(u, |piece, mesh, values, guides| piece.start(mesh, values, guides))?;
+        self.choose_pieces(u, |piece, mesh, values, guides| {
+            piece.start(mesh, values, guides);
+            piece.tie(mesh, values, guides);
+        })?;
         Ok(())
     }
 

@@ -32,6 +32,9 @@ const FRICTION_PATIENCE: usize = 5;
 const PATIENCE: usize = 6;
 /// Iterations with held pieces that may pass: their residual says little before they settle.
 const PIECES_PATIENCE: usize = 25;
+/// So many residuals, each near the one before the last, are a circle.
+const CIRCLE: usize = 6;
+const RETURNED: f64 = 0.05;
 /// Iterations under the natural test that may pass: short steps are progress there.
 const NATURAL_PATIENCE: usize = 50;
 /// A step below this is short.
@@ -101,9 +104,19 @@ impl Ladder {
         true
     }
 
+    /// True if the last residuals come back every other iteration.
+    fn is_circling(&self, history: &StepHistory) -> bool {
+        if self.iterations <= CIRCLE {
+            return false;
+        }
+        let last = &history.iterations[history.iterations.len().saturating_sub(CIRCLE)..];
+        last.len() == CIRCLE
+            && last.windows(3).all(|w| (w[2].residual - w[0].residual).abs() < RETURNED * w[0].residual)
+    }
+
     fn exhausted(&self, history: &StepHistory) -> bool {
         match self.method() {
-            Method::Pieces => return self.iterations > PIECES_PATIENCE,
+            Method::Pieces => return self.iterations > PIECES_PATIENCE || self.is_circling(history),
             Method::Natural => return self.iterations > NATURAL_PATIENCE,
             Method::Friction => return self.iterations > FRICTION_PARTS * FRICTION_PATIENCE + PIECES_PATIENCE,
             Method::Residual => {}

@@ -48,8 +48,9 @@ pub struct TermPieces {
     n_guides: usize,
     watch: Value,
     sampled: Sampled,
-    /// By projection: `c`.
+    /// By projection: `c`, and the slope of its argument in the displacement.
     ratios: Vec<f64>,
+    slopes: Vec<f64>,
     /// Factor on `c` where it is below 1, and its inverse where it is above.
     growth: f64,
     /// Factor on the radius of balls: below 1 while friction is brought in step by step.
@@ -68,7 +69,8 @@ impl TermPieces {
         (watch, sampled): (Value, Sampled),
     ) -> Self {
         let ratios = vec![1.0; projections.len()];
-        Self { term, held, field, projections, n_guides, watch, sampled, ratios, growth: 1.0, friction: 1.0 }
+        let slopes = vec![0.0; projections.len()];
+        Self { term, held, field, projections, n_guides, watch, sampled, ratios, slopes, growth: 1.0, friction: 1.0 }
     }
 
     /// Sets the step variable and its increment.
@@ -88,11 +90,12 @@ impl TermPieces {
         #[expect(clippy::cast_precision_loss, reason = "a mean")]
         let stiffness = STIFFNESS_FACTOR * stiff.iter().sum::<f64>() / (stiff.len() as f64 * area);
         let slopes = self.slopes(mesh, fields, values, SLOPE_STEP * size);
-        for (ratio, slope) in self.ratios.iter_mut().zip(slopes) {
-            if slope > 0.0 && stiffness.is_finite() {
+        for (ratio, slope) in self.ratios.iter_mut().zip(&slopes) {
+            if *slope > 0.0 && stiffness.is_finite() {
                 *ratio = (stiffness / slope).clamp(RATIO_RANGE.0, RATIO_RANGE.1);
             }
         }
+        self.slopes = slopes;
     }
 
     /// Sets the factor on the radius of balls; 1 is the law as written.
@@ -190,6 +193,33 @@ impl TermPieces {
             }
             *guides = next;
         }
+    }
+
+    /// Ties every point (closed and sticking) if the term as written is open everywhere and no point is further away
+    /// than the mesh is large; the start of a scene in which contact closes. True if it did.
+    pub fn tie(&self, mesh: &Mesh, values: FieldValues<'_>, guides: &mut [f64]) -> bool {
+        let (low, high) = mesh.bounds();
+        let reach = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+        let half_lines =
+            || self.projections.iter().zip(&self.slopes).filter(|(p, _)| p.kind == ProjectionKind::HalfLine);
+        let mut open = half_lines().next().is_some();
+        self.watch.for_each_point(mesh, &self.sampled, values, |_, _, _, _, out| {
+            for (p, slope) in half_lines() {
+                let near = |x: &f64| *x < 0.0 && -x <= reach * slope;
+                open &= out[p.output..][..p.n].iter().all(near);
+            }
+        });
+        if open {
+            for point in guides.chunks_exact_mut(self.n_guides) {
+                for p in &self.projections {
+                    match p.kind {
+                        ProjectionKind::HalfLine => point[p.guide..][..p.n].fill(1.0),
+                        ProjectionKind::Ball => point[p.guide] = 1.0,
+                    }
+                }
+            }
+        }
+        open
     }
 
     /// The pieces that follow from the held ones at this state.
