@@ -23,11 +23,11 @@ mod strategy;
 mod system;
 mod value;
 
-pub use run::{Outcome, Progress, Quiet, RunError, RunOptions, StepResult, run};
+pub use run::{Attempt, AttemptEnd, Outcome, Path, Progress, Quiet, RunError, RunOptions, StepResult, run};
 pub use scene::{
     CsvOutput, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Regions, RuleChoice, Scene, Steps,
     TermSummary, VtkOutput, prepare,
 };
-pub use strategy::Strategy;
-pub use system::{FIXED, Known, Numbering, System, SystemError};
+pub use strategy::{SolverMemory, Strategy};
+pub use system::{FIXED, Known, Memory, Numbering, System, SystemError};
 pub use value::{Sampled, Value, uniforms_at};

@@ -27,6 +27,17 @@ enum Kind {
     Full { pattern: Arc<Pattern>, bulk_positions: Vec<usize>, changing_positions: Vec<usize> },
 }
 
+/// What a solver has learnt: with it a resumed run goes on bit by bit as if it had not been stopped.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SolverMemory {
+    /// Values of the changing part in the factor in use; empty if there is none.
+    pub factored: Vec<f64>,
+    /// Whether that factor is dense.
+    pub dense: bool,
+    /// Whether the matrix is still taken for symmetric and positive definite.
+    pub symmetric: bool,
+}
+
 /// The linear solver of a scene.
 pub struct Strategy {
     kind: Kind,
@@ -204,6 +215,46 @@ impl Strategy {
         } else {
             Box::new(CheckedLu::new(matrix.pattern(), coordinates, self.options)?)
         })
+    }
+
+    /// What later solutions depend on beside the matrices that are still to come.
+    #[must_use]
+    pub fn memory(&self) -> SolverMemory {
+        let (factored, dense) = match &self.kind {
+            Kind::Condensed(c) => (c.factored().to_vec(), c.is_dense()),
+            _ => (Vec::new(), false),
+        };
+        SolverMemory { factored, dense, symmetric: self.symmetric }
+    }
+
+    /// Goes back to what was remembered of a solver of the same system. False if that does not fit.
+    ///
+    /// # Errors
+    /// [`SolveError`] when the matrix remembered cannot be factored.
+    pub fn recall(&mut self, memory: &SolverMemory, system: &System) -> Result<bool, SolveError> {
+        self.symmetric &= memory.symmetric;
+        if memory.factored.is_empty() {
+            return Ok(true);
+        }
+        let mut changing = Csr::zeros(system.changing().pattern().clone());
+        let Kind::Condensed(condensed) = &mut self.kind else { return Ok(false) };
+        if memory.factored.len() != changing.values().len() {
+            return Ok(false);
+        }
+        changing.values_mut().copy_from_slice(&memory.factored);
+        condensed.recall(&changing, memory.dense)?;
+        Ok(true)
+    }
+
+    /// An estimate of the condition number of the tangent last given, in the 1-norm; a handful of solutions.
+    ///
+    /// # Errors
+    /// [`SolveError`] before there is a tangent.
+    pub fn condition_estimate(&mut self) -> Result<f64, SolveError> {
+        match &mut self.kind {
+            Kind::Condensed(c) => c.condition_estimate(),
+            _ => self.solver.as_mut().ok_or(SolveError::NotFactored)?.condition_estimate(),
+        }
     }
 
     /// Solves with the tangent last given; vectors over the free dofs.

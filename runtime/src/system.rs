@@ -5,7 +5,13 @@
 //! the step variable enters), only the others are assembled at each state. Fixed dofs keep their rows in residuals
 //! (their entries are reactions) and are left out of the systems that are solved.
 
+mod memory;
+mod numbering;
+
 use std::sync::Arc;
+
+pub use memory::Memory;
+pub use numbering::{FIXED, Numbering};
 
 use thiserror::Error;
 use wfl_compiler::{
@@ -20,83 +26,6 @@ use crate::{
     mesh::Mesh,
     newton::TermPieces,
 };
-
-/// Marks a dof that is not solved for.
-pub const FIXED: u32 = u32::MAX;
-
-/// Numbering of the unknowns.
-#[derive(Clone, Debug, Default)]
-pub struct Numbering {
-    /// Where each field starts; `None` for known fields.
-    pub starts: Vec<Option<usize>>,
-    /// Number of dofs, fixed ones included.
-    pub n_dofs: usize,
-    /// Free number of each dof, or [`FIXED`].
-    pub free: Vec<u32>,
-    /// Dof of each free number.
-    pub free_dofs: Vec<u32>,
-}
-
-impl Numbering {
-    /// Numbers the unknown fields; everything free.
-    #[must_use]
-    pub fn new(fields: &[Field], is_unknown: impl Fn(&Field) -> bool) -> Self {
-        let mut n = 0;
-        let starts = fields
-            .iter()
-            .map(|f| {
-                is_unknown(f).then(|| {
-                    let start = n;
-                    n += f.n_dofs();
-                    start
-                })
-            })
-            .collect();
-        let mut numbering = Self { starts, n_dofs: n, free: vec![0; n], free_dofs: Vec::new() };
-        numbering.renumber();
-        numbering
-    }
-
-    /// Takes these dofs out of the system.
-    pub fn fix(&mut self, dofs: impl IntoIterator<Item = usize>) {
-        for d in dofs {
-            self.free[d] = FIXED;
-        }
-        self.renumber();
-    }
-
-    fn renumber(&mut self) {
-        self.free_dofs.clear();
-        for (d, slot) in self.free.iter_mut().enumerate() {
-            if *slot != FIXED {
-                *slot = u32::try_from(self.free_dofs.len()).expect("fewer than 2^32 dofs");
-                self.free_dofs.push(u32::try_from(d).expect("fewer than 2^32 dofs"));
-            }
-        }
-    }
-
-    /// Number of free dofs.
-    #[must_use]
-    pub fn n_free(&self) -> usize {
-        self.free_dofs.len()
-    }
-
-    /// Field, node and component of a dof.
-    #[must_use]
-    pub fn describe(&self, fields: &[Field], dof: usize) -> (usize, usize, usize) {
-        let field = (0..fields.len())
-            .rfind(|f| self.starts[*f].is_some_and(|s| s <= dof && fields[*f].n_dofs() > 0))
-            .expect("every dof belongs to a field");
-        let local = dof - self.starts[field].expect("found above");
-        (field, local / fields[field].n_components, local % fields[field].n_components)
-    }
-
-    /// The free entries of a vector over all dofs.
-    pub fn gather(&self, all: &[f64], out: &mut Vec<f64>) {
-        out.clear();
-        out.extend(self.free_dofs.iter().map(|d| all[*d as usize]));
-    }
-}
 
 /// Values that do not follow from the unknowns: known fields, and the past where a scene uses it.
 #[derive(Clone, Debug, Default)]
@@ -136,6 +65,8 @@ pub struct System {
     bulk: Csr,
     changing: Csr,
     constant: Vec<f64>,
+    /// By dof: a constant residual on top of that of the scene, of which only the rest is to be balanced; or empty.
+    shift: Vec<f64>,
     /// The last residual without the terms that have pieces.
     smooth: Vec<f64>,
     /// By dof: sum over the columns of |K_linear| |u| in the last residual, the size of what cancels there.
@@ -179,6 +110,7 @@ impl System {
             bulk: nothing(n_free),
             changing,
             constant,
+            shift: Vec::new(),
             smooth: Vec::new(),
             magnitude: Vec::new(),
             force: Vec::new(),
@@ -336,6 +268,11 @@ impl System {
         dofs
     }
 
+    /// Adds a constant residual by dof, in the unit of the residual, to that of the scene; an empty list takes it away.
+    pub fn set_shift(&mut self, shift: Vec<f64>) {
+        self.shift = shift;
+    }
+
     /// Goes to a step: constant terms are summed, linear ones assembled where they are new. Returns true if the
     /// matrix of the linear terms has changed.
     ///
@@ -400,6 +337,10 @@ impl System {
         out.extend_from_slice(&self.constant);
         self.magnitude.clear();
         self.magnitude.extend(self.constant.iter().map(|x| x.abs()));
+        for ((slot, size), shift) in out.iter_mut().zip(&mut self.magnitude).zip(&self.shift) {
+            *slot += shift;
+            *size += shift.abs();
+        }
         self.force = self.largest_by_field(&self.constant);
         if let Some(linear) = &self.linear {
             let mut part = vec![0.0; out.len()];

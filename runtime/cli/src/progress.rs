@@ -4,7 +4,7 @@ use std::io::IsTerminal;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use wfl_compiler::ir::Origin;
-use wfl_runtime::{Progress, StepResult, newton::Iteration};
+use wfl_runtime::{Attempt, AttemptEnd, Path, Progress, StepResult, newton::Iteration};
 
 /// How much is said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,6 +76,11 @@ impl Progress for Terminal {
         if let Some(bar) = &self.bar {
             bar.inc(1);
         }
+        if self.loudness != Loudness::Quiet
+            && let Some(line) = parts(step)
+        {
+            self.line(&line);
+        }
         let show = self.loudness == Loudness::Verbose
             || (self.loudness == Loudness::Normal && (std::io::stderr().is_terminal() || !step.history.converged()));
         if show {
@@ -95,6 +100,25 @@ impl Progress for Terminal {
             ));
         }
     }
+}
+
+/// A line about a step that one attempt did not solve.
+fn parts(step: &StepResult) -> Option<String> {
+    let solved: Vec<&Attempt> = step.attempts.iter().filter(|a| a.end == AttemptEnd::Converged).collect();
+    let failed = step.attempts.len() - solved.len();
+    let path = step.attempts.first()?.path;
+    let smallest = step.attempts.iter().map(|a| a.part.1 - a.part.0).fold(1.0, f64::min);
+    let what = match path {
+        Path::Steps => "the increment",
+        Path::Load => "the load of this first step",
+    };
+    let done = if step.history.converged() { "solved" } else { "NOT solved" };
+    Some(format!(
+        "t = {}: {done} in parts: {failed} attempts failed, {} parts converged, the smallest attempt was 1/{} of {what}",
+        step.time,
+        solved.len(),
+        (1.0 / smallest).round()
+    ))
 }
 
 impl Drop for Terminal {

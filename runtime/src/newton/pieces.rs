@@ -98,6 +98,20 @@ impl TermPieces {
         self.slopes = slopes;
     }
 
+    /// The numbers that the choice of pieces depends on, beside the guides.
+    #[must_use]
+    pub fn memory(&self) -> Vec<f64> {
+        self.ratios.iter().copied().chain([self.growth, self.friction]).collect()
+    }
+
+    /// Takes back numbers given by [`Self::memory`].
+    pub fn recall(&mut self, memory: &[f64]) {
+        if let [ratios @ .., growth, friction] = memory {
+            self.ratios.copy_from_slice(ratios);
+            (self.growth, self.friction) = (*growth, *friction);
+        }
+    }
+
     /// Sets the factor on the radius of balls; 1 is the law as written.
     pub fn set_friction(&mut self, factor: f64) {
         self.friction = factor;

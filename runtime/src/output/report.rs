@@ -48,6 +48,9 @@ pub struct Report {
     /// Warnings of the run; left out of the file if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+    /// Why the run ended before its last step; left out of the file if it did not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
     /// What was asked for and not done; left out of the file if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
@@ -174,6 +177,27 @@ pub struct StepReport {
     pub contact: Option<ContactCounts>,
     /// Measures at the end, in the order of declaration.
     pub measures: OrderedMap<Real>,
+    /// Every attempt at a part of the step; left out of the file if one was enough.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub attempts: Vec<AttemptReport>,
+}
+
+/// One attempt at a part of a step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AttemptReport {
+    /// What grows in this part: `steps` the step variable, `load` loads and prescribed values of the first step.
+    pub path: String,
+    /// Where the part starts; 0 is the start of the step, 1 its end.
+    pub from: f64,
+    /// Where it ends.
+    pub to: f64,
+    /// Number of linear systems solved for it.
+    pub iterations: u64,
+    /// Whether it gave a solution.
+    pub converged: bool,
+    /// The error it ended with, if any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
 }
 
 /// Quadrature points of the contact interfaces by what they do.
@@ -267,6 +291,7 @@ mod tests {
                 residual: vec![Real(1.0), Real(f64::INFINITY), Real(1.0 / 3.0)],
                 contact: Some(ContactCounts { open: 1, slip: 2, stick: 3 }),
                 measures: [("force", Real(-5e-324))].into_iter().collect(),
+                attempts: Vec::new(),
             }],
             checks: [("residual", Check::at_most(1e-8, 1e-9))].into_iter().collect(),
             ..Report::default()

@@ -95,7 +95,14 @@ pub struct Steps {
     pub values: Vec<f64>,
     /// Go on after a step that did not converge.
     pub go_on: bool,
+    /// How often the increment of a step that does not converge may be halved.
+    pub halve: u32,
 }
+
+/// Halvings where the scene does not say how many: the smallest part is then 1/32 of an increment.
+const DEFAULT_HALVE: u32 = 5;
+/// Most halvings that can be asked for.
+const MAX_HALVE: f64 = 30.0;
 
 /// Seconds spent while preparing.
 #[derive(Clone, Copy, Debug, Default)]
@@ -554,7 +561,7 @@ impl Builder<'_> {
 
     fn steps(&mut self) -> Option<Steps> {
         let Some(steps) = &self.script.steps else {
-            return Some(Steps { variable: None, values: vec![0.0], go_on: false });
+            return Some(Steps { variable: None, values: vec![0.0], go_on: false, halve: DEFAULT_HALVE });
         };
         let [a, b, c] = [(&steps.from, "the first value"), (&steps.to, "the last value"), (&steps.by, "the step")]
             .map(|(e, what)| constants::number(self.env, what, e, self.diagnostics));
@@ -565,12 +572,14 @@ impl Builder<'_> {
             self.diagnostics.push(d.at(steps.by.span, ""));
             return None;
         }
-        let mut go_on = false;
+        let (mut go_on, mut halve) = (false, DEFAULT_HALVE);
         for option in &steps.options {
-            match (option.name.name.as_str(), word(option)) {
-                ("on_fail", Some("go_on")) => go_on = true,
-                ("on_fail", Some("stop")) => go_on = false,
-                (name, _) => self.bad_option(option, name, "on_fail=stop, on_fail=go_on"),
+            match (option.name.name.as_str(), self.option_number(option), word(option)) {
+                ("on_fail", _, Some("go_on")) => go_on = true,
+                ("on_fail", _, Some("stop")) => go_on = false,
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
+                ("halve", Some(n), _) if n.fract() == 0.0 && (0.0..=MAX_HALVE).contains(&n) => halve = n as u32,
+                (name, _, _) => self.bad_option(option, name, "halve=0 to halve=30, on_fail=stop, on_fail=go_on"),
             }
         }
         #[expect(
@@ -582,7 +591,7 @@ impl Builder<'_> {
         let values = (0..=count as usize)
             .map(|k| if k as f64 == count { from + count * by } else { from + k as f64 * by })
             .collect();
-        Some(Steps { variable: Some(steps.variable.name.clone()), values, go_on })
+        Some(Steps { variable: Some(steps.variable.name.clone()), values, go_on, halve })
     }
 
     fn bad_option(&mut self, option: &OptionItem, name: &str, known: &str) {
@@ -590,17 +599,21 @@ impl Builder<'_> {
         self.diagnostics.push(d.at(option.name.span, format!("known: {known}")));
     }
 
+    /// The number given to an option, if it is one.
+    fn option_number(&mut self, option: &OptionItem) -> Option<f64> {
+        match &option.value {
+            Some(OptionValue::Expr(e)) if word(option).is_none() => {
+                constants::number(self.env, "an option", e, self.diagnostics)
+            }
+            _ => None,
+        }
+    }
+
     fn newton_options(&mut self) -> NewtonOptions {
         let mut options = NewtonOptions::default();
         let Some(solver) = &self.script.solver else { return options };
         for option in &solver.options {
-            let number = match &option.value {
-                Some(OptionValue::Expr(e)) if word(option).is_none() => {
-                    constants::number(self.env, "an option", e, self.diagnostics)
-                }
-                _ => None,
-            };
-            match (option.name.name.as_str(), number, word(option)) {
+            match (option.name.name.as_str(), self.option_number(option), word(option)) {
                 ("tol", Some(t), _) if t >= 0.0 => options.tolerance = t,
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
                 ("max_iter", Some(n), _) if n >= 1.0 && n.fract() == 0.0 && n < 1e6 => {

@@ -220,6 +220,29 @@ impl CheckedCondensed {
         Ok(())
     }
 
+    /// Values of the changing part in the factor; empty before the first one.
+    pub fn factored(&self) -> &[f64] {
+        if self.state == State::Empty { &[] } else { &self.factored }
+    }
+
+    /// Whether the changing dofs form a dense matrix.
+    pub fn is_dense(&self) -> bool {
+        matches!(self.engine.method, Method::Dense { .. })
+    }
+
+    /// Factors a changing part as an earlier solver of the same bulk had it, so that what follows is the same bit by
+    /// bit; `dense` tells whether that one's factor was dense.
+    ///
+    /// # Errors
+    /// As [`CheckedCondensed::update`].
+    pub fn recall(&mut self, changing: &Csr, dense: bool) -> Result<(), SolveError> {
+        if dense {
+            self.rescue()?;
+        }
+        self.state = State::Empty;
+        self.update(changing)
+    }
+
     /// GMRES needs about one iteration for each independent large change. Across an interface what pulls here pushes
     /// there, so the equations that change much come in pairs.
     fn expected_iterations(&self) -> usize {

@@ -1,0 +1,76 @@
+//! The files of a scene: one VTU and one CSV a step, as its `output` statements say.
+//!
+//! Promises: a step is written whole or not at all; what an earlier run left is removed only after the new one has
+//! succeeded. Does not write the report.
+
+use std::path::PathBuf;
+
+use super::{RunError, StepResult};
+use crate::{
+    assemble::{AssembledTerm, FieldValues},
+    output::{self, OutputDir, Series, write_csv},
+    scene::{CsvOutput, Scene},
+};
+
+/// Where the steps of a run go; nowhere without a folder.
+pub(super) struct Files<'d> {
+    dir: Option<&'d OutputDir>,
+    series: Vec<Series<'d>>,
+    /// Files written so far.
+    pub(super) written: Vec<PathBuf>,
+}
+
+impl<'d> Files<'d> {
+    pub(super) fn new(scene: &Scene, dir: Option<&'d OutputDir>) -> Self {
+        let series = |dir| scene.vtk.iter().map(|v| Series::new(dir, v.file.clone())).collect();
+        Self { dir, series: dir.map(series).unwrap_or_default(), written: Vec::new() }
+    }
+
+    /// Writes a step.
+    pub(super) fn write_step(&mut self, scene: &mut Scene, step: &StepResult, number: usize) -> Result<(), RunError> {
+        let Some(dir) = self.dir else { return Ok(()) };
+        let several = scene.steps.values.len() > 1;
+        let (time, increment) = (step.time, step.increment);
+        let Scene { system, vtk, csv, .. } = scene;
+        let current = system.slices(&step.state);
+        let previous = system.previous_slices();
+        let values = FieldValues { current: &current, previous: &previous };
+        for (output, series) in vtk.iter_mut().zip(&mut self.series) {
+            let mut pieces = Vec::with_capacity(output.pieces.len());
+            for sampled in &mut output.pieces {
+                let mut piece = sampled.sample(&system.mesh, time, increment, values);
+                let entities = piece.cells.len();
+                // the terms hold the branches of the converged state: the last residual was taken there
+                let here = |t: &&AssembledTerm| t.place.as_ref() == Some(sampled.support());
+                let states = system.terms.iter().filter(here).find_map(AssembledTerm::contact_states);
+                if let Some(states) = states.filter(|s| s.len() == entities) {
+                    piece.cell_data.push(output::Array::scalar("contact_state", states));
+                }
+                pieces.push(piece);
+            }
+            self.written.push(series.write_step(time, &pieces)?);
+        }
+        for output in csv {
+            let rows = output.line.rows(&system.mesh, time, increment, values);
+            let name = csv_name(output, number, several);
+            self.written.push(write_csv(dir, &name, &output.line.columns(), &rows)?);
+        }
+        Ok(())
+    }
+
+    /// Removes the steps that an earlier, longer run left.
+    pub(super) fn finish(&mut self, scene: &Scene) -> Result<(), RunError> {
+        for series in self.series.drain(..) {
+            series.finish()?;
+        }
+        let Some(dir) = self.dir.filter(|_| scene.steps.values.len() > 1) else { return Ok(()) };
+        for csv in &scene.csv {
+            dir.remove_stale_steps(&csv.file, "csv")?;
+        }
+        Ok(())
+    }
+}
+
+fn csv_name(output: &CsvOutput, number: usize, several: bool) -> String {
+    if several { output::step_name(&output.file, number, "csv") } else { format!("{}.csv", output.file) }
+}

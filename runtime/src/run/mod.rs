@@ -1,0 +1,253 @@
+//! Running a scene: steps, Newton, measures, files, report.
+//!
+//! `stepping` gets from one requested value to the next, `files` writes what the scene asks for, `report` says what
+//! was done. Promises: every step that was tried is in the report, also when the run ends with an error.
+
+mod files;
+mod report;
+mod stepping;
+
+use std::{path::PathBuf, time::Instant};
+
+pub use stepping::{Attempt, AttemptEnd, Path};
+use thiserror::Error;
+use wfl_compiler::ir::Origin;
+
+use crate::{
+    newton::{Iteration, NewtonError, StepHistory, Watch},
+    output::{OutputDir, OutputError, Report, write_report},
+    scene::Scene,
+    system::System,
+};
+use files::Files;
+use stepping::{Leg, Stepper};
+
+/// How a scene is run.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// The scene's name: its file without folder and ending.
+    pub name: String,
+    /// Where results go; `None` writes nothing.
+    pub out: Option<PathBuf>,
+    /// Threads of assembly and solver.
+    pub threads: usize,
+    /// Version of the program.
+    pub version: String,
+    /// Seconds spent on parsing before.
+    pub parse_seconds: f64,
+    /// Start of the process.
+    pub started: Instant,
+    /// Warnings to keep in the report.
+    pub warnings: Vec<String>,
+}
+
+/// What to tell while a run goes on.
+pub trait Progress {
+    /// The solver has been chosen.
+    fn solver(&mut self, _description: &str) {}
+    /// A step begins: its number from 0, how many there are, the step variable.
+    fn step(&mut self, _number: usize, _count: usize, _time: f64) {}
+    /// After each iteration.
+    fn iteration(&mut self, _iteration: &Iteration) {}
+    /// A `Print` of a term: its name, where it is written, and its value at one of the points.
+    fn printed(&mut self, _term: &str, _origin: Option<Origin>, _position: [f64; 3], _value: &[f64]) {}
+    /// A step has ended.
+    fn step_done(&mut self, _step: &StepResult) {}
+}
+
+/// Tells nothing.
+pub struct Quiet;
+
+impl Progress for Quiet {}
+
+/// One step of a run.
+#[derive(Clone, Debug)]
+pub struct StepResult {
+    /// The step variable.
+    pub time: f64,
+    /// The last increment of the step variable: smaller than that of the scene after a step in parts.
+    pub increment: f64,
+    /// What Newton did in the last part.
+    pub history: StepHistory,
+    /// Every attempt at a part of the step, where one was not enough.
+    pub attempts: Vec<Attempt>,
+    /// Measures by name.
+    pub measures: Vec<(String, f64)>,
+    /// All unknowns at its end.
+    pub state: Vec<f64>,
+}
+
+/// What a run ends with.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The steps that were tried.
+    pub steps: Vec<StepResult>,
+    /// The report, also written to `report.json`.
+    pub report: Report,
+    /// Files written.
+    pub files: Vec<PathBuf>,
+    /// Expectations of the scene: place and whether they hold.
+    pub expectations: Vec<(wfl::Expect, Option<bool>)>,
+    /// Messages of the expectations.
+    pub diagnostics: Vec<wfl::Diagnostic>,
+}
+
+impl Outcome {
+    /// True if every step converged.
+    #[must_use]
+    pub fn converged(&self) -> bool {
+        self.steps.iter().all(|s| s.history.converged())
+    }
+}
+
+/// Why a run stopped.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// A step could not be solved.
+    #[error("step {step} (t = {time}): {error}")]
+    Newton {
+        /// Number of the step from 0.
+        step: usize,
+        /// The step variable.
+        time: f64,
+        /// Why.
+        error: NewtonError,
+    },
+    /// A file could not be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+struct Forward<'p>(&'p mut dyn Progress);
+
+impl Watch for Forward<'_> {
+    fn iteration(&mut self, iteration: &Iteration) {
+        self.0.iteration(iteration);
+    }
+}
+
+/// Runs a scene.
+///
+/// # Errors
+/// [`RunError`]; a step that does not converge is no error: it is marked, and the run stops there unless the scene
+/// says `on_fail=go_on`.
+pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress) -> Result<Outcome, RunError> {
+    let dir = match &options.out {
+        Some(path) => Some(OutputDir::create(path)?),
+        None => None,
+    };
+    let mut files = Files::new(scene, dir.as_ref());
+    let mut run =
+        Run { u: start(scene), stepper: Stepper::new(options.threads), steps: Vec::new(), clock: Clock::default() };
+    let ended = run.all_steps(scene, &mut files, progress);
+    let done = run.steps.len() == scene.steps.values.len() && run.steps.iter().all(|s| s.history.converged());
+    let finished = match ended {
+        Ok(()) if done => files.finish(scene),
+        other => other,
+    };
+    let last: Vec<(String, f64)> = run.steps.last().map(|s| s.measures.clone()).unwrap_or_default();
+    let (expectations, diagnostics) =
+        if done && finished.is_ok() { scene.expectations(&last) } else { (Vec::new(), Vec::new()) };
+    let mut report = report::report(scene, options, &run, &expectations);
+    report.error = finished.as_ref().err().map(ToString::to_string);
+    let mut written = files.written;
+    if let Some(dir) = &dir {
+        // an error of the run itself is the one to tell
+        match (write_report(dir, &report), &finished) {
+            (Ok(path), _) => written.push(path),
+            (Err(error), Ok(())) => return Err(error.into()),
+            (Err(_), Err(_)) => {}
+        }
+    }
+    finished?;
+    Ok(Outcome { steps: run.steps, report, files: written, expectations, diagnostics })
+}
+
+/// Seconds by what they were spent on.
+#[derive(Clone, Copy, Debug, Default)]
+struct Clock {
+    assemble: f64,
+    factor: f64,
+    solve: f64,
+    write: f64,
+}
+
+/// The state of a run between two steps.
+struct Run {
+    u: Vec<f64>,
+    stepper: Stepper,
+    steps: Vec<StepResult>,
+    clock: Clock,
+}
+
+impl Run {
+    /// The steps that have not been done yet.
+    fn all_steps(
+        &mut self,
+        scene: &mut Scene,
+        files: &mut Files<'_>,
+        progress: &mut dyn Progress,
+    ) -> Result<(), RunError> {
+        let values = scene.steps.values.clone();
+        for number in self.steps.len()..values.len() {
+            let step = self.step(scene, &values, number, progress)?;
+            progress.step_done(&step);
+            let goes_on = step.history.converged() || scene.steps.go_on;
+            self.steps.push(step);
+            if !goes_on {
+                break;
+            }
+            let begin = Instant::now();
+            files.write_step(scene, &self.steps[number], number)?;
+            self.clock.write += begin.elapsed().as_secs_f64();
+        }
+        Ok(())
+    }
+
+    fn step(
+        &mut self,
+        scene: &mut Scene,
+        values: &[f64],
+        number: usize,
+        progress: &mut dyn Progress,
+    ) -> Result<StepResult, RunError> {
+        let time = values[number];
+        progress.step(number, values.len(), time);
+        let from = number.checked_sub(1).map(|k| values[k]);
+        let leg = Leg { from, to: time, first_increment: values.get(1).map_or(0.0, |next| next - values[0]) };
+        let wrap = |error: NewtonError| RunError::Newton { step: number, time, error };
+        let reached = self.stepper.reach(scene, &mut self.u, leg, &mut self.clock, progress).map_err(wrap)?;
+        let (u, increment) = (&self.u, reached.increment);
+        let measures = scene
+            .measures
+            .iter_mut()
+            .map(|m| (m.name.clone(), m.evaluate(&scene.system, time, increment, u)))
+            .collect();
+        let Scene { prints, system, .. } = &mut *scene;
+        for print in prints {
+            let (term, origin) = (print.term.clone(), print.origin);
+            print.for_each(system, time, increment, u, |x, value| progress.printed(&term, origin, x, value));
+        }
+        let (history, attempts) = (reached.history, reached.attempts);
+        Ok(StepResult { time, increment, history, attempts, measures, state: u.clone() })
+    }
+}
+
+fn node_positions(system: &System, field: usize) -> Vec<[f64; 3]> {
+    let f = &system.fields[field];
+    (0..f.n_nodes()).map(|n| f.node_position(n)).collect()
+}
+
+/// First guesses of the scene, by dof.
+fn start(scene: &mut Scene) -> Vec<f64> {
+    let mut u = vec![0.0; scene.system.numbering.n_dofs];
+    let time = scene.steps.values.first().copied().unwrap_or(0.0);
+    for (field, value) in &mut scene.starts {
+        let Some(first) = scene.system.numbering.starts[*field] else { continue };
+        value.set_step(time, 0.0);
+        let positions = node_positions(&scene.system, *field);
+        let values = value.at_positions(&positions);
+        u[first..first + values.len()].copy_from_slice(&values);
+    }
+    u
+}

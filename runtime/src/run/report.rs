@@ -1,0 +1,123 @@
+//! What a run did, as `report.json` keeps it.
+
+use super::{Attempt, AttemptEnd, Path, Run, RunOptions, StepResult};
+use crate::{
+    newton::Stop,
+    output::{
+        self, AttemptReport, Check, ContactCounts, MeshReport, OrderedMap, ParameterValue, Real, Report, StepReport,
+        Timings, peak_memory_bytes,
+    },
+    scene::Scene,
+    strategy::Strategy,
+};
+
+/// The report of a run, finished or not.
+pub(super) fn report(
+    scene: &Scene,
+    options: &RunOptions,
+    run: &Run,
+    expectations: &[(wfl::Expect, Option<bool>)],
+) -> Report {
+    let (clock, solver) = (&run.clock, run.stepper.strategy.as_ref().map(Strategy::describe));
+    let mut report = Report {
+        scene: options.name.clone(),
+        version: options.version.clone(),
+        dofs: scene.system.numbering.n_free() as u64,
+        threads: options.threads as u64,
+        peak_memory_bytes: peak_memory_bytes(),
+        solver: Some(solver.unwrap_or_default()),
+        warnings: options.warnings.clone(),
+        ..Report::default()
+    };
+    for (name, value) in &scene.params {
+        let shown = match (value.shape.rank(), value.values.as_slice()) {
+            (0, [x]) => ParameterValue::from(*x),
+            _ => ParameterValue::from(value.values.as_slice()),
+        };
+        report.parameters.insert(name.clone(), shown);
+    }
+    let mesh = &scene.system.mesh;
+    let mut kinds: OrderedMap<u64> = OrderedMap::default();
+    for kind in mesh.kinds() {
+        let name = kind.to_string();
+        let count = kinds.get(&name).copied().unwrap_or(0);
+        kinds.insert(name, count + 1);
+    }
+    report.mesh = MeshReport {
+        dim: mesh.dim() as u64,
+        cells: mesh.n_cells() as u64,
+        nodes: mesh.n_nodes() as u64,
+        kinds,
+        ..MeshReport::default()
+    };
+    for (k, field) in scene.system.fields.iter().enumerate() {
+        if let Some(range) = scene.system.range(k) {
+            let free = range.filter(|d| scene.system.numbering.free[*d] != crate::system::FIXED).count();
+            report.fields.insert(field.name.clone(), free as u64);
+        }
+    }
+    for name in &scene.unused_fields {
+        report.left_out.push(format!("field {name}: no term uses it"));
+    }
+    report.steps = run.steps.iter().map(step_report).collect();
+    for (expect, holds) in expectations {
+        let value = f64::from(u8::from(*holds != Some(true)));
+        report.checks.insert(format!("expect {}", expect.text), Check::at_most(0.0, value));
+    }
+    report.timings = Timings {
+        parse: options.parse_seconds,
+        compile: scene.times.compile,
+        mesh: scene.times.mesh,
+        assemble: clock.assemble,
+        factor: clock.factor,
+        solve: clock.solve,
+        write: clock.write,
+        total: options.started.elapsed().as_secs_f64(),
+    };
+    report
+}
+
+fn step_report(step: &StepResult) -> StepReport {
+    let history = &step.history;
+    let mut measures: OrderedMap<Real> = OrderedMap::default();
+    for (name, value) in &step.measures {
+        measures.insert(name.clone(), Real(*value));
+    }
+    StepReport {
+        t: Real(step.time),
+        converged: history.converged(),
+        stop: match history.stop {
+            Some(Stop::Tolerance) => output::Stop::Tolerance,
+            Some(Stop::Floor) => output::Stop::Floor,
+            _ => output::Stop::Maxit,
+        },
+        iterations: history.n_iterations() as u64,
+        residual: history.iterations.iter().map(|i| Real(i.residual)).collect(),
+        contact: history.iterations.last().and_then(|i| i.contact).map(|c| ContactCounts {
+            open: c[0] as u64,
+            slip: c[1] as u64,
+            stick: c[2] as u64,
+        }),
+        measures,
+        attempts: step.attempts.iter().map(attempt_report).collect(),
+    }
+}
+
+fn attempt_report(attempt: &Attempt) -> AttemptReport {
+    let (converged, error) = match &attempt.end {
+        AttemptEnd::Converged => (true, None),
+        AttemptEnd::NotConverged => (false, None),
+        AttemptEnd::Failed(why) => (false, Some(why.clone())),
+    };
+    AttemptReport {
+        path: match attempt.path {
+            Path::Steps => "steps".to_owned(),
+            Path::Load => "load".to_owned(),
+        },
+        from: attempt.part.0,
+        to: attempt.part.1,
+        iterations: attempt.iterations as u64,
+        converged,
+        error,
+    }
+}

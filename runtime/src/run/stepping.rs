@@ -1,0 +1,307 @@
+//! From one requested value of the step variable to the next, in as many parts as Newton needs.
+//!
+//! A step that does not converge is tried again from the last converged state with half the increment, as often as the
+//! scene allows; after two parts that converge the increment doubles. Parts are dyadic, so requested values are hit
+//! exactly, and terms see the true increment of each part. The first step has no earlier state: there the load grows
+//! instead. With u0 the first guess and F the residual of the scene, `F(u) - (1 - s) F(u0) = 0` has the solution u0 at
+//! s = 0 and is the scene at s = 1; prescribed values move with s from those of u0. That needs no knowledge of what
+//! the loads are.
+//!
+//! Promises: every attempt is listed; after a failure unknowns and memory are those of the last converged part.
+//! Does not write anything and does not decide whether a run goes on.
+
+use std::time::Instant;
+
+use crate::{
+    newton::{NewtonError, StepHistory, solve_step},
+    run::{Clock, Forward, Progress},
+    scene::Scene,
+    strategy::Strategy,
+    system::{FIXED, System},
+};
+
+/// Converged parts in a row after which the increment doubles.
+const EASY_PARTS: u32 = 2;
+
+/// What grows from the start of a step to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Path {
+    /// The step variable.
+    Steps,
+    /// Loads and prescribed values, at the value of the first step.
+    Load,
+}
+
+/// How an attempt ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AttemptEnd {
+    /// With a solution.
+    Converged,
+    /// Out of iterations.
+    NotConverged,
+    /// With an error: a number that is not finite, a singular tangent.
+    Failed(String),
+}
+
+/// One try to solve a part of a step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attempt {
+    /// What grew.
+    pub path: Path,
+    /// Start and end of the part; 0 is the start of the step, 1 its end.
+    pub part: (f64, f64),
+    /// Newton iterations.
+    pub iterations: usize,
+    /// What came of it.
+    pub end: AttemptEnd,
+}
+
+/// A step asked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leg {
+    /// The value before; `None` for the first step.
+    pub(super) from: Option<f64>,
+    /// The value to reach.
+    pub(super) to: f64,
+    /// The increment of the first step.
+    pub(super) first_increment: f64,
+}
+
+/// How a step ended.
+pub(super) struct Reached {
+    /// The attempt that reached the end, or of those that failed the one at the whole step.
+    pub(super) history: StepHistory,
+    /// The last increment of the step variable.
+    pub(super) increment: f64,
+    /// Every attempt, if there was more than one.
+    pub(super) attempts: Vec<Attempt>,
+}
+
+/// What a load path starts from.
+struct LoadStart {
+    u: Vec<f64>,
+    residual: Vec<f64>,
+}
+
+/// The target of one attempt.
+struct Target<'a> {
+    time: f64,
+    increment: f64,
+    load: Option<(&'a LoadStart, f64)>,
+}
+
+/// Solves steps one after the other and remembers how large their parts may be.
+pub(super) struct Stepper {
+    pub(super) strategy: Option<Strategy>,
+    /// The present increment is 2^-level of a step.
+    pub(super) level: u32,
+    /// Parts of this size that converged in a row.
+    pub(super) easy: u32,
+    threads: usize,
+}
+
+impl Stepper {
+    pub(super) fn new(threads: usize) -> Self {
+        Self { strategy: None, level: 0, easy: 0, threads }
+    }
+
+    /// Solves the step; `u` holds the state before and then the one after.
+    pub(super) fn reach(
+        &mut self,
+        scene: &mut Scene,
+        u: &mut [f64],
+        leg: Leg,
+        clock: &mut Clock,
+        progress: &mut dyn Progress,
+    ) -> Result<Reached, NewtonError> {
+        let path = if leg.from.is_some() { Path::Steps } else { Path::Load };
+        let halve = if scene.system.is_linear() { 0 } else { scene.steps.halve };
+        let whole = 1u64 << halve;
+        let mut position = 0;
+        let mut load: Option<LoadStart> = None;
+        let mut attempts = Vec::new();
+        let mut failed_whole = None;
+        self.level = self.level.min(halve);
+        if let Some(previous) = &mut scene.system.known.previous {
+            previous.copy_from_slice(u);
+        }
+        loop {
+            let end = position + (whole >> self.level);
+            let before = (u.to_vec(), scene.system.memory());
+            let target = target(leg, (position, end, whole), load.as_ref());
+            let increment = target.increment;
+            let result = self.attempt(scene, u, &target, clock, progress);
+            scene.system.set_shift(Vec::new());
+            attempts.push(attempt(path, (position, end, whole), &result));
+            match result {
+                Ok(history) if history.converged() => {
+                    position = end;
+                    self.grow(whole, position);
+                    if position == whole {
+                        return Ok(self.reached(path, history, increment, attempts));
+                    }
+                    if let (Path::Steps, Some(previous)) = (path, &mut scene.system.known.previous) {
+                        previous.copy_from_slice(u);
+                    }
+                }
+                failed => {
+                    if position == 0 && end == whole {
+                        failed_whole = Some((failed, u.to_vec()));
+                    }
+                    u.copy_from_slice(&before.0);
+                    let known = scene.system.recall(&before.1);
+                    debug_assert!(known, "the memory is that of this system");
+                    if path == Path::Load && load.is_none() {
+                        load = load_start(&mut scene.system, u);
+                    }
+                    let stuck = self.level == halve || (path == Path::Load && load.is_none());
+                    if !stuck {
+                        self.level += 1;
+                        self.easy = 0;
+                        continue;
+                    }
+                    self.level = 0;
+                    let (result, state) = match failed_whole {
+                        Some(failed) => failed,
+                        None => {
+                            let result = self.attempt(scene, u, &target_whole(leg), clock, progress);
+                            attempts.push(attempt(path, (0, whole, whole), &result));
+                            (result, u.to_vec())
+                        }
+                    };
+                    u.copy_from_slice(&state);
+                    return result.map(|history| self.reached(path, history, increment, attempts));
+                }
+            }
+        }
+    }
+
+    /// Doubles the increment where enough parts have converged and the doubled part would not pass the end.
+    fn grow(&mut self, whole: u64, position: u64) {
+        self.easy += 1;
+        let doubled = 2 * (whole >> self.level);
+        if self.level > 0 && self.easy >= EASY_PARTS && position.is_multiple_of(doubled) {
+            self.level -= 1;
+            self.easy = 0;
+        }
+    }
+
+    fn reached(&mut self, path: Path, history: StepHistory, increment: f64, mut attempts: Vec<Attempt>) -> Reached {
+        if attempts.len() == 1 {
+            attempts.clear();
+        }
+        if path == Path::Load {
+            // parts of a load say nothing about increments of the step variable
+            (self.level, self.easy) = (0, 0);
+        }
+        Reached { history, increment, attempts }
+    }
+
+    fn attempt(
+        &mut self,
+        scene: &mut Scene,
+        u: &mut [f64],
+        target: &Target<'_>,
+        clock: &mut Clock,
+        progress: &mut dyn Progress,
+    ) -> Result<StepHistory, NewtonError> {
+        let (time, increment) = (target.time, target.increment);
+        self.prepare(scene, (time, increment), clock, progress)?;
+        for p in &mut scene.prescribed {
+            p.apply(time, increment, u);
+        }
+        if let Some((start, s)) = target.load {
+            for (dof, x) in u.iter_mut().enumerate().filter(|(d, _)| scene.system.numbering.free[*d] == FIXED) {
+                *x = s * *x + (1.0 - s) * start.u[dof];
+            }
+            scene.system.set_shift(start.residual.iter().map(|r| (s - 1.0) * r).collect());
+        }
+        let strategy = self.strategy.as_mut().expect("prepared above");
+        let history = solve_step(&mut scene.system, strategy, u, scene.newton, &mut Forward(progress))?;
+        clock.assemble += history.seconds.assemble;
+        clock.factor += history.seconds.factor;
+        clock.solve += history.seconds.solve;
+        Ok(history)
+    }
+
+    /// Brings known fields, terms and the linear solver to a value of the step variable.
+    pub(super) fn prepare(
+        &mut self,
+        scene: &mut Scene,
+        (time, increment): (f64, f64),
+        clock: &mut Clock,
+        progress: &mut dyn Progress,
+    ) -> Result<(), NewtonError> {
+        for (field, value) in &mut scene.data {
+            value.set_step(time, increment);
+            let positions = super::node_positions(&scene.system, *field);
+            scene.system.known.data[*field] = value.at_positions(&positions);
+        }
+        let begin = Instant::now();
+        let changed = scene.system.set_step(time, increment)?;
+        clock.assemble += begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
+        match self.strategy.take() {
+            None => {
+                let mut made = Strategy::new(&scene.system, self.threads)?;
+                if scene.system.is_linear() {
+                    made.bulk_changed(&scene.system)?;
+                }
+                progress.solver(&made.describe());
+                self.strategy = Some(made);
+            }
+            Some(mut old) => {
+                if changed {
+                    old.bulk_changed(&scene.system)?;
+                }
+                self.strategy = Some(old);
+            }
+        }
+        clock.factor += begin.elapsed().as_secs_f64();
+        Ok(())
+    }
+}
+
+/// The residual that a load path takes away step by step: that of the first guess at the free dofs. `None` where it is
+/// not finite: then there is nothing to start from.
+fn load_start(system: &mut System, u: &[f64]) -> Option<LoadStart> {
+    let mut residual = Vec::new();
+    system.residual(u, &mut residual).ok()?;
+    for (r, free) in residual.iter_mut().zip(&system.numbering.free) {
+        if *free == FIXED {
+            *r = 0.0;
+        }
+    }
+    Some(LoadStart { u: u.to_vec(), residual })
+}
+
+fn part((at, whole): (u64, u64)) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "powers of two up to 2^30")]
+    return at as f64 / whole as f64;
+}
+
+fn target<'a>(leg: Leg, (position, end, whole): (u64, u64, u64), load: Option<&'a LoadStart>) -> Target<'a> {
+    let Some(from) = leg.from else {
+        let load = if end == whole { None } else { load.map(|l| (l, part((end, whole)))) };
+        return Target { time: leg.to, increment: leg.first_increment, load };
+    };
+    let at = |k: u64| match k {
+        0 => from,
+        k if k == whole => leg.to,
+        k => from + part((k, whole)) * (leg.to - from),
+    };
+    Target { time: at(end), increment: at(end) - at(position), load: None }
+}
+
+fn target_whole(leg: Leg) -> Target<'static> {
+    target(leg, (0, 1, 1), None)
+}
+
+fn attempt(path: Path, (position, end, whole): (u64, u64, u64), result: &Result<StepHistory, NewtonError>) -> Attempt {
+    let (iterations, end_of_it) = match result {
+        Ok(h) if h.converged() => (h.n_iterations(), AttemptEnd::Converged),
+        Ok(h) => (h.n_iterations(), AttemptEnd::NotConverged),
+        Err(e) => (0, AttemptEnd::Failed(e.to_string())),
+    };
+    Attempt { path, part: (part((position, whole)), part((end, whole))), iterations, end: end_of_it }
+}

@@ -1,0 +1,47 @@
+//! What one step leaves to the next beside the unknowns: kept over a step that failed and over a run that was killed.
+
+use super::System;
+use crate::newton::TermPieces;
+
+/// What a step inherits from the one before, beside the unknowns.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Memory {
+    /// Values of the last tangent of the nonlinear terms.
+    pub changing: Vec<f64>,
+    /// Whether the held pieces belong to a converged state.
+    pub settled: bool,
+    /// By term with pieces: its guides.
+    pub guides: Vec<Vec<f64>>,
+    /// By term with pieces: the numbers by which they are chosen.
+    pub pieces: Vec<Vec<f64>>,
+}
+
+impl System {
+    /// What later steps depend on beside the unknowns.
+    #[must_use]
+    pub fn memory(&self) -> Memory {
+        Memory {
+            changing: self.changing.values().to_vec(),
+            settled: self.settled,
+            guides: self.guides.clone(),
+            pieces: self.pieces.iter().map(TermPieces::memory).collect(),
+        }
+    }
+
+    /// Goes back to what was remembered. False, and nothing is changed, if that belongs to another scene.
+    #[must_use]
+    pub fn recall(&mut self, memory: &Memory) -> bool {
+        let sizes = |guides: &[Vec<f64>]| guides.iter().map(Vec::len).collect::<Vec<_>>();
+        let fits = memory.changing.len() == self.changing.values().len()
+            && sizes(&memory.guides) == sizes(&self.guides)
+            && memory.pieces.len() == self.pieces.len()
+            && self.pieces.iter().zip(&memory.pieces).all(|(p, m)| p.memory().len() == m.len());
+        if fits {
+            self.changing.values_mut().copy_from_slice(&memory.changing);
+            self.settled = memory.settled;
+            self.guides.clone_from(&memory.guides);
+            self.pieces.iter_mut().zip(&memory.pieces).for_each(|(p, m)| p.recall(m));
+        }
+        fits
+    }
+}

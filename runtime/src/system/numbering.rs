@@ -1,0 +1,80 @@
+//! The numbers of the unknowns: by dof, and by free dof where some are prescribed.
+
+use crate::field::Field;
+
+/// Marks a dof that is not solved for.
+pub const FIXED: u32 = u32::MAX;
+
+/// Numbering of the unknowns.
+#[derive(Clone, Debug, Default)]
+pub struct Numbering {
+    /// Where each field starts; `None` for known fields.
+    pub starts: Vec<Option<usize>>,
+    /// Number of dofs, fixed ones included.
+    pub n_dofs: usize,
+    /// Free number of each dof, or [`FIXED`].
+    pub free: Vec<u32>,
+    /// Dof of each free number.
+    pub free_dofs: Vec<u32>,
+}
+
+impl Numbering {
+    /// Numbers the unknown fields; everything free.
+    #[must_use]
+    pub fn new(fields: &[Field], is_unknown: impl Fn(&Field) -> bool) -> Self {
+        let mut n = 0;
+        let starts = fields
+            .iter()
+            .map(|f| {
+                is_unknown(f).then(|| {
+                    let start = n;
+                    n += f.n_dofs();
+                    start
+                })
+            })
+            .collect();
+        let mut numbering = Self { starts, n_dofs: n, free: vec![0; n], free_dofs: Vec::new() };
+        numbering.renumber();
+        numbering
+    }
+
+    /// Takes these dofs out of the system.
+    pub fn fix(&mut self, dofs: impl IntoIterator<Item = usize>) {
+        for d in dofs {
+            self.free[d] = FIXED;
+        }
+        self.renumber();
+    }
+
+    fn renumber(&mut self) {
+        self.free_dofs.clear();
+        for (d, slot) in self.free.iter_mut().enumerate() {
+            if *slot != FIXED {
+                *slot = u32::try_from(self.free_dofs.len()).expect("fewer than 2^32 dofs");
+                self.free_dofs.push(u32::try_from(d).expect("fewer than 2^32 dofs"));
+            }
+        }
+    }
+
+    /// Number of free dofs.
+    #[must_use]
+    pub fn n_free(&self) -> usize {
+        self.free_dofs.len()
+    }
+
+    /// Field, node and component of a dof.
+    #[must_use]
+    pub fn describe(&self, fields: &[Field], dof: usize) -> (usize, usize, usize) {
+        let field = (0..fields.len())
+            .rfind(|f| self.starts[*f].is_some_and(|s| s <= dof && fields[*f].n_dofs() > 0))
+            .expect("every dof belongs to a field");
+        let local = dof - self.starts[field].expect("found above");
+        (field, local / fields[field].n_components, local % fields[field].n_components)
+    }
+
+    /// The free entries of a vector over all dofs.
+    pub fn gather(&self, all: &[f64], out: &mut Vec<f64>) {
+        out.clear();
+        out.extend(self.free_dofs.iter().map(|d| all[*d as usize]));
+    }
+}

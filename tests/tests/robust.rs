@@ -1,0 +1,88 @@
+//! A run that does not give up: steps in parts, and what is said of them.
+
+use wfl_runtime::{AttemptEnd, Path};
+use wfl_tests::{Solved, examples, solve};
+
+/// exp(d) - 1 = load: a Newton step from 0 goes to d = load, and only about 1 back in each iteration, so that large
+/// increments need more iterations than `most`.
+fn exponential(steps: &str, load: &str, most: usize) -> Solved {
+    let text = format!(
+        "mesh box [0] to [1] cells [1] segment\nunknown d : scalar global\n{steps}\n\
+         term law on global : (exp(d) - 1 - {load})*Test_d\nsolver newton with max_iter={most}, search=none\n\
+         measure d = mean(d) on all\n"
+    );
+    solve(&examples(), text, &[], &[]).expect("the scene is right")
+}
+
+#[test]
+fn a_step_too_large_is_solved_in_parts_and_ends_where_it_was_asked_to() {
+    let solved = exponential("steps t = 0 to 3 by 1", "100*t", 9);
+    assert!(solved.outcome.converged());
+    for (k, t) in [0.0, 1.0, 2.0, 3.0f64].into_iter().enumerate() {
+        let step = &solved.outcome.steps[k];
+        assert_eq!(step.time.to_bits(), t.to_bits());
+        let exact = (100.0 * t).ln_1p();
+        assert!((solved.measure(k, "d") - exact).abs() < 1e-9, "t = {t}: {}", solved.measure(k, "d"));
+    }
+    let attempts = &solved.outcome.steps[1].attempts;
+    assert!(attempts.iter().all(|a| a.path == Path::Steps));
+    assert_eq!(attempts[0].part, (0.0, 1.0));
+    assert_eq!(attempts[0].end, AttemptEnd::NotConverged);
+    // each converged part starts where the one before ended; the last ends the step; some are larger than the first
+    let parts: Vec<(f64, f64)> = attempts.iter().filter(|a| a.end == AttemptEnd::Converged).map(|a| a.part).collect();
+    assert!(parts.windows(2).all(|w| w[0].1 == w[1].0), "{parts:?}");
+    assert_eq!((parts[0].0, parts[parts.len() - 1].1), (0.0, 1.0));
+    let size = |p: &(f64, f64)| p.1 - p.0;
+    assert!(parts.iter().any(|p| size(p) > size(&parts[0])), "the increment grows back: {parts:?}");
+}
+
+#[test]
+fn without_halving_the_same_step_fails_and_says_so() {
+    let solved = exponential("steps t = 0 to 3 by 1 with halve=0", "100*t", 9);
+    assert!(!solved.outcome.converged());
+    assert_eq!(solved.outcome.steps.len(), 2, "the run stops at the step that failed");
+    assert!(solved.outcome.steps[1].attempts.is_empty());
+}
+
+#[test]
+fn the_load_of_a_first_step_grows_in_parts() {
+    let solved = exponential("", "100", 9);
+    assert!(solved.outcome.converged());
+    assert!((solved.measure(0, "d") - 100f64.ln_1p()).abs() < 1e-9);
+    assert!(solved.outcome.steps[0].attempts.iter().all(|a| a.path == Path::Load));
+    assert!(!solved.outcome.steps[0].attempts.is_empty());
+}
+
+/// A spring with exp(d) - 1 and a damper: each part is an implicit Euler step with its own increment, so the end of
+/// a step in n equal parts is that of n steps.
+#[test]
+fn rates_see_the_increments_of_the_parts() {
+    let text = |steps: &str, most: usize| {
+        format!(
+            "mesh box [0] to [1] cells [1] segment\nunknown d : scalar global\nsteps t = 0 to 1 by {steps}\n\
+             term law on global : (Dot_d + exp(d) - 1 - 100*t)*Test_d\n\
+             solver newton with max_iter={most}, search=none\nmeasure d = mean(d) on all\n"
+        )
+    };
+    let run = |steps, most| solve(&examples(), text(steps, most), &[], &[]).expect("the scene is right");
+    let cut = run("1", 9);
+    assert!(cut.outcome.converged());
+    let attempts = &cut.outcome.steps[1].attempts;
+    let mut d = 0.0f64;
+    let mut at = 0.0;
+    for part in attempts.iter().filter(|a| a.end == AttemptEnd::Converged).map(|a| a.part) {
+        let (dt, t) = (part.1 - part.0, part.1);
+        assert_eq!(part.0, at);
+        at = part.1;
+        // backward Euler by bisection: increasing in the new value
+        let old = d;
+        let (mut low, mut high) = (old - 1.0, old + 200.0);
+        for _ in 0..200 {
+            let x: f64 = 0.5 * (low + high);
+            if (x - old) / dt + x.exp() - 1.0 - 100.0 * t > 0.0 { high = x } else { low = x }
+        }
+        d = 0.5 * (low + high);
+    }
+    assert!(attempts.len() > 2);
+    assert!((cut.measure(1, "d") - d).abs() < 1e-9, "{} against {d}", cut.measure(1, "d"));
+}
