@@ -23,7 +23,10 @@ mod strategy;
 mod system;
 mod value;
 
-pub use run::{Attempt, AttemptEnd, Outcome, Path, Progress, Quiet, RunError, RunOptions, StepResult, run};
+pub use run::{
+    Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Outcome, Path, Progress, Quiet, RunError, RunOptions,
+    StepResult, run, text_hash,
+};
 pub use scene::{
     CsvOutput, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Regions, RuleChoice, Scene, Steps,
     TermSummary, VtkOutput, prepare,

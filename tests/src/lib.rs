@@ -146,6 +146,8 @@ pub fn attempt(folder: &Path, text: String, edits: &[(&str, String)], params: &[
     let options = RunOptions {
         name: "test".to_owned(),
         out: None,
+        resume: false,
+        text_hash: 0,
         threads: 2,
         version: String::new(),
         parse_seconds: 0.0,

@@ -9,7 +9,7 @@ fn exponential(steps: &str, load: &str, most: usize) -> Solved {
     let text = format!(
         "mesh box [0] to [1] cells [1] segment\nunknown d : scalar global\n{steps}\n\
          term law on global : (exp(d) - 1 - {load})*Test_d\nsolver newton with max_iter={most}, search=none\n\
-         measure d = mean(d) on all\n"
+         measure reached = mean(d) on all\n"
     );
     solve(&examples(), text, &[], &[]).expect("the scene is right")
 }
@@ -22,7 +22,7 @@ fn a_step_too_large_is_solved_in_parts_and_ends_where_it_was_asked_to() {
         let step = &solved.outcome.steps[k];
         assert_eq!(step.time.to_bits(), t.to_bits());
         let exact = (100.0 * t).ln_1p();
-        assert!((solved.measure(k, "d") - exact).abs() < 1e-9, "t = {t}: {}", solved.measure(k, "d"));
+        assert!((solved.measure(k, "reached") - exact).abs() < 1e-9, "t = {t}: {}", solved.measure(k, "reached"));
     }
     let attempts = &solved.outcome.steps[1].attempts;
     assert!(attempts.iter().all(|a| a.path == Path::Steps));
@@ -48,7 +48,7 @@ fn without_halving_the_same_step_fails_and_says_so() {
 fn the_load_of_a_first_step_grows_in_parts() {
     let solved = exponential("", "100", 9);
     assert!(solved.outcome.converged());
-    assert!((solved.measure(0, "d") - 100f64.ln_1p()).abs() < 1e-9);
+    assert!((solved.measure(0, "reached") - 100f64.ln_1p()).abs() < 1e-9);
     assert!(solved.outcome.steps[0].attempts.iter().all(|a| a.path == Path::Load));
     assert!(!solved.outcome.steps[0].attempts.is_empty());
 }
@@ -61,7 +61,7 @@ fn rates_see_the_increments_of_the_parts() {
         format!(
             "mesh box [0] to [1] cells [1] segment\nunknown d : scalar global\nsteps t = 0 to 1 by {steps}\n\
              term law on global : (Dot_d + exp(d) - 1 - 100*t)*Test_d\n\
-             solver newton with max_iter={most}, search=none\nmeasure d = mean(d) on all\n"
+             solver newton with max_iter={most}, search=none\nmeasure reached = mean(d) on all\n"
         )
     };
     let run = |steps, most| solve(&examples(), text(steps, most), &[], &[]).expect("the scene is right");
@@ -84,5 +84,5 @@ fn rates_see_the_increments_of_the_parts() {
         d = 0.5 * (low + high);
     }
     assert!(attempts.len() > 2);
-    assert!((cut.measure(1, "d") - d).abs() < 1e-9, "{} against {d}", cut.measure(1, "d"));
+    assert!((cut.measure(1, "reached") - d).abs() < 1e-9, "{} against {d}", cut.measure(1, "reached"));
 }

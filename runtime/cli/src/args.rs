@@ -113,6 +113,9 @@ pub(crate) struct RunArgs {
     /// Directory of the results [default: out/<scene>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+    /// Go on where a run that was stopped left off: each step that has been written is kept
+    #[arg(long)]
+    pub(crate) resume: bool,
     /// Threads of assembly and solver, 1 or more [default: all]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,

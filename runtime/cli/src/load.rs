@@ -18,6 +18,13 @@ pub(crate) struct Loaded {
     pub(crate) name: String,
 }
 
+impl Loaded {
+    /// The texts of the scene and of the files it uses, without the command line.
+    pub(crate) fn texts(&self) -> impl Iterator<Item = &str> {
+        self.sources.iter().map(|(_, s)| s).filter(|s| s.name != COMMAND_LINE).map(|s| &*s.text)
+    }
+}
+
 /// Finds included files beside the file that includes them.
 struct Files {
     folders: BTreeMap<usize, PathBuf>,

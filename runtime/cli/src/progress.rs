@@ -40,10 +40,19 @@ impl Progress for Terminal {
         }
     }
 
+    fn resumed(&mut self, last: Option<&StepResult>) {
+        if self.loudness != Loudness::Quiet {
+            self.line(&match last {
+                Some(step) => format!("goes on behind t = {}", step.time),
+                None => "there is no checkpoint of an earlier run: starts from the beginning".to_owned(),
+            });
+        }
+    }
+
     fn step(&mut self, number: usize, count: usize, time: f64) {
         let terminal = std::io::stderr().is_terminal();
-        if number == 0 && count > 1 && self.loudness != Loudness::Quiet && terminal {
-            let bar = ProgressBar::new(count as u64);
+        if self.bar.is_none() && count > 1 && self.loudness != Loudness::Quiet && terminal {
+            let bar = ProgressBar::new(count as u64).with_position(number as u64);
             if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} steps, {elapsed} ({eta} left) {msg}")
             {
                 bar.set_style(style);

@@ -8,6 +8,7 @@ use wfl_runtime::{
     Outcome, RunError, RunOptions, Scene, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
     newton::{Iteration, NewtonError},
+    text_hash,
 };
 
 use crate::{
@@ -44,6 +45,8 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     let options = RunOptions {
         name: loaded.name.clone(),
         out: Some(args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&loaded.name))),
+        resume: args.resume,
+        text_hash: text_hash(loaded.texts()),
         threads,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         parse_seconds,

@@ -73,6 +73,28 @@ impl OutputDir {
         self.stage(name, write)?.commit()
     }
 
+    /// Takes a file that an earlier process wrote for one of this run; its path, or `None` if it is not there.
+    #[must_use]
+    pub fn adopt(&self, name: &str) -> Option<PathBuf> {
+        let file = self.path.join(name);
+        file.is_file().then(|| {
+            self.written().insert(name.to_owned());
+            file
+        })
+    }
+
+    /// Removes a file, if it is there.
+    ///
+    /// # Errors
+    /// [`OutputError::Remove`].
+    pub fn remove(&self, name: &str) -> Result<(), OutputError> {
+        let file = self.path.join(name);
+        match fs::remove_file(&file) {
+            Err(source) if source.kind() != io::ErrorKind::NotFound => Err(OutputError::Remove { file, source }),
+            _ => Ok(()),
+        }
+    }
+
     /// Removes step files `base_0000.extension`, `base_0001.extension`, ... that this run has not
     /// written, and returns their names in order. To be called after the run has succeeded.
     ///

@@ -27,6 +27,12 @@ impl<'d> Series<'d> {
         Series { dir, base: base.into(), steps: Vec::new() }
     }
 
+    /// Goes on behind steps that are in the folder already, written by a run that was stopped.
+    pub fn go_on_from(&mut self, times: &[f64]) {
+        let step = |(k, time): (usize, &f64)| (*time, step_name(&self.base, k, "vtu"));
+        self.steps = times.iter().enumerate().map(step).collect();
+    }
+
     /// Writes the next step and then the index, and returns the path of the step file.
     /// `time` is the `t` of the scene.
     ///

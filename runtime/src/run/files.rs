@@ -5,7 +5,7 @@
 
 use std::path::PathBuf;
 
-use super::{RunError, StepResult};
+use super::{CHECKPOINT_FILE, CheckpointError, RunError, StepResult};
 use crate::{
     assemble::{AssembledTerm, FieldValues},
     output::{self, OutputDir, Series, write_csv},
@@ -14,7 +14,7 @@ use crate::{
 
 /// Where the steps of a run go; nowhere without a folder.
 pub(super) struct Files<'d> {
-    dir: Option<&'d OutputDir>,
+    pub(super) dir: Option<&'d OutputDir>,
     series: Vec<Series<'d>>,
     /// Files written so far.
     pub(super) written: Vec<PathBuf>,
@@ -24,6 +24,34 @@ impl<'d> Files<'d> {
     pub(super) fn new(scene: &Scene, dir: Option<&'d OutputDir>) -> Self {
         let series = |dir| scene.vtk.iter().map(|v| Series::new(dir, v.file.clone())).collect();
         Self { dir, series: dir.map(series).unwrap_or_default(), written: Vec::new() }
+    }
+
+    /// Takes over the files of steps that were done before.
+    pub(super) fn go_on_from(&mut self, scene: &Scene, steps: &[StepResult], dir: &OutputDir) -> Result<(), RunError> {
+        let several = scene.steps.values.len() > 1;
+        let path = dir.path().join(CHECKPOINT_FILE);
+        let gone = |name: &str| CheckpointError::Other {
+            path: path.clone(),
+            what: format!("results that are gone (`{name}`)"),
+        };
+        let mut adopt = |name: String| match dir.adopt(&name) {
+            Some(file) => {
+                self.written.push(file);
+                Ok(())
+            }
+            None => Err(gone(&name)),
+        };
+        for number in 0..steps.len() {
+            for output in &scene.vtk {
+                adopt(output::step_name(&output.file, number, "vtu"))?;
+            }
+            for output in &scene.csv {
+                adopt(csv_name(output, number, several))?;
+            }
+        }
+        let times: Vec<f64> = steps.iter().map(|s| s.time).collect();
+        self.series.iter_mut().for_each(|s| s.go_on_from(&times));
+        Ok(())
     }
 
     /// Writes a step.
@@ -58,7 +86,7 @@ impl<'d> Files<'d> {
         Ok(())
     }
 
-    /// Removes the steps that an earlier, longer run left.
+    /// Removes the steps that an earlier, longer run left, and the checkpoint that is of no use any more.
     pub(super) fn finish(&mut self, scene: &Scene) -> Result<(), RunError> {
         for series in self.series.drain(..) {
             series.finish()?;
@@ -67,6 +95,7 @@ impl<'d> Files<'d> {
         for csv in &scene.csv {
             dir.remove_stale_steps(&csv.file, "csv")?;
         }
+        dir.remove(CHECKPOINT_FILE)?;
         Ok(())
     }
 }

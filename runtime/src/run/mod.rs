@@ -3,12 +3,14 @@
 //! `stepping` gets from one requested value to the next, `files` writes what the scene asks for, `report` says what
 //! was done. Promises: every step that was tried is in the report, also when the run ends with an error.
 
+mod checkpoint;
 mod files;
 mod report;
 mod stepping;
 
 use std::{path::PathBuf, time::Instant};
 
+pub use checkpoint::{CHECKPOINT_FILE, CheckpointError, text_hash};
 pub use stepping::{Attempt, AttemptEnd, Path};
 use thiserror::Error;
 use wfl_compiler::ir::Origin;
@@ -29,6 +31,10 @@ pub struct RunOptions {
     pub name: String,
     /// Where results go; `None` writes nothing.
     pub out: Option<PathBuf>,
+    /// Go on from the checkpoint in `out`, if there is one.
+    pub resume: bool,
+    /// A number that tells the text of the scene from others, see [`text_hash`]; a checkpoint is only good for its own.
+    pub text_hash: u64,
     /// Threads of assembly and solver.
     pub threads: usize,
     /// Version of the program.
@@ -45,6 +51,8 @@ pub struct RunOptions {
 pub trait Progress {
     /// The solver has been chosen.
     fn solver(&mut self, _description: &str) {}
+    /// Where the run goes on: behind the steps of a checkpoint (the last one given), or at the beginning for want of one.
+    fn resumed(&mut self, _last: Option<&StepResult>) {}
     /// A step begins: its number from 0, how many there are, the step variable.
     fn step(&mut self, _number: usize, _count: usize, _time: f64) {}
     /// After each iteration.
@@ -73,7 +81,7 @@ pub struct StepResult {
     pub attempts: Vec<Attempt>,
     /// Measures by name.
     pub measures: Vec<(String, f64)>,
-    /// All unknowns at its end.
+    /// All unknowns at its end; empty for a step that another process did before this one went on from a checkpoint.
     pub state: Vec<f64>,
 }
 
@@ -116,6 +124,9 @@ pub enum RunError {
     /// A file could not be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// The run cannot go on from where it was stopped.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
 }
 
 struct Forward<'p>(&'p mut dyn Progress);
@@ -139,7 +150,17 @@ pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress)
     let mut files = Files::new(scene, dir.as_ref());
     let mut run =
         Run { u: start(scene), stepper: Stepper::new(options.threads), steps: Vec::new(), clock: Clock::default() };
-    let ended = run.all_steps(scene, &mut files, progress);
+    if options.resume
+        && let Some(dir) = &dir
+    {
+        let found = checkpoint::read(scene, options, dir.path())?;
+        if let Some(found) = found {
+            run.go_on_from(found, scene, dir, progress)?;
+            files.go_on_from(scene, &run.steps, dir)?;
+        }
+        progress.resumed(run.steps.last());
+    }
+    let ended = run.all_steps(scene, options, &mut files, progress);
     let done = run.steps.len() == scene.steps.values.len() && run.steps.iter().all(|s| s.history.converged());
     let finished = match ended {
         Ok(()) if done => files.finish(scene),
@@ -185,6 +206,7 @@ impl Run {
     fn all_steps(
         &mut self,
         scene: &mut Scene,
+        options: &RunOptions,
         files: &mut Files<'_>,
         progress: &mut dyn Progress,
     ) -> Result<(), RunError> {
@@ -199,8 +221,38 @@ impl Run {
             }
             let begin = Instant::now();
             files.write_step(scene, &self.steps[number], number)?;
+            if let Some(dir) = files.dir.filter(|_| values.len() > 1) {
+                checkpoint::write(self, scene, options, dir)?;
+            }
             self.clock.write += begin.elapsed().as_secs_f64();
         }
+        Ok(())
+    }
+
+    /// Takes over what a checkpoint kept: the next step then finds everything as it was.
+    fn go_on_from(
+        &mut self,
+        found: checkpoint::Found,
+        scene: &mut Scene,
+        dir: &OutputDir,
+        progress: &mut dyn Progress,
+    ) -> Result<(), RunError> {
+        let misfit =
+            || CheckpointError::Damaged { path: dir.path().join(CHECKPOINT_FILE), what: "it does not fit the scene" };
+        let Some(last) = found.steps.last() else { return Ok(()) };
+        if found.u.len() != self.u.len() || found.steps.len() > scene.steps.values.len() {
+            return Err(misfit().into());
+        }
+        let wrap = |error: NewtonError| RunError::Newton { step: found.steps.len() - 1, time: last.time, error };
+        self.clock = found.clock;
+        self.stepper.prepare(scene, (last.time, last.increment), &mut self.clock, progress).map_err(wrap)?;
+        let strategy = self.stepper.strategy.as_mut().expect("prepared above");
+        let fits = strategy.recall(&found.solver, &scene.system).map_err(|e| wrap(e.into()))?;
+        if !(fits && scene.system.recall(&found.memory)) {
+            return Err(misfit().into());
+        }
+        (self.stepper.level, self.stepper.easy) = (found.level, found.easy);
+        (self.u, self.steps) = (found.u, found.steps);
         Ok(())
     }
 

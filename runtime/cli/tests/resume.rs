@@ -1,0 +1,180 @@
+//! A run that is killed and goes on: at any moment, with the same bytes at the end; and checkpoints that are refused.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+    time::{Duration, Instant},
+};
+
+/// The mesh of the fault as the example has it.
+const MESH: &str = "cells [8, 8, 8] hex";
+
+/// A folder of its own that goes when the test ends.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("wfl-resume-{name}-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).expect("a temporary folder");
+        Self(path)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// The fault by Nitsche's method with friction: a factored bulk, a condensed part, held pieces that pass from step to
+/// step.
+fn fault(folder: &Folder) -> PathBuf {
+    let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/fault");
+    for entry in std::fs::read_dir(&from).expect("the examples") {
+        let path = entry.expect("readable").path();
+        std::fs::copy(&path, folder.0.join(path.file_name().expect("a file"))).expect("a copy");
+    }
+    edit(&folder.0.join("fault.wfl"), MESH, "cells [4,4,4] hex");
+    folder.0.join("nitsche.wfl")
+}
+
+/// Replaces a text that must be there.
+fn edit(file: &Path, from: &str, to: &str) {
+    let text = std::fs::read_to_string(file).expect("readable");
+    assert!(text.contains(from), "{from}");
+    std::fs::write(file, text.replace(from, to)).expect("writable");
+}
+
+fn command(scene: &Path, out: &Path, more: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
+    command.arg("run").arg(scene).args(["--quiet", "--threads", "2", "--out"]).arg(out).args(more);
+    command.stdout(Stdio::null()).stderr(Stdio::piped());
+    command
+}
+
+fn run(scene: &Path, out: &Path, more: &[&str]) -> Output {
+    command(scene, out, more).output().expect("the command starts")
+}
+
+/// Every file by name; of the report what does not depend on the clock and the memory of the process.
+fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for entry in std::fs::read_dir(out).expect("a folder of results") {
+        let path = entry.expect("readable").path();
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+        let mut bytes = std::fs::read(&path).expect("readable");
+        if name == "report.json" {
+            let mut report: serde_json::Value = serde_json::from_slice(&bytes).expect("JSON");
+            let report_of = report.as_object_mut().expect("an object");
+            assert!(report_of.remove("timings").is_some() && report_of.remove("peak_memory_bytes").is_some());
+            bytes = report.to_string().into_bytes();
+        }
+        found.insert(name, bytes);
+    }
+    found
+}
+
+#[test]
+fn a_run_killed_at_any_moment_goes_on_to_the_same_bytes() {
+    let folder = Folder::new("killed");
+    let scene = fault(&folder);
+    let whole = folder.0.join("whole");
+    let begin = Instant::now();
+    assert!(run(&scene, &whole, &[]).status.success());
+    let all = begin.elapsed();
+    let expected = results(&whole);
+    assert!(expected.len() > 20 && !expected.contains_key("checkpoint.wflc"));
+    // delays spread over the run by the golden ratio: every trial meets other moments
+    let out = folder.0.join("killed");
+    let (mut part, mut kills) = (0.0f64, 0);
+    for trial in 0..4 {
+        let _ = std::fs::remove_dir_all(&out);
+        let mut more: &[&str] = &[];
+        loop {
+            let mut child = command(&scene, &out, more).spawn().expect("the command starts");
+            part = (part + 0.618_033_988_75).fract();
+            std::thread::sleep(Duration::from_secs_f64((0.05 + 0.6 * part) * all.as_secs_f64()));
+            if child.try_wait().expect("our own child").is_some_and(|status| status.success()) {
+                break;
+            }
+            child.kill().expect("our own child");
+            child.wait().expect("our own child");
+            kills += 1;
+            more = &["--resume"];
+            if kills > 60 {
+                // a machine so busy that nothing is reached: finish
+                assert!(run(&scene, &out, more).status.success());
+                break;
+            }
+        }
+        let found = results(&out);
+        let names = |r: &BTreeMap<String, Vec<u8>>| r.keys().cloned().collect::<Vec<_>>();
+        assert_eq!(names(&found), names(&expected), "trial {trial}");
+        for (name, bytes) in &expected {
+            assert!(found[name] == *bytes, "trial {trial}: {name} differs after {kills} kills");
+        }
+    }
+    assert!(kills > 0, "nothing was killed");
+}
+
+#[test]
+fn a_checkpoint_of_something_else_is_refused() {
+    let folder = Folder::new("refused");
+    let scene = fault(&folder);
+    let out = folder.0.join("out");
+    // a step that cannot be solved leaves the checkpoint of the one before
+    let setup = folder.0.join("fault.wfl");
+    let broken = "steps t = 0 to 3 by 1\nload uR = [0, 0, sqrt(1.5 - t) - sqrt(1.5 - t)] on top";
+    edit(&setup, "steps t = 0 to 9.5 by 0.5", broken);
+    let failed = run(&scene, &out, &[]);
+    let said = |o: &Output| String::from_utf8_lossy(&o.stderr).into_owned();
+    assert_eq!(failed.status.code(), Some(1), "{}", said(&failed));
+    let file = out.join("checkpoint.wflc");
+    let good = std::fs::read(&file).expect("the checkpoint of t = 1");
+    let refused = |more: &[&str], words: &str| {
+        let mut all = vec!["--resume"];
+        all.extend_from_slice(more);
+        let output = run(&scene, &out, &all);
+        assert_eq!(output.status.code(), Some(1), "{words}");
+        assert!(said(&output).contains(words), "{words}: {}", said(&output));
+    };
+    refused(&["gamma=2e5"], "other values of the parameters");
+    refused(&["nu=0.3"], "other values of the parameters");
+    edit(&setup, broken, &format!("{broken}\n# another text"));
+    refused(&[], "another text of the scene");
+    edit(&setup, "\n# another text", "");
+    edit(&setup, "cells [4,4,4] hex", "cells [4,4,5] hex");
+    refused(&[], "another mesh");
+    edit(&setup, "cells [4,4,5] hex", "cells [4,4,4] hex");
+    for cut in [0, 7, 31, 32, good.len() / 2, good.len() - 1] {
+        std::fs::write(&file, &good[..cut]).expect("writable");
+        refused(&[], "not a whole checkpoint");
+    }
+    let mut flipped = good.clone();
+    flipped[good.len() / 3] ^= 4;
+    std::fs::write(&file, &flipped).expect("writable");
+    refused(&[], "checksum");
+    std::fs::write(&file, &good).expect("writable");
+    let step = std::fs::read_dir(&out).expect("results").filter_map(Result::ok).map(|e| e.path());
+    let step = step.into_iter().find(|p| p.extension().is_some_and(|e| e == "vtu")).expect("a step file");
+    std::fs::remove_file(&step).expect("our own file");
+    refused(&[], "results that are gone");
+}
+
+#[test]
+fn without_a_checkpoint_a_run_starts_from_the_beginning_and_says_so() {
+    let folder = Folder::new("fresh");
+    let scene = folder.0.join("one.wfl");
+    let text = "mesh box [0] to [1] cells [2] segment\nunknown u : scalar\nterm on all : Grad_u.Grad_Test_u\nfix u = x on boundary\n";
+    std::fs::write(&scene, text).expect("writable");
+    let output = Command::new(env!("CARGO_BIN_EXE_wfl"))
+        .args(["run", "--resume", "--out"])
+        .arg(folder.0.join("out"))
+        .arg(&scene)
+        .output()
+        .expect("the command starts");
+    assert!(output.status.success());
+    assert!(String::from_utf8_lossy(&output.stderr).contains("from the beginning"));
+}

@@ -1,0 +1,328 @@
+//! The file from which a killed run goes on.
+//!
+//! Promises: a run that goes on from it gives the same bits as one that was not stopped; a file of another scene,
+//! other parameters, another mesh or version, and one that is cut short or damaged, is refused with the reason.
+//! The file is written after the results of its step, under a temporary name, and renamed: whenever a run is killed,
+//! results and checkpoint are whole. Does not keep the states of earlier steps: their results are in their files.
+
+mod bytes;
+
+use std::path::{Path as FilePath, PathBuf};
+
+use thiserror::Error;
+
+use super::{Attempt, AttemptEnd, Clock, Path, Run, RunError, RunOptions, StepResult};
+use crate::{
+    newton::{Iteration, StepHistory, Stop},
+    output::OutputDir,
+    scene::Scene,
+    solve::SolveReport,
+    strategy::SolverMemory,
+    system::Memory,
+};
+use bytes::{Reader, Unreadable, Writer, hash};
+
+/// The name of the file in the folder of the results.
+pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
+const MAGIC: &[u8; 8] = b"WFLSTATE";
+/// Grows when the layout changes.
+const FORMAT: u64 = 1;
+/// Magic, format, length and checksum before the content.
+const HEADER: usize = 32;
+
+/// Why a run cannot go on from a checkpoint.
+#[derive(Debug, Error)]
+pub enum CheckpointError {
+    /// The system does not give the file.
+    #[error("cannot read the checkpoint `{}`: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is no checkpoint, is cut short or damaged.
+    #[error("`{}` is not a whole checkpoint ({what}); without --resume the run starts from the beginning", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// The file belongs to something else.
+    #[error(
+        "`{}` belongs to {what}; --resume continues exactly the run that wrote it, without it the run starts from the beginning",
+        path.display()
+    )]
+    Other {
+        /// The file.
+        path: PathBuf,
+        /// What differs: "another version of wfl (0.1.0)", "another mesh".
+        what: String,
+    },
+}
+
+/// What a run must be to go on from a checkpoint.
+#[derive(Clone, Debug, PartialEq)]
+struct Identity {
+    version: String,
+    text: u64,
+    parameters: u64,
+    mesh: u64,
+    dofs: u64,
+}
+
+impl Identity {
+    fn new(scene: &Scene, options: &RunOptions) -> Self {
+        let mut parameters = Writer::default();
+        for (name, value) in &scene.params {
+            parameters.text(name);
+            parameters.numbers(&value.values);
+        }
+        let mesh = &scene.system.mesh;
+        let mut shape = Writer::default();
+        mesh.nodes().iter().for_each(|x| shape.numbers(x));
+        for cell in mesh.cells() {
+            mesh.cell_nodes(cell).iter().for_each(|n| shape.count(n.index()));
+        }
+        for (name, region) in &scene.regions {
+            shape.text(name);
+            shape.count(region.set.len());
+        }
+        Self {
+            version: options.version.clone(),
+            text: options.text_hash,
+            parameters: hash(&parameters.bytes),
+            mesh: hash(&shape.bytes),
+            dofs: scene.system.numbering.n_dofs as u64,
+        }
+    }
+
+    /// What is not the same; the first in the order of causes.
+    fn difference(&self, found: &Identity) -> Option<String> {
+        if self.version != found.version {
+            return Some(format!("another version of wfl ({})", found.version));
+        }
+        let parts = [
+            (self.mesh == found.mesh, "another mesh"),
+            (self.parameters == found.parameters, "other values of the parameters"),
+            (self.text == found.text, "another text of the scene"),
+            (self.dofs == found.dofs, "another number of unknowns"),
+        ];
+        parts.iter().find(|(same, _)| !same).map(|(_, what)| (*what).to_owned())
+    }
+}
+
+/// Writes where the run stands after its last step.
+pub(super) fn write(run: &Run, scene: &Scene, options: &RunOptions, dir: &OutputDir) -> Result<(), RunError> {
+    let mut w = Writer::default();
+    identity(&mut w, &Identity::new(scene, options));
+    w.count(run.steps.len());
+    run.steps.iter().for_each(|s| step(&mut w, s));
+    w.numbers(&run.u);
+    memory(&mut w, &scene.system.memory());
+    let solver = run.stepper.strategy.as_ref().map(crate::Strategy::memory).unwrap_or_default();
+    w.numbers(&solver.factored);
+    w.flag(solver.dense);
+    w.flag(solver.symmetric);
+    w.count(run.stepper.level as usize);
+    w.count(run.stepper.easy as usize);
+    let c = run.clock;
+    w.numbers(&[c.assemble, c.factor, c.solve, c.write]);
+    let content = w.bytes;
+    dir.write_atomic(CHECKPOINT_FILE, |out| {
+        out.write_all(MAGIC)?;
+        for number in [FORMAT, content.len() as u64, hash(&content)] {
+            out.write_all(&number.to_le_bytes())?;
+        }
+        out.write_all(&content)
+    })?;
+    Ok(())
+}
+
+/// What a checkpoint brings back.
+pub(super) struct Found {
+    pub(super) steps: Vec<StepResult>,
+    pub(super) u: Vec<f64>,
+    pub(super) memory: Memory,
+    pub(super) solver: SolverMemory,
+    pub(super) level: u32,
+    pub(super) easy: u32,
+    pub(super) clock: Clock,
+}
+
+/// Reads the checkpoint in a folder; `None` if there is none.
+pub(super) fn read(scene: &Scene, options: &RunOptions, folder: &FilePath) -> Result<Option<Found>, CheckpointError> {
+    let path = folder.join(CHECKPOINT_FILE);
+    let bytes = match std::fs::read(&path) {
+        Ok(bytes) => bytes,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(source) => return Err(CheckpointError::Read { path, source }),
+    };
+    let damaged = |what| CheckpointError::Damaged { path: path.clone(), what };
+    let content = content(&bytes).map_err(damaged)?;
+    let mut r = Reader::new(content);
+    let cut = |_: Unreadable| damaged("its content does not fit together");
+    let expected = Identity::new(scene, options);
+    let found = read_identity(&mut r).map_err(cut)?;
+    if let Some(what) = expected.difference(&found) {
+        return Err(CheckpointError::Other { path: path.clone(), what });
+    }
+    found_in(&mut r).map(Some).map_err(cut)
+}
+
+fn found_in(r: &mut Reader<'_>) -> Result<Found, Unreadable> {
+    let steps = r.list(read_step)?;
+    let (u, memory) = (r.numbers()?, read_memory(r)?);
+    let solver = SolverMemory { factored: r.numbers()?, dense: r.flag()?, symmetric: r.flag()? };
+    let (level, easy) = (r.small()?, r.small()?);
+    let [assemble, factor, solve, write] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let clock = Clock { assemble, factor, solve, write };
+    r.end()?;
+    Ok(Found { steps, u, memory, solver, level, easy, clock })
+}
+
+/// The content behind the header, if the file is whole.
+fn content(bytes: &[u8]) -> Result<&[u8], &'static str> {
+    if bytes.len() < HEADER || bytes[..8] != *MAGIC {
+        return Err("it does not begin like one");
+    }
+    let number = |k: usize| bytes[8 * k..8 * k + 8].try_into().map_or(0, u64::from_le_bytes);
+    let content = &bytes[HEADER..];
+    if number(1) != FORMAT {
+        return Err("its layout is that of another version of wfl");
+    }
+    if number(2) != content.len() as u64 {
+        return Err("it is cut short");
+    }
+    if number(3) != hash(content) {
+        return Err("its checksum is wrong");
+    }
+    Ok(content)
+}
+
+fn identity(w: &mut Writer, id: &Identity) {
+    w.text(&id.version);
+    [id.text, id.parameters, id.mesh, id.dofs].iter().for_each(|x| w.word(*x));
+}
+
+fn read_identity(r: &mut Reader<'_>) -> Result<Identity, Unreadable> {
+    Ok(Identity { version: r.text()?, text: r.word()?, parameters: r.word()?, mesh: r.word()?, dofs: r.word()? })
+}
+
+fn memory(w: &mut Writer, m: &Memory) {
+    w.numbers(&m.changing);
+    w.flag(m.settled);
+    for lists in [&m.guides, &m.pieces] {
+        w.count(lists.len());
+        lists.iter().for_each(|l| w.numbers(l));
+    }
+}
+
+fn read_memory(r: &mut Reader<'_>) -> Result<Memory, Unreadable> {
+    Ok(Memory {
+        changing: r.numbers()?,
+        settled: r.flag()?,
+        guides: r.list(Reader::numbers)?,
+        pieces: r.list(Reader::numbers)?,
+    })
+}
+
+fn step(w: &mut Writer, s: &StepResult) {
+    w.numbers(&[s.time, s.increment]);
+    let h = &s.history;
+    w.count(h.iterations.len());
+    for i in &h.iterations {
+        w.count(i.number);
+        w.numbers(&[i.residual, i.floor, i.step]);
+        w.flag(i.contact.is_some());
+        i.contact.unwrap_or_default().iter().for_each(|c| w.count(*c));
+        w.word(i.fingerprint);
+    }
+    w.count(h.solves.len());
+    for s in &h.solves {
+        w.numbers(&[s.relative_residual, s.componentwise_residual]);
+        w.count(s.refinements);
+        w.count(s.krylov_iterations);
+        w.flag(s.refactored);
+    }
+    w.count(match h.stop {
+        None => 0,
+        Some(Stop::Tolerance) => 1,
+        Some(Stop::Floor) => 2,
+        Some(Stop::MaxIterations) => 3,
+    });
+    w.count(s.attempts.len());
+    s.attempts.iter().for_each(|a| attempt(w, a));
+    w.count(s.measures.len());
+    for (name, value) in &s.measures {
+        w.text(name);
+        w.numbers(&[*value]);
+    }
+}
+
+fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
+    let [time, increment] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let iterations = r.list(|r| {
+        let number = r.count()?;
+        let [residual, floor, step] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        let known = r.flag()?;
+        let counts = [r.count()?, r.count()?, r.count()?];
+        Ok(Iteration { number, residual, floor, step, contact: known.then_some(counts), fingerprint: r.word()? })
+    })?;
+    let solves = r.list(|r| {
+        let [relative_residual, componentwise_residual] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        let (refinements, krylov_iterations, refactored) = (r.count()?, r.count()?, r.flag()?);
+        Ok(SolveReport { relative_residual, componentwise_residual, refinements, krylov_iterations, refactored })
+    })?;
+    let stop = match r.count()? {
+        0 => None,
+        1 => Some(Stop::Tolerance),
+        2 => Some(Stop::Floor),
+        3 => Some(Stop::MaxIterations),
+        _ => return Err(Unreadable),
+    };
+    let history = StepHistory { iterations, solves, stop, ..StepHistory::default() };
+    let attempts = r.list(read_attempt)?;
+    let measures = r.list(|r| {
+        let name = r.text()?;
+        let [value] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        Ok((name, value))
+    })?;
+    Ok(StepResult { time, increment, history, attempts, measures, state: Vec::new() })
+}
+
+fn attempt(w: &mut Writer, a: &Attempt) {
+    w.flag(a.path == Path::Load);
+    w.numbers(&[a.part.0, a.part.1]);
+    w.count(a.iterations);
+    let (kind, why) = match &a.end {
+        AttemptEnd::Converged => (0, ""),
+        AttemptEnd::NotConverged => (1, ""),
+        AttemptEnd::Failed(why) => (2, why.as_str()),
+    };
+    w.count(kind);
+    w.text(why);
+}
+
+fn read_attempt(r: &mut Reader<'_>) -> Result<Attempt, Unreadable> {
+    let path = if r.flag()? { Path::Load } else { Path::Steps };
+    let [from, to] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let iterations = r.count()?;
+    let (kind, why) = (r.count()?, r.text()?);
+    let end = match kind {
+        0 => AttemptEnd::Converged,
+        1 => AttemptEnd::NotConverged,
+        2 => AttemptEnd::Failed(why),
+        _ => return Err(Unreadable),
+    };
+    Ok(Attempt { path, part: (from, to), iterations, end })
+}
+
+/// A number that tells texts apart (FNV-1a, 64 bits).
+#[must_use]
+pub fn text_hash<'t>(texts: impl IntoIterator<Item = &'t str>) -> u64 {
+    let mut w = Writer::default();
+    texts.into_iter().for_each(|t| w.text(t));
+    hash(&w.bytes)
+}

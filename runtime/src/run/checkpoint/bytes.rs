@@ -1,0 +1,137 @@
+//! Numbers and texts as bytes: little-endian words of 64 bits, lists behind their length.
+//!
+//! Reading checks every length against what is left, so that no content can ask for more memory than the file has.
+
+/// Gathers bytes.
+#[derive(Default)]
+pub(super) struct Writer {
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Writer {
+    pub(super) fn word(&mut self, x: u64) {
+        self.bytes.extend_from_slice(&x.to_le_bytes());
+    }
+
+    pub(super) fn count(&mut self, n: usize) {
+        self.word(n as u64);
+    }
+
+    pub(super) fn flag(&mut self, yes: bool) {
+        self.word(u64::from(yes));
+    }
+
+    pub(super) fn text(&mut self, t: &str) {
+        self.count(t.len());
+        self.bytes.extend_from_slice(t.as_bytes());
+    }
+
+    pub(super) fn numbers(&mut self, list: &[f64]) {
+        self.count(list.len());
+        list.iter().for_each(|x| self.word(x.to_bits()));
+    }
+}
+
+/// The bytes are not what was written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Unreadable;
+
+/// Reads what [`Writer`] wrote.
+pub(super) struct Reader<'b> {
+    rest: &'b [u8],
+}
+
+impl<'b> Reader<'b> {
+    pub(super) fn new(bytes: &'b [u8]) -> Self {
+        Self { rest: bytes }
+    }
+
+    fn take(&mut self, n: usize) -> Result<&'b [u8], Unreadable> {
+        let (head, tail) = self.rest.split_at_checked(n).ok_or(Unreadable)?;
+        self.rest = tail;
+        Ok(head)
+    }
+
+    pub(super) fn word(&mut self) -> Result<u64, Unreadable> {
+        self.take(8)?.try_into().map(u64::from_le_bytes).map_err(|_| Unreadable)
+    }
+
+    pub(super) fn count(&mut self) -> Result<usize, Unreadable> {
+        usize::try_from(self.word()?).map_err(|_| Unreadable)
+    }
+
+    pub(super) fn small(&mut self) -> Result<u32, Unreadable> {
+        u32::try_from(self.word()?).map_err(|_| Unreadable)
+    }
+
+    pub(super) fn flag(&mut self) -> Result<bool, Unreadable> {
+        match self.word()? {
+            0 => Ok(false),
+            1 => Ok(true),
+            _ => Err(Unreadable),
+        }
+    }
+
+    pub(super) fn text(&mut self) -> Result<String, Unreadable> {
+        let n = self.count()?;
+        String::from_utf8(self.take(n)?.to_vec()).map_err(|_| Unreadable)
+    }
+
+    pub(super) fn numbers(&mut self) -> Result<Vec<f64>, Unreadable> {
+        let n = self.count()?.checked_mul(8).ok_or(Unreadable)?;
+        let number = |b: &[u8]| b.try_into().map(u64::from_le_bytes).map(f64::from_bits).map_err(|_| Unreadable);
+        self.take(n)?.chunks_exact(8).map(number).collect()
+    }
+
+    pub(super) fn list<T>(
+        &mut self,
+        mut item: impl FnMut(&mut Self) -> Result<T, Unreadable>,
+    ) -> Result<Vec<T>, Unreadable> {
+        // not collected by count: a wrong one ends at the first item that is missing
+        let mut out = Vec::new();
+        for _ in 0..self.count()? {
+            out.push(item(self)?);
+        }
+        Ok(out)
+    }
+
+    pub(super) fn end(&self) -> Result<(), Unreadable> {
+        if self.rest.is_empty() { Ok(()) } else { Err(Unreadable) }
+    }
+}
+
+/// FNV-1a of 64 bits (Fowler, Noll and Vo): tells changed files apart, is no protection against intent.
+pub(super) fn hash(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_written_is_read_and_nothing_else() {
+        let mut w = Writer::default();
+        w.numbers(&[f64::NAN, -0.0, 5e-324]);
+        w.text("σ");
+        w.flag(true);
+        for cut in 0..w.bytes.len() {
+            let mut r = Reader::new(&w.bytes[..cut]);
+            assert!((|| r.numbers().and(r.text()).and(r.flag()))().is_err(), "{cut} bytes");
+        }
+        let mut r = Reader::new(&w.bytes);
+        let bits: Vec<u64> = r.numbers().unwrap().iter().map(|x| x.to_bits()).collect();
+        assert_eq!(bits, [f64::NAN.to_bits(), (-0.0f64).to_bits(), 1]);
+        assert_eq!((r.text().unwrap().as_str(), r.flag()), ("σ", Ok(true)));
+        assert_eq!(r.end(), Ok(()));
+        assert_eq!(Reader::new(&u64::MAX.to_le_bytes()).numbers(), Err(Unreadable));
+    }
+
+    #[test]
+    fn the_hash_is_the_published_one() {
+        // test vectors of the authors, isthe.com/chongo/tech/comp/fnv
+        assert_eq!(hash(b""), 0xcbf2_9ce4_8422_2325);
+        assert_eq!(hash(b"a"), 0xaf63_dc4c_8601_ec8c);
+        assert_eq!(hash(b"foobar"), 0x8594_4171_f739_67e8);
+    }
+}
