@@ -28,7 +28,7 @@ pub use run::{
     StepResult, run, text_hash,
 };
 pub use scene::{
-    CsvOutput, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Regions, RuleChoice, Scene, Steps,
+    CsvOutput, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions, RuleChoice, Scene, Steps,
     TermSummary, VtkOutput, prepare,
 };
 pub use strategy::{SolverMemory, Strategy};

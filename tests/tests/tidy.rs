@@ -300,7 +300,7 @@ fn the_top_level_is_as_drawn() {
     for file in files {
         assert!(root().join(file).is_file(), "{file} is missing");
     }
-    let rooms = ["wfl", "compiler", "runtime", "examples", "tests", "docs"];
+    let rooms = ["wfl", "compiler", "runtime", "examples", "tests", "docs", "fuzz"];
     // what a build or a run leaves behind is not ours
     let left = ["target", "out"];
     for entry in std::fs::read_dir(root()).expect("the repository can be read") {

@@ -1,0 +1,84 @@
+//! What a term brings beside itself: the values it prints, and its form with held pieces.
+
+use std::sync::Arc;
+
+use wfl_compiler::{PiecesLaw, PrintLaw, backend::PointKernel, ir::Origin, types::FieldKind};
+
+use super::Builder;
+use crate::{
+    assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots},
+    field::{Field, FieldSpace},
+    newton::TermPieces,
+    point_space::PointSpace,
+    system::{Numbering, System},
+    value::{Sampled, Value},
+};
+
+/// A `Print` of a term.
+pub struct Printed {
+    /// The term.
+    pub term: String,
+    /// Where it is written.
+    pub origin: Option<Origin>,
+    value: Value,
+    sampled: Sampled,
+}
+
+impl Printed {
+    /// Calls `f(position, value)` at each point of the term, at the state and step given.
+    pub fn for_each(
+        &mut self,
+        system: &System,
+        time: f64,
+        increment: f64,
+        u: &[f64],
+        mut f: impl FnMut([f64; 3], &[f64]),
+    ) {
+        self.value.set_step(time, increment);
+        let current = system.slices(u);
+        let previous = system.previous_slices();
+        let values = FieldValues { current: &current, previous: &previous };
+        let domain = self.sampled.domain.clone();
+        self.value.for_each_point(&system.mesh, &self.sampled, values, |g, entity, q, _, value| {
+            let here = &domain.groups[g].here;
+            f(system.mesh.point_at(here.cells[entity], &here.geometry, q), value);
+        });
+    }
+}
+
+impl Builder<'_> {
+    /// A `Print` at the points of its term.
+    pub(super) fn print(&self, print: PrintLaw, term: &str, domain: &Arc<Domain>) -> Result<Printed, String> {
+        let value = Value::new(print.law, self.batch).map_err(|e| e.to_string())?;
+        let sampled = value.bind(&self.mesh, domain.clone(), &self.fields).map_err(|e| e.to_string())?;
+        Ok(Printed { term: term.to_owned(), origin: print.origin, value, sampled })
+    }
+
+    /// The held form of a term: its guides are a field of its integration points behind the fields of the scene.
+    pub(super) fn hold(
+        &self,
+        law: PiecesLaw,
+        (residual, tangent): (Box<dyn PointKernel>, Box<dyn PointKernel>),
+        domain: &Arc<Domain>,
+        term: usize,
+        numbering: &Numbering,
+    ) -> Result<TermPieces, String> {
+        let guides =
+            |name: String, space: FieldSpace| Field { name, kind: FieldKind::Data, n_components: law.n_guides, space };
+        let mut fields = self.fields.clone();
+        while fields.len() < law.field.index() {
+            fields.push(guides(String::new(), FieldSpace::Global));
+        }
+        let points = FieldSpace::Points(PointSpace::new(&self.mesh, domain));
+        fields.push(guides(format!("pieces of {}", law.law.name), points));
+        let mut starts = numbering.starts.clone();
+        starts.resize(fields.len(), None);
+        let slots = LawSlots { inputs: &law.law.inputs, tests: &law.law.tests, trials: &law.law.trials };
+        let binding = Binding::new(&self.mesh, domain, &fields, slots).map_err(|e| e.to_string())?;
+        let integrator = Integrator { domain: domain.clone(), binding };
+        let watch = Value::new(law.watch, self.batch).map_err(|e| e.to_string())?;
+        let sampled = watch.bind(&self.mesh, domain.clone(), &fields).map_err(|e| e.to_string())?;
+        let held = AssembledTerm::new(law.law, integrator, None, residual, Some(tangent), &starts);
+        Ok(TermPieces::new(term, held, law.field.index(), law.projections, law.n_guides, (watch, sampled)))
+    }
+}
