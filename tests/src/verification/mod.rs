@@ -8,7 +8,6 @@ mod case;
 mod common;
 mod convergence;
 mod cook;
-mod crack;
 mod equilibrium;
 mod extremes;
 mod fault;
@@ -45,7 +44,6 @@ pub fn benchmarks() -> Vec<Benchmark> {
         two_block::BENCHMARKS,
         fault::BENCHMARKS,
         equilibrium::BENCHMARKS,
-        crack::BENCHMARKS,
         extremes::BENCHMARKS,
         signorini::BENCHMARKS,
         hertz::BENCHMARKS,
