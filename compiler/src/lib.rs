@@ -6,10 +6,12 @@
 
 pub mod backend;
 mod build;
+mod constant;
 mod dd;
 mod degree;
 mod derive;
 pub mod display;
+mod emitter;
 mod graph;
 mod interp;
 pub mod ir;
@@ -22,12 +24,14 @@ mod print;
 mod real;
 mod scalar;
 mod sign;
+mod symmetry;
 mod tangent_check;
 mod term;
 pub mod types;
 mod verify;
 
 pub use build::{Builder, Constant, Env, locate};
+pub use constant::{constant, without_fields};
 pub use dd::Dd;
 pub use degree::Degree;
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
@@ -37,9 +41,10 @@ pub use ops::{OpDef, all as functions};
 pub use pieces::{BALL_NUMBERS, PiecesLaw, Projection, ProjectionKind, compile_pieces};
 pub use print::{PrintLaw, compile_prints};
 pub use real::{Dual, Real};
+pub use symmetry::unit_normals;
 pub use tangent_check::{BlockCheck, EntryPlace, SlotGroup, TangentCheck, TangentSampling, check_tangent};
 pub use term::{
     Class, Kink, KinkKind, Listing, LoadPart, Prologue, TermLaw, TermSource, ValueLaw, compile_condition, compile_term,
-    compile_value, constant, run_prologue, unit_normals, without_fields,
+    compile_value, run_prologue,
 };
 pub use verify::{SlotKind, ValueType, VerifyError, verify};

@@ -18,7 +18,8 @@ use crate::{
     interp::interpret,
     ir::{LANES, VerifiedKernel},
     real::Real,
-    term::{TermLaw, run_prologue, unit_normals},
+    symmetry::unit_normals,
+    term::{TermLaw, run_prologue},
     types::{BasisSlot, FieldId, FieldOp, InputSlot, Side, UniformSlot},
 };
 use bounded::Bounded;

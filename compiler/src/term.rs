@@ -13,17 +13,18 @@ use wfl::{
 };
 
 use crate::{
-    build::{Builder, Constant, Env, locate},
+    build::{Builder, Env, locate},
     degree::{Degree, degree},
     derive::{NoDerivative, derive},
+    emitter::{Emitter, accepted},
     graph::{Arity, ExprId, Graph, Leaf, Node, Role},
     interp::interpret,
-    ir::{Inst, Kernel, Origin, Val, VerifiedKernel},
+    ir::{Inst, Origin, Val, VerifiedKernel},
     lower::Lowering,
     scalar::{NO_SLOT, Scalars},
     sign::radius_warnings,
+    symmetry::is_symmetric,
     types::{BasisSlot, FieldId, FieldSig, InputSlot, PlaceSig, Shape, UniformSlot},
-    verify::verify,
 };
 
 /// How a term depends on the unknowns; each class has its own treatment in assembly and solver.
@@ -496,210 +497,6 @@ fn changes(env: &Env<'_>, scalars: &Scalars, slots: &[InputSlot]) -> Vec<Changes
     out
 }
 
-/// Turns scalars into kernels; what no point input enters becomes a uniform, computed by the prologue.
-struct Emitter<'s> {
-    scalars: &'s Scalars,
-    n_inputs: usize,
-    uniforms: BTreeMap<Val, u32>,
-    order: Vec<Val>,
-}
-
-impl<'s> Emitter<'s> {
-    fn new(scalars: &'s Scalars, n_inputs: usize) -> Self {
-        Self { scalars, n_inputs, uniforms: BTreeMap::new(), order: Vec::new() }
-    }
-
-    fn hoisted(&self, v: Val) -> bool {
-        let inst = &self.scalars.insts[v.index()];
-        let number = !matches!(
-            inst,
-            Inst::Const(_) | Inst::Compare(..) | Inst::And(..) | Inst::Or(..) | Inst::Not(_) | Inst::Matrix { .. }
-        );
-        self.scalars.uniform[v.index()] && number
-    }
-
-    fn kernel(&mut self, name: &str, outputs: &[Val]) -> Kernel {
-        let mut needed = vec![false; self.scalars.insts.len()];
-        for v in outputs {
-            needed[v.index()] = true;
-        }
-        for k in (0..needed.len()).rev() {
-            if needed[k] && !self.hoisted(Val::new(k)) {
-                self.scalars.insts[k].for_each_operand(|v| needed[v.index()] = true);
-            }
-        }
-        let mut place = vec![None; needed.len()];
-        let (mut insts, mut origins) = (Vec::new(), Vec::new());
-        for k in 0..needed.len() {
-            if !needed[k] {
-                continue;
-            }
-            let v = Val::new(k);
-            let inst = if self.hoisted(v) {
-                let next = u32::try_from(self.uniforms.len()).expect("few uniforms");
-                let id = *self.uniforms.entry(v).or_insert(next);
-                if id == next {
-                    self.order.push(v);
-                }
-                Inst::Uniform(id)
-            } else {
-                renamed(&self.scalars.insts[k], &place)
-            };
-            place[k] = Some(Val::new(insts.len()));
-            insts.push(inst);
-            origins.push(self.scalars.origins[k]);
-        }
-        let outputs = outputs.iter().map(|v| place[v.index()].expect("outputs are needed")).collect();
-        Kernel { name: name.to_owned(), n_inputs: self.n_inputs, n_uniforms: 0, insts, origins, outputs }
-    }
-
-    fn prologue(&self, slots: Vec<UniformSlot>, name: &str) -> Prologue {
-        let mut needed = vec![false; self.scalars.insts.len()];
-        for v in &self.order {
-            needed[v.index()] = true;
-        }
-        for k in (0..needed.len()).rev() {
-            if needed[k] {
-                self.scalars.insts[k].for_each_operand(|v| needed[v.index()] = true);
-            }
-        }
-        let mut place = vec![None; needed.len()];
-        let (mut insts, mut origins) = (Vec::new(), Vec::new());
-        for k in (0..needed.len()).filter(|k| needed[*k]) {
-            place[k] = Some(Val::new(insts.len()));
-            insts.push(renamed(&self.scalars.insts[k], &place));
-            origins.push(self.scalars.origins[k]);
-        }
-        let outputs = self.order.iter().map(|v| place[v.index()].expect("outputs are needed")).collect();
-        let kernel =
-            Kernel { name: format!("{name}.step"), n_inputs: 0, n_uniforms: slots.len(), insts, origins, outputs };
-        Prologue { slots, kernel: accepted(kernel) }
-    }
-
-    fn finish(
-        self,
-        mut residual: Kernel,
-        mut tangent: Kernel,
-        mut energy: Option<Kernel>,
-        slots: Vec<UniformSlot>,
-        name: &str,
-    ) -> (VerifiedKernel, VerifiedKernel, Option<VerifiedKernel>, Prologue) {
-        let n = self.order.len();
-        for kernel in [Some(&mut residual), Some(&mut tangent), energy.as_mut()].into_iter().flatten() {
-            kernel.n_uniforms = n;
-        }
-        let prologue = self.prologue(slots, name);
-        (accepted(residual), accepted(tangent), energy.map(accepted), prologue)
-    }
-}
-
-fn accepted(kernel: Kernel) -> VerifiedKernel {
-    verify(kernel).expect("lowering makes kernels that obey the rules of verify.rs")
-}
-
-fn renamed(inst: &Inst, place: &[Option<Val>]) -> Inst {
-    let p = |v: &Val| place[v.index()].expect("operands come first");
-    match inst {
-        Inst::Const(_) | Inst::Input(_) | Inst::Uniform(_) => inst.clone(),
-        Inst::Add(a, b) => Inst::Add(p(a), p(b)),
-        Inst::Sub(a, b) => Inst::Sub(p(a), p(b)),
-        Inst::Mul(a, b) => Inst::Mul(p(a), p(b)),
-        Inst::Div(a, b) => Inst::Div(p(a), p(b)),
-        Inst::Neg(a) => Inst::Neg(p(a)),
-        Inst::Abs(a) => Inst::Abs(p(a)),
-        Inst::Sqrt(a) => Inst::Sqrt(p(a)),
-        Inst::Compare(c, a, b) => Inst::Compare(*c, p(a), p(b)),
-        Inst::And(a, b) => Inst::And(p(a), p(b)),
-        Inst::Or(a, b) => Inst::Or(p(a), p(b)),
-        Inst::Not(a) => Inst::Not(p(a)),
-        Inst::Select(m, a, b) => Inst::Select(p(m), p(a), p(b)),
-        Inst::Call1(f, a) => Inst::Call1(*f, p(a)),
-        Inst::Call2(f, a, b) => Inst::Call2(*f, p(a), p(b)),
-        Inst::Matrix { function, n, entries } => {
-            Inst::Matrix { function: *function, n: *n, entries: entries.iter().map(p).collect() }
-        }
-        Inst::Part(a, k) => Inst::Part(p(a), *k),
-    }
-}
-
-/// Symmetric: equal scalars in mirrored entries, or equal values at sampled states (identity testing).
-fn is_symmetric(law: &TermLaw, pairs: &BTreeMap<(u16, u16), Val>) -> bool {
-    if law.entries.is_empty() {
-        return true;
-    }
-    let position = |slot: BasisSlot, list: &[BasisSlot]| list.iter().position(|s| *s == slot);
-    let mut mirror = BTreeMap::new();
-    for (k, (t, s)) in law.entries.iter().enumerate() {
-        let Some(row) = position(law.trials[usize::from(*s)], &law.tests) else { return false };
-        let Some(column) = position(law.tests[usize::from(*t)], &law.trials) else { return false };
-        let key = (u16::try_from(row).expect("few slots"), u16::try_from(column).expect("few slots"));
-        let Ok(other) = law.entries.binary_search(&key) else { return false };
-        mirror.insert(k, other);
-    }
-    let values: Vec<Val> = pairs.values().copied().collect();
-    if mirror.iter().all(|(k, other)| values[*k] == values[*other]) {
-        return true;
-    }
-    sampled_symmetric(law, &mirror)
-}
-
-/// Entries compared at sampled inputs: relative difference below rounding growth.
-const SYMMETRY_SAMPLES: usize = 24;
-const SYMMETRY_TOLERANCE: f64 = 1e-11;
-
-fn sampled_symmetric(law: &TermLaw, mirror: &BTreeMap<usize, usize>) -> bool {
-    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
-    let mut random = move || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        #[expect(clippy::cast_precision_loss, reason = "53 random bits")]
-        let unit = (state >> 11) as f64 / (1u64 << 53) as f64;
-        2.0 * unit - 1.0
-    };
-    let kernel = law.tangent.kernel();
-    let mut values = Vec::new();
-    let mut outputs = vec![0.0; kernel.outputs.len()];
-    for sample in 0..SYMMETRY_SAMPLES {
-        let scale = 10f64.powi(i32::try_from(sample % 6).expect("small") - 4);
-        let uniforms: Vec<f64> = (0..kernel.n_uniforms).map(|_| random()).collect();
-        let mut inputs: Vec<f64> =
-            law.inputs.iter().map(|s| random() * if matches!(s, InputSlot::Field(_)) { scale } else { 1.0 }).collect();
-        unit_normals(&law.inputs, &mut inputs);
-        interpret(&law.tangent, &uniforms, &inputs, &mut values, &mut outputs);
-        let entries = &outputs[law.tests.len()..law.tests.len() + law.entries.len()];
-        let size = entries.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        if mirror.iter().any(|(k, other)| (entries[*k] - entries[*other]).abs() > SYMMETRY_TOLERANCE * size) {
-            return false;
-        }
-    }
-    true
-}
-
-/// Makes sampled normals unit vectors (opposite on the two sides) and sizes positive.
-pub fn unit_normals(slots: &[InputSlot], inputs: &mut [f64]) {
-    let mut length = 0.0f64;
-    let mut here = [0.0; 3];
-    for (slot, x) in slots.iter().zip(inputs.iter()) {
-        if let InputSlot::Normal(crate::types::Side::Here, k) = slot {
-            here[usize::from(*k)] = *x;
-            length = length.hypot(*x);
-        }
-    }
-    for (slot, x) in slots.iter().zip(inputs.iter_mut()) {
-        match slot {
-            InputSlot::Normal(side, k) => {
-                let sign = if *side == crate::types::Side::Here { 1.0 } else { -1.0 };
-                if length > 0.0 {
-                    *x = sign * here[usize::from(*k)] / length;
-                }
-            }
-            InputSlot::ElementSize(_) => *x = 0.5 + x.abs(),
-            _ => {}
-        }
-    }
-}
-
 /// Compiles an expression without test functions.
 #[must_use]
 pub fn compile_value(env: &Env<'_>, place: &PlaceSig, name: &str, expr: &Expr) -> Checked<ValueLaw> {
@@ -751,52 +548,6 @@ pub(crate) fn value_of(env: &Env<'_>, place: &PlaceSig, name: &str, g: Graph, ro
     let prologue = emitter.prologue(slots, name);
     let degree = degree(&g, root, env.fields, place.tensor_cells);
     ValueLaw { shape: g.shape(root), inputs, prologue, kernel: accepted(kernel), degree, changes_with_step }
-}
-
-/// The value of an expression that must not change with anything.
-#[must_use]
-pub fn constant(env: &Env<'_>, what: &str, expr: &Expr) -> Checked<Constant> {
-    let nowhere = PlaceSig {
-        name: "global".to_owned(),
-        kind: crate::types::PlaceKind::Global,
-        here: vec![false; env.fields.len()],
-        there: vec![false; env.fields.len()],
-        tensor_cells: false,
-        description: "no place".to_owned(),
-        here_name: None,
-    };
-    let law = compile_value(env, &nowhere, what, expr);
-    let known = format!("{what} must be a number known before the run");
-    let mut diagnostics: Vec<Diagnostic> =
-        law.diagnostics.into_iter().map(|d| without_fields(d, "E112", &known)).collect();
-    let value = law.value.and_then(|law| {
-        if law.inputs.is_empty() && law.prologue.slots.is_empty() {
-            let kernel = law.kernel.kernel();
-            let uniforms = run_prologue(&law.prologue, &[]);
-            let mut out = vec![0.0; kernel.outputs.len()];
-            interpret(&law.kernel, &uniforms, &[], &mut Vec::new(), &mut out);
-            return Some(Constant { shape: law.shape, values: out, declared: Some(expr.span) });
-        }
-        let d = Diagnostic::new("E112", known);
-        let origin = Origin { span: expr.span, expansion: expr.expansion };
-        diagnostics.push(locate(d, origin, env.expansions, "changes with position or time"));
-        None
-    });
-    Checked { value, diagnostics }
-}
-
-/// A message about a field where no field can be (E202) in the words of the statement.
-#[must_use]
-pub fn without_fields(d: Diagnostic, code: &'static str, message: &str) -> Diagnostic {
-    if d.code != "E202" {
-        return d;
-    }
-    let field = d.about.clone().unwrap_or_default();
-    let told = d.labels.into_iter().enumerate().fold(Diagnostic::new(code, message), |told, (k, label)| {
-        let text = if k == 0 { format!("`{field}` is a field: it has values only during the run") } else { label.text };
-        told.at(label.span, text)
-    });
-    told.about(field)
 }
 
 /// The uniforms of a law for these values of its prologue's slots.
