@@ -39,7 +39,7 @@ pub struct Constant {
 pub struct Env<'a> {
     /// Space dimension.
     pub dim: usize,
-    /// Fields, by [`FieldId`].
+    /// Fields, by [`crate::types::FieldId`].
     pub fields: &'a [FieldSig],
     /// Parameters by name.
     pub params: &'a BTreeMap<String, Constant>,

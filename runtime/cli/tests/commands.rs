@@ -100,7 +100,7 @@ fn exit_codes_tell_what_happened() {
     assert_eq!(missed.code, 3, "{}", missed.err);
     assert!(missed.err.contains("E604"));
     let cubic = ROD.lines().filter(|l| !l.starts_with("expect")).collect::<Vec<_>>().join("\n");
-    folder.file("cubic.wfl", &format!("{cubic}\nterm cubic on all : 1e9*u*u*u*Test_u\n"));
+    folder.file("cubic.wfl", format!("{cubic}\nterm cubic on all : 1e9*u*u*u*Test_u\n"));
     let short = wfl(&folder.0, &["run", "cubic.wfl", "--max-iter", "1"]);
     assert_eq!(short.code, 2, "{}{}", short.out, short.err);
     assert!(short.err.contains("E603"), "{}", short.err);

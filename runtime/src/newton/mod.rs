@@ -104,7 +104,7 @@ struct Measured {
 
 /// Solves one step from `u`, which holds the prescribed values already; leaves the best state in `u`.
 ///
-/// Scenes with contact first run with held pieces ([`pieces`]); if that does not settle, plain Newton steps with a
+/// Scenes with contact first run with held pieces (module `pieces`); if that does not settle, plain Newton steps with a
 /// line search on the residual follow.
 ///
 /// # Errors

@@ -117,7 +117,7 @@ mod tests {
         w.flag(true);
         for cut in 0..w.bytes.len() {
             let mut r = Reader::new(&w.bytes[..cut]);
-            assert!((|| r.numbers().and(r.text()).and(r.flag()))().is_err(), "{cut} bytes");
+            assert!(r.numbers().and(r.text()).and(r.flag()).is_err(), "{cut} bytes");
         }
         let mut r = Reader::new(&w.bytes);
         let bits: Vec<u64> = r.numbers().unwrap().iter().map(|x| x.to_bits()).collect();
