@@ -1,0 +1,239 @@
+//! Drawing: ground, axes, legend, data, what could not be shown.
+
+use super::{
+    Chart,
+    frame::{BAR_NAME, EM, Frame},
+};
+use crate::{
+    colour::{style, viridis},
+    map::{Map, MapCell, Meaning},
+    scale::{Axis, Scale},
+    series::{Drawn, Series},
+    text::{Svg, clipped, escape, short},
+};
+
+/// Points of a series that can be pointed at; of longer ones every so many.
+const TARGETS: usize = 80;
+/// Points of a series that get a marker.
+const MARKERS: usize = 60;
+/// Steps of the ramp beside a chart.
+const RAMP: usize = 32;
+
+impl Chart {
+    pub(super) fn draw(&self, whole_file: bool) -> String {
+        let (entries, rows) = self.legend();
+        let frame = self.frame(rows);
+        let mut svg = Svg::default();
+        let [w, _] = self.size;
+        // a chart with equal units is as high as it needs
+        let lost = self.lost();
+        let h = frame.bottom + 44.0 + if lost > 0 { 16.0 } else { 0.0 };
+        let name = escape(&self.title);
+        svg.raw(&format!(
+            r#"<svg class="wfl" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {w:.0} {h:.0}" role="img" aria-label="{name}">"#
+        ));
+        if whole_file {
+            svg.raw(&format!("<style>{}</style>", style()));
+            svg.raw(&format!(r#"<rect class="b" width="{w:.0}" height="{h:.0}"/>"#));
+        }
+        svg.label("t", [8.0, 18.0], &clipped(&self.title, 60));
+        for e in &entries {
+            self.legend_entry(&mut svg, e);
+        }
+        self.axes(&mut svg, &frame);
+        if let Some(map) = &self.map {
+            draw_map(&mut svg, &frame, map);
+        }
+        self.draw_bars(&mut svg, &frame);
+        self.draw_series(&mut svg, &frame);
+        self.draw_ramp(&mut svg, &frame);
+        self.remarks(&mut svg, &frame, lost, h);
+        svg.raw("</svg>");
+        svg.text
+    }
+
+    fn legend_entry(&self, svg: &mut Svg, e: &super::frame::Entry) {
+        let (x, y) = (10.0 + e.at[0], 35.0 + e.at[1]);
+        match e.drawn {
+            None => svg.rect(&format!(r#"class="{}""#, e.class), [x, y - 6.0], [14.0, 12.0], ""),
+            Some(drawn) => {
+                if drawn != Drawn::Points {
+                    let dash = if e.dashed { " d" } else { "" };
+                    svg.line(&format!("l {}{dash}", e.class), [x, y], [x + 22.0, y]);
+                }
+                if drawn != Drawn::Line {
+                    marker(svg, &e.class, e.marker, [x + 11.0, y], "");
+                }
+            }
+        }
+        let text = if e.drawn.is_some() { x + 28.0 } else { x + 20.0 };
+        svg.label("", [text, y + 4.0], &e.name);
+    }
+
+    fn draw_series(&self, svg: &mut Svg, f: &Frame) {
+        if !self.bars.is_empty() {
+            return;
+        }
+        for (k, (series, drawn)) in self.series.iter().enumerate() {
+            let class = self.class_of(k);
+            if *drawn != Drawn::Points {
+                let dash = if series.dashed { " d" } else { "" };
+                for part in parts(series, f) {
+                    svg.polyline(&format!(r#"class="l {class}{dash}""#), &part);
+                }
+            }
+            let n = series.points.len();
+            let every = n.div_ceil(TARGETS).max(1);
+            let marked = *drawn == Drawn::Points || (*drawn == Drawn::Both && n <= MARKERS);
+            for (i, point) in series.points.iter().enumerate() {
+                let Some(at) = f.at(*point) else { continue };
+                let note = self.note(series, i);
+                if marked {
+                    // markers of a family are alike, its tones tell it apart
+                    let shape = if self.tones.is_some() { 0 } else { k };
+                    marker(svg, &class, shape, at, &note);
+                } else if i % every == 0 || i + 1 == n || !series.notes.is_empty() {
+                    svg.target(at, &note);
+                }
+            }
+        }
+    }
+
+    fn note(&self, series: &Series, i: usize) -> String {
+        if let Some(note) = series.notes.get(i) {
+            return note.clone();
+        }
+        let [x, y] = series.points[i];
+        let name = if series.name.is_empty() { String::new() } else { format!("{}\n", series.name) };
+        format!("{name}{} = {}\n{} = {}", self.x.0, short(x), self.y.0, short(y))
+    }
+
+    fn draw_bars(&self, svg: &mut Svg, f: &Frame) {
+        #[expect(clippy::cast_precision_loss, reason = "few bars")]
+        let height = (f.bottom - f.top) / self.bars.len().max(1) as f64;
+        let thick = (0.68 * height).min(26.0);
+        for (k, bar) in self.bars.iter().enumerate() {
+            #[expect(clippy::cast_precision_loss, reason = "few bars")]
+            let middle = f.top + (k as f64 + 0.5) * height;
+            svg.label("e", [f.left - 6.0, middle + 4.0], &clipped(&bar.label, BAR_NAME));
+            let place = if bar.value >= 0.0 { f.x.at(bar.value) } else { None };
+            let length = place.map_or(0.0, |at| at.clamp(0.0, 1.0) * (f.right - f.left));
+            let value = short(bar.value);
+            let note = if bar.note.is_empty() { format!("{}\n{value}", bar.label) } else { bar.note.clone() };
+            svg.rect(r#"class="c0 z""#, [f.left, middle - 0.5 * thick], [length.max(0.5), thick], &note);
+            svg.label("s", [f.left + length + 5.0, middle + 4.0], &value);
+        }
+    }
+
+    /// The ramp at the right: what its colours stand for.
+    fn draw_ramp(&self, svg: &mut Svg, f: &Frame) {
+        let (label, range) = match (&self.tones, &self.map) {
+            (Some((label, range)), _) => (label, *range),
+            (None, Some(map)) => match &map.meaning {
+                Meaning::Quantity(label) => (label, map.shown()),
+                Meaning::States(_) => return,
+            },
+            (None, None) => return,
+        };
+        let (x, low, high) = (f.right + 14.0, f.bottom, f.top);
+        #[expect(clippy::cast_precision_loss, reason = "few steps")]
+        let at = |k: usize| low + (high - low) * k as f64 / RAMP as f64;
+        for k in 0..RAMP {
+            #[expect(clippy::cast_precision_loss, reason = "few steps")]
+            let tone = (k as f64 + 0.5) / RAMP as f64;
+            let paint = match self.tones {
+                Some(_) => format!(r#"class="{}""#, crate::Colour::Tone(tone).class()),
+                None => format!(r#"fill="{}""#, viridis(tone)),
+            };
+            svg.rect(&paint, [x, at(k + 1)], [12.0, at(k) - at(k + 1) + 0.4], "");
+        }
+        let axis = Axis::fit(Scale::Linear, range.into_iter(), false, 5);
+        for tick in axis.ticks.iter().filter(|t| (-1e-6..=1.000_001).contains(&t.at)) {
+            svg.label("s", [x + 16.0, low + (high - low) * tick.at + 4.0], &tick.label);
+        }
+        let name = format!("{label}{}", axis.factor());
+        svg.upright("m", [x + 62.0, 0.5 * (low + high)], &name);
+    }
+
+    fn remarks(&self, svg: &mut Svg, f: &Frame, lost: usize, height: f64) {
+        if self.series.iter().all(|(s, _)| s.points.is_empty()) && self.bars.is_empty() && self.map.is_none() {
+            svg.label("s m", [0.5 * (f.left + f.right), 0.5 * (f.top + f.bottom)], "no data");
+        }
+        if lost > 0 {
+            let log = self.x.1 == Scale::Log || self.y.1 == Scale::Log;
+            let why = if log { "not finite, or not positive" } else { "not finite" };
+            let number = if lost == 1 { "1 value is".to_owned() } else { format!("{lost} values are") };
+            svg.label("s", [8.0, height - 6.0], &format!("{number} not shown: {why}"));
+        }
+    }
+}
+
+impl Map {
+    /// The range of its ramp: the given one, or that of its numbers.
+    fn shown(&self) -> [f64; 2] {
+        if let Some(range) = self.range {
+            return range;
+        }
+        let finite = self.cells.iter().map(|c| c.value).filter(|v| v.is_finite());
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        if low <= high { [low, high] } else { [0.0, 1.0] }
+    }
+}
+
+fn draw_map(svg: &mut Svg, f: &Frame, map: &Map) {
+    let range = map.shown();
+    let ramp = Axis::fit(Scale::Linear, range.into_iter(), false, 5);
+    for cell in &map.cells {
+        let Some(corners) = cell.outline.iter().map(|p| f.at(*p)).collect::<Option<Vec<_>>>() else { continue };
+        let (paint, value) = match &map.meaning {
+            Meaning::Quantity(label) => {
+                let at = ramp.at(cell.value).unwrap_or(f64::NAN);
+                let colour = viridis(at);
+                // a rim of the same colour closes the hairlines between neighbours
+                let paint = format!(r#"class="z" fill="{colour}" stroke="{colour}" stroke-width=".6""#);
+                (paint, format!("{label} = {}", short(cell.value)))
+            }
+            Meaning::States(states) => state(states, cell),
+        };
+        svg.polygon(&paint, &corners, if cell.note.is_empty() { &value } else { &cell.note });
+    }
+}
+
+fn state(states: &[(String, String)], cell: &MapCell) -> (String, String) {
+    let unknown = (String::from("unknown"), String::from("ci"));
+    #[expect(clippy::cast_precision_loss, reason = "few states")]
+    let (name, class) = (0..states.len()).find(|k| *k as f64 == cell.value).map_or(&unknown, |k| &states[k]);
+    (format!(r#"class="{class} z""#), name.clone())
+}
+
+/// The parts of a line between points that have no place.
+fn parts(series: &Series, f: &Frame) -> Vec<Vec<[f64; 2]>> {
+    let mut parts: Vec<Vec<[f64; 2]>> = vec![Vec::new()];
+    for point in &series.points {
+        match f.at(*point) {
+            Some(at) => {
+                if let Some(part) = parts.last_mut() {
+                    part.push(at);
+                }
+            }
+            None => parts.push(Vec::new()),
+        }
+    }
+    parts.retain(|p| p.len() > 1);
+    parts
+}
+
+/// Disc, square, triangle, diamond: by the number of the series.
+fn marker(svg: &mut Svg, class: &str, k: usize, [x, y]: [f64; 2], note: &str) {
+    let r = 0.3 * EM;
+    let paint = format!(r#"class="{class} z""#);
+    match k % 4 {
+        0 => {
+            let title = if note.is_empty() { String::new() } else { format!("<title>{}</title>", escape(note)) };
+            svg.raw(&format!(r#"<circle {paint} cx="{x:.1}" cy="{y:.1}" r="{r:.1}">{title}</circle>"#));
+        }
+        1 => svg.rect(&paint, [x - 0.88 * r, y - 0.88 * r], [1.76 * r, 1.76 * r], note),
+        2 => svg.polygon(&paint, &[[x - 1.1 * r, y + 0.9 * r], [x + 1.1 * r, y + 0.9 * r], [x, y - 1.2 * r]], note),
+        _ => svg.polygon(&paint, &[[x - 1.3 * r, y], [x, y + 1.3 * r], [x + 1.3 * r, y], [x, y - 1.3 * r]], note),
+    }
+}
