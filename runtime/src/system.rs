@@ -299,9 +299,12 @@ impl System {
         if stale {
             let n = self.numbering.n_dofs;
             let mut linear = pattern(self.terms.iter().filter(|t| t.law.class == Class::Linear), n, |d| d)?;
+            let every_dof: Vec<u32> = (0..u32::try_from(n).expect("fewer than 2^32 dofs")).collect();
             self.with_values(&zero, |Parts { mesh, terms, .. }, values| {
-                for term in terms.iter().filter(|t| t.law.class == Class::Linear) {
-                    term.add_full_tangent(mesh, values, &mut linear)?;
+                for term in terms.iter_mut().filter(|t| t.law.class == Class::Linear) {
+                    term.locate(linear.pattern(), &every_dof);
+                    term.add_tangent(mesh, values, linear.values_mut())?;
+                    term.forget();
                 }
                 Ok(())
             })?;

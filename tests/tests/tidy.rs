@@ -24,7 +24,7 @@ const ARROWS: &[(&str, &str, &[&str])] = &[
     (
         "wfl-runtime",
         "runtime",
-        &["wfl", "wfl-compiler", "faer", "nalgebra", "rayon", "serde", "serde_json", "thiserror"],
+        &["wfl", "wfl-compiler", "faer", "nalgebra", "pulp", "rayon", "serde", "serde_json", "thiserror", "zerocopy"],
     ),
     (
         "wfl-cli",
@@ -46,6 +46,9 @@ const OWNERS: &[(&str, &[&str])] = &[
     ("cranelift_native", &["compiler/jit/"]),
     ("libm", &["compiler/src/"]),
     ("faer", &["runtime/src/solve/"]),
+    ("pulp", &["runtime/src/assemble/"]),
+    ("zerocopy", &["runtime/src/assemble/"]),
+    ("criterion", &["runtime/benches/"]),
     ("clap", &["runtime/cli/"]),
     ("indicatif", &["runtime/cli/"]),
 ];
@@ -95,14 +98,14 @@ fn sources() -> Vec<(String, String)> {
     found
 }
 
-/// The names under the dependency tables of a manifest.
+/// The names under the dependency tables of a manifest, development aside.
 fn dependencies(manifest: &str) -> Vec<String> {
     let mut inside = false;
     let mut names = Vec::new();
     for line in manifest.lines().map(str::trim) {
         if let Some(table) = line.strip_prefix('[') {
             let table = table.trim_end_matches(']');
-            inside = table.ends_with("dependencies");
+            inside = table.ends_with("dependencies") && table != "dev-dependencies";
             assert!(!table.contains("dependencies."), "one line a dependency: [{table}]");
         } else if inside && !line.is_empty() && !line.starts_with('#') {
             let end = line.find(|c: char| !c.is_ascii_alphanumeric() && c != '-' && c != '_').unwrap_or(line.len());
@@ -301,7 +304,7 @@ fn the_top_level_is_as_drawn() {
     for file in files {
         assert!(root().join(file).is_file(), "{file} is missing");
     }
-    let rooms = ["wfl", "compiler", "runtime", "charts", "examples", "tests", "docs", "fuzz"];
+    let rooms = ["wfl", "compiler", "runtime", "charts", "examples", "tests", "docs", "fuzz", "benches"];
     // what a build or a run leaves behind is not ours
     let left = ["target", "out"];
     for entry in std::fs::read_dir(root()).expect("the repository can be read") {

@@ -4,10 +4,16 @@
 
 use std::collections::BTreeMap;
 
-use wfl_compiler::types::{BasisSlot, FieldId, FieldOp, InputSlot, Side};
+use wfl_compiler::{
+    ir::LANES,
+    types::{BasisSlot, FieldId, FieldOp, InputSlot, Side},
+};
 
 use crate::{
-    assemble::domain::{Domain, Group},
+    assemble::{
+        domain::{Domain, Group},
+        geometry::Lanes,
+    },
     element::Table,
     field::{Field, FieldError},
     mesh::Mesh,
@@ -32,9 +38,85 @@ pub struct Basis {
     pub nodes: Vec<u32>,
     /// Where its dofs start among the local dofs of the law.
     pub offset: usize,
+    /// Functions whose value is not zero (to rounding) at all points: those of the nodes on the facet, as a rule.
+    pub support: Vec<u16>,
+    starts: Starts,
+}
+
+/// Where the numbers of a basis start: values among those that every batch shares, derivatives in the workspace.
+#[derive(Clone, Copy, Debug, Default)]
+struct Starts {
+    /// `[point][function]`
+    values: usize,
+    /// `[point][function of the support]`
+    support: usize,
+    /// `[direction][point][function]`, or `[direction][function]` where gradients are the same at all points.
+    gradients: usize,
+    /// `[pair of directions][point][function]`
+    hessians: usize,
+    /// Gradients are the same at all points: linear functions on cells with an affine map.
+    constant_gradients: bool,
+}
+
+/// Basis functions under one operation: those of point `q` start at `start + q * step`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Operand {
+    /// In [`GroupBinding::values`], else among the derivatives of the workspace.
+    pub(super) is_value: bool,
+    /// Of point 0.
+    pub(super) start: usize,
+    /// From point to point.
+    pub(super) step: usize,
+    /// How many functions.
+    pub(super) n: usize,
+}
+
+impl Operand {
+    /// The functions at a point.
+    #[inline(always)]
+    pub(super) fn at<'a>(&self, values: &'a [Lanes], derivatives: &'a [Lanes], q: usize) -> &'a [Lanes] {
+        let from = if self.is_value { values } else { derivatives };
+        &from[self.start + q * self.step..][..self.n]
+    }
 }
 
 impl Basis {
+    /// The functions under an operation; `on_support` leaves out those whose value is zero at all points.
+    pub(super) fn operand(&self, op: FieldOp, direction: usize, on_support: bool) -> Operand {
+        let n = self.n_nodes;
+        let derivatives = |start: usize| {
+            let start = start + direction * self.table.n_points * n;
+            Operand { is_value: false, start, step: n, n }
+        };
+        match op {
+            FieldOp::Value if on_support => {
+                let n = self.support.len();
+                Operand { is_value: true, start: self.starts.support, step: n, n }
+            }
+            FieldOp::Value => Operand { is_value: true, start: self.starts.values, step: n, n },
+            FieldOp::Grad if self.starts.constant_gradients => {
+                Operand { is_value: false, start: self.starts.gradients + direction * n, step: 0, n }
+            }
+            FieldOp::Grad => derivatives(self.starts.gradients),
+            FieldOp::Hess => derivatives(self.starts.hessians),
+        }
+    }
+
+    /// All functions, or those of the support.
+    pub(super) fn functions(&self, on_support: bool) -> Vec<usize> {
+        if on_support { self.support.iter().map(|i| usize::from(*i)).collect() } else { (0..self.n_nodes).collect() }
+    }
+
+    /// Local dof of a component at a node.
+    pub(super) fn dof(&self, node: usize, component: usize) -> usize {
+        self.offset + node * self.n_components + component
+    }
+
+    /// True if gradients are the same at all points.
+    pub(super) fn has_constant_gradients(&self) -> bool {
+        self.starts.constant_gradients
+    }
+
     /// Local dofs.
     #[must_use]
     pub fn n_dofs(&self) -> usize {
@@ -71,6 +153,23 @@ pub enum Input {
 pub struct GroupBinding {
     /// One entry per field and side.
     pub bases: Vec<Basis>,
+    /// Values of the basis functions, the same in all lanes.
+    pub(super) values: Vec<Lanes>,
+    /// How many numbers a batch has for the derivatives of the basis functions.
+    pub(super) n_derivatives: usize,
+}
+
+/// What evaluation has to make for a kernel and the contraction behind it.
+#[derive(Clone, Debug, Default)]
+pub struct Needs {
+    /// By input slot of the law.
+    pub(super) inputs: Vec<bool>,
+    /// By basis: nodal values are read.
+    pub(super) gather: Vec<bool>,
+    /// By basis: the highest derivative.
+    pub(super) orders: Vec<usize>,
+    /// The position of points is read.
+    pub(super) position: bool,
 }
 
 /// A law's slots on a domain.
@@ -84,6 +183,8 @@ pub struct Binding {
     pub trials: Vec<SlotPlace>,
     /// For each group of the domain.
     pub groups: Vec<GroupBinding>,
+    /// What all inputs and slots together need.
+    pub needs: Needs,
 }
 
 /// What a law reads and multiplies.
@@ -143,18 +244,66 @@ impl Binding {
                 offset += basis.n_dofs();
                 bases.push(basis);
             }
-            groups.push(GroupBinding { bases });
+            groups.push(GroupBinding::new(mesh.dim(), group, bases));
         }
-        Ok(Self {
-            inputs,
-            tests: law.tests.iter().map(place).collect(),
-            trials: law.trials.iter().map(place).collect(),
-            groups,
-        })
+        let tests = law.tests.iter().map(place).collect();
+        let trials = law.trials.iter().map(place).collect();
+        let mut binding = Self { inputs, tests, trials, groups, needs: Needs::default() };
+        binding.needs = binding.needs_of(pairs.len(), |_| true, true, true);
+        Ok(binding)
+    }
+
+    /// What evaluation has to make for a kernel that reads some of the inputs, and for the test and trial slots.
+    pub(super) fn needs_of(&self, n_bases: usize, reads: impl Fn(usize) -> bool, tests: bool, trials: bool) -> Needs {
+        let mut needs = Needs {
+            inputs: (0..self.inputs.len()).map(reads).collect(),
+            gather: vec![false; n_bases],
+            orders: vec![0; n_bases],
+            position: false,
+        };
+        for (input, is_read) in self.inputs.iter().zip(&needs.inputs) {
+            match input {
+                Input::Current(place) | Input::Previous(place) if *is_read => {
+                    needs.gather[place.basis] = true;
+                    needs.orders[place.basis] = needs.orders[place.basis].max(place.op.order());
+                }
+                Input::Geometry(InputSlot::X(_)) if *is_read => needs.position = true,
+                _ => {}
+            }
+        }
+        let contracted = [(tests, &self.tests), (trials, &self.trials)];
+        for place in contracted.iter().filter(|(wanted, _)| *wanted).flat_map(|(_, places)| places.iter()) {
+            needs.orders[place.basis] = needs.orders[place.basis].max(place.op.order());
+        }
+        needs
     }
 }
 
 impl GroupBinding {
+    fn new(dim: usize, group: &Group, mut bases: Vec<Basis>) -> Self {
+        let (mut values, mut n_derivatives) = (Vec::new(), 0);
+        for basis in &mut bases {
+            let table = &basis.table;
+            basis.starts.values = values.len();
+            values.extend(table.values.iter().map(|v| [*v; LANES]));
+            basis.starts.support = values.len();
+            let at_points = table.values.chunks_exact(table.n_dofs.max(1));
+            values.extend(at_points.flat_map(|row| basis.support.iter().map(|i| [row[usize::from(*i)]; LANES])));
+            let side = group.there.as_ref().filter(|_| basis.side == Side::There).unwrap_or(&group.here);
+            basis.starts.constant_gradients = side.is_affine() && basis.order == 1 && {
+                let mut rows = table.gradients.chunks_exact(table.n_dofs * table.dim);
+                let first = rows.next();
+                rows.all(|row| Some(row) == first)
+            };
+            let n = table.n_points * table.n_dofs;
+            basis.starts.gradients = n_derivatives;
+            n_derivatives += if basis.order > 0 { dim * n } else { 0 };
+            basis.starts.hessians = n_derivatives;
+            n_derivatives += if basis.order > 1 { dim * dim * n } else { 0 };
+        }
+        Self { bases, values, n_derivatives }
+    }
+
     /// Local dofs of an entity, all bases.
     #[must_use]
     pub fn n_dofs(&self) -> usize {
@@ -171,11 +320,10 @@ impl GroupBinding {
     #[must_use]
     pub fn acting_nodes<'s>(&self, b: usize, mut slots: impl Iterator<Item = &'s SlotPlace>) -> Vec<bool> {
         let basis = &self.bases[b];
-        if slots.any(|s| s.basis == b && s.op != FieldOp::Value) {
-            return vec![true; basis.n_nodes];
-        }
-        let value = |point: usize, node: usize| basis.table.values[point * basis.n_nodes + node].abs();
-        (0..basis.n_nodes).map(|i| (0..basis.table.n_points).any(|q| value(q, i) > NO_VALUE)).collect()
+        let mut acts = vec![false; basis.n_nodes];
+        let on_support = !slots.any(|s| s.basis == b && s.op != FieldOp::Value);
+        basis.functions(on_support).into_iter().for_each(|i| acts[i] = true);
+        acts
     }
 }
 
@@ -190,6 +338,8 @@ fn basis(
 ) -> Result<Basis, FieldError> {
     let tabulated = field.tabulate(mesh, group, side, order)?;
     let n_nodes = tabulated.table.n_dofs;
+    let is_zero = |i: usize| tabulated.table.values.iter().skip(i).step_by(n_nodes).all(|v| v.abs() <= NO_VALUE);
+    let support = (0..n_nodes).filter(|i| !is_zero(*i)).map(|i| u16::try_from(i).expect("few functions")).collect();
     Ok(Basis {
         field: id,
         side,
@@ -199,5 +349,7 @@ fn basis(
         order,
         nodes: tabulated.nodes,
         offset,
+        support,
+        starts: Starts::default(),
     })
 }

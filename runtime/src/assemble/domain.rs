@@ -141,6 +141,12 @@ impl GroupSide {
         let corners = element.tabulate(element.points(), 1);
         Self { kind, cells: Vec::new(), facets: Vec::new(), points, geometry, corners }
     }
+
+    /// True if the derivatives of the map are the same everywhere in a cell: simplices with straight edges.
+    #[must_use]
+    pub fn is_affine(&self) -> bool {
+        self.kind.is_simplex() && self.geometry.n_dofs == self.kind.dim() + 1
+    }
 }
 
 fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -> Vec<Group> {

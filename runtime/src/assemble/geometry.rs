@@ -2,10 +2,14 @@
 //!
 //! Every array holds one number a lane; loops over lanes are the innermost, so they become vector instructions.
 
+use pulp::Simd;
 use wfl_compiler::ir::LANES;
 
 use crate::{
-    assemble::domain::{Group, GroupSide},
+    assemble::{
+        domain::{Group, GroupSide},
+        simd::{load, parts, plus_product, store},
+    },
     element::Table,
     mesh::Mesh,
 };
@@ -16,17 +20,9 @@ pub type Lanes = [f64; LANES];
 /// Zero in every lane.
 pub(super) const ZERO: Lanes = [0.0; LANES];
 
-/// `out += a * b`, lane by lane.
-#[inline(always)]
-pub(super) fn add_product(out: &mut Lanes, a: &Lanes, b: &Lanes) {
-    for l in 0..LANES {
-        out[l] += a[l] * b[l];
-    }
-}
-
 /// `out += s * a`, lane by lane.
 #[inline(always)]
-pub(super) fn add_scaled(out: &mut Lanes, s: f64, a: &Lanes) {
+fn add_scaled(out: &mut Lanes, s: f64, a: &Lanes) {
     for l in 0..LANES {
         out[l] += s * a[l];
     }
@@ -70,61 +66,84 @@ impl Default for PointGeometry {
 }
 
 impl PointGeometry {
-    /// Evaluates the map at point `q` of the geometry table.
-    pub(super) fn evaluate(&mut self, dim: usize, table: &Table, q: usize, nodes: &[[Lanes; 3]]) {
-        self.x = [ZERO; 3];
-        self.jacobian = [[ZERO; 3]; 3];
+    /// Evaluates the derivatives of the map at point `q` of the geometry table.
+    #[inline(always)]
+    pub(super) fn evaluate<S: Simd, const D: usize>(&mut self, simd: S, table: &Table, q: usize, nodes: &[[Lanes; 3]]) {
         let n = table.n_dofs;
-        for (k, node) in nodes.iter().enumerate() {
-            let value = table.values[q * n + k];
-            let gradient = &table.gradients[(q * n + k) * dim..][..dim];
-            for i in 0..dim {
-                add_scaled(&mut self.x[i], value, &node[i]);
-                for (j, g) in gradient.iter().enumerate() {
-                    add_scaled(&mut self.jacobian[i][j], *g, &node[i]);
+        let gradients = &table.gradients[q * n * D..][..n * D];
+        for p in 0..parts::<S>() {
+            let mut jacobian = [[simd.splat_f64s(0.0); D]; D];
+            for (node, gradient) in nodes.iter().zip(gradients.chunks_exact(D)) {
+                for i in 0..D {
+                    let x = load::<S>(&node[i], p);
+                    for j in 0..D {
+                        jacobian[i][j] = plus_product(simd, jacobian[i][j], simd.splat_f64s(gradient[j]), x);
+                    }
                 }
             }
+            for i in 0..D {
+                for j in 0..D {
+                    store::<S>(&mut self.jacobian[i][j], p, jacobian[i][j]);
+                }
+            }
+            self.invert::<S, D>(simd, &jacobian, p);
         }
-        self.invert(dim);
     }
 
-    fn invert(&mut self, dim: usize) {
-        let j = &self.jacobian;
-        for l in 0..LANES {
-            let a = |r: usize, c: usize| j[r][c][l];
-            match dim {
-                1 => {
-                    self.determinant[l] = a(0, 0);
-                    self.inverse[0][0][l] = 1.0 / a(0, 0);
+    /// Position of point `q` of the geometry table.
+    #[inline(always)]
+    pub(super) fn locate<S: Simd, const D: usize>(&mut self, simd: S, table: &Table, q: usize, nodes: &[[Lanes; 3]]) {
+        let values = &table.values[q * table.n_dofs..][..table.n_dofs];
+        for p in 0..parts::<S>() {
+            for i in 0..D {
+                let mut sum = simd.splat_f64s(0.0);
+                for (node, value) in nodes.iter().zip(values) {
+                    sum = plus_product(simd, sum, simd.splat_f64s(*value), load::<S>(&node[i], p));
                 }
-                2 => {
-                    let det = a(0, 0) * a(1, 1) - a(0, 1) * a(1, 0);
-                    let over = 1.0 / det;
-                    self.determinant[l] = det;
-                    self.inverse[0][0][l] = a(1, 1) * over;
-                    self.inverse[0][1][l] = -a(0, 1) * over;
-                    self.inverse[1][0][l] = -a(1, 0) * over;
-                    self.inverse[1][1][l] = a(0, 0) * over;
-                }
-                _ => {
-                    let c00 = a(1, 1) * a(2, 2) - a(1, 2) * a(2, 1);
-                    let c01 = a(1, 2) * a(2, 0) - a(1, 0) * a(2, 2);
-                    let c02 = a(1, 0) * a(2, 1) - a(1, 1) * a(2, 0);
-                    let det = a(0, 0) * c00 + a(0, 1) * c01 + a(0, 2) * c02;
-                    let over = 1.0 / det;
-                    self.determinant[l] = det;
-                    self.inverse[0][0][l] = c00 * over;
-                    self.inverse[1][0][l] = c01 * over;
-                    self.inverse[2][0][l] = c02 * over;
-                    self.inverse[0][1][l] = (a(0, 2) * a(2, 1) - a(0, 1) * a(2, 2)) * over;
-                    self.inverse[1][1][l] = (a(0, 0) * a(2, 2) - a(0, 2) * a(2, 0)) * over;
-                    self.inverse[2][1][l] = (a(0, 1) * a(2, 0) - a(0, 0) * a(2, 1)) * over;
-                    self.inverse[0][2][l] = (a(0, 1) * a(1, 2) - a(0, 2) * a(1, 1)) * over;
-                    self.inverse[1][2][l] = (a(0, 2) * a(1, 0) - a(0, 0) * a(1, 2)) * over;
-                    self.inverse[2][2][l] = (a(0, 0) * a(1, 1) - a(0, 1) * a(1, 0)) * over;
-                }
+                store::<S>(&mut self.x[i], p, sum);
             }
         }
+    }
+
+    #[inline(always)]
+    fn invert<S: Simd, const D: usize>(&mut self, simd: S, jacobian: &[[S::f64s; D]; D], p: usize) {
+        let a = |r: usize, c: usize| jacobian[r][c];
+        let minor = |a, b, c, d| simd.sub_f64s(simd.mul_f64s(a, b), simd.mul_f64s(c, d));
+        let one = simd.splat_f64s(1.0);
+        let inverse = &mut self.inverse;
+        let mut set = |i: usize, j: usize, value: S::f64s| store::<S>(&mut inverse[i][j], p, value);
+        let determinant = if D == 1 {
+            set(0, 0, simd.div_f64s(one, a(0, 0)));
+            a(0, 0)
+        } else if D == 2 {
+            let det = minor(a(0, 0), a(1, 1), a(0, 1), a(1, 0));
+            let over = simd.div_f64s(one, det);
+            set(0, 0, simd.mul_f64s(a(1, 1), over));
+            set(0, 1, simd.mul_f64s(simd.neg_f64s(a(0, 1)), over));
+            set(1, 0, simd.mul_f64s(simd.neg_f64s(a(1, 0)), over));
+            set(1, 1, simd.mul_f64s(a(0, 0), over));
+            det
+        } else {
+            let c00 = minor(a(1, 1), a(2, 2), a(1, 2), a(2, 1));
+            let c01 = minor(a(1, 2), a(2, 0), a(1, 0), a(2, 2));
+            let c02 = minor(a(1, 0), a(2, 1), a(1, 1), a(2, 0));
+            let det = simd.mul_f64s(a(0, 0), c00);
+            let det = plus_product(simd, det, a(0, 1), c01);
+            let det = plus_product(simd, det, a(0, 2), c02);
+            let over = simd.div_f64s(one, det);
+            let mut scaled = |i: usize, j: usize, value: S::f64s| set(i, j, simd.mul_f64s(value, over));
+            scaled(0, 0, c00);
+            scaled(1, 0, c01);
+            scaled(2, 0, c02);
+            scaled(0, 1, minor(a(0, 2), a(2, 1), a(0, 1), a(2, 2)));
+            scaled(1, 1, minor(a(0, 0), a(2, 2), a(0, 2), a(2, 0)));
+            scaled(2, 1, minor(a(0, 1), a(2, 0), a(0, 0), a(2, 1)));
+            scaled(0, 2, minor(a(0, 1), a(1, 2), a(0, 2), a(1, 1)));
+            scaled(1, 2, minor(a(0, 2), a(1, 0), a(0, 0), a(1, 2)));
+            scaled(2, 2, minor(a(0, 0), a(1, 1), a(0, 1), a(1, 0)));
+            det
+        };
+        store::<S>(&mut self.determinant, p, determinant);
     }
 
     /// Length, area or volume that a unit of the reference entity covers.
@@ -178,22 +197,40 @@ impl PointGeometry {
         }
     }
 
-    /// Physical gradients of the basis functions at point `q` of a table: `out[node][direction]`.
-    pub(super) fn gradients(&self, dim: usize, table: &Table, q: usize, out: &mut [[Lanes; 3]]) {
+    /// Physical gradients of the basis functions at point `q` of a table: derivative `i` of function `k` is written to
+    /// `out[i * stride + k]`.
+    #[inline(always)]
+    pub(super) fn gradients<S: Simd, const D: usize>(
+        &self,
+        simd: S,
+        table: &Table,
+        q: usize,
+        out: &mut [Lanes],
+        stride: usize,
+    ) {
         let n = table.n_dofs;
-        for (k, slot) in out.iter_mut().enumerate().take(n) {
-            let reference = &table.gradients[(q * n + k) * dim..][..dim];
-            for (i, component) in slot.iter_mut().enumerate().take(dim) {
-                let mut sum = ZERO;
-                for (j, g) in reference.iter().enumerate() {
-                    add_scaled(&mut sum, *g, &self.inverse[j][i]);
+        let reference = &table.gradients[q * n * D..][..n * D];
+        for p in 0..parts::<S>() {
+            let mut inverse = [[simd.splat_f64s(0.0); D]; D];
+            for (row, from) in inverse.iter_mut().zip(&self.inverse) {
+                for (entry, from) in row.iter_mut().zip(from) {
+                    *entry = load::<S>(from, p);
                 }
-                *component = sum;
+            }
+            for (k, gradient) in reference.chunks_exact(D).enumerate() {
+                for i in 0..D {
+                    let mut sum = simd.splat_f64s(0.0);
+                    for j in 0..D {
+                        sum = plus_product(simd, sum, simd.splat_f64s(gradient[j]), inverse[j][i]);
+                    }
+                    store::<S>(&mut out[i * stride + k], p, sum);
+                }
             }
         }
     }
 
-    /// Physical second derivatives: `out[node][i + dim * j]`. With G the physical gradients and x the map,
+    /// Physical second derivatives at point `q`: of function `k` in directions `i, j` to
+    /// `out[(i + dim * j) * stride + k]`. With G the physical gradients (`gradients[i * stride + k]`) and x the map,
     /// H = inverse' (H_ref - sum_k G_k d2 x_k) inverse.
     #[expect(clippy::too_many_arguments, reason = "two tables at one point")]
     pub(super) fn hessians(
@@ -203,8 +240,9 @@ impl PointGeometry {
         geometry: &Table,
         nodes: &[[Lanes; 3]],
         q: usize,
-        gradients: &[[Lanes; 3]],
-        out: &mut [[Lanes; 9]],
+        gradients: &[Lanes],
+        out: &mut [Lanes],
+        stride: usize,
     ) {
         let mut curvature = [[[ZERO; 3]; 3]; 3];
         for (k, node) in nodes.iter().enumerate() {
@@ -217,7 +255,7 @@ impl PointGeometry {
                 }
             }
         }
-        for (k, slot) in out.iter_mut().enumerate().take(table.n_dofs) {
+        for k in 0..table.n_dofs {
             let h = &table.hessians[(q * table.n_dofs + k) * dim * dim..][..dim * dim];
             let mut inner = [[ZERO; 3]; 3];
             for a in 0..dim {
@@ -225,7 +263,7 @@ impl PointGeometry {
                     inner[a][b] = [h[a * dim + b]; LANES];
                     for i in 0..dim {
                         for l in 0..LANES {
-                            inner[a][b][l] -= gradients[k][i][l] * curvature[i][a][b][l];
+                            inner[a][b][l] -= gradients[i * stride + k][l] * curvature[i][a][b][l];
                         }
                     }
                 }
@@ -240,7 +278,7 @@ impl PointGeometry {
                             }
                         }
                     }
-                    slot[i + dim * j] = sum;
+                    out[(i + dim * j) * stride + k] = sum;
                 }
             }
         }

@@ -1,16 +1,22 @@
 //! Assembly: point laws and basis functions to global residuals and matrices.
 //!
-//! Entities are computed in parallel and added in one fixed order, so results do not depend on the number of
-//! threads. Does not know solvers or steps.
+//! Every sum is taken in one fixed order, so results do not depend on the number of threads; laws read the same bits on
+//! every processor, contracted tangents agree to rounding. Does not know solvers or steps.
 
 mod binding;
+mod contract;
 mod domain;
+mod entries;
 mod evaluate;
 mod geometry;
+mod scatter;
+mod shares;
+mod simd;
 mod term;
 
-pub use binding::{Basis, Binding, GroupBinding, Input, LawSlots, SlotPlace};
+pub use binding::{Basis, Binding, GroupBinding, Input, LawSlots, Needs, SlotPlace};
 pub use domain::{Domain, Group, GroupSide};
+pub use entries::tangent_kernel;
 pub use evaluate::{Bound, FieldValues, Workspace};
 pub use geometry::Lanes;
 pub use term::{AssembledTerm, BranchCounts, Integrator, NonFinitePlace, TermError};

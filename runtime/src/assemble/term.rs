@@ -1,10 +1,13 @@
 //! A term ready to be assembled: compiled law, domain, dofs, scatter positions.
 //!
-//! Batches are computed in parallel in rounds of fixed size and added one after the other in the order of the
-//! domain, so sums are the same for any number of threads. A number that is not finite stops the assembly with its
-//! place.
+//! Every thread adds to rows of its own and goes through the batches in the order of the domain ([`super::shares`]), so
+//! sums are the same for any number of threads. After the first assembly nothing is allocated. A number that is not
+//! finite stops the assembly with its place.
 
-use std::sync::Arc;
+use std::sync::{
+    Arc, Mutex, PoisonError,
+    atomic::{AtomicBool, AtomicU64, Ordering},
+};
 
 use rayon::prelude::*;
 use thiserror::Error;
@@ -19,18 +22,19 @@ use wfl_compiler::{
 
 use crate::{
     assemble::{
-        binding::Binding,
+        binding::{Binding, Needs},
+        contract::{self, TangentPlan},
         domain::Domain,
+        entries::{Entries, inputs_behind},
         evaluate::{Bound, FieldValues, Workspace},
-        geometry::{Lanes, ZERO},
+        geometry::Lanes,
+        scatter::{NOWHERE, Scatter, add, shared},
+        shares::{Duty, Shares},
     },
-    csr::{Csr, Pattern},
+    csr::Pattern,
     mesh::Mesh,
     results::SupportSet,
 };
-
-/// Batches computed before their results are added; fixed, so that nothing depends on the number of threads.
-const ROUND: usize = 32;
 
 /// Where a number stopped being finite.
 #[derive(Clone, Debug)]
@@ -64,6 +68,31 @@ pub struct BranchCounts {
     pub fingerprint: u64,
 }
 
+impl BranchCounts {
+    fn clear(&mut self, n_kinks: usize) {
+        self.kinks.clear();
+        self.kinks.resize(n_kinks, [0; 3]);
+        self.fingerprint = 0;
+    }
+
+    fn add(&mut self, other: &Self) {
+        for (sum, counts) in self.kinks.iter_mut().zip(&other.kinks) {
+            sum.iter_mut().zip(counts).for_each(|(s, c)| *s += c);
+        }
+        self.fingerprint = self.fingerprint.wrapping_add(other.fingerprint);
+    }
+}
+
+/// A number for one branch at one point; their sum does not depend on the order (finaliser of SplitMix64).
+fn mixed(entity: usize, point: usize, kink: usize, code: usize) -> u64 {
+    let mut z = [entity, point, kink, code + 1]
+        .iter()
+        .fold(0u64, |z, k| (z.rotate_left(17) ^ *k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
 /// A law on a domain, callable.
 pub struct Integrator {
     /// Where.
@@ -87,18 +116,24 @@ pub struct AssembledTerm {
     uniforms: Vec<f64>,
     /// For each group: global dof of each local dof, `dofs[entity * n_dofs + k]`.
     dofs: Vec<Vec<u32>>,
-    /// For each group: position in the matrix values of each local pair, once a pattern is known.
-    positions: Vec<Vec<u32>>,
+    entries: Entries,
+    residual_needs: Needs,
+    tangent_needs: Needs,
+    /// For each group.
+    plans: Vec<TangentPlan>,
+    /// For each group, once a pattern is known.
+    scatters: Vec<Scatter>,
     branches: BranchCounts,
-    /// By entity of the region: points on each branch of the contact kink.
-    states: Vec<[u16; 3]>,
+    /// By entity of the region: points on each branch of the contact kink, 16 bits each.
+    states: Vec<AtomicU64>,
+    /// For the number of threads that assembled last.
+    shares: Mutex<Option<Arc<Shares>>>,
+    workspaces: Mutex<Vec<Workspace>>,
 }
 
-/// No position in the matrix: row or column is fixed.
-const NOWHERE: u32 = u32::MAX;
-
 impl AssembledTerm {
-    /// A term from its law, its kernels and where it is integrated.
+    /// A term from its law, its kernels and where it is integrated. `tangent` is what the backend made of
+    /// [`crate::assemble::tangent_kernel`].
     #[must_use]
     pub fn new(
         law: TermLaw,
@@ -132,7 +167,21 @@ impl AssembledTerm {
                 dofs
             })
             .collect();
+        let binding = &integrator.binding;
+        let entries = Entries::new(&law);
+        let n_bases = binding.groups.first().map_or(0, |g| g.bases.len());
+        let kernel = law.residual.kernel();
+        let read = inputs_behind(kernel, &kernel.outputs);
+        let residual_needs = binding.needs_of(n_bases, |k| read[k], true, false);
+        let read = entries.reads(&law);
+        let tangent_needs = binding.needs_of(n_bases, |k| read[k], true, true);
+        let plans: Vec<TangentPlan> =
+            (0..binding.groups.len()).map(|g| TangentPlan::new(binding, g, &entries)).collect();
         Self {
+            entries,
+            residual_needs,
+            tangent_needs,
+            plans,
             law,
             integrator,
             place,
@@ -141,9 +190,11 @@ impl AssembledTerm {
             step: Vec::new(),
             uniforms: Vec::new(),
             dofs,
-            positions: Vec::new(),
+            scatters: Vec::new(),
             branches: BranchCounts::default(),
             states: Vec::new(),
+            shares: Mutex::default(),
+            workspaces: Mutex::default(),
         }
     }
 
@@ -179,11 +230,16 @@ impl AssembledTerm {
 
     /// Adds the diagonal of the tangent, by dof.
     pub fn add_diagonal(&self, mesh: &Mesh, values: FieldValues<'_>, diagonal: &mut [f64]) {
-        self.tangent_blocks(mesh, values, |g, entity, lane, local| {
-            let n = self.integrator.binding.groups[g].n_dofs();
-            for (k, dof) in self.dofs[g][entity * n..][..n].iter().enumerate() {
-                if *dof != NOWHERE {
-                    diagonal[*dof as usize] += local[k * n + k][lane];
+        let diagonal = shared(diagonal);
+        self.local_tangents(mesh, values, |duty, lanes, local, owns| {
+            let n = self.integrator.binding.groups[duty.group].n_dofs();
+            let sources = &self.plans[duty.group].sources;
+            for (lane, entity) in lanes.enumerate() {
+                for (k, dof) in self.dofs[duty.group][entity * n..][..n].iter().enumerate() {
+                    let value = local.get(sources[k * n + k] as usize);
+                    if let Some(value) = value.filter(|_| *dof != NOWHERE && owns(*dof)) {
+                        add(&diagonal[*dof as usize], value[lane]);
+                    }
                 }
             }
         });
@@ -236,33 +292,19 @@ impl AssembledTerm {
 
     /// Looks up where each local pair stands in a matrix; `free` maps a dof to its row, or to nothing when fixed.
     pub fn locate(&mut self, pattern: &Pattern, free: &[u32]) {
-        self.positions = (0..self.dofs.len()).map(|g| self.group_positions(g, pattern, free)).collect();
+        self.scatters = (0..self.dofs.len())
+            .map(|g| {
+                let (binding, plan) = (&self.integrator.binding.groups[g], &self.plans[g]);
+                let mut scatter = Scatter::new(binding, &plan.sources, plan.n_local);
+                scatter.locate(binding.n_dofs(), &self.dofs[g], pattern, free);
+                scatter
+            })
+            .collect();
     }
 
-    fn group_positions(&self, g: usize, pattern: &Pattern, free: &[u32]) -> Vec<u32> {
-        let n = self.integrator.binding.groups[g].n_dofs();
-        let active = self.active_dofs(g);
-        let entities = self.integrator.domain.groups[g].entities.len();
-        let mut out = vec![NOWHERE; entities * n * n];
-        for entity in 0..entities {
-            let dofs = &self.dofs[g][entity * n..][..n];
-            let place = |k: usize| if dofs[k] == NOWHERE { NOWHERE } else { free[dofs[k] as usize] };
-            for &i in &active {
-                let row = place(i);
-                if row == NOWHERE {
-                    continue;
-                }
-                for &j in &active {
-                    let column = place(j);
-                    if column != NOWHERE
-                        && let Some(p) = pattern.position(row as usize, column as usize)
-                    {
-                        out[(entity * n + i) * n + j] = u32::try_from(p).expect("fewer than 2^32 entries");
-                    }
-                }
-            }
-        }
-        out
+    /// Forgets what [`Self::locate`] found: for terms that are assembled once.
+    pub fn forget(&mut self) {
+        self.scatters = Vec::new();
     }
 
     /// Adds the residual to `out` (by dof, fixed ones included) and counts branches.
@@ -270,94 +312,44 @@ impl AssembledTerm {
     /// # Errors
     /// [`TermError::NonFinite`] with the place.
     pub fn add_residual(&mut self, mesh: &Mesh, values: FieldValues<'_>, out: &mut [f64]) -> Result<(), TermError> {
-        let mut counts = vec![[0usize; 3]; self.law.kinks.len()];
-        let mut fingerprint = 0xcbf2_9ce4_8422_2325_u64;
-        let mut states = std::mem::take(&mut self.states);
-        states.clear();
-        states.resize(if self.contact_kink().is_some() { self.integrator.domain.n_entities } else { 0 }, [0; 3]);
+        let n_entities = if self.contact_kink().is_some() { self.integrator.domain.n_entities } else { 0 };
+        self.states.resize_with(n_entities, AtomicU64::default);
+        self.states.iter_mut().for_each(|s| *s.get_mut() = 0);
+        let mut branches = std::mem::take(&mut self.branches);
+        branches.clear(self.law.kinks.len());
+        let total = Mutex::new(branches);
+        let finite = AtomicBool::new(true);
+        let out = shared(out);
         let this = &*self;
-        let n_out = this.law.residual.kernel().outputs.len();
-        for g in 0..this.dofs.len() {
-            let n = this.integrator.binding.groups[g].n_dofs();
-            let n_tests = this.law.tests.len();
-            this.rounds(
-                g,
-                |workspace, batch| {
-                    workspace.prepare(this.bound(mesh), g, batch, values);
-                    this.call(&*this.residual, workspace, g, n_out);
-                    let mut local = vec![ZERO; n];
-                    workspace.contract_residual(this.bound(mesh), g, n_out, &mut local);
-                    let codes = this.codes(workspace, g, n_out, n_tests);
-                    (local, codes)
-                },
-                |batch, (local, codes)| {
-                    this.scatter_vector(g, batch, &local, out);
-                    this.count(g, batch, &codes, &mut counts, &mut fingerprint, &mut states);
-                },
-            );
-        }
-        self.branches = BranchCounts { kinks: counts, fingerprint };
-        self.states = states;
-        if out.iter().all(|x| x.is_finite()) {
-            return Ok(());
-        }
-        match self.find_non_finite(mesh, values, &self.law.residual) {
-            Some(place) => Err(TermError::NonFinite(Box::new(place))),
-            None => Ok(()),
-        }
-    }
-
-    /// Adds the tangent to the values of the matrix whose pattern was given to [`Self::locate`].
-    ///
-    /// # Errors
-    /// [`TermError::NonFinite`] with the place.
-    pub fn add_tangent(&self, mesh: &Mesh, values: FieldValues<'_>, matrix: &mut [f64]) -> Result<(), TermError> {
-        let mut finite = true;
-        self.tangent_blocks(mesh, values, |g, entity, lane, local| {
-            let n = self.integrator.binding.groups[g].n_dofs();
-            let positions = &self.positions[g][entity * n * n..][..n * n];
-            for (position, value) in positions.iter().zip(local) {
-                if *position != NOWHERE {
-                    matrix[*position as usize] += value[lane];
-                    finite &= value[lane].is_finite();
+        this.share_out(|workspace, duties, owns| {
+            let mut branches = std::mem::take(&mut workspace.branches);
+            branches.clear(this.law.kinks.len());
+            for duty in duties {
+                if !this.residual_of(mesh, values, workspace, duty, out, &owns) {
+                    finite.store(false, Ordering::Relaxed);
+                }
+                if duty.counts {
+                    this.count(workspace, duty, &mut branches);
                 }
             }
+            total.lock().unwrap_or_else(PoisonError::into_inner).add(&branches);
+            workspace.branches = branches;
         });
-        self.tangent_result(mesh, values, finite)
+        self.branches = total.into_inner().unwrap_or_else(PoisonError::into_inner);
+        self.result(finite.into_inner(), mesh, values, &self.law.residual)
     }
 
-    /// Adds the tangent to a matrix over all dofs, fixed ones included, without remembered positions.
-    ///
-    /// # Errors
-    /// [`TermError::NonFinite`] with the place.
-    pub fn add_full_tangent(&self, mesh: &Mesh, values: FieldValues<'_>, matrix: &mut Csr) -> Result<(), TermError> {
-        let mut finite = true;
-        let active: Vec<Vec<usize>> = (0..self.dofs.len()).map(|g| self.active_dofs(g)).collect();
-        self.tangent_blocks(mesh, values, |g, entity, lane, local| {
-            let n = self.integrator.binding.groups[g].n_dofs();
-            let dofs = &self.dofs[g][entity * n..][..n];
-            for &i in &active[g] {
-                for &j in &active[g] {
-                    if dofs[i] == NOWHERE || dofs[j] == NOWHERE {
-                        continue;
-                    }
-                    let value = local[i * n + j][lane];
-                    if value != 0.0 {
-                        let inside = matrix.add_to(dofs[i] as usize, dofs[j] as usize, value);
-                        debug_assert!(inside, "the pattern was built from these dofs");
-                        finite &= value.is_finite();
-                    }
-                }
-            }
-        });
-        self.tangent_result(mesh, values, finite)
-    }
-
-    fn tangent_result(&self, mesh: &Mesh, values: FieldValues<'_>, finite: bool) -> Result<(), TermError> {
+    fn result(
+        &self,
+        finite: bool,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        kernel: &VerifiedKernel,
+    ) -> Result<(), TermError> {
         if finite {
             return Ok(());
         }
-        let place = self.find_non_finite(mesh, values, &self.law.tangent).unwrap_or_else(|| NonFinitePlace {
+        let place = self.find_non_finite(mesh, values, kernel).unwrap_or_else(|| NonFinitePlace {
             cause: None,
             term: self.law.name.clone(),
             entity: 0,
@@ -367,60 +359,109 @@ impl AssembledTerm {
         Err(TermError::NonFinite(Box::new(place)))
     }
 
-    /// Computes local tangents and hands them over entity by entity in fixed order: `(group, entity, lane, local)`.
-    fn tangent_blocks(
+    /// Adds the residual of one batch. False if a number is not finite.
+    fn residual_of(
         &self,
         mesh: &Mesh,
         values: FieldValues<'_>,
-        mut take: impl FnMut(usize, usize, usize, &[Lanes]),
-    ) {
-        let Some(kernel) = &self.tangent else { return };
-        let n_out = self.law.tangent.kernel().outputs.len();
-        for g in 0..self.dofs.len() {
-            let n = self.integrator.binding.groups[g].n_dofs();
-            let total = self.integrator.domain.groups[g].entities.len();
-            self.rounds(
-                g,
-                |workspace, batch| {
-                    workspace.prepare(self.bound(mesh), g, batch, values);
-                    self.call(&**kernel, workspace, g, n_out);
-                    let mut local = vec![ZERO; n * n];
-                    workspace.contract_tangent(self.bound(mesh), g, n_out, &self.law.entries, &mut local);
-                    local
-                },
-                |batch, local| {
-                    for lane in 0..LANES.min(total - batch * LANES) {
-                        take(g, batch * LANES + lane, lane, &local);
-                    }
-                },
-            );
-        }
-    }
-
-    /// Runs `work` on all batches of a group in parallel rounds and `add` on the results in order.
-    fn rounds<T: Send>(
-        &self,
-        g: usize,
-        work: impl Fn(&mut Workspace, usize) -> T + Sync,
-        mut add: impl FnMut(usize, T),
-    ) {
-        let n = self.integrator.domain.groups[g].n_batches();
-        let mut first = 0;
-        while first < n {
-            let end = (first + ROUND).min(n);
-            if end - first < 4 {
-                let mut workspace = Workspace::default();
-                for batch in first..end {
-                    add(batch, work(&mut workspace, batch));
-                }
-            } else {
-                let results: Vec<T> =
-                    (first..end).into_par_iter().map_init(Workspace::default, |w, batch| work(w, batch)).collect();
-                for (k, result) in results.into_iter().enumerate() {
-                    add(first + k, result);
+        workspace: &mut Workspace,
+        duty: &Duty,
+        out: &[AtomicU64],
+        owns: &impl Fn(u32) -> bool,
+    ) -> bool {
+        let (g, binding) = (duty.group, &self.integrator.binding);
+        let n_out = self.law.residual.kernel().outputs.len();
+        workspace.prepare_some(self.bound(mesh), g, duty.batch, values, &self.residual_needs);
+        self.call(&*self.residual, workspace, g, n_out);
+        let finite = contract::residual(workspace, binding, g, n_out);
+        let n = binding.groups[g].n_dofs();
+        for (lane, entity) in self.entities(duty).enumerate() {
+            for (dof, value) in self.dofs[g][entity * n..][..n].iter().zip(&workspace.local) {
+                if *dof != NOWHERE && (duty.all_rows || owns(*dof)) {
+                    add(&out[*dof as usize], value[lane]);
                 }
             }
-            first = end;
+        }
+        finite
+    }
+
+    /// Adds the tangent to the values of the matrix whose pattern was given to [`Self::locate`].
+    ///
+    /// # Errors
+    /// [`TermError::NonFinite`] with the place.
+    pub fn add_tangent(&self, mesh: &Mesh, values: FieldValues<'_>, matrix: &mut [f64]) -> Result<(), TermError> {
+        let matrix = shared(matrix);
+        let finite = self.local_tangents(mesh, values, |duty, entities, local, owns| {
+            let g = duty.group;
+            let n = self.integrator.binding.groups[g].n_dofs();
+            for (lane, entity) in entities.enumerate() {
+                if duty.all_rows {
+                    self.scatters[g].add_entity(entity, lane, local, matrix, |_| true);
+                } else {
+                    let dofs = &self.dofs[g][entity * n..][..n];
+                    self.scatters[g].add_entity(entity, lane, local, matrix, |k| owns(dofs[k]));
+                }
+            }
+        });
+        self.result(finite, mesh, values, &self.law.tangent)
+    }
+
+    /// Computes local tangents and hands them over batch by batch: `(batch, entities, local tangent, who owns a dof)`.
+    /// False if a number is not finite.
+    fn local_tangents(
+        &self,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        take: impl Fn(&Duty, std::ops::Range<usize>, &[Lanes], &dyn Fn(u32) -> bool) + Sync,
+    ) -> bool {
+        let finite = AtomicBool::new(true);
+        if self.entries.list.is_empty() {
+            return true;
+        }
+        self.share_out(|workspace, duties, owns| {
+            for duty in duties {
+                let g = duty.group;
+                workspace.prepare_some(self.bound(mesh), g, duty.batch, values, &self.tangent_needs);
+                if let Some(kernel) = &self.tangent {
+                    self.call(&**kernel, workspace, g, self.entries.n_outputs);
+                }
+                let group = (&self.integrator.domain.groups[g], &self.integrator.binding.groups[g]);
+                if !contract::tangent(workspace, &self.plans[g], &self.entries, group, &self.uniforms) {
+                    finite.store(false, Ordering::Relaxed);
+                }
+                take(duty, self.entities(duty), &workspace.local, &owns);
+            }
+        });
+        finite.into_inner()
+    }
+
+    /// Entities of a batch.
+    fn entities(&self, duty: &Duty) -> std::ops::Range<usize> {
+        let total = self.integrator.domain.groups[duty.group].entities.len();
+        duty.batch * LANES..((duty.batch + 1) * LANES).min(total)
+    }
+
+    /// Calls `work(workspace, batches, owns)` on each of the threads of the current pool that are worth while.
+    fn share_out(&self, work: impl Fn(&mut Workspace, &[Duty], &dyn Fn(u32) -> bool) + Sync) {
+        let n = Shares::count(&self.integrator.domain, rayon::current_num_threads());
+        let shares = {
+            let mut kept = self.shares.lock().unwrap_or_else(PoisonError::into_inner);
+            let fitting = kept.as_ref().filter(|s| s.duties.len() == n).cloned();
+            fitting.unwrap_or_else(|| {
+                let made = Shares::new(&self.integrator.domain, &self.integrator.binding, &self.dofs, n);
+                kept.insert(Arc::new(made)).clone()
+            })
+        };
+        let one = |me: usize| {
+            let pool = || self.workspaces.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut workspace = pool().pop().unwrap_or_default();
+            work(&mut workspace, &shares.duties[me], &|dof| usize::from(shares.owner[dof as usize]) == me);
+            pool().push(workspace);
+        };
+        if n == 1 {
+            one(0);
+        } else {
+            (0..n).into_par_iter().with_max_len(1).for_each(one);
         }
     }
 
@@ -434,53 +475,28 @@ impl AssembledTerm {
         kernel.run(&self.uniforms, &workspace.inputs, &mut workspace.outputs, n_points);
     }
 
-    /// Branch codes of a batch: `codes[(point * n_kinks + kink) * LANES + lane]`.
-    fn codes(&self, workspace: &Workspace, g: usize, n_out: usize, first: usize) -> Vec<u8> {
-        let n_kinks = self.law.kinks.len();
-        let n_points = self.integrator.domain.groups[g].n_points();
-        let mut codes = Vec::with_capacity(n_points * n_kinks * LANES);
-        for q in 0..n_points {
-            for k in 0..n_kinks {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "codes are 0, 1 or 2")]
-                codes.extend(workspace.output(n_out, q, first + k).iter().map(|c| *c as u8));
-            }
-        }
-        codes
-    }
-
-    fn count(
-        &self,
-        g: usize,
-        batch: usize,
-        codes: &[u8],
-        counts: &mut [[usize; 3]],
-        fingerprint: &mut u64,
-        states: &mut [[u16; 3]],
-    ) {
-        let n_kinks = self.law.kinks.len();
-        let entities = &self.integrator.domain.groups[g].entities;
-        let valid = LANES.min(entities.len() - batch * LANES);
+    /// Counts the branches of a batch; their codes are the last outputs of the residual.
+    fn count(&self, workspace: &Workspace, duty: &Duty, branches: &mut BranchCounts) {
+        let n_out = self.law.residual.kernel().outputs.len();
+        let first = self.law.tests.len();
+        let group = &self.integrator.domain.groups[duty.group];
         let contact = self.contact_kink();
-        for (k, lanes) in codes.chunks_exact(LANES).enumerate() {
-            for (lane, code) in lanes[..valid].iter().enumerate() {
-                if contact == Some(k % n_kinks) {
-                    states[entities[batch * LANES + lane]][usize::from(*code).min(2)] += 1;
+        for (lane, entity) in self.entities(duty).enumerate() {
+            let place = group.entities[entity];
+            let mut state = 0u64;
+            for q in 0..group.n_points() {
+                for (k, counts) in branches.kinks.iter_mut().enumerate() {
+                    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "codes are 0, 1 or 2")]
+                    let code = (workspace.output(n_out, q, first + k)[lane] as usize).min(2);
+                    counts[code] += 1;
+                    if contact == Some(k) {
+                        state += 1 << (16 * code);
+                    }
+                    branches.fingerprint = branches.fingerprint.wrapping_add(mixed(place, q, k, code));
                 }
-                counts[k % n_kinks][usize::from(*code).min(2)] += 1;
-                *fingerprint = (*fingerprint ^ u64::from(*code)).wrapping_mul(0x0000_0100_0000_01b3);
             }
-        }
-    }
-
-    fn scatter_vector(&self, g: usize, batch: usize, local: &[Lanes], out: &mut [f64]) {
-        let n = local.len();
-        let total = self.integrator.domain.groups[g].entities.len();
-        for lane in 0..LANES.min(total - batch * LANES) {
-            let dofs = &self.dofs[g][(batch * LANES + lane) * n..][..n];
-            for (dof, value) in dofs.iter().zip(local) {
-                if *dof != NOWHERE {
-                    out[*dof as usize] += value[lane];
-                }
+            if contact.is_some() {
+                self.states[place].store(state, Ordering::Relaxed);
             }
         }
     }
@@ -546,8 +562,10 @@ impl AssembledTerm {
     pub fn contact_states(&self) -> Option<Vec<f64>> {
         self.contact_kink()?;
         let friction = self.has_friction();
-        let state = |[zero, one, two]: &[u16; 3]| {
-            let [zero, one, two] = if friction { [*zero, *one, *two] } else { [*zero, 0, one + two] };
+        let state = |packed: &AtomicU64| {
+            let packed = packed.load(Ordering::Relaxed);
+            let [zero, one, two] = [0, 16, 32].map(|shift| (packed >> shift) & 0xffff);
+            let [zero, one, two] = if friction { [zero, one, two] } else { [zero, 0, one + two] };
             if two >= one && two >= zero {
                 2.0
             } else if one >= zero {

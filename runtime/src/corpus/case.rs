@@ -12,7 +12,7 @@ use super::{
     setup::{Setup, setup},
 };
 use crate::{
-    assemble::{AssembledTerm, Binding, Bound, FieldValues, Integrator, LawSlots, Workspace},
+    assemble::{AssembledTerm, Binding, Bound, FieldValues, Integrator, LawSlots, Workspace, tangent_kernel},
     csr::{Csr, PatternBuilder},
     system::Numbering,
     value::uniforms_at,
@@ -102,10 +102,12 @@ fn checked<T>(checked: wfl::Checked<T>) -> Result<T, String> {
 fn assemble(setup: &Setup, law: TermLaw, backend: &dyn KernelBackend) -> Result<Numbers, String> {
     let slots = LawSlots { inputs: &law.inputs, tests: &law.tests, trials: &law.trials };
     let binding = Binding::new(&setup.mesh, &setup.domain, &setup.fields, slots).map_err(|e| e.to_string())?;
-    let all: Vec<&_> = [&law.residual, &law.tangent].into_iter().chain(law.energy.as_ref()).collect();
+    let tangent_law = tangent_kernel(&law);
+    let all: Vec<&_> = [&law.residual].into_iter().chain(&tangent_law).chain(law.energy.as_ref()).collect();
     let mut kernels = backend.compile(&all).map_err(|e| e.to_string())?.into_iter();
     let mut next = || kernels.next().ok_or_else(|| "the backend lost a kernel".to_owned());
-    let (residual_kernel, tangent_kernel) = (next()?, next()?);
+    let residual_kernel = next()?;
+    let tangent_kernel = if tangent_law.is_some() { Some(next()?) } else { None };
     let energy_kernel = if law.energy.is_some() { Some(next()?) } else { None };
     let numbering = Numbering::new(&setup.fields, |f| {
         matches!(f.kind, wfl_compiler::types::FieldKind::Unknown | wfl_compiler::types::FieldKind::Multiplier)
@@ -115,14 +117,15 @@ fn assemble(setup: &Setup, law: TermLaw, backend: &dyn KernelBackend) -> Result<
     let uniforms = uniforms_at(&law.prologue, 0.0, 0.0);
     let integrator = Integrator { domain: Arc::clone(&setup.domain), binding };
     let scalar = energy_kernel.map(|kernel| integral(setup, &integrator, &*kernel, &uniforms, values));
-    let mut term = AssembledTerm::new(law, integrator, None, residual_kernel, Some(tangent_kernel), &numbering.starts);
+    let mut term = AssembledTerm::new(law, integrator, None, residual_kernel, tangent_kernel, &numbering.starts);
     term.set_step(0.0, 0.0);
     let mut residual = vec![0.0; numbering.n_dofs];
     term.add_residual(&setup.mesh, values, &mut residual).map_err(|e| e.to_string())?;
     let mut pattern = PatternBuilder::new(numbering.n_dofs, numbering.n_dofs);
     term.for_each_entity(|dofs| pattern.add_element(dofs));
     let mut tangent = Csr::zeros(pattern.build_shared().map_err(|e| e.to_string())?);
-    term.add_full_tangent(&setup.mesh, values, &mut tangent).map_err(|e| e.to_string())?;
+    term.locate(tangent.pattern(), &numbering.free);
+    term.add_tangent(&setup.mesh, values, tangent.values_mut()).map_err(|e| e.to_string())?;
     Ok(Numbers { scalar, residual, tangent, starts: numbering.starts })
 }
 

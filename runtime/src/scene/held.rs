@@ -58,7 +58,7 @@ impl Builder<'_> {
     pub(super) fn hold(
         &self,
         law: PiecesLaw,
-        (residual, tangent): (Box<dyn PointKernel>, Box<dyn PointKernel>),
+        (residual, tangent): (Box<dyn PointKernel>, Option<Box<dyn PointKernel>>),
         domain: &Arc<Domain>,
         term: usize,
         numbering: &Numbering,
@@ -78,7 +78,7 @@ impl Builder<'_> {
         let integrator = Integrator { domain: domain.clone(), binding };
         let watch = Value::new(law.watch, self.batch).map_err(|e| e.to_string())?;
         let sampled = watch.bind(&self.mesh, domain.clone(), &fields).map_err(|e| e.to_string())?;
-        let held = AssembledTerm::new(law.law, integrator, None, residual, Some(tangent), &starts);
+        let held = AssembledTerm::new(law.law, integrator, None, residual, tangent, &starts);
         Ok(TermPieces::new(term, held, law.field.index(), law.projections, law.n_guides, (watch, sampled)))
     }
 }

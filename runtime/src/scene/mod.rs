@@ -31,7 +31,7 @@ use wfl_compiler::{
 };
 
 use crate::{
-    assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
+    assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots, tangent_kernel},
     field::Field,
     mesh::{Mesh, Topology},
     newton::{NewtonOptions, TermPieces},
@@ -411,13 +411,16 @@ impl Builder<'_> {
         rules: &terms::Rules,
         numbering: &Numbering,
     ) -> Option<(Vec<AssembledTerm>, Vec<TermSummary>, Vec<TermPieces>)> {
+        let tangents: Vec<[Option<VerifiedKernel>; 2]> = laws
+            .iter()
+            .map(|l| [tangent_kernel(&l.law), l.pieces.as_ref().and_then(|p| tangent_kernel(&p.law))])
+            .collect();
         let kernels: Vec<&VerifiedKernel> = laws
             .iter()
-            .flat_map(|l| {
-                let held = l.pieces.as_ref().map(|p| &p.law);
-                std::iter::once(&l.law.residual)
-                    .chain((l.law.class > Class::Constant).then_some(&l.law.tangent))
-                    .chain(held.into_iter().flat_map(|law| [&law.residual, &law.tangent]))
+            .zip(&tangents)
+            .flat_map(|(l, [tangent, held])| {
+                let residual = l.pieces.as_ref().map(|p| &p.law.residual);
+                std::iter::once(&l.law.residual).chain(tangent).chain(residual).chain(held)
             })
             .collect();
         let compiled = match self.batch.compile(&kernels) {
@@ -431,10 +434,13 @@ impl Builder<'_> {
         let mut domains: Vec<(String, Option<crate::mesh::RegionSet>, Arc<Domain>)> = Vec::new();
         let (mut terms, mut summaries, mut complete) = (Vec::new(), Vec::new(), true);
         let mut pieces: Vec<TermPieces> = Vec::new();
-        for placed in laws {
+        for (placed, [tangent, held_tangent]) in laws.into_iter().zip(&tangents) {
             let residual = compiled.next()?;
-            let tangent = if placed.law.class > Class::Constant { compiled.next() } else { None };
-            let held = if placed.pieces.is_some() { Some((compiled.next()?, compiled.next()?)) } else { None };
+            let tangent = tangent.as_ref().and_then(|_| compiled.next());
+            let held = match placed.pieces {
+                Some(_) => Some((compiled.next()?, held_tangent.as_ref().and_then(|_| compiled.next()))),
+                None => None,
+            };
             let choice = rules.get(&placed.place).copied().unwrap_or(RuleChoice::Degree(1));
             let shared = domains.iter().find(|(p, s, _)| *p == placed.place && *s == placed.set).map(|d| d.2.clone());
             let domain = shared.or_else(|| {

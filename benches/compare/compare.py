@@ -1,0 +1,198 @@
+#!/usr/bin/env python3
+"""Assembly and the fault benchmark against other programs, run A B A B on one machine; writes results.md beside itself.
+
+    python3 benches/compare/compare.py [--rounds 3] [--folder DIR] [--only NAME ...]
+
+Peers are installed into DIR (default: a temporary folder that is removed): NGSolve, scikit-fem and DOLFINx from wheels,
+GetFEM from the packages of a Debian-like system, unpacked without installing. A peer that cannot be installed or run
+stands in the table with the reason. One thread everywhere. Figures are medians over the rounds.
+"""
+
+import argparse
+import datetime
+import json
+import os
+import pathlib
+import platform
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
+GETFEM_PACKAGES = """libgetfem5 python3-getfem libmumps-seq-5.5 libscotch-7.0 libqhull8.0 libsuperlu5 libgfortran5
+libopenblas0-pthread liblapack3 libblas3 liblbfgsb0 python3-numpy python3-scipy python3-decorator""".split()
+ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+
+
+def call(*words, **options):
+    done = subprocess.run([str(w) for w in words], capture_output=True, text=True, check=False, **options)
+    if done.returncode != 0:
+        lines = (done.stderr or done.stdout).strip().splitlines()
+        raise RuntimeError(lines[-1] if lines else f"exit code {done.returncode}")
+    return done.stdout
+
+
+def newest_python():
+    """DOLFINx wheels need Python 3.12 or later."""
+    names = [shutil.which(f"python3.{minor}") for minor in (13, 12)]
+    pyenv = sorted(pathlib.Path.home().glob(".pyenv/versions/3.1[23]*/bin/python"))
+    return next((str(n) for n in [*names, *pyenv] if n), sys.executable)
+
+
+class Wheel:
+    """A peer from the package index, in a virtual environment of its own."""
+
+    def __init__(self, name, script, packages, version):
+        self.name, self.script, self.packages, self.version = name, script, packages, version
+
+    def install(self, folder):
+        self.home = folder / self.name
+        if not self.home.exists():
+            call(newest_python(), "-m", "venv", self.home)
+            call(self.home / "bin/pip", "install", "-q", *self.packages)
+        self.python = self.home / "bin/python"
+        self.environment = {"LD_LIBRARY_PATH": str(self.home / "lib")}
+        return call(self.python, "-c", self.version, env={**os.environ, **self.environment}).strip().splitlines()[-1]
+
+
+class Packages:
+    """GetFEM: its python interface exists as a package of the system only."""
+
+    name, script = "GetFEM", "getfem_cases.py"
+
+    def install(self, folder):
+        self.home = folder / self.name
+        root = self.home / "root"
+        if not root.exists():
+            self.home.mkdir(parents=True)
+            call("apt-get", "download", *GETFEM_PACKAGES, cwd=self.home)
+            for package in self.home.glob("*.deb"):
+                call("dpkg-deb", "-x", package, root)
+        libraries = root / f"usr/lib/{platform.machine()}-linux-gnu"
+        self.python = "/usr/bin/python3"
+        self.environment = {
+            "LD_LIBRARY_PATH": f"{libraries}:{libraries / 'openblas-pthread'}",
+            "PYTHONPATH": str(root / "usr/lib/python3/dist-packages"),
+        }
+        versions = [p.name.split("_")[1] for p in self.home.glob("libgetfem5_*.deb")]
+        return versions[0] if versions else "?"
+
+
+PEERS = [
+    Packages(),
+    Wheel("NGSolve", "ngsolve_cases.py", ["ngsolve"], "import ngsolve; print(ngsolve.__version__)"),
+    Wheel(
+        "DOLFINx",
+        "dolfinx_cases.py",
+        ["dolfinx-solver-real", "mpich", "cffi", "setuptools", "numpy"],
+        "import dolfinx; print(dolfinx.__version__)",
+    ),
+    Wheel("scikit-fem", "skfem_cases.py", ["scikit-fem"], "import skfem; print(skfem.__version__)"),
+]
+
+
+def run_peer(peer, *words):
+    environment = {**os.environ, **ONE_THREAD, **peer.environment}
+    text = call(peer.python, HERE / "peers" / peer.script, *words, env=environment, cwd=HERE / "peers")
+    return [json.loads(line) for line in text.splitlines() if line.startswith("{")]
+
+
+def build_wfl():
+    call("cargo", "build", "--release", "-p", "wfl-cli", cwd=ROOT)
+    call("cargo", "bench", "-p", "wfl-runtime", "--bench", "assembly", "--no-run", cwd=ROOT)
+
+
+def run_wfl():
+    """Cases of the table: name, thousand entities per second on one and two threads."""
+    text = call("cargo", "bench", "-q", "-p", "wfl-runtime", "--bench", "assembly", "--", "--table", cwd=ROOT)
+    rows = [[cell.strip() for cell in line.strip("|\n ").split("|")] for line in text.splitlines() if line[:1] == "|"]
+    return {row[0]: (float(row[1]), float(row[4])) for row in rows[2:]}
+
+
+def fault_wfl(folder):
+    begin = time.perf_counter()
+    wfl = ROOT / "target/release/wfl"
+    call(wfl, "run", ROOT / "examples/fault/nitsche.wfl", "--output", folder / "fault", cwd=folder)
+    return time.perf_counter() - begin
+
+
+def measure(peers, rounds, folder):
+    speeds, refused, faults = {}, {}, {"WFL": [], "GetFEM": []}
+    for turn in range(rounds):
+        for case, (one, two) in run_wfl().items():
+            speeds.setdefault(("WFL", case), []).append(one)
+            speeds.setdefault(("WFL, 2 threads", case), []).append(two)
+        faults["WFL"].append(fault_wfl(folder))
+        for peer in peers:
+            print(f"round {turn + 1}: {peer.name}", file=sys.stderr)
+            for row in run_peer(peer):
+                if "refused" in row:
+                    refused[peer.name, row["case"]] = row["refused"]
+                else:
+                    speed = row["entities"] / row["seconds"] / 1000
+                    speeds.setdefault((peer.name, row["case"]), []).append(speed)
+            if peer.name == "GetFEM":
+                faults["GetFEM"] += [row["seconds"] for row in run_peer(peer, "fault")]
+    return {key: statistics.median(list_) for key, list_ in speeds.items()}, refused, faults
+
+
+def page(versions, absent, measured, rounds):
+    speeds, refused, faults = measured
+    cpu = next((l.split(":")[1].strip() for l in open("/proc/cpuinfo") if l.startswith("model name")), "?")
+    commit = call("git", "-C", ROOT, "rev-parse", "--short", "HEAD").strip()
+    lines = [
+        "# Assembly and the fault benchmark against other programs",
+        "",
+        "Written by `benches/compare/compare.py`. Tangent into an allocated sparse matrix, thousand entities per second,",
+        f"medians of {rounds} rounds run in turn; in brackets how many times faster WFL is on one thread.",
+        "",
+        f"- {datetime.date.today()}, {cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release()}",
+        f"- WFL {commit}; " + "; ".join(f"{name} {version}" for name, version in versions.items()),
+        *(f"- {name}: not measured ({reason})" for name, reason in absent.items()),
+        "",
+        "| case | WFL | WFL, 2 threads | " + " | ".join(versions) + " |",
+        "|---" * (3 + len(versions)) + "|",
+    ]
+    for case in [case for name, case in speeds if name == "WFL"]:
+        wfl = speeds["WFL", case]
+        cells = [f"{wfl:,.0f}", f"{speeds['WFL, 2 threads', case]:,.0f}"]
+        for name in versions:
+            other = speeds.get((name, case))
+            cells.append(f"{other:,.0f} ({wfl / other:.1f})" if other else "-")
+        lines.append(f"| {case} | " + " | ".join(cells) + " |")
+    lines += ["", *(f"- {name}, {case}: {why}" for (name, case), why in refused.items())]
+    medians = {name: statistics.median(list_) for name, list_ in faults.items() if list_}
+    lines += ["", "Fault benchmark (examples/fault/nitsche.wfl, 8x8x8 cells, 20 steps), seconds:"]
+    lines += [f"- {name}: {seconds:.2f}" for name, seconds in medians.items()]
+    return "\n".join(lines) + "\n"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--folder", type=pathlib.Path)
+    parser.add_argument("--only", nargs="*")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = (options.folder or pathlib.Path(temporary)).resolve()
+        versions, absent, peers = {}, {}, []
+        for peer in PEERS:
+            if options.only is not None and peer.name not in options.only:
+                continue
+            try:
+                versions[peer.name] = peer.install(folder)
+                peers.append(peer)
+            except (RuntimeError, OSError) as error:
+                absent[peer.name] = str(error)[:200]
+        build_wfl()
+        text = page(versions, absent, measure(peers, options.rounds, folder), options.rounds)
+    (HERE / "results.md").write_text(text)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

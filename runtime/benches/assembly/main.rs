@@ -1,0 +1,125 @@
+//! Assembly of the tangent into an allocated sparse matrix, nine cases, one and two threads.
+//!
+//! `cargo bench -p wfl-runtime --bench assembly` measures with criterion; `-- --table` prints a table within seconds: the
+//! best of several passes, thousand entities per second, the goal on one thread, and the ratio of two threads (time by
+//! the clock) to one (processor time).
+
+mod cases;
+
+use std::{
+    io::Write as _,
+    process::ExitCode,
+    time::{Duration, Instant},
+};
+
+use criterion::{Criterion, Throughput};
+
+use cases::{CASES, Problem};
+
+fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let done = if words.iter().any(|w| w == "--table") {
+        table(words.iter().find(|w| !w.starts_with("--")).map_or("", String::as_str))
+    } else {
+        measure()
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            let _ = writeln!(std::io::stderr(), "error: {e}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn pool(threads: usize) -> Result<rayon::ThreadPool, String> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| e.to_string())
+}
+
+fn measure() -> Result<(), String> {
+    let mut criterion = Criterion::default().configure_from_args();
+    let pools = [pool(1)?, pool(2)?];
+    for case in &CASES {
+        let mut problem = Problem::new(case)?;
+        let mut group = criterion.benchmark_group(case.name);
+        group.throughput(Throughput::Elements(problem.n_entities() as u64));
+        for pool in &pools {
+            let name = format!("{} threads", pool.current_num_threads());
+            group.bench_function(format!("tangent, {name}"), |b| b.iter(|| pool.install(|| problem.assemble())));
+            group.bench_function(format!("residual, {name}"), |b| {
+                b.iter(|| pool.install(|| problem.assemble_residual()));
+            });
+        }
+        group.finish();
+    }
+    criterion.final_summary();
+    Ok(())
+}
+
+/// Best time of several passes within about half a second.
+fn best(pool: &rayon::ThreadPool, problem: &mut Problem) -> Result<f64, String> {
+    pool.install(|| {
+        problem.assemble()?;
+        let (start, mut best) = (Instant::now(), f64::INFINITY);
+        while start.elapsed() < Duration::from_millis(500) {
+            let pass = Instant::now();
+            problem.assemble()?;
+            best = best.min(pass.elapsed().as_secs_f64());
+        }
+        Ok(best)
+    })
+}
+
+/// Time that this thread has spent on a processor, where the system tells: Linux does.
+fn processor_time() -> Option<Duration> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    text.split_whitespace().next()?.parse().ok().map(Duration::from_nanos)
+}
+
+/// Seconds of processor time a pass takes on one thread, the best of several rounds: what other programs on the machine
+/// take away does not count. Time by the clock where the system does not tell.
+fn busy(pool: &rayon::ThreadPool, problem: &mut Problem) -> Result<f64, String> {
+    let by_clock = best(pool, problem)?;
+    pool.install(|| {
+        let mut best = f64::INFINITY;
+        for _ in 0..ROUNDS {
+            let Some(start) = processor_time() else { return Ok(by_clock) };
+            let mut passes = 0.0;
+            let mut spent = Duration::ZERO;
+            while spent < ROUND {
+                problem.assemble()?;
+                passes += 1.0;
+                spent = processor_time().map_or(ROUND, |now| now.saturating_sub(start));
+            }
+            best = best.min(spent.as_secs_f64() / passes);
+        }
+        Ok(best.min(by_clock))
+    })
+}
+
+const ROUNDS: usize = 8;
+/// Long against the ticks in which systems count.
+const ROUND: Duration = Duration::from_millis(40);
+
+fn table(wanted: &str) -> Result<(), String> {
+    let pools = [pool(1)?, pool(2)?];
+    let mut out = std::io::stdout().lock();
+    let mut line = |text: String| writeln!(out, "{text}").map_err(|e| e.to_string());
+    line("| case | 1 thread, 1000/s | goal | of goal | 2 threads | ratio | sum of magnitudes | law |".to_owned())?;
+    line("|---|---|---|---|---|---|---|---|".to_owned())?;
+    for case in CASES.iter().filter(|c| c.name.contains(wanted)) {
+        let mut problem = Problem::new(case)?;
+        let n = problem.n_entities() as f64 / 1000.0;
+        let (one, two) = (n / busy(&pools[0], &mut problem)?, n / best(&pools[1], &mut problem)?);
+        line(format!(
+            "| {} | {one:.0} | {} | {:.2} | {two:.0} | {:.2} | {:.15e} | {} |",
+            case.name,
+            case.goal,
+            one / case.goal,
+            two / one,
+            problem.checksum(),
+            problem.summary()
+        ))?;
+    }
+    Ok(())
+}

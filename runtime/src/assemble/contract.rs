@@ -1,0 +1,438 @@
+//! Contraction of the outputs of a point law with basis functions, 8 entities at a time.
+//!
+//! The formula: residual of test dof (i, c) is the sum over points of w (N_i f_c + dN_i/dx_d f_cd); the tangent the
+//! same with the law's entries on both sides. Per pair of test and trial component the tangent is one small matrix
+//! product: entries times trial functions first, then test functions times that, summed over test slots and points in
+//! registers. Pairs without entries do not exist; of symmetric laws one triangle is made; functions that are zero at
+//! all points of a facet are left out where a term reads values only.
+
+use pulp::{Simd, WithSimd};
+use wfl_compiler::{ir::LANES, types::FieldOp};
+
+use crate::assemble::{
+    binding::{Binding, GroupBinding, Operand, SlotPlace},
+    domain::Group,
+    entries::{Coefficient, Entries},
+    evaluate::Workspace,
+    geometry::{Lanes, ZERO},
+    simd::{fused, load, parts, plus_product, store},
+};
+
+/// Rows and columns of a product that are summed in registers at once.
+const TILE: usize = 4;
+
+/// One test slot of a block.
+#[derive(Clone, Debug)]
+struct Row {
+    tests: Operand,
+    /// Coefficient and trial functions.
+    entries: Vec<(usize, Operand)>,
+}
+
+/// All entries of one test component and one trial component.
+#[derive(Clone, Debug)]
+struct Block {
+    rows: Vec<Row>,
+    n_tests: usize,
+    n_trials: usize,
+    /// Where its products stand in the local tangent: `start + i * n_trials + j`.
+    start: usize,
+    /// Test and trial functions are the same and so are the sides: only `i <= j` is needed.
+    is_triangle: bool,
+}
+
+/// How the tangent of one group is made.
+#[derive(Clone, Debug)]
+pub(super) struct TangentPlan {
+    blocks: Vec<Block>,
+    /// Numbers in the local tangent; one more behind them is zero.
+    pub(super) n_local: usize,
+    /// Where the entry (test dof, trial dof) stands in the local tangent, by `test * n_dofs + trial`; [`ABSENT`] if it
+    /// is always zero.
+    pub(super) sources: Vec<u32>,
+    n_coefficients: usize,
+    flux: usize,
+}
+
+/// No such entry.
+pub(super) const ABSENT: u32 = u32::MAX;
+
+type Component = (usize, usize);
+
+impl TangentPlan {
+    pub(super) fn new(binding: &Binding, g: usize, entries: &Entries) -> Self {
+        let group = &binding.groups[g];
+        let n_dofs = group.n_dofs();
+        let mut plan = Self {
+            blocks: Vec::new(),
+            n_local: 0,
+            sources: vec![ABSENT; n_dofs * n_dofs],
+            n_coefficients: entries.coefficients.len(),
+            flux: 0,
+        };
+        let component = |p: &SlotPlace| (p.basis, p.component);
+        let mut pairs: Vec<(Component, Component)> = entries
+            .list
+            .iter()
+            .map(|(t, s, _)| (component(&binding.tests[*t]), component(&binding.trials[*s])))
+            .collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        for (row, column) in pairs {
+            if !(entries.symmetric && column < row) {
+                plan.add_block(binding, group, entries, row, column);
+            }
+        }
+        plan
+    }
+
+    fn add_block(
+        &mut self,
+        binding: &Binding,
+        group: &GroupBinding,
+        entries: &Entries,
+        (rb, a): Component,
+        (cb, b): Component,
+    ) {
+        let is_of = |p: &SlotPlace, basis: usize, component: usize| p.basis == basis && p.component == component;
+        let here: Vec<(usize, usize, usize)> = entries
+            .list
+            .iter()
+            .filter(|(t, s, _)| is_of(&binding.tests[*t], rb, a) && is_of(&binding.trials[*s], cb, b))
+            .copied()
+            .collect();
+        let values_only =
+            |mut places: &mut dyn Iterator<Item = &SlotPlace>| (&mut places).all(|p| p.op == FieldOp::Value);
+        let rows_on_support = values_only(&mut here.iter().map(|(t, _, _)| &binding.tests[*t]));
+        let columns_on_support = values_only(&mut here.iter().map(|(_, s, _)| &binding.trials[*s]));
+        let operand = |p: &SlotPlace, on_support| group.bases[p.basis].operand(p.op, p.direction, on_support);
+        let mut tests: Vec<usize> = here.iter().map(|(t, _, _)| *t).collect();
+        tests.dedup();
+        let rows: Vec<Row> = tests
+            .iter()
+            .map(|test| Row {
+                tests: operand(&binding.tests[*test], rows_on_support),
+                entries: here
+                    .iter()
+                    .filter(|(t, _, _)| t == test)
+                    .map(|(_, s, c)| (*c, operand(&binding.trials[*s], columns_on_support)))
+                    .collect(),
+            })
+            .collect();
+        let (row_nodes, column_nodes) =
+            (group.bases[rb].functions(rows_on_support), group.bases[cb].functions(columns_on_support));
+        let (n_tests, n_trials) = (row_nodes.len(), column_nodes.len());
+        if n_tests == 0 || n_trials == 0 {
+            return;
+        }
+        let is_triangle = entries.symmetric && (rb, a) == (cb, b) && rows_on_support == columns_on_support;
+        let n_dofs = group.n_dofs();
+        for (i, row) in row_nodes.iter().enumerate() {
+            for (j, column) in column_nodes.iter().enumerate() {
+                let row = group.bases[rb].dof(*row, a);
+                let column = group.bases[cb].dof(*column, b);
+                let (i, j) = if is_triangle { (i.min(j), i.max(j)) } else { (i, j) };
+                let source = u32::try_from(self.n_local + i * n_trials + j).expect("small local matrices");
+                self.sources[row * n_dofs + column] = source;
+                if entries.symmetric {
+                    self.sources[column * n_dofs + row] = source;
+                }
+            }
+        }
+        let n_points = group.bases[cb].table.n_points;
+        self.flux = self.flux.max(rows.len() * n_points * n_trials);
+        self.blocks.push(Block { rows, n_tests, n_trials, start: self.n_local, is_triangle });
+        self.n_local += n_tests * n_trials;
+    }
+}
+
+/// Makes the local tangent of the batch in a workspace from the outputs of the kernel. False if a number is not finite.
+pub(super) fn tangent(
+    workspace: &mut Workspace,
+    plan: &TangentPlan,
+    entries: &Entries,
+    group: (&Group, &GroupBinding),
+    uniforms: &[f64],
+) -> bool {
+    let n_points = group.0.n_points();
+    workspace.coefficients.resize(n_points * plan.n_coefficients, ZERO);
+    if workspace.flux.len() < plan.flux {
+        workspace.flux.resize(plan.flux, ZERO);
+    }
+    workspace.local.resize(plan.n_local + 1, ZERO);
+    workspace.local[plan.n_local] = ZERO;
+    workspace.arch.dispatch(Tangent {
+        plan,
+        entries,
+        uniforms,
+        n_points,
+        weights: &workspace.weights,
+        outputs: &workspace.outputs,
+        values: &group.1.values,
+        derivatives: &workspace.derivatives,
+        coefficients: &mut workspace.coefficients,
+        flux: &mut workspace.flux,
+        local: &mut workspace.local,
+    })
+}
+
+struct Tangent<'a> {
+    plan: &'a TangentPlan,
+    entries: &'a Entries,
+    uniforms: &'a [f64],
+    n_points: usize,
+    weights: &'a [Lanes],
+    outputs: &'a [f64],
+    values: &'a [Lanes],
+    derivatives: &'a [Lanes],
+    coefficients: &'a mut [Lanes],
+    flux: &'a mut [Lanes],
+    local: &'a mut [Lanes],
+}
+
+impl WithSimd for Tangent<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) -> bool {
+        self.weigh::<S>(simd);
+        let mut finite = true;
+        for block in &self.plan.blocks {
+            for (r, row) in block.rows.iter().enumerate() {
+                let size = self.n_points * block.n_trials;
+                let flux = &mut self.flux[r * size..][..size];
+                for (q, flux) in flux.chunks_exact_mut(block.n_trials).enumerate() {
+                    let coefficients = &self.coefficients[q * self.plan.n_coefficients..][..self.plan.n_coefficients];
+                    let from = Trials { entries: &row.entries, values: self.values, derivatives: self.derivatives, q };
+                    for p in 0..parts::<S>() {
+                        from.flux::<S>(simd, coefficients, flux, p);
+                    }
+                }
+            }
+            let out = &mut self.local[block.start..][..block.n_tests * block.n_trials];
+            for p in 0..parts::<S>() {
+                let (values, derivatives) = (self.values, self.derivatives);
+                let product = Product { block, n_points: self.n_points, values, derivatives, flux: self.flux, p };
+                finite &= product.all::<S>(simd, out);
+            }
+        }
+        finite
+    }
+}
+
+impl Tangent<'_> {
+    /// Entries times weights.
+    #[inline(always)]
+    fn weigh<S: Simd>(&mut self, simd: S) {
+        let n = self.plan.n_coefficients;
+        for (q, weight) in self.weights.iter().enumerate() {
+            let out = &mut self.coefficients[q * n..][..n];
+            let outputs = &self.outputs[q * self.entries.n_outputs * LANES..];
+            for (slot, coefficient) in out.iter_mut().zip(&self.entries.coefficients) {
+                for p in 0..parts::<S>() {
+                    let factor = match coefficient {
+                        Coefficient::Constant(c) => simd.splat_f64s(*c),
+                        Coefficient::Uniform(u) => simd.splat_f64s(self.uniforms[*u]),
+                        Coefficient::Output(k) => S::as_simd_f64s(&outputs[k * LANES..][..LANES]).0[p],
+                    };
+                    store::<S>(slot, p, simd.mul_f64s(load::<S>(weight, p), factor));
+                }
+            }
+        }
+    }
+}
+
+/// Entries of one test slot at one point.
+#[derive(Clone, Copy)]
+struct Trials<'a> {
+    entries: &'a [(usize, Operand)],
+    values: &'a [Lanes],
+    derivatives: &'a [Lanes],
+    q: usize,
+}
+
+impl Trials<'_> {
+    /// `flux[j]` = sum over the entries of entry times trial function `j`.
+    #[inline(always)]
+    fn flux<S: Simd>(self, simd: S, coefficients: &[Lanes], flux: &mut [Lanes], p: usize) {
+        let first = self.entries.len() % 3;
+        match first {
+            1 => self.some::<S, 1>(simd, 0, coefficients, flux, p),
+            2 => self.some::<S, 2>(simd, 0, coefficients, flux, p),
+            _ => {}
+        }
+        for e in (first..self.entries.len()).step_by(3) {
+            self.some::<S, 3>(simd, e, coefficients, flux, p);
+        }
+    }
+
+    #[inline(always)]
+    fn some<S: Simd, const K: usize>(
+        self,
+        simd: S,
+        first: usize,
+        coefficients: &[Lanes],
+        flux: &mut [Lanes],
+        p: usize,
+    ) {
+        let entries = &self.entries[first..][..K];
+        let mut factors = [simd.splat_f64s(0.0); K];
+        let mut trials: [&[Lanes]; K] = [&[]; K];
+        for k in 0..K {
+            factors[k] = load::<S>(&coefficients[entries[k].0], p);
+            trials[k] = &entries[k].1.at(self.values, self.derivatives, self.q)[..flux.len()];
+        }
+        for (j, slot) in flux.iter_mut().enumerate() {
+            let mut sum = simd.mul_f64s(factors[0], load::<S>(&trials[0][j], p));
+            for k in 1..K {
+                sum = fused(simd, sum, factors[k], load::<S>(&trials[k][j], p));
+            }
+            let sum = if first == 0 { sum } else { simd.add_f64s(sum, load::<S>(slot, p)) };
+            store::<S>(slot, p, sum);
+        }
+    }
+}
+
+/// Test functions times fluxes, summed over slots and points.
+#[derive(Clone, Copy)]
+struct Product<'a> {
+    block: &'a Block,
+    n_points: usize,
+    values: &'a [Lanes],
+    derivatives: &'a [Lanes],
+    flux: &'a [Lanes],
+    p: usize,
+}
+
+impl Product<'_> {
+    #[inline(always)]
+    fn all<S: Simd>(self, simd: S, out: &mut [Lanes]) -> bool {
+        let (m, n) = (self.block.n_tests, self.block.n_trials);
+        let mut check = simd.splat_f64s(0.0);
+        let mut i = 0;
+        while i < m {
+            let rows = TILE.min(m - i);
+            let mut j = if self.block.is_triangle { i } else { 0 };
+            while j < n {
+                let columns = TILE.min(n - j);
+                match (rows, columns) {
+                    (4, 4) => self.tile::<S, 4, 4>(simd, i, j, out, &mut check),
+                    (4, 3) => self.tile::<S, 4, 3>(simd, i, j, out, &mut check),
+                    (4, 2) => self.tile::<S, 4, 2>(simd, i, j, out, &mut check),
+                    (4, _) => self.tile::<S, 4, 1>(simd, i, j, out, &mut check),
+                    (3, 4) => self.tile::<S, 3, 4>(simd, i, j, out, &mut check),
+                    (3, 3) => self.tile::<S, 3, 3>(simd, i, j, out, &mut check),
+                    (3, 2) => self.tile::<S, 3, 2>(simd, i, j, out, &mut check),
+                    (3, _) => self.tile::<S, 3, 1>(simd, i, j, out, &mut check),
+                    (2, 4) => self.tile::<S, 2, 4>(simd, i, j, out, &mut check),
+                    (2, 3) => self.tile::<S, 2, 3>(simd, i, j, out, &mut check),
+                    (2, 2) => self.tile::<S, 2, 2>(simd, i, j, out, &mut check),
+                    (2, _) => self.tile::<S, 2, 1>(simd, i, j, out, &mut check),
+                    (_, 4) => self.tile::<S, 1, 4>(simd, i, j, out, &mut check),
+                    (_, 3) => self.tile::<S, 1, 3>(simd, i, j, out, &mut check),
+                    (_, 2) => self.tile::<S, 1, 2>(simd, i, j, out, &mut check),
+                    _ => self.tile::<S, 1, 1>(simd, i, j, out, &mut check),
+                }
+                j += columns;
+            }
+            i += rows;
+        }
+        // infinite or not a number times zero is not a number
+        simd.reduce_sum_f64s(check) == 0.0
+    }
+
+    #[inline(always)]
+    fn tile<S: Simd, const M: usize, const N: usize>(
+        self,
+        simd: S,
+        i: usize,
+        j: usize,
+        out: &mut [Lanes],
+        check: &mut S::f64s,
+    ) {
+        let (n, p) = (self.block.n_trials, self.p);
+        let mut sums = [[simd.splat_f64s(0.0); N]; M];
+        for (r, row) in self.block.rows.iter().enumerate() {
+            for q in 0..self.n_points {
+                let tests = &row.tests.at(self.values, self.derivatives, q)[i..][..M];
+                let flux = &self.flux[(r * self.n_points + q) * n + j..][..N];
+                let mut right = [simd.splat_f64s(0.0); N];
+                for (slot, from) in right.iter_mut().zip(flux) {
+                    *slot = load::<S>(from, p);
+                }
+                for (sums, test) in sums.iter_mut().zip(tests) {
+                    let left = load::<S>(test, p);
+                    for (sum, right) in sums.iter_mut().zip(&right) {
+                        *sum = fused(simd, *sum, left, *right);
+                    }
+                }
+            }
+        }
+        let zero = simd.splat_f64s(0.0);
+        for (k, sums) in sums.iter().enumerate() {
+            let out = &mut out[(i + k) * n + j..][..N];
+            for (slot, sum) in out.iter_mut().zip(sums) {
+                store::<S>(slot, p, *sum);
+                *check = fused(simd, *check, *sum, zero);
+            }
+        }
+    }
+}
+
+/// Makes the local residual of the batch in a workspace from the fluxes, the first outputs of the kernel. False if a
+/// number is not finite. Products are not fused with sums: forces in balance leave the same rests on every processor.
+pub(super) fn residual(workspace: &mut Workspace, binding: &Binding, g: usize, n_outputs: usize) -> bool {
+    let group = &binding.groups[g];
+    workspace.local.clear();
+    workspace.local.resize(group.n_dofs(), ZERO);
+    workspace.arch.dispatch(Residual {
+        tests: &binding.tests,
+        group,
+        n_outputs,
+        weights: &workspace.weights,
+        derivatives: &workspace.derivatives,
+        outputs: &workspace.outputs,
+        local: &mut workspace.local,
+    })
+}
+
+struct Residual<'a> {
+    tests: &'a [SlotPlace],
+    group: &'a GroupBinding,
+    n_outputs: usize,
+    weights: &'a [Lanes],
+    derivatives: &'a [Lanes],
+    outputs: &'a [f64],
+    local: &'a mut [Lanes],
+}
+
+impl WithSimd for Residual<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        for (q, weight) in self.weights.iter().enumerate() {
+            for (t, place) in self.tests.iter().enumerate() {
+                let basis = &self.group.bases[place.basis];
+                let functions = basis.operand(place.op, place.direction, false);
+                let functions = functions.at(&self.group.values, self.derivatives, q);
+                let flux = S::as_simd_f64s(&self.outputs[(q * self.n_outputs + t) * LANES..][..LANES]).0;
+                let local = &mut self.local[basis.offset..][..basis.n_dofs()];
+                for p in 0..parts::<S>() {
+                    let flux = simd.mul_f64s(load::<S>(weight, p), flux[p]);
+                    for (slots, function) in local.chunks_exact_mut(basis.n_components).zip(functions) {
+                        let slot = &mut slots[place.component];
+                        store::<S>(slot, p, plus_product(simd, load::<S>(slot, p), load::<S>(function, p), flux));
+                    }
+                }
+            }
+        }
+        let mut check = simd.splat_f64s(0.0);
+        for number in self.local.iter() {
+            for p in 0..parts::<S>() {
+                check = plus_product(simd, check, load::<S>(number, p), simd.splat_f64s(0.0));
+            }
+        }
+        simd.reduce_sum_f64s(check) == 0.0
+    }
+}
