@@ -28,8 +28,8 @@ pub use run::{
     StepResult, run, text_hash,
 };
 pub use scene::{
-    CsvOutput, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions, RuleChoice, Scene, Steps,
-    TermSummary, VtkOutput, prepare,
+    CsvOutput, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions, RuleChoice, SampleAt,
+    Samples, Scene, Steps, TermSummary, VtkOutput, prepare,
 };
 pub use strategy::{SolverMemory, Strategy};
 pub use system::{FIXED, Known, Memory, Numbering, System, SystemError};

@@ -47,6 +47,9 @@ pub(crate) enum Command {
         after_help = "Examples:\n  wfl fmt scene.wfl\n  wfl fmt --check examples/fault/*.wfl    # exit code 1 if a file would change"
     )]
     Fmt(FmtArgs),
+    /// Run scenes over lists of settings: errors and costs in one table
+    #[command(after_help = SWEEP_HELP)]
+    Sweep(SweepArgs),
     /// Turn an assembly string of a GetFEM script into statements of a scene
     #[command(after_help = IMPORT_HELP)]
     Import(ImportArgs),
@@ -80,6 +83,20 @@ are compared bit by bit at the same states.
 
 Example:
   wfl verify examples/fault/nitsche.wfl --samples 200";
+
+const SWEEP_HELP: &str = "\
+A knob is a parameter of the scenes, or one of
+  h=0.5,0.25         size of the cells of a `mesh box`
+  refine=1/2,1,2     factor on the number of cells in each direction
+  degree=1,2         degree of the unknowns on cells
+  quadrature=vertex,2,4   rule of the terms with kinks
+  tol=1e-4,1e-8  max_iter=20  search=none  threads=1,2
+Lists: a,b,c; a..b:log5 and a..b:lin5 have five values with both ends. Several scenes are several methods.
+Results in DIR: sweep.csv, a row a setting, also those that failed. Rows that are there already are not run again.
+
+Examples:
+  wfl sweep examples/fault/nitsche.wfl examples/fault/penalty.wfl refine=0.5,1 gamma=1e4..1e6:log3 --out trade
+  wfl sweep examples/signorini/signorini.wfl n=8,16,32 degree=1,2 --reference exact";
 
 const IMPORT_HELP: &str = "\
 Declarations that the string does not hold (unknowns, parameters) are guessed and marked: look at each of them.
@@ -131,6 +148,33 @@ pub(crate) struct RunArgs {
     /// Run the point laws in the reference interpreter instead of machine code
     #[arg(long)]
     pub(crate) interpret: bool,
+}
+
+/// What is swept.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct SweepArgs {
+    /// Scenes, .wfl files, and knobs with their values: gamma=1e4,1e6 h=0.5,0.25
+    #[arg(value_name = "SCENE|KNOB=LIST")]
+    pub(crate) words: Vec<String>,
+    /// What errors are taken against: `auto` (a finer run, of another scene if there are several), `exact` (`def exact`
+    /// in the scene), `none`, or a reference_1.json that another sweep left
+    #[arg(long, value_name = "auto|exact|none|FILE", default_value = "auto")]
+    pub(crate) reference: String,
+    /// A knob of the finer run, in place of what `auto` takes: refine=2
+    #[arg(long, value_name = "KNOB=VALUE")]
+    pub(crate) reference_knob: Vec<String>,
+    /// Times each setting is run; the table has median, smallest and largest time
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub(crate) repeat: NonZeroUsize,
+    /// Folder of the table
+    #[arg(long, value_name = "DIR", default_value = "out/sweep")]
+    pub(crate) out: PathBuf,
+    /// Threads of assembly and solver, 1 or more [default: all]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
+    /// Say nothing but errors
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
 }
 
 /// How a scene is checked.

@@ -62,18 +62,27 @@ pub(crate) fn read_text(path: &Path) -> Result<String, String> {
 /// Reads and resolves a scene. Prints why and returns `None` only if there is no text to check; other errors are kept, so
 /// that the stages behind can add what they find.
 pub(crate) fn load(scene: &Path, overrides: &[String], command: &str) -> Option<Loaded> {
-    let mut sources = SourceMap::new();
-    let text = match read_text(scene) {
-        Ok(text) => text,
+    match read_scene(scene, overrides, command, "") {
+        Ok(loaded) => Some(loaded),
         Err(why) => {
-            say(&format!("error: cannot read {}: {why}\n", scene.display()));
-            return None;
+            if !why.is_empty() {
+                say(&format!("error: {why}\n"));
+            }
+            None
         }
-    };
+    }
+}
+
+/// The same without printing; `more` are statements put behind the text of the scene.
+pub(crate) fn read_scene(scene: &Path, overrides: &[String], command: &str, more: &str) -> Result<Loaded, String> {
+    let mut sources = SourceMap::new();
+    let mut text = read_text(scene).map_err(|why| format!("cannot read {}: {why}", scene.display()))?;
     if text.trim().is_empty() {
         let help = "a scene has at least a mesh, an unknown and a term; the README shows one";
-        say(&format!("error: {} is empty\n  = help: {help}\n", scene.display()));
-        return None;
+        return Err(format!("{} is empty\n  = help: {help}", scene.display()));
+    }
+    if !more.is_empty() {
+        text = format!("{}\n{more}", text.trim_end());
     }
     let main = sources.add(scene.display().to_string(), text);
     let folder = scene.parent().map(Path::to_path_buf).unwrap_or_default();
@@ -83,7 +92,9 @@ pub(crate) fn load(scene: &Path, overrides: &[String], command: &str) -> Option<
     let checked = resolve(&mut sources, main, &mut loader, &overrides);
     diagnostics.extend(checked.diagnostics);
     let name = scene.file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
-    Some(Loaded { script: checked.value?, sources, messages: diagnostics, folder, name })
+    // a script is always made, however many errors it has
+    let script = checked.value.ok_or_else(String::new)?;
+    Ok(Loaded { script, sources, messages: diagnostics, folder, name })
 }
 
 /// The name of the text that holds the command line.

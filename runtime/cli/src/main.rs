@@ -13,6 +13,7 @@ mod prepared;
 mod progress;
 mod run;
 mod show;
+mod sweep;
 mod table;
 mod verify;
 
@@ -38,6 +39,7 @@ fn main() -> ExitCode {
         Command::Check(options) => check::check(&options, started),
         Command::Show(options) => show::show(&options),
         Command::Verify(options) => verify::verify(&options),
+        Command::Sweep(options) => sweep::sweep(&options),
         Command::Explain(options) => explain::explain(&options),
         Command::Fmt(options) => fmt::fmt(&options),
         Command::Import(options) => import::import(&options),

@@ -42,6 +42,9 @@ pub struct Report {
     /// Unknowns of each field; left out of the file if empty.
     #[serde(default, skip_serializing_if = "OrderedMap::is_empty")]
     pub fields: OrderedMap<u64>,
+    /// Factorisations of a matrix, also of a condensed one; 0 in a report of an older program.
+    #[serde(default)]
+    pub factorisations: u64,
     /// The linear and the nonlinear solver in words; left out of the file if `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub solver: Option<String>,

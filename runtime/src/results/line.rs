@@ -3,26 +3,20 @@
 //! A point on a face between two bodies belongs to each of them: an expression is taken in the first cell, in the
 //! order of the mesh, that holds the point and where the expression lives.
 
-use std::sync::Arc;
-
 use crate::{
-    assemble::{Domain, FieldValues, Group, GroupSide},
+    assemble::FieldValues,
     field::{Field, FieldError},
     mesh::{CellId, Mesh},
+    results::Located,
     value::{Sampled, Value},
 };
-
-/// How far outside the reference cell a point may lie and still count as inside.
-const INSIDE: f64 = 1e-9;
-/// Iterations of the inverse map.
-const INVERSE_ITERATIONS: usize = 25;
 
 struct LineItem {
     name: String,
     value: Value,
     sampled: Sampled,
-    /// The sample of each group of its domain.
-    samples: Vec<usize>,
+    /// The sample of each point of each group of its domain.
+    samples: Vec<Vec<usize>>,
 }
 
 /// Samples on a line from one point to another.
@@ -56,14 +50,8 @@ impl LineSample {
         value: Value,
         cells: &[CellId],
     ) -> Result<(), FieldError> {
-        let (mut groups, mut samples) = (Vec::new(), Vec::new());
-        for (k, x) in self.points.iter().enumerate() {
-            if let Some((cell, reference)) = find(mesh, cells, *x) {
-                groups.push(point_group(mesh, cell, reference));
-                samples.push(k);
-            }
-        }
-        let domain = Arc::new(Domain { dim: mesh.dim(), n_entities: groups.len(), groups });
+        let located = Located::in_cells(mesh, cells, &self.points);
+        let (domain, samples) = (located.domain, located.points);
         let sampled = value.bind(mesh, domain, fields)?;
         self.items.push(LineItem { name, value, sampled, samples });
         Ok(())
@@ -105,77 +93,10 @@ impl LineSample {
             let start = rows.first().map_or(0, Vec::len);
             rows.iter_mut().for_each(|r| r.resize(start + nc, f64::NAN));
             let samples = &item.samples;
-            item.value.for_each_point(mesh, &item.sampled, values, |g, _, _, _, value| {
-                rows[samples[g]][start..].copy_from_slice(value);
+            item.value.for_each_point(mesh, &item.sampled, values, |g, _, q, _, value| {
+                rows[samples[g][q]][start..].copy_from_slice(value);
             });
         }
         rows
-    }
-}
-
-/// The first cell that holds a point, with its reference coordinates.
-fn find(mesh: &Mesh, cells: &[CellId], x: [f64; 3]) -> Option<(CellId, [f64; 3])> {
-    let dim = mesh.dim();
-    cells.iter().find_map(|cell| {
-        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for node in mesh.cell_nodes(*cell) {
-            let p = mesh.node(*node);
-            for d in 0..dim {
-                low[d] = low[d].min(p[d]);
-                high[d] = high[d].max(p[d]);
-            }
-        }
-        let size = (0..dim).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
-        if (0..dim).any(|d| x[d] < low[d] - 0.1 * size || x[d] > high[d] + 0.1 * size) {
-            return None;
-        }
-        inverse_map(mesh, *cell, x).map(|r| (*cell, r))
-    })
-}
-
-/// Newton on the geometric map; `None` when the point is outside.
-fn inverse_map(mesh: &Mesh, cell: CellId, x: [f64; 3]) -> Option<[f64; 3]> {
-    let (dim, kind) = (mesh.dim(), mesh.kind(cell));
-    let element = mesh.geometry_element(kind);
-    let mut r = kind.reference_centre();
-    for _ in 0..INVERSE_ITERATIONS {
-        let table = element.tabulate(&[r], 1);
-        let at = mesh.point_at(cell, &table, 0);
-        let jacobian = mesh.jacobian_at(cell, &table, 0);
-        let m =
-            nalgebra::Matrix3::from_fn(
-                |i, j| if i < dim && j < dim { jacobian[i][j] } else { f64::from(u8::from(i == j)) },
-            );
-        let gap = nalgebra::Vector3::from_fn(|i, _| if i < dim { x[i] - at[i] } else { 0.0 });
-        let step = m.lu().solve(&gap)?;
-        for d in 0..dim {
-            r[d] += step[d];
-        }
-        if step.norm() < 1e-14 {
-            break;
-        }
-    }
-    let inside = if kind.is_simplex() {
-        r[..dim].iter().all(|c| *c >= -INSIDE) && r[..dim].iter().sum::<f64>() <= 1.0 + INSIDE
-    } else {
-        r[..dim].iter().all(|c| (-INSIDE..=1.0 + INSIDE).contains(c))
-    };
-    inside.then_some(r)
-}
-
-fn point_group(mesh: &Mesh, cell: CellId, reference: [f64; 3]) -> Group {
-    let kind = mesh.kind(cell);
-    let points = vec![reference];
-    let parameters = points.clone();
-    let here = GroupSide { cells: vec![cell], ..GroupSide::new(mesh, kind, points) };
-    Group {
-        entities: vec![0],
-        weights: vec![1.0],
-        parameters,
-        tangents: None,
-        reference_normal: [0.0; 3],
-        is_global: false,
-        here,
-        there: None,
     }
 }

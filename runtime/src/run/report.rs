@@ -26,6 +26,7 @@ pub(super) fn report(
         threads: options.threads as u64,
         peak_memory_bytes: peak_memory_bytes(),
         solver: Some(solver.unwrap_or_default()),
+        factorisations: run.stepper.strategy.as_ref().map_or(0, Strategy::factorisations) as u64,
         warnings: options.warnings.clone(),
         ..Report::default()
     };

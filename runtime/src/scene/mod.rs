@@ -14,6 +14,7 @@ mod outputs;
 mod quantities;
 mod regions;
 mod rest;
+mod samples;
 mod terms;
 
 use std::{cell::Cell, collections::BTreeSet, path::Path, sync::Arc, time::Instant};
@@ -44,6 +45,7 @@ pub use constraints::Prescribed;
 pub use held::Printed;
 pub use outputs::{CsvOutput, VtkOutput};
 pub use regions::{NamedRegion, Regions};
+pub use samples::{SampleAt, Samples};
 pub use terms::RuleChoice;
 
 /// A quantity printed and reported at each step.

@@ -55,9 +55,9 @@ pub(super) struct OutputMaker<'a> {
 }
 
 /// A place on which expressions may be sampled.
-struct Target {
-    sig: PlaceSig,
-    support: SupportSet,
+pub(super) struct Target {
+    pub(super) sig: PlaceSig,
+    pub(super) support: SupportSet,
 }
 
 const DEFAULT_POINTS: f64 = 101.0;
@@ -87,7 +87,7 @@ impl OutputMaker<'_> {
     }
 
     /// The distinct cell sets on which fields live.
-    fn bodies(&self) -> Vec<Target> {
+    pub(super) fn bodies(&self) -> Vec<Target> {
         let mut sets: Vec<Vec<CellId>> = Vec::new();
         for field in self.fields {
             if let FieldSpace::Nodal(space) = &field.space
@@ -106,7 +106,7 @@ impl OutputMaker<'_> {
     }
 
     /// The interfaces and facet regions that have terms.
-    fn faces(&self) -> Vec<Target> {
+    pub(super) fn faces(&self) -> Vec<Target> {
         let mut out: Vec<Target> = Vec::new();
         for term in &self.script.terms {
             for place in &term.places {
@@ -131,7 +131,12 @@ impl OutputMaker<'_> {
     }
 
     /// Bodies where the expression makes sense, else faces; a message when there are none.
-    fn homes<'t>(&mut self, bodies: &'t [Target], faces: &'t [Target], e: &Expr) -> Vec<(&'t Target, ValueLaw)> {
+    pub(super) fn homes<'t>(
+        &mut self,
+        bodies: &'t [Target],
+        faces: &'t [Target],
+        e: &Expr,
+    ) -> Vec<(&'t Target, ValueLaw)> {
         let mut problems = Vec::new();
         for list in [bodies, faces] {
             let mut found = Vec::new();

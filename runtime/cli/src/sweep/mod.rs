@@ -1,0 +1,418 @@
+//! `wfl sweep`: scenes over lists of settings, their errors and costs in one table.
+//!
+//! Every run is made in this process with a fresh state, one at a time: times are those of a machine that does nothing
+//! else. A setting that fails stays in the table with its message and time. A table that is there already is gone on
+//! with: its rows are not run again as long as the text of their scene is the same.
+//!
+//! `lists` reads the command line, `knobs` changes scenes, `one` runs a setting, `reference` gives errors, `table` keeps
+//! the rows.
+
+mod knobs;
+mod lists;
+mod machine;
+mod one;
+mod reference;
+mod table;
+
+use std::{
+    num::NonZeroUsize,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Instant,
+};
+
+use wfl_compiler::backend::KernelBackend;
+
+use self::{
+    knobs::Setting,
+    lists::{Knob, number},
+    one::{Bench, Known, Status},
+    reference::Reference,
+    table::Row,
+};
+use crate::{
+    args::SweepArgs,
+    load::{out, say},
+    prepared::{EXIT_ERROR, backend},
+};
+
+/// A setting in words, as on the command line.
+fn words(setting: &Setting) -> String {
+    setting.iter().map(|(n, v)| format!("{n}={v}")).collect::<Vec<_>>().join(" ")
+}
+
+/// A scene of a sweep.
+struct Method {
+    path: PathBuf,
+    known: Known,
+    /// Which reference its errors are taken against.
+    reference: Option<usize>,
+    /// Statements put behind its text.
+    more: String,
+}
+
+pub(crate) fn sweep(args: &SweepArgs) -> ExitCode {
+    match run(args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            say(&format!("error: {why}\n"));
+            ExitCode::from(EXIT_ERROR)
+        }
+    }
+}
+
+fn run(args: &SweepArgs) -> Result<(), String> {
+    let (scenes, lists): (Vec<String>, Vec<String>) = args.words.iter().cloned().partition(|w| !w.contains('='));
+    if scenes.is_empty() {
+        return Err("no scene is given\n  = help: wfl sweep SCENE.wfl gamma=1e4,1e6".to_owned());
+    }
+    let knobs = lists::knobs(&lists).map_err(|e| e.to_string())?;
+    let Some(backend) = backend(false) else { return Err("there is no machine code on this processor".to_owned()) };
+    let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
+    std::fs::create_dir_all(&args.out).map_err(|e| format!("cannot make {}: {e}", args.out.display()))?;
+    let mut methods = methods(&scenes, &knobs, &*backend)?;
+    let mut sweep = Sweep {
+        args,
+        knobs: &knobs,
+        bench: Bench { backend: &*backend, threads },
+        references: Vec::new(),
+        rows: table::read(&args.out).map_err(|e| e.to_string())?,
+        machine: machine::describe(),
+    };
+    sweep.references(&mut methods)?;
+    sweep.all(&methods)
+}
+
+/// Reads the scenes and checks that every knob means something in each of them.
+fn methods(scenes: &[String], knobs: &[Knob], backend: &dyn KernelBackend) -> Result<Vec<Method>, String> {
+    let mut out = Vec::new();
+    for scene in scenes {
+        let path = PathBuf::from(scene);
+        let known = one::known(&path, backend)?;
+        for knob in knobs {
+            for value in &knob.values {
+                let setting = [(knob.name.clone(), value.clone())];
+                let mut script = known.loaded.script.clone();
+                knobs::apply(&mut script, &setting, &known.params, &known.kinked)
+                    .map_err(|e| format!("{scene}: {e}"))?;
+            }
+        }
+        out.push(Method { path, known, reference: None, more: String::new() });
+    }
+    Ok(out)
+}
+
+struct Sweep<'a> {
+    args: &'a SweepArgs,
+    knobs: &'a [Knob],
+    bench: Bench<'a>,
+    references: Vec<Reference>,
+    rows: Vec<Row>,
+    machine: machine::Machine,
+}
+
+impl Sweep<'_> {
+    fn tell(&self, text: &str) {
+        if !self.args.quiet {
+            say(&format!("{text}\n"));
+        }
+    }
+
+    /// Makes or reads what the errors are taken against.
+    fn references(&mut self, methods: &mut [Method]) -> Result<(), String> {
+        match self.args.reference.as_str() {
+            "none" => {}
+            "exact" => {
+                for method in &mut *methods {
+                    let help = "write `def exact = ...` (or def exact_u, def exact_slip for an output `slip`)";
+                    method.more = reference::exact_statements(&method.known).ok_or_else(|| {
+                        format!("{} defines no exact solution\n  = help: {help}", method.path.display())
+                    })?;
+                    method.reference = Some(0);
+                }
+                let what = "exact solution".to_owned();
+                self.references.push(Reference { what, exact: true, ..Reference::default() });
+            }
+            "auto" => {
+                let last = methods.len() - 1;
+                for k in 0..methods.len() {
+                    // never the same method, where there is a choice
+                    let of = if k == last { 0 } else { last };
+                    let setting = self.finer_setting(&methods[of].known)?;
+                    let found = self.finer(&methods[of], &setting)?;
+                    methods[k].reference = Some(found);
+                }
+                reference::compare(&mut self.references);
+            }
+            file => {
+                self.references.push(reference::from_file(Path::new(file))?);
+                methods.iter_mut().for_each(|m| m.reference = Some(0));
+            }
+        }
+        Ok(())
+    }
+
+    /// The setting of the finer run: the finest mesh of the sweep with one degree more, cells of half the size where the
+    /// degree is 2 already or the scene is plane, the smallest tolerance; everything else as the scene says.
+    fn finer_setting(&self, known: &Known) -> Result<Vec<(String, String)>, String> {
+        let sizes = reference::mesh_words(&known.loaded.script);
+        let mut setting: Vec<(String, String)> = Vec::new();
+        let pick = |knob: &Knob, largest: bool| {
+            let value = |v: &&String| number(v).unwrap_or(0.0);
+            let sorted = |a: &&String, b: &&String| value(a).total_cmp(&value(b));
+            if largest { knob.values.iter().max_by(sorted) } else { knob.values.iter().min_by(sorted) }.cloned()
+        };
+        let mut degree = reference::largest_degree(known);
+        let mut refine = 1.0;
+        for knob in self.knobs {
+            match knob.name.as_str() {
+                "degree" => degree = pick(knob, true).and_then(|d| d.parse().ok()).unwrap_or(degree),
+                "refine" => refine = pick(knob, true).and_then(|r| number(&r)).unwrap_or(1.0),
+                "h" | "tol" => setting.extend(pick(knob, false).map(|v| (knob.name.clone(), v))),
+                name if sizes.iter().any(|s| s == name) => {
+                    setting.extend(pick(knob, true).map(|v| (knob.name.clone(), v)));
+                }
+                _ => {}
+            }
+        }
+        if degree > 1 || known.scene.system.mesh.dim() < 3 {
+            refine *= 2.0;
+        }
+        setting.push(("degree".to_owned(), degree.max(2).to_string()));
+        setting.push(("refine".to_owned(), refine.to_string()));
+        for given in lists::knobs(&self.args.reference_knob).map_err(|e| e.to_string())? {
+            setting.retain(|k| k.0 != given.name);
+            setting.extend(given.values.first().map(|v| (given.name.clone(), v.clone())));
+        }
+        setting.retain(|(name, value)| name != "refine" || value != "1");
+        Ok(setting)
+    }
+
+    /// The position of a finer run of a method among the references: kept from before, or made now.
+    fn finer(&mut self, method: &Method, setting: &Setting) -> Result<usize, String> {
+        let what = format!("{} {}", method.path.display(), words(setting));
+        if let Some(k) = self.references.iter().position(|r| r.what == what) {
+            return Ok(k);
+        }
+        let k = self.references.len();
+        let file = self.args.out.join(format!("reference_{}.json", k + 1));
+        let kept = if file.exists() { reference::from_file(&file).ok().filter(|r| r.what == what) } else { None };
+        let made = match kept {
+            Some(kept) => kept,
+            None => {
+                let begin = Instant::now();
+                let quiet = self.args.quiet;
+                let mut progress = |text: &str| {
+                    if !quiet {
+                        say(&format!("reference: {text}\n"));
+                    }
+                };
+                let made = reference::finer(&self.bench, &method.path, &method.known, setting, &mut progress)?;
+                reference::to_file(&made, &file).map_err(|e| e.to_string())?;
+                self.tell(&format!("reference: {:.1} s; kept in {}", begin.elapsed().as_secs_f64(), file.display()));
+                made
+            }
+        };
+        self.references.push(made);
+        Ok(k)
+    }
+
+    /// All runs that are not in the table yet.
+    fn all(&mut self, methods: &[Method]) -> Result<(), String> {
+        let settings = lists::combinations(self.knobs);
+        let plan: Vec<(&Method, &Setting, String)> = methods
+            .iter()
+            .flat_map(|m| settings.iter().map(move |s| (m, s.as_slice())))
+            .map(|(m, s)| (m, s, self.key(m, s)))
+            .filter(|(_, _, key)| self.rows.iter().all(|r| r.text("key") != key))
+            .collect();
+        let all = methods.len() * settings.len();
+        self.tell(&format!("{} runs, {} of them in the table already", all, all - plan.len()));
+        let (begin, mut clock) = (Instant::now(), Clock::default());
+        for (k, (method, setting, key)) in plan.iter().enumerate() {
+            let row = self.row(method, setting, key);
+            clock.add(setting, begin.elapsed().as_secs_f64());
+            let left = clock.left(plan[k + 1..].iter().map(|p| p.1));
+            self.tell(&line(&row, k + 1, plan.len(), left));
+            self.rows.push(row);
+            table::write(&self.args.out, &self.rows).map_err(|e| e.to_string())?;
+        }
+        table::write(&self.args.out, &self.rows).map_err(|e| e.to_string())?;
+        if !self.args.quiet {
+            let bad = self.rows.iter().filter(|r| r.text("status") != "ok").count();
+            let table = self.args.out.join(table::TABLE_FILE);
+            out(&format!("{} rows, {bad} of them failures, in {}\n", self.rows.len(), table.display()));
+        }
+        Ok(())
+    }
+
+    /// What tells a row from others: scene with its text, setting, repetitions and reference.
+    fn key(&self, method: &Method, setting: &Setting) -> String {
+        let reference = method.reference.map_or("none", |k| &self.references[k].what);
+        let n = self.args.repeat;
+        format!("{} {:016x} | {} | {n} | {reference}", method.path.display(), method.known.hash, words(setting))
+    }
+
+    /// Runs a setting as often as asked for.
+    fn row(&self, method: &Method, setting: &Setting, key: &str) -> Row {
+        machine::forget_peak_memory();
+        let mut runs: Vec<one::Run> = Vec::new();
+        for _ in 0..self.args.repeat.get() {
+            let run = self.bench.run(&method.path, &method.known, setting, &method.more);
+            let ok = run.status == Status::Ok;
+            runs.push(run);
+            if !ok {
+                break;
+            }
+        }
+        let mut row = self.head(method, setting);
+        let mut seconds: Vec<f64> = runs.iter().map(|r| r.seconds).collect();
+        seconds.sort_by(f64::total_cmp);
+        let last = runs.pop();
+        let errors = last.as_ref().and_then(|run| self.errors(method, run));
+        row.set("status", "failed");
+        if let Some(run) = &last {
+            let (status, message) = status(run, errors.as_ref());
+            row.set("status", status);
+            row.set("message", message);
+        }
+        row.number("time", seconds[seconds.len() / 2]);
+        row.number("time_min", seconds[0]);
+        row.number("time_max", seconds[seconds.len() - 1]);
+        row.number("repeats", seconds.len() as f64);
+        if let Some(solved) = last.as_ref().and_then(|r| r.solved.as_ref()) {
+            costs(&mut row, solved);
+        }
+        if let Some(Ok(errors)) = errors {
+            let reference = method.reference.map(|k| &self.references[k]);
+            for (name, value) in &errors {
+                row.number(format!("error {name}"), *value);
+                if let Some(own) = reference.and_then(|r| r.own_error(name)) {
+                    row.number(format!("reference error {name}"), own);
+                }
+            }
+        }
+        row.set("key", key);
+        row
+    }
+
+    /// The columns that say how to run it again.
+    fn head(&self, method: &Method, setting: &Setting) -> Row {
+        let mut row = Row::default();
+        row.set("scene", method.path.display().to_string());
+        for (name, value) in setting {
+            row.set(format!("knob {name}"), value.clone());
+        }
+        for column in ["status", "message"] {
+            row.set(column, "");
+        }
+        row.set("reference", method.reference.map_or("none", |k| &self.references[k].what));
+        row.set("version", self.machine.version.clone());
+        row.set("commit", self.machine.commit.clone());
+        row.set("machine", self.machine.name.clone());
+        row.number("threads", self.bench.threads as f64);
+        row.set("command", format!("wfl sweep {} {}", method.path.display(), words(setting)).trim_end());
+        row
+    }
+
+    fn errors(&self, method: &Method, run: &one::Run) -> Option<Result<Vec<(String, f64)>, String>> {
+        let reference = &self.references[method.reference?];
+        let solved = run.solved.as_ref().filter(|_| run.status == Status::Ok)?;
+        Some(reference.errors(solved, self.bench.backend))
+    }
+}
+
+/// The status of a row and what there is to say about it. Numbers that are not finite are a failure of their own.
+fn status(run: &one::Run, errors: Option<&Result<Vec<(String, f64)>, String>>) -> (&'static str, String) {
+    match (&run.status, errors) {
+        (Status::Failed(why), _) => ("failed", why.clone()),
+        (Status::NotConverged(why), _) => ("not converged", why.clone()),
+        (Status::Ok, Some(Err(why))) => ("failed", format!("solved, but it cannot be compared: {why}")),
+        (Status::Ok, errors) => {
+            let measures = run.solved.as_ref().map(reference::measures).unwrap_or_default();
+            let errors = errors.and_then(|e| e.as_ref().ok()).into_iter().flatten();
+            let broken: Vec<&str> =
+                errors.chain(&measures).filter(|v| !v.1.is_finite()).map(|v| v.0.as_str()).collect();
+            if broken.is_empty() {
+                ("ok", String::new())
+            } else {
+                ("not finite", format!("not a finite number: {}", broken.join(", ")))
+            }
+        }
+    }
+}
+
+/// What a run cost, and its measures.
+fn costs(row: &mut Row, solved: &one::Solved) {
+    let report = &solved.outcome.report;
+    let t = report.timings;
+    let split = [t.parse, t.compile, t.mesh, t.assemble, t.factor, t.solve];
+    for (name, value) in ["parse", "compile", "mesh", "assemble", "factor", "solve"].into_iter().zip(split) {
+        row.number(name, value);
+    }
+    let steps = &solved.outcome.steps;
+    let newton = |s: &wfl_runtime::StepResult| {
+        let parts: usize = s.attempts.iter().map(|a| a.iterations).sum();
+        parts.max(s.history.n_iterations())
+    };
+    row.number("dofs", report.dofs as f64);
+    row.number("cells", report.mesh.cells as f64);
+    row.number("steps", steps.len() as f64);
+    row.number("iterations", steps.iter().map(newton).sum::<usize>() as f64);
+    row.number("factorisations", report.factorisations as f64);
+    if let Some(bytes) = report.peak_memory_bytes {
+        row.number("peak_memory_bytes", bytes as f64);
+    }
+    let residual = |s: &wfl_runtime::StepResult| s.history.iterations.last().map(|i| i.residual);
+    if let Some(largest) = steps.iter().filter_map(residual).max_by(f64::total_cmp) {
+        row.number("residual", largest);
+    }
+    for (name, value) in reference::measures(solved) {
+        row.number(format!("measure {name}"), value);
+    }
+}
+
+/// Seconds by the size of the problem, to say how long the rest takes.
+#[derive(Default)]
+struct Clock {
+    runs: Vec<(String, f64)>,
+    before: f64,
+}
+
+impl Clock {
+    /// The knobs that decide the size.
+    fn size(setting: &Setting) -> String {
+        let sized = |k: &&(String, String)| k.0.len() < 2 || ["refine", "degree"].contains(&k.0.as_str());
+        setting.iter().filter(sized).map(|(n, v)| format!("{n}={v} ")).collect()
+    }
+
+    fn add(&mut self, setting: &Setting, now: f64) {
+        self.runs.push((Self::size(setting), now - self.before));
+        self.before = now;
+    }
+
+    /// Runs of a size that has not been seen take as long as the slowest one.
+    fn left<'s>(&self, rest: impl Iterator<Item = &'s Setting>) -> f64 {
+        let slowest = self.runs.iter().map(|r| r.1).fold(0.0, f64::max);
+        let one = |setting: &Setting| {
+            let size = Self::size(setting);
+            let like: Vec<f64> = self.runs.iter().filter(|r| r.0 == size).map(|r| r.1).collect();
+            if like.is_empty() { slowest } else { like.iter().sum::<f64>() / like.len() as f64 }
+        };
+        rest.map(one).fold(0.0, |a, b| a + b)
+    }
+}
+
+/// One line about a run.
+fn line(row: &Row, number: usize, of: usize, left: f64) -> String {
+    let setting: Vec<String> =
+        row.columns().filter_map(|c| c.strip_prefix("knob ").map(|name| format!("{name}={}", row.text(c)))).collect();
+    let scene = Path::new(row.text("scene")).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let error = |name: &str| row.value(&format!("error {name}")).map(|e| format!(", {name} {e:.1e}"));
+    let seconds = row.value("time").unwrap_or(f64::NAN);
+    let what = match row.text("status") {
+        "ok" => format!("{} iterations{}", row.text("iterations"), error("H1").unwrap_or_default()),
+        bad => format!("{bad}: {}", row.text("message").lines().next().unwrap_or_default()),
+    };
+    format!("[{number}/{of}] {scene} {}: {seconds:.2} s, {what}; about {left:.0} s left", setting.join(" "))
+}

@@ -1,0 +1,371 @@
+//! What the runs of a sweep are compared with, and the errors that follow.
+//!
+//! Three kinds: an exact solution that the scene defines (`def exact`, `def exact_NAME`), a finer run, made of another
+//! method where the sweep has several scenes, or a file that an earlier sweep left. The reference has an error of its
+//! own: a run on a mesh twice as coarse, and one four times, give it by Richardson's extrapolation. Errors are
+//! relative, in norms over the points of the reference: `L2` and `H1` of all unknowns on cells, the outputs that live
+//! on contact faces (traction, slip, …) by name, measures of the last step by name.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use wfl::{
+    FieldKind, ResolvedScript,
+    ast::{Argument, Expr, ExprKind, MulOp, Place},
+};
+use wfl_compiler::backend::KernelBackend;
+use wfl_runtime::{SampleAt, Samples, field::FieldSpace, space::Support};
+
+use super::{
+    knobs::Setting,
+    one::{Bench, Known, Solved, Status},
+    table::{TableError, write_file},
+};
+use crate::load::read_text;
+
+/// Degree to which the norms are exact.
+const NORM_DEGREE: usize = 5;
+/// The same against an exact solution, which is no polynomial.
+const EXACT_DEGREE: usize = 11;
+/// Most points that were not found, as a part of all.
+const LOST_POINTS: f64 = 0.01;
+
+/// A solution to compare with.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Reference {
+    /// What it is, in words.
+    pub(super) what: String,
+    /// Fields and outputs at points; empty for an exact solution.
+    pub(super) samples: Vec<Samples>,
+    /// Measures of the last step.
+    pub(super) measures: Vec<(String, f64)>,
+    /// Its own error by quantity, relative, estimated.
+    pub(super) own: Vec<(String, f64)>,
+    /// The exact solution is in the scene.
+    pub(super) exact: bool,
+}
+
+impl Reference {
+    /// The errors of a run, by quantity.
+    pub(super) fn errors(&self, run: &Solved, backend: &dyn KernelBackend) -> Result<Vec<(String, f64)>, String> {
+        if self.exact {
+            return exact_errors(run, backend);
+        }
+        let samples = sampled(run, backend, SampleAt::Points(&self.samples))?;
+        Ok(differences(&samples, &measures(run), self))
+    }
+
+    /// Its own error of a quantity, if it is known.
+    pub(super) fn own_error(&self, name: &str) -> Option<f64> {
+        self.own.iter().find(|o| o.0 == name).map(|o| o.1)
+    }
+}
+
+/// Reads a reference that an earlier sweep left.
+pub(super) fn from_file(path: &Path) -> Result<Reference, String> {
+    let text = read_text(path).map_err(|why| format!("cannot read {}: {why}", path.display()))?;
+    serde_json::from_str(&text).map_err(|e| {
+        format!("{} is no reference of a sweep: {e}\n  = help: a sweep leaves reference_1.json", path.display())
+    })
+}
+
+/// Keeps a reference for another sweep, or for the rest of this one.
+pub(super) fn to_file(reference: &Reference, path: &Path) -> Result<(), TableError> {
+    let text = serde_json::to_string(reference)
+        .map_err(|e| TableError::Write { path: path.display().to_string(), why: e.to_string() })?;
+    write_file(path, &text)
+}
+
+/// Solves a scene for reference and estimates its own error. `progress` is told of each run.
+pub(super) fn finer(
+    bench: &Bench<'_>,
+    path: &Path,
+    known: &Known,
+    setting: &Setting,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Reference, String> {
+    let mut levels = Vec::new();
+    for coarsen in [1.0, 0.5, 0.25] {
+        let mut one = setting.to_vec();
+        if coarsen < 1.0 {
+            let refine = one.iter().position(|k| k.0 == "refine");
+            let before = refine.map_or(Some(1.0), |k| super::lists::number(&one[k].1)).unwrap_or(1.0);
+            one.retain(|k| k.0 != "refine");
+            one.push(("refine".to_owned(), (before * coarsen).to_string()));
+        }
+        let shown = format!("{} {}", path.display(), super::words(&one));
+        progress(&shown);
+        let run = bench.run(path, known, &one, "");
+        match (run.status, run.solved) {
+            (Status::Ok, Some(solved)) => levels.push(solved),
+            (Status::Failed(why) | Status::NotConverged(why), _) if levels.is_empty() => {
+                return Err(format!("the reference {shown} has no solution: {why}"));
+            }
+            // a coarse level that does not exist leaves the error unknown, or known with less certainty
+            _ => break,
+        }
+    }
+    let first = &levels[0];
+    let mut reference = Reference {
+        what: format!("{} {}", path.display(), super::words(setting)),
+        samples: sampled(first, bench.backend, SampleAt::Own(NORM_DEGREE))?,
+        measures: measures(first),
+        ..Reference::default()
+    };
+    let mut steps: Vec<Vec<(String, f64)>> = Vec::new();
+    for pair in levels.windows(2) {
+        let at = |run: &Solved| sampled(run, bench.backend, SampleAt::Points(&reference.samples));
+        let base = Reference { samples: at(&pair[0])?, measures: measures(&pair[0]), ..Reference::default() };
+        steps.push(differences(&at(&pair[1])?, &measures(&pair[1]), &base));
+    }
+    reference.own = richardson(&steps);
+    Ok(reference)
+}
+
+/// The error of the finest of meshes h, 2h, 4h from their differences: d/(q - 1), where q is the ratio of two
+/// differences in a row, at least the root of 2 (a singular solution) and at most 8; 2 where there is only one.
+fn richardson(steps: &[Vec<(String, f64)>]) -> Vec<(String, f64)> {
+    let Some(fine) = steps.first() else { return Vec::new() };
+    let estimate = |(name, d): &(String, f64)| {
+        let coarse = steps.get(1).and_then(|s| s.iter().find(|c| c.0 == *name)).map(|c| c.1);
+        let ratio = coarse.map_or(2.0, |c| if *d > 0.0 { (c / d).clamp(std::f64::consts::SQRT_2, 8.0) } else { 2.0 });
+        (name.clone(), d / (ratio - 1.0))
+    };
+    fine.iter().map(estimate).collect()
+}
+
+/// References of different methods tell each other's error, where they have the same points: the distance between them
+/// is the least that each may be wrong by.
+pub(super) fn compare(references: &mut [Reference]) {
+    let [one, other] = references else { return };
+    let positions = |r: &Reference| r.samples.iter().map(|s| s.positions.clone()).collect::<Vec<_>>();
+    if positions(one) != positions(other) {
+        return;
+    }
+    let apart = differences(&one.samples, &one.measures, other);
+    for reference in [one, other] {
+        for (name, own) in &mut reference.own {
+            let distance = apart.iter().find(|a| a.0 == *name).map_or(0.0, |a| a.1);
+            *own = own.max(distance);
+        }
+    }
+}
+
+/// Measures of the last step.
+pub(super) fn measures(run: &Solved) -> Vec<(String, f64)> {
+    run.outcome.steps.last().map(|s| s.measures.clone()).unwrap_or_default()
+}
+
+/// Expressions of our own have the place of the mesh statement: they are in no text.
+fn name(run: &Solved, word: &str) -> Expr {
+    let span = run.scene_span();
+    Expr { kind: ExprKind::Name(word.to_owned()), span, expansion: None }
+}
+
+/// Names of the unknowns that live on cells.
+fn unknowns(run: &Solved) -> impl Iterator<Item = &str> {
+    let on_cells = |f: &&wfl::Field| {
+        let on_cells = |s: &FieldSpace| matches!(s, FieldSpace::Nodal(n) if matches!(n.support(), Support::Cells(_)));
+        let nodal = run.scene.system.fields.iter().any(|g| g.name == f.name.name && on_cells(&g.space));
+        matches!(f.kind, FieldKind::Unknown) && !matches!(f.space.place, Place::Global(_)) && nodal
+    };
+    run.loaded.script.fields.iter().filter(on_cells).map(|f| f.name.name.as_str())
+}
+
+fn items(run: &Solved) -> impl Iterator<Item = &wfl::OutputQuantity> {
+    run.outputs.iter().filter(|o| o.format.name == "vtk" && o.file != EXACT_OUTPUT).flat_map(|o| &o.items)
+}
+
+/// The state of the last step.
+fn state(run: &Solved) -> Option<(f64, f64, &[f64])> {
+    run.outcome.steps.last().map(|s| (s.time, s.increment, s.state.as_slice()))
+}
+
+/// Unknowns, their gradients and the outputs on contact faces.
+fn sampled(run: &Solved, backend: &dyn KernelBackend, at: SampleAt<'_>) -> Result<Vec<Samples>, String> {
+    let mut list = Vec::new();
+    for field in unknowns(run) {
+        list.push((format!("L2 {field}"), name(run, field)));
+        list.push((format!("H1 {field}"), name(run, &format!("Grad_{field}"))));
+    }
+    list.extend(items(run).map(|i| (i.name.clone(), i.expr.clone())));
+    let mut samples = take(run, backend, &list, at)?;
+    samples.retain(|s| is_norm(&s.name) || !s.home.starts_with("body"));
+    Ok(samples)
+}
+
+fn is_norm(name: &str) -> bool {
+    name.starts_with("L2 ") || name.starts_with("H1 ")
+}
+
+fn take(
+    run: &Solved,
+    backend: &dyn KernelBackend,
+    list: &[(String, Expr)],
+    at: SampleAt<'_>,
+) -> Result<Vec<Samples>, String> {
+    let Some(state) = state(run) else { return Err("there is no step".to_owned()) };
+    let (samples, messages) = run.scene.samples(&run.loaded.script, backend, list, at, state);
+    match messages.first() {
+        Some(message) => Err(message.message.clone()),
+        None => Ok(samples),
+    }
+}
+
+/// Sums over the points of one quantity.
+#[derive(Default)]
+struct Sum {
+    /// Squares of the difference and of the reference, times weights.
+    difference: f64,
+    norm: f64,
+    /// Weights of all points, and of those that were found.
+    all: f64,
+    seen: f64,
+}
+
+impl Sum {
+    fn add(&mut self, samples: &Samples, like: &Samples) {
+        let n = like.components;
+        for (p, w) in like.weights.iter().enumerate() {
+            let range = p * n..(p + 1) * n;
+            let (Some(a), Some(b)) = (samples.values.get(range.clone()), like.values.get(range)) else { continue };
+            self.all += w;
+            if a.iter().all(|x| x.is_nan()) {
+                continue;
+            }
+            self.seen += w;
+            self.difference += w * a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
+            self.norm += w * b.iter().map(|y| y * y).sum::<f64>();
+        }
+    }
+
+    fn relative(&self) -> f64 {
+        if self.seen >= (1.0 - LOST_POINTS) * self.all { (self.difference / self.norm).sqrt() } else { f64::NAN }
+    }
+}
+
+/// Relative differences by quantity; not a number where too many points were not found.
+fn differences(found: &[Samples], measures: &[(String, f64)], reference: &Reference) -> Vec<(String, f64)> {
+    let mut sums: Vec<(String, Sum)> = Vec::new();
+    for like in &reference.samples {
+        let Some(samples) = found.iter().find(|s| s.name == like.name && s.home == like.home) else { continue };
+        let quantity = if is_norm(&like.name) { &like.name[..2] } else { &like.name };
+        let at = sums.iter().position(|s| s.0 == quantity).unwrap_or_else(|| {
+            sums.push((quantity.to_owned(), Sum::default()));
+            sums.len() - 1
+        });
+        sums[at].1.add(samples, like);
+    }
+    let mut out: Vec<(String, f64)> =
+        sums.into_iter().filter(|s| s.1.norm > 0.0).map(|(name, sum)| (name, sum.relative())).collect();
+    for (name, value) in measures {
+        if let Some((_, at)) = reference.measures.iter().find(|m| m.0 == *name).filter(|m| m.1 != 0.0) {
+            out.push((name.clone(), (value - at).abs() / at.abs()));
+        }
+    }
+    out
+}
+
+/// The name of the output that holds the exact solution of a scene.
+const EXACT_OUTPUT: &str = "the exact solution";
+
+/// Statements put behind a scene so that its exact solution is read with it; `None` if it defines none.
+pub(super) fn exact_statements(known: &Known) -> Option<String> {
+    let has = |n: &str| known.loaded.script.macros.iter().any(|m| m.name.name == n);
+    let mut items = Vec::new();
+    let fields = || known.loaded.script.fields.iter().filter(|f| matches!(f.kind, FieldKind::Unknown));
+    for field in fields().map(|f| &f.name.name) {
+        let own = format!("exact_{field}");
+        let used = if has(&own) { own } else { "exact".to_owned() };
+        if has(&used) && (used != "exact" || fields().count() == 1) {
+            items.push(format!("{used} as value_{field}, Grad({used}) as slope_{field}"));
+        }
+    }
+    for item in known.loaded.script.outputs.iter().flat_map(|o| &o.items) {
+        let own = format!("exact_{}", item.name);
+        let listed = format!("{own} as face_{}", item.name);
+        if has(&own) && !items.contains(&listed) {
+            items.push(listed);
+        }
+    }
+    let of_field = items.iter().any(|i| i.contains(" as value_"));
+    of_field.then(|| format!("output vtk \"{EXACT_OUTPUT}\" : {}\n", items.join(", ")))
+}
+
+fn exact_errors(run: &Solved, backend: &dyn KernelBackend) -> Result<Vec<(String, f64)>, String> {
+    let given = run.outputs.iter().find(|o| o.file == EXACT_OUTPUT).ok_or("the scene defines no exact solution")?;
+    let exact = |kind: &str, n: &str| given.items.iter().find(|i| i.name == format!("{kind}_{n}")).map(|i| &i.expr);
+    let mut list = Vec::new();
+    let mut push = |quantity: String, value: Expr, exact: &Expr| {
+        let like = |kind| Expr { kind, span: value.span, expansion: None };
+        let sum = |a: Expr, minus, b: Expr| like(ExprKind::Sum(vec![(false, a), (minus, b)]));
+        list.push((format!("{quantity} error"), sum(value.clone(), true, exact.clone())));
+        // zero times the value: the norm is taken where the value lives
+        let factors = vec![(MulOp::Times, value.span, value.clone())];
+        let nothing = like(ExprKind::Product(Box::new(like(ExprKind::Number(0.0))), factors));
+        list.push((quantity, sum(nothing, false, exact.clone())));
+    };
+    for field in unknowns(run) {
+        if let (Some(value), Some(slope)) = (exact("value", field), exact("slope", field)) {
+            push("L2".to_owned(), name(run, field), value);
+            push("H1".to_owned(), name(run, &format!("Grad_{field}")), slope);
+        }
+    }
+    for item in items(run) {
+        if let Some(e) = exact("face", &item.name) {
+            push(item.name.clone(), item.expr.clone(), e);
+        }
+    }
+    let samples = take(run, backend, &list, SampleAt::Own(EXACT_DEGREE))?;
+    let norm = |quantity: &str| {
+        let squares = |s: &Samples| -> f64 {
+            let one = |(p, w): (usize, &f64)| {
+                w * s.values[p * s.components..(p + 1) * s.components].iter().map(|v| v * v).sum::<f64>()
+            };
+            s.weights.iter().enumerate().map(one).sum()
+        };
+        samples.iter().filter(|s| s.name == quantity).map(squares).sum::<f64>().sqrt()
+    };
+    let mut out: Vec<(String, f64)> = Vec::new();
+    for quantity in list.iter().map(|l| &l.0).filter(|n| !n.ends_with(" error")) {
+        if out.iter().all(|o| o.0 != *quantity) {
+            out.push((quantity.clone(), norm(&format!("{quantity} error")) / norm(quantity)));
+        }
+    }
+    Ok(out)
+}
+
+/// The unknowns of a scene have at most this degree.
+pub(super) fn largest_degree(known: &Known) -> usize {
+    known.scene.system.fields.iter().map(wfl_runtime::field::Field::degree).max().unwrap_or(1)
+}
+
+/// Words that a size of the mesh is computed from.
+pub(super) fn mesh_words(script: &ResolvedScript) -> Vec<String> {
+    fn walk(e: &Expr, out: &mut Vec<String>) {
+        match &e.kind {
+            ExprKind::Name(n) => out.push(n.clone()),
+            ExprKind::Tensor(rows) => rows.iter().flatten().for_each(|e| walk(e, out)),
+            ExprKind::Sum(parts) => parts.iter().for_each(|p| walk(&p.1, out)),
+            ExprKind::Product(a, rest) => {
+                walk(a, out);
+                rest.iter().for_each(|p| walk(&p.2, out));
+            }
+            ExprKind::Call(f, args) => {
+                walk(f, out);
+                for a in args {
+                    if let Argument::Expr(e) = a {
+                        walk(e, out);
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    let mut out = Vec::new();
+    if let Some(wfl::ast::MeshSource::Box { division, .. }) = script.mesh.as_ref().map(|m| &m.source) {
+        let (wfl::ast::BoxDivision::Cells(e) | wfl::ast::BoxDivision::Size(e)) = division;
+        walk(e, &mut out);
+    }
+    out
+}

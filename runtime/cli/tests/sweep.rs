@@ -1,0 +1,173 @@
+//! `wfl sweep`: errors against numbers of an independent program, failures that stay in the table, resuming.
+
+use std::{
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+fn folder(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("sweep_{name}"));
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).expect("a folder");
+    path
+}
+
+fn wfl(words: &[&str], out: &Path) -> Output {
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
+    command.current_dir(examples).arg("sweep").args(words).arg("--out").arg(out);
+    command.output().expect("wfl runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Rows as column and cell.
+fn rows(out: &Path) -> Vec<Vec<(String, String)>> {
+    let table = std::fs::read_to_string(out.join("sweep.csv")).expect("a table");
+    let (mut lines, mut quoted) = (vec![vec![String::new()]], false);
+    for c in table.chars() {
+        let line = lines.last_mut().expect("a line");
+        match c {
+            '"' => quoted = !quoted,
+            ',' if !quoted => line.push(String::new()),
+            '\n' if !quoted => lines.push(vec![String::new()]),
+            c => line.last_mut().expect("a cell").push(c),
+        }
+    }
+    lines.pop();
+    let head = lines.remove(0);
+    lines.into_iter().map(|l| head.iter().cloned().zip(l).collect()).collect()
+}
+
+fn cell<'r>(row: &'r [(String, String)], column: &str) -> &'r str {
+    row.iter().find(|c| c.0 == column).map_or("", |c| c.1.as_str())
+}
+
+fn number(row: &[(String, String)], column: &str) -> f64 {
+    cell(row, column).parse().unwrap_or_else(|_| panic!("no number in {column}: {row:?}"))
+}
+
+/// Norms of the exact solution of the manufactured contact, by the midpoint rule on its formula.
+fn exact_norms() -> (f64, f64) {
+    let (c, nu) = (2f64.sqrt() / 3.0, 0.3);
+    let m = nu / ((1.0 + nu) * (1.0 - 2.0 * nu)) + 1.0 / (1.0 + nu);
+    let n = 1000;
+    let (mut l2, mut h1) = (0.0, 0.0);
+    for i in 0..n {
+        for j in 0..n {
+            let (x, y) = ((f64::from(i) + 0.5) / f64::from(n), (f64::from(j) + 0.5) / f64::from(n));
+            let (s, r) = ((x - c).max(0.0), (c - x).max(0.0));
+            let u = [-4.0 * y * s.powi(3), s.powi(4) - y * r.powi(4) / m];
+            let g = [-12.0 * y * s * s, -4.0 * s.powi(3), 4.0 * s.powi(3) + 4.0 * y * r.powi(3) / m, -r.powi(4) / m];
+            l2 += u.iter().map(|v| v * v).sum::<f64>();
+            h1 += g.iter().map(|v| v * v).sum::<f64>();
+        }
+    }
+    ((l2 / f64::from(n * n)).sqrt(), (h1 / f64::from(n * n)).sqrt())
+}
+
+#[test]
+fn errors_against_an_exact_solution_are_those_of_an_independent_program() {
+    let out = folder("exact");
+    let words = ["signorini/signorini.wfl", "n=8,16", "theta=0", "--reference", "exact", "--repeat", "2", "-q"];
+    let run = wfl(&words, &out);
+    assert!(run.status.success(), "{}", text(&run.stderr));
+    let rows = rows(&out);
+    assert_eq!(rows.len(), 2);
+    // errors on 16 x 16 cells by the independent program, see the scene
+    let (l2, h1) = exact_norms();
+    let (error_l2, error_h1) = (number(&rows[1], "error L2"), number(&rows[1], "error H1"));
+    assert!((error_l2 / (0.001615334741447155 / l2) - 1.0).abs() < 1e-4, "{error_l2}");
+    assert!((error_h1 / (0.05937941628885151 / h1) - 1.0).abs() < 1e-4, "{error_h1}");
+    // the pressure is r^4 on x < c: the square of its norm is c^9/9
+    let pressure = ((2f64.sqrt() / 3.0).powi(9) / 9.0).sqrt();
+    let error = number(&rows[1], "error pressure");
+    assert!((error / (0.0008863220766572562 / pressure) - 1.0).abs() < 1e-4, "{error}");
+    for row in &rows {
+        assert_eq!((cell(row, "status"), cell(row, "repeats")), ("ok", "2"));
+        assert!(number(row, "time_min") <= number(row, "time") && number(row, "time") <= number(row, "time_max"));
+        assert!(number(row, "iterations") >= 2.0 && number(row, "factorisations") >= 2.0);
+    }
+}
+
+/// A block in 2-D under its weight; `deep` makes a measure that is no number, `nu` may leave its domain.
+const BLOCK: &str = "wfl 1
+param nu   = 0.3 in 0..0.49
+param deep = 0
+mesh box [0,0] to [1,1] cells [4,4] quad
+region floor = faces where y == 0
+unknown u : vector
+def sigma(v) = nu*Div_v*Id(2) + Sym(Grad_v)
+term elastic on all : sigma(u):Grad_Test_u
+load u = [0,-1] on all
+fix u = [0,0] on floor
+measure depth = integral(sqrt(y - deep)) on all
+";
+
+#[test]
+fn failures_and_numbers_that_are_none_stay_in_the_table() {
+    let out = folder("failures");
+    std::fs::write(out.join("block.wfl"), BLOCK).expect("written");
+    let scene = out.join("block.wfl").display().to_string();
+    let run = wfl(&[&scene, "nu=0.3,0.6", "deep=0,2", "--reference", "none", "-q"], &out);
+    assert!(run.status.success(), "{}", text(&run.stderr));
+    let rows = rows(&out);
+    let found: Vec<(&str, &str, &str)> =
+        rows.iter().map(|r| (cell(r, "knob nu"), cell(r, "knob deep"), cell(r, "status"))).collect();
+    let expected = [("0.3", "0", "ok"), ("0.3", "2", "not finite"), ("0.6", "0", "failed"), ("0.6", "2", "failed")];
+    assert_eq!(found, expected);
+    assert!(cell(&rows[1], "message").contains("depth"), "{:?}", rows[1]);
+    assert!(cell(&rows[2], "message").contains("E701"), "{:?}", rows[2]);
+    assert!(rows.iter().all(|r| number(r, "time") > 0.0));
+}
+
+#[test]
+fn rows_that_are_there_are_not_run_again() {
+    let out = folder("resume");
+    let scene = out.join("block.wfl");
+    std::fs::write(&scene, BLOCK).expect("written");
+    let name = scene.display().to_string();
+    assert!(wfl(&[&name, "nu=0.1,0.2", "--reference", "none", "-q"], &out).status.success());
+    let first = rows(&out);
+    let again = wfl(&[&name, "nu=0.1,0.2,0.3", "--reference", "none"], &out);
+    assert!(text(&again.stderr).contains("3 runs, 2 of them in the table already"), "{}", text(&again.stderr));
+    let second = rows(&out);
+    assert_eq!(second.len(), 3);
+    assert_eq!(second[..2], first[..]);
+    // another text is another scene
+    std::fs::write(&scene, BLOCK.replace("[0,-1]", "[0,-2]")).expect("written");
+    assert!(wfl(&[&name, "nu=0.1", "--reference", "none", "-q"], &out).status.success());
+    assert_eq!(rows(&out).len(), 4);
+}
+
+#[test]
+fn a_finer_run_is_the_reference_and_knows_its_own_error() {
+    let out = folder("finer");
+    let run = wfl(&["elasticity/plane_strain.wfl", "n=4,8", "degree=1", "-q"], &out);
+    assert!(run.status.success(), "{}", text(&run.stderr));
+    let rows = rows(&out);
+    // theory: order 1 in H1, 2 in L2
+    let order = |c: &str| (number(&rows[0], c) / number(&rows[1], c)).log2();
+    assert!((order("error H1") - 1.0).abs() < 0.1 && (order("error L2") - 2.0).abs() < 0.1, "{rows:?}");
+    assert!(number(&rows[1], "reference error H1") < 0.1 * number(&rows[1], "error H1"));
+}
+
+#[test]
+fn a_sweep_that_means_nothing_is_refused_with_a_reason() {
+    let out = folder("refused");
+    for (words, needed) in [
+        (&["fault/nitsche.wfl", "gama=1"][..], "no parameter and no knob `gama`"),
+        (&["fault/nitsche.wfl", "h=-1"], "a length above 0"),
+        (&["fault_gmsh/fault_2deg.wfl", "h=1"], "comes from a file"),
+        (&["fault/nitsche.wfl", "gamma=1..2"], "is no range"),
+        (&["gamma=1"], "no scene is given"),
+        (&["fault/nitsche.wfl", "--reference", "exact"], "defines no exact solution"),
+        (&["fault/nowhere.wfl"], "cannot read fault/nowhere.wfl"),
+    ] {
+        let run = wfl(words, &out);
+        assert_eq!(run.status.code(), Some(1), "{words:?}");
+        assert!(text(&run.stderr).contains(needed), "{words:?}: {}", text(&run.stderr));
+    }
+}

@@ -1,0 +1,160 @@
+//! Expressions of a scene at points, to compare runs: at the integration points of the scene's own mesh, or at points
+//! that another run chose.
+//!
+//! An expression is taken on every body where it makes sense, else on the faces of the terms with kinks (contact), else
+//! on all faces with terms. Compiled when asked for: a run that is not compared pays nothing. Does not judge.
+
+use std::{cell::Cell, sync::Arc};
+
+use serde::{Deserialize, Serialize};
+use wfl::{Diagnostic, ResolvedScript, ast::Expr};
+use wfl_compiler::{Class, Env, backend::KernelBackend};
+
+use super::{
+    Scene,
+    outputs::{OutputMaker, Target},
+};
+use crate::{
+    assemble::{Domain, FieldValues},
+    mesh::{CellKind, RegionSet},
+    quadrature::{rule, vertex},
+    results::Located,
+    value::Value,
+};
+
+/// One expression at points of one home.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Samples {
+    /// The name given to the expression.
+    pub name: String,
+    /// `body 1`, `body 2`, … or the name of a region of faces.
+    pub home: String,
+    /// Entries of the value.
+    pub components: usize,
+    /// Positions, in the unit of the mesh.
+    pub positions: Vec<[f64; 3]>,
+    /// Length, area or volume that each point stands for.
+    pub weights: Vec<f64>,
+    /// `values[point * components + component]`; not a number at a point that was not found.
+    pub values: Vec<f64>,
+}
+
+/// Where expressions are sampled.
+#[derive(Clone, Copy, Debug)]
+pub enum SampleAt<'a> {
+    /// At Gauss points of the scene's own mesh, exact to this degree.
+    Own(usize),
+    /// At the points of other samples of the same name and home.
+    Points(&'a [Samples]),
+}
+
+impl Scene {
+    /// Expressions at a state `u` of all dofs, with the step variable and its last increment. Messages tell of those
+    /// that have no home.
+    pub fn samples(
+        &self,
+        script: &ResolvedScript,
+        backend: &dyn KernelBackend,
+        expressions: &[(String, Expr)],
+        at: SampleAt<'_>,
+        (time, increment, u): (f64, f64, &[f64]),
+    ) -> (Vec<Samples>, Vec<Diagnostic>) {
+        let mut diagnostics = Vec::new();
+        let env = Env {
+            dim: self.env.dim,
+            fields: &self.sigs,
+            params: &self.env.params,
+            expansions: &self.env.expansions,
+            step_variable: self.steps.variable.as_deref(),
+            equal_within: 0.0,
+        };
+        let mut maker = OutputMaker {
+            script,
+            env: &env,
+            mesh: &self.system.mesh,
+            topology: &self.topology,
+            regions: &self.regions,
+            fields: &self.system.fields,
+            backend,
+            diagnostics: &mut diagnostics,
+            law_seconds: Cell::new(0.0),
+        };
+        let bodies = maker.bodies();
+        let mut faces = maker.faces();
+        let kinked: Vec<&str> =
+            self.terms.iter().filter(|t| t.class == Class::Kinked).map(|t| t.place.as_str()).collect();
+        if faces.iter().any(|f| kinked.contains(&f.sig.name.as_str())) {
+            faces.retain(|f| kinked.contains(&f.sig.name.as_str()));
+        }
+        let mut out = Vec::new();
+        let mut problems = Vec::new();
+        for (name, expression) in expressions {
+            for (target, law) in maker.homes(&bodies, &faces, expression) {
+                let made = Value::new(law, backend).map_err(|e| e.to_string()).and_then(|mut value| {
+                    value.set_step(time, increment);
+                    self.sample(name, &home(target, &bodies), target, &value, at, u)
+                });
+                match made {
+                    Ok(samples) => out.extend(samples),
+                    Err(text) => problems.push(Diagnostic::new("E416", text).at(expression.span, "")),
+                }
+            }
+        }
+        diagnostics.extend(problems);
+        (out, diagnostics)
+    }
+
+    fn sample(
+        &self,
+        name: &str,
+        home: &str,
+        target: &Target,
+        value: &Value,
+        at: SampleAt<'_>,
+        u: &[f64],
+    ) -> Result<Option<Samples>, String> {
+        let mesh = &self.system.mesh;
+        let region: RegionSet = target.support.region();
+        let mut samples = Samples {
+            name: name.to_owned(),
+            home: home.to_owned(),
+            components: value.n_components(),
+            ..Samples::default()
+        };
+        let (domain, points) = match at {
+            SampleAt::Own(degree) => {
+                let made = |kind: CellKind| rule(kind, degree).unwrap_or_else(|_| vertex(kind));
+                (Arc::new(Domain::new(mesh, &region, &made).map_err(|e| e.to_string())?), None)
+            }
+            SampleAt::Points(list) => {
+                let Some(like) = list.iter().find(|s| s.name == name && s.home == home) else { return Ok(None) };
+                samples.positions.clone_from(&like.positions);
+                samples.weights.clone_from(&like.weights);
+                samples.values = vec![f64::NAN; like.positions.len() * samples.components];
+                let located = Located::new(mesh, &region, &like.positions).map_err(|e| e.to_string())?;
+                (located.domain, Some(located.points))
+            }
+        };
+        let sampled = value.bind(mesh, domain.clone(), &self.system.fields).map_err(|e| e.to_string())?;
+        let (current, previous) = (self.system.slices(u), self.system.previous_slices());
+        let values = FieldValues { current: &current, previous: &previous };
+        let n = samples.components;
+        value.for_each_point(mesh, &sampled, values, |g, entity, q, weight, v| match &points {
+            Some(points) => samples.values[points[g][q] * n..][..n].copy_from_slice(v),
+            None => {
+                let here = &domain.groups[g].here;
+                samples.positions.push(mesh.point_at(here.cells[entity], &here.geometry, q));
+                samples.weights.push(weight);
+                samples.values.extend_from_slice(v);
+            }
+        });
+        Ok(Some(samples))
+    }
+}
+
+fn home(target: &Target, bodies: &[Target]) -> String {
+    match bodies.iter().position(|b| b.support == target.support) {
+        Some(k) => format!("body {}", k + 1),
+        None => target.sig.name.clone(),
+    }
+}
