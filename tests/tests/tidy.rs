@@ -29,7 +29,7 @@ const ARROWS: &[(&str, &str, &[&str])] = &[
     (
         "wfl-cli",
         "runtime/cli",
-        &["wfl", "wfl-compiler", "wfl-jit", "wfl-runtime", "clap", "indicatif", "serde", "serde_json"],
+        &["wfl", "wfl-compiler", "wfl-jit", "wfl-runtime", "clap", "indicatif", "serde", "serde_json", "thiserror"],
     ),
     ("wfl-tests", "tests", &["wfl", "wfl-compiler", "wfl-jit", "wfl-runtime", "serde", "serde_json", "proptest"]),
 ];
