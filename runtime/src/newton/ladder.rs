@@ -1,9 +1,11 @@
 //! Which globalisation a step uses, and when the next one takes over.
 //!
-//! Three are there, and continuation in the friction as the last resort; each is the best of them somewhere (`docs/newton.md`): held pieces where a penalty, augmentation
-//! or Nitsche parameter is large or a multiplier carries the traction; the natural monotonicity test where such a
-//! parameter is small; backtracking on the residual for everything else. A step that makes no progress with one goes
-//! on with the next from where it stands.
+//! Three are there, and continuation in the friction as the last resort; each is the best of them somewhere
+//! (`docs/newton.md`): held pieces where a penalty, augmentation or Nitsche parameter is large or a multiplier carries
+//! the traction; the natural monotonicity test where such a parameter is small; backtracking on the residual for
+//! everything else. A step that makes no progress with one goes on with the next from where it stands; one whose
+//! tangent becomes singular on the way (a body that only friction holds, with all of it slipping in an iterate) goes
+//! on from its best state.
 
 use crate::{
     assemble::TermError,
@@ -20,13 +22,24 @@ pub(super) enum Method {
     Residual,
     /// Backtracking on the norm of the simplified Newton correction.
     Natural,
-    /// Held pieces while friction grows from nothing to what is written: the last resort.
-    Friction,
+    /// Held pieces while friction shrinks from a multiple to what is written: what only friction holds stays held.
+    MoreFriction,
+    /// Held pieces while friction grows from nothing to what is written.
+    LessFriction,
 }
 
-/// Parts in which friction is brought in, and the most iterations for each but the last.
+impl Method {
+    /// True if pieces are held.
+    pub(super) fn holds(self) -> bool {
+        matches!(self, Self::Pieces | Self::MoreFriction | Self::LessFriction)
+    }
+}
+
+/// Parts in which friction is brought to what is written, and the most iterations for each but the last.
 const FRICTION_PARTS: usize = 8;
 const FRICTION_PATIENCE: usize = 5;
+/// What friction begins with above what is written, in units of it.
+const MORE_FRICTION: f64 = 7.0;
 
 /// Iterations that may pass with short steps or without a smaller residual.
 const PATIENCE: usize = 6;
@@ -46,6 +59,8 @@ pub(super) struct Ladder {
     position: usize,
     /// Iterations with the present method.
     iterations: usize,
+    /// Methods whose tangent was singular.
+    singular: usize,
 }
 
 impl Ladder {
@@ -59,13 +74,13 @@ impl Ladder {
                 false => vec![Method::Pieces, Method::Residual, Method::Natural],
             };
             if system.has_friction() {
-                methods.push(Method::Friction);
+                methods.extend([Method::MoreFriction, Method::LessFriction]);
             }
         }
         if !options.search || system.is_linear() {
             methods.truncate(1);
         }
-        Ok(Self { methods, position: 0, iterations: 0 })
+        Ok(Self { methods, position: 0, iterations: 0, singular: 0 })
     }
 
     /// The method of the present iteration.
@@ -75,17 +90,30 @@ impl Ladder {
 
     /// True if pieces are held.
     pub(super) fn held(&self) -> bool {
-        matches!(self.method(), Method::Pieces | Method::Friction)
+        self.method().holds()
     }
 
     /// The factor on friction in the present iteration.
     pub(super) fn friction(&self) -> f64 {
-        if self.method() != Method::Friction {
-            return 1.0;
-        }
         let part = (self.iterations.saturating_sub(1) / FRICTION_PATIENCE).min(FRICTION_PARTS);
         #[expect(clippy::cast_precision_loss, reason = "few parts")]
-        return part as f64 / FRICTION_PARTS as f64;
+        let done = part as f64 / FRICTION_PARTS as f64;
+        match self.method() {
+            Method::MoreFriction => 1.0 + MORE_FRICTION * (1.0 - done).powi(2),
+            Method::LessFriction => done,
+            _ => 1.0,
+        }
+    }
+
+    /// Leaves a method whose tangent is singular; false if that was so with each of them.
+    pub(super) fn leave_singular(&mut self) -> bool {
+        self.singular += 1;
+        if self.singular >= self.methods.len() {
+            return false;
+        }
+        self.position = (self.position + 1) % self.methods.len();
+        self.iterations = 0;
+        true
     }
 
     /// Iterations with the present method, this one included.
@@ -118,7 +146,9 @@ impl Ladder {
         match self.method() {
             Method::Pieces => return self.iterations > PIECES_PATIENCE || self.is_circling(history),
             Method::Natural => return self.iterations > NATURAL_PATIENCE,
-            Method::Friction => return self.iterations > FRICTION_PARTS * FRICTION_PATIENCE + PIECES_PATIENCE,
+            Method::MoreFriction | Method::LessFriction => {
+                return self.iterations > FRICTION_PARTS * FRICTION_PATIENCE + PIECES_PATIENCE;
+            }
             Method::Residual => {}
         }
         if self.iterations <= PATIENCE {

@@ -136,14 +136,15 @@ fn iterate(
     history.seconds.assemble += begin.elapsed().as_secs_f64();
     history.push(watch, 0, &here, 1.0, system);
     let mut direction = Vec::new();
-    let mut rhs = Vec::new();
+    let mut best = (here.relative, u.to_vec());
+    let mut left = false;
     for iteration in 1..=options.max_iterations {
         if let Some(stop) = stopped(&here, options) {
             history.stop = Some(stop);
             return Ok(history);
         }
         let begin = Instant::now();
-        let other = ladder.next(&history);
+        let other = ladder.next(&history) | std::mem::take(&mut left);
         system.set_friction(ladder.friction());
         if other {
             if ladder.held() {
@@ -156,15 +157,15 @@ fn iterate(
         history.seconds.assemble += begin.elapsed().as_secs_f64();
         weights = system_weights(system);
         here.norm = weighted_norm(system, &here.residual, &weights);
-        let begin = Instant::now();
-        strategy.update(system)?;
-        history.seconds.factor += begin.elapsed().as_secs_f64();
-        let begin = Instant::now();
-        system.numbering.gather(&here.residual, &mut rhs);
-        rhs.iter_mut().for_each(|r| *r = -*r);
-        let report = strategy.solve(&rhs, &mut direction)?;
-        history.solves.push(report);
-        history.seconds.solve += begin.elapsed().as_secs_f64();
+        if let Err(error) = correct(system, strategy, &here.residual, &mut direction, &mut history) {
+            // one state on the way says little about the scene: it is an error if each method meets one
+            if !matches!(error, NewtonError::Solve(SolveError::Singular { .. })) || !ladder.leave_singular() {
+                return Err(error);
+            }
+            u.copy_from_slice(&best.1);
+            left = true;
+            continue;
+        }
         let begin = Instant::now();
         let method = ladder.method();
         let mut line = Line { direction: &direction, weights: &weights, options, method };
@@ -176,9 +177,33 @@ fn iterate(
         }
         history.seconds.assemble += begin.elapsed().as_secs_f64();
         history.push(watch, iteration, &here, alpha, system);
+        if here.relative < best.0 {
+            best = (here.relative, u.to_vec());
+        }
     }
     history.stop = Some(stopped(&here, options).unwrap_or(Stop::MaxIterations));
     Ok(history)
+}
+
+/// Factors the tangent of `system` and solves for the correction of a residual.
+fn correct(
+    system: &System,
+    strategy: &mut Strategy,
+    residual: &[f64],
+    direction: &mut Vec<f64>,
+    history: &mut StepHistory,
+) -> Result<(), NewtonError> {
+    let begin = Instant::now();
+    strategy.update(system)?;
+    history.seconds.factor += begin.elapsed().as_secs_f64();
+    let begin = Instant::now();
+    let mut rhs = Vec::new();
+    system.numbering.gather(residual, &mut rhs);
+    rhs.iter_mut().for_each(|r| *r = -*r);
+    let report = strategy.solve(&rhs, direction)?;
+    history.solves.push(report);
+    history.seconds.solve += begin.elapsed().as_secs_f64();
+    Ok(())
 }
 
 fn stopped(here: &Measured, options: NewtonOptions) -> Option<Stop> {
@@ -206,7 +231,7 @@ impl Line<'_> {
         here: &Measured,
     ) -> Result<(f64, Measured), NewtonError> {
         let start: Vec<f64> = u.to_vec();
-        let held = matches!(self.method, Method::Pieces | Method::Friction);
+        let held = self.method.holds();
         if held && system.is_affine_when_held() {
             step_to(system, &start, self.direction, 1.0, u);
             return Ok((1.0, measure(system, u, self.weights, false)?));
