@@ -24,8 +24,8 @@ mod system;
 mod value;
 
 pub use run::{
-    Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Outcome, Path, Progress, Quiet, RunError, RunOptions,
-    StepResult, run, text_hash,
+    Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Outcome, Path, PhysicsCheck, Progress, Quiet,
+    RunError, RunOptions, StepResult, coercivity, run, text_hash,
 };
 pub use scene::{
     CsvOutput, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions, RuleChoice, SampleAt,

@@ -5,6 +5,7 @@
 //! the step variable enters), only the others are assembled at each state. Fixed dofs keep their rows in residuals
 //! (their entries are reactions) and are left out of the systems that are solved.
 
+mod inspect;
 mod memory;
 mod numbering;
 

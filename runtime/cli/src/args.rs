@@ -33,6 +33,9 @@ pub(crate) enum Command {
     /// Everything but solving: mesh, fields, terms, and the solver that follows
     #[command(after_help = CHECK_HELP)]
     Check(CheckArgs),
+    /// Each parameter times and divided by 1e3 and 1e6 in turn: what is solved, what is refused, and why
+    #[command(after_help = EXTREMES_HELP)]
+    Extremes(ExtremesArgs),
     /// What the compiler makes of a scene
     #[command(after_help = SHOW_HELP)]
     Show(ShowArgs),
@@ -65,6 +68,12 @@ Exit codes: 0 done, 1 error, 2 a step did not converge, 3 an `expect` of the sce
 Examples:
   wfl run examples/fault/nitsche.wfl
   wfl run examples/fault/nitsche.wfl theta=-1 gamma=1e6 --out results -v";
+
+const EXTREMES_HELP: &str = "\
+Nothing is written but the table. Exit code 0 unless a run claims a solution that is none (1).
+
+Example:
+  wfl extremes examples/fault/nitsche.wfl --out extremes.csv";
 
 const CHECK_HELP: &str = "\
 Examples:
@@ -133,6 +142,9 @@ pub(crate) struct RunArgs {
     /// Go on where a run that was stopped left off: each step that has been written is kept
     #[arg(long)]
     pub(crate) resume: bool,
+    /// Take a Nitsche parameter below its safe value (W503) for an error
+    #[arg(long)]
+    pub(crate) strict: bool,
     /// Threads of assembly and solver, 1 or more [default: all]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,
@@ -175,6 +187,16 @@ pub(crate) struct SweepArgs {
     /// Say nothing but errors
     #[arg(short, long)]
     pub(crate) quiet: bool,
+}
+
+/// How a scene is driven to its extremes.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ExtremesArgs {
+    #[command(flatten)]
+    pub(crate) scene: SceneArgs,
+    /// Write the table to this file as comma-separated values
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
 }
 
 /// How a scene is checked.

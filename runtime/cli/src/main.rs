@@ -6,6 +6,7 @@ mod ast_text;
 mod check;
 mod corpus;
 mod explain;
+mod extremes;
 mod fmt;
 mod import;
 mod load;
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
     };
     match args.command {
         Command::Run(options) => run::run(&options, started),
+        Command::Extremes(options) => extremes::extremes(&options, started),
         Command::Check(options) => check::check(&options, started),
         Command::Show(options) => show::show(&options),
         Command::Verify(options) => verify::verify(&options),

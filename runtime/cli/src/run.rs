@@ -7,6 +7,7 @@ use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
     Outcome, RunError, RunOptions, Scene, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
+    coercivity,
     newton::{Iteration, NewtonError},
     text_hash,
 };
@@ -34,6 +35,13 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     if let Some(most) = args.max_iter {
         scene.newton.max_iterations = most.get();
     }
+    let found = parameters(&loaded, &mut scene);
+    print_all(&found, &loaded.sources);
+    if args.strict && !found.is_empty() {
+        say("error: a Nitsche parameter is below its safe value, which --strict does not allow\n");
+        return ExitCode::from(EXIT_ERROR);
+    }
+    loaded.messages.extend(found);
     let loudness = match (args.quiet, args.verbose) {
         (true, _) => Loudness::Quiet,
         (_, true) => Loudness::Verbose,
@@ -65,11 +73,40 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     }
 }
 
+/// W503 for each Nitsche parameter below the smallest safe value, at the param that has this value.
+fn parameters(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
+    // where a term has no finite value, the run itself says so with the place
+    let Ok(found) = coercivity(scene) else { return Vec::new() };
+    let unsafe_ones = found.into_iter().filter(|c| !c.is_safe());
+    unsafe_ones
+        .map(|c| {
+            let d = Diagnostic::new("W503", format!("theta = {} needs a larger gamma on this mesh", c.theta));
+            let is_gamma = |v: &[f64]| matches!(v, [x] if (x - c.gamma).abs() <= 1e-9 * c.gamma);
+            let same: Vec<&String> =
+                scene.params.iter().filter(|(_, v)| is_gamma(&v.values)).map(|(name, _)| name).collect();
+            let text = format!("smallest safe value here: {:.4e}", c.smallest());
+            let param =
+                loaded.script.params.iter().find(|p| matches!(same.as_slice(), [name] if **name == p.name.name));
+            let d = match param {
+                Some(p) => d.at(p.overridden.unwrap_or(p.value.span), text),
+                None => d.note(format!("gamma of `{}` is {:.4e}; {text}", c.term, c.gamma)),
+            };
+            d.note(
+                "below it the problem is not coercive and Newton may fail; theta = 0 needs a quarter of what theta = 1 \
+                 needs, theta = -1 nothing",
+            )
+        })
+        .collect()
+}
+
 fn finish(loaded: &Loaded, scene: &Scene, options: &RunOptions, outcome: &Outcome, loudness: Loudness) -> ExitCode {
     let fresh: Vec<Diagnostic> = outcome.diagnostics.iter().filter(|d| !loaded.messages.contains(d)).cloned().collect();
     print_all(&fresh, &loaded.sources);
     if loudness != Loudness::Quiet {
         out(&summary(options, outcome));
+    }
+    for (code, text) in &outcome.warnings {
+        say(&format!("warning[{code}]: {text}\n"));
     }
     if !outcome.converged() {
         for step in outcome.steps.iter().filter(|s| !s.history.converged()) {
@@ -143,6 +180,7 @@ fn summary(options: &RunOptions, outcome: &Outcome) -> String {
             text += &format!("  {name} = {value:.9e}\n");
         }
     }
+    text += &judged(outcome);
     let t = report.timings;
     text += &format!(
         "  text to kernels {:.1} ms: parse {:.1}, compile {:.1}\n",
@@ -156,6 +194,27 @@ fn summary(options: &RunOptions, outcome: &Outcome) -> String {
     );
     if let Some(out) = &options.out {
         text += &format!("  results in {}\n", out.display());
+    }
+    text
+}
+
+/// How good the last converged step is, in lines.
+fn judged(outcome: &Outcome) -> String {
+    let Some(step) = outcome.steps.iter().rev().find(|s| s.history.converged()) else { return String::new() };
+    let mut text = String::new();
+    if let (Some(a), Some(i)) = (&step.accuracy, step.history.iterations.last()) {
+        let stop = step.history.stop.map_or("", |s| s.word());
+        text += &format!(
+            "  residual {:.1e} ({stop}; rounding leaves {:.1e}), {:.0} digits\n",
+            i.residual,
+            i.floor,
+            a.digits().floor()
+        );
+    }
+    for check in &step.checks {
+        let mark = if check.holds() { "" } else { "  NOT within its limit" };
+        text += &format!("  {}: {:.1e}{mark}", check.name, check.value);
+        text += &if check.name.starts_with("equilibrium") { format!(" ({})\n", check.detail) } else { "\n".to_owned() };
     }
     text
 }

@@ -4,6 +4,8 @@
 //! sums are the same for any number of threads. After the first assembly nothing is allocated. A number that is not
 //! finite stops the assembly with its place.
 
+mod local;
+
 use std::sync::{
     Arc, Mutex, PoisonError,
     atomic::{AtomicBool, AtomicU64, Ordering},

@@ -11,7 +11,7 @@ mod pieces;
 use std::time::Instant;
 
 pub use history::{Iteration, Seconds, StepHistory, Stop};
-pub use pieces::TermPieces;
+pub use pieces::{Coercivity, ContactGaps, TermPieces};
 
 use ladder::{Ladder, Method};
 use thiserror::Error;

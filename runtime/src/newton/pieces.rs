@@ -6,6 +6,12 @@
 //! penalty, Nitsche or augmentation parameter in `x`. Promises: nothing is remembered but the guides, which depend on
 //! the order of the calls only. Does not decide when to stop or to give up: `newton/mod.rs` does.
 
+mod coercivity;
+mod contact;
+
+pub use coercivity::Coercivity;
+pub use contact::ContactGaps;
+
 use wfl_compiler::{
     BALL_NUMBERS, Projection, ProjectionKind, interpret,
     ir::LANES,

@@ -174,6 +174,12 @@ pub struct StepReport {
     pub stop: Stop,
     /// Number of linear systems solved for it.
     pub iterations: u64,
+    /// Relative residual that rounding leaves at the end; left out of the file where unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor: Option<Real>,
+    /// Estimated correct decimal digits of the unknowns, as far as rounding decides them; left out where unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub digits: Option<Real>,
     /// Norm of the residual before the first and after every iteration.
     pub residual: Vec<Real>,
     /// Contact points at the end; `None` if the scene has no contact.
@@ -291,6 +297,8 @@ mod tests {
                 converged: true,
                 stop: Stop::Maxit,
                 iterations: 2,
+                floor: None,
+                digits: None,
                 residual: vec![Real(1.0), Real(f64::INFINITY), Real(1.0 / 3.0)],
                 contact: Some(ContactCounts { open: 1, slip: 2, stick: 3 }),
                 measures: [("force", Real(-5e-324))].into_iter().collect(),

@@ -11,7 +11,7 @@ use std::path::{Path as FilePath, PathBuf};
 
 use thiserror::Error;
 
-use super::{Attempt, AttemptEnd, Clock, Path, Run, RunError, RunOptions, StepResult};
+use super::{Accuracy, Attempt, AttemptEnd, Clock, Path, PhysicsCheck, Run, RunError, RunOptions, StepResult};
 use crate::{
     newton::{Iteration, StepHistory, Stop},
     output::OutputDir,
@@ -26,7 +26,7 @@ use bytes::{Reader, Unreadable, Writer, hash};
 pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 1;
+const FORMAT: u64 = 2;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -254,6 +254,17 @@ fn step(w: &mut Writer, s: &StepResult) {
     });
     w.count(s.attempts.len());
     s.attempts.iter().for_each(|a| attempt(w, a));
+    w.count(usize::from(s.accuracy.is_some()));
+    s.accuracy.iter().for_each(|a| {
+        w.numbers(&[a.error]);
+        w.text(&a.field);
+    });
+    w.count(s.checks.len());
+    for c in &s.checks {
+        w.text(&c.name);
+        w.numbers(&[c.value, c.limit]);
+        w.text(&c.detail);
+    }
     w.count(s.measures.len());
     for (name, value) in &s.measures {
         w.text(name);
@@ -284,12 +295,22 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
     };
     let history = StepHistory { iterations, solves, stop, ..StepHistory::default() };
     let attempts = r.list(read_attempt)?;
+    let accuracy = r.list(|r| {
+        let [error] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        Ok(Accuracy { error, field: r.text()? })
+    })?;
+    let checks = r.list(|r| {
+        let name = r.text()?;
+        let [value, limit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        Ok(PhysicsCheck { name, value, limit, detail: r.text()? })
+    })?;
+    let accuracy = accuracy.into_iter().next();
     let measures = r.list(|r| {
         let name = r.text()?;
         let [value] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
         Ok((name, value))
     })?;
-    Ok(StepResult { time, increment, history, attempts, measures, state: Vec::new() })
+    Ok(StepResult { time, increment, history, attempts, accuracy, checks, measures, state: Vec::new() })
 }
 
 fn attempt(w: &mut Writer, a: &Attempt) {

@@ -3,23 +3,27 @@
 //! `stepping` gets from one requested value to the next, `files` writes what the scene asks for, `report` says what
 //! was done. Promises: every step that was tried is in the report, also when the run ends with an error.
 
+mod accuracy;
 mod checkpoint;
 mod files;
+mod physics;
 mod report;
 mod stepping;
 
 use std::{path::PathBuf, time::Instant};
 
+pub use accuracy::Accuracy;
 pub use checkpoint::{CHECKPOINT_FILE, CheckpointError, text_hash};
+pub use physics::PhysicsCheck;
 pub use stepping::{Attempt, AttemptEnd, Path};
 use thiserror::Error;
 use wfl_compiler::ir::Origin;
 
 use crate::{
-    newton::{Iteration, NewtonError, StepHistory, Watch},
+    newton::{Coercivity, Iteration, NewtonError, StepHistory, Watch},
     output::{OutputDir, OutputError, Report, write_report},
     scene::Scene,
-    system::System,
+    system::{System, SystemError},
 };
 use files::Files;
 use stepping::{Leg, Stepper};
@@ -79,6 +83,10 @@ pub struct StepResult {
     pub history: StepHistory,
     /// Every attempt at a part of the step, where one was not enough.
     pub attempts: Vec<Attempt>,
+    /// What finite precision leaves of the unknowns, where a tangent was solved and the step converged.
+    pub accuracy: Option<Accuracy>,
+    /// Conditions of mechanics at a converged state.
+    pub checks: Vec<PhysicsCheck>,
     /// Measures by name.
     pub measures: Vec<(String, f64)>,
     /// All unknowns at its end; empty for a step that another process did before this one went on from a checkpoint.
@@ -98,6 +106,8 @@ pub struct Outcome {
     pub expectations: Vec<(wfl::Expect, Option<bool>)>,
     /// Messages of the expectations.
     pub diagnostics: Vec<wfl::Diagnostic>,
+    /// What the numbers themselves give cause to doubt, with its code.
+    pub warnings: Vec<(&'static str, String)>,
 }
 
 impl Outcome {
@@ -169,7 +179,9 @@ pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress)
     let last: Vec<(String, f64)> = run.steps.last().map(|s| s.measures.clone()).unwrap_or_default();
     let (expectations, diagnostics) =
         if done && finished.is_ok() { scene.expectations(&last) } else { (Vec::new(), Vec::new()) };
+    let warnings = report::warnings(&run.steps);
     let mut report = report::report(scene, options, &run, &expectations);
+    report.warnings.extend(warnings.iter().map(|(code, text)| format!("{code}: {text}")));
     report.error = finished.as_ref().err().map(ToString::to_string);
     let mut written = files.written;
     if let Some(dir) = &dir {
@@ -181,7 +193,7 @@ pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress)
         }
     }
     finished?;
-    Ok(Outcome { steps: run.steps, report, files: written, expectations, diagnostics })
+    Ok(Outcome { steps: run.steps, report, files: written, expectations, diagnostics, warnings })
 }
 
 /// Seconds by what they were spent on.
@@ -281,7 +293,43 @@ impl Run {
             print.for_each(system, time, increment, u, |x, value| progress.printed(&term, origin, x, value));
         }
         let (history, attempts) = (reached.history, reached.attempts);
-        Ok(StepResult { time, increment, history, attempts, measures, state: u.clone() })
+        let (accuracy, checks) =
+            if history.converged() { self.judge(scene).map_err(wrap)? } else { (None, Vec::new()) };
+        let state = self.u.clone();
+        Ok(StepResult { time, increment, history, attempts, accuracy, checks, measures, state })
+    }
+
+    /// How good the converged state is.
+    fn judge(&mut self, scene: &mut Scene) -> Result<(Option<Accuracy>, Vec<PhysicsCheck>), NewtonError> {
+        let mut residual = Vec::new();
+        scene.system.residual(&self.u, &mut residual)?;
+        let strategy = self.stepper.strategy.as_mut();
+        let accuracy = strategy.and_then(|s| accuracy::estimate(&scene.system, s, &self.u, &residual));
+        Ok((accuracy, physics::checks(&mut scene.system, &self.u, &residual)))
+    }
+}
+
+/// The parameter of each Nitsche term of a scene against the smallest for which the method is coercive, at its first
+/// step.
+///
+/// # Errors
+/// [`SystemError`] where a term has no finite value.
+pub fn coercivity(scene: &mut Scene) -> Result<Vec<Coercivity>, SystemError> {
+    let values = &scene.steps.values;
+    let time = values.first().copied().unwrap_or(0.0);
+    let increment = values.get(1).map_or(0.0, |next| next - time);
+    set_data(scene, time, increment);
+    // nothing is assembled that the run would not assemble; its first step does so again where that is needed
+    scene.system.set_step(time, increment)?;
+    Ok(scene.system.coercivity())
+}
+
+/// Brings the known fields to a value of the step variable.
+fn set_data(scene: &mut Scene, time: f64, increment: f64) {
+    for (field, value) in &mut scene.data {
+        value.set_step(time, increment);
+        let positions = node_positions(&scene.system, *field);
+        scene.system.known.data[*field] = value.at_positions(&positions);
     }
 }
 

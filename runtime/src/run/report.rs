@@ -1,6 +1,6 @@
 //! What a run did, as `report.json` keeps it.
 
-use super::{Attempt, AttemptEnd, Path, Run, RunOptions, StepResult};
+use super::{Attempt, AttemptEnd, Path, PhysicsCheck, Run, RunOptions, StepResult};
 use crate::{
     newton::Stop,
     output::{
@@ -65,6 +65,10 @@ pub(super) fn report(
         let value = f64::from(u8::from(*holds != Some(true)));
         report.checks.insert(format!("expect {}", expect.text), Check::at_most(0.0, value));
     }
+    for check in worst_checks(&run.steps) {
+        let made = Check { value: Real(check.value), tolerance: Real(check.limit), ok: check.holds() };
+        report.checks.insert(check.name.clone(), made);
+    }
     report.timings = Timings {
         parse: options.parse_seconds,
         compile: scene.times.compile,
@@ -77,6 +81,46 @@ pub(super) fn report(
     };
     report
 }
+
+/// Of each condition the step at which it holds least, in the order of their first appearance.
+fn worst_checks(steps: &[StepResult]) -> Vec<&PhysicsCheck> {
+    let mut worst: Vec<&PhysicsCheck> = Vec::new();
+    for check in steps.iter().flat_map(|s| &s.checks) {
+        match worst.iter_mut().find(|w| w.name == check.name) {
+            Some(w) if w.value >= check.value => {}
+            Some(w) => *w = check,
+            None => worst.push(check),
+        }
+    }
+    worst
+}
+
+/// What gives cause to doubt the numbers: too few digits, conditions of mechanics that do not hold.
+pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
+    let mut out = Vec::new();
+    let poorest = steps.iter().filter_map(|s| Some((s, s.accuracy.as_ref()?)));
+    if let Some((step, a)) = poorest.min_by(|a, b| a.1.digits().total_cmp(&b.1.digits()))
+        && a.digits() < FEW_DIGITS
+    {
+        out.push((
+            "W605",
+            format!(
+                "fewer than {FEW_DIGITS} digits of `{}` are right at t = {}: rounding alone changes it by about {:.0e} of its size",
+                a.field, step.time, a.error
+            ),
+        ));
+    }
+    for check in worst_checks(steps).into_iter().filter(|c| !c.holds()) {
+        out.push((
+            "W606",
+            format!("{}: {:.1e}, at most {:.0e} expected; {}", check.name, check.value, check.limit, check.detail),
+        ));
+    }
+    out
+}
+
+/// A result with fewer correct digits is warned of.
+const FEW_DIGITS: f64 = 3.0;
 
 fn step_report(step: &StepResult) -> StepReport {
     let history = &step.history;
@@ -93,6 +137,8 @@ fn step_report(step: &StepResult) -> StepReport {
             _ => output::Stop::Maxit,
         },
         iterations: history.n_iterations() as u64,
+        floor: history.iterations.last().map(|i| Real(i.floor)),
+        digits: step.accuracy.as_ref().map(|a| Real(a.digits())),
         residual: history.iterations.iter().map(|i| Real(i.residual)).collect(),
         contact: history.iterations.last().and_then(|i| i.contact).map(|c| ContactCounts {
             open: c[0] as u64,

@@ -232,11 +232,7 @@ impl Stepper {
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<(), NewtonError> {
-        for (field, value) in &mut scene.data {
-            value.set_step(time, increment);
-            let positions = super::node_positions(&scene.system, *field);
-            scene.system.known.data[*field] = value.at_positions(&positions);
-        }
+        super::set_data(scene, time, increment);
         let begin = Instant::now();
         let changed = scene.system.set_step(time, increment)?;
         clock.assemble += begin.elapsed().as_secs_f64();

@@ -300,6 +300,25 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver newton with search=auto",
     ),
     page(
+        "W605",
+        "a result with few digits",
+        "Rounding alone changes the unknowns by more than a thousandth of their size: the tangent is too badly \
+         conditioned for the precision of the machine. Most often a penalty or Nitsche parameter is far above E/h, or \
+         a material is nearly incompressible. The number of digits of each step is in the report.",
+        "param gamma = 1e20",
+        "param gamma = 1e6",
+    ),
+    page(
+        "W606",
+        "a condition of mechanics that does not hold",
+        "A converged state does not satisfy what any solution must: loads and reactions in balance, equal forces on the \
+         two sides of an interface, no overlap of bodies in contact and no sliding where they stick (both relative to \
+         the largest displacement). Forces out of balance are a mistake in the terms; overlap and sliding go away with \
+         a larger penalty, or with Nitsche's method or a multiplier.",
+        "param gamma = 1e3",
+        "param gamma = 1e6",
+    ),
+    page(
         "W702",
         "declared but not needed",
         "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \

@@ -1,0 +1,196 @@
+//! `wfl extremes`: each parameter far from its value, in turn; what the scene then does.
+
+use std::{path::Path, process::ExitCode, time::Instant};
+
+use serde_json::Value;
+use wfl::Diagnostic;
+use wfl_compiler::backend::KernelBackend;
+use wfl_runtime::{Outcome, Quiet, RunOptions, prepare, run, text_hash};
+
+use crate::{
+    args::ExtremesArgs,
+    load::{Loaded, load, out, say},
+    prepared::{EXIT_ERROR, backend},
+    table::{Table, number},
+};
+
+/// What each parameter is multiplied by.
+const FACTORS: [f64; 4] = [1e-6, 1e-3, 1e3, 1e6];
+
+/// How a run ended, from the worst.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Ending {
+    /// Claims a solution with numbers that are none.
+    SilentlyWrong,
+    /// Stopped with a message.
+    Refused,
+    /// A step did not converge, and the run says so.
+    NotConverged,
+    /// A solution with a warning.
+    Warned,
+    /// A solution.
+    Solved,
+}
+
+impl Ending {
+    fn word(self) -> &'static str {
+        match self {
+            Ending::SilentlyWrong => "SILENTLY WRONG",
+            Ending::Refused => "refused",
+            Ending::NotConverged => "not converged",
+            Ending::Warned => "solved, with a warning",
+            Ending::Solved => "solved",
+        }
+    }
+}
+
+/// One run.
+struct Trial {
+    ending: Ending,
+    /// Steps that converged and Newton iterations of all.
+    steps: (usize, usize),
+    message: String,
+}
+
+pub(crate) fn extremes(args: &ExtremesArgs, started: Instant) -> ExitCode {
+    let Some(base) = load(&args.scene.scene, &args.scene.overrides, "extremes") else {
+        return ExitCode::from(EXIT_ERROR);
+    };
+    let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
+    let parameters = match parameters(&base, &*backend) {
+        Ok(list) => list,
+        Err(messages) => {
+            crate::load::print_all(&messages, &base.sources);
+            return ExitCode::from(EXIT_ERROR);
+        }
+    };
+    let mut table = Table::new("extremes", &["parameter", "value", "outcome", "steps", "iterations", "message"]);
+    let mut worst: Option<(String, Trial)> = None;
+    let mut silently = false;
+    let trials =
+        std::iter::once((String::from("as written"), f64::NAN, None)).chain(parameters.iter().flat_map(
+            |(name, value)| FACTORS.map(|f| (name.clone(), f * value, Some(format!("{name}={:e}", f * value)))),
+        ));
+    let count = 1 + FACTORS.len() * parameters.len();
+    for (k, (name, value, word)) in trials.enumerate() {
+        let label = word.clone().unwrap_or_else(|| name.clone());
+        say(&format!("{} of {count}: {label}\n", k + 1));
+        let trial = one(args, word, &*backend, started);
+        silently |= trial.ending == Ending::SilentlyWrong;
+        let value = if value.is_nan() { Value::Null } else { number(value).into() };
+        let (steps, iterations) = trial.steps;
+        table.push(vec![
+            name.into(),
+            value,
+            trial.ending.word().into(),
+            steps.into(),
+            iterations.into(),
+            trial.message.clone().into(),
+        ]);
+        let failed = trial.ending < Ending::Warned;
+        if failed && worst.is_none() {
+            worst = Some((label, trial));
+        }
+    }
+    out(&table.text());
+    out(&match &worst {
+        Some((label, trial)) => format!("\nfirst failure: {label}: {}: {}\n", trial.ending.word(), trial.message),
+        None => "\nno failure\n".to_owned(),
+    });
+    if let Some(path) = &args.out
+        && let Err(error) = std::fs::write(path, csv(&table))
+    {
+        say(&format!("error: cannot write {}: {error}\n", path.display()));
+        return ExitCode::from(EXIT_ERROR);
+    }
+    if silently { ExitCode::from(EXIT_ERROR) } else { ExitCode::SUCCESS }
+}
+
+/// The parameters that are numbers other than zero, with their values; the messages of a scene that is wrong.
+fn parameters(base: &Loaded, backend: &dyn KernelBackend) -> Result<Vec<(String, f64)>, Vec<Diagnostic>> {
+    let prepared = prepare(&base.script, &base.folder, backend);
+    let messages: Vec<Diagnostic> = base.messages.iter().cloned().chain(prepared.diagnostics).collect();
+    let scene = prepared.scene.filter(|_| !messages.iter().any(Diagnostic::is_error)).ok_or(messages)?;
+    let number = |(name, value): &(String, wfl_compiler::Constant)| match value.values.as_slice() {
+        [x] if *x != 0.0 => Some((name.clone(), *x)),
+        _ => None,
+    };
+    Ok(scene.params.iter().filter_map(number).collect())
+}
+
+/// Runs the scene with one word more on the command line; nothing is written.
+fn one(args: &ExtremesArgs, word: Option<String>, backend: &dyn KernelBackend, started: Instant) -> Trial {
+    let refused = |message: String| Trial { ending: Ending::Refused, steps: (0, 0), message };
+    let name = |w: &str| w.split('=').next().unwrap_or_default().trim().to_owned();
+    let mut words = args.scene.overrides.clone();
+    if let Some(word) = word {
+        words.retain(|w| name(w) != name(&word));
+        words.push(word);
+    }
+    let Some(loaded) = load(&args.scene.scene, &words, "extremes") else {
+        return refused("the scene cannot be read".to_owned());
+    };
+    let prepared = prepare(&loaded.script, &loaded.folder, backend);
+    let messages: Vec<Diagnostic> = loaded.messages.iter().cloned().chain(prepared.diagnostics).collect();
+    let line = |d: &Diagnostic| format!("{}: {}", d.code, d.message);
+    if let Some(error) = messages.iter().find(|d| d.is_error()) {
+        return refused(line(error));
+    }
+    let Some(mut scene) = prepared.scene else { return refused("no scene".to_owned()) };
+    let options = options(&loaded, &args.scene.scene, started);
+    match run(&mut scene, &options, &mut Quiet) {
+        Ok(outcome) => judge(&outcome),
+        Err(error) => refused(error.to_string()),
+    }
+}
+
+fn options(loaded: &Loaded, scene: &Path, started: Instant) -> RunOptions {
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
+    RunOptions {
+        name: scene.display().to_string(),
+        out: None,
+        resume: false,
+        text_hash: text_hash(loaded.texts()),
+        threads,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        parse_seconds: 0.0,
+        started,
+        warnings: Vec::new(),
+    }
+}
+
+fn judge(outcome: &Outcome) -> Trial {
+    let iterations = outcome.steps.iter().map(|s| s.history.n_iterations()).sum();
+    let converged = outcome.steps.iter().filter(|s| s.history.converged());
+    let steps = (converged.clone().count(), iterations);
+    let mut finite = converged.flat_map(|s| s.state.iter().copied().chain(s.measures.iter().map(|m| m.1)));
+    let (ending, message) = if !finite.all(f64::is_finite) {
+        (Ending::SilentlyWrong, "a converged step has numbers that are not finite".to_owned())
+    } else if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {
+        let residual = step.history.iterations.last().map_or(f64::NAN, |i| i.residual);
+        (Ending::NotConverged, format!("E603: t = {}: residual {residual:.1e}", step.time))
+    } else if let Some((code, text)) = outcome.warnings.first() {
+        (Ending::Warned, format!("{code}: {text}"))
+    } else {
+        (Ending::Solved, String::new())
+    };
+    Trial { ending, steps, message }
+}
+
+/// The table as comma-separated values, texts in quotes (RFC 4180).
+fn csv(table: &Table) -> String {
+    let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+    let mut text = table.columns.join(",") + "\n";
+    for row in &table.rows {
+        let cells: Vec<String> = row
+            .iter()
+            .map(|v| match v {
+                Value::Null => String::new(),
+                Value::String(s) => quoted(s),
+                other => other.to_string(),
+            })
+            .collect();
+        text += &(cells.join(",") + "\n");
+    }
+    text
+}

@@ -1,0 +1,48 @@
+//! The tangent of a term on one entity, for looks at single elements. Not for assembly: one batch is computed for one
+//! entity.
+
+use super::{AssembledTerm, contract};
+use crate::{
+    assemble::{
+        domain::{Group, GroupSide},
+        evaluate::{FieldValues, Workspace},
+        scatter::NOWHERE,
+    },
+    mesh::Mesh,
+};
+use wfl_compiler::ir::LANES;
+
+impl AssembledTerm {
+    /// The tangent on the first entity whose owning side is asked for: its global dofs and the matrix, row by row. Dofs
+    /// of known fields are left out. `None` if there is no such entity.
+    #[must_use]
+    pub fn local_tangent(
+        &self,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        wanted: impl Fn(&GroupSide, usize) -> bool,
+    ) -> Option<(Vec<u32>, Vec<f64>)> {
+        if self.entries.list.is_empty() {
+            return None;
+        }
+        let place =
+            |(g, group): (usize, &Group)| (0..group.entities.len()).find(|e| wanted(&group.here, *e)).map(|e| (g, e));
+        let (g, entity) = self.integrator.domain.groups.iter().enumerate().find_map(place)?;
+        let mut workspace = Workspace::default();
+        workspace.prepare_some(self.bound(mesh), g, entity / LANES, values, &self.tangent_needs);
+        if let Some(kernel) = &self.tangent {
+            self.call(&**kernel, &mut workspace, g, self.entries.n_outputs);
+        }
+        let group = (&self.integrator.domain.groups[g], &self.integrator.binding.groups[g]);
+        contract::tangent(&mut workspace, &self.plans[g], &self.entries, group, &self.uniforms);
+        let n = self.integrator.binding.groups[g].n_dofs();
+        let dofs = &self.dofs[g][entity * n..][..n];
+        let known: Vec<usize> = (0..n).filter(|k| dofs[*k] != NOWHERE).collect();
+        let sources = &self.plans[g].sources;
+        let value = |(i, j): (usize, usize)| {
+            workspace.local.get(sources[i * n + j] as usize).map_or(0.0, |v| v[entity % LANES])
+        };
+        let matrix = known.iter().flat_map(|i| known.iter().map(|j| (*i, *j))).map(value).collect();
+        Some((known.iter().map(|k| dofs[*k]).collect(), matrix))
+    }
+}

@@ -1,0 +1,324 @@
+//! The smallest parameter for which Nitsche's method is coercive, from the elements at the interface.
+//!
+//! With `s(v) = sigma(v) n` the terms of a facet F of a cell K contain `-(theta/gamma) s(u).s(v)` and, in contact,
+//! `-(1+theta) s(v).[v] + gamma [v].[v]` beside the bulk `a_K(v,v)`. Young's inequality leaves
+//! `a_K(v,v) - (1+theta)^2/(4 gamma) |s(v)|^2_F >= 0`, so `gamma > (1+theta)^2/4 sup |s(v)|^2_F / a_K(v,v)`.
+//! The supremum is the largest eigenvalue of a small problem for each facet. Nothing is asked of names or methods: s is
+//! what the arguments of the projections hold beside the gap, gamma their slope in the displacement, a_K the tangent of
+//! the cell terms, and theta what the linear terms on the facet are in parts of `-|s|^2/gamma`.
+//!
+//! Sufficient, not necessary. Facets are sampled where there are many: evenly, and the thinnest cells on top.
+
+use nalgebra::{DMatrix, SymmetricEigen};
+use wfl_compiler::{
+    Class, ProjectionKind, interpret,
+    ir::LANES,
+    types::{FieldOp, InputSlot, Side},
+};
+
+use super::TermPieces;
+use crate::{
+    assemble::{AssembledTerm, Bound, FieldValues, Workspace},
+    field::Field,
+    mesh::{CellId, Mesh},
+};
+
+/// Facets that are looked at, spread over the interface; as many more with the thinnest cells.
+const FACETS: usize = 8;
+/// Modes of a cell below this part of the largest stiffness are rigid motions.
+const RIGID: f64 = 1e-11;
+/// Step of the gradients, relative: laws that are linear in them are exact for any.
+const STRAIN: f64 = 1e-6;
+
+/// The parameter of a Nitsche term against the smallest safe one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coercivity {
+    /// The term.
+    pub term: String,
+    /// The parameter in use (stress over length).
+    pub gamma: f64,
+    /// The variant: 1 symmetric, 0 incomplete, -1 skew-symmetric.
+    pub theta: f64,
+    /// The trace constant `sup |s(v)|^2_F / a_K(v,v)` (stress over length).
+    pub trace: f64,
+}
+
+impl Coercivity {
+    /// The smallest parameter for which the problem is coercive.
+    #[must_use]
+    pub fn smallest(&self) -> f64 {
+        (1.0 + self.theta).powi(2) / 4.0 * self.trace
+    }
+
+    /// True if the parameter in use is at least that; rounding of the eigenvalue is allowed for.
+    #[must_use]
+    pub fn is_safe(&self) -> bool {
+        self.gamma >= self.smallest() * (1.0 - 1e-9)
+    }
+}
+
+/// One facet: its place in the domain.
+type Place = (usize, usize);
+
+impl TermPieces {
+    /// The parameter of this term; `None` for a method without stresses in its projections.
+    #[must_use]
+    pub fn coercivity(
+        &self,
+        mesh: &Mesh,
+        fields: &[Field],
+        terms: &[AssembledTerm],
+        zero: FieldValues<'_>,
+        starts: &[Option<usize>],
+    ) -> Option<Coercivity> {
+        if self.held.on_cells() || !self.watch.law.inputs.iter().any(|slot| is_stress(fields, slot, None)) {
+            return None;
+        }
+        let probe = Probe { pieces: self, mesh, fields, terms, zero, starts };
+        let mut worst: Option<Coercivity> = None;
+        for place in probe.places() {
+            let Some(found) = probe.facet(place) else { continue };
+            let ratio = |c: &Coercivity| c.smallest() / c.gamma;
+            if worst.as_ref().is_none_or(|w| (ratio(&found), found.trace) > (ratio(w), w.trace)) {
+                worst = Some(found);
+            }
+        }
+        worst
+    }
+}
+
+struct Probe<'a> {
+    pieces: &'a TermPieces,
+    mesh: &'a Mesh,
+    fields: &'a [Field],
+    terms: &'a [AssembledTerm],
+    zero: FieldValues<'a>,
+    starts: &'a [Option<usize>],
+}
+
+impl Probe<'_> {
+    /// The facets that are looked at.
+    fn places(&self) -> Vec<Place> {
+        let groups = &self.pieces.sampled.domain.groups;
+        let all: Vec<Place> =
+            groups.iter().enumerate().flat_map(|(g, group)| (0..group.entities.len()).map(move |e| (g, e))).collect();
+        let stride = all.len().div_ceil(FACETS).max(1);
+        let mut chosen: Vec<Place> = all.iter().step_by(stride).copied().collect();
+        if stride > 1 {
+            let mut thin: Vec<(f64, Place)> = all.iter().map(|p| (self.height(*p), *p)).collect();
+            thin.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            chosen.extend(thin.iter().take(FACETS).map(|(_, p)| *p));
+        }
+        chosen
+    }
+
+    /// How far the centre of the cell is from that of the facet.
+    fn height(&self, (g, entity): Place) -> f64 {
+        let here = &self.pieces.sampled.domain.groups[g].here;
+        let (a, b) = (self.mesh.centroid(here.cells[entity]), self.mesh.facet_centroid(here.facets[entity]));
+        (0..3).fold(0.0f64, |m, k| m.hypot(a[k] - b[k]))
+    }
+
+    fn facet(&self, place: Place) -> Option<Coercivity> {
+        let group = &self.pieces.sampled.domain.groups[place.0];
+        let mut cells = vec![group.here.cells[place.1]];
+        if self.pieces.watch.law.inputs.iter().any(|slot| is_stress(self.fields, slot, Some(Side::There))) {
+            cells.extend(group.there.as_ref().map(|t| t.cells[place.1]));
+        }
+        let (dofs, bulk) = self.bulk(&cells);
+        if dofs.is_empty() {
+            return None;
+        }
+        let (traction, gamma) = self.traction(place, &dofs)?;
+        let (trace, mode) = largest(&bulk, &traction)?;
+        let along = |m: &DMatrix<f64>| (mode.transpose() * m * &mode)[(0, 0)];
+        let linear = self.linear(place, &dofs);
+        let theta = -gamma * along(&linear) / along(&traction);
+        // theta is one of a few numbers; what the stress lacks of its tangential part is no matter here
+        let theta = if theta.is_finite() { (1e6 * theta).round() / 1e6 } else { 0.0 };
+        Some(Coercivity { term: self.terms[self.pieces.term].law.name.clone(), gamma, theta, trace })
+    }
+
+    /// Dofs of some cells and the tangent of the cell terms on them, at the state without displacement.
+    fn bulk(&self, cells: &[CellId]) -> (Vec<u32>, DMatrix<f64>) {
+        let mut blocks = Vec::new();
+        for term in self.terms.iter().filter(|t| t.law.class > Class::Constant && t.on_cells()) {
+            for cell in cells {
+                blocks.extend(term.local_tangent(self.mesh, self.zero, |side, e| side.cells[e] == *cell));
+            }
+        }
+        let mut dofs: Vec<u32> = blocks.iter().flat_map(|(d, _)| d.iter().copied()).collect();
+        dofs.sort_unstable();
+        dofs.dedup();
+        let mut sum = DMatrix::zeros(dofs.len(), dofs.len());
+        blocks.iter().for_each(|b| add(&mut sum, &dofs, b));
+        (dofs, sum)
+    }
+
+    /// The linear terms on the facet.
+    fn linear(&self, (g, entity): Place, dofs: &[u32]) -> DMatrix<f64> {
+        let facet = self.pieces.sampled.domain.groups[g].here.facets[entity];
+        let mut sum = DMatrix::zeros(dofs.len(), dofs.len());
+        for term in self.terms.iter().filter(|t| t.law.class == Class::Linear && !t.on_cells()) {
+            let here = |side: &crate::assemble::GroupSide, e: usize| side.facets.get(e) == Some(&facet);
+            if let Some(block) = term.local_tangent(self.mesh, self.zero, here) {
+                add(&mut sum, dofs, &block);
+            }
+        }
+        sum
+    }
+
+    /// The form `|s(v)|^2` on the facet over these dofs, and gamma there.
+    fn traction(&self, place: Place, dofs: &[u32]) -> Option<(DMatrix<f64>, f64)> {
+        let base = self.stresses(place, self.zero.current);
+        let (points, weights) = (base.values.len(), base.weights);
+        let n = base.values.first()?.len();
+        let mut columns = Vec::with_capacity(dofs.len());
+        let mut copy: Option<(usize, Vec<f64>)> = None;
+        for dof in dofs {
+            let field = (0..self.fields.len()).rfind(|k| self.starts[*k].is_some_and(|s| s <= *dof as usize))?;
+            let place_in_field = *dof as usize - self.starts[field]?;
+            let (_, values) = match &mut copy {
+                Some(kept) if kept.0 == field => kept,
+                other => other.insert((field, self.zero.current[field].to_vec())),
+            };
+            let before = *values.get(place_in_field)?;
+            values[place_in_field] = before + STRAIN;
+            let mut current = self.zero.current.to_vec();
+            current[field] = values;
+            let moved = self.stresses(place, &current);
+            values[place_in_field] = before;
+            let change = (0..points).flat_map(|q| (0..n).map(move |k| (q, k)));
+            columns.push(
+                change
+                    .map(|(q, k)| weights[q].sqrt() * (moved.values[q][k] - base.values[q][k]) / STRAIN)
+                    .collect::<Vec<f64>>(),
+            );
+        }
+        let form = DMatrix::from_fn(dofs.len(), dofs.len(), |i, j| {
+            columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum()
+        });
+        Some((form, self.slope(place)?))
+    }
+
+    /// The arguments of the projections at the points of a facet for given values of the fields, displacements left out
+    /// of them.
+    fn stresses(&self, (g, entity): Place, current: &[&[f64]]) -> Stresses {
+        let p = self.pieces;
+        let bound = Bound { mesh: self.mesh, domain: &p.sampled.domain, binding: &p.sampled.binding };
+        let mut workspace = Workspace::default();
+        let (batch, lane) = (entity / LANES, entity % LANES);
+        workspace.prepare(bound, g, batch, FieldValues { current, ..self.zero });
+        let law = &p.watch.law;
+        let (mut scratch, mut out) = (Vec::new(), vec![0.0; law.kernel.kernel().outputs.len()]);
+        let mut found = Stresses { values: Vec::new(), weights: Vec::new() };
+        for q in 0..p.sampled.domain.groups[g].n_points() {
+            let inputs: Vec<f64> = (law.inputs.iter().enumerate())
+                .map(|(s, slot)| match slot {
+                    InputSlot::Field(b) if b.op == FieldOp::Value && b.field.index() < self.fields.len() => 0.0,
+                    _ => workspace.inputs[(q * law.inputs.len() + s) * LANES + lane],
+                })
+                .collect();
+            interpret(&law.kernel, p.watch.uniforms(), &inputs, &mut scratch, &mut out);
+            // the whole traction: along the normal from half lines, across it from balls
+            let entries = p.projections.iter().flat_map(|pr| out[pr.output..pr.output + pr.n].to_vec()).collect();
+            found.values.push(entries);
+            found.weights.push(workspace.weight(q)[lane]);
+        }
+        found
+    }
+
+    /// The slope of the first half line in the displacement of one side.
+    fn slope(&self, (g, entity): Place) -> Option<f64> {
+        let p = self.pieces;
+        let half = p.projections.iter().find(|pr| pr.kind == ProjectionKind::HalfLine && pr.n == 1)?;
+        let bound = Bound { mesh: self.mesh, domain: &p.sampled.domain, binding: &p.sampled.binding };
+        let mut workspace = Workspace::default();
+        workspace.prepare(bound, g, entity / LANES, self.zero);
+        let law = &p.watch.law;
+        let mut inputs: Vec<f64> =
+            (0..law.inputs.len()).map(|s| workspace.inputs[s * LANES + entity % LANES]).collect();
+        let (mut scratch, mut out) = (Vec::new(), vec![0.0; law.kernel.kernel().outputs.len()]);
+        interpret(&law.kernel, p.watch.uniforms(), &inputs, &mut scratch, &mut out);
+        let base = out[half.output];
+        let mut sides: Vec<((usize, Side), f64)> = Vec::new();
+        for (s, slot) in law.inputs.iter().enumerate() {
+            let InputSlot::Field(b) = slot else { continue };
+            if b.op != FieldOp::Value || b.field.index() >= self.fields.len() {
+                continue;
+            }
+            let kept = inputs[s];
+            inputs[s] = kept + STRAIN;
+            interpret(&law.kernel, p.watch.uniforms(), &inputs, &mut scratch, &mut out);
+            inputs[s] = kept;
+            let slope = (out[half.output] - base) / STRAIN;
+            let key = (b.field.index(), b.side);
+            match sides.iter_mut().find(|(k, _)| *k == key) {
+                Some((_, total)) => *total = total.hypot(slope),
+                None => sides.push((key, slope.abs())),
+            }
+        }
+        sides.iter().map(|(_, s)| *s).max_by(f64::total_cmp).filter(|s| *s > 0.0)
+    }
+}
+
+/// True if a law reads a gradient of a field of the scene there, on one side or on any.
+fn is_stress(fields: &[Field], slot: &InputSlot, side: Option<Side>) -> bool {
+    matches!(slot, InputSlot::Field(b)
+        if b.op != FieldOp::Value && b.field.index() < fields.len() && side.is_none_or(|s| s == b.side))
+}
+
+/// Traction at the points of a facet and the weights of the points.
+struct Stresses {
+    values: Vec<Vec<f64>>,
+    weights: Vec<f64>,
+}
+
+/// Adds a local matrix where both dofs are known.
+fn add(sum: &mut DMatrix<f64>, dofs: &[u32], (local, values): &(Vec<u32>, Vec<f64>)) {
+    let place: Vec<Option<usize>> = local.iter().map(|d| dofs.binary_search(d).ok()).collect();
+    for (i, row) in place.iter().enumerate() {
+        for (j, column) in place.iter().enumerate() {
+            if let (Some(r), Some(c)) = (row, column) {
+                sum[(*r, *c)] += values[i * local.len() + j];
+            }
+        }
+    }
+}
+
+/// The largest eigenvalue of `form v = lambda bulk v` beside the rigid motions, on which both vanish, and its vector.
+fn largest(bulk: &DMatrix<f64>, form: &DMatrix<f64>) -> Option<(f64, DMatrix<f64>)> {
+    let symmetric = 0.5 * (bulk + bulk.transpose());
+    if symmetric.iter().chain(form.iter()).any(|x| !x.is_finite()) {
+        return None;
+    }
+    let eigen = SymmetricEigen::new(symmetric);
+    let stiffest = eigen.eigenvalues.iter().fold(0.0f64, |m, x| m.max(*x));
+    let kept: Vec<usize> = (0..eigen.eigenvalues.len()).filter(|k| eigen.eigenvalues[*k] > RIGID * stiffest).collect();
+    let basis = DMatrix::from_fn(bulk.nrows(), kept.len(), |i, j| {
+        eigen.eigenvectors[(i, kept[j])] / eigen.eigenvalues[kept[j]].sqrt()
+    });
+    if kept.is_empty() {
+        return None;
+    }
+    let reduced = basis.transpose() * form * &basis;
+    let found = SymmetricEigen::new(0.5 * (&reduced + reduced.transpose()));
+    let k = found.eigenvalues.imax();
+    let mode = basis * found.eigenvectors.column(k);
+    (found.eigenvalues[k] > 0.0).then(|| (found.eigenvalues[k], DMatrix::from_columns(&[mode])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_eigenvalue_leaves_rigid_motions_out() {
+        // a spring between two nodes; s is its force: sup k^2 (a-b)^2 / (k (a-b)^2) = k
+        let spring = DMatrix::from_row_slice(2, 2, &[3.0, -3.0, -3.0, 3.0]);
+        let force = DMatrix::from_row_slice(2, 2, &[9.0, -9.0, -9.0, 9.0]);
+        let (value, mode) = largest(&spring, &force).expect("a positive one");
+        assert!((value - 3.0).abs() < 1e-13);
+        assert!((mode[(0, 0)] + mode[(1, 0)]).abs() < 1e-13);
+    }
+}

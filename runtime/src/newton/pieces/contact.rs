@@ -1,0 +1,117 @@
+//! What a contact law says of gap and traction, found from the arguments of its projections.
+//!
+//! The argument of a contact projection is `gamma g - s`: a gap times a stiffness, and the traction of a method that
+//! has one (the stress of Nitsche's, the multiplier of an augmentation). With gradients and multipliers set to zero the
+//! first part remains, and gamma is its slope in the displacement. So penetration, motion at points that stick and
+//! tractions outside the cone are known without knowing the method. Lengths are exact for normals along an axis, and
+//! too large by at most the root of the dimension otherwise, because the slope is that of one component.
+
+use wfl_compiler::{
+    ProjectionKind, interpret,
+    ir::LANES,
+    types::{FieldKind, FieldOp, InputSlot},
+};
+
+use super::{SLOPE_STEP, TermPieces};
+use crate::{
+    assemble::{Bound, FieldValues, Workspace},
+    field::Field,
+    mesh::Mesh,
+};
+
+/// The largest violations of the conditions of contact at the points of a term.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ContactGaps {
+    /// Overlap of the sides where the law is one of contact (length).
+    pub penetration: f64,
+    /// Sliding at points that stick (length).
+    pub drift: f64,
+    /// By how much the traction of the method leaves the friction cone, relative to the largest radius; `None` without
+    /// friction, or for a method without a traction of its own.
+    pub cone: Option<f64>,
+}
+
+impl TermPieces {
+    /// The violations at a state; `values` has room for the guides of this term. `None` for terms on cells, whose
+    /// projections are no contact.
+    #[must_use]
+    pub fn contact_gaps(&self, mesh: &Mesh, fields: &[Field], values: FieldValues<'_>) -> Option<ContactGaps> {
+        if self.held.on_cells() {
+            return None;
+        }
+        let mut guides = self.no_guides();
+        self.start(mesh, values, &mut guides);
+        let mut current: Vec<&[f64]> = values.current.to_vec();
+        current[self.field] = &guides;
+        let values = FieldValues { current: &current, ..values };
+        let (_, size) = self.entity_size(mesh, values);
+        let slopes = self.slopes(mesh, fields, values, SLOPE_STEP * size);
+        let mut found = ContactGaps::default();
+        let (mut beyond, mut radius) = (0.0f64, 0.0f64);
+        self.arguments(mesh, fields, values, |full, gap| {
+            for (p, slope) in self.projections.iter().zip(&slopes).filter(|(_, s)| **s > 0.0) {
+                let (x, g) = (&full[p.output..][..p.n], &gap[p.output..][..p.n]);
+                match p.kind {
+                    ProjectionKind::HalfLine => {
+                        found.penetration = g.iter().fold(found.penetration, |m, g| m.max(g / slope));
+                    }
+                    ProjectionKind::Ball => {
+                        let r = full[p.output + p.n];
+                        if r > 0.0 && norm(x) <= r {
+                            found.drift = found.drift.max(norm(g) / slope);
+                        }
+                        let traction: Vec<f64> = x.iter().zip(g).map(|(x, g)| x - g).collect();
+                        beyond = beyond.max(norm(&traction) - r.max(0.0));
+                        radius = radius.max(r);
+                    }
+                }
+            }
+        });
+        found.cone = (self.has_friction() && self.has_traction(fields) && radius > 0.0).then(|| beyond / radius);
+        Some(found)
+    }
+
+    /// True if the projections read more than displacements: gradients or multipliers.
+    fn has_traction(&self, fields: &[Field]) -> bool {
+        self.watch.law.inputs.iter().any(|slot| self.is_traction(fields, slot))
+    }
+
+    fn is_traction(&self, fields: &[Field], slot: &InputSlot) -> bool {
+        match slot {
+            InputSlot::Field(b) if b.field.index() < fields.len() => {
+                b.op != FieldOp::Value || fields[b.field.index()].kind == FieldKind::Multiplier
+            }
+            _ => false,
+        }
+    }
+
+    /// The outputs of the watch at every point: as they are, and without gradients and multipliers.
+    fn arguments(&self, mesh: &Mesh, fields: &[Field], values: FieldValues<'_>, mut f: impl FnMut(&[f64], &[f64])) {
+        let law = &self.watch.law;
+        let traction: Vec<bool> = law.inputs.iter().map(|s| self.is_traction(fields, s)).collect();
+        let bound = Bound { mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
+        let mut workspace = Workspace::default();
+        let (n_in, n_out) = (law.inputs.len(), law.kernel.kernel().outputs.len());
+        let (mut scratch, mut full, mut gap) = (Vec::new(), vec![0.0; n_out], vec![0.0; n_out]);
+        for (g, group) in self.sampled.domain.groups.iter().enumerate() {
+            for batch in 0..group.n_batches() {
+                workspace.prepare(bound, g, batch, values);
+                for lane in 0..LANES.min(group.entities.len() - batch * LANES) {
+                    for q in 0..group.n_points() {
+                        let mut inputs: Vec<f64> =
+                            (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES + lane]).collect();
+                        interpret(&law.kernel, self.watch.uniforms(), &inputs, &mut scratch, &mut full);
+                        inputs.iter_mut().zip(&traction).filter(|(_, t)| **t).for_each(|(x, _)| *x = 0.0);
+                        interpret(&law.kernel, self.watch.uniforms(), &inputs, &mut scratch, &mut gap);
+                        f(&full, &gap);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The length of a vector, without overflow.
+fn norm(v: &[f64]) -> f64 {
+    v.iter().fold(0.0f64, |m, x| m.hypot(*x))
+}

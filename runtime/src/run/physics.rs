@@ -1,0 +1,171 @@
+//! What a solution must satisfy whatever the method: forces in balance, no overlap, no sliding where points stick.
+//!
+//! Promises: numbers relative to what is there (forces to forces, lengths to the largest displacement), found from
+//! terms and prescribed values alone. Does not judge the mesh.
+
+use wfl_compiler::{
+    Class,
+    types::{FieldKind, Side},
+};
+
+use crate::system::System;
+
+/// Out of balance by more than this part of the forces is more than rounding and the tolerance of Newton.
+const BALANCE: f64 = 1e-6;
+/// Overlap, or sliding at points that stick, in parts of the largest displacement: beyond it the law is no longer one of
+/// contact but of springs as soft as the bodies. A penalty of E/h leaves a tenth of the displacement of a body
+/// pressed by one cell's thickness, and less otherwise.
+const OVERLAP: f64 = 0.2;
+
+/// A condition with what was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhysicsCheck {
+    /// What is looked at: "equilibrium of uL, uR".
+    pub name: String,
+    /// What was found, relative.
+    pub value: f64,
+    /// What it may be.
+    pub limit: f64,
+    /// The numbers behind it, in words.
+    pub detail: String,
+}
+
+impl PhysicsCheck {
+    /// True if it holds; never for a number that is none.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.value <= self.limit
+    }
+}
+
+/// The checks of a state with its residual by dof, reactions included.
+pub(super) fn checks(system: &mut System, u: &[f64], residual: &[f64]) -> Vec<PhysicsCheck> {
+    let mut out = Vec::new();
+    for group in displacement_groups(system) {
+        out.extend(equilibrium(system, &group, residual));
+    }
+    out.extend(action_and_reaction(system, u));
+    out.extend(contact(system, u));
+    out
+}
+
+/// Fields of displacements by the bodies that meet: vectors of the space.
+fn displacement_groups(system: &System) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    let dim = system.mesh.dim();
+    for k in 0..system.fields.len() {
+        let f = &system.fields[k];
+        if f.n_components != dim || f.kind != FieldKind::Unknown || system.range(k).is_none() || f.n_nodes() < 2 {
+            continue;
+        }
+        match groups.iter_mut().find(|g| system.alike(g[0]) == system.alike(k)) {
+            Some(group) => group.push(k),
+            None => groups.push(vec![k]),
+        }
+    }
+    groups
+}
+
+fn names(system: &System, group: &[usize]) -> String {
+    group.iter().map(|k| system.fields[*k].name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+/// Loads against reactions: what the equations at the free nodes leave, summed, by component.
+fn equilibrium(system: &System, group: &[usize], residual: &[f64]) -> Option<PhysicsCheck> {
+    let dim = system.mesh.dim();
+    let loads = system.constant_residual();
+    let (mut load, mut reaction, mut left) = (vec![0.0; dim], vec![0.0; dim], vec![0.0; dim]);
+    let mut size = 0.0;
+    for d in group.iter().filter_map(|k| system.range(*k)).flatten() {
+        let component = (d - system.range(system.field_of(d))?.start) % dim;
+        load[component] -= loads[d];
+        size += loads[d].abs();
+        if system.numbering.free[d] == crate::system::FIXED {
+            reaction[component] += residual[d];
+            size += residual[d].abs();
+        } else {
+            left[component] += residual[d];
+        }
+    }
+    if size == 0.0 {
+        return None;
+    }
+    let value = left.iter().fold(0.0f64, |m, x| m.max(x.abs())) / size;
+    let list = |v: &[f64]| v.iter().map(|x| format!("{x:.6e}")).collect::<Vec<_>>().join(", ");
+    Some(PhysicsCheck {
+        name: format!("equilibrium of {}", names(system, group)),
+        value,
+        limit: BALANCE,
+        detail: format!("loads [{}], reactions [{}]", list(&load), list(&reaction)),
+    })
+}
+
+/// What a term on an interface does to one side it does to the other: it acts on no rigid translation of both.
+fn action_and_reaction(system: &mut System, u: &[f64]) -> Vec<PhysicsCheck> {
+    let dim = system.mesh.dim();
+    let both = |k: usize| {
+        let tests = &system.terms[k].law.tests;
+        let sides = |side| tests.iter().filter(move |t| t.side == side).map(|t| t.field.index()).collect::<Vec<_>>();
+        let (here, there) = (sides(Side::Here), sides(Side::There));
+        let meet = |a: usize, b: usize| system.alike(a) == system.alike(b) && system.fields[a].n_components == dim;
+        let pairs = here.iter().any(|a| there.iter().any(|b| meet(*a, *b)));
+        pairs && system.terms[k].law.class > Class::Constant
+    };
+    let terms: Vec<usize> = (0..system.terms.len()).filter(|k| both(*k)).collect();
+    terms.into_iter().filter_map(|k| balance_of_term(system, k, u)).collect()
+}
+
+/// The forces of a term that come with the displacements, summed over both sides; loads written in it act on one.
+fn balance_of_term(system: &mut System, term: usize, u: &[f64]) -> Option<PhysicsCheck> {
+    let dim = system.mesh.dim();
+    let (mut loads, mut forces) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+    // the state last: the branches that a term remembers are those of the last state it saw
+    system.term_residual(term, &vec![0.0; u.len()], &mut loads).ok()?;
+    system.term_residual(term, u, &mut forces).ok()?;
+    let (mut sums, mut size) = (vec![0.0; dim], 0.0);
+    for range in displacement_groups(system).iter().flatten().filter_map(|f| system.range(*f)) {
+        for (n, d) in range.enumerate() {
+            sums[n % dim] += forces[d] - loads[d];
+            size += forces[d].abs() + loads[d].abs();
+        }
+    }
+    (size > 0.0).then(|| PhysicsCheck {
+        name: format!("action and reaction of `{}`", system.terms[term].law.name),
+        value: sums.iter().fold(0.0f64, |m, x| m.max(x.abs())) / size,
+        limit: BALANCE,
+        detail: "the forces on the two sides do not cancel: is the test function the jump of both?".to_owned(),
+    })
+}
+
+/// Overlap, sliding of sticking points, friction cone.
+fn contact(system: &System, u: &[f64]) -> Vec<PhysicsCheck> {
+    let groups = displacement_groups(system);
+    let ranges = groups.iter().flatten().filter_map(|k| system.range(*k));
+    let largest = ranges.flat_map(|r| u[r].iter()).fold(0.0f64, |m, x| m.max(x.abs()));
+    let mut out = Vec::new();
+    for (term, gaps) in system.contact_gaps(u).into_iter().filter(|_| largest > 0.0) {
+        let mut add = |what: &str, length: f64, detail: String| {
+            let name = format!("{what} `{term}`");
+            out.push(PhysicsCheck { name, value: length / largest, limit: OVERLAP, detail });
+        };
+        add(
+            "penetration at",
+            gaps.penetration,
+            format!("the sides overlap by {:.3e}; the largest displacement is {largest:.3e}", gaps.penetration),
+        );
+        if gaps.drift > 0.0 {
+            add(
+                "sliding of sticking points at",
+                gaps.drift,
+                format!("points that stick have slid by {:.3e}; the largest displacement is {largest:.3e}", gaps.drift),
+            );
+        }
+        if let Some(cone) = gaps.cone {
+            // between the points at which a law holds a traction may leave the cone: a number, not a mistake
+            let name = format!("friction cone at `{term}`");
+            let detail = "traction of the method outside the cone, relative to its largest radius".to_owned();
+            out.push(PhysicsCheck { name, value: cone.max(0.0), limit: f64::INFINITY, detail });
+        }
+    }
+    out
+}
