@@ -36,6 +36,8 @@ pub struct SolverMemory {
     pub dense: bool,
     /// Whether the matrix is still taken for symmetric and positive definite.
     pub symmetric: bool,
+    /// Factorisations so far.
+    pub factorisations: usize,
 }
 
 /// The linear solver of a scene.
@@ -224,7 +226,7 @@ impl Strategy {
             Kind::Condensed(c) => (c.factored().to_vec(), c.is_dense()),
             _ => (Vec::new(), false),
         };
-        SolverMemory { factored, dense, symmetric: self.symmetric }
+        SolverMemory { factored, dense, symmetric: self.symmetric, factorisations: self.factorisations }
     }
 
     /// Goes back to what was remembered of a solver of the same system. False if that does not fit.
@@ -233,6 +235,7 @@ impl Strategy {
     /// [`SolveError`] when the matrix remembered cannot be factored.
     pub fn recall(&mut self, memory: &SolverMemory, system: &System) -> Result<bool, SolveError> {
         self.symmetric &= memory.symmetric;
+        self.factorisations = memory.factorisations;
         if memory.factored.is_empty() {
             return Ok(true);
         }

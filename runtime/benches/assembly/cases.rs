@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use wfl::{Diagnostic, Loader, SourceId, SourceMap, render, resolve};
+use wfl_compiler::TermLaw;
 use wfl_jit::JitBackend;
 use wfl_runtime::{
     Scene, System,
@@ -150,11 +151,17 @@ impl Problem {
         self.matrix.values().iter().map(|v| v.abs()).sum()
     }
 
+    /// The compiled law.
+    pub(crate) fn law(&self) -> &TermLaw {
+        &self.scene.system.terms[0].law
+    }
+
     /// What the compiler says about the term.
     pub(crate) fn summary(&self) -> String {
         let t = &self.scene.terms[0];
         let kind = if t.symmetric { "symmetric" } else { "unsymmetric" };
-        format!("{kind}, {} points, {} instructions", t.n_points, t.instructions.1)
+        let slots = self.law().tests.len();
+        format!("{kind}, {} points, {slots} test slots, {} instructions", t.n_points, t.instructions.1)
     }
 }
 

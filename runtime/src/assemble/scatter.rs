@@ -10,9 +10,11 @@
 
 use std::{
     collections::BTreeMap,
+    ops::Range,
     sync::atomic::{AtomicU64, Ordering},
 };
 
+use wfl_compiler::ir::LANES;
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::{
@@ -39,10 +41,21 @@ pub(super) fn add(cell: &AtomicU64, value: f64) {
 #[derive(Clone, Copy, Debug)]
 struct Segment {
     /// Test node and first trial dof.
-    pair: u32,
-    /// First of its sources.
-    first: u32,
-    n: u32,
+    pair: usize,
+    n: usize,
+}
+
+/// Segments of a row of equal length whose pairs follow one another.
+#[derive(Clone, Debug)]
+struct Run {
+    row: usize,
+    /// Local dof of the row.
+    dof: usize,
+    pairs: Range<usize>,
+    /// Components of each segment.
+    n: usize,
+    /// Among the sources.
+    entries: Range<usize>,
 }
 
 /// A test dof.
@@ -50,7 +63,9 @@ struct Segment {
 struct Row {
     /// Local dof.
     dof: usize,
-    segments: std::ops::Range<usize>,
+    segments: Range<usize>,
+    /// Its entries among the sources.
+    entries: Range<usize>,
 }
 
 /// Where the local tangents of one group go.
@@ -58,9 +73,10 @@ struct Row {
 pub(super) struct Scatter {
     rows: Vec<Row>,
     segments: Vec<Segment>,
+    runs: Vec<Run>,
     /// First local trial dof of each pair.
     pairs: Vec<usize>,
-    /// Where the entries of the segments stand in the local tangent.
+    /// Where the entries of the segments stand in the local tangent, counted in numbers of one lane each.
     sources: Vec<u32>,
     /// `[entity][row]`: start of the row, or [`NOWHERE`]
     row_starts: Vec<u32>,
@@ -78,11 +94,13 @@ impl Scatter {
     pub(super) fn new(binding: &GroupBinding, sources: &[u32], zero: usize) -> Self {
         let n = binding.n_dofs();
         let zero = u32::try_from(zero).expect("small local matrices");
+        let lanes = u32::try_from(LANES).expect("a small number");
         let mut out = Self::default();
-        let mut known: BTreeMap<(usize, usize), u32> = BTreeMap::new();
+        let mut known: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         for (node, dof) in nodes_and_dofs(binding) {
             let row = &sources[dof * n..][..n];
             let start = out.segments.len();
+            let first_entry = out.sources.len();
             let mut first = 0;
             for basis in &binding.bases {
                 for _ in 0..basis.n_nodes {
@@ -91,22 +109,33 @@ impl Scatter {
                     if let (Some(low), Some(high)) = (here.iter().position(present), here.iter().rposition(present)) {
                         let pair = *known.entry((node, first + low)).or_insert_with(|| {
                             out.pairs.push(first + low);
-                            u32::try_from(out.pairs.len() - 1).expect("few pairs")
+                            out.pairs.len() - 1
                         });
-                        let first = u32::try_from(out.sources.len()).expect("small local matrices");
-                        let list = here[low..=high].iter().map(|s| if *s == ABSENT { zero } else { *s });
+                        let list = here[low..=high].iter().map(|s| lanes * if *s == ABSENT { zero } else { *s });
                         out.sources.extend(list);
-                        let n = u32::try_from(high - low + 1).expect("few components");
-                        out.segments.push(Segment { pair, first, n });
+                        out.segments.push(Segment { pair, n: high - low + 1 });
                     }
                     first += basis.n_components;
                 }
             }
             if out.segments.len() > start {
-                out.rows.push(Row { dof, segments: start..out.segments.len() });
+                out.add_row(dof, start..out.segments.len(), first_entry);
             }
         }
         out
+    }
+
+    fn add_row(&mut self, dof: usize, segments: Range<usize>, first_entry: usize) {
+        let (row, mut at) = (self.rows.len(), first_entry);
+        for Segment { pair, n } in &self.segments[segments.clone()] {
+            let fits = |run: &&mut Run| run.row == row && run.n == *n && run.pairs.end == *pair;
+            match self.runs.last_mut().filter(fits) {
+                Some(run) => (run.pairs.end, run.entries.end) = (pair + 1, at + n),
+                None => self.runs.push(Run { row, dof, pairs: *pair..pair + 1, n: *n, entries: at..at + n }),
+            }
+            at += n;
+        }
+        self.rows.push(Row { dof, segments, entries: first_entry..at });
     }
 
     /// Finds all places in a pattern. `dofs[entity * n_dofs + k]` are global, `free` maps them to rows of the pattern.
@@ -146,9 +175,9 @@ impl Scatter {
         for row in self.rows.iter().filter(|r| places[r.dof] != NOWHERE) {
             let columns = pattern.row(places[row.dof] as usize);
             for segment in &self.segments[row.segments.clone()] {
-                let first = self.pairs[segment.pair as usize];
-                let wanted = &places[first..first + segment.n as usize];
-                let slot = &mut offsets[segment.pair as usize];
+                let first = self.pairs[segment.pair];
+                let wanted = &places[first..first + segment.n];
+                let slot = &mut offsets[segment.pair];
                 let offset = match *slot {
                     Some(offset) => offset,
                     None => u16::try_from(columns.binary_search(&wanted[0]).ok()?).ok()?,
@@ -165,8 +194,8 @@ impl Scatter {
     fn list(&mut self, places: &[u32], pattern: &Pattern) {
         for row in &self.rows {
             for segment in &self.segments[row.segments.clone()] {
-                let first = self.pairs[segment.pair as usize];
-                for column in &places[first..first + segment.n as usize] {
+                let first = self.pairs[segment.pair];
+                for column in &places[first..first + segment.n] {
                     let place = if places[row.dof] == NOWHERE || *column == NOWHERE {
                         None
                     } else {
@@ -188,61 +217,55 @@ impl Scatter {
         matrix: &[AtomicU64],
         owns: impl Fn(usize) -> bool,
     ) {
+        let numbers = &local.as_flattened()[lane..];
         let list = self.lists[entity];
         if list != NOWHERE {
-            self.add_listed(list as usize, lane, local, matrix, owns);
+            self.add_listed(list as usize, numbers, matrix, owns);
             return;
         }
         let starts = &self.row_starts[entity * self.rows.len()..][..self.rows.len()];
         let offsets = &self.offsets[entity * self.pairs.len()..][..self.pairs.len()];
-        for (row, start) in self.rows.iter().zip(starts) {
-            if *start == NOWHERE || !owns(row.dof) {
+        for run in &self.runs {
+            let start = starts[run.row];
+            if start == NOWHERE || !owns(run.dof) {
                 continue;
             }
-            let matrix = &matrix[*start as usize..];
-            for segment in &self.segments[row.segments.clone()] {
-                let at = usize::from(offsets[segment.pair as usize]);
-                let sources = &self.sources[segment.first as usize..];
-                match segment.n {
-                    1 => add_some::<1>(&matrix[at..], sources, local, lane),
-                    2 => add_some::<2>(&matrix[at..], sources, local, lane),
-                    3 => add_some::<3>(&matrix[at..], sources, local, lane),
-                    n => {
-                        for (cell, source) in matrix[at..].iter().zip(&sources[..n as usize]) {
-                            add(cell, local[*source as usize][lane]);
-                        }
+            let cells = &matrix[start as usize..];
+            let (offsets, sources) = (&offsets[run.pairs.clone()], &self.sources[run.entries.clone()]);
+            match run.n {
+                1 => add_run::<1>(cells, offsets, sources, numbers),
+                2 => add_run::<2>(cells, offsets, sources, numbers),
+                3 => add_run::<3>(cells, offsets, sources, numbers),
+                n => {
+                    for (offset, sources) in offsets.iter().zip(sources.chunks_exact(n)) {
+                        let cells = cells[usize::from(*offset)..].iter();
+                        cells.zip(sources).for_each(|(cell, source)| add(cell, numbers[*source as usize]));
                     }
                 }
             }
         }
     }
 
-    fn add_listed(
-        &self,
-        list: usize,
-        lane: usize,
-        local: &[Lanes],
-        matrix: &[AtomicU64],
-        owns: impl Fn(usize) -> bool,
-    ) {
+    fn add_listed(&self, list: usize, numbers: &[f64], matrix: &[AtomicU64], owns: impl Fn(usize) -> bool) {
         let places = &self.places[list * self.sources.len()..][..self.sources.len()];
         for row in self.rows.iter().filter(|r| owns(r.dof)) {
-            for segment in &self.segments[row.segments.clone()] {
-                let range = segment.first as usize..(segment.first + segment.n) as usize;
-                for (place, source) in places[range.clone()].iter().zip(&self.sources[range]) {
-                    if *place != NOWHERE {
-                        add(&matrix[*place as usize], local[*source as usize][lane]);
-                    }
+            for (place, source) in places[row.entries.clone()].iter().zip(&self.sources[row.entries.clone()]) {
+                if *place != NOWHERE {
+                    add(&matrix[*place as usize], numbers[*source as usize]);
                 }
             }
         }
     }
 }
 
+/// Adds segments of `N` components, each at its offset.
 #[inline(always)]
-fn add_some<const N: usize>(matrix: &[AtomicU64], sources: &[u32], local: &[Lanes], lane: usize) {
-    for (cell, source) in matrix[..N].iter().zip(&sources[..N]) {
-        add(cell, local[*source as usize][lane]);
+fn add_run<const N: usize>(cells: &[AtomicU64], offsets: &[u16], sources: &[u32], numbers: &[f64]) {
+    for (offset, sources) in offsets.iter().zip(sources.as_chunks::<N>().0) {
+        let at = usize::from(*offset);
+        for (cell, source) in cells[at..at + N].iter().zip(sources) {
+            add(cell, numbers[*source as usize]);
+        }
     }
 }
 

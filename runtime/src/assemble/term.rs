@@ -396,12 +396,13 @@ impl AssembledTerm {
         let finite = self.local_tangents(mesh, values, |duty, entities, local, owns| {
             let g = duty.group;
             let n = self.integrator.binding.groups[g].n_dofs();
+            let scatter = &self.scatters[g];
             for (lane, entity) in entities.enumerate() {
                 if duty.all_rows {
-                    self.scatters[g].add_entity(entity, lane, local, matrix, |_| true);
+                    scatter.add_entity(entity, lane, local, matrix, |_| true);
                 } else {
                     let dofs = &self.dofs[g][entity * n..][..n];
-                    self.scatters[g].add_entity(entity, lane, local, matrix, |k| owns(dofs[k]));
+                    scatter.add_entity(entity, lane, local, matrix, |k| owns(dofs[k]));
                 }
             }
         });

@@ -328,7 +328,7 @@ mod tests {
             r#""steps":[{"t":0.1,"converged":true,"stop":"maxit","iterations":2,"#,
             r#""residual":[1.0,null,0.3333333333333333],"#,
             r#""contact":{"open":1,"slip":2,"stick":3},"measures":{"force":-5e-324}}],"#,
-            r#""checks":{"residual":{"value":1e-9,"tolerance":1e-8,"ok":true}}}"#,
+            r#""checks":{"residual":{"value":1e-9,"tolerance":1e-8,"ok":true}},"factorisations":0}"#,
         ];
         assert_eq!(compact, expected.concat());
     }

@@ -113,8 +113,11 @@ impl Identity {
     }
 }
 
-/// Writes where the run stands after its last step.
-pub(super) fn write(run: &Run, scene: &Scene, options: &RunOptions, dir: &OutputDir) -> Result<(), RunError> {
+/// Where a run stands, as it is kept in the file.
+pub(super) struct Content(Vec<u8>);
+
+/// Where the run stands after its last step.
+pub(super) fn pack(run: &Run, scene: &Scene, options: &RunOptions) -> Content {
     let mut w = Writer::default();
     identity(&mut w, &Identity::new(scene, options));
     w.count(run.steps.len());
@@ -125,17 +128,22 @@ pub(super) fn write(run: &Run, scene: &Scene, options: &RunOptions, dir: &Output
     w.numbers(&solver.factored);
     w.flag(solver.dense);
     w.flag(solver.symmetric);
+    w.count(solver.factorisations);
     w.count(run.stepper.level as usize);
     w.count(run.stepper.easy as usize);
     let c = run.clock;
     w.numbers(&[c.assemble, c.factor, c.solve, c.write]);
-    let content = w.bytes;
+    Content(w.bytes)
+}
+
+/// Writes where a run stands.
+pub(super) fn write(Content(content): &Content, dir: &OutputDir) -> Result<(), RunError> {
     dir.write_atomic(CHECKPOINT_FILE, |out| {
         out.write_all(MAGIC)?;
-        for number in [FORMAT, content.len() as u64, hash(&content)] {
+        for number in [FORMAT, content.len() as u64, hash(content)] {
             out.write_all(&number.to_le_bytes())?;
         }
-        out.write_all(&content)
+        out.write_all(content)
     })?;
     Ok(())
 }
@@ -174,7 +182,8 @@ pub(super) fn read(scene: &Scene, options: &RunOptions, folder: &FilePath) -> Re
 fn found_in(r: &mut Reader<'_>) -> Result<Found, Unreadable> {
     let steps = r.list(read_step)?;
     let (u, memory) = (r.numbers()?, read_memory(r)?);
-    let solver = SolverMemory { factored: r.numbers()?, dense: r.flag()?, symmetric: r.flag()? };
+    let solver =
+        SolverMemory { factored: r.numbers()?, dense: r.flag()?, symmetric: r.flag()?, factorisations: r.count()? };
     let (level, easy) = (r.small()?, r.small()?);
     let [assemble, factor, solve, write] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let clock = Clock { assemble, factor, solve, write };

@@ -1,14 +1,15 @@
 //! The files of a scene: one VTU and one CSV a step, as its `output` statements say.
 //!
-//! Promises: a step is written whole or not at all; what an earlier run left is removed only after the new one has
-//! succeeded. Does not write the report.
+//! Promises: a step is written whole or not at all, steps in their order; what an earlier run left is removed only after
+//! the new one has succeeded. What goes into the files is collected first ([`collect`]), so that they can be written and
+//! synced while the next step is solved. Does not write the report.
 
 use std::path::PathBuf;
 
-use super::{CHECKPOINT_FILE, CheckpointError, RunError, StepResult};
+use super::{CHECKPOINT_FILE, CheckpointError, RunError, StepResult, checkpoint};
 use crate::{
     assemble::{AssembledTerm, FieldValues},
-    output::{self, OutputDir, Series, write_csv},
+    output::{self, OutputDir, Piece, Series, write_csv},
     scene::{CsvOutput, Scene},
 };
 
@@ -55,33 +56,16 @@ impl<'d> Files<'d> {
     }
 
     /// Writes a step.
-    pub(super) fn write_step(&mut self, scene: &mut Scene, step: &StepResult, number: usize) -> Result<(), RunError> {
+    pub(super) fn write(&mut self, step: &StepFiles) -> Result<(), RunError> {
         let Some(dir) = self.dir else { return Ok(()) };
-        let several = scene.steps.values.len() > 1;
-        let (time, increment) = (step.time, step.increment);
-        let Scene { system, vtk, csv, .. } = scene;
-        let current = system.slices(&step.state);
-        let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous };
-        for (output, series) in vtk.iter_mut().zip(&mut self.series) {
-            let mut pieces = Vec::with_capacity(output.pieces.len());
-            for sampled in &mut output.pieces {
-                let mut piece = sampled.sample(&system.mesh, time, increment, values);
-                let entities = piece.cells.len();
-                // the terms hold the branches of the converged state: the last residual was taken there
-                let here = |t: &&AssembledTerm| t.place.as_ref() == Some(sampled.support());
-                let states = system.terms.iter().filter(here).find_map(AssembledTerm::contact_states);
-                if let Some(states) = states.filter(|s| s.len() == entities) {
-                    piece.cell_data.push(output::Array::scalar("contact_state", states));
-                }
-                pieces.push(piece);
-            }
-            self.written.push(series.write_step(time, &pieces)?);
+        for (pieces, series) in step.grids.iter().zip(&mut self.series) {
+            self.written.push(series.write_step(step.time, pieces)?);
         }
-        for output in csv {
-            let rows = output.line.rows(&system.mesh, time, increment, values);
-            let name = csv_name(output, number, several);
-            self.written.push(write_csv(dir, &name, &output.line.columns(), &rows)?);
+        for table in &step.tables {
+            self.written.push(write_csv(dir, &table.name, &table.columns, &table.rows)?);
+        }
+        if let Some(content) = &step.checkpoint {
+            checkpoint::write(content, dir)?;
         }
         Ok(())
     }
@@ -102,4 +86,55 @@ impl<'d> Files<'d> {
 
 fn csv_name(output: &CsvOutput, number: usize, several: bool) -> String {
     if several { output::step_name(&output.file, number, "csv") } else { format!("{}.csv", output.file) }
+}
+
+/// Everything that the files of a step hold.
+pub(super) struct StepFiles {
+    time: f64,
+    /// One list of pieces for each VTU output of the scene.
+    grids: Vec<Vec<Piece>>,
+    tables: Vec<Table>,
+    /// Where the run stands, in runs of several steps.
+    pub(super) checkpoint: Option<checkpoint::Content>,
+}
+
+struct Table {
+    name: String,
+    columns: Vec<String>,
+    rows: Vec<Vec<f64>>,
+}
+
+/// What the scene wants in the files of a step; the checkpoint is left to the caller.
+pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> StepFiles {
+    let several = scene.steps.values.len() > 1;
+    let (time, increment) = (step.time, step.increment);
+    let Scene { system, vtk, csv, .. } = scene;
+    let current = system.slices(&step.state);
+    let previous = system.previous_slices();
+    let values = FieldValues { current: &current, previous: &previous };
+    let mut grids = Vec::with_capacity(vtk.len());
+    for output in vtk {
+        let mut pieces = Vec::with_capacity(output.pieces.len());
+        for sampled in &mut output.pieces {
+            let mut piece = sampled.sample(&system.mesh, time, increment, values);
+            let entities = piece.cells.len();
+            // the terms hold the branches of the converged state: the last residual was taken there
+            let here = |t: &&AssembledTerm| t.place.as_ref() == Some(sampled.support());
+            let states = system.terms.iter().filter(here).find_map(AssembledTerm::contact_states);
+            if let Some(states) = states.filter(|s| s.len() == entities) {
+                piece.cell_data.push(output::Array::scalar("contact_state", states));
+            }
+            pieces.push(piece);
+        }
+        grids.push(pieces);
+    }
+    let tables = csv
+        .iter_mut()
+        .map(|output| Table {
+            name: csv_name(output, number, several),
+            columns: output.line.columns(),
+            rows: output.line.rows(&system.mesh, time, increment, values),
+        })
+        .collect();
+    StepFiles { time, grids, tables, checkpoint: None }
 }

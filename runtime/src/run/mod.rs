@@ -1,7 +1,8 @@
 //! Running a scene: steps, Newton, measures, files, report.
 //!
 //! `stepping` gets from one requested value to the next, `files` writes what the scene asks for, `report` says what
-//! was done. Promises: every step that was tried is in the report, also when the run ends with an error.
+//! was done. Promises: every step that was tried is in the report, also when the run ends with an error; files are written
+//! in the order of the steps by a thread of their own, so that the solver does not wait for the disc.
 
 mod accuracy;
 mod checkpoint;
@@ -10,7 +11,11 @@ mod physics;
 mod report;
 mod stepping;
 
-use std::{path::PathBuf, time::Instant};
+use std::{
+    path::PathBuf,
+    sync::mpsc::{SyncSender, sync_channel},
+    time::Instant,
+};
 
 pub use accuracy::Accuracy;
 pub use checkpoint::{CHECKPOINT_FILE, CheckpointError, text_hash};
@@ -25,8 +30,11 @@ use crate::{
     scene::Scene,
     system::{System, SystemError},
 };
-use files::Files;
+use files::{Files, StepFiles};
 use stepping::{Leg, Stepper};
+
+/// Steps that may wait for their files to be written before the solver waits too.
+const STEPS_TO_WRITE: usize = 1;
 
 /// How a scene is run.
 #[derive(Clone, Debug)]
@@ -214,12 +222,36 @@ struct Run {
 }
 
 impl Run {
-    /// The steps that have not been done yet.
+    /// The steps that have not been done yet. The files of a step are written while the next one is solved.
     fn all_steps(
         &mut self,
         scene: &mut Scene,
         options: &RunOptions,
         files: &mut Files<'_>,
+        progress: &mut dyn Progress,
+    ) -> Result<(), RunError> {
+        if files.dir.is_none() {
+            return self.steps_to(None, scene, options, progress);
+        }
+        std::thread::scope(|scope| {
+            let (sender, receiver) = sync_channel::<StepFiles>(STEPS_TO_WRITE);
+            let writer = scope.spawn(move || receiver.iter().try_for_each(|step| files.write(&step)));
+            let solved = self.steps_to(Some(&sender), scene, options, progress);
+            let begin = Instant::now();
+            drop(sender);
+            let written = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            self.clock.write += begin.elapsed().as_secs_f64();
+            solved.and(written)
+        })
+    }
+
+    /// Solves the steps that have not been done and hands over what is to be written; ends early, without an error of
+    /// its own, when the writer has ended.
+    fn steps_to(
+        &mut self,
+        writer: Option<&SyncSender<StepFiles>>,
+        scene: &mut Scene,
+        options: &RunOptions,
         progress: &mut dyn Progress,
     ) -> Result<(), RunError> {
         let values = scene.steps.values.clone();
@@ -231,12 +263,15 @@ impl Run {
             if !goes_on {
                 break;
             }
+            let Some(writer) = writer else { continue };
             let begin = Instant::now();
-            files.write_step(scene, &self.steps[number], number)?;
-            if let Some(dir) = files.dir.filter(|_| values.len() > 1) {
-                checkpoint::write(self, scene, options, dir)?;
-            }
+            let mut step = files::collect(scene, &self.steps[number], number);
+            step.checkpoint = (values.len() > 1).then(|| checkpoint::pack(self, scene, options));
+            let taken = writer.send(step).is_ok();
             self.clock.write += begin.elapsed().as_secs_f64();
+            if !taken {
+                break;
+            }
         }
         Ok(())
     }
