@@ -10,6 +10,7 @@ mod extremes;
 mod fmt;
 mod import;
 mod load;
+mod nitsche;
 mod prepared;
 mod progress;
 mod run;

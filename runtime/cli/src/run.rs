@@ -7,7 +7,6 @@ use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
     Outcome, RunError, RunOptions, Scene, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
-    coercivity,
     newton::{Iteration, NewtonError},
     text_hash,
 };
@@ -15,6 +14,7 @@ use wfl_runtime::{
 use crate::{
     args::RunArgs,
     load::{Loaded, load, out, print_all, say},
+    nitsche,
     prepared::{EXIT_ERROR, backend, prepare_scene},
     progress::{Loudness, Terminal},
 };
@@ -35,9 +35,9 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     if let Some(most) = args.max_iter {
         scene.newton.max_iterations = most.get();
     }
-    let found = parameters(&loaded, &mut scene);
+    let found = nitsche::parameters(&loaded, &mut scene);
     print_all(&found, &loaded.sources);
-    if args.strict && !found.is_empty() {
+    if args.strict && found.iter().any(|d| d.code == "W503") {
         say("error: a Nitsche parameter is below its safe value, which --strict does not allow\n");
         return ExitCode::from(EXIT_ERROR);
     }
@@ -71,32 +71,6 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
             ExitCode::from(EXIT_ERROR)
         }
     }
-}
-
-/// W503 for each Nitsche parameter below the smallest safe value, at the param that has this value.
-fn parameters(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
-    // where a term has no finite value, the run itself says so with the place
-    let Ok(found) = coercivity(scene) else { return Vec::new() };
-    let unsafe_ones = found.into_iter().filter(|c| !c.is_safe());
-    unsafe_ones
-        .map(|c| {
-            let d = Diagnostic::new("W503", format!("theta = {} needs a larger gamma on this mesh", c.theta));
-            let is_gamma = |v: &[f64]| matches!(v, [x] if (x - c.gamma).abs() <= 1e-9 * c.gamma);
-            let same: Vec<&String> =
-                scene.params.iter().filter(|(_, v)| is_gamma(&v.values)).map(|(name, _)| name).collect();
-            let text = format!("smallest safe value here: {:.4e}", c.smallest());
-            let param =
-                loaded.script.params.iter().find(|p| matches!(same.as_slice(), [name] if **name == p.name.name));
-            let d = match param {
-                Some(p) => d.at(p.overridden.unwrap_or(p.value.span), text),
-                None => d.note(format!("gamma of `{}` is {:.4e}; {text}", c.term, c.gamma)),
-            };
-            d.note(
-                "below it the problem is not coercive and Newton may fail; theta = 0 needs a quarter of what theta = 1 \
-                 needs, theta = -1 nothing",
-            )
-        })
-        .collect()
 }
 
 fn finish(loaded: &Loaded, scene: &Scene, options: &RunOptions, outcome: &Outcome, loudness: Loudness) -> ExitCode {

@@ -17,6 +17,9 @@ const BALANCE: f64 = 1e-6;
 /// pressed by one cell's thickness, and less otherwise.
 const OVERLAP: f64 = 0.2;
 
+/// Forces whose work has the wrong sign by more than this part of the largest it could be.
+const AGAINST: f64 = 0.5;
+
 /// A condition with what was found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhysicsCheck {
@@ -159,6 +162,19 @@ fn contact(system: &System, u: &[f64]) -> Vec<PhysicsCheck> {
                 gaps.drift,
                 format!("points that stick have slid by {:.3e}; the largest displacement is {largest:.3e}", gaps.drift),
             );
+        }
+        let signs = [
+            ("pull of", gaps.push, "the force pulls where the sides press on each other: a wrong sign in the term?"),
+            ("drive of", gaps.hold, "friction drives the sliding it should resist: a wrong sign in the term?"),
+        ];
+        for (what, share, detail) in signs {
+            let name = format!("{what} `{term}`");
+            out.extend(share.map(|s| PhysicsCheck {
+                name,
+                value: (-s).max(0.0),
+                limit: AGAINST,
+                detail: detail.to_owned(),
+            }));
         }
         if let Some(cone) = gaps.cone {
             // between the points at which a law holds a traction may leave the cone: a number, not a mistake

@@ -57,8 +57,8 @@ impl System {
         let previous = self.previous_slices();
         let values = FieldValues { current: &current, previous: &previous };
         let of = |p: &crate::newton::TermPieces| {
-            let gaps = p.contact_gaps(&self.mesh, &self.fields, values)?;
-            Some((self.terms[p.term].law.name.as_str(), gaps))
+            let term = &self.terms[p.term];
+            Some((term.law.name.as_str(), p.contact_gaps(&self.mesh, &self.fields, term, values)?))
         };
         self.pieces.iter().filter_map(of).collect()
     }

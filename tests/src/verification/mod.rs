@@ -14,6 +14,7 @@ mod fault;
 mod hertz;
 mod invariance;
 mod page;
+mod robust;
 mod signorini;
 mod tangents;
 mod two_block;
@@ -45,6 +46,7 @@ pub fn benchmarks() -> Vec<Benchmark> {
         fault::BENCHMARKS,
         equilibrium::BENCHMARKS,
         extremes::BENCHMARKS,
+        robust::BENCHMARKS,
         signorini::BENCHMARKS,
         hertz::BENCHMARKS,
         convergence::BENCHMARKS,

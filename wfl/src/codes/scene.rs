@@ -282,6 +282,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "param gamma = 1e6",
     ),
     page(
+        "W504",
+        "a Nitsche parameter out of proportion",
+        "The parameter is far below or far above the stiffness of the cells at the interface over their size: digits of \
+         the pressure or of the jump are lost to rounding. The message names the usual value on this mesh.",
+        "param gamma = 1e-6",
+        "param gamma = 1e6",
+    ),
+    page(
         "W505",
         "terms of different units in one equation",
         "The sum of all terms with one test function is zero, so after integration over their regions they have one \

@@ -1,5 +1,4 @@
-//! The tangent of a term on one entity, for looks at single elements. Not for assembly: one batch is computed for one
-//! entity.
+//! A term on one entity or at one point, for looks at single elements. Not for assembly: slow.
 
 use super::{AssembledTerm, contract};
 use crate::{
@@ -10,7 +9,7 @@ use crate::{
     },
     mesh::Mesh,
 };
-use wfl_compiler::ir::LANES;
+use wfl_compiler::{interpret, ir::LANES};
 
 impl AssembledTerm {
     /// The tangent on the first entity whose owning side is asked for: its global dofs and the matrix, row by row. Dofs
@@ -44,5 +43,25 @@ impl AssembledTerm {
         };
         let matrix = known.iter().flat_map(|i| known.iter().map(|j| (*i, *j))).map(value).collect();
         Some((known.iter().map(|k| dofs[*k]).collect(), matrix))
+    }
+
+    /// Calls `f(fluxes by test slot, weight)` at every point, in the order of groups, entities and points.
+    pub fn for_each_flux(&self, mesh: &Mesh, values: FieldValues<'_>, mut f: impl FnMut(&[f64], f64)) {
+        let n_in = self.integrator.binding.inputs.len();
+        let mut workspace = Workspace::default();
+        let (mut scratch, mut out) = (Vec::new(), vec![0.0; self.law.residual.kernel().outputs.len()]);
+        for (g, group) in self.integrator.domain.groups.iter().enumerate() {
+            for batch in 0..group.n_batches() {
+                workspace.prepare(self.bound(mesh), g, batch, values);
+                for lane in 0..LANES.min(group.entities.len() - batch * LANES) {
+                    for q in 0..group.n_points() {
+                        let inputs: Vec<f64> =
+                            (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES + lane]).collect();
+                        interpret(&self.law.residual, &self.uniforms, &inputs, &mut scratch, &mut out);
+                        f(&out[..self.law.tests.len()], workspace.weight(q)[lane]);
+                    }
+                }
+            }
+        }
     }
 }

@@ -25,6 +25,9 @@ use crate::{
 
 /// Facets that are looked at, spread over the interface; as many more with the thinnest cells.
 const FACETS: usize = 8;
+/// Parameters in parts of the trace constant with which contact is resolved to rounding: below, the pressure drowns in
+/// the stress of the elements; above, the overlap in the displacements.
+const USUAL: std::ops::RangeInclusive<f64> = 1e-5..=1e6;
 /// Modes of a cell below this part of the largest stiffness are rigid motions.
 const RIGID: f64 = 1e-11;
 /// Step of the gradients, relative: laws that are linear in them are exact for any.
@@ -54,6 +57,18 @@ impl Coercivity {
     #[must_use]
     pub fn is_safe(&self) -> bool {
         self.gamma >= self.smallest() * (1.0 - 1e-9)
+    }
+
+    /// A good value: the smallest safe one twice over, at least the trace constant.
+    #[must_use]
+    pub fn usual(&self) -> f64 {
+        self.trace.max(2.0 * self.smallest())
+    }
+
+    /// True unless the parameter is out of all proportion to the stiffness of the cells at the interface.
+    #[must_use]
+    pub fn is_usual(&self) -> bool {
+        USUAL.contains(&(self.gamma / self.trace))
     }
 }
 

@@ -7,14 +7,14 @@
 //! too large by at most the root of the dimension otherwise, because the slope is that of one component.
 
 use wfl_compiler::{
-    ProjectionKind, interpret,
+    Projection, ProjectionKind, interpret,
     ir::LANES,
     types::{FieldKind, FieldOp, InputSlot},
 };
 
 use super::{SLOPE_STEP, TermPieces};
 use crate::{
-    assemble::{Bound, FieldValues, Workspace},
+    assemble::{AssembledTerm, Bound, FieldValues, Workspace},
     field::Field,
     mesh::Mesh,
 };
@@ -29,13 +29,37 @@ pub struct ContactGaps {
     /// By how much the traction of the method leaves the friction cone, relative to the largest radius; `None` without
     /// friction, or for a method without a traction of its own.
     pub cone: Option<f64>,
+    /// Where the sides press on each other: the work of the force of the term as they are moved together, in parts of
+    /// what it is if every component of the force resists: 1 resists, -1 pulls. `None` where nothing presses.
+    pub push: Option<f64>,
+    /// Where they slide: the same as they are moved on.
+    pub hold: Option<f64>,
+}
+
+/// Work done against a motion, and what it is if every component counts against it.
+#[derive(Clone, Copy, Default)]
+struct Work {
+    done: f64,
+    size: f64,
+}
+
+impl Work {
+    fn share(self) -> Option<f64> {
+        (self.size > 0.0).then(|| self.done / self.size)
+    }
 }
 
 impl TermPieces {
     /// The violations at a state; `values` has room for the guides of this term. `None` for terms on cells, whose
     /// projections are no contact.
     #[must_use]
-    pub fn contact_gaps(&self, mesh: &Mesh, fields: &[Field], values: FieldValues<'_>) -> Option<ContactGaps> {
+    pub fn contact_gaps(
+        &self,
+        mesh: &Mesh,
+        fields: &[Field],
+        term: &AssembledTerm,
+        values: FieldValues<'_>,
+    ) -> Option<ContactGaps> {
         if self.held.on_cells() {
             return None;
         }
@@ -48,17 +72,28 @@ impl TermPieces {
         let slopes = self.slopes(mesh, fields, values, SLOPE_STEP * size);
         let mut found = ContactGaps::default();
         let (mut beyond, mut radius) = (0.0f64, 0.0f64);
-        self.arguments(mesh, fields, values, |full, gap| {
+        let mut fluxes = Vec::new();
+        term.for_each_flux(mesh, values, |flux, weight| fluxes.push((flux.to_vec(), weight)));
+        let mut fluxes = fluxes.iter();
+        let (mut push, mut hold) = (Work::default(), Work::default());
+        let moves = self.moves(fields, term);
+        self.arguments(mesh, fields, values, SLOPE_STEP * size, |full, gap, probe| {
+            let Some((flux, weight)) = fluxes.next() else { return };
             for (p, slope) in self.projections.iter().zip(&slopes).filter(|(_, s)| **s > 0.0) {
                 let (x, g) = (&full[p.output..][..p.n], &gap[p.output..][..p.n]);
                 match p.kind {
                     ProjectionKind::HalfLine => {
                         found.penetration = g.iter().fold(found.penetration, |m, g| m.max(g / slope));
+                        if p.n == 1 && x[0] > 0.0 {
+                            add_work(&mut push, p, &[1.0], flux, *weight, &moves, probe);
+                        }
                     }
                     ProjectionKind::Ball => {
                         let r = full[p.output + p.n];
                         if r > 0.0 && norm(x) <= r {
                             found.drift = found.drift.max(norm(g) / slope);
+                        } else if r > 0.0 {
+                            add_work(&mut hold, p, g, flux, *weight, &moves, probe);
                         }
                         let traction: Vec<f64> = x.iter().zip(g).map(|(x, g)| x - g).collect();
                         beyond = beyond.max(norm(&traction) - r.max(0.0));
@@ -67,6 +102,7 @@ impl TermPieces {
                 }
             }
         });
+        (found.push, found.hold) = (push.share(), hold.share());
         found.cone = (self.has_friction() && self.has_traction(fields) && radius > 0.0).then(|| beyond / radius);
         Some(found)
     }
@@ -85,8 +121,29 @@ impl TermPieces {
         }
     }
 
-    /// The outputs of the watch at every point: as they are, and without gradients and multipliers.
-    fn arguments(&self, mesh: &Mesh, fields: &[Field], values: FieldValues<'_>, mut f: impl FnMut(&[f64], &[f64])) {
+    /// Inputs of the watch that are displacements, with the test slot of `term` whose flux is the force on them.
+    fn moves(&self, fields: &[Field], term: &AssembledTerm) -> Vec<(usize, usize)> {
+        let slots = self.watch.law.inputs.iter().enumerate();
+        slots
+            .filter_map(|(s, slot)| match slot {
+                InputSlot::Field(b) if b.op == FieldOp::Value && !self.is_traction(fields, slot) => {
+                    Some((s, term.law.tests.iter().position(|t| t == b)?))
+                }
+                _ => None,
+            })
+            .collect()
+    }
+
+    /// The outputs of the watch at every point: as they are, without gradients and multipliers, and the latter after a
+    /// change of one input by so many times `step`.
+    fn arguments(
+        &self,
+        mesh: &Mesh,
+        fields: &[Field],
+        values: FieldValues<'_>,
+        step: f64,
+        mut f: impl FnMut(&[f64], &[f64], &mut dyn FnMut(usize, f64) -> Vec<f64>),
+    ) {
         let law = &self.watch.law;
         let traction: Vec<bool> = law.inputs.iter().map(|s| self.is_traction(fields, s)).collect();
         let bound = Bound { mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
@@ -103,11 +160,37 @@ impl TermPieces {
                         interpret(&law.kernel, self.watch.uniforms(), &inputs, &mut scratch, &mut full);
                         inputs.iter_mut().zip(&traction).filter(|(_, t)| **t).for_each(|(x, _)| *x = 0.0);
                         interpret(&law.kernel, self.watch.uniforms(), &inputs, &mut scratch, &mut gap);
-                        f(&full, &gap);
+                        f(&full, &gap, &mut |slot, change| {
+                            let kept = inputs[slot];
+                            inputs[slot] += change * step;
+                            let mut out = vec![0.0; n_out];
+                            interpret(&law.kernel, self.watch.uniforms(), &inputs, &mut scratch, &mut out);
+                            inputs[slot] = kept;
+                            out
+                        });
                     }
                 }
             }
         }
+    }
+}
+
+/// Adds the work of `flux` as the argument `p` moves along `direction`.
+fn add_work(
+    work: &mut Work,
+    p: &Projection,
+    direction: &[f64],
+    flux: &[f64],
+    weight: f64,
+    moves: &[(usize, usize)],
+    probe: &mut dyn FnMut(usize, f64) -> Vec<f64>,
+) {
+    for (slot, test) in moves {
+        let (ahead, behind) = (probe(*slot, 1.0), probe(*slot, -1.0));
+        let along = |v: &[f64]| v[p.output..][..p.n].iter().zip(direction).map(|(a, b)| a * b).sum::<f64>();
+        let density = weight * flux[*test] * (along(&ahead) - along(&behind));
+        work.done += density;
+        work.size += density.abs();
     }
 }
 

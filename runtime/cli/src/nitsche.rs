@@ -1,0 +1,40 @@
+//! What is said of the parameters of Nitsche's method, at the place where they are given.
+
+use wfl::Diagnostic;
+use wfl_runtime::{Scene, coercivity, newton::Coercivity};
+
+use crate::load::Loaded;
+
+/// W503 for each Nitsche parameter below the smallest safe value, W504 for each that is out of proportion.
+pub(crate) fn parameters(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
+    // where a term has no finite value, the run itself says so with the place
+    let Ok(found) = coercivity(scene) else { return Vec::new() };
+    found.iter().filter_map(|c| told(loaded, scene, c)).collect()
+}
+
+fn told(loaded: &Loaded, scene: &Scene, c: &Coercivity) -> Option<Diagnostic> {
+    let (d, text, note) = if !c.is_safe() {
+        (
+            Diagnostic::new("W503", format!("theta = {} needs a larger gamma on this mesh", c.theta)),
+            format!("smallest safe value here: {:.4e}", c.smallest()),
+            "below it the problem is not coercive and Newton may fail; theta = 0 needs a quarter of what theta = 1 needs, \
+             theta = -1 nothing",
+        )
+    } else if !c.is_usual() {
+        (
+            Diagnostic::new("W504", "gamma is out of proportion to the stiffness of the cells at the interface"),
+            format!("a usual value here: {:.1e}", c.usual()),
+            "digits of pressure or jump are lost to rounding",
+        )
+    } else {
+        return None;
+    };
+    let has_value = |v: &[f64]| matches!(v, [x] if (x - c.gamma).abs() <= 1e-9 * c.gamma);
+    let same: Vec<&String> = scene.params.iter().filter(|(_, v)| has_value(&v.values)).map(|(name, _)| name).collect();
+    let param = loaded.script.params.iter().find(|p| matches!(same.as_slice(), [name] if **name == p.name.name));
+    let d = match param {
+        Some(p) => d.at(p.overridden.unwrap_or(p.value.span), text),
+        None => d.note(format!("gamma of `{}` is {:.4e}; {text}", c.term, c.gamma)),
+    };
+    Some(d.note(note))
+}
