@@ -11,6 +11,9 @@ fn solve(scene: &Path) -> Result<(), String> {
     if !outcome.converged() {
         return Err("a step did not converge".to_owned());
     }
+    if let Some((code, warning)) = outcome.warnings.first() {
+        return Err(format!("false warning {code}: {warning}"));
+    }
     for (expect, holds) in &outcome.expectations {
         if *holds != Some(true) {
             return Err(format!("does not hold: {}", expect.text));

@@ -5,6 +5,14 @@ use wfl_runtime::{Scene, coercivity, newton::Coercivity};
 
 use crate::load::Loaded;
 
+/// A line for the param whose value was found.
+pub(crate) fn found(loaded: &Loaded, scene: &Scene) -> String {
+    let auto = |e: &wfl::ast::Expr| matches!(&e.kind, wfl::ast::ExprKind::Name(word) if word == "auto");
+    let names = loaded.script.params.iter().filter(|p| auto(&p.value)).map(|p| &p.name.name);
+    let value = |name: &String| scene.params.iter().find(|p| p.0 == *name)?.1.values.first().copied();
+    names.filter_map(|name| Some(format!("{name} = {:.6e} (auto)\n", value(name)?))).collect()
+}
+
 /// W503 for each Nitsche parameter below the smallest safe value, W504 for each that is out of proportion.
 pub(crate) fn parameters(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
     // where a term has no finite value, the run itself says so with the place

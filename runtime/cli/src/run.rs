@@ -36,18 +36,20 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         scene.newton.max_iterations = most.get();
     }
     let found = nitsche::parameters(&loaded, &mut scene);
-    print_all(&found, &loaded.sources);
-    if args.strict && found.iter().any(|d| d.code == "W503") {
+    let refused = args.strict && found.iter().any(|d| d.code == "W503");
+    loaded.messages.extend(found);
+    if refused {
+        print_all(&loaded.messages, &loaded.sources);
         say("error: a Nitsche parameter is below its safe value, which --strict does not allow\n");
         return ExitCode::from(EXIT_ERROR);
     }
-    loaded.messages.extend(found);
     let loudness = match (args.quiet, args.verbose) {
         (true, _) => Loudness::Quiet,
         (_, true) => Loudness::Verbose,
         _ => Loudness::Normal,
     };
     if loudness != Loudness::Quiet {
+        out(&nitsche::found(&loaded, &scene));
         print_all(&loaded.messages, &loaded.sources);
     }
     let options = RunOptions {

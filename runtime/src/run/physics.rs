@@ -107,8 +107,9 @@ fn equilibrium(system: &System, group: &[usize], residual: &[f64]) -> Option<Phy
 fn action_and_reaction(system: &mut System, u: &[f64]) -> Vec<PhysicsCheck> {
     let dim = system.mesh.dim();
     let both = |k: usize| {
-        let tests = &system.terms[k].law.tests;
-        let sides = |side| tests.iter().filter(move |t| t.side == side).map(|t| t.field.index()).collect::<Vec<_>>();
+        let law = &system.terms[k].law;
+        let slots = || law.tests.iter().chain(&law.trials);
+        let sides = |side| slots().filter(|t| t.side == side).map(|t| t.field.index()).collect::<Vec<_>>();
         let (here, there) = (sides(Side::Here), sides(Side::There));
         let meet = |a: usize, b: usize| system.alike(a) == system.alike(b) && system.fields[a].n_components == dim;
         let pairs = here.iter().any(|a| there.iter().any(|b| meet(*a, *b)));

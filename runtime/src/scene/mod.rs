@@ -3,6 +3,7 @@
 //! Every stage reports all its problems; a later stage runs only where the earlier ones left what it needs. Nothing
 //! is made that the scene does not use: a field in no term has no dofs, an expression in no output no kernel.
 
+mod auto;
 mod batch;
 mod constants;
 mod constraints;
@@ -162,6 +163,13 @@ pub struct Prepared {
 /// the messages of everything that can still be checked.
 #[must_use]
 pub fn prepare(script: &ResolvedScript, folder: &Path, backend: &dyn KernelBackend) -> Prepared {
+    if script.params.iter().any(auto::is_auto) {
+        return auto::prepare(script, folder, backend);
+    }
+    prepare_as_written(script, folder, backend)
+}
+
+fn prepare_as_written(script: &ResolvedScript, folder: &Path, backend: &dyn KernelBackend) -> Prepared {
     let mut diagnostics = Vec::new();
     let (mut lost, mut dim) = (script.lost.clone(), None);
     let scene = prepare_all(script, folder, backend, (&mut diagnostics, &mut lost, &mut dim));

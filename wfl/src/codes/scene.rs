@@ -120,6 +120,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "output csv \"line\" : u along [0,0,0] to [1,1,1]",
     ),
     page(
+        "E417",
+        "a value that cannot be found for `auto`",
+        "`auto` stands for the parameter of Nitsche's method, or a factor of it: the value follows from the stiffness of \
+         the elements at the interface. A penalty has no such value: it is what accuracy asks for.",
+        "param gamma = auto",
+        "param gamma = 1e5",
+    ),
+    page(
         "E421",
         "a scene without a mesh",
         "A scene needs one `mesh` statement: a box, or a file with cells and named groups.",

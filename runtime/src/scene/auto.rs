@@ -1,0 +1,58 @@
+//! `param gamma = auto`: the parameter of Nitsche's method from the elements at the interface.
+//!
+//! The scene is made with the value 1, which tells the factor between the param and the parameter of each term; the
+//! param then gets what [`crate::newton::Coercivity::usual`] asks for. That the value does what it should is checked.
+
+use std::path::Path;
+
+use wfl::{Diagnostic, Param, ResolvedScript, ast::ExprKind};
+use wfl_compiler::backend::KernelBackend;
+
+use super::{Prepared, Scene, prepare_as_written};
+use crate::run::coercivity;
+
+/// Agreement of the parameter of a term with what was asked for, relative.
+const AGREEMENT: f64 = 1e-6;
+
+/// True if the value of a param is to be found.
+pub(super) fn is_auto(param: &Param) -> bool {
+    matches!(&param.value.kind, ExprKind::Name(name) if name == "auto")
+}
+
+/// Prepares a scene with params whose value is `auto`.
+pub(super) fn prepare(script: &ResolvedScript, folder: &Path, backend: &dyn KernelBackend) -> Prepared {
+    let asked: Vec<usize> = (0..script.params.len()).filter(|k| is_auto(&script.params[*k])).collect();
+    let [param] = asked[..] else {
+        return refused(&script.params[asked[1]], "only one param can be `auto`");
+    };
+    let mut given = script.clone();
+    let domain = given.params[param].domain.take();
+    given.params[param].value.kind = ExprKind::Number(1.0);
+    let mut trial = prepare_as_written(&given, folder, backend);
+    let Some(scene) = &mut trial.scene else { return trial };
+    let wanted = gammas(scene).into_iter().map(|(gamma, usual)| usual / gamma).fold(0.0f64, f64::max);
+    if !(wanted > 0.0 && wanted.is_finite()) {
+        return refused(&script.params[param], "no term has the stress of the elements in its projections");
+    }
+    given.params[param].domain = domain;
+    given.params[param].value.kind = ExprKind::Number(wanted);
+    let mut made = prepare_as_written(&given, folder, backend);
+    if let Some(scene) = &mut made.scene
+        && !gammas(scene).iter().any(|(gamma, usual)| (gamma / usual - 1.0).abs() < AGREEMENT)
+    {
+        return refused(&script.params[param], "the parameter of the Nitsche terms is not proportional to this param");
+    }
+    made
+}
+
+/// Parameter and usual value of each Nitsche term.
+fn gammas(scene: &mut Scene) -> Vec<(f64, f64)> {
+    // a term without a finite value has no parameter; the run tells its place
+    coercivity(scene).unwrap_or_default().iter().map(|c| (c.gamma, c.usual())).collect()
+}
+
+fn refused(param: &Param, why: &str) -> Prepared {
+    let d = Diagnostic::new("E417", format!("no value can be found for `{}`", param.name.name));
+    let d = d.at(param.overridden.unwrap_or(param.value.span), why).note("give the value as a number");
+    Prepared { scene: None, diagnostics: vec![d] }
+}

@@ -1,0 +1,86 @@
+//! Conditions of mechanics: what violates them on purpose is noticed. That right scenes are silent is tested with the
+//! examples.
+
+use wfl_tests::{Solved, examples, solve};
+
+/// A scene of the examples on a small mesh with changes, each of which must be possible.
+fn changed(path: &str, edits: &[(&str, &str)], params: &[(&str, f64)]) -> Solved {
+    let folder = examples().join("fault");
+    let text = std::fs::read_to_string(folder.join(path)).expect("examples can be read");
+    let mut all = vec![
+        ("cells [8, 8, 8]", "cells [4, 4, 4]".to_owned()),
+        ("steps t = 0 to 9.5 by 0.5", "steps t = 8 to 8 by 1".to_owned()),
+    ];
+    for (from, to) in edits {
+        assert!(text.contains(from), "{from}");
+        all.push((from, (*to).to_owned()));
+    }
+    let solved = solve(&folder, text, &all, params).expect("the scene can be solved");
+    assert!(solved.outcome.converged());
+    solved
+}
+
+/// Codes and texts of the warnings about the numbers.
+fn warnings(solved: &Solved) -> Vec<(&'static str, String)> {
+    solved.outcome.warnings.clone()
+}
+
+fn warned(solved: &Solved, start: &str) -> bool {
+    warnings(solved).iter().any(|(code, text)| *code == "W606" && text.starts_with(start))
+}
+
+#[test]
+fn the_scene_as_it_is_gives_no_warning() {
+    for path in ["penalty.wfl", "nitsche.wfl", "augmented_lagrangian.wfl"] {
+        assert_eq!(warnings(&changed(path, &[], &[])), [], "{path}");
+    }
+}
+
+#[test]
+fn friction_that_drives_is_noticed() {
+    let edit = [("Ball_projection(Pt, fric*pos_part(Pn))", "(-Ball_projection(Pt, fric*pos_part(Pn)))")];
+    let solved = changed("penalty.wfl", &edit, &[]);
+    assert!(warned(&solved, "drive of `contact`"), "{:?}", warnings(&solved));
+}
+
+#[test]
+fn a_force_on_one_side_only_is_noticed() {
+    let edit = [("force.jump(Test_uL,Test_uR)", "force.Test_uL")];
+    let solved = changed("penalty.wfl", &edit, &[]);
+    assert!(warned(&solved, "action and reaction of `contact`"), "{:?}", warnings(&solved));
+}
+
+#[test]
+fn a_penalty_too_soft_to_hold_is_noticed() {
+    let solved = changed("penalty.wfl", &[], &[("gamma", 1e3)]);
+    assert!(warned(&solved, "penetration at `contact`"), "{:?}", warnings(&solved));
+}
+
+/// The reactions of a column under a load are the load.
+#[test]
+fn reactions_are_told_and_balance_the_loads() {
+    let text = "mesh box [0,0] to [1,4] cells [2,8] quad\nunknown u : vector\nregion foot = faces where y == 0\n\
+                region head = faces where y == 4\nterm bulk on all : Grad_u:Grad_Test_u\nload u = [0.25,-3] on head\n\
+                fix u = [0,0] on foot\nmeasure sink = mean(u(2)) on head\n";
+    let solved = solve(&examples(), text.to_owned(), &[], &[]).expect("the scene is right");
+    let checks = &solved.outcome.steps[0].checks;
+    let balance = checks.iter().find(|c| c.name == "equilibrium of u").expect("a check");
+    assert!(balance.holds() && balance.value < 1e-12, "{}", balance.value);
+    let numbers: Vec<f64> = balance
+        .detail
+        .split(|c: char| !"0123456789.e-".contains(c))
+        .filter(|w| w.contains('.'))
+        .map(|w| w.parse().expect("a number"))
+        .collect();
+    let expected = [0.25, -3.0, -0.25, 3.0];
+    assert_eq!(numbers.len(), 4, "{}", balance.detail);
+    assert!(numbers.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{numbers:?}");
+}
+
+#[test]
+fn a_scene_without_contact_and_displacements_is_not_looked_at() {
+    let text = "mesh box [0] to [1] cells [8] segment\nunknown c : scalar\nterm flow on all : Grad_c.Grad_Test_c\n\
+                load c = 1 on all\nfix c = 0 on boundary\n";
+    let solved = solve(&examples(), text.to_owned(), &[], &[]).expect("the scene is right");
+    assert!(solved.outcome.steps[0].checks.is_empty());
+}
