@@ -10,12 +10,19 @@ use wfl_runtime::{Outcome, Quiet, RunOptions, prepare, run, text_hash};
 use crate::{
     args::ExtremesArgs,
     load::{Loaded, load, out, say},
+    nitsche,
     prepared::{EXIT_ERROR, backend},
     table::{Table, number},
 };
 
-/// What each parameter is multiplied by.
-const FACTORS: [f64; 4] = [1e-6, 1e-3, 1e3, 1e6];
+/// What each parameter is divided and multiplied by.
+const FACTORS: [f64; 2] = [1e6, 1e3];
+
+/// The values a parameter takes; divided, because a product with 1e-3 is not a short number.
+fn values(x: f64) -> [f64; 4] {
+    let [far, near] = FACTORS;
+    [x / far, x / near, x * near, x * far]
+}
 
 /// How a run ended, from the worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -28,6 +35,8 @@ enum Ending {
     NotConverged,
     /// A solution with a warning.
     Warned,
+    /// A solution that an expectation of the scene does not hold for.
+    Unexpected,
     /// A solution.
     Solved,
 }
@@ -39,6 +48,7 @@ impl Ending {
             Ending::Refused => "refused",
             Ending::NotConverged => "not converged",
             Ending::Warned => "solved, with a warning",
+            Ending::Unexpected => "solved, not as expected",
             Ending::Solved => "solved",
         }
     }
@@ -67,11 +77,10 @@ pub(crate) fn extremes(args: &ExtremesArgs, started: Instant) -> ExitCode {
     let mut table = Table::new("extremes", &["parameter", "value", "outcome", "steps", "iterations", "message"]);
     let mut worst: Option<(String, Trial)> = None;
     let mut silently = false;
-    let trials =
-        std::iter::once((String::from("as written"), f64::NAN, None)).chain(parameters.iter().flat_map(
-            |(name, value)| FACTORS.map(|f| (name.clone(), f * value, Some(format!("{name}={:e}", f * value)))),
-        ));
-    let count = 1 + FACTORS.len() * parameters.len();
+    let word = |name: &String, x: f64| (name.clone(), x, Some(format!("{name}={x:e}")));
+    let changed = parameters.iter().flat_map(|(name, value)| values(*value).map(move |x| word(name, x)));
+    let trials = std::iter::once((String::from("as written"), f64::NAN, None)).chain(changed);
+    let count = 1 + 2 * FACTORS.len() * parameters.len();
     for (k, (name, value, word)) in trials.enumerate() {
         let label = word.clone().unwrap_or_else(|| name.clone());
         say(&format!("{} of {count}: {label}\n", k + 1));
@@ -138,8 +147,9 @@ fn one(args: &ExtremesArgs, word: Option<String>, backend: &dyn KernelBackend, s
     }
     let Some(mut scene) = prepared.scene else { return refused("no scene".to_owned()) };
     let options = options(&loaded, &args.scene.scene, started);
+    let doubt = nitsche::parameters(&loaded, &mut scene).first().map(line);
     match run(&mut scene, &options, &mut Quiet) {
-        Ok(outcome) => judge(&outcome),
+        Ok(outcome) => judge(&outcome, doubt),
         Err(error) => refused(error.to_string()),
     }
 }
@@ -159,7 +169,8 @@ fn options(loaded: &Loaded, scene: &Path, started: Instant) -> RunOptions {
     }
 }
 
-fn judge(outcome: &Outcome) -> Trial {
+/// How a run ended; `doubt` is a warning from before.
+fn judge(outcome: &Outcome, doubt: Option<String>) -> Trial {
     let iterations = outcome.steps.iter().map(|s| s.history.n_iterations()).sum();
     let converged = outcome.steps.iter().filter(|s| s.history.converged());
     let steps = (converged.clone().count(), iterations);
@@ -171,6 +182,10 @@ fn judge(outcome: &Outcome) -> Trial {
         (Ending::NotConverged, format!("E603: t = {}: residual {residual:.1e}", step.time))
     } else if let Some((code, text)) = outcome.warnings.first() {
         (Ending::Warned, format!("{code}: {text}"))
+    } else if let Some(text) = doubt {
+        (Ending::Warned, text)
+    } else if let Some((expect, _)) = outcome.expectations.iter().find(|e| e.1 != Some(true)) {
+        (Ending::Unexpected, format!("does not hold: {}", expect.text))
     } else {
         (Ending::Solved, String::new())
     };

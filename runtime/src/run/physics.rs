@@ -52,13 +52,18 @@ pub(super) fn checks(system: &mut System, u: &[f64], residual: &[f64]) -> Vec<Ph
     out
 }
 
-/// Fields of displacements by the bodies that meet: vectors of the space.
+/// Fields of displacements by the bodies that meet: vectors of the space; along a line, any scalar could be one.
 fn displacement_groups(system: &System) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     let dim = system.mesh.dim();
     for k in 0..system.fields.len() {
         let f = &system.fields[k];
-        if f.n_components != dim || f.kind != FieldKind::Unknown || system.range(k).is_none() || f.n_nodes() < 2 {
+        if dim < 2
+            || f.n_components != dim
+            || f.kind != FieldKind::Unknown
+            || system.range(k).is_none()
+            || f.n_nodes() < 2
+        {
             continue;
         }
         match groups.iter_mut().find(|g| system.alike(g[0]) == system.alike(k)) {
@@ -105,14 +110,14 @@ fn equilibrium(system: &System, group: &[usize], residual: &[f64]) -> Option<Phy
 
 /// What a term on an interface does to one side it does to the other: it acts on no rigid translation of both.
 fn action_and_reaction(system: &mut System, u: &[f64]) -> Vec<PhysicsCheck> {
-    let dim = system.mesh.dim();
+    let displacements: Vec<usize> = displacement_groups(system).concat();
     let both = |k: usize| {
         let law = &system.terms[k].law;
         let slots = || law.tests.iter().chain(&law.trials);
         let sides = |side| slots().filter(|t| t.side == side).map(|t| t.field.index()).collect::<Vec<_>>();
         let (here, there) = (sides(Side::Here), sides(Side::There));
-        let meet = |a: usize, b: usize| system.alike(a) == system.alike(b) && system.fields[a].n_components == dim;
-        let pairs = here.iter().any(|a| there.iter().any(|b| meet(*a, *b)));
+        let moves = |k: &usize| displacements.contains(k);
+        let pairs = here.iter().any(moves) && there.iter().any(moves);
         pairs && system.terms[k].law.class > Class::Constant
     };
     let terms: Vec<usize> = (0..system.terms.len()).filter(|k| both(*k)).collect();
