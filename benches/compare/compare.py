@@ -158,7 +158,7 @@ def page(versions, absent, measured, rounds):
         "# Assembly and the fault benchmark against other programs",
         "",
         "Written by `benches/compare/compare.py`. Tangent into an allocated sparse matrix, thousand entities per second of",
-        f"processor time on one thread (two threads: of the busier one), medians of {rounds} rounds run in turn; in brackets how",
+        f"processor time on one thread (two threads: of the busier one), medians of {rounds} round(s) run in turn; in brackets how",
         "many times faster WFL is on one thread.",
         "",
         f"- {datetime.date.today()}, {cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release()}, "
@@ -200,6 +200,7 @@ def main():
         versions, absent, peers = {}, {}, []
         for peer in PEERS:
             if options.only is not None and peer.name not in options.only:
+                absent[peer.name] = "not asked for"
                 continue
             try:
                 versions[peer.name] = peer.install(folder)
