@@ -101,7 +101,8 @@ A knob is a parameter of the scenes, or one of
   quadrature=vertex,2,4   rule of the terms with kinks
   tol=1e-4,1e-8  max_iter=20  search=none  threads=1,2
 Lists: a,b,c; a..b:log5 and a..b:lin5 have five values with both ends. Several scenes are several methods.
-Results in DIR: sweep.csv, a row a setting, also those that failed. Rows that are there already are not run again.
+Results in DIR: sweep.csv, a row a setting, also those that failed; sweep.html and an SVG file a plot, made from it
+alone. Rows that are there already are not run again.
 
 Examples:
   wfl sweep examples/fault/nitsche.wfl examples/fault/penalty.wfl refine=0.5,1 gamma=1e4..1e6:log3 --out trade
@@ -178,7 +179,10 @@ pub(crate) struct SweepArgs {
     /// Times each setting is run; the table has median, smallest and largest time
     #[arg(long, value_name = "N", default_value = "1")]
     pub(crate) repeat: NonZeroUsize,
-    /// Folder of the table
+    /// Run nothing: make sweep.html and the plots anew from the tables in the folders given
+    #[arg(long)]
+    pub(crate) plot: bool,
+    /// Folder of table, page and plots
     #[arg(long, value_name = "DIR", default_value = "out/sweep")]
     pub(crate) out: PathBuf,
     /// Threads of assembly and solver, 1 or more [default: all]

@@ -121,6 +121,22 @@ fn failures_and_numbers_that_are_none_stay_in_the_table() {
     assert!(cell(&rows[1], "message").contains("depth"), "{:?}", rows[1]);
     assert!(cell(&rows[2], "message").contains("E701"), "{:?}", rows[2]);
     assert!(rows.iter().all(|r| number(r, "time") > 0.0));
+    // the page is made from the table alone: a row put in by hand is found there, with its failure
+    let table = std::fs::read_to_string(out.join("sweep.csv")).expect("a table");
+    let line = table.lines().nth(1).expect("a row");
+    let planted = line.replace(",ok,", ",not converged,").replacen(",0.3,", ",0.123456,", 1);
+    assert_ne!(planted, line);
+    std::fs::write(out.join("sweep.csv"), format!("{table}{planted}\n")).expect("written");
+    std::fs::remove_file(out.join("sweep.html")).expect("the sweep made a page");
+    let folder = out.display().to_string();
+    let plot = wfl(&["--plot", &folder], &out);
+    assert!(plot.status.success(), "{}", text(&plot.stderr));
+    let page = std::fs::read_to_string(out.join("sweep.html")).expect("a page");
+    let failures = &page[page.find(">Failures<").expect("failures have a section")..];
+    let failures = &failures[..failures.find("</section>").expect("its end")];
+    for needed in ["nu=0.123456 deep=0", "not converged", "not finite", "not a finite number: depth", "E701"] {
+        assert!(failures.contains(needed), "{needed}: {failures}");
+    }
 }
 
 #[test]
@@ -163,6 +179,7 @@ fn a_sweep_that_means_nothing_is_refused_with_a_reason() {
         (&["fault_gmsh/fault_2deg.wfl", "h=1"], "comes from a file"),
         (&["fault/nitsche.wfl", "gamma=1..2"], "is no range"),
         (&["gamma=1"], "no scene is given"),
+        (&["--plot", "nowhere"], "there is no sweep.csv in nowhere"),
         (&["fault/nitsche.wfl", "--reference", "exact"], "defines no exact solution"),
         (&["fault/nowhere.wfl"], "cannot read fault/nowhere.wfl"),
     ] {

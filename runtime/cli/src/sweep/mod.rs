@@ -5,12 +5,14 @@
 //! with: its rows are not run again as long as the text of their scene is the same.
 //!
 //! `lists` reads the command line, `knobs` changes scenes, `one` runs a setting, `reference` gives errors, `table` keeps
-//! the rows.
+//! the rows; `front` and `page` read nothing but these.
 
+mod front;
 mod knobs;
 mod lists;
 mod machine;
 mod one;
+mod page;
 mod reference;
 mod table;
 
@@ -62,6 +64,9 @@ pub(crate) fn sweep(args: &SweepArgs) -> ExitCode {
 }
 
 fn run(args: &SweepArgs) -> Result<(), String> {
+    if args.plot {
+        return plot(args);
+    }
     let (scenes, lists): (Vec<String>, Vec<String>) = args.words.iter().cloned().partition(|w| !w.contains('='));
     if scenes.is_empty() {
         return Err("no scene is given\n  = help: wfl sweep SCENE.wfl gamma=1e4,1e6".to_owned());
@@ -81,6 +86,24 @@ fn run(args: &SweepArgs) -> Result<(), String> {
     };
     sweep.references(&mut methods)?;
     sweep.all(&methods)
+}
+
+/// Makes page and plots anew from the tables of sweeps.
+fn plot(args: &SweepArgs) -> Result<(), String> {
+    let given: Vec<PathBuf> = args.words.iter().map(PathBuf::from).collect();
+    let folders = if given.is_empty() { vec![args.out.clone()] } else { given };
+    for folder in folders {
+        let rows = table::read(&folder).map_err(|e| e.to_string())?;
+        if rows.is_empty() {
+            let help = "give the folder of a sweep: wfl sweep --plot DIR";
+            return Err(format!("there is no {} in {}\n  = help: {help}", table::TABLE_FILE, folder.display()));
+        }
+        page::write(&folder, &rows).map_err(|e| e.to_string())?;
+        if !args.quiet {
+            out(&format!("{}\n", folder.join(page::PAGE_FILE).display()));
+        }
+    }
+    Ok(())
 }
 
 /// Reads the scenes and checks that every knob means something in each of them.
@@ -238,10 +261,12 @@ impl Sweep<'_> {
             table::write(&self.args.out, &self.rows).map_err(|e| e.to_string())?;
         }
         table::write(&self.args.out, &self.rows).map_err(|e| e.to_string())?;
+        page::write(&self.args.out, &self.rows).map_err(|e| e.to_string())?;
         if !self.args.quiet {
             let bad = self.rows.iter().filter(|r| r.text("status") != "ok").count();
-            let table = self.args.out.join(table::TABLE_FILE);
-            out(&format!("{} rows, {bad} of them failures, in {}\n", self.rows.len(), table.display()));
+            let page = self.args.out.join(page::PAGE_FILE);
+            out(&page::markdown(&self.rows));
+            out(&format!("\n{} rows, {bad} of them failures; {}\n", self.rows.len(), page.display()));
         }
         Ok(())
     }

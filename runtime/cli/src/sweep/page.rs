@@ -1,0 +1,216 @@
+//! `sweep.html` and one SVG file a plot, made from the table alone.
+//!
+//! Every row is shown somewhere: solved runs in the plots and the table of all runs, failures in a table of their own.
+
+use std::path::Path;
+
+use wfl_charts::{Chart, Colour, Page, Scale, Section, Series, Table};
+
+use super::{
+    front::{Point, TRUSTED, WANTED, cheapest, front, method, points, quantities, source, words},
+    table::{Row, TableError, write_file},
+};
+
+/// The name of the page in the folder of a sweep.
+pub(super) const PAGE_FILE: &str = "sweep.html";
+
+/// Writes page and plots into the folder of a sweep.
+pub(super) fn write(folder: &Path, rows: &[Row]) -> Result<(), TableError> {
+    for (name, chart) in charts(rows) {
+        write_file(&folder.join(format!("{name}.svg")), &chart.svg())?;
+    }
+    write_file(&folder.join(PAGE_FILE), &page(rows).html())
+}
+
+/// A plot of time over error for each quantity, with the name of its file.
+fn charts(rows: &[Row]) -> Vec<(String, Chart)> {
+    let (fields, _) = quantities(rows);
+    let plots = fields.iter().map(|q| (q, points(rows, q))).filter(|(_, p)| !p.is_empty());
+    plots.map(|(q, p)| (format!("trade_{}", file_word(q)), chart(q, &p))).collect()
+}
+
+fn file_word(quantity: &str) -> String {
+    quantity.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
+}
+
+/// A quantity in words.
+fn title(quantity: &str) -> String {
+    match quantity {
+        "L2" => "unknowns (L2)".to_owned(),
+        "H1" => "gradients of the unknowns (H1)".to_owned(),
+        other => other.to_owned(),
+    }
+}
+
+fn chart(quantity: &str, points: &[Point<'_>]) -> Chart {
+    let label = format!("relative error of {} [-]", title(quantity));
+    let mut chart = Chart::new(title(quantity)).x(label, Scale::Log).y("time [s]", Scale::Log);
+    let mut scenes: Vec<&str> = Vec::new();
+    for point in points {
+        let scene = point.row.text("scene");
+        if !scenes.contains(&scene) {
+            scenes.push(scene);
+        }
+    }
+    for scene in scenes {
+        let of: Vec<&Point<'_>> = points.iter().filter(|p| p.row.text("scene") == scene).collect();
+        let note = |p: &&Point<'_>| {
+            format!(
+                "{}\nerror {:.2e}, {:.3} s\n{} unknowns, {} iterations\nmostly from: {}",
+                words(p.row),
+                p.error,
+                p.time,
+                p.row.text("dofs"),
+                p.row.text("iterations"),
+                source(**p, points, quantity)
+            )
+        };
+        let notes: Vec<String> = of.iter().map(note).collect();
+        chart = chart.points(Series::new(method(scene), of.iter().map(|p| [p.error, p.time])).notes(notes));
+    }
+    let best = front(points).into_iter().map(|p| [p.error, p.time]);
+    chart.line(Series::new("front", best).colour(Colour::Ink))
+}
+
+fn page(rows: &[Row]) -> Page {
+    let failures: Vec<&Row> = rows.iter().filter(|r| r.text("status") != "ok").collect();
+    let (fields, measures) = quantities(rows);
+    let solved = rows.len() - failures.len();
+    let mut page = Page::new("Speed against accuracy")
+        .lead(format!("{solved} runs solved, {} failed. Each point is a run; nothing is left out.", failures.len()))
+        .section(about(rows));
+    let mut plots = Section::new("Time over error").text(
+        "Down and to the left is better. The line is the front: no run is both faster and more accurate than one on it.",
+    );
+    for (_, chart) in charts(rows) {
+        plots = plots.chart(&chart);
+    }
+    page = page.section(plots);
+    let wanted = wanted(rows, fields.iter().chain(&measures));
+    page = page.section(
+        Section::new("Wanted error and cheapest setting")
+            .text("The fastest run of the table whose error is at most the wanted one.")
+            .table(wanted),
+    );
+    for quantity in &fields {
+        let all = points(rows, quantity);
+        if !all.is_empty() {
+            page = page.section(
+                Section::new(format!("The front: {}", title(quantity)))
+                    .text("What most of the error comes from: the knob whose best value takes most of it away.")
+                    .table(fronts(&all, quantity)),
+            );
+        }
+    }
+    if !failures.is_empty() {
+        let mut table = Table::new(["setting", "status", "time [s]", "message"]);
+        for row in failures {
+            table.row([words(row), row.text("status").to_owned(), seconds(row), row.text("message").to_owned()]);
+        }
+        page = page.section(Section::new("Failures").table(table));
+    }
+    page.section(Section::new("All runs").table(all(rows, &fields)))
+}
+
+fn about(rows: &[Row]) -> Section {
+    let mut facts = Vec::new();
+    for column in ["machine", "version", "commit", "threads", "repeats", "reference"] {
+        let mut found: Vec<&str> = rows.iter().map(|r| r.text(column)).filter(|t| !t.is_empty()).collect();
+        found.sort_unstable();
+        found.dedup();
+        facts.push((column, found.join("; ")));
+    }
+    let mut section = Section::new("What was run").facts(facts);
+    let own = |q: &String| {
+        let column = format!("reference error {q}");
+        let largest = rows.iter().filter_map(|r| r.value(&column)).max_by(f64::total_cmp)?;
+        Some((title(q), largest))
+    };
+    let mut table = Table::new(["quantity", "error of the reference itself"]);
+    let (fields, measures) = quantities(rows);
+    for (name, error) in fields.iter().chain(&measures).filter_map(own) {
+        table.row([name, format!("{error:.1e}")]);
+    }
+    if !table.is_empty() {
+        section = section
+            .text(format!(
+                "The reference has an error of its own, from coarser meshes by Richardson's extrapolation and from the distance to the reference of another method. Errors below {TRUSTED} times that say nothing.",
+            ))
+            .table(table);
+    }
+    section
+}
+
+fn wanted<'q>(rows: &[Row], quantities: impl Iterator<Item = &'q String>) -> Table {
+    let mut table = Table::new(["quantity", "wanted", "cheapest setting", "time [s]", "error"]);
+    for quantity in quantities {
+        let all = points(rows, quantity);
+        for (error, word) in WANTED {
+            let own = all.iter().filter_map(|p| p.row.value(&format!("reference error {quantity}")));
+            let own = own.fold(0.0, f64::max);
+            let name = title(quantity);
+            match cheapest(&all, error) {
+                _ if all.is_empty() => {}
+                Some(p) => {
+                    let doubt = if error < TRUSTED * own { " (the reference is no better than that)" } else { "" };
+                    table.row([name, word.into(), words(p.row) + doubt, seconds(p.row), format!("{:.1e}", p.error)]);
+                }
+                None => table.row([name, word.into(), "none of these runs".to_owned()]),
+            }
+        }
+    }
+    table
+}
+
+fn fronts(all: &[Point<'_>], quantity: &str) -> Table {
+    let mut table = Table::new(["setting", "time [s]", "error", "mostly from", "unknowns", "iterations"]);
+    for point in front(all) {
+        table.row([
+            words(point.row),
+            seconds(point.row),
+            format!("{:.1e}", point.error),
+            source(point, all, quantity),
+            point.row.text("dofs").to_owned(),
+            point.row.text("iterations").to_owned(),
+        ]);
+    }
+    table
+}
+
+fn all(rows: &[Row], quantities: &[String]) -> Table {
+    let head = ["setting", "status", "time [s]", "unknowns", "iterations", "factorisations"].map(str::to_owned);
+    let mut table = Table::new(head.into_iter().chain(quantities.iter().map(|q| format!("error {q}"))));
+    for row in rows {
+        let mut cells = vec![words(row), row.text("status").to_owned(), seconds(row)];
+        cells.extend(["dofs", "iterations", "factorisations"].map(|c| row.text(c).to_owned()));
+        let error = |q: &String| match row.text(&format!("error {q}")) {
+            "" => String::new(),
+            text => text.parse::<f64>().map_or_else(|_| text.to_owned(), |e| format!("{e:.1e}")),
+        };
+        cells.extend(quantities.iter().map(error));
+        table.row(cells);
+    }
+    table
+}
+
+fn seconds(row: &Row) -> String {
+    row.value("time").map_or_else(String::new, |t| format!("{t:.3}"))
+}
+
+/// The same tables in Markdown, for a study: wanted errors and fronts.
+pub(super) fn markdown(rows: &[Row]) -> String {
+    let (fields, measures) = quantities(rows);
+    let mut text = String::from("| quantity | wanted | cheapest setting | time [s] | error |\n|---|---|---|---|---|\n");
+    for quantity in fields.iter().chain(&measures) {
+        let all = points(rows, quantity);
+        for (error, word) in WANTED {
+            if let Some(p) = cheapest(&all, error) {
+                let (name, time) = (title(quantity), seconds(p.row));
+                text += &format!("| {name} | {word} | `{}` | {time} | {:.1e} |\n", words(p.row), p.error);
+            } else if !all.is_empty() {
+                text += &format!("| {} | {word} | none of these runs | | |\n", title(quantity));
+            }
+        }
+    }
+    text
+}
