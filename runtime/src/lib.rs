@@ -13,6 +13,7 @@ pub mod mesh;
 pub mod newton;
 pub mod output;
 pub mod point_space;
+mod pruning;
 pub mod quadrature;
 pub mod results;
 mod run;
@@ -23,6 +24,7 @@ mod strategy;
 mod system;
 mod value;
 
+pub use pruning::{LeftOut, Pruning};
 pub use run::{
     Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Outcome, Path, PhysicsCheck, Progress, Quiet,
     RunError, RunOptions, StepResult, coercivity, run, text_hash,

@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use crate::{
     csr::{Csr, CsrError, Pattern},
+    pruning::Pruning,
     solve::{CheckedCondensed, CheckedLlt, CheckedLu, LinearSolver, SolveError, SolveReport, SolverOptions},
     system::System,
 };
@@ -70,7 +71,7 @@ impl Strategy {
         let mut this = Self {
             kind: Kind::Linear,
             solver: None,
-            symmetric: system.is_symmetric(),
+            symmetric: system.is_symmetric() && system.uses(Pruning::Symmetric),
             options,
             coordinates,
             factorisations: 0,
@@ -113,7 +114,8 @@ impl Strategy {
     /// to be positive definite changes it.
     #[must_use]
     pub fn plan(system: &System) -> String {
-        let (symmetric, method) = if system.is_symmetric() { ("symmetric", "LLT") } else { ("unsymmetric", "LU") };
+        let is_symmetric = system.is_symmetric() && system.uses(Pruning::Symmetric);
+        let (symmetric, method) = if is_symmetric { ("symmetric", "LLT") } else { ("unsymmetric", "LU") };
         if system.is_linear() {
             return format!("one linear system, {symmetric} ({method}), factored once");
         }
@@ -275,8 +277,8 @@ impl Strategy {
 }
 
 /// True if the nonlinear terms touch few dofs beside a symmetric linear part.
-fn condenses(system: &System) -> bool {
+pub(crate) fn condenses(system: &System) -> bool {
     #[expect(clippy::cast_precision_loss, reason = "a ratio of counts")]
     let few = (system.changing_dofs().len() as f64) < CONDENSE_BELOW * system.numbering.n_free() as f64;
-    few && system.bulk_is_symmetric()
+    few && system.bulk_is_symmetric() && system.uses(Pruning::Condense)
 }

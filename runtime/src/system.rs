@@ -26,6 +26,7 @@ use crate::{
     field::Field,
     mesh::Mesh,
     newton::TermPieces,
+    pruning::{Pruning, forget_linear},
 };
 
 /// Values that do not follow from the unknowns: known fields, and the past where a scene uses it.
@@ -76,6 +77,8 @@ pub struct System {
     force: Vec<f64>,
     /// By field: the first field of those whose forces meet on interfaces.
     meets: Vec<usize>,
+    /// What is done although the scene does not need it.
+    kept: Vec<Pruning>,
 }
 
 impl System {
@@ -116,6 +119,7 @@ impl System {
             magnitude: Vec::new(),
             force: Vec::new(),
             meets,
+            kept: Vec::new(),
         })
     }
 
@@ -225,6 +229,27 @@ impl System {
         let changed = self.guides != chosen;
         self.guides = chosen;
         Ok(changed)
+    }
+
+    /// Does something although the scene does not need it, to measure what leaving it out saves. Call it before the
+    /// first step.
+    ///
+    /// # Errors
+    /// [`CsrError`] when the pattern does not fit the index types.
+    pub fn keep(&mut self, pruning: Pruning) -> Result<(), CsrError> {
+        self.kept.push(pruning);
+        if pruning == Pruning::Linear {
+            forget_linear(self);
+            let pieces = std::mem::take(&mut self.pieces);
+            self.hold(pieces)?;
+        }
+        Ok(())
+    }
+
+    /// True unless [`Self::keep`] was told to do without this pruning.
+    #[must_use]
+    pub fn uses(&self, pruning: Pruning) -> bool {
+        !self.kept.contains(&pruning)
     }
 
     /// True if no term needs Newton.

@@ -29,7 +29,18 @@ const ARROWS: &[(&str, &str, &[&str])] = &[
     (
         "wfl-cli",
         "runtime/cli",
-        &["wfl", "wfl-compiler", "wfl-jit", "wfl-runtime", "clap", "indicatif", "serde", "serde_json", "thiserror"],
+        &[
+            "wfl",
+            "wfl-charts",
+            "wfl-compiler",
+            "wfl-jit",
+            "wfl-runtime",
+            "clap",
+            "indicatif",
+            "serde",
+            "serde_json",
+            "thiserror",
+        ],
     ),
     ("wfl-tests", "tests", &["wfl", "wfl-compiler", "wfl-jit", "wfl-runtime", "serde", "serde_json", "proptest"]),
 ];

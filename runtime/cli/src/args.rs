@@ -3,6 +3,7 @@
 use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use wfl_runtime::Pruning;
 
 /// Write, check and solve contact formulations from text files.
 #[derive(Debug, Parser)]
@@ -100,6 +101,7 @@ A knob is a parameter of the scenes, or one of
   degree=1,2         degree of the unknowns on cells
   quadrature=vertex,2,4   rule of the terms with kinks
   tol=1e-4,1e-8  max_iter=20  search=none  threads=1,2
+  no_prune=nothing,linear,condense,symmetric   what is left out of a run, put back
 Lists: a,b,c; a..b:log5 and a..b:lin5 have five values with both ends. Several scenes are several methods.
 Results in DIR: sweep.csv, a row a setting, also those that failed; sweep.html and an SVG file a plot, made from it
 alone. Rows that are there already are not run again.
@@ -132,6 +134,11 @@ pub(crate) struct SceneArgs {
     pub(crate) overrides: Vec<String>,
 }
 
+fn pruning(name: &str) -> Result<Pruning, String> {
+    let known = || Pruning::ALL.map(Pruning::name).join(", ");
+    Pruning::named(name).ok_or_else(|| format!("nothing of that name is left out; known: {}", known()))
+}
+
 /// How a scene is run.
 #[derive(Debug, ClapArgs)]
 pub(crate) struct RunArgs {
@@ -152,6 +159,9 @@ pub(crate) struct RunArgs {
     /// Most Newton iterations in a step, in place of what the scene says
     #[arg(long, value_name = "N")]
     pub(crate) max_iter: Option<NonZeroUsize>,
+    /// Do what the scene does not need, to measure what leaving it out saves: linear, condense, symmetric; see wfl check
+    #[arg(long, value_name = "NAME", value_parser = pruning)]
+    pub(crate) no_prune: Vec<Pruning>,
     /// Say nothing but errors
     #[arg(short, long, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
@@ -164,7 +174,7 @@ pub(crate) struct RunArgs {
 }
 
 /// What is swept.
-#[derive(Debug, ClapArgs)]
+#[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct SweepArgs {
     /// Scenes, .wfl files, and knobs with their values: gamma=1e4,1e6 h=0.5,0.25
     #[arg(value_name = "SCENE|KNOB=LIST")]
@@ -182,6 +192,9 @@ pub(crate) struct SweepArgs {
     /// Run nothing: make sweep.html and the plots anew from the tables in the folders given
     #[arg(long)]
     pub(crate) plot: bool,
+    /// Run the study of the examples, from the root of the repository, and write DIR/trade.md with its figures
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["words", "plot"])]
+    pub(crate) study: Option<PathBuf>,
     /// Folder of table, page and plots
     #[arg(long, value_name = "DIR", default_value = "out/sweep")]
     pub(crate) out: PathBuf,

@@ -236,13 +236,14 @@ fn system(scene: &Scene) -> Table {
 }
 
 fn left_out(loaded: &Loaded, scene: &Scene) -> Table {
-    let mut table = Table::new("left out", &["name", "why"]);
-    for name in &scene.unused_fields {
-        table.push(vec![name.clone().into(), "field in no term: it has no dofs".into()]);
+    let mut table = Table::new("left out", &["name", "why", "put back by"]);
+    for l in scene.left_out() {
+        let switch = l.switch.map_or(Value::Null, |s| format!("--no-prune {}", s.name()).into());
+        table.push(vec![l.name.into(), l.why.into(), switch]);
     }
     let own = |m: &&wfl::MacroInfo| !loaded.sources.get(m.head.source).name.starts_with("<library>");
     for m in loaded.script.macros.iter().filter(own).filter(|m| !m.used) {
-        table.push(vec![m.name.name.clone().into(), "def that nothing uses".into()]);
+        table.push(vec![m.name.name.clone().into(), "def that nothing uses".into(), Value::Null]);
     }
     table
 }

@@ -32,6 +32,12 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
     let Some(mut scene) = prepare_scene(&mut loaded, &*backend) else { return ExitCode::from(EXIT_ERROR) };
+    for pruning in &args.no_prune {
+        if let Err(error) = scene.system.keep(*pruning) {
+            say(&format!("error: {error}\n"));
+            return ExitCode::from(EXIT_ERROR);
+        }
+    }
     if let Some(most) = args.max_iter {
         scene.newton.max_iterations = most.get();
     }

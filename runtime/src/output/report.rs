@@ -54,7 +54,7 @@ pub struct Report {
     /// Why the run ended before its last step; left out of the file if it did not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// What was asked for and not done; left out of the file if empty.
+    /// What was not done because the scene does not need it; left out of the file if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
 }

@@ -57,9 +57,7 @@ pub(super) fn report(
             report.fields.insert(field.name.clone(), free as u64);
         }
     }
-    for name in &scene.unused_fields {
-        report.left_out.push(format!("field {name}: no term uses it"));
-    }
+    report.left_out = scene.left_out().into_iter().map(|l| format!("{}: {}", l.name, l.why)).collect();
     report.steps = run.steps.iter().map(step_report).collect();
     for (expect, holds) in expectations {
         let value = f64::from(u8::from(*holds != Some(true)));

@@ -2,7 +2,8 @@
 //!
 //! A knob that is a parameter of the scene replaces its value, as on the command line of `wfl run`. Others change
 //! statements: `h` and `refine` the mesh, `degree` the unknowns on cells (multipliers stay as they are), `quadrature`
-//! the rule of the terms with kinks, `tol`, `max_iter` and `search` the solver, `threads` the number of threads.
+//! the rule of the terms with kinks, `tol`, `max_iter` and `search` the solver, `threads` the number of threads, `no_prune` what is
+//! left out.
 
 use thiserror::Error;
 use wfl::{
@@ -11,6 +12,7 @@ use wfl::{
         BoxDivision, BoxShape, Expr, ExprKind, Ident, MeshSource, MulOp, OptionItem, OptionValue, Place, QuadratureRule,
     },
 };
+use wfl_runtime::Pruning;
 
 use super::lists::number;
 
@@ -18,7 +20,8 @@ use super::lists::number;
 pub(super) type Setting = [(String, String)];
 
 /// Knobs that are no parameters of a scene.
-pub(super) const KNOWN: [&str; 8] = ["h", "refine", "degree", "quadrature", "tol", "max_iter", "search", "threads"];
+pub(super) const KNOWN: [&str; 9] =
+    ["h", "refine", "degree", "quadrature", "tol", "max_iter", "search", "threads", "no_prune"];
 
 /// A knob that a scene cannot have.
 #[derive(Debug, Error, PartialEq, Eq)]
@@ -53,6 +56,7 @@ pub(super) fn apply(
             "quadrature" => quadrature(script, value, kinked).ok_or_else(|| wrong("vertex or a degree"))?,
             "tol" | "max_iter" | "search" => solver(script, name, value),
             "threads" => drop(threads(setting)?),
+            "no_prune" => drop(kept(setting)?),
             _ => {
                 let params = params.join(", ");
                 return Err(KnobError::Unknown { name: name.clone(), params, known: KNOWN.join(", ") });
@@ -68,6 +72,17 @@ pub(super) fn threads(setting: &Setting) -> Result<Option<usize>, KnobError> {
     match value.parse() {
         Ok(n) if n > 0 => Ok(Some(n)),
         _ => Err(KnobError::Value { name: name.clone(), value: value.clone(), needs: "1, 2, 3, …" }),
+    }
+}
+
+/// What a setting puts back that is left out otherwise.
+pub(super) fn kept(setting: &Setting) -> Result<Option<Pruning>, KnobError> {
+    let Some((name, value)) = setting.iter().find(|(n, _)| n == "no_prune") else { return Ok(None) };
+    let needs = "nothing, linear, condense or symmetric";
+    match (value.as_str(), Pruning::named(value)) {
+        ("nothing", _) => Ok(None),
+        (_, Some(pruning)) => Ok(Some(pruning)),
+        _ => Err(KnobError::Value { name: name.clone(), value: value.clone(), needs }),
     }
 }
 

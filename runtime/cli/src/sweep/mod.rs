@@ -14,6 +14,7 @@ mod machine;
 mod one;
 mod page;
 mod reference;
+mod study;
 mod table;
 
 use std::{
@@ -54,7 +55,11 @@ struct Method {
 }
 
 pub(crate) fn sweep(args: &SweepArgs) -> ExitCode {
-    match run(args) {
+    let done = match &args.study {
+        Some(docs) => study::study(args, docs),
+        None => run(args),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
             say(&format!("error: {why}\n"));

@@ -137,6 +137,9 @@ impl Bench<'_> {
         script.expects.clear();
         let parse_seconds = started.elapsed().as_secs_f64();
         let (mut scene, loaded) = prepared(loaded, self.backend)?;
+        if let Some(kept) = knobs::kept(setting).map_err(|e| e.to_string())? {
+            scene.system.keep(kept).map_err(|e| e.to_string())?;
+        }
         let threads = knobs::threads(setting).map_err(|e| e.to_string())?.unwrap_or(self.threads);
         let options = RunOptions {
             name: loaded.name.clone(),

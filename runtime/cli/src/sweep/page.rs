@@ -23,18 +23,20 @@ pub(super) fn write(folder: &Path, rows: &[Row]) -> Result<(), TableError> {
 }
 
 /// A plot of time over error for each quantity, with the name of its file.
-fn charts(rows: &[Row]) -> Vec<(String, Chart)> {
+pub(super) fn charts(rows: &[Row]) -> Vec<(String, Chart)> {
     let (fields, _) = quantities(rows);
     let plots = fields.iter().map(|q| (q, points(rows, q))).filter(|(_, p)| !p.is_empty());
-    plots.map(|(q, p)| (format!("trade_{}", file_word(q)), chart(q, &p))).collect()
+    plots.map(|(q, p)| (plot_name(q), chart(q, &p))).collect()
 }
 
-fn file_word(quantity: &str) -> String {
-    quantity.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
+/// The file of a plot, without its ending.
+pub(super) fn plot_name(quantity: &str) -> String {
+    let word: String = quantity.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    format!("trade_{word}")
 }
 
 /// A quantity in words.
-fn title(quantity: &str) -> String {
+pub(super) fn title(quantity: &str) -> String {
     match quantity {
         "L2" => "unknowns (L2)".to_owned(),
         "H1" => "gradients of the unknowns (H1)".to_owned(),

@@ -1,0 +1,224 @@
+//! `wfl sweep --study DIR`: the study of the examples, run from the root of the repository, as one page with figures.
+//!
+//! The sweeps are those of [`PARTS`]; their tables stay in `out/study`, so that a study that was stopped goes on. The
+//! page has what the tables say: the cheapest setting for a wanted error, the fronts, what costs nothing, what failed.
+
+use std::path::{Path, PathBuf};
+
+use super::{
+    front::{front, method, points, quantities, source, words},
+    page,
+    table::{self, Row},
+};
+use crate::{args::SweepArgs, load::say};
+
+/// One sweep of the study.
+struct Part {
+    /// The name of its folder and figures.
+    name: &'static str,
+    title: &'static str,
+    /// What is asked and how it is answered.
+    text: &'static str,
+    /// Scenes and knobs.
+    words: &'static [&'static str],
+    reference: &'static str,
+    reference_knobs: &'static [&'static str],
+    /// The quantities with a figure.
+    figures: &'static [&'static str],
+}
+
+const FAULT: &[&str] =
+    &["examples/fault/nitsche.wfl", "examples/fault/penalty.wfl", "examples/fault/augmented_lagrangian.wfl"];
+
+const PARTS: &[Part] = &[
+    Part {
+        name: "fault",
+        title: "The slipping fault (three-dimensional, Coulomb friction, 20 load steps)",
+        text: "Three methods on four meshes, seven values of gamma and three tolerances. Errors are those of the last \
+               step against quadratic elements on the finest mesh, made with another method.",
+        words: &["refine=0.25,0.5,0.75,1", "gamma=1e3..1e6:log7", "tol=1e-2,1e-5,1e-10"],
+        reference: "auto",
+        reference_knobs: &["degree=2", "refine=1", "tol=1e-10"],
+        figures: &["H1", "slip", "traction"],
+    },
+    Part {
+        name: "signorini",
+        title: "Manufactured contact (two-dimensional, exact solution known)",
+        text: "Linear and quadratic elements, five meshes, three values of gamma, two tolerances, against the exact \
+               solution: no doubt about the reference.",
+        words: &["examples/signorini/signorini.wfl", "n=4,8,16,32,64", "degree=1,2", "tol=1e-3,1e-10"],
+        reference: "exact",
+        reference_knobs: &[],
+        figures: &["H1", "L2", "pressure"],
+    },
+    Part {
+        name: "crack",
+        title: "A closed crack with friction (two-dimensional, singular at its tips)",
+        text: "The singularity limits what a finer mesh or a higher degree can give.",
+        words: &["examples/crack/compression.wfl", "refine=1/5,2/5,3/5", "degree=1,2", "gamma=1e6,1e7,1e8"],
+        reference: "auto",
+        reference_knobs: &["degree=2", "refine=1"],
+        figures: &["H1", "slip"],
+    },
+    Part {
+        name: "hyperelastic",
+        title: "A neo-Hookean block pressed on a floor with friction (three-dimensional, finite strain)",
+        text: "Everything is nonlinear: the whole tangent is assembled and factored in each iteration.",
+        words: &[
+            "examples/hyperelastic/contact.wfl",
+            "refine=1/3,2/3,1,4/3",
+            "fric=0.3",
+            "tol=1e-2,1e-5,1e-10",
+            "gamma=2e3,2e4",
+        ],
+        reference: "auto",
+        reference_knobs: &["degree=2", "refine=4/3", "fric=0.3"],
+        figures: &["H1", "traction"],
+    },
+    Part {
+        name: "pruning",
+        title: "What is left out because a scene does not need it",
+        text: "The same scenes with each of the prunings turned off in turn (`wfl run --no-prune NAME`).",
+        words: &["no_prune=nothing,linear,condense,symmetric"],
+        reference: "none",
+        reference_knobs: &[],
+        figures: &[],
+    },
+];
+
+/// Scenes of the pruning part: contact, linear, nonlinear throughout.
+const PRUNED: &[&str] = &[
+    "examples/fault/nitsche.wfl",
+    "examples/fault/penalty.wfl",
+    "examples/elasticity/block.wfl",
+    "examples/hyperelastic/contact.wfl",
+];
+
+/// Runs what is missing of the study and writes its page and figures into `docs`.
+pub(super) fn study(args: &SweepArgs, docs: &Path) -> Result<(), String> {
+    let mut text = String::from(HEAD);
+    for part in PARTS {
+        let folder = PathBuf::from("out/study").join(part.name);
+        if !args.quiet {
+            say(&format!("study: {}\n", part.title));
+        }
+        let scenes = match part.name {
+            "fault" => FAULT,
+            "pruning" => PRUNED,
+            _ => &[],
+        };
+        let own = SweepArgs {
+            words: scenes.iter().chain(part.words).map(|w| (*w).to_owned()).collect(),
+            reference: part.reference.to_owned(),
+            reference_knob: part.reference_knobs.iter().map(|w| (*w).to_owned()).collect(),
+            out: folder.clone(),
+            plot: false,
+            study: None,
+            ..args.clone()
+        };
+        super::run(&own)?;
+        let rows = table::read(&folder).map_err(|e| e.to_string())?;
+        text += &section(part, &own, &rows);
+        for (name, chart) in page::charts(&rows) {
+            if part.figures.iter().any(|f| name == page::plot_name(f)) {
+                let file = docs.join(format!("{}_{name}.svg", part.name));
+                table::write_file(&file, &chart.svg()).map_err(|e| e.to_string())?;
+            }
+        }
+    }
+    table::write_file(&docs.join("trade.md"), &text).map_err(|e| e.to_string())
+}
+
+const HEAD: &str = "# Speed against accuracy, measured
+
+Made by `wfl sweep --study docs`, from tables alone: every run is in them, also those that failed. Errors are relative.
+A figure has a point a run, down and to the left is better; the line is the front of runs that no other one beats.
+";
+
+fn section(part: &Part, args: &SweepArgs, rows: &[Row]) -> String {
+    let failed = rows.iter().filter(|r| r.text("status") != "ok").count();
+    let seconds: f64 = rows.iter().filter_map(|r| Some(r.value("time")? * r.value("repeats")?)).sum();
+    let first = |column: &str| rows.first().map_or("", |r| r.text(column)).to_owned();
+    let mut text = format!("\n## {}\n\n{}\n\n", part.title, part.text);
+    text += &format!(
+        "{} runs in {seconds:.0} s, {failed} of them failures; {}, commit {}.\n\n",
+        rows.len(),
+        first("machine"),
+        first("commit")
+    );
+    text += &format!("```\nwfl sweep {}{}\n```\n\n", args.words.join(" "), reference_words(args));
+    for figure in part.figures {
+        text += &format!("![{figure}]({}_{}.svg)\n", part.name, page::plot_name(figure));
+    }
+    if part.name == "pruning" {
+        return text + &pruning(rows);
+    }
+    text += &own_errors(rows);
+    text += "\n";
+    text += &page::markdown(rows);
+    for figure in part.figures {
+        text += &front_of(rows, figure);
+    }
+    text + &failures(rows)
+}
+
+fn reference_words(args: &SweepArgs) -> String {
+    let mut text = format!(" --reference {}", args.reference);
+    for knob in &args.reference_knob {
+        text += &format!(" --reference-knob {knob}");
+    }
+    text
+}
+
+/// What is known of the errors of the references.
+fn own_errors(rows: &[Row]) -> String {
+    let (fields, _) = quantities(rows);
+    let own = |q: &String| {
+        let column = format!("reference error {q}");
+        let largest = rows.iter().filter_map(|r| r.value(&column)).max_by(f64::total_cmp)?;
+        Some(format!("{} {largest:.1e}", page::title(q)))
+    };
+    let list: Vec<String> = fields.iter().filter_map(own).collect();
+    if list.is_empty() { String::new() } else { format!("\nErrors of the reference itself: {}.\n", list.join(", ")) }
+}
+
+/// The front of a quantity, with the source of each error.
+fn front_of(rows: &[Row], quantity: &str) -> String {
+    let all = points(rows, quantity);
+    let mut text = format!("\nThe front of {}:\n\n", page::title(quantity));
+    text += "| setting | time [s] | error | mostly from |\n|---|---|---|---|\n";
+    for p in front(&all) {
+        text += &format!("| `{}` | {:.3} | {:.1e} | {} |\n", words(p.row), p.time, p.error, source(p, &all, quantity));
+    }
+    text
+}
+
+/// How many runs of each scene failed, with the settings.
+fn failures(rows: &[Row]) -> String {
+    let mut text = String::new();
+    for row in rows.iter().filter(|r| r.text("status") != "ok") {
+        let why = row.text("message").lines().next().unwrap_or_default();
+        text += &format!("| `{}` | {} | {why} |\n", words(row), row.text("status"));
+    }
+    if text.is_empty() { text } else { format!("\nFailures:\n\n| setting | status | why |\n|---|---|---|\n{text}") }
+}
+
+/// Times with and without each pruning, and by how much the measures moved.
+fn pruning(rows: &[Row]) -> String {
+    let mut text =
+        String::from("| scene | put back | time [s] | times as long | measures move by |\n|---|---|---|---|---|\n");
+    for base in rows.iter().filter(|r| r.text("knob no_prune") == "nothing") {
+        for row in rows.iter().filter(|r| r.text("scene") == base.text("scene")) {
+            let measures = row.columns().filter(|c| c.starts_with("measure "));
+            let moved = |c: &str| {
+                let (a, b) = (row.value(c)?, base.value(c)?);
+                Some((a - b).abs() / b.abs().max(1e-9))
+            };
+            let most = measures.filter_map(moved).fold(0.0, f64::max);
+            let (scene, put) = (method(row.text("scene")), row.text("knob no_prune"));
+            let (time, before) = (row.value("time").unwrap_or(f64::NAN), base.value("time").unwrap_or(f64::NAN));
+            text += &format!("| {scene} | {put} | {time:.3} | {:.2} | {most:.0e} |\n", time / before);
+        }
+    }
+    text
+}

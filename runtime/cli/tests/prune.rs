@@ -1,0 +1,68 @@
+//! What a scene does not need is listed, can be put back, and changes nothing beyond rounding.
+
+use std::{
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+fn wfl(words: &[&str]) -> Output {
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
+    Command::new(env!("CARGO_BIN_EXE_wfl")).current_dir(examples).args(words).output().expect("wfl runs")
+}
+
+/// Solves a scene to the floor of rounding and reads its report.
+fn report(scene: &str, name: &str, words: &[&str]) -> serde_json::Value {
+    let out: PathBuf = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("prune_{name}"));
+    let folder = out.display().to_string();
+    let run = wfl(&[&["run", scene, "-q", "--out", &folder], words].concat());
+    assert!(run.status.success(), "{scene} {words:?}: {}", String::from_utf8_lossy(&run.stderr));
+    let text = std::fs::read_to_string(out.join("report.json")).expect("a report");
+    serde_json::from_str(&text).expect("a report is JSON")
+}
+
+/// Measures of every step. Those that are rounding themselves (1e-9 of the largest) are left out.
+fn measures(report: &serde_json::Value) -> Vec<f64> {
+    let steps = report["steps"].as_array().expect("steps");
+    let of = |s: &serde_json::Value| s["measures"].as_object().expect("measures").clone();
+    steps.iter().flat_map(|s| of(s).into_iter().map(|m| m.1.as_f64().expect("a number"))).collect()
+}
+
+fn moves_by_rounding(scene: &str, switch: &str, words: &[&str], within: f64) {
+    let name = format!("{}_{switch}", scene.replace(['/', '.'], "_"));
+    let with = report(scene, &name, words);
+    let without = report(scene, &(name + "_kept"), &[words, &["--no-prune", switch]].concat());
+    assert_ne!(with["solver"], without["solver"], "{scene}: the switch {switch} does nothing");
+    let (a, b) = (measures(&with), measures(&without));
+    assert_eq!(a.len(), b.len());
+    assert!(!a.is_empty());
+    let largest = a.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    for (x, y) in a.iter().zip(&b) {
+        assert!((x - y).abs() <= within * x.abs().max(1e-9 * largest), "{scene} without {switch}: {x} and {y}");
+    }
+}
+
+#[test]
+fn what_is_left_out_changes_the_result_by_rounding_only() {
+    // the fault's Newton iterations stop at 1e-10 of the forces; its measures agree to a thousand times that
+    moves_by_rounding("fault/penalty.wfl", "condense", &[], 1e-7);
+    moves_by_rounding("fault/penalty.wfl", "linear", &[], 1e-7);
+    moves_by_rounding("poisson/poisson.wfl", "linear", &[], 1e-10);
+    moves_by_rounding("poisson/poisson.wfl", "symmetric", &[], 1e-10);
+}
+
+#[test]
+fn check_lists_what_is_left_out_with_its_switch() {
+    let told = |scene: &str| String::from_utf8_lossy(&wfl(&["check", scene]).stdout).into_owned();
+    let linear = told("poisson/poisson.wfl");
+    for needed in ["all terms are linear", "--no-prune linear", "--no-prune symmetric", "third component"] {
+        assert!(linear.contains(needed), "{needed}: {linear}");
+    }
+    let contact = told("fault/nitsche.wfl");
+    for needed in ["linear terms in iterations", "--no-prune condense", "dofs have terms that are not linear"] {
+        assert!(contact.contains(needed), "{needed}: {contact}");
+    }
+    assert!(!contact.contains("--no-prune symmetric"), "Nitsche with friction is not symmetric: {contact}");
+    let wrong = wfl(&["run", "poisson/poisson.wfl", "--no-prune", "everything"]);
+    assert_eq!(wrong.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("linear, condense, symmetric"));
+}
