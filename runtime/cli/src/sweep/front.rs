@@ -10,6 +10,8 @@ pub(super) const WANTED: [(f64, &str); 4] = [(1e-1, "10 %"), (1e-2, "1 %"), (1e-
 const ROUNDING: f64 = 1e-11;
 /// The error of a reference says nothing about runs whose error is less than so many times as large.
 pub(super) const TRUSTED: f64 = 3.0;
+/// A reference with this error of its own knows nothing.
+const UNKNOWN: f64 = 0.5;
 /// A knob matters where its best value takes away at least this part of the error.
 const MATTERS: f64 = 0.1;
 
@@ -28,6 +30,14 @@ pub(super) fn quantities(rows: &[Row]) -> (Vec<String>, Vec<String>) {
     let all = columns(rows);
     let named = all.iter().filter_map(|c| c.strip_prefix("error ")).map(str::to_owned);
     named.partition(|name| !all.contains(&format!("measure {name}").as_str()))
+}
+
+/// True where the reference knows a quantity well enough to say anything: one that is zero but for rounding has no
+/// relative error.
+pub(super) fn is_known(rows: &[Row], quantity: &str) -> bool {
+    let column = format!("reference error {quantity}");
+    let largest = rows.iter().filter_map(|r| r.value(&column)).fold(0.0, f64::max);
+    largest < UNKNOWN
 }
 
 /// The runs that have an error of a quantity.

@@ -7,7 +7,7 @@ use std::path::Path;
 use wfl_charts::{Chart, Colour, Page, Scale, Section, Series, Table};
 
 use super::{
-    front::{Point, TRUSTED, WANTED, cheapest, front, method, points, quantities, source, words},
+    front::{Point, TRUSTED, WANTED, cheapest, front, is_known, method, points, quantities, source, words},
     table::{Row, TableError, write_file},
 };
 
@@ -88,10 +88,10 @@ fn page(rows: &[Row]) -> Page {
         plots = plots.chart(&chart);
     }
     page = page.section(plots);
-    let wanted = wanted(rows, fields.iter().chain(&measures));
+    let wanted = wanted(rows, fields.iter().chain(&measures).filter(|q| is_known(rows, q)));
     page = page.section(
         Section::new("Wanted error and cheapest setting")
-            .text("The fastest run of the table whose error is at most the wanted one.")
+            .text("The fastest run of the table whose error is at most the wanted one. Quantities that the reference itself does not know are left out here; they are in the plots.")
             .table(wanted),
     );
     for quantity in &fields {
@@ -203,7 +203,7 @@ fn seconds(row: &Row) -> String {
 pub(super) fn markdown(rows: &[Row]) -> String {
     let (fields, measures) = quantities(rows);
     let mut text = String::from("| quantity | wanted | cheapest setting | time [s] | error |\n|---|---|---|---|---|\n");
-    for quantity in fields.iter().chain(&measures) {
+    for quantity in fields.iter().chain(&measures).filter(|q| is_known(rows, q)) {
         let all = points(rows, quantity);
         for (error, word) in WANTED {
             if let Some(p) = cheapest(&all, error) {
