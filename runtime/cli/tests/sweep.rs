@@ -132,7 +132,7 @@ fn failures_and_numbers_that_are_none_stay_in_the_table() {
     let plot = wfl(&["--plot", &folder], &out);
     assert!(plot.status.success(), "{}", text(&plot.stderr));
     let page = std::fs::read_to_string(out.join("sweep.html")).expect("a page");
-    let failures = &page[page.find(">Failures<").expect("failures have a section")..];
+    let failures = &page[page.find(">Failures</h2>").expect("failures have a section")..];
     let failures = &failures[..failures.find("</section>").expect("its end")];
     for needed in ["nu=0.123456 deep=0", "not converged", "not finite", "not a finite number: depth", "E701"] {
         assert!(failures.contains(needed), "{needed}: {failures}");
