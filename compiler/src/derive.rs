@@ -52,6 +52,8 @@ impl Rules<'_, '_> {
         let result = self.rule(g, e);
         g.set_origin(before);
         let result = result?.filter(|d| !g.is_zero(*d));
+        #[cfg(test)]
+        let result = mutants::applied(g, e, result);
         self.memo.insert(e, result);
         Ok(result)
     }
@@ -458,3 +460,6 @@ pub(crate) fn function2_derivative(
         }
     }
 }
+
+#[cfg(test)]
+pub(crate) mod mutants;

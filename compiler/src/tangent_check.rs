@@ -533,3 +533,6 @@ fn narrow_index(k: usize) -> u16 {
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(test)]
+mod mutants;

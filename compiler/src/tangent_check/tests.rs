@@ -17,7 +17,7 @@ const NEO_HOOKE: &str =
     "0.5*3*(Norm_sqr(Id(2) + Grad_u) - 2) - 3*log(Det(Id(2) + Grad_u)) + 4*sqr(log(Det(Id(2) + Grad_u)))";
 
 /// A law on the faces or cells of a plane body with an unknown `u` and a given gap `g`.
-fn law(text: &str, energy: bool) -> TermLaw {
+pub(super) fn law(text: &str, energy: bool) -> TermLaw {
     let sig = |name: &str, shape, kind| FieldSig { name: name.to_owned(), shape, degree: 1, kind, global: false };
     let fields = [sig("u", Shape::vector(2), FieldKind::Unknown), sig("g", Shape::SCALAR, FieldKind::Data)];
     let place = PlaceSig {
@@ -46,7 +46,7 @@ fn law(text: &str, energy: bool) -> TermLaw {
     compiled.value.unwrap()
 }
 
-fn check(law: &TermLaw, samples: usize) -> TangentCheck {
+pub(super) fn check(law: &TermLaw, samples: usize) -> TangentCheck {
     let sampling = TangentSampling { samples, ..TangentSampling::default() };
     check_tangent(law, &sampling, &InterpreterBackend).unwrap().unwrap()
 }

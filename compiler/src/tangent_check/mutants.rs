@@ -1,0 +1,106 @@
+//! Every derivative rule with the wrong sign is noticed; `docs/mutations.md` lists by which expression.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::{fmt::Write as _, path::Path};
+
+use super::tests::{check, law};
+use crate::{
+    derive::mutants::with_wrong,
+    math::{MathFn1, MathFn2},
+};
+
+/// Expressions, and whether they are energies (then their rules are used twice).
+const SAMPLES: &[(&str, bool)] = &[
+    ("u(1)+sqr(u(2))", false),
+    ("u(1)-sqr(u(2))", false),
+    ("-u(1)*u(2)", false),
+    ("(g*u).Normal+u(1)^2", false),
+    ("(u/(9+u(2))).Normal", false),
+    ("(u.*u).Normal", false),
+    ("(u./(9*Normal+[20,20])).Normal", false),
+    ("Trace(Grad_u)+u(1)", false),
+    ("(Grad_u'*u).Normal", false),
+    ("Reshape(Grad_u,4).[1;2;3;4]", false),
+    ("[u(2),u(1)].Normal", false),
+    ("sqrt(9+u(1))", false),
+    ("exp(u(1))", false),
+    ("log(9+u(1))", false),
+    ("log10(9+u(1))", false),
+    ("sin(u(1))", false),
+    ("cos(u(1))", false),
+    ("tan(u(1)/3)", false),
+    ("asin(u(1)/9)", false),
+    ("acos(u(1)/9)", false),
+    ("atan(u(1))", false),
+    ("sinh(u(1))", false),
+    ("cosh(u(1))", false),
+    ("tanh(u(1))", false),
+    ("asinh(u(1))", false),
+    ("acosh(4+sqr(u(1)))", false),
+    ("atanh(u(1)/9)", false),
+    ("erf(u(1))", false),
+    ("erfc(u(1))", false),
+    ("sinc(u(1))", false),
+    ("Derivative_sinc(u(1))", false),
+    ("Derivative_sinc(u(1))", true),
+    ("pow(9+u(1),u(2))", false),
+    ("atan2(u(1),9+u(2))", false),
+    ("pos_part(u(1))", false),
+    ("Norm(u)", false),
+    ("Normalized(u).Normal", false),
+    ("Ball_projection(u,0.3+sqr(u(2))).Normal", false),
+    ("Ball_projection(u,1).[1,2]", true),
+    ("Det(Id(2)+Grad_u)", false),
+    ("Inv(9*Id(2)+Grad_u):Grad_u", false),
+    ("Expm(Grad_u/9):Grad_u", false),
+    ("Logm(Id(2)+Grad_u/9):Grad_u", false),
+    ("Print(u(1))", false),
+];
+
+const HEAD: &str = "# Wrong derivative rules
+
+Made by `WFL_WRITE=1 cargo test -p wfl-compiler wrong_rule`; without the variable the test compares.
+
+One after the other each derivative rule of the compiler is given the wrong sign, the expressions that use it are
+compiled with it, and the tangent check (`wfl verify`) must see it. The operators of the language are made of these
+rules. `deviation` is the largest one of the tangent from the differences of the residual, over the largest entry;
+with the right rules it is below 1e-10. The expression shown is the one that deviates most.
+
+| rule | used by | noticed by | best seen in | deviation |
+|---|---|---|---|---|
+";
+
+/// Deviation of a sample with a rule wrong, and the rules it uses.
+fn deviation(sample: (&str, bool), rule: Option<&str>) -> (f64, BTreeSet<String>) {
+    let (text, energy) = sample;
+    let whole = if energy { text.to_owned() } else { format!("({text})*Test_u(1)") };
+    let (made, used) = with_wrong(rule, || law(&whole, energy));
+    (check(&made, 8).error(), used)
+}
+
+#[test]
+fn every_wrong_rule_is_noticed() {
+    let mut users: BTreeMap<String, Vec<(&str, bool)>> = BTreeMap::new();
+    for sample in SAMPLES {
+        let (right, used) = deviation(*sample, None);
+        assert!(right <= 1e-10, "{sample:?}: {right}");
+        used.into_iter().for_each(|rule| users.entry(rule).or_default().push(*sample));
+    }
+    let functions = MathFn1::ALL.iter().map(|f| f.name()).chain(MathFn2::ALL.iter().map(|f| f.name()));
+    let unused: Vec<&str> = functions.filter(|f| !users.contains_key(*f)).collect();
+    assert!(unused.is_empty(), "no sample uses {unused:?}");
+    assert!(users.len() >= 46, "{} rules: {:?}", users.len(), users.keys());
+    let mut page = HEAD.to_owned();
+    for (rule, samples) in &users {
+        let found: Vec<(f64, &str)> = samples.iter().map(|s| (deviation(*s, Some(rule)).0, s.0)).collect();
+        let caught = found.iter().filter(|f| f.0 > 1e-3).count();
+        let best = found.iter().max_by(|a, b| a.0.total_cmp(&b.0)).expect("a rule has users");
+        assert!(caught > 0, "{rule} with the wrong sign is not noticed by {samples:?}");
+        writeln!(page, "| {rule} | {} | {caught} | `{}` | {:.1e} |", found.len(), best.1, best.0).expect("text");
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/mutations.md");
+    if std::env::var_os("WFL_WRITE").is_some() {
+        std::fs::write(&path, &page).expect("the page can be written");
+    }
+    assert_eq!(std::fs::read_to_string(&path).expect("the page is in the repository"), page);
+}
