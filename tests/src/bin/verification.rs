@@ -1,9 +1,9 @@
 //! Runs the verification suite and writes `docs/verification.md`. Names after the command run only those
-//! identifiers and print their cases.
+//! identifiers; the rest of the page stays as it is.
 
 use std::{path::Path, process::ExitCode, time::Instant};
 
-use wfl_tests::verification::{benchmarks, page};
+use wfl_tests::verification::{benchmarks, page, updated};
 
 fn main() -> ExitCode {
     let wanted: Vec<String> = std::env::args().skip(1).collect();
@@ -24,15 +24,16 @@ fn main() -> ExitCode {
         }
         results.push((benchmark, cases));
     }
-    let text = page(&results);
-    if wanted.is_empty() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/verification.md");
-        if let Err(error) = std::fs::write(&path, text) {
-            eprintln!("{}: {error}", path.display());
-            return ExitCode::FAILURE;
-        }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/verification.md");
+    let text = if wanted.is_empty() {
+        page(&results)
     } else {
-        eprint!("{text}");
+        let order: Vec<&str> = benchmarks().iter().map(|b| b.id).collect();
+        updated(&std::fs::read_to_string(&path).unwrap_or_default(), &order, &results)
+    };
+    if let Err(error) = std::fs::write(&path, text) {
+        eprintln!("{}: {error}", path.display());
+        return ExitCode::FAILURE;
     }
     if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }

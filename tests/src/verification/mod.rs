@@ -20,7 +20,7 @@ mod tangents;
 mod two_block;
 
 pub use case::{Case, Number, Tolerance};
-pub use page::page;
+pub use page::{page, updated};
 
 /// A group of cases with one identifier, as in the table of `docs/verification.md`.
 pub struct Benchmark {

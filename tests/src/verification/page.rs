@@ -38,6 +38,26 @@ pub fn page(results: &[(Benchmark, Vec<Case>)]) -> String {
     text
 }
 
+/// The page with these results in the place of their identifiers; every other row and section stays as it is in `old`.
+#[must_use]
+pub fn updated(old: &str, order: &[&str], results: &[(Benchmark, Vec<Case>)]) -> String {
+    let fresh = page(results);
+    let mut text = String::from(HEAD);
+    text.push_str("\n| id | what | origin | numbers | result |\n|---|---|---|---|---|\n");
+    let made = |id: &str| results.iter().any(|(b, _)| b.id == id);
+    let source = |id: &str| if made(id) { fresh.as_str() } else { old };
+    for id in order {
+        let start = format!("| {id} | ");
+        source(id).lines().filter(|l| l.starts_with(&start)).take(1).for_each(|l| line(&mut text, l));
+    }
+    for id in order {
+        let start = format!("{id}: ");
+        let section = source(id).split("\n## ").find(|s| s.starts_with(&start));
+        section.iter().for_each(|s| line(&mut text, &format!("\n## {}", s.trim_end())));
+    }
+    text
+}
+
 fn verdict(benchmark: &Benchmark, holds: bool) -> &'static str {
     match (holds, benchmark.open) {
         (true, _) => "pass",
