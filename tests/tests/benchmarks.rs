@@ -124,3 +124,13 @@ fn every_displacement_agrees_with_the_original_program() {
 fn a_press_fit_is_a_negative_gap() {
     assert_holds("B18");
 }
+
+#[test]
+fn a_closed_crack_slips_as_the_closed_form_says() {
+    assert_holds("B7");
+}
+
+#[test]
+fn a_pressurised_crack_opens_as_the_closed_form_says() {
+    assert_holds("B8");
+}

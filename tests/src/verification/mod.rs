@@ -8,6 +8,7 @@ mod case;
 mod common;
 mod convergence;
 mod cook;
+mod crack;
 mod equilibrium;
 mod extremes;
 mod fault;
@@ -45,6 +46,7 @@ pub fn benchmarks() -> Vec<Benchmark> {
         two_block::BENCHMARKS,
         fault::BENCHMARKS,
         equilibrium::BENCHMARKS,
+        crack::BENCHMARKS,
         extremes::BENCHMARKS,
         robust::BENCHMARKS,
         signorini::BENCHMARKS,
