@@ -2,7 +2,7 @@
 //!
 //! Cells and nodes are counted from 0, as everywhere in the program.
 
-use super::{CellId, CellKind};
+use super::{CellId, CellKind, NodeId};
 
 /// A mesh that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
