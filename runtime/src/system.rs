@@ -486,6 +486,10 @@ impl System {
             Ok(())
         });
         self.changing = changing;
+        if result.is_err() {
+            // what was added before the error is no tangent, and no measure of rounding either
+            self.changing.values_mut().fill(0.0);
+        }
         result
     }
 

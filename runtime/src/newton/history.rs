@@ -53,6 +53,8 @@ pub struct StepHistory {
     pub stop: Option<Stop>,
     /// Where the time went.
     pub seconds: Seconds,
+    /// The equations are singular where all unknowns are zero, so the step began from a state displaced a little.
+    pub displaced: bool,
 }
 
 /// Seconds spent in the parts of an iteration.

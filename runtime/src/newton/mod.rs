@@ -7,6 +7,7 @@
 mod history;
 mod ladder;
 mod pieces;
+mod start;
 
 use std::time::Instant;
 
@@ -67,6 +68,13 @@ pub enum NewtonError {
     Solve(#[from] SolveError),
 }
 
+impl NewtonError {
+    /// True if another state need not have this problem.
+    fn is_of_the_state(&self) -> bool {
+        matches!(self, Self::Term(_) | Self::Solve(SolveError::Singular { .. }))
+    }
+}
+
 /// A number that is not finite is one kind of error, wherever it was met.
 impl From<SystemError> for NewtonError {
     fn from(error: SystemError) -> Self {
@@ -105,7 +113,8 @@ struct Measured {
 /// Solves one step from `u`, which holds the prescribed values already; leaves the best state in `u`.
 ///
 /// Scenes with contact first run with held pieces (module `pieces`); if that does not settle, plain Newton steps with a
-/// line search on the residual follow.
+/// line search on the residual follow. A smooth scene on cells that is singular at rest (all zero) is started from a
+/// displaced state, which the history tells.
 ///
 /// # Errors
 /// [`NewtonError`]; a step that does not converge is no error but is marked in the history.
@@ -116,7 +125,18 @@ pub fn solve_step(
     options: NewtonOptions,
     watch: &mut dyn Watch,
 ) -> Result<StepHistory, NewtonError> {
-    let result = iterate(system, strategy, u, options, watch);
+    let degenerate = start::may_be_degenerate(system, u);
+    let rest = u.to_vec();
+    let mut result = iterate(system, strategy, u, options, watch);
+    if degenerate && result.as_ref().is_err_and(NewtonError::is_of_the_state) {
+        u.copy_from_slice(&rest);
+        if start::displace(system, u)
+            && let Ok(mut history) = iterate(system, strategy, u, options, watch)
+        {
+            history.displaced = true;
+            result = Ok(history);
+        }
+    }
     system.settle(result.as_ref().is_ok_and(StepHistory::converged));
     result
 }
@@ -210,7 +230,8 @@ fn stopped(here: &Measured, options: NewtonOptions) -> Option<Stop> {
     if here.relative <= options.tolerance {
         return Some(Stop::Tolerance);
     }
-    (here.relative <= here.floor).then_some(Stop::Floor)
+    // not finite, the floor says that nothing is known, not that nothing is left to do
+    (here.floor.is_finite() && here.relative <= here.floor).then_some(Stop::Floor)
 }
 
 /// A direction and how far it is followed.
