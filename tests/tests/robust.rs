@@ -86,3 +86,52 @@ fn rates_see_the_increments_of_the_parts() {
     assert!(attempts.len() > 2);
     assert!((cut.measure(1, "reached") - d).abs() < 1e-9, "{} against {d}", cut.measure(1, "reached"));
 }
+
+/// -div(|grad u|^2 grad u) = 1 has no tangent at u = 0. On a segment of length 1 fixed at both ends the flux is 1/2 - x,
+/// so linear elements have the slope (1/2 - x)^(1/3) of their middles; the largest point is that of the 32nd element.
+#[test]
+fn a_scene_that_is_singular_at_rest_starts_elsewhere_and_says_so() {
+    let text = "mesh box [0] to [1] cells [64] segment\nunknown u : scalar P1\n\
+                term law on all : Norm_sqr(Grad_u)*(Grad_u.Grad_Test_u) - Test_u\nfix u = 0 on boundary\n\
+                measure middle = max(u) on all\n";
+    let solved = solve(&examples(), text.to_owned(), &[], &[]).expect("the scene is right");
+    assert!(solved.outcome.converged());
+    let rise = |e: u32| (0.5 - (f64::from(e) + 0.5) / 64.0).cbrt() / 64.0;
+    let exact = (0..31).map(rise).sum::<f64>() + 0.5 * rise(31);
+    assert!((solved.measure(0, "middle") / exact - 1.0).abs() < 1e-9, "{} {exact}", solved.measure(0, "middle"));
+    assert!(solved.outcome.warnings.iter().any(|(code, _)| *code == "W607"), "{:?}", solved.outcome.warnings);
+}
+
+/// A failed attempt to assemble a tangent (an infinite slope at rest) must not be taken for a measure of rounding.
+#[test]
+fn an_infinite_slope_at_rest_is_not_taken_for_convergence() {
+    let text = "mesh box [0,0] to [1,1] cells [2,2] tri\nunknown u : scalar P1\n\
+                term law on all : (sqrt(u) + u - 0.5)*Test_u + 0.1*Grad_u.Grad_Test_u\n\
+                measure largest = max(u) on all\n";
+    let solved = solve(&examples(), text.to_owned(), &[], &[]).expect("the scene is right");
+    assert!(solved.outcome.converged());
+    // sqrt(u) + u = 1/2
+    let exact = ((3f64.sqrt() - 1.0) / 2.0).powi(2);
+    assert!((solved.measure(0, "largest") - exact).abs() < 1e-12, "{}", solved.measure(0, "largest"));
+}
+
+/// A block on rigid ground that only friction holds, pushed to 11/12 of the limit of sliding: nearly all of the ground
+/// slips, and iterates in which all of it does have no tangent. Forces by equilibrium.
+#[test]
+fn a_body_that_friction_alone_holds_converges_close_to_sliding() {
+    let text = "param gamma = 3.2e5\nparam fric = 0.4\nmesh box [0,0] to [2,1] cells [32,16] tri\n\
+         region ground = faces where y == 0\nregion top = faces where y == 1\nregion back = faces where x == 0\n\
+         unknown u : vector P1\ndef sigma(v) = 1153.8*Div_v*Id(2) + 1538.5*Sym(Grad_v)\n\
+         def tang(w) = w - (w.Normal)*Normal\ndef trac(v) = sigma(v)*Normal\n\
+         def Pn = gamma*(u.Normal) - trac(u).Normal\ndef Pt = gamma*tang(u) - tang(trac(u))\n\
+         def force = pos_part(Pn)*Normal + Ball_projection(Pt, fric*pos_part(Pn))\n\
+         term elastic on all : sigma(u):Grad_Test_u\nterm contact on ground : force.Test_u\n\
+         load u = [8,-30] on top\nload u = [6,0] on back\n\
+         measure Fn = integral(pos_part(Pn)) on ground\nmeasure Ft = integral(tang(force).[1,0]) on ground\n";
+    for gamma in [3.2e5, 3.2e8] {
+        let solved = solve(&examples(), text.to_owned(), &[], &[("gamma", gamma)]).expect("the scene is right");
+        assert!(solved.outcome.converged(), "gamma = {gamma}");
+        assert!((solved.measure(0, "Fn") / 60.0 - 1.0).abs() < 1e-8, "gamma = {gamma}");
+        assert!((solved.measure(0, "Ft") / 22.0 - 1.0).abs() < 1e-8, "gamma = {gamma}");
+    }
+}

@@ -261,6 +261,7 @@ fn step(w: &mut Writer, s: &StepResult) {
         Some(Stop::Floor) => 2,
         Some(Stop::MaxIterations) => 3,
     });
+    w.flag(h.displaced);
     w.count(s.attempts.len());
     s.attempts.iter().for_each(|a| attempt(w, a));
     w.count(usize::from(s.accuracy.is_some()));
@@ -302,7 +303,7 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         3 => Some(Stop::MaxIterations),
         _ => return Err(Unreadable),
     };
-    let history = StepHistory { iterations, solves, stop, ..StepHistory::default() };
+    let history = StepHistory { iterations, solves, stop, displaced: r.flag()?, ..StepHistory::default() };
     let attempts = r.list(read_attempt)?;
     let accuracy = r.list(|r| {
         let [error] = *r.numbers()?.as_slice() else { return Err(Unreadable) };

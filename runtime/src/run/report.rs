@@ -108,6 +108,15 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
             ),
         ));
     }
+    if let Some(step) = steps.iter().find(|s| s.history.displaced) {
+        out.push((
+            "W607",
+            format!(
+                "at t = {} the equations are singular where all unknowns are zero: started from a displaced state",
+                step.time
+            ),
+        ));
+    }
     for check in worst_checks(steps).into_iter().filter(|c| !c.holds()) {
         out.push((
             "W606",

@@ -335,6 +335,15 @@ pub(super) const PAGES: &[CodePage] = &[
         "param gamma = 1e6",
     ),
     page(
+        "W607",
+        "a start at which the equations are singular",
+        "The tangent has no inverse, or is not finite, where all unknowns are zero, as that of a p-Laplacian is. The step \
+         began from a linear field of small slope instead. If there are several solutions, `start` decides which is \
+         found.",
+        "term law on all : Norm_sqr(Grad_u)*(Grad_u.Grad_Test_u) - Test_u",
+        "term law on all : Norm_sqr(Grad_u)*(Grad_u.Grad_Test_u) - Test_u\nstart u = 0.1*x*(1 - x)",
+    ),
+    page(
         "W702",
         "declared but not needed",
         "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \
