@@ -20,7 +20,7 @@ use wfl::{
 use crate::{
     graph::{Arity, ExprId, Graph},
     ir::Origin,
-    types::{FieldSig, PlaceSig, Shape},
+    types::{FieldSig, MappingSig, PlaceSig, Shape},
 };
 
 /// A named constant tensor.
@@ -41,6 +41,8 @@ pub struct Env<'a> {
     pub dim: usize,
     /// Fields, by [`crate::types::FieldId`].
     pub fields: &'a [FieldSig],
+    /// Mappings to other points.
+    pub mappings: &'a [MappingSig],
     /// Parameters by name.
     pub params: &'a BTreeMap<String, Constant>,
     /// Macro uses, so that messages can show them.
@@ -61,6 +63,8 @@ pub struct Builder<'a> {
     pub diagnostics: Vec<Diagnostic>,
     /// Conditions compare coordinates within `equal_within`.
     pub(crate) loose_equality: bool,
+    /// The other place that `Interpolate` has reached: the neighbour (`None`) or a mapping.
+    pub(crate) reached: Option<Option<usize>>,
     /// Role of plain field names: `Current`, except below `Previous`.
     pub(crate) order2: bool,
 }
@@ -82,6 +86,7 @@ impl<'a> Builder<'a> {
             graph: Graph::new(env.dim, env.fields),
             diagnostics: Vec::new(),
             loose_equality: false,
+            reached: None,
             order2: false,
         }
     }

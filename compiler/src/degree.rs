@@ -96,7 +96,7 @@ fn leaf_degree(leaf: Leaf, fields: &[FieldSig], tensor_cells: bool) -> Degree {
                 FieldOp::Hess => k.saturating_sub(2),
             }
         }
-        Leaf::X => 1,
+        Leaf::X | Leaf::ImageX => 1,
         _ => 0,
     };
     Degree { polynomial, kinked: false }

@@ -263,6 +263,7 @@ impl Printer<'_> {
                 on(format!("{prefix}{role}{}", self.fields[field.index()].name), side)
             }
             Leaf::X => "X".to_owned(),
+            Leaf::ImageX => on("X".to_owned(), Side::There),
             Leaf::Normal(side) => on("Normal".to_owned(), side),
             Leaf::ElementSize(side) => on("element_size".to_owned(), side),
             Leaf::ElementK(side) => on("element_K".to_owned(), side),

@@ -47,6 +47,8 @@ pub enum Leaf {
     },
     /// The position.
     X,
+    /// The position of the image under the mapping of the graph.
+    ImageX,
     /// The outward unit normal of a side.
     Normal(Side),
     /// The cell's size.
@@ -190,6 +192,8 @@ pub struct Graph {
     origin: Option<Origin>,
     /// The space dimension.
     pub dim: usize,
+    /// What the side `There` is: the image under this mapping, or the neighbour.
+    pub mapping: Option<usize>,
     /// Ties of kinked functions are decided as GetFEM does (`TermSource::GetFem`).
     pub(crate) getfem_ties: bool,
     /// Whether each field is solved for.
@@ -208,6 +212,7 @@ impl Graph {
             index: HashMap::new(),
             origin: None,
             dim,
+            mapping: None,
             getfem_ties: false,
             unknown: fields.iter().map(FieldSig::is_unknown).collect(),
             shapes: fields.iter().map(|f| f.shape).collect(),
@@ -354,7 +359,7 @@ impl Graph {
                 }
                 shape
             }
-            Leaf::X | Leaf::Normal(_) => Shape::vector(n),
+            Leaf::X | Leaf::ImageX | Leaf::Normal(_) => Shape::vector(n),
             Leaf::ElementK(_) | Leaf::ElementB(_) => Shape::matrix(n, n),
             Leaf::ElementSize(_) | Leaf::Time | Leaf::TimeStep => Shape::SCALAR,
         }

@@ -263,6 +263,7 @@ impl<'g> Lowering<'g> {
                     }
                 }
                 Leaf::X => self.input(InputSlot::X(small(k))),
+                Leaf::ImageX => self.input(InputSlot::ImageX(small(k))),
                 Leaf::Normal(side) => self.input(InputSlot::Normal(side, small(k))),
                 Leaf::ElementSize(side) => self.input(InputSlot::ElementSize(side)),
                 Leaf::ElementK(side) => self.input(InputSlot::ElementK(side, small(k))),

@@ -286,7 +286,7 @@ impl<'l> Checker<'l> {
         let mut inputs: Vec<f64> = Vec::with_capacity(self.law.inputs.len());
         for slot in &self.law.inputs {
             inputs.push(match slot {
-                InputSlot::X(k) => {
+                InputSlot::X(k) | InputSlot::ImageX(k) => {
                     let k = usize::from(*k);
                     sampling.low[k] + (sampling.high[k] - sampling.low[k]) * random.unit()
                 }

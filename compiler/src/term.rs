@@ -143,6 +143,8 @@ pub struct ValueLaw {
     pub degree: Degree,
     /// It changes with the step variable or the past.
     pub changes_with_step: bool,
+    /// The mapping it reads through.
+    pub mapping: Option<usize>,
 }
 
 /// What is compiled.
@@ -547,7 +549,15 @@ pub(crate) fn value_of(env: &Env<'_>, place: &PlaceSig, name: &str, g: Graph, ro
     kernel.n_uniforms = emitter.order.len();
     let prologue = emitter.prologue(slots, name);
     let degree = degree(&g, root, env.fields, place.tensor_cells);
-    ValueLaw { shape: g.shape(root), inputs, prologue, kernel: accepted(kernel), degree, changes_with_step }
+    ValueLaw {
+        shape: g.shape(root),
+        inputs,
+        prologue,
+        kernel: accepted(kernel),
+        degree,
+        changes_with_step,
+        mapping: g.mapping,
+    }
 }
 
 /// The uniforms of a law for these values of its prologue's slots.

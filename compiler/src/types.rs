@@ -246,6 +246,19 @@ pub struct PlaceSig {
     pub here_name: Option<String>,
 }
 
+/// A mapping as the compiler knows it: to each point of a place another point, where fields can be read.
+#[derive(Clone, Debug)]
+pub struct MappingSig {
+    /// Its name in the scene.
+    pub name: String,
+    /// One entry per field: it lives at the images.
+    pub there: Vec<bool>,
+    /// The images lie on faces, which have normals.
+    pub has_normal: bool,
+    /// What it is in words, for messages.
+    pub description: String,
+}
+
 /// One number that a point law reads, or whose test or trial function it multiplies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BasisSlot {
@@ -268,6 +281,8 @@ pub enum InputSlot {
     Previous(BasisSlot),
     /// A coordinate of the point.
     X(u8),
+    /// A coordinate of its image under the mapping of the law.
+    ImageX(u8),
     /// A component of the outward unit normal of a side.
     Normal(Side, u8),
     /// The size of the cell: smallest singular value of the gradient of the map (largest over its nodes) times the root

@@ -96,6 +96,12 @@ impl Field {
         self.n_nodes() * self.n_components
     }
 
+    /// True if it lives at integration points.
+    #[must_use]
+    pub fn is_at_points(&self) -> bool {
+        matches!(self.space, FieldSpace::Points(_))
+    }
+
     /// Position of a node; the origin for a global field.
     #[must_use]
     pub fn node_position(&self, node: usize) -> [f64; 3] {

@@ -9,10 +9,12 @@ pub mod corpus;
 pub mod csr;
 pub mod element;
 pub mod field;
+pub mod frames;
 pub mod mesh;
 pub mod newton;
 pub mod output;
 pub mod point_space;
+pub mod point_values;
 mod pruning;
 pub mod quadrature;
 pub mod results;
@@ -30,9 +32,9 @@ pub use run::{
     RunError, RunOptions, StepResult, coercivity, run, text_hash,
 };
 pub use scene::{
-    CsvOutput, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions, RuleChoice, SampleAt,
-    Samples, Scene, Steps, TermSummary, VtkOutput, prepare,
+    CsvOutput, Given, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions, RuleChoice, SampleAt,
+    Samples, Scene, StateUpdate, Steps, TermSummary, VtkOutput, prepare,
 };
 pub use strategy::{SolverMemory, Strategy};
-pub use system::{FIXED, Known, Memory, Numbering, System, SystemError};
+pub use system::{FIXED, Known, Memory, Numbering, Past, System, SystemError};
 pub use value::{Sampled, Value, uniforms_at};

@@ -18,8 +18,9 @@ type Entity = (CellId, Option<u8>);
 /// The integration points of a domain as nodes.
 #[derive(Clone, Debug, Default)]
 pub struct PointSpace {
-    /// Rule and first node of each entity.
-    entities: BTreeMap<Entity, (usize, u32)>,
+    /// Rules and first nodes of each entity: one of each, or one for each part of an entity whose points have images in
+    /// different cells.
+    entities: BTreeMap<Entity, Vec<(usize, u32)>>,
     /// Points of each rule, in the parameters of the entity.
     rules: Vec<Vec<[f64; 3]>>,
     coordinates: Vec<[f64; 3]>,
@@ -35,7 +36,7 @@ impl PointSpace {
             space.rules.push(group.parameters.clone());
             for k in 0..group.entities.len() {
                 let first = u32::try_from(space.coordinates.len()).expect("fewer than 2^32 integration points");
-                space.entities.insert(entity(group, k), (rule, first));
+                space.entities.entry(entity(group, k)).or_default().push((rule, first));
                 for q in 0..group.n_points() {
                     space.coordinates.push(mesh.point_at(group.here.cells[k], &group.here.geometry, q));
                 }
@@ -56,6 +57,12 @@ impl PointSpace {
         self.entities.contains_key(&(cell, None))
     }
 
+    /// The cells with nodes, sorted; none for a space on facets.
+    #[must_use]
+    pub fn cells(&self) -> Vec<CellId> {
+        self.entities.keys().filter(|(_, facet)| facet.is_none()).map(|(cell, _)| *cell).collect()
+    }
+
     /// True if there are nodes on this facet, seen from its cell.
     #[must_use]
     pub fn has_facet(&self, facet: FacetRef) -> bool {
@@ -67,20 +74,20 @@ impl PointSpace {
         let n = group.n_points();
         let mut nodes = Vec::with_capacity(group.entities.len() * n);
         for k in 0..group.entities.len() {
-            let (rule, first) = *self.entities.get(&entity(group, k))?;
-            if self.rules[rule] != group.parameters {
-                return None;
+            for parameter in &group.parameters {
+                nodes.push(self.node_at(entity(group, k), parameter)?);
             }
-            nodes.extend((0..u32::try_from(n).ok()?).map(|q| first + q));
         }
         let values = (0..n * n).map(|p| if p % (n + 1) == 0 { 1.0 } else { 0.0 }).collect();
         Some((Table { n_points: n, n_dofs: n, dim, values, ..Table::default() }, nodes))
     }
 
-    /// The node of point `q` of entity `k` of a group of the domain this space was made on.
-    #[must_use]
-    pub fn node(&self, group: &Group, k: usize, q: usize) -> Option<usize> {
-        self.entities.get(&entity(group, k)).map(|(_, first)| *first as usize + q)
+    /// The node at a point of an entity, which must be the very point of its rule.
+    fn node_at(&self, entity: Entity, parameter: &[f64; 3]) -> Option<u32> {
+        self.entities.get(&entity)?.iter().find_map(|(rule, first)| {
+            let place = self.rules[*rule].iter().position(|p| p == parameter)?;
+            Some(first + u32::try_from(place).ok()?)
+        })
     }
 }
 

@@ -7,8 +7,10 @@
 
 mod split;
 
+use std::collections::BTreeSet;
+
 use crate::element::{DofEntity, Element, ElementError, Family};
-use crate::mesh::{CellId, CellKind, EdgeTable, FacetRef, Mesh, NodeId, Topology};
+use crate::mesh::{CellId, CellKind, EdgeTable, FacetId, FacetRef, Mesh, NodeId, Topology};
 
 /// No node here.
 const NONE: u32 = u32::MAX;
@@ -43,6 +45,7 @@ pub struct Space {
     copies: Vec<(u32, u32)>,
     /// The faces it was torn along.
     torn: Vec<FacetRef>,
+    torn_ids: BTreeSet<FacetId>,
 }
 
 /// First node of each mesh entity, `NONE` where there is none.
@@ -141,6 +144,7 @@ impl Space {
             numbering: Numbering::default(),
             copies: Vec::new(),
             torn: Vec::new(),
+            torn_ids: BTreeSet::new(),
         })
     }
 
@@ -288,19 +292,17 @@ impl Space {
         &self.coordinates
     }
 
-    /// Sorted nodes in the closure of `facets`. Continuous spaces are matched by mesh entities
-    /// (vertices, edges, facets), so either side of a facet meets the field that lives there.
-    /// A discontinuous space on cells gives the nodes at the facet of its own cell, a discontinuous
-    /// space on facets all nodes of the facet, whichever side is named.
+    /// Sorted nodes in the closure of `facets`. A space on cells gives the nodes of the cell whose facet is named, or, where
+    /// that is not its own, of the cell beyond: a facet that only touches its cells at an edge has none. A continuous
+    /// space on facets is matched by mesh entities (vertices, edges, facets), also where only the rim touches; a
+    /// discontinuous one gives all nodes of the facet, whichever side is named.
     #[must_use]
     pub fn nodes_on_facets(&self, mesh: &Mesh, topology: &Topology, facets: &[FacetRef]) -> Vec<u32> {
         let mut found = Vec::new();
         for facet in facets {
-            match self.family {
-                // of a torn space each facet has the nodes of its own side
-                _ if self.is_split() => self.own_nodes(topology, *facet, &mut found),
-                Family::Discontinuous => self.own_nodes(topology, *facet, &mut found),
-                Family::Continuous => self.shared_nodes(mesh, topology, *facet, &mut found),
+            match (&self.support, self.family) {
+                (Support::Facets(_), Family::Continuous) => self.shared_nodes(mesh, topology, *facet, &mut found),
+                _ => self.own_nodes(topology, *facet, &mut found),
             }
         }
         found.sort_unstable();
@@ -309,13 +311,15 @@ impl Space {
     }
 
     fn own_nodes(&self, topology: &Topology, facet: FacetRef, found: &mut Vec<u32>) {
-        if let Some(position) = self.position_of_cell(facet.cell) {
-            let closure = self.element_at(position).facet_closure(facet.local as usize);
-            let nodes = self.entity_nodes(position);
-            found.extend(closure.iter().map(|dof| nodes[*dof]));
-            return;
-        }
         let sides = [Some(facet), topology.opposite(facet)];
+        for side in sides.into_iter().flatten() {
+            if let Some(position) = self.position_of_cell(side.cell) {
+                let closure = self.element_at(position).facet_closure(usize::from(side.local));
+                let nodes = self.entity_nodes(position);
+                found.extend(closure.iter().map(|dof| nodes[*dof]));
+                return;
+            }
+        }
         for position in sides.into_iter().flatten().filter_map(|f| self.position_of_facet(f)) {
             found.extend_from_slice(self.entity_nodes(position));
         }

@@ -24,6 +24,7 @@ use crate::{
     assemble::{AssembledTerm, FieldValues, TermError},
     csr::{Csr, CsrError, Pattern, PatternBuilder, SubmatrixMap},
     field::Field,
+    frames::Frames,
     mesh::Mesh,
     newton::TermPieces,
     pruning::{Pruning, forget_linear},
@@ -32,10 +33,29 @@ use crate::{
 /// Values that do not follow from the unknowns: known fields, and the past where a scene uses it.
 #[derive(Clone, Debug, Default)]
 pub struct Known {
-    /// Nodal values of data fields by field; empty for unknowns.
+    /// Values of data, states and fields without terms, by field; empty for fields that are solved for.
     pub data: Vec<Vec<f64>>,
-    /// All unknowns at the end of the previous step; `None` unless a term reads the past.
-    pub previous: Option<Vec<f64>>,
+    /// The end of the previous step; `None` unless something reads it.
+    pub previous: Option<Past>,
+}
+
+/// The end of the previous step.
+#[derive(Clone, Debug, Default)]
+pub struct Past {
+    /// All unknowns.
+    pub unknowns: Vec<f64>,
+    /// As [`Known::data`], then.
+    pub data: Vec<Vec<f64>>,
+}
+
+impl Known {
+    /// What is known now, and the unknowns `u`, become the end of the previous step.
+    pub fn keep(&mut self, u: &[f64]) {
+        if let Some(past) = &mut self.previous {
+            past.unknowns.copy_from_slice(u);
+            past.data.clone_from(&self.data);
+        }
+    }
 }
 
 /// What evaluation borrows of a system.
@@ -44,6 +64,32 @@ struct Parts<'a> {
     fields: &'a [Field],
     terms: &'a mut [AssembledTerm],
     pieces: &'a mut [TermPieces],
+}
+
+/// The matrix of the changing terms in the axes of the scene, over the free dofs and all dofs of turned nodes.
+struct Unturned {
+    matrix: Csr,
+    /// By dof its row, or [`FIXED`].
+    rows: Vec<u32>,
+    map: SubmatrixMap,
+}
+
+impl Unturned {
+    fn new<'t>(terms: impl Iterator<Item = &'t AssembledTerm>, numbering: &Numbering) -> Result<Self, CsrError> {
+        let (mut rows, mut kept, mut n) = (vec![FIXED; numbering.n_dofs], Vec::new(), 0);
+        for (dof, row) in rows.iter_mut().enumerate() {
+            if numbering.free[dof] != FIXED || numbering.frames.of(dof).is_some() {
+                if numbering.free[dof] != FIXED {
+                    kept.push(n);
+                }
+                *row = n;
+                n += 1;
+            }
+        }
+        let matrix = pattern(terms, n as usize, &numbering.frames, |d| rows[d as usize])?;
+        let map = SubmatrixMap::new(matrix.pattern(), &kept, &kept)?;
+        Ok(Self { matrix, rows, map })
+    }
 }
 
 /// The assembled problem.
@@ -66,6 +112,8 @@ pub struct System {
     linear: Option<Csr>,
     bulk: Csr,
     changing: Csr,
+    /// Where the changing terms are summed before they are turned; `None` without frames.
+    unturned: Option<Unturned>,
     constant: Vec<f64>,
     /// By dof: a constant residual on top of that of the scene, of which only the rest is to be balanced; or empty.
     shift: Vec<f64>,
@@ -90,18 +138,13 @@ impl System {
         mesh: Mesh,
         fields: Vec<Field>,
         numbering: Numbering,
-        mut terms: Vec<AssembledTerm>,
+        terms: Vec<AssembledTerm>,
         known: Known,
     ) -> Result<Self, CsrError> {
         let n_free = numbering.n_free();
-        let nonlinear = terms.iter().filter(|t| t.law.class >= Class::Nonlinear);
-        let changing = pattern(nonlinear, n_free, |d| numbering.free[d as usize])?;
-        for term in terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear) {
-            term.locate(changing.pattern(), &numbering.free);
-        }
         let constant = vec![0.0; numbering.n_dofs];
         let meets = meeting_fields(&fields, &terms);
-        Ok(Self {
+        let mut this = Self {
             mesh,
             fields,
             numbering,
@@ -112,7 +155,8 @@ impl System {
             settled: false,
             linear: None,
             bulk: nothing(n_free),
-            changing,
+            changing: nothing(n_free),
+            unturned: None,
             constant,
             shift: Vec::new(),
             smooth: Vec::new(),
@@ -120,7 +164,32 @@ impl System {
             force: Vec::new(),
             meets,
             kept: Vec::new(),
-        })
+        };
+        this.locate()?;
+        Ok(this)
+    }
+
+    /// Finds where the changing terms stand in their matrix.
+    fn locate(&mut self) -> Result<(), CsrError> {
+        let numbering = &self.numbering;
+        let nonlinear = self.terms.iter().filter(|t| t.law.class >= Class::Nonlinear);
+        let all = nonlinear.chain(self.pieces.iter().map(|p| &p.held));
+        if numbering.frames.is_empty() {
+            self.changing = pattern(all, numbering.n_free(), &numbering.frames, |d| numbering.free[d as usize])?;
+            let held = self.pieces.iter_mut().map(|p| &mut p.held);
+            for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(held) {
+                term.locate(self.changing.pattern(), &numbering.free);
+            }
+            return Ok(());
+        }
+        let unturned = Unturned::new(all, numbering)?;
+        self.changing = Csr::zeros(unturned.map.pattern().clone());
+        let held = self.pieces.iter_mut().map(|p| &mut p.held);
+        for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(held) {
+            term.locate(unturned.matrix.pattern(), &unturned.rows);
+        }
+        self.unturned = Some(unturned);
+        Ok(())
     }
 
     /// Gives terms their held forms; their guides are fields numbered behind those of the scene.
@@ -130,15 +199,7 @@ impl System {
     pub fn hold(&mut self, pieces: Vec<TermPieces>) -> Result<(), CsrError> {
         self.guides = pieces.iter().map(TermPieces::no_guides).collect();
         self.pieces = pieces;
-        let numbering = &self.numbering;
-        let kinked = self.terms.iter().filter(|t| t.law.class >= Class::Nonlinear);
-        let all = || kinked.clone().chain(self.pieces.iter().map(|p| &p.held));
-        self.changing = pattern(all(), numbering.n_free(), |d| numbering.free[d as usize])?;
-        let held = self.pieces.iter_mut().map(|p| &mut p.held);
-        for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(held) {
-            term.locate(self.changing.pattern(), &numbering.free);
-        }
-        Ok(())
+        self.locate()
     }
 
     /// True if some term has projections whose pieces can be held.
@@ -294,7 +355,8 @@ impl System {
         dofs
     }
 
-    /// Adds a constant residual by dof, in the unit of the residual, to that of the scene; an empty list takes it away.
+    /// Adds a constant residual by dof, in the axes of the scene and the unit of the residual, to that of the scene; an
+    /// empty list takes it away.
     pub fn set_shift(&mut self, shift: Vec<f64>) {
         self.shift = shift;
     }
@@ -324,7 +386,8 @@ impl System {
         self.constant = constant;
         if stale {
             let n = self.numbering.n_dofs;
-            let mut linear = pattern(self.terms.iter().filter(|t| t.law.class == Class::Linear), n, |d| d)?;
+            let frames = &self.numbering.frames;
+            let mut linear = pattern(self.terms.iter().filter(|t| t.law.class == Class::Linear), n, frames, |d| d)?;
             let every_dof: Vec<u32> = (0..u32::try_from(n).expect("fewer than 2^32 dofs")).collect();
             self.with_values(&zero, |Parts { mesh, terms, .. }, values| {
                 for term in terms.iter_mut().filter(|t| t.law.class == Class::Linear) {
@@ -334,8 +397,15 @@ impl System {
                 }
                 Ok(())
             })?;
-            let free = &self.numbering.free_dofs;
-            self.bulk = SubmatrixMap::new(linear.pattern(), free, free)?.extract(&linear);
+            let (free, frames) = (&self.numbering.free_dofs, &self.numbering.frames);
+            let map = SubmatrixMap::new(linear.pattern(), free, free)?;
+            self.bulk = if frames.is_empty() {
+                map.extract(&linear)
+            } else {
+                let mut turned = linear.clone();
+                frames.turn_matrix(&mut turned, |d| d);
+                map.extract(&turned)
+            };
             self.linear = Some(linear);
             changed = true;
         }
@@ -350,7 +420,7 @@ impl System {
         let mut current = field_slices(&self.fields, &self.numbering, &self.known.data, u);
         current.extend(self.guides.iter().map(Vec::as_slice));
         let previous = match &self.known.previous {
-            Some(p) => field_slices(&self.fields, &self.numbering, &self.known.data, p),
+            Some(p) => field_slices(&self.fields, &self.numbering, &p.data, &p.unknowns),
             None => Vec::new(),
         };
         let parts = Parts { mesh: &self.mesh, fields: &self.fields, terms: &mut self.terms, pieces: &mut self.pieces };
@@ -404,6 +474,8 @@ impl System {
         for (slot, r) in out.iter_mut().zip(&rest) {
             *slot += r;
         }
+        self.numbering.frames.turn(out);
+        self.numbering.frames.turn_sizes(&mut self.magnitude);
         Ok(())
     }
 
@@ -419,7 +491,9 @@ impl System {
                 piece.held.add_residual(mesh, values, out)?;
             }
             Ok(())
-        })
+        })?;
+        self.numbering.frames.turn(out);
+        Ok(())
     }
 
     fn grow_force(&mut self, part: &[f64]) {
@@ -462,10 +536,12 @@ impl System {
     #[must_use]
     pub fn magnitudes(&self, u: &[f64]) -> Vec<f64> {
         let mut out = self.magnitude.clone();
+        let mut sizes: Vec<f64> = u.iter().map(|x| x.abs()).collect();
+        self.numbering.frames.turn_sizes(&mut sizes);
         for row in 0..self.numbering.n_free() {
             let (columns, values) = self.changing.row(row);
-            let at = |c: u32| u[self.numbering.free_dofs[c as usize] as usize];
-            let size: f64 = columns.iter().zip(values).map(|(c, v)| (v * at(*c)).abs()).sum();
+            let at = |c: u32| sizes[self.numbering.free_dofs[c as usize] as usize];
+            let size: f64 = columns.iter().zip(values).map(|(c, v)| v.abs() * at(*c)).sum();
             out[self.numbering.free_dofs[row] as usize] += size;
         }
         out
@@ -476,15 +552,23 @@ impl System {
     /// # Errors
     /// [`TermError`] with its place.
     pub fn tangent(&mut self, u: &[f64], held: bool) -> Result<(), TermError> {
+        let mut unturned = self.unturned.take();
         let mut changing = std::mem::replace(&mut self.changing, nothing(0));
-        changing.values_mut().fill(0.0);
+        let matrix = unturned.as_mut().map_or(&mut changing, |u| &mut u.matrix);
+        matrix.values_mut().fill(0.0);
         let result = self.with_values(u, |Parts { mesh, terms, pieces, .. }, values| {
             for (k, term) in terms.iter().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear) {
                 let piece = pieces.iter().find(|p| held && p.term == k);
-                piece.map_or(term, |p| &p.held).add_tangent(mesh, values, changing.values_mut())?;
+                piece.map_or(term, |p| &p.held).add_tangent(mesh, values, matrix.values_mut())?;
             }
             Ok(())
         });
+        if let Some(turned) = &mut unturned {
+            let rows = &turned.rows;
+            self.numbering.frames.turn_matrix(&mut turned.matrix, |d| rows[d] as usize);
+            turned.map.extract_into(&turned.matrix, changing.values_mut());
+        }
+        self.unturned = unturned;
         self.changing = changing;
         if result.is_err() {
             // what was added before the error is no tangent, and no measure of rounding either
@@ -493,11 +577,11 @@ impl System {
         result
     }
 
-    /// Values of each field at the end of the previous step; empty unless a term reads the past.
+    /// Values of each field at the end of the previous step; empty unless something reads them.
     #[must_use]
     pub fn previous_slices(&self) -> Vec<&[f64]> {
         match &self.known.previous {
-            Some(p) => self.slices(p),
+            Some(p) => field_slices(&self.fields, &self.numbering, &p.data, &p.unknowns),
             None => Vec::new(),
         }
     }
@@ -540,18 +624,20 @@ fn meeting_fields(fields: &[Field], terms: &[AssembledTerm]) -> Vec<usize> {
     group
 }
 
-/// The pattern of some terms; `place` maps a dof to its row.
+/// The pattern of some terms; `place` maps a dof to its row. Turned nodes come with all their dofs.
 fn pattern<'t>(
     terms: impl Iterator<Item = &'t AssembledTerm>,
     n: usize,
+    frames: &Frames,
     place: impl Fn(u32) -> u32,
 ) -> Result<Csr, CsrError> {
     let mut builder = PatternBuilder::new(n, n);
-    let mut rows = Vec::new();
+    let (mut rows, mut complete) = (Vec::new(), Vec::new());
     for term in terms {
         term.for_each_entity(|dofs| {
+            frames.complete(dofs, &mut complete);
             rows.clear();
-            rows.extend(dofs.iter().map(|d| place(*d)).filter(|r| *r != FIXED));
+            rows.extend(complete.iter().map(|d| place(*d)).filter(|r| *r != FIXED));
             builder.add_element(&rows);
         });
     }

@@ -69,6 +69,12 @@ impl Value {
         self.law.inputs.iter().all(|s| matches!(s, InputSlot::X(_)))
     }
 
+    /// True if it reads the end of the previous step.
+    #[must_use]
+    pub fn reads_past(&self) -> bool {
+        self.law.inputs.iter().any(|s| matches!(s, InputSlot::Previous(_)))
+    }
+
     /// Values at positions: `out[position * n_components + component]`. The expression must read positions only.
     #[must_use]
     pub fn at_positions(&self, positions: &[[f64; 3]]) -> Vec<f64> {

@@ -419,6 +419,7 @@ pub fn run_expression(text: &str, choice: usize) {
     let env = Env {
         dim,
         fields: &fields,
+        mappings: &[],
         params: &params,
         expansions: &expander.expansions,
         step_variable: Some("t"),

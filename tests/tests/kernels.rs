@@ -8,6 +8,7 @@ use wfl_compiler::{
     backend::KernelBackend,
     interpret,
     ir::{LANES, VerifiedKernel},
+    run_prologue,
     types::InputSlot,
     unit_normals,
 };
@@ -67,8 +68,10 @@ fn state(law: &TermLaw, sequence: &mut Sequence, size: f64) -> Vec<f64> {
     inputs
 }
 
+/// What the prologue makes of some time and some increment: its results depend on each other.
 fn uniforms(law: &TermLaw, sequence: &mut Sequence) -> Vec<f64> {
-    (0..law.residual.kernel().n_uniforms).map(|_| sequence.next()).collect()
+    let slots: Vec<f64> = law.prologue.slots.iter().map(|_| sequence.next()).collect();
+    run_prologue(&law.prologue, &slots)
 }
 
 /// Outputs at one point by the interpreter in any arithmetic.

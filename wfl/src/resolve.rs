@@ -256,8 +256,9 @@ impl<'d> Resolver<'d> {
                 self.script.loads.push(load);
             }
             ItemKind::Start { field, value } => {
-                let needed = "only unknowns and multipliers have a first guess";
-                let known = self.all_fields(std::slice::from_ref(field), needed, is_solved_for);
+                let needed = "only unknowns, multipliers and states have a first value";
+                let known =
+                    self.all_fields(std::slice::from_ref(field), needed, |k| k == Kind::State || is_solved_for(k));
                 let value = self.expr(value)?;
                 known?;
                 let kind = StartKind::Field { field: field.clone(), value };

@@ -5,7 +5,8 @@ use wfl::{Diagnostic, ast::Expr};
 use crate::{
     build::Builder,
     derive::derive,
-    graph::{ExprId, Leaf, Role},
+    graph::{ExprId, Graph, Leaf, Node, Role},
+    term::reachable,
     types::{FieldId, FieldOp, Shape, Side},
 };
 
@@ -18,7 +19,12 @@ impl Builder<'_> {
             let d = Diagnostic::new("E110", "the gradient of this tensor has too many indices");
             return self.report(d, e, "");
         };
-        if let crate::graph::Node::Leaf(Leaf::Field { field, side, op, role }) = *self.graph.node(value) {
+        if self.graph.mapping.is_some() && reads_image(&self.graph, value) {
+            let d = Diagnostic::new("E111", "the gradient of a value at the image of a mapping is not available")
+                .help("Interpolate(Grad_u, m) is the gradient at the image, in the coordinates there");
+            return self.report(d, e, "");
+        }
+        if let Node::Leaf(Leaf::Field { field, side, op, role }) = *self.graph.node(value) {
             return self.next_derivative(e, field, side, op, role);
         }
         let mut columns = Vec::with_capacity(dim);
@@ -77,4 +83,13 @@ impl Builder<'_> {
         let d = Diagnostic::new("E111", format!("`{what}` has no second derivative here"));
         self.report(d, e, "needed for the tangent of this expression")
     }
+}
+
+/// True if a value is read on the side `There`.
+fn reads_image(graph: &Graph, value: ExprId) -> bool {
+    reachable(graph, value).into_iter().any(|e| {
+        let there = Leaf::Normal(Side::There);
+        matches!(graph.node(e), Node::Leaf(l) if *l == there || *l == Leaf::ImageX)
+            || matches!(graph.node(e), Node::Leaf(Leaf::Field { side: Side::There, .. }))
+    })
 }

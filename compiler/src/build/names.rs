@@ -192,14 +192,20 @@ impl Builder<'_> {
         if sig.global {
             return Some(());
         }
-        let lives = match side {
-            Side::Here => self.place.here[field.index()],
-            Side::There => self.place.there[field.index()],
+        let image = self.graph.mapping.filter(|_| side == Side::There).map(|m| &self.env.mappings[m]);
+        let lives = match (side, image) {
+            (Side::Here, _) => self.place.here[field.index()],
+            (Side::There, Some(mapping)) => mapping.there[field.index()],
+            (Side::There, None) => self.place.there[field.index()],
         };
         if lives {
             return Some(());
         }
         let name = &sig.name;
+        if let Some(mapping) = image {
+            let d = Diagnostic::new("E202", format!("`{name}` does not live at the images of `{}`", mapping.name));
+            return self.report(d, e, mapping.description.clone());
+        }
         let place = &self.place.name;
         if self.place.kind == PlaceKind::Global {
             let d =

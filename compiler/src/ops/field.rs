@@ -125,19 +125,56 @@ fn field_argument(b: &mut Builder<'_>, c: &Call<'_>, k: usize) -> Option<FieldId
 fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let word = b.argument_text(c, 0)?;
     let target = b.argument_text(c, 1)?;
-    mapping(b, c, target, "second")?;
-    on_interface(b, c)?;
-    match &word.kind {
-        ExprKind::Name(n) if n == "X" => Some(b.graph.leaf(Leaf::X)),
-        ExprKind::Name(n) if matches!(n.as_str(), "Normal" | "element_size" | "element_K" | "element_B") => {
+    let image = reach(b, c, target, "second")?;
+    match (&word.kind, image) {
+        (ExprKind::Name(n), None) if n == "X" => Some(b.graph.leaf(Leaf::X)),
+        (ExprKind::Name(n), Some(_)) if n == "X" => Some(b.graph.leaf(Leaf::ImageX)),
+        (ExprKind::Name(n), Some(m)) if n == "Normal" => {
+            let mapping = &b.env.mappings[m];
+            if mapping.has_normal {
+                return Some(b.graph.leaf(Leaf::Normal(Side::There)));
+            }
+            let d = Diagnostic::new("E204", format!("the images of `{}` have no `Normal`", mapping.name));
+            let text = mapping.description.clone();
+            b.report(d.help("project and raytrace give points of faces"), word, text)
+        }
+        (ExprKind::Name(n), _) if matches!(n.as_str(), "Normal" | "element_size" | "element_K" | "element_B") => {
             b.geometry(word, n, Side::There)
         }
-        ExprKind::Name(n) => b.field_word(word, n, Side::There),
+        (ExprKind::Name(n), _) => b.field_word(word, n, Side::There),
         _ => {
             let d = Diagnostic::new("E106", "`Interpolate` takes a field, its gradient or its test function");
             b.report(d, word, "an expression cannot be moved: apply `Interpolate` to the fields in it")
         }
     }
+}
+
+/// The other place that a mapping names: `None` for the neighbour, else the mapping. All calls of a term reach one.
+fn reach(b: &mut Builder<'_>, c: &Call<'_>, target: &Expr, which: &str) -> Option<Option<usize>> {
+    let ExprKind::Name(name) = &target.kind else {
+        let d = Diagnostic::new("E106", format!("the {which} argument of `{}` is the name of a mapping", c.name));
+        return b.report(d, target, "");
+    };
+    let found = if matches!(name.as_str(), "neighbor_element" | "neighbour_elt") {
+        on_interface(b, c)?;
+        None
+    } else if let Some(m) = b.env.mappings.iter().position(|m| m.name == *name) {
+        if b.place.kind == PlaceKind::Global {
+            let d = Diagnostic::new("E203", format!("`{name}` has nothing to map here"));
+            return b.report(d, c.expr, format!("needs points; `{}` is {}", b.place.name, b.place.description));
+        }
+        Some(m)
+    } else {
+        let d = Diagnostic::new("E201", format!("unknown mapping `{name}`")).about(name);
+        return b.report(d, target, "a `mapping` of the scene, or `neighbor_element`, the other side of an interface");
+    };
+    if *b.reached.get_or_insert(found) != found {
+        let d = Diagnostic::new("E215", "one term reaches two other places")
+            .help("write one term for each mapping: the terms of a scene are added");
+        return b.report(d, target, "the others in this term lead elsewhere");
+    }
+    b.graph.mapping = found;
+    Some(found)
 }
 
 /// `neighbor_element` needs two sides.
@@ -151,25 +188,9 @@ fn on_interface(b: &mut Builder<'_>, c: &Call<'_>) -> Option<()> {
     Some(())
 }
 
-/// Checks the name of a mapping.
-fn mapping(b: &mut Builder<'_>, c: &Call<'_>, target: &Expr, which: &str) -> Option<()> {
-    match &target.kind {
-        ExprKind::Name(n) if n == "neighbor_element" || n == "neighbour_elt" => Some(()),
-        ExprKind::Name(n) => {
-            let d = Diagnostic::new("E201", format!("unknown mapping `{n}`")).about(n);
-            b.report(d, target, "`neighbor_element` is the other side of an interface")
-        }
-        _ => {
-            let d = Diagnostic::new("E106", format!("the {which} argument of `{}` is the name of a mapping", c.name));
-            b.report(d, target, "")
-        }
-    }
-}
-
 fn interpolate_filter(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let target = b.argument_text(c, 0)?;
-    mapping(b, c, target, "first")?;
-    on_interface(b, c)?;
+    reach(b, c, target, "first")?;
     let (_, value) = b.argument(c, 1)?;
     let code = match c.args.get(2) {
         None => 1,

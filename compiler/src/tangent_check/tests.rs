@@ -32,6 +32,7 @@ pub(super) fn law(text: &str, energy: bool) -> TermLaw {
     let env = Env {
         dim: 2,
         fields: &fields,
+        mappings: &[],
         params: &BTreeMap::new(),
         expansions: &Expansions::default(),
         step_variable: None,

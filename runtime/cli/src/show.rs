@@ -122,6 +122,7 @@ fn input_text(slot: InputSlot, sigs: &[FieldSig]) -> String {
         InputSlot::Field(b) => basis_text(b, sigs),
         InputSlot::Previous(b) => format!("previous {}", basis_text(b, sigs)),
         InputSlot::X(k) => format!("X({})", k + 1),
+        InputSlot::ImageX(k) => format!("X({}) there", k + 1),
         InputSlot::Normal(s, k) => format!("Normal({}){}", k + 1, side(s)),
         InputSlot::ElementSize(s) => format!("element_size{}", side(s)),
         InputSlot::ElementK(s, k) => format!("element_K entry {}{}", k + 1, side(s)),

@@ -170,6 +170,8 @@ pub struct Needs {
     pub(super) orders: Vec<usize>,
     /// The position of points is read.
     pub(super) position: bool,
+    /// The position of images is read.
+    pub(super) image: bool,
 }
 
 /// A law's slots on a domain.
@@ -260,6 +262,7 @@ impl Binding {
             gather: vec![false; n_bases],
             orders: vec![0; n_bases],
             position: false,
+            image: false,
         };
         for (input, is_read) in self.inputs.iter().zip(&needs.inputs) {
             match input {
@@ -268,6 +271,7 @@ impl Binding {
                     needs.orders[place.basis] = needs.orders[place.basis].max(place.op.order());
                 }
                 Input::Geometry(InputSlot::X(_)) if *is_read => needs.position = true,
+                Input::Geometry(InputSlot::ImageX(_)) if *is_read => needs.image = true,
                 _ => {}
             }
         }

@@ -10,7 +10,7 @@ use wfl_compiler::ir::LANES;
 
 use crate::{
     element::Table,
-    mesh::{CellId, CellKind, FacetRef, Mesh, MeshError, RegionSet},
+    mesh::{CellId, CellKind, FacetRef, Image, Mesh, MeshError, RegionSet},
     quadrature::{Rule, facet_points, neighbour_points},
 };
 
@@ -48,8 +48,11 @@ pub struct Group {
     pub is_global: bool,
     /// The owning side.
     pub here: GroupSide,
-    /// The neighbour, on interfaces.
+    /// The neighbour, on interfaces; the cell of the images of a mapping.
     pub there: Option<GroupSide>,
+    /// Outward normal of the reference facet of the images of a mapping; `None` for a neighbour, whose normal is
+    /// opposite, and for images without facets.
+    pub there_normal: Option<[f64; 3]>,
 }
 
 impl Group {
@@ -127,9 +130,83 @@ impl Domain {
             is_global: true,
             here,
             there: None,
+            there_normal: None,
         };
         Self { dim: mesh.dim(), n_entities: 1, groups: vec![group] }
     }
+}
+
+/// A point of a rule and where its image is in the reference cell.
+type ImagePoint = (usize, [f64; 3]);
+
+impl Domain {
+    /// A domain whose points have images: each group is one entity with the points whose images share a cell and a
+    /// facet. Points without an image are left out; their number is returned. `find` is given the position of a
+    /// point and, on facets, its outward unit normal.
+    #[must_use]
+    pub fn mapped(
+        mesh: &Mesh,
+        base: &Domain,
+        mut find: impl FnMut([f64; 3], Option<[f64; 3]>) -> Option<Image>,
+    ) -> (Self, usize) {
+        let (mut groups, mut lost) = (Vec::new(), 0);
+        for group in &base.groups {
+            for k in 0..group.entities.len() {
+                // points by image cell and facet, in the order of the first ones
+                let mut parts: Vec<(Image, Vec<ImagePoint>)> = Vec::new();
+                for q in 0..group.n_points() {
+                    let x = mesh.point_at(group.here.cells[k], &group.here.geometry, q);
+                    let normal = group.tangents.map(|_| unit_normal(mesh, group, k, q));
+                    let Some(image) = find(x, normal) else {
+                        lost += 1;
+                        continue;
+                    };
+                    match parts.iter_mut().find(|(i, _)| i.cell == image.cell && i.facet == image.facet) {
+                        Some((_, points)) => points.push((q, image.reference)),
+                        None => parts.push((image, vec![(q, image.reference)])),
+                    }
+                }
+                groups.extend(parts.into_iter().map(|(image, points)| part(mesh, group, k, image, &points)));
+            }
+        }
+        (Self { dim: base.dim, groups, n_entities: base.n_entities }, lost)
+    }
+}
+
+/// Some points of one entity of a group, with their images in one cell.
+fn part(mesh: &Mesh, group: &Group, k: usize, image: Image, points: &[ImagePoint]) -> Group {
+    let pick = |all: &[[f64; 3]]| -> Vec<[f64; 3]> { points.iter().map(|(q, _)| all[*q]).collect() };
+    let mut here = GroupSide::new(mesh, group.here.kind, pick(&group.here.points));
+    here.cells.push(group.here.cells[k]);
+    here.facets.extend(group.here.facets.get(k));
+    let kind = mesh.kind(image.cell);
+    let mut there = GroupSide::new(mesh, kind, points.iter().map(|(_, r)| *r).collect());
+    there.cells.push(image.cell);
+    there.facets.extend(image.facet);
+    Group {
+        entities: vec![group.entities[k]],
+        weights: points.iter().map(|(q, _)| group.weights[*q]).collect(),
+        parameters: pick(&group.parameters),
+        tangents: group.tangents,
+        reference_normal: group.reference_normal,
+        is_global: group.is_global,
+        here,
+        there: Some(there),
+        there_normal: image.facet.map(|f| kind.facet_normal(usize::from(f.local))),
+    }
+}
+
+/// Outward unit normal at point `q` of entity `k` of a group on facets.
+fn unit_normal(mesh: &Mesh, group: &Group, k: usize, q: usize) -> [f64; 3] {
+    let jacobian = mesh.jacobian_at(group.here.cells[k], &group.here.geometry, q);
+    let dim = mesh.dim();
+    let m = nalgebra::Matrix3::from_fn(
+        |r, c| {
+            if r < dim && c < dim { jacobian[r][c] } else { f64::from(u8::from(r == c)) }
+        },
+    );
+    let reference = nalgebra::Vector3::from(group.reference_normal);
+    m.try_inverse().map_or(reference, |inverse| inverse.transpose() * reference).normalize().into()
 }
 
 impl GroupSide {
@@ -164,6 +241,7 @@ fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -
                 is_global: false,
                 here: GroupSide::new(mesh, kind, rule.points),
                 there: None,
+                there_normal: None,
             }
         });
         group.entities.push(k);
@@ -199,6 +277,7 @@ fn facet_groups(
             is_global: false,
             here: GroupSide::new(mesh, kind, facet_points(kind, local, &rule)),
             there: opposite.as_ref().map(|(there, points)| GroupSide::new(mesh, mesh.kind(there.cell), points.clone())),
+            there_normal: None,
         });
         group.entities.push(k);
         group.here.cells.push(here.cell);

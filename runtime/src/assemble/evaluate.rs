@@ -202,6 +202,9 @@ impl Points<'_> {
             if self.needs.position {
                 w.here.locate::<S, D>(simd, &group.here.geometry, q, &w.nodes_here);
             }
+            if let Some(there) = group.there.as_ref().filter(|_| self.needs.image) {
+                w.there.locate::<S, D>(simd, &there.geometry, q, &w.nodes_there);
+            }
             for l in 0..LANES {
                 w.weights[q][l] = measure[l] * group.weights[q];
             }
@@ -253,6 +256,11 @@ impl Points<'_> {
                     let values = &values[basis.offset..][..basis.n_dofs()];
                     self.field(simd, operand, q, values, basis.n_components, place.component)
                 }
+                Input::Geometry(InputSlot::Normal(Side::There, k)) if self.group.there_normal.is_some() => {
+                    let mut n = [ZERO; 3];
+                    w.there.normal(D, self.group.there_normal.unwrap_or_default(), &mut n);
+                    n[usize::from(*k)]
+                }
                 Input::Geometry(InputSlot::Normal(side, k)) => {
                     let n = normal.get_or_insert_with(|| {
                         let mut n = [ZERO; 3];
@@ -274,6 +282,7 @@ impl Points<'_> {
         let of = |side: Side| if side == Side::There && two_sided { &w.there } else { &w.here };
         match slot {
             InputSlot::X(k) => w.here.x[usize::from(k)],
+            InputSlot::ImageX(k) => of(Side::There).x[usize::from(k)],
             InputSlot::ElementSize(side) => w.sizes[usize::from(side == Side::There && two_sided)],
             // entry i + dim * j of K = dx_i/dxi_j; of B = K^-T, so B_ij = inverse_ji
             InputSlot::ElementK(side, e) => of(side).jacobian[usize::from(e) % dim][usize::from(e) / dim],

@@ -78,6 +78,7 @@ fn compile(setup: &Setup, case: &Case, ties: Ties) -> Result<TermLaw, String> {
     let env = Env {
         dim: setup.mesh.dim(),
         fields: &setup.sigs,
+        mappings: &[],
         params: &setup.params,
         expansions: &expander.expansions,
         step_variable: None,

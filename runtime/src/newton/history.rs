@@ -11,6 +11,8 @@ pub enum Stop {
     Floor,
     /// The most iterations allowed were not enough.
     MaxIterations,
+    /// Nothing was solved: the state that a run with rates starts from.
+    Given,
 }
 
 impl Stop {
@@ -21,6 +23,7 @@ impl Stop {
             Stop::Tolerance => "tolerance",
             Stop::Floor => "floor",
             Stop::MaxIterations => "maxit",
+            Stop::Given => "given",
         }
     }
 }
@@ -69,6 +72,12 @@ pub struct Seconds {
 }
 
 impl StepHistory {
+    /// The history of a state that is given.
+    #[must_use]
+    pub fn given() -> Self {
+        Self { stop: Some(Stop::Given), ..Self::default() }
+    }
+
     pub(super) fn push(&mut self, watch: &mut dyn Watch, number: usize, m: &Measured, step: f64, system: &System) {
         let (contact, fingerprint) = branches(system);
         let iteration = Iteration { number, residual: m.relative, floor: m.floor, step, contact, fingerprint };
@@ -79,7 +88,7 @@ impl StepHistory {
     /// True if the step is a solution.
     #[must_use]
     pub fn converged(&self) -> bool {
-        matches!(self.stop, Some(Stop::Tolerance | Stop::Floor))
+        matches!(self.stop, Some(Stop::Tolerance | Stop::Floor | Stop::Given))
     }
 
     /// Newton steps taken.

@@ -310,10 +310,7 @@ impl Line<'_> {
 }
 
 fn step_to(system: &System, start: &[f64], direction: &[f64], alpha: f64, u: &mut [f64]) {
-    u.copy_from_slice(start);
-    for (d, x) in system.numbering.free_dofs.iter().zip(direction) {
-        u[*d as usize] += alpha * x;
-    }
+    system.numbering.advance(start, direction, alpha, u);
 }
 
 fn measure(system: &mut System, u: &[f64], weights: &[f64], held: bool) -> Result<Measured, TermError> {

@@ -161,6 +161,8 @@ pub enum Stop {
     Floor,
     /// The largest number of iterations was reached.
     Maxit,
+    /// Nothing was solved: the state from which time starts.
+    Given,
 }
 
 /// One step of a run.

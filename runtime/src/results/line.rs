@@ -57,6 +57,12 @@ impl LineSample {
         Ok(())
     }
 
+    /// True if an expression on it reads the end of the previous step.
+    #[must_use]
+    pub fn reads_past(&self) -> bool {
+        self.items.iter().any(|i| i.value.reads_past())
+    }
+
     /// Names of the columns: arc length, coordinates, entries of each expression.
     #[must_use]
     pub fn columns(&self) -> Vec<String> {

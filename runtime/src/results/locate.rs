@@ -194,5 +194,6 @@ fn cell_group(mesh: &Mesh, cell: CellId, points: Vec<[f64; 3]>) -> Group {
         is_global: false,
         here,
         there: None,
+        there_normal: None,
     }
 }

@@ -48,6 +48,8 @@ pub struct Item {
     /// The expression.
     pub value: Value,
     sampled: Sampled,
+    /// Its mean over each entity is written, in place of its values at the points of the piece.
+    means: bool,
 }
 
 /// Points and items of a piece; made once, sampled at each step.
@@ -106,7 +108,25 @@ impl SampledPiece {
     /// [`FieldError`] where a field it reads has no dofs.
     pub fn add(&mut self, mesh: &Mesh, fields: &[Field], name: String, value: Value) -> Result<(), FieldError> {
         let sampled = value.bind(mesh, self.domain.clone(), fields)?;
-        self.items.push(Item { name, value, sampled });
+        self.items.push(Item { name, value, sampled, means: false });
+        Ok(())
+    }
+
+    /// Adds an expression that is known at the points of `domain` only: its mean over each entity of the piece, in
+    /// the order of the piece.
+    ///
+    /// # Errors
+    /// [`FieldError`] where a field it reads has no values.
+    pub fn add_means(
+        &mut self,
+        mesh: &Mesh,
+        fields: &[Field],
+        name: String,
+        value: Value,
+        domain: Arc<Domain>,
+    ) -> Result<(), FieldError> {
+        let sampled = value.bind(mesh, domain, fields)?;
+        self.items.push(Item { name, value, sampled, means: true });
         Ok(())
     }
 
@@ -114,6 +134,12 @@ impl SampledPiece {
     #[must_use]
     pub fn support(&self) -> &SupportSet {
         &self.support
+    }
+
+    /// True if an expression on it reads the end of the previous step.
+    #[must_use]
+    pub fn reads_past(&self) -> bool {
+        self.items.iter().any(|i| i.value.reads_past())
     }
 
     /// True if nothing is sampled on it.
@@ -125,9 +151,13 @@ impl SampledPiece {
     /// The piece at a state.
     pub fn sample(&mut self, mesh: &Mesh, time: f64, increment: f64, values: FieldValues<'_>) -> Piece {
         let n = self.space.n_nodes();
-        let mut point_data = Vec::with_capacity(self.items.len());
+        let (mut point_data, mut cell_data) = (Vec::with_capacity(self.items.len()), Vec::new());
         for item in &mut self.items {
             item.value.set_step(time, increment);
+            if item.means {
+                cell_data.push(array(&item.name, item.value.law.shape, item.means(mesh, values)));
+                continue;
+            }
             let nc = item.value.n_components();
             let (mut sums, mut counts) = (vec![0.0; n * nc], vec![0.0; n]);
             let (domain, space) = (&self.domain, &self.space);
@@ -144,12 +174,26 @@ impl SampledPiece {
             }
             point_data.push(array(&item.name, item.value.law.shape, sums));
         }
-        Piece {
-            points: self.space.node_coordinates().to_vec(),
-            cells: self.cells.clone(),
-            point_data,
-            cell_data: Vec::new(),
+        Piece { points: self.space.node_coordinates().to_vec(), cells: self.cells.clone(), point_data, cell_data }
+    }
+}
+
+impl Item {
+    /// Means over the entities: `out[entity * n_components + component]`.
+    fn means(&self, mesh: &Mesh, values: FieldValues<'_>) -> Vec<f64> {
+        let (domain, nc) = (&self.sampled.domain, self.value.n_components());
+        let (mut sums, mut sizes) = (vec![0.0; domain.n_entities * nc], vec![0.0; domain.n_entities]);
+        self.value.for_each_point(mesh, &self.sampled, values, |g, k, _, weight, value| {
+            let entity = domain.groups[g].entities[k];
+            sizes[entity] += weight;
+            for (slot, v) in sums[entity * nc..][..nc].iter_mut().zip(value) {
+                *slot += weight * v;
+            }
+        });
+        for (sum, size) in sums.chunks_exact_mut(nc.max(1)).zip(&sizes) {
+            sum.iter_mut().for_each(|s| *s /= size);
         }
+        sums
     }
 }
 

@@ -26,7 +26,7 @@ use bytes::{Reader, Unreadable, Writer, hash};
 pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 2;
+const FORMAT: u64 = 3;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -222,7 +222,7 @@ fn read_identity(r: &mut Reader<'_>) -> Result<Identity, Unreadable> {
 fn memory(w: &mut Writer, m: &Memory) {
     w.numbers(&m.changing);
     w.flag(m.settled);
-    for lists in [&m.guides, &m.pieces] {
+    for lists in [&m.guides, &m.pieces, &m.states] {
         w.count(lists.len());
         lists.iter().for_each(|l| w.numbers(l));
     }
@@ -234,6 +234,7 @@ fn read_memory(r: &mut Reader<'_>) -> Result<Memory, Unreadable> {
         settled: r.flag()?,
         guides: r.list(Reader::numbers)?,
         pieces: r.list(Reader::numbers)?,
+        states: r.list(Reader::numbers)?,
     })
 }
 
@@ -260,6 +261,7 @@ fn step(w: &mut Writer, s: &StepResult) {
         Some(Stop::Tolerance) => 1,
         Some(Stop::Floor) => 2,
         Some(Stop::MaxIterations) => 3,
+        Some(Stop::Given) => 4,
     });
     w.flag(h.displaced);
     w.count(s.attempts.len());
@@ -301,6 +303,7 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         1 => Some(Stop::Tolerance),
         2 => Some(Stop::Floor),
         3 => Some(Stop::MaxIterations),
+        4 => Some(Stop::Given),
         _ => return Err(Unreadable),
     };
     let history = StepHistory { iterations, solves, stop, displaced: r.flag()?, ..StepHistory::default() };

@@ -25,13 +25,13 @@ use thiserror::Error;
 use wfl_compiler::ir::Origin;
 
 use crate::{
-    newton::{Coercivity, Iteration, NewtonError, StepHistory, Watch},
+    newton::{Coercivity, Iteration, NewtonError, StepHistory, Stop, Watch},
     output::{OutputDir, OutputError, Report, write_report},
     scene::Scene,
     system::{System, SystemError},
 };
 use files::{Files, StepFiles};
-use stepping::{Leg, Stepper};
+use stepping::{Leg, StepError, Stepper};
 
 /// Steps that may wait for their files to be written before the solver waits too.
 const STEPS_TO_WRITE: usize = 1;
@@ -139,12 +139,35 @@ pub enum RunError {
         /// Why.
         error: NewtonError,
     },
+    /// The update of a state gave a number that is not finite.
+    #[error("step {step} (t = {time}): the update of `{state}` gives {value} at {position:?}")]
+    State {
+        /// Number of the step from 0.
+        step: usize,
+        /// The step variable.
+        time: f64,
+        /// The state.
+        state: String,
+        /// What it became.
+        value: f64,
+        /// Where.
+        position: [f64; 3],
+    },
     /// A file could not be written.
     #[error(transparent)]
     Output(#[from] OutputError),
     /// The run cannot go on from where it was stopped.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
+}
+
+impl RunError {
+    fn step(step: usize, time: f64, error: StepError) -> Self {
+        match error {
+            StepError::Newton(error) => Self::Newton { step, time, error },
+            StepError::State { state, value, position } => Self::State { step, time, state, value, position },
+        }
+    }
 }
 
 struct Forward<'p>(&'p mut dyn Progress);
@@ -314,8 +337,19 @@ impl Run {
         progress.step(number, values.len(), time);
         let from = number.checked_sub(1).map(|k| values[k]);
         let leg = Leg { from, to: time, first_increment: values.get(1).map_or(0.0, |next| next - values[0]) };
-        let wrap = |error: NewtonError| RunError::Newton { step: number, time, error };
-        let reached = self.stepper.reach(scene, &mut self.u, leg, &mut self.clock, progress).map_err(wrap)?;
+        let wrap = |error: StepError| RunError::step(number, time, error);
+        let reached = if number == 0 && scene.steps.from_start {
+            self.stepper.given(scene, &self.u, leg, &mut self.clock, progress)
+        } else {
+            self.stepper.reach(scene, &mut self.u, leg, &mut self.clock, progress)
+        };
+        let reached = reached.map_err(wrap)?;
+        let (history, attempts) = (reached.history, reached.attempts);
+        // the equations are those of the old states; a state that is given has nothing to judge
+        let solved = history.converged() && history.stop != Some(Stop::Given);
+        let judged = if solved { self.judge(scene) } else { Ok((None, Vec::new())) };
+        let (accuracy, checks) = judged.map_err(|error| RunError::Newton { step: number, time, error })?;
+        self.stepper.renew(scene);
         let (u, increment) = (&self.u, reached.increment);
         let measures = scene
             .measures
@@ -327,9 +361,6 @@ impl Run {
             let (term, origin) = (print.term.clone(), print.origin);
             print.for_each(system, time, increment, u, |x, value| progress.printed(&term, origin, x, value));
         }
-        let (history, attempts) = (reached.history, reached.attempts);
-        let (accuracy, checks) =
-            if history.converged() { self.judge(scene).map_err(wrap)? } else { (None, Vec::new()) };
         let state = self.u.clone();
         Ok(StepResult { time, increment, history, attempts, accuracy, checks, measures, state })
     }
@@ -362,9 +393,8 @@ pub fn coercivity(scene: &mut Scene) -> Result<Vec<Coercivity>, SystemError> {
 /// Brings the known fields to a value of the step variable.
 fn set_data(scene: &mut Scene, time: f64, increment: f64) {
     for (field, value) in &mut scene.data {
-        value.set_step(time, increment);
         let positions = node_positions(&scene.system, *field);
-        scene.system.known.data[*field] = value.at_positions(&positions);
+        scene.system.known.data[*field] = value.at(&positions, time, increment);
     }
 }
 
@@ -373,16 +403,17 @@ fn node_positions(system: &System, field: usize) -> Vec<[f64; 3]> {
     (0..f.n_nodes()).map(|n| f.node_position(n)).collect()
 }
 
-/// First guesses of the scene, by dof.
+/// First values of the scene: those of the unknowns by dof, those of states where they are kept.
 fn start(scene: &mut Scene) -> Vec<f64> {
     let mut u = vec![0.0; scene.system.numbering.n_dofs];
     let time = scene.steps.values.first().copied().unwrap_or(0.0);
     for (field, value) in &mut scene.starts {
-        let Some(first) = scene.system.numbering.starts[*field] else { continue };
-        value.set_step(time, 0.0);
         let positions = node_positions(&scene.system, *field);
-        let values = value.at_positions(&positions);
-        u[first..first + values.len()].copy_from_slice(&values);
+        let values = value.at(&positions, time, 0.0);
+        match scene.system.numbering.starts[*field] {
+            Some(first) => u[first..first + values.len()].copy_from_slice(&values),
+            None => scene.system.known.data[*field] = values,
+        }
     }
     u
 }

@@ -82,18 +82,23 @@ fn names(system: &System, group: &[usize]) -> String {
 fn equilibrium(system: &System, group: &[usize], residual: &[f64]) -> Option<PhysicsCheck> {
     let dim = system.mesh.dim();
     let loads = system.constant_residual();
+    let is_fixed = |d: usize| system.numbering.free[d] == crate::system::FIXED;
+    let part = |fixed: bool| {
+        let mut all: Vec<f64> =
+            residual.iter().enumerate().map(|(d, r)| if is_fixed(d) == fixed { *r } else { 0.0 }).collect();
+        system.numbering.frames.turn_back(&mut all);
+        all
+    };
+    let (held, free) = (part(true), part(false));
     let (mut load, mut reaction, mut left) = (vec![0.0; dim], vec![0.0; dim], vec![0.0; dim]);
     let mut size = 0.0;
     for d in group.iter().filter_map(|k| system.range(*k)).flatten() {
         let component = (d - system.range(system.field_of(d))?.start) % dim;
         load[component] -= loads[d];
         size += loads[d].abs();
-        if system.numbering.free[d] == crate::system::FIXED {
-            reaction[component] += residual[d];
-            size += residual[d].abs();
-        } else {
-            left[component] += residual[d];
-        }
+        reaction[component] += held[d];
+        size += held[d].abs();
+        left[component] += free[d];
     }
     if size == 0.0 {
         return None;

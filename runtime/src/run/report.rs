@@ -141,6 +141,7 @@ fn step_report(step: &StepResult) -> StepReport {
         stop: match history.stop {
             Some(Stop::Tolerance) => output::Stop::Tolerance,
             Some(Stop::Floor) => output::Stop::Floor,
+            Some(Stop::Given) => output::Stop::Given,
             _ => output::Stop::Maxit,
         },
         iterations: history.n_iterations() as u64,

@@ -12,6 +12,8 @@
 
 use std::time::Instant;
 
+use thiserror::Error;
+
 use crate::{
     newton::{NewtonError, StepHistory, solve_step},
     run::{Clock, Forward, Progress},
@@ -22,6 +24,24 @@ use crate::{
 
 /// Converged parts in a row after which the increment doubles.
 const EASY_PARTS: u32 = 2;
+
+/// Why a part of a step has no result.
+#[derive(Debug, Error)]
+pub(super) enum StepError {
+    /// It could not be solved.
+    #[error(transparent)]
+    Newton(#[from] NewtonError),
+    /// The update of a state gave a number that is not finite.
+    #[error("the update of `{state}` gives {value} at {position:?}")]
+    State {
+        /// The state.
+        state: String,
+        /// What it became.
+        value: f64,
+        /// Where.
+        position: [f64; 3],
+    },
+}
 
 /// What grows from the start of a step to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,11 +118,13 @@ pub(super) struct Stepper {
     /// Parts of this size that converged in a row.
     pub(super) easy: u32,
     threads: usize,
+    /// The states after the last part that converged, not taken over yet.
+    next_states: Vec<Vec<f64>>,
 }
 
 impl Stepper {
     pub(super) fn new(threads: usize) -> Self {
-        Self { strategy: None, level: 0, easy: 0, threads }
+        Self { strategy: None, level: 0, easy: 0, threads, next_states: Vec::new() }
     }
 
     /// Solves the step; `u` holds the state before and then the one after.
@@ -113,7 +135,7 @@ impl Stepper {
         leg: Leg,
         clock: &mut Clock,
         progress: &mut dyn Progress,
-    ) -> Result<Reached, NewtonError> {
+    ) -> Result<Reached, StepError> {
         let path = if leg.from.is_some() { Path::Steps } else { Path::Load };
         let halve = if scene.system.is_linear() { 0 } else { scene.steps.halve };
         let whole = 1u64 << halve;
@@ -122,9 +144,8 @@ impl Stepper {
         let mut attempts = Vec::new();
         let mut failed_whole = None;
         self.level = self.level.min(halve);
-        if let Some(previous) = &mut scene.system.known.previous {
-            previous.copy_from_slice(u);
-        }
+        begin(scene, leg, u);
+        let known_before = scene.system.known.clone();
         loop {
             let end = position + (whole >> self.level);
             let before = (u.to_vec(), scene.system.memory());
@@ -140,8 +161,9 @@ impl Stepper {
                     if position == whole {
                         return Ok(self.reached(path, history, increment, attempts));
                     }
-                    if let (Path::Steps, Some(previous)) = (path, &mut scene.system.known.previous) {
-                        previous.copy_from_slice(u);
+                    if path == Path::Steps {
+                        self.renew(scene);
+                        scene.system.known.keep(u);
                     }
                 }
                 failed => {
@@ -161,6 +183,7 @@ impl Stepper {
                         continue;
                     }
                     self.level = 0;
+                    scene.system.known = known_before;
                     let (result, state) = match failed_whole {
                         Some(failed) => failed,
                         None => {
@@ -204,16 +227,12 @@ impl Stepper {
         target: &Target<'_>,
         clock: &mut Clock,
         progress: &mut dyn Progress,
-    ) -> Result<StepHistory, NewtonError> {
+    ) -> Result<StepHistory, StepError> {
         let (time, increment) = (target.time, target.increment);
         self.prepare(scene, (time, increment), clock, progress)?;
-        for p in &mut scene.prescribed {
-            p.apply(time, increment, u);
-        }
+        scene.prescribed.apply(time, increment, u);
         if let Some((start, s)) = target.load {
-            for (dof, x) in u.iter_mut().enumerate().filter(|(d, _)| scene.system.numbering.free[*d] == FIXED) {
-                *x = s * *x + (1.0 - s) * start.u[dof];
-            }
+            scene.system.numbering.part_of_prescribed(&start.u, s, u);
             scene.system.set_shift(start.residual.iter().map(|r| (s - 1.0) * r).collect());
         }
         let strategy = self.strategy.as_mut().expect("prepared above");
@@ -221,7 +240,34 @@ impl Stepper {
         clock.assemble += history.seconds.assemble;
         clock.factor += history.seconds.factor;
         clock.solve += history.seconds.solve;
+        // parts of a load lead to the first state, they are none themselves
+        if history.converged() && target.load.is_none() {
+            self.next_states = next_states(scene, time, increment, u)?;
+        }
         Ok(history)
+    }
+
+    /// Takes over the states that follow from the last part that converged.
+    pub(super) fn renew(&mut self, scene: &mut Scene) {
+        for (state, values) in scene.states.iter().zip(self.next_states.drain(..)) {
+            scene.system.known.data[state.field] = values;
+        }
+    }
+
+    /// The first step of a scene with rates: its state is given, nothing is solved.
+    pub(super) fn given(
+        &mut self,
+        scene: &mut Scene,
+        u: &[f64],
+        leg: Leg,
+        clock: &mut Clock,
+        progress: &mut dyn Progress,
+    ) -> Result<Reached, StepError> {
+        begin(scene, leg, u);
+        self.prepare(scene, (leg.to, leg.first_increment), clock, progress)?;
+        // the branches of the terms are those of the state that is given
+        scene.system.residual(u, &mut Vec::new()).map_err(NewtonError::from)?;
+        Ok(Reached { history: StepHistory::given(), increment: leg.first_increment, attempts: Vec::new() })
     }
 
     /// Brings known fields, terms and the linear solver to a value of the step variable.
@@ -258,6 +304,28 @@ impl Stepper {
     }
 }
 
+/// The end of the last step becomes the past; before the first step the past is the start.
+fn begin(scene: &mut Scene, leg: Leg, u: &[f64]) {
+    if leg.from.is_none() {
+        super::set_data(scene, leg.to, leg.first_increment);
+    }
+    scene.system.known.keep(u);
+}
+
+/// The next values of the states, all from the same old ones.
+fn next_states(scene: &mut Scene, time: f64, increment: f64, u: &[f64]) -> Result<Vec<Vec<f64>>, StepError> {
+    let Scene { system, states, .. } = scene;
+    let next: Vec<Vec<f64>> = states.iter_mut().map(|s| s.next(system, time, increment, u)).collect();
+    for (state, values) in states.iter().zip(&next) {
+        let field = &system.fields[state.field];
+        if let Some(bad) = values.iter().position(|v| !v.is_finite()) {
+            let position = field.node_position(bad / field.n_components);
+            return Err(StepError::State { state: field.name.clone(), value: values[bad], position });
+        }
+    }
+    Ok(next)
+}
+
 /// The residual that a load path takes away step by step: that of the first guess at the free dofs. `None` where it is
 /// not finite: then there is nothing to start from.
 fn load_start(system: &mut System, u: &[f64]) -> Option<LoadStart> {
@@ -268,6 +336,7 @@ fn load_start(system: &mut System, u: &[f64]) -> Option<LoadStart> {
             *r = 0.0;
         }
     }
+    system.numbering.frames.turn_back(&mut residual);
     Some(LoadStart { u: u.to_vec(), residual })
 }
 
@@ -293,7 +362,7 @@ fn target_whole(leg: Leg) -> Target<'static> {
     target(leg, (0, 1, 1), None)
 }
 
-fn attempt(path: Path, (position, end, whole): (u64, u64, u64), result: &Result<StepHistory, NewtonError>) -> Attempt {
+fn attempt(path: Path, (position, end, whole): (u64, u64, u64), result: &Result<StepHistory, StepError>) -> Attempt {
     let (iterations, end_of_it) = match result {
         Ok(h) if h.converged() => (h.n_iterations(), AttemptEnd::Converged),
         Ok(h) => (h.n_iterations(), AttemptEnd::NotConverged),

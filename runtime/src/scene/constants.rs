@@ -43,7 +43,15 @@ pub(super) fn parameters(
 
 /// An environment with parameters only.
 pub(super) fn bare_env<'a>(script: &'a ResolvedScript, dim: usize, params: &'a BTreeMap<String, Constant>) -> Env<'a> {
-    Env { dim, fields: &[], params, expansions: &script.expansions, step_variable: None, equal_within: 0.0 }
+    Env {
+        dim,
+        fields: &[],
+        mappings: &[],
+        params,
+        expansions: &script.expansions,
+        step_variable: None,
+        equal_within: 0.0,
+    }
 }
 
 fn check_domain(

@@ -1,6 +1,9 @@
 //! Prescribed values: which dofs `fix` takes out of the system, and multipliers that then have nothing to act on.
+//!
+//! A normal component on faces that look along no axis is prescribed exactly: the equations of the node are turned into
+//! a frame of its normals ([`crate::frames`]).
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{
     Diagnostic, FieldKind as Declared, ResolvedScript,
@@ -16,9 +19,11 @@ use wfl_compiler::{
 
 use crate::{
     field::{Field, FieldSpace},
+    frames::Frame,
     mesh::{CellId, FacetRef, Mesh, RegionSet, Topology},
     scene::{
         mesh::{POSITIONS_ONLY, position_place},
+        normals::node_normals,
         regions::Regions,
         terms::component,
     },
@@ -27,32 +32,171 @@ use crate::{
     value::Value,
 };
 
-/// Dofs with prescribed values.
-pub struct Prescribed {
-    /// The dofs: `dofs[node * components.len() + k]` has entry `components[k]` of the value.
-    pub dofs: Vec<usize>,
-    /// Entries of the value that are used, with a factor (the sign of a normal).
-    pub components: Vec<(usize, f64)>,
+/// The values of one `fix` for one field on one region.
+struct Fix {
     /// Positions of the nodes.
-    pub positions: Vec<[f64; 3]>,
-    /// The value.
-    pub value: Value,
+    positions: Vec<[f64; 3]>,
+    value: Value,
+}
+
+/// One number of a `fix`: the value of which, at which node, with a factor (the sign of a normal).
+#[derive(Clone, Copy, Debug)]
+struct Number {
+    fix: usize,
+    place: usize,
+    factor: f64,
+}
+
+/// What a number says of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Along {
+    /// The component.
+    Component(usize),
+    /// The displacement along a unit vector.
+    Direction([f64; 3]),
+}
+
+/// One prescribed number.
+struct Condition {
+    /// First dof of the node.
+    first: usize,
+    n_components: usize,
+    along: Along,
+    number: Number,
+}
+
+/// A node with a prescribed displacement along directions that are no axes.
+struct Tilted {
+    frame: Frame,
+    /// The numbers behind the first axes of the frame; with the triangle they give the displacement along those.
+    numbers: Vec<Number>,
+    /// `numbers[i] = sum over j <= i of triangle[i][j] * (displacement along axis j)`
+    triangle: Vec<Vec<f64>>,
+}
+
+/// All prescribed values of a scene.
+#[derive(Default)]
+pub struct Prescribed {
+    fixes: Vec<Fix>,
+    /// Dofs that are components, in the order of the statements: a later one wins.
+    plain: Vec<(usize, Number)>,
+    tilted: Vec<Tilted>,
 }
 
 impl Prescribed {
     /// Writes the prescribed values at a step into the vector of all unknowns.
     pub fn apply(&mut self, time: f64, increment: f64, u: &mut [f64]) {
-        self.value.set_step(time, increment);
-        let values = self.value.at_positions(&self.positions);
-        let n = self.value.n_components();
-        for (node, dofs) in self.dofs.chunks_exact(self.components.len()).enumerate() {
-            for (dof, (entry, factor)) in dofs.iter().zip(&self.components) {
-                u[*dof] = factor * values[node * n + entry];
+        let mut values = Vec::with_capacity(self.fixes.len());
+        for fix in &mut self.fixes {
+            fix.value.set_step(time, increment);
+            values.push(fix.value.at_positions(&fix.positions));
+        }
+        let number = |n: &Number| n.factor * values[n.fix][n.place];
+        for (dof, n) in &self.plain {
+            u[*dof] = number(n);
+        }
+        for node in &self.tilted {
+            let mut along: Vec<f64> = Vec::with_capacity(node.numbers.len());
+            for (row, n) in node.triangle.iter().zip(&node.numbers) {
+                let known: f64 = row.iter().zip(&along).map(|(c, a)| c * a).sum();
+                along.push((number(n) - known) / row[along.len()]);
+            }
+            let own = &mut u[node.frame.first..][..node.frame.axes.len()];
+            for (axis, wanted) in node.frame.axes.iter().zip(along) {
+                let is: f64 = axis.iter().zip(own.iter()).map(|(a, x)| a * x).sum();
+                own.iter_mut().zip(axis).for_each(|(x, a)| *x += (wanted - is) * a);
             }
         }
     }
+
+    /// The dofs that are taken out of the system; of a turned node those of its first axes.
+    #[must_use]
+    pub fn dofs(&self) -> BTreeSet<usize> {
+        let tilted = self.tilted.iter().flat_map(|t| (0..t.numbers.len()).map(|k| t.frame.first + k));
+        self.plain.iter().map(|(dof, _)| *dof).chain(tilted).collect()
+    }
+
+    /// The dofs whose component is prescribed.
+    pub(super) fn components(&self) -> BTreeSet<usize> {
+        let all = self.tilted.iter().filter(|t| t.numbers.len() == t.frame.axes.len());
+        let tilted = all.flat_map(|t| (0..t.numbers.len()).map(|k| t.frame.first + k));
+        self.plain.iter().map(|(dof, _)| *dof).chain(tilted).collect()
+    }
+
+    /// The frames of the nodes that need one.
+    #[must_use]
+    pub fn frames(&self) -> Vec<Frame> {
+        self.tilted.iter().map(|t| t.frame.clone()).collect()
+    }
+
+    /// Sorts conditions into components and nodes with directions.
+    fn new(fixes: Vec<Fix>, conditions: Vec<Condition>) -> Self {
+        let direction = |c: &&Condition| matches!(c.along, Along::Direction(_));
+        let turned: BTreeSet<usize> = conditions.iter().filter(direction).map(|c| c.first).collect();
+        let (mut plain, mut nodes) = (Vec::new(), BTreeMap::<usize, Vec<Condition>>::new());
+        for c in conditions {
+            match c.along {
+                Along::Component(k) if !turned.contains(&c.first) => plain.push((c.first + k, c.number)),
+                _ => nodes.entry(c.first).or_default().push(c),
+            }
+        }
+        Self { fixes, plain, tilted: nodes.into_values().map(|list| tilted(&list)).collect() }
+    }
 }
 
+/// The frame of a node and the numbers along its first axes. Of conditions that depend on each other the later wins, as
+/// it does among components.
+fn tilted(conditions: &[Condition]) -> Tilted {
+    let n = conditions[0].n_components;
+    let (mut axes, mut numbers, mut triangle): (Vec<Vec<f64>>, Vec<Number>, Vec<Vec<f64>>) = Default::default();
+    for condition in conditions.iter().rev() {
+        let mut wanted = vec![0.0; n];
+        match condition.along {
+            Along::Component(k) => wanted[k] = 1.0,
+            Along::Direction(d) => wanted.copy_from_slice(&d[..n]),
+        }
+        if let Some((mut row, axis)) = apart(&axes, &wanted, INDEPENDENT) {
+            row.push(dot(&axis, &wanted));
+            triangle.push(row);
+            axes.push(axis);
+            numbers.push(condition.number);
+        }
+    }
+    // the frame is completed with what is left of the axes of the scene, the most independent ones
+    let unit = |k: usize| (0..n).map(|i| f64::from(u8::from(i == k))).collect::<Vec<f64>>();
+    let enough = 0.5 / (n as f64).sqrt();
+    for k in 0..n {
+        if axes.len() < n
+            && let Some((_, axis)) = apart(&axes, &unit(k), enough)
+        {
+            axes.push(axis);
+        }
+    }
+    Tilted { frame: Frame { first: conditions[0].first, axes }, numbers, triangle }
+}
+
+/// What of a unit vector is left beside orthonormal axes, normalised, with its parts along them; `None` below `least`.
+fn apart(axes: &[Vec<f64>], wanted: &[f64], least: f64) -> Option<(Vec<f64>, Vec<f64>)> {
+    let mut left = wanted.to_vec();
+    let mut parts = vec![0.0; axes.len()];
+    // twice, so that the result is orthogonal to rounding
+    for _ in 0..2 {
+        for (axis, part) in axes.iter().zip(&mut parts) {
+            let along = dot(axis, &left);
+            *part += along;
+            left.iter_mut().zip(axis).for_each(|(x, a)| *x -= along * a);
+        }
+    }
+    let size = dot(&left, &left).sqrt();
+    (size >= least).then(|| (parts, left.iter().map(|x| x / size).collect()))
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// Sine of the smallest angle at which a direction is new.
+const INDEPENDENT: f64 = 1e-6;
 /// A facet normal counts as along an axis within this.
 const ALIGNED: f64 = 1e-9;
 
@@ -70,19 +214,28 @@ pub(super) struct ConstraintMaker<'a> {
 
 impl ConstraintMaker<'_> {
     /// The `fix` statements.
-    pub(super) fn make(&mut self) -> Vec<Prescribed> {
-        let mut out = Vec::new();
+    pub(super) fn make(&mut self) -> Prescribed {
+        let (mut fixes, mut conditions) = (Vec::new(), Vec::new());
         for fix in &self.script.fixes {
             for target in &fix.targets {
                 for place in &fix.places {
-                    out.extend(self.one(target, &fix.value, place));
+                    if let Some((made, list)) = self.one(target, &fix.value, place, fixes.len()) {
+                        fixes.push(made);
+                        conditions.extend(list);
+                    }
                 }
             }
         }
-        out
+        Prescribed::new(fixes, conditions)
     }
 
-    fn one(&mut self, target: &Target, value: &Expr, place: &wfl::ast::Ident) -> Option<Prescribed> {
+    fn one(
+        &mut self,
+        target: &Target,
+        value: &Expr,
+        place: &wfl::ast::Ident,
+        number: usize,
+    ) -> Option<(Fix, Vec<Condition>)> {
         let position = self.fields.iter().position(|f| f.name == target.field.name)?;
         let field = &self.fields[position];
         let start = self.numbering.starts[position]?;
@@ -100,18 +253,29 @@ impl ConstraintMaker<'_> {
             return None;
         }
         let n = field.n_components;
-        let components: Vec<(usize, f64)> = match &target.part {
-            TargetPart::Whole => (0..n).map(|c| (c, 1.0)).collect(),
-            TargetPart::Component(e) => vec![(component(self.env, e, field, self.diagnostics)?, 1.0)],
-            TargetPart::Normal => vec![self.normal_component(target, place)?],
-        };
         let whole = matches!(target.part, TargetPart::Whole);
-        let value = self.value(value, if whole { n } else { 1 })?;
-        let dofs =
-            nodes.iter().flat_map(|node| components.iter().map(move |(c, _)| start + *node as usize * n + c)).collect();
+        // by node: along what, with which entry of the value and which sign
+        let along: Vec<Vec<(Along, usize, f64)>> = match &target.part {
+            TargetPart::Whole => vec![(0..n).map(|c| (Along::Component(c), c, 1.0)).collect(); nodes.len()],
+            TargetPart::Component(e) => {
+                let c = component(self.env, e, field, self.diagnostics)?;
+                vec![vec![(Along::Component(c), 0, 1.0)]; nodes.len()]
+            }
+            TargetPart::Normal => self.along_normals(target, place, position, &nodes)?,
+        };
+        let entries = if whole { n } else { 1 };
+        let value = self.value(value, entries)?;
+        let mut conditions = Vec::with_capacity(nodes.len());
+        for (k, (node, list)) in nodes.iter().zip(along).enumerate() {
+            conditions.extend(list.into_iter().map(|(along, entry, factor)| Condition {
+                first: start + *node as usize * n,
+                n_components: n,
+                along,
+                number: Number { fix: number, place: k * entries + entry, factor },
+            }));
+        }
         let positions = nodes.iter().map(|node| field.node_position(*node as usize)).collect();
-        let components = if whole { components } else { vec![(0, components[0].1)] };
-        Some(Prescribed { dofs, components, positions, value })
+        Some((Fix { positions, value }, conditions))
     }
 
     /// "the 256 faces of `east` belong to `right`; uL lives on `left`"
@@ -165,8 +329,14 @@ impl ConstraintMaker<'_> {
         }
     }
 
-    /// `fix u.Normal` on facets that all look along one axis: that component, with the sign of the normal.
-    fn normal_component(&mut self, target: &Target, place: &wfl::ast::Ident) -> Option<(usize, f64)> {
+    /// `fix u.Normal`: by node the normals there, a component where they look along an axis.
+    fn along_normals(
+        &mut self,
+        target: &Target,
+        place: &wfl::ast::Ident,
+        position: usize,
+        nodes: &[u32],
+    ) -> Option<Vec<Vec<(Along, usize, f64)>>> {
         let facets: Vec<FacetRef> = match &self.regions.get(&place.name)?.set {
             RegionSet::Facets(f) => f.clone(),
             RegionSet::Interface(i) => i.iter().map(|p| p.here).collect(),
@@ -176,21 +346,21 @@ impl ConstraintMaker<'_> {
                 return None;
             }
         };
-        let dim = self.mesh.dim();
-        let mut found: Option<(usize, f64)> = None;
-        for facet in &facets {
-            let normal = facet_normal(self.mesh, *facet);
-            let axis = (0..dim).find(|k| (normal[*k].abs() - 1.0).abs() < ALIGNED);
-            let here = axis.map(|k| (k, normal[k].signum()));
-            if here.is_none() || (found.is_some() && found.map(|f| f.0) != here.map(|h| h.0)) {
-                let d = Diagnostic::new("E407", "`fix u.Normal` needs faces that look along one axis")
-                    .help("on other faces write a term: term on r : gamma*(u.Normal)*(Test_u.Normal)");
-                self.diagnostics.push(d.at(target.span, format!("`{}` has a face with normal {normal:?}", place.name)));
-                return None;
-            }
-            found = here;
+        let (field, dim) = (&self.fields[position], self.mesh.dim());
+        if field.n_components != dim {
+            let d = Diagnostic::new("E108", format!("`{}` has no normal component", field.name));
+            let text = format!("it has {} components, space has {dim} dimensions", field.n_components);
+            self.diagnostics.push(d.at(target.span, text));
+            return None;
         }
-        found
+        let FieldSpace::Nodal(space) = &field.space else { return None };
+        let normals = node_normals(self.mesh, self.topology, space, &facets);
+        let along = |normal: &[f64; 3]| match (0..dim).find(|k| (normal[*k].abs() - 1.0).abs() < ALIGNED) {
+            Some(k) => (Along::Component(k), 0, normal[k].signum()),
+            None => (Along::Direction(*normal), 0, 1.0),
+        };
+        let of = |node: &u32| normals.get(node).map(|list| list.iter().map(along).collect()).unwrap_or_default();
+        Some(nodes.iter().map(of).collect())
     }
 }
 
@@ -202,20 +372,6 @@ pub(super) fn wrong_size(e: &Expr, found: Shape, entries: usize) -> Option<Diagn
     let needed = if entries == 1 { "one value is".to_owned() } else { format!("{entries} values are") };
     let d = Diagnostic::new("E108", format!("{needed} needed here, found a {found}"));
     Some(d.at(e.span, found.to_string()))
-}
-
-/// Outward normal at the centre of a facet.
-fn facet_normal(mesh: &Mesh, facet: FacetRef) -> [f64; 3] {
-    let kind = mesh.kind(facet.cell);
-    let table = mesh.geometry_element(kind).tabulate(&[kind.reference_centre()], 1);
-    let j = mesh.jacobian_at(facet.cell, &table, 0);
-    let dim = mesh.dim();
-    let m = nalgebra::Matrix3::from_fn(|r, c| if r < dim && c < dim { j[r][c] } else { f64::from(u8::from(r == c)) });
-    let reference = kind.facet_normal(usize::from(facet.local));
-    let n =
-        m.try_inverse().map_or_else(nalgebra::Vector3::zeros, |i| i.transpose() * nalgebra::Vector3::from(reference));
-    let n = n.normalize();
-    [n[0], n[1], n[2]]
 }
 
 /// Multiplier dofs whose jump is prescribed on all sides: component c of a node where component c of every unknown
@@ -275,7 +431,11 @@ pub(super) fn idle_multipliers(
     idle
 }
 
-/// True if every unknown with a node at `x` on these facets has component `c` fixed there, and there is one.
+/// Nodes this near to each other, in sizes of the mesh, stand at one place.
+const SAME_PLACE: f64 = 1e-9;
+
+/// True if every unknown with a node at `x` on these facets has component `c` fixed there or cannot jump there, and
+/// there is one.
 #[expect(clippy::too_many_arguments, reason = "a test on the whole discrete problem")]
 fn prescribed_there(
     mesh: &Mesh,
@@ -294,14 +454,21 @@ fn prescribed_there(
         else {
             continue;
         };
-        for node in space.nodes_on_facets(mesh, topology, facets) {
-            let y = space.node_coordinates()[node as usize];
-            if (0..3).all(|d| (x[d] - y[d]).abs() <= 1e-9 * scale) {
-                if c >= field.n_components || !fixed.contains(&(start + node as usize * field.n_components + c)) {
-                    return false;
-                }
-                any = true;
+        let at_x = |node: &u32| {
+            let y = space.node_coordinates()[*node as usize];
+            (0..3).all(|d| (x[d] - y[d]).abs() <= SAME_PLACE * scale)
+        };
+        let nodes: Vec<u32> = space.nodes_on_facets(mesh, topology, facets).into_iter().filter(at_x).collect();
+        // the end of a tear: both sides are one node, which cannot jump
+        if nodes.len() == 1 && facets.iter().any(|f| space.is_torn_along(topology.facet_id(*f))) {
+            any = true;
+            continue;
+        }
+        for node in nodes {
+            if c >= field.n_components || !fixed.contains(&(start + node as usize * field.n_components + c)) {
+                return false;
             }
+            any = true;
         }
     }
     any

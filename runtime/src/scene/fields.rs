@@ -10,14 +10,17 @@ use wfl_compiler::{
 };
 
 use crate::{
+    assemble::Domain,
     element::Family,
     field::{Field, FieldSpace},
     mesh::{FacetRef, Mesh, RegionSet, Topology},
+    point_space::PointSpace,
+    quadrature::vertex,
     scene::{
         constants::number,
         regions::{NamedRegion, Regions},
     },
-    space::Space,
+    space::{Space, Support},
 };
 
 /// Fields and their signatures, by position.
@@ -65,14 +68,14 @@ fn field(
         Declared::State { .. } => FieldKind::State,
     };
     let shape = shape(&declared.space.rank, env, diagnostics)?;
-    if kind == FieldKind::State {
-        let d = Diagnostic::new("E802", "`state` fields are not available yet");
-        diagnostics.push(d.at(declared.name.span, "values at integration points that are renewed after a step"));
-        return None;
-    }
     if let Place::Global(_) = declared.space.place {
         let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Global };
         return Some((field, FieldSig { name, shape, degree: 0, kind, global: true }));
+    }
+    if kind == FieldKind::State {
+        let space = state_points(declared, mesh, regions, diagnostics)?;
+        let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Points(space) };
+        return Some((field, FieldSig { name, shape, degree: 0, kind, global: false }));
     }
     let (degree, family) = match &declared.space.element {
         None => (1, Family::Continuous),
@@ -95,7 +98,13 @@ fn field(
     };
     match made {
         Ok(mut space) => {
-            for facets in torn(script, &name, topology, regions, diagnostics) {
+            // all tears at once: where one ends on another, three nodes are needed
+            let facets = torn(script, &name, topology, regions, diagnostics);
+            if !facets.is_empty() {
+                if let Some(d) = untearable(script, &name, &space) {
+                    diagnostics.push(d);
+                    return None;
+                }
                 space.split(topology, &facets);
             }
             let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Nodal(space) };
@@ -108,6 +117,33 @@ fn field(
     }
 }
 
+/// Where a state lives, with one point an entity: its true points follow from the terms that read it.
+fn state_points(
+    declared: &wfl::Field,
+    mesh: &Mesh,
+    regions: &Regions,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<PointSpace> {
+    if let Some(element) = &declared.space.element {
+        let d = Diagnostic::new("E406", format!("a state has no element `{}`", element.name));
+        diagnostics.push(d.at(element.span, "it has a value at each integration point, nothing between them"));
+        return None;
+    }
+    let set = support(&declared.space.place, &declared.name, regions, diagnostics)?;
+    match Domain::new(mesh, &set, &vertex) {
+        Ok(domain) if !domain.groups.is_empty() => Some(PointSpace::new(mesh, &domain)),
+        Ok(_) => {
+            let d = Diagnostic::new("E405", "a state lives on cells or faces, not on nodes");
+            diagnostics.push(d.at(declared.space.span, ""));
+            None
+        }
+        Err(e) => {
+            diagnostics.push(Diagnostic::new("E409", e.to_string()).at(declared.space.span, ""));
+            None
+        }
+    }
+}
+
 /// The inner faces along which `split` tears a field.
 fn torn(
     script: &ResolvedScript,
@@ -115,7 +151,7 @@ fn torn(
     topology: &Topology,
     regions: &Regions,
     diagnostics: &mut Vec<Diagnostic>,
-) -> Vec<Vec<FacetRef>> {
+) -> Vec<FacetRef> {
     let mut out = Vec::new();
     for split in script.splits.iter().filter(|s| s.fields.iter().any(|f| f.name == field)) {
         for place in &split.places {
@@ -131,10 +167,21 @@ fn torn(
                 diagnostics.push(d.at(place.span, "inner faces of the body are needed, all of them between two cells"));
                 continue;
             }
-            out.push(facets);
+            out.extend(facets);
         }
     }
     out
+}
+
+/// A field that `split` cannot tear, told at the statement.
+fn untearable(script: &ResolvedScript, field: &str, space: &Space) -> Option<Diagnostic> {
+    let text = match (space.support(), space.family()) {
+        (Support::Facets(_), _) => "it lives on faces: only fields of cells have two sides to tear",
+        (_, Family::Discontinuous) => "its element is discontinuous: it jumps over every face already",
+        _ => return None,
+    };
+    let named = script.splits.iter().flat_map(|s| &s.fields).find(|f| f.name == field)?;
+    Some(Diagnostic::new("E405", format!("`{field}` cannot be split")).at(named.span, text))
 }
 
 pub(super) fn shape(rank: &Rank, env: &Env<'_>, diagnostics: &mut Vec<Diagnostic>) -> Option<Shape> {
@@ -187,7 +234,13 @@ fn element(word: &Ident, mesh: &Mesh, diagnostics: &mut Vec<Diagnostic>) -> Opti
     }
 }
 
-fn support(place: &Place, name: &Ident, regions: &Regions, diagnostics: &mut Vec<Diagnostic>) -> Option<RegionSet> {
+/// The entities of all the regions on which a field lives; `None` after a message.
+pub(super) fn support(
+    place: &Place,
+    name: &Ident,
+    regions: &Regions,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<RegionSet> {
     let names: Vec<&Ident> = match place {
         Place::On(list) => list.iter().collect(),
         _ => Vec::new(),

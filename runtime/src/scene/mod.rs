@@ -10,43 +10,48 @@ mod constraints;
 mod context;
 mod fields;
 mod held;
+mod mappings;
 mod mesh;
+mod normals;
+mod options;
 mod outputs;
 mod quantities;
 mod regions;
 mod rest;
 mod samples;
+mod states;
 mod terms;
 
 use std::{cell::Cell, collections::BTreeSet, path::Path, sync::Arc, time::Instant};
 
-use wfl::{
-    Diagnostic, Lost, ResolvedScript,
-    ast::{OptionItem, OptionValue, Reduction},
-};
+use wfl::{Diagnostic, Lost, ResolvedScript, ast::Reduction};
 use wfl_compiler::{
     Class, Constant, Env,
     backend::KernelBackend,
     compile_condition,
     ir::VerifiedKernel,
-    types::{FieldKind, FieldSig, InputSlot},
+    types::{FieldKind, FieldSig, InputSlot, UniformSlot},
 };
 
 use crate::{
     assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots, tangent_kernel},
     field::Field,
-    mesh::{Mesh, Topology},
+    mesh::{Mesh, RegionSet, Topology},
     newton::{NewtonOptions, TermPieces},
-    system::{Known, Numbering, System},
+    results::SampledPiece,
+    system::{Known, Numbering, Past, System},
     value::{Sampled, Value},
 };
 
 use batch::Batch;
 pub use constraints::Prescribed;
 pub use held::Printed;
+pub use options::Steps;
 pub use outputs::{CsvOutput, VtkOutput};
+pub use quantities::Given;
 pub use regions::{NamedRegion, Regions};
 pub use samples::{SampleAt, Samples};
+pub use states::StateUpdate;
 pub use terms::RuleChoice;
 
 /// A quantity printed and reported at each step.
@@ -57,24 +62,6 @@ pub struct Measure {
     pub reduction: Reduction,
     parts: Vec<(Value, Sampled)>,
 }
-
-/// Load or time steps.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Steps {
-    /// The name of the variable; `None` for a single solve.
-    pub variable: Option<String>,
-    /// Its values.
-    pub values: Vec<f64>,
-    /// Go on after a step that did not converge.
-    pub go_on: bool,
-    /// How often the increment of a step that does not converge may be halved.
-    pub halve: u32,
-}
-
-/// Halvings where the scene does not say how many: the smallest part is then 1/32 of an increment.
-const DEFAULT_HALVE: u32 = 5;
-/// Most halvings that can be asked for.
-const MAX_HALVE: f64 = 30.0;
 
 /// Seconds spent while preparing.
 #[derive(Clone, Copy, Debug, Default)]
@@ -115,11 +102,13 @@ pub struct Scene {
     /// The load or time steps.
     pub steps: Steps,
     /// Prescribed values.
-    pub prescribed: Vec<Prescribed>,
+    pub prescribed: Prescribed,
     /// First guesses: field and value.
-    pub starts: Vec<(usize, Value)>,
-    /// Known fields given by expressions: field and value.
-    pub data: Vec<(usize, Value)>,
+    pub starts: Vec<(usize, Given)>,
+    /// Known fields: field and values.
+    pub data: Vec<(usize, Given)>,
+    /// Fields that are renewed after each step.
+    pub states: Vec<StateUpdate>,
     /// Quantities to report.
     pub measures: Vec<Measure>,
     /// What terms print.
@@ -235,17 +224,32 @@ fn prepare_all(
     }
     let bare = Env { dim: mesh.dim(), ..constants::bare_env(script, mesh.dim(), &params) };
     let fields::Fields { fields, sigs } = fields::fields(script, &bare, &mesh, &topology, &regions, diagnostics)?;
+    let made = mappings::MappingMaker {
+        script,
+        env: &Env { fields: &sigs, ..bare },
+        mesh: &mesh,
+        regions: &regions,
+        fields: &fields,
+        backend,
+        diagnostics: &mut *diagnostics,
+    }
+    .make();
+    for mapping in script.mappings.iter().filter(|m| made.sigs.iter().all(|s| s.name != m.name.name)) {
+        lost.add(&mapping.name.name);
+    }
     let mesh_time = begin.elapsed().as_secs_f64();
     let variable = script.steps.as_ref().map(|s| s.variable.name.clone());
-    let env = Env { fields: &sigs, step_variable: variable.as_deref(), ..bare };
+    let env = Env { fields: &sigs, mappings: &made.sigs, step_variable: variable.as_deref(), ..bare };
     let batch = Batch::new(backend);
     Builder {
         script,
+        folder,
         env: &env,
         mesh,
         topology,
         regions,
         fields,
+        mappings: &made,
         sigs: &sigs,
         batch: &batch,
         diagnostics,
@@ -256,13 +260,18 @@ fn prepare_all(
     .build()
 }
 
+/// Where a law is integrated: the name, the entities, and the mapping it reads through with the fields it reads there.
+type Place = (String, Option<RegionSet>, Option<(usize, Vec<usize>)>);
+
 struct Builder<'a> {
     script: &'a ResolvedScript,
+    folder: &'a Path,
     env: &'a Env<'a>,
     mesh: Mesh,
     topology: Topology,
     regions: Regions,
     fields: Vec<Field>,
+    mappings: &'a mappings::Mappings,
     sigs: &'a [FieldSig],
     batch: &'a Batch<'a>,
     diagnostics: &'a mut Vec<Diagnostic>,
@@ -274,20 +283,13 @@ struct Builder<'a> {
 impl Builder<'_> {
     fn build(mut self) -> Option<Scene> {
         let begin = Instant::now();
-        let mut maker = terms::TermMaker {
-            script: self.script,
-            env: self.env,
-            mesh: &self.mesh,
-            regions: &self.regions,
-            fields: &self.fields,
-            diagnostics: &mut *self.diagnostics,
-        };
-        let laws = maker.make();
-        let rules = maker.rules(&laws);
+        let (laws, renewed, rules) = self.laws();
         let compile_terms = begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
         let used: BTreeSet<usize> = laws.iter().flat_map(|l| used_fields(&l.law)).collect();
+        let (rates, past_in_laws) = histories(&laws, &renewed);
+        let states = self.state_updates(renewed, &rules);
         let known_kind = |f: &Field| matches!(f.kind, FieldKind::Unknown | FieldKind::Multiplier);
         let position = |f: &Field, all: &[Field]| all.iter().position(|g| g.name == f.name).unwrap_or(usize::MAX);
         let mut numbering =
@@ -298,21 +300,21 @@ impl Builder<'_> {
         let mesh_time = self.mesh_time + begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
-        let steps = self.steps();
+        let steps = self.steps(rates);
         let newton = self.newton_options();
         let starts = self.starts();
-        let data = self.data();
+        let given = self.data();
         let measures = self.measures(&rules);
         rest::expects(self.script, self.params, self.env.dim, self.diagnostics);
         if assembled.is_none() || self.diagnostics.iter().any(Diagnostic::is_error) {
-            self.outputs();
+            self.outputs(&rules);
             return None;
         }
         let (terms, summaries, pieces) = assembled?;
         let compile_values = begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
-        let (vtk, csv, compile_outputs) = self.outputs();
+        let (vtk, csv, compile_outputs) = self.outputs(&rules);
         let mesh_time = mesh_time + begin.elapsed().as_secs_f64() - compile_outputs;
 
         let begin = Instant::now();
@@ -323,13 +325,13 @@ impl Builder<'_> {
         if self.diagnostics.iter().any(Diagnostic::is_error) {
             return None;
         }
-        let past = terms.iter().any(|t| t.law.inputs.iter().any(|s| matches!(s, InputSlot::Previous(_))));
-        let known = Known {
-            data: self.fields.iter().map(|f| if known_kind(f) { Vec::new() } else { vec![0.0; f.n_dofs()] }).collect(),
-            previous: past.then(|| vec![0.0; numbering.n_dofs]),
-        };
-        let unused_fields =
-            (0..self.fields.len()).filter(|k| !used.contains(k)).map(|k| self.fields[k].name.clone()).collect();
+        let reads_past = past_in_laws
+            || measures.iter().any(Measure::reads_past)
+            || vtk.iter().flat_map(|v| &v.pieces).any(SampledPiece::reads_past)
+            || csv.iter().any(|c| c.line.reads_past());
+        let known = nothing_known(&self.fields, &numbering, reads_past);
+        let left_out = |k: &usize| !used.contains(k) && self.fields[*k].kind != FieldKind::State;
+        let unused_fields = (0..self.fields.len()).filter(left_out).map(|k| self.fields[k].name.clone()).collect();
         let mut system = match System::new(self.mesh, self.fields, numbering, terms, known) {
             Ok(s) => s,
             Err(e) => {
@@ -351,7 +353,8 @@ impl Builder<'_> {
             steps: steps?,
             prescribed,
             starts,
-            data,
+            data: given,
+            states,
             measures,
             prints: self.prints,
             vtk,
@@ -371,8 +374,25 @@ impl Builder<'_> {
         })
     }
 
+    /// What terms and updates of states are compiled to, and the rules of their places.
+    fn laws(&mut self) -> (Vec<terms::PlacedLaw>, Vec<states::StateLaw>, terms::Rules) {
+        let mut maker = terms::TermMaker {
+            script: self.script,
+            env: self.env,
+            mesh: &self.mesh,
+            regions: &self.regions,
+            fields: &self.fields,
+            diagnostics: &mut *self.diagnostics,
+        };
+        let laws = maker.make();
+        let mut rules = maker.rules(&laws);
+        let renewed = self.state_laws();
+        self.share_rules(&laws, &renewed, &mut rules);
+        (laws, renewed, rules)
+    }
+
     /// Files and line samples, with the seconds spent on their laws.
-    fn outputs(&mut self) -> (Vec<VtkOutput>, Vec<CsvOutput>, f64) {
+    fn outputs(&mut self, rules: &terms::Rules) -> (Vec<VtkOutput>, Vec<CsvOutput>, f64) {
         let mut maker = outputs::OutputMaker {
             script: self.script,
             env: self.env,
@@ -380,6 +400,7 @@ impl Builder<'_> {
             topology: &self.topology,
             regions: &self.regions,
             fields: &self.fields,
+            rules,
             backend: self.batch,
             diagnostics: &mut *self.diagnostics,
             law_seconds: Cell::new(0.0),
@@ -388,7 +409,7 @@ impl Builder<'_> {
         (vtk, csv, maker.law_seconds.get())
     }
 
-    fn constraints(&mut self, numbering: &mut Numbering) -> Vec<Prescribed> {
+    fn constraints(&mut self, numbering: &mut Numbering) -> Prescribed {
         let prescribed = constraints::ConstraintMaker {
             script: self.script,
             env: self.env,
@@ -401,14 +422,15 @@ impl Builder<'_> {
             diagnostics: &mut *self.diagnostics,
         }
         .make();
-        let fixed: BTreeSet<usize> = prescribed.iter().flat_map(|p| p.dofs.iter().copied()).collect();
+        let (fixed, components) = (prescribed.dofs(), prescribed.components());
+        numbering.turn(prescribed.frames());
         let idle = constraints::idle_multipliers(
             self.script,
             &self.mesh,
             &self.topology,
             &self.fields,
             numbering,
-            &fixed,
+            &components,
             self.diagnostics,
         );
         numbering.fix(fixed.into_iter().chain(idle));
@@ -441,7 +463,7 @@ impl Builder<'_> {
             }
         };
         let mut compiled = compiled.into_iter();
-        let mut domains: Vec<(String, Option<crate::mesh::RegionSet>, Arc<Domain>)> = Vec::new();
+        let mut domains: Vec<(Place, Arc<Domain>)> = Vec::new();
         let (mut terms, mut summaries, mut complete) = (Vec::new(), Vec::new(), true);
         let mut pieces: Vec<TermPieces> = Vec::new();
         for (placed, [tangent, held_tangent]) in laws.into_iter().zip(&tangents) {
@@ -452,24 +474,20 @@ impl Builder<'_> {
                 None => None,
             };
             let choice = rules.get(&placed.place).copied().unwrap_or(RuleChoice::Degree(1));
-            let shared = domains.iter().find(|(p, s, _)| *p == placed.place && *s == placed.set).map(|d| d.2.clone());
+            let slots = LawSlots { inputs: &placed.law.inputs, tests: &placed.law.tests, trials: &placed.law.trials };
+            let there = mappings::fields_there(slots.inputs, slots.tests.iter().chain(slots.trials));
+            let mapping = placed.law.listing.graph.mapping.map(|m| (m, there));
+            let place = (placed.place.clone(), placed.set.clone(), mapping);
+            let shared = domains.iter().find(|d| d.0 == place).map(|d| d.1.clone());
             let domain = shared.or_else(|| {
-                let made = terms::domain(
-                    &self.mesh,
-                    &self.fields,
-                    placed.set.as_ref(),
-                    choice,
-                    placed.span,
-                    self.diagnostics,
-                )?;
-                domains.push((placed.place.clone(), placed.set.clone(), made.clone()));
+                let made = self.domain(&place, choice, placed.span)?;
+                domains.push((place, made.clone()));
                 Some(made)
             });
             let Some(domain) = domain else {
                 complete = false;
                 continue;
             };
-            let slots = LawSlots { inputs: &placed.law.inputs, tests: &placed.law.tests, trials: &placed.law.trials };
             match Binding::new(&self.mesh, &domain, &self.fields, slots) {
                 Ok(binding) => {
                     summaries.push(TermSummary {
@@ -509,83 +527,14 @@ impl Builder<'_> {
         complete.then_some((terms, summaries, pieces))
     }
 
-    fn steps(&mut self) -> Option<Steps> {
-        let Some(steps) = &self.script.steps else {
-            return Some(Steps { variable: None, values: vec![0.0], go_on: false, halve: DEFAULT_HALVE });
-        };
-        let [a, b, c] = [(&steps.from, "the first value"), (&steps.to, "the last value"), (&steps.by, "the step")]
-            .map(|(e, what)| constants::number(self.env, what, e, self.diagnostics));
-        let (from, to, by) = (a?, b?, c?);
-        let count = ((to - from) / by).round();
-        if by == 0.0 || !count.is_finite() || !(0.0..=1e7).contains(&count) {
-            let d = Diagnostic::new("E413", format!("steps from {from} to {to} by {by} never arrive"));
-            self.diagnostics.push(d.at(steps.by.span, ""));
-            return None;
+    /// The points of a place, with images where a mapping is read through; `None` after a message.
+    fn domain(&mut self, place: &Place, choice: RuleChoice, span: wfl::Span) -> Option<Arc<Domain>> {
+        let (_, set, mapping) = place;
+        let base = terms::domain(&self.mesh, &self.fields, set.as_ref(), choice, span, self.diagnostics)?;
+        match mapping {
+            None => Some(base),
+            Some(at) => self.mappings.domain(at, &self.mesh, &self.fields, &base, span, self.diagnostics),
         }
-        let (mut go_on, mut halve) = (false, DEFAULT_HALVE);
-        for option in &steps.options {
-            match (option.name.name.as_str(), self.option_number(option), word(option)) {
-                ("on_fail", _, Some("go_on")) => go_on = true,
-                ("on_fail", _, Some("stop")) => go_on = false,
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
-                ("halve", Some(n), _) if n.fract() == 0.0 && (0.0..=MAX_HALVE).contains(&n) => halve = n as u32,
-                (name, _, _) => self.bad_option(option, name, "halve=0 to halve=30, on_fail=stop, on_fail=go_on"),
-            }
-        }
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            clippy::cast_precision_loss,
-            reason = "bounded above"
-        )]
-        let values = (0..=count as usize)
-            .map(|k| if k as f64 == count { from + count * by } else { from + k as f64 * by })
-            .collect();
-        Some(Steps { variable: Some(steps.variable.name.clone()), values, go_on, halve })
-    }
-
-    fn bad_option(&mut self, option: &OptionItem, name: &str, known: &str) {
-        let d = Diagnostic::new("E414", format!("option `{name}` is not understood here"));
-        self.diagnostics.push(d.at(option.name.span, format!("known: {known}")));
-    }
-
-    /// The number given to an option, if it is one.
-    fn option_number(&mut self, option: &OptionItem) -> Option<f64> {
-        match &option.value {
-            Some(OptionValue::Expr(e)) if word(option).is_none() => {
-                constants::number(self.env, "an option", e, self.diagnostics)
-            }
-            _ => None,
-        }
-    }
-
-    fn newton_options(&mut self) -> NewtonOptions {
-        let mut options = NewtonOptions::default();
-        let Some(solver) = &self.script.solver else { return options };
-        for option in &solver.options {
-            match (option.name.name.as_str(), self.option_number(option), word(option)) {
-                ("tol", Some(t), _) if t >= 0.0 => options.tolerance = t,
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
-                ("max_iter", Some(n), _) if n >= 1.0 && n.fract() == 0.0 && n < 1e6 => {
-                    options.max_iterations = n as usize;
-                }
-                ("search", _, Some("auto")) => options.search = true,
-                ("search", _, Some("none")) => options.search = false,
-                (name, _, _) => self.bad_option(option, name, "tol=1e-10, max_iter=50, search=auto, search=none"),
-            }
-        }
-        options
-    }
-}
-
-fn word(option: &OptionItem) -> Option<&str> {
-    match &option.value {
-        Some(OptionValue::Expr(e)) => match &e.kind {
-            wfl::ast::ExprKind::Name(n) => Some(n),
-            _ => None,
-        },
-        Some(OptionValue::Text(t, _)) => Some(t),
-        None => None,
     }
 }
 
@@ -595,6 +544,24 @@ fn used_fields(law: &wfl_compiler::TermLaw) -> Vec<usize> {
         _ => None,
     });
     law.tests.iter().chain(&law.trials).map(|s| s.field.index()).chain(inputs).collect()
+}
+
+/// Whether terms or updates of states read the increment, and whether they read the end of the previous step.
+fn histories(laws: &[terms::PlacedLaw], renewed: &[states::StateLaw]) -> (bool, bool) {
+    let timed = |slots: &[UniformSlot]| slots.contains(&UniformSlot::TimeStep);
+    let past = |inputs: &[InputSlot]| inputs.iter().any(|s| matches!(s, InputSlot::Previous(_)));
+    let rates =
+        laws.iter().any(|l| timed(&l.law.prologue.slots)) || renewed.iter().any(|r| timed(&r.law.prologue.slots));
+    (rates, laws.iter().any(|l| past(&l.law.inputs)) || renewed.iter().any(|r| past(&r.law.inputs)))
+}
+
+/// Zero in all fields that are not solved for, now and in the past where something reads it.
+fn nothing_known(fields: &[Field], numbering: &Numbering, reads_past: bool) -> Known {
+    let solved = |k: usize| numbering.starts[k].is_some();
+    let values = |(k, f): (usize, &Field)| if solved(k) { Vec::new() } else { vec![0.0; f.n_dofs()] };
+    let data: Vec<Vec<f64>> = fields.iter().enumerate().map(values).collect();
+    let previous = reads_past.then(|| Past { unknowns: vec![0.0; numbering.n_dofs], data: data.clone() });
+    Known { data, previous }
 }
 
 impl Scene {
@@ -610,6 +577,7 @@ impl Scene {
         let env = Env {
             dim: self.env.dim,
             fields: &[],
+            mappings: &[],
             params: &params,
             expansions: &self.env.expansions,
             step_variable: None,

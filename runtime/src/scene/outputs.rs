@@ -2,9 +2,10 @@
 //!
 //! Bodies are the cell sets on which unknowns live; an expression goes to every body where it makes sense. One that
 //! needs a face (`Normal`, the other side) goes to the faces that have terms. A plain field also goes to the faces of
-//! its side, so that the faces of a fault carry both displacements.
+//! its side, so that the faces of a fault carry both displacements. What reads a state is known at integration points
+//! only: its mean over each cell is written.
 
-use std::{cell::Cell, time::Instant};
+use std::{cell::Cell, sync::Arc, time::Instant};
 
 use wfl::{
     Diagnostic, ResolvedScript, Span,
@@ -13,13 +14,17 @@ use wfl::{
 use wfl_compiler::{Env, ValueLaw, backend::KernelBackend, compile_value, types::PlaceSig};
 
 use crate::{
+    assemble::Domain,
     field::{Field, FieldSpace},
     mesh::{CellId, Mesh, RegionSet, Topology},
     results::{LineSample, SampledPiece, SupportSet},
     scene::{
         constants::{number, numbers},
         fields::place_sig,
+        mappings::refused,
         regions::{NamedRegion, Regions},
+        states::states_read,
+        terms::{RuleChoice, Rules, domain},
     },
     space::Support,
     value::Value,
@@ -48,6 +53,7 @@ pub(super) struct OutputMaker<'a> {
     pub(super) topology: &'a Topology,
     pub(super) regions: &'a Regions,
     pub(super) fields: &'a [Field],
+    pub(super) rules: &'a Rules,
     pub(super) backend: &'a dyn KernelBackend,
     pub(super) diagnostics: &'a mut Vec<Diagnostic>,
     /// Seconds spent on laws; the rest goes to finding where they are sampled.
@@ -90,14 +96,17 @@ impl OutputMaker<'_> {
     pub(super) fn bodies(&self) -> Vec<Target> {
         let mut sets: Vec<Vec<CellId>> = Vec::new();
         for field in self.fields {
-            if let FieldSpace::Nodal(space) = &field.space
-                && let Support::Cells(cells) = space.support()
-            {
-                let mut cells = cells.clone();
-                cells.sort_unstable();
-                if !sets.contains(&cells) {
-                    sets.push(cells);
-                }
+            let mut cells = match &field.space {
+                FieldSpace::Nodal(space) => match space.support() {
+                    Support::Cells(cells) => cells.clone(),
+                    Support::Facets(_) => continue,
+                },
+                FieldSpace::Points(space) => space.cells(),
+                FieldSpace::Global => continue,
+            };
+            cells.sort_unstable();
+            if !cells.is_empty() && !sets.contains(&cells) {
+                sets.push(cells);
             }
         }
         let target =
@@ -209,6 +218,10 @@ impl OutputMaker<'_> {
         degree: usize,
         span: Span,
     ) {
+        if let Some(d) = refused(law.mapping, "a result file", span) {
+            self.diagnostics.push(d);
+            return;
+        }
         let position = match pieces.iter().position(|(s, _)| *s == target.support) {
             Some(p) => p,
             None => match SampledPiece::new(self.mesh, self.topology, self.fields, &target.support, degree) {
@@ -222,12 +235,33 @@ impl OutputMaker<'_> {
                 }
             },
         };
+        let state = states_read(self.fields, &law.inputs).next();
+        let points = match state.map(|k| self.points_of(k, &target.support, span)) {
+            Some(None) => return,
+            Some(domain) => domain,
+            None => None,
+        };
         let added = Value::new(law, self.backend).map_err(|e| e.to_string()).and_then(|v| {
-            pieces[position].1.add(self.mesh, self.fields, name.to_owned(), v).map_err(|e| e.to_string())
+            let (piece, name) = (&mut pieces[position].1, name.to_owned());
+            match points {
+                Some(domain) => piece.add_means(self.mesh, self.fields, name, v, domain),
+                None => piece.add(self.mesh, self.fields, name, v),
+            }
+            .map_err(|e| e.to_string())
         });
         if let Err(text) = added {
             self.diagnostics.push(Diagnostic::new("E416", text).at(span, ""));
         }
+    }
+
+    /// The integration points of a state on a piece.
+    fn points_of(&mut self, state: usize, support: &SupportSet, span: Span) -> Option<Arc<Domain>> {
+        let places = match &self.script.fields[state].space.place {
+            wfl::ast::Place::On(list) => list.iter().map(|p| p.name.as_str()).collect(),
+            _ => vec!["all"],
+        };
+        let choice = places.iter().find_map(|p| self.rules.get(*p)).copied().unwrap_or(RuleChoice::Degree(1));
+        domain(self.mesh, self.fields, Some(&support.region()), choice, span, self.diagnostics)
     }
 
     fn csv(&mut self, output: &wfl::Output, bodies: &[Target]) -> Option<CsvOutput> {
@@ -267,6 +301,10 @@ impl OutputMaker<'_> {
             let name = item.name.clone();
             for (target, law) in self.homes(bodies, &[], &item.expr) {
                 let SupportSet::Cells(cells) = &target.support else { continue };
+                if let Some(d) = refused(law.mapping, "a result file", item.expr.span) {
+                    self.diagnostics.push(d);
+                    continue;
+                }
                 let added = Value::new(law, self.backend)
                     .map_err(|e| e.to_string())
                     .and_then(|v| line.add(self.mesh, self.fields, name.clone(), v, cells).map_err(|e| e.to_string()));

@@ -1,14 +1,39 @@
 //! Values that are no terms: first guesses, given fields, measures.
 
-use wfl::{DataValue, Diagnostic, StartKind, ast::Reduction};
-use wfl_compiler::{compile_value, without_fields};
+use wfl::{DataValue, Diagnostic, Span, StartKind, ast::Reduction};
+use wfl_compiler::{compile_value, types::FieldKind, without_fields};
 
-use super::{Builder, Measure, RuleChoice, mesh, terms};
-use crate::{system::System, value::Value};
+use super::{Builder, Measure, RuleChoice, mappings, mesh, terms};
+use crate::{
+    point_values::{PointValues, SAME_PLACE},
+    system::System,
+    value::Value,
+};
+
+/// Values at the nodes of a field.
+pub enum Given {
+    /// A formula of the position and the step variable.
+    Formula(Box<Value>),
+    /// Numbers from a file: `values[node * n_components + component]`.
+    Values(Vec<f64>),
+}
+
+impl Given {
+    /// The values at the positions of all nodes, at a step.
+    pub fn at(&mut self, positions: &[[f64; 3]], time: f64, increment: f64) -> Vec<f64> {
+        match self {
+            Given::Formula(value) => {
+                value.set_step(time, increment);
+                value.at_positions(positions)
+            }
+            Given::Values(values) => values.clone(),
+        }
+    }
+}
 
 impl Builder<'_> {
     /// Values given at the nodes of a field by an expression of the position.
-    fn nodal_values(&mut self, list: Vec<(String, wfl::ast::Expr)>) -> Vec<(usize, Value)> {
+    fn nodal_values(&mut self, list: Vec<(String, wfl::ast::Expr)>) -> Vec<(usize, Given)> {
         let place = mesh::position_place(self.fields.len());
         let mut out = Vec::new();
         for (name, e) in list {
@@ -24,7 +49,7 @@ impl Builder<'_> {
                 continue;
             }
             match Value::new(law, self.batch) {
-                Ok(v) if v.reads_positions_only() => out.push((k, v)),
+                Ok(v) if v.reads_positions_only() => out.push((k, Given::Formula(Box::new(v)))),
                 Ok(_) => self.diagnostics.push(Diagnostic::new("E407", mesh::POSITIONS_ONLY).at(e.span, "")),
                 Err(error) => self.diagnostics.push(Diagnostic::new("E609", error.to_string()).at(e.span, "")),
             }
@@ -32,29 +57,82 @@ impl Builder<'_> {
         out
     }
 
-    pub(super) fn starts(&mut self) -> Vec<(usize, Value)> {
+    /// First values.
+    pub(super) fn starts(&mut self) -> Vec<(usize, Given)> {
         let mut list = Vec::new();
+        let mut out = Vec::new();
         for start in &self.script.starts {
             match &start.kind {
                 StartKind::Field { field, value } => list.push((field.name.clone(), value.clone())),
-                StartKind::File { path_span, .. } => {
-                    let d = Diagnostic::new("E802", "starting from a file is not available yet");
-                    self.diagnostics.push(d.at(*path_span, "give an expression: start u = ..."));
-                }
+                StartKind::File { path, path_span } => out.extend(self.starts_from(path, *path_span)),
             }
         }
-        self.nodal_values(list)
+        // what a statement says of one field goes over what a file says of it
+        out.extend(self.nodal_values(list));
+        out
     }
 
-    pub(super) fn data(&mut self) -> Vec<(usize, Value)> {
-        let mut list = Vec::new();
-        for field in &self.script.fields {
+    /// The first values of all fields that have columns in a file.
+    fn starts_from(&mut self, path: &str, span: Span) -> Vec<(usize, Given)> {
+        let Some(table) = self.table(path, span) else { return Vec::new() };
+        let mut out = Vec::new();
+        for k in 0..self.fields.len() {
+            if self.fields[k].kind != FieldKind::Data && table.has(&self.fields[k].name) {
+                out.extend(self.table_values(&table, path, k, span));
+            }
+        }
+        if out.is_empty() && !self.diagnostics.iter().any(Diagnostic::is_error) {
+            let names: Vec<&str> = self.fields.iter().map(|f| f.name.as_str()).collect();
+            let d = Diagnostic::new("E418", format!("`{path}` has no values of a field of this scene"));
+            self.diagnostics.push(d.at(span, format!("the fields are {}", names.join(", "))));
+        }
+        out
+    }
+
+    /// A file of values at positions, read; `None` after a message.
+    fn table(&mut self, path: &str, span: Span) -> Option<PointValues> {
+        let read = std::fs::read_to_string(self.folder.join(path)).map_err(|e| e.to_string());
+        match read.and_then(|text| PointValues::parse(&text).map_err(|e| e.to_string())) {
+            Ok(table) => Some(table),
+            Err(text) => {
+                let d = Diagnostic::new("E418", format!("`{path}` cannot be read: {text}"));
+                let d = d.help("a line of names (x, y, z, u_1, u_2, ...), then lines of numbers, with commas between");
+                self.diagnostics.push(d.at(span, ""));
+                None
+            }
+        }
+    }
+
+    /// The values of one field from a file.
+    fn table_values(&mut self, table: &PointValues, path: &str, field: usize, span: Span) -> Option<(usize, Given)> {
+        let (f, shape) = (&self.fields[field], self.sigs[field].shape);
+        let index = |e: usize| shape.indices(e).iter().map(|i| (i + 1).to_string()).collect::<String>();
+        let entries: Vec<String> = (0..shape.len()).map(index).collect();
+        let nodes: Vec<[f64; 3]> = (0..f.n_nodes()).map(|n| f.node_position(n)).collect();
+        let (low, high) = self.mesh.bounds();
+        let size = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+        match table.at_nodes(&f.name, &entries, &nodes, size) {
+            Ok(values) => Some((field, Given::Values(values))),
+            Err(e) => {
+                let d = Diagnostic::new("E418", format!("`{path}` does not fit `{}`: {e}", f.name));
+                let text = format!("positions are the same within {SAME_PLACE:e} of the mesh size");
+                self.diagnostics.push(d.at(span, text));
+                None
+            }
+        }
+    }
+
+    /// Given fields.
+    pub(super) fn data(&mut self) -> Vec<(usize, Given)> {
+        let (mut list, mut out) = (Vec::new(), Vec::new());
+        for (k, field) in self.script.fields.iter().enumerate() {
             if let wfl::FieldKind::Data { value } = &field.kind {
                 match value {
                     DataValue::Formula(e) => list.push((field.name.name.clone(), e.clone())),
-                    DataValue::File(_, span) => {
-                        let d = Diagnostic::new("E802", "data fields from files are not available yet");
-                        self.diagnostics.push(d.at(*span, "give an expression of x, y, z"));
+                    DataValue::File(path, span) => {
+                        if let Some(table) = self.table(path, *span) {
+                            out.extend(self.table_values(&table, path, k, *span));
+                        }
                     }
                     DataValue::Host => {
                         let d = Diagnostic::new("E415", format!("data `{}` has no value", field.name.name));
@@ -63,7 +141,8 @@ impl Builder<'_> {
                 }
             }
         }
-        self.nodal_values(list)
+        out.extend(self.nodal_values(list));
+        out
     }
 
     pub(super) fn measures(&mut self, rules: &terms::Rules) -> Vec<Measure> {
@@ -88,13 +167,11 @@ impl Builder<'_> {
                     self.diagnostics.push(d.at(measure.expr.span, law.shape.to_string()));
                     continue;
                 }
-                // the rule of the terms there, so that measured forces are those that act
+                // the rule of the terms there, so that measured forces are those that act and states are met
                 let choice = rules.get(&place.name).copied().unwrap_or(RuleChoice::Degree(law.degree.rule()));
-                let Some(domain) =
-                    terms::domain(&self.mesh, &self.fields, set.as_ref(), choice, measure.expr.span, self.diagnostics)
-                else {
-                    continue;
-                };
+                let there = mappings::fields_there(&law.inputs, []);
+                let at = (place.name.clone(), set, law.mapping.map(|m| (m, there)));
+                let Some(domain) = self.domain(&at, choice, measure.expr.span) else { continue };
                 match Value::new(law, self.batch) {
                     Ok(value) => match value.bind(&self.mesh, domain, &self.fields) {
                         Ok(sampled) => parts.push((value, sampled)),
@@ -112,6 +189,12 @@ impl Builder<'_> {
 }
 
 impl Measure {
+    /// True if it reads the end of the previous step.
+    #[must_use]
+    pub fn reads_past(&self) -> bool {
+        self.parts.iter().any(|(value, _)| value.reads_past())
+    }
+
     /// Its value at a state.
     pub fn evaluate(&mut self, system: &System, time: f64, increment: f64, u: &[f64]) -> f64 {
         let current = system.slices(u);

@@ -274,6 +274,7 @@ impl RegionMaker<'_> {
         let env = Env {
             dim: self.mesh.dim(),
             fields: &[],
+            mappings: &[],
             params: self.params,
             expansions: &self.script.expansions,
             step_variable: None,

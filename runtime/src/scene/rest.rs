@@ -7,11 +7,13 @@ use std::collections::BTreeMap;
 
 use wfl::{
     Diagnostic, FieldKind as Declared, Lost, ResolvedScript, Span, StartKind,
-    ast::{Cond, EntityKind, Expr, ExprKind, Ident, MeshSource, Place, QuadratureRule, RegionExpr, TargetPart},
+    ast::{
+        Cond, EntityKind, Expr, ExprKind, Ident, MappingKind, MeshSource, Place, QuadratureRule, RegionExpr, TargetPart,
+    },
 };
 use wfl_compiler::{
     Constant, Env, LoadPart, TermSource, compile_condition, compile_term, compile_value,
-    types::{FieldId, FieldKind, FieldSig, PlaceKind, PlaceSig, Shape},
+    types::{FieldId, FieldKind, FieldSig, MappingSig, PlaceKind, PlaceSig, Shape},
 };
 
 use super::{
@@ -27,7 +29,8 @@ pub(super) fn rest(script: &ResolvedScript, dim: Option<usize>, lost: &mut Lost,
     let params = parameters(script, dim, &mut Vec::new());
     let sigs = signatures(script, &bare_env(script, dim, &params), lost);
     let step_variable = script.steps.as_ref().map(|s| s.variable.name.as_str());
-    let env = Env { fields: &sigs, step_variable, ..bare_env(script, dim, &params) };
+    let mappings = mappings(script, sigs.len());
+    let env = Env { fields: &sigs, mappings: &mappings, step_variable, ..bare_env(script, dim, &params) };
     let mut rest = Rest { script, env: &env, found: Vec::new(), told: diagnostics };
     rest.numbers();
     rest.positions();
@@ -90,6 +93,17 @@ fn signatures(script: &ResolvedScript, env: &Env<'_>, lost: &mut Lost) -> Vec<Fi
         out.push(FieldSig { name, shape, degree: 1, kind, global });
     }
     out
+}
+
+/// The mappings, which lead to places where every field lives.
+fn mappings(script: &ResolvedScript, n_fields: usize) -> Vec<MappingSig> {
+    let sig = |mapping: &wfl::Mapping| MappingSig {
+        name: mapping.name.name.clone(),
+        there: vec![true; n_fields],
+        has_normal: matches!(mapping.kind, MappingKind::Search { .. }),
+        description: "a mapping".to_owned(),
+    };
+    script.mappings.iter().map(sig).collect()
 }
 
 /// The kind of a region as its declaration shows it; the most permissive one if only a mesh file knows.

@@ -13,6 +13,7 @@ use wfl_compiler::{Class, Env, backend::KernelBackend};
 use super::{
     Scene,
     outputs::{OutputMaker, Target},
+    terms::Rules,
 };
 use crate::{
     assemble::{Domain, FieldValues},
@@ -63,6 +64,7 @@ impl Scene {
         let env = Env {
             dim: self.env.dim,
             fields: &self.sigs,
+            mappings: &[],
             params: &self.env.params,
             expansions: &self.env.expansions,
             step_variable: self.steps.variable.as_deref(),
@@ -75,6 +77,7 @@ impl Scene {
             topology: &self.topology,
             regions: &self.regions,
             fields: &self.system.fields,
+            rules: &Rules::new(),
             backend,
             diagnostics: &mut diagnostics,
             law_seconds: Cell::new(0.0),

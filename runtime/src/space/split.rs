@@ -35,6 +35,13 @@ impl Space {
         }
         self.copies.sort_unstable();
         self.torn.extend_from_slice(facets);
+        self.torn_ids.extend(torn);
+    }
+
+    /// True if the space was torn along this face.
+    #[must_use]
+    pub fn is_torn_along(&self, facet: FacetId) -> bool {
+        self.torn_ids.contains(&facet)
     }
 
     /// The faces the space was torn along.

@@ -209,6 +209,9 @@ fn a_torn_space_has_one_node_a_side() {
     assert_eq!(space(2, &half).n_nodes(), 25 + 2);
     // four nodes at the crossing, two at each end
     assert_eq!(space(1, &cross).n_nodes(), 16);
+    // one tear ends on another: three nodes at the origin, two at each of the three ends
+    let tee = on(&|x| x[1].abs() < 1e-12 || x[1] > 0.0);
+    assert_eq!((tee.len(), space(1, &tee).n_nodes()), (3, 9 + 2 + 3));
     assert_eq!(space(2, &cross).n_nodes(), 36);
     // a facet has the nodes of its own side
     let torn = space(1, &half);
@@ -216,4 +219,19 @@ fn a_torn_space_has_one_node_a_side() {
     let (a, b) = (torn.nodes_on_facets(&mesh, &topology, &half), torn.nodes_on_facets(&mesh, &topology, &[there]));
     assert_eq!((a.len(), b.len()), (2, 2));
     assert_eq!(a.iter().filter(|n| b.contains(n)).count(), 1, "only the end is shared");
+}
+
+/// Two squares side by side: the field of the left one has no nodes on the lower face of the right one, though they touch.
+#[test]
+fn a_face_that_touches_at_an_edge_has_no_nodes() {
+    let mesh = generate_box([0.0; 3], [2.0, 1.0, 0.0], [2, 1, 1], 2, BoxShape::Quadrilateral).expect("a box");
+    let topology = Topology::new(&mesh).expect("a manifold");
+    let cells: Vec<CellId> = mesh.cells().collect();
+    let left = Space::on_cells(&mesh, &topology, &cells[..1], 1, Family::Continuous).expect("an element");
+    let low = |cell: CellId| -> Vec<FacetRef> {
+        let facets = topology.facets().iter().map(|f| f.here);
+        facets.filter(|f| f.cell == cell && mesh.facet_centroid(*f)[1] < 1e-12).collect()
+    };
+    assert_eq!(left.nodes_on_facets(&mesh, &topology, &low(cells[0])).len(), 2);
+    assert_eq!(left.nodes_on_facets(&mesh, &topology, &low(cells[1])).len(), 0);
 }

@@ -1,5 +1,7 @@
 //! What one step leaves to the next beside the unknowns: kept over a step that failed and over a run that was killed.
 
+use wfl_compiler::types::FieldKind;
+
 use super::System;
 use crate::newton::TermPieces;
 
@@ -14,6 +16,8 @@ pub struct Memory {
     pub guides: Vec<Vec<f64>>,
     /// By term with pieces: the numbers by which they are chosen.
     pub pieces: Vec<Vec<f64>>,
+    /// By state in the order of the fields: its values.
+    pub states: Vec<Vec<f64>>,
 }
 
 impl System {
@@ -25,7 +29,13 @@ impl System {
             settled: self.settled,
             guides: self.guides.clone(),
             pieces: self.pieces.iter().map(TermPieces::memory).collect(),
+            states: self.states().map(|k| self.known.data[k].clone()).collect(),
         }
+    }
+
+    /// The fields that are states.
+    fn states(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.fields.len()).filter(|k| self.fields[*k].kind == FieldKind::State)
     }
 
     /// Goes back to what was remembered. False, and nothing is changed, if that belongs to another scene.
@@ -35,12 +45,15 @@ impl System {
         let fits = memory.changing.len() == self.changing.values().len()
             && sizes(&memory.guides) == sizes(&self.guides)
             && memory.pieces.len() == self.pieces.len()
-            && self.pieces.iter().zip(&memory.pieces).all(|(p, m)| p.memory().len() == m.len());
+            && self.pieces.iter().zip(&memory.pieces).all(|(p, m)| p.memory().len() == m.len())
+            && self.states().map(|k| self.known.data[k].len()).eq(memory.states.iter().map(Vec::len));
         if fits {
             self.changing.values_mut().copy_from_slice(&memory.changing);
             self.settled = memory.settled;
             self.guides.clone_from(&memory.guides);
             self.pieces.iter_mut().zip(&memory.pieces).for_each(|(p, m)| p.recall(m));
+            let states: Vec<usize> = self.states().collect();
+            states.iter().zip(&memory.states).for_each(|(k, s)| self.known.data[*k].clone_from(s));
         }
         fits
     }

@@ -1,6 +1,9 @@
 //! The numbers of the unknowns: by dof, and by free dof where some are prescribed.
 
-use crate::field::Field;
+use crate::{
+    field::Field,
+    frames::{Frame, Frames},
+};
 
 /// Marks a dof that is not solved for.
 pub const FIXED: u32 = u32::MAX;
@@ -16,6 +19,8 @@ pub struct Numbering {
     pub free: Vec<u32>,
     /// Dof of each free number.
     pub free_dofs: Vec<u32>,
+    /// Nodes whose equations are written in frames of their own.
+    pub frames: Frames,
 }
 
 impl Numbering {
@@ -33,7 +38,8 @@ impl Numbering {
                 })
             })
             .collect();
-        let mut numbering = Self { starts, n_dofs: n, free: vec![0; n], free_dofs: Vec::new() };
+        let mut numbering =
+            Self { starts, n_dofs: n, free: vec![0; n], free_dofs: Vec::new(), frames: Frames::default() };
         numbering.renumber();
         numbering
     }
@@ -44,6 +50,30 @@ impl Numbering {
             self.free[d] = FIXED;
         }
         self.renumber();
+    }
+
+    /// Writes the equations of some nodes in frames; [`Self::fix`] then takes out their first axes.
+    pub fn turn(&mut self, frames: Vec<Frame>) {
+        self.frames = Frames::new(frames, self.n_dofs);
+    }
+
+    /// `u = start + step * correction`, the correction by free number.
+    pub fn advance(&self, start: &[f64], correction: &[f64], step: f64, u: &mut [f64]) {
+        u.copy_from_slice(start);
+        for (dof, x) in self.free_dofs.iter().zip(correction) {
+            self.frames.add(*dof as usize, step * x, u);
+        }
+    }
+
+    /// Moves what is prescribed of `u` to `start + part * (u - start)`; the rest of `u` stays.
+    pub fn part_of_prescribed(&self, start: &[f64], part: f64, u: &mut [f64]) {
+        let mut missing: Vec<f64> = u.iter().zip(start).map(|(x, s)| (part - 1.0) * (x - s)).collect();
+        self.frames.turn(&mut missing);
+        for (x, _) in missing.iter_mut().zip(&self.free).filter(|(_, free)| **free != FIXED) {
+            *x = 0.0;
+        }
+        self.frames.turn_back(&mut missing);
+        u.iter_mut().zip(missing).for_each(|(x, m)| *x += m);
     }
 
     fn renumber(&mut self) {

@@ -51,6 +51,7 @@ pub(crate) fn compile_on(text: &str, dim: usize, what: As, kind: PlaceKind) -> R
     let env = Env {
         dim,
         fields: &fields,
+        mappings: &[],
         params: &params,
         expansions: &expander.expansions,
         step_variable: Some("t"),
@@ -101,7 +102,7 @@ impl State {
     pub(crate) fn inputs(&self, law: &TermLaw) -> Vec<f64> {
         let input = |slot: &InputSlot| match slot {
             InputSlot::Field(s) => self.read(*s),
-            InputSlot::X(_) => 0.5,
+            InputSlot::X(_) | InputSlot::ImageX(_) => 0.5,
             InputSlot::Normal(_, k) => f64::from(u8::from(*k == 0)),
             InputSlot::ElementSize(_) => 1.0,
             _ => 0.0,

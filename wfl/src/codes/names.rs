@@ -111,6 +111,16 @@ pub(super) const PAGES: &[CodePage] = &[
         "param c = 1",
     ),
     page(
+        "E215",
+        "one term that reaches two other places",
+        "All `Interpolate` of a term lead to one other place: the neighbour, or the images of one mapping. The terms of \
+         a scene are added, so each mapping can have its own.",
+        "mapping m = point [1 - x, y, z]\nmapping n = point [x, 1 - y, z]\n\
+         term tie on left : (Interpolate(u, m) - Interpolate(u, n)).Test_u",
+        "mapping m = point [1 - x, y, z]\nmapping n = point [x, 1 - y, z]\n\
+         term one on left : Interpolate(u, m).Test_u\nterm two on left : -Interpolate(u, n).Test_u",
+    ),
+    page(
         "E301",
         "a term that is not linear in the test functions",
         "Each summand of a term holds one test function, once. In a residual the other factor is the unknown itself.",

@@ -46,8 +46,7 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E407",
         "a value that cannot be prescribed",
-        "Prescribed and nodal values are formulas of x, y, z and the variable of `steps`, without unknowns. A fixed \
-         normal component needs faces that look along one axis.",
+        "Prescribed and nodal values are formulas of x, y, z and the variable of `steps`, without unknowns.",
         "fix u(1) = u(2) on west",
         "fix u(1) = y*z on west",
     ),
@@ -93,7 +92,8 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E413",
         "steps that never arrive",
-        "The step has the wrong sign, is zero, or would need too many steps to get from the first to the last value.",
+        "The step has the wrong sign, is zero, or would need too many steps to get from the first to the last value. A \
+         scene with rates starts at the first value and needs a second one.",
         "steps t = 0 to 1 by -0.1",
         "steps t = 0 to 1 by 0.1",
     ),
@@ -126,6 +126,24 @@ pub(super) const PAGES: &[CodePage] = &[
          the elements at the interface. A penalty has no such value: it is what accuracy asks for.",
         "param gamma = auto",
         "param gamma = 1e5",
+    ),
+    page(
+        "E419",
+        "a mapping that leads nowhere",
+        "No point of the place has an image. `within` is the longest distance from a point to its image; a ray meets \
+         faces that look against it; a `point` must lie in a cell where the fields live that are read there.",
+        "region east = faces where x == 1\nmapping m = project from west onto east within 0.5\n\
+         measure far = max(Norm(Interpolate(u, m))) on west",
+        "region east = faces where x == 1\nmapping m = project from west onto east within 1.5\n\
+         measure far = max(Norm(Interpolate(u, m))) on west",
+    ),
+    page(
+        "E418",
+        "values in a file that do not fit",
+        "The file has a line of names and then a line of numbers for each node, with commas between: x, y, z, then u for a \
+         scalar, u_1, u_2, ... for a vector. Each node needs a line at its place, within 1e-9 of the mesh size.",
+        "data k : scalar = \"values_of_another_mesh.csv\"",
+        "data k : scalar = 1 + x",
     ),
     page(
         "E421",
@@ -244,8 +262,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "E802",
         "something that is not available yet",
         "The language has it, this program does not do it yet. The message says what to write instead.",
-        "start from \"old_run\"",
-        "start u = [0,0,0]",
+        "mapping m = point [1 - x, y, z]\noutput vtk \"r\" : Interpolate(u, m)",
+        "mapping m = point [1 - x, y, z]\nmeasure r = max(Norm(Interpolate(u, m))) on all",
     ),
     page(
         "W404",
@@ -264,6 +282,13 @@ pub(super) const PAGES: &[CodePage] = &[
          there. Mesh generators leave such pairs where volumes were not fused. They are not joined silently.",
         "mesh file \"torn.msh\"",
         "mesh file \"fused.msh\"",
+    ),
+    page(
+        "W406",
+        "points without an image",
+        "Some points of a term have no image under its mapping. They take no part in the term: nothing acts there.",
+        "mapping m = point [x + 0.5, y, z]\nmeasure r = max(Norm(Interpolate(u, m))) on all",
+        "mapping m = point [x + 0.5, y, z]\nmeasure r = max(Norm(Interpolate(u, m))) on left",
     ),
     page(
         "W501",

@@ -1,0 +1,423 @@
+//! Where a point lies: in which cell, nearest to which point of which facets, hit by which ray.
+//!
+//! Promises: of several cells or facets that are equally good the first in the given order is taken, so results do not
+//! depend on anything but the mesh. Searches on facets are exact for straight and flat ones; on curved ones an iteration
+//! finds the foot point. Does not know fields.
+
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+
+use super::{CellId, CellKind, FacetRef, Mesh};
+
+/// How far outside the reference cell a point may lie and still count as inside.
+const INSIDE: f64 = 1e-9;
+/// Iterations of an inverse map or a foot point.
+const ITERATIONS: usize = 50;
+/// An iteration ends when the reference point moves by less.
+const SETTLED: f64 = 1e-14;
+/// A box is searched when the point is within this part of its size.
+const MARGIN: f64 = 0.1;
+
+/// A point of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Image {
+    /// Its cell.
+    pub cell: CellId,
+    /// Its reference coordinates there.
+    pub reference: [f64; 3],
+    /// The facet it was found on, if facets were searched.
+    pub facet: Option<FacetRef>,
+}
+
+/// Bounding boxes of cells or facets in order.
+#[derive(Clone, Debug, Default)]
+struct Boxes {
+    list: Vec<([f64; 3], [f64; 3])>,
+}
+
+impl Boxes {
+    fn push(&mut self, mesh: &Mesh, cell: CellId, nodes: impl Iterator<Item = usize>) {
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        let all = mesh.cell_nodes(cell);
+        for k in nodes {
+            let p = mesh.node(all[k]);
+            for d in 0..3 {
+                low[d] = low[d].min(p[d]);
+                high[d] = high[d].max(p[d]);
+            }
+        }
+        // curved sides bulge out of the box of their nodes
+        let margin = MARGIN * (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+        self.list.push((low.map(|x| x - margin), high.map(|x| x + margin)));
+    }
+
+    /// Distance of a point to a box; 0 inside.
+    fn distance(&self, k: usize, x: [f64; 3]) -> f64 {
+        let (low, high) = &self.list[k];
+        let out = [0, 1, 2].map(|d| (low[d] - x[d]).max(x[d] - high[d]).max(0.0));
+        out[0].hypot(out[1]).hypot(out[2])
+    }
+}
+
+/// Finds the cells of points.
+#[derive(Clone, Debug)]
+pub struct CellFinder {
+    cells: Vec<CellId>,
+    boxes: Boxes,
+    /// Cells by bin of a uniform grid over all boxes, in order.
+    bins: Vec<Vec<u32>>,
+    grid: Grid,
+}
+
+/// A uniform grid over a box.
+#[derive(Clone, Copy, Debug)]
+struct Grid {
+    low: [f64; 3],
+    step: [f64; 3],
+    count: [usize; 3],
+}
+
+impl Grid {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
+    fn place(&self, x: [f64; 3]) -> [usize; 3] {
+        [0, 1, 2].map(|d| {
+            let at = (x[d] - self.low[d]) / self.step[d];
+            (at.max(0.0) as usize).min(self.count[d] - 1)
+        })
+    }
+
+    fn index(&self, p: [usize; 3]) -> usize {
+        (p[2] * self.count[1] + p[1]) * self.count[0] + p[0]
+    }
+}
+
+impl CellFinder {
+    /// A finder among `cells`; of cells that share a point the first is found.
+    #[must_use]
+    pub fn new(mesh: &Mesh, cells: &[CellId]) -> Self {
+        let mut boxes = Boxes::default();
+        for cell in cells {
+            boxes.push(mesh, *cell, 0..mesh.cell_nodes(*cell).len());
+        }
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for (a, b) in &boxes.list {
+            for d in 0..3 {
+                low[d] = low[d].min(a[d]);
+                high[d] = high[d].max(b[d]);
+            }
+        }
+        let dim = mesh.dim();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            clippy::cast_precision_loss,
+            reason = "a root of the number of cells"
+        )]
+        let along = ((cells.len() as f64).powf(1.0 / dim as f64).ceil() as usize).max(1);
+        let count = [0, 1, 2].map(|d| if d < dim { along } else { 1 });
+        #[expect(clippy::cast_precision_loss, reason = "few bins")]
+        let step = [0, 1, 2].map(|d| {
+            let size = (high[d] - low[d]) / count[d] as f64;
+            if size > 0.0 && size.is_finite() { size } else { 1.0 }
+        });
+        let grid = Grid { low, step, count };
+        let mut bins = vec![Vec::new(); count.iter().product()];
+        for (k, (a, b)) in boxes.list.iter().enumerate() {
+            let (first, last) = (grid.place(*a), grid.place(*b));
+            for z in first[2]..=last[2] {
+                for y in first[1]..=last[1] {
+                    for x in first[0]..=last[0] {
+                        bins[grid.index([x, y, z])].push(u32::try_from(k).expect("fewer than 2^32 cells"));
+                    }
+                }
+            }
+        }
+        Self { cells: cells.to_vec(), boxes, bins, grid }
+    }
+
+    /// The first cell that holds the point; `None` outside of all.
+    #[must_use]
+    pub fn find(&self, mesh: &Mesh, x: [f64; 3]) -> Option<Image> {
+        let bin = self.bins.get(self.grid.index(self.grid.place(x)))?;
+        bin.iter().map(|k| *k as usize).filter(|k| self.boxes.distance(*k, x) == 0.0).find_map(|k| {
+            let reference = inverse_map(mesh, self.cells[k], x)?;
+            Some(Image { cell: self.cells[k], reference, facet: None })
+        })
+    }
+}
+
+/// Newton on the geometric map; `None` when the point is outside the cell.
+#[must_use]
+pub fn inverse_map(mesh: &Mesh, cell: CellId, x: [f64; 3]) -> Option<[f64; 3]> {
+    let (dim, kind) = (mesh.dim(), mesh.kind(cell));
+    let element = mesh.geometry_element(kind);
+    let mut r = kind.reference_centre();
+    for _ in 0..ITERATIONS {
+        let table = element.tabulate(&[r], 1);
+        let at = mesh.point_at(cell, &table, 0);
+        let jacobian = mesh.jacobian_at(cell, &table, 0);
+        let m = Matrix3::from_fn(|i, j| if i < dim && j < dim { jacobian[i][j] } else { f64::from(u8::from(i == j)) });
+        let gap = Vector3::from_fn(|i, _| if i < dim { x[i] - at[i] } else { 0.0 });
+        let step = m.lu().solve(&gap)?;
+        for d in 0..dim {
+            r[d] += step[d];
+        }
+        if step.norm() < SETTLED {
+            break;
+        }
+    }
+    inside(kind, &r[..dim]).then_some(r)
+}
+
+/// True if parameters lie in a reference cell, within rounding.
+fn inside(kind: CellKind, r: &[f64]) -> bool {
+    if kind.is_simplex() {
+        r.iter().all(|c| *c >= -INSIDE) && r.iter().sum::<f64>() <= 1.0 + INSIDE
+    } else {
+        r.iter().all(|c| (-INSIDE..=1.0 + INSIDE).contains(c))
+    }
+}
+
+/// Facets onto which points are projected or rays are sent.
+#[derive(Clone, Debug)]
+pub struct FacetFinder {
+    facets: Vec<FacetRef>,
+    boxes: Boxes,
+}
+
+impl FacetFinder {
+    /// A finder among `facets`, each in the cell it names.
+    #[must_use]
+    pub fn new(mesh: &Mesh, facets: &[FacetRef]) -> Self {
+        let mut boxes = Boxes::default();
+        for facet in facets {
+            let element = mesh.geometry_element(mesh.kind(facet.cell));
+            boxes.push(mesh, facet.cell, element.facet_closure(usize::from(facet.local)).iter().copied());
+        }
+        Self { facets: facets.to_vec(), boxes }
+    }
+
+    /// The facets, in order.
+    #[must_use]
+    pub fn facets(&self) -> &[FacetRef] {
+        &self.facets
+    }
+
+    /// The point of the facets nearest to `x`, if it is within `reach`.
+    #[must_use]
+    pub fn nearest(&self, mesh: &Mesh, x: [f64; 3], reach: f64) -> Option<Image> {
+        let mut best: Option<(f64, Image)> = None;
+        for (k, facet) in self.facets.iter().enumerate() {
+            let least = best.as_ref().map_or(reach, |b| b.0);
+            if self.boxes.distance(k, x) > least {
+                continue;
+            }
+            let side = Side::new(mesh, *facet);
+            let (reference, distance) = side.foot(x);
+            if distance <= reach && best.as_ref().is_none_or(|b| distance < b.0) {
+                best = Some((distance, side.image(reference)));
+            }
+        }
+        best.map(|b| b.1)
+    }
+
+    /// The point nearest to `x` where the line through `x` along the unit vector `n` meets a facet that looks the other
+    /// way (its outward normal against `n`), if it is within `reach`.
+    #[must_use]
+    pub fn hit(&self, mesh: &Mesh, x: [f64; 3], n: [f64; 3], reach: f64) -> Option<Image> {
+        let mut best: Option<(f64, Image)> = None;
+        for (k, facet) in self.facets.iter().enumerate() {
+            let least = best.as_ref().map_or(reach, |b| b.0);
+            if self.boxes.distance(k, x) > least {
+                continue;
+            }
+            let side = Side::new(mesh, *facet);
+            let Some((reference, distance)) = side.crossing(x, n) else { continue };
+            if distance <= reach && best.as_ref().is_none_or(|b| distance < b.0) {
+                best = Some((distance, side.image(reference)));
+            }
+        }
+        best.map(|b| b.1)
+    }
+}
+
+/// A facet as a surface in space over its parameters.
+struct Side<'a> {
+    mesh: &'a Mesh,
+    facet: FacetRef,
+    kind: CellKind,
+    origin: Vector3<f64>,
+    tangents: [Vector3<f64>; 2],
+}
+
+impl<'a> Side<'a> {
+    fn new(mesh: &'a Mesh, facet: FacetRef) -> Self {
+        let map = mesh.kind(facet.cell).facet_map(usize::from(facet.local));
+        let tangents = map.tangents.map(Vector3::from);
+        Self { mesh, facet, kind: mesh.facet_kind(facet), origin: map.origin.into(), tangents }
+    }
+
+    fn image(&self, reference: [f64; 3]) -> Image {
+        Image { cell: self.facet.cell, reference, facet: Some(self.facet) }
+    }
+
+    /// Position and Jacobian of the cell at reference coordinates.
+    fn at(&self, r: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
+        let table = self.mesh.geometry_element(self.mesh.kind(self.facet.cell)).tabulate(&[(*r).into()], 1);
+        let jacobian = self.mesh.jacobian_at(self.facet.cell, &table, 0);
+        let m = Matrix3::from_fn(|i, j| jacobian[i][j]);
+        (self.mesh.point_at(self.facet.cell, &table, 0).into(), m)
+    }
+
+    /// The nearest point to `x`: reference coordinates and distance.
+    fn foot(&self, x: [f64; 3]) -> ([f64; 3], f64) {
+        let x = Vector3::from(x);
+        let [s, t] = self.tangents;
+        let candidates = match self.kind {
+            CellKind::Segment => vec![self.on_edge(&x, self.origin, s)],
+            CellKind::Triangle | CellKind::Quadrilateral => match self.on_face(&x) {
+                Some(r) => vec![r],
+                None if self.kind == CellKind::Triangle => vec![
+                    self.on_edge(&x, self.origin, s),
+                    self.on_edge(&x, self.origin, t),
+                    self.on_edge(&x, self.origin + s, t - s),
+                ],
+                None => vec![
+                    self.on_edge(&x, self.origin, s),
+                    self.on_edge(&x, self.origin, t),
+                    self.on_edge(&x, self.origin + s, t),
+                    self.on_edge(&x, self.origin + t, s),
+                ],
+            },
+            _ => vec![self.origin],
+        };
+        let mut best = (self.origin, f64::INFINITY);
+        for r in candidates {
+            let distance = (self.at(&r).0 - x).norm();
+            if distance < best.1 {
+                best = (r, distance);
+            }
+        }
+        (best.0.into(), best.1)
+    }
+
+    /// The nearest point on the line of reference points `from + c * along`, c in [0, 1].
+    fn on_edge(&self, x: &Vector3<f64>, from: Vector3<f64>, along: Vector3<f64>) -> Vector3<f64> {
+        let mut c = 0.5f64;
+        for _ in 0..ITERATIONS {
+            let (at, jacobian) = self.at(&(from + along * c));
+            let g = jacobian * along;
+            let next = (c + (x - at).dot(&g) / g.dot(&g)).clamp(0.0, 1.0);
+            let moved = (next - c).abs();
+            c = next;
+            if moved < SETTLED {
+                break;
+            }
+        }
+        from + along * c
+    }
+
+    /// The foot point on the surface of the facet, if it lies inside.
+    fn on_face(&self, x: &Vector3<f64>) -> Option<Vector3<f64>> {
+        let mut p = if self.kind == CellKind::Triangle { Vector2::repeat(1.0 / 3.0) } else { Vector2::repeat(0.5) };
+        for _ in 0..ITERATIONS {
+            let (at, jacobian) = self.at(&self.point(&p));
+            let (a, b) = (jacobian * self.tangents[0], jacobian * self.tangents[1]);
+            let gap = x - at;
+            let normal = Matrix2::new(a.dot(&a), a.dot(&b), a.dot(&b), b.dot(&b));
+            let step = normal.lu().solve(&Vector2::new(gap.dot(&a), gap.dot(&b)))?;
+            p += step;
+            if step.norm() < SETTLED {
+                break;
+            }
+            // far outside: an edge is nearer
+            if p.norm() > 10.0 {
+                return None;
+            }
+        }
+        inside(self.kind, p.as_slice()).then(|| self.point(&p))
+    }
+
+    fn point(&self, p: &Vector2<f64>) -> Vector3<f64> {
+        self.origin + self.tangents[0] * p[0] + self.tangents[1] * p[1]
+    }
+
+    /// Where the line `x + a n` crosses the facet, with |a|; `None` beside it or where it looks along `n`.
+    fn crossing(&self, x: [f64; 3], n: [f64; 3]) -> Option<([f64; 3], f64)> {
+        let (x, n, dim) = (Vector3::from(x), Vector3::from(n), self.mesh.dim());
+        let mut p = match self.kind {
+            CellKind::Point => Vector2::zeros(),
+            CellKind::Segment => Vector2::new(0.5, 0.0),
+            CellKind::Triangle => Vector2::repeat(1.0 / 3.0),
+            _ => Vector2::repeat(0.5),
+        };
+        let mut distance = 0.0f64;
+        for _ in 0..ITERATIONS {
+            let (at, jacobian) = self.at(&self.point(&p));
+            // unknowns: the parameters of the facet, then the way along n
+            let mut m = Matrix3::identity();
+            for k in 0..dim - 1 {
+                m.set_column(k, &(jacobian * self.tangents[k]));
+            }
+            m.set_column(dim - 1, &-n);
+            let step = m.lu().solve(&(x + n * distance - at))?;
+            for k in 0..dim - 1 {
+                p[k] += step[k];
+            }
+            distance += step[dim - 1];
+            if step.rows(0, dim - 1).norm() < SETTLED || p.norm() > 10.0 {
+                break;
+            }
+        }
+        let r = self.point(&p);
+        let reference = Vector3::from(self.mesh.kind(self.facet.cell).facet_normal(usize::from(self.facet.local)));
+        let mut jacobian = self.at(&r).1;
+        for k in dim..3 {
+            jacobian[(k, k)] = 1.0;
+        }
+        let outward = jacobian.try_inverse()?.transpose() * reference;
+        let facing = outward.dot(&n) < 0.0;
+        (facing && inside(self.kind, &p.as_slice()[..dim - 1])).then(|| (r.into(), distance.abs()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{BoxShape, Topology, generate_box, outer_boundary};
+
+    /// Reference points of the images, mapped back, against positions computed by hand.
+    #[test]
+    fn feet_rays_and_cells_of_a_cube() {
+        let shapes = [BoxShape::Hexahedron, BoxShape::Tetrahedron];
+        for shape in shapes {
+            let mesh = generate_box([0.0; 3], [1.0; 3], [2; 3], 3, shape).expect("a box");
+            let topology = Topology::new(&mesh).expect("a manifold");
+            let finder = FacetFinder::new(&mesh, &outer_boundary(&topology));
+            let place = |image: Image| {
+                let element = mesh.geometry_element(mesh.kind(image.cell));
+                mesh.point_at(image.cell, &element.tabulate(&[image.reference], 0), 0)
+            };
+            let near = |a: [f64; 3], b: [f64; 3]| (0..3).all(|d| (a[d] - b[d]).abs() < 1e-13);
+            // over a face, over an edge, over a corner
+            for (x, foot) in [
+                ([0.3, 0.6, 1.25], [0.3, 0.6, 1.0]),
+                ([1.5, 0.2, -0.5], [1.0, 0.2, 0.0]),
+                ([-1.0, -2.0, 3.0], [0.0, 0.0, 1.0]),
+            ] {
+                let found = finder.nearest(&mesh, x, f64::INFINITY).expect("there is a nearest point");
+                assert!(near(place(found), foot), "{shape:?} {x:?}: {:?}", place(found));
+                assert_eq!(finder.nearest(&mesh, x, 0.2), None);
+            }
+            // a ray from above meets the top; the bottom looks along it
+            let hit = finder.hit(&mesh, [0.3, 0.7, 1.5], [0.0, 0.0, -1.0], f64::INFINITY).expect("a hit");
+            assert!(near(place(hit), [0.3, 0.7, 1.0]));
+            assert_eq!(finder.hit(&mesh, [1.3, 0.7, 1.5], [0.0, 0.0, -1.0], f64::INFINITY), None);
+            let cells: Vec<CellId> = mesh.cells().collect();
+            let inside = CellFinder::new(&mesh, &cells);
+            for x in [[0.1, 0.2, 0.3], [1.0, 0.5, 0.0], [0.77, 0.51, 0.99]] {
+                assert!(near(place(inside.find(&mesh, x).expect("inside")), x));
+            }
+            assert_eq!(inside.find(&mesh, [1.01, 0.5, 0.5]), None);
+        }
+    }
+}

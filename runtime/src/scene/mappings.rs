@@ -1,0 +1,240 @@
+//! Mappings: to each integration point another point of the mesh, where `Interpolate` reads fields.
+//!
+//! The images are found once, on the mesh as it is: small sliding. So the tangents of what is read there are exact. A
+//! point without an image takes no part in the term; how many there are is told (W406), and none at all is an error.
+
+use std::{collections::BTreeSet, sync::Arc};
+
+use wfl::{
+    Diagnostic, ResolvedScript, Span,
+    ast::{Expr, Ident, MappingKind},
+};
+use wfl_compiler::{
+    Env,
+    backend::KernelBackend,
+    compile_value,
+    types::{BasisSlot, InputSlot, MappingSig, Side},
+    without_fields,
+};
+
+use crate::{
+    assemble::Domain,
+    field::{Field, FieldSpace},
+    mesh::{CellFinder, CellId, FacetFinder, FacetRef, Mesh, RegionSet},
+    scene::{constants::number, mesh::position_place, regions::Regions},
+    space::Support,
+    value::Value,
+};
+
+/// What is told of a mapping that moves with the unknowns or the step.
+const FIXED_IMAGES: &str =
+    "a mapping depends on x, y, z only: images are found once, on the mesh as it is (small sliding)";
+
+/// How images are found.
+enum Search {
+    /// At a position.
+    Position(Box<Value>),
+    /// On facets: the nearest point, or where the normal hits them.
+    Facets { raytrace: bool, from: BTreeSet<FacetRef>, finder: FacetFinder, reach: f64 },
+}
+
+/// The mappings of a scene.
+#[derive(Default)]
+pub(super) struct Mappings {
+    list: Vec<(Ident, Search)>,
+    /// What the compiler knows of them.
+    pub(super) sigs: Vec<MappingSig>,
+}
+
+/// What mappings are made from.
+pub(super) struct MappingMaker<'a> {
+    pub(super) script: &'a ResolvedScript,
+    pub(super) env: &'a Env<'a>,
+    pub(super) mesh: &'a Mesh,
+    pub(super) regions: &'a Regions,
+    pub(super) fields: &'a [Field],
+    pub(super) backend: &'a dyn KernelBackend,
+    pub(super) diagnostics: &'a mut Vec<Diagnostic>,
+}
+
+impl MappingMaker<'_> {
+    /// All mappings, without those that have a message.
+    pub(super) fn make(mut self) -> Mappings {
+        let mut made = Mappings::default();
+        for mapping in &self.script.mappings {
+            let search = match &mapping.kind {
+                MappingKind::Point(e) => self.position(e),
+                MappingKind::Search { raytrace, from, onto, within } => {
+                    self.search(*raytrace, from, onto, within.as_ref())
+                }
+            };
+            let Some(search) = search else { continue };
+            let name = mapping.name.name.clone();
+            made.sigs.push(match &search {
+                Search::Position(_) => MappingSig {
+                    description: format!("`{name}` leads to points inside cells"),
+                    there: self.fields.iter().map(|f| is_global(f) || cells_of(f).is_some()).collect(),
+                    has_normal: false,
+                    name,
+                },
+                Search::Facets { finder, .. } => {
+                    let inside = |f: &Field| finder.facets().iter().all(|facet| f.lives_in_cell(facet.cell));
+                    MappingSig {
+                        description: format!("`{name}` leads to {} faces", finder.facets().len()),
+                        there: self
+                            .fields
+                            .iter()
+                            .map(|f| is_global(f) || (cells_of(f).is_some() && inside(f)))
+                            .collect(),
+                        has_normal: true,
+                        name,
+                    }
+                }
+            });
+            made.list.push((mapping.name.clone(), search));
+        }
+        made
+    }
+
+    fn position(&mut self, e: &Expr) -> Option<Search> {
+        let place = position_place(self.fields.len());
+        let law = compile_value(self.env, &place, "a mapping", e);
+        self.diagnostics.extend(law.diagnostics.into_iter().map(|d| without_fields(d, "E407", FIXED_IMAGES)));
+        let law = law.value?;
+        let dim = self.mesh.dim();
+        if law.shape.len() != dim {
+            let d = Diagnostic::new("E108", format!("a mapping gives {dim} coordinates here, found a {}", law.shape));
+            self.diagnostics.push(d.at(e.span, law.shape.to_string()));
+            return None;
+        }
+        match Value::new(law, self.backend) {
+            Ok(v) if v.reads_positions_only() => Some(Search::Position(Box::new(v))),
+            Ok(_) => {
+                self.diagnostics.push(Diagnostic::new("E407", FIXED_IMAGES).at(e.span, ""));
+                None
+            }
+            Err(error) => {
+                self.diagnostics.push(Diagnostic::new("E609", error.to_string()).at(e.span, ""));
+                None
+            }
+        }
+    }
+
+    fn search(&mut self, raytrace: bool, from: &Ident, onto: &Ident, within: Option<&Expr>) -> Option<Search> {
+        let (from, onto) = (self.facets(from)?, self.facets(onto)?);
+        let reach = match within {
+            None => f64::INFINITY,
+            Some(e) => {
+                let d = number(self.env, "a distance", e, self.diagnostics)?;
+                if d < 0.0 || d.is_nan() {
+                    let m = Diagnostic::new("E419", format!("nothing is within a distance of {d}"));
+                    self.diagnostics.push(m.at(e.span, ""));
+                    return None;
+                }
+                d
+            }
+        };
+        let from = from.into_iter().collect();
+        Some(Search::Facets { raytrace, from, finder: FacetFinder::new(self.mesh, &onto), reach })
+    }
+
+    fn facets(&mut self, name: &Ident) -> Option<Vec<FacetRef>> {
+        match &self.regions.get(&name.name)?.set {
+            RegionSet::Facets(f) => Some(f.clone()),
+            RegionSet::Interface(i) => Some(i.iter().map(|p| p.here).collect()),
+            other => {
+                let d = Diagnostic::new("E405", format!("`{}` is a region of {}", name.name, other.kind()));
+                self.diagnostics.push(d.at(name.span, "points are mapped from faces onto faces"));
+                None
+            }
+        }
+    }
+}
+
+fn is_global(field: &Field) -> bool {
+    matches!(field.space, FieldSpace::Global)
+}
+
+/// The cells on which a field lives.
+fn cells_of(field: &Field) -> Option<&[CellId]> {
+    match &field.space {
+        FieldSpace::Nodal(space) => match space.support() {
+            Support::Cells(cells) => Some(cells),
+            Support::Facets(_) => None,
+        },
+        _ => None,
+    }
+}
+
+/// The fields that a law reads or tests at the images, sorted.
+pub(super) fn fields_there<'s>(inputs: &[InputSlot], others: impl IntoIterator<Item = &'s BasisSlot>) -> Vec<usize> {
+    let read = inputs.iter().filter_map(|s| match s {
+        InputSlot::Field(b) | InputSlot::Previous(b) => Some(*b),
+        _ => None,
+    });
+    let all = read.chain(others.into_iter().copied()).filter(|b| b.side == Side::There);
+    let mut fields: Vec<usize> = all.map(|b| b.field.index()).collect();
+    fields.sort_unstable();
+    fields.dedup();
+    fields
+}
+
+impl Mappings {
+    /// The domain of a law through mapping `m`: the points of `base` with their images, found where the fields `there`
+    /// live that the law reads at the images; `None` after a message.
+    pub(super) fn domain(
+        &self,
+        (m, there): &(usize, Vec<usize>),
+        mesh: &Mesh,
+        fields: &[Field],
+        base: &Domain,
+        span: Span,
+        diagnostics: &mut Vec<Diagnostic>,
+    ) -> Option<Arc<Domain>> {
+        let (name, search) = &self.list[*m];
+        let (domain, lost) = match search {
+            Search::Position(value) => {
+                let homes: Vec<&Field> =
+                    there.iter().filter_map(|k| fields.get(*k)).filter(|f| !is_global(f)).collect();
+                let cells: Vec<CellId> = mesh.cells().filter(|c| homes.iter().all(|f| f.lives_in_cell(*c))).collect();
+                let finder = CellFinder::new(mesh, &cells);
+                Domain::mapped(mesh, base, |x, _| {
+                    let y = value.at_positions(&[x]);
+                    finder.find(mesh, [0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0)))
+                })
+            }
+            Search::Facets { raytrace, from, finder, reach } => {
+                let outside = base.groups.iter().flat_map(|g| &g.here.facets).find(|f| !from.contains(f));
+                if base.groups.iter().any(|g| g.here.facets.is_empty()) || outside.is_some() {
+                    let d = Diagnostic::new("E203", format!("`{}` does not map the points of this place", name.name));
+                    let d = d.at(span, "only faces behind `from` have images");
+                    diagnostics.push(d.at(name.span, "declared here"));
+                    return None;
+                }
+                Domain::mapped(mesh, base, |x, normal| match (raytrace, normal) {
+                    (true, Some(n)) => finder.hit(mesh, x, n, *reach),
+                    _ => finder.nearest(mesh, x, *reach),
+                })
+            }
+        };
+        let total = lost + domain.groups.iter().map(|g| g.n_points() * g.entities.len()).sum::<usize>();
+        if domain.groups.is_empty() {
+            let d = Diagnostic::new("E419", format!("no point has an image under `{}`", name.name));
+            let d = d.help("`within` is the longest distance; a `point` must lie in a cell where the fields live");
+            diagnostics.push(d.at(span, format!("{total} points here")).at(name.span, "declared here"));
+            return None;
+        }
+        if lost > 0 {
+            let d = Diagnostic::new("W406", format!("{lost} of {total} points have no image under `{}`", name.name));
+            diagnostics.push(d.at(span, "nothing acts there").at(name.span, "declared here"));
+        }
+        Some(Arc::new(domain))
+    }
+}
+
+/// A result file cannot follow a mapping: its points are not integration points.
+pub(super) fn refused(mapping: Option<usize>, what: &str, span: Span) -> Option<Diagnostic> {
+    mapping?;
+    let d = Diagnostic::new("E802", format!("{what} cannot read through a mapping"));
+    Some(d.at(span, "a `measure` can"))
+}

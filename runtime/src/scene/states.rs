@@ -1,0 +1,215 @@
+//! Fields at integration points that are renewed when a step has converged.
+//!
+//! Within a step a state is what the last step left; its update is an expression of that and of the new solution.
+//! A state has values at the points of one rule, so all places whose terms read it get one rule: the largest degree
+//! among them, or what `quadrature` says for one of them. Nothing is interpolated between points.
+
+use std::collections::BTreeSet;
+
+use wfl::{Diagnostic, FieldKind as Declared, Span, ast::Place};
+use wfl_compiler::{
+    ValueLaw, compile_value,
+    types::{FieldKind, InputSlot, PlaceSig},
+};
+
+use super::{
+    Builder, RuleChoice,
+    fields::{global_place, place_sig, support},
+    mappings::refused,
+    terms::{self, PlacedLaw, Rules},
+};
+use crate::{
+    assemble::FieldValues,
+    field::{Field, FieldSpace},
+    mesh::RegionSet,
+    point_space::PointSpace,
+    scene::NamedRegion,
+    system::System,
+    value::{Sampled, Value},
+};
+
+/// The update of a state.
+pub struct StateUpdate {
+    /// The state.
+    pub field: usize,
+    value: Value,
+    sampled: Sampled,
+}
+
+impl StateUpdate {
+    /// Its next values, in the order of its nodes, from the solution `u` at the end of a step.
+    pub fn next(&mut self, system: &System, time: f64, increment: f64, u: &[f64]) -> Vec<f64> {
+        self.value.set_step(time, increment);
+        let current = system.slices(u);
+        let previous = system.previous_slices();
+        let values = FieldValues { current: &current, previous: &previous };
+        let mut next = Vec::with_capacity(system.fields[self.field].n_dofs());
+        // points come in the order in which the nodes were numbered
+        self.value.for_each_point(&system.mesh, &self.sampled, values, |_, _, _, _, v| next.extend_from_slice(v));
+        next
+    }
+}
+
+/// A compiled update, before its points are known.
+pub(super) struct StateLaw {
+    pub(super) law: ValueLaw,
+    field: usize,
+    set: Option<RegionSet>,
+    places: BTreeSet<String>,
+    span: Span,
+}
+
+/// States and places that share one rule.
+#[derive(Default)]
+struct Shared {
+    states: BTreeSet<usize>,
+    places: BTreeSet<String>,
+}
+
+impl Builder<'_> {
+    /// The updates of all states, compiled on the regions of their states.
+    pub(super) fn state_laws(&mut self) -> Vec<StateLaw> {
+        let script = self.script;
+        let mut out = Vec::new();
+        for (field, declared) in script.fields.iter().enumerate() {
+            let Declared::State { update } = &declared.kind else { continue };
+            let Some((sig, set)) = self.home(declared) else { continue };
+            let law = compile_value(self.env, &sig, "the update of a state", update);
+            self.diagnostics.extend(law.diagnostics);
+            let Some(law) = law.value else { continue };
+            let (found, needed) = (law.shape, self.sigs[field].shape);
+            if found.len() != needed.len() {
+                let d =
+                    Diagnostic::new("E108", format!("`{}` is a {needed}, its update a {found}", declared.name.name));
+                self.diagnostics.push(d.at(update.span, found.to_string()));
+                continue;
+            }
+            if let Some(d) = refused(law.mapping, "the update of a state", update.span) {
+                self.diagnostics.push(d);
+                continue;
+            }
+            let places = match &declared.space.place {
+                Place::Everywhere => BTreeSet::from(["all".to_owned()]),
+                Place::Global(_) => BTreeSet::new(),
+                Place::On(list) => list.iter().map(|p| p.name.clone()).collect(),
+            };
+            out.push(StateLaw { law, field, set, places, span: update.span });
+        }
+        out
+    }
+
+    /// Where the update of a state is evaluated.
+    fn home(&mut self, declared: &wfl::Field) -> Option<(PlaceSig, Option<RegionSet>)> {
+        let names = match &declared.space.place {
+            Place::Global(_) => return Some((global_place(self.fields.len()), None)),
+            Place::Everywhere => vec!["all"],
+            Place::On(list) => list.iter().map(|p| p.name.as_str()).collect(),
+        };
+        let set = support(&declared.space.place, &declared.name, &self.regions, self.diagnostics)?;
+        let here_name = match names.as_slice() {
+            [one] => self.regions.get(*one)?.here_name.clone(),
+            _ => None,
+        };
+        let region = NamedRegion { set: set.clone(), span: None, here_name };
+        Some((place_sig(&names.join(", "), &region, &self.mesh, &self.fields), Some(set)))
+    }
+
+    /// Gives all places that read a state one rule.
+    pub(super) fn share_rules(&mut self, laws: &[PlacedLaw], states: &[StateLaw], rules: &mut Rules) {
+        for shared in shared(&self.fields, laws, states) {
+            let said: Vec<(&wfl::Quadrature, RuleChoice)> = self
+                .script
+                .quadratures
+                .iter()
+                .flat_map(|q| q.places.iter().map(move |p| (q, p)))
+                .filter(|(_, p)| shared.places.contains(&p.name))
+                .filter_map(|(q, p)| Some((q, *rules.get(&p.name)?)))
+                .collect();
+            if let Some(pair) = said.windows(2).find(|pair| pair[0].1 != pair[1].1) {
+                let names: Vec<&str> = shared.states.iter().map(|k| self.fields[*k].name.as_str()).collect();
+                let d =
+                    Diagnostic::new("E411", format!("two rules for the points of the state `{}`", names.join("`, `")));
+                let d = d.at(pair[1].0.span, "these places read it too");
+                self.diagnostics.push(d.at(pair[0].0.span, "one rule serves all places that read a state"));
+                continue;
+            }
+            let largest =
+                shared.places.iter().filter_map(|p| rules.get(p)).fold(None, |most, choice| match (most, choice) {
+                    (None, choice) => Some(*choice),
+                    (Some(RuleChoice::Degree(a)), RuleChoice::Degree(b)) => Some(RuleChoice::Degree(a.max(*b))),
+                    (most, _) => most,
+                });
+            let own = states.iter().filter(|s| shared.states.contains(&s.field)).map(|s| s.law.degree.rule()).max();
+            let choice = said.first().map(|s| s.1).or(largest).unwrap_or(RuleChoice::Degree(own.unwrap_or(1)));
+            rules.extend(shared.places.into_iter().map(|p| (p, choice)));
+        }
+    }
+
+    /// Puts every state on the points of its rule and binds its update there.
+    pub(super) fn state_updates(&mut self, laws: Vec<StateLaw>, rules: &Rules) -> Vec<StateUpdate> {
+        let mut placed = Vec::new();
+        for state in laws {
+            let choice = state.places.iter().find_map(|p| rules.get(p)).copied().unwrap_or(RuleChoice::Degree(1));
+            let made =
+                terms::domain(&self.mesh, &self.fields, state.set.as_ref(), choice, state.span, self.diagnostics);
+            let Some(domain) = made else { continue };
+            if let FieldSpace::Points(space) = &mut self.fields[state.field].space {
+                *space = PointSpace::new(&self.mesh, &domain);
+            }
+            placed.push((state, domain));
+        }
+        let mut out = Vec::new();
+        for (state, domain) in placed {
+            let value = match Value::new(state.law, self.batch) {
+                Ok(value) => value,
+                Err(e) => {
+                    self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(state.span, ""));
+                    continue;
+                }
+            };
+            match value.bind(&self.mesh, domain, &self.fields) {
+                Ok(sampled) => out.push(StateUpdate { field: state.field, value, sampled }),
+                Err(e) => self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(state.span, "")),
+            }
+        }
+        out
+    }
+}
+
+/// The states that a law reads.
+pub(super) fn states_read<'i>(fields: &'i [Field], inputs: &'i [InputSlot]) -> impl Iterator<Item = usize> + 'i {
+    let field = |slot: &InputSlot| match slot {
+        InputSlot::Field(b) | InputSlot::Previous(b) => Some(b.field.index()),
+        _ => None,
+    };
+    // the guides of held pieces are numbered behind the fields
+    let is_state = |k: &usize| fields.get(*k).is_some_and(|f| f.kind == FieldKind::State && f.is_at_points());
+    inputs.iter().filter_map(field).filter(is_state)
+}
+
+/// States and the places that read them, joined until no two have one in common.
+fn shared(fields: &[Field], laws: &[PlacedLaw], states: &[StateLaw]) -> Vec<Shared> {
+    let mut found: Vec<Shared> = Vec::new();
+    let mut join = |mut new: Shared| {
+        if new.states.is_empty() {
+            return;
+        }
+        let meets = |a: &Shared| !a.states.is_disjoint(&new.states) || !a.places.is_disjoint(&new.places);
+        let (old, apart): (Vec<Shared>, Vec<Shared>) = found.drain(..).partition(meets);
+        for s in old {
+            new.states.extend(s.states);
+            new.places.extend(s.places);
+        }
+        found = apart;
+        found.push(new);
+    };
+    for state in states {
+        let read = states_read(fields, &state.law.inputs).chain([state.field]);
+        join(Shared { states: read.filter(|k| fields[*k].is_at_points()).collect(), places: state.places.clone() });
+    }
+    for law in laws {
+        let states = states_read(fields, &law.law.inputs).collect();
+        join(Shared { states, places: BTreeSet::from([law.place.clone()]) });
+    }
+    found
+}
