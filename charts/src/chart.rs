@@ -137,6 +137,13 @@ impl Chart {
         self
     }
 
+    /// Another title.
+    #[must_use]
+    pub fn titled(mut self, title: impl Into<String>) -> Self {
+        self.title = title.into();
+        self
+    }
+
     /// The title.
     #[must_use]
     pub fn title(&self) -> &str {

@@ -24,7 +24,7 @@ enum Part {
     Failure(String),
     Facts(Vec<(String, String)>),
     Table(Table),
-    Chart(String),
+    Chart { svg: String, small: bool },
     Code { title: String, text: String },
 }
 
@@ -125,7 +125,14 @@ impl Section {
     /// Adds a chart; charts that follow each other stand side by side where there is room.
     #[must_use]
     pub fn chart(mut self, chart: &Chart) -> Self {
-        self.parts.push(Part::Chart(chart.embedded()));
+        self.parts.push(Part::Chart { svg: chart.embedded(), small: false });
+        self
+    }
+
+    /// Adds a chart of many: three or more stand side by side where there is room.
+    #[must_use]
+    pub fn small(mut self, chart: &Chart) -> Self {
+        self.parts.push(Part::Chart { svg: chart.embedded(), small: true });
         self
     }
 
@@ -144,24 +151,32 @@ impl Section {
 
     fn html(&self, number: usize) -> String {
         let mut out = format!("<section id=\"s{number}\"><h2>{}</h2>\n", escape(&self.title));
-        let mut in_charts = false;
+        let mut open = "";
         for part in &self.parts {
-            let is_chart = matches!(part, Part::Chart(_));
-            if is_chart != in_charts {
-                out.push_str(if is_chart { "<div class=\"charts\">\n" } else { "</div>\n" });
-                in_charts = is_chart;
+            let needed = part.room();
+            if needed != open {
+                out.push_str(if open.is_empty() { "" } else { "</div>\n" });
+                out.push_str(needed);
+                open = needed;
             }
             out.push_str(&part.html());
         }
-        if in_charts {
-            out.push_str("</div>\n");
-        }
+        out.push_str(if open.is_empty() { "" } else { "</div>\n" });
         out.push_str("</section>\n");
         out
     }
 }
 
 impl Part {
+    /// The box around parts of this kind that follow each other.
+    fn room(&self) -> &'static str {
+        match self {
+            Part::Chart { small: false, .. } => "<div class=\"charts\">\n",
+            Part::Chart { small: true, .. } => "<div class=\"charts small\">\n",
+            _ => "",
+        }
+    }
+
     fn html(&self) -> String {
         match self {
             Part::Text(text) => format!("<p>{}</p>\n", escape(text)),
@@ -174,7 +189,7 @@ impl Part {
                 format!("<dl>{}</dl>\n", facts.iter().map(one).collect::<String>())
             }
             Part::Table(table) => table.html(),
-            Part::Chart(svg) => format!("<figure>{svg}</figure>\n"),
+            Part::Chart { svg, .. } => format!("<figure>{svg}</figure>\n"),
             Part::Code { title, text } => {
                 format!("<details><summary>{}</summary><pre>{}</pre></details>\n", escape(title), escape(text))
             }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use wfl::{Diagnostic, Loader, Override, SourceId, SourceMap, parse_expr, render, resolve};
 use wfl_compiler::backend::KernelBackend;
 use wfl_jit::JitBackend;
-use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, prepare, run};
+use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, output::About, prepare, run};
 
 /// Files by name, changed by text replacements on the way.
 struct Edited<'a> {
@@ -153,6 +153,7 @@ pub fn attempt(folder: &Path, text: String, edits: &[(&str, String)], params: &[
         parse_seconds: 0.0,
         started: std::time::Instant::now(),
         warnings: Vec::new(),
+        about: About::default(),
     };
     match run(&mut scene, &options, &mut Quiet) {
         Ok(outcome) => Attempt { solved: Some(Solved { scene, outcome }), messages },

@@ -26,6 +26,7 @@ const ARROWS: &[(&str, &str, &[&str])] = &[
         "runtime",
         &["wfl", "wfl-compiler", "faer", "nalgebra", "pulp", "rayon", "serde", "serde_json", "thiserror", "zerocopy"],
     ),
+    ("wfl-report", "runtime/report", &["wfl-charts", "wfl-runtime", "serde_json", "thiserror"]),
     (
         "wfl-cli",
         "runtime/cli",
@@ -34,6 +35,7 @@ const ARROWS: &[(&str, &str, &[&str])] = &[
             "wfl-charts",
             "wfl-compiler",
             "wfl-jit",
+            "wfl-report",
             "wfl-runtime",
             "clap",
             "indicatif",

@@ -34,13 +34,13 @@ pub fn check_units(script: &ResolvedScript, sources: &SourceMap) -> Vec<Diagnost
 /// The unit of a quantity of a scene, for a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnitOf {
-    /// The field or measure; `X` for coordinates.
+    /// The step variable, field, measure or output; `X` for coordinates.
     pub name: String,
     /// `MPa/mm`, `pure number`, or `not known`.
     pub unit: String,
 }
 
-/// The units of coordinates, fields and measures, in the order of the text; nothing if the scene has no units.
+/// The units of coordinates, step variable, fields, measures and outputs, in the order of the text; nothing if the scene has no units.
 #[must_use]
 pub fn unit_report(script: &ResolvedScript, sources: &SourceMap) -> Vec<UnitOf> {
     if !Scene::has_units(script) {
@@ -53,8 +53,15 @@ pub fn unit_report(script: &ResolvedScript, sources: &SourceMap) -> Vec<UnitOf> 
         _ => "not known".to_owned(),
     };
     let mut report = vec![UnitOf { name: "X".to_owned(), unit: shown(pass.solved.length.as_ref()) }];
+    if let Some(steps) = &script.steps {
+        report.push(UnitOf { name: steps.variable.name.clone(), unit: shown(pass.solved.time.as_ref()) });
+    }
     let fields = script.fields.iter().map(|f| &f.name.name);
-    for name in fields.chain(script.measures.iter().map(|m| &m.name.name)) {
+    let quantities = script.outputs.iter().flat_map(|o| &o.items).map(|q| &q.name);
+    for name in fields.chain(script.measures.iter().map(|m| &m.name.name)).chain(quantities) {
+        if report.iter().any(|known| known.name == *name) {
+            continue;
+        }
         let unit = pass.units.get(name.as_str()).and_then(value::Value::unit);
         report.push(UnitOf { name: name.clone(), unit: shown(unit) });
     }

@@ -64,7 +64,7 @@ impl Chart {
         } else if !self.bars.is_empty() {
             right -= 46.0;
         }
-        let top = 30.0 + legend_rows * LEGEND;
+        let top = 32.0 + legend_rows * (LEGEND + 1.0);
         let lost = if self.lost() > 0 { 16.0 } else { 0.0 };
         let bottom = self.size[1] - 44.0 - lost;
         let frame = Frame { left, right: right.max(left + 40.0), top, bottom: bottom.max(top + 40.0), x, y };

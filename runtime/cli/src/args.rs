@@ -31,6 +31,9 @@ pub(crate) enum Command {
     /// Solve a scene and write its results to out/<scene>/
     #[command(after_help = RUN_HELP)]
     Run(RunArgs),
+    /// A page about a run that has ended: maps, profiles, convergence, time
+    #[command(after_help = REPORT_HELP)]
+    Report(ReportArgs),
     /// Everything but solving: mesh, fields, terms, and the solver that follows
     #[command(after_help = CHECK_HELP)]
     Check(CheckArgs),
@@ -75,6 +78,14 @@ Nothing is written but the table. Exit code 0 unless a run claims a solution tha
 
 Example:
   wfl extremes examples/fault/nitsche.wfl --out extremes.csv";
+
+const REPORT_HELP: &str = "\
+The page is OUT/report.html, one file that needs nothing else: open it in any browser, also on a phone.
+Maps and profiles show the fields that `output vtk` and `output csv` of the scene wrote.
+
+Examples:
+  wfl report out/nitsche
+  wfl report out/nitsche --at 2,5,9.5 --plots";
 
 const CHECK_HELP: &str = "\
 Examples:
@@ -214,6 +225,20 @@ pub(crate) struct ExtremesArgs {
     /// Write the table to this file as comma-separated values
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
+}
+
+/// What a page shows.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ReportArgs {
+    /// The folder that `wfl run` wrote
+    #[arg(value_name = "OUT")]
+    pub(crate) folder: PathBuf,
+    /// Steps of maps and profiles, by the value of the step variable [default: first, middle, last]
+    #[arg(long, value_name = "T,T", value_delimiter = ',', allow_negative_numbers = true)]
+    pub(crate) at: Vec<f64>,
+    /// Write each chart as an SVG file, too, to OUT/plots
+    #[arg(long)]
+    pub(crate) plots: bool,
 }
 
 /// How a scene is checked.

@@ -5,7 +5,7 @@ use std::{path::Path, process::ExitCode, time::Instant};
 use serde_json::Value;
 use wfl::Diagnostic;
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{Outcome, Quiet, RunOptions, prepare, run, text_hash};
+use wfl_runtime::{Outcome, Quiet, RunOptions, output::About, prepare, run, text_hash};
 
 use crate::{
     args::ExtremesArgs,
@@ -166,6 +166,7 @@ fn options(loaded: &Loaded, scene: &Path, started: Instant) -> RunOptions {
         parse_seconds: 0.0,
         started,
         warnings: Vec::new(),
+        about: About::default(),
     }
 }
 

@@ -13,6 +13,7 @@ mod load;
 mod nitsche;
 mod prepared;
 mod progress;
+mod report;
 mod run;
 mod show;
 mod sweep;
@@ -39,6 +40,7 @@ fn main() -> ExitCode {
     match args.command {
         Command::Run(options) => run::run(&options, started),
         Command::Extremes(options) => extremes::extremes(&options, started),
+        Command::Report(options) => report::report(&options),
         Command::Check(options) => check::check(&options, started),
         Command::Show(options) => show::show(&options),
         Command::Verify(options) => verify::verify(&options),

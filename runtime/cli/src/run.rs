@@ -8,6 +8,7 @@ use wfl_runtime::{
     Outcome, RunError, RunOptions, Scene, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
     newton::{Iteration, NewtonError},
+    output::{About, OrderedMap, SceneText},
     text_hash,
 };
 
@@ -68,6 +69,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         parse_seconds,
         started,
         warnings: loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
+        about: about(&loaded),
     };
     let mut terminal = Terminal::new(loudness);
     let result = wfl_runtime::run(&mut scene, &options, &mut terminal);
@@ -78,6 +80,26 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
             explain(&loaded, &scene, &error);
             ExitCode::from(EXIT_ERROR)
         }
+    }
+}
+
+/// What the report keeps of a scene.
+fn about(loaded: &Loaded) -> About {
+    let mut units = OrderedMap::default();
+    for param in &loaded.script.params {
+        if let Some(unit) = &param.unit {
+            let text = loaded.sources.snippet(unit.span);
+            units.insert(param.name.name.clone(), text.trim_matches(['[', ']', ' ']));
+        }
+    }
+    for known in wfl::unit_report(&loaded.script, &loaded.sources) {
+        units.insert(known.name, known.unit);
+    }
+    let text = |(_, s): (_, &wfl::Source)| SceneText { name: s.name.clone(), text: s.text.to_string() };
+    About {
+        step_variable: loaded.script.steps.as_ref().map(|s| s.variable.name.clone()),
+        units,
+        texts: loaded.sources.iter().map(text).collect(),
     }
 }
 

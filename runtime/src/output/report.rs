@@ -57,6 +57,37 @@ pub struct Report {
     /// What was not done because the scene does not need it; left out of the file if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
+    /// The files that this run wrote, in the order of writing; the folder may hold others of earlier runs. Left out of
+    /// the file if empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub files: Vec<String>,
+    /// The scene itself.
+    #[serde(flatten)]
+    pub about: About,
+}
+
+/// What a scene says about itself, kept so that results can be read without it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct About {
+    /// The name of the step variable; left out of the file if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step_variable: Option<String>,
+    /// Units by name, as the scene gives or implies them: coordinates (`X`), step variable, parameters, fields,
+    /// measures, outputs. Left out of the file if the scene has none.
+    #[serde(default, skip_serializing_if = "OrderedMap::is_empty")]
+    pub units: OrderedMap<String>,
+    /// Its text first, then those of the files it uses; left out of the file if empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub texts: Vec<SceneText>,
+}
+
+/// A text of a scene.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SceneText {
+    /// The file, or `(command line)`.
+    pub name: String,
+    /// What it holds.
+    pub text: String,
 }
 
 /// A number that may be NaN or infinite: then `null` in JSON, which is read as NaN.
@@ -344,6 +375,10 @@ mod tests {
         report.solver = Some("Newton, LU".into());
         report.warnings.push("line\n\"two\"".into());
         report.left_out.push("restart".into());
+        report.files.push("a_0000.vtu".into());
+        report.about.step_variable = Some("t".into());
+        report.about.units.insert("X", "mm");
+        report.about.texts.push(SceneText { name: "a.wfl".into(), text: "wfl 1\n".into() });
         let json = serde_json::to_string(&report).unwrap();
         assert_eq!(serde_json::from_str::<Report>(&json).unwrap(), report);
     }

@@ -26,7 +26,7 @@ use wfl_compiler::ir::Origin;
 
 use crate::{
     newton::{Coercivity, Iteration, NewtonError, StepHistory, Stop, Watch},
-    output::{OutputDir, OutputError, Report, write_report},
+    output::{About, OutputDir, OutputError, Report, write_report},
     scene::Scene,
     system::{System, SystemError},
 };
@@ -57,6 +57,8 @@ pub struct RunOptions {
     pub started: Instant,
     /// Warnings to keep in the report.
     pub warnings: Vec<String>,
+    /// What the report says about the scene.
+    pub about: About,
 }
 
 /// What to tell while a run goes on.
@@ -215,6 +217,8 @@ pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress)
     report.warnings.extend(warnings.iter().map(|(code, text)| format!("{code}: {text}")));
     report.error = finished.as_ref().err().map(ToString::to_string);
     let mut written = files.written;
+    let name = |path: &PathBuf| path.file_name().map(|n| n.to_string_lossy().into_owned());
+    report.files = written.iter().filter_map(name).collect();
     if let Some(dir) = &dir {
         // an error of the run itself is the one to tell
         match (write_report(dir, &report), &finished) {

@@ -28,6 +28,7 @@ pub(super) fn report(
         solver: Some(solver.unwrap_or_default()),
         factorisations: run.stepper.strategy.as_ref().map_or(0, Strategy::factorisations) as u64,
         warnings: options.warnings.clone(),
+        about: options.about.clone(),
         ..Report::default()
     };
     for (name, value) in &scene.params {

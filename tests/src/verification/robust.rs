@@ -243,6 +243,7 @@ fn run_in(
         parse_seconds: 0.0,
         started: std::time::Instant::now(),
         warnings: Vec::new(),
+        about: wfl_runtime::output::About::default(),
     };
     run(&mut scene, &options, progress).map_err(|e| e.to_string())
 }

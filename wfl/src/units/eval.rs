@@ -46,7 +46,7 @@ pub(super) struct Clash {
 pub(super) struct Pass<'s> {
     pub(super) scene: &'s Scene<'s>,
     pub(super) solved: Solved,
-    /// Units of params, fields and measures.
+    /// Units of params, fields, measures and outputs.
     pub(super) units: BTreeMap<&'s str, Value>,
     pub(super) equations: Vec<Equation>,
     pub(super) diagnostics: Vec<Diagnostic>,

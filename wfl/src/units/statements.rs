@@ -49,7 +49,9 @@ impl<'s> Pass<'s> {
         }
         for output in &script.outputs {
             for item in &output.items {
-                self.expr(&item.expr);
+                let value = self.expr(&item.expr);
+                // a name that something else has already keeps the unit of that
+                self.units.entry(&item.name).or_insert(value);
             }
         }
     }

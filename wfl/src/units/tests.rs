@@ -230,7 +230,7 @@ fn coordinates_have_the_unit_the_scene_gives_them_or_none() {
         let report = unit_report(&script, &sources);
         report.iter().map(|u| format!("{} {}", u.name, u.unit)).collect::<Vec<_>>().join(", ")
     };
-    assert_eq!(report(HERTZ), "X mm, u mm, d mm, a mm, p MPa");
+    assert_eq!(report(HERTZ), "X mm, u mm, d mm, a mm, p MPa, stress MPa");
     let heat = "mesh box [0,0] to [1,1] cells [4,4] quad\nunknown T : scalar [K]\n\
                 param k = 3 [W/m/K]\nterm on all : k*Grad_T.Grad_Test_T\nmeasure flux = integral(k*Norm(Grad_T)) on all\n";
     assert_eq!(report(heat), "X not known, T K, flux not known");

@@ -11,7 +11,7 @@ use std::{
 
 use wfl::{Diagnostic, Output, Span, render};
 use wfl_compiler::{Class, backend::KernelBackend};
-use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, prepare, text_hash};
+use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, output::About, prepare, text_hash};
 
 use super::knobs::{self, Setting};
 use crate::load::{Loaded, read_scene};
@@ -151,6 +151,7 @@ impl Bench<'_> {
             parse_seconds,
             started,
             warnings: Vec::new(),
+            about: About::default(),
         };
         let outcome = wfl_runtime::run(&mut scene, &options, &mut Quiet).map_err(|e| e.to_string())?;
         Ok(Solved { loaded, outputs, scene, outcome })

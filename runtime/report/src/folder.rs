@@ -1,0 +1,158 @@
+//! The folder of a run: its report, and the files of each step.
+
+use std::{
+    io::ErrorKind,
+    path::{Path, PathBuf},
+};
+
+use wfl_runtime::output::{REPORT_FILE, Report};
+
+/// Why there is no page.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// No such folder.
+    #[error("there is no folder `{}`", .0.display())]
+    NoFolder(PathBuf),
+    /// A folder without a report: no run, or one that was killed.
+    #[error("`{}` has no {REPORT_FILE}: no run has ended in this folder", .0.display())]
+    NoReport(PathBuf),
+    /// A file cannot be read.
+    #[error("cannot read `{}`: {source}", file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The report is cut off, or no report.
+    #[error("`{}` is damaged: {source}", file.display())]
+    Json {
+        /// The file.
+        file: PathBuf,
+        /// Where and why.
+        source: serde_json::Error,
+    },
+    /// A result file is cut off or of another kind.
+    #[error("`{}` is damaged: {what}", file.display())]
+    Damaged {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+}
+
+/// Files of one name, one a step.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Series {
+    /// The name without number and ending.
+    pub(crate) name: String,
+    /// Number of the step and file, in the order of the steps.
+    pub(crate) steps: Vec<(usize, PathBuf)>,
+}
+
+/// What a run left.
+#[derive(Debug)]
+pub struct RunFolder {
+    pub(crate) report: Report,
+    pub(crate) grids: Vec<Series>,
+    pub(crate) tables: Vec<Series>,
+}
+
+impl RunFolder {
+    /// Reads the report of a run and finds its files.
+    ///
+    /// # Errors
+    /// [`ReportError`] when there is no whole report.
+    pub fn read(folder: &Path) -> Result<Self, ReportError> {
+        let file = folder.join(REPORT_FILE);
+        let text = match std::fs::read(&file) {
+            Ok(text) => text,
+            Err(_) if !folder.is_dir() => return Err(ReportError::NoFolder(folder.to_owned())),
+            Err(e) if e.kind() == ErrorKind::NotFound => return Err(ReportError::NoReport(folder.to_owned())),
+            Err(source) => return Err(ReportError::Read { file, source }),
+        };
+        let report: Report = serde_json::from_slice(&text).map_err(|source| ReportError::Json { file, source })?;
+        let grids = series(folder, &report.files, ".vtu");
+        let tables = series(folder, &report.files, ".csv");
+        Ok(RunFolder { report, grids, tables })
+    }
+
+    /// The report of the run.
+    #[must_use]
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+
+    /// The value of the step variable at a step; NaN if the report lacks it.
+    pub(crate) fn time(&self, step: usize) -> f64 {
+        self.report.steps.get(step).map_or(f64::NAN, |s| s.t.0)
+    }
+
+    /// The name of the step variable.
+    pub(crate) fn variable(&self) -> &str {
+        self.report.about.step_variable.as_deref().unwrap_or("t")
+    }
+
+    /// A name with its unit in brackets, where the scene has one.
+    pub(crate) fn with_unit(&self, name: &str, unit_of: &str) -> String {
+        match self.report.about.units.get(unit_of).map(String::as_str) {
+            None | Some("not known") => name.to_owned(),
+            Some("pure number" | "1") => format!("{name} [-]"),
+            Some(unit) => format!("{name} [{unit}]"),
+        }
+    }
+}
+
+fn series(folder: &Path, files: &[String], ending: &str) -> Vec<Series> {
+    let mut found: Vec<Series> = Vec::new();
+    for file in files {
+        let Some(stem) = file.strip_suffix(ending) else { continue };
+        let (name, step) = numbered(stem).unwrap_or((stem, 0));
+        let entry = (step, folder.join(file));
+        match found.iter_mut().find(|s| s.name == name) {
+            Some(known) => known.steps.push(entry),
+            None => found.push(Series { name: name.to_owned(), steps: vec![entry] }),
+        }
+    }
+    for one in &mut found {
+        one.steps.sort();
+        one.steps.dedup();
+    }
+    found
+}
+
+/// `name_0012` as name and number.
+fn numbered(stem: &str) -> Option<(&str, usize)> {
+    let (name, digits) = stem.rsplit_once('_')?;
+    (digits.len() >= 4 && digits.bytes().all(|b| b.is_ascii_digit())).then(|| Some((name, digits.parse().ok()?)))?
+}
+
+/// The bytes of a result file.
+pub(crate) fn bytes(file: &Path) -> Result<Vec<u8>, ReportError> {
+    std::fs::read(file).map_err(|source| ReportError::Read { file: file.to_owned(), source })
+}
+
+pub(crate) fn damaged(file: &Path, what: impl Into<String>) -> ReportError {
+    ReportError::Damaged { file: file.to_owned(), what: what.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_gathered_by_name_and_step() {
+        let files = ["a_b_0001.vtu", "a_b_0000.vtu", "line.csv", "x_12.csv"].map(str::to_owned);
+        let grids = series(Path::new("o"), &files, ".vtu");
+        assert_eq!(grids.len(), 1);
+        assert_eq!(grids[0].name, "a_b");
+        let steps: Vec<usize> = grids[0].steps.iter().map(|s| s.0).collect();
+        assert_eq!(steps, [0, 1]);
+        let tables = series(Path::new("o"), &files, ".csv");
+        assert_eq!(
+            tables.iter().map(|t| (t.name.as_str(), t.steps[0].0)).collect::<Vec<_>>(),
+            [("line", 0), ("x_12", 0)]
+        );
+    }
+}

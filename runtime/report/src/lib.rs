@@ -1,0 +1,19 @@
+//! A page about a run, made of the files that the run left.
+//!
+//! [`RunFolder::read`] finds the files, [`Pages::new`] makes sections and charts of them. Promises: only files that the
+//! report of the run names are shown, so nothing of an earlier run in the same folder is; a run that failed is shown
+//! with its failure; what is not there is said, with the statement that would write it.
+//! Does not run or judge anything: every number is one of the files, or its size or direction.
+#![forbid(unsafe_code)]
+
+mod fault;
+mod folder;
+mod grid;
+mod pages;
+mod profile;
+mod solver;
+mod surface;
+mod table;
+
+pub use folder::{ReportError, RunFolder};
+pub use pages::{Pages, Picture};
