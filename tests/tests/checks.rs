@@ -84,3 +84,23 @@ fn a_scene_without_contact_and_displacements_is_not_looked_at() {
     let solved = solve(&examples(), text.to_owned(), &[], &[]).expect("the scene is right");
     assert!(solved.outcome.steps[0].checks.is_empty());
 }
+
+/// The value found is twice the bound that the message of a small parameter names, and the scene is solved with it.
+#[test]
+fn an_automatic_parameter_is_safe() {
+    let folder = examples().join("fault");
+    let text = std::fs::read_to_string(folder.join("nitsche.wfl")).expect("examples can be read");
+    let text = text.replace("param gamma = 1e5 ", "param gamma = auto ");
+    let edits = [
+        ("steps t = 0 to 9.5 by 0.5", "steps t = 8 to 8 by 1".to_owned()),
+        ("cells [8, 8, 8]", "cells [4, 8, 8]".to_owned()),
+    ];
+    let solved = solve(&folder, text.clone(), &edits, &[("theta", 1.0)]).expect("the scene can be solved");
+    assert!(solved.outcome.converged());
+    let gamma = solved.scene.params.iter().find(|p| p.0 == "gamma").expect("a param").1.values[0];
+    // the constant of cubes, here of size 1/2, is 1.704 E/h (independent dense program)
+    assert!((gamma / (2.0 * 1.704 * 25_000.0 / 0.5) - 1.0).abs() < 1e-3, "{gamma}");
+    let penalty = std::fs::read_to_string(folder.join("penalty.wfl")).expect("examples can be read");
+    let refused = solve(&folder, penalty.replace("= 1e5 ", "= auto "), &edits, &[]).err().expect("no value");
+    assert!(refused.contains("E417") && refused.contains("no term has the stress"), "{refused}");
+}
