@@ -170,18 +170,6 @@ impl Csr {
         }
     }
 
-    /// `y_i = y_i + Σ_j |a_ij| |x_j|`: the scale against which a residual is judged row by row.
-    ///
-    /// # Panics
-    /// When the lengths of `x` or `y` are not those of the matrix.
-    pub fn multiply_absolute_add(&self, x: &[f64], y: &mut [f64], threads: usize) {
-        self.rows_into(x, y, threads, |row, before| {
-            let (columns, values) = self.row(row);
-            let sum: f64 = columns.iter().zip(values).map(|(&column, value)| (value * x[column as usize]).abs()).sum();
-            before + sum
-        });
-    }
-
     fn rows_into(&self, x: &[f64], y: &mut [f64], threads: usize, value: impl Fn(usize, f64) -> f64 + Sync) {
         assert!(x.len() == self.n_cols() && y.len() == self.n_rows(), "lengths of a product");
         if threads > 1 && self.values.len() > PARALLEL_ENTRIES {
@@ -270,14 +258,38 @@ impl Csr {
     }
 }
 
-/// `r = b - (A + B + ...) x` in working precision.
+/// `r = b - (A + B + ...) x`, and `m_i = |b_i| + Σ |a_ij x_j|`: the scale against which it is judged row by row.
 ///
 /// # Panics
 /// When a length does not fit.
-pub fn residual(parts: &[&Csr], b: &[f64], x: &[f64], r: &mut [f64], threads: usize) {
-    r.copy_from_slice(b);
-    for part in parts {
-        part.rows_into(x, r, threads, |row, before| before - part.row_times(row, x));
+pub fn residual_and_size(parts: &[&Csr], b: &[f64], x: &[f64], r: &mut [f64], m: &mut [f64], threads: usize) {
+    let n = b.len();
+    assert!(r.len() == n && m.len() == n && parts.iter().all(|part| part.n_rows() == n && part.n_cols() == x.len()));
+    let row_pair = |row: usize| {
+        let (mut residual, mut size) = (b[row], b[row].abs());
+        for part in parts {
+            let (columns, values) = part.row(row);
+            let (mut sum, mut absolute) = (0.0, 0.0);
+            for (&column, value) in columns.iter().zip(values) {
+                let product = value * x[column as usize];
+                sum += product;
+                absolute += product.abs();
+            }
+            residual -= sum;
+            size += absolute;
+        }
+        (residual, size)
+    };
+    let share = |(chunk, (r, m)): (usize, (&mut [f64], &mut [f64]))| {
+        for (offset, (r, m)) in r.iter_mut().zip(m).enumerate() {
+            (*r, *m) = row_pair(chunk * ROWS_PER_TASK + offset);
+        }
+    };
+    let entries: usize = parts.iter().map(|part| part.values.len()).sum();
+    if threads > 1 && entries > PARALLEL_ENTRIES {
+        r.par_chunks_mut(ROWS_PER_TASK).zip(m.par_chunks_mut(ROWS_PER_TASK)).enumerate().for_each(share);
+    } else {
+        r.chunks_mut(ROWS_PER_TASK).zip(m.chunks_mut(ROWS_PER_TASK)).enumerate().for_each(share);
     }
 }
 
@@ -416,9 +428,9 @@ mod tests {
         assert_eq!(y, [-0.5, 6.0, 19.0]);
         a.multiply_transposed_add(&[1.0, 0.0, 1.0], &mut y);
         assert_eq!(y, [6.0, 6.0, 23.0]);
-        let mut scale = vec![0.0; 3];
-        a.multiply_absolute_add(&[1.0, -2.0, 3.0], &mut scale, 1);
-        assert_eq!(scale, [5.5, 6.0, 19.0]);
+        let (mut left, mut size) = ([0.0; 3], [0.0; 3]);
+        residual_and_size(&[&a], &[1.0, -1.0, 0.0], &[1.0, -2.0, 3.0], &mut left, &mut size, 1);
+        assert_eq!((left, size), ([1.5, 5.0, -19.0], [6.5, 7.0, 19.0]));
         assert_eq!(a.transpose().get(0, 2), 4.0);
         assert_eq!((a.norm_1(), a.norm_inf(), a.max_abs()), (6.5, 9.0, 5.0));
         assert!(!a.is_symmetric(0.1) && a.plus(&a.transpose()).unwrap().is_symmetric(0.0));
@@ -431,7 +443,7 @@ mod tests {
         let x = [1e10, 1.0, -1e10];
         let b = [1.0 + 1e-15];
         let mut plain = [0.0];
-        residual(&[&a], &b, &x, &mut plain, 1);
+        residual_and_size(&[&a], &b, &x, &mut plain, &mut [0.0], 1);
         let mut compensated = [0.0];
         residual_compensated(&[&a], &b, &x, &mut compensated, 1);
         assert_ne!(plain[0], b[0] - 1.0);

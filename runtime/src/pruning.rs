@@ -71,7 +71,7 @@ impl Scene {
             push("linear terms in iterations", why, Some(Pruning::Linear));
         }
         if !system.is_linear() && condenses(system) {
-            let (touched, free) = (system.changing_dofs().len(), system.numbering.n_free());
+            let (touched, free) = (system.n_changing_dofs(), system.numbering.n_free());
             let why = format!("{touched} of {free} dofs have terms that are not linear: the rest is factored once");
             push("factors of the linear part", why, Some(Pruning::Condense));
         }

@@ -9,6 +9,8 @@
 
 use std::sync::Arc;
 
+use wfl_compiler::types::FieldKind;
+
 use crate::{
     csr::{Csr, CsrError, Pattern},
     pruning::Pruning,
@@ -39,6 +41,10 @@ pub struct SolverMemory {
     pub symmetric: bool,
     /// Factorisations so far.
     pub factorisations: usize,
+    /// Krylov iterations made with the factor in use.
+    pub spent: usize,
+    /// Free dofs that have turned out not to share a force with the dof that faces them.
+    pub apart: Vec<u32>,
 }
 
 /// The linear solver of a scene.
@@ -89,6 +95,7 @@ impl Strategy {
                 system.bulk(),
                 system.changing().pattern(),
                 Some(&self.coordinates),
+                &facing(system, &self.coordinates),
                 self.options,
             ) {
                 Ok(condensed) => {
@@ -120,7 +127,7 @@ impl Strategy {
             return format!("one linear system, {symmetric} ({method}), factored once");
         }
         if condenses(system) {
-            let touched = system.changing_dofs().len();
+            let touched = system.n_changing_dofs();
             return format!(
                 "Newton; linear part factored once (LLT), the {touched} dofs of the nonlinear terms condensed"
             );
@@ -224,11 +231,11 @@ impl Strategy {
     /// What later solutions depend on beside the matrices that are still to come.
     #[must_use]
     pub fn memory(&self) -> SolverMemory {
-        let (factored, dense) = match &self.kind {
-            Kind::Condensed(c) => (c.factored().to_vec(), c.is_dense()),
-            _ => (Vec::new(), false),
-        };
-        SolverMemory { factored, dense, symmetric: self.symmetric, factorisations: self.factorisations }
+        let (symmetric, factorisations) = (self.symmetric, self.factorisations);
+        match &self.kind {
+            Kind::Condensed(c) => SolverMemory { symmetric, factorisations, ..c.memory() },
+            _ => SolverMemory { symmetric, factorisations, ..SolverMemory::default() },
+        }
     }
 
     /// Goes back to what was remembered of a solver of the same system. False if that does not fit.
@@ -241,14 +248,8 @@ impl Strategy {
         if memory.factored.is_empty() {
             return Ok(true);
         }
-        let mut changing = Csr::zeros(system.changing().pattern().clone());
         let Kind::Condensed(condensed) = &mut self.kind else { return Ok(false) };
-        if memory.factored.len() != changing.values().len() {
-            return Ok(false);
-        }
-        changing.values_mut().copy_from_slice(&memory.factored);
-        condensed.recall(&changing, memory.dense)?;
-        Ok(true)
+        condensed.recall(system.changing().pattern(), memory)
     }
 
     /// An estimate of the condition number of the tangent last given, in the 1-norm; a handful of solutions.
@@ -262,23 +263,41 @@ impl Strategy {
         }
     }
 
-    /// Solves with the tangent last given; vectors over the free dofs.
+    /// Solves with the tangent last given; vectors over the free dofs. A true residual of no more than `tolerance` of
+    /// the right-hand side is good enough where iterations can make use of that; zero asks for all that can be had.
     ///
     /// # Errors
     /// [`SolveError`]; a solution that comes back has passed the checks of `solve`.
-    pub fn solve(&mut self, rhs: &[f64], x: &mut Vec<f64>) -> Result<SolveReport, SolveError> {
+    pub fn solve(&mut self, rhs: &[f64], x: &mut Vec<f64>, tolerance: f64) -> Result<SolveReport, SolveError> {
         x.clear();
         x.resize(rhs.len(), 0.0);
         match &mut self.kind {
-            Kind::Condensed(c) => c.solve(rhs, x),
+            Kind::Condensed(c) => c.solve_to(rhs, x, tolerance),
             _ => self.solver.as_mut().ok_or(SolveError::NotFactored)?.solve(rhs, x),
         }
     }
 }
 
+/// Free dofs of unknown fields that are the only two of their component at one point: those that face each other across
+/// an interface.
+fn facing(system: &System, coordinates: &[[f64; 3]]) -> Vec<(u32, u32)> {
+    let mut keyed: Vec<([u64; 3], usize, usize, u32)> = Vec::new();
+    for (free, dof) in (0..).zip(&system.numbering.free_dofs) {
+        let (field, _, component) = system.numbering.describe(&system.fields, *dof as usize);
+        if system.fields[field].kind == FieldKind::Unknown {
+            // Adding zero takes the sign off a zero.
+            let place = coordinates[free as usize].map(|x| (x + 0.0).to_bits());
+            keyed.push((place, system.fields[field].n_components, component, free));
+        }
+    }
+    keyed.sort_unstable();
+    let alike = keyed.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2));
+    alike.filter(|group| group.len() == 2).map(|group| (group[0].3, group[1].3)).collect()
+}
+
 /// True if the nonlinear terms touch few dofs beside a symmetric linear part.
 pub(crate) fn condenses(system: &System) -> bool {
     #[expect(clippy::cast_precision_loss, reason = "a ratio of counts")]
-    let few = (system.changing_dofs().len() as f64) < CONDENSE_BELOW * system.numbering.n_free() as f64;
+    let few = (system.n_changing_dofs() as f64) < CONDENSE_BELOW * system.numbering.n_free() as f64;
     few && system.bulk_is_symmetric() && system.uses(Pruning::Condense)
 }

@@ -343,16 +343,16 @@ impl System {
         &self.changing
     }
 
-    /// Sorted free dofs that the changing matrix touches.
+    /// Number of free dofs that the changing matrix touches, by row or by column.
     #[must_use]
-    pub fn changing_dofs(&self) -> Vec<u32> {
-        let mut dofs: Vec<u32> = Vec::new();
-        for row in 0..self.numbering.n_free() {
-            if !self.changing.row(row).0.is_empty() {
-                dofs.push(u32::try_from(row).expect("fewer than 2^32 dofs"));
-            }
+    pub fn n_changing_dofs(&self) -> usize {
+        let mut is_touched = vec![false; self.numbering.n_free()];
+        for row in 0..is_touched.len() {
+            let (columns, _) = self.changing.row(row);
+            is_touched[row] |= !columns.is_empty();
+            columns.iter().for_each(|c| is_touched[*c as usize] = true);
         }
-        dofs
+        is_touched.iter().filter(|t| **t).count()
     }
 
     /// Adds a constant residual by dof, in the axes of the scene and the unit of the residual, to that of the scene; an
@@ -632,13 +632,15 @@ fn pattern<'t>(
     place: impl Fn(u32) -> u32,
 ) -> Result<Csr, CsrError> {
     let mut builder = PatternBuilder::new(n, n);
-    let (mut rows, mut complete) = (Vec::new(), Vec::new());
+    let (mut rows, mut columns, mut complete) = (Vec::new(), Vec::new(), Vec::new());
     for term in terms {
-        term.for_each_entity(|dofs| {
-            frames.complete(dofs, &mut complete);
-            rows.clear();
-            rows.extend(complete.iter().map(|d| place(*d)).filter(|r| *r != FIXED));
-            builder.add_element(&rows);
+        term.for_each_entity(|tests, trials| {
+            for (list, dofs) in [(&mut rows, tests), (&mut columns, trials)] {
+                frames.complete(dofs, &mut complete);
+                list.clear();
+                list.extend(complete.iter().map(|d| place(*d)).filter(|r| *r != FIXED));
+            }
+            builder.add_coupling(&rows, &columns);
         });
     }
     Ok(Csr::zeros(builder.build_shared()?))

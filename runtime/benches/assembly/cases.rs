@@ -114,7 +114,7 @@ impl Problem {
         let system = &mut scene.system;
         let n = system.numbering.n_dofs;
         let mut pattern = PatternBuilder::new(n, n);
-        system.terms[0].for_each_entity(|dofs| pattern.add_element(dofs));
+        system.terms[0].for_each_entity(|rows, columns| pattern.add_coupling(rows, columns));
         let matrix = Csr::zeros(pattern.build_shared().map_err(|e| e.to_string())?);
         system.terms[0].locate(matrix.pattern(), &system.numbering.free);
         system.terms[0].set_step(0.0, 0.0);

@@ -318,18 +318,7 @@ impl GroupBinding {
 /// A basis function below this at every point does not act there; its largest value is 1.
 const NO_VALUE: f64 = 1e-14;
 
-impl GroupBinding {
-    /// For each node of basis `b`: whether some slot sees its function. Where only values are read, functions that are
-    /// 0 at every point (those of nodes off the facet) do nothing, and their dofs stay out of the tangent.
-    #[must_use]
-    pub fn acting_nodes<'s>(&self, b: usize, mut slots: impl Iterator<Item = &'s SlotPlace>) -> Vec<bool> {
-        let basis = &self.bases[b];
-        let mut acts = vec![false; basis.n_nodes];
-        let on_support = !slots.any(|s| s.basis == b && s.op != FieldOp::Value);
-        basis.functions(on_support).into_iter().for_each(|i| acts[i] = true);
-        acts
-    }
-}
+impl GroupBinding {}
 
 fn basis(
     mesh: &Mesh,

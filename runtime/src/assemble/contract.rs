@@ -86,6 +86,15 @@ impl TangentPlan {
         plan
     }
 
+    /// Local dofs whose equations have an entry, and those that an entry multiplies: on a facet the value of a function
+    /// that belongs to a node off the facet is zero, so such a dof is coupled only where a derivative is taken.
+    pub(super) fn coupled(&self, n_dofs: usize) -> (Vec<usize>, Vec<usize>) {
+        let present = |row: usize, column: usize| self.sources[row * n_dofs + column] != ABSENT;
+        let is_row = |k: &usize| (0..n_dofs).any(|other| present(*k, other));
+        let is_column = |k: &usize| (0..n_dofs).any(|other| present(other, *k));
+        ((0..n_dofs).filter(is_row).collect(), (0..n_dofs).filter(is_column).collect())
+    }
+
     fn add_block(
         &mut self,
         binding: &Binding,

@@ -259,37 +259,21 @@ impl AssembledTerm {
         &self.law.kinks
     }
 
-    /// Calls `f` with the global dofs of each entity that carry a test or trial slot, for the matrix pattern.
-    pub fn for_each_entity(&self, mut f: impl FnMut(&[u32])) {
-        let mut list = Vec::new();
+    /// Calls `f` with the global dofs of each entity that are tested, and those that the tangent depends on, for the
+    /// matrix pattern.
+    pub fn for_each_entity(&self, mut f: impl FnMut(&[u32], &[u32])) {
+        let (mut rows, mut columns) = (Vec::new(), Vec::new());
         for (g, binding) in self.integrator.binding.groups.iter().enumerate() {
-            let active = self.active_dofs(g);
             let n = binding.n_dofs();
-            for entity in 0..self.integrator.domain.groups[g].entities.len() {
-                list.clear();
-                let row = &self.dofs[g][entity * n..][..n];
-                list.extend(active.iter().map(|k| row[*k]).filter(|d| *d != NOWHERE));
-                f(&list);
-            }
-        }
-    }
-
-    /// Local dofs of a group that the tangent couples.
-    fn active_dofs(&self, g: usize) -> Vec<usize> {
-        let binding = &self.integrator.binding;
-        let mut active = Vec::new();
-        for (b, basis) in binding.groups[g].bases.iter().enumerate() {
-            let mut components = vec![false; basis.n_components];
-            let slots = binding.tests.iter().chain(&binding.trials).filter(|p| p.basis == b);
-            slots.for_each(|p| components[p.component] = true);
-            let acts = binding.groups[g].acting_nodes(b, binding.tests.iter().chain(&binding.trials));
-            for k in 0..basis.n_dofs() {
-                if components[k % basis.n_components] && acts[k / basis.n_components] {
-                    active.push(basis.offset + k);
+            let (tests, trials) = self.plans[g].coupled(n);
+            for dofs in self.dofs[g].chunks_exact(n.max(1)) {
+                for (list, locals) in [(&mut rows, &tests), (&mut columns, &trials)] {
+                    list.clear();
+                    list.extend(locals.iter().map(|k| dofs[*k]).filter(|d| *d != NOWHERE));
                 }
+                f(&rows, &columns);
             }
         }
-        active
     }
 
     /// Looks up where each local pair stands in a matrix; `free` maps a dof to its row, or to nothing when fixed.

@@ -123,7 +123,7 @@ fn assemble(setup: &Setup, law: TermLaw, backend: &dyn KernelBackend) -> Result<
     let mut residual = vec![0.0; numbering.n_dofs];
     term.add_residual(&setup.mesh, values, &mut residual).map_err(|e| e.to_string())?;
     let mut pattern = PatternBuilder::new(numbering.n_dofs, numbering.n_dofs);
-    term.for_each_entity(|dofs| pattern.add_element(dofs));
+    term.for_each_entity(|rows, columns| pattern.add_coupling(rows, columns));
     let mut tangent = Csr::zeros(pattern.build_shared().map_err(|e| e.to_string())?);
     term.locate(tangent.pattern(), &numbering.free);
     term.add_tangent(&setup.mesh, values, tangent.values_mut()).map_err(|e| e.to_string())?;

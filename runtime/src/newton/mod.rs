@@ -51,6 +51,10 @@ const DOMAIN_CUT: f64 = 1.0 / 16.0;
 const SHORTEST: f64 = 1e-60;
 /// A step is accepted when it reduces the residual norm by this part of its length.
 const SUFFICIENT: f64 = 1e-4;
+/// What a linear solve may leave: part of the residual to come, part of the tolerance, and most of the residual at hand.
+const UNSEEN: f64 = 0.1;
+const UNSEEN_AT_THE_END: f64 = 1e-3;
+const LARGEST_FORCING: f64 = 1e-4;
 /// The rounding floor in units of roundoff times |K||u|.
 const FLOOR_FACTOR: f64 = 4.0;
 
@@ -155,7 +159,7 @@ fn iterate(
     let mut here = measure(system, u, &weights, ladder.held())?;
     history.seconds.assemble += begin.elapsed().as_secs_f64();
     history.push(watch, 0, &here, 1.0, system);
-    let mut direction = Vec::new();
+    let (mut direction, mut before) = (Vec::new(), None);
     let mut best = (here.relative, u.to_vec());
     let mut left = false;
     for iteration in 1..=options.max_iterations {
@@ -177,7 +181,9 @@ fn iterate(
         history.seconds.assemble += begin.elapsed().as_secs_f64();
         weights = system_weights(system);
         here.norm = weighted_norm(system, &here.residual, &weights);
-        if let Err(error) = correct(system, strategy, &here.residual, &mut direction, &mut history) {
+        let forcing = forcing(here.relative, before, options.tolerance);
+        before = Some(here.relative);
+        if let Err(error) = correct(system, strategy, (&here.residual, forcing), &mut direction, &mut history) {
             // one state on the way says little about the scene: it is an error if each method meets one
             if !matches!(error, NewtonError::Solve(SolveError::Singular { .. })) || !ladder.leave_singular() {
                 return Err(error);
@@ -205,11 +211,18 @@ fn iterate(
     Ok(history)
 }
 
-/// Factors the tangent of `system` and solves for the correction of a residual.
+/// Part of the residual that a linear solve may leave: it must not show beside the next residual, which the speed of
+/// the last iteration foretells (Eisenstat and Walker 1996, choice 2), nor beside the tolerance.
+fn forcing(here: f64, before: Option<f64>, tolerance: f64) -> f64 {
+    let next = before.map_or(1.0, |before| (here / before) * (here / before));
+    (UNSEEN * next).max(UNSEEN_AT_THE_END * tolerance / here).min(LARGEST_FORCING)
+}
+
+/// Factors the tangent of `system` and solves for the correction of a residual, of which the given part may be left.
 fn correct(
     system: &System,
     strategy: &mut Strategy,
-    residual: &[f64],
+    (residual, unseen): (&[f64], f64),
     direction: &mut Vec<f64>,
     history: &mut StepHistory,
 ) -> Result<(), NewtonError> {
@@ -220,7 +233,7 @@ fn correct(
     let mut rhs = Vec::new();
     system.numbering.gather(residual, &mut rhs);
     rhs.iter_mut().for_each(|r| *r = -*r);
-    let report = strategy.solve(&rhs, direction)?;
+    let report = strategy.solve(&rhs, direction, unseen)?;
     history.solves.push(report);
     history.seconds.solve += begin.elapsed().as_secs_f64();
     Ok(())
@@ -303,7 +316,7 @@ impl Line<'_> {
         }
         let (mut rhs, mut correction) = (Vec::new(), Vec::new());
         system.numbering.gather(&found.residual, &mut rhs);
-        strategy.solve(&rhs, &mut correction)?;
+        strategy.solve(&rhs, &mut correction, LARGEST_FORCING)?;
         let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         Ok(norm(&correction) / norm(self.direction))
     }

@@ -42,7 +42,7 @@ pub(super) fn estimate(system: &System, strategy: &mut Strategy, u: &[f64], resi
         if rhs.iter().all(|r| *r == 0.0) {
             continue;
         }
-        strategy.solve(&rhs, &mut x).ok()?;
+        strategy.solve(&rhs, &mut x, 0.0).ok()?;
         let mut error = vec![0.0; u.len()];
         for (d, e) in system.numbering.free_dofs.iter().zip(&x) {
             error[*d as usize] = *e;

@@ -129,6 +129,9 @@ pub(super) fn pack(run: &Run, scene: &Scene, options: &RunOptions) -> Content {
     w.flag(solver.dense);
     w.flag(solver.symmetric);
     w.count(solver.factorisations);
+    w.count(solver.spent);
+    w.count(solver.apart.len());
+    solver.apart.iter().for_each(|dof| w.count(*dof as usize));
     w.count(run.stepper.level as usize);
     w.count(run.stepper.easy as usize);
     let c = run.clock;
@@ -182,8 +185,14 @@ pub(super) fn read(scene: &Scene, options: &RunOptions, folder: &FilePath) -> Re
 fn found_in(r: &mut Reader<'_>) -> Result<Found, Unreadable> {
     let steps = r.list(read_step)?;
     let (u, memory) = (r.numbers()?, read_memory(r)?);
-    let solver =
-        SolverMemory { factored: r.numbers()?, dense: r.flag()?, symmetric: r.flag()?, factorisations: r.count()? };
+    let solver = SolverMemory {
+        factored: r.numbers()?,
+        dense: r.flag()?,
+        symmetric: r.flag()?,
+        factorisations: r.count()?,
+        spent: r.count()?,
+        apart: r.list(Reader::small)?,
+    };
     let (level, easy) = (r.small()?, r.small()?);
     let [assemble, factor, solve, write] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let clock = Clock { assemble, factor, solve, write };

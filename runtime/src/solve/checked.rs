@@ -221,7 +221,7 @@ impl<F: Factorization> LinearSolver for Checked<F> {
         self.judge.check_rhs(rhs, x)?;
         let factorization = &mut self.factorization;
         let matrix = [&self.matrix];
-        let first = self.judge.solve(&matrix, &mut |x| factorization.solve(Form::Plain, x), rhs, x);
+        let first = self.judge.solve(&matrix, &mut |x| factorization.solve(Form::Plain, x), rhs, x, 0.0);
         match first {
             Ok(report) => {
                 if self.judge.has_grown(rhs, x) {
@@ -237,7 +237,7 @@ impl<F: Factorization> LinearSolver for Checked<F> {
                 self.null_space_is_clear = false;
                 let factorization = &mut self.factorization;
                 let mut report =
-                    self.judge.solve(&[&self.matrix], &mut |x| factorization.solve(Form::Plain, x), rhs, x)?;
+                    self.judge.solve(&[&self.matrix], &mut |x| factorization.solve(Form::Plain, x), rhs, x, 0.0)?;
                 report.refactored = true;
                 Ok(report)
             }

@@ -1,7 +1,8 @@
 //! Systems `(K + C) x = b` with a constant symmetric bulk K and a part C that changes and touches few dofs.
 //!
-//! K is factored once wherever C cannot reach. Only the rest is factored again when C changes, in one of two ways:
+//! K is factored once wherever C cannot reach. Only the rest is factored again when C changes, in one of three ways:
 //!
+//! - forces ([`forces`]): K stands alone, C is `J M` with few columns in J, and a dense matrix of that size is factored;
 //! - dense: with I the dofs that C does not touch and G those that it does, `S0 = K_GG - K_GI K_II⁻¹ K_IG` is kept as a
 //!   dense matrix and `S = S0 + C` is factored by LU with partial pivoting (Cholesky when C is symmetric and that
 //!   succeeds);
@@ -17,6 +18,8 @@
 //! Does not find out what changes: the caller says so.
 
 mod engine;
+mod forces;
+mod response;
 #[cfg(test)]
 mod tests;
 
@@ -30,22 +33,33 @@ use super::llt::Llt;
 use super::sweep::Form;
 use super::{LinearSolver, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
+use crate::strategy::SolverMemory;
 use engine::{Engine, EngineContext, MAX_ITERATIONS, Method};
+use forces::Forces;
 
 /// Up to this many changing dofs their matrix is dense.
 const DENSE_LIMIT: usize = 600;
 /// Largest dense matrix that stands in when pivots from within fronts do not suffice.
 const DENSE_RESCUE_LIMIT: usize = 12_000;
-/// Change of an equation of the scaled matrix that counts as large.
-const LARGE_CHANGE: f64 = 0.1;
-/// Iterations beyond the rank of the change before their rate is judged.
-const EXTRA_ITERATIONS: usize = 4;
+/// Up to this many forces the dense matrix that belongs to them is cheaper than fronts.
+const FORCES_LIMIT: usize = 7_000;
+/// Iterations before their rate is judged.
+const TRIAL_ITERATIONS: usize = 10;
+/// Iterations aim at this part of the tolerance, because their norm is not quite that of the judge.
+const WITHIN: f64 = 0.3;
 /// Relative asymmetry up to which the changing part counts as symmetric.
 const ASYMMETRY: f64 = 1e-14;
 
 /// How the changing part is solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Strategy {
+    /// One dense matrix of the forces that change.
+    Forces {
+        /// Number of changing dofs.
+        n_changing: usize,
+        /// Number of forces: facing dofs share one.
+        n_forces: usize,
+    },
     /// One dense matrix of the changing dofs.
     Dense {
         /// Number of changing dofs.
@@ -61,6 +75,12 @@ pub enum Strategy {
 impl std::fmt::Display for Strategy {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
+            Strategy::Forces { n_changing, n_forces } => {
+                write!(
+                    f,
+                    "constant bulk factored once, dense matrix of the {n_forces} forces on {n_changing} changing dofs"
+                )
+            }
             Strategy::Dense { n_changing } => {
                 write!(f, "constant bulk factored once, dense matrix of {n_changing} changing dofs")
             }
@@ -71,9 +91,15 @@ impl std::fmt::Display for Strategy {
     }
 }
 
-/// The one place where the method is chosen.
-fn choose(n_changing: usize) -> Strategy {
-    if n_changing <= DENSE_LIMIT { Strategy::Dense { n_changing } } else { Strategy::Fronts { n_changing } }
+/// The one place where the method is chosen; forces give way to fronts where the bulk cannot stand alone.
+fn choose(n_changing: usize, n_forces: usize) -> Strategy {
+    if n_changing <= DENSE_LIMIT {
+        Strategy::Dense { n_changing }
+    } else if n_forces <= FORCES_LIMIT {
+        Strategy::Forces { n_changing, n_forces }
+    } else {
+        Strategy::Fronts { n_changing }
+    }
 }
 
 /// Solver for a constant symmetric bulk and a part that changes.
@@ -87,6 +113,8 @@ pub struct CheckedCondensed {
     dofs: Vec<u32>,
     coordinates: Option<Vec<[f64; 3]>>,
     engine: Engine,
+    /// Iterations made with the factor at hand.
+    spent: usize,
     judge: Judge,
     /// For each entry of the changing part the entry across the diagonal.
     mirror: Option<Vec<usize>>,
@@ -115,7 +143,8 @@ enum State {
 
 impl CheckedCondensed {
     /// Analyses and factors the constant part. `changing` (n x n) is the pattern in which the changing part may have
-    /// entries; `coordinates`, one point (any length unit) a dof, make the ordering good.
+    /// entries; `coordinates`, one point (any length unit) a dof, make the ordering good. `pairs` are dofs that face each
+    /// other across an interface: where their rows of the changing part turn out to be opposite they share a force.
     ///
     /// # Errors
     /// [`SolveError::Shape`] for sizes that do not fit, [`SolveError::NonFiniteMatrix`], [`SolveError::NotSymmetric`],
@@ -125,9 +154,10 @@ impl CheckedCondensed {
         bulk: &Csr,
         changing: &Arc<Pattern>,
         coordinates: Option<&[[f64; 3]]>,
+        pairs: &[(u32, u32)],
         options: SolverOptions,
     ) -> Result<Self, SolveError> {
-        Self::with_choice(bulk, changing, coordinates, options, choose)
+        Self::with_choice(bulk, changing, coordinates, pairs, options, choose)
     }
 
     /// As [`CheckedCondensed::new`], the method chosen by the caller.
@@ -135,8 +165,9 @@ impl CheckedCondensed {
         bulk: &Csr,
         changing: &Arc<Pattern>,
         coordinates: Option<&[[f64; 3]]>,
+        pairs: &[(u32, u32)],
         options: SolverOptions,
-        choose: impl Fn(usize) -> Strategy,
+        choose: impl Fn(usize, usize) -> Strategy,
     ) -> Result<Self, SolveError> {
         let n = bulk.n_rows();
         let sizes = [("columns of the bulk", bulk.n_cols()), ("rows of the changing part", changing.n_rows())];
@@ -150,8 +181,12 @@ impl CheckedCondensed {
         }
         check_symmetry(bulk)?;
         let dofs = touched(changing);
-        let context = EngineContext { bulk, changing, dofs: &dofs, coordinates, threads: options.threads };
-        let engine = match choose(dofs.len()) {
+        let context = EngineContext { bulk, changing, dofs: &dofs, coordinates, pairs, threads: options.threads };
+        let engine = match choose(dofs.len(), Forces::count(changing, pairs)) {
+            Strategy::Forces { .. } => match context.forces() {
+                Err(SolveError::NotPositiveDefinite { .. }) => context.fronts(),
+                other => other,
+            },
             Strategy::Dense { .. } => context.dense(),
             Strategy::Fronts { .. } => context.fronts(),
         };
@@ -163,6 +198,8 @@ impl CheckedCondensed {
             Err(error) => return Err(error),
         };
         let (transposed, sources) = changing.transpose();
+        let mut judge = Judge::new(n, options);
+        judge.keep(bulk);
         Ok(Self {
             mirror: (transposed == **changing).then_some(sources),
             difference: Csr::zeros(Arc::new(on_dofs(changing, &dofs)?)),
@@ -172,7 +209,8 @@ impl CheckedCondensed {
             coordinates: coordinates.map(<[_]>::to_vec),
             dofs,
             engine,
-            judge: Judge::new(n, options),
+            spent: 0,
+            judge,
             narrower: None,
             gmres: Gmres::new(MAX_ITERATIONS),
             state: State::Empty,
@@ -183,7 +221,8 @@ impl CheckedCondensed {
     /// How the changing part is solved.
     pub fn strategy(&self) -> Strategy {
         let n_changing = self.dofs.len();
-        match self.engine.method {
+        match &self.engine.method {
+            Method::Forces(forces) => Strategy::Forces { n_changing, n_forces: forces.n_forces() },
             Method::Dense { .. } => Strategy::Dense { n_changing },
             Method::Fronts { .. } => Strategy::Fronts { n_changing },
         }
@@ -205,7 +244,9 @@ impl CheckedCondensed {
             self.state = State::Fresh;
             return Ok(());
         }
-        if before == State::Empty {
+        // A change that an older factor serves badly shows in the iterations that it costs.
+        let is_useless = self.engine.take(&self.changing)?;
+        if before == State::Empty || is_useless || self.spent >= self.engine.worthwhile_iterations() {
             return self.refactor();
         }
         for ((value, new), old) in
@@ -213,46 +254,45 @@ impl CheckedCondensed {
         {
             *value = new - old;
         }
-        if self.expected_iterations() >= self.engine.worthwhile_iterations() {
-            return self.refactor();
-        }
         self.state = State::Stale;
         Ok(())
     }
 
-    /// Values of the changing part in the factor; empty before the first one.
-    pub fn factored(&self) -> &[f64] {
-        if self.state == State::Empty { &[] } else { &self.factored }
+    /// What later solutions depend on beside the matrices that are still to come.
+    pub fn memory(&self) -> SolverMemory {
+        let mut memory = SolverMemory { spent: self.spent, ..SolverMemory::default() };
+        if self.state != State::Empty {
+            memory.factored.clone_from(&self.factored);
+        }
+        match &self.engine.method {
+            Method::Forces(forces) => memory.apart = forces.apart().to_vec(),
+            Method::Dense { .. } => memory.dense = true,
+            Method::Fronts { .. } => {}
+        }
+        memory
     }
 
-    /// Whether the changing dofs form a dense matrix.
-    pub fn is_dense(&self) -> bool {
-        matches!(self.engine.method, Method::Dense { .. })
-    }
-
-    /// Factors a changing part as an earlier solver of the same bulk had it, so that what follows is the same bit by
-    /// bit; `dense` tells whether that one's factor was dense.
+    /// Goes back to what an earlier solver of the same bulk remembered of a changing part with this pattern, so that
+    /// what follows is the same bit by bit; false if that does not fit.
     ///
     /// # Errors
     /// As [`CheckedCondensed::update`].
-    pub fn recall(&mut self, changing: &Csr, dense: bool) -> Result<(), SolveError> {
-        if dense {
+    pub fn recall(&mut self, pattern: &Arc<Pattern>, memory: &SolverMemory) -> Result<bool, SolveError> {
+        let mut changing = Csr::zeros(Arc::clone(pattern));
+        if memory.factored.len() != changing.values().len() {
+            return Ok(false);
+        }
+        changing.values_mut().copy_from_slice(&memory.factored);
+        if memory.dense {
             self.rescue()?;
         }
+        if let Method::Forces(forces) = &mut self.engine.method {
+            forces.part(&memory.apart);
+        }
         self.state = State::Empty;
-        self.update(changing)
-    }
-
-    /// GMRES needs about one iteration for each independent large change. Across an interface what pulls here pushes
-    /// there, so the equations that change much come in pairs.
-    fn expected_iterations(&self) -> usize {
-        let scale = |place: usize| self.judge.scale()[self.dofs[place] as usize];
-        let changes_much = |row: &usize| {
-            let (columns, values) = self.difference.row(*row);
-            let change: f64 = columns.iter().zip(values).map(|(&c, value)| (value * scale(c as usize)).abs()).sum();
-            change * scale(*row) > LARGE_CHANGE
-        };
-        (0..self.dofs.len()).filter(changes_much).count() / 2
+        self.update(&changing)?;
+        self.spent = memory.spent;
+        Ok(true)
     }
 
     /// Copies the changing part onto its pattern.
@@ -282,6 +322,7 @@ impl CheckedCondensed {
     /// Makes the factor that of the matrix.
     fn refactor(&mut self) -> Result<(), SolveError> {
         self.state = State::Empty;
+        self.spent = 0;
         self.null_space_is_clear = false;
         let kind = if self.is_symmetric() { Kind::Symmetric } else { Kind::General };
         let mut outcome = self.engine.factor(&self.bulk, &self.changing, kind);
@@ -326,6 +367,7 @@ impl CheckedCondensed {
             changing: self.changing.pattern(),
             dofs: &self.dofs,
             coordinates: self.coordinates.as_deref(),
+            pairs: &[],
             threads: self.judge.options().threads,
         };
         self.engine = context.dense()?;
@@ -355,6 +397,15 @@ impl CheckedCondensed {
     /// # Errors
     /// As [`LinearSolver::solve`].
     pub fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError> {
+        self.solve_to(rhs, x, 0.0)
+    }
+
+    /// As [`CheckedCondensed::solve`], but a true residual of no more than `tolerance` of the right-hand side is good
+    /// enough (2-norms of the equations scaled to a unit diagonal; no unit).
+    ///
+    /// # Errors
+    /// As [`LinearSolver::solve`].
+    pub fn solve_to(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
         if self.state == State::Empty {
             return Err(SolveError::NotFactored);
         }
@@ -362,20 +413,23 @@ impl CheckedCondensed {
         let mut krylov_iterations = 0;
         let mut refactored = false;
         if self.state == State::Stale {
-            match self.iterate(rhs, x) {
-                (iterations, Some(report)) => return Ok(SolveReport { krylov_iterations: iterations, ..report }),
+            match self.iterate(rhs, x, tolerance) {
+                (iterations, Some(report)) => {
+                    self.spent += iterations;
+                    return Ok(SolveReport { krylov_iterations: iterations, ..report });
+                }
                 (iterations, None) => krylov_iterations = iterations,
             }
             self.refactor()?;
             refactored = true;
         }
-        let mut report = self.solve_fresh(rhs, x);
+        let mut report = self.solve_fresh(rhs, x, tolerance);
         if matches!(report, Err(SolveError::ResidualTooLarge { .. })) {
             self.check_null_space()?;
             if self.rescue()? {
                 self.refactor()?;
                 refactored = true;
-                report = self.solve_fresh(rhs, x);
+                report = self.solve_fresh(rhs, x, tolerance);
             }
         }
         let report = report?;
@@ -385,25 +439,34 @@ impl CheckedCondensed {
         Ok(SolveReport { krylov_iterations, refactored, ..report })
     }
 
-    fn solve_fresh(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError> {
+    fn solve_fresh(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
         let engine = &mut self.engine;
         let parts = [&self.bulk, &self.changing];
-        self.judge.solve(&parts, &mut |x| engine.solve(Form::Plain, x), rhs, x)
+        self.judge.solve(&parts, &mut |x| engine.solve(Form::Plain, x), rhs, x, tolerance)
     }
 
     /// Solves with the stale factor; the number of iterations, and a report when that was good enough.
-    fn iterate(&mut self, rhs: &[f64], x: &mut [f64]) -> (usize, Option<SolveReport>) {
-        let expected = self.expected_iterations();
+    fn iterate(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> (usize, Option<SolveReport>) {
         let (engine, gmres, difference, dofs) = (&mut self.engine, &mut self.gmres, &self.difference, &self.dofs);
         let allowed = engine.worthwhile_iterations();
-        let tolerance = self.judge.options().iteration_tolerance;
-        let trial_iterations = expected + EXTRA_ITERATIONS;
+        let smallest = self.judge.options().iteration_tolerance;
+        let wanted = WITHIN * tolerance * self.judge.scaled_norm(rhs);
+        let trial_iterations = TRIAL_ITERATIONS;
+        let scale = self.judge.scale().to_vec();
         let (mut iterations, mut converged) = (0, true);
         let mut on_dofs = vec![0.0; dofs.len()];
         let mut start = vec![0.0; dofs.len()];
         let mut solved = vec![0.0; dofs.len()];
         let mut solver = |b: &mut [f64]| {
-            let target = tolerance * b.iter().map(|value| value * value).sum::<f64>().sqrt();
+            let max_iterations = allowed.saturating_sub(iterations);
+            let size = b.iter().zip(&scale).map(|(b, s)| (b * s) * (b * s)).sum::<f64>().sqrt();
+            let limits = Limits { target: wanted.max(smallest * size), max_iterations, trial_iterations };
+            if let Some(outcome) = engine.solve_stale(b, gmres, limits, &scale) {
+                iterations += outcome.iterations;
+                converged &= outcome.converged;
+                return;
+            }
+            let target = (WITHIN * tolerance).max(smallest) * b.iter().map(|value| value * value).sum::<f64>().sqrt();
             let mut first = b.to_vec();
             engine.solve(Form::Plain, &mut first);
             on_dofs.iter_mut().zip(dofs).for_each(|(value, &dof)| *value = first[dof as usize]);
@@ -416,8 +479,7 @@ impl CheckedCondensed {
                 out.copy_from_slice(w);
                 difference.multiply_add(&solved, out, 1);
             };
-            let max_iterations = allowed.saturating_sub(iterations);
-            let limits = Limits { target, max_iterations, trial_iterations };
+            let limits = Limits { target, ..limits };
             let outcome = gmres.solve(&mut multiply, &start, &mut w, limits);
             iterations += outcome.iterations;
             converged &= outcome.converged;
@@ -429,7 +491,7 @@ impl CheckedCondensed {
             }
         };
         let parts = [&self.bulk, &self.changing];
-        let outcome = self.judge.solve(&parts, &mut solver, rhs, x);
+        let outcome = self.judge.solve(&parts, &mut solver, rhs, x, tolerance);
         let has_grown = outcome.is_ok() && self.judge.has_grown(rhs, x);
         (iterations, outcome.ok().filter(|_| converged && !has_grown))
     }

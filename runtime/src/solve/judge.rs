@@ -8,7 +8,7 @@
 use super::scaling::symmetric_scale;
 use super::sweep::Form;
 use super::{NullVector, SolveError, SolveReport, SolverOptions};
-use crate::csr::{Csr, residual, residual_compensated};
+use crate::csr::{Csr, residual_and_size, residual_compensated};
 
 /// See the module documentation.
 const SINGULAR: f64 = 64.0 * f64::EPSILON;
@@ -20,6 +20,11 @@ const INVERSE_ITERATIONS: usize = 3;
 const GOOD_RESIDUAL: f64 = 1e-13;
 const GOOD_COMPONENT: f64 = 1e-10;
 
+/// Row sums of magnitudes.
+fn absolute_sums(part: &Csr) -> Vec<f64> {
+    (0..part.n_rows()).map(|row| part.row(row).1.iter().map(|value| value.abs()).sum()).collect()
+}
+
 /// Measures solutions of `(A + B + ...) x = b`.
 pub(super) struct Judge {
     options: SolverOptions,
@@ -30,6 +35,8 @@ pub(super) struct Judge {
     norm: f64,
     /// Scale to a unit diagonal.
     scale: Vec<f64>,
+    /// Row sums of magnitudes and diagonal of a first part that never changes.
+    constant: Option<(Vec<f64>, Vec<f64>)>,
 }
 
 /// Backward errors of one solution.
@@ -37,12 +44,22 @@ pub(super) struct Judge {
 struct Measure {
     relative: f64,
     componentwise: f64,
+    /// 2-norm of the scaled residual relative to that of the right-hand side.
+    left: f64,
 }
 
 impl Judge {
     pub(super) fn new(n: usize, options: SolverOptions) -> Self {
         let zeros = || vec![0.0; n];
-        Self { options, residual: zeros(), magnitude: zeros(), row_sums: zeros(), norm: 0.0, scale: vec![1.0; n] }
+        Self {
+            options,
+            residual: zeros(),
+            magnitude: zeros(),
+            row_sums: zeros(),
+            norm: 0.0,
+            scale: vec![1.0; n],
+            constant: None,
+        }
     }
 
     pub(super) fn options(&self) -> &SolverOptions {
@@ -54,16 +71,29 @@ impl Judge {
         &self.scale
     }
 
+    /// Says that the first part of every matrix looked at from now on is this one.
+    pub(super) fn keep(&mut self, part: &Csr) {
+        self.constant = Some((absolute_sums(part), (0..part.n_rows()).map(|dof| part.get(dof, dof)).collect()));
+    }
+
     /// Takes norms and scales of the matrix that is solved next.
     ///
     /// # Errors
     /// [`SolveError::NonFiniteMatrix`]; [`SolveError::Singular`] for a row without entries.
     pub(super) fn look_at(&mut self, parts: &[&Csr]) -> Result<(), SolveError> {
         self.row_sums.fill(0.0);
-        for part in parts {
-            for (row, sum) in self.row_sums.iter_mut().enumerate() {
-                *sum += part.row(row).1.iter().map(|value| value.abs()).sum::<f64>();
-            }
+        let mut diagonal = vec![0.0; self.row_sums.len()];
+        let mut add = |sums: &[f64], entries: &mut dyn Iterator<Item = f64>| {
+            self.row_sums.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
+            diagonal.iter_mut().zip(entries).for_each(|(total, entry)| *total += entry);
+        };
+        let mut new = parts;
+        if let Some((sums, entries)) = &self.constant {
+            add(sums, &mut entries.iter().copied());
+            new = &parts[1..];
+        }
+        for part in new {
+            add(&absolute_sums(part), &mut (0..part.n_rows()).map(|dof| part.get(dof, dof)));
         }
         if let Some(row) = self.row_sums.iter().position(|sum| !sum.is_finite()) {
             let mut places = parts.iter().filter_map(|part| part.first_non_finite());
@@ -76,7 +106,7 @@ impl Judge {
             values[dof] = 1.0;
             return Err(SolveError::Singular { dof, ratio: 0.0, mode: NullVector::new(values) });
         }
-        self.scale = symmetric_scale(parts);
+        self.scale = symmetric_scale(parts, &diagonal);
         Ok(())
     }
 
@@ -94,7 +124,8 @@ impl Judge {
         }
     }
 
-    /// Solves, measures and refines; the caller has checked the right-hand side.
+    /// Solves, measures and refines; the caller has checked the right-hand side. A solution that leaves no more than
+    /// `tolerance` of the right-hand side is good enough (2-norms of scaled equations).
     ///
     /// # Errors
     /// [`SolveError::ResidualTooLarge`], with an infinite residual when the solution is not finite.
@@ -104,31 +135,33 @@ impl Judge {
         solver: &mut dyn FnMut(&mut [f64]),
         rhs: &[f64],
         x: &mut [f64],
+        tolerance: f64,
     ) -> Result<SolveReport, SolveError> {
         x.copy_from_slice(rhs);
         if rhs.iter().all(|&value| value == 0.0) {
             return Ok(SolveReport::default());
         }
         solver(x);
-        self.refine(parts, solver, rhs, x)
+        self.refine(parts, solver, rhs, x, tolerance)
     }
 
     /// Measures and refines a solution.
     ///
     /// # Errors
     /// As [`Judge::solve`].
-    pub(super) fn refine(
+    fn refine(
         &mut self,
         parts: &[&Csr],
         solver: &mut dyn FnMut(&mut [f64]),
         rhs: &[f64],
         x: &mut [f64],
+        tolerance: f64,
     ) -> Result<SolveReport, SolveError> {
         let limit = self.options.residual_limit;
         let mut measure = self.measure(parts, rhs, x);
         let mut refinements = 0;
         let mut last_step = f64::INFINITY;
-        while refinements < self.options.max_refinements && self.should_refine(measure) {
+        while refinements < self.options.max_refinements && self.should_refine(measure, tolerance) {
             residual_compensated(parts, rhs, x, &mut self.residual, self.options.threads);
             let mut step = std::mem::take(&mut self.residual);
             solver(&mut step);
@@ -149,7 +182,7 @@ impl Judge {
                 break;
             }
         }
-        if measure.relative.is_nan() || measure.relative > limit {
+        if measure.relative.is_nan() || measure.relative > limit && measure.left > tolerance {
             return Err(SolveError::ResidualTooLarge { relative: measure.relative, limit });
         }
         Ok(SolveReport {
@@ -160,21 +193,19 @@ impl Judge {
         })
     }
 
-    fn should_refine(&self, measure: Measure) -> bool {
-        let is_good = measure.relative <= GOOD_RESIDUAL && measure.componentwise <= GOOD_COMPONENT;
+    fn should_refine(&self, measure: Measure, tolerance: f64) -> bool {
+        let is_exact = measure.relative <= GOOD_RESIDUAL && measure.componentwise <= GOOD_COMPONENT;
+        let is_good = is_exact || measure.left <= tolerance;
         measure.relative.is_finite() && (self.options.extended_residual || !is_good)
     }
 
     /// Backward errors; infinite for a solution that is not finite. Leaves the residual in `self.residual`.
     fn measure(&mut self, parts: &[&Csr], rhs: &[f64], x: &[f64]) -> Measure {
         if x.iter().any(|value| !value.is_finite()) {
-            return Measure { relative: f64::INFINITY, componentwise: f64::INFINITY };
+            return Measure { relative: f64::INFINITY, componentwise: f64::INFINITY, left: f64::INFINITY };
         }
-        residual(parts, rhs, x, &mut self.residual, self.options.threads);
-        self.magnitude.iter_mut().zip(rhs).for_each(|(size, b)| *size = b.abs());
-        for part in parts {
-            part.multiply_absolute_add(x, &mut self.magnitude, self.options.threads);
-        }
+        let threads = self.options.threads;
+        residual_and_size(parts, rhs, x, &mut self.residual, &mut self.magnitude, threads);
         let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
         let scaled_residual = largest(&mut self.residual.iter().zip(&self.scale).map(|(r, s)| (r * s).abs()));
         let scaled_size = largest(&mut self.magnitude.iter().zip(&self.scale).map(|(m, s)| m * s));
@@ -184,8 +215,14 @@ impl Judge {
         let quotient = |residual: f64, size: f64| if residual == 0.0 { 0.0 } else { residual / size };
         Measure {
             relative: quotient(scaled_residual, scaled_size).max(quotient(plain_residual, plain_size)),
+            left: quotient(self.scaled_norm(&self.residual), self.scaled_norm(rhs)),
             componentwise: largest(&mut self.residual.iter().zip(&self.magnitude).map(|(r, m)| quotient(r.abs(), *m))),
         }
+    }
+
+    /// 2-norm of a vector of equations in units of their scale.
+    pub(super) fn scaled_norm(&self, b: &[f64]) -> f64 {
+        b.iter().zip(&self.scale).map(|(value, scale)| (value * scale) * (value * scale)).sum::<f64>().sqrt()
     }
 
     /// Largest component of a vector of unknowns in units of their scale.

@@ -168,6 +168,14 @@ impl Multifrontal {
         Ok(())
     }
 
+    /// Gives back the memory that only a further factorisation needs, and the contributions with it.
+    pub(super) fn finish(&mut self) {
+        for workspace in self.workspaces.iter_mut().chain([&mut self.top]) {
+            workspace.clear();
+            workspace.stack = Vec::new();
+        }
+    }
+
     /// The smallest ratio of a squared pivot to the diagonal entry that it came from, with its dof: how much of the
     /// stiffest-looking unknown is left after elimination. Near rounding the matrix is singular. `None` without
     /// unknowns. `diagonal` is by dof.

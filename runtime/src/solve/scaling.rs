@@ -7,11 +7,11 @@ use crate::csr::Csr;
 
 /// `s` such that the diagonal of `S A S` is about 1. An unknown without a diagonal entry (a multiplier) gets the scale
 /// that makes the largest entry of its row about 1.
-pub(super) fn symmetric_scale(parts: &[&Csr]) -> Vec<f64> {
-    let n = parts.first().map_or(0, |part| part.n_rows());
-    let diagonal = |dof: usize| parts.iter().map(|part| part.get(dof, dof)).sum::<f64>().abs();
-    let mut scale: Vec<f64> = (0..n).map(|dof| power_of_two(1.0 / diagonal(dof).sqrt())).collect();
-    for dof in (0..n).filter(|&dof| diagonal(dof) == 0.0) {
+///
+/// `diagonal` is that of the sum of the parts.
+pub(super) fn symmetric_scale(parts: &[&Csr], diagonal: &[f64]) -> Vec<f64> {
+    let mut scale: Vec<f64> = diagonal.iter().map(|value| power_of_two(1.0 / value.abs().sqrt())).collect();
+    for dof in (0..diagonal.len()).filter(|&dof| diagonal[dof] == 0.0) {
         let entries = parts.iter().flat_map(|part| {
             let (columns, values) = part.row(dof);
             columns.iter().zip(values)
@@ -19,7 +19,7 @@ pub(super) fn symmetric_scale(parts: &[&Csr]) -> Vec<f64> {
         let largest = entries.fold(0.0, |largest: f64, (&column, value)| {
             let column = column as usize;
             // Between two multipliers there is no scale to lean on.
-            if diagonal(column) == 0.0 { largest } else { largest.max(value.abs() * scale[column]) }
+            if diagonal[column] == 0.0 { largest } else { largest.max(value.abs() * scale[column]) }
         });
         scale[dof] = power_of_two(1.0 / largest);
     }
@@ -57,6 +57,10 @@ pub(super) fn power_of_two(value: f64) -> f64 {
 mod tests {
     use super::*;
 
+    fn diagonal(a: &Csr) -> Vec<f64> {
+        (0..a.n_rows()).map(|dof| a.get(dof, dof)).collect()
+    }
+
     #[test]
     fn scales_are_powers_of_two_near_the_value() {
         for (value, wanted) in [(1.0, 1.0), (3.0, 4.0), (2.7, 2.0), (0.2, 0.25), (0.0, 1.0), (f64::INFINITY, 1.0)] {
@@ -75,7 +79,7 @@ mod tests {
             }
         }
         let a = Csr::from_triplets(4, 4, &triplets).unwrap();
-        let s = symmetric_scale(&[&a]);
+        let s = symmetric_scale(&[&a], &diagonal(&a));
         let (r, c) = equilibration(&a);
         for i in 0..4 {
             let entry = s[i] * a.get(i, i) * s[i];
@@ -88,7 +92,7 @@ mod tests {
     #[test]
     fn a_multiplier_takes_the_scale_of_its_row() {
         let a = Csr::from_triplets(2, 2, &[(0, 0, 4e8), (0, 1, 1.0), (1, 0, 1.0)]).unwrap();
-        let s = symmetric_scale(&[&a]);
+        let s = symmetric_scale(&[&a], &diagonal(&a));
         assert!((0.4..2.5).contains(&(s[1] * s[0])), "{s:?}");
     }
 }

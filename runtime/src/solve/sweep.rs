@@ -109,6 +109,43 @@ impl Sweep {
         }
     }
 
+    /// Gathers a right-hand side, by dof, and sweeps it up a Cholesky factor; where not all fronts are members it must
+    /// vanish on the others.
+    pub(super) fn rise<'f>(
+        &mut self,
+        symbolic: &Symbolic,
+        factor: impl Fn(usize) -> FrontFactor<'f> + Sync,
+        b: &[f64],
+    ) {
+        for (value, &dof) in self.ordered.iter_mut().zip(symbolic.ordering.forward()) {
+            *value = b[dof as usize];
+        }
+        self.forward(symbolic, &factor, Form::Plain);
+    }
+
+    /// Starts from what another sweep has risen to.
+    pub(super) fn copy(&mut self, risen: &Sweep) {
+        self.ordered.copy_from_slice(&risen.ordered);
+    }
+
+    /// Adds what another sweep has risen to.
+    pub(super) fn add(&mut self, risen: &Sweep) {
+        self.ordered.iter_mut().zip(&risen.ordered).for_each(|(value, other)| *value += other);
+    }
+
+    /// Sweeps down from there. The solution comes by dof, on the members alone.
+    pub(super) fn descend<'f>(
+        &mut self,
+        symbolic: &Symbolic,
+        factor: impl Fn(usize) -> FrontFactor<'f> + Sync,
+        x: &mut [f64],
+    ) {
+        self.backward(symbolic, &factor, Form::Plain);
+        for (value, &dof) in self.ordered.iter().zip(symbolic.ordering.forward()) {
+            x[dof as usize] = *value;
+        }
+    }
+
     fn forward<'f>(&mut self, symbolic: &Symbolic, factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync), form: Form) {
         let (plan, columns) = (&self.plan, &self.columns);
         let parts = plan.split(&mut self.ordered, |front| columns[front]);

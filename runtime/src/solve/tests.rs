@@ -9,21 +9,24 @@ use crate::csr::{Pattern, PatternBuilder, residual_compensated};
 type Build = fn(&Csr, SolverOptions) -> Result<Box<dyn LinearSolver>, SolveError>;
 
 /// Solvers for any matrix.
-const GENERAL: [(&str, Build); 4] = [
+const GENERAL: [(&str, Build); 5] = [
     ("lu", |a, options| Ok(Box::new(CheckedLu::new(a.pattern(), None, options)?))),
     ("dense", |a, options| Ok(Box::new(CheckedDense::new(a.pattern(), options)?))),
-    ("condensed dense", |a, options| condensed(a, options, |n_changing| Strategy::Dense { n_changing })),
-    ("condensed fronts", |a, options| condensed(a, options, |n_changing| Strategy::Fronts { n_changing })),
+    ("condensed dense", |a, options| condensed(a, options, |n_changing, _| Strategy::Dense { n_changing })),
+    ("condensed forces", |a, options| {
+        condensed(a, options, |n_changing, n_forces| Strategy::Forces { n_changing, n_forces })
+    }),
+    ("condensed fronts", |a, options| condensed(a, options, |n_changing, _| Strategy::Fronts { n_changing })),
 ];
 
 /// Nothing is constant: everything changes.
 fn condensed(
     a: &Csr,
     options: SolverOptions,
-    choose: fn(usize) -> Strategy,
+    choose: fn(usize, usize) -> Strategy,
 ) -> Result<Box<dyn LinearSolver>, SolveError> {
     let empty = Csr::zeros(Arc::new(Pattern::empty(a.n_rows(), a.n_cols())));
-    Ok(Box::new(CheckedCondensed::with_choice(&empty, a.pattern(), None, options, choose)?))
+    Ok(Box::new(CheckedCondensed::with_choice(&empty, a.pattern(), None, &[], options, choose)?))
 }
 
 /// Solvers for symmetric positive definite matrices.

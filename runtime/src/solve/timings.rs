@@ -36,8 +36,14 @@ fn condensed_timings() {
             let options = SolverOptions { threads, ..SolverOptions::default() };
             let first = problem.contact(kind, 100.0, pattern_of(0, n));
             let start = Instant::now();
-            let mut solver =
-                CheckedCondensed::new(&problem.matrix, first.pattern(), Some(&problem.coordinates), options).unwrap();
+            let mut solver = CheckedCondensed::new(
+                &problem.matrix,
+                first.pattern(),
+                Some(&problem.coordinates),
+                &problem.pairs,
+                options,
+            )
+            .unwrap();
             eprintln!("n {} threads {threads}: {}", problem.n(), solver.strategy());
             eprintln!("  set up {:.1} ms", milliseconds(start));
             let rhs: Vec<f64> = (0..problem.n()).map(|i| ((i % 7) as f64 - 3.0) * 1e-3).collect();

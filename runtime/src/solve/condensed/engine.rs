@@ -9,9 +9,11 @@ use super::super::SolveError;
 use super::super::checked::Pivot;
 use super::super::dense::{Dense, Kind};
 use super::super::frontal_lu::{EntryMap, FrontalLu, Part};
+use super::super::krylov::{Gmres, Limits, Outcome};
 use super::super::multifrontal::{Multifrontal, zeros};
 use super::super::sweep::{Form, FrontFactor, Sweep};
 use super::super::symbolic::{INTERFACE, Symbolic};
+use super::forces::{Bulk, Forces, Inner};
 use crate::csr::{Csr, Pattern};
 
 /// Smallest pivot of the fronts, relative to its column, that is accepted.
@@ -21,10 +23,11 @@ const OPERATIONS_PER_CACHED_VALUE: f64 = 10.0;
 const OPERATIONS_PER_VALUE: f64 = 24.0;
 /// Number of values that a cache holds.
 const CACHED_VALUES: f64 = 4e6;
-/// Iterations may cost at most this part of a new factorisation.
-const ITERATION_SHARE: f64 = 0.5;
 /// Never more iterations than this: the basis is kept.
-pub(super) const MAX_ITERATIONS: usize = 40;
+pub(super) const MAX_ITERATIONS: usize = 60;
+/// Smallest pivot of the bulk relative to its diagonal with which it can stand alone: with a smaller one the forces
+/// that hold a body would cancel in the answers.
+const SMALLEST_ALONE: f64 = 1e-8;
 
 /// The factor.
 pub(super) struct Engine {
@@ -37,6 +40,7 @@ pub(super) struct Engine {
 }
 
 pub(super) enum Method {
+    Forces(Box<Forces>),
     Dense {
         /// S0, full, by columns.
         base: Vec<f64>,
@@ -63,6 +67,8 @@ pub(super) struct EngineContext<'a> {
     pub(super) changing: &'a Arc<Pattern>,
     pub(super) dofs: &'a [u32],
     pub(super) coordinates: Option<&'a [[f64; 3]]>,
+    /// Facing dofs, on which the changing part may act with opposite forces.
+    pub(super) pairs: &'a [(u32, u32)],
     pub(super) threads: usize,
 }
 
@@ -90,6 +96,34 @@ impl EngineContext<'_> {
             constant,
             symbolic,
             method: Method::Dense { base, dense, places, order, work: vec![0.0; n] },
+        })
+    }
+
+    /// # Errors
+    /// Also [`SolveError::NotPositiveDefinite`] when the bulk can hardly stand alone.
+    pub(super) fn forces(&self) -> Result<Engine, SolveError> {
+        let n = self.bulk.n_rows();
+        let is_bare: Vec<bool> = (0..n).map(|dof| self.bulk.row(dof).1.iter().all(|&value| value == 0.0)).collect();
+        let diagonal = Pattern::new(n, n, (0..=n).collect(), (0..n as u32).collect())?;
+        let mut bulk = on_wider_pattern(self.bulk, self.bulk.pattern().union(&diagonal)?);
+        for dof in (0..n).filter(|&dof| is_bare[dof]) {
+            assert!(bulk.add_to(dof, dof, 1.0), "the pattern holds the diagonal");
+        }
+        let symbolic = Symbolic::new(bulk.pattern(), self.coordinates, &[])?;
+        let mut constant = Multifrontal::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads)?;
+        constant.factor(&symbolic, bulk.values(), &mut [])?;
+        constant.finish();
+        let constant_pivot = smallest_pivot(&constant, &symbolic, &bulk);
+        if constant_pivot < SMALLEST_ALONE {
+            return Err(SolveError::NotPositiveDefinite { dof: 0, pivot: constant_pivot });
+        }
+        let forces = Forces::new(self.changing, self.dofs, self.pairs, is_bare, self.threads)?;
+        Ok(Engine {
+            sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
+            constant_pivot,
+            constant,
+            method: Method::Forces(Box::new(forces)),
+            symbolic,
         })
     }
 
@@ -123,9 +157,21 @@ impl EngineContext<'_> {
 }
 
 impl Engine {
+    /// Takes over the values of the changing part; true if an older factor is of no use with them.
+    pub(super) fn take(&mut self, changing: &Csr) -> Result<bool, SolveError> {
+        match &mut self.method {
+            Method::Forces(forces) => forces.take(&self.symbolic, &self.constant, changing),
+            _ => Ok(false),
+        }
+    }
+
     /// Factors the changing part.
     pub(super) fn factor(&mut self, bulk: &Csr, changing: &Csr, kind: Kind) -> Result<Pivot, SolveError> {
         let (ratio, _) = match &mut self.method {
+            Method::Forces(forces) => {
+                forces.take(&self.symbolic, &self.constant, changing)?;
+                forces.factor()?
+            }
             Method::Dense { base, dense, places, .. } => {
                 let fill = |values: &mut [f64]| {
                     values.copy_from_slice(base);
@@ -155,6 +201,15 @@ impl Engine {
         let (symbolic, constant) = (&self.symbolic, &self.constant);
         let cholesky = |front: usize| FrontFactor::Cholesky { panel: constant.panel(front) };
         match &mut self.method {
+            Method::Forces(forces) => {
+                let bulk = Bulk { symbolic, factor: constant, sweep: &mut self.sweep };
+                match form {
+                    Form::Plain => {
+                        forces.solve(bulk, x, Inner::Fresh);
+                    }
+                    Form::Transposed => forces.solve_transposed(bulk, x),
+                }
+            }
             Method::Dense { dense, .. } => {
                 self.sweep.solve(symbolic, cholesky, form, |interface| dense.solve(form, interface), x);
             }
@@ -168,9 +223,24 @@ impl Engine {
         }
     }
 
+    /// Solves in place, by dof, with the changing part taken last and the factor of an older one. `None` where the
+    /// caller has to iterate.
+    pub(super) fn solve_stale(
+        &mut self,
+        x: &mut [f64],
+        gmres: &mut Gmres,
+        limits: Limits,
+        scale: &[f64],
+    ) -> Option<Outcome> {
+        let Method::Forces(forces) = &mut self.method else { return None };
+        let bulk = Bulk { symbolic: &self.symbolic, factor: &self.constant, sweep: &mut self.sweep };
+        Some(forces.solve(bulk, x, Inner::Stale { gmres, limits, scale }))
+    }
+
     /// Solves with a right-hand side on the changing dofs, for the changing dofs.
     pub(super) fn solve_changing(&mut self, dofs: &[u32], x: &mut [f64]) {
         match &mut self.method {
+            Method::Forces(_) => unreachable!("forces iterate by themselves"),
             Method::Dense { dense, order, work, .. } => {
                 order.iter().zip(&*x).for_each(|(&place, value)| work[place as usize] = *value);
                 dense.solve(Form::Plain, work);
@@ -189,6 +259,7 @@ impl Engine {
     /// Iterations that cost less than a new factor.
     pub(super) fn worthwhile_iterations(&self) -> usize {
         let (operations, values) = match &self.method {
+            Method::Forces(forces) => forces.costs(),
             Method::Dense { order, .. } => {
                 let n = order.len() as f64;
                 (n * n * n / 3.0, n * n)
@@ -201,7 +272,7 @@ impl Engine {
             }
         };
         let per_value = if values <= CACHED_VALUES { OPERATIONS_PER_CACHED_VALUE } else { OPERATIONS_PER_VALUE };
-        let iterations = ITERATION_SHARE * operations / (per_value * values).max(1.0);
+        let iterations = operations / (per_value * values).max(1.0);
         (iterations as usize).min(MAX_ITERATIONS)
     }
 }
@@ -222,7 +293,7 @@ fn on_wider_pattern(matrix: &Csr, pattern: Pattern) -> Csr {
 }
 
 /// Fronts that own one of the dofs, and all above them.
-fn above(symbolic: &Symbolic, dofs: &[u32]) -> Vec<bool> {
+pub(super) fn above(symbolic: &Symbolic, dofs: &[u32]) -> Vec<bool> {
     let mut members = vec![false; symbolic.n_fronts()];
     for &dof in dofs {
         let place = symbolic.ordering.inverse()[dof as usize];

@@ -4,8 +4,9 @@ use super::super::CheckedLu;
 use super::super::problems::{BoxOptions, Contact, ElasticBox};
 use super::*;
 
-const DENSE: fn(usize) -> Strategy = |n_changing| Strategy::Dense { n_changing };
-const FRONTS: fn(usize) -> Strategy = |n_changing| Strategy::Fronts { n_changing };
+const DENSE: fn(usize, usize) -> Strategy = |n_changing, _| Strategy::Dense { n_changing };
+const FRONTS: fn(usize, usize) -> Strategy = |n_changing, _| Strategy::Fronts { n_changing };
+const FORCES: fn(usize, usize) -> Strategy = |n_changing, n_forces| Strategy::Forces { n_changing, n_forces };
 
 fn two_blocks(n: usize) -> ElasticBox {
     ElasticBox::new(&BoxOptions { cells: [4, n, n], cut: Some(2), fix_low: true, fix_high: false })
@@ -37,7 +38,7 @@ fn every_update_gives_the_solution_of_the_sum() {
     for kind in [Contact::Penalty, Contact::Nitsche] {
         // All faces in contact, single faces slip, many slip, and back.
         let slips = [0, 1, 2, 20, 20, 1, 0];
-        for (method, name) in [(DENSE, "dense"), (FRONTS, "fronts")] {
+        for (method, name) in [(DENSE, "dense"), (FRONTS, "fronts"), (FORCES, "forces")] {
             // The stiffness grows a little each time: what an older factor is good for.
             let gamma = |step: usize| 50.0 * (1.0 + 1e-5 * step as f64);
             let steps = [0, 1, 2, 3, 4, 5, 6];
@@ -47,6 +48,7 @@ fn every_update_gives_the_solution_of_the_sum() {
                 &problem.matrix,
                 parts[0].pattern(),
                 Some(&problem.coordinates),
+                &problem.pairs,
                 SolverOptions::default(),
                 method,
             )
@@ -70,7 +72,7 @@ fn the_same_part_again_costs_no_iteration() {
     let changing = problem.contact(Contact::Nitsche, 50.0, |_, _| true);
     let b = load(problem.n());
     let options = SolverOptions::default();
-    let mut solver = CheckedCondensed::new(&problem.matrix, changing.pattern(), None, options).unwrap();
+    let mut solver = CheckedCondensed::new(&problem.matrix, changing.pattern(), None, &[], options).unwrap();
     let (mut x, mut y) = (vec![0.0; b.len()], vec![0.0; b.len()]);
     solver.update(&changing).unwrap();
     let first = solver.solve(&b, &mut x).unwrap();
@@ -84,12 +86,14 @@ fn the_same_part_again_costs_no_iteration() {
 fn threads_do_not_change_a_byte() {
     let problem = two_blocks(9);
     let b = load(problem.n());
-    for method in [DENSE, FRONTS] {
+    for method in [DENSE, FRONTS, FORCES] {
         let runs = [1, 2].map(|threads| {
             let options = SolverOptions { threads, ..SolverOptions::default() };
             let first = problem.contact(Contact::Nitsche, 50.0, |_, _| true);
             let (pattern, points) = (first.pattern(), Some(&problem.coordinates[..]));
-            let mut solver = CheckedCondensed::with_choice(&problem.matrix, pattern, points, options, method).unwrap();
+            let mut solver =
+                CheckedCondensed::with_choice(&problem.matrix, pattern, points, &problem.pairs, options, method)
+                    .unwrap();
             let mut x = vec![0.0; b.len()];
             [3, 4, 30].map(|slip| {
                 solver.update(&problem.contact(Contact::Nitsche, 50.0, |face, c| c == 0 || face > slip)).unwrap();
@@ -110,11 +114,12 @@ fn a_body_without_contact_is_named() {
     let is_there = |dof: u32| dof >= problem.pairs[0].1;
     let b = load(problem.n());
     let mut x = vec![0.0; b.len()];
-    for method in [DENSE, FRONTS] {
+    for method in [DENSE, FRONTS, FORCES] {
         let points = Some(&problem.coordinates[..]);
         let options = SolverOptions::default();
         let mut solver =
-            CheckedCondensed::with_choice(&problem.matrix, open.pattern(), points, options, method).unwrap();
+            CheckedCondensed::with_choice(&problem.matrix, open.pattern(), points, &problem.pairs, options, method)
+                .unwrap();
         for changing in [&open, &sliding] {
             // With a factor at hand or without.
             for before in [None, Some(&closed)] {
@@ -138,14 +143,15 @@ fn a_body_without_contact_is_named() {
 fn a_bulk_that_nothing_holds_is_refused_at_once() {
     let problem = two_blocks(3);
     let nothing = Arc::new(Pattern::empty(problem.n(), problem.n()));
-    let outcome = CheckedCondensed::new(&problem.matrix, &nothing, None, SolverOptions::default());
+    let outcome = CheckedCondensed::new(&problem.matrix, &nothing, None, &[], SolverOptions::default());
     match outcome.map(|_| ()) {
         Err(SolveError::Singular { mode, .. }) => {
             assert!(mode.dofs_above(1e-5).into_iter().all(|dof| dof >= problem.pairs[0].1));
         }
         // Rounding may leave a tiny positive pivot: then the first update says so.
         Ok(()) => {
-            let mut solver = CheckedCondensed::new(&problem.matrix, &nothing, None, SolverOptions::default()).unwrap();
+            let mut solver =
+                CheckedCondensed::new(&problem.matrix, &nothing, None, &[], SolverOptions::default()).unwrap();
             let error = solver.update(&Csr::zeros(nothing)).unwrap_err();
             assert!(matches!(error, SolveError::Singular { .. }), "{error}");
         }
@@ -175,9 +181,10 @@ fn multipliers_without_bulk_are_solved() {
         problem.pairs.iter().map(|&(here, _)| here as usize).chain(0..n).map(|dof| problem.coordinates[dof]).collect();
     let b = load(n + m);
     let mut x = vec![0.0; n + m];
-    for method in [DENSE, FRONTS] {
+    for method in [DENSE, FRONTS, FORCES] {
         let options = SolverOptions::default();
-        let mut solver = CheckedCondensed::with_choice(&bulk, ties.pattern(), Some(&points), options, method).unwrap();
+        let mut solver =
+            CheckedCondensed::with_choice(&bulk, ties.pattern(), Some(&points), &[], options, method).unwrap();
         solver.update(&ties).unwrap();
         solver.solve(&b, &mut x).unwrap();
         for (row, &(here, there)) in problem.pairs.iter().enumerate() {
@@ -192,7 +199,7 @@ fn entries_outside_the_pattern_are_refused() {
     let problem = two_blocks(2);
     let changing = problem.contact(Contact::Penalty, 1.0, |_, _| true);
     let options = SolverOptions::default();
-    let mut solver = CheckedCondensed::new(&problem.matrix, changing.pattern(), None, options).unwrap();
+    let mut solver = CheckedCondensed::new(&problem.matrix, changing.pattern(), None, &[], options).unwrap();
     let outside = Csr::from_triplets(problem.n(), problem.n(), &[(0, 1, 1.0)]).unwrap();
     assert_eq!(solver.update(&outside), Err(SolveError::OutsidePattern { row: 0, column: 1 }));
     let dof = problem.interface[0];

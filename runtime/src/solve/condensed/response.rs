@@ -1,0 +1,134 @@
+//! What some unknowns answer to many unit loads: columns of `K⁻¹` restricted to rows.
+//!
+//! Promises: the same bytes for any number of threads; work on the fronts above the loads and the answers alone.
+//! Loads that are near each other in the order of elimination share their fronts: the caller sorts them so.
+
+use faer::linalg::matmul::matmul;
+use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::prelude::ReborrowMut;
+use faer::{Accum, MatMut, MatRef, Par};
+use rayon::prelude::*;
+
+use super::super::SolveError;
+use super::super::multifrontal::{Multifrontal, zeros};
+use super::super::symbolic::{INTERFACE, Symbolic};
+
+/// Loads that go through the fronts together: enough for the dense kernels, few enough for the cache.
+const BLOCK: usize = 64;
+/// Blocks whose answers are kept before they are sorted in. Fixed, so that memory is bounded for any number of threads.
+const WAVE: usize = 8;
+/// No dof.
+pub(super) const NOTHING: u32 = u32::MAX;
+
+/// A unit load on a dof, and an opposite one on another (or [`NOTHING`]).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Load {
+    pub(super) here: u32,
+    pub(super) there: u32,
+}
+
+/// The factored matrix and the fronts that matter.
+pub(super) struct Base<'a> {
+    pub(super) symbolic: &'a Symbolic,
+    pub(super) factor: &'a Multifrontal,
+    /// Fronts that own a loaded or an answering dof, and all above them.
+    pub(super) members: &'a [bool],
+}
+
+impl Base<'_> {
+    /// Answers of `rows` (dofs) to the loads, `rows x loads` by rows.
+    pub(super) fn responses(&self, loads: &[Load], rows: &[u32], threads: usize) -> Result<Vec<f64>, SolveError> {
+        let n = loads.len();
+        let mut answers = zeros(rows.len() * n, "answers of the dofs that change")?;
+        let blocks: Vec<&[Load]> = loads.chunks(BLOCK).collect();
+        let mut first = 0;
+        for wave in blocks.chunks(WAVE) {
+            let work = |block: &&[Load]| self.block(block, rows);
+            let parts: Vec<Vec<f64>> =
+                if threads > 1 { wave.par_iter().map(work).collect() } else { wave.iter().map(work).collect() };
+            for (part, block) in parts.iter().zip(wave) {
+                for (row, values) in part.chunks_exact(block.len()).enumerate() {
+                    answers[row * n + first..][..block.len()].copy_from_slice(values);
+                }
+                first += block.len();
+            }
+        }
+        Ok(answers)
+    }
+
+    fn block(&self, loads: &[Load], rows: &[u32]) -> Vec<f64> {
+        let symbolic = self.symbolic;
+        let (n, width) = (symbolic.n_eliminated(), loads.len());
+        let inverse = symbolic.ordering.inverse();
+        let mut x = vec![0.0; n * width];
+        let mut is_loaded = vec![false; symbolic.n_fronts()];
+        for (column, load) in loads.iter().enumerate() {
+            for (dof, sign) in [(load.here, 1.0), (load.there, -1.0)].into_iter().filter(|(dof, _)| *dof != NOTHING) {
+                let place = inverse[dof as usize];
+                x[column * n + place as usize] += sign;
+                is_loaded[symbolic.columns.partition_point(|&column| column <= place) - 1] = true;
+            }
+        }
+        let mut work = Vec::new();
+        for front in 0..symbolic.n_fronts() {
+            if is_loaded[front] {
+                self.forward(front, &mut x, width, &mut work);
+                if symbolic.parents[front] != INTERFACE {
+                    is_loaded[symbolic.parents[front] as usize] = true;
+                }
+            }
+        }
+        for front in (0..symbolic.n_fronts()).rev().filter(|&front| self.members[front]) {
+            self.backward(front, &mut x, width, &mut work);
+        }
+        let places = rows.iter().map(|&dof| inverse[dof as usize] as usize);
+        places.flat_map(|place| (0..width).map(move |column| (column, place))).map(|(c, p)| x[c * n + p]).collect()
+    }
+
+    fn forward(&self, front: usize, x: &mut [f64], width: usize, work: &mut Vec<f64>) {
+        let (k, r) = self.symbolic.sizes(front);
+        let (n, first) = (self.symbolic.n_eliminated(), self.symbolic.columns[front] as usize);
+        let (top, bottom) = MatRef::from_column_major_slice(self.factor.panel(front), k + r, k).split_at_row(k);
+        let mut own = columns_of(x, n, first, k, width);
+        solve_lower_triangular_in_place(top, own.rb_mut(), Par::Seq);
+        if r == 0 {
+            return;
+        }
+        work.resize(r * width, 0.0);
+        let below = MatMut::from_column_major_slice_mut(&mut work[..r * width], r, width);
+        matmul(below, Accum::Replace, bottom, own.as_ref(), 1.0, Par::Seq);
+        for (column, values) in work[..r * width].chunks_exact(r).enumerate() {
+            let target = &mut x[column * n..(column + 1) * n];
+            for (&row, value) in self.symbolic.rows_of(front).iter().zip(values) {
+                target[row as usize] -= value;
+            }
+        }
+    }
+
+    fn backward(&self, front: usize, x: &mut [f64], width: usize, work: &mut Vec<f64>) {
+        let (k, r) = self.symbolic.sizes(front);
+        let (n, first) = (self.symbolic.n_eliminated(), self.symbolic.columns[front] as usize);
+        let (top, bottom) = MatRef::from_column_major_slice(self.factor.panel(front), k + r, k).split_at_row(k);
+        work.resize(r * width, 0.0);
+        if r > 0 {
+            for (column, values) in work[..r * width].chunks_exact_mut(r).enumerate() {
+                let source = &x[column * n..(column + 1) * n];
+                for (&row, value) in self.symbolic.rows_of(front).iter().zip(values) {
+                    *value = source[row as usize];
+                }
+            }
+        }
+        let mut own = columns_of(x, n, first, k, width);
+        if r > 0 {
+            let below = MatRef::from_column_major_slice(&work[..r * width], r, width);
+            matmul(own.rb_mut(), Accum::Add, bottom.transpose(), below, -1.0, Par::Seq);
+        }
+        solve_upper_triangular_in_place(top.transpose(), own, Par::Seq);
+    }
+}
+
+/// Rows `first..first + k` of an `n x width` matrix by columns.
+fn columns_of(x: &mut [f64], n: usize, first: usize, k: usize, width: usize) -> MatMut<'_, f64> {
+    let end = first + (width - 1) * n + k;
+    MatMut::from_column_major_slice_with_stride_mut(&mut x[first..end], k, width, n)
+}
