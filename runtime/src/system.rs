@@ -640,7 +640,15 @@ fn pattern<'t>(
                 list.clear();
                 list.extend(complete.iter().map(|d| place(*d)).filter(|r| *r != FIXED));
             }
-            builder.add_coupling(&rows, &columns);
+            if frames.is_empty() {
+                builder.add_coupling(&rows, &columns);
+            } else {
+                // turning a node mixes its rows and its columns, so each must hold what the other does
+                rows.extend(&columns);
+                rows.sort_unstable();
+                rows.dedup();
+                builder.add_element(&rows);
+            }
         });
     }
     Ok(Csr::zeros(builder.build_shared()?))

@@ -139,6 +139,14 @@ impl Pattern {
         Ok(Pattern { n_rows: self.n_rows, n_cols: self.n_cols, row_starts, columns })
     }
 
+    /// The pattern with its mirrored entries: what elimination with pivots on the diagonal fills.
+    ///
+    /// # Errors
+    /// [`CsrError::Shape`] unless square.
+    pub fn mirrored(&self) -> Result<Pattern, CsrError> {
+        if self.is_symmetric() { Ok(self.clone()) } else { self.union(&self.transpose().0) }
+    }
+
     /// For each entry here its place in `wider`, or `None` when `wider` lacks one of them.
     pub fn positions_in(&self, wider: &Pattern) -> Option<Vec<usize>> {
         if (self.n_rows, self.n_cols) != (wider.n_rows, wider.n_cols) {

@@ -184,8 +184,10 @@ fn iterate(
         let forcing = forcing(here.relative, before, options.tolerance);
         before = Some(here.relative);
         if let Err(error) = correct(system, strategy, (&here.residual, forcing), &mut direction, &mut history) {
-            // one state on the way says little about the scene: it is an error if each method meets one
-            if !matches!(error, NewtonError::Solve(SolveError::Singular { .. })) || !ladder.leave_singular() {
+            // at the start it is the scene that lacks something; on the way one state says little about the scene, and
+            // it is an error only if each method meets one
+            let on_the_way = iteration > 1 && matches!(error, NewtonError::Solve(SolveError::Singular { .. }));
+            if !on_the_way || !ladder.leave_singular() {
                 return Err(error);
             }
             u.copy_from_slice(&best.1);

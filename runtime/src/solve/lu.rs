@@ -35,7 +35,9 @@ impl SparseLu {
         coordinates: Option<&[[f64; 3]]>,
         threads: usize,
     ) -> Result<Self, SolveError> {
-        let symbolic = Symbolic::new(pattern, coordinates, &[])?;
+        // a pattern that is not square is refused by the analysis, with its own words
+        let whole = if pattern.n_rows() == pattern.n_cols() { pattern.mirrored()? } else { (**pattern).clone() };
+        let symbolic = Symbolic::new(&whole, coordinates, &[])?;
         let members = vec![true; symbolic.n_fronts()];
         let map = EntryMap::new(&symbolic, &members, pattern, true).expect("the structure was made for this pattern");
         let fronts = FrontalLu::new(&symbolic, members, threads)?;

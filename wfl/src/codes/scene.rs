@@ -128,6 +128,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "param gamma = 1e5",
     ),
     page(
+        "E418",
+        "values in a file that do not fit",
+        "The file has a line of names and then a line of numbers for each node, with commas between: x, y, z, then u for a \
+         scalar, u_1, u_2, ... for a vector. Each node needs a line at its place, within 1e-9 of the mesh size.",
+        "data k : scalar = \"values_of_another_mesh.csv\"",
+        "data k : scalar = 1 + x",
+    ),
+    page(
         "E419",
         "a mapping that leads nowhere",
         "No point of the place has an image. `within` is the longest distance from a point to its image; a ray meets \
@@ -136,14 +144,6 @@ pub(super) const PAGES: &[CodePage] = &[
          measure far = max(Norm(Interpolate(u, m))) on west",
         "region east = faces where x == 1\nmapping m = project from west onto east within 1.5\n\
          measure far = max(Norm(Interpolate(u, m))) on west",
-    ),
-    page(
-        "E418",
-        "values in a file that do not fit",
-        "The file has a line of names and then a line of numbers for each node, with commas between: x, y, z, then u for a \
-         scalar, u_1, u_2, ... for a vector. Each node needs a line at its place, within 1e-9 of the mesh size.",
-        "data k : scalar = \"values_of_another_mesh.csv\"",
-        "data k : scalar = 1 + x",
     ),
     page(
         "E421",
@@ -365,8 +365,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "The tangent has no inverse, or is not finite, where all unknowns are zero, as that of a p-Laplacian is. The step \
          began from a linear field of small slope instead. If there are several solutions, `start` decides which is \
          found.",
-        "term law on all : Norm_sqr(Grad_u)*(Grad_u.Grad_Test_u) - Test_u",
-        "term law on all : Norm_sqr(Grad_u)*(Grad_u.Grad_Test_u) - Test_u\nstart u = 0.1*x*(1 - x)",
+        "term law on all : Norm_sqr(Grad_u)*(Grad_u:Grad_Test_u)\nload u = [0,0,-1] on all",
+        "term law on all : Norm_sqr(Grad_u)*(Grad_u:Grad_Test_u)\nload u = [0,0,-1] on all\nstart u = [0, 0, -0.001*x]",
     ),
     page(
         "W702",

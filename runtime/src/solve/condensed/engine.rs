@@ -128,7 +128,7 @@ impl EngineContext<'_> {
     }
 
     pub(super) fn fronts(&self) -> Result<Engine, SolveError> {
-        let pattern = self.bulk.pattern().union(self.changing)?;
+        let pattern = self.bulk.pattern().union(self.changing)?.mirrored()?;
         let symbolic = Symbolic::new(&pattern, self.coordinates, &[])?;
         // The values of the bulk are read through the map of the wider pattern.
         let bulk = on_wider_pattern(self.bulk, pattern);
