@@ -1,0 +1,165 @@
+//! The operations and leaves that the graph is made of, and what is known of each value. Data only: the rules that keep
+//! nodes small are the constructors of [`super::Graph`].
+
+use super::ExprId;
+use crate::{
+    ir::Compare,
+    math::{MathFn1, MathFn2, MatrixFn},
+    types::{FieldId, FieldOp, Side},
+};
+
+/// What a field leaf stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Role {
+    /// The current state.
+    Current,
+    /// The state at the end of the previous step.
+    Previous,
+    /// The test function.
+    Test,
+    /// The trial function of the tangent.
+    Trial,
+}
+
+/// What a point law is made from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Leaf {
+    /// A field, its test or its trial function.
+    Field {
+        /// Which.
+        field: FieldId,
+        /// On which side.
+        side: Side,
+        /// Value, gradient, Hessian.
+        op: FieldOp,
+        /// State, test or trial.
+        role: Role,
+    },
+    /// The position.
+    X,
+    /// The position of the image under the mapping of the graph.
+    ImageX,
+    /// The outward unit normal of a side.
+    Normal(Side),
+    /// The cell's size.
+    ElementSize(Side),
+    /// The gradient of the geometric map.
+    ElementK(Side),
+    /// Its transposed inverse.
+    ElementB(Side),
+    /// The variable of `steps`.
+    Time,
+    /// Its increment.
+    TimeStep,
+}
+
+/// Functions of one number, applied to each entry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Function1 {
+    /// Square root.
+    Sqrt,
+    /// A function of `math.rs`.
+    Math(MathFn1),
+}
+
+/// The operations of the graph. Masks (results of comparisons) are nodes too; `Graph::is_mask` tells.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Node {
+    /// Entries as bits, first index fastest.
+    Const(Vec<u64>),
+    /// A leaf.
+    Leaf(Leaf),
+    /// a + b
+    Add(ExprId, ExprId),
+    /// a - b
+    Sub(ExprId, ExprId),
+    /// -a
+    Neg(ExprId),
+    /// scalar times tensor
+    Scale(ExprId, ExprId),
+    /// tensor over scalar
+    Divide(ExprId, ExprId),
+    /// entry by entry
+    MulComponents(ExprId, ExprId),
+    /// entry by entry
+    DivComponents(ExprId, ExprId),
+    /// Sum over pairs of indices (of a, of b); the free indices of a, then those of b, remain.
+    Contract(ExprId, ExprId, Vec<(u8, u8)>),
+    /// Sum over two indices of one tensor.
+    Trace(ExprId, u8, u8),
+    /// Index k of the result is index `perm[k]` of a.
+    Permute(ExprId, Vec<u8>),
+    /// The same entries with other sizes.
+    Reshape(ExprId),
+    /// Some indices fixed (from 0), the others kept.
+    Pick(ExprId, Vec<Option<u16>>),
+    /// A tensor from its entries.
+    Stack(Vec<ExprId>),
+    /// A function of each entry.
+    Map(Function1, ExprId),
+    /// A function of two tensors, entry by entry.
+    Map2(MathFn2, ExprId, ExprId),
+    /// Mask, entry by entry.
+    Compare(Compare, ExprId, ExprId),
+    /// Mask: both.
+    And(ExprId, ExprId),
+    /// Mask: either.
+    Or(ExprId, ExprId),
+    /// Mask: not.
+    Not(ExprId),
+    /// mask ? a : b; the mask is a scalar or of the shape of a.
+    Select(ExprId, ExprId, ExprId),
+    /// Euclidean (Frobenius) norm, safe against overflow; derivative 0 at 0.
+    Norm(ExprId),
+    /// v over its norm, 0 at 0.
+    Unit(ExprId),
+    /// Projection of v on the ball of radius r; 0 for r < 0.
+    Ball(ExprId, ExprId),
+    /// Mask: norm of v at most r.
+    InBall(ExprId, ExprId),
+    /// min(r over norm of v, 1), 0 where v is 0.
+    BallRatio(ExprId, ExprId),
+    /// Determinant.
+    Det(ExprId),
+    /// Inverse matrix.
+    Inverse(ExprId),
+    /// Matrix exponential and logarithm and their derivatives (index pair of the result, index pair of the direction).
+    Matrix(MatrixFn, ExprId),
+    /// The value itself, printed at each point when the scene runs.
+    Print(ExprId),
+}
+
+/// How many test and trial functions multiply an expression.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+pub struct Arity {
+    /// Linear in a test function.
+    pub test: bool,
+    /// Linear in a trial function.
+    pub trial: bool,
+}
+
+impl Arity {
+    /// Neither.
+    pub const NONE: Arity = Arity { test: false, trial: false };
+
+    pub(super) fn both(self, other: Arity) -> Arity {
+        Arity { test: self.test || other.test, trial: self.trial || other.trial }
+    }
+}
+
+/// What a value changes with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Depends {
+    /// The step variable.
+    pub step: bool,
+    /// The point (position, normal, known fields, test functions).
+    pub point: bool,
+    /// The unknowns at the current state.
+    pub unknown: bool,
+}
+
+impl Depends {
+    pub(super) fn join(self, o: Depends) -> Depends {
+        Depends { step: self.step || o.step, point: self.point || o.point, unknown: self.unknown || o.unknown }
+    }
+}
