@@ -232,9 +232,13 @@ impl System {
             }
             Ok(())
         })?;
+        // each side may move by the largest displacement that is known
+        let unknown = |f: &usize| self.fields[*f].kind == FieldKind::Unknown;
+        let known = (0..self.fields.len()).filter(unknown).filter_map(|f| self.range(f));
+        let moved = 2.0 * known.flatten().fold(0.0f64, |m, d| m.max(u[d].abs()));
         self.choose_pieces(u, |piece, mesh, values, guides| {
             piece.start(mesh, values, guides);
-            piece.tie(mesh, values, guides);
+            piece.tie(mesh, values, guides, moved);
         })?;
         Ok(())
     }

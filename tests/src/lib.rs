@@ -1,6 +1,7 @@
 //! Scenes as text, solved through the library: what the suites share.
 
 pub mod fuzz;
+pub mod plate;
 pub mod verification;
 
 use std::path::{Path, PathBuf};
@@ -140,6 +141,21 @@ pub struct Attempt {
 /// If this processor cannot run machine code.
 #[must_use]
 pub fn attempt(folder: &Path, text: String, edits: &[(&str, String)], params: &[(&str, f64)]) -> Attempt {
+    attempt_with(2, folder, text, edits, params)
+}
+
+/// As [`attempt`], with a number of threads.
+///
+/// # Panics
+/// If this processor cannot run machine code.
+#[must_use]
+pub fn attempt_with(
+    threads: usize,
+    folder: &Path,
+    text: String,
+    edits: &[(&str, String)],
+    params: &[(&str, f64)],
+) -> Attempt {
     let backend = JitBackend::new().expect("machine code on this processor");
     let (scene, mut messages) = scene_and_messages(folder, text, edits, params, &backend);
     let Some(mut scene) = scene else { return Attempt { solved: None, messages } };
@@ -148,7 +164,7 @@ pub fn attempt(folder: &Path, text: String, edits: &[(&str, String)], params: &[
         out: None,
         resume: false,
         text_hash: 0,
-        threads: 2,
+        threads,
         version: String::new(),
         parse_seconds: 0.0,
         started: std::time::Instant::now(),

@@ -42,6 +42,7 @@ pub struct Override {
 
 /// The options each statement takes. A statement that is not listed takes none.
 pub const OPTIONS: &[(&str, &[&str])] = &[
+    ("mesh", &["idle_cells"]),
     ("multiplier", &["crosspoints"]),
     ("steps", &["halve", "on_fail"]),
     ("solver", &["max_iter", "search", "tol"]),
@@ -101,6 +102,7 @@ fn empty(main: SourceId) -> ResolvedScript {
         regions: Vec::new(),
         mappings: Vec::new(),
         fields: Vec::new(),
+        groups: Vec::new(),
         splits: Vec::new(),
         terms: Vec::new(),
         fixes: Vec::new(),
@@ -390,6 +392,9 @@ impl<'d> Resolver<'d> {
             return None;
         }
         let known = self.names.regions.contains_key(&name.name) || REGIONS.contains(&name.name.as_str());
+        if !known && self.names.open_regions && self.script.groups.iter().all(|g| g.name != name.name) {
+            self.script.groups.push(name.clone());
+        }
         if known || self.names.open_regions {
             return Some(name.clone());
         }

@@ -25,6 +25,9 @@ pub struct ResolvedScript {
     pub mappings: Vec<Mapping>,
     /// Unknowns, multipliers, data and states.
     pub fields: Vec<Field>,
+    /// Names of regions that the scene uses and does not declare, where they stand first: only the groups of a mesh
+    /// file can have them. Empty without a mesh file.
+    pub groups: Vec<Ident>,
     /// Fields that are split along interior faces.
     pub splits: Vec<Split>,
     /// Terms and energies.

@@ -8,7 +8,12 @@ use wfl::{
     ast::{Place, Reduction},
 };
 use wfl_compiler::types::FieldKind;
-use wfl_runtime::{FIXED, RuleChoice, Scene, Strategy, element::Family, field::FieldSpace, mesh::RegionSet};
+use wfl_runtime::{
+    FIXED, RuleChoice, Scene, Strategy,
+    element::Family,
+    field::FieldSpace,
+    mesh::{self, RegionSet},
+};
 
 use crate::{
     args::CheckArgs,
@@ -41,7 +46,8 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
 }
 
 fn tables(loaded: &Loaded, scene: &Scene, parse: f64) -> Vec<Table> {
-    let mut list = vec![mesh(scene), regions(loaded, scene), fields(loaded, scene), parameters(loaded, scene)];
+    let mut list =
+        vec![mesh(scene), quality(scene), regions(loaded, scene), fields(loaded, scene), parameters(loaded, scene)];
     list.push(units(loaded));
     list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded)]);
     list.extend([system(scene), left_out(loaded, scene), times(scene, parse)]);
@@ -76,8 +82,39 @@ fn mesh(scene: &Scene) -> Table {
     table
 }
 
+/// What the mesh is like, and what is odd about it.
+fn quality(scene: &Scene) -> Table {
+    let mesh = &scene.system.mesh;
+    let found = mesh::summary(mesh);
+    let odd = mesh.warnings();
+    let columns = ["smallest cell", "largest cell", "longest to shortest edge", "unused nodes", "nodes not joined"];
+    let mut table = Table::new("cell sizes", &columns);
+    let mut row: Vec<Value> = [found.min_size, found.max_size, found.max_aspect].map(|x| short(x).into()).to_vec();
+    row.extend([odd.unused_nodes.len().into(), odd.duplicate_nodes.len().into()]);
+    table.push(row);
+    table
+}
+
+/// Six digits are enough for a size.
+fn short(x: f64) -> f64 {
+    format!("{x:.5e}").parse().unwrap_or(x)
+}
+
+/// Volume, area or length of a region; none for nodes.
+fn measure(mesh: &mesh::Mesh, set: &RegionSet) -> Value {
+    let sum = |parts: Vec<f64>| short(parts.iter().sum()).into();
+    match set {
+        RegionSet::Cells(cells) => sum(mesh::cell_volumes(mesh, cells)),
+        RegionSet::Facets(facets) => sum(mesh::facet_measures(mesh, facets)),
+        RegionSet::Interface(pairs) => {
+            sum(mesh::facet_measures(mesh, &pairs.iter().map(|p| p.here).collect::<Vec<_>>()))
+        }
+        RegionSet::Nodes(_) => Value::Null,
+    }
+}
+
 fn regions(loaded: &Loaded, scene: &Scene) -> Table {
-    let mut table = Table::new("regions", &["name", "kind", "members", "statement"]);
+    let mut table = Table::new("regions", &["name", "kind", "members", "measure", "statement"]);
     let mut list: Vec<_> = scene.regions.iter().collect();
     // as in the text; what exists without a statement comes first
     list.sort_by_key(|(_, r)| r.span.map(|s| (s.source.index(), s.start)));
@@ -89,7 +126,13 @@ fn regions(loaded: &Loaded, scene: &Scene) -> Table {
             RegionSet::Nodes(_) => "nodes",
         };
         let statement = region.span.map_or(Value::Null, |s| line(loaded, s));
-        table.push(vec![name.clone().into(), kind.into(), region.set.len().into(), statement]);
+        table.push(vec![
+            name.clone().into(),
+            kind.into(),
+            region.set.len().into(),
+            measure(&scene.system.mesh, &region.set),
+            statement,
+        ]);
     }
     table
 }

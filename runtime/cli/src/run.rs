@@ -71,6 +71,9 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         warnings: loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
         about: about(&loaded),
     };
+    if loudness == Loudness::Verbose {
+        unused_nodes(&scene);
+    }
     let mut terminal = Terminal::new(loudness);
     let result = wfl_runtime::run(&mut scene, &options, &mut terminal);
     drop(terminal);
@@ -101,6 +104,20 @@ fn about(loaded: &Loaded) -> About {
         units,
         texts: loaded.sources.iter().map(text).collect(),
     }
+}
+
+/// Nodes of no cell have no dofs; their numbers are told to who wants to know.
+fn unused_nodes(scene: &Scene) {
+    /// Numbers shown.
+    const SHOWN: usize = 20;
+    let mesh = &scene.system.mesh;
+    let list = &mesh.warnings().unused_nodes;
+    if list.is_empty() {
+        return;
+    }
+    let names: Vec<String> = list.iter().take(SHOWN).map(|n| mesh.numbers().node(*n).0.to_string()).collect();
+    let more = if list.len() > SHOWN { format!(" and {} more", list.len() - SHOWN) } else { String::new() };
+    say(&format!("mesh: nodes of no cell, left out: {}{more}\n", names.join(", ")));
 }
 
 fn finish(loaded: &Loaded, scene: &Scene, options: &RunOptions, outcome: &Outcome, loudness: Loudness) -> ExitCode {

@@ -84,7 +84,7 @@ fn mesh(text: &MeshText) -> Result<Mesh, String> {
         nodes: text.nodes.iter().map(|x| point(x)).collect(),
         kinds,
         connectivity: text.cells.iter().flat_map(|(_, nodes)| nodes.iter().copied()).collect(),
-        groups: Vec::new(),
+        ..RawMesh::default()
     };
     Mesh::from_raw(raw).map_err(|e| e.to_string())
 }

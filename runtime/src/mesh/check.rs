@@ -36,7 +36,7 @@ pub(super) fn structure(raw: &RawMesh) -> Result<Vec<usize>, MeshError> {
     let mut end = 0;
     for (cell, kind) in raw.kinds.iter().enumerate() {
         if kind.dim() != dim {
-            let (cell, kind) = (CellId::new(cell), *kind);
+            let (cell, kind) = (raw.numbers.cell(CellId::new(cell)), *kind);
             return Err(MeshError::WrongDimension { cell, kind, dim });
         }
         end += n_nodes(*kind, order);
@@ -67,7 +67,7 @@ fn finite(raw: &RawMesh) -> Result<(), MeshError> {
     for (node, x) in raw.nodes.iter().enumerate() {
         for (axis, value) in x.iter().enumerate() {
             if !value.is_finite() {
-                let (node, value) = (NodeId::new(node), *value);
+                let (node, value) = (raw.numbers.node(NodeId::new(node)), *value);
                 return Err(MeshError::NonFinite { node, axis, value });
             }
         }
@@ -78,10 +78,11 @@ fn finite(raw: &RawMesh) -> Result<(), MeshError> {
 fn cell_nodes(raw: &RawMesh, cell: CellId, nodes: &[u32]) -> Result<(), MeshError> {
     for (position, node) in nodes.iter().enumerate() {
         if *node as usize >= raw.nodes.len() {
+            let cell = raw.numbers.cell(cell);
             return Err(MeshError::MissingNode { cell, node: *node as usize, n_nodes: raw.nodes.len() });
         }
         if nodes[..position].contains(node) {
-            let node = NodeId::new(*node as usize);
+            let (cell, node) = (raw.numbers.cell(cell), raw.numbers.node(NodeId::new(*node as usize)));
             return Err(MeshError::RepeatedNode { cell, node });
         }
     }
@@ -160,17 +161,18 @@ fn check_cell(mesh: &Mesh, cell: CellId, table: &Table) -> Result<(), MeshError>
     if !bad {
         return Ok(());
     }
-    let group = group_of(mesh, cell);
+    let (group, point) = (group_of(mesh, cell), mesh.point_at(cell, table, lowest.1));
+    let (position, cell) = (cell, mesh.numbers().cell(cell));
     if flat_everywhere {
         let determinant = if highest.abs() > lowest.0.abs() { highest } else { lowest.0 };
-        let size = size(mesh, cell);
+        let size = size(mesh, position);
         return Err(MeshError::ZeroVolume { cell, group, determinant, size });
     }
     if highest < 0.0 {
         let determinant = highest;
         return Err(MeshError::Inverted { cell, group, determinant });
     }
-    Err(MeshError::Folded { cell, group, determinant: lowest.0, point: mesh.point_at(cell, table, lowest.1) })
+    Err(MeshError::Folded { cell, group, determinant: lowest.0, point })
 }
 
 /// Largest distance between two vertices of a cell.
@@ -217,7 +219,8 @@ fn duplicates(mesh: &Mesh, members: &[u32], shortest: &[f64]) -> Vec<(NodeId, No
     let grid = PointGrid::new(mesh.nodes(), members, mesh.dim());
     let mut pairs = Vec::new();
     for node in members {
-        let radius = DUPLICATE_TOLERANCE * shortest[*node as usize];
+        let far = mesh.nodes()[*node as usize].iter().fold(0.0, |m: f64, c| m.max(c.abs()));
+        let radius = DUPLICATE_TOLERANCE * shortest[*node as usize] + 8.0 * f64::EPSILON * far;
         grid.near(mesh.nodes()[*node as usize], radius, |other, _| {
             if other != *node {
                 pairs.push((other.min(*node), other.max(*node)));

@@ -1,8 +1,36 @@
 //! What can be wrong with a mesh, with the numbers that a message needs.
 //!
-//! Cells and nodes are counted from 0, as everywhere in the program.
+//! Cells and nodes of a file have the numbers of the file; others are counted from 0, as everywhere in the program.
 
-use super::{CellId, CellKind, NodeId};
+use super::{CellId, CellKind};
+
+/// A cell as a message names it: its number in the file that it came from, else its position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CellName {
+    /// A cell that was generated.
+    Cell(CellId),
+    /// An element of a file, by its number there.
+    Element(u64),
+}
+
+impl std::fmt::Display for CellName {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            CellName::Cell(cell) => write!(f, "cell {}", cell.index()),
+            CellName::Element(number) => write!(f, "element {number}"),
+        }
+    }
+}
+
+/// A node as a message names it: its number in the file that it came from, else its position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NodeName(pub u64);
+
+impl std::fmt::Display for NodeName {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "node {}", self.0)
+    }
+}
 
 /// A mesh that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -19,10 +47,10 @@ pub enum MeshError {
         order: usize,
     },
     /// A cell does not have the dimension of the mesh.
-    #[error("cell {} is a {kind} in a mesh of dimension {dim}", cell.index())]
+    #[error("{cell} is a {kind} in a mesh of dimension {dim}")]
     WrongDimension {
         /// The cell.
-        cell: CellId,
+        cell: CellName,
         /// Its kind.
         kind: CellKind,
         /// Dimension of the mesh.
@@ -37,20 +65,20 @@ pub enum MeshError {
         found: usize,
     },
     /// A coordinate is NaN or infinite.
-    #[error("coordinate {} of node {} is {value}", ["x", "y", "z"][*axis], node.index())]
+    #[error("coordinate {} of {node} is {value}", ["x", "y", "z"][*axis])]
     NonFinite {
         /// The node.
-        node: NodeId,
+        node: NodeName,
         /// 0, 1, 2 for x, y, z.
         axis: usize,
         /// NaN or infinity.
         value: f64,
     },
     /// A cell or group names a node that does not exist.
-    #[error("cell {} uses node {node}, but there are only {n_nodes} nodes", cell.index())]
+    #[error("{cell} uses node {node}, but there are only {n_nodes} nodes")]
     MissingNode {
         /// The cell.
-        cell: CellId,
+        cell: CellName,
         /// The number found.
         node: usize,
         /// Number of nodes.
@@ -65,29 +93,33 @@ pub enum MeshError {
         what: &'static str,
     },
     /// A cell lists one node twice.
-    #[error("cell {} lists node {} twice", cell.index(), node.index())]
+    #[error("{cell} lists {node} twice")]
     RepeatedNode {
         /// The cell.
-        cell: CellId,
+        cell: CellName,
         /// The node.
-        node: NodeId,
+        node: NodeName,
     },
     /// The jacobian determinant is negative in the whole cell: its nodes are listed in the wrong
     /// sense.
-    #[error("cell {}{} is inside out: its jacobian determinant is {determinant:e} everywhere checked", cell.index(), in_group(group))]
+    #[error(
+        "{}{} is inside out: its jacobian determinant is {determinant:e} everywhere checked",
+        cell,
+        in_group(group)
+    )]
     Inverted {
         /// The cell.
-        cell: CellId,
+        cell: CellName,
         /// First group of cells that holds it.
         group: Option<String>,
         /// The largest determinant found.
         determinant: f64,
     },
     /// The jacobian determinant changes sign or vanishes in the cell.
-    #[error("cell {}{} is folded: its jacobian determinant is {determinant:e} at ({}, {}, {})", cell.index(), in_group(group), point[0], point[1], point[2])]
+    #[error("{}{} is folded: its jacobian determinant is {determinant:e} at ({}, {}, {})", cell, in_group(group), point[0], point[1], point[2])]
     Folded {
         /// The cell.
-        cell: CellId,
+        cell: CellName,
         /// First group of cells that holds it.
         group: Option<String>,
         /// The smallest determinant found.
@@ -96,10 +128,10 @@ pub enum MeshError {
         point: [f64; 3],
     },
     /// The cell has no volume.
-    #[error("cell {}{} has no volume (jacobian determinant {determinant:e}, size {size:e})", cell.index(), in_group(group))]
+    #[error("{}{} has no volume (jacobian determinant {determinant:e}, size {size:e})", cell, in_group(group))]
     ZeroVolume {
         /// The cell.
-        cell: CellId,
+        cell: CellName,
         /// First group of cells that holds it.
         group: Option<String>,
         /// The determinant of largest magnitude.
@@ -108,18 +140,18 @@ pub enum MeshError {
         size: f64,
     },
     /// More than two cells meet at one facet.
-    #[error("{} cells share one facet, among them {}, {} and {}", cells.len(), cells[0].index(), cells[1].index(), cells[2].index())]
+    #[error("{} cells share one facet, among them {}, {} and {}", cells.len(), cells[0], cells[1], cells[2])]
     NonManifold {
         /// The cells, at least three.
-        cells: Vec<CellId>,
+        cells: Vec<CellName>,
     },
     /// Two cells have the same vertices.
-    #[error("cells {} and {} have the same vertices", first.index(), second.index())]
+    #[error("{first} and {second} have the same vertices")]
     DuplicateCell {
         /// The lower number.
-        first: CellId,
+        first: CellName,
         /// The higher number.
-        second: CellId,
+        second: CellName,
     },
     /// Facets of two surfaces lie on each other but their vertices do not coincide.
     #[error(

@@ -118,7 +118,7 @@ pub fn generate_box(
         nodes: lattice(from, to, counts, dim),
         kinds: vec![shape.kind(); counts.iter().product::<usize>() * shape.corners().len()],
         connectivity: connectivity(counts, dim, shape),
-        groups: Vec::new(),
+        ..RawMesh::default()
     })
 }
 

@@ -17,7 +17,7 @@ mod region;
 mod topology;
 
 pub use cell::{CellKind, FacetMap, LocalFacet};
-pub use error::MeshError;
+pub use error::{CellName, MeshError, NodeName};
 pub use generate::{BoxShape, MapError, cells_for_size, generate_box, map_nodes};
 pub use locate::{CellFinder, FacetFinder, Image, inverse_map};
 pub use pair::{facet_correspondences, orientation};
@@ -115,6 +115,32 @@ pub struct RawMesh {
     pub connectivity: Vec<u32>,
     /// Named groups.
     pub groups: Vec<Group>,
+    /// Numbers in the file that the mesh came from.
+    pub numbers: FileNumbers,
+}
+
+/// What a file calls the cells and nodes of a mesh, in their order; both empty for a mesh that is in no file. Messages
+/// use these numbers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FileNumbers {
+    /// One number a cell.
+    pub cells: Vec<u64>,
+    /// One number a node.
+    pub nodes: Vec<u64>,
+}
+
+impl FileNumbers {
+    /// What messages call a cell.
+    #[must_use]
+    pub fn cell(&self, cell: CellId) -> CellName {
+        self.cells.get(cell.index()).map_or(CellName::Cell(cell), |number| CellName::Element(*number))
+    }
+
+    /// What messages call a node.
+    #[must_use]
+    pub fn node(&self, node: NodeId) -> NodeName {
+        NodeName(self.nodes.get(node.index()).copied().unwrap_or(node.index() as u64))
+    }
 }
 
 /// What is odd about a mesh but no error.
@@ -152,6 +178,7 @@ pub struct Mesh {
     vertices: Vec<NodeId>,
     vertex_starts: Vec<usize>,
     groups: Vec<Group>,
+    numbers: FileNumbers,
     warnings: MeshWarnings,
     geometry: Vec<KindGeometry>,
 }
@@ -204,6 +231,7 @@ impl Mesh {
             vertices,
             vertex_starts,
             groups: raw.groups,
+            numbers: raw.numbers,
             warnings: MeshWarnings::default(),
             geometry,
         }
@@ -219,6 +247,7 @@ impl Mesh {
             kinds: self.kinds,
             connectivity: self.connectivity.iter().map(|n| n.index() as u32).collect(),
             groups: self.groups,
+            numbers: self.numbers,
         }
     }
 
@@ -316,6 +345,12 @@ impl Mesh {
     #[must_use]
     pub fn groups(&self) -> &[Group] {
         &self.groups
+    }
+
+    /// What messages call the cells and nodes.
+    #[must_use]
+    pub fn numbers(&self) -> &FileNumbers {
+        &self.numbers
     }
 
     /// What is odd about the mesh but no error.

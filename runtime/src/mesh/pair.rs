@@ -12,8 +12,11 @@ use super::{
 /// Vertices of two facets coincide within this part of the facet size.
 const COINCIDENT: f64 = 1e-6;
 
-/// Facets whose planes are nearer than this part of their size, that face each other and overlap,
-/// are meant to match.
+/// ... and within this part of their coordinates: far from the origin numbers are no finer.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
+/// Facets whose planes are nearer than this part of their size and of the thickness of their cells, that face each
+/// other and overlap, are meant to match.
 const FACING: f64 = 0.1;
 
 const POINT: [[u8; 4]; 1] = [[0, 0, 0, 0]];
@@ -51,6 +54,13 @@ fn facet_size(mesh: &Mesh, facet: FacetRef) -> f64 {
     size
 }
 
+/// The distance below which points of a facet of this size are the same.
+fn within(mesh: &Mesh, facet: FacetRef, size: f64) -> f64 {
+    let vertices = mesh.facet_vertices(facet);
+    let far = vertices.vertices().iter().flat_map(|v| mesh.node(*v)).fold(0.0, |m: f64, c| m.max(c.abs()));
+    COINCIDENT * size + ROUNDING * far
+}
+
 /// The key of the vertex correspondence between two facets at the same place: below 1, 2, 6 and 8
 /// for points, segments, triangles and quadrilaterals. Found from shared nodes, or from coordinates
 /// where the nodes are separate (within 1e-6 of the facet size).
@@ -69,7 +79,7 @@ pub fn orientation(mesh: &Mesh, here: FacetRef, there: FacetRef) -> Result<u8, M
     }
     let key = facet_correspondences(ours.kind).iter().position(|p| *p == permutation);
     match key {
-        Some(key) if ours.kind == theirs.kind && largest_distance <= COINCIDENT * size => {
+        Some(key) if ours.kind == theirs.kind && largest_distance <= within(mesh, here, size) => {
             Ok(u8::try_from(key).expect("at most eight correspondences"))
         }
         _ => Err(MeshError::NotMatching { facets: 1, largest_distance }),
@@ -141,7 +151,9 @@ pub(super) fn pair_by_geometry(
         let (mut found, mut mismatch) = (None, None::<f64>);
         grid.near(here.centre, here.size.max(widest), |member, gap| {
             let there = &theirs[member as usize];
-            if gap <= COINCIDENT * here.size.max(there.size) && orientation(mesh, here.facet, there.facet).is_ok() {
+            if gap <= within(mesh, here.facet, here.size.max(there.size))
+                && orientation(mesh, here.facet, there.facet).is_ok()
+            {
                 found = Some(there.facet);
             } else if facing(mesh, &here, there) {
                 let gap = vertex_distance(mesh, here.facet, there.facet);
@@ -166,7 +178,9 @@ pub(super) fn pair_by_geometry(
 /// True when two facets look at each other from a small distance and one's centre lies in the
 /// other.
 fn facing(mesh: &Mesh, here: &Candidate, there: &Candidate) -> bool {
-    let smaller = here.size.min(there.size);
+    // flat cells: the outer faces of two bodies are near each other in parts of their width
+    let thickness = |c: &Candidate| 2.0 * dot(c.normal, difference(mesh.centroid(c.facet.cell), c.centre)).abs();
+    let smaller = here.size.min(there.size).min(thickness(here)).min(thickness(there));
     let offset = dot(here.normal, difference(there.centre, here.centre));
     offset.abs() <= FACING * smaller
         && dot(here.normal, there.normal) < -0.9

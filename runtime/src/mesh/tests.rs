@@ -19,7 +19,7 @@ fn single(kind: CellKind, nodes: &[[f64; 3]]) -> RawMesh {
         nodes: nodes.to_vec(),
         kinds: vec![kind],
         connectivity: (0..nodes.len() as u32).collect(),
-        groups: Vec::new(),
+        ..RawMesh::default()
     }
 }
 
@@ -202,7 +202,7 @@ fn duplicate_nodes_of_one_body_and_loose_nodes_are_listed() {
         nodes,
         kinds: vec![CellKind::Triangle; 2],
         connectivity: vec![0, 1, 2, 4, 3, 2],
-        groups: Vec::new(),
+        ..RawMesh::default()
     };
     let mesh = Mesh::from_raw(raw).unwrap();
     let warnings = mesh.warnings();
@@ -220,12 +220,12 @@ fn three_cells_at_a_facet_and_twin_cells_are_errors() {
         nodes: (0..4).map(|i| [f64::from(i), 0.0, 0.0]).collect(),
         kinds: vec![CellKind::Segment; connectivity.len() / 2],
         connectivity,
-        groups: Vec::new(),
+        ..RawMesh::default()
     };
     let topology = |raw| Topology::new(&Mesh::from_raw(raw).unwrap()).map(|_| ());
-    let cells = [0, 1, 2].map(CellId::new).to_vec();
+    let cells = [0, 1, 2].map(|c| CellName::Cell(CellId::new(c))).to_vec();
     assert_eq!(topology(raw(vec![0, 1, 1, 2, 1, 3])), Err(MeshError::NonManifold { cells }));
-    let (first, second) = (CellId::new(0), CellId::new(1));
+    let [first, second] = [0, 1].map(|c| CellName::Cell(CellId::new(c)));
     assert_eq!(topology(raw(vec![0, 1, 0, 1])), Err(MeshError::DuplicateCell { first, second }));
 }
 
@@ -399,7 +399,7 @@ fn curved_cells_have_curved_volume() {
         ],
         kinds: vec![CellKind::Triangle],
         connectivity: (0..6).collect(),
-        groups: Vec::new(),
+        ..RawMesh::default()
     };
     let mesh = Mesh::from_raw(raw).unwrap();
     let volume = cell_volumes(&mesh, &[CellId::new(0)])[0];

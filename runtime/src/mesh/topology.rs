@@ -69,7 +69,7 @@ impl Topology {
         }
         starts.push(slots.len() as u32);
         let (entry_starts, entries) = bucket(mesh, &slots);
-        let partners = pair(&entry_starts, entries, &slots)?;
+        let partners = pair(mesh, &entry_starts, entries, &slots)?;
         let mut topology = Topology::number(mesh, &slots, starts, &partners);
         topology.fill_buckets(mesh);
         topology.refuse_duplicate_cells(mesh)?;
@@ -120,7 +120,8 @@ impl Topology {
             if let Some(Some(first)) = around.next()
                 && around.all(|other| other == Some(first))
             {
-                let (first, second) = (cell.min(first), cell.max(first));
+                let name = |cell| mesh.numbers().cell(cell);
+                let (first, second) = (name(cell.min(first)), name(cell.max(first)));
                 return Err(MeshError::DuplicateCell { first, second });
             }
         }
@@ -214,9 +215,9 @@ fn bucket(mesh: &Mesh, slots: &[FacetRef]) -> (Vec<u32>, Vec<Entry>) {
 }
 
 /// For each slot the slot of the same facet in the other cell, `u32::MAX` on the boundary.
-fn pair(starts: &[u32], mut entries: Vec<Entry>, slots: &[FacetRef]) -> Result<Vec<u32>, MeshError> {
+fn pair(mesh: &Mesh, starts: &[u32], mut entries: Vec<Entry>, slots: &[FacetRef]) -> Result<Vec<u32>, MeshError> {
     let mut partners = vec![u32::MAX; slots.len()];
-    let mut crowd: Option<Vec<CellId>> = None;
+    let mut crowd = None;
     for bounds in starts.windows(2) {
         let bucket = &mut entries[bounds[0] as usize..bounds[1] as usize];
         bucket.sort_unstable_by_key(|entry| (entry.rest, entry.slot));
@@ -228,7 +229,7 @@ fn pair(starts: &[u32], mut entries: Vec<Entry>, slots: &[FacetRef]) -> Result<V
                     partners[there.slot as usize] = here.slot;
                 }
                 _ => {
-                    let cells = same.iter().map(|e| slots[e.slot as usize].cell).collect();
+                    let cells = same.iter().map(|e| mesh.numbers().cell(slots[e.slot as usize].cell)).collect();
                     crowd.get_or_insert(cells);
                 }
             }

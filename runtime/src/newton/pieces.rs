@@ -215,22 +215,30 @@ impl TermPieces {
         }
     }
 
-    /// Ties every point (closed and sticking) if the term as written is open everywhere and no point is further away
-    /// than the mesh is large; the start of a scene in which contact closes. True if it did.
-    pub fn tie(&self, mesh: &Mesh, values: FieldValues<'_>, guides: &mut [f64]) -> bool {
+    /// Ties points (closed and sticking) if the term as written is open everywhere and no point is further away than
+    /// the mesh is large; the start of a scene in which contact closes. `moved` is how far the sides can come near each
+    /// other by what is prescribed, in units of length: points further apart stay open, unless all are. True if it did.
+    ///
+    /// A tied zone that is too wide opens by about one ring of entities an iteration, so that it is worth to be near.
+    pub fn tie(&self, mesh: &Mesh, values: FieldValues<'_>, guides: &mut [f64], moved: f64) -> bool {
         let (low, high) = mesh.bounds();
         let reach = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
         let half_lines =
             || self.projections.iter().zip(&self.slopes).filter(|(p, _)| p.kind == ProjectionKind::HalfLine);
         let mut open = half_lines().next().is_some();
+        let mut near = Vec::new();
         self.watch.for_each_point(mesh, &self.sampled, values, |_, _, _, _, out| {
-            for (p, slope) in half_lines() {
-                let near = |x: &f64| *x < 0.0 && -x <= reach * slope;
-                open &= out[p.output..][..p.n].iter().all(near);
-            }
+            let within = |limit: f64| {
+                let close =
+                    |p: &Projection, slope: f64| out[p.output..][..p.n].iter().all(|x| *x < 0.0 && -x <= limit * slope);
+                half_lines().all(|(p, slope)| close(p, *slope))
+            };
+            open &= within(reach);
+            near.push(within(moved));
         });
         if open {
-            for point in guides.chunks_exact_mut(self.n_guides) {
+            let every = !near.contains(&true);
+            for (point, _) in guides.chunks_exact_mut(self.n_guides).zip(&near).filter(|(_, near)| every || **near) {
                 for p in &self.projections {
                     match p.kind {
                         ProjectionKind::HalfLine => point[p.guide..][..p.n].fill(1.0),

@@ -5,6 +5,7 @@ use std::{collections::BTreeMap, path::Path};
 use wfl::{
     Diagnostic, MeshStmt, ResolvedScript, Span,
     ast::{self, BoxDivision, Expr, MeshSource},
+    nearest,
 };
 use wfl_compiler::{
     Constant, Env,
@@ -14,7 +15,7 @@ use wfl_compiler::{
 };
 
 use crate::{
-    mesh::{BoxShape, MapError, Mesh, MeshError, cells_for_size, generate_box, map_nodes},
+    mesh::{BoxShape, MapError, Mesh, MeshError, cells_for_size, generate_box, map_nodes, read::ReadError},
     scene::constants::{bare_env, numbers},
     value::Value,
 };
@@ -27,22 +28,35 @@ pub(super) fn read(script: &ResolvedScript, folder: &Path, diagnostics: &mut Vec
         Ok(mesh) => {
             let twins = &mesh.warnings().duplicate_nodes;
             if let Some((a, b)) = twins.first() {
-                let [a_at, b_at] = [a, b].map(|n| mesh.node(*n));
+                let [a_at, b_at] = [a, b].map(|n| &mesh.nodes()[n.index()][..mesh.dim()]);
+                let [a, b] = [a, b].map(|n| mesh.numbers().node(*n));
                 let d = Diagnostic::new(
                     "W405",
                     format!("{} pairs of nodes of one body are at the same place and not joined", twins.len()),
                 );
-                let first = format!("the first pair: {a_at:?} and {b_at:?}");
+                let first = format!("the first pair: {a} at {a_at:?} and {b} at {b_at:?}");
                 diagnostics.push(d.at(*span, first).help("they tear the body there; join them in the mesh generator"));
             }
             Some(mesh)
         }
         Err(e) => {
             let d = Diagnostic::new("E410", format!("cannot use the mesh file `{path}`: {e}"));
-            diagnostics.push(d.at(*span, ""));
+            let near = if matches!(e, ReadError::Io { .. }) { similar(folder, path) } else { None };
+            diagnostics.push(d.at(*span, near.map_or(String::new(), |n| format!("did you mean `{n}`?"))));
             None
         }
     }
+}
+
+/// The mesh file beside a missing one whose name is nearest.
+fn similar(folder: &Path, path: &str) -> Option<String> {
+    let (inner, wanted) = path.rsplit_once('/').unwrap_or(("", path));
+    let files = std::fs::read_dir(folder.join(inner)).ok()?;
+    let names = files.filter_map(|f| f.ok()?.file_name().into_string().ok());
+    let mut names: Vec<String> = names.filter(|n| n.ends_with(".msh")).collect();
+    names.sort_unstable();
+    let near = nearest(wanted, names.iter().map(String::as_str))?;
+    Some(if inner.is_empty() { near.to_owned() } else { format!("{inner}/{near}") })
 }
 
 /// The dimension a scene's mesh will have; 3 where neither its text nor a file says.

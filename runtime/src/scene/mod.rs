@@ -8,8 +8,11 @@ mod batch;
 mod constants;
 mod constraints;
 mod context;
+mod coverage;
 mod fields;
+mod groups;
 mod held;
+mod low_rules;
 mod mappings;
 mod mesh;
 mod normals;
@@ -219,8 +222,9 @@ fn prepare_all(
         regions: Regions::new(),
     }
     .make();
-    for region in script.regions.iter().filter(|r| !regions.contains_key(&r.name.name)) {
-        lost.add(&region.name.name);
+    let named = script.regions.iter().map(|r| &r.name).chain(&script.groups);
+    for name in named.filter(|n| !regions.contains_key(&n.name)) {
+        lost.add(&name.name);
     }
     let bare = Env { dim: mesh.dim(), ..constants::bare_env(script, mesh.dim(), &params) };
     let fields::Fields { fields, sigs } = fields::fields(script, &bare, &mesh, &topology, &regions, diagnostics)?;
@@ -284,6 +288,7 @@ impl Builder<'_> {
     fn build(mut self) -> Option<Scene> {
         let begin = Instant::now();
         let (laws, renewed, rules) = self.laws();
+        coverage::check(self.script.mesh.as_ref(), &self.mesh, &laws, self.diagnostics);
         let compile_terms = begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
@@ -488,6 +493,7 @@ impl Builder<'_> {
                 complete = false;
                 continue;
             };
+            low_rules::check(self.script, &placed, &domain, &self.fields, self.diagnostics);
             match Binding::new(&self.mesh, &domain, &self.fields, slots) {
                 Ok(binding) => {
                     summaries.push(TermSummary {

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use wfl::{
     Diagnostic, ResolvedScript, Span,
     ast::{CmpOp, Cond, CondKind, EntityKind, ExprKind, Ident, RegionExpr, RegionOp},
-    nearest,
 };
 use wfl_compiler::{Constant, Env, backend::KernelBackend, compile_condition};
 
@@ -16,6 +15,7 @@ use crate::{
     },
     scene::{
         constants::{bare_env, number},
+        groups,
         mesh::position_place,
     },
     value::Value,
@@ -23,6 +23,9 @@ use crate::{
 
 /// `==` on coordinates means within this part of the mesh size.
 const EQUAL_WITHIN: f64 = 1e-9;
+
+/// ... and within this part of the coordinates themselves, which far from the origin are coarser than that.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// Coordinates that are tried to name the nearest members of an empty region.
 const CANDIDATES: usize = 20;
@@ -65,16 +68,7 @@ impl RegionMaker<'_> {
             pairs.sort_unstable();
             self.regions.insert("interior".to_owned(), plain(RegionSet::Interface(pairs)));
         }
-        for group in self.mesh.groups() {
-            match RegionSet::from_group(self.mesh, self.topology, group) {
-                Ok(set) => {
-                    self.regions.insert(group.name.clone(), plain(set));
-                }
-                Err(e) => self
-                    .diagnostics
-                    .push(Diagnostic::new("E410", format!("group `{}` of the mesh file: {e}", group.name))),
-            }
-        }
+        self.groups();
         for region in &self.script.regions {
             let here_name = match &region.region {
                 RegionExpr::Interface { from, .. } => Some(from.name.clone()),
@@ -89,6 +83,21 @@ impl RegionMaker<'_> {
             self.regions.insert(region.name.name.clone(), named);
         }
         self.regions
+    }
+
+    /// The groups of a mesh file, and names that no group has.
+    fn groups(&mut self) {
+        let Some(file) = self.script.mesh.as_ref().map(|m| m.span) else { return };
+        let names = groups::names(self.mesh.groups(), self.script, file, self.diagnostics);
+        for (group, name) in self.mesh.groups().iter().zip(&names) {
+            match RegionSet::from_group(self.mesh, self.topology, group) {
+                Ok(set) => {
+                    self.regions.insert(name.clone(), NamedRegion { set, span: None, here_name: None });
+                }
+                Err(e) => self.diagnostics.push(Diagnostic::new("E410", e.to_string()).at(file, "")),
+            }
+        }
+        groups::unknown(self.script, &names, &self.regions, self.diagnostics);
     }
 
     fn empty(&mut self, name: &Ident, region: &RegionExpr) {
@@ -165,20 +174,8 @@ impl RegionMaker<'_> {
         }
     }
 
-    fn lookup(&mut self, name: &Ident) -> Option<&NamedRegion> {
-        if !self.regions.contains_key(&name.name) {
-            let known = nearest(&name.name, self.regions.keys().map(String::as_str)).map(str::to_owned);
-            let declared = self.script.regions.iter().any(|r| r.name.name == name.name);
-            if !declared {
-                let text = known.map_or(String::new(), |k| format!("did you mean `{k}`?"));
-                let d = Diagnostic::new("E201", format!("unknown region `{}`", name.name)).about(&name.name);
-                self.diagnostics.push(d.at(name.span, text));
-            } else if !self.diagnostics.iter().any(Diagnostic::is_error) {
-                let d = Diagnostic::new("E201", format!("region `{}` is used before its line", name.name));
-                self.diagnostics.push(d.at(name.span, "declare it above"));
-            }
-            return None;
-        }
+    /// A region that is made already; every name that is none has been told.
+    fn lookup(&self, name: &Ident) -> Option<&NamedRegion> {
         self.regions.get(&name.name)
     }
 
@@ -271,6 +268,7 @@ impl RegionMaker<'_> {
     fn condition(&mut self, cond: &Cond) -> Option<Value> {
         let (low, high) = self.mesh.bounds();
         let size = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+        let far = (0..3).fold(0.0f64, |m, d| m.max(low[d].abs()).max(high[d].abs()));
         let env = Env {
             dim: self.mesh.dim(),
             fields: &[],
@@ -278,7 +276,7 @@ impl RegionMaker<'_> {
             params: self.params,
             expansions: &self.script.expansions,
             step_variable: None,
-            equal_within: EQUAL_WITHIN * size,
+            equal_within: EQUAL_WITHIN * size + ROUNDING * far,
         };
         let law = compile_condition(&env, &position_place(0), "a condition", cond);
         self.diagnostics.extend(law.diagnostics);

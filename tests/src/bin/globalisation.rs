@@ -128,7 +128,8 @@ How a step is solved (`runtime/src/newton/`):
 1. **Held pieces** (`pieces.rs`). Each projection t = P(x) of the scene (`pos_part`, `Ball_projection`) is read as
    t = P(t + c (x - t)), true for every c > 0, with t kept at each integration point and eliminated there. c is chosen
    so that c dx/du is the stiffness of the bodies: the branch is then chosen from a traction that does not depend on
-   gamma, and a point that slips is tried as sticking before it slips the other way. The start is tied (ties of
+   gamma, and a point that slips is tried as sticking before it slips the other way. The start is tied
+   where what is prescribed can close the gap (ties of
    all kinks are contact and stick), later steps start from the pieces of the step before.
 2. **Backtracking on the residual norm**, multiplier equations weighted to force units.
 3. **The natural monotonicity test** (Deuflhard): backtracking on the norm of the simplified Newton correction.

@@ -9,11 +9,14 @@ mod common;
 mod convergence;
 mod cook;
 mod crack;
+mod damaged;
 mod equilibrium;
 mod extremes;
 mod fault;
 mod hertz;
 mod invariance;
+mod meshes;
+mod numerics;
 mod page;
 mod robust;
 mod signorini;
@@ -49,6 +52,9 @@ pub fn benchmarks() -> Vec<Benchmark> {
         crack::BENCHMARKS,
         extremes::BENCHMARKS,
         robust::BENCHMARKS,
+        meshes::BENCHMARKS,
+        damaged::BENCHMARKS,
+        numerics::BENCHMARKS,
         signorini::BENCHMARKS,
         hertz::BENCHMARKS,
         convergence::BENCHMARKS,

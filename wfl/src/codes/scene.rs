@@ -174,6 +174,16 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver newton with tol=1e-8",
     ),
     page(
+        "E425",
+        "cells that are in no term",
+        "The mesh has cells where no equation holds: a hole in the model. Often the conditions of two regions leave a \
+         slot between them, or a group of the mesh file has no term. A mesh that holds more than the scene needs says so.",
+        "region left = cells where x < 0.5\nregion right = cells where x > 0.7\n\
+         term base on left, right : sigma(u):Grad_Test_u",
+        "region left = cells where x < 0.5\nregion right = cells where x > 0.5\n\
+         term base on left, right : sigma(u):Grad_Test_u",
+    ),
+    page(
         "E501",
         "units that do not match",
         "Both sides of a sum must have one unit. Units are checked as soon as a param, field or datum carries one; a \
@@ -291,6 +301,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "mapping m = point [x + 0.5, y, z]\nmeasure r = max(Norm(Interpolate(u, m))) on left",
     ),
     page(
+        "W407",
+        "a group of the mesh file that is called otherwise",
+        "The name of a group is built in, taken by another group of another dimension, or declared by the scene. The \
+         message says what the group is called in the scene; another name in the mesh generator avoids it.",
+        "mesh file \"blocks.msh\"\nregion left = cells where x < 0",
+        "mesh file \"blocks.msh\"\nregion near = cells where x < 0",
+    ),
+    page(
         "W501",
         "a step that Newton does not see",
         "Heaviside and sign have derivative 0, so a term that depends on an unknown through them alone looks constant \
@@ -331,6 +349,17 @@ pub(super) const PAGES: &[CodePage] = &[
          term push on west : p*(Normal.Test_u)",
         "param k = 1 [N/mm^4]\nparam p = 2 [N/mm^2]\nunknown u : vector [mm]\nterm base on all : k*u.Test_u\n\
          term push on west : p*(Normal.Test_u)",
+    ),
+    page(
+        "W506",
+        "a rule with fewer points than a face has nodes",
+        "`quadrature` asks for a degree whose points are fewer than the nodes of the unknowns on a face. Motions that \
+         vanish at these points feel no force of the term: contact lets them through, a tangent may be singular. \
+         Without the statement the degree follows from the terms.",
+        "unknown uL : vector Q2 on left\nquadrature on fault degree 1\n\
+         term tie on fault : gamma*jump(uL,uR).jump(Test_uL,Test_uR)",
+        "unknown uL : vector Q2 on left\nquadrature on fault degree 4\n\
+         term tie on fault : gamma*jump(uL,uR).jump(Test_uL,Test_uR)",
     ),
     page(
         "W602",

@@ -228,6 +228,7 @@ impl Contents {
         self.check_flat(&raw)?;
         raw.groups = groups.finish(&self.names, dim);
         raw.nodes = self.nodes;
+        raw.numbers.nodes = self.node_numbers;
         Ok(raw)
     }
 
@@ -282,6 +283,7 @@ fn add_cells(block: &Block, map: &NodeMap, raw: &mut RawMesh, groups: &mut Group
             raw.connectivity.push(resolve(map, *element, nodes[*place])?);
         }
         raw.kinds.push(block.element_type.kind);
+        raw.numbers.cells.push(*element);
     }
     for group in &block.groups {
         let members = groups.cells.entry(*group).or_default();
@@ -342,11 +344,12 @@ fn merge_repeated(raw: &mut RawMesh, groups: &mut Groups) {
     if original.iter().zip(0..).all(|(first, cell)| *first == cell) {
         return;
     }
-    let (mut kinds, mut connectivity, mut renumbered) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut kinds, mut connectivity, mut numbers, mut renumbered) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (cell, first) in original.iter().enumerate() {
         if *first as usize == cell {
             renumbered.push(CellId::new(kinds.len()));
             kinds.push(raw.kinds[cell]);
+            numbers.push(raw.numbers.cells[cell]);
             connectivity.extend_from_slice(nodes(cell as u32));
         } else {
             renumbered.push(renumbered[*first as usize]);
@@ -357,7 +360,7 @@ fn merge_repeated(raw: &mut RawMesh, groups: &mut Groups) {
             *cell = renumbered[cell.index()];
         }
     }
-    (raw.kinds, raw.connectivity) = (kinds, connectivity);
+    (raw.kinds, raw.connectivity, raw.numbers.cells) = (kinds, connectivity, numbers);
 }
 
 impl Groups {

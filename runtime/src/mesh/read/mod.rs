@@ -36,7 +36,7 @@ impl std::fmt::Display for Place {
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The file cannot be read at all.
-    #[error("cannot read `{}`", path.display())]
+    #[error("{}", reason(source))]
     Io {
         /// The file.
         path: PathBuf,
@@ -122,7 +122,8 @@ pub enum ReadError {
     },
     /// A mesh of curves or surfaces that does not lie in the x axis or the xy plane.
     #[error(
-        "the cells have dimension {dim} but node {node} lies outside that plane: a mesh of dimension {dim} must be flat"
+        "the cells have dimension {dim} but node {node} lies outside {}: a body in space needs cells of its volume, a mesh of dimension {dim} must be flat",
+        if *dim == 1 { "the x axis" } else { "the plane of x and y" }
     )]
     NotFlat {
         /// Dimension of the cells.
@@ -133,6 +134,15 @@ pub enum ReadError {
     /// The mesh itself is unsound.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+}
+
+fn reason(error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
+        std::io::ErrorKind::IsADirectory => "it is a directory, a file is needed".to_owned(),
+        std::io::ErrorKind::PermissionDenied => "permission denied".to_owned(),
+        _ => error.to_string(),
+    }
 }
 
 /// One file format.

@@ -162,12 +162,13 @@ fn errors_name_the_place() {
     assert_eq!(n("$Nodes\n3", "$Nodes\n-3"), "line 5: found `-3`, needed the number of nodes");
     assert_eq!(e("5 2 2", "5 6 2"), "line 12: element 5 is a prism (Gmsh type 6), which is not supported");
     assert_eq!(e("1 1 2 9", "1 1 2"), "line 13: found `$EndElements`, needed a node of an element");
-    assert_eq!(e("1 2 9", "2 1 9"), "cell 0 is inside out: its jacobian determinant is -1e0 everywhere checked");
+    assert_eq!(e("1 2 9", "2 1 9"), "element 5 is inside out: its jacobian determinant is -1e0 everywhere checked");
     assert_eq!(e("\n1\n5", "\n0\n"), "line 12: found `2`, needed $EndElements");
     assert_eq!(file(NODES, ""), "the file has no $Elements section");
     assert_eq!(
         n("9 0 1 0", "9 0 1 1"),
-        "the cells have dimension 2 but node 9 lies outside that plane: a mesh of dimension 2 must be flat"
+        "the cells have dimension 2 but node 9 lies outside the plane of x and y: a body in space needs cells of its \
+         volume, a mesh of dimension 2 must be flat"
     );
     assert_eq!(message("solid cube"), "not a mesh file of a known format (Gmsh 2.2 or 4.1 is read)");
     assert_eq!(message("$MeshFormat\n4 0 8\n"), "Gmsh file format 4 is not read, save the mesh as 2.2 or 4.1");

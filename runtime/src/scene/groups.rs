@@ -1,0 +1,82 @@
+//! Groups of a mesh file as regions: the names they get, and names that no group has.
+//!
+//! Promises: every group can be written in a scene, no group hides another one or a built-in region, and whatever is
+//! renamed or hidden is told (W407). Does not look at the members of a group.
+
+use wfl::{Diagnostic, REGIONS, ResolvedScript, Span, is_keyword, nearest};
+
+use crate::{mesh::Group, scene::regions::Regions};
+
+/// Names shown in a message before it says how many more there are.
+const SHOWN: usize = 12;
+
+/// The names of the groups as regions of a scene, in the order of `groups`. A character that no name has becomes `_`; a
+/// name that is taken gets the kind of the group behind it.
+pub(super) fn names(
+    groups: &[Group],
+    script: &ResolvedScript,
+    file: Span,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Vec<String> {
+    let mut out: Vec<String> = Vec::with_capacity(groups.len());
+    for group in groups {
+        let wanted = word(&group.name);
+        let built_in = REGIONS.contains(&wanted.as_str());
+        let taken = |name: &String, out: &[String]| REGIONS.contains(&name.as_str()) || out.contains(name);
+        let mut name = wanted.clone();
+        if taken(&name, &out) {
+            let kind = ["point", "curve", "surface", "volume"][group.dim.min(3)];
+            name = format!("{wanted}_{kind}");
+            while taken(&name, &out) {
+                name.push('_');
+            }
+            let why = if built_in {
+                format!("`{wanted}` is built in: the {kind} `{}` of the mesh file is called `{name}` here", group.name)
+            } else {
+                format!("two groups of the mesh file are called `{wanted}`: here the {kind} is called `{name}`")
+            };
+            diagnostics.push(Diagnostic::new("W407", why).at(file, ""));
+        }
+        if let Some(region) = script.regions.iter().find(|r| r.name.name == name) {
+            let message = format!("the region `{name}` hides the group of that name of the mesh file");
+            diagnostics.push(Diagnostic::new("W407", message).at(region.name.span, ""));
+        }
+        out.push(name);
+    }
+    out
+}
+
+/// A name that a scene can write.
+fn word(name: &str) -> String {
+    let mut word: String =
+        name.trim().chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '_' }).collect();
+    if word.is_empty() || word.starts_with(|c: char| c.is_ascii_digit()) || is_keyword(&word) {
+        word.insert(0, '_');
+    }
+    word
+}
+
+/// E201 for names of the scene that are neither declared nor groups.
+pub(super) fn unknown(
+    script: &ResolvedScript,
+    groups: &[String],
+    regions: &Regions,
+    diagnostics: &mut Vec<Diagnostic>,
+) {
+    for name in script.groups.iter().filter(|g| !regions.contains_key(&g.name)) {
+        let declared = script.regions.iter().map(|r| &r.name.name);
+        let known = groups.iter().chain(declared).map(String::as_str).chain(["all", "boundary"]);
+        let text = nearest(&name.name, known).map_or(String::new(), |near| format!("did you mean `{near}`?"));
+        let mut list: Vec<&str> = groups.iter().map(String::as_str).collect();
+        list.sort_unstable();
+        let note = match list.len() {
+            0 => "the mesh file has no groups".to_owned(),
+            n if n > SHOWN => {
+                format!("the mesh file has the groups {} and {} more", list[..SHOWN].join(", "), n - SHOWN)
+            }
+            _ => format!("the mesh file has the groups {}", list.join(", ")),
+        };
+        let d = Diagnostic::new("E201", format!("unknown region `{}`", name.name)).at(name.span, text);
+        diagnostics.push(d.note(note));
+    }
+}

@@ -1,0 +1,162 @@
+//! X36, X37, X45, X58: derivatives at 0, tangents without a Cholesky factor, rules of one point, numbers of threads.
+
+use super::{
+    Benchmark, Case, Tolerance,
+    common::{converged, or_failed},
+    two_block::{NITSCHE, STICK, YOUNG},
+};
+use crate::{attempt_with, examples};
+
+/// The benchmarks of this file.
+pub(super) const BENCHMARKS: &[Benchmark] = &[
+    Benchmark {
+        id: "X36",
+        title: "norms, unit vectors and roots at 0, where the first iteration is",
+        origin: "the root by hand, or an error that says why",
+        slow: false,
+        open: None,
+        run: at_zero,
+    },
+    Benchmark {
+        id: "X37",
+        title: "tangents that are indefinite, unsymmetric or have a zero diagonal",
+        origin: "solutions by hand",
+        slow: false,
+        open: None,
+        run: no_cholesky,
+    },
+    Benchmark {
+        id: "X45",
+        title: "one point on the faces of quadratic elements",
+        origin: "a warning with both numbers; none without the statement",
+        slow: false,
+        open: None,
+        run: one_point,
+    },
+    Benchmark {
+        id: "X58",
+        title: "1, 2, 3 and 7 threads",
+        origin: "the same bits",
+        slow: false,
+        open: None,
+        run: threads,
+    },
+];
+
+/// Two scalars at every node of a square; `TERMS` couple them point by point, so that a constant solves them.
+const POINTWISE: &str = "wfl 1
+mesh box [0,0] to [1,1] cells [3,3] quad
+unknown a : scalar Q1
+unknown b : scalar Q1
+solver newton with tol=1e-13
+";
+
+/// The largest distance of the fields from two constants.
+fn distance(terms: &str, expected: [f64; 2]) -> Result<f64, String> {
+    let tried = attempt_with(2, &examples(), format!("{POINTWISE}{terms}"), &[], &[]);
+    let solved = tried.solved.ok_or(tried.messages).and_then(converged)?;
+    let state = &solved.outcome.steps[0].state;
+    let mut worst = 0.0f64;
+    for (k, e) in expected.iter().enumerate() {
+        for x in &state[solved.scene.system.range(k).ok_or("no dofs")?] {
+            let gap = (x - e).abs();
+            // NaN is kept: max would drop it
+            worst = if gap > worst || gap.is_nan() { gap } else { worst };
+        }
+    }
+    Ok(worst)
+}
+
+fn solution(what: &str, terms: &str, expected: [f64; 2]) -> Case {
+    let made = distance(terms, expected);
+    or_failed(what, made.map(|d| Case::new(what).compare("largest error", d, 1e-11, Tolerance::AtMost)))
+}
+
+fn at_zero() -> Vec<Case> {
+    let root = 2f64.sqrt();
+    let mut cases = vec![
+        // a + |(a, a)| = 1
+        solution(
+            "norm",
+            "term one on all : (a + Norm([a,a]) - 1)*Test_a\nterm two on all : b*Test_b\n",
+            [1.0 / (1.0 + root), 0.0],
+        ),
+        // a + 1/sqrt(2) = 2 once a moves
+        solution(
+            "unit vector",
+            "term one on all : (a + Normalized([a,a]).[1,0] - 2)*Test_a\nterm two on all : b*Test_b\n",
+            [2.0 - 1.0 / root, 0.0],
+        ),
+        solution(
+            "projection of 0 on a ball of radius 0",
+            "term one on all : (a + Ball_projection([a,b], 0*a).[1,0] - 2)*Test_a\nterm two on all : b*Test_b\n",
+            [2.0, 0.0],
+        ),
+    ];
+    // the derivative is infinite there: 1, or an error
+    for (what, f) in [("square root", "sqrt(a)"), ("power 1/2", "pow(a,0.5)")] {
+        let terms = format!("term one on all : (a + {f} - 2)*Test_a\nterm two on all : b*Test_b\n");
+        let honest = match distance(&terms, [1.0, 0.0]) {
+            Ok(error) => error <= 1e-11,
+            Err(message) => !message.is_empty(),
+        };
+        cases.push(Case::new(format!("{what}: right or an error")).require(honest, "claims a wrong solution"));
+    }
+    cases
+}
+
+fn no_cholesky() -> Vec<Case> {
+    let pair = |p: &str, q: &str| format!("term one on all : ({p})*Test_a\nterm two on all : ({q})*Test_b\n");
+    vec![
+        solution("indefinite", &pair("a + 2*b - 5", "2*a + b - 4"), [1.0, 2.0]),
+        solution("negative definite", &pair("-a + 3", "-b - 4"), [3.0, -4.0]),
+        solution("zero diagonal", &pair("b - 2", "a - 1"), [1.0, 2.0]),
+        solution("unsymmetric", &pair("a + 4*b - 9", "-4*a + b + 2"), [1.0, 2.0]),
+        solution("skew", &pair("b - 2", "-a + 1"), [1.0, 2.0]),
+        solution("indefinite and not linear", &pair("a^3 + 2*b - 5", "2*a + 0.1*b^3 - 2.8"), [1.0, 2.0]),
+    ]
+}
+
+fn one_point() -> Vec<Case> {
+    let case = |(element, degree, words): (&str, &str, Option<&str>)| {
+        let what = format!("{element}{degree}");
+        let law = format!("{NITSCHE}{degree}");
+        let tried = STICK.attempt(&law, 16.0 * YOUNG, 0.0, &[("vector Q1", format!("vector {element}"))]);
+        let told = words.map_or(!tried.messages.contains("W506"), |w| tried.messages.contains(w));
+        Case::new(what.trim_end().replace('\n', ", ")).require(told, tried.messages)
+    };
+    [
+        ("Q2", "\nquadrature on fault degree 1\n", Some("1 points a face for the 9 nodes of degree 2")),
+        ("Q1", "\nquadrature on fault degree 1\n", Some("1 points a face for the 4 nodes of degree 1")),
+        ("Q2", "\nquadrature on fault degree 4\n", None),
+        ("Q2", "\n", None),
+    ]
+    .map(case)
+    .to_vec()
+}
+
+fn threads() -> Vec<Case> {
+    let files = ["nitsche.wfl", "penalty.wfl", "augmented_lagrangian.wfl"];
+    let steps = [("0 to 9.5 by 0.5", "8 to 9 by 0.5".to_owned())];
+    let folder = examples().join("fault");
+    let run = |file: &str, threads: usize| -> Result<Vec<Vec<f64>>, String> {
+        let text = std::fs::read_to_string(folder.join(file)).map_err(|e| e.to_string())?;
+        let tried = attempt_with(threads, &folder, text, &steps, &[]);
+        let solved = tried.solved.ok_or(tried.messages).and_then(converged)?;
+        Ok(solved.outcome.steps.into_iter().map(|s| s.state).collect())
+    };
+    let case = |file: &str| {
+        let alone = run(file, 1)?;
+        let mut case = Case::new(file);
+        for threads in [2, 3, 7] {
+            let other = run(file, threads)?;
+            let bits = |steps: &[Vec<f64>]| steps.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
+            let (a, b) = (bits(&alone), bits(&other));
+            let different = a.iter().zip(&b).filter(|(a, b)| a != b).count() + a.len().abs_diff(b.len());
+            let label = format!("{threads} threads: unknowns of {} with other bits", a.len());
+            case = case.compare(label, different as f64, 0.0, Tolerance::AtMost);
+        }
+        Ok(case)
+    };
+    files.map(|file| or_failed(file, case(file))).to_vec()
+}
