@@ -35,25 +35,52 @@ pub fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples")
 }
 
+/// Files with this ending below a folder of the repository, in order.
+///
+/// # Panics
+/// If a folder cannot be read.
+#[must_use]
+pub fn files(folder: &str, ending: &str) -> Vec<PathBuf> {
+    let mut folders = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder)];
+    let mut found = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("a folder of the repository") {
+            let path = entry.expect("a readable folder").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == ending) {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// A fixed sequence of numbers in [-1, 1).
+#[derive(Clone, Copy, Debug)]
+pub struct Sequence(
+    /// The start, not 0.
+    pub u64,
+);
+
+impl Sequence {
+    /// The next number (xorshift).
+    pub fn number(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
 /// Every scene of the examples that is a problem by itself: files that another one uses are left out.
 ///
 /// # Panics
 /// If the folder cannot be read.
 #[must_use]
 pub fn scene_files() -> Vec<PathBuf> {
-    let mut scenes = Vec::new();
-    let mut folders = vec![examples()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("examples can be read") {
-            let path = entry.expect("examples can be read").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|e| e == "wfl") {
-                scenes.push(path);
-            }
-        }
-    }
-    scenes.sort();
+    let scenes = files("examples", "wfl");
     let texts: Vec<String> = scenes.iter().map(|s| std::fs::read_to_string(s).expect("examples can be read")).collect();
     let used = |path: &Path| {
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();

@@ -1,38 +1,16 @@
 //! The tools of the language on inputs of every kind: no text panics, the examples are canonical, every page of a code
 //! holds what it says.
 
-use std::{
-    collections::BTreeSet,
-    path::{Path, PathBuf},
-};
+use std::{collections::BTreeSet, path::Path};
 
 use proptest::prelude::*;
 use wfl::{Diagnostic, NoFiles, SourceMap, codes, format, resolve};
 use wfl_compiler::InterpreterBackend;
 use wfl_runtime::prepare;
-use wfl_tests::fuzz::{Random, expression, run_expression, run_text, text};
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
-
-/// Files below a folder with this ending, in order.
-fn files(folder: &str, ending: &str) -> Vec<PathBuf> {
-    let mut folders = vec![root().join(folder)];
-    let mut found = Vec::new();
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("a folder of the repository") {
-            let path = entry.expect("a readable folder").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|e| e == ending) {
-                found.push(path);
-            }
-        }
-    }
-    found.sort();
-    found
-}
+use wfl_tests::{
+    files,
+    fuzz::{Random, expression, run_expression, run_text, text},
+};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]

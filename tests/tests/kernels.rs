@@ -1,8 +1,6 @@
 //! Every term of every example: machine code against the interpreter, tangent against differences of the residual in
 //! double-double arithmetic.
 
-use std::path::PathBuf;
-
 use wfl_compiler::{
     Dd, InterpreterBackend, KinkKind, Real, TermLaw,
     backend::KernelBackend,
@@ -13,37 +11,12 @@ use wfl_compiler::{
     unit_normals,
 };
 use wfl_jit::JitBackend;
-use wfl_tests::{examples, prepared};
-
-/// A fixed sequence of numbers in [-1, 1).
-struct Sequence(u64);
-
-impl Sequence {
-    fn next(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-}
+use wfl_tests::{Sequence, prepared, scene_files};
 
 /// The laws of every example that is a problem by itself.
 fn laws() -> Vec<(String, TermLaw)> {
     let mut laws = Vec::new();
-    let mut folders = vec![examples()];
-    let mut scenes: Vec<PathBuf> = Vec::new();
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).expect("examples can be read") {
-            let path = entry.expect("examples can be read").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|e| e == "wfl") {
-                scenes.push(path);
-            }
-        }
-    }
-    scenes.sort();
-    for path in scenes {
+    for path in scene_files() {
         let text = std::fs::read_to_string(&path).expect("examples can be read");
         // a theta that keeps every term, on few cells
         let params: &[(&str, f64)] = if text.contains("param theta") { &[("theta", 1.0)] } else { &[] };
@@ -62,7 +35,7 @@ fn state(law: &TermLaw, sequence: &mut Sequence, size: f64) -> Vec<f64> {
     let mut inputs: Vec<f64> = law
         .inputs
         .iter()
-        .map(|s| sequence.next() * if matches!(s, InputSlot::Field(_) | InputSlot::Previous(_)) { size } else { 1.0 })
+        .map(|s| sequence.number() * if matches!(s, InputSlot::Field(_) | InputSlot::Previous(_)) { size } else { 1.0 })
         .collect();
     unit_normals(&law.inputs, &mut inputs);
     inputs
@@ -70,7 +43,7 @@ fn state(law: &TermLaw, sequence: &mut Sequence, size: f64) -> Vec<f64> {
 
 /// What the prologue makes of some time and some increment: its results depend on each other.
 fn uniforms(law: &TermLaw, sequence: &mut Sequence) -> Vec<f64> {
-    let slots: Vec<f64> = law.prologue.slots.iter().map(|_| sequence.next()).collect();
+    let slots: Vec<f64> = law.prologue.slots.iter().map(|_| sequence.number()).collect();
     run_prologue(&law.prologue, &slots)
 }
 

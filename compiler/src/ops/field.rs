@@ -13,21 +13,6 @@ use crate::{
     types::{FieldId, FieldOp, PlaceKind, Side},
 };
 
-macro_rules! row {
-    ($name:literal, $least:literal, $most:literal, $usage:literal, $doc:literal, $samples:expr, $build:expr) => {
-        OpDef {
-            name: $name,
-            least: $least,
-            most: $most,
-            usage: $usage,
-            doc: $doc,
-            samples: $samples,
-            build: $build,
-            entrywise: None,
-        }
-    };
-}
-
 pub(super) const TABLE: &[OpDef] = &[
     row!(
         "Interpolate",

@@ -4,6 +4,22 @@
 //! derivative cannot follow that way gets a node of its own there. Names in samples: `p`, `q` scalar fields, `u`, `w`
 //! vector fields, `A`, `B` square matrix expressions near the identity (the tests put `Grad_u` in them).
 
+/// A row of a function that has no formula entry by entry.
+macro_rules! row {
+    ($name:literal, $least:literal, $most:literal, $usage:literal, $doc:literal, $samples:expr, $build:expr) => {
+        OpDef {
+            name: $name,
+            least: $least,
+            most: $most,
+            usage: $usage,
+            doc: $doc,
+            samples: $samples,
+            build: $build,
+            entrywise: None,
+        }
+    };
+}
+
 mod by_name;
 mod field;
 mod formula;

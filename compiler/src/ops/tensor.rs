@@ -10,21 +10,6 @@ use crate::{
     types::{MAX_RANK, Shape},
 };
 
-macro_rules! row {
-    ($name:literal, $least:literal, $most:literal, $usage:literal, $doc:literal, $samples:expr, $build:expr) => {
-        OpDef {
-            name: $name,
-            least: $least,
-            most: $most,
-            usage: $usage,
-            doc: $doc,
-            samples: $samples,
-            build: $build,
-            entrywise: None,
-        }
-    };
-}
-
 pub(super) const TABLE: &[OpDef] = &[
     row!("Id", 1, 1, "Id(n)", "identity matrix", &[], |b, c| {
         let text = b.argument_text(c, 0)?;

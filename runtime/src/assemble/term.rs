@@ -488,36 +488,6 @@ impl AssembledTerm {
         }
     }
 
-    /// Finds the first entity and point at which an instruction gives something that is not finite.
-    fn find_non_finite(&self, mesh: &Mesh, values: FieldValues<'_>, kernel: &VerifiedKernel) -> Option<NonFinitePlace> {
-        let n_in = self.integrator.binding.inputs.len();
-        let mut workspace = Workspace::default();
-        for (g, group) in self.integrator.domain.groups.iter().enumerate() {
-            for batch in 0..group.n_batches() {
-                workspace.prepare(self.bound(mesh), g, batch, values);
-                for lane in 0..LANES.min(group.entities.len() - batch * LANES) {
-                    for q in 0..group.n_points() {
-                        let inputs: Vec<f64> =
-                            (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES + lane]).collect();
-                        let found = first_non_finite(kernel, &self.uniforms, &inputs).map(|f| self.origin(kernel, f));
-                        let bad_input = inputs.iter().any(|x| !x.is_finite());
-                        if found.is_some() || bad_input {
-                            let k = batch * LANES + lane;
-                            return Some(NonFinitePlace {
-                                cause: found,
-                                term: self.law.name.clone(),
-                                entity: group.entities[k],
-                                point: q,
-                                position: mesh.point_at(group.here.cells[k], &group.here.geometry, q),
-                            });
-                        }
-                    }
-                }
-            }
-        }
-        None
-    }
-
     /// What is constant in a step is computed before the points: such a number went wrong there.
     fn origin(&self, kernel: &VerifiedKernel, found: NonFinite) -> NonFinite {
         match kernel.kernel().insts[found.inst] {

@@ -10,6 +10,8 @@ use super::{CellId, CellKind, FacetRef, Mesh};
 
 /// How far outside the reference cell a point may lie and still count as inside.
 const INSIDE: f64 = 1e-9;
+/// The same for a point on a facet, in reference coordinates: it was computed in another mesh.
+const ON_FACE: f64 = 1e-6;
 /// Iterations of an inverse map or a foot point.
 const ITERATIONS: usize = 50;
 /// An iteration ends when the reference point moves by less.
@@ -140,14 +142,16 @@ impl CellFinder {
         let bin = self.bins.get(self.grid.index(self.grid.place(x)))?;
         bin.iter().map(|k| *k as usize).filter(|k| self.boxes.distance(*k, x) == 0.0).find_map(|k| {
             let reference = inverse_map(mesh, self.cells[k], x)?;
+            if !inside(mesh.kind(self.cells[k]), &reference[..mesh.dim()], INSIDE) {
+                return None;
+            }
             Some(Image { cell: self.cells[k], reference, facet: None })
         })
     }
 }
 
-/// Newton on the geometric map; `None` when the point is outside the cell.
-#[must_use]
-pub fn inverse_map(mesh: &Mesh, cell: CellId, x: [f64; 3]) -> Option<[f64; 3]> {
+/// Newton on the geometric map; `None` where it has no inverse. The result may lie outside of the reference cell.
+fn inverse_map(mesh: &Mesh, cell: CellId, x: [f64; 3]) -> Option<[f64; 3]> {
     let (dim, kind) = (mesh.dim(), mesh.kind(cell));
     let element = mesh.geometry_element(kind);
     let mut r = kind.reference_centre();
@@ -165,16 +169,41 @@ pub fn inverse_map(mesh: &Mesh, cell: CellId, x: [f64; 3]) -> Option<[f64; 3]> {
             break;
         }
     }
-    inside(kind, &r[..dim]).then_some(r)
+    Some(r)
 }
 
-/// True if parameters lie in a reference cell, within rounding.
-fn inside(kind: CellKind, r: &[f64]) -> bool {
+/// True if parameters lie in a reference cell, or out of it by at most `margin`.
+fn inside(kind: CellKind, r: &[f64], margin: f64) -> bool {
     if kind.is_simplex() {
-        r.iter().all(|c| *c >= -INSIDE) && r.iter().sum::<f64>() <= 1.0 + INSIDE
+        r.iter().all(|c| *c >= -margin) && r.iter().sum::<f64>() <= 1.0 + margin
     } else {
-        r.iter().all(|c| (-INSIDE..=1.0 + INSIDE).contains(c))
+        r.iter().all(|c| (-margin..=1.0 + margin).contains(c))
     }
+}
+
+/// The parameters of a point of a facet; `None` when it is not on it.
+fn on_face(mesh: &Mesh, facet: FacetRef, x: [f64; 3]) -> Option<[f64; 3]> {
+    let r = inverse_map(mesh, facet.cell, x)?;
+    let kind = mesh.facet_kind(facet);
+    let map = mesh.kind(facet.cell).facet_map(usize::from(facet.local));
+    // the tangents of a reference facet are independent: least squares by the normal equations
+    let t = map.tangents;
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let d: [f64; 3] = std::array::from_fn(|i| r[i] - map.origin[i]);
+    let mut s = [0.0; 3];
+    match kind.dim() {
+        0 => {}
+        1 => s[0] = dot(t[0], d) / dot(t[0], t[0]),
+        _ => {
+            let (a, b, c) = (dot(t[0], t[0]), dot(t[0], t[1]), dot(t[1], t[1]));
+            let (f, g) = (dot(t[0], d), dot(t[1], d));
+            s[0] = (f * c - g * b) / (a * c - b * b);
+            s[1] = (g * a - f * b) / (a * c - b * b);
+        }
+    }
+    let back = map.apply(s);
+    let near = (0..mesh.dim()).all(|i| (back[i] - r[i]).abs() <= ON_FACE);
+    (near && inside(kind, &s[..kind.dim()], ON_FACE)).then_some(s)
 }
 
 /// Facets onto which points are projected or rays are sent.
@@ -202,28 +231,34 @@ impl FacetFinder {
         &self.facets
     }
 
+    /// The first facet that holds the point: its position in the list and the point's parameters on it.
+    #[must_use]
+    pub fn holding(&self, mesh: &Mesh, x: [f64; 3]) -> Option<(usize, [f64; 3])> {
+        let near = |k: &usize| self.boxes.distance(*k, x) == 0.0;
+        (0..self.facets.len()).filter(near).find_map(|k| on_face(mesh, self.facets[k], x).map(|p| (k, p)))
+    }
+
     /// The point of the facets nearest to `x`, if it is within `reach`.
     #[must_use]
     pub fn nearest(&self, mesh: &Mesh, x: [f64; 3], reach: f64) -> Option<Image> {
-        let mut best: Option<(f64, Image)> = None;
-        for (k, facet) in self.facets.iter().enumerate() {
-            let least = best.as_ref().map_or(reach, |b| b.0);
-            if self.boxes.distance(k, x) > least {
-                continue;
-            }
-            let side = Side::new(mesh, *facet);
-            let (reference, distance) = side.foot(x);
-            if distance <= reach && best.as_ref().is_none_or(|b| distance < b.0) {
-                best = Some((distance, side.image(reference)));
-            }
-        }
-        best.map(|b| b.1)
+        self.first_nearest(mesh, x, reach, |side| Some(side.foot(x)))
     }
 
     /// The point nearest to `x` where the line through `x` along the unit vector `n` meets a facet that looks the other
     /// way (its outward normal against `n`), if it is within `reach`.
     #[must_use]
     pub fn hit(&self, mesh: &Mesh, x: [f64; 3], n: [f64; 3], reach: f64) -> Option<Image> {
+        self.first_nearest(mesh, x, reach, |side| side.crossing(x, n))
+    }
+
+    /// Of what `candidate` finds on each facet (reference coordinates and distance from `x`), the nearest within `reach`.
+    fn first_nearest(
+        &self,
+        mesh: &Mesh,
+        x: [f64; 3],
+        reach: f64,
+        candidate: impl Fn(&Side<'_>) -> Option<([f64; 3], f64)>,
+    ) -> Option<Image> {
         let mut best: Option<(f64, Image)> = None;
         for (k, facet) in self.facets.iter().enumerate() {
             let least = best.as_ref().map_or(reach, |b| b.0);
@@ -231,7 +266,7 @@ impl FacetFinder {
                 continue;
             }
             let side = Side::new(mesh, *facet);
-            let Some((reference, distance)) = side.crossing(x, n) else { continue };
+            let Some((reference, distance)) = candidate(&side) else { continue };
             if distance <= reach && best.as_ref().is_none_or(|b| distance < b.0) {
                 best = Some((distance, side.image(reference)));
             }
@@ -334,7 +369,7 @@ impl<'a> Side<'a> {
                 return None;
             }
         }
-        inside(self.kind, p.as_slice()).then(|| self.point(&p))
+        inside(self.kind, p.as_slice(), INSIDE).then(|| self.point(&p))
     }
 
     fn point(&self, p: &Vector2<f64>) -> Vector3<f64> {
@@ -376,7 +411,7 @@ impl<'a> Side<'a> {
         }
         let outward = jacobian.try_inverse()?.transpose() * reference;
         let facing = outward.dot(&n) < 0.0;
-        (facing && inside(self.kind, &p.as_slice()[..dim - 1])).then(|| (r.into(), distance.abs()))
+        (facing && inside(self.kind, &p.as_slice()[..dim - 1], INSIDE)).then(|| (r.into(), distance.abs()))
     }
 }
 

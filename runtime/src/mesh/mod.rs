@@ -19,7 +19,7 @@ mod topology;
 pub use cell::{CellKind, FacetMap, LocalFacet};
 pub use error::{CellName, MeshError, NodeName};
 pub use generate::{BoxShape, MapError, cells_for_size, generate_box, map_nodes};
-pub use locate::{CellFinder, FacetFinder, Image, inverse_map};
+pub use locate::{CellFinder, FacetFinder, Image};
 pub use pair::{facet_correspondences, orientation};
 pub use quality::{QualitySummary, cell_volumes, element_sizes, facet_heights, facet_measures, summary};
 pub use region::{

@@ -379,16 +379,20 @@ impl Builder<'_> {
         })
     }
 
-    /// What terms and updates of states are compiled to, and the rules of their places.
-    fn laws(&mut self) -> (Vec<terms::PlacedLaw>, Vec<states::StateLaw>, terms::Rules) {
-        let mut maker = terms::TermMaker {
+    fn term_maker(&mut self) -> terms::TermMaker<'_> {
+        terms::TermMaker {
             script: self.script,
             env: self.env,
             mesh: &self.mesh,
             regions: &self.regions,
             fields: &self.fields,
             diagnostics: &mut *self.diagnostics,
-        };
+        }
+    }
+
+    /// What terms and updates of states are compiled to, and the rules of their places.
+    fn laws(&mut self) -> (Vec<terms::PlacedLaw>, Vec<states::StateLaw>, terms::Rules) {
+        let mut maker = self.term_maker();
         let laws = maker.make();
         let mut rules = maker.rules(&laws);
         let renewed = self.state_laws();

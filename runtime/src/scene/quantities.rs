@@ -150,15 +150,7 @@ impl Builder<'_> {
         for measure in &self.script.measures {
             let mut parts = Vec::new();
             for place in &measure.places {
-                let mut maker = terms::TermMaker {
-                    script: self.script,
-                    env: self.env,
-                    mesh: &self.mesh,
-                    regions: &self.regions,
-                    fields: &self.fields,
-                    diagnostics: &mut *self.diagnostics,
-                };
-                let Some((sig, set)) = maker.place(place) else { continue };
+                let Some((sig, set)) = self.term_maker().place(place) else { continue };
                 let law = compile_value(self.env, &sig, "measure", &measure.expr);
                 self.diagnostics.extend(law.diagnostics);
                 let Some(law) = law.value else { continue };

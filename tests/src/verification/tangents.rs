@@ -9,7 +9,7 @@ use wfl_jit::JitBackend;
 use wfl_runtime::{Scene, System, assemble::FieldValues};
 
 use super::{Benchmark, Case, Tolerance, common::or_failed};
-use crate::{examples, prepared, scene_files};
+use crate::{Sequence, examples, prepared, scene_files};
 
 /// The benchmarks of this file.
 pub(super) const BENCHMARKS: &[Benchmark] = &[Benchmark {
@@ -56,8 +56,8 @@ fn check(what: &str, path: &Path) -> Result<Case, String> {
     let sizes = sizes(&mut scene, &mut random)?;
     let mut case = Case::new(what);
     for k in 0..DIRECTIONS {
-        let u = random.vector(&scene.system, &sizes);
-        let d = random.vector(&scene.system, &sizes);
+        let u = vector(&mut random, &scene.system, &sizes);
+        let d = vector(&mut random, &scene.system, &sizes);
         let mut best: Vec<(String, f64)> = Vec::new();
         for step in STEPS {
             let found = errors(&mut scene.system, &u, &d, step)?;
@@ -74,27 +74,15 @@ fn check(what: &str, path: &Path) -> Result<Case, String> {
     Ok(case)
 }
 
-/// A fixed sequence of numbers in [-1, 1).
-struct Sequence(u64);
-
-impl Sequence {
-    fn next(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
-    /// Numbers of the size of each field.
-    fn vector(&mut self, system: &System, sizes: &[f64]) -> Vec<f64> {
-        let mut u = vec![0.0; system.numbering.n_dofs];
-        for (k, size) in sizes.iter().enumerate() {
-            for x in system.range(k).into_iter().flatten() {
-                u[x] = size * self.next();
-            }
+/// Numbers of the size of each field.
+fn vector(random: &mut Sequence, system: &System, sizes: &[f64]) -> Vec<f64> {
+    let mut u = vec![0.0; system.numbering.n_dofs];
+    for (k, size) in sizes.iter().enumerate() {
+        for x in system.range(k).into_iter().flatten() {
+            u[x] = size * random.number();
         }
-        u
     }
+    u
 }
 
 /// By field, how large its values may be: displacements that strain cells by some percent; multipliers of the size
@@ -114,7 +102,7 @@ fn sizes(scene: &mut Scene, random: &mut Sequence) -> Result<Vec<f64>, String> {
     if multipliers.is_empty() {
         return Ok(sizes);
     }
-    let u = random.vector(system, &sizes);
+    let u = vector(random, system, &sizes);
     system.tangent(&u, false).map_err(|e| e.to_string())?;
     for k in multipliers {
         let range = system.range(k).ok_or("an unknown")?;

@@ -1,6 +1,8 @@
 //! A term on one entity or at one point, for looks at single elements. Not for assembly: slow.
 
-use super::{AssembledTerm, contract};
+use std::ops::ControlFlow;
+
+use super::{AssembledTerm, NonFinitePlace, contract};
 use crate::{
     assemble::{
         domain::{Group, GroupSide},
@@ -9,7 +11,19 @@ use crate::{
     },
     mesh::Mesh,
 };
-use wfl_compiler::{interpret, ir::LANES};
+use wfl_compiler::{
+    first_non_finite, interpret,
+    ir::{LANES, VerifiedKernel},
+};
+
+/// A quadrature point of one entity.
+struct Point<'a> {
+    group: &'a Group,
+    /// Position of the entity in the group.
+    entity: usize,
+    q: usize,
+    weight: f64,
+}
 
 impl AssembledTerm {
     /// The tangent on the first entity whose owning side is asked for: its global dofs and the matrix, row by row. Dofs
@@ -47,9 +61,47 @@ impl AssembledTerm {
 
     /// Calls `f(fluxes by test slot, weight)` at every point, in the order of groups, entities and points.
     pub fn for_each_flux(&self, mesh: &Mesh, values: FieldValues<'_>, mut f: impl FnMut(&[f64], f64)) {
+        let (mut scratch, mut out) = (Vec::new(), vec![0.0; self.law.residual.kernel().outputs.len()]);
+        let _: ControlFlow<()> = self.points(mesh, values, |inputs, point| {
+            interpret(&self.law.residual, &self.uniforms, inputs, &mut scratch, &mut out);
+            f(&out[..self.law.tests.len()], point.weight);
+            ControlFlow::Continue(())
+        });
+    }
+
+    /// Finds the first entity and point at which an instruction gives something that is not finite.
+    pub(super) fn find_non_finite(
+        &self,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        kernel: &VerifiedKernel,
+    ) -> Option<NonFinitePlace> {
+        self.points(mesh, values, |inputs, point| {
+            let cause = first_non_finite(kernel, &self.uniforms, inputs).map(|f| self.origin(kernel, f));
+            if cause.is_none() && inputs.iter().all(|x| x.is_finite()) {
+                return ControlFlow::Continue(());
+            }
+            let (group, k) = (point.group, point.entity);
+            ControlFlow::Break(NonFinitePlace {
+                cause,
+                term: self.law.name.clone(),
+                entity: group.entities[k],
+                point: point.q,
+                position: mesh.point_at(group.here.cells[k], &group.here.geometry, point.q),
+            })
+        })
+        .break_value()
+    }
+
+    /// Calls `f` with the inputs of the law at every point, in the order of groups, entities and points.
+    fn points<B>(
+        &self,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        mut f: impl FnMut(&[f64], Point<'_>) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
         let n_in = self.integrator.binding.inputs.len();
         let mut workspace = Workspace::default();
-        let (mut scratch, mut out) = (Vec::new(), vec![0.0; self.law.residual.kernel().outputs.len()]);
         for (g, group) in self.integrator.domain.groups.iter().enumerate() {
             for batch in 0..group.n_batches() {
                 workspace.prepare(self.bound(mesh), g, batch, values);
@@ -57,11 +109,12 @@ impl AssembledTerm {
                     for q in 0..group.n_points() {
                         let inputs: Vec<f64> =
                             (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES + lane]).collect();
-                        interpret(&self.law.residual, &self.uniforms, &inputs, &mut scratch, &mut out);
-                        f(&out[..self.law.tests.len()], workspace.weight(q)[lane]);
+                        let weight = workspace.weight(q)[lane];
+                        f(&inputs, Point { group, entity: batch * LANES + lane, q, weight })?;
                     }
                 }
             }
         }
+        ControlFlow::Continue(())
     }
 }
