@@ -26,14 +26,14 @@ mod strategy;
 mod system;
 mod value;
 
-pub use pruning::{LeftOut, Pruning};
+pub use pruning::{LeftOut, Pruning, Saving, SavingError, savings};
 pub use run::{
     Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Outcome, Path, PhysicsCheck, Progress, Quiet,
     RunError, RunOptions, StepResult, coercivity, run, text_hash,
 };
 pub use scene::{
     CsvOutput, Given, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions, RuleChoice, SampleAt,
-    Samples, Scene, StateUpdate, Steps, TermSummary, VtkOutput, prepare,
+    Samples, Scene, StateUpdate, Steps, TermSummary, VtkOutput, prepare, prepare_keeping,
 };
 pub use strategy::{SolverMemory, Strategy};
 pub use system::{FIXED, Known, Memory, Numbering, Past, System, SystemError};

@@ -1,34 +1,45 @@
 //! What is left out because a scene does not need it, each with a switch that puts it back.
 //!
 //! A switch changes how a solution is found and not which: it exists so that the saving can be measured and the result
-//! compared. Does not decide anything: `System` and `Strategy` ask.
+//! compared ([`savings`]). Does not decide anything: `System`, `Strategy` and the rules of integration ask.
+
+mod savings;
 
 use wfl_compiler::Class;
+
+pub use savings::{Saving, SavingError, savings};
 
 use crate::{scene::Scene, strategy::condenses, system::System};
 
 /// Something that is left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pruning {
+    /// Loads and other terms without unknowns are summed once per step.
+    Constant,
     /// Linear terms are assembled once for all iterations and steps; a scene of nothing else has no Newton iterations.
     Linear,
     /// The linear part is factored once and the dofs of the other terms are condensed.
     Condense,
     /// Symmetric tangents are factored as L L^T in place of L U.
     Symmetric,
+    /// Linear terms are integrated with the degree of their own integrands, not with the highest of the scene.
+    Quadrature,
 }
 
 impl Pruning {
     /// All of them.
-    pub const ALL: [Pruning; 3] = [Pruning::Linear, Pruning::Condense, Pruning::Symmetric];
+    pub const ALL: [Pruning; 5] =
+        [Pruning::Constant, Pruning::Linear, Pruning::Condense, Pruning::Symmetric, Pruning::Quadrature];
 
     /// Its name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Pruning::Constant => "constant",
             Pruning::Linear => "linear",
             Pruning::Condense => "condense",
             Pruning::Symmetric => "symmetric",
+            Pruning::Quadrature => "quadrature",
         }
     }
 
@@ -62,7 +73,8 @@ impl Scene {
         let system = &self.system;
         let of = |class: Class| system.terms.iter().filter(|t| t.law.class == class).count();
         if of(Class::Constant) > 0 {
-            push("loads in iterations", format!("{} terms without unknowns: once a step", of(Class::Constant)), None);
+            let switch = (!system.is_linear()).then_some(Pruning::Constant);
+            push("loads in iterations", format!("{} terms without unknowns: once a step", of(Class::Constant)), switch);
         }
         if system.is_linear() {
             push("Newton", "all terms are linear: one linear system".to_owned(), Some(Pruning::Linear));
@@ -78,6 +90,24 @@ impl Scene {
         if system.is_symmetric() && system.uses(Pruning::Symmetric) {
             push("LU", "every tangent is symmetric: LLT".to_owned(), Some(Pruning::Symmetric));
         }
+        let degrees = |known: bool| {
+            let of_class = system.terms.iter().filter(move |t| !known || t.law.class <= Class::Linear);
+            of_class.map(|t| t.law.degree.rule())
+        };
+        if let (Some(least), Some(most)) = (degrees(true).min(), degrees(false).max())
+            && least < most
+            && system.uses(Pruning::Quadrature)
+        {
+            let why =
+                format!("linear terms take the degree of their own integrands, from {least}; the highest is {most}");
+            push("quadrature points", why, Some(Pruning::Quadrature));
+        }
+        for (name, value) in self.params.iter().filter(|p| p.1.values.iter().all(|x| *x == 0.0)) {
+            if self.in_terms.contains(name) {
+                let zero = if value.shape.rank() == 0 { "0" } else { "zero" };
+                push(name, format!("`{name}` is {zero}: nothing that it multiplies is compiled"), None);
+            }
+        }
         if system.mesh.dim() < 3 {
             push("third component", format!("the mesh has {} dimensions", system.mesh.dim()), None);
         }
@@ -85,9 +115,9 @@ impl Scene {
     }
 }
 
-/// Raises linear terms to terms of which nothing is known.
-pub(crate) fn forget_linear(system: &mut System) {
-    for term in system.terms.iter_mut().filter(|t| t.law.class == Class::Linear) {
+/// Raises terms of a class to terms of which nothing is known.
+pub(crate) fn forget(system: &mut System, class: Class) {
+    for term in system.terms.iter_mut().filter(|t| t.law.class == class) {
         term.law.class = Class::Nonlinear;
     }
 }

@@ -27,7 +27,7 @@ use crate::{
     frames::Frames,
     mesh::Mesh,
     newton::TermPieces,
-    pruning::{Pruning, forget_linear},
+    pruning::{Pruning, forget},
 };
 
 /// Values that do not follow from the unknowns: known fields, and the past where a scene uses it.
@@ -296,22 +296,17 @@ impl System {
         Ok(changed)
     }
 
-    /// Does something although the scene does not need it, to measure what leaving it out saves. Call it before the
-    /// first step.
-    ///
-    /// # Errors
-    /// [`CsrError`] when the pattern does not fit the index types.
-    pub fn keep(&mut self, pruning: Pruning) -> Result<(), CsrError> {
+    /// Does something although the scene does not need it, to measure what leaving it out saves; before [`Self::hold`].
+    pub(crate) fn keep(&mut self, pruning: Pruning) {
         self.kept.push(pruning);
-        if pruning == Pruning::Linear {
-            forget_linear(self);
-            let pieces = std::mem::take(&mut self.pieces);
-            self.hold(pieces)?;
+        match pruning {
+            Pruning::Constant if !self.is_linear() => forget(self, Class::Constant),
+            Pruning::Linear => forget(self, Class::Linear),
+            _ => {}
         }
-        Ok(())
     }
 
-    /// True unless [`Self::keep`] was told to do without this pruning.
+    /// True unless the scene was prepared without this pruning.
     #[must_use]
     pub fn uses(&self, pruning: Pruning) -> bool {
         !self.kept.contains(&pruning)

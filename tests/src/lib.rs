@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use wfl::{Diagnostic, Loader, Override, SourceId, SourceMap, parse_expr, render, resolve};
 use wfl_compiler::backend::KernelBackend;
 use wfl_jit::JitBackend;
-use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, output::About, prepare, run};
+use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, prepare, run};
 
 /// Files by name, changed by text replacements on the way.
 struct Edited<'a> {
@@ -186,18 +186,7 @@ pub fn attempt_with(
     let backend = JitBackend::new().expect("machine code on this processor");
     let (scene, mut messages) = scene_and_messages(folder, text, edits, params, &backend);
     let Some(mut scene) = scene else { return Attempt { solved: None, messages } };
-    let options = RunOptions {
-        name: "test".to_owned(),
-        out: None,
-        resume: false,
-        text_hash: 0,
-        threads,
-        version: String::new(),
-        parse_seconds: 0.0,
-        started: std::time::Instant::now(),
-        warnings: Vec::new(),
-        about: About::default(),
-    };
+    let options = RunOptions::without_files(threads, std::time::Instant::now());
     match run(&mut scene, &options, &mut Quiet) {
         Ok(outcome) => Attempt { solved: Some(Solved { scene, outcome }), messages },
         Err(error) => {

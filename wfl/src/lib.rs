@@ -48,4 +48,5 @@ pub use script::{
 };
 pub use source::{Source, SourceId, SourceMap, Span};
 pub use units::{UnitOf, check_units, unit_report};
+pub use walk::each_name;
 pub use words::{CONSTANTS, FUNCTIONS, PREFIXES, REGIONS, UNSUPPORTED, is_function, reserved, split_prefixes};

@@ -12,7 +12,7 @@ use crate::{
     diag::Diagnostic,
     render::at_expr,
     source::{SourceMap, Span},
-    walk::{height, names, size},
+    walk::{each_name, height, size},
     words::{only_prefixes, split_prefixes},
 };
 
@@ -46,7 +46,7 @@ impl<'d> Table<'d> {
     /// The macros of this table that the body of `def` uses.
     fn uses(&self, def: &MacroDef) -> Vec<usize> {
         let mut used = Vec::new();
-        names(&def.body, &mut |word| {
+        each_name(&def.body, &mut |word| {
             if !def.formals.iter().any(|f| f.name == word) {
                 used.extend(self.by_name.get(word));
             }

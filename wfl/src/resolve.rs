@@ -21,7 +21,7 @@ use crate::{
     },
     source::{SourceId, SourceMap, Span},
     units::check_units,
-    walk::{cond_children, names as names_of},
+    walk::{cond_children, each_name as names_of},
     words::{REGIONS, split_prefixes},
 };
 use include::Includes;

@@ -46,11 +46,11 @@ pub(crate) fn cond_children<'e>(c: &'e Cond, f: &mut dyn FnMut(&'e Expr)) {
 }
 
 /// Calls `f` for every word of an expression.
-pub(crate) fn names<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e str)) {
+pub fn each_name<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e str)) {
     if let ExprKind::Name(word) = &e.kind {
         f(word);
     }
-    children(e, &mut |c| names(c, f));
+    children(e, &mut |c| each_name(c, f));
 }
 
 /// The number of nodes.

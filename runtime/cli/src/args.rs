@@ -112,7 +112,7 @@ A knob is a parameter of the scenes, or one of
   degree=1,2         degree of the unknowns on cells
   quadrature=vertex,2,4   rule of the terms with kinks
   tol=1e-4,1e-8  max_iter=20  search=none  threads=1,2
-  no_prune=nothing,linear,condense,symmetric   what is left out of a run, put back
+  no_prune=nothing,constant,linear,condense,symmetric,quadrature   what is left out of a run, put back
 Lists: a,b,c; a..b:log5 and a..b:lin5 have five values with both ends. Several scenes are several methods.
 Results in DIR: sweep.csv, a row a setting, also those that failed; sweep.html and an SVG file a plot, made from it
 alone. Rows that are there already are not run again.
@@ -173,6 +173,9 @@ pub(crate) struct RunArgs {
     /// Do what the scene does not need, to measure what leaving it out saves: linear, condense, symmetric; see wfl check
     #[arg(long, value_name = "NAME", value_parser = pruning)]
     pub(crate) no_prune: Vec<Pruning>,
+    /// First measure what each part that the scene does without saves: solves it twice more for each, for the report
+    #[arg(long, conflicts_with = "no_prune")]
+    pub(crate) savings: bool,
     /// Say nothing but errors
     #[arg(short, long, conflicts_with = "verbose")]
     pub(crate) quiet: bool,

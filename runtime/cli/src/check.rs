@@ -28,7 +28,7 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
     };
     let parse = started.elapsed().as_secs_f64();
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(scene) = prepare_scene(&mut loaded, &*backend) else { return ExitCode::from(EXIT_ERROR) };
+    let Some(scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
     print_all(&loaded.messages, &loaded.sources);
     let tables = tables(&loaded, &scene, parse);
     if args.json {

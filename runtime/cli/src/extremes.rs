@@ -5,7 +5,7 @@ use std::{path::Path, process::ExitCode, time::Instant};
 use serde_json::Value;
 use wfl::Diagnostic;
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{Outcome, Quiet, RunOptions, output::About, prepare, run, text_hash};
+use wfl_runtime::{Outcome, Quiet, RunOptions, prepare, run, text_hash};
 
 use crate::{
     args::ExtremesArgs,
@@ -158,15 +158,9 @@ fn options(loaded: &Loaded, scene: &Path, started: Instant) -> RunOptions {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
     RunOptions {
         name: scene.display().to_string(),
-        out: None,
-        resume: false,
         text_hash: text_hash(loaded.texts()),
-        threads,
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        parse_seconds: 0.0,
-        started,
-        warnings: Vec::new(),
-        about: About::default(),
+        ..RunOptions::without_files(threads, started)
     }
 }
 

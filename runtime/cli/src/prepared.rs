@@ -3,7 +3,7 @@
 use wfl::Diagnostic;
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_jit::JitBackend;
-use wfl_runtime::{Scene, prepare};
+use wfl_runtime::{Pruning, Scene, prepare_keeping};
 
 use crate::load::{Loaded, print_all, say};
 
@@ -24,10 +24,10 @@ pub(crate) fn backend(interpret: bool) -> Option<Box<dyn KernelBackend>> {
     }
 }
 
-/// Prepares a scene. All messages go to `loaded`, in the order of the text; they are printed here only when there is no
-/// scene.
-pub(crate) fn prepare_scene(loaded: &mut Loaded, backend: &dyn KernelBackend) -> Option<Scene> {
-    let prepared = prepare(&loaded.script, &loaded.folder, backend);
+/// Prepares a scene; what is in `keep` is done although it does not need it. All messages go to `loaded`, in the order of
+/// the text; they are printed here only when there is no scene.
+pub(crate) fn prepare_scene(loaded: &mut Loaded, backend: &dyn KernelBackend, keep: &[Pruning]) -> Option<Scene> {
+    let prepared = prepare_keeping(&loaded.script, &loaded.folder, backend, keep);
     loaded.messages.extend(prepared.diagnostics);
     let place = |d: &Diagnostic| d.labels.first().map(|l| (l.span.source.index(), l.span.start));
     loaded.messages.sort_by_key(place);

@@ -5,11 +5,11 @@ use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, time::Instant};
 use wfl::Diagnostic;
 use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
-    Outcome, RunError, RunOptions, Scene, StepResult,
+    Outcome, RunError, RunOptions, Saving, Scene, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
     newton::{Iteration, NewtonError},
     output::{About, OrderedMap, SceneText},
-    text_hash,
+    savings, text_hash,
 };
 
 use crate::{
@@ -32,13 +32,9 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     let parse_seconds = started.elapsed().as_secs_f64();
     let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(mut scene) = prepare_scene(&mut loaded, &*backend) else { return ExitCode::from(EXIT_ERROR) };
-    for pruning in &args.no_prune {
-        if let Err(error) = scene.system.keep(*pruning) {
-            say(&format!("error: {error}\n"));
-            return ExitCode::from(EXIT_ERROR);
-        }
-    }
+    let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &args.no_prune) else {
+        return ExitCode::from(EXIT_ERROR);
+    };
     if let Some(most) = args.max_iter {
         scene.newton.max_iterations = most.get();
     }
@@ -59,6 +55,19 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         out(&nitsche::found(&loaded, &scene));
         print_all(&loaded.messages, &loaded.sources);
     }
+    let mut saved = Vec::new();
+    if args.savings {
+        saved = match savings(&loaded.script, &loaded.folder, &*backend, threads) {
+            Ok(saved) => saved,
+            Err(error) => {
+                say(&format!("error: {error}\n  = help: without --savings the run tells more\n"));
+                return ExitCode::from(EXIT_ERROR);
+            }
+        };
+        if loudness != Loudness::Quiet {
+            out(&savings_text(&saved));
+        }
+    }
     let options = RunOptions {
         name: loaded.name.clone(),
         out: Some(args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&loaded.name))),
@@ -70,6 +79,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         started,
         warnings: loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
         about: about(&loaded),
+        savings: saved,
     };
     if loudness == Loudness::Verbose {
         unused_nodes(&scene);
@@ -83,6 +93,19 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
             explain(&loaded, &scene, &error);
             ExitCode::from(EXIT_ERROR)
         }
+    }
+}
+
+/// What was measured of what the scene does without.
+fn savings_text(savings: &[Saving]) -> String {
+    let line = |s: &Saving| {
+        let name = s.pruning.name();
+        format!("without the pruning `{name}`: {:.2} times as long, measures move by {:.1e}\n", s.times, s.moved)
+    };
+    if savings.is_empty() {
+        "nothing that has a switch is left out\n".to_owned()
+    } else {
+        savings.iter().map(line).collect()
     }
 }
 

@@ -32,7 +32,7 @@ pub(crate) fn show(args: &ShowArgs) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(scene) = prepare_scene(&mut loaded, &*backend) else { return ExitCode::from(EXIT_ERROR) };
+    let Some(scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
     let Some(chosen) = chosen(&scene, args.term.as_deref()) else { return ExitCode::from(EXIT_ERROR) };
     out(&match args.view {
         View::Terms => {

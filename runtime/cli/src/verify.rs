@@ -24,7 +24,7 @@ pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
         return ExitCode::from(EXIT_ERROR);
     };
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(scene) = prepare_scene(&mut loaded, &*backend) else { return ExitCode::from(EXIT_ERROR) };
+    let Some(scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
     print_all(&loaded.messages, &loaded.sources);
     let sampling = sampling(&scene, args);
     let columns = ["term", "test", "trial", "entries", "tangent - difference", "rounding", ""];

@@ -31,7 +31,8 @@ fn moves_by_rounding(scene: &str, switch: &str, words: &[&str], within: f64) {
     let name = format!("{}_{switch}", scene.replace(['/', '.'], "_"));
     let with = report(scene, &name, words);
     let without = report(scene, &(name + "_kept"), &[words, &["--no-prune", switch]].concat());
-    assert_ne!(with["solver"], without["solver"], "{scene}: the switch {switch} does nothing");
+    let lists = |r: &serde_json::Value| r["left_out"].as_array().into_iter().flatten().any(|l| l["switch"] == switch);
+    assert!(lists(&with) && !lists(&without), "{scene}: the switch {switch} does nothing");
     let (a, b) = (measures(&with), measures(&without));
     assert_eq!(a.len(), b.len());
     assert!(!a.is_empty());
@@ -46,6 +47,8 @@ fn what_is_left_out_changes_the_result_by_rounding_only() {
     // the fault's Newton iterations stop at 1e-10 of the forces; its measures agree to a thousand times that
     moves_by_rounding("fault/penalty.wfl", "condense", &[], 1e-7);
     moves_by_rounding("fault/penalty.wfl", "linear", &[], 1e-7);
+    moves_by_rounding("fault/penalty.wfl", "constant", &[], 1e-7);
+    moves_by_rounding("fault/penalty.wfl", "quadrature", &[], 1e-7);
     moves_by_rounding("poisson/poisson.wfl", "linear", &[], 1e-10);
     moves_by_rounding("poisson/poisson.wfl", "symmetric", &[], 1e-10);
 }
@@ -62,7 +65,41 @@ fn check_lists_what_is_left_out_with_its_switch() {
         assert!(contact.contains(needed), "{needed}: {contact}");
     }
     assert!(!contact.contains("--no-prune symmetric"), "Nitsche with friction is not symmetric: {contact}");
+    let frictionless = wfl(&["check", "fault/nitsche.wfl", "fric=0"]);
+    let frictionless = String::from_utf8_lossy(&frictionless.stdout).into_owned();
+    assert!(frictionless.contains("`fric` is 0: nothing that it multiplies is compiled"), "{frictionless}");
     let wrong = wfl(&["run", "poisson/poisson.wfl", "--no-prune", "everything"]);
     assert_eq!(wrong.status.code(), Some(1));
-    assert!(String::from_utf8_lossy(&wrong.stderr).contains("linear, condense, symmetric"));
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("constant, linear, condense, symmetric, quadrature"));
+}
+
+/// Instructions of the contact term by its fields in `wfl check`.
+fn instructions(words: &[&str]) -> u64 {
+    let told = String::from_utf8_lossy(&wfl(words).stdout).into_owned();
+    let line = told.lines().find(|l| l.trim_start().starts_with("contact ")).expect("the contact term");
+    line.split_whitespace().last().and_then(|n| n.parse().ok()).expect("instructions of the tangent")
+}
+
+/// A friction coefficient of 0 leaves out the tangential terms; one of 1e-300 does not and gives the same.
+#[test]
+fn without_friction_there_are_no_tangential_terms() {
+    let (without, with) = (["check", "fault/nitsche.wfl", "fric=0"], ["check", "fault/nitsche.wfl", "fric=1e-300"]);
+    assert!(2 * instructions(&without) < instructions(&with));
+    let run = |name: &str, fric: &str| measures(&report("fault/penalty.wfl", name, &[fric]));
+    let (a, b) = (run("fric_0", "fric=0"), run("fric_tiny", "fric=1e-300"));
+    let largest = a.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    for (x, y) in a.iter().zip(&b) {
+        assert!((x - y).abs() <= 1e-7 * x.abs().max(1e-6 * largest), "{x} and {y}");
+    }
+}
+
+#[test]
+fn savings_are_measured_and_reported() {
+    let made = report("poisson/poisson.wfl", "savings", &["--savings"]);
+    let list = made["left_out"].as_array().expect("what was left out");
+    let linear = list.iter().find(|l| l["switch"] == "linear").expect("Newton is left out");
+    assert!(linear["times"].as_f64().expect("a ratio") > 0.0);
+    assert!(linear["moved"].as_f64().expect("a number") < 1e-9);
+    let both = wfl(&["run", "poisson/poisson.wfl", "--savings", "--no-prune", "linear"]);
+    assert!(!both.status.success());
 }

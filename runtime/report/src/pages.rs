@@ -54,6 +54,7 @@ impl Pages {
         parts.extend(profile::sections(run, &chosen)?);
         parts.push(solver::newton(run));
         parts.push(solver::time(run));
+        parts.push((solver::left_out(run), Vec::new()));
         parts.push((solver::numbers(run), Vec::new()));
         parts.push((texts(run), Vec::new()));
         let report = &run.report;

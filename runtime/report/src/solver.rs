@@ -32,10 +32,27 @@ pub(crate) fn summary(run: &RunFolder) -> Section {
     for warning in &report.warnings {
         section = section.warning(warning.as_str());
     }
-    for left_out in &report.left_out {
-        section = section.text(format!("Left out: {left_out}."));
-    }
     section
+}
+
+/// What was not done because the scene does not need it.
+pub(crate) fn left_out(run: &RunFolder) -> Section {
+    let list = &run.report.left_out;
+    let measured = list.iter().any(|l| l.times.is_some());
+    let mut heads = vec!["what", "why", "put back by"];
+    if measured {
+        heads.extend(["times as long with it", "measures move by"]);
+    }
+    let mut table = Table::new(heads);
+    for l in list {
+        let mut row = vec![l.name.clone(), l.why.clone(), l.switch.clone().unwrap_or_default()];
+        if measured {
+            row.extend([l.times, l.moved].map(|x| x.map_or(String::new(), |x| short(x.0))));
+        }
+        table.row(row);
+    }
+    let section = Section::new("Left out");
+    if table.is_empty() { section } else { section.table(table) }
 }
 
 /// Why this result is not to be trusted, if so.
@@ -168,10 +185,15 @@ pub(crate) fn time(run: &RunFolder) -> (Section, Vec<Picture>) {
 pub(crate) fn checks(run: &RunFolder) -> Section {
     let mut table = Table::new(["condition", "holds", "found", "allowed"]);
     for (name, check) in run.report.checks.iter() {
-        let holds = if check.ok { "yes" } else { "no" };
         // an expectation of the scene holds or not; there is no number behind it
         let number = |x: f64| if name.starts_with("expect ") { String::new() } else { short(x) };
-        table.row([name.to_owned(), holds.to_owned(), number(check.value.0), number(check.tolerance.0)]);
+        // an infinite tolerance is written as no number: the value is told and not judged
+        let (holds, allowed) = match (check.tolerance.0.is_finite(), check.ok) {
+            (false, _) => ("", "any".to_owned()),
+            (true, true) => ("yes", number(check.tolerance.0)),
+            (true, false) => ("no", number(check.tolerance.0)),
+        };
+        table.row([name.to_owned(), holds.to_owned(), number(check.value.0), allowed]);
     }
     let section = Section::new("Checks");
     if table.is_empty() { section } else { section.table(table) }

@@ -21,8 +21,8 @@ pub use csv::{CsvField, write_csv, write_csv_fields};
 pub use grid::{Array, Cells, Piece, VtuError};
 pub use ordered::OrderedMap;
 pub use report::{
-    About, AttemptReport, Check, ContactCounts, MeshReport, ParameterValue, REPORT_FILE, Real, Report, SceneText,
-    StepReport, Stop, Timings, peak_memory_bytes, write_report,
+    About, AttemptReport, Check, ContactCounts, LeftOutReport, MeshReport, ParameterValue, REPORT_FILE, Real, Report,
+    SceneText, StepReport, Stop, Timings, peak_memory_bytes, write_report,
 };
 pub use series::Series;
 pub use vtk_cell::{VtkCell, vtk_order};

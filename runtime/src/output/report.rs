@@ -56,7 +56,7 @@ pub struct Report {
     pub error: Option<String>,
     /// What was not done because the scene does not need it; left out of the file if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub left_out: Vec<String>,
+    pub left_out: Vec<LeftOutReport>,
     /// The files that this run wrote, in the order of writing; the folder may hold others of earlier runs. Left out of
     /// the file if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -64,6 +64,24 @@ pub struct Report {
     /// The scene itself.
     #[serde(flatten)]
     pub about: About,
+}
+
+/// Something that was not done.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LeftOutReport {
+    /// What.
+    pub name: String,
+    /// Why the scene does not need it.
+    pub why: String,
+    /// The name of the switch that puts it back, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub switch: Option<String>,
+    /// How many times as long it takes with it, if that was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<Real>,
+    /// How far the measures move with it, relative to their largest values, if that was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moved: Option<Real>,
 }
 
 /// What a scene says about itself, kept so that results can be read without it.
@@ -374,7 +392,13 @@ mod tests {
         report.fields.insert("u", 28_u64);
         report.solver = Some("Newton, LU".into());
         report.warnings.push("line\n\"two\"".into());
-        report.left_out.push("restart".into());
+        report.left_out.push(LeftOutReport {
+            name: "LU".into(),
+            why: "symmetric".into(),
+            switch: Some("symmetric".into()),
+            times: Some(Real(1.5)),
+            moved: None,
+        });
         report.files.push("a_0000.vtu".into());
         report.about.step_variable = Some("t".into());
         report.about.units.insert("X", "mm");

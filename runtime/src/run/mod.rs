@@ -27,6 +27,7 @@ use wfl_compiler::ir::Origin;
 use crate::{
     newton::{Coercivity, Iteration, NewtonError, StepHistory, Stop, Watch},
     output::{About, OutputDir, OutputError, Report, write_report},
+    pruning::Saving,
     scene::Scene,
     system::{System, SystemError},
 };
@@ -59,6 +60,28 @@ pub struct RunOptions {
     pub warnings: Vec<String>,
     /// What the report says about the scene.
     pub about: About,
+    /// What the report says about savings, measured before.
+    pub savings: Vec<Saving>,
+}
+
+impl RunOptions {
+    /// A run that writes no files.
+    #[must_use]
+    pub fn without_files(threads: usize, started: Instant) -> Self {
+        Self {
+            name: String::new(),
+            out: None,
+            resume: false,
+            text_hash: 0,
+            threads,
+            version: String::new(),
+            parse_seconds: 0.0,
+            started,
+            warnings: Vec::new(),
+            about: About::default(),
+            savings: Vec::new(),
+        }
+    }
 }
 
 /// What to tell while a run goes on.

@@ -4,9 +4,10 @@ use super::{Attempt, AttemptEnd, Path, PhysicsCheck, Run, RunOptions, StepResult
 use crate::{
     newton::Stop,
     output::{
-        self, AttemptReport, Check, ContactCounts, MeshReport, OrderedMap, ParameterValue, Real, Report, StepReport,
-        Timings, peak_memory_bytes,
+        self, AttemptReport, Check, ContactCounts, LeftOutReport, MeshReport, OrderedMap, ParameterValue, Real, Report,
+        StepReport, Timings, peak_memory_bytes,
     },
+    pruning::{LeftOut, Saving},
     scene::Scene,
     strategy::Strategy,
 };
@@ -58,7 +59,7 @@ pub(super) fn report(
             report.fields.insert(field.name.clone(), free as u64);
         }
     }
-    report.left_out = scene.left_out().into_iter().map(|l| format!("{}: {}", l.name, l.why)).collect();
+    report.left_out = scene.left_out().into_iter().map(|l| left_out(l, &options.savings)).collect();
     report.steps = run.steps.iter().map(step_report).collect();
     for (expect, holds) in expectations {
         let value = f64::from(u8::from(*holds != Some(true)));
@@ -175,5 +176,16 @@ fn attempt_report(attempt: &Attempt) -> AttemptReport {
         iterations: attempt.iterations as u64,
         converged,
         error,
+    }
+}
+
+fn left_out(what: LeftOut, savings: &[Saving]) -> LeftOutReport {
+    let saving = savings.iter().find(|s| Some(s.pruning) == what.switch);
+    LeftOutReport {
+        name: what.name,
+        why: what.why,
+        switch: what.switch.map(|s| s.name().to_owned()),
+        times: saving.map(|s| Real(s.times)),
+        moved: saving.map(|s| Real(s.moved)),
     }
 }

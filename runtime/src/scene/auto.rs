@@ -3,12 +3,9 @@
 //! The scene is made with the value 1, which tells the factor between the param and the parameter of each term; the
 //! param then gets what [`crate::newton::Coercivity::usual`] asks for. That the value does what it should is checked.
 
-use std::path::Path;
-
 use wfl::{Diagnostic, Param, ResolvedScript, ast::ExprKind};
-use wfl_compiler::backend::KernelBackend;
 
-use super::{Prepared, Scene, prepare_as_written};
+use super::{Prepared, Scene, With, prepare_as_written};
 use crate::run::coercivity;
 
 /// Agreement of the parameter of a term with what was asked for, relative.
@@ -20,7 +17,7 @@ pub(super) fn is_auto(param: &Param) -> bool {
 }
 
 /// Prepares a scene with params whose value is `auto`.
-pub(super) fn prepare(script: &ResolvedScript, folder: &Path, backend: &dyn KernelBackend) -> Prepared {
+pub(super) fn prepare(script: &ResolvedScript, with: With<'_>) -> Prepared {
     let asked: Vec<usize> = (0..script.params.len()).filter(|k| is_auto(&script.params[*k])).collect();
     let [param] = asked[..] else {
         return refused(&script.params[asked[1]], "only one param can be `auto`");
@@ -28,7 +25,7 @@ pub(super) fn prepare(script: &ResolvedScript, folder: &Path, backend: &dyn Kern
     let mut given = script.clone();
     let domain = given.params[param].domain.take();
     given.params[param].value.kind = ExprKind::Number(1.0);
-    let mut trial = prepare_as_written(&given, folder, backend);
+    let mut trial = prepare_as_written(&given, with);
     let Some(scene) = &mut trial.scene else { return trial };
     let wanted = gammas(scene).into_iter().map(|(gamma, usual)| usual / gamma).fold(0.0f64, f64::max);
     if !(wanted > 0.0 && wanted.is_finite()) {
@@ -36,7 +33,7 @@ pub(super) fn prepare(script: &ResolvedScript, folder: &Path, backend: &dyn Kern
     }
     given.params[param].domain = domain;
     given.params[param].value.kind = ExprKind::Number(wanted);
-    let mut made = prepare_as_written(&given, folder, backend);
+    let mut made = prepare_as_written(&given, with);
     if let Some(scene) = &mut made.scene
         && !gammas(scene).iter().any(|(gamma, usual)| (gamma / usual - 1.0).abs() < AGREEMENT)
     {

@@ -41,6 +41,7 @@ use crate::{
     field::Field,
     mesh::{Mesh, RegionSet, Topology},
     newton::{NewtonOptions, TermPieces},
+    pruning::Pruning,
     results::SampledPiece,
     system::{Known, Numbering, Past, System},
     value::{Sampled, Value},
@@ -132,6 +133,8 @@ pub struct Scene {
     pub times: PrepareTimes,
     /// Fields that no term uses.
     pub unused_fields: Vec<String>,
+    /// Words in expressions of terms.
+    pub(crate) in_terms: BTreeSet<String>,
     env: OwnedEnv,
 }
 
@@ -155,16 +158,36 @@ pub struct Prepared {
 /// the messages of everything that can still be checked.
 #[must_use]
 pub fn prepare(script: &ResolvedScript, folder: &Path, backend: &dyn KernelBackend) -> Prepared {
-    if script.params.iter().any(auto::is_auto) {
-        return auto::prepare(script, folder, backend);
-    }
-    prepare_as_written(script, folder, backend)
+    prepare_keeping(script, folder, backend, &[])
 }
 
-fn prepare_as_written(script: &ResolvedScript, folder: &Path, backend: &dyn KernelBackend) -> Prepared {
+/// [`prepare`], and what is listed is done although the scene does not need it.
+#[must_use]
+pub fn prepare_keeping(
+    script: &ResolvedScript,
+    folder: &Path,
+    backend: &dyn KernelBackend,
+    keep: &[Pruning],
+) -> Prepared {
+    let with = With { folder, backend, keep };
+    if script.params.iter().any(auto::is_auto) {
+        return auto::prepare(script, with);
+    }
+    prepare_as_written(script, with)
+}
+
+/// What a scene is prepared with beside its script.
+#[derive(Clone, Copy)]
+struct With<'a> {
+    folder: &'a Path,
+    backend: &'a dyn KernelBackend,
+    keep: &'a [Pruning],
+}
+
+fn prepare_as_written(script: &ResolvedScript, with: With<'_>) -> Prepared {
     let mut diagnostics = Vec::new();
     let (mut lost, mut dim) = (script.lost.clone(), None);
-    let scene = prepare_all(script, folder, backend, (&mut diagnostics, &mut lost, &mut dim));
+    let scene = prepare_all(script, with, (&mut diagnostics, &mut lost, &mut dim));
     if scene.is_none() || !lost.is_empty() {
         rest::rest(script, dim, &mut lost, &mut diagnostics);
         diagnostics.retain(|d| !lost.explains(d));
@@ -192,11 +215,11 @@ fn once_per_place(diagnostics: &mut Vec<Diagnostic>) {
 
 fn prepare_all(
     script: &ResolvedScript,
-    folder: &Path,
-    backend: &dyn KernelBackend,
+    with: With<'_>,
     (diagnostics, lost, dim): (&mut Vec<Diagnostic>, &mut Lost, &mut Option<usize>),
 ) -> Option<Scene> {
     let begin = Instant::now();
+    let With { folder, backend, keep } = with;
     let read = mesh::read(script, folder, diagnostics);
     let params = constants::parameters(script, mesh::dimension(script, read.as_ref()), diagnostics);
     for param in script.params.iter().filter(|p| !params.contains_key(&p.name.name)) {
@@ -260,8 +283,20 @@ fn prepare_all(
         params: &params,
         mesh_time,
         prints: Vec::new(),
+        keep,
     }
     .build()
+}
+
+/// Words in the expressions of terms.
+fn names_in_terms(script: &ResolvedScript) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    for term in &script.terms {
+        wfl::each_name(&term.expr, &mut |n| {
+            names.insert(n.to_owned());
+        });
+    }
+    names
 }
 
 /// Where a law is integrated: the name, the entities, and the mapping it reads through with the fields it reads there.
@@ -282,6 +317,7 @@ struct Builder<'a> {
     params: &'a std::collections::BTreeMap<String, Constant>,
     mesh_time: f64,
     prints: Vec<Printed>,
+    keep: &'a [Pruning],
 }
 
 impl Builder<'_> {
@@ -344,6 +380,7 @@ impl Builder<'_> {
                 return None;
             }
         };
+        self.keep.iter().for_each(|pruning| system.keep(*pruning));
         if let Err(e) = system.hold(pieces) {
             self.diagnostics.push(Diagnostic::new("E412", e.to_string()));
             return None;
@@ -370,6 +407,7 @@ impl Builder<'_> {
             sigs: self.sigs.to_vec(),
             times: PrepareTimes { compile, mesh: mesh_time },
             unused_fields,
+            in_terms: names_in_terms(self.script),
             env: OwnedEnv {
                 params: self.params.clone(),
                 expansions: self.script.expansions.clone(),
@@ -392,9 +430,10 @@ impl Builder<'_> {
 
     /// What terms and updates of states are compiled to, and the rules of their places.
     fn laws(&mut self) -> (Vec<terms::PlacedLaw>, Vec<states::StateLaw>, terms::Rules) {
+        let own_degrees = !self.keep.contains(&Pruning::Quadrature);
         let mut maker = self.term_maker();
         let laws = maker.make();
-        let mut rules = maker.rules(&laws);
+        let mut rules = maker.rules(&laws, own_degrees);
         let renewed = self.state_laws();
         self.share_rules(&laws, &renewed, &mut rules);
         (laws, renewed, rules)

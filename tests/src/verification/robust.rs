@@ -238,12 +238,8 @@ fn run_in(
         out: Some(out),
         resume,
         text_hash,
-        threads: 2,
         version: "1".to_owned(),
-        parse_seconds: 0.0,
-        started: std::time::Instant::now(),
-        warnings: Vec::new(),
-        about: wfl_runtime::output::About::default(),
+        ..RunOptions::without_files(2, std::time::Instant::now())
     };
     run(&mut scene, &options, progress).map_err(|e| e.to_string())
 }

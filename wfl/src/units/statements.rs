@@ -5,7 +5,7 @@ use crate::{
     diag::Diagnostic,
     script::{Condition, DataValue, Field, FieldKind, StartKind, Term},
     source::Span,
-    walk::names,
+    walk::each_name,
     words::split_prefixes,
 };
 
@@ -62,7 +62,7 @@ impl<'s> Pass<'s> {
         for param in &script.params {
             let declared = &self.scene.declared[param.name.name.as_str()];
             let mut named = false;
-            names(&param.value, &mut |_| named = true);
+            each_name(&param.value, &mut |_| named = true);
             if declared.written || !named {
                 self.units.insert(&param.name.name, of_declared(declared.unit.as_ref()));
             }
@@ -167,7 +167,7 @@ impl<'s> Pass<'s> {
         }
         let Some(energy) = value.unit() else { return Vec::new() };
         let mut words = Vec::new();
-        names(&term.expr, &mut |word| words.push(split_prefixes(word).1));
+        each_name(&term.expr, &mut |word| words.push(split_prefixes(word).1));
         let solved_for = |f: &&Field| matches!(f.kind, FieldKind::Unknown | FieldKind::Multiplier { .. });
         let fields = self.scene.script.fields.iter().filter(solved_for);
         let used = fields.filter(|f| words.contains(&f.name.name.as_str()));

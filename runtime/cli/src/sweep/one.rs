@@ -11,7 +11,7 @@ use std::{
 
 use wfl::{Diagnostic, Output, Span, render};
 use wfl_compiler::{Class, backend::KernelBackend};
-use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, output::About, prepare, text_hash};
+use wfl_runtime::{Outcome, Pruning, Quiet, RunOptions, Scene, prepare_keeping, text_hash};
 
 use super::knobs::{self, Setting};
 use crate::load::{Loaded, read_scene};
@@ -66,7 +66,7 @@ pub(super) struct Known {
 /// Reads and prepares a scene as it stands.
 pub(super) fn known(path: &Path, backend: &dyn KernelBackend) -> Result<Known, String> {
     let loaded = read_scene(path, &[], "sweep", "")?;
-    let (scene, loaded) = prepared(loaded, backend)?;
+    let (scene, loaded) = prepared(loaded, backend, &[])?;
     let params = loaded.script.params.iter().map(|p| p.name.name.clone()).collect();
     let region = |t: &wfl_runtime::TermSummary| t.place.clone();
     let mut kinked: Vec<String> = scene.terms.iter().filter(|t| t.class == Class::Kinked).map(region).collect();
@@ -80,8 +80,8 @@ pub(super) fn known(path: &Path, backend: &dyn KernelBackend) -> Result<Known, S
     Ok(Known { params, kinked, hash, scene, loaded })
 }
 
-fn prepared(mut loaded: Loaded, backend: &dyn KernelBackend) -> Result<(Scene, Loaded), String> {
-    let made = prepare(&loaded.script, &loaded.folder, backend);
+fn prepared(mut loaded: Loaded, backend: &dyn KernelBackend, keep: &[Pruning]) -> Result<(Scene, Loaded), String> {
+    let made = prepare_keeping(&loaded.script, &loaded.folder, backend, keep);
     loaded.messages.extend(made.diagnostics);
     match made.scene.filter(|_| !loaded.messages.iter().any(Diagnostic::is_error)) {
         Some(scene) => Ok((scene, loaded)),
@@ -136,22 +136,15 @@ impl Bench<'_> {
         let outputs = std::mem::take(&mut script.outputs);
         script.expects.clear();
         let parse_seconds = started.elapsed().as_secs_f64();
-        let (mut scene, loaded) = prepared(loaded, self.backend)?;
-        if let Some(kept) = knobs::kept(setting).map_err(|e| e.to_string())? {
-            scene.system.keep(kept).map_err(|e| e.to_string())?;
-        }
+        let kept = knobs::kept(setting).map_err(|e| e.to_string())?;
+        let (mut scene, loaded) = prepared(loaded, self.backend, kept.as_slice())?;
         let threads = knobs::threads(setting).map_err(|e| e.to_string())?.unwrap_or(self.threads);
         let options = RunOptions {
             name: loaded.name.clone(),
-            out: None,
-            resume: false,
             text_hash: known.hash,
-            threads,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             parse_seconds,
-            started,
-            warnings: Vec::new(),
-            about: About::default(),
+            ..RunOptions::without_files(threads, started)
         };
         let outcome = wfl_runtime::run(&mut scene, &options, &mut Quiet).map_err(|e| e.to_string())?;
         Ok(Solved { loaded, outputs, scene, outcome })

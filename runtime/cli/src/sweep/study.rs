@@ -110,7 +110,7 @@ const PARTS: &[Part] = &[
             "Condensing the linear part of a contact scene saves half of its time, assembling it once as much; LLT saves \
              a third of a scene with a symmetric tangent. Results move by what the Newton tolerance leaves open.",
         ],
-        words: &["no_prune=nothing,linear,condense,symmetric"],
+        words: &["no_prune=nothing,constant,linear,condense,symmetric,quadrature"],
         reference: "none",
         reference_knobs: &[],
         figures: &[],
