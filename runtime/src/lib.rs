@@ -10,6 +10,7 @@ pub mod csr;
 pub mod element;
 pub mod field;
 pub mod frames;
+mod left_out;
 pub mod mesh;
 pub mod newton;
 pub mod output;
@@ -19,6 +20,7 @@ mod pruning;
 pub mod quadrature;
 pub mod results;
 mod run;
+mod savings;
 mod scene;
 pub mod solve;
 pub mod space;
@@ -26,14 +28,16 @@ mod strategy;
 mod system;
 mod value;
 
-pub use pruning::{LeftOut, Pruning, Saving, SavingError, savings};
+pub use left_out::LeftOut;
+pub use pruning::{Pruning, Saving};
 pub use run::{
     Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Outcome, Path, PhysicsCheck, Progress, Quiet,
-    RunError, RunOptions, StepResult, coercivity, run, text_hash,
+    RunError, RunOptions, StepResult, run, text_hash,
 };
+pub use savings::{SavingError, savings};
 pub use scene::{
     CsvOutput, Given, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions, RuleChoice, SampleAt,
-    Samples, Scene, StateUpdate, Steps, TermSummary, VtkOutput, prepare, prepare_keeping,
+    Samples, Scene, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, prepare, prepare_keeping,
 };
 pub use strategy::{SolverMemory, Strategy};
 pub use system::{FIXED, Known, Memory, Numbering, Past, System, SystemError};

@@ -27,7 +27,7 @@ use crate::{
     frames::Frames,
     mesh::Mesh,
     newton::TermPieces,
-    pruning::{Pruning, forget},
+    pruning::Pruning,
 };
 
 /// Values that do not follow from the unknowns: known fields, and the past where a scene uses it.
@@ -55,6 +55,13 @@ impl Known {
             past.unknowns.copy_from_slice(u);
             past.data.clone_from(&self.data);
         }
+    }
+}
+
+/// Raises terms of a class to terms of which nothing is known.
+fn forget(terms: &mut [AssembledTerm], class: Class) {
+    for term in terms.iter_mut().filter(|t| t.law.class == class) {
+        term.law.class = Class::Nonlinear;
     }
 }
 
@@ -300,8 +307,8 @@ impl System {
     pub(crate) fn keep(&mut self, pruning: Pruning) {
         self.kept.push(pruning);
         match pruning {
-            Pruning::Constant if !self.is_linear() => forget(self, Class::Constant),
-            Pruning::Linear => forget(self, Class::Linear),
+            Pruning::Constant if !self.is_linear() => forget(&mut self.terms, Class::Constant),
+            Pruning::Linear => forget(&mut self.terms, Class::Linear),
             _ => {}
         }
     }

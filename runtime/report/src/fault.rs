@@ -1,17 +1,14 @@
 //! What happens on interfaces: states and quantities as maps, and along lines.
 
-use wfl_charts::{Chart, Colour, MapCell, Scale, Section, short};
+use wfl_charts::{Chart, MapCell, Scale, Section, short};
 
 use crate::{
     folder::{ReportError, RunFolder},
     grid::{Piece, read_pieces},
-    pages::Picture,
+    picture::{Picture, STATES, at_step, over_steps},
     surface::{Quantity, Surface},
 };
 
-/// Names and colours of the numbers in `contact_state`.
-pub(crate) const STATES: [(&str, Option<Colour>); 3] =
-    [("open", None), ("slip", Some(Colour::Palette(1))), ("stick", Some(Colour::Palette(0)))];
 /// Steps of a map of line over time; of longer runs every so many.
 const HISTORY: usize = 120;
 
@@ -158,14 +155,6 @@ fn plane(run: &RunFolder, shot: &Shot, what: &str) -> Chart {
         .equal()
 }
 
-/// `t = 0.5`, or nothing in a run of one step.
-pub(crate) fn at_step(run: &RunFolder, step: usize) -> String {
-    if run.report.steps.len() < 2 {
-        return "at the end".to_owned();
-    }
-    format!("{} = {}", run.variable(), short(run.time(step)))
-}
-
 /// Maps of a line over the steps; nothing in a run of few steps, where profiles say it all.
 fn on_line(run: &RunFolder, interface: &Interface) -> Vec<Picture> {
     let mut pictures = Vec::new();
@@ -241,7 +230,7 @@ fn profiles(run: &RunFolder, interface: &Interface, chosen: &[usize]) -> Vec<Pic
                 let q = s.quantities.iter().find(|q| q.label == quantity.label)?;
                 Some((s.step, s.surface.cut(&s.piece, axis, other, &q.numbers)))
             });
-            let chart = crate::profile::over_steps(run, chart, lines.collect());
+            let chart = over_steps(run, chart, lines.collect());
             let file = format!("{}_over_{}{}", quantity.label, names[axis], interface.name);
             pictures.push(Picture::new(&file, chart));
         }

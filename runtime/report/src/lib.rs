@@ -10,10 +10,12 @@ mod fault;
 mod folder;
 mod grid;
 mod pages;
+mod picture;
 mod profile;
 mod solver;
 mod surface;
 mod table;
 
 pub use folder::{ReportError, RunFolder};
-pub use pages::{Pages, Picture};
+pub use pages::Pages;
+pub use picture::Picture;

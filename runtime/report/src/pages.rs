@@ -1,34 +1,16 @@
 //! The page: its sections in the order in which they are read, and its charts as files.
 
-use wfl_charts::{Chart, Page, Section};
+use wfl_charts::{Page, Section};
 
 use crate::{
     fault,
     folder::{ReportError, RunFolder},
+    picture::Picture,
     profile, solver,
 };
 
 /// Steps shown where not all can be, if the reader does not choose.
 const SHOWN: usize = 3;
-
-/// A chart with a name for its file.
-#[derive(Clone, Debug)]
-pub struct Picture {
-    /// A file name without its ending: letters, digits, `_` and `-`.
-    pub name: String,
-    /// The chart.
-    pub chart: Chart,
-}
-
-impl Picture {
-    /// A picture; other characters of the name become `_`.
-    pub(crate) fn new(name: &str, chart: Chart) -> Self {
-        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-        let words: String = name.chars().map(plain).collect();
-        let name = words.split('_').filter(|w| !w.is_empty()).collect::<Vec<_>>().join("_");
-        Picture { name, chart }
-    }
-}
 
 /// The page of a run and its charts.
 #[derive(Clone, Debug)]
@@ -111,14 +93,4 @@ fn chosen(run: &RunFolder, at: &[f64]) -> Vec<usize> {
     chosen.sort_unstable();
     chosen.dedup();
     chosen
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_pictures_are_file_names() {
-        assert_eq!(Picture::new("|slip along| 1 (a/b)_3", Chart::new("")).name, "slip_along_1_a_b_3");
-    }
 }

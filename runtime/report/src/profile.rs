@@ -1,35 +1,15 @@
 //! Profiles along the lines that a scene asks for, and charts over the steps.
 
-use wfl_charts::{Chart, Colour, Scale, Section, Series, short};
+use wfl_charts::{Chart, Scale, Section, Series, short};
 
 use crate::{
-    fault::at_step,
     folder::{ReportError, RunFolder},
-    pages::Picture,
+    picture::{Picture, at_step, over_steps},
     table::Columns,
 };
 
 /// Part of the largest number of a quantity below which a component is only rounding.
 const ROUNDING: f64 = 1e-9;
-
-/// Most lines that are named one by one.
-const LEGEND: usize = 5;
-
-/// A line a step: dark is early, bright is late. One line alone has no tone.
-pub(crate) fn over_steps(run: &RunFolder, chart: Chart, lines: Vec<(usize, Vec<[f64; 2]>)>) -> Chart {
-    let times: Vec<f64> = lines.iter().map(|(step, _)| run.time(*step)).collect();
-    let (low, high) = times.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(*t), b.max(*t)));
-    let several = lines.len() > 1 && low < high;
-    let many = several && lines.len() > LEGEND;
-    let mut chart = if many { chart.tones(run.with_unit(run.variable(), run.variable()), low, high) } else { chart };
-    for ((step, points), time) in lines.into_iter().zip(times) {
-        let name = if several { at_step(run, step) } else { String::new() };
-        let series = Series::new(name, points);
-        let series = if several { series.colour(Colour::Tone((time - low) / (high - low))) } else { series };
-        chart = chart.line_points(series);
-    }
-    chart
-}
 
 /// A section for every table: scalars at the chosen steps, components of vectors and matrices at the last of them.
 pub(crate) fn sections(run: &RunFolder, chosen: &[usize]) -> Result<Vec<(Section, Vec<Picture>)>, ReportError> {

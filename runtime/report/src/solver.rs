@@ -3,7 +3,10 @@
 use wfl_charts::{Bar, Chart, Colour, Scale, Section, Series, Table, short};
 use wfl_runtime::output::{ParameterValue, StepReport};
 
-use crate::{fault::STATES, folder::RunFolder, pages::Picture};
+use crate::{
+    folder::RunFolder,
+    picture::{Picture, STATES, over_steps},
+};
 
 /// The facts and everything that a reader must not miss.
 pub(crate) fn summary(run: &RunFolder) -> Section {
@@ -88,7 +91,7 @@ pub(crate) fn newton(run: &RunFolder) -> (Section, Vec<Picture>) {
     }
     let chart =
         Chart::new("Residual in each step").x("iteration", Scale::Linear).y("relative residual [-]", Scale::Log);
-    let mut pictures = vec![Picture::new("newton", crate::profile::over_steps(run, chart, residuals))];
+    let mut pictures = vec![Picture::new("newton", over_steps(run, chart, residuals))];
     if steps.len() > 1 {
         pictures.push(Picture::new("iterations", iterations(run)));
     }

@@ -25,11 +25,10 @@ use thiserror::Error;
 use wfl_compiler::ir::Origin;
 
 use crate::{
-    newton::{Coercivity, Iteration, NewtonError, StepHistory, Stop, Watch},
+    newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
     output::{About, OutputDir, OutputError, Report, write_report},
     pruning::Saving,
-    scene::Scene,
-    system::{System, SystemError},
+    scene::{Scene, node_positions, set_data},
 };
 use files::{Files, StepFiles};
 use stepping::{Leg, StepError, Stepper};
@@ -400,34 +399,6 @@ impl Run {
         let accuracy = strategy.and_then(|s| accuracy::estimate(&scene.system, s, &self.u, &residual));
         Ok((accuracy, physics::checks(&mut scene.system, &self.u, &residual)))
     }
-}
-
-/// The parameter of each Nitsche term of a scene against the smallest for which the method is coercive, at its first
-/// step.
-///
-/// # Errors
-/// [`SystemError`] where a term has no finite value.
-pub fn coercivity(scene: &mut Scene) -> Result<Vec<Coercivity>, SystemError> {
-    let values = &scene.steps.values;
-    let time = values.first().copied().unwrap_or(0.0);
-    let increment = values.get(1).map_or(0.0, |next| next - time);
-    set_data(scene, time, increment);
-    // nothing is assembled that the run would not assemble; its first step does so again where that is needed
-    scene.system.set_step(time, increment)?;
-    Ok(scene.system.coercivity())
-}
-
-/// Brings the known fields to a value of the step variable.
-fn set_data(scene: &mut Scene, time: f64, increment: f64) {
-    for (field, value) in &mut scene.data {
-        let positions = node_positions(&scene.system, *field);
-        scene.system.known.data[*field] = value.at(&positions, time, increment);
-    }
-}
-
-fn node_positions(system: &System, field: usize) -> Vec<[f64; 3]> {
-    let f = &system.fields[field];
-    (0..f.n_nodes()).map(|n| f.node_position(n)).collect()
 }
 
 /// First values of the scene: those of the unknowns by dof, those of states where they are kept.

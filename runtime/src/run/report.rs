@@ -2,12 +2,13 @@
 
 use super::{Attempt, AttemptEnd, Path, PhysicsCheck, Run, RunOptions, StepResult};
 use crate::{
+    left_out::LeftOut,
     newton::Stop,
     output::{
         self, AttemptReport, Check, ContactCounts, LeftOutReport, MeshReport, OrderedMap, ParameterValue, Real, Report,
         StepReport, Timings, peak_memory_bytes,
     },
-    pruning::{LeftOut, Saving},
+    pruning::Saving,
     scene::Scene,
     strategy::Strategy,
 };

@@ -5,8 +5,7 @@
 
 use wfl::{Diagnostic, Param, ResolvedScript, ast::ExprKind};
 
-use super::{Prepared, Scene, With, prepare_as_written};
-use crate::run::coercivity;
+use super::{Prepared, Scene, With, coercivity, prepare_as_written};
 
 /// Agreement of the parameter of a term with what was asked for, relative.
 const AGREEMENT: f64 = 1e-6;

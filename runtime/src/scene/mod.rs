@@ -9,6 +9,7 @@ mod constants;
 mod constraints;
 mod context;
 mod coverage;
+mod data;
 mod fields;
 mod groups;
 mod held;
@@ -49,6 +50,8 @@ use crate::{
 
 use batch::Batch;
 pub use constraints::Prescribed;
+pub use data::coercivity;
+pub(crate) use data::{node_positions, set_data};
 pub use held::Printed;
 pub use options::Steps;
 pub use outputs::{CsvOutput, VtkOutput};

@@ -6,22 +6,11 @@ use thiserror::Error;
 use wfl::ResolvedScript;
 use wfl_compiler::backend::KernelBackend;
 
-use super::Pruning;
 use crate::{
+    pruning::{Pruning, Saving},
     run::{Outcome, Quiet, RunError, RunOptions, run},
     scene::prepare_keeping,
 };
-
-/// What one of the prunings of a scene saves.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Saving {
-    /// Which.
-    pub pruning: Pruning,
-    /// Time of preparing and solving without it, in parts of the time with it.
-    pub times: f64,
-    /// The largest change of a measure without it, in parts of the largest value of that measure; 0 without measures.
-    pub moved: f64,
-}
 
 /// Why a saving could not be measured.
 #[derive(Debug, Error)]

@@ -1,0 +1,70 @@
+//! What a scene does without, why, and what that saves. Reads only; what is left out was decided elsewhere.
+
+use wfl_compiler::Class;
+
+use crate::{pruning::Pruning, scene::Scene, strategy::condenses};
+
+/// Something that a scene does without.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// What.
+    pub name: String,
+    /// Why the scene does not need it.
+    pub why: String,
+    /// The switch that puts it back, if there is one.
+    pub switch: Option<Pruning>,
+}
+
+impl Scene {
+    /// What is not done because the scene does not need it.
+    #[must_use]
+    pub fn left_out(&self) -> Vec<LeftOut> {
+        let mut list = Vec::new();
+        let mut push = |name: &str, why: String, switch| list.push(LeftOut { name: name.to_owned(), why, switch });
+        for name in &self.unused_fields {
+            push(name, "field in no term: it has no dofs".to_owned(), None);
+        }
+        let system = &self.system;
+        let of = |class: Class| system.terms.iter().filter(|t| t.law.class == class).count();
+        if of(Class::Constant) > 0 {
+            let switch = (!system.is_linear()).then_some(Pruning::Constant);
+            push("loads in iterations", format!("{} terms without unknowns: once a step", of(Class::Constant)), switch);
+        }
+        if system.is_linear() {
+            push("Newton", "all terms are linear: one linear system".to_owned(), Some(Pruning::Linear));
+        } else if of(Class::Linear) > 0 {
+            let why = format!("{} linear terms: assembled once for all iterations and steps", of(Class::Linear));
+            push("linear terms in iterations", why, Some(Pruning::Linear));
+        }
+        if !system.is_linear() && condenses(system) {
+            let (touched, free) = (system.n_changing_dofs(), system.numbering.n_free());
+            let why = format!("{touched} of {free} dofs have terms that are not linear: the rest is factored once");
+            push("factors of the linear part", why, Some(Pruning::Condense));
+        }
+        if system.is_symmetric() && system.uses(Pruning::Symmetric) {
+            push("LU", "every tangent is symmetric: LLT".to_owned(), Some(Pruning::Symmetric));
+        }
+        let degrees = |known: bool| {
+            let of_class = system.terms.iter().filter(move |t| !known || t.law.class <= Class::Linear);
+            of_class.map(|t| t.law.degree.rule())
+        };
+        if let (Some(least), Some(most)) = (degrees(true).min(), degrees(false).max())
+            && least < most
+            && system.uses(Pruning::Quadrature)
+        {
+            let why =
+                format!("linear terms take the degree of their own integrands, from {least}; the highest is {most}");
+            push("quadrature points", why, Some(Pruning::Quadrature));
+        }
+        for (name, value) in self.params.iter().filter(|p| p.1.values.iter().all(|x| *x == 0.0)) {
+            if self.in_terms.contains(name) {
+                let zero = if value.shape.rank() == 0 { "0" } else { "zero" };
+                push(name, format!("`{name}` is {zero}: nothing that it multiplies is compiled"), None);
+            }
+        }
+        if system.mesh.dim() < 3 {
+            push("third component", format!("the mesh has {} dimensions", system.mesh.dim()), None);
+        }
+        list
+    }
+}

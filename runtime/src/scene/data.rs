@@ -1,0 +1,35 @@
+//! Known fields at a value of the step variable, and what a first step needs of them.
+
+use super::Scene;
+use crate::{
+    newton::Coercivity,
+    system::{System, SystemError},
+};
+
+/// The parameter of each Nitsche term of a scene against the smallest for which the method is coercive, at its first
+/// step.
+///
+/// # Errors
+/// [`SystemError`] where a term has no finite value.
+pub fn coercivity(scene: &mut Scene) -> Result<Vec<Coercivity>, SystemError> {
+    let values = &scene.steps.values;
+    let time = values.first().copied().unwrap_or(0.0);
+    let increment = values.get(1).map_or(0.0, |next| next - time);
+    set_data(scene, time, increment);
+    // nothing is assembled that the run would not assemble; its first step does so again where that is needed
+    scene.system.set_step(time, increment)?;
+    Ok(scene.system.coercivity())
+}
+
+/// Brings the known fields to a value of the step variable.
+pub(crate) fn set_data(scene: &mut Scene, time: f64, increment: f64) {
+    for (field, value) in &mut scene.data {
+        let positions = node_positions(&scene.system, *field);
+        scene.system.known.data[*field] = value.at(&positions, time, increment);
+    }
+}
+
+pub(crate) fn node_positions(system: &System, field: usize) -> Vec<[f64; 3]> {
+    let f = &system.fields[field];
+    (0..f.n_nodes()).map(|n| f.node_position(n)).collect()
+}
