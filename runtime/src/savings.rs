@@ -63,15 +63,20 @@ pub fn savings(
     Ok(list)
 }
 
+/// A measure smaller than this part of the largest one is rounding itself and is compared with that one.
+const ROUNDING: f64 = 1e-6;
+
 /// The largest difference of a measure at a step, in parts of the largest value it takes.
 fn moved(with: &Outcome, without: &Outcome) -> f64 {
-    let mut worst = 0.0f64;
     let names = with.steps.first().map_or(0, |s| s.measures.len());
-    for k in 0..names {
-        let value = |outcome: &Outcome, step: usize| outcome.steps.get(step).map_or(f64::NAN, |s| s.measures[k].1);
-        let largest = (0..with.steps.len()).fold(0.0f64, |m, n| m.max(value(with, n).abs()));
-        for n in (0..with.steps.len()).filter(|_| largest > 0.0) {
-            let change = (value(with, n) - value(without, n)).abs() / largest;
+    let largest = |k: usize| with.steps.iter().fold(0.0f64, |m, s| m.max(s.measures[k].1.abs()));
+    let all = (0..names).map(largest).fold(0.0, f64::max);
+    let mut worst = 0.0f64;
+    for k in (0..names).filter(|_| all > 0.0) {
+        let size = largest(k).max(ROUNDING * all);
+        for (n, step) in with.steps.iter().enumerate() {
+            let other = without.steps.get(n).map_or(f64::NAN, |s| s.measures[k].1);
+            let change = (step.measures[k].1 - other).abs() / size;
             // a step that is missing or not a number moves by everything
             worst = worst.max(if change.is_nan() { f64::INFINITY } else { change });
         }

@@ -55,8 +55,9 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         out(&nitsche::found(&loaded, &scene));
         print_all(&loaded.messages, &loaded.sources);
     }
-    let mut saved = Vec::new();
+    let (mut saved, mut started) = (Vec::new(), started);
     if args.savings {
+        let begin = Instant::now();
         saved = match savings(&loaded.script, &loaded.folder, &*backend, threads) {
             Ok(saved) => saved,
             Err(error) => {
@@ -67,6 +68,8 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         if loudness != Loudness::Quiet {
             out(&savings_text(&saved));
         }
+        // the time of the run is that of the run
+        started += begin.elapsed();
     }
     let options = RunOptions {
         name: loaded.name.clone(),
