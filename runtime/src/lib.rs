@@ -4,12 +4,15 @@
 //! [`run`] solves it. The whole runtime also works on the reference interpreter.
 #![forbid(unsafe_code)]
 
+pub mod accuracy;
 pub mod assemble;
+pub mod compare;
 pub mod corpus;
 pub mod csr;
 pub mod element;
 pub mod field;
 pub mod frames;
+pub mod knobs;
 mod left_out;
 pub mod mesh;
 pub mod newton;
@@ -37,7 +40,7 @@ pub use run::{
 pub use savings::{SavingError, savings};
 pub use scene::{
     CsvOutput, Given, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions, RuleChoice, SampleAt,
-    Samples, Scene, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, prepare, prepare_keeping,
+    Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, prepare, prepare_keeping,
 };
 pub use strategy::{SolverMemory, Strategy};
 pub use system::{FIXED, Known, Memory, Numbering, Past, System, SystemError};

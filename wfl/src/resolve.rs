@@ -45,7 +45,7 @@ pub const OPTIONS: &[(&str, &[&str])] = &[
     ("mesh", &["idle_cells"]),
     ("multiplier", &["crosspoints"]),
     ("steps", &["halve", "on_fail"]),
-    ("solver", &["max_iter", "search", "tol"]),
+    ("solver", &["accuracy", "max_iter", "of", "search", "tol"]),
     ("output", &["points"]),
 ];
 

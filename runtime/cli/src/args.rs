@@ -3,7 +3,10 @@
 use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
-use wfl_runtime::Pruning;
+use wfl_runtime::{
+    Pruning,
+    accuracy::{SMALLEST, is_accuracy},
+};
 
 /// Write, check and solve contact formulations from text files.
 #[derive(Debug, Parser)]
@@ -20,6 +23,7 @@ Exit codes:
      `verify`: a tangent is wrong
   2  `run`: a step did not converge
   3  `run`: an expectation of the scene does not hold
+  4  `run`: the accuracy wanted was not reached
 
 Start with:
   wfl check examples/fault/nitsche.wfl
@@ -67,10 +71,13 @@ pub(crate) enum Command {
 
 const RUN_HELP: &str = "\
 Results: .pvd with one .vtu a step, CSV files as the scene says, report.json.
-Exit codes: 0 done, 1 error, 2 a step did not converge, 3 an `expect` of the scene does not hold.
+Exit codes: 0 done, 1 error, 2 a step did not converge, 3 an `expect` of the scene does not hold, 4 the accuracy
+wanted was not reached.
 
 Examples:
   wfl run examples/fault/nitsche.wfl
+  wfl run examples/fault/nitsche.wfl --accuracy 1e-2
+  wfl run examples/crack/compression.wfl --accuracy 1e-3 --of slip
   wfl run examples/fault/nitsche.wfl theta=-1 gamma=1e6 --out results -v";
 
 const EXTREMES_HELP: &str = "\
@@ -109,6 +116,7 @@ const SWEEP_HELP: &str = "\
 A knob is a parameter of the scenes, or one of
   h=0.5,0.25         size of the cells of a `mesh box`
   refine=1/2,1,2     factor on the number of cells in each direction
+  cells=8,[8,16]     the number of cells in each direction
   degree=1,2         degree of the unknowns on cells
   quadrature=vertex,2,4   rule of the terms with kinks
   tol=1e-4,1e-8  max_iter=20  search=none  threads=1,2
@@ -150,6 +158,17 @@ fn pruning(name: &str) -> Result<Pruning, String> {
     Pruning::named(name).ok_or_else(|| format!("nothing of that name is left out; known: {}", known()))
 }
 
+fn accuracy(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|e| is_accuracy(*e))
+        .ok_or_else(|| format!("an accuracy is a relative error from {SMALLEST:e} to 1, such as 1e-3"))
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|s: &f64| *s > 0.0 && s.is_finite()).ok_or_else(|| "seconds above 0".to_owned())
+}
+
 /// How a scene is run.
 #[derive(Debug, ClapArgs)]
 pub(crate) struct RunArgs {
@@ -161,6 +180,15 @@ pub(crate) struct RunArgs {
     /// Go on where a run that was stopped left off: each step that has been written is kept
     #[arg(long)]
     pub(crate) resume: bool,
+    /// The relative error wanted, such as 1e-3: mesh, degree, tolerance and penalty are picked for it
+    #[arg(long, value_name = "ERROR", value_parser = accuracy, conflicts_with = "resume")]
+    pub(crate) accuracy: Option<f64>,
+    /// What the accuracy is of: L2 or H1 of the unknowns, an output on contact faces, a measure [default: L2]
+    #[arg(long, value_name = "QUANTITY")]
+    pub(crate) of: Option<String>,
+    /// Seconds that one run may take for the accuracy wanted; what would take longer is refused [default: 600]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub(crate) budget: Option<f64>,
     /// Take a Nitsche parameter below its safe value (W503) for an error
     #[arg(long)]
     pub(crate) strict: bool,
@@ -174,7 +202,7 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "NAME", value_parser = pruning)]
     pub(crate) no_prune: Vec<Pruning>,
     /// First measure what each part that the scene does without saves: solves it twice more for each, for the report
-    #[arg(long, conflicts_with = "no_prune")]
+    #[arg(long, conflicts_with_all = ["no_prune", "accuracy"])]
     pub(crate) savings: bool,
     /// Say nothing but errors
     #[arg(short, long, conflicts_with = "verbose")]

@@ -16,6 +16,7 @@ use wfl_runtime::{
 };
 
 use crate::{
+    accuracy,
     args::CheckArgs,
     load::{Loaded, load, out, print_all},
     prepared::{EXIT_ERROR, backend, prepare_scene},
@@ -28,9 +29,11 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
     };
     let parse = started.elapsed().as_secs_f64();
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
+    let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
     print_all(&loaded.messages, &loaded.sources);
-    let tables = tables(&loaded, &scene, parse);
+    let accuracy = accuracy::table(&loaded, &mut scene);
+    let mut tables = tables(&loaded, &scene, parse);
+    tables.insert(1, accuracy);
     if args.json {
         let mut all = Map::new();
         all.insert("scene".to_owned(), loaded.name.clone().into());

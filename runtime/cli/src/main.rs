@@ -1,6 +1,7 @@
 //! The `wfl` command: arguments, messages, progress. No logic of its own.
 #![forbid(unsafe_code)]
 
+mod accuracy;
 mod args;
 mod ast_text;
 mod check;

@@ -3,7 +3,7 @@
 use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, time::Instant};
 
 use wfl::Diagnostic;
-use wfl_compiler::{KinkKind, locate};
+use wfl_compiler::{KinkKind, backend::KernelBackend, locate};
 use wfl_runtime::{
     Outcome, RunError, RunOptions, Saving, Scene, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
@@ -13,6 +13,7 @@ use wfl_runtime::{
 };
 
 use crate::{
+    accuracy,
     args::RunArgs,
     load::{Loaded, load, out, print_all, say},
     nitsche,
@@ -30,73 +31,122 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         return ExitCode::from(EXIT_ERROR);
     };
     let parse_seconds = started.elapsed().as_secs_f64();
-    let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &args.no_prune) else {
+    let Some(scene) = prepare_scene(&mut loaded, &*backend, &args.no_prune) else {
         return ExitCode::from(EXIT_ERROR);
     };
+    if let Some(demand) = accuracy::demand(args, &scene) {
+        return accuracy::run(args, &demand, &*backend, started);
+    }
+    if args.of.is_some() || args.budget.is_some() {
+        say("error: --of and --budget say more about an accuracy\n  = help: --accuracy 1e-3\n");
+        return ExitCode::from(EXIT_ERROR);
+    }
+    let mut scene = shaped(args, scene);
+    let ready = ready(args, &mut loaded, &mut scene, parse_seconds, started);
+    let mut ready = match ready.and_then(|ready| measured(args, &loaded, &*backend, ready)) {
+        Ok(ready) => ready,
+        Err(why) => {
+            say(&format!("error: {why}\n"));
+            return ExitCode::from(EXIT_ERROR);
+        }
+    };
+    ready.announce(&loaded, &scene);
+    match ready.go(&mut scene) {
+        Ok(outcome) => finish(&loaded, &scene, &ready.options, &outcome, ready.loudness),
+        Err(error) => {
+            explain(&loaded, &scene, &error);
+            ExitCode::from(EXIT_ERROR)
+        }
+    }
+}
+
+/// The threads of a run.
+pub(crate) fn threads(args: &RunArgs) -> usize {
+    args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get)
+}
+
+/// A run with what its savings are, if that is asked for.
+fn measured(args: &RunArgs, loaded: &Loaded, backend: &dyn KernelBackend, mut ready: Ready) -> Result<Ready, String> {
+    if args.savings {
+        let begin = Instant::now();
+        ready.options.savings = savings(&loaded.script, &loaded.folder, backend, ready.options.threads)
+            .map_err(|e| format!("{e}\n  = help: without --savings the run tells more"))?;
+        if ready.loudness != Loudness::Quiet {
+            out(&savings_text(&ready.options.savings));
+        }
+        // the time of the run is that of the run
+        ready.options.started += begin.elapsed();
+    }
+    Ok(ready)
+}
+
+/// A scene with what the command line says of its solver.
+pub(crate) fn shaped(args: &RunArgs, mut scene: Scene) -> Scene {
     if let Some(most) = args.max_iter {
         scene.newton.max_iterations = most.get();
     }
-    let found = nitsche::parameters(&loaded, &mut scene);
+    scene
+}
+
+/// A run that can begin.
+pub(crate) struct Ready {
+    pub(crate) options: RunOptions,
+    pub(crate) loudness: Loudness,
+}
+
+impl Ready {
+    /// Says what there is to say of a scene.
+    pub(crate) fn announce(&self, loaded: &Loaded, scene: &Scene) {
+        if self.loudness != Loudness::Quiet {
+            out(&nitsche::found(loaded, scene));
+            print_all(&loaded.messages, &loaded.sources);
+        }
+        if self.loudness == Loudness::Verbose {
+            unused_nodes(scene);
+        }
+    }
+
+    pub(crate) fn go(&mut self, scene: &mut Scene) -> Result<Outcome, RunError> {
+        let mut terminal = Terminal::new(self.loudness);
+        wfl_runtime::run(scene, &self.options, &mut terminal)
+    }
+}
+
+/// Checks what there is to check before a run, and makes its options.
+pub(crate) fn ready(
+    args: &RunArgs,
+    loaded: &mut Loaded,
+    scene: &mut Scene,
+    parse_seconds: f64,
+    started: Instant,
+) -> Result<Ready, String> {
+    let found = nitsche::parameters(loaded, scene);
     let refused = args.strict && found.iter().any(|d| d.code == "W503");
     loaded.messages.extend(found);
     if refused {
         print_all(&loaded.messages, &loaded.sources);
-        say("error: a Nitsche parameter is below its safe value, which --strict does not allow\n");
-        return ExitCode::from(EXIT_ERROR);
+        return Err("a Nitsche parameter is below its safe value, which --strict does not allow".to_owned());
     }
     let loudness = match (args.quiet, args.verbose) {
         (true, _) => Loudness::Quiet,
         (_, true) => Loudness::Verbose,
         _ => Loudness::Normal,
     };
-    if loudness != Loudness::Quiet {
-        out(&nitsche::found(&loaded, &scene));
-        print_all(&loaded.messages, &loaded.sources);
-    }
-    let (mut saved, mut started) = (Vec::new(), started);
-    if args.savings {
-        let begin = Instant::now();
-        saved = match savings(&loaded.script, &loaded.folder, &*backend, threads) {
-            Ok(saved) => saved,
-            Err(error) => {
-                say(&format!("error: {error}\n  = help: without --savings the run tells more\n"));
-                return ExitCode::from(EXIT_ERROR);
-            }
-        };
-        if loudness != Loudness::Quiet {
-            out(&savings_text(&saved));
-        }
-        // the time of the run is that of the run
-        started += begin.elapsed();
-    }
     let options = RunOptions {
         name: loaded.name.clone(),
         out: Some(args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&loaded.name))),
         resume: args.resume,
         text_hash: text_hash(loaded.texts()),
-        threads,
+        threads: threads(args),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         parse_seconds,
         started,
         warnings: loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
-        about: about(&loaded),
-        savings: saved,
+        about: about(loaded),
+        savings: Vec::new(),
     };
-    if loudness == Loudness::Verbose {
-        unused_nodes(&scene);
-    }
-    let mut terminal = Terminal::new(loudness);
-    let result = wfl_runtime::run(&mut scene, &options, &mut terminal);
-    drop(terminal);
-    match result {
-        Ok(outcome) => finish(&loaded, &scene, &options, &outcome, loudness),
-        Err(error) => {
-            explain(&loaded, &scene, &error);
-            ExitCode::from(EXIT_ERROR)
-        }
-    }
+    Ok(Ready { options, loudness })
 }
 
 /// What was measured of what the scene does without.
@@ -146,7 +196,13 @@ fn unused_nodes(scene: &Scene) {
     say(&format!("mesh: nodes of no cell, left out: {}{more}\n", names.join(", ")));
 }
 
-fn finish(loaded: &Loaded, scene: &Scene, options: &RunOptions, outcome: &Outcome, loudness: Loudness) -> ExitCode {
+pub(crate) fn finish(
+    loaded: &Loaded,
+    scene: &Scene,
+    options: &RunOptions,
+    outcome: &Outcome,
+    loudness: Loudness,
+) -> ExitCode {
     let fresh: Vec<Diagnostic> = outcome.diagnostics.iter().filter(|d| !loaded.messages.contains(d)).cloned().collect();
     print_all(&fresh, &loaded.sources);
     if loudness != Loudness::Quiet {

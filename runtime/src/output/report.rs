@@ -12,6 +12,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{OrderedMap, OutputDir, OutputError};
+use crate::accuracy::AccuracyRecord;
 
 /// The name of the report in the output folder.
 pub const REPORT_FILE: &str = "report.json";
@@ -61,6 +62,10 @@ pub struct Report {
     /// the file if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub files: Vec<String>,
+    /// The accuracy that was asked for, what was picked and the error that is estimated; left out of the file if none
+    /// was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accuracy: Option<AccuracyRecord>,
     /// The scene itself.
     #[serde(flatten)]
     pub about: About,

@@ -397,7 +397,7 @@ impl Run {
         scene.system.residual(&self.u, &mut residual)?;
         let strategy = self.stepper.strategy.as_mut();
         let accuracy = strategy.and_then(|s| accuracy::estimate(&scene.system, s, &self.u, &residual));
-        Ok((accuracy, physics::checks(&mut scene.system, &self.u, &residual)))
+        Ok((accuracy, physics::checks(&mut scene.system, &self.u, &residual, scene.newton.tolerance)))
     }
 }
 

@@ -128,22 +128,7 @@ fn generated(
         diagnostics.push(d.at(span, "segment in 1-D, tri or quad in 2-D, tet or hex in 3-D"));
         return None;
     }
-    let cells = match division {
-        BoxDivision::Cells(e) => {
-            let n = numbers(env, "a number of cells", e, diagnostics)?;
-            whole_cells(&n, dim, e, diagnostics)?
-        }
-        BoxDivision::Size(e) => {
-            let h = numbers(env, "the cell size", e, diagnostics)?;
-            match cells_for_size(low, high, h[0], dim) {
-                Ok(n) => n,
-                Err(error) => {
-                    diagnostics.push(Diagnostic::new("E408", error.to_string()).at(e.span, ""));
-                    return None;
-                }
-            }
-        }
-    };
+    let cells = divided(env, low, high, dim, division, diagnostics)?;
     match generate_box(low, high, cells, dim, kind) {
         Ok(mesh) => Some(mesh),
         Err(error) => {
@@ -151,6 +136,55 @@ fn generated(
             None
         }
     }
+}
+
+/// Cells of a box along each axis.
+fn divided(
+    env: &Env<'_>,
+    low: [f64; 3],
+    high: [f64; 3],
+    dim: usize,
+    division: &BoxDivision,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<[usize; 3]> {
+    match division {
+        BoxDivision::Cells(e) => {
+            let n = numbers(env, "a number of cells", e, diagnostics)?;
+            whole_cells(&n, dim, e, diagnostics)
+        }
+        BoxDivision::Size(e) => {
+            let h = numbers(env, "the cell size", e, diagnostics)?;
+            match cells_for_size(low, high, h[0], dim) {
+                Ok(n) => Some(n),
+                Err(error) => {
+                    diagnostics.push(Diagnostic::new("E408", error.to_string()).at(e.span, ""));
+                    None
+                }
+            }
+        }
+    }
+}
+
+/// The division of a `mesh box`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SceneBox {
+    /// Cells along each axis.
+    pub counts: Vec<usize>,
+    /// The scene gives the size of the cells, not their number.
+    pub by_size: bool,
+}
+
+/// The division of the box of a scene that was prepared; `None` for a mesh from a file.
+pub(super) fn box_of(script: &ResolvedScript, params: &BTreeMap<String, Constant>) -> Option<SceneBox> {
+    let MeshSource::Box { from, to, division, .. } = &script.mesh.as_ref()?.source else { return None };
+    let env = bare_env(script, dimension(script, None), params);
+    // a scene that was prepared has no messages left
+    let mut unused = Vec::new();
+    let low = numbers(&env, "a corner of the box", from, &mut unused)?;
+    let high = numbers(&env, "a corner of the box", to, &mut unused)?;
+    let corner = |v: &[f64]| [0, 1, 2].map(|d| v.get(d).copied().unwrap_or(0.0));
+    let cells = divided(&env, corner(&low), corner(&high), low.len(), division, &mut unused)?;
+    Some(SceneBox { counts: cells[..low.len().min(3)].to_vec(), by_size: matches!(division, BoxDivision::Size(_)) })
 }
 
 fn whole_cells(n: &[f64], dim: usize, e: &Expr, diagnostics: &mut Vec<Diagnostic>) -> Option<[usize; 3]> {

@@ -53,6 +53,7 @@ pub use constraints::Prescribed;
 pub use data::coercivity;
 pub(crate) use data::{node_positions, set_data};
 pub use held::Printed;
+pub use mesh::SceneBox;
 pub use options::Steps;
 pub use outputs::{CsvOutput, VtkOutput};
 pub use quantities::Given;
@@ -126,6 +127,8 @@ pub struct Scene {
     pub csv: Vec<CsvOutput>,
     /// Newton options.
     pub newton: NewtonOptions,
+    /// The relative error that is asked for, and the quantity whose error it is.
+    pub accuracy: Option<(f64, String)>,
     /// Parameters in order of declaration.
     pub params: Vec<(String, Constant)>,
     /// One entry a term.
@@ -345,7 +348,7 @@ impl Builder<'_> {
 
         let begin = Instant::now();
         let steps = self.steps(rates);
-        let newton = self.newton_options();
+        let (newton, accuracy) = self.solver_options();
         let starts = self.starts();
         let given = self.data();
         let measures = self.measures(&rules);
@@ -405,6 +408,7 @@ impl Builder<'_> {
             vtk,
             csv,
             newton,
+            accuracy,
             params,
             terms: summaries,
             sigs: self.sigs.to_vec(),

@@ -6,7 +6,10 @@ use wfl::{
 };
 
 use super::{Builder, constants};
-use crate::newton::NewtonOptions;
+use crate::{
+    accuracy::{DEFAULT_QUANTITY, is_accuracy},
+    newton::NewtonOptions,
+};
 
 /// Load or time steps.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,10 +96,11 @@ impl Builder<'_> {
         }
     }
 
-    /// What `solver` says.
-    pub(super) fn newton_options(&mut self) -> NewtonOptions {
+    /// What `solver` says: options of Newton, and the error that is asked for with its quantity.
+    pub(super) fn solver_options(&mut self) -> (NewtonOptions, Option<(f64, String)>) {
         let mut options = NewtonOptions::default();
-        let Some(solver) = &self.script.solver else { return options };
+        let Some(solver) = &self.script.solver else { return (options, None) };
+        let (mut asked, mut of) = (None, DEFAULT_QUANTITY.to_owned());
         for option in &solver.options {
             match (option.name.name.as_str(), self.option_number(option), word(option)) {
                 ("tol", Some(t), _) if t >= 0.0 => options.tolerance = t,
@@ -104,12 +108,21 @@ impl Builder<'_> {
                 ("max_iter", Some(n), _) if n >= 1.0 && n.fract() == 0.0 && n < 1e6 => {
                     options.max_iterations = n as usize;
                 }
+                ("accuracy", Some(e), _) if is_accuracy(e) => asked = Some(e),
+                ("of", _, Some(quantity)) => of = quantity.to_owned(),
                 ("search", _, Some("auto")) => options.search = true,
                 ("search", _, Some("none")) => options.search = false,
-                (name, _, _) => self.bad_option(option, name, "tol=1e-10, max_iter=50, search=auto, search=none"),
+                ("accuracy", _, _) => {
+                    let known = "a relative error from 1e-8 to 1: accuracy=1e-3";
+                    self.bad_option(option, "accuracy", known);
+                }
+                (name, _, _) => {
+                    let known = "tol=1e-10, max_iter=50, search=auto, search=none, accuracy=1e-3, of=L2";
+                    self.bad_option(option, name, known);
+                }
             }
         }
-        options
+        (options, asked.map(|error| (error, of)))
     }
 }
 

@@ -11,7 +11,7 @@ use wfl::{Diagnostic, ResolvedScript, ast::Expr};
 use wfl_compiler::{Class, Env, backend::KernelBackend};
 
 use super::{
-    Scene,
+    Scene, SceneBox,
     outputs::{OutputMaker, Target},
     terms::Rules,
 };
@@ -50,6 +50,12 @@ pub enum SampleAt<'a> {
 }
 
 impl Scene {
+    /// How the box of its mesh is divided; `None` for a mesh from a file.
+    #[must_use]
+    pub fn box_of(&self, script: &ResolvedScript) -> Option<SceneBox> {
+        super::mesh::box_of(script, &self.env.params)
+    }
+
     /// Expressions at a state `u` of all dofs, with the step variable and its last increment. Messages tell of those
     /// that have no home.
     pub fn samples(

@@ -232,6 +232,16 @@ pub(super) const PAGES: &[CodePage] = &[
         "measure m = mean(u(1)) on all\nexpect m < 1e30",
     ),
     page(
+        "E605",
+        "an accuracy that cannot be had",
+        "No setting of the scene with an estimated error as small as the accuracy wanted was found, or it would take \
+         longer than the budget. A solution with a singularity (a crack tip, an edge of contact) converges slowly in its \
+         gradients, whatever the degree. The message says what can be had; `--of` takes another quantity, `--budget` \
+         allows more time.",
+        "solver newton with accuracy=1e-6, of=H1",
+        "solver newton with accuracy=1e-2",
+    ),
+    page(
         "E609",
         "machine code could not be made",
         "The program could not compile a formula for this machine. This is a fault of the program, not of the scene; \
@@ -396,6 +406,14 @@ pub(super) const PAGES: &[CodePage] = &[
          found.",
         "term law on all : Norm_sqr(Grad_u)*(Grad_u:Grad_Test_u)\nload u = [0,0,-1] on all",
         "term law on all : Norm_sqr(Grad_u)*(Grad_u:Grad_Test_u)\nload u = [0,0,-1] on all\nstart u = [0, 0, -0.001*x]",
+    ),
+    page(
+        "W608",
+        "an accuracy without the error of the mesh",
+        "The mesh comes from a file, so that it cannot be refined and its error cannot be told. Tolerance and penalty are \
+         set for the accuracy wanted; the exit code says that it was not shown.",
+        "mesh file \"body.msh\"\nsolver newton with accuracy=1e-2",
+        "mesh box [0,0,0] to [1,1,1] cells [2,2,2] hex\nsolver newton with accuracy=1e-2",
     ),
     page(
         "W702",

@@ -4,6 +4,7 @@
 //! brackets belongs to the value. Values are kept as texts: what is written in the table is what was asked for.
 
 use thiserror::Error;
+use wfl_runtime::knobs::number;
 
 /// A knob with the values to try.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -106,16 +107,6 @@ fn range(whole: &str, from: &str, rest: &str) -> Result<Vec<String>, ListError> 
         k => a + (b - a) * part(k),
     };
     Ok((0..n).map(|k| text(at(k))).collect())
-}
-
-/// A number or a quotient of two, as knobs are written: `0.25`, `1/4`.
-pub(super) fn number(text: &str) -> Option<f64> {
-    let one = |t: &str| t.trim().parse::<f64>().ok();
-    let value = match text.split_once('/') {
-        Some((a, b)) => one(a)? / one(b)?,
-        None => one(text)?,
-    };
-    value.is_finite().then_some(value)
 }
 
 /// Twelve digits: a tenth stays 0.1 however it was computed.

@@ -4,14 +4,13 @@
 //! else. A setting that fails stays in the table with its message and time. A table that is there already is gone on
 //! with: its rows are not run again as long as the text of their scene is the same.
 //!
-//! `lists` reads the command line, `knobs` changes scenes, `one` runs a setting, `reference` gives errors, `table` keeps
+//! `lists` reads the command line, knobs of the runtime change scenes, `one` runs a setting, `reference` gives errors, `table` keeps
 //! the rows; `front` and `page` read nothing but these.
 
 mod front;
-mod knobs;
 mod lists;
 mod machine;
-mod one;
+pub(crate) mod one;
 mod page;
 mod reference;
 mod study;
@@ -25,10 +24,13 @@ use std::{
 };
 
 use wfl_compiler::backend::KernelBackend;
+use wfl_runtime::{
+    compare::{Solved, measures},
+    knobs::{self, Setting, number},
+};
 
 use self::{
-    knobs::Setting,
-    lists::{Knob, number},
+    lists::Knob,
     one::{Bench, Known, Status},
     reference::Reference,
     table::Row,
@@ -40,7 +42,7 @@ use crate::{
 };
 
 /// A setting in words, as on the command line.
-fn words(setting: &Setting) -> String {
+pub(crate) fn words(setting: &Setting) -> String {
     setting.iter().map(|(n, v)| format!("{n}={v}")).collect::<Vec<_>>().join(" ")
 }
 
@@ -84,7 +86,7 @@ fn run(args: &SweepArgs) -> Result<(), String> {
     let mut sweep = Sweep {
         args,
         knobs: &knobs,
-        bench: Bench { backend: &*backend, threads },
+        bench: Bench { backend: &*backend, threads, only: None },
         references: Vec::new(),
         rows: table::read(&args.out).map_err(|e| e.to_string())?,
         machine: machine::describe(),
@@ -116,7 +118,7 @@ fn methods(scenes: &[String], knobs: &[Knob], backend: &dyn KernelBackend) -> Re
     let mut out = Vec::new();
     for scene in scenes {
         let path = PathBuf::from(scene);
-        let known = one::known(&path, backend)?;
+        let known = one::known(&path, &[], backend)?;
         for knob in knobs {
             for value in &knob.values {
                 let setting = [(knob.name.clone(), value.clone())];
@@ -183,7 +185,7 @@ impl Sweep<'_> {
     /// The setting of the finer run: the finest mesh of the sweep with one degree more, cells of half the size where the
     /// degree is 2 already or the scene is plane, the smallest tolerance; everything else as the scene says.
     fn finer_setting(&self, known: &Known) -> Result<Vec<(String, String)>, String> {
-        let sizes = reference::mesh_words(&known.loaded.script);
+        let sizes = knobs::mesh_words(&known.loaded.script);
         let mut setting: Vec<(String, String)> = Vec::new();
         let pick = |knob: &Knob, largest: bool| {
             let value = |v: &&String| number(v).unwrap_or(0.0);
@@ -359,7 +361,7 @@ fn status(run: &one::Run, errors: Option<&Result<Vec<(String, f64)>, String>>) -
         (Status::NotConverged(why), _) => ("not converged", why.clone()),
         (Status::Ok, Some(Err(why))) => ("failed", format!("solved, but it cannot be compared: {why}")),
         (Status::Ok, errors) => {
-            let measures = run.solved.as_ref().map(reference::measures).unwrap_or_default();
+            let measures = run.solved.as_ref().map(measures).unwrap_or_default();
             let errors = errors.and_then(|e| e.as_ref().ok()).into_iter().flatten();
             let broken: Vec<&str> =
                 errors.chain(&measures).filter(|v| !v.1.is_finite()).map(|v| v.0.as_str()).collect();
@@ -373,7 +375,7 @@ fn status(run: &one::Run, errors: Option<&Result<Vec<(String, f64)>, String>>) -
 }
 
 /// What a run cost, and its measures.
-fn costs(row: &mut Row, solved: &one::Solved) {
+fn costs(row: &mut Row, solved: &Solved) {
     let report = &solved.outcome.report;
     let t = report.timings;
     let split = [t.parse, t.compile, t.mesh, t.assemble, t.factor, t.solve];
@@ -397,7 +399,7 @@ fn costs(row: &mut Row, solved: &one::Solved) {
     if let Some(largest) = steps.iter().filter_map(residual).max_by(f64::total_cmp) {
         row.number("residual", largest);
     }
-    for (name, value) in reference::measures(solved) {
+    for (name, value) in measures(solved) {
         row.number(format!("measure {name}"), value);
     }
 }

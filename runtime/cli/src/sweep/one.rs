@@ -9,63 +9,53 @@ use std::{
     time::Instant,
 };
 
-use wfl::{Diagnostic, Output, Span, render};
+use wfl::{Diagnostic, ResolvedScript, render};
 use wfl_compiler::{Class, backend::KernelBackend};
-use wfl_runtime::{Outcome, Pruning, Quiet, RunOptions, Scene, prepare_keeping, text_hash};
+use wfl_runtime::{
+    Pruning, Quiet, RunOptions, Scene,
+    accuracy::lean,
+    compare::Solved,
+    knobs::{self, Setting},
+    prepare_keeping, text_hash,
+};
 
-use super::knobs::{self, Setting};
 use crate::load::{Loaded, read_scene};
 
 /// What a run ended as.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Status {
+pub(crate) enum Status {
     Ok,
     NotConverged(String),
     Failed(String),
 }
 
-/// A run that came to its end.
-pub(super) struct Solved {
-    pub(super) loaded: Loaded,
-    /// The outputs of the scene, which were not made.
-    pub(super) outputs: Vec<Output>,
-    pub(super) scene: Scene,
-    pub(super) outcome: Outcome,
-}
-
-impl Solved {
-    /// The place that expressions of no text are given: a scene that was solved has a mesh statement.
-    pub(super) fn scene_span(&self) -> Span {
-        let main = self.loaded.script.main;
-        self.loaded.script.mesh.as_ref().map_or(Span { source: main, start: 0, end: 0 }, |m| m.span)
-    }
-}
-
 /// What one run cost.
-pub(super) struct Run {
-    pub(super) status: Status,
+pub(crate) struct Run {
+    pub(crate) status: Status,
     /// Wall time in seconds, text to last step.
-    pub(super) seconds: f64,
+    pub(crate) seconds: f64,
     /// Present unless it failed.
-    pub(super) solved: Option<Solved>,
+    pub(crate) solved: Option<Solved>,
 }
 
 /// A scene as a sweep needs to know it before it is run.
-pub(super) struct Known {
+pub(crate) struct Known {
     /// Names of its parameters.
-    pub(super) params: Vec<String>,
+    pub(crate) params: Vec<String>,
     /// Regions of terms with kinks; of all terms where there are none.
-    pub(super) kinked: Vec<String>,
+    pub(crate) kinked: Vec<String>,
     /// A number that tells its text from others.
-    pub(super) hash: u64,
+    pub(crate) hash: u64,
+    /// Parameters as the command line gives them, `NAME=VALUE`; a setting goes before.
+    pub(crate) given: Vec<String>,
     /// The scene as it stands.
-    pub(super) scene: Scene,
-    pub(super) loaded: Loaded,
+    pub(crate) scene: Scene,
+    pub(crate) loaded: Loaded,
 }
 
 /// Reads and prepares a scene as it stands.
-pub(super) fn known(path: &Path, backend: &dyn KernelBackend) -> Result<Known, String> {
-    let loaded = read_scene(path, &[], "sweep", "")?;
+pub(crate) fn known(path: &Path, given: &[String], backend: &dyn KernelBackend) -> Result<Known, String> {
+    let loaded = read_scene(path, given, "sweep", "")?;
     let (scene, loaded) = prepared(loaded, backend, &[])?;
     let params = loaded.script.params.iter().map(|p| p.name.name.clone()).collect();
     let region = |t: &wfl_runtime::TermSummary| t.place.clone();
@@ -77,10 +67,14 @@ pub(super) fn known(path: &Path, backend: &dyn KernelBackend) -> Result<Known, S
     kinked.dedup();
     kinked.retain(|r| loaded.script.regions.iter().any(|s| s.name.name == *r) || r == "all" || r == "boundary");
     let hash = text_hash(loaded.texts());
-    Ok(Known { params, kinked, hash, scene, loaded })
+    Ok(Known { params, kinked, hash, given: given.to_vec(), scene, loaded })
 }
 
-fn prepared(mut loaded: Loaded, backend: &dyn KernelBackend, keep: &[Pruning]) -> Result<(Scene, Loaded), String> {
+pub(crate) fn prepared(
+    mut loaded: Loaded,
+    backend: &dyn KernelBackend,
+    keep: &[Pruning],
+) -> Result<(Scene, Loaded), String> {
     let made = prepare_keeping(&loaded.script, &loaded.folder, backend, keep);
     loaded.messages.extend(made.diagnostics);
     match made.scene.filter(|_| !loaded.messages.iter().any(Diagnostic::is_error)) {
@@ -95,15 +89,32 @@ fn errors(loaded: &Loaded) -> String {
     shown.collect::<Vec<_>>().join("\n").trim_end().to_owned()
 }
 
+impl Known {
+    /// The parameters of a run as words of a command line.
+    pub(crate) fn words(&self, setting: &Setting) -> Vec<String> {
+        let set = |word: &str| setting.iter().any(|(n, _)| word.split('=').next().map(str::trim) == Some(n));
+        let mut words: Vec<String> = self.given.iter().filter(|w| !set(w)).cloned().collect();
+        words.extend(knobs::overrides(setting, &self.params));
+        words
+    }
+
+    /// Changes the statements of a scene that was read with these words.
+    pub(crate) fn apply(&self, script: &mut ResolvedScript, setting: &Setting) -> Result<(), String> {
+        knobs::apply(script, setting, &self.params, &self.kinked).map_err(|e| e.to_string())
+    }
+}
+
 /// What is the same for all runs.
-pub(super) struct Bench<'a> {
-    pub(super) backend: &'a dyn KernelBackend,
-    pub(super) threads: usize,
+pub(crate) struct Bench<'a> {
+    pub(crate) backend: &'a dyn KernelBackend,
+    pub(crate) threads: usize,
+    /// The quantity that runs are made for, where nothing else is wanted of them.
+    pub(crate) only: Option<String>,
 }
 
 impl Bench<'_> {
     /// Runs a setting of a scene; `more` are statements put behind its text.
-    pub(super) fn run(&self, path: &Path, known: &Known, setting: &Setting, more: &str) -> Run {
+    pub(crate) fn run(&self, path: &Path, known: &Known, setting: &Setting, more: &str) -> Run {
         let started = Instant::now();
         let attempt = AssertUnwindSafe(|| self.attempt(path, known, setting, more, started));
         let ended =
@@ -130,9 +141,12 @@ impl Bench<'_> {
         more: &str,
         started: Instant,
     ) -> Result<Solved, String> {
-        let mut loaded = read_scene(path, &knobs::overrides(setting, &known.params), "sweep", more)?;
+        let mut loaded = read_scene(path, &known.words(setting), "sweep", more)?;
         let script = &mut loaded.script;
-        knobs::apply(script, setting, &known.params, &known.kinked).map_err(|e| e.to_string())?;
+        known.apply(script, setting)?;
+        if let Some(quantity) = &self.only {
+            lean(script, &known.scene, quantity);
+        }
         let outputs = std::mem::take(&mut script.outputs);
         script.expects.clear();
         let parse_seconds = started.elapsed().as_secs_f64();
@@ -147,6 +161,6 @@ impl Bench<'_> {
             ..RunOptions::without_files(threads, started)
         };
         let outcome = wfl_runtime::run(&mut scene, &options, &mut Quiet).map_err(|e| e.to_string())?;
-        Ok(Solved { loaded, outputs, scene, outcome })
+        Ok(Solved { script: loaded.script, outputs, scene, outcome })
     }
 }

@@ -10,25 +10,24 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use wfl::{
-    FieldKind, ResolvedScript,
-    ast::{Argument, Expr, ExprKind, MulOp, Place},
+    FieldKind,
+    ast::{Expr, ExprKind, MulOp},
 };
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{SampleAt, Samples, field::FieldSpace, space::Support};
+use wfl_runtime::{
+    SampleAt, Samples,
+    compare::{EXACT_OUTPUT, NORM_DEGREE, Solved, differences, items, measures, name, sampled, take, unknowns},
+    knobs::{Setting, number},
+};
 
 use super::{
-    knobs::Setting,
-    one::{Bench, Known, Solved, Status},
+    one::{Bench, Known, Status},
     table::{TableError, write_file},
 };
 use crate::load::read_text;
 
-/// Degree to which the norms are exact.
-const NORM_DEGREE: usize = 5;
 /// The same against an exact solution, which is no polynomial.
 const EXACT_DEGREE: usize = 11;
-/// Most points that were not found, as a part of all.
-const LOST_POINTS: f64 = 0.01;
 
 /// A solution to compare with.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -52,7 +51,7 @@ impl Reference {
             return exact_errors(run, backend);
         }
         let samples = sampled(run, backend, SampleAt::Points(&self.samples))?;
-        Ok(differences(&samples, &measures(run), self))
+        Ok(differences((&samples, &measures(run)), (&self.samples, &self.measures)))
     }
 
     /// Its own error of a quantity, if it is known.
@@ -89,7 +88,7 @@ pub(super) fn finer(
         let mut one = setting.to_vec();
         if coarsen < 1.0 {
             let refine = one.iter().position(|k| k.0 == "refine");
-            let before = refine.map_or(Some(1.0), |k| super::lists::number(&one[k].1)).unwrap_or(1.0);
+            let before = refine.map_or(Some(1.0), |k| number(&one[k].1)).unwrap_or(1.0);
             one.retain(|k| k.0 != "refine");
             one.push(("refine".to_owned(), (before * coarsen).to_string()));
         }
@@ -115,8 +114,7 @@ pub(super) fn finer(
     let mut steps: Vec<Vec<(String, f64)>> = Vec::new();
     for pair in levels.windows(2) {
         let at = |run: &Solved| sampled(run, bench.backend, SampleAt::Points(&reference.samples));
-        let base = Reference { samples: at(&pair[0])?, measures: measures(&pair[0]), ..Reference::default() };
-        steps.push(differences(&at(&pair[1])?, &measures(&pair[1]), &base));
+        steps.push(differences((&at(&pair[1])?, &measures(&pair[1])), (&at(&pair[0])?, &measures(&pair[0]))));
     }
     reference.own = richardson(&steps);
     Ok(reference)
@@ -142,7 +140,7 @@ pub(super) fn compare(references: &mut [Reference]) {
     if positions(one) != positions(other) {
         return;
     }
-    let apart = differences(&one.samples, &one.measures, other);
+    let apart = differences((&one.samples, &one.measures), (&other.samples, &other.measures));
     for reference in [one, other] {
         for (name, own) in &mut reference.own {
             let distance = apart.iter().find(|a| a.0 == *name).map_or(0.0, |a| a.1);
@@ -150,124 +148,6 @@ pub(super) fn compare(references: &mut [Reference]) {
         }
     }
 }
-
-/// Measures of the last step.
-pub(super) fn measures(run: &Solved) -> Vec<(String, f64)> {
-    run.outcome.steps.last().map(|s| s.measures.clone()).unwrap_or_default()
-}
-
-/// Expressions of our own have the place of the mesh statement: they are in no text.
-fn name(run: &Solved, word: &str) -> Expr {
-    let span = run.scene_span();
-    Expr { kind: ExprKind::Name(word.to_owned()), span, expansion: None }
-}
-
-/// Names of the unknowns that live on cells.
-fn unknowns(run: &Solved) -> impl Iterator<Item = &str> {
-    let on_cells = |f: &&wfl::Field| {
-        let on_cells = |s: &FieldSpace| matches!(s, FieldSpace::Nodal(n) if matches!(n.support(), Support::Cells(_)));
-        let nodal = run.scene.system.fields.iter().any(|g| g.name == f.name.name && on_cells(&g.space));
-        matches!(f.kind, FieldKind::Unknown) && !matches!(f.space.place, Place::Global(_)) && nodal
-    };
-    run.loaded.script.fields.iter().filter(on_cells).map(|f| f.name.name.as_str())
-}
-
-fn items(run: &Solved) -> impl Iterator<Item = &wfl::OutputQuantity> {
-    run.outputs.iter().filter(|o| o.format.name == "vtk" && o.file != EXACT_OUTPUT).flat_map(|o| &o.items)
-}
-
-/// The state of the last step.
-fn state(run: &Solved) -> Option<(f64, f64, &[f64])> {
-    run.outcome.steps.last().map(|s| (s.time, s.increment, s.state.as_slice()))
-}
-
-/// Unknowns, their gradients and the outputs on contact faces.
-fn sampled(run: &Solved, backend: &dyn KernelBackend, at: SampleAt<'_>) -> Result<Vec<Samples>, String> {
-    let mut list = Vec::new();
-    for field in unknowns(run) {
-        list.push((format!("L2 {field}"), name(run, field)));
-        list.push((format!("H1 {field}"), name(run, &format!("Grad_{field}"))));
-    }
-    list.extend(items(run).map(|i| (i.name.clone(), i.expr.clone())));
-    let mut samples = take(run, backend, &list, at)?;
-    samples.retain(|s| is_norm(&s.name) || !s.home.starts_with("body"));
-    Ok(samples)
-}
-
-fn is_norm(name: &str) -> bool {
-    name.starts_with("L2 ") || name.starts_with("H1 ")
-}
-
-fn take(
-    run: &Solved,
-    backend: &dyn KernelBackend,
-    list: &[(String, Expr)],
-    at: SampleAt<'_>,
-) -> Result<Vec<Samples>, String> {
-    let Some(state) = state(run) else { return Err("there is no step".to_owned()) };
-    let (samples, messages) = run.scene.samples(&run.loaded.script, backend, list, at, state);
-    match messages.first() {
-        Some(message) => Err(message.message.clone()),
-        None => Ok(samples),
-    }
-}
-
-/// Sums over the points of one quantity.
-#[derive(Default)]
-struct Sum {
-    /// Squares of the difference and of the reference, times weights.
-    difference: f64,
-    norm: f64,
-    /// Weights of all points, and of those that were found.
-    all: f64,
-    seen: f64,
-}
-
-impl Sum {
-    fn add(&mut self, samples: &Samples, like: &Samples) {
-        let n = like.components;
-        for (p, w) in like.weights.iter().enumerate() {
-            let range = p * n..(p + 1) * n;
-            let (Some(a), Some(b)) = (samples.values.get(range.clone()), like.values.get(range)) else { continue };
-            self.all += w;
-            if a.iter().all(|x| x.is_nan()) {
-                continue;
-            }
-            self.seen += w;
-            self.difference += w * a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
-            self.norm += w * b.iter().map(|y| y * y).sum::<f64>();
-        }
-    }
-
-    fn relative(&self) -> f64 {
-        if self.seen >= (1.0 - LOST_POINTS) * self.all { (self.difference / self.norm).sqrt() } else { f64::NAN }
-    }
-}
-
-/// Relative differences by quantity; not a number where too many points were not found.
-fn differences(found: &[Samples], measures: &[(String, f64)], reference: &Reference) -> Vec<(String, f64)> {
-    let mut sums: Vec<(String, Sum)> = Vec::new();
-    for like in &reference.samples {
-        let Some(samples) = found.iter().find(|s| s.name == like.name && s.home == like.home) else { continue };
-        let quantity = if is_norm(&like.name) { &like.name[..2] } else { &like.name };
-        let at = sums.iter().position(|s| s.0 == quantity).unwrap_or_else(|| {
-            sums.push((quantity.to_owned(), Sum::default()));
-            sums.len() - 1
-        });
-        sums[at].1.add(samples, like);
-    }
-    let mut out: Vec<(String, f64)> =
-        sums.into_iter().filter(|s| s.1.norm > 0.0).map(|(name, sum)| (name, sum.relative())).collect();
-    for (name, value) in measures {
-        if let Some((_, at)) = reference.measures.iter().find(|m| m.0 == *name).filter(|m| m.1 != 0.0) {
-            out.push((name.clone(), (value - at).abs() / at.abs()));
-        }
-    }
-    out
-}
-
-/// The name of the output that holds the exact solution of a scene.
-const EXACT_OUTPUT: &str = "the exact solution";
 
 /// Statements put behind a scene so that its exact solution is read with it; `None` if it defines none.
 pub(super) fn exact_statements(known: &Known) -> Option<String> {
@@ -338,34 +218,4 @@ fn exact_errors(run: &Solved, backend: &dyn KernelBackend) -> Result<Vec<(String
 /// The unknowns of a scene have at most this degree.
 pub(super) fn largest_degree(known: &Known) -> usize {
     known.scene.system.fields.iter().map(wfl_runtime::field::Field::degree).max().unwrap_or(1)
-}
-
-/// Words that a size of the mesh is computed from.
-pub(super) fn mesh_words(script: &ResolvedScript) -> Vec<String> {
-    fn walk(e: &Expr, out: &mut Vec<String>) {
-        match &e.kind {
-            ExprKind::Name(n) => out.push(n.clone()),
-            ExprKind::Tensor(rows) => rows.iter().flatten().for_each(|e| walk(e, out)),
-            ExprKind::Sum(parts) => parts.iter().for_each(|p| walk(&p.1, out)),
-            ExprKind::Product(a, rest) => {
-                walk(a, out);
-                rest.iter().for_each(|p| walk(&p.2, out));
-            }
-            ExprKind::Call(f, args) => {
-                walk(f, out);
-                for a in args {
-                    if let Argument::Expr(e) = a {
-                        walk(e, out);
-                    }
-                }
-            }
-            _ => {}
-        }
-    }
-    let mut out = Vec::new();
-    if let Some(wfl::ast::MeshSource::Box { division, .. }) = script.mesh.as_ref().map(|m| &m.source) {
-        let (wfl::ast::BoxDivision::Cells(e) | wfl::ast::BoxDivision::Size(e)) = division;
-        walk(e, &mut out);
-    }
-    out
 }

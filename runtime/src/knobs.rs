@@ -1,47 +1,68 @@
-//! Knobs: what is changed in a scene before it is prepared.
+//! Knobs: what is changed in a scene before it is prepared. One mechanism for sweeps and for a wanted accuracy.
 //!
 //! A knob that is a parameter of the scene replaces its value, as on the command line of `wfl run`. Others change
-//! statements: `h` and `refine` the mesh, `degree` the unknowns on cells (multipliers stay as they are), `quadrature`
-//! the rule of the terms with kinks, `tol`, `max_iter` and `search` the solver, `threads` the number of threads, `no_prune` what is
-//! left out.
+//! statements: `h`, `refine` and `cells` the mesh, `degree` the unknowns on cells (multipliers stay as they are),
+//! `quadrature` the rule of the terms with kinks, `tol`, `max_iter` and `search` the solver, `threads` the number of
+//! threads, `no_prune` what is left out. Promises that a text that means nothing is refused before anything is run;
+//! does not judge whether the scene that comes out makes sense.
 
+use crate::Pruning;
 use thiserror::Error;
 use wfl::{
     ResolvedScript, Span,
     ast::{
-        BoxDivision, BoxShape, Expr, ExprKind, Ident, MeshSource, MulOp, OptionItem, OptionValue, Place, QuadratureRule,
+        Argument, BoxDivision, BoxShape, Expr, ExprKind, Ident, MeshSource, MulOp, OptionItem, OptionValue, Place,
+        QuadratureRule,
     },
 };
-use wfl_runtime::Pruning;
-
-use super::lists::number;
 
 /// One setting: knobs with their values, as written.
-pub(super) type Setting = [(String, String)];
+pub type Setting = [(String, String)];
 
 /// Knobs that are no parameters of a scene.
-pub(super) const KNOWN: [&str; 9] =
-    ["h", "refine", "degree", "quadrature", "tol", "max_iter", "search", "threads", "no_prune"];
+pub const KNOWN: [&str; 10] =
+    ["h", "refine", "cells", "degree", "quadrature", "tol", "max_iter", "search", "threads", "no_prune"];
 
 /// A knob that a scene cannot have.
 #[derive(Debug, Error, PartialEq, Eq)]
-pub(super) enum KnobError {
+pub enum KnobError {
+    /// A text that is no value of the knob.
     #[error("`{value}` is no value of knob `{name}`: {needs}")]
-    Value { name: String, value: String, needs: &'static str },
+    Value {
+        /// The knob.
+        name: String,
+        /// The text.
+        value: String,
+        /// What it takes.
+        needs: &'static str,
+    },
+    /// The mesh comes from a file: it cannot be refined.
     #[error("knob `{0}` changes a `mesh box`, and the mesh of this scene comes from a file")]
     MeshFile(String),
+    /// Neither a parameter nor a knob.
     #[error("no parameter and no knob `{name}`\n  = help: parameters of the scene: {params}; knobs: {known}")]
-    Unknown { name: String, params: String, known: String },
+    Unknown {
+        /// What was written.
+        name: String,
+        /// The parameters there are.
+        params: String,
+        /// The knobs there are.
+        known: String,
+    },
 }
 
 /// The knobs that are parameters of the scene, as `NAME=VALUE` of a command line.
-pub(super) fn overrides(setting: &Setting, params: &[String]) -> Vec<String> {
+#[must_use]
+pub fn overrides(setting: &Setting, params: &[String]) -> Vec<String> {
     setting.iter().filter(|(n, _)| params.contains(n)).map(|(n, v)| format!("{n}={v}")).collect()
 }
 
 /// Changes the statements of a scene for the knobs that are no parameters. `kinked` names the regions of terms with
 /// kinks, or of all terms where there are none.
-pub(super) fn apply(
+///
+/// # Errors
+/// [`KnobError`] for a knob or a value that this scene cannot have.
+pub fn apply(
     script: &mut ResolvedScript,
     setting: &Setting,
     params: &[String],
@@ -51,6 +72,11 @@ pub(super) fn apply(
         let wrong = |needs| KnobError::Value { name: name.clone(), value: value.clone(), needs };
         match name.as_str() {
             "h" => mesh(script, name, Some(positive(value).ok_or_else(|| wrong("a length above 0"))?), 1.0)?,
+            "cells" => {
+                let counts =
+                    cells(value).ok_or_else(|| wrong("whole numbers above 0, one for all directions or [4,8]"))?;
+                divide(script, name, &counts)?;
+            }
             "refine" => mesh(script, name, None, positive(value).ok_or_else(|| wrong("a factor above 0"))?)?,
             "degree" => degree(script, value).ok_or_else(|| wrong("1, 2, 3, …"))?,
             "quadrature" => quadrature(script, value, kinked).ok_or_else(|| wrong("vertex or a degree"))?,
@@ -67,7 +93,10 @@ pub(super) fn apply(
 }
 
 /// The threads a setting asks for.
-pub(super) fn threads(setting: &Setting) -> Result<Option<usize>, KnobError> {
+///
+/// # Errors
+/// [`KnobError::Value`] for anything but a whole number above 0.
+pub fn threads(setting: &Setting) -> Result<Option<usize>, KnobError> {
     let Some((name, value)) = setting.iter().find(|(n, _)| n == "threads") else { return Ok(None) };
     match value.parse() {
         Ok(n) if n > 0 => Ok(Some(n)),
@@ -76,7 +105,10 @@ pub(super) fn threads(setting: &Setting) -> Result<Option<usize>, KnobError> {
 }
 
 /// What a setting puts back that is left out otherwise.
-pub(super) fn kept(setting: &Setting) -> Result<Option<Pruning>, KnobError> {
+///
+/// # Errors
+/// [`KnobError::Value`] for a name that nothing has.
+pub fn kept(setting: &Setting) -> Result<Option<Pruning>, KnobError> {
     let Some((name, value)) = setting.iter().find(|(n, _)| n == "no_prune") else { return Ok(None) };
     let needs = "nothing, linear, condense or symmetric";
     match (value.as_str(), Pruning::named(value)) {
@@ -84,6 +116,38 @@ pub(super) fn kept(setting: &Setting) -> Result<Option<Pruning>, KnobError> {
         (_, Some(pruning)) => Ok(Some(pruning)),
         _ => Err(KnobError::Value { name: name.clone(), value: value.clone(), needs }),
     }
+}
+
+/// A number or a quotient of two, as knobs are written: `0.25`, `1/4`.
+#[must_use]
+pub fn number(text: &str) -> Option<f64> {
+    let one = |t: &str| t.trim().parse::<f64>().ok();
+    let value = match text.split_once('/') {
+        Some((a, b)) => one(a)? / one(b)?,
+        None => one(text)?,
+    };
+    value.is_finite().then_some(value)
+}
+
+/// Numbers of cells: `8` or `[8,16]`.
+fn cells(text: &str) -> Option<Vec<f64>> {
+    let bare = text.trim().trim_start_matches('[').trim_end_matches(']');
+    let counts: Option<Vec<f64>> =
+        bare.split(',').map(|t| t.trim().parse::<u32>().ok().filter(|n| *n > 0).map(f64::from)).collect();
+    counts.filter(|n| n.len() <= 3)
+}
+
+fn divide(script: &mut ResolvedScript, name: &str, counts: &[f64]) -> Result<(), KnobError> {
+    let Some(stmt) = &mut script.mesh else { return Ok(()) };
+    let span = stmt.span;
+    let MeshSource::Box { division, .. } = &mut stmt.source else { return Err(KnobError::MeshFile(name.to_owned())) };
+    *division = BoxDivision::Cells(match counts {
+        [one] => plain(*one, span),
+        all => {
+            Expr { kind: ExprKind::Tensor(vec![all.iter().map(|n| plain(*n, span)).collect()]), span, expansion: None }
+        }
+    });
+    Ok(())
 }
 
 fn positive(text: &str) -> Option<f64> {
@@ -154,4 +218,35 @@ fn solver(script: &mut ResolvedScript, name: &str, value: &str) {
     let value = OptionValue::Expr(Expr { kind, span, expansion: None });
     solver.options.retain(|o| o.name.name != name);
     solver.options.push(OptionItem { name: ident(name), value: Some(value) });
+}
+
+/// Words that a size of the mesh is computed from.
+#[must_use]
+pub fn mesh_words(script: &ResolvedScript) -> Vec<String> {
+    fn walk(e: &Expr, out: &mut Vec<String>) {
+        match &e.kind {
+            ExprKind::Name(n) => out.push(n.clone()),
+            ExprKind::Tensor(rows) => rows.iter().flatten().for_each(|e| walk(e, out)),
+            ExprKind::Sum(parts) => parts.iter().for_each(|p| walk(&p.1, out)),
+            ExprKind::Product(a, rest) => {
+                walk(a, out);
+                rest.iter().for_each(|p| walk(&p.2, out));
+            }
+            ExprKind::Call(f, args) => {
+                walk(f, out);
+                for a in args {
+                    if let Argument::Expr(e) = a {
+                        walk(e, out);
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    let mut out = Vec::new();
+    if let Some(MeshSource::Box { division, .. }) = script.mesh.as_ref().map(|m| &m.source) {
+        let (BoxDivision::Cells(e) | BoxDivision::Size(e)) = division;
+        walk(e, &mut out);
+    }
+    out
 }

@@ -1,0 +1,317 @@
+//! `wfl run --accuracy`: the runs that a climb asks for, and what it found in words.
+//!
+//! Runs on the way are those of a sweep; the last one is an ordinary run with its files. What is picked, and why, is
+//! decided by the runtime.
+
+use std::{path::PathBuf, process::ExitCode, time::Instant};
+
+use wfl_compiler::backend::KernelBackend;
+use wfl_runtime::{
+    SampleAt, Samples, Scene,
+    accuracy::{AccuracyRecord, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Notice, Out, Trials, Ways, seek},
+    compare::{NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
+    knobs::Setting,
+    output::{OutputDir, Real, Report, write_report},
+};
+
+use crate::{
+    args::RunArgs,
+    load::{Loaded, out, read_scene, say},
+    prepared::EXIT_ERROR,
+    run::{self, Ready},
+    sweep::{
+        one::{Bench, Known, Status, known, prepared},
+        words,
+    },
+    table::{Table, number},
+};
+
+/// The accuracy wanted was not reached.
+const EXIT_ACCURACY: u8 = 4;
+/// The region of a term may differ from that of the scene's own mesh by this part of the error wanted.
+const SLACK: f64 = 0.1;
+
+/// What is asked for, on the command line or in the scene.
+pub(crate) fn demand(args: &RunArgs, scene: &Scene) -> Option<Demand> {
+    let (error, quantity) = match (args.accuracy, &scene.accuracy) {
+        (Some(error), given) => (error, given.as_ref().map(|g| g.1.clone())),
+        (None, Some((error, of))) => (*error, Some(of.clone())),
+        (None, None) => return None,
+    };
+    let quantity = args.of.clone().or(quantity).unwrap_or_else(|| DEFAULT_QUANTITY.to_owned());
+    Some(Demand { error, quantity, budget: args.budget.unwrap_or(DEFAULT_BUDGET) })
+}
+
+/// Finds the setting and runs it.
+pub(crate) fn run(args: &RunArgs, demand: &Demand, backend: &dyn KernelBackend, started: Instant) -> ExitCode {
+    match found(args, demand, backend, started) {
+        Ok(code) => code,
+        Err(Out::Failed(why)) => {
+            say(&format!("error: {}\n", why.trim_start_matches("error: ")));
+            ExitCode::from(EXIT_ERROR)
+        }
+        Err(out) => {
+            say(&format!("error[E605]: {out}\n"));
+            ExitCode::from(EXIT_ACCURACY)
+        }
+    }
+}
+
+fn found(args: &RunArgs, demand: &Demand, backend: &dyn KernelBackend, started: Instant) -> Result<ExitCode, Out> {
+    let mut known = known(&args.scene.scene, &args.scene.overrides, backend).map_err(Out::Failed)?;
+    quantity(&known, &demand.quantity).map_err(Out::Failed)?;
+    let ways = Ways::of(&known.loaded.script, &mut known.scene);
+    let threads = run::threads(args);
+    let bench = Bench { backend, threads, only: Some(demand.quantity.clone()) };
+    let mut lab = Lab { args, demand, known: &known, ways: &ways, bench, started, written: None };
+    let Found { run, record, notice } = seek(&mut lab, &ways, demand).inspect_err(|why| lab.disown(why))?;
+    let Trial { solved, full, .. } = run;
+    let Some((loaded, ready)) = full else { return Err(Out::Failed("the last run has no results".to_owned())) };
+    Ok(lab.ended(solved, &loaded, &ready, record, notice))
+}
+
+/// Whether a scene has the quantity.
+fn quantity(known: &Known, name: &str) -> Result<(), String> {
+    let script = &known.loaded.script;
+    let items = script.outputs.iter().filter(|o| o.format.name == "vtk").flat_map(|o| &o.items).map(|i| &i.name);
+    let mut list: Vec<&str> = vec!["L2", "H1"];
+    list.extend(items.map(String::as_str));
+    list.extend(script.measures.iter().map(|m| m.name.name.as_str()));
+    if list.contains(&name) {
+        return Ok(());
+    }
+    Err(format!(
+        "the scene has no quantity `{name}` whose error could be told\n  = help: L2 and H1 are those of all unknowns, \
+         others are the outputs on contact faces and the measures of the scene: {}",
+        list.join(", ")
+    ))
+}
+
+/// One run with what is needed to compare it.
+struct Trial {
+    solved: Solved,
+    dofs: u64,
+    seconds: f64,
+    samples: Option<Vec<Samples>>,
+    /// Of a run with its files: what is needed to end it.
+    full: Option<(Loaded, Ready)>,
+}
+
+struct Lab<'a> {
+    args: &'a RunArgs,
+    demand: &'a Demand,
+    known: &'a Known,
+    ways: &'a Ways,
+    bench: Bench<'a>,
+    started: Instant,
+    /// The report of the last run with its files, and their folder.
+    written: Option<(PathBuf, Report)>,
+}
+
+impl Lab<'_> {
+    /// A run on the way: nothing is written.
+    fn pilot(&self, setting: &Setting) -> Result<Trial, String> {
+        let run = self.bench.run(&self.args.scene.scene, self.known, setting, "");
+        match (run.status, run.solved) {
+            (Status::Ok, Some(solved)) => Ok(trial(solved, run.seconds)),
+            (Status::NotConverged(why) | Status::Failed(why), _) => Err(why),
+            (Status::Ok, None) => Err("the run left nothing".to_owned()),
+        }
+    }
+
+    /// A run with everything the scene asks for.
+    fn whole(&mut self, setting: &Setting, fineness: usize) -> Result<Trial, String> {
+        let begin = Instant::now();
+        let mut loaded = read_scene(&self.args.scene.scene, &self.known.words(setting), "run", "")?;
+        self.known.apply(&mut loaded.script, setting)?;
+        let parse_seconds = begin.elapsed().as_secs_f64();
+        let (scene, mut loaded) = prepared(loaded, self.bench.backend, &self.args.no_prune)?;
+        self.fits(&scene, fineness)?;
+        let mut scene = run::shaped(self.args, scene);
+        let mut ready = run::ready(self.args, &mut loaded, &mut scene, parse_seconds, begin)?;
+        let outcome = ready.go(&mut scene).map_err(|e| e.to_string())?;
+        if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {
+            return Err(format!("step t = {} did not converge", step.time));
+        }
+        self.written = ready.options.out.clone().map(|folder| (folder, outcome.report.clone()));
+        let script = loaded.script.clone();
+        let outputs = script.outputs.clone();
+        let mut trial = trial(Solved { script, outputs, scene, outcome }, begin.elapsed().as_secs_f64());
+        trial.full = Some((loaded, ready));
+        Ok(trial)
+    }
+
+    /// Says in the report of a run that was written on the way that it is not what was asked for.
+    fn disown(&self, why: &Out) {
+        let Some((folder, mut report)) = self.written.clone() else { return };
+        let none = Real(f64::NAN);
+        report.accuracy = Some(AccuracyRecord {
+            asked: self.demand.error,
+            quantity: self.demand.quantity.clone(),
+            why: why.to_string().lines().map(str::to_owned).collect(),
+            mesh: none,
+            order: none,
+            tolerance: none,
+            method: none,
+            estimate: none,
+            ..AccuracyRecord::default()
+        });
+        let written = OutputDir::create(&folder).and_then(|dir| write_report(&dir, &report));
+        say(&match written {
+            Ok(_) => format!("{} holds a run on the way, which is not accurate enough\n", folder.display()),
+            Err(error) => format!("error: {error}\n"),
+        });
+    }
+
+    fn fits(&self, scene: &Scene, fineness: usize) -> Result<(), String> {
+        if self.ways.fits(&self.known.scene, scene, fineness, SLACK * self.demand.error) {
+            return Ok(());
+        }
+        Err("a region with terms is not the same part of the body as on the mesh of the scene".to_owned())
+    }
+
+    /// The samples of a run at its own points, of one quantity or of all.
+    fn differences(&self, run: &Trial, from: &Trial, only: Option<&str>) -> Result<Vec<(String, f64)>, String> {
+        let backend = self.bench.backend;
+        let wanted = |name: &str| only.is_none_or(|q| q == name);
+        let own = match (only, &from.samples) {
+            (Some(_), Some(samples)) => samples.clone(),
+            (Some(_), None) => sampled_if(&from.solved, backend, SampleAt::Own(NORM_DEGREE), &wanted)?,
+            (None, _) => sampled(&from.solved, backend, SampleAt::Own(NORM_DEGREE))?,
+        };
+        let there = sampled_if(&run.solved, backend, SampleAt::Points(&own), &wanted)?;
+        Ok(differences((&there, &measures(&run.solved)), (&own, &measures(&from.solved))))
+    }
+
+    /// Writes what was found into the report, and tells it.
+    fn ended(
+        &self,
+        mut solved: Solved,
+        loaded: &Loaded,
+        ready: &Ready,
+        record: AccuracyRecord,
+        notice: Option<Notice>,
+    ) -> ExitCode {
+        ready.announce(loaded, &solved.scene);
+        if !self.args.quiet {
+            out(&told(&record));
+        }
+        let reached = record.reached;
+        solved.outcome.report.accuracy = Some(record);
+        solved.outcome.report.timings.total = self.started.elapsed().as_secs_f64();
+        if let Some(folder) = &ready.options.out {
+            let written =
+                OutputDir::create(folder).and_then(|dir| write_report(&dir, &solved.outcome.report)).map(|_| ());
+            if let Err(error) = written {
+                say(&format!("error: {error}\n"));
+                return ExitCode::from(EXIT_ERROR);
+            }
+        }
+        let code = run::finish(loaded, &solved.scene, &ready.options, &solved.outcome, ready.loudness);
+        if notice == Some(Notice::MeshOfFile) {
+            say(
+                "warning[W608]: the mesh comes from a file: its error is not known, and is not part of the accuracy\n  \
+                 = note: tolerance and penalty are balanced for it\n  \
+                 = help: a `mesh box` can be refined; or compare with a finer file by wfl sweep\n",
+            );
+        }
+        if reached || code != ExitCode::SUCCESS { code } else { ExitCode::from(EXIT_ACCURACY) }
+    }
+}
+
+fn trial(solved: Solved, seconds: f64) -> Trial {
+    Trial { dofs: solved.outcome.report.dofs, seconds, samples: None, full: None, solved }
+}
+
+impl Trials for Lab<'_> {
+    type Run = Trial;
+
+    fn run(&mut self, setting: &Setting, fineness: usize, last: bool) -> Result<Trial, String> {
+        let made = if last {
+            self.whole(setting, fineness)
+        } else {
+            self.pilot(setting).and_then(|t| self.fits(&t.solved.scene, fineness).map(|()| t))
+        };
+        if !self.args.quiet {
+            let what = match &made {
+                Ok(t) => format!("{} unknowns, {:.2} s", t.dofs, t.seconds),
+                Err(why) => why.lines().next().unwrap_or_default().trim_start_matches("error").to_owned(),
+            };
+            say(&format!("accuracy: {}: {what}\n", words(setting)));
+        }
+        let mut made = made?;
+        let q = self.demand.quantity.as_str();
+        made.samples = Some(sampled_if(&made.solved, self.bench.backend, SampleAt::Own(NORM_DEGREE), &|n| n == q)?);
+        Ok(made)
+    }
+
+    fn cost(&self, run: &Trial) -> (u64, f64) {
+        (run.dofs, run.seconds)
+    }
+
+    fn distance(&mut self, run: &Trial, from: &Trial) -> Result<f64, String> {
+        let quantity = self.demand.quantity.as_str();
+        let list = self.differences(run, from, Some(quantity))?;
+        match list.iter().find(|d| d.0 == quantity) {
+            Some((_, d)) if d.is_finite() => Ok(*d),
+            Some(_) => Err(format!("the solutions on two meshes cannot be compared in `{quantity}`")),
+            None => Err(format!(
+                "`{quantity}` has no relative error: it is zero, or an output that lives in the bodies\n  = help: \
+                 --of L2 or --of H1 is that of all unknowns"
+            )),
+        }
+    }
+
+    fn distances(&mut self, run: &Trial, from: &Trial) -> Vec<(String, f64)> {
+        self.differences(run, from, None).unwrap_or_default()
+    }
+}
+
+/// What was picked and why, in lines.
+fn told(record: &AccuracyRecord) -> String {
+    let error = |e: f64| if e.is_finite() { format!("{e:.1e}") } else { "not known".to_owned() };
+    let mut table = Table::new("runs", &["setting", "unknowns", "time [s]", "error of the mesh"]);
+    for rung in &record.rungs {
+        let time = (1e4 * rung.seconds).round() / 1e4;
+        table.push(vec![
+            words(&rung.setting).into(),
+            rung.dofs.into(),
+            number(time).into(),
+            if rung.error.0.is_finite() { error(rung.error.0).into() } else { "".into() },
+        ]);
+    }
+    let mut text =
+        format!("{}\naccuracy {:e} of {}: {}\n", table.text(), record.asked, record.quantity, words(&record.picked));
+    text += &format!(
+        "  estimated error {}: mesh {}, tolerance {}, method {}\n",
+        error(record.estimate.0),
+        error(record.mesh.0),
+        error(record.tolerance.0),
+        error(record.method.0)
+    );
+    for why in &record.why {
+        text += &format!("  {why}\n");
+    }
+    if !record.others.is_empty() {
+        let one = |o: &wfl_runtime::accuracy::Other| format!("{} {}", o.quantity, error(o.error.0));
+        let list: Vec<String> = record.others.iter().map(one).collect();
+        text += &format!("  other quantities, about: {}\n", list.join(", "));
+    }
+    text + "\n"
+}
+
+/// The lines of `wfl check` about an accuracy.
+pub(crate) fn table(loaded: &Loaded, scene: &mut Scene) -> Table {
+    let mut table = Table::new("accuracy", &["wanted", "of", "degrees", "mesh", "gamma"]);
+    let Some((error, of)) = scene.accuracy.clone() else { return table };
+    let ways = Ways::of(&loaded.script, scene);
+    let degrees: Vec<String> = ways.degrees.iter().map(ToString::to_string).collect();
+    let mesh = if ways.refines() { "is picked" } else { "of a file: its error will not be known" };
+    let gamma = match ways.role {
+        wfl_runtime::accuracy::Role::None => "as it is",
+        wfl_runtime::accuracy::Role::Consistent => "grows with the mesh",
+        wfl_runtime::accuracy::Role::Penalty => "a penalty: raised until its error is small",
+    };
+    table.push(vec![number(error).into(), of.into(), degrees.join(", ").into(), mesh.into(), gamma.into()]);
+    table
+}

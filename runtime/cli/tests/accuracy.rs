@@ -1,0 +1,200 @@
+//! `wfl run --accuracy`: errors against exact solutions and finer runs, demands that cannot be met, wrong values.
+
+use std::{
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use serde_json::Value;
+
+fn examples() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples")
+}
+
+fn folder(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("accuracy_{name}"));
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).expect("a folder");
+    path
+}
+
+fn wfl(words: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_wfl")).current_dir(examples()).args(words).output().expect("wfl runs")
+}
+
+/// A run with a wanted accuracy: what it said, its exit code, its report.
+fn run(scene: &str, words: &[&str], out: &Path) -> (String, Option<i32>, Value) {
+    let place = out.display().to_string();
+    let mut all = vec!["run", scene, "--out", &place];
+    all.extend(words);
+    let ended = wfl(&all);
+    let said = String::from_utf8_lossy(&ended.stdout).into_owned() + &String::from_utf8_lossy(&ended.stderr);
+    let report = std::fs::read_to_string(out.join("report.json")).unwrap_or_default();
+    (said, ended.status.code(), serde_json::from_str(&report).unwrap_or(Value::Null))
+}
+
+/// The manufactured contact without its expectations, which hold on one mesh.
+fn signorini(out: &Path, more: &str) -> String {
+    let text = std::fs::read_to_string(examples().join("signorini/signorini.wfl")).expect("the scene");
+    let kept: Vec<&str> = text.lines().filter(|l| !l.starts_with("expect")).collect();
+    let path = out.join("scene.wfl");
+    std::fs::write(&path, kept.join("\n") + "\n" + more).expect("a file");
+    path.display().to_string()
+}
+
+/// L2 and H1 norms of the exact solution of the manufactured contact, by the midpoint rule on its formula.
+fn exact_norms() -> [f64; 2] {
+    let (c, nu) = (2f64.sqrt() / 3.0, 0.3);
+    let m = nu / ((1.0 + nu) * (1.0 - 2.0 * nu)) + 1.0 / (1.0 + nu);
+    let n = 500;
+    let mut sums = [0.0; 2];
+    for i in 0..n {
+        for j in 0..n {
+            let (x, y) = ((f64::from(i) + 0.5) / f64::from(n), (f64::from(j) + 0.5) / f64::from(n));
+            let (s, r) = ((x - c).max(0.0), (c - x).max(0.0));
+            let u = [-4.0 * y * s.powi(3), s.powi(4) - y * r.powi(4) / m];
+            let g = [-12.0 * y * s * s, -4.0 * s.powi(3), 4.0 * s.powi(3) + 4.0 * y * r.powi(3) / m, -r.powi(4) / m];
+            sums[0] += u.iter().map(|v| v * v).sum::<f64>();
+            sums[1] += g.iter().map(|v| v * v).sum::<f64>();
+        }
+    }
+    sums.map(|s| (s / f64::from(n * n)).sqrt())
+}
+
+/// The true errors of a run of the manufactured contact, L2 and H1: its own integrals against the exact solution.
+fn true_errors(report: &Value) -> [f64; 2] {
+    let last = report["steps"].as_array().and_then(|s| s.last()).expect("a step");
+    let error = |m: &str| last["measures"][m].as_f64().expect("a measure").sqrt();
+    let [l2, h1] = exact_norms();
+    [error("l2") / l2, error("h1") / h1]
+}
+
+#[test]
+fn the_true_error_of_the_manufactured_contact_is_at_most_what_was_asked_for() {
+    let out = folder("exact");
+    let scene = signorini(&out, "");
+    for (asked, of) in [(0.1, 1), (0.01, 1), (0.01, 0)] {
+        let quantity = ["L2", "H1"][of];
+        let words = ["--accuracy", &asked.to_string(), "--of", quantity];
+        let (said, code, report) = run(&scene, &words, &out);
+        assert_eq!(code, Some(0), "{said}");
+        let truth = true_errors(&report)[of];
+        assert!(truth <= asked && truth >= 0.1 * asked, "{quantity} {asked}: true error {truth}\n{said}");
+        let record = &report["accuracy"];
+        assert!(record["reached"] == true && record["quantity"] == quantity, "{record}");
+        let estimate = record["estimate"].as_f64().expect("an estimate");
+        assert!(truth <= estimate && estimate <= asked, "{truth} {estimate}");
+        assert!(said.contains("estimated error"), "{said}");
+    }
+}
+
+#[test]
+fn a_scene_can_say_its_accuracy() {
+    let out = folder("scene");
+    let scene = signorini(&out, "solver newton with accuracy=0.05, of=H1\n");
+    let (said, code, report) = run(&scene, &[], &out);
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(report["accuracy"]["asked"], 0.05);
+    assert!(true_errors(&report)[1] <= 0.05);
+    let checked = wfl(&["check", &scene]);
+    let text = String::from_utf8_lossy(&checked.stdout).into_owned();
+    assert!(text.contains("accuracy") && text.contains("0.05"), "{text}");
+}
+
+#[test]
+fn what_cannot_be_had_in_time_is_refused_with_what_can() {
+    let out = folder("budget");
+    let scene = signorini(&out, "");
+    let (said, code, report) = run(&scene, &["--accuracy", "1e-6", "--of", "H1", "--budget", "0.5"], &out);
+    assert_eq!(code, Some(4), "{said}");
+    assert!(said.contains("E605") && said.contains("can be had within the budget"), "{said}");
+    let record = &report["accuracy"];
+    assert!(record.is_null() || record["reached"] == false && record["estimate"].is_null(), "{record}");
+}
+
+#[test]
+fn the_error_of_a_mesh_from_a_file_is_not_claimed() {
+    let out = folder("file");
+    let (said, code, report) = run("mapping/pressed.wfl", &["--accuracy", "0.1"], &out);
+    assert_eq!(code, Some(4), "{said}");
+    assert!(said.contains("W608"), "{said}");
+    assert!(report["accuracy"]["estimate"].is_null() && report["accuracy"]["reached"] == false, "{report}");
+}
+
+#[test]
+fn wrong_values_are_refused() {
+    let out = folder("wrong");
+    let scene = signorini(&out, "");
+    for value in ["0", "-1", "2", "much", "nan"] {
+        let (said, code, _) = run(&scene, &[&format!("--accuracy={value}")], &out);
+        assert_eq!(code, Some(1), "{value}: {said}");
+        assert!(said.contains("relative error"), "{value}: {said}");
+    }
+    for option in ["accuracy=0", "accuracy=-1", "accuracy=2", "accuracy=auto"] {
+        let scene = signorini(&out, &format!("solver newton with {option}\n"));
+        let (said, code, _) = run(&scene, &[], &out);
+        assert!(code == Some(1) && said.contains("E414") && said.contains("relative error"), "{option}: {said}");
+    }
+    let (said, code, _) = run(&scene, &["--accuracy", "0.1", "--of", "slip"], &out);
+    assert!(code == Some(1) && said.contains("no quantity `slip`") && said.contains("pressure"), "{said}");
+}
+
+/// The relative error of what was picked against a reference that a sweep made.
+fn error_of_picked(scene: &str, report: &Value, quantity: &str, reference: &[&str], out: &Path) -> f64 {
+    let place = out.join("sweep").display().to_string();
+    let picked = report["accuracy"]["picked"].as_array().expect("knobs");
+    let knobs: Vec<String> = picked
+        .iter()
+        .map(|k| format!("{}={}", k[0].as_str().unwrap_or_default(), k[1].as_str().unwrap_or_default()))
+        .collect();
+    let mut words = vec!["sweep", scene, "-q", "--out", &place];
+    words.extend(knobs.iter().map(String::as_str));
+    for knob in reference {
+        words.extend(["--reference-knob", knob]);
+    }
+    let ended = wfl(&words);
+    assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+    let table = std::fs::read_to_string(out.join("sweep/sweep.csv")).expect("a table");
+    let mut lines = table.lines();
+    // values with commas stand in quotes: the column is counted from its head, cells with quotes are joined
+    let cells = |line: &str| {
+        let (mut all, mut quoted) = (vec![String::new()], false);
+        for c in line.chars() {
+            match c {
+                '"' => quoted = !quoted,
+                ',' if !quoted => all.push(String::new()),
+                c => all.last_mut().expect("a cell").push(c),
+            }
+        }
+        all
+    };
+    let (head, row) = (cells(lines.next().expect("a head")), cells(lines.next().expect("a row")));
+    let at = head.iter().position(|h| *h == format!("error {quantity}")).expect("a column");
+    row[at].parse().expect("a number")
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+fn the_true_error_of_fault_and_crack_is_at_most_what_was_asked_for() {
+    let finer = ["degree=2", "refine=1", "tol=1e-9"];
+    for scene in ["fault/nitsche.wfl", "fault/penalty.wfl"] {
+        for asked in ["0.1", "0.01"] {
+            let out = folder(&format!("fault_{asked}"));
+            let (said, code, report) = run(scene, &["--accuracy", asked], &out);
+            assert_eq!(code, Some(0), "{said}");
+            let truth = error_of_picked(scene, &report, "L2", &finer, &out);
+            let asked: f64 = asked.parse().expect("a number");
+            assert!(truth <= asked && truth >= 0.1 * asked, "{scene} {asked}: true error {truth}\n{said}");
+        }
+    }
+    for asked in ["0.1", "0.01"] {
+        let out = folder(&format!("crack_{asked}"));
+        let words = ["--accuracy", asked, "--of", "slip"];
+        let (said, code, report) = run("crack/compression.wfl", &words, &out);
+        assert!(code == Some(0) || code == Some(3), "{said}");
+        let finer = ["degree=2", "refine=2", "tol=1e-9"];
+        let truth = error_of_picked("crack/compression.wfl", &report, "slip", &finer, &out);
+        let asked: f64 = asked.parse().expect("a number");
+        assert!(truth <= asked, "crack {asked}: true error {truth}\n{said}");
+    }
+}

@@ -1,0 +1,558 @@
+//! The climb: which runs are made, in which order, and when it ends.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::{
+    AccuracyRecord, Demand, Found, Notice, Other, Out, Role, Rung, Trials, Ways,
+    estimate::{Norm, Step, believed, fineness_for, order_of_errors},
+    ways::words,
+};
+use crate::{knobs::Setting, output::Real};
+
+/// Estimated errors are taken this much larger before they are compared with a demand.
+const SAFETY: f64 = 1.25;
+/// The same where two levels alone tell the error, with an order that is not their own.
+const SAFETY_OF_TWO: f64 = 1.5;
+/// What a run is planned for, in parts of what is allowed.
+const AIM: f64 = 0.85;
+/// Parts of the demand that tolerance and method may have.
+const PART_OF_TOLERANCE: f64 = 0.05;
+const PART_OF_METHOD: f64 = 0.2;
+/// The tolerance that is tried first, in parts of the demand, and the range it may have.
+const FIRST_TOLERANCE: f64 = 1e-2;
+const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-10..=1e-3;
+/// Levels that are closer than this say nothing about each other.
+const APART: f64 = 1.4;
+/// How much finer than the finest level a run may be, with the order known from three levels and from two.
+const REACH: f64 = 4.0;
+const REACH_OF_TWO: f64 = 2.5;
+/// Most rounds after the first levels.
+const MOST_ROUNDS: usize = 16;
+/// Work of a sparse factorisation is unknowns to this power, by dimension.
+const POWER: [f64; 4] = [1.0, 1.0, 1.25, 1.7];
+/// A penalty is raised by at most this factor.
+const MOST_STIFFER: f64 = 1e6;
+
+/// One run of a ladder.
+struct Level<R> {
+    fineness: usize,
+    setting: Vec<(String, String)>,
+    run: R,
+}
+
+/// What is run of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum How {
+    /// What the solution needs.
+    Lean,
+    /// Everything, where that can be had on the mesh.
+    Either,
+    /// Everything.
+    Whole,
+}
+
+/// The levels of one degree, from coarse to fine.
+struct Ladder<R> {
+    degree: usize,
+    levels: Vec<Level<R>>,
+}
+
+/// What a ladder says.
+#[derive(Clone, Debug)]
+struct View {
+    order: f64,
+    safety: f64,
+    /// How much finer the next run may be.
+    reach: f64,
+    /// Estimated errors of its levels.
+    errors: Vec<f64>,
+}
+
+/// The next run.
+struct Choice {
+    ladder: usize,
+    fineness: usize,
+    /// It is a level already.
+    level: Option<usize>,
+    work: f64,
+    seconds: f64,
+}
+
+/// Finds the cheapest setting of a scene that meets a demand, and runs it.
+///
+/// # Errors
+/// [`Out`]; nothing has then been run with everything the scene asks for, or what was run does not meet the demand.
+pub fn seek<T: Trials>(trials: &mut T, ways: &Ways, demand: &Demand) -> Result<Found<T::Run>, Out> {
+    let mut search = Search {
+        trials,
+        ways,
+        demand,
+        tolerance: (FIRST_TOLERANCE * demand.error).clamp(*TOLERANCES.start(), *TOLERANCES.end()),
+        stiffer: 1.0,
+        tolerance_error: 0.0,
+        method_error: 0.0,
+        ladders: ways.degrees.iter().map(|degree| Ladder { degree: *degree, levels: Vec::new() }).collect(),
+        rungs: Vec::new(),
+        bad: BTreeSet::new(),
+        bad_last: BTreeSet::new(),
+        written: None,
+        distances: BTreeMap::new(),
+    };
+    if !ways.refines() {
+        return search.on_a_fixed_mesh();
+    }
+    search.first_levels()?;
+    search.climb_on()
+}
+
+struct Search<'a, T: Trials> {
+    trials: &'a mut T,
+    ways: &'a Ways,
+    demand: &'a Demand,
+    tolerance: f64,
+    stiffer: f64,
+    tolerance_error: f64,
+    method_error: f64,
+    ladders: Vec<Ladder<T::Run>>,
+    rungs: Vec<Rung>,
+    /// Finenesses without a solution that can be compared, and those whose whole scene has none.
+    bad: BTreeSet<usize>,
+    bad_last: BTreeSet<usize>,
+    /// The run whose results were written last: ladder and fineness.
+    written: Option<(usize, usize)>,
+    /// Distances that have been measured: ladder and fineness of both.
+    distances: BTreeMap<[usize; 4], f64>,
+}
+
+impl<T: Trials> Search<'_, T> {
+    /// What tolerance and method add.
+    fn other(&self) -> f64 {
+        self.tolerance_error + self.method_error
+    }
+
+    fn one(&mut self, setting: &Setting, fineness: usize, last: bool) -> Result<T::Run, String> {
+        let run = self.trials.run(setting, fineness, last)?;
+        let (dofs, seconds) = self.trials.cost(&run);
+        self.rungs.push(Rung { setting: setting.to_vec(), dofs, seconds, error: Real(f64::NAN) });
+        Ok(run)
+    }
+
+    /// Two levels of the lowest degree, the finer one with everything the scene asks for as it may do; tolerance and
+    /// penalty are set on the first.
+    fn first_levels(&mut self) -> Result<(), Out> {
+        let first = self.climb(0, self.ways.least, How::Lean)?;
+        if self.set_parameters()? {
+            self.climb(0, first, How::Lean)?;
+            self.set_parameters()?;
+        }
+        self.climb(0, 2 * first, How::Either)?;
+        Ok(())
+    }
+
+    /// Runs the next of the first two levels of a degree that has not got them, if it is cheaper than what would be run
+    /// otherwise: it may show that this degree is the better one. True if there was one.
+    fn explored(&mut self, dearer_than: f64) -> Result<bool, Out> {
+        let known = &self.ladders[0];
+        let Some((first, dofs)) = known.levels.first().map(|l| (l.fineness, self.trials.cost(&l.run).0)) else {
+            return Ok(false);
+        };
+        let base = dofs as f64 / (known.degree as f64).powf(self.ways.dim as f64);
+        for ladder in 1..self.ladders.len() {
+            let finer = match self.ladders[ladder].levels.as_slice() {
+                [] => 1,
+                [one] if one.fineness < 2 * first => 2,
+                _ => continue,
+            };
+            let sides = (finer * self.ladders[ladder].degree) as f64;
+            if self.work(ladder, base * sides.powf(self.ways.dim as f64)) < dearer_than {
+                self.climb(ladder, finer * first, if finer == 1 { How::Lean } else { How::Either })?;
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Runs the first fineness from `wanted` on that has a solution, at most the next multiple of the scene's own mesh.
+    fn climb(&mut self, ladder: usize, wanted: usize, how: How) -> Result<usize, Out> {
+        let own = self.ways.own;
+        for fineness in wanted..=wanted.next_multiple_of(own) {
+            if self.bad.contains(&fineness) || (how == How::Whole && self.bad_last.contains(&fineness)) {
+                continue;
+            }
+            let setting = self.ways.setting(self.ladders[ladder].degree, fineness, self.tolerance, self.stiffer);
+            let mut last = how != How::Lean && !self.bad_last.contains(&fineness);
+            let mut made = self.one(&setting, fineness, last);
+            if how == How::Either && last && made.is_err() {
+                self.bad_last.insert(fineness);
+                last = false;
+                made = self.one(&setting, fineness, last);
+            }
+            match made {
+                Ok(run) => {
+                    self.keep(ladder, Level { fineness, setting, run }, last);
+                    return Ok(fineness);
+                }
+                // all faces of the scene's own mesh are there: what fails now is the scene
+                Err(why) if fineness.is_multiple_of(own) => return Err(Out::Failed(why)),
+                Err(_) if last => drop(self.bad_last.insert(fineness)),
+                Err(_) => drop(self.bad.insert(fineness)),
+            }
+        }
+        Err(Out::Failed(format!("no mesh up to {} times that of the scene has a solution", wanted.div_ceil(own))))
+    }
+
+    fn keep(&mut self, ladder: usize, level: Level<T::Run>, last: bool) {
+        if last {
+            self.written = Some((ladder, level.fineness));
+        }
+        let fineness = level.fineness;
+        let levels = &mut self.ladders[ladder].levels;
+        levels.retain(|l| l.fineness != fineness);
+        let at = levels.partition_point(|l| l.fineness < fineness);
+        levels.insert(at, level);
+        self.distances.retain(|key, _| ![[key[0], key[1]], [key[2], key[3]]].contains(&[ladder, fineness]));
+    }
+
+    /// Measures what tolerance and penalty add on the first level, and changes them where that is
+    /// too much. True if the penalty has changed.
+    fn set_parameters(&mut self) -> Result<bool, Out> {
+        let Some((degree, fineness)) = self.ladders[0].levels.last().map(|l| (self.ladders[0].degree, l.fineness))
+        else {
+            return Ok(false);
+        };
+        let tight = self.ways.setting(degree, fineness, *TOLERANCES.start(), self.stiffer);
+        let tight = self.one(&tight, fineness, false).map_err(Out::Failed)?;
+        let found = self.apart_from_last(&tight)?;
+        self.tolerance_error = found;
+        let allowed = PART_OF_TOLERANCE * self.demand.error;
+        if found > allowed {
+            self.tolerance = (self.tolerance * 0.5 * allowed / found).max(*TOLERANCES.start());
+            self.tolerance_error = 0.5 * allowed;
+        }
+        if self.ways.role != Role::Penalty {
+            return Ok(false);
+        }
+        // the error of a penalty falls like 1/gamma: ten times stiffer leaves a tenth of it
+        let harder = self.ways.setting(degree, fineness, *TOLERANCES.start(), 10.0 * self.stiffer);
+        let harder = self.one(&harder, fineness, false).map_err(Out::Failed)?;
+        let apart = self.trials.distance(&tight, &harder).map_err(Out::Failed)?;
+        self.method_error = apart / 0.9;
+        let allowed = PART_OF_METHOD * self.demand.error;
+        if self.method_error <= allowed || self.stiffer >= MOST_STIFFER {
+            return Ok(false);
+        }
+        let factor = 10f64.powf((self.method_error / allowed).log10().ceil().max(1.0));
+        self.stiffer = (self.stiffer * factor).min(MOST_STIFFER);
+        Ok(true)
+    }
+
+    fn apart_from_last(&mut self, other: &T::Run) -> Result<f64, Out> {
+        match self.ladders[0].levels.last() {
+            Some(level) => self.trials.distance(&level.run, other).map_err(Out::Failed),
+            None => Ok(0.0),
+        }
+    }
+
+    fn climb_on(mut self) -> Result<Found<T::Run>, Out> {
+        for _ in 0..MOST_ROUNDS {
+            let views = self.views()?;
+            let choice = self.choose(&views);
+            if choice.as_ref().is_none_or(|c| c.level.is_none())
+                && self.explored(choice.as_ref().map_or(f64::INFINITY, |c| c.work))?
+            {
+                continue;
+            }
+            let Some(choice) = choice else { break };
+            if let Some(level) = choice.level.filter(|_| self.written == Some((choice.ladder, choice.fineness))) {
+                return self.found(choice.ladder, level, &views);
+            }
+            let view = &views[choice.ladder];
+            let finest = self.ladders[choice.ladder].levels.last().map_or(1, |l| l.fineness);
+            let far = choice.fineness as f64 > view.reach * finest as f64;
+            let next = if far { 2 * finest } else { choice.fineness };
+            // an order that is not the ladder's own refuses nothing: another level tells more
+            let guess = far && view.safety == SAFETY_OF_TWO;
+            let seen = if guess { next } else { choice.fineness };
+            let seconds = choice.seconds * (seen as f64 / choice.fineness as f64).powf(self.growth());
+            if seconds > self.demand.budget {
+                return Err(self.out_of_reach(&choice, &views));
+            }
+            self.climb(choice.ladder, next, if far { How::Either } else { How::Whole })?;
+        }
+        let views = self.views()?;
+        let (best, error) = self.best(&views);
+        let (asked, quantity) = (self.demand.error, self.demand.quantity.clone());
+        Err(Out::Lost { asked, quantity, runs: self.rungs.len(), best, error })
+    }
+
+    /// The distance of a level from a finer one, possibly of another degree.
+    fn distance(&mut self, a: (usize, usize), b: (usize, usize)) -> Result<f64, Out> {
+        let (one, other) = (&self.ladders[a.0].levels[a.1], &self.ladders[b.0].levels[b.1]);
+        let key = [a.0, one.fineness, b.0, other.fineness];
+        if let Some(known) = self.distances.get(&key) {
+            return Ok(*known);
+        }
+        let found = self.trials.distance(&one.run, &other.run).map_err(Out::Failed)?;
+        self.distances.insert(key, found);
+        Ok(found)
+    }
+
+    fn views(&mut self) -> Result<Vec<View>, Out> {
+        (0..self.ladders.len()).map(|k| self.view(k)).collect()
+    }
+
+    /// The largest level that is far enough below another one.
+    fn below(&self, ladder: usize, level: usize) -> Option<usize> {
+        let levels = &self.ladders[ladder].levels;
+        (0..level).rev().find(|k| levels[*k].fineness as f64 * APART <= levels[level].fineness as f64)
+    }
+
+    fn step(&mut self, ladder: usize, from: usize, to: usize) -> Result<Step, Out> {
+        let distance = self.distance((ladder, from), (ladder, to))?;
+        let at = |k: usize| self.ladders[ladder].levels[k].fineness as f64;
+        Ok(Step { from: at(from), to: at(to), distance })
+    }
+
+    fn view(&mut self, ladder: usize) -> Result<View, Out> {
+        let n = self.ladders[ladder].levels.len();
+        let Some((finest, middle)) = n.checked_sub(1).and_then(|f| Some((f, self.below(ladder, f)?))) else {
+            return Ok(View { order: f64::NAN, safety: SAFETY_OF_TWO, reach: 1.0, errors: vec![f64::NAN; n] });
+        };
+        let last = self.step(ladder, middle, finest)?;
+        let most = self.most_order(ladder);
+        let (order, safety, reach) = match self.below(ladder, middle) {
+            Some(coarse) => {
+                let first = self.step(ladder, coarse, middle)?;
+                (believed(self.norm().order(first, last), most), SAFETY, REACH)
+            }
+            None => (self.order_of_others()?.map_or(1.0, |p| believed(p, most)), SAFETY_OF_TWO, REACH_OF_TWO),
+        };
+        let behind = self.norm().error_behind(last, order);
+        let mut errors = Vec::new();
+        for k in 0..n {
+            let apart = if k == finest { 0.0 } else { self.distance((ladder, k), (ladder, finest))? };
+            errors.push(self.norm().total(apart, behind));
+        }
+        Ok(View { order, safety, reach, errors })
+    }
+
+    /// Gradients of finite elements are nearly orthogonal to their errors, as energies of Galerkin's method are.
+    fn norm(&self) -> Norm {
+        if self.demand.quantity == "H1" { Norm::Squares } else { Norm::Lengths }
+    }
+
+    /// What elements of a degree give at best.
+    fn most_order(&self, ladder: usize) -> f64 {
+        let degree = self.ladders[ladder].degree as f64;
+        if self.demand.quantity == "H1" { degree } else { degree + 1.0 }
+    }
+
+    /// The order of the lowest degree, its errors told by the finest level of the highest: a lower bound for the others
+    /// where the solution is smooth, and the same where it is not.
+    fn order_of_others(&mut self) -> Result<Option<f64>, Out> {
+        let top = self.ladders.len() - 1;
+        let (Some(best), n) = (self.ladders[top].levels.len().checked_sub(1), self.ladders[0].levels.len()) else {
+            return Ok(None);
+        };
+        if top == 0 || n < 2 {
+            return Ok(None);
+        }
+        let Some(coarse) = self.below(0, n - 1) else { return Ok(None) };
+        let errors = [self.distance((0, coarse), (top, best))?, self.distance((0, n - 1), (top, best))?];
+        let at = |k: usize| self.ladders[0].levels[k].fineness as f64;
+        Ok(Some(order_of_errors((at(coarse), errors[0]), (at(n - 1), errors[1]))))
+    }
+
+    /// Work of a run, in any unit: unknowns to the power of a sparse factorisation, times what a row has of entries. Not
+    /// the clock: the same scene gives the same choice.
+    fn work(&self, ladder: usize, dofs: f64) -> f64 {
+        let power = POWER[self.ways.dim.min(3)];
+        let entries = (self.ladders[ladder].degree as f64 + 1.0).powf(self.ways.dim as f64);
+        dofs.powf(power) * entries
+    }
+
+    /// The power of the fineness that work grows with.
+    fn growth(&self) -> f64 {
+        self.ways.dim as f64 * POWER[self.ways.dim.min(3)]
+    }
+
+    /// The cheapest of the levels that meet the demand and the finer ones that should.
+    fn choose(&self, views: &[View]) -> Option<Choice> {
+        let allowed = self.demand.error - self.other();
+        let mut list: Vec<Choice> = Vec::new();
+        for (k, (ladder, view)) in self.ladders.iter().zip(views).enumerate() {
+            let Some(finest) = ladder.levels.last().filter(|_| view.order.is_finite()) else { continue };
+            let (dofs, seconds) = self.trials.cost(&finest.run);
+            let work_of_finest = self.work(k, dofs as f64);
+            let choice = |fineness: usize, level: Option<usize>| {
+                let ratio = fineness as f64 / finest.fineness as f64;
+                let work = self.work(k, dofs as f64 * ratio.powf(self.ways.dim as f64));
+                Choice { ladder: k, fineness, level, work, seconds: seconds * work / work_of_finest }
+            };
+            let good = |l: &usize| {
+                !self.bad_last.contains(&ladder.levels[*l].fineness) && view.safety * view.errors[*l] <= allowed
+            };
+            if let Some(level) = (0..ladder.levels.len()).find(good) {
+                list.push(choice(ladder.levels[level].fineness, Some(level)));
+                continue;
+            }
+            let known = (finest.fineness as f64, *view.errors.last()?);
+            let wanted = fineness_for(AIM * allowed / view.safety, known, view.order).ceil();
+            if wanted.is_finite() {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and 1e9")]
+                list.push(choice((wanted.min(1e9) as usize).max(finest.fineness + 1), None));
+            }
+        }
+        list.into_iter().filter(|c| c.work.is_finite()).min_by(|a, b| a.work.total_cmp(&b.work))
+    }
+
+    /// The most accurate level: its setting and its error.
+    fn best(&self, views: &[View]) -> (String, f64) {
+        let all = self.ladders.iter().zip(views).flat_map(|(ladder, view)| {
+            let error = |e: &f64| view.safety * e + self.other();
+            ladder.levels.iter().zip(&view.errors).map(move |(l, e)| (words(&l.setting), error(e)))
+        });
+        all.filter(|b| b.1.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default()
+    }
+
+    fn out_of_reach(&self, choice: &Choice, views: &[View]) -> Out {
+        let (best, error) = self.best(views);
+        let ladder = &self.ladders[choice.ladder];
+        let setting = self.ways.setting(ladder.degree, choice.fineness, self.tolerance, self.stiffer);
+        let view = &views[choice.ladder];
+        // seconds grow like fineness^(dim power): the inverse says how fine a run of the budget is
+        let slower = choice.seconds / self.demand.budget;
+        let within = AIM * self.demand.error * slower.powf(view.order / self.growth());
+        Out::OutOfReach {
+            asked: self.demand.error,
+            quantity: self.demand.quantity.clone(),
+            needed: words(&setting),
+            seconds: choice.seconds,
+            budget: self.demand.budget,
+            runs: self.rungs.len(),
+            best,
+            error,
+            within: within.max(self.demand.error).min(error),
+        }
+    }
+
+    /// The error of the mesh of a level of a view, safety included.
+    fn found(mut self, ladder: usize, level: usize, views: &[View]) -> Result<Found<T::Run>, Out> {
+        let view = &views[ladder];
+        for (l, v) in self.ladders.iter().zip(views) {
+            for (one, error) in l.levels.iter().zip(&v.errors) {
+                for rung in self.rungs.iter_mut().filter(|r| r.setting == one.setting) {
+                    rung.error = Real(v.safety * error);
+                }
+            }
+        }
+        let mesh = view.safety * view.errors[level];
+        let others = self.others(ladder, level, view);
+        let why = self.why(ladder, level, views);
+        let one = self.ladders[ladder].levels.swap_remove(level);
+        let mut record = self.record(one.setting, why);
+        record.mesh = Real(mesh);
+        record.order = Real(view.order);
+        record.estimate = Real(mesh + self.other());
+        record.reached = mesh + self.other() <= self.demand.error;
+        record.others = others;
+        Ok(Found { run: one.run, record, notice: None })
+    }
+
+    fn record(&mut self, picked: Vec<(String, String)>, why: Vec<String>) -> AccuracyRecord {
+        AccuracyRecord {
+            asked: self.demand.error,
+            quantity: self.demand.quantity.clone(),
+            picked,
+            why,
+            mesh: Real(f64::NAN),
+            order: Real(f64::NAN),
+            tolerance: Real(self.tolerance_error),
+            method: Real(self.method_error),
+            estimate: Real(f64::NAN),
+            reached: false,
+            rungs: std::mem::take(&mut self.rungs),
+            others: Vec::new(),
+        }
+    }
+
+    /// Errors of the other quantities with the same order.
+    fn others(&mut self, ladder: usize, level: usize, view: &View) -> Vec<Other> {
+        let levels = &self.ladders[ladder].levels;
+        let Some(below) = self.below(ladder, level) else { return Vec::new() };
+        let (coarse, fine) = (&levels[below], &levels[level]);
+        let (from, to) = (coarse.fineness as f64, fine.fineness as f64);
+        let list = self.trials.distances(&coarse.run, &fine.run);
+        let step = |distance| Step { from, to, distance };
+        let error = |distance: f64| view.safety * Norm::Lengths.error_behind(step(distance), view.order.min(1.0));
+        list.into_iter()
+            .filter(|(quantity, _)| *quantity != self.demand.quantity)
+            .map(|(quantity, d)| Other { quantity, error: Real(error(d)) })
+            .collect()
+    }
+
+    fn why(&self, ladder: usize, level: usize, views: &[View]) -> Vec<String> {
+        let mut why = Vec::new();
+        let (own, view) = (&self.ladders[ladder], &views[ladder]);
+        let n = own.levels.len();
+        why.push(format!(
+            "mesh: {n} meshes of degree {} show errors that fall with order {:.2}; the one picked is estimated at {:.1e}",
+            own.degree,
+            view.order,
+            view.safety * view.errors[level]
+        ));
+        for (other, v) in self.ladders.iter().zip(views).filter(|(l, _)| l.degree != own.degree) {
+            let Some((l, e)) = other.levels.last().zip(v.errors.last()).filter(|(_, e)| e.is_finite()) else {
+                let degree = other.degree;
+                why.push(format!("degree {degree}: to find out more about it would cost more than what was picked"));
+                continue;
+            };
+            let (dofs, _) = self.trials.cost(&l.run);
+            why.push(format!(
+                "degree {}: its finest mesh here has {dofs} unknowns and an error of {:.1e}; more of them would cost more \
+                 than degree {}",
+                other.degree,
+                v.safety * e,
+                own.degree
+            ));
+        }
+        why.extend(self.why_of_parameters());
+        why
+    }
+
+    fn why_of_parameters(&self) -> Vec<String> {
+        let tol = format!(
+            "tol: {:.0e} adds {:.0e}, measured on a coarse mesh against {:.0e}",
+            self.tolerance,
+            self.tolerance_error,
+            TOLERANCES.start()
+        );
+        let gamma = match self.ways.role {
+            Role::None => None,
+            Role::Consistent => {
+                Some("gamma: the method is consistent; its parameter keeps its proportion to the cells".to_owned())
+            }
+            Role::Penalty => Some(format!(
+                "gamma: a penalty; {} times that of the scene adds {:.0e}, measured on a coarse mesh against ten times more",
+                self.stiffer, self.method_error
+            )),
+        };
+        std::iter::once(tol).chain(gamma).collect()
+    }
+
+    /// Tolerance and penalty alone.
+    fn on_a_fixed_mesh(mut self) -> Result<Found<T::Run>, Out> {
+        let own = self.ways.own;
+        self.climb(0, own, How::Lean)?;
+        if self.set_parameters()? {
+            self.climb(0, own, How::Lean)?;
+            self.set_parameters()?;
+        }
+        self.climb(0, own, How::Whole)?;
+        let mut why = vec!["mesh: it comes from a file and cannot be refined; its error is not known".to_owned()];
+        why.extend(self.why_of_parameters());
+        let Some(level) = self.ladders[0].levels.pop() else { return Err(Out::Failed("no run".to_owned())) };
+        let record = self.record(level.setting, why);
+        Ok(Found { run: level.run, record, notice: Some(Notice::MeshOfFile) })
+    }
+}

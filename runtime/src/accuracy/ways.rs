@@ -1,0 +1,244 @@
+//! What can be changed in a scene to make it more accurate or cheaper, and the settings that follow.
+
+use wfl::{
+    FieldKind, ResolvedScript,
+    ast::{ExprKind, Place, QuadratureRule},
+};
+
+use crate::{
+    Scene, SceneBox, coercivity,
+    field::FieldSpace,
+    knobs::{Setting, mesh_words},
+    mesh::RegionSet,
+};
+
+/// The parameter of a method, by convention `gamma`.
+const METHOD_PARAM: &str = "gamma";
+
+/// What the parameter of a method is to its error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// There is none, or the scene computes it, or the solution does not depend on it (multipliers).
+    None,
+    /// The method is consistent, the parameter must grow with the stiffness of the cells: it is scaled with the mesh.
+    Consistent,
+    /// The solution depends on it: its error is measured.
+    Penalty,
+}
+
+/// What divides the mesh.
+#[derive(Clone, Debug, PartialEq)]
+enum Division {
+    /// The mesh cannot be refined.
+    Fixed,
+    /// A number of cells along each axis, for fineness 1.
+    Cells(Vec<usize>),
+    /// A parameter that is a number of cells.
+    Count(String),
+    /// A parameter that is the size of a cell, with its value for fineness 1.
+    Size(String, f64),
+}
+
+/// What can be changed in a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ways {
+    /// Dimension of the mesh.
+    pub dim: usize,
+    /// Degrees that the unknowns on cells can have, rising.
+    pub degrees: Vec<usize>,
+    /// The fineness of the scene as it stands: its cells are in these proportions to those of fineness 1.
+    pub own: usize,
+    /// The coarsest fineness worth trying: two cells along the shortest edge.
+    pub least: usize,
+    /// The degree of the scene as it stands.
+    pub own_degree: usize,
+    /// What the parameter of the method is.
+    pub role: Role,
+    division: Division,
+    fixed_degree: bool,
+    gamma: f64,
+}
+
+impl Ways {
+    /// Looks at a scene as it stands.
+    #[must_use]
+    pub fn of(script: &ResolvedScript, scene: &mut Scene) -> Self {
+        let (division, own, least) = division(script, scene);
+        let (degrees, own_degree, fixed_degree) = degrees(script, scene, division == Division::Fixed);
+        let (role, gamma) = method(script, scene);
+        Ways { dim: scene.system.mesh.dim(), degrees, own, least, own_degree, role, division, fixed_degree, gamma }
+    }
+
+    /// Whether the mesh can be refined.
+    #[must_use]
+    pub fn refines(&self) -> bool {
+        self.division != Division::Fixed
+    }
+
+    /// The setting of a degree, a fineness, a tolerance and a factor on the parameter of a penalty method.
+    #[must_use]
+    pub fn setting(&self, degree: usize, fineness: usize, tolerance: f64, stiffer: f64) -> Vec<(String, String)> {
+        let mut out: Vec<(String, String)> = Vec::new();
+        let mut set = |name: &str, value: String| out.push((name.to_owned(), value));
+        // the trace constant of a cell grows like degree^2/h
+        let ratio = fineness as f64 / self.own as f64 * (degree as f64 / self.own_degree as f64).powi(2);
+        match &self.division {
+            Division::Fixed => {}
+            Division::Cells(base) => {
+                let counts: Vec<String> = base.iter().map(|n| (n * fineness).to_string()).collect();
+                set("cells", format!("[{}]", counts.join(",")));
+            }
+            Division::Count(name) => set(name, fineness.to_string()),
+            Division::Size(name, size) => set(name, number(size / fineness as f64)),
+        }
+        if !self.fixed_degree {
+            set("degree", degree.to_string());
+        }
+        match self.role {
+            Role::Consistent if self.refines() => set(METHOD_PARAM, number(self.gamma * ratio)),
+            Role::Penalty if stiffer != 1.0 => set(METHOD_PARAM, number(self.gamma * stiffer)),
+            _ => {}
+        }
+        set("tol", number(tolerance));
+        out
+    }
+
+    /// Whether the regions with terms are the same part of the bodies as on the mesh of the scene: members of a region
+    /// of dimension d are as many as fineness^d says, within `slack`, relative. On a multiple of the scene's own mesh
+    /// all its faces are there.
+    #[must_use]
+    pub fn fits(&self, own: &Scene, other: &Scene, fineness: usize, slack: f64) -> bool {
+        if fineness.is_multiple_of(self.own) {
+            return true;
+        }
+        let ratio = fineness as f64 / self.own as f64;
+        let same = |place: &String| {
+            let (Some(a), Some(b)) = (own.regions.get(place), other.regions.get(place)) else { return false };
+            let (n, dim) = members(&a.set, self.dim);
+            let expected = n * ratio.powi(dim);
+            (members(&b.set, self.dim).0 - expected).abs() <= slack * expected
+        };
+        own.terms.iter().all(|t| same(&t.place))
+    }
+}
+
+/// A number in the fewest digits that give it back, of those that a scene can hold.
+fn number(x: f64) -> String {
+    let rounded: f64 = format!("{x:.11e}").parse().unwrap_or(x);
+    if rounded != 0.0 && !(1e-4..1e6).contains(&rounded.abs()) { format!("{rounded:e}") } else { format!("{rounded}") }
+}
+
+/// Members of a region and their dimension.
+fn members(set: &RegionSet, dim: usize) -> (f64, i32) {
+    let d = i32::try_from(dim).unwrap_or(3);
+    match set {
+        RegionSet::Cells(c) => (c.len() as f64, d),
+        RegionSet::Facets(f) => (f.len() as f64, d - 1),
+        RegionSet::Interface(f) => (f.len() as f64, d - 1),
+        RegionSet::Nodes(n) => (n.len() as f64, 0),
+    }
+}
+
+/// The degrees that can be had, the scene's own, and whether that is only the scene's own. Spaces of several degrees or with multipliers
+/// are pairs that are stable together; a rule at the vertices and states belong to their degree.
+fn degrees(script: &ResolvedScript, scene: &Scene, fixed_mesh: bool) -> (Vec<usize>, usize, bool) {
+    let on_cells = |f: &&wfl::Field| matches!(f.kind, FieldKind::Unknown) && !matches!(f.space.place, Place::Global(_));
+    let degree = |f: &wfl::Field| {
+        let field = scene.system.fields.iter().find(|g| g.name == f.name.name)?;
+        matches!(field.space, FieldSpace::Nodal(_)).then(|| field.degree())
+    };
+    let own: Vec<usize> = script.fields.iter().filter(on_cells).filter_map(degree).collect();
+    let first = own.first().copied().unwrap_or(1);
+    let multipliers = script.fields.iter().any(|f| matches!(f.kind, FieldKind::Multiplier { .. }));
+    let at_vertices = |q: &wfl::Quadrature| {
+        let with_terms = q.places.iter().any(|p| scene.terms.iter().any(|t| t.place == p.name));
+        matches!(q.rule, QuadratureRule::Vertex) && with_terms
+    };
+    let bound = fixed_mesh
+        || multipliers
+        || own.iter().any(|d| *d != first)
+        || own.is_empty()
+        || !scene.states.is_empty()
+        || script.quadratures.iter().any(at_vertices);
+    if bound || first > 2 { (vec![first], first, true) } else { (vec![1, 2], first, false) }
+}
+
+fn division(script: &ResolvedScript, scene: &Scene) -> (Division, usize, usize) {
+    let Some(SceneBox { counts, by_size }) = scene.box_of(script) else { return (Division::Fixed, 1, 1) };
+    let common = counts.iter().copied().fold(0, gcd);
+    let mut words = mesh_words(script);
+    words.dedup();
+    let value = |name: &String| {
+        let given = script.params.iter().find(|p| p.name.name == *name)?;
+        let plain = matches!(given.value.kind, ExprKind::Number(_));
+        let values = &scene.params.iter().find(|p| p.0 == *name)?.1.values;
+        (plain && values.len() == 1).then(|| values[0])
+    };
+    let shortest = |own: usize| counts.iter().min().map_or(1, |n| (2 * own).div_ceil(*n).max(1));
+    if let [name] = words.as_slice()
+        && let Some(v) = value(name)
+    {
+        if by_size {
+            return (Division::Size(name.clone(), v * common as f64), common, shortest(common));
+        }
+        let whole = counts.iter().find(|n| (**n as f64) == v).copied();
+        if let Some(n) = whole.filter(|n| counts.iter().all(|c| c % n == 0)) {
+            return (Division::Count(name.clone()), n, shortest(n));
+        }
+    }
+    let base: Vec<usize> = counts.iter().map(|n| n / common.max(1)).collect();
+    (Division::Cells(base), common, shortest(common))
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+fn method(script: &ResolvedScript, scene: &mut Scene) -> (Role, f64) {
+    let given = script.params.iter().find(|p| p.name.name == METHOD_PARAM);
+    let plain = given.is_some_and(|p| matches!(p.value.kind, ExprKind::Number(_)));
+    let value = scene.params.iter().find(|p| p.0 == METHOD_PARAM).and_then(|p| p.1.values.first().copied());
+    let multipliers = script.fields.iter().any(|f| matches!(f.kind, FieldKind::Multiplier { .. }));
+    let Some(gamma) = value.filter(|_| plain && !multipliers) else { return (Role::None, 0.0) };
+    // where a term has no finite value, the run itself says so
+    let nitsche = coercivity(scene).is_ok_and(|found| !found.is_empty());
+    (if nitsche { Role::Consistent } else { Role::Penalty }, gamma)
+}
+
+/// A scene without what a run on the way does not need: measures, unless one of them is what is asked about,
+/// expectations, and rules on regions without terms. A coarse mesh may have no member of a region that only they use.
+pub fn lean(script: &mut ResolvedScript, own: &Scene, quantity: &str) {
+    if !script.measures.iter().any(|m| m.name.name == quantity) {
+        script.measures.clear();
+        script.quadratures.retain(|q| q.places.iter().any(|p| own.terms.iter().any(|t| t.place == p.name)));
+    }
+    script.expects.clear();
+}
+
+/// A setting in words, as on the command line.
+pub(super) fn words(setting: &Setting) -> String {
+    setting.iter().map(|(n, v)| format!("{n}={v}")).collect::<Vec<_>>().join(" ")
+}
+
+/// A square of cells, for tests without a scene.
+#[cfg(test)]
+pub(super) fn test_ways(dim: usize, role: Role, own: usize) -> Ways {
+    Ways {
+        dim,
+        degrees: vec![1, 2],
+        own,
+        least: 2,
+        own_degree: 1,
+        role,
+        division: Division::Cells(vec![1; dim]),
+        fixed_degree: false,
+        gamma: 1.0,
+    }
+}
+
+#[cfg(test)]
+impl Ways {
+    pub(super) fn fix(&mut self) {
+        self.division = Division::Fixed;
+    }
+}

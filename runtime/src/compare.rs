@@ -1,0 +1,190 @@
+//! Solutions of one scene compared: how far two runs are apart, quantity by quantity.
+//!
+//! Differences are relative, in norms over the points of the run that is compared with: `L2` and `H1` of all unknowns
+//! on cells, the outputs that live on contact faces (traction, slip, …) by name, measures of the last step by name.
+//! Promises that a point which the other mesh does not have is counted: with too many of them there is no number. Does
+//! not know which of two runs is better.
+
+use wfl::{
+    FieldKind, Output, OutputQuantity, ResolvedScript, Span,
+    ast::{Expr, ExprKind, Place},
+};
+use wfl_compiler::backend::KernelBackend;
+
+use crate::{Outcome, SampleAt, Samples, Scene, field::FieldSpace, space::Support};
+
+/// Degree to which the norms are exact.
+pub const NORM_DEGREE: usize = 5;
+/// Most points that were not found, as a part of all.
+const LOST_POINTS: f64 = 0.01;
+/// The name of the output that holds the exact solution of a scene.
+pub const EXACT_OUTPUT: &str = "the exact solution";
+
+/// A run that came to its end, with what is needed to take more from it.
+pub struct Solved {
+    /// The scene as it was run.
+    pub script: ResolvedScript,
+    /// The outputs of the scene, which were not made.
+    pub outputs: Vec<Output>,
+    /// The problem.
+    pub scene: Scene,
+    /// What the run gave.
+    pub outcome: Outcome,
+}
+
+impl Solved {
+    /// The place that expressions of no text are given: a scene that was solved has a mesh statement.
+    #[must_use]
+    pub fn scene_span(&self) -> Span {
+        let main = self.script.main;
+        self.script.mesh.as_ref().map_or(Span { source: main, start: 0, end: 0 }, |m| m.span)
+    }
+}
+
+/// Measures of the last step.
+#[must_use]
+pub fn measures(run: &Solved) -> Vec<(String, f64)> {
+    run.outcome.steps.last().map(|s| s.measures.clone()).unwrap_or_default()
+}
+
+/// A name as an expression. Expressions of our own have the place of the mesh statement: they are in no text.
+#[must_use]
+pub fn name(run: &Solved, word: &str) -> Expr {
+    let span = run.scene_span();
+    Expr { kind: ExprKind::Name(word.to_owned()), span, expansion: None }
+}
+
+/// Names of the unknowns that live on cells.
+pub fn unknowns(run: &Solved) -> impl Iterator<Item = &str> {
+    let on_cells = |f: &&wfl::Field| {
+        let on_cells = |s: &FieldSpace| matches!(s, FieldSpace::Nodal(n) if matches!(n.support(), Support::Cells(_)));
+        let nodal = run.scene.system.fields.iter().any(|g| g.name == f.name.name && on_cells(&g.space));
+        matches!(f.kind, FieldKind::Unknown) && !matches!(f.space.place, Place::Global(_)) && nodal
+    };
+    run.script.fields.iter().filter(on_cells).map(|f| f.name.name.as_str())
+}
+
+/// The quantities of the outputs of a scene.
+pub fn items(run: &Solved) -> impl Iterator<Item = &OutputQuantity> {
+    run.outputs.iter().filter(|o| o.format.name == "vtk" && o.file != EXACT_OUTPUT).flat_map(|o| &o.items)
+}
+
+/// The state of the last step.
+fn state(run: &Solved) -> Option<(f64, f64, &[f64])> {
+    run.outcome.steps.last().map(|s| (s.time, s.increment, s.state.as_slice()))
+}
+
+/// Unknowns, their gradients and the outputs on contact faces.
+///
+/// # Errors
+/// The first message about an expression that has no value at the points.
+pub fn sampled(run: &Solved, backend: &dyn KernelBackend, at: SampleAt<'_>) -> Result<Vec<Samples>, String> {
+    sampled_if(run, backend, at, &|_| true)
+}
+
+/// The same for the quantities that `wanted` picks by name (`L2`, `H1`, outputs).
+///
+/// # Errors
+/// The first message about an expression that has no value at the points.
+pub fn sampled_if(
+    run: &Solved,
+    backend: &dyn KernelBackend,
+    at: SampleAt<'_>,
+    wanted: &dyn Fn(&str) -> bool,
+) -> Result<Vec<Samples>, String> {
+    let mut list = Vec::new();
+    for field in unknowns(run) {
+        list.push((format!("L2 {field}"), name(run, field)));
+        list.push((format!("H1 {field}"), name(run, &format!("Grad_{field}"))));
+    }
+    list.extend(items(run).map(|i| (i.name.clone(), i.expr.clone())));
+    list.retain(|(name, _)| wanted(quantity(name)));
+    let mut samples = take(run, backend, &list, at)?;
+    samples.retain(|s| is_norm(&s.name) || !s.home.starts_with("body"));
+    Ok(samples)
+}
+
+fn is_norm(name: &str) -> bool {
+    name.starts_with("L2 ") || name.starts_with("H1 ")
+}
+
+/// The quantity that samples belong to.
+fn quantity(name: &str) -> &str {
+    if is_norm(name) { &name[..2] } else { name }
+}
+
+/// Expressions at the state of the last step.
+///
+/// # Errors
+/// The first message about an expression that has no value at the points.
+pub fn take(
+    run: &Solved,
+    backend: &dyn KernelBackend,
+    list: &[(String, Expr)],
+    at: SampleAt<'_>,
+) -> Result<Vec<Samples>, String> {
+    let Some(state) = state(run) else { return Err("there is no step".to_owned()) };
+    let (samples, messages) = run.scene.samples(&run.script, backend, list, at, state);
+    match messages.first() {
+        Some(message) => Err(message.message.clone()),
+        None => Ok(samples),
+    }
+}
+
+/// Sums over the points of one quantity.
+#[derive(Default)]
+struct Sum {
+    /// Squares of the difference and of the reference, times weights.
+    difference: f64,
+    norm: f64,
+    /// Weights of all points, and of those that were found.
+    all: f64,
+    seen: f64,
+}
+
+impl Sum {
+    fn add(&mut self, samples: &Samples, like: &Samples) {
+        let n = like.components;
+        for (p, w) in like.weights.iter().enumerate() {
+            let range = p * n..(p + 1) * n;
+            let (Some(a), Some(b)) = (samples.values.get(range.clone()), like.values.get(range)) else { continue };
+            self.all += w;
+            if a.iter().all(|x| x.is_nan()) {
+                continue;
+            }
+            self.seen += w;
+            self.difference += w * a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
+            self.norm += w * b.iter().map(|y| y * y).sum::<f64>();
+        }
+    }
+
+    fn relative(&self) -> f64 {
+        if self.seen >= (1.0 - LOST_POINTS) * self.all { (self.difference / self.norm).sqrt() } else { f64::NAN }
+    }
+}
+
+/// What two runs are compared by: samples and measures.
+pub type Compared<'a> = (&'a [Samples], &'a [(String, f64)]);
+
+/// Relative differences from a reference by quantity; not a number where too many points were not found.
+#[must_use]
+pub fn differences((found, measures): Compared<'_>, (like, like_measures): Compared<'_>) -> Vec<(String, f64)> {
+    let mut sums: Vec<(String, Sum)> = Vec::new();
+    for like in like {
+        let Some(samples) = found.iter().find(|s| s.name == like.name && s.home == like.home) else { continue };
+        let quantity = quantity(&like.name);
+        let at = sums.iter().position(|s| s.0 == quantity).unwrap_or_else(|| {
+            sums.push((quantity.to_owned(), Sum::default()));
+            sums.len() - 1
+        });
+        sums[at].1.add(samples, like);
+    }
+    let mut out: Vec<(String, f64)> =
+        sums.into_iter().filter(|s| s.1.norm > 0.0).map(|(name, sum)| (name, sum.relative())).collect();
+    for (name, value) in measures {
+        if let Some((_, at)) = like_measures.iter().find(|m| m.0 == *name).filter(|m| m.1 != 0.0) {
+            out.push((name.clone(), (value - at).abs() / at.abs()));
+        }
+    }
+    out
+}
