@@ -135,6 +135,7 @@ fn wrong_values_are_refused() {
         let (said, code, _) = run(&scene, &[], &out);
         assert!(code == Some(1) && said.contains("E414") && said.contains("relative error"), "{option}: {said}");
     }
+    let scene = signorini(&out, "");
     let (said, code, _) = run(&scene, &["--accuracy", "0.1", "--of", "slip"], &out);
     assert!(code == Some(1) && said.contains("no quantity `slip`") && said.contains("pressure"), "{said}");
 }

@@ -55,8 +55,8 @@ pub enum Out {
     Failed(String),
     /// It would take longer than allowed.
     #[error(
-        "an error of {asked:.1e} of {quantity} needs about {needed}, which takes about {seconds:.0} s: more than the \
-         budget of {budget:.0} s\n  = note: the best of {runs} runs is {best}, with an estimated error of {error:.1e}\n  \
+        "an error of {asked:.1e} of {quantity} needs about {needed}, which takes about {seconds:.1} s: more than the \
+         budget of {budget} s\n  = note: the best of {runs} runs is {best}, with an estimated error of {error:.1e}\n  \
          = help: about {within:.1e} can be had within the budget; --budget SECONDS allows more"
     )]
     OutOfReach {

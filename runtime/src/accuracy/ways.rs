@@ -80,8 +80,8 @@ impl Ways {
     pub fn setting(&self, degree: usize, fineness: usize, tolerance: f64, stiffer: f64) -> Vec<(String, String)> {
         let mut out: Vec<(String, String)> = Vec::new();
         let mut set = |name: &str, value: String| out.push((name.to_owned(), value));
-        // the trace constant of a cell grows like degree^2/h
-        let ratio = fineness as f64 / self.own as f64 * (degree as f64 / self.own_degree as f64).powi(2);
+        // the trace constant of a cell grows like degree^2/h; for a lower degree the larger value is safe
+        let ratio = fineness as f64 / self.own as f64 * (degree as f64 / self.own_degree as f64).powi(2).max(1.0);
         match &self.division {
             Division::Fixed => {}
             Division::Cells(base) => {

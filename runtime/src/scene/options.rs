@@ -113,8 +113,8 @@ impl Builder<'_> {
                 ("search", _, Some("auto")) => options.search = true,
                 ("search", _, Some("none")) => options.search = false,
                 ("accuracy", _, _) => {
-                    let known = "a relative error from 1e-8 to 1: accuracy=1e-3";
-                    self.bad_option(option, "accuracy", known);
+                    let d = Diagnostic::new("E414", "`accuracy` is a relative error from 1e-8 to 1");
+                    self.diagnostics.push(d.at(option.name.span, "such as accuracy=1e-3"));
                 }
                 (name, _, _) => {
                     let known = "tol=1e-10, max_iter=50, search=auto, search=none, accuracy=1e-3, of=L2";

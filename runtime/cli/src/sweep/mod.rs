@@ -15,6 +15,7 @@ mod page;
 mod reference;
 mod study;
 mod table;
+mod verdict;
 
 use std::{
     num::NonZeroUsize,

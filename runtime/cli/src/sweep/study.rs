@@ -11,6 +11,7 @@ use super::{
     front::{front, method, points, quantities, source, words},
     page,
     table::{self, Row},
+    verdict,
 };
 use crate::{args::SweepArgs, load::say};
 
@@ -157,6 +158,7 @@ pub(super) fn study(args: &SweepArgs, docs: &Path) -> Result<(), String> {
             }
         }
     }
+    text += &verdict::section(args)?;
     table::write_file(&docs.join("trade.md"), &text).map_err(|e| e.to_string())
 }
 
