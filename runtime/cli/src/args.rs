@@ -231,6 +231,9 @@ pub(crate) struct SweepArgs {
     /// Times each setting is run; the table has median, smallest and largest time
     #[arg(long, value_name = "N", default_value = "1")]
     pub(crate) repeat: NonZeroUsize,
+    /// Runs made at once, each on one thread: the table then has errors, iterations and unknowns, but no times
+    #[arg(long, value_name = "N", conflicts_with = "repeat")]
+    pub(crate) jobs: Option<NonZeroUsize>,
     /// Run nothing: make sweep.html and the plots anew from the tables in the folders given
     #[arg(long)]
     pub(crate) plot: bool,

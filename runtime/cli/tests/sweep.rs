@@ -159,6 +159,28 @@ fn rows_that_are_there_are_not_run_again() {
 }
 
 #[test]
+fn runs_at_once_give_the_same_numbers_and_no_times() {
+    let (out, alone) = (folder("jobs"), folder("alone"));
+    let words = ["signorini/signorini.wfl", "n=4,8", "degree=1,2", "--reference", "exact", "-q"];
+    assert!(wfl(&words, &alone).status.success());
+    let run = wfl(&[&words[..], &["--jobs", "3"]].concat(), &out);
+    assert!(run.status.success(), "{}", text(&run.stderr));
+    let (many, one) = (rows(&out), rows(&alone));
+    assert_eq!(many.len(), one.len());
+    for (a, b) in many.iter().zip(&one) {
+        for column in ["knob n", "knob degree", "status", "iterations", "error H1", "error L2"] {
+            assert_eq!(cell(a, column), cell(b, column), "{column}");
+        }
+        assert!(a.iter().all(|(name, _)| name != "time"), "{a:?}");
+    }
+    // times are made up for later
+    assert!(wfl(&words, &out).status.success());
+    let timed = rows(&out);
+    assert_eq!(timed.len(), 4);
+    assert!(timed.iter().all(|r| number(r, "time") > 0.0));
+}
+
+#[test]
 fn a_finer_run_is_the_reference_and_knows_its_own_error() {
     let out = folder("finer");
     let run = wfl(&["elasticity/plane_strain.wfl", "n=4,8", "degree=1", "-q"], &out);

@@ -1,7 +1,7 @@
 //! `wfl sweep`: scenes over lists of settings, their errors and costs in one table.
 //!
 //! Every run is made in this process with a fresh state, one at a time: times are those of a machine that does nothing
-//! else. A setting that fails stays in the table with its message and time. A table that is there already is gone on
+//! else. Several at once (`--jobs`) are not timed. A setting that fails stays in the table with its message and time. A table that is there already is gone on
 //! with: its rows are not run again as long as the text of their scene is the same.
 //!
 //! `lists` reads the command line, knobs of the runtime change scenes, `one` runs a setting, `reference` gives errors, `table` keeps
@@ -21,6 +21,10 @@ use std::{
     num::NonZeroUsize,
     path::{Path, PathBuf},
     process::ExitCode,
+    sync::{
+        atomic::{AtomicUsize, Ordering},
+        mpsc::channel,
+    },
     time::Instant,
 };
 
@@ -81,7 +85,8 @@ fn run(args: &SweepArgs) -> Result<(), String> {
     }
     let knobs = lists::knobs(&lists).map_err(|e| e.to_string())?;
     let Some(backend) = backend(false) else { return Err("there is no machine code on this processor".to_owned()) };
-    let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
+    let all = if args.jobs.is_some_and(|n| n.get() > 1) { None } else { std::thread::available_parallelism().ok() };
+    let threads = args.threads.or(all).map_or(1, NonZeroUsize::get);
     std::fs::create_dir_all(&args.out).map_err(|e| format!("cannot make {}: {e}", args.out.display()))?;
     let mut methods = methods(&scenes, &knobs, &*backend)?;
     let mut sweep = Sweep {
@@ -131,6 +136,13 @@ fn methods(scenes: &[String], knobs: &[Knob], backend: &dyn KernelBackend) -> Re
         out.push(Method { path, known, reference: None, more: String::new() });
     }
     Ok(out)
+}
+
+/// A run that is to be made.
+struct Planned<'a> {
+    method: &'a Method,
+    setting: &'a Setting,
+    key: String,
 }
 
 struct Sweep<'a> {
@@ -251,23 +263,34 @@ impl Sweep<'_> {
     /// All runs that are not in the table yet.
     fn all(&mut self, methods: &[Method]) -> Result<(), String> {
         let settings = lists::combinations(self.knobs);
-        let plan: Vec<(&Method, &Setting, String)> = methods
+        let mut plan: Vec<Planned<'_>> = methods
             .iter()
             .flat_map(|m| settings.iter().map(move |s| (m, s.as_slice())))
-            .map(|(m, s)| (m, s, self.key(m, s)))
-            .filter(|(_, _, key)| self.rows.iter().all(|r| r.text("key") != key))
+            .map(|(method, setting)| Planned { method, setting, key: self.key(method, setting) })
             .collect();
+        if !self.parallel() {
+            // what ran beside others has no time yet
+            let timed = |r: &Row| r.value("time").is_some();
+            self.rows.retain(|r| timed(r) || plan.iter().all(|p| p.key != r.text("key")));
+        }
+        plan.retain(|p| self.rows.iter().all(|r| r.text("key") != p.key));
         let all = methods.len() * settings.len();
         self.tell(&format!("{} runs, {} of them in the table already", all, all - plan.len()));
-        let (begin, mut clock) = (Instant::now(), Clock::default());
-        for (k, (method, setting, key)) in plan.iter().enumerate() {
-            let row = self.row(method, setting, key);
-            clock.add(setting, begin.elapsed().as_secs_f64());
-            let left = clock.left(plan[k + 1..].iter().map(|p| p.1));
-            self.tell(&line(&row, k + 1, plan.len(), left));
-            self.rows.push(row);
-            table::write(&self.args.out, &self.rows).map_err(|e| e.to_string())?;
-        }
+        let before = std::mem::take(&mut self.rows);
+        let mut made: Vec<Option<Row>> = plan.iter().map(|_| None).collect();
+        let mut clock = Clock::default();
+        self.each(&plan, |k, row, seconds| {
+            clock.add(plan[k].setting, seconds);
+            let n = made.iter().flatten().count() + 1;
+            let rest = plan.iter().zip(&made).enumerate().filter(|(j, (_, m))| *j != k && m.is_none());
+            let left = clock.left(rest.map(|(_, (p, _))| p.setting)) / self.jobs() as f64;
+            self.tell(&line(&row, n, plan.len(), left));
+            made[k] = Some(row);
+            // a run that is broken off loses what was being made and no more
+            let rows: Vec<Row> = before.iter().chain(made.iter().flatten()).cloned().collect();
+            table::write(&self.args.out, &rows).map_err(|e| e.to_string())
+        })?;
+        self.rows = before.into_iter().chain(made.into_iter().flatten()).collect();
         table::write(&self.args.out, &self.rows).map_err(|e| e.to_string())?;
         page::write(&self.args.out, &self.rows).map_err(|e| e.to_string())?;
         if !self.args.quiet {
@@ -279,6 +302,50 @@ impl Sweep<'_> {
         Ok(())
     }
 
+    fn jobs(&self) -> usize {
+        self.args.jobs.map_or(1, NonZeroUsize::get)
+    }
+
+    fn parallel(&self) -> bool {
+        self.jobs() > 1
+    }
+
+    /// Runs what is planned, and hands on the position of each run, its row and its seconds as it ends.
+    fn each(
+        &self,
+        plan: &[Planned<'_>],
+        mut done: impl FnMut(usize, Row, f64) -> Result<(), String>,
+    ) -> Result<(), String> {
+        let run = |k: usize| {
+            let begin = Instant::now();
+            let row = self.row(&plan[k]);
+            (k, row, begin.elapsed().as_secs_f64())
+        };
+        if !self.parallel() {
+            for k in 0..plan.len() {
+                let (k, row, seconds) = run(k);
+                done(k, row, seconds)?;
+            }
+            return Ok(());
+        }
+        let (next, (sender, receiver)) = (AtomicUsize::new(0), channel());
+        std::thread::scope(|scope| {
+            for _ in 0..self.jobs().min(plan.len()) {
+                let (sender, next, run) = (sender.clone(), &next, &run);
+                scope.spawn(move || {
+                    loop {
+                        let k = next.fetch_add(1, Ordering::Relaxed);
+                        if k >= plan.len() || sender.send(run(k)).is_err() {
+                            return;
+                        }
+                    }
+                });
+            }
+            drop(sender);
+            receiver.iter().try_for_each(|(k, row, seconds)| done(k, row, seconds))
+        })
+    }
+
     /// What tells a row from others: scene with its text, setting, repetitions and reference.
     fn key(&self, method: &Method, setting: &Setting) -> String {
         let reference = method.reference.map_or("none", |k| &self.references[k].what);
@@ -287,7 +354,8 @@ impl Sweep<'_> {
     }
 
     /// Runs a setting as often as asked for.
-    fn row(&self, method: &Method, setting: &Setting, key: &str) -> Row {
+    fn row(&self, planned: &Planned<'_>) -> Row {
+        let Planned { method, setting, key } = planned;
         machine::forget_peak_memory();
         let mut runs: Vec<one::Run> = Vec::new();
         for _ in 0..self.args.repeat.get() {
@@ -309,11 +377,16 @@ impl Sweep<'_> {
             row.set("status", status);
             row.set("message", message);
         }
-        row.number("time", seconds[seconds.len() / 2]);
-        row.number("time_min", seconds[0]);
-        row.number("time_max", seconds[seconds.len() - 1]);
         row.number("repeats", seconds.len() as f64);
+        if !self.parallel() {
+            row.number("time", seconds[seconds.len() / 2]);
+            row.number("time_min", seconds[0]);
+            row.number("time_max", seconds[seconds.len() - 1]);
+        }
         if let Some(solved) = last.as_ref().and_then(|r| r.solved.as_ref()) {
+            if !self.parallel() {
+                times(&mut row, solved);
+            }
             costs(&mut row, solved);
         }
         if let Some(Ok(errors)) = errors {
@@ -325,7 +398,7 @@ impl Sweep<'_> {
                 }
             }
         }
-        row.set("key", key);
+        row.set("key", key.as_str());
         row
     }
 
@@ -375,14 +448,22 @@ fn status(run: &one::Run, errors: Option<&Result<Vec<(String, f64)>, String>>) -
     }
 }
 
-/// What a run cost, and its measures.
-fn costs(row: &mut Row, solved: &Solved) {
+/// Seconds and memory of a run that had the machine to itself.
+fn times(row: &mut Row, solved: &Solved) {
     let report = &solved.outcome.report;
     let t = report.timings;
     let split = [t.parse, t.compile, t.mesh, t.assemble, t.factor, t.solve];
     for (name, value) in ["parse", "compile", "mesh", "assemble", "factor", "solve"].into_iter().zip(split) {
         row.number(name, value);
     }
+    if let Some(bytes) = report.peak_memory_bytes {
+        row.number("peak_memory_bytes", bytes as f64);
+    }
+}
+
+/// What a run cost in numbers that do not depend on the machine, and its measures.
+fn costs(row: &mut Row, solved: &Solved) {
+    let report = &solved.outcome.report;
     let steps = &solved.outcome.steps;
     let newton = |s: &wfl_runtime::StepResult| {
         let parts: usize = s.attempts.iter().map(|a| a.iterations).sum();
@@ -393,9 +474,6 @@ fn costs(row: &mut Row, solved: &Solved) {
     row.number("steps", steps.len() as f64);
     row.number("iterations", steps.iter().map(newton).sum::<usize>() as f64);
     row.number("factorisations", report.factorisations as f64);
-    if let Some(bytes) = report.peak_memory_bytes {
-        row.number("peak_memory_bytes", bytes as f64);
-    }
     let residual = |s: &wfl_runtime::StepResult| s.history.iterations.last().map(|i| i.residual);
     if let Some(largest) = steps.iter().filter_map(residual).max_by(f64::total_cmp) {
         row.number("residual", largest);
@@ -409,7 +487,6 @@ fn costs(row: &mut Row, solved: &Solved) {
 #[derive(Default)]
 struct Clock {
     runs: Vec<(String, f64)>,
-    before: f64,
 }
 
 impl Clock {
@@ -419,9 +496,8 @@ impl Clock {
         setting.iter().filter(sized).map(|(n, v)| format!("{n}={v} ")).collect()
     }
 
-    fn add(&mut self, setting: &Setting, now: f64) {
-        self.runs.push((Self::size(setting), now - self.before));
-        self.before = now;
+    fn add(&mut self, setting: &Setting, seconds: f64) {
+        self.runs.push((Self::size(setting), seconds));
     }
 
     /// Runs of a size that has not been seen take as long as the slowest one.
@@ -442,10 +518,10 @@ fn line(row: &Row, number: usize, of: usize, left: f64) -> String {
         row.columns().filter_map(|c| c.strip_prefix("knob ").map(|name| format!("{name}={}", row.text(c)))).collect();
     let scene = Path::new(row.text("scene")).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let error = |name: &str| row.value(&format!("error {name}")).map(|e| format!(", {name} {e:.1e}"));
-    let seconds = row.value("time").unwrap_or(f64::NAN);
+    let seconds = row.value("time").map_or_else(String::new, |s| format!("{s:.2} s, "));
     let what = match row.text("status") {
         "ok" => format!("{} iterations{}", row.text("iterations"), error("H1").unwrap_or_default()),
         bad => format!("{bad}: {}", row.text("message").lines().next().unwrap_or_default()),
     };
-    format!("[{number}/{of}] {scene} {}: {seconds:.2} s, {what}; about {left:.0} s left", setting.join(" "))
+    format!("[{number}/{of}] {scene} {}: {seconds}{what}; about {left:.0} s left", setting.join(" "))
 }

@@ -140,6 +140,7 @@ pub(super) fn study(args: &SweepArgs, docs: &Path) -> Result<(), String> {
             _ => &[],
         };
         let own = SweepArgs {
+            jobs: None,
             words: scenes.iter().chain(part.words).map(|w| (*w).to_owned()).collect(),
             reference: part.reference.to_owned(),
             reference_knob: part.reference_knobs.iter().map(|w| (*w).to_owned()).collect(),
