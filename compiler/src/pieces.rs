@@ -12,9 +12,10 @@
 //! piece, an affine function of its argument whose numbers (*guides*) are inputs; the runtime fills them in
 //! (`runtime/src/newton/pieces.rs`). A converged state solves the term as written: only the path to it changes.
 //!
-//! Pieces: half-line, entry by entry: `m ? x : 0`. Ball: `s ? x : f a e + k (x - e (e.x))`; the factor `f` on the radius
-//! is 1 but for continuation in the friction.
-//! Guides: half-line `m` (n numbers); ball `s, k, f, e (n)`; masks are 0 or 1.
+//! Pieces, of `x' = (1 - d) x`: half-line, entry by entry: `m ? x' : 0`. Ball: `s ? x' : f a e + k (x' - e (e.x'))`. The
+//! factor `f` on the radius is 1 but for continuation in the friction; `d` is 0 but for a start with soft contact: with
+//! `x = t + d/(1-d) t` the law holds for an argument less a part of the traction, as if a layer lay between the sides.
+//! Guides: half-line `m (n), d`; ball `s, k, f, d, e (n)`; masks are 0 or 1.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -36,8 +37,9 @@ pub enum ProjectionKind {
     Ball,
 }
 
-/// Guides of a ball before the direction of slip: stick, factor across the direction of slip, factor on the radius.
-pub const BALL_NUMBERS: usize = 3;
+/// Guides of a ball before the direction of slip: stick, factor across the direction of slip, factor on the radius,
+/// softness.
+pub const BALL_NUMBERS: usize = 4;
 
 /// One projection of a law.
 #[derive(Clone, Copy, Debug)]
@@ -88,7 +90,7 @@ pub fn compile_pieces(
         let (kind, n, guides, outputs) = match *from.node(*e) {
             Node::Select(mask, x, _) if half_lines.contains(&(mask, *e)) => {
                 let n = from.shape(x).len();
-                (ProjectionKind::HalfLine, n, n, 2 * n)
+                (ProjectionKind::HalfLine, n, n + 1, 2 * n)
             }
             Node::Ball(v, r) if moves(v) || moves(r) => {
                 let n = from.shape(v).len();
@@ -176,8 +178,10 @@ fn hold(
                 value
             }
             (_, found, _) => {
-                let value = rebuild(from, *e, g, &[], &|o: ExprId| copied[&o]);
+                let mut value = rebuild(from, *e, g, &[], &|o: ExprId| copied[&o]);
                 if let (Some((_, p)), Node::Select(_, x, _)) = (found, from.node(*e)) {
+                    let softness = g.entry(guides, p.guide + p.n);
+                    value = soften(g, softness, value);
                     watched.extend((0..p.n).map(|k| g.entry(copied[x], k)));
                     watched.extend((0..p.n).map(|k| g.entry(value, k)));
                 }
@@ -197,9 +201,16 @@ fn switched_on(g: &mut Graph, numbers: ExprId) -> ExprId {
     g.compare(Compare::LessEqual, half, numbers)
 }
 
+/// (1 - softness) x.
+fn soften(g: &mut Graph, softness: ExprId, x: ExprId) -> ExprId {
+    let lost = g.scale(softness, x);
+    g.sub(x, lost)
+}
+
 fn held_ball(g: &mut Graph, guides: ExprId, p: Projection, x: ExprId, radius: ExprId) -> ExprId {
     let shape = g.shape(x);
-    let [stick, factor, friction] = [0, 1, 2].map(|k| g.entry(guides, p.guide + k));
+    let [stick, factor, friction, softness] = [0, 1, 2, 3].map(|k| g.entry(guides, p.guide + k));
+    let x = soften(g, softness, x);
     let along: Vec<ExprId> = (0..p.n).map(|k| g.entry(guides, p.guide + BALL_NUMBERS + k)).collect();
     let along = g.stack(shape, &along);
     let part = g.inner(along, x);

@@ -5,6 +5,7 @@
 //! the step variable enters), only the others are assembled at each state. Fixed dofs keep their rows in residuals
 //! (their entries are reactions) and are left out of the systems that are solved.
 
+mod held;
 mod inspect;
 mod memory;
 mod numbering;
@@ -26,7 +27,7 @@ use crate::{
     field::Field,
     frames::Frames,
     mesh::Mesh,
-    newton::TermPieces,
+    newton::{TermPieces, Watched},
     pruning::Pruning,
 };
 
@@ -114,6 +115,8 @@ pub struct System {
     pieces: Vec<TermPieces>,
     /// By piece: its guides at the integration points, a field of values behind those of the scene.
     guides: Vec<Vec<f64>>,
+    /// By piece: what its projections were after the last step; empty at the start of a step.
+    watched: Vec<Watched>,
     /// The held pieces belong to a converged state; else they are chosen anew at the start of a step.
     settled: bool,
     linear: Option<Csr>,
@@ -159,6 +162,7 @@ impl System {
             known,
             pieces: Vec::new(),
             guides: Vec::new(),
+            watched: Vec::new(),
             settled: false,
             linear: None,
             bulk: nothing(n_free),
@@ -197,110 +201,6 @@ impl System {
         }
         self.unturned = Some(unturned);
         Ok(())
-    }
-
-    /// Gives terms their held forms; their guides are fields numbered behind those of the scene.
-    ///
-    /// # Errors
-    /// [`CsrError`] when the pattern does not fit the index types.
-    pub fn hold(&mut self, pieces: Vec<TermPieces>) -> Result<(), CsrError> {
-        self.guides = pieces.iter().map(TermPieces::no_guides).collect();
-        self.pieces = pieces;
-        self.locate()
-    }
-
-    /// True if some term has projections whose pieces can be held.
-    #[must_use]
-    pub fn has_pieces(&self) -> bool {
-        !self.pieces.is_empty()
-    }
-
-    /// Says whether the held pieces belong to a converged state.
-    pub fn settle(&mut self, settled: bool) {
-        self.settled = settled;
-    }
-
-    /// Makes sure that pieces are held at the start of a step from `u`: those of the last converged state, else those
-    /// of the terms as written.
-    ///
-    /// # Errors
-    /// [`TermError`] with its place.
-    pub fn start_pieces(&mut self, u: &[f64]) -> Result<(), TermError> {
-        if self.settled {
-            return Ok(());
-        }
-        let mut diagonal = vec![0.0; self.numbering.n_dofs];
-        self.with_values(u, |parts, values| {
-            for term in parts.terms.iter().filter(|t| t.law.class > Class::Constant && t.on_cells()) {
-                term.add_diagonal(parts.mesh, values, &mut diagonal);
-            }
-            for piece in parts.pieces.iter_mut() {
-                piece.fit(parts.mesh, parts.fields, values, &diagonal);
-            }
-            Ok(())
-        })?;
-        // each side may move by the largest displacement that is known
-        let unknown = |f: &usize| self.fields[*f].kind == FieldKind::Unknown;
-        let known = (0..self.fields.len()).filter(unknown).filter_map(|f| self.range(f));
-        let moved = 2.0 * known.flatten().fold(0.0f64, |m, d| m.max(u[d].abs()));
-        self.choose_pieces(u, |piece, mesh, values, guides| {
-            piece.start(mesh, values, guides);
-            piece.tie(mesh, values, guides, moved);
-        })?;
-        Ok(())
-    }
-
-    /// Sets the factor on the friction of held pieces; 1 is the law as written.
-    pub fn set_friction(&mut self, factor: f64) {
-        self.pieces.iter_mut().for_each(|p| p.set_friction(factor));
-    }
-
-    /// True if pieces can be held of a projection on a ball.
-    #[must_use]
-    pub fn has_friction(&self) -> bool {
-        self.pieces.iter().any(TermPieces::has_friction)
-    }
-
-    /// Chooses the pieces that follow from the held ones at `u`, for the `time`th time in this step. True if any
-    /// changed.
-    ///
-    /// # Errors
-    /// [`TermError`] with its place.
-    pub fn follow_pieces(&mut self, u: &[f64], time: usize) -> Result<bool, TermError> {
-        self.pieces.iter_mut().for_each(|p| p.chosen(time));
-        self.choose_pieces(u, |piece, mesh, values, guides| *guides = piece.follow(mesh, values, guides))
-    }
-
-    /// True if every term is affine in the unknowns once pieces are held: then a full step solves the held problem.
-    #[must_use]
-    pub fn is_affine_when_held(&self) -> bool {
-        let affine = |k: usize| self.pieces.iter().any(|p| p.term == k && p.held.law.class <= Class::Linear);
-        self.terms.iter().enumerate().all(|(k, t)| t.law.class <= Class::Linear || affine(k))
-    }
-
-    /// True if contact here is better searched than chosen by pieces ([`TermPieces::is_compliant`]).
-    #[must_use]
-    pub fn is_compliant(&self) -> bool {
-        self.pieces.iter().any(|p| p.is_compliant(&self.fields))
-    }
-
-    fn choose_pieces(
-        &mut self,
-        u: &[f64],
-        choose: impl Fn(&TermPieces, &Mesh, FieldValues<'_>, &mut Vec<f64>),
-    ) -> Result<bool, TermError> {
-        let mut chosen = Vec::with_capacity(self.pieces.len());
-        self.with_values(u, |parts, values| {
-            for piece in parts.pieces.iter() {
-                let mut guides = values.current[piece.field].to_vec();
-                choose(piece, parts.mesh, values, &mut guides);
-                chosen.push(guides);
-            }
-            Ok(())
-        })?;
-        let changed = self.guides != chosen;
-        self.guides = chosen;
-        Ok(changed)
     }
 
     /// Does something although the scene does not need it, to measure what leaving it out saves; before [`Self::hold`].

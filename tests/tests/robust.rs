@@ -128,10 +128,84 @@ fn a_body_that_friction_alone_holds_converges_close_to_sliding() {
          term elastic on all : sigma(u):Grad_Test_u\nterm contact on ground : force.Test_u\n\
          load u = [8,-30] on top\nload u = [6,0] on back\n\
          measure Fn = integral(pos_part(Pn)) on ground\nmeasure Ft = integral(tang(force).[1,0]) on ground\n";
-    for gamma in [3.2e5, 3.2e8] {
-        let solved = solve(&examples(), text.to_owned(), &[], &[("gamma", gamma)]).expect("the scene is right");
-        assert!(solved.outcome.converged(), "gamma = {gamma}");
-        assert!((solved.measure(0, "Fn") / 60.0 - 1.0).abs() < 1e-8, "gamma = {gamma}");
-        assert!((solved.measure(0, "Ft") / 22.0 - 1.0).abs() < 1e-8, "gamma = {gamma}");
+    for (fric, gamma) in [(0.4, 3.2e5), (0.4, 3.2e8), (1.5, 3.2e8)] {
+        let params = [("gamma", gamma), ("fric", fric)];
+        let solved = solve(&examples(), text.to_owned(), &[], &params).expect("the scene is right");
+        assert!(solved.outcome.converged(), "{params:?}");
+        assert!((solved.measure(0, "Fn") / 60.0 - 1.0).abs() < 1e-8, "{params:?}");
+        assert!((solved.measure(0, "Ft") / 22.0 - 1.0).abs() < 1e-8, "{params:?}");
+        let iterations = solved.outcome.steps[0].history.n_iterations();
+        assert!(iterations <= 20, "{params:?}: {iterations}");
+    }
+}
+
+/// A plane fault inclined by `slope` = tan(angle) in a plate 2 `w` wide, loaded obliquely; penalty at the nodes.
+fn inclined(slope: f64, w: f64, cells: [u32; 2], load: &str, steps: &str, force: &str) -> String {
+    let [nx, ny] = cells;
+    format!(
+        "param gamma = 1e9\nparam fric = 0.4\n\
+         mesh box [-{w},0] to [{w},4] cells [{nx},{ny}] quad map [x + (y-2)*{slope}*(1-abs(x)/{w}), y]\n\
+         region left = cells where x < (y-2)*{slope}\nregion right = cells where x > (y-2)*{slope}\n\
+         region fault = interface from left to right\nregion bottom = faces where y == 0\n\
+         region west = faces where x == -{w}\nregion east = faces where x == {w}\n\
+         region top = faces of right where y == 4\n\
+         unknown uL : vector on left\nunknown uR : vector on right\n\
+         def sigma(v) = 10000*Div_v*Id(2) + 20000*Sym(Grad_v)\ndef trac(v) = sigma(v)*Normal\n\
+         def jump(a,b) = a - Interpolate(b, neighbor_element)\ndef tang(v) = v - (v.Normal)*Normal\n\
+         term a on left : sigma(uL):Grad_Test_uL\nterm b on right : sigma(uR):Grad_Test_uR\n\
+         fix uL, uR = [0,0] on bottom\nfix uL(1) = 0 on west\nload uR = [-3,0] on east\n\
+         load uR = {load} on top\n{steps}\nquadrature on fault vertex\n{force}\
+         def force = pos_part(Pn)*Normal + Ball_projection(Pt, fric*pos_part(Pn))\n\
+         measure Fn = integral(force.Normal) on fault\nmeasure Ft = integral(Norm(tang(force))) on fault\n\
+         measure slip = max(Norm(tang(jump(uL,uR)))) on fault\n"
+    )
+}
+
+const PENALTY: &str = "def Pn = gamma*(jump(uL,uR).Normal)\ndef Pt = gamma*tang(jump(uL,uR))\n\
+    term contact on fault : force.jump(Test_uL,Test_uR)\n";
+const AUGMENTED: &str = "multiplier lam : vector on fault\n\
+    def Pn = gamma*(jump(uL,uR).Normal) - lam.Normal\ndef Pt = gamma*tang(jump(uL,uR)) - tang(lam)\n\
+    term contact on fault : force.jump(Test_uL,Test_uR)\nterm law on fault : -1/gamma*(lam + force).Test_lam\n";
+const NITSCHE: &str = "def Pn = gamma*(jump(uL,uR).Normal) - trac(uL).Normal\n\
+    def Pt = gamma*tang(jump(uL,uR)) - tang(trac(uL))\nterm contact on fault : force.jump(Test_uL,Test_uR)\n";
+
+/// Faults that open at one end and slip at the other. Reference: own program in Python (same elements and nodal rule,
+/// dense elimination, every combination of open, slip and stick checked at each node), written apart from this one.
+#[test]
+fn inclined_faults_with_stiff_contact_agree_with_an_independent_program() {
+    for (slope, w, cells, load, steps, gamma, step, expected) in [
+        (
+            0.36397,
+            2.0,
+            [12, 16],
+            "[0.7*t,-t]",
+            "steps t = 0 to 9.5 by 0.5",
+            7.5e8,
+            10,
+            [2.12297780541, 0.805224028302, 0.000398148011542],
+        ),
+        (
+            0.176327,
+            1.0,
+            [8, 16],
+            "[-0.5*t,-t]",
+            "steps t = 0 to 6 by 1",
+            1e9,
+            6,
+            [11.6467326467, 3.64637404484, 0.0002199714918],
+        ),
+    ] {
+        for (method, tolerance) in [(PENALTY, 1e-8), (AUGMENTED, 1e-4), (NITSCHE, 2e-2)] {
+            let text = inclined(slope, w, cells, load, steps, method);
+            let solved = solve(&examples(), text, &[], &[("gamma", gamma)]).expect("the scene is right");
+            assert!(solved.outcome.converged(), "{slope} {method}");
+            for (name, value) in ["Fn", "Ft", "slip"].into_iter().zip(expected) {
+                let found = solved.measure(step, name);
+                assert!((found / value - 1.0).abs() < tolerance, "{slope} {method}: {name} {found} against {value}");
+            }
+            let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
+            assert!(solved.outcome.steps.iter().all(|s| s.attempts.is_empty()), "{counts:?}");
+            assert!(counts[0] <= 10 && counts[1..].iter().sum::<usize>() <= 12 * (counts.len() - 1), "{counts:?}");
+        }
     }
 }

@@ -1,21 +1,22 @@
 //! Which globalisation a step uses, and when the next one takes over.
 //!
-//! Three are there, and continuation in the friction as the last resort; each is the best of them somewhere
-//! (`docs/newton.md`): held pieces where a penalty, augmentation or Nitsche parameter is large or a multiplier carries
-//! the traction; the natural monotonicity test where such a parameter is small; backtracking on the residual for
-//! everything else. A step that makes no progress with one goes on with the next from where it stands; one whose
-//! tangent becomes singular on the way (a body that only friction holds, with all of it slipping in an iterate) goes
-//! on from its best state.
+//! Each of them is the best somewhere (`docs/newton.md`): held pieces for contact and friction, from a start with a soft
+//! layer between the sides where contact is stiff; the natural monotonicity test where a penalty or Nitsche parameter is
+//! tiny; backtracking on the residual for everything else; continuation in the friction as the last resort. A step that
+//! makes no progress with one goes on with the next from where it stands; one whose tangent becomes singular on the way
+//! (a body that only friction holds, with all of it slipping in an iterate) goes on from its best state.
 
 use crate::{
     assemble::TermError,
-    newton::{NewtonOptions, StepHistory},
+    newton::{Iteration, NewtonOptions, StepHistory},
     system::System,
 };
 
 /// A way to get from one state to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Method {
+    /// Held pieces with a soft layer between the sides: a few steps that find the pieces to begin with.
+    Soft,
     /// Contact by held pieces ([`super::pieces`]).
     Pieces,
     /// Backtracking on the norm of the residual.
@@ -31,7 +32,7 @@ pub(super) enum Method {
 impl Method {
     /// True if pieces are held.
     pub(super) fn holds(self) -> bool {
-        matches!(self, Self::Pieces | Self::MoreFriction | Self::LessFriction)
+        matches!(self, Self::Soft | Self::Pieces | Self::MoreFriction | Self::LessFriction)
     }
 }
 
@@ -45,9 +46,11 @@ const MORE_FRICTION: f64 = 7.0;
 const PATIENCE: usize = 6;
 /// Iterations with held pieces that may pass: their residual says little before they settle.
 const PIECES_PATIENCE: usize = 25;
-/// So many residuals, each near the one before the last, are a circle.
-const CIRCLE: usize = 6;
-const RETURNED: f64 = 0.05;
+/// More may pass while the residual has halved in so many.
+const PROGRESS: usize = 10;
+/// Iterations with soft contact that may pass, and the part of the points whose change is small enough to go on.
+const SOFT_PATIENCE: usize = 8;
+const FEW: f64 = 0.1;
 /// Iterations under the natural test that may pass: short steps are progress there.
 const NATURAL_PATIENCE: usize = 50;
 /// A step below this is short.
@@ -61,6 +64,8 @@ pub(super) struct Ladder {
     iterations: usize,
     /// Methods whose tangent was singular.
     singular: usize,
+    /// The last step with soft contact was whole and changed few pieces.
+    settled: bool,
 }
 
 impl Ladder {
@@ -68,10 +73,15 @@ impl Ladder {
     pub(super) fn new(system: &mut System, u: &[f64], options: NewtonOptions) -> Result<Self, TermError> {
         let mut methods = vec![Method::Residual, Method::Natural];
         if options.search && system.has_pieces() {
+            let warm = system.is_settled();
             system.start_pieces(u)?;
-            methods = match system.is_compliant() {
-                true => vec![Method::Natural, Method::Residual, Method::Pieces],
-                false => vec![Method::Pieces, Method::Residual, Method::Natural],
+            methods = match (system.is_hard(), warm) {
+                _ if system.is_compliant() => vec![Method::Natural, Method::Residual, Method::Pieces],
+                (false, _) => vec![Method::Pieces, Method::Natural, Method::Residual],
+                (true, false) => vec![Method::Soft, Method::Pieces, Method::Residual, Method::Natural],
+                (true, true) => {
+                    vec![Method::Pieces, Method::Soft, Method::Pieces, Method::Residual, Method::Natural]
+                }
             };
             if system.has_friction() {
                 methods.extend([Method::MoreFriction, Method::LessFriction]);
@@ -80,7 +90,7 @@ impl Ladder {
         if !options.search || system.is_linear() {
             methods.truncate(1);
         }
-        Ok(Self { methods, position: 0, iterations: 0, singular: 0 })
+        Ok(Self { methods, position: 0, iterations: 0, singular: 0, settled: false })
     }
 
     /// The method of the present iteration.
@@ -121,6 +131,17 @@ impl Ladder {
         self.iterations
     }
 
+    /// True if the present method goes on with the pieces of the one before.
+    pub(super) fn continues(&self) -> bool {
+        let before = self.position.checked_sub(1).map(|p| self.methods[p]);
+        matches!(self.method(), Method::Soft | Method::Pieces) && before.is_some_and(Method::holds)
+    }
+
+    /// Hears how the last step with held pieces went: its length and the part of the points that changed pieces.
+    pub(super) fn settles(&mut self, step: f64, changed: f64) {
+        self.settled = step == 1.0 && changed <= FEW;
+    }
+
     /// Counts an iteration; true if it is the first of another method.
     pub(super) fn next(&mut self, history: &StepHistory) -> bool {
         self.iterations += 1;
@@ -132,19 +153,20 @@ impl Ladder {
         true
     }
 
-    /// True if the last residuals come back every other iteration.
-    fn is_circling(&self, history: &StepHistory) -> bool {
-        if self.iterations <= CIRCLE {
-            return false;
-        }
-        let last = &history.iterations[history.iterations.len().saturating_sub(CIRCLE)..];
-        last.len() == CIRCLE
-            && last.windows(3).all(|w| (w[2].residual - w[0].residual).abs() < RETURNED * w[0].residual)
+    /// True if the residual has become smaller in the last iterations than it ever was before.
+    fn progresses(&self, history: &StepHistory) -> bool {
+        let here = &history.iterations[history.iterations.len().saturating_sub(self.iterations)..];
+        let (before, last) = here.split_at(here.len().saturating_sub(PROGRESS));
+        let smallest = |list: &[Iteration]| list.iter().fold(f64::INFINITY, |m, i| m.min(i.residual));
+        smallest(last) < 0.5 * smallest(before)
     }
 
     fn exhausted(&self, history: &StepHistory) -> bool {
         match self.method() {
-            Method::Pieces => return self.iterations > PIECES_PATIENCE || self.is_circling(history),
+            Method::Soft => {
+                return self.iterations > SOFT_PATIENCE || (self.iterations > 1 && self.settled);
+            }
+            Method::Pieces => return self.iterations > PIECES_PATIENCE && !self.progresses(history),
             Method::Natural => return self.iterations > NATURAL_PATIENCE,
             Method::MoreFriction | Method::LessFriction => {
                 return self.iterations > FRICTION_PARTS * FRICTION_PATIENCE + PIECES_PATIENCE;

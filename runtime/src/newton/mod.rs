@@ -12,7 +12,8 @@ mod start;
 use std::time::Instant;
 
 pub use history::{Iteration, Seconds, StepHistory, Stop};
-pub use pieces::{Coercivity, ContactGaps, TermPieces};
+pub(crate) use pieces::search;
+pub use pieces::{Coercivity, ContactGaps, TermPieces, Watched};
 
 use ladder::{Ladder, Method};
 use thiserror::Error;
@@ -156,6 +157,7 @@ fn iterate(
     let mut weights = vec![1.0; system.fields.len()];
     let begin = Instant::now();
     let mut ladder = Ladder::new(system, u, options)?;
+    system.set_soft(ladder.method() == Method::Soft);
     let mut here = measure(system, u, &weights, ladder.held())?;
     history.seconds.assemble += begin.elapsed().as_secs_f64();
     history.push(watch, 0, &here, 1.0, system);
@@ -171,10 +173,11 @@ fn iterate(
         let other = ladder.next(&history) | std::mem::take(&mut left);
         system.set_friction(ladder.friction());
         if other {
-            if ladder.held() {
+            if ladder.held() && !ladder.continues() {
                 system.settle(false);
                 system.start_pieces(u)?;
             }
+            system.set_soft(ladder.method() == Method::Soft);
             here = measure(system, u, &weights, ladder.held())?;
         }
         system.tangent(u, ladder.held())?;
@@ -200,7 +203,8 @@ fn iterate(
         let (alpha, next) = line.advance(system, strategy, u, &here)?;
         here = next;
         if ladder.held() && stopped(&here, options).is_none() {
-            system.follow_pieces(u, ladder.iterations())?;
+            let changed = system.follow_pieces(ladder.iterations());
+            ladder.settles(alpha, changed);
             system.held_residual(u, &mut here.residual)?;
         }
         history.seconds.assemble += begin.elapsed().as_secs_f64();
@@ -270,7 +274,11 @@ impl Line<'_> {
         let held = self.method.holds();
         if held && system.is_affine_when_held() {
             step_to(system, &start, self.direction, 1.0, u);
-            return Ok((1.0, measure(system, u, self.weights, false)?));
+            let found = measure(system, u, self.weights, true)?;
+            if stopped(&found, self.options).is_some() {
+                return Ok((1.0, found));
+            }
+            return self.nearer(system, u, &start, 1.0, found);
         }
         let mut best: Option<(f64, f64)> = None;
         let (mut alpha, mut halvings) = (1.0, 0);
@@ -290,7 +298,7 @@ impl Line<'_> {
             }
             let merit = self.merit(system, strategy, &found, here)?;
             if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
-                return Ok((alpha, found));
+                return self.nearer(system, u, &start, alpha, found);
             }
             if best.is_none_or(|(_, m)| merit < m) {
                 best = Some((alpha, merit));
@@ -301,7 +309,25 @@ impl Line<'_> {
         // measured again, so that the branches reported are those of the state that is kept
         let alpha = best.map_or(0.0, |(alpha, _)| alpha);
         step_to(system, &start, self.direction, alpha, u);
-        Ok((alpha, measure(system, u, self.weights, held)?))
+        let found = measure(system, u, self.weights, held)?;
+        self.nearer(system, u, &start, alpha, found)
+    }
+
+    /// Where pieces are held: goes back on a step until the projections are nearer to their laws.
+    fn nearer(
+        &self,
+        system: &mut System,
+        u: &mut [f64],
+        start: &[f64],
+        alpha: f64,
+        found: Measured,
+    ) -> Result<(f64, Measured), NewtonError> {
+        let part = if self.method.holds() { system.search_pieces(u)? } else { 1.0 };
+        if part == 1.0 {
+            return Ok((alpha, found));
+        }
+        step_to(system, start, self.direction, part * alpha, u);
+        Ok((part * alpha, measure(system, u, self.weights, true)?))
     }
 
     /// How large a state is against the one before: the norm of the residual, or that of the simplified Newton

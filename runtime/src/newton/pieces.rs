@@ -8,9 +8,12 @@
 
 mod coercivity;
 mod contact;
+mod watched;
 
 pub use coercivity::Coercivity;
 pub use contact::ContactGaps;
+pub use watched::Watched;
+pub(crate) use watched::search;
 
 use wfl_compiler::{
     BALL_NUMBERS, Projection, ProjectionKind, interpret,
@@ -37,8 +40,12 @@ const LARGEST_GROWTH: f64 = 5.0;
 const SLOPE_POINTS: usize = 64;
 /// Change of the displacement for that slope, over the size of an entity.
 const SLOPE_STEP: f64 = 1e-3;
-/// Above this `c` a law without multiplier is better searched than chosen by pieces (`docs/newton.md`).
-const COMPLIANT: f64 = 3.0;
+/// Below this `c` contact is stiff against the bodies.
+const HARD: f64 = 0.1;
+/// The stiffness of the layer between the sides while contact is soft, in units of that of the bodies.
+const LAYER: f64 = 0.3;
+/// Above this stiffness of the bodies over that of a law without multiplier, searching serves better than pieces.
+const COMPLIANT: f64 = 3e3;
 /// Bounds of `c`.
 const RATIO_RANGE: (f64, f64) = (1e-13, 1e13);
 
@@ -61,6 +68,12 @@ pub struct TermPieces {
     growth: f64,
     /// Factor on the radius of balls: below 1 while friction is brought in step by step.
     friction: f64,
+    /// Contact is so stiff against the bodies that a soft start pays.
+    hard: bool,
+    /// Contact is so soft as written that searching serves better than pieces.
+    compliant: bool,
+    /// Contact is soft for now.
+    soft: bool,
 }
 
 impl TermPieces {
@@ -76,7 +89,22 @@ impl TermPieces {
     ) -> Self {
         let ratios = vec![1.0; projections.len()];
         let slopes = vec![0.0; projections.len()];
-        Self { term, held, field, projections, n_guides, watch, sampled, ratios, slopes, growth: 1.0, friction: 1.0 }
+        Self {
+            term,
+            held,
+            field,
+            projections,
+            n_guides,
+            watch,
+            sampled,
+            ratios,
+            slopes,
+            growth: 1.0,
+            friction: 1.0,
+            hard: false,
+            compliant: false,
+            soft: false,
+        }
     }
 
     /// Sets the step variable and its increment.
@@ -96,25 +124,36 @@ impl TermPieces {
         #[expect(clippy::cast_precision_loss, reason = "a mean")]
         let stiffness = STIFFNESS_FACTOR * stiff.iter().sum::<f64>() / (stiff.len() as f64 * area);
         let slopes = self.slopes(mesh, fields, values, SLOPE_STEP * size);
+        // without a multiplier the traction follows from displacements, and an argument is at least as stiff as it
+        let largest = if self.has_multiplier(fields) { RATIO_RANGE.1 } else { 1.0 };
         for (ratio, slope) in self.ratios.iter_mut().zip(&slopes) {
             if *slope > 0.0 && stiffness.is_finite() {
-                *ratio = (stiffness / slope).clamp(RATIO_RANGE.0, RATIO_RANGE.1);
+                *ratio = (stiffness / slope).clamp(RATIO_RANGE.0, largest);
             }
         }
+        self.hard = self.has_multiplier(fields) || self.ratios.iter().any(|c| *c < HARD);
+        self.compliant = largest == 1.0 && slopes.iter().any(|s| *s > 0.0 && stiffness / s > COMPLIANT);
         self.slopes = slopes;
     }
 
     /// The numbers that the choice of pieces depends on, beside the guides.
     #[must_use]
     pub fn memory(&self) -> Vec<f64> {
-        self.ratios.iter().copied().chain([self.growth, self.friction]).collect()
+        let flags = [self.hard, self.compliant].map(|f| f64::from(u8::from(f)));
+        let numbers = [self.growth, self.friction].into_iter().chain(flags);
+        self.ratios.iter().chain(&self.slopes).copied().chain(numbers).collect()
     }
 
     /// Takes back numbers given by [`Self::memory`].
     pub fn recall(&mut self, memory: &[f64]) {
-        if let [ratios @ .., growth, friction] = memory {
+        if let [fitted @ .., growth, friction, hard, compliant] = memory
+            && fitted.len() == 2 * self.ratios.len()
+        {
+            let (ratios, slopes) = fitted.split_at(self.ratios.len());
             self.ratios.copy_from_slice(ratios);
+            self.slopes.copy_from_slice(slopes);
             (self.growth, self.friction) = (*growth, *friction);
+            (self.hard, self.compliant) = (*hard > 0.5, *compliant > 0.5);
         }
     }
 
@@ -135,12 +174,25 @@ impl TermPieces {
         self.growth = STIFFNESS_GROWTH.powi(exponent).min(LARGEST_GROWTH);
     }
 
-    /// True if the arguments are far stiffer in the traction than the bodies: a small augmentation, and no multiplier
-    /// that would take the place of the traction.
+    /// True if the sides are so stiff against each other that a start with soft contact pays.
     #[must_use]
-    pub fn is_compliant(&self, fields: &[Field]) -> bool {
-        let multiplier = self.held.coupled_fields().any(|f| fields[f.index()].kind == FieldKind::Multiplier);
-        !multiplier && self.ratios.iter().any(|c| *c > COMPLIANT)
+    pub fn is_hard(&self) -> bool {
+        self.hard
+    }
+
+    /// True if the sides are so soft against each other, without a multiplier, that searching serves better.
+    #[must_use]
+    pub fn is_compliant(&self) -> bool {
+        self.compliant
+    }
+
+    /// Makes contact soft or as written.
+    pub fn set_soft(&mut self, soft: bool) {
+        self.soft = soft;
+    }
+
+    fn has_multiplier(&self, fields: &[Field]) -> bool {
+        self.held.coupled_fields().any(|f| fields[f.index()].kind == FieldKind::Multiplier)
     }
 
     /// Mean measure of an entity and its length.
@@ -207,7 +259,8 @@ impl TermPieces {
         for _ in 0..self.projections.len() {
             let mut current: Vec<&[f64]> = values.current.to_vec();
             current[self.field] = guides;
-            let next = self.choose(mesh, FieldValues { current: &current, ..values }, guides, true);
+            let watched = self.watched(mesh, FieldValues { current: &current, ..values });
+            let next = self.choose(&watched, guides, true);
             if next == *guides {
                 break;
             }
@@ -250,10 +303,38 @@ impl TermPieces {
         open
     }
 
-    /// The pieces that follow from the held ones at this state.
+    /// Writes the present softness into the guides, pieces as they are.
+    pub fn write_softness(&self, guides: &mut [f64]) {
+        for point in guides.chunks_exact_mut(self.n_guides) {
+            for (k, p) in self.projections.iter().enumerate() {
+                let at = match p.kind {
+                    ProjectionKind::HalfLine => p.guide + p.n,
+                    ProjectionKind::Ball => p.guide + 3,
+                };
+                point[at] = self.softness(k);
+            }
+        }
+    }
+
+    /// Points whose pieces differ: open or closed, stick or slip, slip against itself.
     #[must_use]
-    pub fn follow(&self, mesh: &Mesh, values: FieldValues<'_>, guides: &[f64]) -> Vec<f64> {
-        self.choose(mesh, values, guides, false)
+    pub fn differing(&self, a: &[f64], b: &[f64]) -> usize {
+        let differs = |p: &Projection, a: &[f64], b: &[f64]| match p.kind {
+            ProjectionKind::HalfLine => a[p.guide..][..p.n] != b[p.guide..][..p.n],
+            ProjectionKind::Ball => {
+                let along = BALL_NUMBERS + p.guide..BALL_NUMBERS + p.guide + p.n;
+                let product: f64 = a[along.clone()].iter().zip(&b[along]).map(|(a, b)| a * b).sum();
+                a[p.guide] != b[p.guide] || (a[p.guide] < 0.5 && product < 0.0)
+            }
+        };
+        let points = a.chunks_exact(self.n_guides).zip(b.chunks_exact(self.n_guides));
+        points.filter(|(a, b)| self.projections.iter().any(|p| differs(p, a, b))).count()
+    }
+
+    /// The pieces that follow from the held ones.
+    #[must_use]
+    pub fn follow(&self, watched: &Watched, guides: &[f64]) -> Vec<f64> {
+        self.choose(watched, guides, false)
     }
 
     /// Guides before any piece is chosen.
@@ -266,16 +347,35 @@ impl TermPieces {
         self.sampled.domain.groups.iter().map(|g| g.entities.len() * g.n_points()).sum()
     }
 
-    fn choose(&self, mesh: &Mesh, values: FieldValues<'_>, guides: &[f64], as_written: bool) -> Vec<f64> {
+    /// `c` of projection `k` at the present choice, for its argument less what softness takes.
+    fn ratio(&self, k: usize) -> f64 {
+        let ratio = match self.ratios[k] {
+            c if c < 1.0 => (c * self.growth).min(1.0),
+            c => (c / self.growth).max(1.0),
+        };
+        ratio / (1.0 - self.softness(k))
+    }
+
+    /// The part of the argument of projection `k` that softness takes.
+    fn softness(&self, k: usize) -> f64 {
+        if self.soft && self.slopes[k] > 0.0 { 1.0 / (1.0 + LAYER * self.ratios[k]) } else { 0.0 }
+    }
+
+    /// Displacement by traction that `c` of projection `k` stands for; 1 where it does not depend on displacements.
+    fn flexibility(&self, k: usize) -> f64 {
+        let stiffness = self.ratios[k] * self.slopes[k];
+        if stiffness > 0.0 { 1.0 / stiffness } else { 1.0 }
+    }
+
+    fn choose(&self, watched: &Watched, guides: &[f64], as_written: bool) -> Vec<f64> {
         let mut next = guides.to_vec();
-        let mut point = 0;
-        self.watch.for_each_point(mesh, &self.sampled, values, |_, _, _, _, out| {
-            let guides = &mut next[point * self.n_guides..][..self.n_guides];
-            for (p, ratio) in self.projections.iter().zip(&self.ratios) {
-                let towards_one =
-                    |c: f64| if c < 1.0 { (c * self.growth).min(1.0) } else { (c / self.growth).max(1.0) };
-                let ratio = towards_one(*ratio);
-                let x = &out[p.output..][..p.n];
+        let mut x = Vec::new();
+        for (guides, out) in next.chunks_exact_mut(self.n_guides).zip(watched.points()) {
+            for (k, p) in self.projections.iter().enumerate() {
+                let ratio = if as_written { 1.0 } else { self.ratio(k) };
+                let softness = if as_written { 0.0 } else { self.softness(k) };
+                x.clear();
+                x.extend(out[p.output..][..p.n].iter().map(|x| (1.0 - softness) * x));
                 match p.kind {
                     ProjectionKind::HalfLine => {
                         let t = &out[p.output + p.n..][..p.n];
@@ -283,24 +383,24 @@ impl TermPieces {
                             let y = if as_written { x[k] } else { t[k] + ratio * (x[k] - t[k]) };
                             guides[p.guide + k] = f64::from(u8::from(y >= 0.0));
                         }
+                        guides[p.guide + p.n] = softness;
                     }
                     ProjectionKind::Ball => {
                         let radius = self.friction * out[p.output + p.n];
-                        let t = &out[p.output + p.n + 1..][..p.n];
-                        let (t, ratio) = if as_written { (x, 1.0) } else { (t, ratio) };
+                        let t = if as_written { &x[..] } else { &out[p.output + p.n + 1..][..p.n] };
                         let guides = &mut guides[p.guide..][..BALL_NUMBERS + p.n];
-                        ball(x, t, radius, ratio, guides);
+                        ball(&x, t, radius, ratio, guides);
                         guides[2] = self.friction;
+                        guides[3] = softness;
                     }
                 }
             }
-            point += 1;
-        });
+        }
         next
     }
 }
 
-/// The piece of a ball projection: `s, k, -, e` from the argument `x`, the value `t`, the radius and `c`.
+/// The piece of a ball projection: `s, k, -, -, e` from the argument `x`, the value `t`, the radius and `c`.
 ///
 /// Of `t + dt = P(y) + P'(y) (dy)`, y = t + c (x - t), solved for t + dt: the part of t across y drops out, because y
 /// has none.

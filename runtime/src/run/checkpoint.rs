@@ -26,7 +26,7 @@ use bytes::{Reader, Unreadable, Writer, hash};
 pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 3;
+const FORMAT: u64 = 4;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 

@@ -31,8 +31,8 @@ const FAULTS: &[Fault] = &[
         what: "the same, fault inclined by 10 degrees, load [-0.5,0.7,-1] t on top",
         edits: &[
             (MESH, "mesh box [-1, 0, 0] to [1, 4, 4] cells [8, 8, 8] hex map [x + (z-2)*0.17633*(1-abs(x)), y, z]"),
-            (LEFT, "cells where x < (z-2)*0.17633*(1-abs(x))"),
-            (RIGHT, "cells where x > (z-2)*0.17633*(1-abs(x))"),
+            (LEFT, "cells where x < (z-2)*0.17633"),
+            (RIGHT, "cells where x > (z-2)*0.17633"),
             (LOAD, "[-0.5*t,0.7*t,-t] on top"),
         ],
         unit: 1e5,
@@ -42,8 +42,8 @@ const FAULTS: &[Fault] = &[
         what: "blocks three times as wide, 12x6x8 cells, fault inclined by 30 degrees, the oblique load",
         edits: &[
             (MESH, "mesh box [-3, 0, 0] to [3, 4, 4] cells [12, 6, 8] hex map [x + (z-2)*0.57735*(1-abs(x)/3), y, z]"),
-            (LEFT, "cells where x < (z-2)*0.57735*(1-abs(x)/3)"),
-            (RIGHT, "cells where x > (z-2)*0.57735*(1-abs(x)/3)"),
+            (LEFT, "cells where x < (z-2)*0.57735"),
+            (RIGHT, "cells where x > (z-2)*0.57735"),
             ("x == -1", "x == -3"),
             ("x == 1", "x == 3"),
             (LOAD, "[-0.5*t,0.7*t,-t] on top"),
@@ -128,15 +128,25 @@ How a step is solved (`runtime/src/newton/`):
 1. **Held pieces** (`pieces.rs`). Each projection t = P(x) of the scene (`pos_part`, `Ball_projection`) is read as
    t = P(t + c (x - t)), true for every c > 0, with t kept at each integration point and eliminated there. c is chosen
    so that c dx/du is the stiffness of the bodies: the branch is then chosen from a traction that does not depend on
-   gamma, and a point that slips is tried as sticking before it slips the other way. The start is tied
-   where what is prescribed can close the gap (ties of
+   gamma, and a point that slips is tried as sticking before it slips the other way. The start is tied (ties of
    all kinks are contact and stick), later steps start from the pieces of the step before.
-2. **Backtracking on the residual norm**, multiplier equations weighted to force units.
-3. **The natural monotonicity test** (Deuflhard): backtracking on the norm of the simplified Newton correction.
+2. **A search along each of these steps** (`pieces/watched.rs`). With linear bodies every state on the way is in
+   equilibrium, and x, t and the friction bound are linear in it, so only the defect of t = P(t + c (x - t)) is looked
+   at, squared and summed as an energy: the step is halved until the defect falls. A trial costs no assembly. Without it
+   and without a soft start the pieces circle where a fault opens: of 200 runs of 40 other scenes (plane and jagged
+   faults of 10 to 60 degrees, cracks, wedges, blocks held by friction) at gamma h/E of 1e4 49 failed, with them 7; of
+   all 720 runs from 1e-2 to 1e4 83 failed, with them 33, most of these at a friction coefficient of 5, for Nitsche far
+   below its coercivity bound, or for multipliers that two surfaces share at a corner.
+3. **A soft start** where contact is stiff against the bodies: at first a layer of 0.3 times their stiffness lies
+   between the sides, until few pieces change in a step; those pieces are the start as written.
+4. **Backtracking on the residual norm**, multiplier equations weighted to force units.
+5. **The natural monotonicity test** (Deuflhard): backtracking on the norm of the simplified Newton correction.
+6. **Continuation in the friction**, from above and from below.
 
-A scene whose arguments are far softer than its bodies (small gamma, no multiplier) begins with 3, every other scene
-with 1. A method that makes no progress hands over to the next.
+A scene whose arguments are some thousand times softer than its bodies (tiny gamma, no multiplier) begins with 5. A
+method that makes no progress hands over to the next.
 
-What was tried and lost, by the mean over the two hardest rows (gamma 1e8, oblique load, penalty and theta = 0):
-backtracking alone 12.7; the best of all halvings 14.5; non-monotone backtracking (window 4) fails the first step;
-natural test alone 16.7; held pieces with c ten times larger 10.4 but 20 in the first step; a hundred times larger fails.";
+What was tried and lost, by iterations over 138 runs (23 scenes at gamma h/E of 1e2 and 1e4): a layer of 3 times the
+stiffness of the bodies 17400 against 15400, of 10 times 16900, of 0.1 times 17100; at most three, four or five halvings
+need fewer iterations on faults and fail for nearly incompressible bodies; the smallest of all trials in place of the first
+that falls took a quarter more in a prototype.";

@@ -1,0 +1,162 @@
+//! The held pieces of the terms of a system: their start, their steps, their next choice (`newton/pieces.rs`).
+
+use super::{Parts, System};
+use crate::{
+    assemble::{FieldValues, TermError},
+    csr::CsrError,
+    mesh::Mesh,
+    newton::{TermPieces, Watched, search},
+};
+use wfl_compiler::{Class, types::FieldKind};
+
+impl System {
+    /// Gives terms their held forms; their guides are fields numbered behind those of the scene.
+    ///
+    /// # Errors
+    /// [`CsrError`] when the pattern does not fit the index types.
+    pub fn hold(&mut self, pieces: Vec<TermPieces>) -> Result<(), CsrError> {
+        self.guides = pieces.iter().map(TermPieces::no_guides).collect();
+        self.watched.clear();
+        self.pieces = pieces;
+        self.locate()
+    }
+
+    /// True if some term has projections whose pieces can be held.
+    #[must_use]
+    pub fn has_pieces(&self) -> bool {
+        !self.pieces.is_empty()
+    }
+
+    /// Says whether the held pieces belong to a converged state.
+    pub fn settle(&mut self, settled: bool) {
+        self.settled = settled;
+    }
+
+    /// Makes sure that pieces are held at the start of a step from `u`: those of the last converged state, else those
+    /// of the terms as written.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub fn start_pieces(&mut self, u: &[f64]) -> Result<(), TermError> {
+        self.watched.clear();
+        if self.settled {
+            return Ok(());
+        }
+        let mut diagonal = vec![0.0; self.numbering.n_dofs];
+        self.with_values(u, |parts, values| {
+            for term in parts.terms.iter().filter(|t| t.law.class > Class::Constant && t.on_cells()) {
+                term.add_diagonal(parts.mesh, values, &mut diagonal);
+            }
+            for piece in parts.pieces.iter_mut() {
+                piece.fit(parts.mesh, parts.fields, values, &diagonal);
+            }
+            Ok(())
+        })?;
+        // each side may move by the largest displacement that is known
+        let unknown = |f: &usize| self.fields[*f].kind == FieldKind::Unknown;
+        let known = (0..self.fields.len()).filter(unknown).filter_map(|f| self.range(f));
+        let moved = 2.0 * known.flatten().fold(0.0f64, |m, d| m.max(u[d].abs()));
+        self.choose_pieces(u, |piece, mesh, values, guides| {
+            piece.start(mesh, values, guides);
+            piece.tie(mesh, values, guides, moved);
+        })
+    }
+
+    /// Sets the factor on the friction of held pieces; 1 is the law as written.
+    pub fn set_friction(&mut self, factor: f64) {
+        self.pieces.iter_mut().for_each(|p| p.set_friction(factor));
+    }
+
+    /// True if pieces can be held of a projection on a ball.
+    #[must_use]
+    pub fn has_friction(&self) -> bool {
+        self.pieces.iter().any(TermPieces::has_friction)
+    }
+
+    /// The part of a full step to `u` after which the projections are nearer to their laws; exact where the
+    /// bodies are linear. The next choice of pieces starts from there. The first step is full.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub fn search_pieces(&mut self, u: &[f64]) -> Result<f64, TermError> {
+        let to = self.watch_pieces(u)?;
+        if self.watched.is_empty() {
+            self.watched = to;
+            return Ok(1.0);
+        }
+        Ok(search(self.pieces.iter(), &mut self.watched, &to))
+    }
+
+    /// Makes contact soft or as written; the pieces stay as they are.
+    pub fn set_soft(&mut self, soft: bool) {
+        self.watched.clear();
+        for (piece, guides) in self.pieces.iter_mut().zip(&mut self.guides) {
+            piece.set_soft(soft);
+            piece.write_softness(guides);
+        }
+    }
+
+    /// True if the held pieces belong to a converged state.
+    #[must_use]
+    pub fn is_settled(&self) -> bool {
+        self.settled
+    }
+
+    fn watch_pieces(&mut self, u: &[f64]) -> Result<Vec<Watched>, TermError> {
+        self.with_values(u, |Parts { mesh, pieces, .. }, values| {
+            Ok(pieces.iter().map(|p| p.watched(mesh, values)).collect())
+        })
+    }
+
+    /// Chooses the pieces that follow from the held ones, for the `time`th time in this step. Returns the part of the
+    /// points whose piece is another one now.
+    pub fn follow_pieces(&mut self, time: usize) -> f64 {
+        self.pieces.iter_mut().for_each(|p| p.chosen(time));
+        let (mut changed, mut points) = (0, 0);
+        for ((piece, watched), guides) in self.pieces.iter().zip(&self.watched).zip(&mut self.guides) {
+            let next = piece.follow(watched, guides);
+            changed += piece.differing(guides, &next);
+            points += watched.points().count();
+            *guides = next;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a share of points")]
+        return changed as f64 / points.max(1) as f64;
+    }
+
+    /// True if every term is affine in the unknowns once pieces are held: then a full step solves the held problem.
+    #[must_use]
+    pub fn is_affine_when_held(&self) -> bool {
+        let affine = |k: usize| self.pieces.iter().any(|p| p.term == k && p.held.law.class <= Class::Linear);
+        self.terms.iter().enumerate().all(|(k, t)| t.law.class <= Class::Linear || affine(k))
+    }
+
+    /// True if a start with soft contact pays ([`TermPieces::is_hard`]).
+    #[must_use]
+    pub fn is_hard(&self) -> bool {
+        self.pieces.iter().any(TermPieces::is_hard)
+    }
+
+    /// True if contact is better searched than chosen by pieces ([`TermPieces::is_compliant`]).
+    #[must_use]
+    pub fn is_compliant(&self) -> bool {
+        self.pieces.iter().any(TermPieces::is_compliant)
+    }
+
+    fn choose_pieces(
+        &mut self,
+        u: &[f64],
+        choose: impl Fn(&TermPieces, &Mesh, FieldValues<'_>, &mut Vec<f64>),
+    ) -> Result<(), TermError> {
+        let mut chosen = Vec::with_capacity(self.pieces.len());
+        self.with_values(u, |parts, values| {
+            for piece in parts.pieces.iter() {
+                let mut guides = values.current[piece.field].to_vec();
+                choose(piece, parts.mesh, values, &mut guides);
+                chosen.push(guides);
+            }
+            Ok(())
+        })?;
+        self.guides = chosen;
+        Ok(())
+    }
+}
