@@ -46,6 +46,8 @@ const MORE_FRICTION: f64 = 7.0;
 const PATIENCE: usize = 6;
 /// Iterations with held pieces that may pass: their residual says little before they settle.
 const PIECES_PATIENCE: usize = 25;
+/// Iterations from a start without a past before contact is made soft, if they bring no progress.
+const TRIAL: usize = 10;
 /// More may pass while the residual has halved in so many.
 const PROGRESS: usize = 10;
 /// Iterations with soft contact that may pass, and the part of the points whose change is small enough to go on.
@@ -66,20 +68,23 @@ pub(super) struct Ladder {
     singular: usize,
     /// The last step with soft contact was whole and changed few pieces.
     settled: bool,
+    /// Iterations that may pass before contact is made soft.
+    trial: usize,
 }
 
 impl Ladder {
     /// The methods that suit the scene; pieces are held where they come first.
     pub(super) fn new(system: &mut System, u: &[f64], options: NewtonOptions) -> Result<Self, TermError> {
         let mut methods = vec![Method::Residual, Method::Natural];
+        let mut trial = PIECES_PATIENCE;
         if options.search && system.has_pieces() {
             let warm = system.is_settled();
             system.start_pieces(u)?;
-            methods = match (system.is_hard(), warm) {
+            trial = if warm { PIECES_PATIENCE } else { TRIAL };
+            methods = match system.is_hard() {
                 _ if system.is_compliant() => vec![Method::Natural, Method::Residual, Method::Pieces],
-                (false, _) => vec![Method::Pieces, Method::Natural, Method::Residual],
-                (true, false) => vec![Method::Soft, Method::Pieces, Method::Residual, Method::Natural],
-                (true, true) => {
+                false => vec![Method::Pieces, Method::Natural, Method::Residual],
+                true => {
                     vec![Method::Pieces, Method::Soft, Method::Pieces, Method::Residual, Method::Natural]
                 }
             };
@@ -90,7 +95,7 @@ impl Ladder {
         if !options.search || system.is_linear() {
             methods.truncate(1);
         }
-        Ok(Self { methods, position: 0, iterations: 0, singular: 0, settled: false })
+        Ok(Self { methods, position: 0, iterations: 0, singular: 0, settled: false, trial })
     }
 
     /// The method of the present iteration.
@@ -158,13 +163,16 @@ impl Ladder {
         let here = &history.iterations[history.iterations.len().saturating_sub(self.iterations)..];
         let (before, last) = here.split_at(here.len().saturating_sub(PROGRESS));
         let smallest = |list: &[Iteration]| list.iter().fold(f64::INFINITY, |m, i| m.min(i.residual));
-        smallest(last) < 0.5 * smallest(before)
+        !before.is_empty() && smallest(last) < 0.5 * smallest(before)
     }
 
     fn exhausted(&self, history: &StepHistory) -> bool {
         match self.method() {
             Method::Soft => {
                 return self.iterations > SOFT_PATIENCE || (self.iterations > 1 && self.settled);
+            }
+            Method::Pieces if self.methods.get(self.position + 1) == Some(&Method::Soft) => {
+                return self.iterations > self.trial && !self.progresses(history);
             }
             Method::Pieces => return self.iterations > PIECES_PATIENCE && !self.progresses(history),
             Method::Natural => return self.iterations > NATURAL_PATIENCE,
