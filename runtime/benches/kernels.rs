@@ -6,6 +6,8 @@
 #[expect(dead_code, reason = "assembly is measured elsewhere")]
 #[path = "assembly/cases.rs"]
 mod cases;
+#[path = "common/scene.rs"]
+mod common;
 
 use std::{io::Write as _, process::ExitCode};
 

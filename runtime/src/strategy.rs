@@ -155,7 +155,8 @@ impl Strategy {
         &self.notes
     }
 
-    /// Factorisations so far.
+    /// Factorisations so far: of the bulk, of the whole tangent, and of the condensed part where that was truly made
+    /// anew; solutions with an older factor do not count.
     #[must_use]
     pub fn factorisations(&self) -> usize {
         self.factorisations
@@ -184,8 +185,9 @@ impl Strategy {
         match &mut self.kind {
             Kind::Linear => Ok(()),
             Kind::Condensed(c) => {
-                self.factorisations += 1;
-                c.update(system.changing())
+                let outcome = c.update(system.changing());
+                self.factorisations += c.take_factorisations();
+                outcome
             }
             Kind::Full { pattern, bulk_positions, changing_positions } => {
                 let mut sum = Csr::zeros(pattern.clone());
@@ -249,7 +251,10 @@ impl Strategy {
             return Ok(true);
         }
         let Kind::Condensed(condensed) = &mut self.kind else { return Ok(false) };
-        condensed.recall(system.changing().pattern(), memory)
+        let fits = condensed.recall(system.changing().pattern(), memory);
+        // What is made again has been counted when it was made first.
+        condensed.take_factorisations();
+        fits
     }
 
     /// An estimate of the condition number of the tangent last given, in the 1-norm; a handful of solutions.
@@ -258,7 +263,11 @@ impl Strategy {
     /// [`SolveError`] before there is a tangent.
     pub fn condition_estimate(&mut self) -> Result<f64, SolveError> {
         match &mut self.kind {
-            Kind::Condensed(c) => c.condition_estimate(),
+            Kind::Condensed(c) => {
+                let estimate = c.condition_estimate();
+                self.factorisations += c.take_factorisations();
+                estimate
+            }
             _ => self.solver.as_mut().ok_or(SolveError::NotFactored)?.condition_estimate(),
         }
     }
@@ -272,7 +281,11 @@ impl Strategy {
         x.clear();
         x.resize(rhs.len(), 0.0);
         match &mut self.kind {
-            Kind::Condensed(c) => c.solve_to(rhs, x, tolerance),
+            Kind::Condensed(c) => {
+                let report = c.solve_to(rhs, x, tolerance);
+                self.factorisations += c.take_factorisations();
+                report
+            }
             _ => self.solver.as_mut().ok_or(SolveError::NotFactored)?.solve(rhs, x),
         }
     }

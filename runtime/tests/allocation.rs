@@ -3,6 +3,8 @@
 #[expect(dead_code, reason = "the benchmark prints more about a case than this suite asks for")]
 #[path = "../benches/assembly/cases.rs"]
 mod cases;
+#[path = "../benches/common/scene.rs"]
+mod common;
 
 use cases::{CASES, Problem};
 

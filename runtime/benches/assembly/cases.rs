@@ -1,16 +1,14 @@
 //! The nine scenes whose tangents are timed, and what makes one callable.
 
-use std::path::Path;
-
-use wfl::{Diagnostic, Loader, SourceId, SourceMap, render, resolve};
+use wfl::{Loader, SourceId};
 use wfl_compiler::TermLaw;
-use wfl_jit::JitBackend;
 use wfl_runtime::{
     Scene, System,
     assemble::FieldValues,
     csr::{Csr, PatternBuilder},
-    prepare,
 };
+
+use crate::common;
 
 /// A scene of one term.
 pub(crate) struct Case {
@@ -99,18 +97,8 @@ pub(crate) struct Problem {
 impl Problem {
     /// Compiles the scene and allocates its matrix.
     pub(crate) fn new(case: &Case) -> Result<Self, String> {
-        let mut sources = SourceMap::new();
         let law = case.law.replace("ELEMENT", case.element);
-        let main = sources.add(case.name, format!("wfl 1\n{}{law}", case.mesh));
-        let checked = resolve(&mut sources, main, &mut Alone, &[]);
-        let told = |d: &[Diagnostic]| d.iter().map(|d| render(d, &sources, false)).collect::<Vec<_>>().join("\n");
-        if checked.diagnostics.iter().any(Diagnostic::is_error) {
-            return Err(told(&checked.diagnostics));
-        }
-        let script = checked.value.ok_or("no script")?;
-        let backend = JitBackend::new().map_err(|e| e.to_string())?;
-        let made = prepare(&script, Path::new("."), &backend);
-        let mut scene = made.scene.ok_or_else(|| told(&made.diagnostics))?;
+        let mut scene = common::scene(case.name, format!("wfl 1\n{}{law}", case.mesh), &mut Alone)?;
         let system = &mut scene.system;
         let n = system.numbering.n_dofs;
         let mut pattern = PatternBuilder::new(n, n);

@@ -5,6 +5,10 @@
 //! times are processor times of the busiest thread, which other programs on the machine disturb least.
 
 mod cases;
+#[path = "../common/clock.rs"]
+mod clock;
+#[path = "../common/scene.rs"]
+mod common;
 
 use std::{
     io::Write as _,
@@ -15,6 +19,7 @@ use std::{
 use criterion::{Criterion, Throughput};
 
 use cases::{CASES, Problem};
+use clock::{pool, processor_time};
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -30,10 +35,6 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
-}
-
-fn pool(threads: usize) -> Result<rayon::ThreadPool, String> {
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| e.to_string())
 }
 
 fn measure() -> Result<(), String> {
@@ -68,12 +69,6 @@ fn best(pool: &rayon::ThreadPool, problem: &mut Problem) -> Result<f64, String> 
         }
         Ok(best)
     })
-}
-
-/// Time that this thread has spent on a processor, where the system tells: Linux does.
-fn processor_time() -> Option<Duration> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    text.split_whitespace().next()?.parse().ok().map(Duration::from_nanos)
 }
 
 /// Seconds of processor time that the busiest thread of the pool spends on a pass, the best of several rounds: what other

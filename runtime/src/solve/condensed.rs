@@ -115,6 +115,8 @@ pub struct CheckedCondensed {
     engine: Engine,
     /// Iterations made with the factor at hand.
     spent: usize,
+    /// Factors made and not yet reported.
+    factorisations: usize,
     judge: Judge,
     /// For each entry of the changing part the entry across the diagonal.
     mirror: Option<Vec<usize>>,
@@ -210,6 +212,7 @@ impl CheckedCondensed {
             dofs,
             engine,
             spent: 0,
+            factorisations: 0,
             judge,
             narrower: None,
             gmres: Gmres::new(MAX_ITERATIONS),
@@ -256,6 +259,11 @@ impl CheckedCondensed {
         }
         self.state = State::Stale;
         Ok(())
+    }
+
+    /// How often the changing part has been factored since this was last asked.
+    pub fn take_factorisations(&mut self) -> usize {
+        std::mem::take(&mut self.factorisations)
     }
 
     /// What later solutions depend on beside the matrices that are still to come.
@@ -323,6 +331,7 @@ impl CheckedCondensed {
     fn refactor(&mut self) -> Result<(), SolveError> {
         self.state = State::Empty;
         self.spent = 0;
+        self.factorisations += 1;
         self.null_space_is_clear = false;
         let kind = if self.is_symmetric() { Kind::Symmetric } else { Kind::General };
         let mut outcome = self.engine.factor(&self.bulk, &self.changing, kind);

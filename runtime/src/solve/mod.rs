@@ -28,8 +28,6 @@ mod sweep;
 mod symbolic;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod timings;
 
 pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
 pub use condensed::{CheckedCondensed, Strategy};
