@@ -13,6 +13,8 @@ use crate::{strategy::Strategy, system::System};
 
 /// Sets of signs that are tried.
 const SAMPLES: u64 = 2;
+/// Part of a right-hand side that its solution may leave: an estimate needs few digits, and an older factor serves.
+const LEFT: f64 = 1e-6;
 
 /// What finite precision leaves of the unknowns of a step.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +44,7 @@ pub(super) fn estimate(system: &System, strategy: &mut Strategy, u: &[f64], resi
         if rhs.iter().all(|r| *r == 0.0) {
             continue;
         }
-        strategy.solve(&rhs, &mut x, 0.0).ok()?;
+        strategy.solve(&rhs, &mut x, LEFT).ok()?;
         let mut error = vec![0.0; u.len()];
         for (d, e) in system.numbering.free_dofs.iter().zip(&x) {
             error[*d as usize] = *e;

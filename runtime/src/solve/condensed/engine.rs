@@ -23,6 +23,8 @@ const OPERATIONS_PER_CACHED_VALUE: f64 = 10.0;
 const OPERATIONS_PER_VALUE: f64 = 24.0;
 /// Number of values that a cache holds.
 const CACHED_VALUES: f64 = 4e6;
+/// Forces: with fewer iterations a trial is not worth the sweeps over the bulk that it costs where it fails.
+const FEWEST_ITERATIONS: f64 = 6.0;
 /// Never more iterations than this: the basis is kept.
 pub(super) const MAX_ITERATIONS: usize = 60;
 /// Smallest pivot of the bulk relative to its diagonal with which it can stand alone: with a smaller one the forces
@@ -256,7 +258,7 @@ impl Engine {
         }
     }
 
-    /// Iterations that cost less than a new factor.
+    /// Iterations that cost less than a new factor; none where a trial is not worth it.
     pub(super) fn worthwhile_iterations(&self) -> usize {
         let (operations, values) = match &self.method {
             Method::Forces(forces) => forces.costs(),
@@ -273,6 +275,9 @@ impl Engine {
         };
         let per_value = if values <= CACHED_VALUES { OPERATIONS_PER_CACHED_VALUE } else { OPERATIONS_PER_VALUE };
         let iterations = operations / (per_value * values).max(1.0);
+        if matches!(self.method, Method::Forces(_)) && iterations < FEWEST_ITERATIONS {
+            return 0;
+        }
         (iterations as usize).min(MAX_ITERATIONS)
     }
 }

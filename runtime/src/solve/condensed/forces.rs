@@ -39,6 +39,9 @@ const SHARE: usize = 128;
 /// Rows and columns of the dense matrix that are filled together: what they read of V stays in the cache.
 const FILL_ROWS: usize = 16;
 const FILL_COLUMNS: usize = 512;
+/// Rows made together, the components of a node, and columns that their sums stay in registers for.
+const TOGETHER: usize = 3;
+const FILL_WIDTH: usize = 16;
 /// Part of the right-hand side that rounding leaves in the best of cases.
 const ROUNDING: f64 = 1e-15;
 
@@ -135,11 +138,11 @@ impl Forces {
         self.n_loads + self.bare.len()
     }
 
-    /// Values read by one product with V and the factor, and multiplications of a new factor.
+    /// Multiplications of a new factor, and values read by one product with V and the factor.
     pub(super) fn costs(&self) -> (f64, f64) {
         let n = self.n_forces() as f64;
         let filling = self.rows.pattern().n_entries() as f64 * self.loads.len() as f64;
-        (self.responses.len() as f64 + n * n, n * n * n / 3.0 + filling)
+        (n * n * n / 3.0 + filling, self.responses.len() as f64 + n * n)
     }
 
     /// First dofs of facing ones whose rows have turned out not to be opposite.
@@ -229,25 +232,14 @@ impl Forces {
         let (rows, place, responses) = (&self.rows, &self.place, &self.responses);
         let threads = self.threads;
         let fill_share = |(share, out): (usize, &mut [f64])| {
-            out.fill(0.0);
-            for first in (0..n_loads).step_by(FILL_COLUMNS) {
-                let columns = first..n_loads.min(first + FILL_COLUMNS);
-                for (row, out) in (share * FILL_ROWS..).zip(out.chunks_exact_mut(n)) {
-                    let read = rows
-                        .row(row)
-                        .0
-                        .iter()
-                        .zip(rows.row(row).1)
-                        .filter(|&(&column, &value)| value != 0.0 && (place[column as usize] as usize) < n_read);
-                    let answers =
-                        |column: u32| &responses[place[column as usize] as usize * n_loads..][columns.clone()];
-                    add_multiples(read.map(|(&column, &value)| (value, answers(column))), &mut out[columns.clone()]);
-                }
-            }
-            for (row, out) in (share * FILL_ROWS..).zip(out.chunks_exact_mut(n)) {
+            let first = share * FILL_ROWS;
+            fill_products(rows, place, (responses, n_read), first, out);
+            for (row, out) in (first..).zip(out.chunks_exact_mut(n)) {
+                let bare_part = &mut out[n_loads..];
+                bare_part.fill(0.0);
                 for (&column, value) in rows.row(row).0.iter().zip(rows.row(row).1) {
                     if let Some(bare) = (place[column as usize] as usize).checked_sub(n_read) {
-                        out[n_loads + bare] -= value;
+                        bare_part[bare] -= value;
                     }
                 }
                 if row < n_loads {
@@ -286,6 +278,11 @@ impl Forces {
             }
             Inner::Stale { gmres, limits, scale } => self.iterate(&mut w, gmres, limits, scale),
         };
+        if !outcome.converged {
+            // The caller makes a new factor: no sweep for what nobody wants.
+            x.fill(f64::NAN);
+            return outcome;
+        }
         x.fill(0.0);
         for (load, value) in self.loads.iter().zip(&w) {
             x[load.here as usize] -= value;
@@ -371,24 +368,61 @@ fn multiply_rows(a: &[f64], x: &[f64], y: &mut [f64], is_parallel: bool) {
     }
 }
 
-/// `y = y + Σ f x`, four at a time.
-fn add_multiples<'a>(mut terms: impl Iterator<Item = (f64, &'a [f64])>, y: &mut [f64]) {
-    let n = y.len();
-    let mut next = || terms.next().unwrap_or((0.0, &[]));
-    loop {
-        match [next(), next(), next(), next()] {
-            [(a, x), (b, z), (c, v), (d, u)] if !u.is_empty() => {
-                let (x, z, v, u) = (&x[..n], &z[..n], &v[..n], &u[..n]);
-                for (i, out) in y.iter_mut().enumerate() {
-                    *out += (a * x[i] + b * z[i]) + (c * v[i] + d * u[i]);
+/// Rows of `M V`, those of M from `first` on, into rows of `out` with room for the bare dofs behind. Neighbouring rows
+/// that read the same dofs (the components of a node) are made together: each value of V is loaded once for all.
+fn fill_products(rows: &Csr, place: &[u32], (v, n_read): (&[f64], usize), first: usize, out: &mut [f64]) {
+    let width = v.len() / n_read.max(1);
+    let n = rows.n_rows();
+    let last = first + out.len() / n;
+    let mut starts = vec![first];
+    for row in first + 1..last {
+        let group = starts[starts.len() - 1];
+        if row - group == TOGETHER || rows.row(row).0 != rows.row(group).0 {
+            starts.push(row);
+        }
+    }
+    starts.push(last);
+    for columns in (0..width).step_by(FILL_COLUMNS).map(|column| column..width.min(column + FILL_COLUMNS)) {
+        for group in starts.windows(2) {
+            let (mut factors, mut answers) = (Vec::new(), Vec::new());
+            for (k, &column) in rows.row(group[0]).0.iter().enumerate() {
+                let at = place[column as usize] as usize;
+                let mut all = [0.0; TOGETHER];
+                (group[0]..group[1]).zip(&mut all).for_each(|(row, factor)| *factor = rows.row(row).1[k]);
+                if at < n_read && all.iter().any(|&factor| factor != 0.0) {
+                    factors.push(all);
+                    answers.push(&v[at * width..][columns.clone()]);
                 }
             }
-            few => {
-                for (factor, x) in few {
-                    y.iter_mut().zip(x).for_each(|(out, x)| *out += factor * x);
+            let mut targets = out[(group[0] - first) * n..(group[1] - first) * n].chunks_exact_mut(n);
+            let targets: [&mut [f64]; TOGETHER] =
+                std::array::from_fn(|_| targets.next().map_or(&mut [][..], |row| &mut row[columns.clone()]));
+            combine(&factors, &answers, targets);
+        }
+    }
+}
+
+/// `targets[r] = Σ factors[k][r] answers[k]`; targets without room are left out.
+fn combine(factors: &[[f64; TOGETHER]], answers: &[&[f64]], mut targets: [&mut [f64]; TOGETHER]) {
+    let n = targets[0].len();
+    let whole = n - n % FILL_WIDTH;
+    for first in (0..whole).step_by(FILL_WIDTH) {
+        let mut sums = [[0.0; FILL_WIDTH]; TOGETHER];
+        for (factors, answers) in factors.iter().zip(answers) {
+            let answers = &answers[first..first + FILL_WIDTH];
+            for (sums, factor) in sums.iter_mut().zip(factors) {
+                for lane in 0..FILL_WIDTH {
+                    sums[lane] += factor * answers[lane];
                 }
-                return;
             }
+        }
+        for (target, sums) in targets.iter_mut().zip(&sums).filter(|(target, _)| !target.is_empty()) {
+            target[first..first + FILL_WIDTH].copy_from_slice(sums);
+        }
+    }
+    for column in whole..n {
+        for (r, target) in targets.iter_mut().enumerate().filter(|(_, target)| !target.is_empty()) {
+            target[column] = factors.iter().zip(answers).map(|(factors, answers)| factors[r] * answers[column]).sum();
         }
     }
 }
