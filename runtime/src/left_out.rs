@@ -1,6 +1,6 @@
 //! What a scene does without, why, and what that saves. Reads only; what is left out was decided elsewhere.
 
-use wfl_compiler::Class;
+use wfl_compiler::{Class, types::FieldKind};
 
 use crate::{pruning::Pruning, scene::Scene, strategy::condenses};
 
@@ -51,6 +51,7 @@ impl Scene {
         if let (Some(least), Some(most)) = (degrees(true).min(), degrees(false).max())
             && least < most
             && system.uses(Pruning::Quadrature)
+            && system.fields.iter().all(|f| f.kind != FieldKind::State)
         {
             let why =
                 format!("linear terms take the degree of their own integrands, from {least}; the highest is {most}");

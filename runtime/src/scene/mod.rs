@@ -437,10 +437,9 @@ impl Builder<'_> {
 
     /// What terms and updates of states are compiled to, and the rules of their places.
     fn laws(&mut self) -> (Vec<terms::PlacedLaw>, Vec<states::StateLaw>, terms::Rules) {
-        let own_degrees = !self.keep.contains(&Pruning::Quadrature);
         let mut maker = self.term_maker();
         let laws = maker.make();
-        let mut rules = maker.rules(&laws, own_degrees);
+        let mut rules = maker.rules(&laws);
         let renewed = self.state_laws();
         self.share_rules(&laws, &renewed, &mut rules);
         (laws, renewed, rules)
@@ -498,6 +497,7 @@ impl Builder<'_> {
         rules: &terms::Rules,
         numbering: &Numbering,
     ) -> Option<(Vec<AssembledTerm>, Vec<TermSummary>, Vec<TermPieces>)> {
+        let highest = laws.iter().map(|l| l.law.degree.rule()).max().unwrap_or(0);
         let tangents: Vec<[Option<VerifiedKernel>; 2]> = laws
             .iter()
             .map(|l| [tangent_kernel(&l.law), l.pieces.as_ref().and_then(|p| tangent_kernel(&p.law))])
@@ -518,7 +518,10 @@ impl Builder<'_> {
             }
         };
         let mut compiled = compiled.into_iter();
-        let mut domains: Vec<(Place, Arc<Domain>)> = Vec::new();
+        // an exact rule gives the same with more points; states have values at the points of their region's rule
+        let raised = self.keep.contains(&Pruning::Quadrature) && self.fields.iter().all(|f| f.kind != FieldKind::State);
+        let least = |law: &wfl_compiler::TermLaw| if raised && law.class <= Class::Linear { highest } else { 0 };
+        let mut domains: Vec<((Place, RuleChoice), Arc<Domain>)> = Vec::new();
         let (mut terms, mut summaries, mut complete) = (Vec::new(), Vec::new(), true);
         let mut pieces: Vec<TermPieces> = Vec::new();
         for (placed, [tangent, held_tangent]) in laws.into_iter().zip(&tangents) {
@@ -528,14 +531,17 @@ impl Builder<'_> {
                 Some(_) => Some((compiled.next()?, held_tangent.as_ref().and_then(|_| compiled.next()))),
                 None => None,
             };
-            let choice = rules.get(&placed.place).copied().unwrap_or(RuleChoice::Degree(1));
+            let choice = match rules.get(&placed.place).copied().unwrap_or(RuleChoice::Degree(1)) {
+                RuleChoice::Degree(degree) => RuleChoice::Degree(degree.max(least(&placed.law))),
+                nodes @ RuleChoice::Vertex => nodes,
+            };
             let slots = LawSlots { inputs: &placed.law.inputs, tests: &placed.law.tests, trials: &placed.law.trials };
             let there = mappings::fields_there(slots.inputs, slots.tests.iter().chain(slots.trials));
             let mapping = placed.law.listing.graph.mapping.map(|m| (m, there));
-            let place = (placed.place.clone(), placed.set.clone(), mapping);
+            let place = ((placed.place.clone(), placed.set.clone(), mapping), choice);
             let shared = domains.iter().find(|d| d.0 == place).map(|d| d.1.clone());
             let domain = shared.or_else(|| {
-                let made = self.domain(&place, choice, placed.span)?;
+                let made = self.domain(&place.0, choice, placed.span)?;
                 domains.push((place, made.clone()));
                 Some(made)
             });

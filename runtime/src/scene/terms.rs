@@ -165,13 +165,10 @@ impl TermMaker<'_> {
     }
 
     /// The rule of every region that has terms: what `quadrature` says, else the largest degree its terms need.
-    pub(super) fn rules(&mut self, laws: &[PlacedLaw], own_degrees: bool) -> Rules {
+    pub(super) fn rules(&mut self, laws: &[PlacedLaw]) -> Rules {
         let mut rules = Rules::new();
-        let highest = laws.iter().map(|l| l.law.degree.rule()).max().unwrap_or(0);
         for law in laws {
-            // an exact rule gives the same with more points; on others the result would be another one
-            let own = own_degrees || law.law.class > Class::Linear;
-            let degree = if own { law.law.degree.rule() } else { highest };
+            let degree = law.law.degree.rule();
             let slot = rules.entry(law.place.clone()).or_insert(RuleChoice::Degree(degree));
             if let RuleChoice::Degree(d) = slot {
                 *d = (*d).max(degree);
