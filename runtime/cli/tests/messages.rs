@@ -480,7 +480,7 @@ term b on boundary : (u*Normal)*Test_u
 /// `1 + |d|` has no root; Newton steps from 1.3 to -1 to 1 and so on.
 #[test]
 fn what_goes_wrong_in_a_run_is_told_at_its_place() {
-    let free = format!("{BASE}unknown d : scalar global\nterm contact on east : pos_part(uR.Normal - d - 1)*Test_d\n")
+    let free = format!("{BASE}unknown d : scalar global\nterm contact on east : pos_part(uR.Normal - d - 1)*Test_d\nsolver newton with search=none\n")
         .replace(
             "fix uR = [0,0,0] on east",
             "fix uR(1) = 0 on east\nfix uR(2), uR(3) = 0 on east\nload uR = [1,0,0] on right",

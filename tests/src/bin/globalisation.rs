@@ -133,12 +133,13 @@ How a step is solved (`runtime/src/newton/`):
 2. **A search along each of these steps** (`pieces/watched.rs`). With linear bodies every state on the way is in
    equilibrium, and x, t and the friction bound are linear in it, so only the defect of t = P(t + c (x - t)) is looked
    at, squared and summed as an energy: the step is halved until the defect falls. A trial costs no assembly. Without it
-   and without a soft start the pieces circle where a fault opens: of 200 runs of 40 other scenes (plane and jagged
-   faults of 10 to 60 degrees, cracks, wedges, blocks held by friction) at gamma h/E of 1e4 49 failed, with them 7; of
-   all 720 runs from 1e-2 to 1e4 83 failed, with them 33, most of these at a friction coefficient of 5, for Nitsche far
+   and without soft contact the pieces circle where a fault opens: of 200 runs of 40 other scenes (plane and jagged
+   faults of 10 to 60 degrees, cracks, wedges, blocks held by friction) at gamma h/E of 1e4 49 failed, with them 10; of
+   all 720 runs from 1e-2 to 1e4 83 failed, with them 36, most of these at a friction coefficient of 5, for Nitsche far
    below its coercivity bound, or for multipliers that two surfaces share at a corner.
-3. **A soft start** where contact is stiff against the bodies: at first a layer of 0.3 times their stiffness lies
-   between the sides, until few pieces change in a step; those pieces are the start as written.
+3. **Soft contact** where contact is stiff against the bodies and ten iterations brought no progress (25 in later steps):
+   for a few iterations a layer of 0.3 times their stiffness lies between the sides, until few pieces change in a step;
+   those pieces are then the start as written.
 4. **Backtracking on the residual norm**, multiplier equations weighted to force units.
 5. **The natural monotonicity test** (Deuflhard): backtracking on the norm of the simplified Newton correction.
 6. **Continuation in the friction**, from above and from below.
