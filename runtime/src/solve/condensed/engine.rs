@@ -19,12 +19,12 @@ use crate::csr::{Csr, Pattern};
 /// Smallest pivot of the fronts, relative to its column, that is accepted.
 const SMALLEST_PIVOT: f64 = 1e-11;
 /// Multiplications that a factorisation makes while a sweep loads one value: from the cache, and from memory.
-const OPERATIONS_PER_CACHED_VALUE: f64 = 10.0;
-const OPERATIONS_PER_VALUE: f64 = 24.0;
+const OPERATIONS_PER_CACHED_VALUE: f64 = 16.0;
+const OPERATIONS_PER_VALUE: f64 = 36.0;
 /// Number of values that a cache holds.
 const CACHED_VALUES: f64 = 4e6;
 /// Forces: with fewer iterations a trial is not worth the sweeps over the bulk that it costs where it fails.
-const FEWEST_ITERATIONS: f64 = 6.0;
+const FEWEST_ITERATIONS: f64 = 14.0;
 /// Never more iterations than this: the basis is kept.
 pub(super) const MAX_ITERATIONS: usize = 60;
 /// Smallest pivot of the bulk relative to its diagonal with which it can stand alone: with a smaller one the forces
