@@ -13,7 +13,7 @@
 //! (`runtime/src/newton/pieces.rs`). A converged state solves the term as written: only the path to it changes.
 //!
 //! Pieces, of `x' = (1 - d) x`: half-line, entry by entry: `m ? x' : 0`. Ball: `s ? x' : f a e + k (x' - e (e.x'))`. The
-//! factor `f` on the radius is 1 but for continuation in the friction; `d` is 0 but for a start with soft contact: with
+//! factor `f` on the radius is 1 but for continuation in the friction; `d` is 0 but while contact is soft: with
 //! `x = t + d/(1-d) t` the law holds for an argument less a part of the traction, as if a layer lay between the sides.
 //! Guides: half-line `m (n), d`; ball `s, k, f, d, e (n)`; masks are 0 or 1.
 

@@ -49,6 +49,7 @@ pub struct Saving {
     pub pruning: Pruning,
     /// Time of preparing and solving without it, in parts of the time with it.
     pub times: f64,
-    /// The largest change of a measure without it, in parts of the largest value of that measure; 0 without measures.
+    /// The largest change of a measure without it, in parts of the largest value of that measure (of the largest of all
+    /// where it is rounding beside it); 0 without measures, infinite where a step does not converge without it.
     pub moved: f64,
 }

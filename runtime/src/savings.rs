@@ -68,6 +68,9 @@ const ROUNDING: f64 = 1e-6;
 
 /// The largest difference of a measure at a step, in parts of the largest value it takes.
 fn moved(with: &Outcome, without: &Outcome) -> f64 {
+    if !without.converged() {
+        return f64::INFINITY;
+    }
     let names = with.steps.first().map_or(0, |s| s.measures.len());
     let largest = |k: usize| with.steps.iter().fold(0.0f64, |m, s| m.max(s.measures[k].1.abs()));
     let all = (0..names).map(largest).fold(0.0, f64::max);

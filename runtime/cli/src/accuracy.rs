@@ -208,6 +208,12 @@ impl Lab<'_> {
             }
         }
         let code = run::finish(loaded, &solved.scene, &ready.options, &solved.outcome, ready.loudness);
+        if code == ExitCode::from(run::EXIT_EXPECTATION) {
+            say(
+                "note: expectations were judged on the setting that was picked; one that holds for the scene's own mesh may \
+                 fail there\n",
+            );
+        }
         if notice == Some(Notice::MeshOfFile) {
             say(
                 "warning[W608]: the mesh comes from a file: its error is not known, and is not part of the accuracy\n  \

@@ -232,7 +232,7 @@ pub(crate) struct SweepArgs {
     #[arg(long, value_name = "N", default_value = "1")]
     pub(crate) repeat: NonZeroUsize,
     /// Runs made at once, each on one thread: the table then has errors, iterations and unknowns, but no times
-    #[arg(long, value_name = "N", conflicts_with = "repeat")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["repeat", "study", "plot"])]
     pub(crate) jobs: Option<NonZeroUsize>,
     /// Run nothing: make sweep.html and the plots anew from the tables in the folders given
     #[arg(long)]

@@ -24,7 +24,7 @@ use crate::{
 /// A step did not converge.
 const EXIT_NOT_CONVERGED: u8 = 2;
 /// An expectation of the scene does not hold.
-const EXIT_EXPECTATION: u8 = 3;
+pub(crate) const EXIT_EXPECTATION: u8 = 3;
 
 pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     let Some(mut loaded) = load(&args.scene.scene, &args.scene.overrides, "run") else {
@@ -36,6 +36,13 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         return ExitCode::from(EXIT_ERROR);
     };
     if let Some(demand) = accuracy::demand(args, &scene) {
+        // on the command line these exclude each other; the scene may ask for an accuracy, too
+        if args.savings || args.resume {
+            say(
+                "error: a scene that asks for an accuracy is run on several meshes: --savings and --resume do not go with it\n",
+            );
+            return ExitCode::from(EXIT_ERROR);
+        }
         return accuracy::run(args, &demand, &*backend, started);
     }
     if args.of.is_some() || args.budget.is_some() {

@@ -1,10 +1,13 @@
 //! `wfl run --accuracy`: errors against exact solutions and finer runs, demands that cannot be met, wrong values.
 
+mod common;
+
 use std::{
     path::{Path, PathBuf},
     process::{Command, Output},
 };
 
+use common::{exact_norms, rows};
 use serde_json::Value;
 
 fn examples() -> PathBuf {
@@ -42,30 +45,11 @@ fn signorini(out: &Path, more: &str) -> String {
     path.display().to_string()
 }
 
-/// L2 and H1 norms of the exact solution of the manufactured contact, by the midpoint rule on its formula.
-fn exact_norms() -> [f64; 2] {
-    let (c, nu) = (2f64.sqrt() / 3.0, 0.3);
-    let m = nu / ((1.0 + nu) * (1.0 - 2.0 * nu)) + 1.0 / (1.0 + nu);
-    let n = 500;
-    let mut sums = [0.0; 2];
-    for i in 0..n {
-        for j in 0..n {
-            let (x, y) = ((f64::from(i) + 0.5) / f64::from(n), (f64::from(j) + 0.5) / f64::from(n));
-            let (s, r) = ((x - c).max(0.0), (c - x).max(0.0));
-            let u = [-4.0 * y * s.powi(3), s.powi(4) - y * r.powi(4) / m];
-            let g = [-12.0 * y * s * s, -4.0 * s.powi(3), 4.0 * s.powi(3) + 4.0 * y * r.powi(3) / m, -r.powi(4) / m];
-            sums[0] += u.iter().map(|v| v * v).sum::<f64>();
-            sums[1] += g.iter().map(|v| v * v).sum::<f64>();
-        }
-    }
-    sums.map(|s| (s / f64::from(n * n)).sqrt())
-}
-
 /// The true errors of a run of the manufactured contact, L2 and H1: its own integrals against the exact solution.
 fn true_errors(report: &Value) -> [f64; 2] {
     let last = report["steps"].as_array().and_then(|s| s.last()).expect("a step");
     let error = |m: &str| last["measures"][m].as_f64().expect("a measure").sqrt();
-    let [l2, h1] = exact_norms();
+    let (l2, h1) = exact_norms();
     [error("l2") / l2, error("h1") / h1]
 }
 
@@ -96,9 +80,21 @@ fn a_scene_can_say_its_accuracy() {
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(report["accuracy"]["asked"], 0.05);
     assert!(true_errors(&report)[1] <= 0.05);
+    let (said, code, _) = run(&scene, &["--savings"], &out);
+    assert!(code == Some(1) && said.contains("--savings and --resume do not go with it"), "{said}");
     let checked = wfl(&["check", &scene]);
     let text = String::from_utf8_lossy(&checked.stdout).into_owned();
     assert!(text.contains("accuracy") && text.contains("0.05"), "{text}");
+}
+
+#[test]
+fn an_expectation_of_the_own_mesh_may_fail_and_that_is_told() {
+    let out = folder("expect");
+    let scene = signorini(&out, "expect h1 < 0\n");
+    let (said, code, report) = run(&scene, &["--accuracy", "0.1", "--of", "H1"], &out);
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains("expectations were judged on the setting that was picked"), "{said}");
+    assert_eq!(report["accuracy"]["reached"], true);
 }
 
 #[test]
@@ -155,23 +151,10 @@ fn error_of_picked(scene: &str, report: &Value, quantity: &str, reference: &[&st
     }
     let ended = wfl(&words);
     assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
-    let table = std::fs::read_to_string(out.join("sweep/sweep.csv")).expect("a table");
-    let mut lines = table.lines();
-    // values with commas stand in quotes: the column is counted from its head, cells with quotes are joined
-    let cells = |line: &str| {
-        let (mut all, mut quoted) = (vec![String::new()], false);
-        for c in line.chars() {
-            match c {
-                '"' => quoted = !quoted,
-                ',' if !quoted => all.push(String::new()),
-                c => all.last_mut().expect("a cell").push(c),
-            }
-        }
-        all
-    };
-    let (head, row) = (cells(lines.next().expect("a head")), cells(lines.next().expect("a row")));
-    let at = head.iter().position(|h| *h == format!("error {quantity}")).expect("a column");
-    row[at].parse().expect("a number")
+    let table = rows(&out.join("sweep"));
+    let wanted = format!("error {quantity}");
+    let cell = table[0].iter().find(|c| c.0 == wanted).expect("a column");
+    cell.1.parse().expect("a number")
 }
 
 #[test]

@@ -1,9 +1,13 @@
 //! `wfl sweep`: errors against numbers of an independent program, failures that stay in the table, resuming.
 
+mod common;
+
 use std::{
     path::{Path, PathBuf},
     process::{Command, Output},
 };
+
+use common::{exact_norms, rows};
 
 fn folder(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("sweep_{name}"));
@@ -23,49 +27,12 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Rows as column and cell.
-fn rows(out: &Path) -> Vec<Vec<(String, String)>> {
-    let table = std::fs::read_to_string(out.join("sweep.csv")).expect("a table");
-    let (mut lines, mut quoted) = (vec![vec![String::new()]], false);
-    for c in table.chars() {
-        let line = lines.last_mut().expect("a line");
-        match c {
-            '"' => quoted = !quoted,
-            ',' if !quoted => line.push(String::new()),
-            '\n' if !quoted => lines.push(vec![String::new()]),
-            c => line.last_mut().expect("a cell").push(c),
-        }
-    }
-    lines.pop();
-    let head = lines.remove(0);
-    lines.into_iter().map(|l| head.iter().cloned().zip(l).collect()).collect()
-}
-
 fn cell<'r>(row: &'r [(String, String)], column: &str) -> &'r str {
     row.iter().find(|c| c.0 == column).map_or("", |c| c.1.as_str())
 }
 
 fn number(row: &[(String, String)], column: &str) -> f64 {
     cell(row, column).parse().unwrap_or_else(|_| panic!("no number in {column}: {row:?}"))
-}
-
-/// Norms of the exact solution of the manufactured contact, by the midpoint rule on its formula.
-fn exact_norms() -> (f64, f64) {
-    let (c, nu) = (2f64.sqrt() / 3.0, 0.3);
-    let m = nu / ((1.0 + nu) * (1.0 - 2.0 * nu)) + 1.0 / (1.0 + nu);
-    let n = 1000;
-    let (mut l2, mut h1) = (0.0, 0.0);
-    for i in 0..n {
-        for j in 0..n {
-            let (x, y) = ((f64::from(i) + 0.5) / f64::from(n), (f64::from(j) + 0.5) / f64::from(n));
-            let (s, r) = ((x - c).max(0.0), (c - x).max(0.0));
-            let u = [-4.0 * y * s.powi(3), s.powi(4) - y * r.powi(4) / m];
-            let g = [-12.0 * y * s * s, -4.0 * s.powi(3), 4.0 * s.powi(3) + 4.0 * y * r.powi(3) / m, -r.powi(4) / m];
-            l2 += u.iter().map(|v| v * v).sum::<f64>();
-            h1 += g.iter().map(|v| v * v).sum::<f64>();
-        }
-    }
-    ((l2 / f64::from(n * n)).sqrt(), (h1 / f64::from(n * n)).sqrt())
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Which globalisation a step uses, and when the next one takes over.
 //!
-//! Each of them is the best somewhere (`docs/newton.md`): held pieces for contact and friction, from a start with a soft
-//! layer between the sides where contact is stiff; the natural monotonicity test where a penalty or Nitsche parameter is
+//! Each of them is the best somewhere (`docs/newton.md`): held pieces for contact and friction, with a soft layer
+//! between the sides for a few iterations where stiff contact makes no progress; the natural monotonicity test where a penalty or Nitsche parameter is
 //! tiny; backtracking on the residual for everything else; continuation in the friction as the last resort. A step that
 //! makes no progress with one goes on with the next from where it stands; one whose tangent becomes singular on the way
 //! (a body that only friction holds, with all of it slipping in an iterate) goes on from its best state.
@@ -15,7 +15,7 @@ use crate::{
 /// A way to get from one state to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Method {
-    /// Held pieces with a soft layer between the sides: a few steps that find the pieces to begin with.
+    /// Held pieces with a soft layer between the sides: a few steps that find other pieces to go on with.
     Soft,
     /// Contact by held pieces ([`super::pieces`]).
     Pieces,

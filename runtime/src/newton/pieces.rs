@@ -68,7 +68,7 @@ pub struct TermPieces {
     growth: f64,
     /// Factor on the radius of balls: below 1 while friction is brought in step by step.
     friction: f64,
-    /// Contact is so stiff against the bodies that a soft start pays.
+    /// Contact is so stiff against the bodies that making it soft for a while helps.
     hard: bool,
     /// Contact is so soft as written that searching serves better than pieces.
     compliant: bool,
@@ -174,7 +174,7 @@ impl TermPieces {
         self.growth = STIFFNESS_GROWTH.powi(exponent).min(LARGEST_GROWTH);
     }
 
-    /// True if the sides are so stiff against each other that a start with soft contact pays.
+    /// True if the sides are so stiff against each other that making contact soft for a while helps.
     #[must_use]
     pub fn is_hard(&self) -> bool {
         self.hard

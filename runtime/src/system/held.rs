@@ -130,7 +130,7 @@ impl System {
         self.terms.iter().enumerate().all(|(k, t)| t.law.class <= Class::Linear || affine(k))
     }
 
-    /// True if a start with soft contact pays ([`TermPieces::is_hard`]).
+    /// True if making contact soft for a while helps ([`TermPieces::is_hard`]).
     #[must_use]
     pub fn is_hard(&self) -> bool {
         self.pieces.iter().any(TermPieces::is_hard)
