@@ -52,6 +52,9 @@ pub struct Projection {
     pub guide: usize,
     /// Its first output in the watch law: the argument (n), the radius (balls only), the value of the held piece (n).
     pub output: usize,
+    /// Its value is a force of the term; false if it is used for nothing but the radius of balls, as a part of a
+    /// friction bound is that is no gap.
+    pub acts: bool,
 }
 
 /// A term with the pieces of its projections held.
@@ -82,6 +85,7 @@ pub fn compile_pieces(
     let from = &listing.graph;
     let order = reachable(from, root);
     let half_lines = half_lines(from, &order);
+    let acting = acting(from, root);
     let mut guide = 0;
     let mut output = 0;
     let mut found: Vec<(ExprId, Projection)> = Vec::new();
@@ -98,7 +102,7 @@ pub fn compile_pieces(
             }
             _ => continue,
         };
-        found.push((*e, Projection { kind, n, guide, output }));
+        found.push((*e, Projection { kind, n, guide, output, acts: acting[e.index()] }));
         guide += guides;
         output += outputs;
     }
@@ -127,6 +131,20 @@ fn with_guides(fields: &[FieldSig], field: FieldId, n_guides: usize) -> Vec<Fiel
     all.resize_with(field.index(), || data(Shape::SCALAR));
     all.push(data(Shape::vector(n_guides)));
     all
+}
+
+/// By node: whether the root depends on it other than through the radius of a ball.
+fn acting(g: &Graph, root: ExprId) -> Vec<bool> {
+    let mut acts = vec![false; root.index() + 1];
+    acts[root.index()] = true;
+    for k in (0..acts.len()).rev() {
+        match *g.node(ExprId::new(k)) {
+            _ if !acts[k] => {}
+            Node::Ball(v, _) => acts[v.index()] = true,
+            ref node => crate::display::operands(node, |o| acts[o.index()] = true),
+        }
+    }
+    acts
 }
 
 /// Selections `0 <= x ? x : 0`, one for each mask: `(mask, selection)`.

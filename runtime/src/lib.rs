@@ -14,6 +14,7 @@ pub mod field;
 pub mod frames;
 pub mod knobs;
 mod left_out;
+pub mod memory;
 pub mod mesh;
 pub mod newton;
 pub mod output;

@@ -56,6 +56,21 @@ fn a_penalty_too_soft_to_hold_is_noticed() {
     assert!(warned(&solved, "penetration at `contact`"), "{:?}", warnings(&solved));
 }
 
+/// A friction bound with a part of its own (here one that grows with the gap) is no contact law: what enters nothing
+/// but the bound is no overlap.
+#[test]
+fn a_second_positive_part_in_the_friction_bound_is_no_overlap() {
+    let bound = "fric*(pos_part(Pn) + pos_part(gamma*(0.01 + 0.5*jump(uL,uR).Normal)))";
+    let edit = [("Ball_projection(Pt, fric*pos_part(Pn))", format!("Ball_projection(Pt, {bound})"))];
+    let edit = edit.each_ref().map(|(from, to)| (*from, to.as_str()));
+    for path in ["penalty.wfl", "nitsche.wfl", "augmented_lagrangian.wfl"] {
+        assert_eq!(warnings(&changed(path, &edit, &[])), [], "{path}");
+    }
+    // the overlap of a soft contact is still seen beside it
+    let solved = changed("penalty.wfl", &edit, &[("gamma", 1e3)]);
+    assert!(warned(&solved, "penetration at `contact`"), "{:?}", warnings(&solved));
+}
+
 /// The reactions of a column under a load are the load.
 #[test]
 fn reactions_are_told_and_balance_the_loads() {

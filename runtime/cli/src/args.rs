@@ -14,6 +14,9 @@ use wfl_runtime::{
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,
+    /// Most memory that may be taken, such as 4GB [default: that of the machine]
+    #[arg(long, global = true, value_name = "SIZE", value_parser = memory)]
+    pub(crate) memory: Option<u64>,
 }
 
 const EXIT_CODES: &str = "\
@@ -163,6 +166,10 @@ fn accuracy(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|e| is_accuracy(*e))
         .ok_or_else(|| format!("an accuracy is a relative error from {SMALLEST:e} to 1, such as 1e-3"))
+}
+
+fn memory(text: &str) -> Result<u64, String> {
+    wfl_runtime::memory::parse(text).ok_or_else(|| "a size with its unit, such as 500MB, 4GB or 4GiB".to_owned())
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

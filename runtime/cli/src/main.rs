@@ -38,6 +38,9 @@ fn main() -> ExitCode {
             return if message.use_stderr() { ExitCode::from(prepared::EXIT_ERROR) } else { ExitCode::SUCCESS };
         }
     };
+    if let Some(bytes) = args.memory {
+        wfl_runtime::memory::set_limit(bytes);
+    }
     match args.command {
         Command::Run(options) => run::run(&options, started),
         Command::Extremes(options) => extremes::extremes(&options, started),

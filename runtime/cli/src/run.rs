@@ -9,7 +9,9 @@ use wfl_runtime::{
     assemble::{AssembledTerm, NonFinitePlace, TermError},
     newton::{Iteration, NewtonError},
     output::{About, OrderedMap, SceneText},
-    savings, text_hash,
+    savings,
+    solve::SolveError,
+    text_hash,
 };
 
 use crate::{
@@ -339,7 +341,7 @@ fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
         NewtonError::Term(TermError::NonFinite(place)) => {
             print_all(&[non_finite(loaded, place, *time)], &loaded.sources);
         }
-        NewtonError::Solve(wfl_runtime::solve::SolveError::Singular { mode, .. }) => {
+        NewtonError::Solve(SolveError::Singular { mode, .. }) => {
             if let Some(d) = held_by_nothing(loaded, scene, mode.dofs_above(0.1).as_slice()) {
                 print_all(&[d], &loaded.sources);
                 return;
@@ -348,6 +350,9 @@ fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
             say(&format!(
                 "error[E602]: step t = {time}: nothing holds {names}\n  = note: the tangent is singular: {inner}\n  = help: fix it, or press it against something that is held\n"
             ));
+        }
+        NewtonError::Solve(SolveError::TooMuchMemory(need)) => {
+            say(&format!("error[E606]: {need}\n  = help: fewer cells, a lower degree, or more memory: --memory 16GB\n"))
         }
         other => say(&format!("error[E602]: step t = {time}: {other}\n")),
     }

@@ -157,6 +157,17 @@ fn a_checkpoint_of_something_else_is_refused() {
     std::fs::write(&file, &flipped).expect("writable");
     refused(&[], "checksum");
     std::fs::write(&file, &good).expect("writable");
+    let log = out.join("checkpoint_steps.wflc");
+    let steps = std::fs::read(&log).expect("what was done in t = 0 and 1");
+    std::fs::write(&log, &steps[..steps.len() - 1]).expect("writable");
+    refused(&[], "shorter than the checkpoint says");
+    std::fs::write(&log, steps.iter().map(|b| b ^ 1).collect::<Vec<u8>>()).expect("writable");
+    refused(&[], "not the one of the checkpoint");
+    // what a killed run wrote behind the last checkpoint is no damage: the run goes on to the step that cannot be solved
+    std::fs::write(&log, [&steps[..], b"torn"].concat()).expect("writable");
+    let goes_on = said(&run(&scene, &out, &["--resume"]));
+    assert!(goes_on.contains("E601") && !goes_on.contains("checkpoint"), "{goes_on}");
+    assert_eq!(std::fs::read(&log).expect("readable").len(), steps.len() + 4, "no step has been done");
     let step = std::fs::read_dir(&out).expect("results").filter_map(Result::ok).map(|e| e.path());
     let step = step.into_iter().find(|p| p.extension().is_some_and(|e| e == "vtu")).expect("a step file");
     std::fs::remove_file(&step).expect("our own file");

@@ -282,6 +282,34 @@ fn a_results_folder_that_cannot_be_is_told_before_solving() {
 
 /// Steps before the failure stay whole; the failing one leaves nothing, not even under another name.
 #[test]
+fn a_need_above_the_memory_allowed_is_told_before_it_is_taken() {
+    let folder = Folder::new("memory");
+    // 17 GB of numbers in the mesh; and a mesh that is small beside its factor
+    let huge = "wfl 1\nmesh box [0,0,0] to [1,1,1] cells [500,500,500] hex\nunknown u : scalar\nterm on all : Grad_u.Grad_Test_u\nfix u = x on boundary\n";
+    folder.write("huge.wfl", huge);
+    folder.write("factor.wfl", huge.replace("500,500,500", "24,24,24"));
+    for (scene, limit, words) in
+        [("huge.wfl", "2GB", "the mesh needs about"), ("factor.wfl", "60MB", "the factor of the matrix needs about")]
+    {
+        for command in ["run", "sweep"] {
+            let output = folder.wfl(&[command, scene, "--memory", limit]);
+            let told = format!("{}{}", said(&output), String::from_utf8_lossy(&output.stdout));
+            let table = std::fs::read_to_string(folder.0.join("out/sweep/sweep.csv")).unwrap_or_default();
+            let all = told + &table;
+            assert!(all.contains(words), "{command} {scene}: {all}");
+            assert!(command == "sweep" || code(&output) == 1, "{command} {scene}: {all}");
+        }
+    }
+    let output = folder.wfl(&["run", "huge.wfl", "--memory", "2GB"]);
+    let message = said(&output);
+    for part in ["error[E606]", "huge.wfl:2:", "the limit is 2.0 GB", "--memory 16GB"] {
+        assert!(message.contains(part), "`{part}` is missing in\n{message}");
+    }
+    assert!(said(&folder.wfl(&["run", "factor.wfl", "--memory", "much"])).contains("a size with its unit"));
+    assert_eq!(code(&folder.wfl(&["run", "factor.wfl", "--memory", "1GB"])), 0);
+}
+
+#[test]
 fn a_number_that_is_not_finite_stops_the_run_at_its_place() {
     let text = edited("bulk   on all  : E", "bulk   on all  : sqrt(2.5-t)*E");
     let folder = Folder::new("late");
@@ -296,9 +324,10 @@ fn a_number_that_is_not_finite_stops_the_run_at_its_place() {
         assert!(message.contains(part), "`{part}` is missing in\n{message}");
     }
     // with what the next run goes on from
-    let names =
-        ["bar.pvd", "bar_0000.vtu", "bar_0001.vtu", "checkpoint.wflc", "line_0000.csv", "line_0001.csv", "report.json"];
-    assert_eq!(folder.names("out/scene"), names);
+    let pairs = ["bar_0000.vtu", "bar_0001.vtu", "checkpoint.wflc", "checkpoint_steps.wflc"];
+    let names: Vec<&str> = ["bar.pvd"].into_iter().chain(pairs).collect();
+    let lines = ["line_0000.csv", "line_0001.csv", "report.json"];
+    assert_eq!(folder.names("out/scene"), [names, lines.to_vec()].concat());
     let pvd = std::fs::read_to_string(folder.0.join("out/scene/bar.pvd")).expect("a collection");
     assert!(!pvd.contains("bar_0002"), "{pvd}");
 }

@@ -175,6 +175,9 @@ pub enum MeshError {
         /// Number of nodes.
         nodes: u128,
     },
+    /// The need for memory is above the limit.
+    #[error(transparent)]
+    TooMuchMemory(#[from] crate::memory::TooMuchMemory),
 }
 
 fn in_group(group: &Option<String>) -> String {

@@ -277,7 +277,7 @@ impl TermPieces {
         let (low, high) = mesh.bounds();
         let reach = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
         let half_lines =
-            || self.projections.iter().zip(&self.slopes).filter(|(p, _)| p.kind == ProjectionKind::HalfLine);
+            || self.projections.iter().zip(&self.slopes).filter(|(p, _)| p.acts && p.kind == ProjectionKind::HalfLine);
         let mut open = half_lines().next().is_some();
         let mut near = Vec::new();
         self.watch.for_each_point(mesh, &self.sampled, values, |_, _, _, _, out| {

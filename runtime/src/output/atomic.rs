@@ -9,7 +9,7 @@
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -71,6 +71,26 @@ impl OutputDir {
         write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<PathBuf, OutputError> {
         self.stage(name, write)?.commit()
+    }
+
+    /// Writes `bytes` at place `at` of a file and cuts off what was behind; the file is made if it is not there. It is
+    /// synced, but an error or a kill may leave a part of `bytes`: for files whose length is kept elsewhere.
+    ///
+    /// # Errors
+    /// [`OutputError::BadName`]; [`OutputError::Write`].
+    pub fn append(&self, name: &str, at: u64, bytes: &[u8]) -> Result<(), OutputError> {
+        check_name(name)?;
+        let path = self.path.join(name);
+        let write = || -> io::Result<()> {
+            let mut file = OpenOptions::new().create(true).truncate(false).write(true).open(&path)?;
+            file.set_len(at)?;
+            file.seek(io::SeekFrom::End(0))?;
+            file.write_all(bytes)?;
+            file.sync_data()
+        };
+        write().map_err(|source| OutputError::Write { file: path.clone(), source })?;
+        self.written().insert(name.to_owned());
+        Ok(())
     }
 
     /// Takes a file that an earlier process wrote for one of this run; its path, or `None` if it is not there.

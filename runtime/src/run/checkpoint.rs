@@ -3,7 +3,9 @@
 //! Promises: a run that goes on from it gives the same bits as one that was not stopped; a file of another scene,
 //! other parameters, another mesh or version, and one that is cut short or damaged, is refused with the reason.
 //! The file is written after the results of its step, under a temporary name, and renamed: whenever a run is killed,
-//! results and checkpoint are whole. Does not keep the states of earlier steps: their results are in their files.
+//! results and checkpoint are whole. What was done in each step goes to the end of a second file, the log, before the
+//! checkpoint says how long it is: the cost of a step does not grow with their number, and what a killed run wrote
+//! behind that length is cut off. Does not keep the states of earlier steps: their results are in their files.
 
 mod bytes;
 
@@ -20,13 +22,15 @@ use crate::{
     strategy::SolverMemory,
     system::Memory,
 };
-use bytes::{Reader, Unreadable, Writer, hash};
+use bytes::{HASH_OF_NOTHING, Reader, Unreadable, Writer, hash, hash_on};
 
 /// The name of the file in the folder of the results.
 pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
+/// The name of the file beside it with what was done in each step.
+pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 4;
+const FORMAT: u64 = 5;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -113,15 +117,40 @@ impl Identity {
     }
 }
 
-/// Where a run stands, as it is kept in the file.
-pub(super) struct Content(Vec<u8>);
+/// Where a run stands, as it is kept in the files.
+pub(super) struct Content {
+    state: Vec<u8>,
+    /// The last step, for the log, and where it begins there.
+    entry: Vec<u8>,
+    at: u64,
+}
 
-/// Where the run stands after its last step.
-pub(super) fn pack(run: &Run, scene: &Scene, options: &RunOptions) -> Content {
+/// How long the log is and what is in it.
+#[derive(Clone, Debug)]
+pub(super) struct Log {
+    length: u64,
+    hash: u64,
+    /// Found once: the mesh does not change.
+    identity: Option<Identity>,
+}
+
+impl Default for Log {
+    fn default() -> Self {
+        Self { length: 0, hash: HASH_OF_NOTHING, identity: None }
+    }
+}
+
+/// Where the run stands after its last step; `log` grows by it.
+pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, options: &RunOptions) -> Content {
+    let mut entry = Writer::default();
+    run.steps.last().into_iter().for_each(|s| step(&mut entry, s));
+    let (entry, at) = (entry.bytes, log.length);
+    log.length += entry.len() as u64;
+    log.hash = hash_on(log.hash, &entry);
     let mut w = Writer::default();
-    identity(&mut w, &Identity::new(scene, options));
+    identity(&mut w, log.identity.get_or_insert_with(|| Identity::new(scene, options)));
     w.count(run.steps.len());
-    run.steps.iter().for_each(|s| step(&mut w, s));
+    [log.length, log.hash].iter().for_each(|x| w.word(*x));
     w.numbers(&run.u);
     memory(&mut w, &scene.system.memory());
     let solver = run.stepper.strategy.as_ref().map(crate::Strategy::memory).unwrap_or_default();
@@ -136,11 +165,13 @@ pub(super) fn pack(run: &Run, scene: &Scene, options: &RunOptions) -> Content {
     w.count(run.stepper.easy as usize);
     let c = run.clock;
     w.numbers(&[c.assemble, c.factor, c.solve, c.write]);
-    Content(w.bytes)
+    Content { state: w.bytes, entry, at }
 }
 
 /// Writes where a run stands.
-pub(super) fn write(Content(content): &Content, dir: &OutputDir) -> Result<(), RunError> {
+pub(super) fn write(content: &Content, dir: &OutputDir) -> Result<(), RunError> {
+    dir.append(LOG_FILE, content.at, &content.entry)?;
+    let content = &content.state;
     dir.write_atomic(CHECKPOINT_FILE, |out| {
         out.write_all(MAGIC)?;
         for number in [FORMAT, content.len() as u64, hash(content)] {
@@ -160,6 +191,7 @@ pub(super) struct Found {
     pub(super) level: u32,
     pub(super) easy: u32,
     pub(super) clock: Clock,
+    pub(super) log: Log,
 }
 
 /// Reads the checkpoint in a folder; `None` if there is none.
@@ -179,11 +211,33 @@ pub(super) fn read(scene: &Scene, options: &RunOptions, folder: &FilePath) -> Re
     if let Some(what) = expected.difference(&found) {
         return Err(CheckpointError::Other { path: path.clone(), what });
     }
-    found_in(&mut r).map(Some).map_err(cut)
+    let count = r.count().map_err(cut)?;
+    let log = Log { length: r.word().map_err(cut)?, hash: r.word().map_err(cut)?, identity: Some(found) };
+    let steps = read_log(folder, &log, count)?;
+    found_in(&mut r, steps, log).map(Some).map_err(cut)
 }
 
-fn found_in(r: &mut Reader<'_>) -> Result<Found, Unreadable> {
-    let steps = r.list(read_step)?;
+/// The steps in the log, as far as the checkpoint knows them.
+fn read_log(folder: &FilePath, log: &Log, count: usize) -> Result<Vec<StepResult>, CheckpointError> {
+    let path = folder.join(LOG_FILE);
+    let damaged = |what| CheckpointError::Damaged { path: path.clone(), what };
+    let bytes = std::fs::read(&path).map_err(|source| CheckpointError::Read { path: path.clone(), source })?;
+    let length = usize::try_from(log.length).ok().filter(|n| *n <= bytes.len());
+    let bytes = &bytes[..length.ok_or_else(|| damaged("it is shorter than the checkpoint says"))?];
+    if hash(bytes) != log.hash {
+        return Err(damaged("it is not the one of the checkpoint"));
+    }
+    let mut r = Reader::new(bytes);
+    // not collected by count: a wrong one ends at the first step that is missing
+    let mut steps = Vec::new();
+    for _ in 0..count {
+        steps.push(read_step(&mut r).map_err(|_| damaged("its content does not fit together"))?);
+    }
+    r.end().map_err(|_| damaged("its content does not fit together"))?;
+    Ok(steps)
+}
+
+fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Found, Unreadable> {
     let (u, memory) = (r.numbers()?, read_memory(r)?);
     let solver = SolverMemory {
         factored: r.numbers()?,
@@ -197,7 +251,7 @@ fn found_in(r: &mut Reader<'_>) -> Result<Found, Unreadable> {
     let [assemble, factor, solve, write] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let clock = Clock { assemble, factor, solve, write };
     r.end()?;
-    Ok(Found { steps, u, memory, solver, level, easy, clock })
+    Ok(Found { steps, u, memory, solver, level, easy, clock, log })
 }
 
 /// The content behind the header, if the file is whole.

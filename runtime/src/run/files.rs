@@ -80,6 +80,7 @@ impl<'d> Files<'d> {
             dir.remove_stale_steps(&csv.file, "csv")?;
         }
         dir.remove(CHECKPOINT_FILE)?;
+        dir.remove(checkpoint::LOG_FILE)?;
         Ok(())
     }
 }

@@ -30,6 +30,7 @@ use crate::{
     pruning::Saving,
     scene::{Scene, node_positions, set_data},
 };
+use checkpoint::Log;
 use files::{Files, StepFiles};
 use stepping::{Leg, StepError, Stepper};
 
@@ -213,8 +214,13 @@ pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress)
         None => None,
     };
     let mut files = Files::new(scene, dir.as_ref());
-    let mut run =
-        Run { u: start(scene), stepper: Stepper::new(options.threads), steps: Vec::new(), clock: Clock::default() };
+    let mut run = Run {
+        u: start(scene),
+        stepper: Stepper::new(options.threads),
+        steps: Vec::new(),
+        clock: Clock::default(),
+        log: Log::default(),
+    };
     if options.resume
         && let Some(dir) = &dir
     {
@@ -268,6 +274,8 @@ struct Run {
     stepper: Stepper,
     steps: Vec<StepResult>,
     clock: Clock,
+    /// What the checkpoints of this run have written of its steps.
+    log: Log,
 }
 
 impl Run {
@@ -315,7 +323,11 @@ impl Run {
             let Some(writer) = writer else { continue };
             let begin = Instant::now();
             let mut step = files::collect(scene, &self.steps[number], number);
-            step.checkpoint = (values.len() > 1).then(|| checkpoint::pack(self, scene, options));
+            if values.len() > 1 {
+                let mut log = std::mem::take(&mut self.log);
+                step.checkpoint = Some(checkpoint::pack(self, &mut log, scene, options));
+                self.log = log;
+            }
             let taken = writer.send(step).is_ok();
             self.clock.write += begin.elapsed().as_secs_f64();
             if !taken {
@@ -348,7 +360,7 @@ impl Run {
             return Err(misfit().into());
         }
         (self.stepper.level, self.stepper.easy) = (found.level, found.easy);
-        (self.u, self.steps) = (found.u, found.steps);
+        (self.u, self.steps, self.log) = (found.u, found.steps, found.log);
         Ok(())
     }
 

@@ -281,5 +281,10 @@ pub(super) fn position_place(n_fields: usize) -> PlaceSig {
 
 /// A problem of the mesh at a place of the scene.
 pub(super) fn mesh_error(error: &MeshError, span: Span) -> Diagnostic {
-    Diagnostic::new("E409", error.to_string()).at(span, "")
+    match error {
+        MeshError::TooMuchMemory(_) => {
+            Diagnostic::new("E606", error.to_string()).at(span, "").help("fewer cells, or more memory: --memory 16GB")
+        }
+        _ => Diagnostic::new("E409", error.to_string()).at(span, ""),
+    }
 }

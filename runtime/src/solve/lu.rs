@@ -38,6 +38,7 @@ impl SparseLu {
         // a pattern that is not square is refused by the analysis, with its own words
         let whole = if pattern.n_rows() == pattern.n_cols() { pattern.mirrored()? } else { (**pattern).clone() };
         let symbolic = Symbolic::new(&whole, coordinates, &[])?;
+        symbolic.claim(|_| true, 0)?;
         let members = vec![true; symbolic.n_fronts()];
         let map = EntryMap::new(&symbolic, &members, pattern, true).expect("the structure was made for this pattern");
         let fronts = FrontalLu::new(&symbolic, members, threads)?;

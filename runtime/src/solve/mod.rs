@@ -201,6 +201,9 @@ pub enum SolveError {
         /// What needed the memory.
         what: &'static str,
     },
+    /// The need for memory is above the limit.
+    #[error(transparent)]
+    TooMuchMemory(#[from] crate::memory::TooMuchMemory),
     /// A solve came before a successful factorisation.
     #[error("no factored matrix to solve with")]
     NotFactored,

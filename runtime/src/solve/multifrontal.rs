@@ -24,6 +24,7 @@ use rayon::prelude::*;
 
 use super::SolveError;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
+use crate::memory::claim_numbers;
 
 /// A factorisation of the members of a plan: everything before the interface, or all fronts that never change.
 pub(super) struct Multifrontal {
@@ -308,6 +309,7 @@ fn square(symbolic: &Symbolic, front: usize) -> usize {
 
 /// A zeroed buffer, or a typed error instead of an abort.
 pub(super) fn zeros(length: usize, what: &'static str) -> Result<Vec<f64>, SolveError> {
+    claim_numbers(length as u64, what)?;
     let mut buffer = Vec::new();
     buffer.try_reserve_exact(length).map_err(|_| SolveError::OutOfMemory { what })?;
     buffer.resize(length, 0.0);

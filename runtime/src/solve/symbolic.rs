@@ -15,7 +15,7 @@ use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 
 use super::SolveError;
 use super::ordering::{Ordering, order};
-use crate::csr::Pattern;
+use crate::{csr::Pattern, memory::claim_numbers};
 
 /// Two neighbouring supernodes of together at most so many columns are merged when less than this part of the result
 /// is zeros. Measured on elasticity boxes of 7,344 and 53,856 unknowns.
@@ -147,6 +147,21 @@ impl Symbolic {
         let (k, r) = self.sizes(front);
         let (k, r) = (k as f64, r as f64);
         k * k * k / 6.0 + k * k * r / 2.0 + k * r * r / 2.0
+    }
+
+    /// Asks for the memory of all factors before any of it is taken: fronts with `is_general` are factored by LU, and
+    /// `more` numbers follow.
+    pub(super) fn claim(&self, is_general: impl Fn(usize) -> bool, more: usize) -> Result<(), SolveError> {
+        let numbers = |front: usize| {
+            let (k, r) = self.sizes(front);
+            let across = if is_general(front) { 2 * r } else { r };
+            (k * (k + across)) as u64
+        };
+        let factor: u64 = (0..self.n_fronts()).map(numbers).sum();
+        // contributions of fronts that wait for their parent: the largest, and one child of it
+        let waiting = (0..self.n_fronts()).map(|front| self.sizes(front).1 as u64).max().map_or(0, |r| 2 * r * r);
+        claim_numbers(factor + waiting + more as u64, "the factor of the matrix")?;
+        Ok(())
     }
 
     fn find_children(&mut self) {

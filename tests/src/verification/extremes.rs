@@ -49,6 +49,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
     row("X48", "start from u = 0 at gamma = 1 to 1e3 E/h", "at most 12 iterations", bad_start),
     row("X51", "tolerance 0 and 1e-30", "stops at what rounding leaves", no_tolerance),
     row("X56", "p-Laplacian from a zero gradient", OUTCOME, zero_gradient),
+    row("X59", "a mesh that needs more memory than any machine has", OUTCOME, too_large),
     row("X60", "a macro that uses itself, 1e5 nested parentheses", OUTCOME, nesting),
     row("X61", "CRLF, byte order mark, tabs, a minus that is none", OUTCOME, characters),
     row("X62", "loads of 1e-310", "finite numbers, or an error", subnormal_loads),
@@ -459,6 +460,22 @@ fix u = 0 on boundary
                 .require(told, "neither a solution nor a message")
         })
         .to_vec()
+}
+
+fn too_large() -> Vec<Case> {
+    let block = |n: &str| {
+        let text = BLOCK.replace("SIDE", "fix u = [0,0,0] on west\nload u = [1,0,0] on east");
+        attempt(&examples(), text.replace("[2,2,2]", n), &[], &[])
+    };
+    // 4e9 nodes can be numbered, but not held; ten times as many cannot be numbered
+    vec![
+        refused(
+            "1600 x 1600 x 1600 cells",
+            &block("[1600,1600,1600]"),
+            &["E606", "the mesh needs about", "the limit is"],
+        ),
+        refused("4000 x 4000 x 4000 cells", &block("[4000,4000,4000]"), &["nodes, more than"]),
+    ]
 }
 
 fn nesting() -> Vec<Case> {

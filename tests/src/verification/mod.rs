@@ -19,6 +19,7 @@ mod meshes;
 mod numerics;
 mod page;
 mod robust;
+mod several;
 mod signorini;
 mod tangents;
 mod two_block;
@@ -52,6 +53,7 @@ pub fn benchmarks() -> Vec<Benchmark> {
         crack::BENCHMARKS,
         extremes::BENCHMARKS,
         robust::BENCHMARKS,
+        several::BENCHMARKS,
         meshes::BENCHMARKS,
         damaged::BENCHMARKS,
         numerics::BENCHMARKS,

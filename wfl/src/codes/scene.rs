@@ -242,6 +242,15 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver newton with accuracy=1e-2",
     ),
     page(
+        "E606",
+        "more memory than there is",
+        "The mesh, the factor of the matrix or the dense matrix of the contact forces would not fit into the memory of \
+         the machine, or into what `--memory` allows. The need is estimated before anything is allocated; the message \
+         says what needs how much. Fewer cells, or a lower degree, need less.",
+        "mesh box [0,0,0] to [1,1,1] cells [1500,1500,1500]",
+        "mesh box [0,0,0] to [1,1,1] cells [16,16,16]",
+    ),
+    page(
         "E609",
         "machine code could not be made",
         "The program could not compile a formula for this machine. This is a fault of the program, not of the scene; \

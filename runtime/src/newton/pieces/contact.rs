@@ -82,6 +82,8 @@ impl TermPieces {
             for (p, slope) in self.projections.iter().zip(&slopes).filter(|(_, s)| **s > 0.0) {
                 let (x, g) = (&full[p.output..][..p.n], &gap[p.output..][..p.n]);
                 match p.kind {
+                    // a part of a friction bound is no gap
+                    ProjectionKind::HalfLine if !p.acts => {}
                     ProjectionKind::HalfLine => {
                         found.penetration = g.iter().fold(found.penetration, |m, g| m.max(g / slope));
                         if p.n == 1 && x[0] > 0.0 {

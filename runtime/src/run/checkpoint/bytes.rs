@@ -102,7 +102,13 @@ impl<'b> Reader<'b> {
 
 /// FNV-1a of 64 bits (Fowler, Noll and Vo): tells changed files apart, is no protection against intent.
 pub(super) fn hash(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
+    hash_on(HASH_OF_NOTHING, bytes)
+}
+
+/// The hash of nothing, and that of a text and `bytes` behind it from the one of the text.
+pub(super) const HASH_OF_NOTHING: u64 = 0xcbf2_9ce4_8422_2325;
+pub(super) fn hash_on(hash: u64, bytes: &[u8]) -> u64 {
+    bytes.iter().fold(hash, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 
 #[cfg(test)]
@@ -133,5 +139,6 @@ mod tests {
         assert_eq!(hash(b""), 0xcbf2_9ce4_8422_2325);
         assert_eq!(hash(b"a"), 0xaf63_dc4c_8601_ec8c);
         assert_eq!(hash(b"foobar"), 0x8594_4171_f739_67e8);
+        assert_eq!(hash_on(hash(b"foo"), b"bar"), hash(b"foobar"));
     }
 }

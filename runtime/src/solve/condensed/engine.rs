@@ -77,6 +77,8 @@ pub(super) struct EngineContext<'a> {
 impl EngineContext<'_> {
     pub(super) fn dense(&self) -> Result<Engine, SolveError> {
         let symbolic = Symbolic::new(self.bulk.pattern(), self.coordinates, self.dofs)?;
+        // the constant part of the dense matrix, and what is factored
+        symbolic.claim(|_| false, 2 * symbolic.n_interface() * symbolic.n_interface())?;
         let mut constant = Multifrontal::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads)?;
         let n = symbolic.n_interface();
         let mut base = zeros(n * n, "the dense matrix of the changing dofs")?;
@@ -112,6 +114,9 @@ impl EngineContext<'_> {
             assert!(bulk.add_to(dof, dof, 1.0), "the pattern holds the diagonal");
         }
         let symbolic = Symbolic::new(bulk.pattern(), self.coordinates, &[])?;
+        let n_forces = Forces::count(self.changing, self.pairs);
+        // the answers of the changing dofs, and the matrix that is factored
+        symbolic.claim(|_| false, self.dofs.len() * n_forces + n_forces * n_forces)?;
         let mut constant = Multifrontal::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads)?;
         constant.factor(&symbolic, bulk.values(), &mut [])?;
         constant.finish();
@@ -135,6 +140,7 @@ impl EngineContext<'_> {
         // The values of the bulk are read through the map of the wider pattern.
         let bulk = on_wider_pattern(self.bulk, pattern);
         let members = above(&symbolic, self.dofs);
+        symbolic.claim(|front| members[front], 0)?;
         let mut constant =
             Multifrontal::new(&symbolic, members.iter().map(|&changes| !changes).collect(), self.threads)?;
         constant.factor(&symbolic, bulk.values(), &mut [])?;
