@@ -3,10 +3,10 @@
 //! A knob that is a parameter of the scene replaces its value, as on the command line of `wfl run`. Others change
 //! statements: `h`, `refine` and `cells` the mesh, `degree` the unknowns on cells (multipliers stay as they are),
 //! `quadrature` the rule of the terms with kinks, `tol`, `max_iter` and `search` the solver, `threads` the number of
-//! threads, `no_prune` what is left out. Promises that a text that means nothing is refused before anything is run;
+//! threads, `precision` that of a factor, `no_prune` what is left out. Promises that a text that means nothing is refused before anything is run;
 //! does not judge whether the scene that comes out makes sense.
 
-use crate::Pruning;
+use crate::{Pruning, solve::Precision};
 use thiserror::Error;
 use wfl::{
     ResolvedScript, Span,
@@ -20,8 +20,8 @@ use wfl::{
 pub type Setting = [(String, String)];
 
 /// Knobs that are no parameters of a scene.
-pub const KNOWN: [&str; 10] =
-    ["h", "refine", "cells", "degree", "quadrature", "tol", "max_iter", "search", "threads", "no_prune"];
+pub const KNOWN: [&str; 11] =
+    ["h", "refine", "cells", "degree", "quadrature", "tol", "max_iter", "search", "threads", "precision", "no_prune"];
 
 /// A knob that a scene cannot have.
 #[derive(Debug, Error, PartialEq, Eq)]
@@ -82,6 +82,7 @@ pub fn apply(
             "quadrature" => quadrature(script, value, kinked).ok_or_else(|| wrong("vertex or a degree"))?,
             "tol" | "max_iter" | "search" => solver(script, name, value),
             "threads" => drop(threads(setting)?),
+            "precision" => drop(precision(setting)?),
             "no_prune" => drop(kept(setting)?),
             _ => {
                 let params = params.join(", ");
@@ -102,6 +103,16 @@ pub fn threads(setting: &Setting) -> Result<Option<usize>, KnobError> {
         Ok(n) if n > 0 => Ok(Some(n)),
         _ => Err(KnobError::Value { name: name.clone(), value: value.clone(), needs: "1, 2, 3, …" }),
     }
+}
+
+/// The precision a setting asks for.
+///
+/// # Errors
+/// [`KnobError::Value`] for a name that none has.
+pub fn precision(setting: &Setting) -> Result<Option<Precision>, KnobError> {
+    let Some((name, value)) = setting.iter().find(|(n, _)| n == "precision") else { return Ok(None) };
+    let wrong = || KnobError::Value { name: name.clone(), value: value.clone(), needs: "auto, f64 or f32+f64" };
+    Precision::named(value).map(Some).ok_or_else(wrong)
 }
 
 /// What a setting puts back that is left out otherwise.

@@ -45,6 +45,8 @@ pub struct SolverMemory {
     pub spent: usize,
     /// Free dofs that have turned out not to share a force with the dof that faces them.
     pub apart: Vec<u32>,
+    /// Whether the factor of the matrix of the forces is of single precision.
+    pub single: bool,
 }
 
 /// The linear solver of a scene.
@@ -63,8 +65,7 @@ impl Strategy {
     ///
     /// # Errors
     /// [`SolveError`] when the bulk cannot be analysed.
-    pub fn new(system: &System, threads: usize) -> Result<Self, SolveError> {
-        let options = SolverOptions { threads, ..SolverOptions::default() };
+    pub fn new(system: &System, options: SolverOptions) -> Result<Self, SolveError> {
         let coordinates: Vec<[f64; 3]> = system
             .numbering
             .free_dofs

@@ -168,16 +168,16 @@ pub struct Attempt {
 /// If this processor cannot run machine code.
 #[must_use]
 pub fn attempt(folder: &Path, text: String, edits: &[(&str, String)], params: &[(&str, f64)]) -> Attempt {
-    attempt_with(2, folder, text, edits, params)
+    attempt_with(&RunOptions::without_files(2, std::time::Instant::now()), folder, text, edits, params)
 }
 
-/// As [`attempt`], with a number of threads.
+/// As [`attempt`], run with these options.
 ///
 /// # Panics
 /// If this processor cannot run machine code.
 #[must_use]
 pub fn attempt_with(
-    threads: usize,
+    options: &RunOptions,
     folder: &Path,
     text: String,
     edits: &[(&str, String)],
@@ -186,8 +186,7 @@ pub fn attempt_with(
     let backend = JitBackend::new().expect("machine code on this processor");
     let (scene, mut messages) = scene_and_messages(folder, text, edits, params, &backend);
     let Some(mut scene) = scene else { return Attempt { solved: None, messages } };
-    let options = RunOptions::without_files(threads, std::time::Instant::now());
-    match run(&mut scene, &options, &mut Quiet) {
+    match run(&mut scene, options, &mut Quiet) {
         Ok(outcome) => Attempt { solved: Some(Solved { scene, outcome }), messages },
         Err(error) => {
             messages += &error.to_string();

@@ -7,8 +7,11 @@ use std::{
 
 use wfl::{Loader, SourceId};
 use wfl_runtime::{
-    Outcome, Progress, RunOptions, Scene, Strategy, newton::Iteration, output::peak_memory_bytes, run,
-    solve::SolveReport,
+    Outcome, Progress, RunOptions, Scene, Strategy,
+    newton::Iteration,
+    output::peak_memory_bytes,
+    run,
+    solve::{SolveReport, SolverOptions},
 };
 
 use crate::{clock, common};
@@ -127,6 +130,10 @@ pub(crate) struct Alternating {
     turn: usize,
 }
 
+fn options(threads: usize) -> SolverOptions {
+    SolverOptions { threads, ..SolverOptions::default() }
+}
+
 impl Alternating {
     /// Solves the scene for its states, then prepares a solver with factored bulk.
     pub(crate) fn new(method: &str, cells: [usize; 3], threads: usize) -> Result<Self, String> {
@@ -136,7 +143,7 @@ impl Alternating {
                 .map_err(|e| e.to_string())?;
         let [.., before, last] = steps.as_slice() else { return Err("two steps are needed".to_owned()) };
         let states = [before.state.clone(), last.state.clone()];
-        let strategy = Strategy::new(&scene.system, threads).map_err(|e| e.to_string())?;
+        let strategy = Strategy::new(&scene.system, options(threads)).map_err(|e| e.to_string())?;
         let n = scene.system.numbering.n_free();
         let rhs = (0..n).map(|dof| ((dof % 7) as f64 - 3.0) * 1e-3).collect();
         Ok(Self { scene, strategy, states, rhs, threads, turn: 0 })
@@ -144,7 +151,7 @@ impl Alternating {
 
     /// Sets the solver up and solves once: bulk factored, what is found once for the contact, first factor.
     pub(crate) fn set_up(&mut self) -> Result<SolveReport, String> {
-        self.strategy = Strategy::new(&self.scene.system, self.threads).map_err(|e| e.to_string())?;
+        self.strategy = Strategy::new(&self.scene.system, options(self.threads)).map_err(|e| e.to_string())?;
         self.next(0.0)
     }
 

@@ -6,6 +6,7 @@ use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use wfl_runtime::{
     Pruning,
     accuracy::{SMALLEST, is_accuracy},
+    solve::Precision,
 };
 
 /// Write, check and solve contact formulations from text files.
@@ -123,6 +124,7 @@ A knob is a parameter of the scenes, or one of
   degree=1,2         degree of the unknowns on cells
   quadrature=vertex,2,4   rule of the terms with kinks
   tol=1e-4,1e-8  max_iter=20  search=none  threads=1,2
+  precision=f64,f32+f64   of the factor of the contact forces
   no_prune=nothing,constant,linear,condense,symmetric,quadrature   what is left out of a run, put back
 Lists: a,b,c; a..b:log5 and a..b:lin5 have five values with both ends. Several scenes are several methods.
 Results in DIR: sweep.csv, a row a setting, also those that failed; sweep.html and an SVG file a plot, made from it
@@ -159,6 +161,11 @@ pub(crate) struct SceneArgs {
 fn pruning(name: &str) -> Result<Pruning, String> {
     let known = || Pruning::ALL.map(Pruning::name).join(", ");
     Pruning::named(name).ok_or_else(|| format!("nothing of that name is left out; known: {}", known()))
+}
+
+fn precision(name: &str) -> Result<Precision, String> {
+    let known = || Precision::NAMES.map(|(name, _)| name).join(", ");
+    Precision::named(name).ok_or_else(|| format!("a precision is one of {}", known()))
 }
 
 fn accuracy(text: &str) -> Result<f64, String> {
@@ -202,6 +209,9 @@ pub(crate) struct RunArgs {
     /// Threads of assembly and solver, 1 or more [default: all]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,
+    /// Precision of the factor of the contact forces: f64, f32+f64 (factor in single, residuals in double precision) or auto
+    #[arg(long, value_name = "NAME", value_parser = precision, default_value = "auto")]
+    pub(crate) precision: Precision,
     /// Most Newton iterations in a step, in place of what the scene says
     #[arg(long, value_name = "N")]
     pub(crate) max_iter: Option<NonZeroUsize>,

@@ -148,6 +148,7 @@ pub(crate) fn ready(
         resume: args.resume,
         text_hash: text_hash(loaded.texts()),
         threads: threads(args),
+        precision: args.precision,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         parse_seconds,
         started,

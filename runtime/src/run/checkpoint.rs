@@ -161,6 +161,7 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, options: &RunOptions
     w.count(solver.spent);
     w.count(solver.apart.len());
     solver.apart.iter().for_each(|dof| w.count(*dof as usize));
+    w.flag(solver.single);
     w.count(run.stepper.level as usize);
     w.count(run.stepper.easy as usize);
     let c = run.clock;
@@ -246,6 +247,7 @@ fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Foun
         factorisations: r.count()?,
         spent: r.count()?,
         apart: r.list(Reader::small)?,
+        single: r.flag()?,
     };
     let (level, easy) = (r.small()?, r.small()?);
     let [assemble, factor, solve, write] = *r.numbers()?.as_slice() else { return Err(Unreadable) };

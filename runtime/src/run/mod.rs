@@ -29,6 +29,7 @@ use crate::{
     output::{About, OutputDir, OutputError, Report, write_report},
     pruning::Saving,
     scene::{Scene, node_positions, set_data},
+    solve::{Precision, SolverOptions},
 };
 use checkpoint::Log;
 use files::{Files, StepFiles};
@@ -50,6 +51,8 @@ pub struct RunOptions {
     pub text_hash: u64,
     /// Threads of assembly and solver.
     pub threads: usize,
+    /// Precision of the factor of the matrix of the contact forces.
+    pub precision: Precision,
     /// Version of the program.
     pub version: String,
     /// Seconds spent on parsing before.
@@ -74,6 +77,7 @@ impl RunOptions {
             resume: false,
             text_hash: 0,
             threads,
+            precision: Precision::Auto,
             version: String::new(),
             parse_seconds: 0.0,
             started,
@@ -214,9 +218,10 @@ pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress)
         None => None,
     };
     let mut files = Files::new(scene, dir.as_ref());
+    let solver = SolverOptions { threads: options.threads, precision: options.precision, ..SolverOptions::default() };
     let mut run = Run {
         u: start(scene),
-        stepper: Stepper::new(options.threads),
+        stepper: Stepper::new(solver),
         steps: Vec::new(),
         clock: Clock::default(),
         log: Log::default(),

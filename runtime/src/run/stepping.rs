@@ -18,6 +18,7 @@ use crate::{
     newton::{NewtonError, StepHistory, solve_step},
     run::{Clock, Forward, Progress},
     scene::Scene,
+    solve::SolverOptions,
     strategy::Strategy,
     system::{FIXED, System},
 };
@@ -117,14 +118,14 @@ pub(super) struct Stepper {
     pub(super) level: u32,
     /// Parts of this size that converged in a row.
     pub(super) easy: u32,
-    threads: usize,
+    solver: SolverOptions,
     /// The states after the last part that converged, not taken over yet.
     next_states: Vec<Vec<f64>>,
 }
 
 impl Stepper {
-    pub(super) fn new(threads: usize) -> Self {
-        Self { strategy: None, level: 0, easy: 0, threads, next_states: Vec::new() }
+    pub(super) fn new(solver: SolverOptions) -> Self {
+        Self { strategy: None, level: 0, easy: 0, solver, next_states: Vec::new() }
     }
 
     /// Solves the step; `u` holds the state before and then the one after.
@@ -285,7 +286,7 @@ impl Stepper {
         let begin = Instant::now();
         match self.strategy.take() {
             None => {
-                let mut made = Strategy::new(&scene.system, self.threads)?;
+                let mut made = Strategy::new(&scene.system, self.solver)?;
                 if scene.system.is_linear() {
                     made.bulk_changed(&scene.system)?;
                 }

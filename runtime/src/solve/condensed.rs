@@ -20,6 +20,7 @@
 mod engine;
 mod forces;
 mod response;
+mod small;
 #[cfg(test)]
 mod tests;
 
@@ -31,7 +32,7 @@ use super::judge::{Judge, inverse_norm_estimate};
 use super::krylov::{Gmres, Limits};
 use super::llt::Llt;
 use super::sweep::Form;
-use super::{LinearSolver, SolveError, SolveReport, SolverOptions};
+use super::{LinearSolver, Precision, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
 use crate::strategy::SolverMemory;
 use engine::{Engine, EngineContext, MAX_ITERATIONS, Method};
@@ -43,6 +44,8 @@ const DENSE_LIMIT: usize = 600;
 const DENSE_RESCUE_LIMIT: usize = 12_000;
 /// Up to this many forces the dense matrix that belongs to them is cheaper than fronts.
 const FORCES_LIMIT: usize = 7_000;
+/// Iterations that a fresh factor of single precision may need for one solution before it is given up.
+const SINGLE_ITERATIONS: usize = 40;
 /// Iterations before their rate is judged.
 const TRIAL_ITERATIONS: usize = 10;
 /// Iterations aim at this part of the tolerance, because their norm is not quite that of the judge.
@@ -59,6 +62,8 @@ pub enum Strategy {
         n_changing: usize,
         /// Number of forces: facing dofs share one.
         n_forces: usize,
+        /// Whether the factor of that matrix is of single precision.
+        single: bool,
     },
     /// One dense matrix of the changing dofs.
     Dense {
@@ -75,10 +80,12 @@ pub enum Strategy {
 impl std::fmt::Display for Strategy {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Strategy::Forces { n_changing, n_forces } => {
+            Strategy::Forces { n_changing, n_forces, single } => {
+                let precision = if *single { ", factor of single precision" } else { "" };
                 write!(
                     f,
-                    "constant bulk factored once, dense matrix of the {n_forces} forces on {n_changing} changing dofs"
+                    "constant bulk factored once, dense matrix of the {n_forces} forces on {n_changing} changing \
+                     dofs{precision}"
                 )
             }
             Strategy::Dense { n_changing } => {
@@ -96,7 +103,7 @@ fn choose(n_changing: usize, n_forces: usize) -> Strategy {
     if n_changing <= DENSE_LIMIT {
         Strategy::Dense { n_changing }
     } else if n_forces <= FORCES_LIMIT {
-        Strategy::Forces { n_changing, n_forces }
+        Strategy::Forces { n_changing, n_forces, single: false }
     } else {
         Strategy::Fronts { n_changing }
     }
@@ -183,7 +190,8 @@ impl CheckedCondensed {
         }
         check_symmetry(bulk)?;
         let dofs = touched(changing);
-        let context = EngineContext { bulk, changing, dofs: &dofs, coordinates, pairs, threads: options.threads };
+        let (threads, precision) = (options.threads, options.precision);
+        let context = EngineContext { bulk, changing, dofs: &dofs, coordinates, pairs, threads, precision };
         let engine = match choose(dofs.len(), Forces::count(changing, pairs)) {
             Strategy::Forces { .. } => match context.forces() {
                 Err(SolveError::NotPositiveDefinite { .. }) => context.fronts(),
@@ -225,7 +233,9 @@ impl CheckedCondensed {
     pub fn strategy(&self) -> Strategy {
         let n_changing = self.dofs.len();
         match &self.engine.method {
-            Method::Forces(forces) => Strategy::Forces { n_changing, n_forces: forces.n_forces() },
+            Method::Forces(forces) => {
+                Strategy::Forces { n_changing, n_forces: forces.n_forces(), single: forces.is_single() }
+            }
             Method::Dense { .. } => Strategy::Dense { n_changing },
             Method::Fronts { .. } => Strategy::Fronts { n_changing },
         }
@@ -273,7 +283,10 @@ impl CheckedCondensed {
             memory.factored.clone_from(&self.factored);
         }
         match &self.engine.method {
-            Method::Forces(forces) => memory.apart = forces.apart().to_vec(),
+            Method::Forces(forces) => {
+                memory.apart = forces.apart().to_vec();
+                memory.single = forces.is_single();
+            }
             Method::Dense { .. } => memory.dense = true,
             Method::Fronts { .. } => {}
         }
@@ -296,6 +309,7 @@ impl CheckedCondensed {
         }
         if let Method::Forces(forces) = &mut self.engine.method {
             forces.part(&memory.apart);
+            forces.set_single(memory.single && self.judge.options().precision != Precision::Double);
         }
         self.state = State::Empty;
         self.update(&changing)?;
@@ -378,6 +392,7 @@ impl CheckedCondensed {
             coordinates: self.coordinates.as_deref(),
             pairs: &[],
             threads: self.judge.options().threads,
+            precision: self.judge.options().precision,
         };
         self.engine = context.dense()?;
         Ok(true)
@@ -422,13 +437,22 @@ impl CheckedCondensed {
         let mut krylov_iterations = 0;
         let mut refactored = false;
         if self.state == State::Stale {
-            match self.iterate(rhs, x, tolerance) {
-                (iterations, Some(report)) => {
-                    self.spent += iterations;
-                    return Ok(SolveReport { krylov_iterations: iterations, ..report });
-                }
-                (iterations, None) => krylov_iterations = iterations,
+            let (iterations, report) = self.iterate(rhs, x, tolerance, self.engine.worthwhile_iterations());
+            krylov_iterations += iterations;
+            if let Some(report) = report {
+                self.spent += iterations;
+                return Ok(SolveReport { krylov_iterations, ..report });
             }
+            self.refactor()?;
+            refactored = true;
+        }
+        if self.engine.is_single() {
+            let (iterations, report) = self.iterate(rhs, x, tolerance, SINGLE_ITERATIONS);
+            krylov_iterations += iterations;
+            if let Some(report) = report {
+                return Ok(SolveReport { krylov_iterations, refactored, ..report });
+            }
+            self.engine.widen();
             self.refactor()?;
             refactored = true;
         }
@@ -454,10 +478,10 @@ impl CheckedCondensed {
         self.judge.solve(&parts, &mut |x| engine.solve(Form::Plain, x), rhs, x, tolerance)
     }
 
-    /// Solves with the stale factor; the number of iterations, and a report when that was good enough.
-    fn iterate(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> (usize, Option<SolveReport>) {
+    /// Solves with a stale factor, or one of single precision, in at most so many iterations; their number, and a report
+    /// when that was good enough.
+    fn iterate(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64, allowed: usize) -> (usize, Option<SolveReport>) {
         let (engine, gmres, difference, dofs) = (&mut self.engine, &mut self.gmres, &self.difference, &self.dofs);
-        let allowed = engine.worthwhile_iterations();
         let smallest = self.judge.options().iteration_tolerance;
         let wanted = WITHIN * tolerance * self.judge.scaled_norm(rhs);
         let trial_iterations = TRIAL_ITERATIONS;

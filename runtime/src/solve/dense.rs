@@ -1,6 +1,6 @@
-//! Dense LU with partial pivoting, and dense Cholesky, through faer.
+//! Dense LU with partial pivoting, and dense Cholesky, through faer, in double or single precision.
 //!
-//! Promises: columns and rows are scaled by powers of two first; memory is kept; the smallest pivot relative to its
+//! Promises: right-hand sides and sums are of double precision whatever the factor is of; columns and rows are scaled by powers of two first; memory is kept; the smallest pivot relative to its
 //! column is reported with its unknown, and a vanishing one is an error.
 //! Does not look at residuals: `checked` does.
 
@@ -10,12 +10,21 @@ use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratc
 use faer::{MatMut, Par};
 
 use super::SolveError;
-use super::kernels::{Diagonal, lower_sweep, lower_transposed_sweep, upper_sweep, upper_transposed_sweep};
+use super::kernels::{
+    Diagonal, Stored, enlarge, largest_of_products, lower_sweep, lower_transposed_sweep, scale_by, upper_sweep,
+    upper_transposed_sweep,
+};
 use super::multifrontal::zeros;
 use super::sweep::Form;
 
-/// A pivot below this part of its column is as good as zero.
-const VANISHING_PIVOT: f64 = 1e-15;
+/// A pivot below so many roundoffs of its column is as good as zero.
+const VANISHING_PIVOT: f64 = 9.0;
+
+/// Numbers that faer factors.
+pub(super) trait Number: Stored + faer::traits::RealField {}
+
+impl Number for f64 {}
+impl Number for f32 {}
 
 /// What the matrix is known to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,10 +43,10 @@ enum State {
 }
 
 /// A reusable dense factorisation.
-pub(super) struct Dense {
+pub(super) struct Dense<T: Number = f64> {
     n: usize,
     /// The factor, by columns.
-    values: Vec<f64>,
+    values: Vec<T>,
     pivots: Vec<u32>,
     inverse: Vec<u32>,
     row_scale: Vec<f64>,
@@ -48,11 +57,14 @@ pub(super) struct Dense {
     state: State,
 }
 
-impl Dense {
+impl<T: Number> Dense<T> {
     pub(super) fn new(n: usize, threads: usize) -> Result<Self, SolveError> {
         let par = super::parallelism(threads, (n as f64).powi(3) / 3.0);
-        let scratch = lu_in_place_scratch::<u32, f64>(n, n, par, Default::default())
-            .or(cholesky_in_place_scratch::<f64>(n, par, Default::default()));
+        let scratch = lu_in_place_scratch::<u32, T>(n, n, par, Default::default()).or(cholesky_in_place_scratch::<T>(
+            n,
+            par,
+            Default::default(),
+        ));
         let memory = MemBuffer::try_new(scratch)
             .map_err(|_| SolveError::OutOfMemory { what: "work space of a dense factor" })?;
         let square = n.checked_mul(n).ok_or(SolveError::OutOfMemory { what: "a dense matrix" })?;
@@ -72,7 +84,7 @@ impl Dense {
 
     /// Fills the matrix (by columns, n x n) with `fill` and factors it. Returns the smallest pivot relative to the
     /// largest entry of its scaled column, and its unknown.
-    pub(super) fn factor(&mut self, kind: Kind, fill: impl Fn(&mut [f64])) -> Result<(f64, usize), SolveError> {
+    pub(super) fn factor(&mut self, kind: Kind, fill: impl Fn(&mut [T])) -> Result<(f64, usize), SolveError> {
         self.state = State::Empty;
         if self.n == 0 {
             self.state = State::Lu;
@@ -105,13 +117,14 @@ impl Dense {
     fn cholesky(&mut self) -> Option<(f64, usize)> {
         let n = self.n;
         for (i, diagonal) in self.work.iter_mut().enumerate() {
-            *diagonal = self.values[i * n + i];
+            *diagonal = self.values[i * n + i].wide();
         }
         let matrix = MatMut::from_column_major_slice_mut(&mut self.values, n, n);
         let stack = MemStack::new(&mut self.memory);
         cholesky_in_place(matrix, LltRegularization::default(), self.par, stack, Default::default()).ok()?;
-        let ratio = |i: usize| self.values[i * n + i] * self.values[i * n + i] / self.work[i];
-        (0..n).map(|i| (ratio(i), i)).min_by(|a, b| a.0.total_cmp(&b.0)).filter(|&(ratio, _)| ratio > VANISHING_PIVOT)
+        let pivot = |i: usize| self.values[i * n + i].wide();
+        let ratios = (0..n).map(|i| (pivot(i) * pivot(i) / self.work[i], i));
+        ratios.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|&(ratio, _)| ratio > VANISHING_PIVOT * T::ROUNDOFF)
     }
 
     fn lu(&mut self) -> Result<(f64, usize), SolveError> {
@@ -123,8 +136,8 @@ impl Dense {
         let mut smallest = (1.0, 0);
         for i in 0..n {
             // Scaled columns have largest entries of about 1.
-            let pivot = self.values[i * n + i].abs();
-            if pivot.is_nan() || pivot <= VANISHING_PIVOT {
+            let pivot = self.values[i * n + i].wide().abs();
+            if pivot.is_nan() || pivot <= VANISHING_PIVOT * T::ROUNDOFF {
                 return Err(SolveError::VanishingPivot { dof: i, ratio: if pivot.is_nan() { 0.0 } else { pivot } });
             }
             if pivot < smallest.0 {
@@ -139,19 +152,12 @@ impl Dense {
         let n = self.n;
         self.row_scale.fill(0.0);
         for column in self.values.chunks_exact(n) {
-            for (largest, value) in self.row_scale.iter_mut().zip(column) {
-                *largest = value.abs().max(*largest);
-            }
+            enlarge(column, &mut self.row_scale);
         }
         self.row_scale.iter_mut().for_each(|largest| *largest = super::scaling::power_of_two(1.0 / *largest));
         for (column, scale) in self.values.chunks_exact_mut(n).zip(&mut self.column_scale) {
-            let mut largest = 0.0f64;
-            for (value, row_scale) in column.iter_mut().zip(&self.row_scale) {
-                *value *= row_scale;
-                largest = largest.max(value.abs());
-            }
-            *scale = super::scaling::power_of_two(1.0 / largest);
-            column.iter_mut().for_each(|value| *value *= *scale);
+            *scale = super::scaling::power_of_two(1.0 / largest_of_products(column, &self.row_scale));
+            scale_by(column, &self.row_scale, *scale);
         }
     }
 

@@ -1,12 +1,97 @@
 //! Dense triangular sweeps with one vector, over the panels of the fronts.
 //!
-//! A panel is (k + r) x k by columns: a k x k triangle above an r x k rectangle. Sums run in one fixed order, several
-//! columns or lanes at a time so that the compiler vectorises them.
+//! A panel is (k + r) x k by columns: a k x k triangle above an r x k rectangle. Its numbers may be of single precision;
+//! vectors and sums are of double precision. Sums run in one fixed order, several columns or lanes at a time so that the
+//! compiler vectorises them; each sweep is compiled for every width of vectors, and the widest one that the processor has
+//! is taken. Operations and their order are the same in all.
 //!
 //! Does not factor and does not check pivots.
 
+use pulp::{Arch, Simd, WithSimd};
+
 /// Lanes of a dot product.
 const LANES: usize = 8;
+
+/// A number of a factor as it is stored.
+pub(super) trait Stored: Copy + Default + Send + Sync + 'static {
+    /// Unit roundoff.
+    const ROUNDOFF: f64;
+    /// A machine vector of them.
+    type Vector<S: Simd>: Copy;
+
+    /// In double precision.
+    fn wide(self) -> f64;
+
+    /// As many as the longest vector holds, in double precision.
+    fn widened(values: &[Self; LANES]) -> [f64; LANES];
+
+    /// The nearest one.
+    fn nearest(value: f64) -> Self;
+
+    /// As many whole vectors as there are, and the rest.
+    fn vectors<S: Simd>(values: &[Self]) -> (&[Self::Vector<S>], &[Self]);
+
+    /// As [`Stored::vectors`].
+    fn vectors_mut<S: Simd>(values: &mut [Self]) -> (&mut [Self::Vector<S>], &mut [Self]);
+
+    /// The same number in all lanes.
+    fn splat<S: Simd>(simd: S, value: Self) -> Self::Vector<S>;
+
+    /// `sum + a b`, rounded once where the processor can.
+    fn fused<S: Simd>(simd: S, sum: Self::Vector<S>, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
+}
+
+macro_rules! stored {
+    ($number:ty, $vector:ident, $as_simd:ident, $as_mut_simd:ident, $splat:ident, $fused:ident) => {
+        impl Stored for $number {
+            const ROUNDOFF: f64 = <$number>::EPSILON as f64 / 2.0;
+            type Vector<S: Simd> = S::$vector;
+
+            #[inline(always)]
+            fn wide(self) -> f64 {
+                f64::from(self)
+            }
+
+            #[inline(always)]
+            fn widened(values: &[Self; LANES]) -> [f64; LANES] {
+                values.map(f64::from)
+            }
+
+            #[inline(always)]
+            fn nearest(value: f64) -> Self {
+                value as Self
+            }
+
+            #[inline(always)]
+            fn vectors<S: Simd>(values: &[Self]) -> (&[Self::Vector<S>], &[Self]) {
+                S::$as_simd(values)
+            }
+
+            #[inline(always)]
+            fn vectors_mut<S: Simd>(values: &mut [Self]) -> (&mut [Self::Vector<S>], &mut [Self]) {
+                S::$as_mut_simd(values)
+            }
+
+            #[inline(always)]
+            fn splat<S: Simd>(simd: S, value: Self) -> Self::Vector<S> {
+                simd.$splat(value)
+            }
+
+            #[inline(always)]
+            fn fused<S: Simd>(
+                simd: S,
+                sum: Self::Vector<S>,
+                a: Self::Vector<S>,
+                b: Self::Vector<S>,
+            ) -> Self::Vector<S> {
+                simd.$fused(a, b, sum)
+            }
+        }
+    };
+}
+
+stored!(f64, f64s, as_simd_f64s, as_mut_simd_f64s, splat_f64s, mul_add_e_f64s);
+stored!(f32, f32s, as_simd_f32s, as_mut_simd_f32s, splat_f32s, mul_add_e_f32s);
 
 /// Diagonal of a triangular matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,15 +102,268 @@ pub(super) enum Diagonal {
     Unit,
 }
 
-/// `y = y - factor * column`.
-fn subtract(column: &[f64], factor: f64, y: &mut [f64]) {
-    for (out, value) in y.iter_mut().zip(column) {
-        *out -= factor * value;
-    }
+/// Makes a tuple of operands an operation that is compiled for every width of vectors. A closure would not do: its body
+/// is compiled for the narrowest vectors alone.
+macro_rules! widest {
+    ($operation:ident, $simd:ident, |$($operand:ident),*| $body:expr) => {
+        impl<T: Stored> WithSimd for $operation<'_, T> {
+            type Output = ();
+
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, $simd: S) {
+                let Self($($operand),*) = self;
+                $body;
+            }
+        }
+    };
 }
 
 /// `y = y - A x`, A by columns with the length of `y`, four columns at a time.
-pub(super) fn subtract_product(a: &[f64], x: &[f64], y: &mut [f64]) {
+pub(super) fn subtract_product<T: Stored>(a: &[T], x: &[f64], y: &mut [f64]) {
+    struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut [f64]);
+    widest!(Operation, simd, |a, x, y| subtract_product_in(simd, a, x, y));
+    Arch::new().dispatch(Operation(a, x, y));
+}
+
+/// Sum of products in [`LANES`] partial sums.
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut f64);
+    widest!(Operation, simd, |a, b, sum| *sum = dot_in(simd, a, b));
+    let mut sum = 0.0;
+    Arch::new().dispatch(Operation(a, b, &mut sum));
+    sum
+}
+
+/// `y = y - Aᵀ x`, A by columns with the length of `x`.
+pub(super) fn subtract_transposed_product<T: Stored>(a: &[T], x: &[f64], y: &mut [f64]) {
+    struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut [f64]);
+    widest!(Operation, simd, |a, x, y| {
+        for (column, out) in a.chunks_exact(x.len()).zip(y) {
+            *out -= dot_in(simd, column, x);
+        }
+    });
+    if !x.is_empty() {
+        Arch::new().dispatch(Operation(a, x, y));
+    }
+}
+
+/// `y = A x`, A by rows with the length of `x`.
+pub(super) fn product_by_rows<T: Stored>(a: &[T], x: &[f64], y: &mut [f64]) {
+    struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut [f64]);
+    widest!(Operation, simd, |a, x, y| {
+        let n = x.len();
+        let (fours, rest) = y.as_chunks_mut::<4>();
+        let (of_fours, of_rest) = a.split_at(4 * n * fours.len());
+        for (rows, out) in of_fours.chunks_exact(4 * n).zip(fours) {
+            *out = dot_four(simd, [0, 1, 2, 3].map(|r| &rows[r * n..(r + 1) * n]), x);
+        }
+        for (row, out) in of_rest.chunks_exact(n).zip(rest) {
+            *out = dot_in(simd, row, x);
+        }
+    });
+    if x.is_empty() {
+        y.fill(0.0);
+    } else {
+        Arch::new().dispatch(Operation(a, x, y));
+    }
+}
+
+/// `largest = max(largest, |a|)`, one by one; a NaN in `a` counts as nothing.
+pub(super) fn enlarge<T: Stored>(a: &[T], largest: &mut [f64]) {
+    struct Operation<'a, T>(&'a [T], &'a mut [f64]);
+    widest!(Operation, _simd, |a, largest| {
+        for (largest, value) in largest.iter_mut().zip(a) {
+            let size = value.wide().abs();
+            *largest = if size > *largest { size } else { *largest };
+        }
+    });
+    Arch::new().dispatch(Operation(a, largest));
+}
+
+/// The largest `|a scale|`.
+pub(super) fn largest_of_products<T: Stored>(a: &[T], scale: &[f64]) -> f64 {
+    struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut [f64; LANES]);
+    widest!(Operation, _simd, |a, scale, largest| {
+        let ((a, a_rest), (scale, scale_rest)) = (a.as_chunks::<LANES>(), scale.as_chunks::<LANES>());
+        for (values, scales) in a.iter().zip(scale) {
+            let values = T::widened(values);
+            for lane in 0..LANES {
+                let size = (values[lane] * scales[lane]).abs();
+                largest[lane] = if size > largest[lane] { size } else { largest[lane] };
+            }
+        }
+        for (value, scale) in a_rest.iter().zip(scale_rest) {
+            largest[0] = largest[0].max((value.wide() * scale).abs());
+        }
+    });
+    let mut largest = [0.0; LANES];
+    Arch::new().dispatch(Operation(a, scale, &mut largest));
+    largest.into_iter().fold(0.0, f64::max)
+}
+
+/// `a = a scale factor`; all factors are powers of two.
+pub(super) fn scale_by<T: Stored>(a: &mut [T], scale: &[f64], factor: f64) {
+    struct Operation<'a, T>(&'a mut [T], &'a [f64], f64);
+    widest!(Operation, _simd, |a, scale, factor| {
+        for (value, scale) in a.iter_mut().zip(scale) {
+            *value = T::nearest(value.wide() * scale * factor);
+        }
+    });
+    Arch::new().dispatch(Operation(a, scale, factor));
+}
+
+/// Solves `T x = b` with the lower triangle of a panel and subtracts the rectangle times x from `below`.
+pub(super) fn lower_sweep<T: Stored>(panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &mut [f64]) {
+    struct Operation<'a, T>(&'a [T], Diagonal, &'a mut [f64], &'a mut [f64]);
+    widest!(Operation, simd, |panel, diagonal, x, below| lower_sweep_in(simd, panel, diagonal, x, below));
+    Arch::new().dispatch(Operation(panel, diagonal, x, below));
+}
+
+/// Solves `Tᵀ x = b - Rᵀ below` with the lower triangle T and the rectangle R of a panel.
+pub(super) fn lower_transposed_sweep<T: Stored>(panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &[f64]) {
+    struct Operation<'a, T>(&'a [T], Diagonal, &'a mut [f64], &'a [f64]);
+    widest!(Operation, simd, |panel, diagonal, x, below| lower_transposed_sweep_in(simd, panel, diagonal, x, below));
+    Arch::new().dispatch(Operation(panel, diagonal, x, below));
+}
+
+/// Solves `U x = b` with the upper triangle of the top of a panel with m rows.
+pub(super) fn upper_sweep<T: Stored>(panel: &[T], m: usize, x: &mut [f64]) {
+    struct Operation<'a, T>(&'a [T], usize, &'a mut [f64]);
+    widest!(Operation, simd, |panel, m, x| upper_sweep_in(simd, panel, m, x));
+    Arch::new().dispatch(Operation(panel, m, x));
+}
+
+/// Solves `Uᵀ x = b` with the upper triangle of the top of a panel with m rows.
+pub(super) fn upper_transposed_sweep<T: Stored>(panel: &[T], m: usize, x: &mut [f64]) {
+    struct Operation<'a, T>(&'a [T], usize, &'a mut [f64]);
+    widest!(Operation, simd, |panel, m, x| {
+        let k = x.len();
+        let mut first = 0;
+        while first + 4 <= k {
+            let c: [&[T]; 4] = [0, 1, 2, 3].map(|j| &panel[(first + j) * m..][..k]);
+            let above = dot_four(simd, c, &x[..first]);
+            for j in 0..4 {
+                let mut sum = x[first + j] - above[j];
+                for i in 0..j {
+                    sum -= c[j][first + i].wide() * x[first + i];
+                }
+                x[first + j] = sum / c[j][first + j].wide();
+            }
+            first += 4;
+        }
+        for j in first..k {
+            let column = &panel[j * m..j * m + k];
+            x[j] = (x[j] - dot_in(simd, &column[..j], &x[..j])) / column[j].wide();
+        }
+    });
+    Arch::new().dispatch(Operation(panel, m, x));
+}
+
+/// Rows that [`combine`] makes at once, and the vectors of each that stay in registers.
+pub(super) const TOGETHER: usize = 3;
+const HELD: usize = 3;
+
+/// `targets[r] = Σ factors[k][r] answers[k]`; targets without room are left out.
+pub(super) fn combine<T: Stored>(factors: &[[T; TOGETHER]], answers: &[&[T]], targets: [&mut [T]; TOGETHER]) {
+    Arch::new().dispatch(Combine { factors, answers, targets });
+}
+
+struct Combine<'a, T> {
+    factors: &'a [[T; TOGETHER]],
+    answers: &'a [&'a [T]],
+    targets: [&'a mut [T]; TOGETHER],
+}
+
+impl<T: Stored> WithSimd for Combine<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let n = self.targets[0].len();
+        let n_vectors = T::vectors::<S>(self.targets[0]).0.len();
+        let zero = T::splat(simd, T::default());
+        let mut first = 0;
+        while first < n_vectors {
+            let held = HELD.min(n_vectors - first);
+            let mut sums = [[zero; HELD]; TOGETHER];
+            if held == HELD {
+                for (factors, answers) in self.factors.iter().zip(self.answers) {
+                    let answers = &T::vectors::<S>(answers).0[first..first + HELD];
+                    for r in 0..TOGETHER {
+                        let factor = T::splat(simd, factors[r]);
+                        for v in 0..HELD {
+                            sums[r][v] = T::fused(simd, sums[r][v], factor, answers[v]);
+                        }
+                    }
+                }
+            } else {
+                for (factors, answers) in self.factors.iter().zip(self.answers) {
+                    let answers = &T::vectors::<S>(answers).0[first..first + held];
+                    for r in 0..TOGETHER {
+                        let factor = T::splat(simd, factors[r]);
+                        for v in 0..held {
+                            sums[r][v] = T::fused(simd, sums[r][v], factor, answers[v]);
+                        }
+                    }
+                }
+            }
+            for (target, sums) in self.targets.iter_mut().zip(&sums).filter(|(target, _)| !target.is_empty()) {
+                T::vectors_mut::<S>(target).0[first..first + held].copy_from_slice(&sums[..held]);
+            }
+            first += held;
+        }
+        let rest = T::vectors::<S>(self.targets[0]).1.len();
+        for column in n - rest..n {
+            for (r, target) in self.targets.iter_mut().enumerate().filter(|(_, target)| !target.is_empty()) {
+                let products = self.factors.iter().zip(self.answers);
+                let sum: f64 = products.map(|(factors, answers)| factors[r].wide() * answers[column].wide()).sum();
+                target[column] = T::nearest(sum);
+            }
+        }
+    }
+}
+
+/// `y = y - factor * column`.
+#[inline(always)]
+fn subtract<S: Simd, T: Stored>(simd: S, column: &[T], factor: f64, y: &mut [f64]) {
+    let (whole, rest) = y.as_chunks_mut::<LANES>();
+    let (column, column_rest) = column.as_chunks::<LANES>();
+    let factors = simd.splat_f64s(factor);
+    for (out, values) in whole.iter_mut().zip(column) {
+        let values = T::widened(values);
+        for (out, values) in S::as_mut_simd_f64s(out).0.iter_mut().zip(S::as_simd_f64s(&values).0) {
+            *out = simd.sub_f64s(*out, simd.mul_f64s(factors, *values));
+        }
+    }
+    for (out, value) in rest.iter_mut().zip(column_rest) {
+        *out -= factor * value.wide();
+    }
+}
+
+#[inline(always)]
+fn subtract_four<S: Simd, T: Stored>(simd: S, c: [&[T]; 4], f: [f64; 4], y: &mut [f64]) {
+    let n = y.len();
+    let (whole, rest) = y.as_chunks_mut::<LANES>();
+    let [c0, c1, c2, c3] = c.map(|column| column[..n].as_chunks::<LANES>());
+    let factors = f.map(|factor| simd.splat_f64s(factor));
+    let columns = c0.0.iter().zip(c1.0).zip(c2.0).zip(c3.0);
+    for (out, (((a0, a1), a2), a3)) in whole.iter_mut().zip(columns) {
+        let a = [a0, a1, a2, a3].map(|values| T::widened(values));
+        let out = S::as_mut_simd_f64s(out).0;
+        for (part, out) in out.iter_mut().enumerate() {
+            let product = |k: usize| simd.mul_f64s(S::as_simd_f64s(&a[k]).0[part], factors[k]);
+            let sum = simd.add_f64s(simd.add_f64s(product(0), product(1)), simd.add_f64s(product(2), product(3)));
+            *out = simd.sub_f64s(*out, sum);
+        }
+    }
+    let columns = c0.1.iter().zip(c1.1).zip(c2.1).zip(c3.1);
+    for (out, (((a0, a1), a2), a3)) in rest.iter_mut().zip(columns) {
+        *out -= (a0.wide() * f[0] + a1.wide() * f[1]) + (a2.wide() * f[2] + a3.wide() * f[3]);
+    }
+}
+
+#[inline(always)]
+fn subtract_product_in<S: Simd, T: Stored>(simd: S, a: &[T], x: &[f64], y: &mut [f64]) {
     let n = y.len();
     if n == 0 {
         return;
@@ -36,40 +374,41 @@ pub(super) fn subtract_product(a: &[f64], x: &[f64], y: &mut [f64]) {
         let (c0, rest) = four.split_at(n);
         let (c1, rest) = rest.split_at(n);
         let (c2, c3) = rest.split_at(n);
-        for (i, out) in y.iter_mut().enumerate() {
-            *out -= (c0[i] * f[0] + c1[i] * f[1]) + (c2[i] * f[2] + c3[i] * f[3]);
-        }
+        subtract_four(simd, [c0, c1, c2, c3], [f[0], f[1], f[2], f[3]], y);
     }
     for (column, &factor) in columns.remainder().chunks_exact(n).zip(factors.remainder()) {
-        subtract(column, factor, y);
+        subtract(simd, column, factor, y);
     }
 }
 
-/// Sum of products in [`LANES`] partial sums.
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+#[inline(always)]
+fn dot_in<S: Simd, T: Stored>(simd: S, a: &[T], b: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
-    let (mut first, mut second) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-    for (x, y) in (&mut first).zip(&mut second) {
-        for lane in 0..LANES {
-            sums[lane] += x[lane] * y[lane];
-        }
+    let ((first, first_rest), (second, second_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    for (x, y) in first.iter().zip(second) {
+        add_product(simd, &mut sums, &T::widened(x), y);
     }
-    let tail: f64 = first.remainder().iter().zip(second.remainder()).map(|(x, y)| x * y).sum();
-    ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + tail
+    folded(&sums, first_rest, second_rest)
 }
 
-/// `y = y - Aᵀ x`, A by columns with the length of `x`.
-pub(super) fn subtract_transposed_product(a: &[f64], x: &[f64], y: &mut [f64]) {
-    if x.is_empty() {
-        return;
-    }
-    for (column, out) in a.chunks_exact(x.len()).zip(y) {
-        *out -= dot(column, x);
+/// `sums = sums + x y`, lane by lane.
+#[inline(always)]
+fn add_product<S: Simd>(simd: S, sums: &mut [f64; LANES], x: &[f64; LANES], y: &[f64; LANES]) {
+    let operands = S::as_simd_f64s(x).0.iter().zip(S::as_simd_f64s(y).0);
+    for (sum, (x, y)) in S::as_mut_simd_f64s(sums).0.iter_mut().zip(operands) {
+        *sum = simd.add_f64s(*sum, simd.mul_f64s(*x, *y));
     }
 }
 
-/// Solves `T x = b` with the lower triangle of a panel and subtracts the rectangle times x from `below`.
-pub(super) fn lower_sweep(panel: &[f64], diagonal: Diagonal, x: &mut [f64], below: &mut [f64]) {
+/// Sum of all lanes and of the products that are left.
+#[inline(always)]
+fn folded<T: Stored>(s: &[f64; LANES], a: &[T], b: &[f64]) -> f64 {
+    let tail: f64 = a.iter().zip(b).map(|(x, y)| x.wide() * y).sum();
+    ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7])) + tail
+}
+
+#[inline(always)]
+fn lower_sweep_in<S: Simd, T: Stored>(simd: S, panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &mut [f64]) {
     let (k, r) = (x.len(), below.len());
     let m = k + r;
     // Four columns at a time: their small triangle first, then the rows below all of them in one pass.
@@ -78,64 +417,102 @@ pub(super) fn lower_sweep(panel: &[f64], diagonal: Diagonal, x: &mut [f64], belo
         let columns = &panel[first * m..(first + 4) * m];
         for j in 0..4 {
             if diagonal == Diagonal::Stored {
-                x[first + j] /= columns[j * m + first + j];
+                x[first + j] /= columns[j * m + first + j].wide();
             }
             for i in j + 1..4 {
-                x[first + i] -= columns[j * m + first + i] * x[first + j];
+                x[first + i] -= columns[j * m + first + i].wide() * x[first + j];
             }
         }
         let f = [x[first], x[first + 1], x[first + 2], x[first + 3]];
-        let c: [&[f64]; 4] = [0, 1, 2, 3].map(|j| &columns[j * m + first + 4..(j + 1) * m]);
+        let c: [&[T]; 4] = [0, 1, 2, 3].map(|j| &columns[j * m + first + 4..(j + 1) * m]);
         let n_inside = k - first - 4;
-        subtract_four(c.map(|column| &column[..n_inside]), f, &mut x[first + 4..]);
-        subtract_four(c.map(|column| &column[n_inside..]), f, below);
+        subtract_four(simd, c.map(|column| &column[..n_inside]), f, &mut x[first + 4..]);
+        subtract_four(simd, c.map(|column| &column[n_inside..]), f, below);
         first += 4;
     }
     for j in first..k {
         let column = &panel[j * m..(j + 1) * m];
         if diagonal == Diagonal::Stored {
-            x[j] /= column[j];
+            x[j] /= column[j].wide();
         }
         let factor = x[j];
-        subtract(&column[j + 1..k], factor, &mut x[j + 1..]);
-        subtract(&column[k..], factor, below);
+        subtract(simd, &column[j + 1..k], factor, &mut x[j + 1..]);
+        subtract(simd, &column[k..], factor, below);
     }
 }
 
-fn subtract_four(c: [&[f64]; 4], f: [f64; 4], y: &mut [f64]) {
-    let n = y.len();
-    let [c0, c1, c2, c3] = c.map(|column| &column[..n]);
-    for (i, out) in y.iter_mut().enumerate() {
-        *out -= (c0[i] * f[0] + c1[i] * f[1]) + (c2[i] * f[2] + c3[i] * f[3]);
+/// [`dot_in`] with four columns at once.
+#[inline(always)]
+fn dot_four<S: Simd, T: Stored>(simd: S, c: [&[T]; 4], b: &[f64]) -> [f64; 4] {
+    let n = b.len();
+    let mut sums = [[0.0; LANES]; 4];
+    let (whole, rest) = b.as_chunks::<LANES>();
+    let [c0, c1, c2, c3] = c.map(|column| column[..n].as_chunks::<LANES>());
+    let columns = c0.0.iter().zip(c1.0).zip(c2.0).zip(c3.0);
+    for (y, (((a0, a1), a2), a3)) in whole.iter().zip(columns) {
+        for (sums, a) in sums.iter_mut().zip([a0, a1, a2, a3]) {
+            add_product(simd, sums, &T::widened(a), y);
+        }
     }
+    let tails = [c0.1, c1.1, c2.1, c3.1];
+    std::array::from_fn(|k| folded(&sums[k], tails[k], rest))
 }
 
-/// Solves `Tᵀ x = b - Rᵀ below` with the lower triangle T and the rectangle R of a panel.
-pub(super) fn lower_transposed_sweep(panel: &[f64], diagonal: Diagonal, x: &mut [f64], below: &[f64]) {
+#[inline(always)]
+fn lower_transposed_sweep_in<S: Simd, T: Stored>(
+    simd: S,
+    panel: &[T],
+    diagonal: Diagonal,
+    x: &mut [f64],
+    below: &[f64],
+) {
     let k = x.len();
     let m = k + below.len();
-    for j in (0..k).rev() {
+    // Four columns at a time, as in the sweep down.
+    let mut end = k;
+    while end >= 4 {
+        let first = end - 4;
+        let c: [&[T]; 4] = [0, 1, 2, 3].map(|j| &panel[(first + j) * m..(first + j + 1) * m]);
+        let inside = dot_four(simd, c.map(|column| &column[end..k]), &x[end..]);
+        let outside = dot_four(simd, c.map(|column| &column[k..]), below);
+        for j in (0..4).rev() {
+            let mut sum = x[first + j] - (inside[j] + outside[j]);
+            for i in j + 1..4 {
+                sum -= c[j][first + i].wide() * x[first + i];
+            }
+            x[first + j] = if diagonal == Diagonal::Stored { sum / c[j][first + j].wide() } else { sum };
+        }
+        end = first;
+    }
+    for j in (0..end).rev() {
         let column = &panel[j * m..(j + 1) * m];
-        let sum = x[j] - (dot(&column[j + 1..k], &x[j + 1..]) + dot(&column[k..], below));
-        x[j] = if diagonal == Diagonal::Stored { sum / column[j] } else { sum };
+        let sum = x[j] - (dot_in(simd, &column[j + 1..k], &x[j + 1..]) + dot_in(simd, &column[k..], below));
+        x[j] = if diagonal == Diagonal::Stored { sum / column[j].wide() } else { sum };
     }
 }
 
-/// Solves `U x = b` with the upper triangle of the top of a panel with m rows.
-pub(super) fn upper_sweep(panel: &[f64], m: usize, x: &mut [f64]) {
-    for j in (0..x.len()).rev() {
-        let column = &panel[j * m..j * m + x.len()];
-        x[j] /= column[j];
+#[inline(always)]
+fn upper_sweep_in<S: Simd, T: Stored>(simd: S, panel: &[T], m: usize, x: &mut [f64]) {
+    let mut end = x.len();
+    // Four columns at a time, as above.
+    while end >= 4 {
+        let first = end - 4;
+        let c: [&[T]; 4] = [0, 1, 2, 3].map(|j| &panel[(first + j) * m..][..end]);
+        for j in (0..4).rev() {
+            x[first + j] /= c[j][first + j].wide();
+            for i in 0..j {
+                x[first + i] -= c[j][first + i].wide() * x[first + j];
+            }
+        }
+        let (above, four) = x[..end].split_at_mut(first);
+        subtract_four(simd, c, [four[0], four[1], four[2], four[3]], above);
+        end = first;
+    }
+    for j in (0..end).rev() {
+        let column = &panel[j * m..j * m + end];
+        x[j] /= column[j].wide();
         let factor = x[j];
-        subtract(&column[..j], factor, &mut x[..j]);
-    }
-}
-
-/// Solves `Uᵀ x = b` with the upper triangle of the top of a panel with m rows.
-pub(super) fn upper_transposed_sweep(panel: &[f64], m: usize, x: &mut [f64]) {
-    for j in 0..x.len() {
-        let column = &panel[j * m..j * m + x.len()];
-        x[j] = (x[j] - dot(&column[..j], &x[..j])) / column[j];
+        subtract(simd, &column[..j], factor, &mut x[..j]);
     }
 }
 

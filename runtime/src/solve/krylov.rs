@@ -1,6 +1,6 @@
 //! Restarted GMRES (Saad and Schultz 1986).
 //!
-//! Promises: stops on the true residual `‖b - A x‖₂`, never on the recursion alone; fixed order of all sums; memory kept
+//! Promises: a restart begins with the true residual `‖b - A x‖₂`; fixed order of all sums; memory kept
 //! between solves; the number of iterations whether or not they converged.
 //! Has no preconditioner of its own: the operator comes with it. Does not judge the answer: `checked` does.
 
@@ -52,7 +52,8 @@ impl Gmres {
         Self { restart, basis: Vec::new(), hessenberg: Vec::new(), rotations: Vec::new(), reduced: Vec::new() }
     }
 
-    /// Improves x; `multiply(x, y)` sets y = A x.
+    /// Solves from x = 0; `multiply(x, y)` sets y = A x. What the recursion calls converged is: who uses the answer looks
+    /// at its true residual, and that of a restart is one.
     pub(super) fn solve(
         &mut self,
         multiply: &mut dyn FnMut(&[f64], &mut [f64]),
@@ -61,10 +62,10 @@ impl Gmres {
         limits: Limits,
     ) -> Outcome {
         let mut iterations = 0;
+        x.fill(0.0);
+        self.vector(0, b.len());
+        self.basis[0].copy_from_slice(b);
         loop {
-            self.vector(0, b.len());
-            multiply(x, &mut self.basis[0]);
-            self.basis[0].iter_mut().zip(b).for_each(|(r, b)| *r = b - *r);
             let size = norm(&self.basis[0]);
             if size <= limits.target {
                 return Outcome { iterations, converged: true };
@@ -75,9 +76,17 @@ impl Gmres {
             let before = iterations;
             iterations += self.cycle(multiply, size, limits, limits.max_iterations - iterations);
             self.add_correction(iterations - before, x);
-            if before == 0 && limits.is_hopeless(size, self.reduced[iterations].abs(), iterations) {
+            let reached = self.reduced[iterations - before].abs();
+            // A direction that A sends to nothing reduces nothing, whatever the recursion says.
+            let is_singular = self.hessenberg.last().and_then(|column| column.last()) == Some(&0.0);
+            if reached <= limits.target && !is_singular {
+                return Outcome { iterations, converged: true };
+            }
+            if before == 0 && limits.is_hopeless(size, reached, iterations) {
                 return Outcome { iterations, converged: false };
             }
+            multiply(x, &mut self.basis[0]);
+            self.basis[0].iter_mut().zip(b).for_each(|(r, b)| *r = b - *r);
         }
     }
 

@@ -35,6 +35,31 @@ pub use ordering::{Ordering, order};
 
 use crate::csr::{Csr, CsrError};
 
+/// Precision of the dense matrix of the contact forces. Residuals, iterations and results are of double precision in all
+/// cases, and every solution is judged by its true residual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Precision {
+    /// Mixed where that is faster.
+    #[default]
+    Auto,
+    /// Double.
+    Double,
+    /// Single, with iterations in double precision around it; double from the first factor on that it does not serve.
+    Mixed,
+}
+
+impl Precision {
+    /// Names as they are written in commands.
+    pub const NAMES: [(&str, Precision); 3] =
+        [("auto", Precision::Auto), ("f64", Precision::Double), ("f32+f64", Precision::Mixed)];
+
+    /// The precision with this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMES.iter().find(|(known, _)| *known == name).map(|(_, precision)| *precision)
+    }
+}
+
 /// How a system is solved and judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverOptions {
@@ -49,6 +74,8 @@ pub struct SolverOptions {
     /// Refine until it stops helping, with residuals in double-double: the solution is then exact to rounding as long
     /// as the condition number is below about 1e15. Otherwise refinement starts only when it is needed.
     pub extended_residual: bool,
+    /// Of the dense matrix of the forces.
+    pub precision: Precision,
 }
 
 impl Default for SolverOptions {
@@ -59,6 +86,7 @@ impl Default for SolverOptions {
             iteration_tolerance: 1e-10,
             max_refinements: 5,
             extended_residual: false,
+            precision: Precision::Auto,
         }
     }
 }

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 use super::SolveError;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
-use crate::memory::claim_numbers;
+use crate::memory::claim;
 
 /// A factorisation of the members of a plan: everything before the interface, or all fronts that never change.
 pub(super) struct Multifrontal {
@@ -308,11 +308,11 @@ fn square(symbolic: &Symbolic, front: usize) -> usize {
 }
 
 /// A zeroed buffer, or a typed error instead of an abort.
-pub(super) fn zeros(length: usize, what: &'static str) -> Result<Vec<f64>, SolveError> {
-    claim_numbers(length as u64, what)?;
+pub(super) fn zeros<T: Clone + Default>(length: usize, what: &'static str) -> Result<Vec<T>, SolveError> {
+    claim((length as u64).saturating_mul(size_of::<T>() as u64), what)?;
     let mut buffer = Vec::new();
     buffer.try_reserve_exact(length).map_err(|_| SolveError::OutOfMemory { what })?;
-    buffer.resize(length, 0.0);
+    buffer.resize(length, T::default());
     Ok(buffer)
 }
 

@@ -124,7 +124,7 @@ impl ElasticBox {
 }
 
 /// What acts between the two sides of the cut.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Contact {
     /// `gamma [u][v]` at the nodes of each face.
     Penalty,

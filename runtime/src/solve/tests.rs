@@ -14,7 +14,7 @@ const GENERAL: [(&str, Build); 5] = [
     ("dense", |a, options| Ok(Box::new(CheckedDense::new(a.pattern(), options)?))),
     ("condensed dense", |a, options| condensed(a, options, |n_changing, _| Strategy::Dense { n_changing })),
     ("condensed forces", |a, options| {
-        condensed(a, options, |n_changing, n_forces| Strategy::Forces { n_changing, n_forces })
+        condensed(a, options, |n_changing, n_forces| Strategy::Forces { n_changing, n_forces, single: false })
     }),
     ("condensed fronts", |a, options| condensed(a, options, |n_changing, _| Strategy::Fronts { n_changing })),
 ];

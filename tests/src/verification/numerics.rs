@@ -1,11 +1,16 @@
-//! X36, X37, X45, X58: derivatives at 0, tangents without a Cholesky factor, rules of one point, numbers of threads.
+//! X36, X37, X45, X57, X58: derivatives at 0, tangents without a Cholesky factor, rules of one point, precision and
+//! threads of the solver.
+
+use std::time::Instant;
+
+use wfl_runtime::{RunOptions, solve::Precision};
 
 use super::{
     Benchmark, Case, Tolerance,
     common::{converged, or_failed},
     two_block::{NITSCHE, STICK, YOUNG},
 };
-use crate::{attempt_with, examples};
+use crate::{attempt, attempt_with, examples};
 
 /// The benchmarks of this file.
 pub(super) const BENCHMARKS: &[Benchmark] = &[
@@ -34,6 +39,14 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         run: one_point,
     },
     Benchmark {
+        id: "X57",
+        title: "factor of the contact forces in single precision, residuals in double precision",
+        origin: "the same run in double precision, gamma h/E = 1e-4 to 1e4: 1e-11 of the largest displacement",
+        slow: false,
+        open: None,
+        run: single,
+    },
+    Benchmark {
         id: "X58",
         title: "1, 2, 3 and 7 threads",
         origin: "the same bits",
@@ -53,7 +66,7 @@ solver newton with tol=1e-13
 
 /// The largest distance of the fields from two constants.
 fn distance(terms: &str, expected: [f64; 2]) -> Result<f64, String> {
-    let tried = attempt_with(2, &examples(), format!("{POINTWISE}{terms}"), &[], &[]);
+    let tried = attempt(&examples(), format!("{POINTWISE}{terms}"), &[], &[]);
     let solved = tried.solved.ok_or(tried.messages).and_then(converged)?;
     let state = &solved.outcome.steps[0].state;
     let mut worst = 0.0f64;
@@ -135,13 +148,47 @@ fn one_point() -> Vec<Case> {
     .to_vec()
 }
 
+/// Penalty touches so few dofs here that the forces have no matrix of their own.
+fn single() -> Vec<Case> {
+    let steps = [("0 to 9.5 by 0.5", "5 to 6 by 0.5".to_owned())];
+    let folder = examples().join("fault");
+    let run = |file: &str, gamma: f64, precision: Precision| -> Result<Vec<f64>, String> {
+        let text = std::fs::read_to_string(folder.join(file)).map_err(|e| e.to_string())?;
+        let options = RunOptions { precision, ..RunOptions::without_files(1, Instant::now()) };
+        let tried = attempt_with(&options, &folder, text, &steps, &[("gamma", gamma)]);
+        let solved = tried.solved.ok_or(tried.messages).and_then(converged)?;
+        let bodies = [0, 1].map(|field| solved.scene.system.range(field).unwrap_or_default());
+        let states = solved.outcome.steps.iter().flat_map(|s| bodies.iter().flat_map(|body| &s.state[body.clone()]));
+        Ok(states.copied().collect())
+    };
+    let case = |file: &str, gamma: f64, what: &str| {
+        let double = run(file, gamma, Precision::Double)?;
+        let mixed = run(file, gamma, Precision::Mixed)?;
+        let size = double.iter().fold(0.0f64, |size, x| size.max(x.abs()));
+        let differences = double.iter().zip(&mixed).map(|(a, b)| (a - b).abs() / size);
+        let worst = differences.fold(0.0f64, |worst, d| if d > worst || d.is_nan() { d } else { worst });
+        let made = Case::new(what).require(double != mixed, "no factor of single precision was used");
+        Ok(made.compare("largest difference of displacements", worst, 1e-11, Tolerance::AtMost))
+    };
+    let settings = [5.0, 1e3, 1e5, 5e8].map(|gamma| ("nitsche.wfl", gamma));
+    settings
+        .into_iter()
+        .chain([("augmented_lagrangian.wfl", 1e5)])
+        .map(|(file, gamma)| {
+            let what = format!("{file}, gamma h/E = {:.0e}", gamma * 0.5 / 25_000.0);
+            or_failed(&what, case(file, gamma, &what))
+        })
+        .collect()
+}
+
 fn threads() -> Vec<Case> {
     let files = ["nitsche.wfl", "penalty.wfl", "augmented_lagrangian.wfl"];
     let steps = [("0 to 9.5 by 0.5", "8 to 9 by 0.5".to_owned())];
     let folder = examples().join("fault");
     let run = |file: &str, threads: usize| -> Result<Vec<Vec<f64>>, String> {
         let text = std::fs::read_to_string(folder.join(file)).map_err(|e| e.to_string())?;
-        let tried = attempt_with(threads, &folder, text, &steps, &[]);
+        let options = RunOptions::without_files(threads, Instant::now());
+        let tried = attempt_with(&options, &folder, text, &steps, &[]);
         let solved = tried.solved.ok_or(tried.messages).and_then(converged)?;
         Ok(solved.outcome.steps.into_iter().map(|s| s.state).collect())
     };

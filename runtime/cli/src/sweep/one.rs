@@ -153,11 +153,13 @@ impl Bench<'_> {
         let kept = knobs::kept(setting).map_err(|e| e.to_string())?;
         let (mut scene, loaded) = prepared(loaded, self.backend, kept.as_slice())?;
         let threads = knobs::threads(setting).map_err(|e| e.to_string())?.unwrap_or(self.threads);
+        let precision = knobs::precision(setting).map_err(|e| e.to_string())?.unwrap_or_default();
         let options = RunOptions {
             name: loaded.name.clone(),
             text_hash: known.hash,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             parse_seconds,
+            precision,
             ..RunOptions::without_files(threads, started)
         };
         let outcome = wfl_runtime::run(&mut scene, &options, &mut Quiet).map_err(|e| e.to_string())?;

@@ -5,7 +5,6 @@
 
 use std::sync::Arc;
 
-use super::super::SolveError;
 use super::super::checked::Pivot;
 use super::super::dense::{Dense, Kind};
 use super::super::frontal_lu::{EntryMap, FrontalLu, Part};
@@ -13,7 +12,8 @@ use super::super::krylov::{Gmres, Limits, Outcome};
 use super::super::multifrontal::{Multifrontal, zeros};
 use super::super::sweep::{Form, FrontFactor, Sweep};
 use super::super::symbolic::{INTERFACE, Symbolic};
-use super::forces::{Bulk, Forces, Inner};
+use super::super::{Precision, SolveError};
+use super::forces::{Bulk, Forces, Inner, Scaled};
 use crate::csr::{Csr, Pattern};
 
 /// Smallest pivot of the fronts, relative to its column, that is accepted.
@@ -25,6 +25,10 @@ const OPERATIONS_PER_VALUE: f64 = 36.0;
 const CACHED_VALUES: f64 = 4e6;
 /// Forces: with fewer iterations a trial is not worth the sweeps over the bulk that it costs where it fails.
 const FEWEST_ITERATIONS: f64 = 14.0;
+/// From this number of forces on a factor of single precision saves more than its iterations cost.
+const SINGLE_FROM: usize = 1200;
+/// Smallest pivot, relative to its column, with which a factor of single precision is of use.
+const SMALLEST_SINGLE: f64 = 1e-4;
 /// Never more iterations than this: the basis is kept.
 pub(super) const MAX_ITERATIONS: usize = 60;
 /// Smallest pivot of the bulk relative to its diagonal with which it can stand alone: with a smaller one the forces
@@ -72,6 +76,7 @@ pub(super) struct EngineContext<'a> {
     /// Facing dofs, on which the changing part may act with opposite forces.
     pub(super) pairs: &'a [(u32, u32)],
     pub(super) threads: usize,
+    pub(super) precision: Precision,
 }
 
 impl EngineContext<'_> {
@@ -124,7 +129,12 @@ impl EngineContext<'_> {
         if constant_pivot < SMALLEST_ALONE {
             return Err(SolveError::NotPositiveDefinite { dof: 0, pivot: constant_pivot });
         }
-        let forces = Forces::new(self.changing, self.dofs, self.pairs, is_bare, self.threads)?;
+        let mut forces = Forces::new(self.changing, self.dofs, self.pairs, is_bare, self.threads)?;
+        forces.set_single(match self.precision {
+            Precision::Auto => forces.n_forces() >= SINGLE_FROM,
+            Precision::Double => false,
+            Precision::Mixed => true,
+        });
         Ok(Engine {
             sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
             constant_pivot,
@@ -173,12 +183,33 @@ impl Engine {
         }
     }
 
+    /// Whether solutions with the factor need iterations because it is of single precision.
+    pub(super) fn is_single(&self) -> bool {
+        matches!(&self.method, Method::Forces(forces) if forces.is_single())
+    }
+
+    /// Turns to double precision for good; the factor is lost.
+    pub(super) fn widen(&mut self) {
+        if let Method::Forces(forces) = &mut self.method {
+            forces.set_single(false);
+        }
+    }
+
     /// Factors the changing part.
     pub(super) fn factor(&mut self, bulk: &Csr, changing: &Csr, kind: Kind) -> Result<Pivot, SolveError> {
         let (ratio, _) = match &mut self.method {
             Method::Forces(forces) => {
                 forces.take(&self.symbolic, &self.constant, changing)?;
-                forces.factor()?
+                match forces.factor() {
+                    Ok((ratio, _)) | Err(SolveError::VanishingPivot { ratio, .. })
+                        if forces.is_single() && (ratio.is_nan() || ratio < SMALLEST_SINGLE) =>
+                    {
+                        forces.set_single(false);
+                        forces.take(&self.symbolic, &self.constant, changing)?;
+                        forces.factor()?
+                    }
+                    other => other?,
+                }
             }
             Method::Dense { base, dense, places, .. } => {
                 let fill = |values: &mut [f64]| {
@@ -231,8 +262,8 @@ impl Engine {
         }
     }
 
-    /// Solves in place, by dof, with the changing part taken last and the factor of an older one. `None` where the
-    /// caller has to iterate.
+    /// Solves in place, by dof, with the changing part taken last and the factor of an older one, or of single
+    /// precision. `None` where the caller has to iterate.
     pub(super) fn solve_stale(
         &mut self,
         x: &mut [f64],
@@ -242,7 +273,7 @@ impl Engine {
     ) -> Option<Outcome> {
         let Method::Forces(forces) = &mut self.method else { return None };
         let bulk = Bulk { symbolic: &self.symbolic, factor: &self.constant, sweep: &mut self.sweep };
-        Some(forces.solve(bulk, x, Inner::Stale { gmres, limits, scale }))
+        Some(forces.solve(bulk, x, Inner::Stale(Scaled { gmres, limits, scale })))
     }
 
     /// Solves with a right-hand side on the changing dofs, for the changing dofs.

@@ -11,17 +11,16 @@
 //! and only the small dense matrix `1 + M V` changes with C. A dof without any stiffness of its own (a multiplier) is
 //! its own unknown w: its equation is the row of C as it stands. V is computed once.
 //!
-//! An older factor of `1 + M V` still serves as preconditioner of GMRES, with the exact product by V and the new M.
+//! An older factor of `1 + M V` still serves as preconditioner of GMRES, with the exact product by V and the new M. So
+//! does a factor of single precision, which is made from a V of single precision; exact products with V then come from
+//! the factor of the bulk.
 //!
 //! Promises: the same bytes for any number of threads; memory is kept. K must be positive definite without C.
 //! Does not look at residuals: the judge of the caller does.
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::super::SolveError;
-use super::super::dense::{Dense, Kind};
 use super::super::kernels::dot;
 use super::super::krylov::{Gmres, Limits, Outcome};
 use super::super::multifrontal::Multifrontal;
@@ -29,21 +28,13 @@ use super::super::sweep::{Form, FrontFactor, Sweep};
 use super::super::symbolic::Symbolic;
 use super::engine::above;
 use super::response::{Base, Load, NOTHING};
+use super::small::{Rows, Small, SmallSystem};
 use crate::csr::{Csr, Pattern};
 
-/// Rows of two dofs are opposite when their sum is below this part of their largest entry.
-const OPPOSITE: f64 = 1e-12;
-/// Values of V from which a product is shared among threads, and rows in one share.
-const PARALLEL_VALUES: usize = 1 << 20;
-const SHARE: usize = 128;
-/// Rows and columns of the dense matrix that are filled together: what they read of V stays in the cache.
-const FILL_ROWS: usize = 16;
-const FILL_COLUMNS: usize = 512;
-/// Rows made together, the components of a node, and columns that their sums stay in registers for.
-const TOGETHER: usize = 3;
-const FILL_WIDTH: usize = 16;
 /// Part of the right-hand side that rounding leaves in the best of cases.
 const ROUNDING: f64 = 1e-15;
+/// Rows of two dofs are opposite when their sum is below this part of their largest entry.
+const OPPOSITE: f64 = 1e-12;
 
 /// See the module documentation.
 pub(super) struct Forces {
@@ -62,16 +53,24 @@ pub(super) struct Forces {
     read: Vec<u32>,
     /// By dof: place in `read`, or behind it in `bare`.
     place: Vec<u32>,
-    /// V, `read x loads` by rows.
-    responses: Vec<f64>,
     /// M, `(loads + bare) x dofs`, and where its values stand in C.
     rows: Csr,
     sources: Vec<usize>,
-    /// Factor of `(1 + M V)ᵀ`.
-    dense: Dense,
     answers: Vec<f64>,
-    /// Sweep over the fronts that C can reach; none before the first values of C.
-    reduced: Option<Sweep>,
+    /// What belongs to one choice of the loads; none before the first values of C.
+    connected: Option<Connected>,
+    /// Values of the factor of the bulk on the fronts that C can reach.
+    reduced_values: f64,
+    /// Whether V and the factor of `1 + M V` are to be of single precision.
+    single: bool,
+}
+
+/// What belongs to one choice of the loads.
+struct Connected {
+    /// V and the factor of `1 + M V`.
+    small: Box<dyn SmallSystem>,
+    /// Sweep over the fronts that C can reach.
+    reduced: Sweep,
 }
 
 /// The factored bulk.
@@ -86,9 +85,17 @@ pub(super) struct Bulk<'a> {
 pub(super) enum Inner<'a> {
     /// With a factor of this matrix.
     Fresh,
-    /// With the factor of an earlier one; `scale` by dof makes the equations comparable. The target is a
-    /// 2-norm of the scaled residual.
-    Stale { gmres: &'a mut Gmres, limits: Limits, scale: &'a [f64] },
+    /// With the factor of an earlier one, or one of single precision.
+    Stale(Scaled<'a>),
+}
+
+/// What iterations need beside the operator.
+pub(super) struct Scaled<'a> {
+    pub(super) gmres: &'a mut Gmres,
+    /// The target is a 2-norm of the scaled residual.
+    pub(super) limits: Limits,
+    /// By dof: makes the equations comparable.
+    pub(super) scale: &'a [f64],
 }
 
 impl Forces {
@@ -118,12 +125,24 @@ impl Forces {
             bare,
             read,
             place,
-            responses: Vec::new(),
             rows: Csr::zeros(Arc::new(Pattern::empty(0, changing.n_cols()))),
             sources: Vec::new(),
-            dense: Dense::new(0, threads)?,
-            reduced: None,
+            connected: None,
+            reduced_values: 0.0,
+            single: false,
         })
+    }
+
+    /// Whether V and the factor are to be of single precision. A change of that loses both.
+    pub(super) fn set_single(&mut self, single: bool) {
+        if self.single != single {
+            self.single = single;
+            self.connected = None;
+        }
+    }
+
+    pub(super) fn is_single(&self) -> bool {
+        self.single
     }
 
     /// Number of unknown forces, were all pairs opposite.
@@ -142,7 +161,12 @@ impl Forces {
     pub(super) fn costs(&self) -> (f64, f64) {
         let n = self.n_forces() as f64;
         let filling = self.rows.pattern().n_entries() as f64 * self.loads.len() as f64;
-        (n * n * n / 3.0 + filling, self.responses.len() as f64 + n * n)
+        let responses = self.read.len() as f64 * self.loads.len() as f64;
+        if self.single {
+            // Twice as many numbers of half the size at once; V is not read, but the factor of the bulk.
+            return ((n * n * n / 3.0 + filling) / 2.0, 2.0 * self.reduced_values + n * n / 2.0);
+        }
+        (n * n * n / 3.0 + filling, responses + n * n)
     }
 
     /// First dofs of facing ones whose rows have turned out not to be opposite.
@@ -174,7 +198,7 @@ impl Forces {
             }
             keeps
         });
-        let is_new = self.reduced.is_none() || self.pairs.len() < before;
+        let is_new = self.connected.is_none() || self.pairs.len() < before;
         if is_new {
             self.connect(symbolic, factor, changing)?;
         }
@@ -185,7 +209,7 @@ impl Forces {
     }
 
     fn connect(&mut self, symbolic: &Symbolic, factor: &Multifrontal, changing: &Csr) -> Result<(), SolveError> {
-        self.reduced = None;
+        self.connected = None;
         let mut other = vec![NOTHING; changing.n_rows()];
         let mut is_second = vec![false; changing.n_rows()];
         for &(a, b) in &self.pairs {
@@ -201,12 +225,20 @@ impl Forces {
         self.loads.sort_by_key(|load| symbolic.ordering.inverse()[load.here as usize]);
         let dofs: Vec<u32> = (0..changing.n_rows() as u32).filter(|dof| self.place[*dof as usize] != NOTHING).collect();
         let members = above(symbolic, &dofs);
-        self.responses = Vec::new();
+        let values = |front: usize| {
+            let (k, r) = symbolic.sizes(front);
+            (k * (k + r)) as f64
+        };
+        self.reduced_values = (0..members.len()).filter(|&front| members[front]).map(values).sum();
         let base = Base { symbolic, factor, members: &members };
-        self.responses = base.responses(&self.loads, &self.read, self.threads)?;
+        let n = self.n_forces();
+        let small: Box<dyn SmallSystem> = if self.single {
+            Box::new(Small::<f32>::new(base.responses(&self.loads, &self.read, self.threads)?, n, self.threads)?)
+        } else {
+            Box::new(Small::<f64>::new(base.responses(&self.loads, &self.read, self.threads)?, n, self.threads)?)
+        };
         self.take_rows(changing)?;
-        self.dense = Dense::new(self.n_forces(), self.threads)?;
-        self.reduced = Some(Sweep::new(symbolic, members, self.threads));
+        self.connected = Some(Connected { small, reduced: Sweep::new(symbolic, members, self.threads) });
         Ok(())
     }
 
@@ -228,33 +260,14 @@ impl Forces {
 
     /// Factors `1 + M V`; the smallest pivot relative to its column, and its unknown.
     pub(super) fn factor(&mut self) -> Result<(f64, usize), SolveError> {
-        let (n, n_loads, n_read) = (self.n_forces(), self.loads.len(), self.read.len());
-        let (rows, place, responses) = (&self.rows, &self.place, &self.responses);
-        let threads = self.threads;
-        let fill_share = |(share, out): (usize, &mut [f64])| {
-            let first = share * FILL_ROWS;
-            fill_products(rows, place, (responses, n_read), first, out);
-            for (row, out) in (first..).zip(out.chunks_exact_mut(n)) {
-                let bare_part = &mut out[n_loads..];
-                bare_part.fill(0.0);
-                for (&column, value) in rows.row(row).0.iter().zip(rows.row(row).1) {
-                    if let Some(bare) = (place[column as usize] as usize).checked_sub(n_read) {
-                        bare_part[bare] -= value;
-                    }
-                }
-                if row < n_loads {
-                    out[row] += 1.0;
-                }
-            }
-        };
-        let fill = |matrix: &mut [f64]| {
-            if threads > 1 {
-                matrix.par_chunks_mut(FILL_ROWS * n).enumerate().for_each(fill_share);
-            } else {
-                matrix.chunks_mut(FILL_ROWS * n).enumerate().for_each(fill_share);
-            }
-        };
-        self.dense.factor(Kind::General, fill)
+        let (rows, connected) = self.parts();
+        connected.small.factor(rows)
+    }
+
+    /// M, and what is known of V.
+    fn parts(&mut self) -> (Rows<'_>, &mut Connected) {
+        let rows = Rows { m: &self.rows, place: &self.place, n_read: self.read.len(), n_loads: self.loads.len() };
+        (rows, self.connected.as_mut().expect("the changing part has been taken"))
     }
 
     /// Solves with the changing part taken last, in place, by dof. Iterations say whether they converged.
@@ -264,7 +277,7 @@ impl Forces {
         let own: Vec<f64> = self.bare.iter().map(|&dof| std::mem::take(&mut x[dof as usize])).collect();
         // Down only to what C reads, then up only with the forces.
         sweep.rise(symbolic, panels, x);
-        let reduced = self.reduced.as_mut().expect("the changing part has been taken");
+        let reduced = &mut self.parts().1.reduced;
         reduced.copy(sweep);
         reduced.descend(symbolic, panels, x);
         let mut w = vec![0.0; self.rows.n_rows()];
@@ -273,10 +286,10 @@ impl Forces {
         w[n_loads..].iter_mut().zip(&own).for_each(|(w, load)| *w -= load);
         let outcome = match inner {
             Inner::Fresh => {
-                self.dense.solve(Form::Transposed, &mut w);
+                self.parts().1.small.solve(Form::Plain, &mut w);
                 Outcome { iterations: 0, converged: true }
             }
-            Inner::Stale { gmres, limits, scale } => self.iterate(&mut w, gmres, limits, scale),
+            Inner::Stale(scaled) => self.iterate(symbolic, panels, &mut w, scaled),
         };
         if !outcome.converged {
             // The caller makes a new factor: no sweep for what nobody wants.
@@ -284,14 +297,9 @@ impl Forces {
             return outcome;
         }
         x.fill(0.0);
-        for (load, value) in self.loads.iter().zip(&w) {
-            x[load.here as usize] -= value;
-            if load.there != NOTHING {
-                x[load.there as usize] += value;
-            }
-        }
+        add_loads(&self.loads, &w, -1.0, x);
         self.bare.iter().zip(&w[n_loads..]).for_each(|(&dof, value)| x[dof as usize] = *value);
-        let reduced = self.reduced.as_mut().expect("the changing part has been taken");
+        let reduced = &mut self.parts().1.reduced;
         reduced.rise(symbolic, panels, x);
         sweep.add(reduced);
         sweep.descend(symbolic, panels, x);
@@ -309,7 +317,7 @@ impl Forces {
         let at = |dof: u32| if dof == NOTHING { 0.0 } else { x[dof as usize] };
         let jumps = self.loads.iter().map(|load| at(load.here) - at(load.there));
         let mut v: Vec<f64> = jumps.chain(own.iter().map(|load| -load)).collect();
-        self.dense.solve(Form::Plain, &mut v);
+        self.parts().1.small.solve(Form::Transposed, &mut v);
         let mut forces = vec![0.0; x.len()];
         self.rows.multiply_transposed_add(&v, &mut forces);
         x.iter_mut().zip(&loads).zip(&forces).for_each(|((x, load), force)| *x = load - force);
@@ -319,22 +327,36 @@ impl Forces {
         sweep.descend(symbolic, panels, x);
     }
 
-    /// `w = (1 + M V)⁻¹ w` by GMRES; the old factor is the preconditioner, on the right.
-    fn iterate(&mut self, w: &mut [f64], gmres: &mut Gmres, limits: Limits, scale: &[f64]) -> Outcome {
+    /// `w = (1 + M V)⁻¹ w` by GMRES; the factor at hand is the preconditioner, on the right. Where V is of single
+    /// precision, products with it come from the factor of the bulk.
+    fn iterate<'f>(
+        &mut self,
+        symbolic: &Symbolic,
+        panels: impl Fn(usize) -> FrontFactor<'f> + Sync,
+        w: &mut [f64],
+        Scaled { gmres, limits, scale }: Scaled<'_>,
+    ) -> Outcome {
         let n_loads = self.loads.len();
         let dofs = self.loads.iter().map(|load| load.here).chain(self.bare.iter().copied());
         let scale: Vec<f64> = dofs.map(|dof| scale[dof as usize]).collect();
         let rhs: Vec<f64> = w.iter().zip(&scale).map(|(w, s)| w * s).collect();
         let target = limits.target.max(ROUNDING * dot(&rhs, &rhs).sqrt());
-        let (dense, answers, rows, place) = (&mut self.dense, &mut self.answers, &self.rows, &self.place);
-        let (responses, n_read) = (&self.responses, self.read.len());
-        let is_parallel = self.threads > 1 && responses.len() > PARALLEL_VALUES;
+        let Connected { small, reduced } = self.connected.as_mut().expect("the changing part has been taken");
+        let (answers, rows, place, read) = (&mut self.answers, &self.rows, &self.place, &self.read);
+        let loads = &self.loads;
+        let mut x = vec![0.0; if self.single { place.len() } else { 0 }];
         let mut multiply = |z: &[f64], out: &mut [f64]| {
             w.iter_mut().zip(z).zip(&scale).for_each(|((w, z), s)| *w = z / s);
-            dense.solve(Form::Transposed, w);
-            let (read, bare) = answers.split_at_mut(n_read);
-            multiply_rows(responses, &w[..n_loads], read, is_parallel);
-            bare.iter_mut().zip(&w[n_loads..]).for_each(|(answer, w)| *answer = -w);
+            small.solve(Form::Plain, w);
+            let (of_read, of_bare) = answers.split_at_mut(read.len());
+            if !small.answers(&w[..n_loads], of_read) {
+                x.fill(0.0);
+                add_loads(loads, w, 1.0, &mut x);
+                reduced.rise(symbolic, &panels, &x);
+                reduced.descend(symbolic, &panels, &mut x);
+                of_read.iter_mut().zip(read).for_each(|(answer, &dof)| *answer = x[dof as usize]);
+            }
+            of_bare.iter_mut().zip(&w[n_loads..]).for_each(|(answer, w)| *answer = -w);
             for (row, out) in out.iter_mut().enumerate() {
                 let (columns, values) = rows.row(row);
                 let sum: f64 = columns.iter().zip(values).map(|(&c, v)| v * answers[place[c as usize] as usize]).sum();
@@ -345,84 +367,17 @@ impl Forces {
         let mut z = vec![0.0; rhs.len()];
         let outcome = gmres.solve(&mut multiply, &rhs, &mut z, Limits { target, ..limits });
         w.iter_mut().zip(&z).zip(&scale).for_each(|((w, z), s)| *w = z / s);
-        self.dense.solve(Form::Transposed, w);
+        small.solve(Form::Plain, w);
         outcome
     }
 }
 
-/// `y = A x`, A by rows.
-fn multiply_rows(a: &[f64], x: &[f64], y: &mut [f64], is_parallel: bool) {
-    let n = x.len();
-    if n == 0 {
-        return y.fill(0.0);
-    }
-    let work = |(share, y): (usize, &mut [f64])| {
-        for (row, out) in a[share * SHARE * n..].chunks_exact(n).zip(y) {
-            *out = dot(row, x);
-        }
-    };
-    if is_parallel {
-        y.par_chunks_mut(SHARE).enumerate().for_each(work);
-    } else {
-        y.chunks_mut(SHARE).enumerate().for_each(work);
-    }
-}
-
-/// Rows of `M V`, those of M from `first` on, into rows of `out` with room for the bare dofs behind. Neighbouring rows
-/// that read the same dofs (the components of a node) are made together: each value of V is loaded once for all.
-fn fill_products(rows: &Csr, place: &[u32], (v, n_read): (&[f64], usize), first: usize, out: &mut [f64]) {
-    let width = v.len() / n_read.max(1);
-    let n = rows.n_rows();
-    let last = first + out.len() / n;
-    let mut starts = vec![first];
-    for row in first + 1..last {
-        let group = starts[starts.len() - 1];
-        if row - group == TOGETHER || rows.row(row).0 != rows.row(group).0 {
-            starts.push(row);
-        }
-    }
-    starts.push(last);
-    for columns in (0..width).step_by(FILL_COLUMNS).map(|column| column..width.min(column + FILL_COLUMNS)) {
-        for group in starts.windows(2) {
-            let (mut factors, mut answers) = (Vec::new(), Vec::new());
-            for (k, &column) in rows.row(group[0]).0.iter().enumerate() {
-                let at = place[column as usize] as usize;
-                let mut all = [0.0; TOGETHER];
-                (group[0]..group[1]).zip(&mut all).for_each(|(row, factor)| *factor = rows.row(row).1[k]);
-                if at < n_read && all.iter().any(|&factor| factor != 0.0) {
-                    factors.push(all);
-                    answers.push(&v[at * width..][columns.clone()]);
-                }
-            }
-            let mut targets = out[(group[0] - first) * n..(group[1] - first) * n].chunks_exact_mut(n);
-            let targets: [&mut [f64]; TOGETHER] =
-                std::array::from_fn(|_| targets.next().map_or(&mut [][..], |row| &mut row[columns.clone()]));
-            combine(&factors, &answers, targets);
-        }
-    }
-}
-
-/// `targets[r] = Σ factors[k][r] answers[k]`; targets without room are left out.
-fn combine(factors: &[[f64; TOGETHER]], answers: &[&[f64]], mut targets: [&mut [f64]; TOGETHER]) {
-    let n = targets[0].len();
-    let whole = n - n % FILL_WIDTH;
-    for first in (0..whole).step_by(FILL_WIDTH) {
-        let mut sums = [[0.0; FILL_WIDTH]; TOGETHER];
-        for (factors, answers) in factors.iter().zip(answers) {
-            let answers = &answers[first..first + FILL_WIDTH];
-            for (sums, factor) in sums.iter_mut().zip(factors) {
-                for lane in 0..FILL_WIDTH {
-                    sums[lane] += factor * answers[lane];
-                }
-            }
-        }
-        for (target, sums) in targets.iter_mut().zip(&sums).filter(|(target, _)| !target.is_empty()) {
-            target[first..first + FILL_WIDTH].copy_from_slice(sums);
-        }
-    }
-    for column in whole..n {
-        for (r, target) in targets.iter_mut().enumerate().filter(|(_, target)| !target.is_empty()) {
-            target[column] = factors.iter().zip(answers).map(|(factors, answers)| factors[r] * answers[column]).sum();
+/// Adds multiples of the loads to a right-hand side by dof.
+fn add_loads(loads: &[Load], w: &[f64], factor: f64, x: &mut [f64]) {
+    for (load, value) in loads.iter().zip(w) {
+        x[load.here as usize] += factor * value;
+        if load.there != NOTHING {
+            x[load.there as usize] -= factor * value;
         }
     }
 }

@@ -10,7 +10,9 @@ use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
 use super::super::SolveError;
+use super::super::kernels::Stored;
 use super::super::multifrontal::{Multifrontal, zeros};
+use super::super::scaling::power_of_two;
 use super::super::symbolic::{INTERFACE, Symbolic};
 
 /// Loads that go through the fronts together: enough for the dense kernels, few enough for the cache.
@@ -36,9 +38,16 @@ pub(super) struct Base<'a> {
 }
 
 impl Base<'_> {
-    /// Answers of `rows` (dofs) to the loads, `rows x loads` by rows.
-    pub(super) fn responses(&self, loads: &[Load], rows: &[u32], threads: usize) -> Result<Vec<f64>, SolveError> {
+    /// Answers of `rows` (dofs) to the loads, `rows x loads` by rows, times the power of two that comes with them: it
+    /// brings the largest answers to the first loads to 1, so that single precision can hold them.
+    pub(super) fn responses<T: Stored>(
+        &self,
+        loads: &[Load],
+        rows: &[u32],
+        threads: usize,
+    ) -> Result<(Vec<T>, f64), SolveError> {
         let n = loads.len();
+        let mut scale = 1.0;
         let mut answers = zeros(rows.len() * n, "answers of the dofs that change")?;
         let blocks: Vec<&[Load]> = loads.chunks(BLOCK).collect();
         let mut first = 0;
@@ -46,14 +55,19 @@ impl Base<'_> {
             let work = |block: &&[Load]| self.block(block, rows);
             let parts: Vec<Vec<f64>> =
                 if threads > 1 { wave.par_iter().map(work).collect() } else { wave.iter().map(work).collect() };
+            if first == 0 {
+                let largest = parts.iter().flatten().fold(0.0f64, |largest, value| largest.max(value.abs()));
+                scale = if largest > 0.0 { power_of_two(1.0 / largest) } else { 1.0 };
+            }
             for (part, block) in parts.iter().zip(wave) {
                 for (row, values) in part.chunks_exact(block.len()).enumerate() {
-                    answers[row * n + first..][..block.len()].copy_from_slice(values);
+                    let answers = &mut answers[row * n + first..][..block.len()];
+                    answers.iter_mut().zip(values).for_each(|(answer, value)| *answer = T::nearest(value * scale));
                 }
                 first += block.len();
             }
         }
-        Ok(answers)
+        Ok((answers, scale))
     }
 
     fn block(&self, loads: &[Load], rows: &[u32]) -> Vec<f64> {

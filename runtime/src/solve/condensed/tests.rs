@@ -6,7 +6,15 @@ use super::*;
 
 const DENSE: fn(usize, usize) -> Strategy = |n_changing, _| Strategy::Dense { n_changing };
 const FRONTS: fn(usize, usize) -> Strategy = |n_changing, _| Strategy::Fronts { n_changing };
-const FORCES: fn(usize, usize) -> Strategy = |n_changing, n_forces| Strategy::Forces { n_changing, n_forces };
+const FORCES: fn(usize, usize) -> Strategy =
+    |n_changing, n_forces| Strategy::Forces { n_changing, n_forces, single: false };
+/// All methods, that of the forces in both precisions.
+const METHODS: [(fn(usize, usize) -> Strategy, Precision); 4] =
+    [(DENSE, Precision::Auto), (FRONTS, Precision::Auto), (FORCES, Precision::Double), (FORCES, Precision::Mixed)];
+
+fn options(precision: Precision) -> SolverOptions {
+    SolverOptions { precision, ..SolverOptions::default() }
+}
 
 fn two_blocks(n: usize) -> ElasticBox {
     ElasticBox::new(&BoxOptions { cells: [4, n, n], cut: Some(2), fix_low: true, fix_high: false })
@@ -93,9 +101,9 @@ fn the_same_part_again_costs_no_iteration() {
 fn threads_do_not_change_a_byte() {
     let problem = two_blocks(9);
     let b = load(problem.n());
-    for method in [DENSE, FRONTS, FORCES] {
+    for (method, precision) in METHODS {
         let runs = [1, 2].map(|threads| {
-            let options = SolverOptions { threads, ..SolverOptions::default() };
+            let options = SolverOptions { threads, ..options(precision) };
             let first = problem.contact(Contact::Nitsche, 50.0, |_, _| true);
             let (pattern, points) = (first.pattern(), Some(&problem.coordinates[..]));
             let mut solver =
@@ -121,9 +129,9 @@ fn a_body_without_contact_is_named() {
     let is_there = |dof: u32| dof >= problem.pairs[0].1;
     let b = load(problem.n());
     let mut x = vec![0.0; b.len()];
-    for method in [DENSE, FRONTS, FORCES] {
+    for (method, precision) in METHODS {
         let points = Some(&problem.coordinates[..]);
-        let options = SolverOptions::default();
+        let options = options(precision);
         let mut solver =
             CheckedCondensed::with_choice(&problem.matrix, open.pattern(), points, &problem.pairs, options, method)
                 .unwrap();
@@ -188,8 +196,8 @@ fn multipliers_without_bulk_are_solved() {
         problem.pairs.iter().map(|&(here, _)| here as usize).chain(0..n).map(|dof| problem.coordinates[dof]).collect();
     let b = load(n + m);
     let mut x = vec![0.0; n + m];
-    for method in [DENSE, FRONTS, FORCES] {
-        let options = SolverOptions::default();
+    for (method, precision) in METHODS {
+        let options = options(precision);
         let mut solver =
             CheckedCondensed::with_choice(&bulk, ties.pattern(), Some(&points), &[], options, method).unwrap();
         solver.update(&ties).unwrap();
@@ -213,4 +221,46 @@ fn entries_outside_the_pattern_are_refused() {
     let inside = Csr::from_triplets(problem.n(), problem.n(), &[(dof, dof, f64::NAN)]).unwrap();
     let place = dof as usize;
     assert_eq!(solver.update(&inside), Err(SolveError::NonFiniteMatrix { row: place, column: place }));
+}
+
+#[test]
+fn a_factor_of_single_precision_gives_the_same_solutions() {
+    // Both bodies stand alone: otherwise there is no matrix of the forces.
+    let problem = ElasticBox::new(&BoxOptions { cells: [4, 5, 5], cut: Some(2), fix_low: true, fix_high: true });
+    let b = load(problem.n());
+    let is_single = |solver: &CheckedCondensed| matches!(solver.strategy(), Strategy::Forces { single: true, .. });
+    // With the last unit of stress no number of the matrix and of its inverse is one of single precision.
+    for (kind, gamma, unit) in [
+        (Contact::Penalty, 1e-3, 1.0),
+        (Contact::Penalty, 1e12, 1.0),
+        (Contact::Nitsche, 50.0, 1.0),
+        (Contact::Nitsche, 1e6, 1e60),
+    ] {
+        let parts = [0, 1, 20].map(|slip| {
+            let mut part = problem.contact(kind, gamma, move |face, c| c == 0 || face >= slip);
+            part.values_mut().iter_mut().for_each(|value| *value *= unit);
+            part
+        });
+        let mut bulk = problem.matrix.clone();
+        bulk.values_mut().iter_mut().for_each(|value| *value *= unit);
+        let (points, options) = (Some(&problem.coordinates[..]), options(Precision::Mixed));
+        let pattern = parts[0].pattern();
+        let mut solver =
+            CheckedCondensed::with_choice(&bulk, pattern, points, &problem.pairs, options, FORCES).unwrap();
+        let follow = |solver: &mut CheckedCondensed| {
+            for changing in &parts {
+                let mut x = vec![0.0; b.len()];
+                solver.update(changing).unwrap();
+                let report = solver.solve(&b, &mut x).unwrap();
+                assert!(report.relative_residual < 1e-12, "{report:?}");
+                // No solver knows more digits than the condition leaves.
+                close(&x, &direct(&bulk.plus(changing).unwrap(), &b), 1e-9f64.max(1e-16 * gamma));
+            }
+        };
+        follow(&mut solver);
+        assert!(is_single(&solver), "{kind:?} {gamma:e}");
+        solver.engine.widen();
+        follow(&mut solver);
+        assert!(!is_single(&solver));
+    }
 }
