@@ -165,6 +165,34 @@ pub(super) fn explain_singular(
     judge.find_null_vector(&[matrix], &mut |x| solver.solve(Form::Plain, x)).unwrap_or(error)
 }
 
+/// The class of a bulk that is not positive definite with these dofs held fixed.
+pub(super) fn explain_bulk(
+    bulk: &Csr,
+    dofs: &[u32],
+    coordinates: Option<&[[f64; 3]]>,
+    options: SolverOptions,
+    error: SolveError,
+) -> SolveError {
+    let mut is_held = vec![false; bulk.n_rows()];
+    dofs.iter().for_each(|&dof| is_held[dof as usize] = true);
+    let mut triplets = Vec::new();
+    for row in 0..bulk.n_rows() {
+        if is_held[row] {
+            triplets.push((row as u32, row as u32, 1.0));
+            continue;
+        }
+        let (columns, values) = bulk.row(row);
+        let kept = columns.iter().zip(values).filter(|(column, _)| !is_held[**column as usize]);
+        triplets.extend(kept.map(|(&column, &value)| (row as u32, column, value)));
+    }
+    let explain = || {
+        let held = Csr::from_triplets(bulk.n_rows(), bulk.n_rows(), &triplets)?;
+        let llt = Llt::analyze(held.pattern(), coordinates, options.threads)?;
+        Checked::new(llt, options).factor(&held)
+    };
+    explain().err().unwrap_or(error)
+}
+
 /// The first entry that a pattern lacks.
 pub(super) fn outside(pattern: &Pattern, wanted: &Pattern) -> SolveError {
     for row in 0..pattern.n_rows() {

@@ -26,11 +26,10 @@ mod tests;
 
 use std::sync::Arc;
 
-use super::checked::{Checked, check_symmetry, explain_singular, outside};
+use super::checked::{check_symmetry, explain_bulk, explain_singular, outside};
 use super::dense::Kind;
 use super::judge::{Judge, inverse_norm_estimate};
 use super::krylov::{Gmres, Limits};
-use super::llt::Llt;
 use super::sweep::Form;
 use super::{LinearSolver, Precision, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
@@ -570,32 +569,4 @@ fn on_dofs(pattern: &Pattern, dofs: &[u32]) -> Result<Pattern, SolveError> {
     row_starts.extend(dofs.iter().map(|&dof| pattern.row_starts()[dof as usize + 1]));
     let columns = pattern.columns().iter().map(|&column| place[column as usize]).collect();
     Ok(Pattern::new(dofs.len(), dofs.len(), row_starts, columns)?)
-}
-
-/// The class of a bulk that is not positive definite with the changing dofs held fixed.
-fn explain_bulk(
-    bulk: &Csr,
-    dofs: &[u32],
-    coordinates: Option<&[[f64; 3]]>,
-    options: SolverOptions,
-    error: SolveError,
-) -> SolveError {
-    let mut is_held = vec![false; bulk.n_rows()];
-    dofs.iter().for_each(|&dof| is_held[dof as usize] = true);
-    let mut triplets = Vec::new();
-    for row in 0..bulk.n_rows() {
-        if is_held[row] {
-            triplets.push((row as u32, row as u32, 1.0));
-            continue;
-        }
-        let (columns, values) = bulk.row(row);
-        let kept = columns.iter().zip(values).filter(|(column, _)| !is_held[**column as usize]);
-        triplets.extend(kept.map(|(&column, &value)| (row as u32, column, value)));
-    }
-    let explain = || {
-        let held = Csr::from_triplets(bulk.n_rows(), bulk.n_rows(), &triplets)?;
-        let llt = Llt::analyze(held.pattern(), coordinates, options.threads)?;
-        Checked::new(llt, options).factor(&held)
-    };
-    explain().err().unwrap_or(error)
 }

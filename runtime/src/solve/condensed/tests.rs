@@ -4,12 +4,14 @@ use super::super::CheckedLu;
 use super::super::problems::{BoxOptions, Contact, ElasticBox};
 use super::*;
 
-const DENSE: fn(usize, usize) -> Strategy = |n_changing, _| Strategy::Dense { n_changing };
-const FRONTS: fn(usize, usize) -> Strategy = |n_changing, _| Strategy::Fronts { n_changing };
-const FORCES: fn(usize, usize) -> Strategy =
-    |n_changing, n_forces| Strategy::Forces { n_changing, n_forces, single: false };
+/// A method from the numbers of changing dofs and of forces.
+type Choice = fn(usize, usize) -> Strategy;
+
+const DENSE: Choice = |n_changing, _| Strategy::Dense { n_changing };
+const FRONTS: Choice = |n_changing, _| Strategy::Fronts { n_changing };
+const FORCES: Choice = |n_changing, n_forces| Strategy::Forces { n_changing, n_forces, single: false };
 /// All methods, that of the forces in both precisions.
-const METHODS: [(fn(usize, usize) -> Strategy, Precision); 4] =
+const METHODS: [(Choice, Precision); 4] =
     [(DENSE, Precision::Auto), (FRONTS, Precision::Auto), (FORCES, Precision::Double), (FORCES, Precision::Mixed)];
 
 fn options(precision: Precision) -> SolverOptions {
@@ -40,7 +42,7 @@ fn close(x: &[f64], wanted: &[f64], tolerance: f64) {
 }
 
 /// Solves with every kind of contact and each of its changes in turn; the iterations made with older factors.
-fn follow(problem: &ElasticBox, kind: Contact, slips: &[usize], method: fn(usize, usize) -> Strategy) -> usize {
+fn follow(problem: &ElasticBox, kind: Contact, slips: &[usize], method: Choice) -> usize {
     let b = load(problem.n());
     // The stiffness grows a little each time: what an older factor is good for.
     let part = |(step, &slip): (usize, &usize)| {
