@@ -17,6 +17,8 @@ use crate::{Outcome, SampleAt, Samples, Scene, field::FieldSpace, space::Support
 pub const NORM_DEGREE: usize = 5;
 /// Most points that were not found, as a part of all.
 const LOST_POINTS: f64 = 0.01;
+/// What the name of a measure begins with where an output of the scene has the same name.
+pub const MEASURE: &str = "measure ";
 /// The name of the output that holds the exact solution of a scene.
 pub const EXACT_OUTPUT: &str = "the exact solution";
 
@@ -166,7 +168,8 @@ impl Sum {
 /// What two runs are compared by: samples and measures.
 pub type Compared<'a> = (&'a [Samples], &'a [(String, f64)]);
 
-/// Relative differences from a reference by quantity; not a number where too many points were not found.
+/// Relative differences from a reference by quantity; not a number where too many points were not found. A measure with
+/// the name of an output is called `measure NAME`.
 #[must_use]
 pub fn differences((found, measures): Compared<'_>, (like, like_measures): Compared<'_>) -> Vec<(String, f64)> {
     let mut sums: Vec<(String, Sum)> = Vec::new();
@@ -183,8 +186,27 @@ pub fn differences((found, measures): Compared<'_>, (like, like_measures): Compa
         sums.into_iter().filter(|s| s.1.norm > 0.0).map(|(name, sum)| (name, sum.relative())).collect();
     for (name, value) in measures {
         if let Some((_, at)) = like_measures.iter().find(|m| m.0 == *name).filter(|m| m.1 != 0.0) {
-            out.push((name.clone(), (value - at).abs() / at.abs()));
+            let taken = out.iter().any(|o| o.0 == *name);
+            let name = if taken { format!("{MEASURE}{name}") } else { name.clone() };
+            out.push((name, (value - at).abs() / at.abs()));
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_measure_with_the_name_of_an_output_is_told_apart() {
+        let samples = |value: f64| {
+            let one = Samples { name: "slip".to_owned(), weights: vec![2.0], values: vec![value], ..Samples::default() };
+            [Samples { components: 1, ..one }]
+        };
+        let measures = |value: f64| [("slip".to_owned(), value), ("other".to_owned(), value)];
+        let found = differences((&samples(3.0), &measures(5.0)), (&samples(2.0), &measures(4.0)));
+        let expected = [("slip", 0.5), ("measure slip", 0.25), ("other", 0.25)];
+        assert_eq!(found, expected.map(|(n, d)| (n.to_owned(), d)));
+    }
 }

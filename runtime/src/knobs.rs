@@ -2,8 +2,9 @@
 //!
 //! A knob that is a parameter of the scene replaces its value, as on the command line of `wfl run`. Others change
 //! statements: `h`, `refine` and `cells` the mesh, `degree` the unknowns on cells (multipliers stay as they are),
-//! `quadrature` the rule of the terms with kinks, `tol`, `max_iter` and `search` the solver, `threads` the number of
-//! threads, `precision` that of a factor, `no_prune` what is left out. Promises that a text that means nothing is refused before anything is run;
+//! `quadrature` the rule of the terms with kinks, `tol`, `max_iter` and `search` the iterations, `solver` how systems are
+//! solved, `threads` the number of threads, `precision` that of a factor, `no_prune` what is left out. Promises that a
+//! text that means nothing is refused before anything is run;
 //! does not judge whether the scene that comes out makes sense.
 
 use crate::{Pruning, solve::Precision};
@@ -20,8 +21,8 @@ use wfl::{
 pub type Setting = [(String, String)];
 
 /// Knobs that are no parameters of a scene.
-pub const KNOWN: [&str; 11] =
-    ["h", "refine", "cells", "degree", "quadrature", "tol", "max_iter", "search", "threads", "precision", "no_prune"];
+pub const KNOWN: [&str; 12] =
+    ["h", "refine", "cells", "degree", "quadrature", "tol", "max_iter", "search", "solver", "threads", "precision", "no_prune"];
 
 /// A knob that a scene cannot have.
 #[derive(Debug, Error, PartialEq, Eq)]
@@ -83,7 +84,7 @@ pub fn apply(
             "tol" | "max_iter" | "search" => solver(script, name, value),
             "threads" => drop(threads(setting)?),
             "precision" => drop(precision(setting)?),
-            "no_prune" => drop(kept(setting)?),
+            "no_prune" | "solver" => drop(kept(setting)?),
             _ => {
                 let params = params.join(", ");
                 return Err(KnobError::Unknown { name: name.clone(), params, known: KNOWN.join(", ") });
@@ -115,18 +116,32 @@ pub fn precision(setting: &Setting) -> Result<Option<Precision>, KnobError> {
     Precision::named(value).map(Some).ok_or_else(wrong)
 }
 
-/// What a setting puts back that is left out otherwise.
+/// What a setting puts back that is left out otherwise: `no_prune` by name, `solver` by the way that is asked for.
 ///
 /// # Errors
 /// [`KnobError::Value`] for a name that nothing has.
-pub fn kept(setting: &Setting) -> Result<Option<Pruning>, KnobError> {
-    let Some((name, value)) = setting.iter().find(|(n, _)| n == "no_prune") else { return Ok(None) };
-    let needs = "nothing, linear, condense or symmetric";
-    match (value.as_str(), Pruning::named(value)) {
-        ("nothing", _) => Ok(None),
-        (_, Some(pruning)) => Ok(Some(pruning)),
-        _ => Err(KnobError::Value { name: name.clone(), value: value.clone(), needs }),
+pub fn kept(setting: &Setting) -> Result<Vec<Pruning>, KnobError> {
+    let mut list = Vec::new();
+    for (name, value) in setting {
+        let wrong = |needs| KnobError::Value { name: name.clone(), value: value.clone(), needs };
+        match (name.as_str(), value.as_str()) {
+            ("no_prune", "nothing") | ("solver", "auto" | "forces") => {}
+            ("no_prune", pruning) => list.push(
+                Pruning::named(pruning)
+                    .ok_or_else(|| wrong("nothing, constant, linear, condense, forces, symmetric or quadrature"))?,
+            ),
+            ("solver", "condensed") => list.push(Pruning::Forces),
+            ("solver", "full") => list.push(Pruning::Condense),
+            ("solver", _) => {
+                return Err(wrong(
+                    "auto, forces (what auto takes where sides face each other), condensed (contact onto the dofs it \
+                     touches) or full (the whole tangent each time)",
+                ));
+            }
+            _ => {}
+        }
     }
+    Ok(list)
 }
 
 /// A number or a quotient of two, as knobs are written: `0.25`, `1/4`.

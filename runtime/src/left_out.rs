@@ -2,7 +2,11 @@
 
 use wfl_compiler::{Class, types::FieldKind};
 
-use crate::{pruning::Pruning, scene::Scene, strategy::condenses};
+use crate::{
+    pruning::Pruning,
+    scene::Scene,
+    strategy::{condenses, faces_itself},
+};
 
 /// Something that a scene does without.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,6 +44,11 @@ impl Scene {
             let (touched, free) = (system.n_changing_dofs(), system.numbering.n_free());
             let why = format!("{touched} of {free} dofs have terms that are not linear: the rest is factored once");
             push("factors of the linear part", why, Some(Pruning::Condense));
+            if system.uses(Pruning::Forces) && faces_itself(system) {
+                let why =
+                    "what pulls here pushes there: facing dofs share one unknown of the condensed matrix".to_owned();
+                push("second side of forces", why, Some(Pruning::Forces));
+            }
         }
         if system.is_symmetric() && system.uses(Pruning::Symmetric) {
             push("LU", "every tangent is symmetric: LLT".to_owned(), Some(Pruning::Symmetric));

@@ -12,6 +12,8 @@ pub enum Pruning {
     Linear,
     /// The linear part is factored once and the dofs of the other terms are condensed.
     Condense,
+    /// Dofs that face each other with opposite forces share one unknown of the condensed matrix.
+    Forces,
     /// Symmetric tangents are factored as L L^T in place of L U.
     Symmetric,
     /// Linear terms are integrated with the degree of their own integrands, not with the highest of the scene.
@@ -20,8 +22,14 @@ pub enum Pruning {
 
 impl Pruning {
     /// All of them.
-    pub const ALL: [Pruning; 5] =
-        [Pruning::Constant, Pruning::Linear, Pruning::Condense, Pruning::Symmetric, Pruning::Quadrature];
+    pub const ALL: [Pruning; 6] = [
+        Pruning::Constant,
+        Pruning::Linear,
+        Pruning::Condense,
+        Pruning::Forces,
+        Pruning::Symmetric,
+        Pruning::Quadrature,
+    ];
 
     /// Its name on the command line.
     #[must_use]
@@ -30,6 +38,7 @@ impl Pruning {
             Pruning::Constant => "constant",
             Pruning::Linear => "linear",
             Pruning::Condense => "condense",
+            Pruning::Forces => "forces",
             Pruning::Symmetric => "symmetric",
             Pruning::Quadrature => "quadrature",
         }

@@ -9,7 +9,7 @@ use wfl_compiler::backend::KernelBackend;
 use crate::{
     pruning::{Pruning, Saving},
     run::{Outcome, Quiet, RunError, RunOptions, run},
-    scene::prepare_keeping,
+    scene::{Scene, prepare_keeping},
 };
 
 /// Why a saving could not be measured.
@@ -28,7 +28,8 @@ pub enum SavingError {
     },
 }
 
-/// Solves a scene as it is and with each of its prunings turned off, in turn and twice: the faster of two counts.
+/// Solves a scene as it is and with each of its prunings turned off, in turn and twice: the faster of two counts. `shape`
+/// is what else is changed in the scene before it is solved.
 ///
 /// # Errors
 /// [`SavingError`].
@@ -37,6 +38,7 @@ pub fn savings(
     folder: &Path,
     backend: &dyn KernelBackend,
     threads: usize,
+    shape: &dyn Fn(Scene) -> Scene,
 ) -> Result<Vec<Saving>, SavingError> {
     let mut script = script.clone();
     script.outputs.clear();
@@ -44,7 +46,7 @@ pub fn savings(
     let solve = |pruning: Option<Pruning>| {
         let started = Instant::now();
         let keep: Vec<Pruning> = pruning.into_iter().collect();
-        let mut scene = prepare_keeping(&script, folder, backend, &keep).scene.ok_or(SavingError::Scene)?;
+        let mut scene = shape(prepare_keeping(&script, folder, backend, &keep).scene.ok_or(SavingError::Scene)?);
         let options = RunOptions::without_files(threads, started);
         let outcome = run(&mut scene, &options, &mut Quiet).map_err(|error| SavingError::Run { pruning, error })?;
         Ok((started.elapsed().as_secs_f64(), outcome, scene.left_out()))

@@ -66,15 +66,7 @@ impl Strategy {
     /// # Errors
     /// [`SolveError`] when the bulk cannot be analysed.
     pub fn new(system: &System, options: SolverOptions) -> Result<Self, SolveError> {
-        let coordinates: Vec<[f64; 3]> = system
-            .numbering
-            .free_dofs
-            .iter()
-            .map(|d| {
-                let (field, node, _) = system.numbering.describe(&system.fields, *d as usize);
-                system.fields[field].node_position(node)
-            })
-            .collect();
+        let coordinates = positions(system);
         let mut this = Self {
             kind: Kind::Linear,
             solver: None,
@@ -96,7 +88,7 @@ impl Strategy {
                 system.bulk(),
                 system.changing().pattern(),
                 Some(&self.coordinates),
-                &facing(system, &self.coordinates),
+                &if system.uses(Pruning::Forces) { facing(system, &self.coordinates) } else { Vec::new() },
                 self.options,
             ) {
                 Ok(condensed) => {
@@ -290,6 +282,20 @@ impl Strategy {
             _ => self.solver.as_mut().ok_or(SolveError::NotFactored)?.solve(rhs, x),
         }
     }
+}
+
+/// Whether there are dofs that face each other.
+pub(crate) fn faces_itself(system: &System) -> bool {
+    !facing(system, &positions(system)).is_empty()
+}
+
+/// Where the free dofs are, in their order.
+fn positions(system: &System) -> Vec<[f64; 3]> {
+    let of = |d: &u32| {
+        let (field, node, _) = system.numbering.describe(&system.fields, *d as usize);
+        system.fields[field].node_position(node)
+    };
+    system.numbering.free_dofs.iter().map(of).collect()
 }
 
 /// Free dofs of unknown fields that are the only two of their component at one point: those that face each other across

@@ -5,11 +5,13 @@
 
 use std::{path::PathBuf, process::ExitCode, time::Instant};
 
-use wfl_compiler::backend::KernelBackend;
+use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_runtime::{
     SampleAt, Samples, Scene,
-    accuracy::{AccuracyRecord, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Notice, Out, Trials, Ways, seek},
-    compare::{NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
+    accuracy::{
+        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Notice, Out, Trials, Ways, lean, seek,
+    },
+    compare::{MEASURE, NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
     knobs::Setting,
     output::{OutputDir, Real, Report, write_report},
 };
@@ -20,7 +22,7 @@ use crate::{
     prepared::EXIT_ERROR,
     run::{self, Ready},
     sweep::{
-        one::{Bench, Known, Status, known, prepared},
+        one::{Bench, Known, Status, known_of, prepared},
         words,
     },
     table::{Table, number},
@@ -30,6 +32,8 @@ use crate::{
 const EXIT_ACCURACY: u8 = 4;
 /// The region of a term may differ from that of the scene's own mesh by this part of the error wanted.
 const SLACK: f64 = 0.1;
+/// Up to so many cells, the interpreter is done before machine code is made.
+const FEW_CELLS: f64 = 300.0;
 
 /// What is asked for, on the command line or in the scene.
 pub(crate) fn demand(args: &RunArgs, scene: &Scene) -> Option<Demand> {
@@ -42,9 +46,16 @@ pub(crate) fn demand(args: &RunArgs, scene: &Scene) -> Option<Demand> {
     Some(Demand { error, quantity, budget: args.budget.unwrap_or(DEFAULT_BUDGET) })
 }
 
-/// Finds the setting and runs it.
-pub(crate) fn run(args: &RunArgs, demand: &Demand, backend: &dyn KernelBackend, started: Instant) -> ExitCode {
-    match found(args, demand, backend, started) {
+/// Finds the setting and runs it; the scene is given as it stands.
+pub(crate) fn run(
+    args: &RunArgs,
+    demand: &Demand,
+    (loaded, scene): (Loaded, Scene),
+    backend: &dyn KernelBackend,
+    started: Instant,
+) -> ExitCode {
+    let known = known_of(loaded, scene, &args.scene.overrides);
+    match found(args, demand, known, backend, started) {
         Ok(code) => code,
         Err(Out::Failed(why)) => {
             say(&format!("error: {}\n", why.trim_start_matches("error: ")));
@@ -57,10 +68,19 @@ pub(crate) fn run(args: &RunArgs, demand: &Demand, backend: &dyn KernelBackend, 
     }
 }
 
-fn found(args: &RunArgs, demand: &Demand, backend: &dyn KernelBackend, started: Instant) -> Result<ExitCode, Out> {
-    let mut known = known(&args.scene.scene, &args.scene.overrides, backend).map_err(Out::Failed)?;
+fn found(
+    args: &RunArgs,
+    demand: &Demand,
+    mut known: Known,
+    backend: &dyn KernelBackend,
+    started: Instant,
+) -> Result<ExitCode, Out> {
     quantity(&known, &demand.quantity).map_err(Out::Failed)?;
-    let ways = Ways::of(&known.loaded.script, &mut known.scene);
+    let mut ways = Ways::of(&known.loaded.script, &known.scene);
+    match ways.rough().and_then(|setting| rough(args, &known, &setting, &demand.quantity)) {
+        Some(mut scene) => ways.see_method(&known.loaded.script, &mut scene),
+        None => ways.see_method(&known.loaded.script, &mut known.scene),
+    }
     let threads = run::threads(args);
     let bench = Bench { backend, threads, only: Some(demand.quantity.clone()) };
     let mut lab = Lab { args, demand, known: &known, ways: &ways, bench, started, written: None };
@@ -70,14 +90,25 @@ fn found(args: &RunArgs, demand: &Demand, backend: &dyn KernelBackend, started: 
     Ok(lab.ended(solved, &loaded, &ready, record, notice))
 }
 
+/// A setting of the scene, to be looked at.
+fn rough(args: &RunArgs, known: &Known, setting: &Setting, quantity: &str) -> Option<Scene> {
+    let mut loaded = read_scene(&args.scene.scene, &known.words(setting), "run", "").ok()?;
+    known.apply(&mut loaded.script, setting).ok()?;
+    lean(&mut loaded.script, &known.scene, quantity);
+    loaded.script.outputs.clear();
+    prepared(loaded, &InterpreterBackend, &[]).ok().map(|p| p.0)
+}
+
 /// Whether a scene has the quantity.
 fn quantity(known: &Known, name: &str) -> Result<(), String> {
     let script = &known.loaded.script;
     let items = script.outputs.iter().filter(|o| o.format.name == "vtk").flat_map(|o| &o.items).map(|i| &i.name);
     let mut list: Vec<&str> = vec!["L2", "H1"];
     list.extend(items.map(String::as_str));
-    list.extend(script.measures.iter().map(|m| m.name.name.as_str()));
-    if list.contains(&name) {
+    let measures = || script.measures.iter().map(|m| m.name.name.as_str());
+    let apart = name.strip_prefix(MEASURE).is_some_and(|n| list.contains(&n) && measures().any(|m| m == n));
+    list.extend(measures());
+    if apart || list.contains(&name) {
         return Ok(());
     }
     Err(format!(
@@ -90,8 +121,7 @@ fn quantity(known: &Known, name: &str) -> Result<(), String> {
 /// One run with what is needed to compare it.
 struct Trial {
     solved: Solved,
-    dofs: u64,
-    seconds: f64,
+    cost: Cost,
     samples: Option<Vec<Samples>>,
     /// Of a run with its files: what is needed to end it.
     full: Option<(Loaded, Ready)>,
@@ -110,10 +140,14 @@ struct Lab<'a> {
 
 impl Lab<'_> {
     /// A run on the way: nothing is written.
-    fn pilot(&self, setting: &Setting) -> Result<Trial, String> {
-        let run = self.bench.run(&self.args.scene.scene, self.known, setting, "");
+    fn pilot(&self, setting: &Setting, fineness: usize) -> Result<Trial, String> {
+        let ratio = fineness as f64 / self.ways.own as f64;
+        let cells = self.known.scene.system.mesh.n_cells() as f64 * ratio.powf(self.ways.dim as f64);
+        let backend = if cells <= FEW_CELLS { &InterpreterBackend } else { self.bench.backend };
+        let bench = Bench { backend, only: self.bench.only.clone(), ..self.bench };
+        let run = bench.run(&self.args.scene.scene, self.known, setting, "");
         match (run.status, run.solved) {
-            (Status::Ok, Some(solved)) => Ok(trial(solved, run.seconds)),
+            (Status::Ok, Some(solved)) => Ok(trial(solved, run.seconds, self.known.scene.steps.values.len())),
             (Status::NotConverged(why) | Status::Failed(why), _) => Err(why),
             (Status::Ok, None) => Err("the run left nothing".to_owned()),
         }
@@ -136,7 +170,8 @@ impl Lab<'_> {
         self.written = ready.options.out.clone().map(|folder| (folder, outcome.report.clone()));
         let script = loaded.script.clone();
         let outputs = script.outputs.clone();
-        let mut trial = trial(Solved { script, outputs, scene, outcome }, begin.elapsed().as_secs_f64());
+        let steps = scene.steps.values.len();
+        let mut trial = trial(Solved { script, outputs, scene, outcome }, begin.elapsed().as_secs_f64(), steps);
         trial.full = Some((loaded, ready));
         Ok(trial)
     }
@@ -170,17 +205,13 @@ impl Lab<'_> {
         Err("a region with terms is not the same part of the body as on the mesh of the scene".to_owned())
     }
 
-    /// The samples of a run at its own points, of one quantity or of all.
-    fn differences(&self, run: &Trial, from: &Trial, only: Option<&str>) -> Result<Vec<(String, f64)>, String> {
-        let backend = self.bench.backend;
-        let wanted = |name: &str| only.is_none_or(|q| q == name);
-        let own = match (only, &from.samples) {
-            (Some(_), Some(samples)) => samples.clone(),
-            (Some(_), None) => sampled_if(&from.solved, backend, SampleAt::Own(NORM_DEGREE), &wanted)?,
-            (None, _) => sampled(&from.solved, backend, SampleAt::Own(NORM_DEGREE))?,
-        };
-        let there = sampled_if(&run.solved, backend, SampleAt::Points(&own), &wanted)?;
-        Ok(differences((&there, &measures(&run.solved)), (&own, &measures(&from.solved))))
+    /// What a run is sampled with: expressions are short, and are evaluated before machine code would be made of them.
+    const SAMPLER: &'static dyn KernelBackend = &InterpreterBackend;
+
+    /// The quantity asked about at a run's own points.
+    fn samples(&self, solved: &Solved) -> Result<Vec<Samples>, String> {
+        let wanted = |name: &str| name == self.demand.quantity;
+        sampled_if(solved, Self::SAMPLER, SampleAt::Own(NORM_DEGREE), &wanted)
     }
 
     /// Writes what was found into the report, and tells it.
@@ -225,8 +256,11 @@ impl Lab<'_> {
     }
 }
 
-fn trial(solved: Solved, seconds: f64) -> Trial {
-    Trial { dofs: solved.outcome.report.dofs, seconds, samples: None, full: None, solved }
+fn trial(solved: Solved, seconds: f64, steps: usize) -> Trial {
+    let report = &solved.outcome.report;
+    let more = steps.saturating_sub(solved.outcome.steps.len()) as f64;
+    let whole = seconds + more * (report.timings.assemble + report.timings.solve);
+    Trial { cost: Cost { dofs: report.dofs, seconds, whole }, samples: None, full: None, solved }
 }
 
 impl Trials for Lab<'_> {
@@ -236,28 +270,29 @@ impl Trials for Lab<'_> {
         let made = if last {
             self.whole(setting, fineness)
         } else {
-            self.pilot(setting).and_then(|t| self.fits(&t.solved.scene, fineness).map(|()| t))
+            self.pilot(setting, fineness).and_then(|t| self.fits(&t.solved.scene, fineness).map(|()| t))
         };
         if !self.args.quiet {
             let what = match &made {
-                Ok(t) => format!("{} unknowns, {:.2} s", t.dofs, t.seconds),
+                Ok(t) => format!("{} unknowns, {:.2} s", t.cost.dofs, t.cost.seconds),
                 Err(why) => why.lines().next().unwrap_or_default().trim_start_matches("error").to_owned(),
             };
             say(&format!("accuracy: {}: {what}\n", words(setting)));
         }
         let mut made = made?;
-        let q = self.demand.quantity.as_str();
-        made.samples = Some(sampled_if(&made.solved, self.bench.backend, SampleAt::Own(NORM_DEGREE), &|n| n == q)?);
+        made.samples = Some(self.samples(&made.solved)?);
         Ok(made)
     }
 
-    fn cost(&self, run: &Trial) -> (u64, f64) {
-        (run.dofs, run.seconds)
+    fn cost(&self, run: &Trial) -> Cost {
+        run.cost
     }
 
     fn distance(&mut self, run: &Trial, from: &Trial) -> Result<f64, String> {
         let quantity = self.demand.quantity.as_str();
-        let list = self.differences(run, from, Some(quantity))?;
+        let own = from.samples.as_deref().unwrap_or_default();
+        let there = sampled_if(&run.solved, Self::SAMPLER, SampleAt::Points(own), &|name| name == quantity)?;
+        let list = differences((&there, &measures(&run.solved)), (own, &measures(&from.solved)));
         match list.iter().find(|d| d.0 == quantity) {
             Some((_, d)) if d.is_finite() => Ok(*d),
             Some(_) => Err(format!("the solutions on two meshes cannot be compared in `{quantity}`")),
@@ -269,7 +304,12 @@ impl Trials for Lab<'_> {
     }
 
     fn distances(&mut self, run: &Trial, from: &Trial) -> Vec<(String, f64)> {
-        self.differences(run, from, None).unwrap_or_default()
+        // at the points of the coarser run, which are fewer: these errors are told as `about`
+        let list = sampled(&run.solved, Self::SAMPLER, SampleAt::Own(NORM_DEGREE)).and_then(|own| {
+            let there = sampled(&from.solved, Self::SAMPLER, SampleAt::Points(&own))?;
+            Ok(differences((&there, &measures(&from.solved)), (&own, &measures(&run.solved))))
+        });
+        list.unwrap_or_default()
     }
 }
 
@@ -310,7 +350,8 @@ fn told(record: &AccuracyRecord) -> String {
 pub(crate) fn table(loaded: &Loaded, scene: &mut Scene) -> Table {
     let mut table = Table::new("accuracy", &["wanted", "of", "degrees", "mesh", "gamma"]);
     let Some((error, of)) = scene.accuracy.clone() else { return table };
-    let ways = Ways::of(&loaded.script, scene);
+    let mut ways = Ways::of(&loaded.script, scene);
+    ways.see_method(&loaded.script, scene);
     let degrees: Vec<String> = ways.degrees.iter().map(ToString::to_string).collect();
     let mesh = if ways.refines() { "is picked" } else { "of a file: its error will not be known" };
     let gamma = match ways.role {

@@ -215,7 +215,7 @@ pub(crate) struct RunArgs {
     /// Most Newton iterations in a step, in place of what the scene says
     #[arg(long, value_name = "N")]
     pub(crate) max_iter: Option<NonZeroUsize>,
-    /// Do what the scene does not need, to measure what leaving it out saves: linear, condense, symmetric; see wfl check
+    /// Do what the scene does not need, to measure what leaving it out saves; wfl check lists the names
     #[arg(long, value_name = "NAME", value_parser = pruning)]
     pub(crate) no_prune: Vec<Pruning>,
     /// First measure what each part that the scene does without saves: solves it twice more for each, for the report

@@ -3,7 +3,7 @@
 use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, time::Instant};
 
 use wfl::Diagnostic;
-use wfl_compiler::{KinkKind, backend::KernelBackend, locate};
+use wfl_compiler::{InterpreterBackend, KinkKind, backend::KernelBackend, locate};
 use wfl_runtime::{
     Outcome, RunError, RunOptions, Saving, Scene, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
@@ -34,7 +34,9 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     };
     let parse_seconds = started.elapsed().as_secs_f64();
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(scene) = prepare_scene(&mut loaded, &*backend, &args.no_prune) else {
+    // for an accuracy the scene as it stands is looked at and not run
+    let looked_at: &dyn KernelBackend = if args.accuracy.is_some() { &InterpreterBackend } else { &*backend };
+    let Some(scene) = prepare_scene(&mut loaded, looked_at, &args.no_prune) else {
         return ExitCode::from(EXIT_ERROR);
     };
     if let Some(demand) = accuracy::demand(args, &scene) {
@@ -45,7 +47,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
             );
             return ExitCode::from(EXIT_ERROR);
         }
-        return accuracy::run(args, &demand, &*backend, started);
+        return accuracy::run(args, &demand, (loaded, scene), &*backend, started);
     }
     if args.of.is_some() || args.budget.is_some() {
         say("error: --of and --budget say more about an accuracy\n  = help: --accuracy 1e-3\n");
@@ -79,7 +81,8 @@ pub(crate) fn threads(args: &RunArgs) -> usize {
 fn measured(args: &RunArgs, loaded: &Loaded, backend: &dyn KernelBackend, mut ready: Ready) -> Result<Ready, String> {
     if args.savings {
         let begin = Instant::now();
-        ready.options.savings = savings(&loaded.script, &loaded.folder, backend, ready.options.threads)
+        let shape = |scene| shaped(args, scene);
+        ready.options.savings = savings(&loaded.script, &loaded.folder, backend, ready.options.threads, &shape)
             .map_err(|e| format!("{e}\n  = help: without --savings the run tells more"))?;
         if ready.loudness != Loudness::Quiet {
             out(&savings_text(&ready.options.savings));

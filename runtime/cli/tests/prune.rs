@@ -46,6 +46,7 @@ fn moves_by_rounding(scene: &str, switch: &str, words: &[&str], within: f64) {
 fn what_is_left_out_changes_the_result_by_rounding_only() {
     // the fault's Newton iterations stop at 1e-10 of the forces; its measures agree to a thousand times that
     moves_by_rounding("fault/penalty.wfl", "condense", &[], 1e-7);
+    moves_by_rounding("fault/penalty.wfl", "forces", &[], 1e-7);
     moves_by_rounding("fault/penalty.wfl", "linear", &[], 1e-7);
     moves_by_rounding("fault/penalty.wfl", "constant", &[], 1e-7);
     moves_by_rounding("fault/penalty.wfl", "quadrature", &[], 1e-7);
@@ -71,7 +72,9 @@ fn check_lists_what_is_left_out_with_its_switch() {
     assert!(frictionless.contains("`fric` is 0: nothing that it multiplies is compiled"), "{frictionless}");
     let wrong = wfl(&["run", "poisson/poisson.wfl", "--no-prune", "everything"]);
     assert_eq!(wrong.status.code(), Some(1));
-    assert!(String::from_utf8_lossy(&wrong.stderr).contains("constant, linear, condense, symmetric, quadrature"));
+    assert!(
+        String::from_utf8_lossy(&wrong.stderr).contains("constant, linear, condense, forces, symmetric, quadrature")
+    );
 }
 
 /// Instructions of the contact term by its fields in `wfl check`.

@@ -177,3 +177,33 @@ fn a_sweep_that_means_nothing_is_refused_with_a_reason() {
         assert!(text(&run.stderr).contains(needed), "{words:?}: {}", text(&run.stderr));
     }
 }
+
+#[test]
+fn solvers_that_are_asked_for_solve_the_same_problem() {
+    let out = folder("solvers");
+    let knobs = ["refine=0.25", "tol=1e-10", "solver=auto,condensed,full"];
+    let run = wfl(&[&["fault/penalty.wfl", "--reference", "none"], &knobs[..]].concat(), &out);
+    assert!(run.status.success(), "{}", text(&run.stderr));
+    let rows = rows(&out);
+    let solvers: Vec<&str> = rows.iter().map(|r| cell(r, "solver")).collect();
+    assert!(solvers[0] != solvers[1] && solvers[1] != solvers[2] && solvers[2].contains("whole tangent"), "{solvers:?}");
+    for row in &rows[1..] {
+        for column in ["measure Fn", "measure Ftz", "measure max_slip"] {
+            let (a, b) = (number(row, column), number(&rows[0], column));
+            assert!((a - b).abs() <= 1e-7 * b.abs(), "{column}: {a} and {b}");
+        }
+    }
+    let wrong = wfl(&["fault/penalty.wfl", "solver=best", "--reference", "none"], &out);
+    assert!(!wrong.status.success() && text(&wrong.stderr).contains("auto, forces"), "{}", text(&wrong.stderr));
+}
+
+#[test]
+fn the_time_left_is_told_before_the_larger_runs() {
+    let out = folder("left");
+    let run = wfl(&["signorini/signorini.wfl", "n=16,4,8", "--reference", "none"], &out);
+    let said = text(&run.stderr);
+    let first = said.lines().find(|l| l.starts_with("[1/3]")).unwrap_or_default();
+    assert!(first.contains("n=4") && first.contains("s left"), "{said}");
+    let order: Vec<String> = rows(&out).iter().map(|r| cell(r, "knob n").to_owned()).collect();
+    assert_eq!(order, ["16", "4", "8"]);
+}

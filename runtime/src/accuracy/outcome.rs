@@ -16,8 +16,8 @@ pub trait Trials {
     /// Why it has no solution, or none that can be compared with the scene's own mesh.
     fn run(&mut self, setting: &Setting, fineness: usize, last: bool) -> Result<Self::Run, String>;
 
-    /// Unknowns and wall time in seconds.
-    fn cost(&self, run: &Self::Run) -> (u64, f64);
+    /// What a run took.
+    fn cost(&self, run: &Self::Run) -> Cost;
 
     /// The relative distance of a run from a finer one, in the quantity asked about.
     ///
@@ -27,6 +27,17 @@ pub trait Trials {
 
     /// The same in every other quantity, by name.
     fn distances(&mut self, run: &Self::Run, from: &Self::Run) -> Vec<(String, f64)>;
+}
+
+/// What a run took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cost {
+    /// Unknowns of the system.
+    pub dofs: u64,
+    /// Its wall time in seconds.
+    pub seconds: f64,
+    /// About the time of the same setting with everything that the scene asks for, in seconds.
+    pub whole: f64,
 }
 
 /// What a climb found.

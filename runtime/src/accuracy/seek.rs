@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
-    AccuracyRecord, Demand, Found, Notice, Other, Out, Role, Rung, Trials, Ways,
+    Cost, Demand, Found, Notice, Out, Role, Rung, Trials, Ways,
     estimate::{Norm, Step, believed, fineness_for, order_of_errors},
-    ways::words,
+    ways::{words, work},
 };
 use crate::{knobs::Setting, output::Real};
 
@@ -14,30 +14,30 @@ const SAFETY: f64 = 1.25;
 /// The same where two levels alone tell the error, with an order that is not their own.
 const SAFETY_OF_TWO: f64 = 1.5;
 /// What a run is planned for, in parts of what is allowed.
-const AIM: f64 = 0.85;
+const AIM: f64 = 0.9;
 /// Parts of the demand that tolerance and method may have.
 const PART_OF_TOLERANCE: f64 = 0.05;
 const PART_OF_METHOD: f64 = 0.2;
 /// The tolerance that is tried first, in parts of the demand, and the range it may have.
 const FIRST_TOLERANCE: f64 = 1e-2;
-const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-10..=1e-3;
+pub(super) const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-10..=1e-3;
 /// Levels that are closer than this say nothing about each other.
 const APART: f64 = 1.4;
-/// How much finer than the finest level a run may be, with the order known from three levels and from two.
-const REACH: f64 = 4.0;
-const REACH_OF_TWO: f64 = 2.5;
+/// How much finer than the finest level the last run may be, with the order known from three levels and from two.
+const REACH: f64 = 2.5;
+const REACH_OF_TWO: f64 = 1.5;
+/// Where it would be finer, a level on the way is this part of it, and no finer than that.
+const HALFWAY: f64 = 0.5;
 /// Most rounds after the first levels.
 const MOST_ROUNDS: usize = 16;
-/// Work of a sparse factorisation is unknowns to this power, by dimension.
-const POWER: [f64; 4] = [1.0, 1.0, 1.25, 1.7];
 /// A penalty is raised by at most this factor.
 const MOST_STIFFER: f64 = 1e6;
 
 /// One run of a ladder.
-struct Level<R> {
-    fineness: usize,
-    setting: Vec<(String, String)>,
-    run: R,
+pub(super) struct Level<R> {
+    pub(super) fineness: usize,
+    pub(super) setting: Vec<(String, String)>,
+    pub(super) run: R,
 }
 
 /// What is run of a scene.
@@ -45,27 +45,25 @@ struct Level<R> {
 enum How {
     /// What the solution needs.
     Lean,
-    /// Everything, where that can be had on the mesh.
-    Either,
-    /// Everything.
+    /// Everything the scene asks for.
     Whole,
 }
 
 /// The levels of one degree, from coarse to fine.
-struct Ladder<R> {
-    degree: usize,
-    levels: Vec<Level<R>>,
+pub(super) struct Ladder<R> {
+    pub(super) degree: usize,
+    pub(super) levels: Vec<Level<R>>,
 }
 
 /// What a ladder says.
 #[derive(Clone, Debug)]
-struct View {
-    order: f64,
-    safety: f64,
+pub(super) struct View {
+    pub(super) order: f64,
+    pub(super) safety: f64,
     /// How much finer the next run may be.
     reach: f64,
     /// Estimated errors of its levels.
-    errors: Vec<f64>,
+    pub(super) errors: Vec<f64>,
 }
 
 /// The next run.
@@ -105,16 +103,16 @@ pub fn seek<T: Trials>(trials: &mut T, ways: &Ways, demand: &Demand) -> Result<F
     search.climb_on()
 }
 
-struct Search<'a, T: Trials> {
-    trials: &'a mut T,
-    ways: &'a Ways,
-    demand: &'a Demand,
-    tolerance: f64,
-    stiffer: f64,
-    tolerance_error: f64,
-    method_error: f64,
-    ladders: Vec<Ladder<T::Run>>,
-    rungs: Vec<Rung>,
+pub(super) struct Search<'a, T: Trials> {
+    pub(super) trials: &'a mut T,
+    pub(super) ways: &'a Ways,
+    pub(super) demand: &'a Demand,
+    pub(super) tolerance: f64,
+    pub(super) stiffer: f64,
+    pub(super) tolerance_error: f64,
+    pub(super) method_error: f64,
+    pub(super) ladders: Vec<Ladder<T::Run>>,
+    pub(super) rungs: Vec<Rung>,
     /// Finenesses without a solution that can be compared, and those whose whole scene has none.
     bad: BTreeSet<usize>,
     bad_last: BTreeSet<usize>,
@@ -126,26 +124,25 @@ struct Search<'a, T: Trials> {
 
 impl<T: Trials> Search<'_, T> {
     /// What tolerance and method add.
-    fn other(&self) -> f64 {
+    pub(super) fn other(&self) -> f64 {
         self.tolerance_error + self.method_error
     }
 
     fn one(&mut self, setting: &Setting, fineness: usize, last: bool) -> Result<T::Run, String> {
         let run = self.trials.run(setting, fineness, last)?;
-        let (dofs, seconds) = self.trials.cost(&run);
+        let Cost { dofs, seconds, .. } = self.trials.cost(&run);
         self.rungs.push(Rung { setting: setting.to_vec(), dofs, seconds, error: Real(f64::NAN) });
         Ok(run)
     }
 
-    /// Two levels of the lowest degree, the finer one with everything the scene asks for as it may do; tolerance and
-    /// penalty are set on the first.
+    /// Two levels of the lowest degree; tolerance and penalty are set on the first.
     fn first_levels(&mut self) -> Result<(), Out> {
         let first = self.climb(0, self.ways.least, How::Lean)?;
         if self.set_parameters()? {
             self.climb(0, first, How::Lean)?;
             self.set_parameters()?;
         }
-        self.climb(0, 2 * first, How::Either)?;
+        self.climb(0, 2 * first, How::Lean)?;
         Ok(())
     }
 
@@ -153,7 +150,7 @@ impl<T: Trials> Search<'_, T> {
     /// otherwise: it may show that this degree is the better one. True if there was one.
     fn explored(&mut self, dearer_than: f64) -> Result<bool, Out> {
         let known = &self.ladders[0];
-        let Some((first, dofs)) = known.levels.first().map(|l| (l.fineness, self.trials.cost(&l.run).0)) else {
+        let Some((first, dofs)) = known.levels.first().map(|l| (l.fineness, self.trials.cost(&l.run).dofs)) else {
             return Ok(false);
         };
         let base = dofs as f64 / (known.degree as f64).powf(self.ways.dim as f64);
@@ -165,7 +162,7 @@ impl<T: Trials> Search<'_, T> {
             };
             let sides = (finer * self.ladders[ladder].degree) as f64;
             if self.work(ladder, base * sides.powf(self.ways.dim as f64)) < dearer_than {
-                self.climb(ladder, finer * first, if finer == 1 { How::Lean } else { How::Either })?;
+                self.climb(ladder, finer * first, How::Lean)?;
                 return Ok(true);
             }
         }
@@ -180,14 +177,8 @@ impl<T: Trials> Search<'_, T> {
                 continue;
             }
             let setting = self.ways.setting(self.ladders[ladder].degree, fineness, self.tolerance, self.stiffer);
-            let mut last = how != How::Lean && !self.bad_last.contains(&fineness);
-            let mut made = self.one(&setting, fineness, last);
-            if how == How::Either && last && made.is_err() {
-                self.bad_last.insert(fineness);
-                last = false;
-                made = self.one(&setting, fineness, last);
-            }
-            match made {
+            let last = how == How::Whole;
+            match self.one(&setting, fineness, last) {
                 Ok(run) => {
                     self.keep(ladder, Level { fineness, setting, run }, last);
                     return Ok(fineness);
@@ -266,23 +257,34 @@ impl<T: Trials> Search<'_, T> {
             if let Some(level) = choice.level.filter(|_| self.written == Some((choice.ladder, choice.fineness))) {
                 return self.found(choice.ladder, level, &views);
             }
-            let view = &views[choice.ladder];
-            let finest = self.ladders[choice.ladder].levels.last().map_or(1, |l| l.fineness);
-            let far = choice.fineness as f64 > view.reach * finest as f64;
-            let next = if far { 2 * finest } else { choice.fineness };
+            let next = self.halfway(&choice, &views[choice.ladder]);
             // an order that is not the ladder's own refuses nothing: another level tells more
-            let guess = far && view.safety == SAFETY_OF_TWO;
-            let seen = if guess { next } else { choice.fineness };
+            let guess = next.is_some() && views[choice.ladder].safety == SAFETY_OF_TWO;
+            let seen = next.filter(|_| guess).unwrap_or(choice.fineness);
             let seconds = choice.seconds * (seen as f64 / choice.fineness as f64).powf(self.growth());
             if seconds > self.demand.budget {
                 return Err(self.out_of_reach(&choice, &views));
             }
-            self.climb(choice.ladder, next, if far { How::Either } else { How::Whole })?;
+            match next {
+                Some(next) => self.climb(choice.ladder, next, How::Lean)?,
+                None => self.climb(choice.ladder, choice.fineness, How::Whole)?,
+            };
         }
         let views = self.views()?;
         let (best, error) = self.best(&views);
         let (asked, quantity) = (self.demand.error, self.demand.quantity.clone());
         Err(Out::Lost { asked, quantity, runs: self.rungs.len(), best, error })
+    }
+
+    /// A level on the way to a choice that is too far beyond the finest level to be told from it.
+    fn halfway(&self, choice: &Choice, view: &View) -> Option<usize> {
+        let finest = self.ladders[choice.ladder].levels.last().map_or(1, |l| l.fineness) as f64;
+        if choice.fineness as f64 <= view.reach * finest {
+            return None;
+        }
+        let part = (HALFWAY * choice.fineness as f64).min(REACH * finest).max(REACH_OF_TWO * finest);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 1 and 1e9")]
+        Some((part.ceil() as usize).max(finest as usize + 1))
     }
 
     /// The distance of a level from a finer one, possibly of another degree.
@@ -302,9 +304,16 @@ impl<T: Trials> Search<'_, T> {
     }
 
     /// The largest level that is far enough below another one.
-    fn below(&self, ladder: usize, level: usize) -> Option<usize> {
+    pub(super) fn below(&self, ladder: usize, level: usize) -> Option<usize> {
         let levels = &self.ladders[ladder].levels;
         (0..level).rev().find(|k| levels[*k].fineness as f64 * APART <= levels[level].fineness as f64)
+    }
+
+    /// The smallest level that another one is far enough below.
+    fn above(&self, ladder: usize, level: usize) -> usize {
+        let levels = &self.ladders[ladder].levels;
+        let far = |k: &usize| levels[*k].fineness as f64 >= APART * levels[level].fineness as f64;
+        (level + 1..levels.len()).find(far).unwrap_or(levels.len() - 1)
     }
 
     fn step(&mut self, ladder: usize, from: usize, to: usize) -> Result<Step, Out> {
@@ -328,10 +337,12 @@ impl<T: Trials> Search<'_, T> {
             None => (self.order_of_others()?.map_or(1.0, |p| believed(p, most)), SAFETY_OF_TWO, REACH_OF_TWO),
         };
         let behind = self.norm().error_behind(last, order);
-        let mut errors = Vec::new();
-        for k in 0..n {
-            let apart = if k == finest { 0.0 } else { self.distance((ladder, k), (ladder, finest))? };
-            errors.push(self.norm().total(apart, behind));
+        // from level to level: each is compared with the next finer one that tells something, once
+        let mut errors = vec![behind; n];
+        for k in (0..finest).rev() {
+            let better = if k < middle { self.above(ladder, k) } else { finest };
+            let apart = self.distance((ladder, k), (ladder, better))?;
+            errors[k] = self.norm().total(apart, errors[better]);
         }
         Ok(View { order, safety, reach, errors })
     }
@@ -363,17 +374,14 @@ impl<T: Trials> Search<'_, T> {
         Ok(Some(order_of_errors((at(coarse), errors[0]), (at(n - 1), errors[1]))))
     }
 
-    /// Work of a run, in any unit: unknowns to the power of a sparse factorisation, times what a row has of entries. Not
-    /// the clock: the same scene gives the same choice.
     fn work(&self, ladder: usize, dofs: f64) -> f64 {
-        let power = POWER[self.ways.dim.min(3)];
-        let entries = (self.ladders[ladder].degree as f64 + 1.0).powf(self.ways.dim as f64);
-        dofs.powf(power) * entries
+        work(self.ways.dim, self.ladders[ladder].degree, dofs)
     }
 
     /// The power of the fineness that work grows with.
     fn growth(&self) -> f64 {
-        self.ways.dim as f64 * POWER[self.ways.dim.min(3)]
+        let dim = self.ways.dim as f64;
+        work(self.ways.dim, 1, 2f64.powf(dim)).log2() - work(self.ways.dim, 1, 1.0).log2()
     }
 
     /// The cheapest of the levels that meet the demand and the finer ones that should.
@@ -382,12 +390,12 @@ impl<T: Trials> Search<'_, T> {
         let mut list: Vec<Choice> = Vec::new();
         for (k, (ladder, view)) in self.ladders.iter().zip(views).enumerate() {
             let Some(finest) = ladder.levels.last().filter(|_| view.order.is_finite()) else { continue };
-            let (dofs, seconds) = self.trials.cost(&finest.run);
+            let Cost { dofs, whole, .. } = self.trials.cost(&finest.run);
             let work_of_finest = self.work(k, dofs as f64);
             let choice = |fineness: usize, level: Option<usize>| {
                 let ratio = fineness as f64 / finest.fineness as f64;
                 let work = self.work(k, dofs as f64 * ratio.powf(self.ways.dim as f64));
-                Choice { ladder: k, fineness, level, work, seconds: seconds * work / work_of_finest }
+                Choice { ladder: k, fineness, level, work, seconds: whole * work / work_of_finest }
             };
             let good = |l: &usize| {
                 !self.bad_last.contains(&ladder.levels[*l].fineness) && view.safety * view.errors[*l] <= allowed
@@ -434,110 +442,6 @@ impl<T: Trials> Search<'_, T> {
             error,
             within: within.max(self.demand.error).min(error),
         }
-    }
-
-    /// The error of the mesh of a level of a view, safety included.
-    fn found(mut self, ladder: usize, level: usize, views: &[View]) -> Result<Found<T::Run>, Out> {
-        let view = &views[ladder];
-        for (l, v) in self.ladders.iter().zip(views) {
-            for (one, error) in l.levels.iter().zip(&v.errors) {
-                for rung in self.rungs.iter_mut().filter(|r| r.setting == one.setting) {
-                    rung.error = Real(v.safety * error);
-                }
-            }
-        }
-        let mesh = view.safety * view.errors[level];
-        let others = self.others(ladder, level, view);
-        let why = self.why(ladder, level, views);
-        let one = self.ladders[ladder].levels.swap_remove(level);
-        let mut record = self.record(one.setting, why);
-        record.mesh = Real(mesh);
-        record.order = Real(view.order);
-        record.estimate = Real(mesh + self.other());
-        record.reached = mesh + self.other() <= self.demand.error;
-        record.others = others;
-        Ok(Found { run: one.run, record, notice: None })
-    }
-
-    fn record(&mut self, picked: Vec<(String, String)>, why: Vec<String>) -> AccuracyRecord {
-        AccuracyRecord {
-            asked: self.demand.error,
-            quantity: self.demand.quantity.clone(),
-            picked,
-            why,
-            mesh: Real(f64::NAN),
-            order: Real(f64::NAN),
-            tolerance: Real(self.tolerance_error),
-            method: Real(self.method_error),
-            estimate: Real(f64::NAN),
-            reached: false,
-            rungs: std::mem::take(&mut self.rungs),
-            others: Vec::new(),
-        }
-    }
-
-    /// Errors of the other quantities with the same order.
-    fn others(&mut self, ladder: usize, level: usize, view: &View) -> Vec<Other> {
-        let levels = &self.ladders[ladder].levels;
-        let Some(below) = self.below(ladder, level) else { return Vec::new() };
-        let (coarse, fine) = (&levels[below], &levels[level]);
-        let (from, to) = (coarse.fineness as f64, fine.fineness as f64);
-        let list = self.trials.distances(&coarse.run, &fine.run);
-        let step = |distance| Step { from, to, distance };
-        let error = |distance: f64| view.safety * Norm::Lengths.error_behind(step(distance), view.order.min(1.0));
-        list.into_iter()
-            .filter(|(quantity, _)| *quantity != self.demand.quantity)
-            .map(|(quantity, d)| Other { quantity, error: Real(error(d)) })
-            .collect()
-    }
-
-    fn why(&self, ladder: usize, level: usize, views: &[View]) -> Vec<String> {
-        let mut why = Vec::new();
-        let (own, view) = (&self.ladders[ladder], &views[ladder]);
-        let n = own.levels.len();
-        why.push(format!(
-            "mesh: {n} meshes of degree {} show errors that fall with order {:.2}; the one picked is estimated at {:.1e}",
-            own.degree,
-            view.order,
-            view.safety * view.errors[level]
-        ));
-        for (other, v) in self.ladders.iter().zip(views).filter(|(l, _)| l.degree != own.degree) {
-            let Some((l, e)) = other.levels.last().zip(v.errors.last()).filter(|(_, e)| e.is_finite()) else {
-                let degree = other.degree;
-                why.push(format!("degree {degree}: to find out more about it would cost more than what was picked"));
-                continue;
-            };
-            let (dofs, _) = self.trials.cost(&l.run);
-            why.push(format!(
-                "degree {}: its finest mesh here has {dofs} unknowns and an error of {:.1e}; more of them would cost more \
-                 than degree {}",
-                other.degree,
-                v.safety * e,
-                own.degree
-            ));
-        }
-        why.extend(self.why_of_parameters());
-        why
-    }
-
-    fn why_of_parameters(&self) -> Vec<String> {
-        let tol = format!(
-            "tol: {:.0e} adds {:.0e}, measured on a coarse mesh against {:.0e}",
-            self.tolerance,
-            self.tolerance_error,
-            TOLERANCES.start()
-        );
-        let gamma = match self.ways.role {
-            Role::None => None,
-            Role::Consistent => {
-                Some("gamma: the method is consistent; its parameter keeps its proportion to the cells".to_owned())
-            }
-            Role::Penalty => Some(format!(
-                "gamma: a penalty; {} times that of the scene adds {:.0e}, measured on a coarse mesh against ten times more",
-                self.stiffer, self.method_error
-            )),
-        };
-        std::iter::once(tol).chain(gamma).collect()
     }
 
     /// Tolerance and penalty alone.

@@ -1,7 +1,7 @@
 //! The climb against errors and costs that are known: formulas take the place of runs.
 
 use super::{
-    Demand, Notice, Out, Role, Trials,
+    Cost, Demand, Notice, Out, Role, Trials,
     estimate::{Norm, Step},
     seek,
     ways::test_ways,
@@ -58,8 +58,9 @@ impl Trials for Law {
         Ok(Point { at, dofs })
     }
 
-    fn cost(&self, run: &Point) -> (u64, f64) {
-        (run.dofs, 1e-6 * run.dofs as f64)
+    fn cost(&self, run: &Point) -> Cost {
+        let seconds = 1e-6 * run.dofs as f64;
+        Cost { dofs: run.dofs, seconds, whole: seconds }
     }
 
     fn distance(&mut self, run: &Point, from: &Point) -> Result<f64, String> {

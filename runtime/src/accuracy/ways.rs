@@ -7,6 +7,7 @@ use wfl::{
 
 use crate::{
     Scene, SceneBox, coercivity,
+    compare::MEASURE,
     field::FieldSpace,
     knobs::{Setting, mesh_words},
     mesh::RegionSet,
@@ -14,6 +15,11 @@ use crate::{
 
 /// The parameter of a method, by convention `gamma`.
 const METHOD_PARAM: &str = "gamma";
+
+/// The method is looked at on a mesh with so many times fewer cells along an edge.
+const COARSER: usize = 4;
+/// A tolerance for a scene that is not solved.
+const COARSE_TOLERANCE: f64 = 1e-3;
 
 /// What the parameter of a method is to its error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,13 +66,34 @@ pub struct Ways {
 }
 
 impl Ways {
-    /// Looks at a scene as it stands.
+    /// Looks at a scene as it stands; what its method is, [`Ways::see_method`] tells.
     #[must_use]
-    pub fn of(script: &ResolvedScript, scene: &mut Scene) -> Self {
+    pub fn of(script: &ResolvedScript, scene: &Scene) -> Self {
         let (division, own, least) = division(script, scene);
         let (degrees, own_degree, fixed_degree) = degrees(script, scene, division == Division::Fixed);
-        let (role, gamma) = method(script, scene);
-        Ways { dim: scene.system.mesh.dim(), degrees, own, least, own_degree, role, division, fixed_degree, gamma }
+        let (dim, role, gamma) = (scene.system.mesh.dim(), Role::None, 0.0);
+        Ways { dim, degrees, own, least, own_degree, role, division, fixed_degree, gamma }
+    }
+
+    /// A coarser mesh that is good enough to see what the method is; `None` where the scene's own is coarse.
+    #[must_use]
+    pub fn rough(&self) -> Option<Vec<(String, String)>> {
+        let fineness = (self.own / COARSER).max(self.least);
+        (self.refines() && fineness < self.own).then(|| self.setting(self.own_degree, fineness, COARSE_TOLERANCE, 1.0))
+    }
+
+    /// Sees what the method is from a scene, on its own mesh or a coarser one. Its parameter counts where it is a plain
+    /// number that the solution may depend on.
+    pub fn see_method(&mut self, script: &ResolvedScript, scene: &mut Scene) {
+        let given = script.params.iter().find(|p| p.name.name == METHOD_PARAM);
+        let plain = given.is_some_and(|p| matches!(p.value.kind, ExprKind::Number(_)));
+        let multipliers = script.fields.iter().any(|f| matches!(f.kind, FieldKind::Multiplier { .. }));
+        let value = scene.params.iter().find(|p| p.0 == METHOD_PARAM).and_then(|p| p.1.values.first().copied());
+        let Some(gamma) = value.filter(|_| plain && !multipliers) else { return };
+        // where a term has no finite value, the run itself says so
+        let nitsche = coercivity(scene).is_ok_and(|found| !found.is_empty());
+        self.role = if nitsche { Role::Consistent } else { Role::Penalty };
+        self.gamma = gamma;
     }
 
     /// Whether the mesh can be refined.
@@ -194,25 +221,28 @@ fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-fn method(script: &ResolvedScript, scene: &mut Scene) -> (Role, f64) {
-    let given = script.params.iter().find(|p| p.name.name == METHOD_PARAM);
-    let plain = given.is_some_and(|p| matches!(p.value.kind, ExprKind::Number(_)));
-    let value = scene.params.iter().find(|p| p.0 == METHOD_PARAM).and_then(|p| p.1.values.first().copied());
-    let multipliers = script.fields.iter().any(|f| matches!(f.kind, FieldKind::Multiplier { .. }));
-    let Some(gamma) = value.filter(|_| plain && !multipliers) else { return (Role::None, 0.0) };
-    // where a term has no finite value, the run itself says so
-    let nitsche = coercivity(scene).is_ok_and(|found| !found.is_empty());
-    (if nitsche { Role::Consistent } else { Role::Penalty }, gamma)
-}
-
 /// A scene without what a run on the way does not need: measures, unless one of them is what is asked about,
 /// expectations, and rules on regions without terms. A coarse mesh may have no member of a region that only they use.
 pub fn lean(script: &mut ResolvedScript, own: &Scene, quantity: &str) {
-    if !script.measures.iter().any(|m| m.name.name == quantity) {
+    let output = script.outputs.iter().flat_map(|o| &o.items).any(|i| i.name == quantity);
+    let name = quantity.strip_prefix(MEASURE).unwrap_or(quantity);
+    if output || !script.measures.iter().any(|m| m.name.name == name) {
         script.measures.clear();
         script.quadratures.retain(|q| q.places.iter().any(|p| own.terms.iter().any(|t| t.place == p.name)));
     }
     script.expects.clear();
+}
+
+/// Work of a run is about unknowns to this power, by dimension, and entries of a row to another: fitted to the runs of
+/// the study, where a sparse factorisation takes no more than half of the time.
+const POWER: [f64; 4] = [1.0, 1.0, 1.15, 1.4];
+const POWER_OF_ENTRIES: f64 = 0.4;
+
+/// Work of a step with elements of a degree, in any unit. Not the clock: the same scene gives the same choice.
+#[must_use]
+pub fn work(dim: usize, degree: usize, dofs: f64) -> f64 {
+    let entries = (degree as f64 + 1.0).powf(dim as f64);
+    dofs.powf(POWER[dim.min(3)]) * entries.powf(POWER_OF_ENTRIES)
 }
 
 /// A setting in words, as on the command line.

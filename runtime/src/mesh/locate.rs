@@ -7,6 +7,7 @@
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use super::{CellId, CellKind, FacetRef, Mesh};
+use crate::element::Table;
 
 /// How far outside the reference cell a point may lie and still count as inside.
 const INSIDE: f64 = 1e-9;
@@ -14,10 +15,16 @@ const INSIDE: f64 = 1e-9;
 const ON_FACE: f64 = 1e-6;
 /// Iterations of an inverse map or a foot point.
 const ITERATIONS: usize = 50;
-/// An iteration ends when the reference point moves by less.
-const SETTLED: f64 = 1e-14;
-/// A box is searched when the point is within this part of its size.
+/// An iteration ends when the reference point moves by less: Newton squares it once more.
+const SETTLED: f64 = 1e-8;
+/// An iteration of a foot point ends when it moves by less.
+const FOOT_SETTLED: f64 = 1e-14;
+/// Nodes of an affine cell lie where its map puts them within this part of its size.
+const AFFINE: f64 = 1e-13;
+/// A box is searched when the point is within this part of its size: curved sides bulge out of the box of their nodes,
+/// straight ones do not.
 const MARGIN: f64 = 0.1;
+const MARGIN_STRAIGHT: f64 = 1e-5;
 
 /// A point of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,8 +54,8 @@ impl Boxes {
                 high[d] = high[d].max(p[d]);
             }
         }
-        // curved sides bulge out of the box of their nodes
-        let margin = MARGIN * (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+        let part = if mesh.order() == 1 { MARGIN_STRAIGHT } else { MARGIN };
+        let margin = part * (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
         self.list.push((low.map(|x| x - margin), high.map(|x| x + margin)));
     }
 
@@ -68,6 +75,29 @@ pub struct CellFinder {
     /// Cells by bin of a uniform grid over all boxes, in order.
     bins: Vec<Vec<u32>>,
     grid: Grid,
+    centres: Centres,
+}
+
+/// Geometry tables at the centres of the reference cells, where inverse maps start, by kind.
+#[derive(Clone, Debug, Default)]
+struct Centres(Vec<Option<Table>>);
+
+impl Centres {
+    fn new(mesh: &Mesh, cells: impl Iterator<Item = CellId>) -> Self {
+        let mut list: Vec<Option<Table>> = Vec::new();
+        for kind in cells.map(|c| mesh.kind(c)) {
+            if list.len() <= kind.index() {
+                list.resize(kind.index() + 1, None);
+            }
+            let start = || mesh.geometry_element(kind).tabulate(&[kind.reference_centre()], 1);
+            list[kind.index()].get_or_insert_with(start);
+        }
+        Self(list)
+    }
+
+    fn of(&self, kind: CellKind) -> Option<&Table> {
+        self.0.get(kind.index())?.as_ref()
+    }
 }
 
 /// A uniform grid over a box.
@@ -133,7 +163,8 @@ impl CellFinder {
                 }
             }
         }
-        Self { cells: cells.to_vec(), boxes, bins, grid }
+        let centres = Centres::new(mesh, cells.iter().copied());
+        Self { cells: cells.to_vec(), boxes, bins, grid, centres }
     }
 
     /// The first cell that holds the point; `None` outside of all.
@@ -141,7 +172,7 @@ impl CellFinder {
     pub fn find(&self, mesh: &Mesh, x: [f64; 3]) -> Option<Image> {
         let bin = self.bins.get(self.grid.index(self.grid.place(x)))?;
         bin.iter().map(|k| *k as usize).filter(|k| self.boxes.distance(*k, x) == 0.0).find_map(|k| {
-            let reference = inverse_map(mesh, self.cells[k], x)?;
+            let reference = inverse_map(mesh, self.cells[k], x, &self.centres)?;
             if !inside(mesh.kind(self.cells[k]), &reference[..mesh.dim()], INSIDE) {
                 return None;
             }
@@ -150,26 +181,46 @@ impl CellFinder {
     }
 }
 
-/// Newton on the geometric map; `None` where it has no inverse. The result may lie outside of the reference cell.
-fn inverse_map(mesh: &Mesh, cell: CellId, x: [f64; 3]) -> Option<[f64; 3]> {
+/// Newton on the geometric map, one step of it where the map is affine; `None` where it has no inverse. The result may
+/// lie outside of the reference cell.
+fn inverse_map(mesh: &Mesh, cell: CellId, x: [f64; 3], centres: &Centres) -> Option<[f64; 3]> {
     let (dim, kind) = (mesh.dim(), mesh.kind(cell));
-    let element = mesh.geometry_element(kind);
-    let mut r = kind.reference_centre();
-    for _ in 0..ITERATIONS {
-        let table = element.tabulate(&[r], 1);
-        let at = mesh.point_at(cell, &table, 0);
-        let jacobian = mesh.jacobian_at(cell, &table, 0);
+    let centre = kind.reference_centre();
+    let mut r = centre;
+    let mut fresh;
+    for iteration in 0..ITERATIONS {
+        let table = match centres.of(kind).filter(|_| iteration == 0) {
+            Some(table) => table,
+            None => {
+                fresh = mesh.geometry_element(kind).tabulate(&[r], 1);
+                &fresh
+            }
+        };
+        let at = mesh.point_at(cell, table, 0);
+        let jacobian = mesh.jacobian_at(cell, table, 0);
         let m = Matrix3::from_fn(|i, j| if i < dim && j < dim { jacobian[i][j] } else { f64::from(u8::from(i == j)) });
         let gap = Vector3::from_fn(|i, _| if i < dim { x[i] - at[i] } else { 0.0 });
         let step = m.lu().solve(&gap)?;
         for d in 0..dim {
             r[d] += step[d];
         }
-        if step.norm() < SETTLED {
+        if step.norm() < SETTLED || (iteration == 0 && is_affine(mesh, cell, centre, at, &m)) {
             break;
         }
     }
     Some(r)
+}
+
+/// Whether the nodes of a cell lie where the map that is linear about its centre puts them.
+fn is_affine(mesh: &Mesh, cell: CellId, centre: [f64; 3], at: [f64; 3], jacobian: &Matrix3<f64>) -> bool {
+    let element = mesh.geometry_element(mesh.kind(cell));
+    let dim = mesh.dim();
+    let size = jacobian.abs().sum();
+    mesh.cell_nodes(cell).iter().zip(element.points()).all(|(node, r)| {
+        let x = mesh.node(*node);
+        let mapped = jacobian * Vector3::from_fn(|i, _| r[i] - centre[i]);
+        (0..dim).all(|d| (x[d] - at[d] - mapped[d]).abs() <= AFFINE * size.max(x[d].abs()))
+    })
 }
 
 /// True if parameters lie in a reference cell, or out of it by at most `margin`.
@@ -182,8 +233,8 @@ fn inside(kind: CellKind, r: &[f64], margin: f64) -> bool {
 }
 
 /// The parameters of a point of a facet; `None` when it is not on it.
-fn on_face(mesh: &Mesh, facet: FacetRef, x: [f64; 3]) -> Option<[f64; 3]> {
-    let r = inverse_map(mesh, facet.cell, x)?;
+fn on_face(mesh: &Mesh, facet: FacetRef, x: [f64; 3], centres: &Centres) -> Option<[f64; 3]> {
+    let r = inverse_map(mesh, facet.cell, x, centres)?;
     let kind = mesh.facet_kind(facet);
     let map = mesh.kind(facet.cell).facet_map(usize::from(facet.local));
     // the tangents of a reference facet are independent: least squares by the normal equations
@@ -211,6 +262,7 @@ fn on_face(mesh: &Mesh, facet: FacetRef, x: [f64; 3]) -> Option<[f64; 3]> {
 pub struct FacetFinder {
     facets: Vec<FacetRef>,
     boxes: Boxes,
+    centres: Centres,
 }
 
 impl FacetFinder {
@@ -222,7 +274,8 @@ impl FacetFinder {
             let element = mesh.geometry_element(mesh.kind(facet.cell));
             boxes.push(mesh, facet.cell, element.facet_closure(usize::from(facet.local)).iter().copied());
         }
-        Self { facets: facets.to_vec(), boxes }
+        let centres = Centres::new(mesh, facets.iter().map(|f| f.cell));
+        Self { facets: facets.to_vec(), boxes, centres }
     }
 
     /// The facets, in order.
@@ -235,7 +288,9 @@ impl FacetFinder {
     #[must_use]
     pub fn holding(&self, mesh: &Mesh, x: [f64; 3]) -> Option<(usize, [f64; 3])> {
         let near = |k: &usize| self.boxes.distance(*k, x) == 0.0;
-        (0..self.facets.len()).filter(near).find_map(|k| on_face(mesh, self.facets[k], x).map(|p| (k, p)))
+        (0..self.facets.len())
+            .filter(near)
+            .find_map(|k| on_face(mesh, self.facets[k], x, &self.centres).map(|p| (k, p)))
     }
 
     /// The point of the facets nearest to `x`, if it is within `reach`.
@@ -344,7 +399,7 @@ impl<'a> Side<'a> {
             let next = (c + (x - at).dot(&g) / g.dot(&g)).clamp(0.0, 1.0);
             let moved = (next - c).abs();
             c = next;
-            if moved < SETTLED {
+            if moved < FOOT_SETTLED {
                 break;
             }
         }
@@ -361,7 +416,7 @@ impl<'a> Side<'a> {
             let normal = Matrix2::new(a.dot(&a), a.dot(&b), a.dot(&b), b.dot(&b));
             let step = normal.lu().solve(&Vector2::new(gap.dot(&a), gap.dot(&b)))?;
             p += step;
-            if step.norm() < SETTLED {
+            if step.norm() < FOOT_SETTLED {
                 break;
             }
             // far outside: an edge is nearer
@@ -399,7 +454,7 @@ impl<'a> Side<'a> {
                 p[k] += step[k];
             }
             distance += step[dim - 1];
-            if step.rows(0, dim - 1).norm() < SETTLED || p.norm() > 10.0 {
+            if step.rows(0, dim - 1).norm() < FOOT_SETTLED || p.norm() > 10.0 {
                 break;
             }
         }

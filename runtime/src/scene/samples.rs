@@ -95,13 +95,14 @@ impl Scene {
         if faces.iter().any(|f| kinked.contains(&f.sig.name.as_str())) {
             faces.retain(|f| kinked.contains(&f.sig.name.as_str()));
         }
-        let mut out = Vec::new();
+        let mut out: Vec<Samples> = Vec::new();
         let mut problems = Vec::new();
+        let mut places = Places::default();
         for (name, expression) in expressions {
             for (target, law) in maker.homes(&bodies, &faces, expression) {
                 let made = Value::new(law, backend).map_err(|e| e.to_string()).and_then(|mut value| {
                     value.set_step(time, increment);
-                    self.sample(name, &home(target, &bodies), target, &value, at, u)
+                    self.sample((name, &home(target, &bodies)), target, &value, (at, &mut places), u)
                 });
                 match made {
                     Ok(samples) => out.extend(samples),
@@ -113,13 +114,12 @@ impl Scene {
         (out, diagnostics)
     }
 
-    fn sample(
+    fn sample<'a>(
         &self,
-        name: &str,
-        home: &str,
+        (name, home): (&str, &str),
         target: &Target,
         value: &Value,
-        at: SampleAt<'_>,
+        (at, places): (SampleAt<'a>, &mut Places<'a>),
         u: &[f64],
     ) -> Result<Option<Samples>, String> {
         let mesh = &self.system.mesh;
@@ -133,15 +133,19 @@ impl Scene {
         let (domain, points) = match at {
             SampleAt::Own(degree) => {
                 let made = |kind: CellKind| rule(kind, degree).unwrap_or_else(|_| vertex(kind));
-                (Arc::new(Domain::new(mesh, &region, &made).map_err(|e| e.to_string())?), None)
+                let fresh = || Ok((Arc::new(Domain::new(mesh, &region, &made).map_err(|e| e.to_string())?), None));
+                places.of(home, &[], fresh)?
             }
             SampleAt::Points(list) => {
                 let Some(like) = list.iter().find(|s| s.name == name && s.home == home) else { return Ok(None) };
                 samples.positions.clone_from(&like.positions);
                 samples.weights.clone_from(&like.weights);
                 samples.values = vec![f64::NAN; like.positions.len() * samples.components];
-                let located = Located::new(mesh, &region, &like.positions).map_err(|e| e.to_string())?;
-                (located.domain, Some(located.points))
+                let fresh = || {
+                    let located = Located::new(mesh, &region, &like.positions).map_err(|e| e.to_string())?;
+                    Ok((located.domain, Some(Arc::new(located.points))))
+                };
+                places.of(home, &like.positions, fresh)?
             }
         };
         let sampled = value.bind(mesh, domain.clone(), &self.system.fields).map_err(|e| e.to_string())?;
@@ -158,6 +162,31 @@ impl Scene {
             }
         });
         Ok(Some(samples))
+    }
+}
+
+/// A domain, and which of the points asked for its points are.
+type Found = (Arc<Domain>, Option<Arc<Vec<Vec<usize>>>>);
+
+/// Points that were found before: most expressions of a home are taken at the same ones.
+#[derive(Default)]
+struct Places<'a> {
+    list: Vec<(String, &'a [[f64; 3]], Found)>,
+}
+
+impl<'a> Places<'a> {
+    fn of(
+        &mut self,
+        home: &str,
+        positions: &'a [[f64; 3]],
+        fresh: impl FnOnce() -> Result<Found, String>,
+    ) -> Result<Found, String> {
+        if let Some(known) = self.list.iter().find(|k| k.0 == home && k.1 == positions) {
+            return Ok(known.2.clone());
+        }
+        let found = fresh()?;
+        self.list.push((home.to_owned(), positions, found.clone()));
+        Ok(found)
     }
 }
 

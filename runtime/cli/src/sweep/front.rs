@@ -1,6 +1,8 @@
 //! What a table of runs says: the front of cheapest settings, the cheapest one for a wanted error, and where the error
 //! of a run comes from. Reads rows only.
 
+use wfl_runtime::compare::MEASURE;
+
 use super::table::{Row, columns};
 
 /// Wanted errors of the table of cheapest settings.
@@ -29,7 +31,10 @@ pub(super) struct Point<'r> {
 pub(super) fn quantities(rows: &[Row]) -> (Vec<String>, Vec<String>) {
     let all = columns(rows);
     let named = all.iter().filter_map(|c| c.strip_prefix("error ")).map(str::to_owned);
-    named.partition(|name| !all.contains(&format!("measure {name}").as_str()))
+    let has = |column: String| all.contains(&column.as_str());
+    // an output and a measure may have one name: the measure is then told apart
+    let measured = |n: &String| has(format!("measure {n}")) && !has(format!("error {MEASURE}{n}"));
+    named.partition(|name| !name.starts_with(MEASURE) && !measured(name))
 }
 
 /// True where the reference knows a quantity well enough to say anything: one that is zero but for rounding has no

@@ -7,6 +7,7 @@
 //! `lists` reads the command line, knobs of the runtime change scenes, `one` runs a setting, `reference` gives errors, `table` keeps
 //! the rows; `front` and `page` read nothing but these.
 
+mod clock;
 mod front;
 mod lists;
 mod machine;
@@ -35,6 +36,7 @@ use wfl_runtime::{
 };
 
 use self::{
+    clock::Clock,
     lists::Knob,
     one::{Bench, Known, Status},
     reference::Reference,
@@ -143,6 +145,7 @@ struct Planned<'a> {
     method: &'a Method,
     setting: &'a Setting,
     key: String,
+    size: String,
 }
 
 struct Sweep<'a> {
@@ -266,7 +269,10 @@ impl Sweep<'_> {
         let mut plan: Vec<Planned<'_>> = methods
             .iter()
             .flat_map(|m| settings.iter().map(move |s| (m, s.as_slice())))
-            .map(|(method, setting)| Planned { method, setting, key: self.key(method, setting) })
+            .map(|(method, setting)| {
+                let size = clock::size(method, setting);
+                Planned { method, setting, key: self.key(method, setting), size }
+            })
             .collect();
         if !self.parallel() {
             // what ran beside others has no time yet
@@ -278,12 +284,16 @@ impl Sweep<'_> {
         self.tell(&format!("{} runs, {} of them in the table already", all, all - plan.len()));
         let before = std::mem::take(&mut self.rows);
         let mut made: Vec<Option<Row>> = plan.iter().map(|_| None).collect();
-        let mut clock = Clock::default();
-        self.each(&plan, |k, row, seconds| {
-            clock.add(plan[k].setting, seconds);
+        let mut clock = Clock::new(plan.iter().map(|p| (p.method, p.setting)));
+        // the smallest run goes first: the time of the others is told from it
+        let mut order: Vec<usize> = (0..plan.len()).collect();
+        let smallest = clock.smallest(plan.iter().map(|p| p.size.as_str()));
+        order[..(smallest + 1).min(plan.len())].rotate_right(1);
+        self.each((&plan, &order), |k, row, seconds| {
+            clock.add(&plan[k].size, seconds);
             let n = made.iter().flatten().count() + 1;
             let rest = plan.iter().zip(&made).enumerate().filter(|(j, (_, m))| *j != k && m.is_none());
-            let left = clock.left(rest.map(|(_, (p, _))| p.setting)) / self.jobs() as f64;
+            let left = clock.left(rest.map(|(_, (p, _))| p.size.as_str())) / self.jobs() as f64;
             self.tell(&line(&row, n, plan.len(), left));
             made[k] = Some(row);
             // a run that is broken off loses what was being made and no more
@@ -313,7 +323,7 @@ impl Sweep<'_> {
     /// Runs what is planned, and hands on the position of each run, its row and its seconds as it ends.
     fn each(
         &self,
-        plan: &[Planned<'_>],
+        (plan, order): (&[Planned<'_>], &[usize]),
         mut done: impl FnMut(usize, Row, f64) -> Result<(), String>,
     ) -> Result<(), String> {
         let run = |k: usize| {
@@ -322,8 +332,8 @@ impl Sweep<'_> {
             (k, row, begin.elapsed().as_secs_f64())
         };
         if !self.parallel() {
-            for k in 0..plan.len() {
-                let (k, row, seconds) = run(k);
+            for k in order {
+                let (k, row, seconds) = run(*k);
                 done(k, row, seconds)?;
             }
             return Ok(());
@@ -335,7 +345,8 @@ impl Sweep<'_> {
                 scope.spawn(move || {
                     loop {
                         let k = next.fetch_add(1, Ordering::Relaxed);
-                        if k >= plan.len() || sender.send(run(k)).is_err() {
+                        let Some(k) = order.get(k) else { return };
+                        if sender.send(run(*k)).is_err() {
                             return;
                         }
                     }
@@ -355,7 +366,7 @@ impl Sweep<'_> {
 
     /// Runs a setting as often as asked for.
     fn row(&self, planned: &Planned<'_>) -> Row {
-        let Planned { method, setting, key } = planned;
+        let Planned { method, setting, key, .. } = planned;
         machine::forget_peak_memory();
         let mut runs: Vec<one::Run> = Vec::new();
         for _ in 0..self.args.repeat.get() {
@@ -469,6 +480,7 @@ fn costs(row: &mut Row, solved: &Solved) {
         let parts: usize = s.attempts.iter().map(|a| a.iterations).sum();
         parts.max(s.history.n_iterations())
     };
+    row.set("solver", report.solver.clone().unwrap_or_default());
     row.number("dofs", report.dofs as f64);
     row.number("cells", report.mesh.cells as f64);
     row.number("steps", steps.len() as f64);
@@ -480,35 +492,6 @@ fn costs(row: &mut Row, solved: &Solved) {
     }
     for (name, value) in measures(solved) {
         row.number(format!("measure {name}"), value);
-    }
-}
-
-/// Seconds by the size of the problem, to say how long the rest takes.
-#[derive(Default)]
-struct Clock {
-    runs: Vec<(String, f64)>,
-}
-
-impl Clock {
-    /// The knobs that decide the size.
-    fn size(setting: &Setting) -> String {
-        let sized = |k: &&(String, String)| k.0.len() < 2 || ["refine", "degree"].contains(&k.0.as_str());
-        setting.iter().filter(sized).map(|(n, v)| format!("{n}={v} ")).collect()
-    }
-
-    fn add(&mut self, setting: &Setting, seconds: f64) {
-        self.runs.push((Self::size(setting), seconds));
-    }
-
-    /// Runs of a size that has not been seen take as long as the slowest one.
-    fn left<'s>(&self, rest: impl Iterator<Item = &'s Setting>) -> f64 {
-        let slowest = self.runs.iter().map(|r| r.1).fold(0.0, f64::max);
-        let one = |setting: &Setting| {
-            let size = Self::size(setting);
-            let like: Vec<f64> = self.runs.iter().filter(|r| r.0 == size).map(|r| r.1).collect();
-            if like.is_empty() { slowest } else { like.iter().sum::<f64>() / like.len() as f64 }
-        };
-        rest.map(one).fold(0.0, |a, b| a + b)
     }
 }
 

@@ -10,7 +10,7 @@ use std::{
 };
 
 use wfl::{Diagnostic, ResolvedScript, render};
-use wfl_compiler::{Class, backend::KernelBackend};
+use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
 use wfl_runtime::{
     Pruning, Quiet, RunOptions, Scene,
     accuracy::lean,
@@ -57,6 +57,11 @@ pub(crate) struct Known {
 pub(crate) fn known(path: &Path, given: &[String], backend: &dyn KernelBackend) -> Result<Known, String> {
     let loaded = read_scene(path, given, "sweep", "")?;
     let (scene, loaded) = prepared(loaded, backend, &[])?;
+    Ok(known_of(loaded, scene, given))
+}
+
+/// The same of a scene that has been prepared.
+pub(crate) fn known_of(loaded: Loaded, scene: Scene, given: &[String]) -> Known {
     let params = loaded.script.params.iter().map(|p| p.name.name.clone()).collect();
     let region = |t: &wfl_runtime::TermSummary| t.place.clone();
     let mut kinked: Vec<String> = scene.terms.iter().filter(|t| t.class == Class::Kinked).map(region).collect();
@@ -67,7 +72,26 @@ pub(crate) fn known(path: &Path, given: &[String], backend: &dyn KernelBackend) 
     kinked.dedup();
     kinked.retain(|r| loaded.script.regions.iter().any(|s| s.name.name == *r) || r == "all" || r == "boundary");
     let hash = text_hash(loaded.texts());
-    Ok(Known { params, kinked, hash, given: given.to_vec(), scene, loaded })
+    Known { params, kinked, hash, given: given.to_vec(), scene, loaded }
+}
+
+/// What decides the time of a run.
+pub(crate) struct Size {
+    pub(crate) dofs: usize,
+    pub(crate) dim: usize,
+    pub(crate) degree: usize,
+    pub(crate) steps: usize,
+}
+
+/// Prepares a setting, without machine code, to see how large it is.
+pub(crate) fn size(path: &Path, known: &Known, setting: &Setting) -> Result<Size, String> {
+    let mut loaded = read_scene(path, &known.words(setting), "sweep", "")?;
+    known.apply(&mut loaded.script, setting)?;
+    loaded.script.outputs.clear();
+    let (scene, _) = prepared(loaded, &InterpreterBackend, &[])?;
+    let system = &scene.system;
+    let degree = system.fields.iter().map(wfl_runtime::field::Field::degree).max().unwrap_or(1);
+    Ok(Size { dofs: system.numbering.n_free(), dim: system.mesh.dim(), degree, steps: scene.steps.values.len() })
 }
 
 pub(crate) fn prepared(
@@ -108,7 +132,7 @@ impl Known {
 pub(crate) struct Bench<'a> {
     pub(crate) backend: &'a dyn KernelBackend,
     pub(crate) threads: usize,
-    /// The quantity that runs are made for, where nothing else is wanted of them.
+    /// The quantity of the last step that runs are made for, where nothing else is wanted of them.
     pub(crate) only: Option<String>,
 }
 
@@ -151,7 +175,7 @@ impl Bench<'_> {
         script.expects.clear();
         let parse_seconds = started.elapsed().as_secs_f64();
         let kept = knobs::kept(setting).map_err(|e| e.to_string())?;
-        let (mut scene, loaded) = prepared(loaded, self.backend, kept.as_slice())?;
+        let (mut scene, loaded) = prepared(loaded, self.backend, &kept)?;
         let threads = knobs::threads(setting).map_err(|e| e.to_string())?.unwrap_or(self.threads);
         let precision = knobs::precision(setting).map_err(|e| e.to_string())?.unwrap_or_default();
         let options = RunOptions {
@@ -162,7 +186,17 @@ impl Bench<'_> {
             precision,
             ..RunOptions::without_files(threads, started)
         };
+        let solved = |scene, outcome| Solved { script: loaded.script, outputs, scene, outcome };
+        if self.only.is_some() && scene.system.known.previous.is_none() && scene.states.is_empty() {
+            // nothing remembers the steps before the last: it is tried alone, and all of them where that fails
+            let all = scene.steps.values.clone();
+            scene.steps.values.drain(..all.len() - 1);
+            match wfl_runtime::run(&mut scene, &options, &mut Quiet) {
+                Ok(outcome) if outcome.converged() => return Ok(solved(scene, outcome)),
+                _ => scene.steps.values = all,
+            }
+        }
         let outcome = wfl_runtime::run(&mut scene, &options, &mut Quiet).map_err(|e| e.to_string())?;
-        Ok(Solved { script: loaded.script, outputs, scene, outcome })
+        Ok(solved(scene, outcome))
     }
 }

@@ -55,6 +55,16 @@ const PARTS: &[Part] = &[
         figures: &["H1", "slip", "traction"],
     },
     Part {
+        name: "quadratic",
+        title: "The slipping fault, linear against quadratic elements",
+        text: "The same fault with Nitsche's method, against quadratic elements on a finer mesh.",
+        findings: &[],
+        words: &["examples/fault/nitsche.wfl", "refine=0.25,0.5,0.75,1,1.25", "degree=1,2", "tol=1e-3", "gamma=2e5"],
+        reference: "auto",
+        reference_knobs: &["degree=2", "refine=1.5", "tol=1e-7", "gamma=3e5"],
+        figures: &["L2", "H1", "slip"],
+    },
+    Part {
         name: "signorini",
         title: "Manufactured contact (two-dimensional, exact solution known)",
         text: "Linear and quadratic elements against the exact solution: no doubt about the reference.",
