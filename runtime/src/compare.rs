@@ -201,7 +201,8 @@ mod tests {
     #[test]
     fn a_measure_with_the_name_of_an_output_is_told_apart() {
         let samples = |value: f64| {
-            let one = Samples { name: "slip".to_owned(), weights: vec![2.0], values: vec![value], ..Samples::default() };
+            let one =
+                Samples { name: "slip".to_owned(), weights: vec![2.0], values: vec![value], ..Samples::default() };
             [Samples { components: 1, ..one }]
         };
         let measures = |value: f64| [("slip".to_owned(), value), ("other".to_owned(), value)];

@@ -5,7 +5,7 @@ use wfl_compiler::{Class, types::FieldKind};
 use crate::{
     pruning::Pruning,
     scene::Scene,
-    strategy::{condenses, faces_itself},
+    strategy::{condenses, shares_forces},
 };
 
 /// Something that a scene does without.
@@ -44,7 +44,7 @@ impl Scene {
             let (touched, free) = (system.n_changing_dofs(), system.numbering.n_free());
             let why = format!("{touched} of {free} dofs have terms that are not linear: the rest is factored once");
             push("factors of the linear part", why, Some(Pruning::Condense));
-            if system.uses(Pruning::Forces) && faces_itself(system) {
+            if shares_forces(system) {
                 let why =
                     "what pulls here pushes there: facing dofs share one unknown of the condensed matrix".to_owned();
                 push("second side of forces", why, Some(Pruning::Forces));

@@ -14,7 +14,9 @@ use wfl_compiler::types::FieldKind;
 use crate::{
     csr::{Csr, CsrError, Pattern},
     pruning::Pruning,
-    solve::{CheckedCondensed, CheckedLlt, CheckedLu, LinearSolver, SolveError, SolveReport, SolverOptions},
+    solve::{
+        CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, LinearSolver, SolveError, SolveReport, SolverOptions,
+    },
     system::System,
 };
 
@@ -284,9 +286,10 @@ impl Strategy {
     }
 }
 
-/// Whether there are dofs that face each other.
-pub(crate) fn faces_itself(system: &System) -> bool {
-    !facing(system, &positions(system)).is_empty()
+/// Whether the condensed matrix is large enough that dofs which face each other share an unknown, and there are some.
+pub(crate) fn shares_forces(system: &System) -> bool {
+    let large = condenses(system) && system.n_changing_dofs() > DENSE_LIMIT && system.uses(Pruning::Forces);
+    large && !facing(system, &positions(system)).is_empty()
 }
 
 /// Where the free dofs are, in their order.

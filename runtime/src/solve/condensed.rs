@@ -38,7 +38,7 @@ use engine::{Engine, EngineContext, MAX_ITERATIONS, Method};
 use forces::Forces;
 
 /// Up to this many changing dofs their matrix is dense.
-const DENSE_LIMIT: usize = 600;
+pub(crate) const DENSE_LIMIT: usize = 600;
 /// Largest dense matrix that stands in when pivots from within fronts do not suffice.
 const DENSE_RESCUE_LIMIT: usize = 12_000;
 /// Up to this many forces the dense matrix that belongs to them is cheaper than fronts.

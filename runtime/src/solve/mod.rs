@@ -30,6 +30,7 @@ mod symbolic;
 mod tests;
 
 pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
+pub(crate) use condensed::DENSE_LIMIT;
 pub use condensed::{CheckedCondensed, Strategy};
 pub use ordering::{Ordering, order};
 
