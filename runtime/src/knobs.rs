@@ -21,8 +21,20 @@ use wfl::{
 pub type Setting = [(String, String)];
 
 /// Knobs that are no parameters of a scene.
-pub const KNOWN: [&str; 12] =
-    ["h", "refine", "cells", "degree", "quadrature", "tol", "max_iter", "search", "solver", "threads", "precision", "no_prune"];
+pub const KNOWN: [&str; 12] = [
+    "h",
+    "refine",
+    "cells",
+    "degree",
+    "quadrature",
+    "tol",
+    "max_iter",
+    "search",
+    "solver",
+    "threads",
+    "precision",
+    "no_prune",
+];
 
 /// A knob that a scene cannot have.
 #[derive(Debug, Error, PartialEq, Eq)]

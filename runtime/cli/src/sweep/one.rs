@@ -187,7 +187,8 @@ impl Bench<'_> {
             ..RunOptions::without_files(threads, started)
         };
         let solved = |scene, outcome| Solved { script: loaded.script, outputs, scene, outcome };
-        if self.only.is_some() && scene.system.known.previous.is_none() && scene.states.is_empty() {
+        let forgets = scene.system.known.previous.is_none() && scene.states.is_empty();
+        if self.only.is_some() && forgets && scene.steps.values.len() > 1 {
             // nothing remembers the steps before the last: it is tried alone, and all of them where that fails
             let all = scene.steps.values.clone();
             scene.steps.values.drain(..all.len() - 1);
