@@ -105,9 +105,13 @@ fn exit_codes_tell_what_happened() {
     assert_eq!(short.code, 2, "{}{}", short.out, short.err);
     assert!(short.err.contains("E603"), "{}", short.err);
     assert_eq!(wfl(&folder.0, &["run", "contact.wfl"]).code, 0);
-    for words in
-        [&["run", "rod.wfl", "--threads", "0"][..], &["run"], &["march", "rod.wfl"], &["run", "rod.wfl", "-q", "-v"]]
-    {
+    for words in [
+        &["run", "rod.wfl", "--threads", "0"][..],
+        &["run", "rod.wfl", "--precision", "f16"],
+        &["run"],
+        &["march", "rod.wfl"],
+        &["run", "rod.wfl", "-q", "-v"],
+    ] {
         let wrong = wfl(&folder.0, words);
         assert_eq!(wrong.code, 1, "{words:?}");
         assert!(wrong.err.starts_with("error"), "{}", wrong.err);

@@ -166,6 +166,7 @@ fn a_sweep_that_means_nothing_is_refused_with_a_reason() {
         (&["fault/nitsche.wfl", "gama=1"][..], "no parameter and no knob `gama`"),
         (&["fault/nitsche.wfl", "h=-1"], "a length above 0"),
         (&["fault_gmsh/fault_2deg.wfl", "h=1"], "comes from a file"),
+        (&["fault/nitsche.wfl", "precision=f16"], "auto, f64 or f32+f64"),
         (&["fault/nitsche.wfl", "gamma=1..2"], "is no range"),
         (&["gamma=1"], "no scene is given"),
         (&["--plot", "nowhere"], "there is no sweep.csv in nowhere"),
