@@ -119,6 +119,9 @@ fn rows_that_are_there_are_not_run_again() {
     let second = rows(&out);
     assert_eq!(second.len(), 3);
     assert_eq!(second[..2], first[..]);
+    // a sweep with nothing left to run
+    assert!(wfl(&[&name, "nu=0.1,0.2,0.3", "--reference", "none", "-q"], &out).status.success());
+    assert_eq!(rows(&out), second);
     // another text is another scene
     std::fs::write(&scene, BLOCK.replace("[0,-1]", "[0,-2]")).expect("written");
     assert!(wfl(&[&name, "nu=0.1", "--reference", "none", "-q"], &out).status.success());

@@ -288,7 +288,9 @@ impl Sweep<'_> {
         // the smallest run goes first: the time of the others is told from it
         let mut order: Vec<usize> = (0..plan.len()).collect();
         let smallest = clock.smallest(plan.iter().map(|p| p.size.as_str()));
-        order[..(smallest + 1).min(plan.len())].rotate_right(1);
+        if let Some(before) = order.get_mut(..=smallest) {
+            before.rotate_right(1);
+        }
         self.each((&plan, &order), |k, row, seconds| {
             clock.add(&plan[k].size, seconds);
             let n = made.iter().flatten().count() + 1;

@@ -56,8 +56,9 @@ const CASES: &[Case] = &[
     },
 ];
 
-/// Commands that take less than this, in seconds, are run three times: the fastest counts.
+/// Commands that take less than this, in seconds, are run several times: the fastest counts.
 const SHORT: f64 = 5.0;
+const REPEAT: usize = 5;
 
 const HEAD: &str = "
 ## A wanted accuracy
@@ -65,9 +66,9 @@ const HEAD: &str = "
 What `wfl run SCENE --accuracy ERROR --of QUANTITY` picks, its true error against the references above, and the time of
 the whole command, from the start of the process to its end: its runs on the way, the one that is kept, its files. Beside
 it the whole command of the cheapest run of the tables above that is as accurate as asked for, with the same scene: which
-run that is, is only known when all are done. The fastest of three counts where a command takes less than 5 s.
+run that is, is only known when all are done. The fastest of five counts where a command takes less than 5 s.
 
-| scene | asked | picked | estimated | true | command [s] | cheapest of the tables | its command [s] | times as long |
+| scene | asked | picked | estimated | true, ± error of the reference | command [s] | cheapest of the tables | its command [s] | times as long |
 |---|---|---|---|---|---|---|---|---|
 ";
 
@@ -106,34 +107,34 @@ fn line(args: &SweepArgs, case: &Case, asked: &str) -> Result<String, String> {
         None => "none | | ".to_owned(),
     };
     Ok(format!(
-        "| {name}, {} | {asked} | `{}` | {:.1e} | {truth:.1e} | {seconds:.3} | {cheapest} |\n",
+        "| {name}, {} | {asked} | `{}` | {:.1e} | {truth} | {seconds:.3} | {cheapest} |\n",
         case.quantity,
         words(&record.picked),
         record.estimate.0
     ))
 }
 
-/// Runs a command of this program that writes into a folder: how it ended, and the seconds of the fastest of three, if it
-/// is short.
+/// Runs a command of this program that writes into a folder: how it ended, and its seconds, of the fastest of several
+/// where it is short.
 fn timed(command: &[&str], folder: &Path) -> Result<(Output, f64), String> {
     let program = std::env::current_exe().map_err(|e| e.to_string())?;
     let mut least = f64::INFINITY;
-    for k in 0.. {
+    for k in 0..REPEAT {
         // the folder of a sweep remembers its runs
         let _ = std::fs::remove_dir_all(folder);
         let begin = Instant::now();
         let ended = Command::new(&program).args(command).output();
         let ended = ended.map_err(|e| format!("cannot run wfl {}: {e}", command.join(" ")))?;
         least = least.min(begin.elapsed().as_secs_f64());
-        if k == 2 || least > SHORT {
+        if k + 1 == REPEAT || least > SHORT {
             return Ok((ended, least));
         }
     }
     Err("no run".to_owned())
 }
 
-/// The error of what was picked.
-fn truth(args: &SweepArgs, case: &Case, picked: &[(String, String)], folder: &Path) -> Result<f64, String> {
+/// The error of what was picked, with that of the reference where it has one.
+fn truth(args: &SweepArgs, case: &Case, picked: &[(String, String)], folder: &Path) -> Result<String, String> {
     // a table of an earlier study has runs of its own
     let _ = std::fs::remove_dir_all(folder);
     let knobs = picked.iter().map(|(n, v)| format!("{n}={v}"));
@@ -149,8 +150,12 @@ fn truth(args: &SweepArgs, case: &Case, picked: &[(String, String)], folder: &Pa
     };
     super::run(&own)?;
     let rows = table::read(folder).map_err(|e| e.to_string())?;
-    let error = rows.first().and_then(|r| r.value(&format!("error {}", case.quantity)));
-    error.ok_or_else(|| format!("{}: what was picked has no error", case.scene))
+    let of = |what: &str| rows.first().and_then(|r| r.value(&format!("{what} {}", case.quantity)));
+    let error = of("error").ok_or_else(|| format!("{}: what was picked has no error", case.scene))?;
+    Ok(match of("reference error") {
+        Some(own) => format!("{error:.1e} ± {own:.1e}"),
+        None => format!("{error:.1e}"),
+    })
 }
 
 /// The knobs of the fastest run of the same scene with an error as small as asked for.
