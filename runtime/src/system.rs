@@ -461,11 +461,18 @@ impl System {
         let mut unturned = self.unturned.take();
         let mut changing = std::mem::replace(&mut self.changing, nothing(0));
         let matrix = unturned.as_mut().map_or(&mut changing, |u| &mut u.matrix);
-        matrix.values_mut().fill(0.0);
         let result = self.with_values(u, |Parts { mesh, terms, pieces, .. }, values| {
+            let mut is_new = true;
             for (k, term) in terms.iter().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear) {
                 let piece = pieces.iter().find(|p| held && p.term == k);
-                piece.map_or(term, |p| &p.held).add_tangent(mesh, values, matrix.values_mut())?;
+                let term = piece.map_or(term, |p| &p.held);
+                match std::mem::take(&mut is_new) {
+                    true => term.set_tangent(mesh, values, matrix.values_mut())?,
+                    false => term.add_tangent(mesh, values, matrix.values_mut())?,
+                }
+            }
+            if is_new {
+                matrix.values_mut().fill(0.0);
             }
             Ok(())
         });

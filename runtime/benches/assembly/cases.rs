@@ -118,11 +118,10 @@ impl Problem {
 
     /// The tangent, from a matrix of any values to the one at the state.
     pub(crate) fn assemble(&mut self) -> Result<(), String> {
-        self.matrix.values_mut().fill(0.0);
         let system = &self.scene.system;
         let mut fields = [&self.state[..]; MOST_FIELDS];
         let values = FieldValues { current: slices(system, &self.state, &mut fields), previous: &[] };
-        system.terms[0].add_tangent(&system.mesh, values, self.matrix.values_mut()).map_err(|e| e.to_string())
+        system.terms[0].set_tangent(&system.mesh, values, self.matrix.values_mut()).map_err(|e| e.to_string())
     }
 
     /// The residual at the state.

@@ -3,7 +3,7 @@
 //! The formula: residual of test dof (i, c) is the sum over points of w (N_i f_c + dN_i/dx_d f_cd); the tangent the
 //! same with the law's entries on both sides. Per pair of test and trial component the tangent is one small matrix
 //! product: entries times trial functions first, then test functions times that, summed over test slots and points in
-//! registers. Pairs without entries do not exist; of symmetric laws one triangle is made; functions that are zero at
+//! registers, or a sum of shared integrals ([`crate::assemble::integrals`]). Pairs without entries do not exist; of symmetric laws one triangle is made; functions that are zero at
 //! all points of a facet are left out where a term reads values only.
 
 use pulp::{Simd, WithSimd};
@@ -15,6 +15,7 @@ use crate::assemble::{
     entries::{Coefficient, Entries},
     evaluate::Workspace,
     geometry::{Lanes, ZERO},
+    integrals::{self, Integral, Sources},
     simd::{fused, load, parts, plus_product, store},
 };
 
@@ -23,22 +24,24 @@ const TILE: usize = 4;
 
 /// One test slot of a block.
 #[derive(Clone, Debug)]
-struct Row {
-    tests: Operand,
+pub(super) struct Row {
+    pub(super) tests: Operand,
     /// Coefficient and trial functions.
-    entries: Vec<(usize, Operand)>,
+    pub(super) entries: Vec<(usize, Operand)>,
 }
 
 /// All entries of one test component and one trial component.
 #[derive(Clone, Debug)]
-struct Block {
-    rows: Vec<Row>,
-    n_tests: usize,
-    n_trials: usize,
+pub(super) struct Block {
+    pub(super) rows: Vec<Row>,
+    pub(super) n_tests: usize,
+    pub(super) n_trials: usize,
     /// Where its products stand in the local tangent: `start + i * n_trials + j`.
     start: usize,
     /// Test and trial functions are the same and so are the sides: only `i <= j` is needed.
-    is_triangle: bool,
+    pub(super) is_triangle: bool,
+    /// Coefficient and integrals, by test function; empty if the entries differ from point to point.
+    pub(super) sum: Vec<(usize, Operand)>,
 }
 
 /// How the tangent of one group is made.
@@ -52,6 +55,9 @@ pub(super) struct TangentPlan {
     pub(super) sources: Vec<u32>,
     n_coefficients: usize,
     flux: usize,
+    integrals: Vec<Integral>,
+    /// Numbers of the integrals.
+    n_integrals: usize,
 }
 
 /// No such entry.
@@ -69,6 +75,8 @@ impl TangentPlan {
             sources: vec![ABSENT; n_dofs * n_dofs],
             n_coefficients: entries.coefficients.len(),
             flux: 0,
+            integrals: Vec::new(),
+            n_integrals: 0,
         };
         let component = |p: &SlotPlace| (p.basis, p.component);
         let mut pairs: Vec<(Component, Component)> = entries
@@ -83,6 +91,8 @@ impl TangentPlan {
                 plan.add_block(binding, group, entries, row, column);
             }
         }
+        let n_points = group.bases.first().map_or(0, |basis| basis.table.n_points);
+        (plan.integrals, plan.n_integrals) = integrals::share(&mut plan.blocks, entries, n_points);
         plan
     }
 
@@ -150,7 +160,7 @@ impl TangentPlan {
         }
         let n_points = group.bases[cb].table.n_points;
         self.flux = self.flux.max(rows.len() * n_points * n_trials);
-        self.blocks.push(Block { rows, n_tests, n_trials, start: self.n_local, is_triangle });
+        self.blocks.push(Block { rows, n_tests, n_trials, start: self.n_local, is_triangle, sum: Vec::new() });
         self.n_local += n_tests * n_trials;
     }
 }
@@ -165,6 +175,7 @@ pub(super) fn tangent(
 ) -> bool {
     let n_points = group.0.n_points();
     workspace.coefficients.resize(n_points * plan.n_coefficients, ZERO);
+    workspace.integrals.resize(plan.n_integrals, ZERO);
     if workspace.flux.len() < plan.flux {
         workspace.flux.resize(plan.flux, ZERO);
     }
@@ -181,6 +192,7 @@ pub(super) fn tangent(
         derivatives: &workspace.derivatives,
         coefficients: &mut workspace.coefficients,
         flux: &mut workspace.flux,
+        integrals: &mut workspace.integrals,
         local: &mut workspace.local,
     })
 }
@@ -196,6 +208,7 @@ struct Tangent<'a> {
     derivatives: &'a [Lanes],
     coefficients: &'a mut [Lanes],
     flux: &'a mut [Lanes],
+    integrals: &'a mut [Lanes],
     local: &'a mut [Lanes],
 }
 
@@ -204,9 +217,12 @@ impl WithSimd for Tangent<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) -> bool {
+        let mut finite = self.sums::<S>(simd);
+        if self.plan.blocks.iter().all(|block| !block.sum.is_empty()) {
+            return finite;
+        }
         self.weigh::<S>(simd);
-        let mut finite = true;
-        for block in &self.plan.blocks {
+        for block in self.plan.blocks.iter().filter(|block| block.sum.is_empty()) {
             for (r, row) in block.rows.iter().enumerate() {
                 let size = self.n_points * block.n_trials;
                 let flux = &mut self.flux[r * size..][..size];
@@ -220,8 +236,17 @@ impl WithSimd for Tangent<'_> {
             }
             let out = &mut self.local[block.start..][..block.n_tests * block.n_trials];
             for p in 0..parts::<S>() {
-                let (values, derivatives) = (self.values, self.derivatives);
-                let product = Product { block, n_points: self.n_points, values, derivatives, flux: self.flux, p };
+                let product = Product {
+                    rows: &block.rows,
+                    n_tests: block.n_tests,
+                    n_trials: block.n_trials,
+                    is_triangle: block.is_triangle,
+                    n_points: self.n_points,
+                    values: self.values,
+                    derivatives: self.derivatives,
+                    flux: self.flux,
+                    p,
+                };
                 finite &= product.all::<S>(simd, out);
             }
         }
@@ -230,6 +255,38 @@ impl WithSimd for Tangent<'_> {
 }
 
 impl Tangent<'_> {
+    /// The blocks that are sums of integrals.
+    #[inline(always)]
+    fn sums<S: Simd>(&mut self, simd: S) -> bool {
+        if self.plan.integrals.is_empty() {
+            return true;
+        }
+        for (slot, coefficient) in self.coefficients.iter_mut().zip(&self.entries.coefficients) {
+            *slot = match coefficient {
+                Coefficient::Constant(c) => [*c; LANES],
+                Coefficient::Uniform(u) => [self.uniforms[*u]; LANES],
+                Coefficient::Output(_) => ZERO,
+            };
+        }
+        let from = Sources { weights: self.weights, values: self.values, derivatives: self.derivatives };
+        from.integrate::<S>(simd, &self.plan.integrals, self.flux, self.integrals);
+        let zero = simd.splat_f64s(0.0);
+        let mut check = zero;
+        for block in self.plan.blocks.iter().filter(|block| !block.sum.is_empty()) {
+            let out = &mut self.local[block.start..][..block.n_tests * block.n_trials];
+            for (i, row) in out.chunks_exact_mut(block.n_trials).enumerate() {
+                for p in 0..parts::<S>() {
+                    let from = Trials { entries: &block.sum, values: &[], derivatives: self.integrals, q: i };
+                    from.flux::<S>(simd, self.coefficients, row, p);
+                    for number in row.iter() {
+                        check = fused(simd, check, load::<S>(number, p), zero);
+                    }
+                }
+            }
+        }
+        simd.reduce_sum_f64s(check) == 0.0
+    }
+
     /// Entries times weights.
     #[inline(always)]
     fn weigh<S: Simd>(&mut self, simd: S) {
@@ -304,24 +361,29 @@ impl Trials<'_> {
 
 /// Test functions times fluxes, summed over slots and points.
 #[derive(Clone, Copy)]
-struct Product<'a> {
-    block: &'a Block,
-    n_points: usize,
-    values: &'a [Lanes],
-    derivatives: &'a [Lanes],
-    flux: &'a [Lanes],
-    p: usize,
+pub(super) struct Product<'a> {
+    pub(super) rows: &'a [Row],
+    pub(super) n_tests: usize,
+    pub(super) n_trials: usize,
+    /// Only numbers on and above the diagonal are needed.
+    pub(super) is_triangle: bool,
+    pub(super) n_points: usize,
+    pub(super) values: &'a [Lanes],
+    pub(super) derivatives: &'a [Lanes],
+    pub(super) flux: &'a [Lanes],
+    /// Part of the vectors.
+    pub(super) p: usize,
 }
 
 impl Product<'_> {
     #[inline(always)]
-    fn all<S: Simd>(self, simd: S, out: &mut [Lanes]) -> bool {
-        let (m, n) = (self.block.n_tests, self.block.n_trials);
+    pub(super) fn all<S: Simd>(self, simd: S, out: &mut [Lanes]) -> bool {
+        let (m, n) = (self.n_tests, self.n_trials);
         let mut check = simd.splat_f64s(0.0);
         let mut i = 0;
         while i < m {
             let rows = TILE.min(m - i);
-            let mut j = if self.block.is_triangle { i } else { 0 };
+            let mut j = if self.is_triangle { i } else { 0 };
             while j < n {
                 let columns = TILE.min(n - j);
                 match (rows, columns) {
@@ -359,9 +421,9 @@ impl Product<'_> {
         out: &mut [Lanes],
         check: &mut S::f64s,
     ) {
-        let (n, p) = (self.block.n_trials, self.p);
+        let (n, p) = (self.n_trials, self.p);
         let mut sums = [[simd.splat_f64s(0.0); N]; M];
-        for (r, row) in self.block.rows.iter().enumerate() {
+        for (r, row) in self.rows.iter().enumerate() {
             for q in 0..self.n_points {
                 let tests = &row.tests.at(self.values, self.derivatives, q)[i..][..M];
                 let flux = &self.flux[(r * self.n_points + q) * n + j..][..N];

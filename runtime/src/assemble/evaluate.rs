@@ -55,8 +55,12 @@ pub struct Workspace {
     pub(super) coefficients: Vec<Lanes>,
     /// Entries times trial functions, `[test slot][point][function]`.
     pub(super) flux: Vec<Lanes>,
+    /// Integrals of products of functions.
+    pub(super) integrals: Vec<Lanes>,
     /// Local residual or tangent.
     pub(super) local: Vec<Lanes>,
+    /// A row of the local tangent.
+    pub(super) row: Vec<Lanes>,
     /// Branches of this thread.
     pub(super) branches: BranchCounts,
 }

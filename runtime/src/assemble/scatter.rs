@@ -5,37 +5,20 @@
 //! pair of nodes tell all places, a tenth of one place per entry, so that adding reads little besides the matrix.
 //! Entities where that does not hold (next to fixed dofs) keep a list of places.
 //!
-//! Threads add to the same matrix, each to rows of its own ([`crate::assemble::shares`]): values are seen as atomic
-//! numbers, read and written without order, which costs nothing and keeps a mistake from being undefined.
+//! A batch is added a few rows at a time: their entries are put side by side, then each entity adds its numbers. Threads
+//! add to rows of their own ([`crate::assemble::rows`]).
 
-use std::{
-    collections::BTreeMap,
-    ops::Range,
-    sync::atomic::{AtomicU64, Ordering},
-};
+use std::{collections::BTreeMap, ops::Range};
 
 use wfl_compiler::ir::LANES;
-use zerocopy::{FromBytes, IntoBytes};
 
 use crate::{
-    assemble::{binding::GroupBinding, contract::ABSENT, geometry::Lanes},
+    assemble::{binding::GroupBinding, contract::ABSENT, geometry::Lanes, rows::Own},
     csr::Pattern,
 };
 
 /// No place in the matrix: row or column is fixed.
 pub(super) const NOWHERE: u32 = u32::MAX;
-
-/// Numbers that several threads add to, each number from one thread.
-pub(super) fn shared(values: &mut [f64]) -> &[AtomicU64] {
-    <[AtomicU64]>::mut_from_bytes(values.as_mut_bytes()).expect("on 64-bit machines both have the same alignment")
-}
-
-/// `cell += value`; no other thread may write this cell meanwhile.
-#[inline(always)]
-pub(super) fn add(cell: &AtomicU64, value: f64) {
-    let sum = f64::from_bits(cell.load(Ordering::Relaxed)) + value;
-    cell.store(sum.to_bits(), Ordering::Relaxed);
-}
 
 /// Components of one trial node that one test dof couples with.
 #[derive(Clone, Copy, Debug)]
@@ -49,14 +32,27 @@ struct Segment {
 #[derive(Clone, Debug)]
 struct Run {
     row: usize,
-    /// Local dof of the row.
-    dof: usize,
-    pairs: Range<usize>,
+    /// First pair.
+    pair: usize,
     /// Components of each segment.
     n: usize,
+    segments: usize,
+}
+
+/// Runs that follow one another, of the same shape.
+#[derive(Clone, Debug)]
+struct Block {
+    runs: Range<usize>,
+    /// Components of each segment.
+    n: usize,
+    /// Segments of each run.
+    segments: usize,
     /// Among the sources.
     entries: Range<usize>,
 }
+
+/// Entries of a block, at most, where it has more than one run: so many vectors stay in the nearest cache.
+const BLOCK: usize = 128;
 
 /// A test dof.
 #[derive(Clone, Debug)]
@@ -74,9 +70,10 @@ pub(super) struct Scatter {
     rows: Vec<Row>,
     segments: Vec<Segment>,
     runs: Vec<Run>,
+    blocks: Vec<Block>,
     /// First local trial dof of each pair.
     pairs: Vec<usize>,
-    /// Where the entries of the segments stand in the local tangent, counted in numbers of one lane each.
+    /// Where the entries of the segments stand in the local tangent.
     sources: Vec<u32>,
     /// `[entity][row]`: start of the row, or [`NOWHERE`]
     row_starts: Vec<u32>,
@@ -94,7 +91,6 @@ impl Scatter {
     pub(super) fn new(binding: &GroupBinding, sources: &[u32], zero: usize) -> Self {
         let n = binding.n_dofs();
         let zero = u32::try_from(zero).expect("small local matrices");
-        let lanes = u32::try_from(LANES).expect("a small number");
         let mut out = Self::default();
         let mut known: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         for (node, dof) in nodes_and_dofs(binding) {
@@ -111,7 +107,7 @@ impl Scatter {
                             out.pairs.push(first + low);
                             out.pairs.len() - 1
                         });
-                        let list = here[low..=high].iter().map(|s| lanes * if *s == ABSENT { zero } else { *s });
+                        let list = here[low..=high].iter().map(|s| if *s == ABSENT { zero } else { *s });
                         out.sources.extend(list);
                         out.segments.push(Segment { pair, n: high - low + 1 });
                     }
@@ -126,14 +122,24 @@ impl Scatter {
     }
 
     fn add_row(&mut self, dof: usize, segments: Range<usize>, first_entry: usize) {
-        let (row, mut at) = (self.rows.len(), first_entry);
+        let (row, first_run) = (self.rows.len(), self.runs.len());
         for Segment { pair, n } in &self.segments[segments.clone()] {
-            let fits = |run: &&mut Run| run.row == row && run.n == *n && run.pairs.end == *pair;
-            match self.runs.last_mut().filter(fits) {
-                Some(run) => (run.pairs.end, run.entries.end) = (pair + 1, at + n),
-                None => self.runs.push(Run { row, dof, pairs: *pair..pair + 1, n: *n, entries: at..at + n }),
+            let fits = |run: &&mut Run| run.n == *n && run.pair + run.segments == *pair;
+            match self.runs[first_run..].last_mut().filter(fits) {
+                Some(run) => run.segments += 1,
+                None => self.runs.push(Run { row, pair: *pair, n: *n, segments: 1 }),
             }
-            at += n;
+        }
+        let mut at = first_entry;
+        for (k, run) in self.runs.iter().enumerate().skip(first_run) {
+            let (n, segments) = (run.n, run.segments);
+            let end = at + n * segments;
+            let fits = |b: &&mut Block| (b.n, b.segments) == (n, segments) && end - b.entries.start <= BLOCK;
+            match self.blocks.last_mut().filter(fits) {
+                Some(block) => (block.runs.end, block.entries.end) = (k + 1, end),
+                None => self.blocks.push(Block { runs: k..k + 1, n, segments, entries: at..end }),
+            }
+            at = end;
         }
         self.rows.push(Row { dof, segments, entries: first_entry..at });
     }
@@ -207,64 +213,92 @@ impl Scatter {
         }
     }
 
-    /// Adds the local tangent of one entity, the rows for whose local dof `owns` holds.
-    #[inline(always)]
-    pub(super) fn add_entity(
+    /// Adds the local tangents of a batch, the rows that are in `own`. `numbers` is memory for a block.
+    pub(super) fn add_batch(
         &self,
-        entity: usize,
-        lane: usize,
+        entities: Range<usize>,
         local: &[Lanes],
-        matrix: &[AtomicU64],
-        owns: impl Fn(usize) -> bool,
+        numbers: &mut Vec<Lanes>,
+        own: &mut Own<'_, '_>,
     ) {
-        let numbers = &local.as_flattened()[lane..];
-        let list = self.lists[entity];
-        if list != NOWHERE {
-            self.add_listed(list as usize, numbers, matrix, owns);
-            return;
+        for block in &self.blocks {
+            numbers.clear();
+            numbers.extend(self.sources[block.entries.clone()].iter().map(|s| local[*s as usize]));
+            match block.n {
+                1 => self.add_block::<1>(entities.clone(), block, numbers, own),
+                2 => self.add_block::<2>(entities.clone(), block, numbers, own),
+                3 => self.add_block::<3>(entities.clone(), block, numbers, own),
+                n => self.each(entities.clone(), block, own, |lane, at, cells, offsets| {
+                    for (offset, numbers) in offsets.iter().zip(numbers[at..].chunks_exact(n)) {
+                        let cells = cells[usize::from(*offset)..].iter_mut();
+                        cells.zip(numbers).for_each(|(cell, number)| *cell += number[lane]);
+                    }
+                }),
+            }
         }
-        let starts = &self.row_starts[entity * self.rows.len()..][..self.rows.len()];
-        let offsets = &self.offsets[entity * self.pairs.len()..][..self.pairs.len()];
-        for run in &self.runs {
-            let start = starts[run.row];
-            if start == NOWHERE || !owns(run.dof) {
+        for (lane, entity) in entities.enumerate().filter(|(_, entity)| self.lists[*entity] != NOWHERE) {
+            self.add_listed(entity, local, lane, own);
+        }
+    }
+
+    /// Adds a block of runs with segments of `N` components.
+    #[inline(always)]
+    fn add_block<const N: usize>(
+        &self,
+        entities: Range<usize>,
+        block: &Block,
+        numbers: &[Lanes],
+        own: &mut Own<'_, '_>,
+    ) {
+        let numbers = numbers.as_chunks::<N>().0;
+        self.each(entities, block, own, |lane, at, cells, offsets| {
+            for (offset, numbers) in offsets.iter().zip(&numbers[at / N..]) {
+                let at = usize::from(*offset);
+                for (cell, number) in cells[at..at + N].iter_mut().zip(numbers) {
+                    *cell += number[lane];
+                }
+            }
+        });
+    }
+
+    /// Calls `add(lane, first entry of the run in the block, values of the row, offsets of the run)` for each run of the
+    /// block and each entity whose places are not listed.
+    #[inline(always)]
+    fn each(
+        &self,
+        entities: Range<usize>,
+        block: &Block,
+        own: &mut Own<'_, '_>,
+        mut add: impl FnMut(usize, usize, &mut [f64], &[u16]),
+    ) {
+        let (n_rows, n_pairs) = (self.rows.len(), self.pairs.len());
+        let runs = &self.runs[block.runs.clone()];
+        for (entity, lane) in entities.zip(0..LANES) {
+            if self.lists[entity] != NOWHERE {
                 continue;
             }
-            let cells = &matrix[start as usize..];
-            let (offsets, sources) = (&offsets[run.pairs.clone()], &self.sources[run.entries.clone()]);
-            match run.n {
-                1 => add_run::<1>(cells, offsets, sources, numbers),
-                2 => add_run::<2>(cells, offsets, sources, numbers),
-                3 => add_run::<3>(cells, offsets, sources, numbers),
-                n => {
-                    for (offset, sources) in offsets.iter().zip(sources.chunks_exact(n)) {
-                        let cells = cells[usize::from(*offset)..].iter();
-                        cells.zip(sources).for_each(|(cell, source)| add(cell, numbers[*source as usize]));
-                    }
+            let starts = &self.row_starts[entity * n_rows..][..n_rows];
+            let offsets = &self.offsets[entity * n_pairs..][..n_pairs];
+            let mut at = 0;
+            for run in runs {
+                if let Some(cells) = own.from(starts[run.row] as usize) {
+                    add(lane, at, cells, &offsets[run.pair..][..block.segments]);
                 }
+                at += block.n * block.segments;
             }
         }
     }
 
-    fn add_listed(&self, list: usize, numbers: &[f64], matrix: &[AtomicU64], owns: impl Fn(usize) -> bool) {
-        let places = &self.places[list * self.sources.len()..][..self.sources.len()];
-        for row in self.rows.iter().filter(|r| owns(r.dof)) {
-            for (place, source) in places[row.entries.clone()].iter().zip(&self.sources[row.entries.clone()]) {
-                if *place != NOWHERE {
-                    add(&matrix[*place as usize], numbers[*source as usize]);
-                }
+    /// Adds an entity whose places are listed.
+    fn add_listed(&self, entity: usize, local: &[Lanes], lane: usize, own: &mut Own<'_, '_>) {
+        let places = &self.places[self.lists[entity] as usize * self.sources.len()..][..self.sources.len()];
+        let starts = &self.row_starts[entity * self.rows.len()..][..self.rows.len()];
+        for (row, start) in self.rows.iter().zip(starts) {
+            let Some(cells) = own.from(*start as usize) else { continue };
+            let entries = places[row.entries.clone()].iter().zip(&self.sources[row.entries.clone()]);
+            for (place, source) in entries.filter(|(place, _)| **place != NOWHERE) {
+                cells[(place - start) as usize] += local[*source as usize][lane];
             }
-        }
-    }
-}
-
-/// Adds segments of `N` components, each at its offset.
-#[inline(always)]
-fn add_run<const N: usize>(cells: &[AtomicU64], offsets: &[u16], sources: &[u32], numbers: &[f64]) {
-    for (offset, sources) in offsets.iter().zip(sources.as_chunks::<N>().0) {
-        let at = usize::from(*offset);
-        for (cell, source) in cells[at..at + N].iter().zip(sources) {
-            add(cell, numbers[*source as usize]);
         }
     }
 }

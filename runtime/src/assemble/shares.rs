@@ -2,7 +2,8 @@
 //!
 //! Every dof has one owner, the thread that adds everything to its row. A thread computes the batches that touch its
 //! rows, in the order of the domain; a batch whose rows have several owners is computed by each of them. So every sum is
-//! taken in the order of the domain whatever the number of threads, and no thread waits for another.
+//! taken in the order of the domain whatever the number of threads, and no thread waits for another. Owners change from
+//! block to block of dofs only, so that the rows of a thread make a few stretches of a matrix.
 
 use crate::assemble::{binding::Binding, domain::Domain, scatter::NOWHERE};
 use wfl_compiler::ir::LANES;
@@ -29,6 +30,12 @@ pub(super) struct Shares {
 /// Fewest batches worth a thread of their own.
 const SMALLEST_SHARE: usize = 4;
 
+/// Blocks of dofs a thread.
+const BLOCKS: usize = 64;
+
+/// Owner of a dof that no batch touches.
+const NOBODY: u16 = u16::MAX;
+
 impl Shares {
     /// How many threads of `threads` are worth while.
     pub(super) fn count(domain: &Domain, threads: usize) -> usize {
@@ -36,34 +43,25 @@ impl Shares {
         threads.min(batches / SMALLEST_SHARE).clamp(1, usize::from(u16::MAX))
     }
 
-    /// Shares for `n` threads. `dofs[group][entity * n_dofs + k]`
-    pub(super) fn new(domain: &Domain, binding: &Binding, dofs: &[Vec<u32>], n: usize) -> Self {
-        let cost = |g: usize| domain.groups[g].n_points() * binding.groups[g].n_dofs().pow(2);
-        let total: usize = domain.groups.iter().enumerate().map(|(g, group)| group.n_batches() * cost(g)).sum();
-        let rows: Vec<Vec<usize>> = (0..domain.groups.len()).map(|g| row_dofs(binding, g)).collect();
+    /// Shares for `n` threads.
+    pub(super) fn new(domain: &Domain, binding: &Binding, touched: &Touched<'_>, n: usize) -> Self {
         let batches = || (0..domain.groups.len()).flat_map(|g| (0..domain.groups[g].n_batches()).map(move |b| (g, b)));
-        let mut home = Vec::new();
-        let mut spent = 0;
-        for (g, _) in batches() {
-            home.push(u16::try_from((spent * n / total.max(1)).min(n - 1)).expect("fewer than 2^16 threads"));
-            spent += cost(g);
-        }
-        let touched = |g: usize, batch: usize| {
-            let (n_dofs, rows) = (binding.groups[g].n_dofs(), &rows[g]);
-            let entities = batch * LANES..((batch + 1) * LANES).min(domain.groups[g].entities.len());
-            entities.flat_map(move |e| rows.iter().map(move |k| dofs[g][e * n_dofs + k])).filter(|d| *d != NOWHERE)
-        };
-        let size = dofs.iter().flatten().filter(|d| **d != NOWHERE).max().map_or(0, |d| *d as usize + 1);
-        let mut owner = vec![u16::MAX; size];
+        let home = homes(domain, binding, n);
+        let size = touched.dofs.iter().flatten().filter(|d| **d != NOWHERE).max().map_or(0, |d| *d as usize + 1);
+        let mut owner = vec![NOBODY; size];
         for ((g, batch), home) in batches().zip(&home) {
-            touched(g, batch).for_each(|d| owner[d as usize] = owner[d as usize].min(*home));
+            touched.dofs(g, batch).for_each(|d| owner[d as usize] = owner[d as usize].min(*home));
+        }
+        for block in owner.chunks_mut(size.div_ceil(BLOCKS * n).max(1)) {
+            let first = block.iter().copied().find(|o| *o != NOBODY);
+            block.fill(first.unwrap_or(NOBODY));
         }
         let mut duties = vec![Vec::new(); n];
         let mut owners = Vec::new();
         for ((group, batch), home) in batches().zip(&home) {
             owners.clear();
             owners.push(*home);
-            owners.extend(touched(group, batch).map(|d| owner[d as usize]));
+            owners.extend(touched.dofs(group, batch).map(|d| owner[d as usize]));
             owners.sort_unstable();
             owners.dedup();
             for o in &owners {
@@ -72,6 +70,48 @@ impl Shares {
             }
         }
         Self { owner, duties }
+    }
+}
+
+/// By batch: a thread that computes it. Groups lie side by side in space, so each is divided among all threads; those of
+/// few batches are dealt out one after another.
+fn homes(domain: &Domain, binding: &Binding, n: usize) -> Vec<u16> {
+    let cost = |g: usize| domain.groups[g].n_points() * binding.groups[g].n_dofs().pow(2);
+    let size = |g: usize| domain.groups[g].n_batches();
+    let is_small = |g: &usize| size(*g) < SMALLEST_SHARE * n;
+    let total: usize = (0..domain.groups.len()).filter(is_small).map(|g| size(g) * cost(g)).sum();
+    let (mut spent, mut homes) = (0, Vec::new());
+    for g in 0..domain.groups.len() {
+        for batch in 0..size(g) {
+            let home = if is_small(&g) { spent * n / total.max(1) } else { batch * n / size(g) };
+            homes.push(u16::try_from(home.min(n - 1)).expect("fewer than 2^16 threads"));
+            spent += if is_small(&g) { cost(g) } else { 0 };
+        }
+    }
+    homes
+}
+
+/// The dofs whose rows each batch adds to.
+pub(super) struct Touched<'a> {
+    domain: &'a Domain,
+    /// `[group][entity * n_dofs + k]`
+    dofs: &'a [Vec<u32>],
+    n_dofs: Vec<usize>,
+    /// By group: local dofs that carry a test slot.
+    rows: Vec<Vec<usize>>,
+}
+
+impl<'a> Touched<'a> {
+    pub(super) fn new(domain: &'a Domain, binding: &Binding, dofs: &'a [Vec<u32>]) -> Self {
+        let rows = (0..domain.groups.len()).map(|g| row_dofs(binding, g)).collect();
+        Self { domain, dofs, n_dofs: binding.groups.iter().map(super::binding::GroupBinding::n_dofs).collect(), rows }
+    }
+
+    /// Those of one batch, some more than once.
+    pub(super) fn dofs(&self, g: usize, batch: usize) -> impl Iterator<Item = u32> {
+        let entities = batch * LANES..((batch + 1) * LANES).min(self.domain.groups[g].entities.len());
+        let (dofs, n, rows) = (&self.dofs[g], self.n_dofs[g], &self.rows[g]);
+        entities.flat_map(move |e| rows.iter().map(move |k| dofs[e * n + k])).filter(|d| *d != NOWHERE)
     }
 }
 

@@ -29,9 +29,10 @@ use crate::{
         domain::Domain,
         entries::{Entries, inputs_behind},
         evaluate::{Bound, FieldValues, Workspace},
-        geometry::Lanes,
-        scatter::{NOWHERE, Scatter, add, shared},
-        shares::{Duty, Shares},
+        rows::{Own, Rows},
+        scatter::{NOWHERE, Scatter},
+        shared::{add, shared},
+        shares::{Duty, Shares, Touched},
     },
     csr::Pattern,
     mesh::Mesh,
@@ -103,6 +104,14 @@ pub struct Integrator {
     pub binding: Binding,
 }
 
+/// For the number of threads that assembled last.
+#[derive(Default)]
+struct Kept {
+    shares: Option<Arc<Shares>>,
+    /// Of the located pattern.
+    rows: Option<Arc<Rows>>,
+}
+
 /// A term ready to be assembled.
 pub struct AssembledTerm {
     /// The compiled law.
@@ -128,8 +137,9 @@ pub struct AssembledTerm {
     branches: BranchCounts,
     /// By entity of the region: points on each branch of the contact kink, 16 bits each.
     states: Vec<AtomicU64>,
-    /// For the number of threads that assembled last.
-    shares: Mutex<Option<Arc<Shares>>>,
+    /// The pattern that [`Self::locate`] was given and the row of each dof.
+    located: Option<(Arc<Pattern>, Vec<u32>)>,
+    kept: Mutex<Kept>,
     workspaces: Mutex<Vec<Workspace>>,
 }
 
@@ -195,7 +205,8 @@ impl AssembledTerm {
             scatters: Vec::new(),
             branches: BranchCounts::default(),
             states: Vec::new(),
-            shares: Mutex::default(),
+            located: None,
+            kept: Mutex::default(),
             workspaces: Mutex::default(),
         }
     }
@@ -232,15 +243,21 @@ impl AssembledTerm {
 
     /// Adds the diagonal of the tangent, by dof.
     pub fn add_diagonal(&self, mesh: &Mesh, values: FieldValues<'_>, diagonal: &mut [f64]) {
+        if self.entries.list.is_empty() {
+            return;
+        }
         let diagonal = shared(diagonal);
-        self.local_tangents(mesh, values, |duty, lanes, local, owns| {
-            let n = self.integrator.binding.groups[duty.group].n_dofs();
-            let sources = &self.plans[duty.group].sources;
-            for (lane, entity) in lanes.enumerate() {
-                for (k, dof) in self.dofs[duty.group][entity * n..][..n].iter().enumerate() {
-                    let value = local.get(sources[k * n + k] as usize);
-                    if let Some(value) = value.filter(|_| *dof != NOWHERE && owns(*dof)) {
-                        add(&diagonal[*dof as usize], value[lane]);
+        self.share_out(|workspace, duties, owns| {
+            for duty in duties {
+                self.local_tangents(mesh, values, workspace, duty);
+                let n = self.integrator.binding.groups[duty.group].n_dofs();
+                let sources = &self.plans[duty.group].sources;
+                for (lane, entity) in self.entities(duty).enumerate() {
+                    for (k, dof) in self.dofs[duty.group][entity * n..][..n].iter().enumerate() {
+                        let value = workspace.local.get(sources[k * n + k] as usize);
+                        if let Some(value) = value.filter(|_| *dof != NOWHERE && owns(*dof)) {
+                            add(&diagonal[*dof as usize], value[lane]);
+                        }
                     }
                 }
             }
@@ -277,7 +294,9 @@ impl AssembledTerm {
     }
 
     /// Looks up where each local pair stands in a matrix; `free` maps a dof to its row, or to nothing when fixed.
-    pub fn locate(&mut self, pattern: &Pattern, free: &[u32]) {
+    pub fn locate(&mut self, pattern: &Arc<Pattern>, free: &[u32]) {
+        self.located = Some((pattern.clone(), free.to_vec()));
+        self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).rows = None;
         self.scatters = (0..self.dofs.len())
             .map(|g| {
                 let (binding, plan) = (&self.integrator.binding.groups[g], &self.plans[g]);
@@ -291,6 +310,8 @@ impl AssembledTerm {
     /// Forgets what [`Self::locate`] found: for terms that are assembled once.
     pub fn forget(&mut self) {
         self.scatters = Vec::new();
+        self.located = None;
+        self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).rows = None;
     }
 
     /// Adds the residual to `out` (by dof, fixed ones included) and counts branches.
@@ -375,51 +396,69 @@ impl AssembledTerm {
     ///
     /// # Errors
     /// [`TermError::NonFinite`] with the place.
+    ///
+    /// # Panics
+    /// When no pattern was given.
     pub fn add_tangent(&self, mesh: &Mesh, values: FieldValues<'_>, matrix: &mut [f64]) -> Result<(), TermError> {
-        let matrix = shared(matrix);
-        let finite = self.local_tangents(mesh, values, |duty, entities, local, owns| {
-            let g = duty.group;
-            let n = self.integrator.binding.groups[g].n_dofs();
-            let scatter = &self.scatters[g];
-            for (lane, entity) in entities.enumerate() {
-                if duty.all_rows {
-                    scatter.add_entity(entity, lane, local, matrix, |_| true);
-                } else {
-                    let dofs = &self.dofs[g][entity * n..][..n];
-                    scatter.add_entity(entity, lane, local, matrix, |k| owns(dofs[k]));
-                }
-            }
-        });
-        self.result(finite, mesh, values, &self.law.tangent)
+        self.tangent_into(mesh, values, matrix, false)
     }
 
-    /// Computes local tangents and hands them over batch by batch: `(batch, entities, local tangent, who owns a dof)`.
-    /// False if a number is not finite.
-    fn local_tangents(
+    /// Makes the matrix the tangent, whatever its values were, zero where the term does not act. Otherwise as
+    /// [`Self::add_tangent`]; quicker than to clear the matrix and add.
+    ///
+    /// # Errors
+    /// [`TermError::NonFinite`] with the place.
+    ///
+    /// # Panics
+    /// When no pattern was given.
+    pub fn set_tangent(&self, mesh: &Mesh, values: FieldValues<'_>, matrix: &mut [f64]) -> Result<(), TermError> {
+        self.tangent_into(mesh, values, matrix, true)
+    }
+
+    fn tangent_into(
         &self,
         mesh: &Mesh,
         values: FieldValues<'_>,
-        take: impl Fn(&Duty, std::ops::Range<usize>, &[Lanes], &dyn Fn(u32) -> bool) + Sync,
-    ) -> bool {
-        let finite = AtomicBool::new(true);
+        matrix: &mut [f64],
+        is_new: bool,
+    ) -> Result<(), TermError> {
         if self.entries.list.is_empty() {
-            return true;
-        }
-        self.share_out(|workspace, duties, owns| {
-            for duty in duties {
-                let g = duty.group;
-                workspace.prepare_some(self.bound(mesh), g, duty.batch, values, &self.tangent_needs);
-                if let Some(kernel) = &self.tangent {
-                    self.call(&**kernel, workspace, g, self.entries.n_outputs);
-                }
-                let group = (&self.integrator.domain.groups[g], &self.integrator.binding.groups[g]);
-                if !contract::tangent(workspace, &self.plans[g], &self.entries, group, &self.uniforms) {
-                    finite.store(false, Ordering::Relaxed);
-                }
-                take(duty, self.entities(duty), &workspace.local, &owns);
+            if is_new {
+                matrix.fill(0.0);
             }
+            return Ok(());
+        }
+        let (shares, rows) = self.shared_rows();
+        let finite = AtomicBool::new(true);
+        rows.share_out(matrix, |me, own| {
+            let clear = |duty: usize, own: &mut Own<'_, '_>| {
+                if is_new {
+                    rows.clear(me, duty, own);
+                }
+            };
+            self.with_workspace(|workspace| {
+                for (k, duty) in shares.duties[me].iter().enumerate() {
+                    clear(k, own);
+                    if !self.local_tangents(mesh, values, workspace, duty) {
+                        finite.store(false, Ordering::Relaxed);
+                    }
+                    self.scatters[duty.group].add_batch(self.entities(duty), &workspace.local, &mut workspace.row, own);
+                }
+            });
+            clear(shares.duties[me].len(), own);
         });
-        finite.into_inner()
+        self.result(finite.into_inner(), mesh, values, &self.law.tangent)
+    }
+
+    /// Computes the local tangents of a batch. False if a number is not finite.
+    fn local_tangents(&self, mesh: &Mesh, values: FieldValues<'_>, workspace: &mut Workspace, duty: &Duty) -> bool {
+        let g = duty.group;
+        workspace.prepare_some(self.bound(mesh), g, duty.batch, values, &self.tangent_needs);
+        if let Some(kernel) = &self.tangent {
+            self.call(&**kernel, workspace, g, self.entries.n_outputs);
+        }
+        let group = (&self.integrator.domain.groups[g], &self.integrator.binding.groups[g]);
+        contract::tangent(workspace, &self.plans[g], &self.entries, group, &self.uniforms)
     }
 
     /// Entities of a batch.
@@ -428,27 +467,51 @@ impl AssembledTerm {
         duty.batch * LANES..((duty.batch + 1) * LANES).min(total)
     }
 
+    /// Who computes what on the threads of the current pool that are worth while.
+    fn shares(&self, kept: &mut Kept) -> Arc<Shares> {
+        let n = Shares::count(&self.integrator.domain, rayon::current_num_threads());
+        if let Some(shares) = kept.shares.as_ref().filter(|s| s.duties.len() == n) {
+            return shares.clone();
+        }
+        kept.rows = None;
+        kept.shares
+            .insert(Arc::new(Shares::new(&self.integrator.domain, &self.integrator.binding, &self.touched(), n)))
+            .clone()
+    }
+
+    /// The same with the rows of the located matrix.
+    fn shared_rows(&self) -> (Arc<Shares>, Arc<Rows>) {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let shares = self.shares(&mut kept);
+        let rows = kept.rows.get_or_insert_with(|| {
+            let (pattern, free) = self.located.as_ref().expect("a pattern before the tangent");
+            Arc::new(Rows::new(pattern, free, &shares, &self.touched()))
+        });
+        (shares, rows.clone())
+    }
+
+    fn touched(&self) -> Touched<'_> {
+        Touched::new(&self.integrator.domain, &self.integrator.binding, &self.dofs)
+    }
+
+    fn with_workspace(&self, work: impl FnOnce(&mut Workspace)) {
+        let pool = || self.workspaces.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut workspace = pool().pop().unwrap_or_default();
+        work(&mut workspace);
+        pool().push(workspace);
+    }
+
     /// Calls `work(workspace, batches, owns)` on each of the threads of the current pool that are worth while.
     fn share_out(&self, work: impl Fn(&mut Workspace, &[Duty], &dyn Fn(u32) -> bool) + Sync) {
-        let n = Shares::count(&self.integrator.domain, rayon::current_num_threads());
-        let shares = {
-            let mut kept = self.shares.lock().unwrap_or_else(PoisonError::into_inner);
-            let fitting = kept.as_ref().filter(|s| s.duties.len() == n).cloned();
-            fitting.unwrap_or_else(|| {
-                let made = Shares::new(&self.integrator.domain, &self.integrator.binding, &self.dofs, n);
-                kept.insert(Arc::new(made)).clone()
-            })
-        };
+        let shares = self.shares(&mut self.kept.lock().unwrap_or_else(PoisonError::into_inner));
         let one = |me: usize| {
-            let pool = || self.workspaces.lock().unwrap_or_else(PoisonError::into_inner);
-            let mut workspace = pool().pop().unwrap_or_default();
-            work(&mut workspace, &shares.duties[me], &|dof| usize::from(shares.owner[dof as usize]) == me);
-            pool().push(workspace);
+            self.with_workspace(|workspace| {
+                work(workspace, &shares.duties[me], &|dof| usize::from(shares.owner[dof as usize]) == me);
+            });
         };
-        if n == 1 {
-            one(0);
-        } else {
-            (0..n).into_par_iter().with_max_len(1).for_each(one);
+        match shares.duties.len() {
+            1 => one(0),
+            n => (0..n).into_par_iter().with_max_len(1).for_each(one),
         }
     }
 

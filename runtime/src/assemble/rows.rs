@@ -1,0 +1,171 @@
+//! Whose rows of a matrix are whose, and when each is cleared.
+//!
+//! Every thread gets the values of its own rows and no others, as a few stretches of the matrix, so that it adds to them
+//! with the vectors of the processor. A matrix made anew is not cleared as a whole: each thread clears a few rows just
+//! before the first batch that adds to one of them, and the additions find them in the caches. Made once for a pattern and
+//! a number of threads.
+
+use crate::{
+    assemble::{
+        scatter::NOWHERE,
+        shares::{Shares, Touched},
+    },
+    csr::Pattern,
+};
+use rayon::prelude::*;
+
+/// Values of a matrix that follow one another, from `start` on.
+#[derive(Debug)]
+struct Stretch<'a> {
+    start: usize,
+    values: &'a mut [f64],
+}
+
+/// The values that one thread adds to.
+#[derive(Debug)]
+pub(super) struct Own<'a, 'b> {
+    /// In the order of the matrix.
+    stretches: &'b mut [Stretch<'a>],
+    /// Where the last row was found.
+    last: usize,
+}
+
+impl Own<'_, '_> {
+    /// The values from `start` on, as far as they are this thread's; `None` if that one is not.
+    #[inline(always)]
+    pub(super) fn from(&mut self, start: usize) -> Option<&mut [f64]> {
+        let holds = |s: &Stretch<'_>| start.wrapping_sub(s.start) < s.values.len();
+        if !self.stretches.get(self.last).is_some_and(holds) {
+            self.last = self.stretches.partition_point(|s| s.start <= start).checked_sub(1)?;
+            if !holds(&self.stretches[self.last]) {
+                return None;
+            }
+        }
+        let stretch = &mut self.stretches[self.last];
+        Some(&mut stretch.values[start - stretch.start..])
+    }
+}
+
+/// So many values are cleared at once, at least: short stretches one by one leave the processor waiting for memory.
+const AT_ONCE: usize = 4096;
+
+/// What one thread clears.
+#[derive(Debug, Default)]
+struct Clears {
+    /// First value and how many, ordered by batch.
+    ranges: Vec<(u32, u32)>,
+    /// By batch of the thread: how many ranges are cleared before it and all batches before. One more at the end.
+    until: Vec<u32>,
+}
+
+/// How the values of a matrix are shared out.
+#[derive(Debug)]
+pub(super) struct Rows {
+    /// Where stretches end, and who has them.
+    ends: Vec<(usize, u16)>,
+    clears: Vec<Clears>,
+}
+
+impl Rows {
+    /// `free` maps dofs to rows of the pattern.
+    pub(super) fn new(pattern: &Pattern, free: &[u32], shares: &Shares, touched: &Touched<'_>) -> Self {
+        let n = shares.duties.len();
+        let mut dof_of = vec![NOWHERE; pattern.n_rows()];
+        for (dof, row) in (0u32..).zip(free).filter(|(_, row)| **row != NOWHERE) {
+            dof_of[*row as usize] = dof;
+        }
+        let owner = |row: usize| shares.owner.get(dof_of[row] as usize).copied().filter(|o| usize::from(*o) < n);
+        let starts = pattern.row_starts();
+        let (mut ends, mut owners) = (Vec::<(usize, u16)>::new(), Vec::with_capacity(pattern.n_rows()));
+        for row in 0..pattern.n_rows() {
+            // a row that nobody adds to goes with the one before
+            let owner = owner(row).or(owners.last().copied()).unwrap_or(0);
+            owners.push(owner);
+            match ends.last_mut().filter(|(_, o)| *o == owner) {
+                Some((end, _)) => *end = starts[row + 1],
+                None => ends.push((starts[row + 1], owner)),
+            }
+        }
+        let clears = (0..n).map(|me| Clears::new(pattern, free, (me, &owners), shares, touched)).collect();
+        Self { ends, clears }
+    }
+
+    /// Clears what thread `me` adds to for the first time in its batch `duty`; with the number of its batches, the rest.
+    pub(super) fn clear(&self, me: usize, duty: usize, own: &mut Own<'_, '_>) {
+        let clears = &self.clears[me];
+        let first = if duty == 0 { 0 } else { clears.until[duty - 1] };
+        for (start, n) in &clears.ranges[first as usize..clears.until[duty] as usize] {
+            if let Some(values) = own.from(*start as usize) {
+                values[..*n as usize].fill(0.0);
+            }
+        }
+    }
+
+    /// Calls `work(thread, its values)` for every thread, each on a thread of the current pool.
+    pub(super) fn share_out(&self, matrix: &mut [f64], work: impl Fn(usize, &mut Own<'_, '_>) + Sync) {
+        if self.clears.len() == 1 {
+            let mut all = [Stretch { start: 0, values: matrix }];
+            return work(0, &mut Own { stretches: &mut all, last: 0 });
+        }
+        let mut parts: Vec<Vec<Stretch<'_>>> = self.clears.iter().map(|_| Vec::new()).collect();
+        let (mut rest, mut start) = (matrix, 0);
+        for (end, owner) in &self.ends {
+            let (values, others) = rest.split_at_mut(end - start);
+            parts[usize::from(*owner)].push(Stretch { start, values });
+            (rest, start) = (others, *end);
+        }
+        parts
+            .par_iter_mut()
+            .enumerate()
+            .with_max_len(1)
+            .for_each(|(me, stretches)| work(me, &mut Own { stretches, last: 0 }));
+    }
+}
+
+impl Clears {
+    fn new(
+        pattern: &Pattern,
+        free: &[u32],
+        (me, owners): (usize, &[u16]),
+        shares: &Shares,
+        touched: &Touched<'_>,
+    ) -> Self {
+        let duties = &shares.duties[me];
+        let mine = |row: usize| usize::from(owners[row]) == me;
+        let starts = pattern.row_starts();
+        let place = |at: usize| u32::try_from(at).expect("fewer than 2^32 entries");
+        let mut out = Self::default();
+        let mut seen = vec![false; pattern.n_rows()];
+        let (mut rows, mut size, mut waiting) = (Vec::new(), 0, 0);
+        let mut flush = |rows: &mut Vec<usize>, duties: usize| {
+            rows.sort_unstable();
+            let first = out.ranges.len();
+            for row in rows.drain(..) {
+                let (start, n) = (place(starts[row]), place(starts[row + 1] - starts[row]));
+                match out.ranges[first..].last_mut().filter(|(before, n)| *before + *n == start) {
+                    Some((_, sum)) => *sum += n,
+                    None => out.ranges.push((start, n)),
+                }
+            }
+            out.until.extend(std::iter::repeat_n(place(out.ranges.len()), duties));
+        };
+        for duty in duties {
+            for dof in touched.dofs(duty.group, duty.batch) {
+                let row = free[dof as usize] as usize;
+                if row != NOWHERE as usize && mine(row) && !std::mem::replace(&mut seen[row], true) {
+                    rows.push(row);
+                    size += starts[row + 1] - starts[row];
+                }
+            }
+            waiting += 1;
+            if size >= AT_ONCE {
+                flush(&mut rows, waiting);
+                (size, waiting) = (0, 0);
+            }
+        }
+        flush(&mut rows, waiting);
+        rows.extend((0..pattern.n_rows()).filter(|row| mine(*row) && !seen[*row]));
+        flush(&mut rows, 1);
+        out
+    }
+}
