@@ -37,12 +37,9 @@ impl Own<'_, '_> {
         let holds = |s: &Stretch<'_>| start.wrapping_sub(s.start) < s.values.len();
         if !self.stretches.get(self.last).is_some_and(holds) {
             self.last = self.stretches.partition_point(|s| s.start <= start).checked_sub(1)?;
-            if !holds(&self.stretches[self.last]) {
-                return None;
-            }
         }
         let stretch = &mut self.stretches[self.last];
-        Some(&mut stretch.values[start - stretch.start..])
+        stretch.values.get_mut(start.wrapping_sub(stretch.start)..).filter(|values| !values.is_empty())
     }
 }
 

@@ -10,23 +10,32 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
+use pulp::{Arch, Simd, WithSimd};
 use wfl_compiler::ir::LANES;
 
 use crate::{
-    assemble::{binding::GroupBinding, contract::ABSENT, geometry::Lanes, rows::Own},
+    assemble::{
+        binding::GroupBinding,
+        contract::ABSENT,
+        geometry::{Lanes, ZERO},
+        rows::Own,
+    },
     csr::Pattern,
 };
 
 /// No place in the matrix: row or column is fixed.
 pub(super) const NOWHERE: u32 = u32::MAX;
 
-/// Components of one trial node that one test dof couples with.
+/// Components of one trial node that one test dof couples with, [`MOST`] at most.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
     /// Test node and first trial dof.
     pair: usize,
     n: usize,
 }
+
+/// Components in a segment; what has more is cut into several.
+const MOST: usize = 3;
 
 /// Segments of a row of equal length whose pairs follow one another.
 #[derive(Clone, Debug)]
@@ -103,13 +112,15 @@ impl Scatter {
                     let here = &row[first..first + basis.n_components];
                     let present = |c: &u32| *c != ABSENT;
                     if let (Some(low), Some(high)) = (here.iter().position(present), here.iter().rposition(present)) {
-                        let pair = *known.entry((node, first + low)).or_insert_with(|| {
-                            out.pairs.push(first + low);
-                            out.pairs.len() - 1
-                        });
-                        let list = here[low..=high].iter().map(|s| if *s == ABSENT { zero } else { *s });
-                        out.sources.extend(list);
-                        out.segments.push(Segment { pair, n: high - low + 1 });
+                        for low in (low..=high).step_by(MOST) {
+                            let end = (low + MOST).min(high + 1);
+                            let pair = *known.entry((node, first + low)).or_insert_with(|| {
+                                out.pairs.push(first + low);
+                                out.pairs.len() - 1
+                            });
+                            out.sources.extend(here[low..end].iter().map(|s| if *s == ABSENT { zero } else { *s }));
+                            out.segments.push(Segment { pair, n: end - low });
+                        }
                     }
                     first += basis.n_components;
                 }
@@ -216,76 +227,19 @@ impl Scatter {
     /// Adds the local tangents of a batch, the rows that are in `own`. `numbers` is memory for a block.
     pub(super) fn add_batch(
         &self,
+        arch: Arch,
         entities: Range<usize>,
         local: &[Lanes],
         numbers: &mut Vec<Lanes>,
         own: &mut Own<'_, '_>,
     ) {
-        for block in &self.blocks {
-            numbers.clear();
-            numbers.extend(self.sources[block.entries.clone()].iter().map(|s| local[*s as usize]));
-            match block.n {
-                1 => self.add_block::<1>(entities.clone(), block, numbers, own),
-                2 => self.add_block::<2>(entities.clone(), block, numbers, own),
-                3 => self.add_block::<3>(entities.clone(), block, numbers, own),
-                n => self.each(entities.clone(), block, own, |lane, at, cells, offsets| {
-                    for (offset, numbers) in offsets.iter().zip(numbers[at..].chunks_exact(n)) {
-                        let cells = cells[usize::from(*offset)..].iter_mut();
-                        cells.zip(numbers).for_each(|(cell, number)| *cell += number[lane]);
-                    }
-                }),
-            }
+        let largest = self.blocks.iter().map(|b| b.entries.len()).max().unwrap_or(0);
+        if numbers.len() < largest {
+            numbers.resize(largest, ZERO);
         }
+        arch.dispatch(Adding { scatter: self, entities: entities.clone(), local, numbers, own });
         for (lane, entity) in entities.enumerate().filter(|(_, entity)| self.lists[*entity] != NOWHERE) {
             self.add_listed(entity, local, lane, own);
-        }
-    }
-
-    /// Adds a block of runs with segments of `N` components.
-    #[inline(always)]
-    fn add_block<const N: usize>(
-        &self,
-        entities: Range<usize>,
-        block: &Block,
-        numbers: &[Lanes],
-        own: &mut Own<'_, '_>,
-    ) {
-        let numbers = numbers.as_chunks::<N>().0;
-        self.each(entities, block, own, |lane, at, cells, offsets| {
-            for (offset, numbers) in offsets.iter().zip(&numbers[at / N..]) {
-                let at = usize::from(*offset);
-                for (cell, number) in cells[at..at + N].iter_mut().zip(numbers) {
-                    *cell += number[lane];
-                }
-            }
-        });
-    }
-
-    /// Calls `add(lane, first entry of the run in the block, values of the row, offsets of the run)` for each run of the
-    /// block and each entity whose places are not listed.
-    #[inline(always)]
-    fn each(
-        &self,
-        entities: Range<usize>,
-        block: &Block,
-        own: &mut Own<'_, '_>,
-        mut add: impl FnMut(usize, usize, &mut [f64], &[u16]),
-    ) {
-        let (n_rows, n_pairs) = (self.rows.len(), self.pairs.len());
-        let runs = &self.runs[block.runs.clone()];
-        for (entity, lane) in entities.zip(0..LANES) {
-            if self.lists[entity] != NOWHERE {
-                continue;
-            }
-            let starts = &self.row_starts[entity * n_rows..][..n_rows];
-            let offsets = &self.offsets[entity * n_pairs..][..n_pairs];
-            let mut at = 0;
-            for run in runs {
-                if let Some(cells) = own.from(starts[run.row] as usize) {
-                    add(lane, at, cells, &offsets[run.pair..][..block.segments]);
-                }
-                at += block.n * block.segments;
-            }
         }
     }
 
@@ -298,6 +252,67 @@ impl Scatter {
             let entries = places[row.entries.clone()].iter().zip(&self.sources[row.entries.clone()]);
             for (place, source) in entries.filter(|(place, _)| **place != NOWHERE) {
                 cells[(place - start) as usize] += local[*source as usize][lane];
+            }
+        }
+    }
+}
+
+/// The additions of a batch, in the instructions of the processor.
+struct Adding<'a, 'b, 'c> {
+    scatter: &'a Scatter,
+    entities: Range<usize>,
+    local: &'a [Lanes],
+    numbers: &'a mut [Lanes],
+    own: &'a mut Own<'b, 'c>,
+}
+
+impl WithSimd for Adding<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { scatter, entities, local, numbers, own } = self;
+        for block in &scatter.blocks {
+            let numbers = &mut numbers[..block.entries.len()];
+            for (number, source) in numbers.iter_mut().zip(&scatter.sources[block.entries.clone()]) {
+                *number = local[*source as usize];
+            }
+            match block.n {
+                1 => scatter.add_block::<1>(entities.clone(), block, numbers, own),
+                2 => scatter.add_block::<2>(entities.clone(), block, numbers, own),
+                _ => scatter.add_block::<MOST>(entities.clone(), block, numbers, own),
+            }
+        }
+    }
+}
+
+impl Scatter {
+    /// Adds a block of runs with segments of `N` components for the entities whose places are not listed.
+    #[inline(always)]
+    fn add_block<const N: usize>(
+        &self,
+        entities: Range<usize>,
+        block: &Block,
+        numbers: &[Lanes],
+        own: &mut Own<'_, '_>,
+    ) {
+        let (n_rows, n_pairs, n) = (self.rows.len(), self.pairs.len(), block.segments);
+        let runs = &self.runs[block.runs.clone()];
+        let numbers = numbers.as_chunks::<N>().0;
+        for (entity, lane) in entities.zip(0..LANES) {
+            if self.lists[entity] != NOWHERE {
+                continue;
+            }
+            let starts = &self.row_starts[entity * n_rows..][..n_rows];
+            let offsets = &self.offsets[entity * n_pairs..][..n_pairs];
+            for (run, numbers) in runs.iter().zip(numbers.chunks_exact(n)) {
+                let Some(cells) = own.from(starts[run.row] as usize) else { continue };
+                for (offset, numbers) in offsets[run.pair..][..n].iter().zip(numbers) {
+                    let at = usize::from(*offset);
+                    for (cell, number) in cells[at..at + N].iter_mut().zip(numbers) {
+                        *cell += number[lane];
+                    }
+                }
             }
         }
     }

@@ -442,7 +442,8 @@ impl AssembledTerm {
                     if !self.local_tangents(mesh, values, workspace, duty) {
                         finite.store(false, Ordering::Relaxed);
                     }
-                    self.scatters[duty.group].add_batch(self.entities(duty), &workspace.local, &mut workspace.row, own);
+                    let Workspace { arch, local, row, .. } = workspace;
+                    self.scatters[duty.group].add_batch(*arch, self.entities(duty), local, row, own);
                 }
             });
             clear(shares.duties[me].len(), own);
