@@ -59,7 +59,7 @@ const OWNERS: &[(&str, &[&str])] = &[
     ("cranelift_native", &["compiler/jit/"]),
     ("libm", &["compiler/src/"]),
     ("faer", &["runtime/src/solve/"]),
-    ("pulp", &["runtime/src/assemble/"]),
+    ("pulp", &["runtime/src/assemble/", "runtime/src/solve/kernels.rs"]),
     ("zerocopy", &["runtime/src/assemble/"]),
     ("criterion", &["runtime/benches/"]),
     ("clap", &["runtime/cli/"]),
