@@ -4,8 +4,8 @@
 //! statements: `h`, `refine` and `cells` the mesh, `degree` the unknowns on cells (multipliers stay as they are),
 //! `quadrature` the rule of the terms with kinks, `tol`, `max_iter` and `search` the iterations, `solver` how systems are
 //! solved, `threads` the number of threads, `precision` that of a factor, `no_prune` what is left out. Promises that a
-//! text that means nothing is refused before anything is run;
-//! does not judge whether the scene that comes out makes sense.
+//! text that means nothing is refused before anything is run; does not judge whether the scene that comes out makes
+//! sense.
 
 use crate::{Pruning, solve::Precision};
 use thiserror::Error;
