@@ -41,7 +41,16 @@ def newest_python():
     """DOLFINx wheels need Python 3.12 or later."""
     names = [shutil.which(f"python3.{minor}") for minor in (13, 12)]
     pyenv = sorted(pathlib.Path.home().glob(".pyenv/versions/3.1[23]*/bin/python"))
-    return next((str(n) for n in [*names, *pyenv] if n), sys.executable)
+    return next((str(n) for n in [*names, *pyenv] if n and runs(n)), sys.executable)
+
+
+def runs(python):
+    """A name on the path may be one that a version manager refuses to run."""
+    try:
+        call(python, "-c", "")
+    except (RuntimeError, OSError):
+        return False
+    return True
 
 
 class Wheel:
