@@ -71,8 +71,13 @@ impl Rows {
         for (dof, row) in (0u32..).zip(free).filter(|(_, row)| **row != NOWHERE) {
             dof_of[*row as usize] = dof;
         }
-        let owner = |row: usize| shares.owner.get(dof_of[row] as usize).copied().filter(|o| usize::from(*o) < n);
         let starts = pattern.row_starts();
+        // an empty row belongs to nobody: it must not part the values of rows beside it
+        let has_values = |row: usize| starts[row + 1] > starts[row];
+        let owner = |row: usize| {
+            let owner = shares.owner.get(dof_of[row] as usize).copied().filter(|_| has_values(row));
+            owner.filter(|o| usize::from(*o) < n)
+        };
         let (mut ends, mut owners) = (Vec::<(usize, u16)>::new(), Vec::with_capacity(pattern.n_rows()));
         for row in 0..pattern.n_rows() {
             // a row that nobody adds to goes with the one before
