@@ -72,6 +72,9 @@ struct Parts<'a> {
     fields: &'a [Field],
     terms: &'a mut [AssembledTerm],
     pieces: &'a mut [TermPieces],
+    /// The matrix of the linear terms over the free dofs, and the place of each dof there or [`FIXED`].
+    bulk: &'a Csr,
+    free: &'a [u32],
 }
 
 /// The matrix of the changing terms in the axes of the scene, over the free dofs and all dofs of turned nodes.
@@ -329,7 +332,14 @@ impl System {
             Some(p) => field_slices(&self.fields, &self.numbering, &p.data, &p.unknowns),
             None => Vec::new(),
         };
-        let parts = Parts { mesh: &self.mesh, fields: &self.fields, terms: &mut self.terms, pieces: &mut self.pieces };
+        let parts = Parts {
+            mesh: &self.mesh,
+            fields: &self.fields,
+            terms: &mut self.terms,
+            pieces: &mut self.pieces,
+            bulk: &self.bulk,
+            free: &self.numbering.free,
+        };
         f(parts, FieldValues { current: &current, previous: &previous })
     }
 

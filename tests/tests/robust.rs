@@ -209,3 +209,59 @@ fn inclined_faults_with_stiff_contact_agree_with_an_independent_program() {
         }
     }
 }
+
+/// Volumes that hardly change make the nodal stiffness thousands of times what a body gives way with to a traction: the
+/// choice of pieces must not take one for the other. A penalty and an augmented Lagrangian with the rule of the nodes
+/// hold the same conditions, and 1/gamma of compliance is what is between them.
+#[test]
+fn nearly_incompressible_faults_need_no_more_iterations_than_others() {
+    // nu = 0.4999, E = 25000
+    let locked = |force: &str, element: &str| {
+        let text = inclined(0.36397, 2.0, [8, 12], "[0.5*t,-t]", "steps t = 0 to 9 by 1", force);
+        let text = text.replace("10000*Div", "41661110*Div").replace("20000*Sym", "16667.8*Sym");
+        text.replace("vector on", &format!("vector {element} on"))
+    };
+    for element in ["Q1", "Q2"] {
+        let run = |force: &str, gamma: f64| {
+            let solved =
+                solve(&examples(), locked(force, element), &[], &[("gamma", gamma)]).expect("the scene is right");
+            assert!(solved.outcome.converged(), "{element} {force}");
+            let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
+            assert!(solved.outcome.steps.iter().all(|s| s.attempts.is_empty()), "{counts:?}");
+            (solved, counts)
+        };
+        let (stiff, _) = run(PENALTY, 1e10);
+        for gamma in [5e2, 5e4] {
+            let (solved, counts) = run(AUGMENTED, gamma);
+            assert!(counts[0] <= 16 && counts[1..].iter().sum::<usize>() <= 9 * 12, "{element} {gamma}: {counts:?}");
+            for (step, name) in (0..10).flat_map(|k| ["Fn", "Ft", "slip"].map(|n| (k, n))) {
+                let (a, b) = (solved.measure(step, name), stiff.measure(step, name));
+                assert!(
+                    (a - b).abs() <= 2e-3 * stiff.measure(9, name).abs(),
+                    "{element} {gamma}, {name}: {a} against {b}"
+                );
+            }
+        }
+    }
+}
+
+/// Laws |grad u|^(p-2) grad u: the flux on a segment is 1/2 - x as above, the slope its power 1/(p - 1). A full Newton
+/// step goes 1/(p - 1) of the way: for large p many are needed, for p near 1 they must be shortened.
+#[test]
+fn p_laplacians_converge_from_rest() {
+    for (p, most) in [(1.2, 30), (1.5, 20), (3.0, 20), (8.0, 125)] {
+        let text = format!(
+            "param p = {p:?}\nmesh box [0] to [1] cells [64] segment\nunknown u : scalar P1\n\
+             term law on all : pow(Norm_sqr(Grad_u), (p-2)/2)*(Grad_u.Grad_Test_u) - Test_u\nfix u = 0 on boundary\n\
+             measure middle = max(u) on all\n"
+        );
+        let solved = solve(&examples(), text, &[], &[]).expect("the scene is right");
+        assert!(solved.outcome.converged(), "p = {p}");
+        let rise = |e: u32| (0.5 - (f64::from(e) + 0.5) / 64.0).powf(1.0 / (p - 1.0)) / 64.0;
+        let exact = (0..31).map(rise).sum::<f64>() + 0.5 * rise(31);
+        let found = solved.measure(0, "middle");
+        assert!((found / exact - 1.0).abs() < 1e-8, "p = {p}: {found} against {exact}");
+        let iterations = solved.outcome.steps[0].history.n_iterations();
+        assert!(iterations <= most, "p = {p}: {iterations}");
+    }
+}

@@ -1,10 +1,11 @@
 //! Which globalisation a step uses, and when the next one takes over.
 //!
 //! Each of them is the best somewhere (`docs/newton.md`): held pieces for contact and friction, with a soft layer
-//! between the sides for a few iterations where stiff contact makes no progress; the natural monotonicity test where a penalty or Nitsche parameter is
-//! tiny; backtracking on the residual for everything else; continuation in the friction as the last resort. A step that
-//! makes no progress with one goes on with the next from where it stands; one whose tangent becomes singular on the way
-//! (a body that only friction holds, with all of it slipping in an iterate) goes on from its best state.
+//! between the sides for a few iterations where stiff contact makes no progress, and with friction that grows from
+//! nothing where they circle; backtracking on the residual for everything else, the natural monotonicity test, and
+//! friction that shrinks as the last resort. A step that makes no progress with one goes on with the next from where
+//! it stands; one whose tangent becomes singular on the way (a body that only friction holds, with all of it slipping
+//! in an iterate) goes on from its best state.
 
 use crate::{
     assemble::TermError,
@@ -39,6 +40,8 @@ impl Method {
 /// Parts in which friction is brought to what is written, and the most iterations for each but the last.
 const FRICTION_PARTS: usize = 8;
 const FRICTION_PATIENCE: usize = 5;
+/// Iterations that may pass with the friction as written at its end.
+const AT_FULL_FRICTION: usize = 10;
 /// What friction begins with above what is written, in units of it.
 const MORE_FRICTION: f64 = 7.0;
 
@@ -48,6 +51,9 @@ const PATIENCE: usize = 6;
 const PIECES_PATIENCE: usize = 25;
 /// Iterations from a start without a past before contact is made soft, if they bring no progress.
 const TRIAL: usize = 10;
+/// Whole steps before contact that is soft as written is searched: in later steps, and from a start without a past.
+const WHOLE_STEPS: usize = 8;
+const WHOLE_STEPS_AT_FIRST: usize = 16;
 /// More may pass while the residual has halved in so many.
 const PROGRESS: usize = 10;
 /// Iterations with soft contact that may pass, and the part of the points whose change is small enough to go on.
@@ -70,37 +76,51 @@ pub(super) struct Ladder {
     settled: bool,
     /// Iterations that may pass before contact is made soft.
     trial: usize,
+    /// Whole steps with held pieces before they are searched.
+    whole: usize,
 }
 
 impl Ladder {
     /// The methods that suit the scene; pieces are held where they come first.
     pub(super) fn new(system: &mut System, u: &[f64], options: NewtonOptions) -> Result<Self, TermError> {
         let mut methods = vec![Method::Residual, Method::Natural];
-        let mut trial = PIECES_PATIENCE;
+        let (mut trial, mut whole) = (PIECES_PATIENCE, 0);
         if options.search && system.has_pieces() {
             let warm = system.is_settled();
             system.start_pieces(u)?;
             trial = if warm { PIECES_PATIENCE } else { TRIAL };
-            methods = match system.is_hard() {
-                _ if system.is_compliant() => vec![Method::Natural, Method::Residual, Method::Pieces],
-                false => vec![Method::Pieces, Method::Natural, Method::Residual],
-                true => {
-                    vec![Method::Pieces, Method::Soft, Method::Pieces, Method::Residual, Method::Natural]
-                }
+            methods = if system.is_hard() {
+                vec![Method::Pieces, Method::Soft, Method::Pieces, Method::Residual, Method::Natural]
+            } else {
+                vec![Method::Pieces, Method::Natural, Method::Residual]
             };
+            let soft_as_written = system.is_compliant();
+            if soft_as_written {
+                whole = if warm { WHOLE_STEPS } else { WHOLE_STEPS_AT_FIRST };
+            }
             if system.has_friction() {
-                methods.extend([Method::MoreFriction, Method::LessFriction]);
+                // before the searches on the residual, which take long and seldom help where pieces circle: but where
+                // contact is soft as written they do
+                let searches = methods.iter().position(|m| !m.holds()).filter(|_| !soft_as_written);
+                methods.insert(searches.unwrap_or(methods.len()), Method::LessFriction);
+                methods.push(Method::MoreFriction);
             }
         }
         if !options.search || system.is_linear() {
             methods.truncate(1);
         }
-        Ok(Self { methods, position: 0, iterations: 0, singular: 0, settled: false, trial })
+        Ok(Self { methods, position: 0, iterations: 0, singular: 0, settled: false, trial, whole })
     }
 
     /// The method of the present iteration.
     pub(super) fn method(&self) -> Method {
         self.methods[self.position]
+    }
+
+    /// True if the step of the present iteration is taken as it is: where contact is soft as written, pieces that are
+    /// wrong on the way cost less than short steps do.
+    pub(super) fn takes_whole_steps(&self) -> bool {
+        self.position == 0 && self.iterations <= self.whole
     }
 
     /// True if pieces are held.
@@ -177,7 +197,7 @@ impl Ladder {
             Method::Pieces => return self.iterations > PIECES_PATIENCE && !self.progresses(history),
             Method::Natural => return self.iterations > NATURAL_PATIENCE,
             Method::MoreFriction | Method::LessFriction => {
-                return self.iterations > FRICTION_PARTS * FRICTION_PATIENCE + PIECES_PATIENCE;
+                return self.iterations > FRICTION_PARTS * FRICTION_PATIENCE + AT_FULL_FRICTION;
             }
             Method::Residual => {}
         }

@@ -199,7 +199,8 @@ fn iterate(
         }
         let begin = Instant::now();
         let method = ladder.method();
-        let mut line = Line { direction: &direction, weights: &weights, options, method };
+        let mut line =
+            Line { direction: &direction, weights: &weights, options, method, whole: ladder.takes_whole_steps() };
         let (alpha, next) = line.advance(system, strategy, u, &here)?;
         here = next;
         if ladder.held() && stopped(&here, options).is_none() {
@@ -259,6 +260,8 @@ struct Line<'a> {
     weights: &'a [f64],
     options: NewtonOptions,
     method: Method,
+    /// With held pieces: takes every full step.
+    whole: bool,
 }
 
 impl Line<'_> {
@@ -322,7 +325,7 @@ impl Line<'_> {
         alpha: f64,
         found: Measured,
     ) -> Result<(f64, Measured), NewtonError> {
-        let part = if self.method.holds() { system.search_pieces(u)? } else { 1.0 };
+        let part = if self.method.holds() { system.search_pieces(u, !self.whole)? } else { 1.0 };
         if part == 1.0 {
             return Ok((alpha, found));
         }

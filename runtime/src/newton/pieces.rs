@@ -7,6 +7,7 @@
 //! the order of the calls only. Does not decide when to stop or to give up: `newton/mod.rs` does.
 
 mod coercivity;
+mod compliance;
 mod contact;
 mod watched;
 
@@ -23,14 +24,21 @@ use wfl_compiler::{
 
 use crate::{
     assemble::{AssembledTerm, Bound, FieldValues, Workspace},
+    csr::Csr,
     field::Field,
     mesh::Mesh,
+    system::FIXED,
     value::{Sampled, Value},
 };
 
 /// The stiffness that the choice of pieces works with, in units of the nodal stiffness over the area of an entity.
 /// Values from 0.1 to 3 serve alike (`docs/newton.md`).
 const STIFFNESS_FACTOR: f64 = 1.0;
+/// Where the nodal stiffness is more than this times what the bodies give way with to forces at random, some of their
+/// directions are locked (nearly incompressible, a body far softer than the other): what they give way with counts then,
+/// times a factor. In other bodies the ratio is from 2 to 40.
+const LOCKED: f64 = 100.0;
+const GIVING_WAY: f64 = 3.0;
 /// After so many choices in a step the stiffness grows by a factor each time, up to a bound: what is left then are
 /// directions of slip, which converge faster near the arguments as written.
 const SETTLED_CHOICES: usize = 3;
@@ -44,7 +52,7 @@ const SLOPE_STEP: f64 = 1e-3;
 const HARD: f64 = 0.1;
 /// The stiffness of the layer between the sides while contact is soft, in units of that of the bodies.
 const LAYER: f64 = 0.3;
-/// Above this stiffness of the bodies over that of a law without multiplier, searching serves better than pieces.
+/// Above this stiffness of the bodies over that of a law without multiplier, the first steps are better whole.
 const COMPLIANT: f64 = 3e3;
 /// Bounds of `c`.
 const RATIO_RANGE: (f64, f64) = (1e-13, 1e13);
@@ -70,7 +78,7 @@ pub struct TermPieces {
     friction: f64,
     /// Contact is so stiff against the bodies that making it soft for a while helps.
     hard: bool,
-    /// Contact is so soft as written that searching serves better than pieces.
+    /// Contact is so soft as written that the first steps are better whole.
     compliant: bool,
     /// Contact is soft for now.
     soft: bool,
@@ -113,8 +121,16 @@ impl TermPieces {
         self.watch.set_step(time, increment);
     }
 
-    /// Fits `c` of each projection to the stiffness of the bodies: `diagonal` of the cell terms, by dof.
-    pub fn fit(&mut self, mesh: &Mesh, fields: &[Field], values: FieldValues<'_>, diagonal: &[f64]) {
+    /// Fits `c` of each projection to the stiffness of the bodies: that of the linear terms (`bulk`, over the free
+    /// dofs, and the place of each dof in it), or the `diagonal` of the cell terms, by dof.
+    pub fn fit(
+        &mut self,
+        mesh: &Mesh,
+        fields: &[Field],
+        values: FieldValues<'_>,
+        diagonal: &[f64],
+        (bulk, free): (&Csr, &[u32]),
+    ) {
         let dofs = self.held.dofs();
         let stiff: Vec<f64> = dofs.iter().map(|d| diagonal[*d as usize]).filter(|k| *k > 0.0).collect();
         let (area, size) = self.entity_size(mesh, values);
@@ -122,7 +138,13 @@ impl TermPieces {
             return;
         }
         #[expect(clippy::cast_precision_loss, reason = "a mean")]
-        let stiffness = STIFFNESS_FACTOR * stiff.iter().sum::<f64>() / (stiff.len() as f64 * area);
+        let mean = stiff.iter().sum::<f64>() / stiff.len() as f64;
+        let places: Vec<u32> = dofs.iter().map(|d| free[*d as usize]).filter(|f| *f != FIXED).collect();
+        let stiffness = match compliance::stiffness(bulk, &places) {
+            Some(gives) if mean > LOCKED * gives => GIVING_WAY * gives,
+            _ => STIFFNESS_FACTOR * mean,
+        };
+        let stiffness = stiffness / area;
         let slopes = self.slopes(mesh, fields, values, SLOPE_STEP * size);
         // without a multiplier the traction follows from displacements, and an argument is at least as stiff as it
         let largest = if self.has_multiplier(fields) { RATIO_RANGE.1 } else { 1.0 };
@@ -180,7 +202,7 @@ impl TermPieces {
         self.hard
     }
 
-    /// True if the sides are so soft against each other, without a multiplier, that searching serves better.
+    /// True if the sides are so soft against each other, without a multiplier, that the first steps are better whole.
     #[must_use]
     pub fn is_compliant(&self) -> bool {
         self.compliant

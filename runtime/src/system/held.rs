@@ -48,7 +48,7 @@ impl System {
                 term.add_diagonal(parts.mesh, values, &mut diagonal);
             }
             for piece in parts.pieces.iter_mut() {
-                piece.fit(parts.mesh, parts.fields, values, &diagonal);
+                piece.fit(parts.mesh, parts.fields, values, &diagonal, (parts.bulk, parts.free));
             }
             Ok(())
         })?;
@@ -74,13 +74,14 @@ impl System {
     }
 
     /// The part of a full step to `u` after which the projections are nearer to their laws; exact where the
-    /// bodies are linear. The next choice of pieces starts from there. The first step is full.
+    /// bodies are linear. The next choice of pieces starts from there. The first step is full, and so is one that is
+    /// not to be searched.
     ///
     /// # Errors
     /// [`TermError`] with its place.
-    pub fn search_pieces(&mut self, u: &[f64]) -> Result<f64, TermError> {
+    pub fn search_pieces(&mut self, u: &[f64], searches: bool) -> Result<f64, TermError> {
         let to = self.watch_pieces(u)?;
-        if self.watched.is_empty() {
+        if self.watched.is_empty() || !searches {
             self.watched = to;
             return Ok(1.0);
         }
@@ -136,7 +137,7 @@ impl System {
         self.pieces.iter().any(TermPieces::is_hard)
     }
 
-    /// True if contact is better searched than chosen by pieces ([`TermPieces::is_compliant`]).
+    /// True if the first steps with held pieces are better whole ([`TermPieces::is_compliant`]).
     #[must_use]
     pub fn is_compliant(&self) -> bool {
         self.pieces.iter().any(TermPieces::is_compliant)

@@ -134,17 +134,23 @@ How a step is solved (`runtime/src/newton/`):
    equilibrium, and x, t and the friction bound are linear in it, so only the defect of t = P(t + c (x - t)) is looked
    at, squared and summed as an energy: the step is halved until the defect falls. A trial costs no assembly. Without it
    and without soft contact the pieces circle where a stiff fault opens (`tests/tests/robust.rs` has such scenes).
-3. **Soft contact** where contact is stiff against the bodies and ten iterations brought no progress (25 in later steps):
-   for a few iterations a layer of 0.3 times their stiffness lies between the sides, until few pieces change in a step;
+3. **Soft contact** where contact is stiff against the bodies and ten iterations brought no progress (25 in later
+   steps): for a few iterations a layer of 0.3 times their stiffness lies between the sides, until few pieces change in a step;
    those pieces are then the start as written.
-4. **Backtracking on the residual norm**, multiplier equations weighted to force units.
-5. **The natural monotonicity test** (Deuflhard): backtracking on the norm of the simplified Newton correction.
-6. **Continuation in the friction**, from above and from below.
+4. **Friction that grows** from nothing to what is written, with held pieces: what circles with large coefficients.
+5. **Backtracking on the residual norm**, multiplier equations weighted to force units.
+6. **The natural monotonicity test** (Deuflhard): backtracking on the norm of the simplified Newton correction.
+7. **Friction that shrinks** from a multiple to what is written.
 
-A scene whose arguments are some thousand times softer than its bodies (tiny gamma, no multiplier) begins with 5. A
-method that makes no progress hands over to the next.
+The stiffness of the bodies is the mean of their diagonal at the contact, unless that is a hundred times what they give
+way with to forces at random (`pieces/compliance.rs`: nearly incompressible bodies, a body far softer than the other).
+A scene whose arguments are some thousand times softer than its bodies (tiny gamma, no multiplier) takes whole steps
+before it searches (16, and 8 in later steps), and brings friction in after 5 and 6. A method that makes no progress
+hands over to the next.
 
 What was tried and lost: layers of a tenth, three times and ten times the stiffness of the bodies, which took more
 iterations; at most three to five halvings, which need fewer iterations on faults and fail for nearly incompressible
-bodies; the smallest of all trials in place of the first that falls. What still fails: friction coefficients of several
-units on open faults, Nitsche far below its coercivity bound, multipliers that two surfaces share at a corner.";
+bodies; the smallest of all trials in place of the first that falls; eight whole steps everywhere, closing points that
+stick at first, pieces extrapolated from the last two steps, handing over after two short steps. What still fails: some
+friction coefficients of several units on open faults, Nitsche far below its coercivity bound, multipliers that two
+surfaces share at a corner.";

@@ -79,8 +79,8 @@ fn states(fx: f64) -> Vec<Expected> {
 
 fn three_states() -> Vec<Case> {
     let mut cases = Vec::new();
-    // between the ratio of the entries and the friction, and above: three states, one
-    for (fx, n) in [(2.4, 3), (3.5, 1)] {
+    // below the ratio of the entries, between it and the friction, above: one state, three, one
+    for (fx, n) in [(1.5, 1), (2.4, 3), (3.5, 1)] {
         let expected = states(fx);
         let mut reached = Vec::new();
         for start in [[0.0, 0.0], [1.2, 0.0], [3.0, 0.5], [-3.0, 0.0], [100.0, 50.0]] {
