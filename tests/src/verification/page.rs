@@ -46,13 +46,16 @@ pub fn updated(old: &str, order: &[&str], results: &[(Benchmark, Vec<Case>)]) ->
     text.push_str("\n| id | what | origin | numbers | result |\n|---|---|---|---|---|\n");
     let made = |id: &str| results.iter().any(|(b, _)| b.id == id);
     let source = |id: &str| if made(id) { fresh.as_str() } else { old };
-    for id in order {
+    // an identifier may have several groups
+    let groups = || order.iter().enumerate().map(|(at, id)| (id, order[..at].iter().filter(|o| *o == id).count()));
+    for (id, group) in groups() {
         let start = format!("| {id} | ");
-        source(id).lines().filter(|l| l.starts_with(&start)).take(1).for_each(|l| line(&mut text, l));
+        let row = source(id).lines().filter(|l| l.starts_with(&start)).nth(group);
+        row.iter().for_each(|l| line(&mut text, l));
     }
-    for id in order {
+    for (id, group) in groups() {
         let start = format!("{id}: ");
-        let section = source(id).split("\n## ").find(|s| s.starts_with(&start));
+        let section = source(id).split("\n## ").filter(|s| s.starts_with(&start)).nth(group);
         section.iter().for_each(|s| line(&mut text, &format!("\n## {}", s.trim_end())));
     }
     text

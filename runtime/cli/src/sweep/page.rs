@@ -199,10 +199,11 @@ fn seconds(row: &Row) -> String {
     row.value("time").map_or_else(String::new, |t| format!("{t:.3}"))
 }
 
-/// The same tables in Markdown, for a study: wanted errors and fronts.
+/// The same tables in Markdown, for a study: wanted errors and fronts; nothing where no error is known.
 pub(super) fn markdown(rows: &[Row]) -> String {
     let (fields, measures) = quantities(rows);
-    let mut text = String::from("| quantity | wanted | cheapest setting | time [s] | error |\n|---|---|---|---|---|\n");
+    let head = "| quantity | wanted | cheapest setting | time [s] | error |\n|---|---|---|---|---|\n";
+    let mut text = String::new();
     for quantity in fields.iter().chain(&measures).filter(|q| is_known(rows, q)) {
         let all = points(rows, quantity);
         for (error, word) in WANTED {
@@ -214,5 +215,5 @@ pub(super) fn markdown(rows: &[Row]) -> String {
             }
         }
     }
-    text
+    if text.is_empty() { text } else { format!("{head}{text}") }
 }
