@@ -71,23 +71,8 @@ impl Rows {
         for (dof, row) in (0u32..).zip(free).filter(|(_, row)| **row != NOWHERE) {
             dof_of[*row as usize] = dof;
         }
-        let starts = pattern.row_starts();
-        // an empty row belongs to nobody: it must not part the values of rows beside it
-        let has_values = |row: usize| starts[row + 1] > starts[row];
-        let owner = |row: usize| {
-            let owner = shares.owner.get(dof_of[row] as usize).copied().filter(|_| has_values(row));
-            owner.filter(|o| usize::from(*o) < n)
-        };
-        let (mut ends, mut owners) = (Vec::<(usize, u16)>::new(), Vec::with_capacity(pattern.n_rows()));
-        for row in 0..pattern.n_rows() {
-            // a row that nobody adds to goes with the one before
-            let owner = owner(row).or(owners.last().copied()).unwrap_or(0);
-            owners.push(owner);
-            match ends.last_mut().filter(|(_, o)| *o == owner) {
-                Some((end, _)) => *end = starts[row + 1],
-                None => ends.push((starts[row + 1], owner)),
-            }
-        }
+        let owner = |row: usize| shares.owner.get(dof_of[row] as usize).copied().filter(|o| usize::from(*o) < n);
+        let (ends, owners) = stretches(pattern.row_starts(), owner);
         let clears = (0..n).map(|me| Clears::new(pattern, free, (me, &owners), shares, touched)).collect();
         Self { ends, clears }
     }
@@ -122,6 +107,22 @@ impl Rows {
             .with_max_len(1)
             .for_each(|(me, stretches)| work(me, &mut Own { stretches, last: 0 }));
     }
+}
+
+/// Where stretches of values end and who has them, and the owner of each row. A row that nobody adds to goes with the
+/// one before, and so does an empty one: it must not part the values of the rows beside it, which are cleared together.
+fn stretches(starts: &[usize], owner: impl Fn(usize) -> Option<u16>) -> (Vec<(usize, u16)>, Vec<u16>) {
+    let (mut ends, mut owners) = (Vec::<(usize, u16)>::new(), Vec::with_capacity(starts.len()));
+    for (row, range) in starts.windows(2).enumerate() {
+        let own = owner(row).filter(|_| range[1] > range[0]);
+        let owner = own.or(owners.last().copied()).unwrap_or(0);
+        owners.push(owner);
+        match ends.last_mut().filter(|(_, o)| *o == owner) {
+            Some((end, _)) => *end = range[1],
+            None => ends.push((range[1], owner)),
+        }
+    }
+    (ends, owners)
 }
 
 impl Clears {
@@ -169,5 +170,19 @@ impl Clears {
         rows.extend((0..pattern.n_rows()).filter(|row| mine(*row) && !seen[*row]));
         flush(&mut rows, 1);
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_without_values_do_not_part_a_stretch() {
+        // rows of 3, 0, 2, 0 and 4 values; the empty ones belong to the other thread, the last but one to nobody
+        let owners = [Some(0), Some(1), Some(0), None, Some(1)];
+        let (ends, of_rows) = stretches(&[0, 3, 3, 5, 5, 9], |row| owners[row]);
+        assert_eq!(ends, [(5, 0), (9, 1)]);
+        assert_eq!(of_rows, [0, 0, 0, 0, 1]);
     }
 }
