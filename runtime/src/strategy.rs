@@ -15,7 +15,8 @@ use crate::{
     csr::{Csr, CsrError, Pattern},
     pruning::Pruning,
     solve::{
-        CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, LinearSolver, SolveError, SolveReport, SolverOptions,
+        CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, LinearSolver, Precision, SolveError, SolveReport,
+        SolverOptions, Strategy as Method,
     },
     system::System,
 };
@@ -130,9 +131,18 @@ impl Strategy {
         format!("Newton; whole tangent, {symmetric} ({method}), factored each iteration")
     }
 
-    /// The solver in words.
+    /// The solver in words, with what was noticed while solving.
     #[must_use]
     pub fn describe(&self) -> String {
+        let single =
+            matches!(&self.kind, Kind::Condensed(c) if matches!(c.strategy(), Method::Forces { single: true, .. }));
+        let double = "precision: double, no matrix of contact forces is factored in single precision here";
+        let missed = (self.options.precision == Precision::Mixed && !single).then_some(double);
+        let notes = self.notes.iter().map(String::as_str).chain(missed);
+        notes.fold(self.method(), |text, note| format!("{text}; {note}"))
+    }
+
+    fn method(&self) -> String {
         match &self.kind {
             Kind::Linear if self.symmetric => "one linear system, symmetric (LLT), factored once".to_owned(),
             Kind::Linear => "one linear system, unsymmetric (LU), factored once".to_owned(),
@@ -142,12 +152,6 @@ impl Strategy {
             }
             Kind::Full { .. } => "Newton; whole tangent, unsymmetric (LU), factored each iteration".to_owned(),
         }
-    }
-
-    /// What was noticed while solving.
-    #[must_use]
-    pub fn notes(&self) -> &[String] {
-        &self.notes
     }
 
     /// Factorisations so far: of the bulk, of the whole tangent, and of the condensed part where that was truly made

@@ -125,7 +125,8 @@ A knob is a parameter of the scenes, or one of
   quadrature=vertex,2,4   rule of the terms with kinks
   tol=1e-4,1e-8  max_iter=20  search=none  threads=1,2
   precision=f64,f32+f64   of the factor of the contact forces
-  no_prune=nothing,constant,linear,condense,symmetric,quadrature   what is left out of a run, put back
+  solver=auto,condensed,full   auto: facing dofs share a force; condensed: contact onto its dofs; full: the whole tangent
+  no_prune=nothing,constant,linear,condense,forces,symmetric,quadrature   what is left out of a run, put back
 Lists: a,b,c; a..b:log5 and a..b:lin5 have five values with both ends. Several scenes are several methods.
 Results in DIR: sweep.csv, a row a setting, also those that failed; sweep.html and an SVG file a plot, made from it
 alone. Rows that are there already are not run again.

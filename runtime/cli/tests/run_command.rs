@@ -280,7 +280,6 @@ fn a_results_folder_that_cannot_be_is_told_before_solving() {
     assert_eq!(std::fs::read_to_string(folder.0.join("file")).expect("still there"), "not a folder");
 }
 
-/// Steps before the failure stay whole; the failing one leaves nothing, not even under another name.
 #[test]
 fn a_need_above_the_memory_allowed_is_told_before_it_is_taken() {
     let folder = Folder::new("memory");
@@ -309,6 +308,7 @@ fn a_need_above_the_memory_allowed_is_told_before_it_is_taken() {
     assert_eq!(code(&folder.wfl(&["run", "factor.wfl", "--memory", "1GB"])), 0);
 }
 
+/// Steps before the failure stay whole; the failing one leaves nothing, not even under another name.
 #[test]
 fn a_number_that_is_not_finite_stops_the_run_at_its_place() {
     let text = edited("bulk   on all  : E", "bulk   on all  : sqrt(2.5-t)*E");
