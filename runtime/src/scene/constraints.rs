@@ -27,7 +27,7 @@ use crate::{
         regions::Regions,
         terms::component,
     },
-    space::Support,
+    space::{Space, Support},
     system::Numbering,
     value::Value,
 };
@@ -386,8 +386,7 @@ pub(super) fn idle_multipliers(
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Vec<usize> {
     let mut idle = Vec::new();
-    let (low, high) = mesh.bounds();
-    let scale = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+    let scale = extent(mesh);
     for (k, declared) in script.fields.iter().enumerate() {
         let keep = matches!(declared.kind, Declared::Multiplier { keep_crosspoints: true });
         let (true, FieldSpace::Nodal(space)) = (fields[k].kind == FieldKind::Multiplier && !keep, &fields[k].space)
@@ -434,7 +433,7 @@ pub(super) fn idle_multipliers(
 /// Nodes this near to each other, in sizes of the mesh, stand at one place.
 const SAME_PLACE: f64 = 1e-9;
 
-/// True if every unknown with a node at `x` on these facets has component `c` fixed there or cannot jump there, and
+/// True if every unknown with a node there on these facets has component `c` fixed there or cannot jump there, and
 /// there is one.
 #[expect(clippy::too_many_arguments, reason = "a test on the whole discrete problem")]
 fn prescribed_there(
@@ -444,7 +443,7 @@ fn prescribed_there(
     numbering: &Numbering,
     fixed: &BTreeSet<usize>,
     facets: &[FacetRef],
-    (x, scale): ([f64; 3], f64),
+    near: ([f64; 3], f64),
     c: usize,
 ) -> bool {
     let mut any = false;
@@ -454,11 +453,7 @@ fn prescribed_there(
         else {
             continue;
         };
-        let at_x = |node: &u32| {
-            let y = space.node_coordinates()[*node as usize];
-            (0..3).all(|d| (x[d] - y[d]).abs() <= SAME_PLACE * scale)
-        };
-        let nodes: Vec<u32> = space.nodes_on_facets(mesh, topology, facets).into_iter().filter(at_x).collect();
+        let nodes = at_place(mesh, topology, space, facets, near);
         // the end of a tear: both sides are one node, which cannot jump
         if nodes.len() == 1 && facets.iter().any(|f| space.is_torn_along(topology.facet_id(*f))) {
             any = true;
@@ -472,4 +467,25 @@ fn prescribed_there(
         }
     }
     any
+}
+
+/// The largest extent of a mesh along an axis.
+pub(super) fn extent(mesh: &Mesh) -> f64 {
+    let (low, high) = mesh.bounds();
+    (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]))
+}
+
+/// The nodes of a space on some facets that stand at `x`, in a mesh of the extent `scale`.
+pub(super) fn at_place(
+    mesh: &Mesh,
+    topology: &Topology,
+    space: &Space,
+    facets: &[FacetRef],
+    (x, scale): ([f64; 3], f64),
+) -> Vec<u32> {
+    let at_x = |node: &u32| {
+        let y = space.node_coordinates()[*node as usize];
+        (0..3).all(|d| (x[d] - y[d]).abs() <= SAME_PLACE * scale)
+    };
+    space.nodes_on_facets(mesh, topology, facets).into_iter().filter(at_x).collect()
 }

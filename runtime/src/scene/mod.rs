@@ -15,6 +15,7 @@ mod groups;
 mod held;
 mod low_rules;
 mod mappings;
+mod meeting;
 mod mesh;
 mod normals;
 mod options;
@@ -341,7 +342,7 @@ impl Builder<'_> {
         let position = |f: &Field, all: &[Field]| all.iter().position(|g| g.name == f.name).unwrap_or(usize::MAX);
         let mut numbering =
             Numbering::new(&self.fields, |f| known_kind(f) && used.contains(&position(f, &self.fields)));
-        let prescribed = self.constraints(&mut numbering);
+        let prescribed = self.constraints(&mut numbering, &laws);
         let broken = !self.script.lost.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error);
         let assembled = if broken { None } else { self.assemble_terms(laws, &rules, &numbering) };
         let mesh_time = self.mesh_time + begin.elapsed().as_secs_f64();
@@ -463,7 +464,7 @@ impl Builder<'_> {
         (vtk, csv, maker.law_seconds.get())
     }
 
-    fn constraints(&mut self, numbering: &mut Numbering) -> Prescribed {
+    fn constraints(&mut self, numbering: &mut Numbering, laws: &[terms::PlacedLaw]) -> Prescribed {
         let prescribed = constraints::ConstraintMaker {
             script: self.script,
             env: self.env,
@@ -487,7 +488,15 @@ impl Builder<'_> {
             &components,
             self.diagnostics,
         );
-        numbering.fix(fixed.into_iter().chain(idle));
+        let shared = meeting::shared_multipliers(
+            self.script,
+            (&self.mesh, &self.topology),
+            (&self.fields, numbering),
+            (&components, &idle),
+            laws,
+            self.diagnostics,
+        );
+        numbering.fix(fixed.into_iter().chain(idle).chain(shared));
         prescribed
     }
 

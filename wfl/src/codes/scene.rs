@@ -297,8 +297,9 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "W404",
         "multiplier nodes that cannot act are dropped",
-        "Where the fields on both sides are fixed a multiplier has no jump to act on; kept, it makes the system \
-         singular. `with crosspoints=keep` keeps such nodes.",
+        "Where the fields on both sides are fixed a multiplier has no jump to act on, and where two surfaces meet \
+         another multiplier may hold the same jump already: kept, such nodes make the system singular. An augmented \
+         law goes on there as a penalty of stiffness gamma. `with crosspoints=keep` keeps them.",
         "multiplier l : vector on fault\nfix uL, uR = [0,0,0] on boundary\n\
          term glue on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l",
         "multiplier l : vector on fault with crosspoints=keep\nfix uL, uR = [0,0,0] on boundary\n\

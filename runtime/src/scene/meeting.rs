@@ -1,0 +1,184 @@
+//! Multipliers that meet: where two surfaces share a node of the fields they act on, each of them holds the same jump.
+//!
+//! At a corner of a body that sticks on both of its faces two multipliers say that one node does not move: only the sum
+//! of their forces is known, and the tangent is singular. The one that is declared later is left out there. Its law goes
+//! on with a multiplier of zero, which for augmented contact is a penalty of stiffness gamma at that node. The same
+//! holds where three bodies meet in a line: of three jumps two are independent.
+//!
+//! Promises: leaves out nothing of a multiplier of one component (each says something of a direction of its own), of one
+//! whose laws hold no sliding, or of two on the same faces. Does not decide what is prescribed: `constraints.rs` does.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use wfl::{Diagnostic, FieldKind as Declared, ResolvedScript};
+use wfl_compiler::{ProjectionKind, types::FieldKind};
+
+use super::{
+    constraints::{at_place, extent},
+    terms::PlacedLaw,
+};
+use crate::{
+    field::{Field, FieldSpace},
+    mesh::{FacetId, FacetRef, Mesh, Topology},
+    space::{Space, Support},
+    system::Numbering,
+};
+
+/// A dof that a jump reads: field, node, component; what is prescribed is one thing.
+type End = Option<(usize, u32, usize)>;
+
+/// What is tied to what, by the multipliers that are kept.
+#[derive(Default)]
+struct Ties {
+    numbers: BTreeMap<End, usize>,
+    above: Vec<usize>,
+}
+
+impl Ties {
+    fn root(&mut self, end: End) -> usize {
+        let next = self.above.len();
+        let mut at = *self.numbers.entry(end).or_insert(next);
+        if at == next {
+            self.above.push(next);
+        }
+        while self.above[at] != at {
+            at = self.above[at];
+        }
+        at
+    }
+
+    fn are_tied(&mut self, (a, b): (End, End)) -> bool {
+        self.root(a) == self.root(b)
+    }
+
+    fn tie(&mut self, (a, b): (End, End)) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.above[a] = b;
+    }
+}
+
+/// The multiplier dofs to leave out, `idle` ones apart, and a note for each multiplier that loses some.
+pub(super) fn shared_multipliers(
+    script: &ResolvedScript,
+    (mesh, topology): (&Mesh, &Topology),
+    (fields, numbering): (&[Field], &Numbering),
+    (fixed, idle): (&BTreeSet<usize>, &[usize]),
+    laws: &[PlacedLaw],
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Vec<usize> {
+    let holding: Vec<usize> = (0..fields.len()).filter(|k| holds_a_jump(*k, fields, laws)).collect();
+    if holding.len() < 2 {
+        return Vec::new();
+    }
+    let scale = extent(mesh);
+    let (mut ties, mut seen, mut shared) = (Ties::default(), BTreeSet::<FacetId>::new(), Vec::new());
+    for k in holding {
+        let (Some(start), FieldSpace::Nodal(space)) = (numbering.starts[k], &fields[k].space) else { continue };
+        let around = facets_of_nodes(space);
+        let keeps = matches!(script.fields[k].kind, Declared::Multiplier { keep_crosspoints: true });
+        let jump = Jump { mesh, topology, fields, numbering, fixed, scale, acts_on: partners(k, fields, laws) };
+        let n = fields[k].n_components;
+        let mut nodes = 0;
+        for (node, facets) in &around {
+            let apart = facets.iter().all(|f| !seen.contains(&topology.facet_id(*f)));
+            let mut loses = false;
+            for c in 0..n {
+                let dof = start + *node as usize * n + c;
+                let ends = jump.ends(space.node_coordinates()[*node as usize], facets, c);
+                if idle.binary_search(&dof).is_ok() || ends.is_empty() {
+                    continue;
+                }
+                if !keeps && apart && ends.iter().all(|e| ties.are_tied(*e)) {
+                    shared.push(dof);
+                    loses = true;
+                } else {
+                    ends.into_iter().for_each(|e| ties.tie(e));
+                }
+            }
+            nodes += usize::from(loses);
+        }
+        seen.extend(around.values().flatten().map(|f| topology.facet_id(*f)));
+        if nodes > 0 {
+            let (words, is) = if nodes == 1 { ("1 node".to_owned(), "is") } else { (format!("{nodes} nodes"), "are") };
+            let text =
+                format!("{words} of `{}` {is} held by another multiplier already and {is} dropped", fields[k].name);
+            let note = "kept, only the sum of both forces is known in stick, and the system is singular; an augmented \
+                        law goes on there as a penalty of stiffness gamma; `with crosspoints=keep` keeps them";
+            let d = Diagnostic::new("W404", text).note(note);
+            diagnostics.push(d.at(script.fields[k].name.span, "where its surface meets that of the other"));
+        }
+    }
+    shared.sort_unstable();
+    shared
+}
+
+/// True for a multiplier of several components whose laws can hold the whole jump.
+fn holds_a_jump(k: usize, fields: &[Field], laws: &[PlacedLaw]) -> bool {
+    let slides = |law: &PlacedLaw| {
+        law.pieces.as_ref().is_some_and(|p| p.projections.iter().all(|p| p.kind != ProjectionKind::Ball))
+    };
+    let mut own = laws.iter().filter(|l| l.law.tests.iter().any(|t| t.field.index() == k)).peekable();
+    fields[k].kind == FieldKind::Multiplier
+        && fields[k].n_components > 1
+        && own.peek().is_some()
+        && own.all(|law| !slides(law))
+}
+
+/// The unknowns on which multiplier `k` acts.
+fn partners(k: usize, fields: &[Field], laws: &[PlacedLaw]) -> BTreeSet<usize> {
+    let reads = |law: &&PlacedLaw| law.law.tests.iter().chain(&law.law.trials).any(|s| s.field.index() == k);
+    let all = laws.iter().filter(reads).flat_map(|l| l.law.tests.iter().chain(&l.law.trials));
+    let alike = |f: &usize| fields[*f].kind == FieldKind::Unknown && fields[*f].n_components == fields[k].n_components;
+    all.map(|s| s.field.index()).filter(alike).collect()
+}
+
+/// The facets around each node.
+fn facets_of_nodes(space: &Space) -> BTreeMap<u32, Vec<FacetRef>> {
+    let mut around: BTreeMap<u32, Vec<FacetRef>> = BTreeMap::new();
+    if let Support::Facets(facets) = space.support() {
+        for (position, facet) in facets.iter().enumerate() {
+            space.entity_nodes(position).iter().for_each(|n| around.entry(*n).or_default().push(*facet));
+        }
+    }
+    around
+}
+
+/// What a multiplier at a node acts on.
+struct Jump<'a> {
+    mesh: &'a Mesh,
+    topology: &'a Topology,
+    fields: &'a [Field],
+    numbering: &'a Numbering,
+    fixed: &'a BTreeSet<usize>,
+    /// Extent of the mesh.
+    scale: f64,
+    acts_on: BTreeSet<usize>,
+}
+
+impl Jump<'_> {
+    /// The two ends of component `c` of the jumps at `x`, on each of the facets there, each pair once.
+    fn ends(&self, x: [f64; 3], facets: &[FacetRef], c: usize) -> Vec<(End, End)> {
+        let mut found = BTreeSet::new();
+        for facet in facets {
+            let here = self.at(x, *facet, c);
+            let there = self.topology.opposite(*facet).map(|f| self.at(x, f, c)).filter(|list| !list.is_empty());
+            let there = there.unwrap_or_else(|| vec![None]);
+            found.extend(here.iter().flat_map(|h| there.iter().map(|t| (*h, *t))).filter(|(h, t)| h != t));
+        }
+        found.into_iter().collect()
+    }
+
+    fn at(&self, x: [f64; 3], facet: FacetRef, c: usize) -> Vec<End> {
+        let mut ends = Vec::new();
+        for k in &self.acts_on {
+            let (FieldSpace::Nodal(space), Some(start)) = (&self.fields[*k].space, self.numbering.starts[*k]) else {
+                continue;
+            };
+            for node in at_place(self.mesh, self.topology, space, &[facet], (x, self.scale)) {
+                let is_fixed = self.fixed.contains(&(start + node as usize * self.fields[*k].n_components + c));
+                ends.push(if is_fixed { None } else { Some((*k, node, c)) });
+            }
+        }
+        ends
+    }
+}
