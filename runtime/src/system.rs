@@ -7,6 +7,7 @@
 
 mod held;
 mod inspect;
+mod linear;
 mod memory;
 mod numbering;
 
@@ -123,6 +124,8 @@ pub struct System {
     /// The held pieces belong to a converged state; else they are chosen anew at the start of a step.
     settled: bool,
     linear: Option<Csr>,
+    /// The linear terms are evaluated at their points, not by their matrix ([`Self::set_pointwise`]).
+    pointwise: bool,
     bulk: Csr,
     changing: Csr,
     /// Where the changing terms are summed before they are turned; `None` without frames.
@@ -168,6 +171,7 @@ impl System {
             watched: Vec::new(),
             settled: false,
             linear: None,
+            pointwise: false,
             bulk: nothing(n_free),
             changing: nothing(n_free),
             unturned: None,
@@ -357,21 +361,7 @@ impl System {
             *size += shift.abs();
         }
         self.force = self.largest_by_field(&self.constant);
-        if let Some(linear) = &self.linear {
-            let mut part = vec![0.0; out.len()];
-            for (row, slot) in part.iter_mut().enumerate() {
-                let mut size = 0.0;
-                let (columns, values) = linear.row(row);
-                for (column, value) in columns.iter().zip(values) {
-                    let product = value * u[*column as usize];
-                    *slot += product;
-                    size += product.abs();
-                }
-                self.magnitude[row] += size;
-                out[row] += *slot;
-            }
-            self.grow_force(&part);
-        }
+        self.add_linear(u, out)?;
         let mut rest = vec![0.0; out.len()];
         let mut with_pieces = vec![0.0; if self.pieces.is_empty() { 0 } else { out.len() }];
         self.with_values(u, |Parts { mesh, terms, pieces, .. }, values| {

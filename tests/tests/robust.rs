@@ -1,7 +1,7 @@
 //! A run that does not give up: steps in parts, and what is said of them.
 
 use wfl_runtime::{AttemptEnd, Path};
-use wfl_tests::{Solved, examples, solve};
+use wfl_tests::{Solved, attempt, examples, solve};
 
 /// exp(d) - 1 = load: a Newton step from 0 goes to d = load, and only about 1 back in each iteration, so that large
 /// increments need more iterations than `most`.
@@ -249,7 +249,7 @@ fn nearly_incompressible_faults_need_no_more_iterations_than_others() {
 /// step goes 1/(p - 1) of the way: for large p many are needed, for p near 1 they must be shortened.
 #[test]
 fn p_laplacians_converge_from_rest() {
-    for (p, most) in [(1.2, 30), (1.5, 20), (3.0, 20), (8.0, 125)] {
+    for (p, most) in [(1.2, 30), (1.5, 20), (3.0, 20), (8.0, 20)] {
         let text = format!(
             "param p = {p:?}\nmesh box [0] to [1] cells [64] segment\nunknown u : scalar P1\n\
              term law on all : pow(Norm_sqr(Grad_u), (p-2)/2)*(Grad_u.Grad_Test_u) - Test_u\nfix u = 0 on boundary\n\
@@ -263,5 +263,84 @@ fn p_laplacians_converge_from_rest() {
         assert!((found / exact - 1.0).abs() < 1e-8, "p = {p}: {found} against {exact}");
         let iterations = solved.outcome.steps[0].history.n_iterations();
         assert!(iterations <= most, "p = {p}: {iterations}");
+    }
+}
+
+/// A strip whose lid is moved: u, and with it the gradient, is proportional to the motion of the lid, the flux to its
+/// power p - 1. The start of a step has heard of the motion, so that nothing is left to do but the first time.
+#[test]
+fn bodies_follow_what_is_prescribed() {
+    for p in [1.5, 4.0, 8.0f64] {
+        let text = format!(
+            "param p = {p:?}\nmesh box [0,0] to [2,1] cells [8,4] quad map [x, y*(1 + 0.2*x)]\nregion floor = faces where y == 0\n\
+             region lid = boundary - floor - (faces where x == 0 or x == 2)\nunknown u : scalar\nsteps t = 0.25 to 1 by 0.25\n\
+             term law on all : pow(Norm_sqr(Grad_u), (p-2)/2)*(Grad_u.Grad_Test_u)\n\
+             fix u = 0 on floor\nfix u = t on lid\nmeasure flux = integral(pow(Norm_sqr(Grad_u), p/2)) on all\n"
+        );
+        let solved = solve(&examples(), text, &[], &[]).expect("the scene is right");
+        assert!(solved.outcome.converged(), "p = {p}");
+        for (k, t) in [0.25, 0.5, 0.75f64].into_iter().enumerate() {
+            let (part, exact) = (solved.measure(k, "flux") / solved.measure(3, "flux"), t.powf(p));
+            assert!((part / exact - 1.0).abs() < 1e-8, "p = {p}, t = {t}: {part} against {exact}");
+        }
+        let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
+        assert!(counts[1..].iter().all(|n| *n <= 3), "p = {p}: {counts:?}");
+    }
+}
+
+/// A wedge pushed into a corner between floor and wall, on both of which it may stick.
+fn corner(multiplier: bool) -> String {
+    let law = |tag: &str, place: &str| {
+        let traction = if multiplier { format!(" - m_{tag}") } else { String::new() };
+        let own = if multiplier {
+            format!(
+                "multiplier m_{tag} : vector on {place}\nquadrature on {place} vertex\n\
+                 term law_{tag} on {place} : -1/gamma*(m_{tag} + force_{tag}).Test_m_{tag}\n"
+            )
+        } else {
+            String::new()
+        };
+        format!(
+            "def pull_{tag} = gamma*u{traction}\n\
+             def force_{tag} = pos_part(pull_{tag}.Normal)*Normal + Ball_projection(pull_{tag} - (pull_{tag}.Normal)*Normal, \
+             fric*pos_part(pull_{tag}.Normal))\n{own}term contact_{tag} on {place} : force_{tag}.Test_u\n\
+             measure x_{tag} = integral(force_{tag}.[1,0]) on {place}\nmeasure y_{tag} = integral(force_{tag}.[0,1]) on {place}\n"
+        )
+    };
+    format!(
+        "param E = 2000\nparam nu = 0.3\nparam fric = 1.2\nparam gamma = 3e4\n\
+         mesh box [0,0] to [1,1] cells [8,8] tri map [x, y*(1.05-x)]\nregion ground = faces where y == 0\n\
+         region wall = faces where x == 0\nregion slope = boundary - ground - wall\nunknown u : vector P1\n\
+         def lambda = E*nu/((1+nu)*(1-2*nu))\ndef mu = E/(2*(1+nu))\n\
+         term elastic on all : (lambda*Div_u*Id(2) + 2*mu*Sym(Grad_u)):Grad_Test_u\n\
+         load u = [-3-2*t,-10-20*t] on slope\nsteps t = 0 to 1 by 0.25\n{}{}",
+        law("g", "ground"),
+        law("w", "wall")
+    )
+}
+
+/// Two multipliers hold the node in the corner; the second is left out there. The forces are those of the loads on the
+/// slope, and those of a stiff penalty.
+#[test]
+fn multipliers_that_meet_in_a_corner_are_no_singular_system() {
+    // the slope from (0, 1.05) to (1, 0.05) and the right end from there down to the ground
+    let length = 2f64.sqrt() + 0.05;
+    let tried = attempt(&examples(), corner(true), &[], &[]);
+    assert!(tried.messages.contains("W404") && tried.messages.contains("1 node of `m_w`"), "{}", tried.messages);
+    let stiff = solve(&examples(), corner(false), &[], &[("gamma", 1e10)]).expect("the scene is right");
+    let solved = tried.solved.expect("the scene is right");
+    for solved in [&solved, &stiff] {
+        assert!(solved.outcome.converged());
+        for (k, t) in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().enumerate() {
+            let sum = |a: &str, b: &str| solved.measure(k, a) + solved.measure(k, b);
+            let (x, y) = (sum("x_g", "x_w"), sum("y_g", "y_w"));
+            let (loads_x, loads_y) = ((-3.0 - 2.0 * t) * length, (-10.0 - 20.0 * t) * length);
+            assert!((x - loads_x).abs() < 1e-7 * loads_y.abs(), "{x} against {loads_x}");
+            assert!((y - loads_y).abs() < 1e-7 * loads_y.abs(), "{y} against {loads_y}");
+        }
+    }
+    for (step, name) in (0..5).flat_map(|k| ["x_g", "y_g", "x_w", "y_w"].map(|n| (k, n))) {
+        let (a, b) = (solved.measure(step, name), stiff.measure(step, name));
+        assert!((a - b).abs() <= 0.03 * stiff.measure(step, "y_g").abs(), "{name}: {a} against {b}");
     }
 }

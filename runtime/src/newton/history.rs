@@ -58,6 +58,11 @@ pub struct StepHistory {
     pub seconds: Seconds,
     /// The equations are singular where all unknowns are zero, so the step began from a state displaced a little.
     pub displaced: bool,
+    /// How many of the iterations went on from a residual that is rounding, and the size of the smallest correction of
+    /// those, relative to the unknowns.
+    pub refined: usize,
+    /// See [`Self::refined`].
+    pub correction: Option<f64>,
 }
 
 /// Seconds spent in the parts of an iteration.

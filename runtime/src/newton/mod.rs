@@ -6,7 +6,10 @@
 
 mod history;
 mod ladder;
+mod line;
 mod pieces;
+mod predict;
+mod refine;
 mod start;
 
 use std::time::Instant;
@@ -15,7 +18,8 @@ pub use history::{Iteration, Seconds, StepHistory, Stop};
 pub(crate) use pieces::search;
 pub use pieces::{Coercivity, ContactGaps, TermPieces, Watched};
 
-use ladder::{Ladder, Method};
+use ladder::Ladder;
+use line::Line;
 use thiserror::Error;
 
 use crate::{
@@ -45,13 +49,6 @@ impl Default for NewtonOptions {
     }
 }
 
-/// Halvings of a step before the best one seen is taken.
-const MAX_HALVINGS: usize = 10;
-/// A step to a state that is not finite is cut by this, down to the shortest.
-const DOMAIN_CUT: f64 = 1.0 / 16.0;
-const SHORTEST: f64 = 1e-60;
-/// A step is accepted when it reduces the residual norm by this part of its length.
-const SUFFICIENT: f64 = 1e-4;
 /// What a linear solve may leave: part of the residual to come, part of the tolerance, and most of the residual at hand.
 const UNSEEN: f64 = 0.1;
 const UNSEEN_AT_THE_END: f64 = 1e-3;
@@ -115,7 +112,8 @@ struct Measured {
     rounding: f64,
 }
 
-/// Solves one step from `u`, which holds the prescribed values already; leaves the best state in `u`.
+/// Solves one step from `u`, which holds the prescribed values already; leaves the best state in `u`. `from` is the
+/// same state before they were written into it.
 ///
 /// Scenes with contact first run with held pieces (module `pieces`); if that does not settle, plain Newton steps with a
 /// line search on the residual follow. A smooth scene on cells that is singular at rest (all zero) is started from a
@@ -126,17 +124,18 @@ struct Measured {
 pub fn solve_step(
     system: &mut System,
     strategy: &mut Strategy,
-    u: &mut [f64],
+    (from, u): (&[f64], &mut [f64]),
     options: NewtonOptions,
     watch: &mut dyn Watch,
 ) -> Result<StepHistory, NewtonError> {
     let degenerate = start::may_be_degenerate(system, u);
     let rest = u.to_vec();
-    let mut result = iterate(system, strategy, u, options, watch);
+    let predicted = if options.search { predict::predict(system, strategy, from, u) } else { None };
+    let mut result = iterate(system, strategy, (u, predicted), options, watch);
     if degenerate && result.as_ref().is_err_and(NewtonError::is_of_the_state) {
         u.copy_from_slice(&rest);
         if start::displace(system, u)
-            && let Ok(mut history) = iterate(system, strategy, u, options, watch)
+            && let Ok(mut history) = iterate(system, strategy, (u, None), options, watch)
         {
             history.displaced = true;
             result = Ok(history);
@@ -149,24 +148,37 @@ pub fn solve_step(
 fn iterate(
     system: &mut System,
     strategy: &mut Strategy,
-    u: &mut [f64],
+    (u, predicted): (&mut [f64], Option<Vec<f64>>),
     options: NewtonOptions,
     watch: &mut dyn Watch,
 ) -> Result<StepHistory, NewtonError> {
+    system.set_pointwise(false);
     let mut history = StepHistory::default();
     let mut weights = vec![1.0; system.fields.len()];
     let begin = Instant::now();
     let mut ladder = Ladder::new(system, u, options)?;
-    system.set_soft(ladder.method() == Method::Soft);
+    system.set_soft(ladder.method() == ladder::Method::Soft);
     let mut here = measure(system, u, &weights, ladder.held())?;
     history.seconds.assemble += begin.elapsed().as_secs_f64();
     history.push(watch, 0, &here, 1.0, system);
+    if let Some(start) = predicted
+        && let Ok(found) = measure(system, &start, &weights, ladder.held())
+        && found.norm < here.norm
+    {
+        u.copy_from_slice(&start);
+        here = found;
+        history.push(watch, 1, &here, 1.0, system);
+    }
     let (mut direction, mut before) = (Vec::new(), None);
     let mut best = (here.relative, u.to_vec());
     let mut left = false;
     for iteration in 1..=options.max_iterations {
         if let Some(stop) = stopped(&here, options) {
             history.stop = Some(stop);
+            if stop == Stop::Floor && options.search && refine::helps(system, u) {
+                let how = (ladder.held(), weights.as_slice(), options);
+                refine::refine((system, strategy), u, how, &mut history, watch)?;
+            }
             return Ok(history);
         }
         let begin = Instant::now();
@@ -177,7 +189,7 @@ fn iterate(
                 system.settle(false);
                 system.start_pieces(u)?;
             }
-            system.set_soft(ladder.method() == Method::Soft);
+            system.set_soft(ladder.method() == ladder::Method::Soft);
             here = measure(system, u, &weights, ladder.held())?;
         }
         system.tangent(u, ladder.held())?;
@@ -209,7 +221,7 @@ fn iterate(
             system.held_residual(u, &mut here.residual)?;
         }
         history.seconds.assemble += begin.elapsed().as_secs_f64();
-        history.push(watch, iteration, &here, alpha, system);
+        history.push(watch, history.iterations.len(), &here, alpha, system);
         if here.relative < best.0 {
             best = (here.relative, u.to_vec());
         }
@@ -252,105 +264,6 @@ fn stopped(here: &Measured, options: NewtonOptions) -> Option<Stop> {
     }
     // not finite, the floor says that nothing is known, not that nothing is left to do
     (here.floor.is_finite() && here.relative <= here.floor).then_some(Stop::Floor)
-}
-
-/// A direction and how far it is followed.
-struct Line<'a> {
-    direction: &'a [f64],
-    weights: &'a [f64],
-    options: NewtonOptions,
-    method: Method,
-    /// With held pieces: takes every full step.
-    whole: bool,
-}
-
-impl Line<'_> {
-    /// Takes the full step, or the first halved one that reduces the merit, or the best of those tried.
-    fn advance(
-        &mut self,
-        system: &mut System,
-        strategy: &mut Strategy,
-        u: &mut [f64],
-        here: &Measured,
-    ) -> Result<(f64, Measured), NewtonError> {
-        let start: Vec<f64> = u.to_vec();
-        let held = self.method.holds();
-        if held && system.is_affine_when_held() {
-            step_to(system, &start, self.direction, 1.0, u);
-            let found = measure(system, u, self.weights, true)?;
-            if stopped(&found, self.options).is_some() {
-                return Ok((1.0, found));
-            }
-            return self.nearer(system, u, &start, 1.0, found);
-        }
-        let mut best: Option<(f64, f64)> = None;
-        let (mut alpha, mut halvings) = (1.0, 0);
-        while halvings <= MAX_HALVINGS {
-            step_to(system, &start, self.direction, alpha, u);
-            let found = match measure(system, u, self.weights, held) {
-                Ok(found) => found,
-                // out of the domain of a function (log of a negative number) or out of range
-                Err(_) if alpha > SHORTEST => {
-                    alpha *= DOMAIN_CUT;
-                    continue;
-                }
-                Err(e) => return Err(e.into()),
-            };
-            if !self.options.search || stopped(&found, self.options).is_some() {
-                return Ok((alpha, found));
-            }
-            let merit = self.merit(system, strategy, &found, here)?;
-            if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
-                return self.nearer(system, u, &start, alpha, found);
-            }
-            if best.is_none_or(|(_, m)| merit < m) {
-                best = Some((alpha, merit));
-            }
-            alpha *= 0.5;
-            halvings += 1;
-        }
-        // measured again, so that the branches reported are those of the state that is kept
-        let alpha = best.map_or(0.0, |(alpha, _)| alpha);
-        step_to(system, &start, self.direction, alpha, u);
-        let found = measure(system, u, self.weights, held)?;
-        self.nearer(system, u, &start, alpha, found)
-    }
-
-    /// Where pieces are held: goes back on a step until the projections are nearer to their laws.
-    fn nearer(
-        &self,
-        system: &mut System,
-        u: &mut [f64],
-        start: &[f64],
-        alpha: f64,
-        found: Measured,
-    ) -> Result<(f64, Measured), NewtonError> {
-        let part = if self.method.holds() { system.search_pieces(u, !self.whole)? } else { 1.0 };
-        if part == 1.0 {
-            return Ok((alpha, found));
-        }
-        step_to(system, start, self.direction, part * alpha, u);
-        Ok((part * alpha, measure(system, u, self.weights, true)?))
-    }
-
-    /// How large a state is against the one before: the norm of the residual, or that of the simplified Newton
-    /// correction (Deuflhard 2004, natural monotonicity test), which does not depend on the scaling of the equations.
-    fn merit(
-        &self,
-        system: &System,
-        strategy: &mut Strategy,
-        found: &Measured,
-        here: &Measured,
-    ) -> Result<f64, NewtonError> {
-        if self.method != Method::Natural {
-            return Ok(found.norm / here.norm);
-        }
-        let (mut rhs, mut correction) = (Vec::new(), Vec::new());
-        system.numbering.gather(&found.residual, &mut rhs);
-        strategy.solve(&rhs, &mut correction, LARGEST_FORCING)?;
-        let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-        Ok(norm(&correction) / norm(self.direction))
-    }
 }
 
 fn step_to(system: &System, start: &[f64], direction: &[f64], alpha: f64, u: &mut [f64]) {

@@ -5,9 +5,8 @@
 //! large by many orders (a stiff penalty is ill-conditioned without being inaccurate); it is sampled: the tangent is
 //! solved for uncertainties of that size in every row with signs that look random (statistical condition estimation,
 //! Kenney and Laub 1994, with the componentwise uncertainty of Oettli and Prager). Two solutions with a factor that is
-//! there already. The estimate is of the error from finite precision; that of the mesh is another matter.
-
-use wfl_compiler::types::FieldKind;
+//! there already. A state that was refined (`newton/refine.rs`) is as right as its last correction was small, but for what
+//! rounds in the terms that are not linear. The estimate is of the error from finite precision; that of the mesh is another matter.
 
 use crate::{strategy::Strategy, system::System};
 
@@ -33,9 +32,16 @@ impl Accuracy {
     }
 }
 
-/// Estimates the error of `u`, a solution whose residual by dof is given. `None` where no tangent was needed.
-pub(super) fn estimate(system: &System, strategy: &mut Strategy, u: &[f64], residual: &[f64]) -> Option<Accuracy> {
-    let uncertainty: Vec<f64> = system.magnitudes(u).iter().map(|m| f64::EPSILON * m).collect();
+/// Estimates the error of `u`, a solution whose residual by dof is given, and the size of its last correction where it
+/// was refined: an error of no less. `None` where no tangent was needed.
+pub(super) fn estimate(
+    system: &System,
+    strategy: &mut Strategy,
+    u: &[f64],
+    residual: &[f64],
+    correction: Option<f64>,
+) -> Option<Accuracy> {
+    let uncertainty = system.rounding(u);
     let mut worst: Option<Accuracy> = None;
     let (mut rhs, mut x) = (Vec::new(), Vec::new());
     for sample in 1..=SAMPLES {
@@ -49,32 +55,14 @@ pub(super) fn estimate(system: &System, strategy: &mut Strategy, u: &[f64], resi
         for (d, e) in system.numbering.free_dofs.iter().zip(&x) {
             error[*d as usize] = *e;
         }
-        for found in by_kind(system, u, &error) {
-            if worst.as_ref().is_none_or(|w| found.error.is_nan() || found.error > w.error) {
-                worst = Some(found);
+        for (field, error) in system.relative_sizes(u, &error) {
+            let error = correction.map_or(error, |c| if error > c || error.is_nan() { error } else { c });
+            if worst.as_ref().is_none_or(|w| error.is_nan() || error > w.error) {
+                worst = Some(Accuracy { error, field: system.fields[field].name.clone() });
             }
         }
     }
     worst
-}
-
-/// Relative errors of the fields of one unit and size: those that meet on an interface are one kind.
-fn by_kind(system: &System, u: &[f64], error: &[f64]) -> Vec<Accuracy> {
-    let largest = |v: &[f64], k: usize| {
-        let kind = |f: &usize| system.alike(*f) == system.alike(k) && system.fields[*f].kind == FieldKind::Unknown;
-        let ranges = (0..system.fields.len()).filter(kind).filter_map(|f| system.range(f));
-        ranges.flat_map(|r| v[r].iter()).fold(0.0f64, |m, x| if x.is_nan() { f64::NAN } else { m.max(x.abs()) })
-    };
-    let unknown = |k: &usize| system.fields[*k].kind == FieldKind::Unknown && system.range(*k).is_some();
-    (0..system.fields.len())
-        .filter(unknown)
-        .filter_map(|k| {
-            let (size, error) = (largest(u, k), largest(error, k));
-            let accuracy = Accuracy { error: error / size, field: system.fields[k].name.clone() };
-            // a field that is exactly zero is right
-            (size > 0.0).then_some(accuracy)
-        })
-        .collect()
 }
 
 /// 1 or -1, evenly (the finaliser of splitmix64, Steele, Lea and Flood 2014).

@@ -390,7 +390,7 @@ impl Run {
         let (history, attempts) = (reached.history, reached.attempts);
         // the equations are those of the old states; a state that is given has nothing to judge
         let solved = history.converged() && history.stop != Some(Stop::Given);
-        let judged = if solved { self.judge(scene) } else { Ok((None, Vec::new())) };
+        let judged = if solved { self.judge(scene, &history) } else { Ok((None, Vec::new())) };
         let (accuracy, checks) = judged.map_err(|error| RunError::Newton { step: number, time, error })?;
         self.stepper.renew(scene);
         let (u, increment) = (&self.u, reached.increment);
@@ -409,11 +409,16 @@ impl Run {
     }
 
     /// How good the converged state is.
-    fn judge(&mut self, scene: &mut Scene) -> Result<(Option<Accuracy>, Vec<PhysicsCheck>), NewtonError> {
+    fn judge(
+        &mut self,
+        scene: &mut Scene,
+        history: &StepHistory,
+    ) -> Result<(Option<Accuracy>, Vec<PhysicsCheck>), NewtonError> {
         let mut residual = Vec::new();
         scene.system.residual(&self.u, &mut residual)?;
         let strategy = self.stepper.strategy.as_mut();
-        let accuracy = strategy.and_then(|s| accuracy::estimate(&scene.system, s, &self.u, &residual));
+        let accuracy =
+            strategy.and_then(|s| accuracy::estimate(&scene.system, s, &self.u, &residual, history.correction));
         Ok((accuracy, physics::checks(&mut scene.system, &self.u, &residual, scene.newton.tolerance)))
     }
 }

@@ -231,13 +231,14 @@ impl Stepper {
     ) -> Result<StepHistory, StepError> {
         let (time, increment) = (target.time, target.increment);
         self.prepare(scene, (time, increment), clock, progress)?;
+        let from = u.to_vec();
         scene.prescribed.apply(time, increment, u);
         if let Some((start, s)) = target.load {
             scene.system.numbering.part_of_prescribed(&start.u, s, u);
             scene.system.set_shift(start.residual.iter().map(|r| (s - 1.0) * r).collect());
         }
         let strategy = self.strategy.as_mut().expect("prepared above");
-        let history = solve_step(&mut scene.system, strategy, u, scene.newton, &mut Forward(progress))?;
+        let history = solve_step(&mut scene.system, strategy, (&from, u), scene.newton, &mut Forward(progress))?;
         clock.assemble += history.seconds.assemble;
         clock.factor += history.seconds.factor;
         clock.solve += history.seconds.solve;

@@ -1,5 +1,7 @@
 //! Looks at a solved state: forces by term, what contact laws say of gaps, fields of one unit.
 
+use wfl_compiler::types::FieldKind;
+
 use super::System;
 use crate::{
     assemble::{FieldValues, TermError},
@@ -12,6 +14,32 @@ impl System {
     #[must_use]
     pub fn alike(&self, field: usize) -> usize {
         self.meets[field]
+    }
+
+    /// By unknown field: the largest entry of `v` over the largest of `u` among the fields of its unit and size. Fields
+    /// that are all zero are left out.
+    #[must_use]
+    pub fn relative_sizes(&self, u: &[f64], v: &[f64]) -> Vec<(usize, f64)> {
+        let unknown = |k: &usize| self.fields[*k].kind == FieldKind::Unknown && self.range(*k).is_some();
+        let largest = |w: &[f64], k: usize| {
+            let kind = (0..self.fields.len()).filter(unknown).filter(|f| self.alike(*f) == self.alike(k));
+            let values = kind.filter_map(|f| self.range(f)).flat_map(|r| w[r].iter());
+            values.fold(0.0f64, |m, x| if x.is_nan() { f64::NAN } else { m.max(x.abs()) })
+        };
+        let sizes = (0..self.fields.len()).filter(unknown).map(|k| (k, largest(u, k)));
+        sizes.filter(|(_, size)| *size > 0.0).map(|(k, size)| (k, largest(v, k) / size)).collect()
+    }
+
+    /// By dof: what rounding leaves of the residual that was evaluated last. Where linear terms are evaluated at their
+    /// points only the others count: what rounds there moves nothing.
+    #[must_use]
+    pub fn rounding(&self, u: &[f64]) -> Vec<f64> {
+        let mut sizes = self.magnitudes(u);
+        if self.pointwise {
+            sizes.iter_mut().zip(&self.magnitude).for_each(|(s, linear)| *s -= linear);
+        }
+        sizes.iter_mut().for_each(|s| *s = f64::EPSILON * s.max(0.0));
+        sizes
     }
 
     /// The unknown field that a dof belongs to.
