@@ -11,7 +11,12 @@ use wfl::{
 };
 use wfl_compiler::backend::KernelBackend;
 
-use crate::{Outcome, SampleAt, Samples, Scene, field::FieldSpace, space::Support};
+use crate::{
+    Outcome, SampleAt, Samples, Scene,
+    field::{Field, FieldSpace},
+    scene::Given,
+    space::Support,
+};
 
 /// Degree to which the norms are exact.
 pub const NORM_DEGREE: usize = 5;
@@ -40,6 +45,18 @@ impl Solved {
     pub fn scene_span(&self) -> Span {
         let main = self.script.main;
         self.script.mesh.as_ref().map_or(Span { source: main, start: 0, end: 0 }, |m| m.span)
+    }
+
+    /// The solution of the last step as first guesses of a run of the same scene on the same mesh.
+    #[must_use]
+    pub fn starts(&self) -> Vec<(usize, Given)> {
+        let Some((_, _, state)) = state(self) else { return Vec::new() };
+        let system = &self.scene.system;
+        let of = |(k, f): (usize, &Field)| {
+            let first = system.numbering.starts[k]?;
+            Some((k, Given::Values(state[first..first + f.n_dofs()].to_vec())))
+        };
+        system.fields.iter().enumerate().filter_map(of).collect()
     }
 }
 

@@ -36,6 +36,9 @@ pub const KNOWN: [&str; 12] = [
     "no_prune",
 ];
 
+/// Knobs that change the statements of a scene and nothing else: what a run can be given beside parameters.
+pub const OF_STATEMENTS: [&str; 5] = ["h", "refine", "cells", "degree", "tol"];
+
 /// A knob that a scene cannot have.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum KnobError {
@@ -126,6 +129,12 @@ pub fn precision(setting: &Setting) -> Result<Option<Precision>, KnobError> {
     let Some((name, value)) = setting.iter().find(|(n, _)| n == "precision") else { return Ok(None) };
     let wrong = || KnobError::Value { name: name.clone(), value: value.clone(), needs: "auto, f64 or f32+f64" };
     Precision::named(value).map(Some).ok_or_else(wrong)
+}
+
+/// The tolerance a setting asks for.
+#[must_use]
+pub fn tolerance(setting: &Setting) -> Option<f64> {
+    number(&setting.iter().find(|(n, _)| n == "tol")?.1)
 }
 
 /// What a setting puts back that is left out otherwise: `no_prune` by name, `solver` by the way that is asked for.

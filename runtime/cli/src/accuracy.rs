@@ -7,12 +7,12 @@ use std::{path::PathBuf, process::ExitCode, time::Instant};
 
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_runtime::{
-    SampleAt, Samples, Scene,
+    Quiet, SampleAt, Samples, Scene,
     accuracy::{
-        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Notice, Out, Trials, Ways, lean, seek,
+        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Notice, Out, Trials, Ways, seek,
     },
     compare::{MEASURE, NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
-    knobs::Setting,
+    knobs::{self, Setting},
     output::{OutputDir, Real, Report, write_report},
 };
 
@@ -22,7 +22,7 @@ use crate::{
     prepared::EXIT_ERROR,
     run::{self, Ready},
     sweep::{
-        one::{Bench, Known, Status, known_of, prepared},
+        one::{Bench, Known, Status, known_of, prepared, remembers},
         words,
     },
     table::{Table, number},
@@ -71,32 +71,19 @@ pub(crate) fn run(
 fn found(
     args: &RunArgs,
     demand: &Demand,
-    mut known: Known,
+    known: Known,
     backend: &dyn KernelBackend,
     started: Instant,
 ) -> Result<ExitCode, Out> {
     quantity(&known, &demand.quantity).map_err(Out::Failed)?;
-    let mut ways = Ways::of(&known.loaded.script, &known.scene);
-    match ways.rough().and_then(|setting| rough(args, &known, &setting, &demand.quantity)) {
-        Some(mut scene) => ways.see_method(&known.loaded.script, &mut scene),
-        None => ways.see_method(&known.loaded.script, &mut known.scene),
-    }
+    let ways = Ways::of(&known.loaded.script, &known.scene);
     let threads = run::threads(args);
-    let bench = Bench { backend, threads, only: Some(demand.quantity.clone()) };
+    let bench = Bench { backend, threads, only: Some(demand.quantity.clone()), last: true };
     let mut lab = Lab { args, demand, known: &known, ways: &ways, bench, started, written: None };
     let Found { run, record, notice } = seek(&mut lab, &ways, demand).inspect_err(|why| lab.disown(why))?;
     let Trial { solved, full, .. } = run;
     let Some((loaded, ready)) = full else { return Err(Out::Failed("the last run has no results".to_owned())) };
     Ok(lab.ended(solved, &loaded, &ready, record, notice))
-}
-
-/// A setting of the scene, to be looked at.
-fn rough(args: &RunArgs, known: &Known, setting: &Setting, quantity: &str) -> Option<Scene> {
-    let mut loaded = read_scene(&args.scene.scene, &known.words(setting), "run", "").ok()?;
-    known.apply(&mut loaded.script, setting).ok()?;
-    lean(&mut loaded.script, &known.scene, quantity);
-    loaded.script.outputs.clear();
-    prepared(loaded, &InterpreterBackend, &[]).ok().map(|p| p.0)
 }
 
 /// Whether a scene has the quantity.
@@ -214,6 +201,19 @@ impl Lab<'_> {
         sampled_if(solved, Self::SAMPLER, SampleAt::Own(NORM_DEGREE), &wanted)
     }
 
+    /// The distance in the quantity asked about.
+    fn of_quantity(&self, list: &[(String, f64)]) -> Result<f64, String> {
+        let quantity = self.demand.quantity.as_str();
+        match list.iter().find(|d| d.0 == quantity) {
+            Some((_, d)) if d.is_finite() => Ok(*d),
+            Some(_) => Err(format!("the solutions on two meshes cannot be compared in `{quantity}`")),
+            None => Err(format!(
+                "`{quantity}` has no relative error: it is zero, or an output that lives in the bodies\n  = help: \
+                 --of L2 or --of H1 is that of all unknowns"
+            )),
+        }
+    }
+
     /// Writes what was found into the report, and tells it.
     fn ended(
         &self,
@@ -227,7 +227,7 @@ impl Lab<'_> {
         if !self.args.quiet {
             out(&told(&record));
         }
-        let reached = record.reached;
+        let (reached, picked) = (record.reached, words(&record.picked));
         solved.outcome.report.accuracy = Some(record);
         solved.outcome.report.timings.total = self.started.elapsed().as_secs_f64();
         if let Some(folder) = &ready.options.out {
@@ -238,13 +238,8 @@ impl Lab<'_> {
                 return ExitCode::from(EXIT_ERROR);
             }
         }
-        let code = run::finish(loaded, &solved.scene, &ready.options, &solved.outcome, ready.loudness);
-        if code == ExitCode::from(run::EXIT_EXPECTATION) {
-            say(
-                "note: expectations were judged on the setting that was picked; one that holds for the scene's own mesh may \
-                 fail there\n",
-            );
-        }
+        let loudness = (ready.loudness, Some(picked.as_str()));
+        let code = run::finish(loaded, &solved.scene, &ready.options, &solved.outcome, loudness);
         if notice == Some(Notice::MeshOfFile) {
             say(
                 "warning[W608]: the mesh comes from a file: its error is not known, and is not part of the accuracy\n  \
@@ -292,15 +287,29 @@ impl Trials for Lab<'_> {
         let quantity = self.demand.quantity.as_str();
         let own = from.samples.as_deref().unwrap_or_default();
         let there = sampled_if(&run.solved, Self::SAMPLER, SampleAt::Points(own), &|name| name == quantity)?;
-        let list = differences((&there, &measures(&run.solved)), (own, &measures(&from.solved)));
-        match list.iter().find(|d| d.0 == quantity) {
-            Some((_, d)) if d.is_finite() => Ok(*d),
-            Some(_) => Err(format!("the solutions on two meshes cannot be compared in `{quantity}`")),
-            None => Err(format!(
-                "`{quantity}` has no relative error: it is zero, or an output that lives in the bodies\n  = help: \
-                 --of L2 or --of H1 is that of all unknowns"
-            )),
+        self.of_quantity(&differences((&there, &measures(&run.solved)), (own, &measures(&from.solved))))
+    }
+
+    fn tighter(&mut self, run: &mut Trial, setting: &Setting, fineness: usize) -> Result<f64, String> {
+        if remembers(&run.solved.scene) {
+            let tight = Trials::run(self, setting, fineness, false)?;
+            return self.distance(run, &tight);
         }
+        // the same problem goes on from where it stopped
+        let starts = run.solved.starts();
+        let scene = &mut run.solved.scene;
+        let tight = knobs::tolerance(setting).unwrap_or(scene.newton.tolerance);
+        let tolerance = std::mem::replace(&mut scene.newton.tolerance, tight);
+        let starts = std::mem::replace(&mut run.solved.scene.starts, starts);
+        let ended = wfl_runtime::run(&mut run.solved.scene, &self.bench.options(), &mut Quiet);
+        run.solved.scene.newton.tolerance = tolerance;
+        run.solved.scene.starts = starts;
+        let outcome = std::mem::replace(&mut run.solved.outcome, ended.map_err(|e| e.to_string())?);
+        let tight = self.samples(&run.solved).map(|s| (s, measures(&run.solved)));
+        run.solved.outcome = outcome;
+        let (tight, tight_measures) = tight?;
+        let own = run.samples.as_deref().unwrap_or_default();
+        self.of_quantity(&differences((own, &measures(&run.solved)), (&tight, &tight_measures)))
     }
 
     fn distances(&mut self, run: &Trial, from: &Trial) -> Vec<(String, f64)> {
@@ -347,11 +356,10 @@ fn told(record: &AccuracyRecord) -> String {
 }
 
 /// The lines of `wfl check` about an accuracy.
-pub(crate) fn table(loaded: &Loaded, scene: &mut Scene) -> Table {
+pub(crate) fn table(loaded: &Loaded, scene: &Scene) -> Table {
     let mut table = Table::new("accuracy", &["wanted", "of", "degrees", "mesh", "gamma"]);
     let Some((error, of)) = scene.accuracy.clone() else { return table };
-    let mut ways = Ways::of(&loaded.script, scene);
-    ways.see_method(&loaded.script, scene);
+    let ways = Ways::of(&loaded.script, scene);
     let degrees: Vec<String> = ways.degrees.iter().map(ToString::to_string).collect();
     let mesh = if ways.refines() { "is picked" } else { "of a file: its error will not be known" };
     let gamma = match ways.role {

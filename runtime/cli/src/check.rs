@@ -29,9 +29,9 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
     };
     let parse = started.elapsed().as_secs_f64();
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
+    let Some(scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
     print_all(&loaded.messages, &loaded.sources);
-    let accuracy = accuracy::table(&loaded, &mut scene);
+    let accuracy = accuracy::table(&loaded, &scene);
     let mut tables = tables(&loaded, &scene, parse);
     tables.insert(1, accuracy);
     if args.json {

@@ -16,12 +16,15 @@ pub(crate) struct Loaded {
     pub(crate) messages: Vec<Diagnostic>,
     pub(crate) folder: PathBuf,
     pub(crate) name: String,
+    /// Knobs of the command line that changed its statements, `NAME=VALUE`.
+    pub(crate) knobs: Vec<String>,
 }
 
 impl Loaded {
-    /// The texts of the scene and of the files it uses, without the command line.
+    /// The texts of the scene and of the files it uses, and what knobs made of them; without parameters.
     pub(crate) fn texts(&self) -> impl Iterator<Item = &str> {
-        self.sources.iter().map(|(_, s)| s).filter(|s| s.name != COMMAND_LINE).map(|s| &*s.text)
+        let files = self.sources.iter().map(|(_, s)| s).filter(|s| s.name != COMMAND_LINE).map(|s| &*s.text);
+        files.chain(self.knobs.iter().map(String::as_str))
     }
 }
 
@@ -94,7 +97,7 @@ pub(crate) fn read_scene(scene: &Path, overrides: &[String], command: &str, more
     let name = scene.file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
     // a script is always made, however many errors it has
     let script = checked.value.ok_or_else(String::new)?;
-    Ok(Loaded { script, sources, messages: diagnostics, folder, name })
+    Ok(Loaded { script, sources, messages: diagnostics, folder, name, knobs: Vec::new() })
 }
 
 /// The name of the text that holds the command line.

@@ -10,6 +10,7 @@ mod explain;
 mod extremes;
 mod fmt;
 mod import;
+mod knobs;
 mod load;
 mod nitsche;
 mod prepared;

@@ -17,7 +17,8 @@ use wfl_runtime::{
 use crate::{
     accuracy,
     args::RunArgs,
-    load::{Loaded, load, out, print_all, say},
+    knobs::load_with,
+    load::{Loaded, out, print_all, say},
     nitsche,
     prepared::{EXIT_ERROR, backend, prepare_scene},
     progress::{Loudness, Terminal},
@@ -29,7 +30,7 @@ const EXIT_NOT_CONVERGED: u8 = 2;
 pub(crate) const EXIT_EXPECTATION: u8 = 3;
 
 pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
-    let Some(mut loaded) = load(&args.scene.scene, &args.scene.overrides, "run") else {
+    let Some(mut loaded) = load_with(&args.scene.scene, &args.scene.overrides, "run") else {
         return ExitCode::from(EXIT_ERROR);
     };
     let parse_seconds = started.elapsed().as_secs_f64();
@@ -40,6 +41,10 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         return ExitCode::from(EXIT_ERROR);
     };
     if let Some(demand) = accuracy::demand(args, &scene) {
+        if !loaded.knobs.is_empty() {
+            say("error: mesh, degree and tolerance are picked for the accuracy: they cannot be given, too\n");
+            return ExitCode::from(EXIT_ERROR);
+        }
         // on the command line these exclude each other; the scene may ask for an accuracy, too
         if args.savings || args.resume {
             say(
@@ -64,7 +69,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     };
     ready.announce(&loaded, &scene);
     match ready.go(&mut scene) {
-        Ok(outcome) => finish(&loaded, &scene, &ready.options, &outcome, ready.loudness),
+        Ok(outcome) => finish(&loaded, &scene, &ready.options, &outcome, (ready.loudness, None)),
         Err(error) => {
             explain(&loaded, &scene, &error);
             ExitCode::from(EXIT_ERROR)
@@ -209,12 +214,13 @@ fn unused_nodes(scene: &Scene) {
     say(&format!("mesh: nodes of no cell, left out: {}{more}\n", names.join(", ")));
 }
 
+/// Ends a run: messages, summary, expectations. `picked` is the setting that was picked for an accuracy.
 pub(crate) fn finish(
     loaded: &Loaded,
     scene: &Scene,
     options: &RunOptions,
     outcome: &Outcome,
-    loudness: Loudness,
+    (loudness, picked): (Loudness, Option<&str>),
 ) -> ExitCode {
     let fresh: Vec<Diagnostic> = outcome.diagnostics.iter().filter(|d| !loaded.messages.contains(d)).cloned().collect();
     print_all(&fresh, &loaded.sources);
@@ -243,6 +249,12 @@ pub(crate) fn finish(
         if *holds != Some(true) {
             failed = true;
             let d = Diagnostic::new("E604", "an expectation of the scene does not hold").at(expect.span, "");
+            let d = match picked {
+                Some(setting) => d
+                    .note(format!("judged with {setting}, which was picked for the accuracy, not with the scene's own mesh"))
+                    .help("where it holds numbers of that mesh, judge it without the accuracy: wfl run without --accuracy"),
+                None => d,
+            };
             print_all(&[d], &loaded.sources);
         }
     }

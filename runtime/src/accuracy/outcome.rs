@@ -25,7 +25,13 @@ pub trait Trials {
     /// Why there is none.
     fn distance(&mut self, run: &Self::Run, from: &Self::Run) -> Result<f64, String>;
 
-    /// The same in every other quantity, by name.
+    /// The relative distance of a run from the same with a smaller tolerance.
+    ///
+    /// # Errors
+    /// Why there is none.
+    fn tighter(&mut self, run: &mut Self::Run, setting: &Setting, fineness: usize) -> Result<f64, String>;
+
+    /// The relative distance of a run from a finer one in every other quantity, by name.
     fn distances(&mut self, run: &Self::Run, from: &Self::Run) -> Vec<(String, f64)>;
 }
 

@@ -11,6 +11,9 @@ use crate::{knobs::Setting, output::Real};
 
 /// Estimated errors are taken this much larger before they are compared with a demand.
 const SAFETY: f64 = 1.25;
+/// The same where a fourth level confirms the order, and by how much the two orders may differ for that.
+const SAFETY_OF_FOUR: f64 = 1.1;
+const SAME_ORDER: f64 = 0.15;
 /// The same where two levels alone tell the error, with an order that is not their own.
 const SAFETY_OF_TWO: f64 = 1.5;
 /// What a run is planned for, in parts of what is allowed.
@@ -19,7 +22,7 @@ const AIM: f64 = 0.9;
 const PART_OF_TOLERANCE: f64 = 0.05;
 const PART_OF_METHOD: f64 = 0.2;
 /// The tolerance that is tried first, in parts of the demand, and the range it may have.
-const FIRST_TOLERANCE: f64 = 1e-2;
+const FIRST_TOLERANCE: f64 = 1e-1;
 pub(super) const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-10..=1e-3;
 /// Levels that are closer than this say nothing about each other.
 const APART: f64 = 1.4;
@@ -28,6 +31,10 @@ const REACH: f64 = 2.5;
 const REACH_OF_TWO: f64 = 1.5;
 /// Where it would be finer, a level on the way is this part of it, and no finer than that.
 const HALFWAY: f64 = 0.5;
+/// Demands below this begin with cells of half the size: the coarsest ones would tell nothing of them.
+const COARSE_DEMAND: f64 = 0.03;
+/// The second level of a degree may cost this much more than what would be run otherwise.
+const EXPLORES: f64 = 2.0;
 /// Most rounds after the first levels.
 const MOST_ROUNDS: usize = 16;
 /// A penalty is raised by at most this factor.
@@ -76,7 +83,7 @@ struct Choice {
     seconds: f64,
 }
 
-/// Finds the cheapest setting of a scene that meets a demand, and runs it.
+/// Finds a cheap setting of a scene that meets a demand, and runs it.
 ///
 /// # Errors
 /// [`Out`]; nothing has then been run with everything the scene asks for, or what was run does not meet the demand.
@@ -137,11 +144,10 @@ impl<T: Trials> Search<'_, T> {
 
     /// Two levels of the lowest degree; tolerance and penalty are set on the first.
     fn first_levels(&mut self) -> Result<(), Out> {
-        let first = self.climb(0, self.ways.least, How::Lean)?;
-        if self.set_parameters()? {
-            self.climb(0, first, How::Lean)?;
-            self.set_parameters()?;
-        }
+        let finer = if self.demand.error < COARSE_DEMAND { 2 } else { 1 };
+        let first = self.climb(0, (finer * self.ways.least).min(self.ways.own.max(self.ways.least)), How::Lean)?;
+        self.set_tolerance()?;
+        self.set_penalty()?;
         self.climb(0, 2 * first, How::Lean)?;
         Ok(())
     }
@@ -150,17 +156,19 @@ impl<T: Trials> Search<'_, T> {
     /// otherwise: it may show that this degree is the better one. True if there was one.
     fn explored(&mut self, dearer_than: f64) -> Result<bool, Out> {
         let known = &self.ladders[0];
-        let Some((first, dofs)) = known.levels.first().map(|l| (l.fineness, self.trials.cost(&l.run).dofs)) else {
+        let (Some(first), Some(finest)) = (known.levels.first().map(|l| l.fineness), known.levels.last()) else {
             return Ok(false);
         };
-        let base = dofs as f64 / (known.degree as f64).powf(self.ways.dim as f64);
+        // unknowns of one node an edge: coarse meshes have more for their cells
+        let dofs = self.trials.cost(&finest.run).dofs as f64;
+        let base = dofs / ((known.degree * finest.fineness) as f64).powf(self.ways.dim as f64);
         for ladder in 1..self.ladders.len() {
             let finer = match self.ladders[ladder].levels.as_slice() {
                 [] => 1,
                 [one] if one.fineness < 2 * first => 2,
                 _ => continue,
             };
-            let sides = (finer * self.ladders[ladder].degree) as f64;
+            let sides = (finer * first * self.ladders[ladder].degree) as f64;
             if self.work(ladder, base * sides.powf(self.ways.dim as f64)) < dearer_than {
                 self.climb(ladder, finer * first, How::Lean)?;
                 return Ok(true);
@@ -204,37 +212,50 @@ impl<T: Trials> Search<'_, T> {
         self.distances.retain(|key, _| ![[key[0], key[1]], [key[2], key[3]]].contains(&[ladder, fineness]));
     }
 
-    /// Measures what tolerance and penalty add on the first level, and changes them where that is
-    /// too much. True if the penalty has changed.
-    fn set_parameters(&mut self) -> Result<bool, Out> {
-        let Some((degree, fineness)) = self.ladders[0].levels.last().map(|l| (self.ladders[0].degree, l.fineness))
-        else {
-            return Ok(false);
-        };
-        let tight = self.ways.setting(degree, fineness, *TOLERANCES.start(), self.stiffer);
-        let tight = self.one(&tight, fineness, false).map_err(Out::Failed)?;
-        let found = self.apart_from_last(&tight)?;
+    /// Measures what the tolerance adds on the first level, and tightens it where that is too much.
+    fn set_tolerance(&mut self) -> Result<(), Out> {
+        let Ladder { degree, levels } = &mut self.ladders[0];
+        let Some(level) = levels.last_mut() else { return Ok(()) };
+        let tight = self.ways.setting(*degree, level.fineness, *TOLERANCES.start(), self.stiffer);
+        let found = self.trials.tighter(&mut level.run, &tight, level.fineness).map_err(Out::Failed)?;
         self.tolerance_error = found;
         let allowed = PART_OF_TOLERANCE * self.demand.error;
         if found > allowed {
-            self.tolerance = (self.tolerance * 0.5 * allowed / found).max(*TOLERANCES.start());
+            let wanted = (self.tolerance * 0.5 * allowed / found).max(*TOLERANCES.start());
+            // a power of ten is as good as another number, and is read more easily
+            self.tolerance = 10f64.powf(wanted.log10().floor()).max(*TOLERANCES.start());
             self.tolerance_error = 0.5 * allowed;
         }
+        Ok(())
+    }
+
+    /// Measures what a penalty adds on the first level, and raises it until that is little.
+    fn set_penalty(&mut self) -> Result<(), Out> {
         if self.ways.role != Role::Penalty {
-            return Ok(false);
+            return Ok(());
         }
-        // the error of a penalty falls like 1/gamma: ten times stiffer leaves a tenth of it
-        let harder = self.ways.setting(degree, fineness, *TOLERANCES.start(), 10.0 * self.stiffer);
-        let harder = self.one(&harder, fineness, false).map_err(Out::Failed)?;
-        let apart = self.trials.distance(&tight, &harder).map_err(Out::Failed)?;
-        self.method_error = apart / 0.9;
-        let allowed = PART_OF_METHOD * self.demand.error;
-        if self.method_error <= allowed || self.stiffer >= MOST_STIFFER {
-            return Ok(false);
+        let Some((degree, fineness)) = self.ladders[0].levels.last().map(|l| (self.ladders[0].degree, l.fineness))
+        else {
+            return Ok(());
+        };
+        loop {
+            // the error of a penalty falls like 1/gamma: ten times stiffer leaves a tenth of it
+            let setting = self.ways.setting(degree, fineness, self.tolerance, 10.0 * self.stiffer);
+            let run = self.one(&setting, fineness, false).map_err(Out::Failed)?;
+            self.method_error = self.apart_from_last(&run)? / 0.9;
+            let allowed = PART_OF_METHOD * self.demand.error;
+            if self.method_error <= allowed || self.stiffer >= MOST_STIFFER {
+                return Ok(());
+            }
+            let factor = 10f64.powf((self.method_error / allowed).log10().ceil().max(1.0));
+            let factor = factor.min(MOST_STIFFER / self.stiffer);
+            self.stiffer *= factor;
+            if factor == 10.0 {
+                self.keep(0, Level { fineness, setting, run }, false);
+            } else {
+                self.climb(0, fineness, How::Lean)?;
+            }
         }
-        let factor = 10f64.powf((self.method_error / allowed).log10().ceil().max(1.0));
-        self.stiffer = (self.stiffer * factor).min(MOST_STIFFER);
-        Ok(true)
     }
 
     fn apart_from_last(&mut self, other: &T::Run) -> Result<f64, Out> {
@@ -247,15 +268,18 @@ impl<T: Trials> Search<'_, T> {
     fn climb_on(mut self) -> Result<Found<T::Run>, Out> {
         for _ in 0..MOST_ROUNDS {
             let views = self.views()?;
+            if let Some((ladder, level)) = self.written_and_good(&views) {
+                return self.found(ladder, level, &views);
+            }
             let choice = self.choose(&views);
             if choice.as_ref().is_none_or(|c| c.level.is_none())
-                && self.explored(choice.as_ref().map_or(f64::INFINITY, |c| c.work))?
+                && self.explored(choice.as_ref().map_or(f64::INFINITY, |c| EXPLORES * c.work))?
             {
                 continue;
             }
             let Some(choice) = choice else { break };
-            if let Some(level) = choice.level.filter(|_| self.written == Some((choice.ladder, choice.fineness))) {
-                return self.found(choice.ladder, level, &views);
+            if choice.level.is_none() && self.coarser(choice.ladder) {
+                continue;
             }
             let next = self.halfway(&choice, &views[choice.ladder]);
             // an order that is not the ladder's own refuses nothing: another level tells more
@@ -274,6 +298,30 @@ impl<T: Trials> Search<'_, T> {
         let (best, error) = self.best(&views);
         let (asked, quantity) = (self.demand.error, self.demand.quantity.clone());
         Err(Out::Lost { asked, quantity, runs: self.rungs.len(), best, error })
+    }
+
+    /// The run whose results are written, if it meets the demand: a cheaper one would cost another run.
+    fn written_and_good(&self, views: &[View]) -> Option<(usize, usize)> {
+        let (ladder, fineness) = self.written?;
+        let level = self.ladders[ladder].levels.iter().position(|l| l.fineness == fineness)?;
+        let view = &views[ladder];
+        (view.safety * view.errors[level] <= self.demand.error - self.other()).then_some((ladder, level))
+    }
+
+    /// Runs a level below the first two of a ladder, which costs little and tells its own order. True if there was one.
+    fn coarser(&mut self, ladder: usize) -> bool {
+        let (degree, levels) = (self.ladders[ladder].degree, &self.ladders[ladder].levels);
+        let [first, _] = levels.as_slice() else { return false };
+        let fineness = first.fineness / 2;
+        if fineness < self.ways.least || !first.fineness.is_multiple_of(2) || self.bad.contains(&fineness) {
+            return false;
+        }
+        let setting = self.ways.setting(degree, fineness, self.tolerance, self.stiffer);
+        match self.one(&setting, fineness, false) {
+            Ok(run) => self.keep(ladder, Level { fineness, setting, run }, false),
+            Err(_) => drop(self.bad.insert(fineness)),
+        }
+        true
     }
 
     /// A level on the way to a choice that is too far beyond the finest level to be told from it.
@@ -332,7 +380,18 @@ impl<T: Trials> Search<'_, T> {
         let (order, safety, reach) = match self.below(ladder, middle) {
             Some(coarse) => {
                 let first = self.step(ladder, coarse, middle)?;
-                (believed(self.norm().order(first, last), most), SAFETY, REACH)
+                let order = believed(self.norm().order(first, last), most);
+                let earlier = match self.below(ladder, coarse) {
+                    Some(coarsest) => {
+                        let before = self.step(ladder, coarsest, coarse)?;
+                        Some(believed(self.norm().order(before, first), most))
+                    }
+                    None => None,
+                };
+                match earlier.filter(|p| (p - order).abs() <= SAME_ORDER * order) {
+                    Some(p) => (order.min(p), SAFETY_OF_FOUR, REACH),
+                    None => (order, SAFETY, REACH),
+                }
             }
             None => (self.order_of_others()?.map_or(1.0, |p| believed(p, most)), SAFETY_OF_TWO, REACH_OF_TWO),
         };
@@ -359,7 +418,8 @@ impl<T: Trials> Search<'_, T> {
     }
 
     /// The order of the lowest degree, its errors told by the finest level of the highest: a lower bound for the others
-    /// where the solution is smooth, and the same where it is not.
+    /// where the solution is smooth, and the same where it is not. That level has an error of its own, which is not known:
+    /// half of the smaller distance is taken for it.
     fn order_of_others(&mut self) -> Result<Option<f64>, Out> {
         let top = self.ladders.len() - 1;
         let (Some(best), n) = (self.ladders[top].levels.len().checked_sub(1), self.ladders[0].levels.len()) else {
@@ -369,7 +429,8 @@ impl<T: Trials> Search<'_, T> {
             return Ok(None);
         }
         let Some(coarse) = self.below(0, n - 1) else { return Ok(None) };
-        let errors = [self.distance((0, coarse), (top, best))?, self.distance((0, n - 1), (top, best))?];
+        let (far, near) = (self.distance((0, coarse), (top, best))?, self.distance((0, n - 1), (top, best))?);
+        let errors = [far, near].map(|d| self.norm().total(d, 0.5 * near));
         let at = |k: usize| self.ladders[0].levels[k].fineness as f64;
         Ok(Some(order_of_errors((at(coarse), errors[0]), (at(n - 1), errors[1]))))
     }
@@ -448,10 +509,8 @@ impl<T: Trials> Search<'_, T> {
     fn on_a_fixed_mesh(mut self) -> Result<Found<T::Run>, Out> {
         let own = self.ways.own;
         self.climb(0, own, How::Lean)?;
-        if self.set_parameters()? {
-            self.climb(0, own, How::Lean)?;
-            self.set_parameters()?;
-        }
+        self.set_tolerance()?;
+        self.set_penalty()?;
         self.climb(0, own, How::Whole)?;
         let mut why = vec!["mesh: it comes from a file and cannot be refined; its error is not known".to_owned()];
         why.extend(self.why_of_parameters());

@@ -1,12 +1,15 @@
 //! What can be changed in a scene to make it more accurate or cheaper, and the settings that follow.
 
+use std::collections::BTreeSet;
+
 use wfl::{
     FieldKind, ResolvedScript,
-    ast::{ExprKind, Place, QuadratureRule},
+    ast::{ExprKind, Ident, MappingKind, Place, QuadratureRule, RegionExpr},
 };
+use wfl_compiler::Class;
 
 use crate::{
-    Scene, SceneBox, coercivity,
+    Scene, SceneBox,
     compare::MEASURE,
     field::FieldSpace,
     knobs::{Setting, mesh_words},
@@ -16,10 +19,8 @@ use crate::{
 /// The parameter of a method, by convention `gamma`.
 const METHOD_PARAM: &str = "gamma";
 
-/// The method is looked at on a mesh with so many times fewer cells along an edge.
-const COARSER: usize = 4;
-/// A tolerance for a scene that is not solved.
-const COARSE_TOLERANCE: f64 = 1e-3;
+/// Faces that a contact has at least: one face tells nothing.
+const LEAST_FACES: f64 = 4.0;
 
 /// What the parameter of a method is to its error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,7 +55,7 @@ pub struct Ways {
     pub degrees: Vec<usize>,
     /// The fineness of the scene as it stands: its cells are in these proportions to those of fineness 1.
     pub own: usize,
-    /// The coarsest fineness worth trying: two cells along the shortest edge.
+    /// The coarsest fineness worth trying: two cells along the shortest edge, four faces of a contact.
     pub least: usize,
     /// The degree of the scene as it stands.
     pub own_degree: usize,
@@ -66,33 +67,38 @@ pub struct Ways {
 }
 
 impl Ways {
-    /// Looks at a scene as it stands; what its method is, [`Ways::see_method`] tells.
+    /// Looks at a scene as it stands.
     #[must_use]
     pub fn of(script: &ResolvedScript, scene: &Scene) -> Self {
         let (division, own, least) = division(script, scene);
         let (degrees, own_degree, fixed_degree) = degrees(script, scene, division == Division::Fixed);
         let (dim, role, gamma) = (scene.system.mesh.dim(), Role::None, 0.0);
-        Ways { dim, degrees, own, least, own_degree, role, division, fixed_degree, gamma }
+        let mut ways = Ways { dim, degrees, own, least, own_degree, role, division, fixed_degree, gamma };
+        ways.see_method(script, scene);
+        ways.least = ways.least.max(ways.least_at_faces(scene)).min(ways.own);
+        ways
     }
 
-    /// A coarser mesh that is good enough to see what the method is; `None` where the scene's own is coarse.
-    #[must_use]
-    pub fn rough(&self) -> Option<Vec<(String, String)>> {
-        let fineness = (self.own / COARSER).max(self.least);
-        (self.refines() && fineness < self.own).then(|| self.setting(self.own_degree, fineness, COARSE_TOLERANCE, 1.0))
+    /// The fineness that leaves enough faces to each contact.
+    fn least_at_faces(&self, scene: &Scene) -> usize {
+        let kinked = scene.terms.iter().filter(|t| t.class == Class::Kinked);
+        let faces = kinked.filter_map(|t| scene.regions.get(&t.place)).map(|r| members(&r.set, self.dim));
+        let least = faces.filter(|(n, d)| *n > 0.0 && *d > 0 && (*d as usize) < self.dim).map(|(n, d)| {
+            let part = (LEAST_FACES / n).powf(1.0 / f64::from(d));
+            (self.own as f64 * part).ceil()
+        });
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
+        return least.fold(1.0, f64::max) as usize;
     }
 
-    /// Sees what the method is from a scene, on its own mesh or a coarser one. Its parameter counts where it is a plain
-    /// number that the solution may depend on.
-    pub fn see_method(&mut self, script: &ResolvedScript, scene: &mut Scene) {
+    /// What the method of a scene is. Its parameter counts where it is a plain number that the solution may depend on.
+    fn see_method(&mut self, script: &ResolvedScript, scene: &Scene) {
         let given = script.params.iter().find(|p| p.name.name == METHOD_PARAM);
         let plain = given.is_some_and(|p| matches!(p.value.kind, ExprKind::Number(_)));
         let multipliers = script.fields.iter().any(|f| matches!(f.kind, FieldKind::Multiplier { .. }));
         let value = scene.params.iter().find(|p| p.0 == METHOD_PARAM).and_then(|p| p.1.values.first().copied());
         let Some(gamma) = value.filter(|_| plain && !multipliers) else { return };
-        // where a term has no finite value, the run itself says so
-        let nitsche = coercivity(scene).is_ok_and(|found| !found.is_empty());
-        self.role = if nitsche { Role::Consistent } else { Role::Penalty };
+        self.role = if scene.system.is_consistent() { Role::Consistent } else { Role::Penalty };
         self.gamma = gamma;
     }
 
@@ -231,6 +237,51 @@ pub fn lean(script: &mut ResolvedScript, own: &Scene, quantity: &str) {
         script.quadratures.retain(|q| q.places.iter().any(|p| own.terms.iter().any(|t| t.place == p.name)));
     }
     script.expects.clear();
+    drop_regions(script);
+}
+
+/// Leaves out the regions that no statement is about any more: a coarse mesh may have no member of them.
+fn drop_regions(script: &mut ResolvedScript) {
+    let mut used: BTreeSet<String> = BTreeSet::new();
+    let mut add = |names: &[Ident]| used.extend(names.iter().map(|n| n.name.clone()));
+    script.terms.iter().for_each(|t| add(&t.places));
+    script.fixes.iter().chain(&script.loads).for_each(|c| add(&c.places));
+    script.measures.iter().for_each(|m| add(&m.places));
+    script.quadratures.iter().for_each(|q| add(&q.places));
+    script.splits.iter().for_each(|s| add(&s.places));
+    for field in &script.fields {
+        if let Place::On(places) = &field.space.place {
+            add(places);
+        }
+    }
+    for mapping in &script.mappings {
+        if let MappingKind::Search { from, onto, .. } = &mapping.kind {
+            add(&[from.clone(), onto.clone()]);
+        }
+    }
+    // a region stands behind those it is made of
+    let mut keep = vec![false; script.regions.len()];
+    for (region, keep) in script.regions.iter().zip(&mut keep).rev() {
+        *keep = used.contains(&region.name.name);
+        if *keep {
+            made_of(&region.region, &mut used);
+        }
+    }
+    let mut keep = keep.into_iter();
+    script.regions.retain(|_| keep.next().unwrap_or(true));
+}
+
+/// Adds the regions that a region is made of.
+fn made_of(region: &RegionExpr, used: &mut BTreeSet<String>) {
+    match region {
+        RegionExpr::Name(name) => drop(used.insert(name.name.clone())),
+        RegionExpr::Interface { from, to, .. } => used.extend([from.name.clone(), to.name.clone()]),
+        RegionExpr::Picked { of, .. } => used.extend(of.iter().map(|o| o.name.clone())),
+        RegionExpr::Combine(first, rest) => {
+            made_of(first, used);
+            rest.iter().for_each(|(_, other)| made_of(other, used));
+        }
+    }
 }
 
 /// Work of a run is about unknowns to this power, by dimension, and entries of a row to another: fitted to the runs of

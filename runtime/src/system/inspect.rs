@@ -62,6 +62,13 @@ impl System {
         self.with_values(u, |parts, values| parts.terms[term].add_residual(parts.mesh, values, out))
     }
 
+    /// Whether a contact law of the scene holds stresses of the bodies in its projections, as Nitsche's method does: then
+    /// the exact solution meets it whatever its parameter is.
+    #[must_use]
+    pub fn is_consistent(&self) -> bool {
+        self.pieces.iter().any(|p| p.is_consistent(&self.fields))
+    }
+
     /// The parameter of each Nitsche term against the smallest safe one, at the state without displacement; call after
     /// the first [`System::set_step`].
     #[must_use]

@@ -94,7 +94,7 @@ fn run(args: &SweepArgs) -> Result<(), String> {
     let mut sweep = Sweep {
         args,
         knobs: &knobs,
-        bench: Bench { backend: &*backend, threads, only: None },
+        bench: Bench { backend: &*backend, threads, only: None, last: false },
         references: Vec::new(),
         rows: table::read(&args.out).map_err(|e| e.to_string())?,
         machine: machine::describe(),
@@ -253,7 +253,8 @@ impl Sweep<'_> {
                         say(&format!("reference: {text}\n"));
                     }
                 };
-                let made = reference::finer(&self.bench, &method.path, &method.known, setting, &mut progress)?;
+                let bench = Bench { last: true, only: None, ..self.bench };
+                let made = reference::finer(&bench, &method.path, &method.known, setting, &mut progress)?;
                 reference::to_file(&made, &file).map_err(|e| e.to_string())?;
                 self.tell(&format!("reference: {:.1} s; kept in {}", begin.elapsed().as_secs_f64(), file.display()));
                 made

@@ -128,15 +128,27 @@ impl Known {
     }
 }
 
+/// Whether a step of a scene depends on those before it.
+pub(crate) fn remembers(scene: &Scene) -> bool {
+    scene.system.known.previous.is_some() || !scene.states.is_empty()
+}
+
 /// What is the same for all runs.
 pub(crate) struct Bench<'a> {
     pub(crate) backend: &'a dyn KernelBackend,
     pub(crate) threads: usize,
     /// The quantity of the last step that runs are made for, where nothing else is wanted of them.
     pub(crate) only: Option<String>,
+    /// The last step alone is wanted: where nothing remembers the others it is solved alone.
+    pub(crate) last: bool,
 }
 
 impl Bench<'_> {
+    /// Options of a run that writes no files and begins now.
+    pub(crate) fn options(&self) -> RunOptions {
+        RunOptions::without_files(self.threads, Instant::now())
+    }
+
     /// Runs a setting of a scene; `more` are statements put behind its text.
     pub(crate) fn run(&self, path: &Path, known: &Known, setting: &Setting, more: &str) -> Run {
         let started = Instant::now();
@@ -187,8 +199,7 @@ impl Bench<'_> {
             ..RunOptions::without_files(threads, started)
         };
         let solved = |scene, outcome| Solved { script: loaded.script, outputs, scene, outcome };
-        let forgets = scene.system.known.previous.is_none() && scene.states.is_empty();
-        if self.only.is_some() && forgets && scene.steps.values.len() > 1 {
+        if self.last && !remembers(&scene) && scene.steps.values.len() > 1 {
             // nothing remembers the steps before the last: it is tried alone, and all of them where that fails
             let all = scene.steps.values.clone();
             scene.steps.values.drain(..all.len() - 1);

@@ -65,8 +65,8 @@ const HEAD: &str = "
 
 What `wfl run SCENE --accuracy ERROR --of QUANTITY` picks, its true error against the references above, and the time of
 the whole command, from the start of the process to its end: its runs on the way, the one that is kept, its files. Beside
-it the whole command of the cheapest run of the tables above that is as accurate as asked for, with the same scene: which
-run that is, is only known when all are done. The fastest of five counts where a command takes less than 5 s.
+it `wfl run` of the cheapest run of the tables above that is as accurate as asked for, with the same scene and the same
+files: which run that is, is only known when all are done. The fastest of five counts where a command takes less than 5 s.
 
 | scene | asked | picked | estimated | true, ± error of the reference | command [s] | cheapest of the tables | its command [s] | times as long |
 |---|---|---|---|---|---|---|---|---|
@@ -75,7 +75,7 @@ run that is, is only known when all are done. The fastest of five counts where a
 /// What no table says.
 const TAIL: &str = "\
 On the fault at 10 %, 4 cells are run because 2 tell too little of their own error. A command holds the runs that errors
-are told from, the margin that is kept, and the checks, checkpoints and files of the last run, which a sweep does not make.
+are told from and the margin that is kept.
 Where the error of the reference is as large as the true one, the reference is no finer than what was picked.
 ";
 
@@ -129,7 +129,7 @@ fn met(args: &SweepArgs, case: &Case, asked: &str) -> Result<Met, String> {
     let cheapest = match cheapest(case, wanted)? {
         Some(knobs) => {
             let place = folder.join("cheapest").display().to_string();
-            let mut command = vec!["sweep", case.scene, "--reference", "none", "-q", "--out", &place];
+            let mut command = vec!["run", case.scene, "-q", "--out", &place];
             command.extend(knobs.iter().map(String::as_str));
             let (_, least) = timed(&command, Path::new(&place))?;
             times = Some(seconds / least);

@@ -76,6 +76,12 @@ impl Coercivity {
 type Place = (usize, usize);
 
 impl TermPieces {
+    /// Whether the projections hold stresses of the bodies, as in Nitsche's method, which is consistent.
+    #[must_use]
+    pub fn is_consistent(&self, fields: &[Field]) -> bool {
+        !self.held.on_cells() && self.watch.law.inputs.iter().any(|slot| is_stress(fields, slot, None))
+    }
+
     /// The parameter of this term; `None` for a method without stresses in its projections.
     #[must_use]
     pub fn coercivity(
@@ -86,7 +92,7 @@ impl TermPieces {
         zero: FieldValues<'_>,
         starts: &[Option<usize>],
     ) -> Option<Coercivity> {
-        if self.held.on_cells() || !self.watch.law.inputs.iter().any(|slot| is_stress(fields, slot, None)) {
+        if !self.is_consistent(fields) {
             return None;
         }
         let probe = Probe { pieces: self, mesh, fields, terms, zero, starts };
