@@ -15,8 +15,7 @@ use crate::{
 /// Runs a kernel at one point.
 ///
 /// Shapes: `uniforms` and `inputs` hold at least the kernel's numbers of slots, `outputs` at least its outputs.
-/// `values` is scratch space, reused from call to call; after the call its first entries are the results of the
-/// instructions: numbers as they are, masks as 1 or 0, a bundle as the place in `values` where its results begin.
+/// `values` is scratch space, reused from call to call.
 ///
 /// # Panics
 /// If a slice is shorter than that.
@@ -24,59 +23,93 @@ pub fn interpret<T: Real>(
     kernel: &VerifiedKernel,
     uniforms: &[T],
     inputs: &[T],
-    values: &mut Vec<T>,
+    values: &mut Vec<[T; 1]>,
     outputs: &mut [T],
 ) {
+    interpret_lanes(kernel, uniforms, inputs.as_chunks().0, values, outputs.as_chunks_mut().0);
+}
+
+/// Runs a kernel at N points at once: what one point costs is mostly not arithmetic.
+///
+/// Shapes as in [`interpret`], a lane a point; uniforms are the same for all.
+///
+/// # Panics
+/// If a slice is shorter than that.
+pub fn interpret_lanes<T: Real, const N: usize>(
+    kernel: &VerifiedKernel,
+    uniforms: &[T],
+    inputs: &[[T; N]],
+    values: &mut Vec<[T; N]>,
+    outputs: &mut [[T; N]],
+) {
     let kernel = kernel.kernel();
-    run_instructions(kernel, uniforms, |slot| inputs[slot], values);
+    run_instructions(kernel, uniforms, inputs, values);
     for (out, v) in outputs[..kernel.outputs.len()].iter_mut().zip(&kernel.outputs) {
         *out = values[v.index()];
     }
 }
 
-/// Fills `values` as described at [`interpret`]; `input` reads a point input.
-fn run_instructions<T: Real>(kernel: &Kernel, uniforms: &[T], input: impl Fn(usize) -> T, values: &mut Vec<T>) {
+/// Fills the first entries of `values` with the results of the instructions: numbers as they are, masks as 1 or 0, a bundle
+/// as the place in `values` where its results begin.
+fn run_instructions<T: Real, const N: usize>(
+    kernel: &Kernel,
+    uniforms: &[T],
+    inputs: &[[T; N]],
+    values: &mut Vec<[T; N]>,
+) {
     let n = kernel.insts.len();
+    let zero = T::from_f64(0.0);
     values.clear();
     // Bundles are appended behind the results of the instructions.
-    values.resize(n, T::from_f64(0.0));
-    let zero = T::from_f64(0.0);
+    values.resize(n, [zero; N]);
     let mask = |holds: bool| T::from_f64(f64::from(u8::from(holds)));
     let holds = |m: T| m.to_f64() != 0.0;
     for (at, inst) in kernel.insts.iter().enumerate() {
-        let get = |v: &Val| values[v.index()];
-        let result = match inst {
-            Inst::Const(c) => T::from_f64(*c),
-            Inst::Input(slot) => input(*slot as usize),
-            Inst::Uniform(slot) => uniforms[*slot as usize],
-            Inst::Add(a, b) => get(a).add(get(b)),
-            Inst::Sub(a, b) => get(a).sub(get(b)),
-            Inst::Mul(a, b) => get(a).mul(get(b)),
-            Inst::Div(a, b) => get(a).div(get(b)),
-            Inst::Neg(a) => get(a).neg(),
-            Inst::Abs(a) => get(a).abs(),
-            Inst::Sqrt(a) => get(a).sqrt(),
-            Inst::Compare(op, a, b) => mask(get(a).compare(*op, get(b))),
-            Inst::And(a, b) => mask(holds(get(a)) && holds(get(b))),
-            Inst::Or(a, b) => mask(holds(get(a)) || holds(get(b))),
-            Inst::Not(a) => mask(!holds(get(a))),
-            Inst::Select(m, a, b) => get(if holds(get(m)) { a } else { b }),
-            Inst::Call1(f, a) => get(a).call1(*f),
-            Inst::Call2(f, a, b) => get(a).call2(*f, get(b)),
-            Inst::Part(a, part) => values[bundle_start(get(a)) + *part as usize],
+        let get = |v: &Val| &values[v.index()];
+        let result: [T; N] = match inst {
+            Inst::Const(c) => [T::from_f64(*c); N],
+            Inst::Input(slot) => inputs[*slot as usize],
+            Inst::Uniform(slot) => [uniforms[*slot as usize]; N],
+            Inst::Add(a, b) => both(get(a), get(b), T::add),
+            Inst::Sub(a, b) => both(get(a), get(b), T::sub),
+            Inst::Mul(a, b) => both(get(a), get(b), T::mul),
+            Inst::Div(a, b) => both(get(a), get(b), T::div),
+            Inst::Neg(a) => get(a).map(T::neg),
+            Inst::Abs(a) => get(a).map(T::abs),
+            Inst::Sqrt(a) => get(a).map(T::sqrt),
+            Inst::Compare(op, a, b) => both(get(a), get(b), |a, b| mask(a.compare(*op, b))),
+            Inst::And(a, b) => both(get(a), get(b), |a, b| mask(holds(a) && holds(b))),
+            Inst::Or(a, b) => both(get(a), get(b), |a, b| mask(holds(a) || holds(b))),
+            Inst::Not(a) => get(a).map(|m| mask(!holds(m))),
+            Inst::Select(m, a, b) => {
+                let (m, a, b) = (get(m), get(a), get(b));
+                std::array::from_fn(|lane| if holds(m[lane]) { a[lane] } else { b[lane] })
+            }
+            Inst::Call1(f, a) => get(a).map(|x| x.call1(*f)),
+            Inst::Call2(f, a, b) => both(get(a), get(b), |a, b| a.call2(*f, b)),
+            Inst::Part(a, part) => values[bundle_start(get(a)[0]) + *part as usize],
             Inst::Matrix { function, n, entries } => {
                 let (start, n) = (values.len(), usize::from(*n));
-                let mut matrix = [zero; 9];
-                for (x, v) in matrix.iter_mut().zip(entries) {
-                    *x = get(v);
+                let n_results = function.n_results(n);
+                values.resize(start + n_results, [zero; N]);
+                for lane in 0..N {
+                    let (mut matrix, mut results) = ([zero; 9], [zero; MAX_RESULTS]);
+                    for (x, v) in matrix.iter_mut().zip(entries) {
+                        *x = values[v.index()][lane];
+                    }
+                    function.eval(n, &matrix[..n * n], &mut results[..n_results]);
+                    values[start..].iter_mut().zip(results).for_each(|(value, x)| value[lane] = x);
                 }
-                values.resize(start + function.n_results(n), zero);
-                function.eval(n, &matrix[..n * n], &mut values[start..]);
-                T::from_f64(start as f64)
+                [T::from_f64(start as f64); N]
             }
         };
         values[at] = result;
     }
+}
+
+/// A function of two numbers, lane by lane.
+fn both<T: Real, const N: usize>(a: &[T; N], b: &[T; N], f: impl Fn(T, T) -> T) -> [T; N] {
+    std::array::from_fn(|lane| f(a[lane], b[lane]))
 }
 
 /// Where the results of a bundle begin: places are far below 2^24 (kernels of f32) and 2^53.
@@ -111,15 +144,13 @@ impl PointKernel for Interpreted {
         assert!(uniforms.len() >= kernel.n_uniforms, "too few uniforms for kernel {}", kernel.name);
         let inputs = &inputs[..n_blocks * n_inputs * LANES];
         let outputs = &mut outputs[..n_blocks * n_outputs * LANES];
-        let mut values = Vec::with_capacity(kernel.insts.len() + MAX_RESULTS);
+        let mut values: Vec<[f64; LANES]> = Vec::with_capacity(kernel.insts.len() + MAX_RESULTS);
         for block in 0..n_blocks {
             let inputs = &inputs[block * n_inputs * LANES..];
             let outputs = &mut outputs[block * n_outputs * LANES..];
-            for lane in 0..LANES {
-                run_instructions(kernel, uniforms, |slot| inputs[slot * LANES + lane], &mut values);
-                for (slot, v) in kernel.outputs.iter().enumerate() {
-                    outputs[slot * LANES + lane] = values[v.index()];
-                }
+            run_instructions(kernel, uniforms, inputs.as_chunks::<LANES>().0, &mut values);
+            for (out, v) in outputs.as_chunks_mut::<LANES>().0.iter_mut().zip(&kernel.outputs) {
+                *out = values[v.index()];
             }
         }
     }
@@ -153,7 +184,8 @@ pub struct NonFinite {
 pub fn first_non_finite(kernel: &VerifiedKernel, uniforms: &[f64], inputs: &[f64]) -> Option<NonFinite> {
     let kernel = kernel.kernel();
     let mut values = Vec::new();
-    run_instructions(kernel, uniforms, |slot| inputs[slot], &mut values);
+    run_instructions(kernel, uniforms, inputs.as_chunks::<1>().0, &mut values);
+    let values: Vec<f64> = values.into_iter().flatten().collect();
     let bad = |v: Val| non_finite_result(kernel, &values, v).is_some();
     // Backwards from the outputs along non-finite values; `origin` is inherited from the user.
     let mut reached: Vec<Option<Option<Origin>>> = vec![None; kernel.insts.len()];

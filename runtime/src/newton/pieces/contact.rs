@@ -7,7 +7,7 @@
 //! too large by at most the root of the dimension otherwise, because the slope is that of one component.
 
 use wfl_compiler::{
-    Projection, ProjectionKind, interpret,
+    Projection, ProjectionKind, interpret_lanes,
     ir::LANES,
     types::{FieldKind, FieldOp, InputSlot},
 };
@@ -137,44 +137,67 @@ impl TermPieces {
     }
 
     /// The outputs of the watch at every point: as they are, without gradients and multipliers, and the latter after a
-    /// change of one input by so many times `step`.
+    /// change of one input by `step`, ahead or behind.
     fn arguments(
         &self,
         mesh: &Mesh,
         fields: &[Field],
         values: FieldValues<'_>,
         step: f64,
-        mut f: impl FnMut(&[f64], &[f64], &mut dyn FnMut(usize, f64) -> Vec<f64>),
+        mut f: impl FnMut(&[f64], &[f64], &mut dyn FnMut(usize, bool) -> Vec<f64>),
     ) {
         let law = &self.watch.law;
         let traction: Vec<bool> = law.inputs.iter().map(|s| self.is_traction(fields, s)).collect();
         let bound = Bound { mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
         let mut workspace = Workspace::default();
         let (n_in, n_out) = (law.inputs.len(), law.kernel.kernel().outputs.len());
-        let (mut scratch, mut full, mut gap) = (Vec::new(), vec![0.0; n_out], vec![0.0; n_out]);
+        let mut scratch = Vec::new();
+        let mut outputs = |inputs: &[[f64; LANES]]| {
+            let mut out = vec![[0.0; LANES]; n_out];
+            interpret_lanes(&law.kernel, self.watch.uniforms(), inputs, &mut scratch, &mut out);
+            out
+        };
         for (g, group) in self.sampled.domain.groups.iter().enumerate() {
             for batch in 0..group.n_batches() {
                 workspace.prepare(bound, g, batch, values);
+                let points = workspace.inputs.as_chunks::<LANES>().0.chunks_exact(n_in.max(1)).take(group.n_points());
+                let mut points: Vec<Outputs> = points
+                    .map(|inputs| {
+                        let full = outputs(inputs);
+                        let mut inputs = inputs.to_vec();
+                        let tractions = inputs.iter_mut().zip(&traction).filter(|(_, t)| **t);
+                        tractions.for_each(|(x, _)| *x = [0.0; LANES]);
+                        Outputs { full, gap: outputs(&inputs), inputs, changed: vec![[None, None]; n_in] }
+                    })
+                    .collect();
                 for lane in 0..LANES.min(group.entities.len() - batch * LANES) {
-                    for q in 0..group.n_points() {
-                        let mut inputs: Vec<f64> =
-                            (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES + lane]).collect();
-                        interpret(&law.kernel, self.watch.uniforms(), &inputs, &mut scratch, &mut full);
-                        inputs.iter_mut().zip(&traction).filter(|(_, t)| **t).for_each(|(x, _)| *x = 0.0);
-                        interpret(&law.kernel, self.watch.uniforms(), &inputs, &mut scratch, &mut gap);
-                        f(&full, &gap, &mut |slot, change| {
-                            let kept = inputs[slot];
-                            inputs[slot] += change * step;
-                            let mut out = vec![0.0; n_out];
-                            interpret(&law.kernel, self.watch.uniforms(), &inputs, &mut scratch, &mut out);
-                            inputs[slot] = kept;
-                            out
+                    let own = |all: &[[f64; LANES]]| -> Vec<f64> { all.iter().map(|values| values[lane]).collect() };
+                    for Outputs { full, gap, inputs, changed } in &mut points {
+                        f(&own(full), &own(gap), &mut |slot, ahead| {
+                            let known = changed[slot][usize::from(ahead)].get_or_insert_with(|| {
+                                let kept = inputs[slot];
+                                inputs[slot] = kept.map(|x| if ahead { x + step } else { x - step });
+                                let found = outputs(inputs);
+                                inputs[slot] = kept;
+                                found
+                            });
+                            own(known)
                         });
                     }
                 }
             }
         }
     }
+}
+
+/// What the watch says at one point of all entities of a batch.
+struct Outputs {
+    full: Vec<[f64; LANES]>,
+    gap: Vec<[f64; LANES]>,
+    /// Without gradients and multipliers.
+    inputs: Vec<[f64; LANES]>,
+    /// After a change of an input, behind and ahead, as soon as somebody has asked for it.
+    changed: Vec<[Option<Vec<[f64; LANES]>>; 2]>,
 }
 
 /// Adds the work of `flux` as the argument `p` moves along `direction`.
@@ -185,10 +208,10 @@ fn add_work(
     flux: &[f64],
     weight: f64,
     moves: &[(usize, usize)],
-    probe: &mut dyn FnMut(usize, f64) -> Vec<f64>,
+    probe: &mut dyn FnMut(usize, bool) -> Vec<f64>,
 ) {
     for (slot, test) in moves {
-        let (ahead, behind) = (probe(*slot, 1.0), probe(*slot, -1.0));
+        let (ahead, behind) = (probe(*slot, true), probe(*slot, false));
         let along = |v: &[f64]| v[p.output..][..p.n].iter().zip(direction).map(|(a, b)| a * b).sum::<f64>();
         let density = weight * flux[*test] * (along(&ahead) - along(&behind));
         work.done += density;
