@@ -15,8 +15,8 @@ use crate::{
     csr::{Csr, CsrError, Pattern},
     pruning::Pruning,
     solve::{
-        CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, LinearSolver, Precision, SolveError, SolveReport,
-        SolverOptions, Strategy as Method,
+        CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, LinearSolver, Precision, Reference, SolveError,
+        SolveReport, SolverOptions, Strategy as Method,
     },
     system::System,
 };
@@ -48,8 +48,10 @@ pub struct SolverMemory {
     pub spent: usize,
     /// Free dofs that have turned out not to share a force with the dof that faces them.
     pub apart: Vec<u32>,
-    /// Whether the factor of the matrix of the forces is of single precision.
+    /// Whether the factors of the bulk and of the matrix of the forces are of single precision.
     pub single: bool,
+    /// What the factor of the forces was made from.
+    pub reference: Reference,
 }
 
 /// The linear solver of a scene.

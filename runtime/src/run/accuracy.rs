@@ -13,7 +13,7 @@ use crate::{strategy::Strategy, system::System};
 /// Sets of signs that are tried.
 const SAMPLES: u64 = 2;
 /// Part of a right-hand side that its solution may leave: an estimate needs few digits, and an older factor serves.
-const LEFT: f64 = 1e-6;
+const LEFT: f64 = 1e-3;
 
 /// What finite precision leaves of the unknowns of a step.
 #[derive(Clone, Debug, PartialEq)]

@@ -18,7 +18,7 @@ use crate::{
     newton::{Iteration, StepHistory, Stop},
     output::OutputDir,
     scene::Scene,
-    solve::SolveReport,
+    solve::{Reference, SolveReport},
     strategy::SolverMemory,
     system::Memory,
 };
@@ -30,7 +30,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 5;
+const FORMAT: u64 = 6;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -162,6 +162,14 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, options: &RunOptions
     w.count(solver.apart.len());
     solver.apart.iter().for_each(|dof| w.count(*dof as usize));
     w.flag(solver.single);
+    let reference = &solver.reference;
+    w.numbers(&reference.values);
+    w.count(reference.groups.len());
+    for group in &reference.groups {
+        w.count(group.len());
+        group.iter().for_each(|row| w.count(*row as usize));
+    }
+    w.count(reference.whole);
     w.count(run.stepper.level as usize);
     w.count(run.stepper.easy as usize);
     let c = run.clock;
@@ -248,6 +256,7 @@ fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Foun
         spent: r.count()?,
         apart: r.list(Reader::small)?,
         single: r.flag()?,
+        reference: Reference { values: r.numbers()?, groups: r.list(|r| r.list(Reader::small))?, whole: r.count()? },
     };
     let (level, easy) = (r.small()?, r.small()?);
     let [assemble, factor, solve, write] = *r.numbers()?.as_slice() else { return Err(Unreadable) };

@@ -2,7 +2,8 @@
 //!
 //! K is factored once wherever C cannot reach. Only the rest is factored again when C changes, in one of three ways:
 //!
-//! - forces ([`forces`]): K stands alone, C is `J M` with few columns in J, and a dense matrix of that size is factored;
+//! - forces ([`forces`]): K stands alone, C is `J M` with few columns in J, and a dense matrix of that size is factored,
+//!   or of the size of the rows of M that have changed since it last was;
 //! - dense: with I the dofs that C does not touch and G those that it does, `S0 = K_GG - K_GI K_II⁻¹ K_IG` is kept as a
 //!   dense matrix and `S = S0 + C` is factored by LU with partial pivoting (Cholesky when C is symmetric and that
 //!   succeeds);
@@ -23,6 +24,7 @@ mod response;
 mod small;
 #[cfg(test)]
 mod tests;
+mod update;
 
 use std::sync::Arc;
 
@@ -36,6 +38,7 @@ use crate::csr::{Csr, Pattern};
 use crate::strategy::SolverMemory;
 use engine::{Engine, EngineContext, MAX_ITERATIONS, Method};
 use forces::Forces;
+pub use small::Reference;
 
 /// Up to this many changing dofs their matrix is dense.
 pub(crate) const DENSE_LIMIT: usize = 600;
@@ -285,6 +288,7 @@ impl CheckedCondensed {
             Method::Forces(forces) => {
                 memory.apart = forces.apart().to_vec();
                 memory.single = forces.is_single();
+                memory.reference = forces.reference();
             }
             Method::Dense { .. } => memory.dense = true,
             Method::Fronts { .. } => {}
@@ -308,8 +312,9 @@ impl CheckedCondensed {
         }
         if let Method::Forces(forces) = &mut self.engine.method {
             forces.part(&memory.apart);
-            forces.set_single(memory.single && self.judge.options().precision != Precision::Double);
+            forces.remember(memory.reference.clone());
         }
+        self.engine.set_single(memory.single && self.judge.options().precision != Precision::Double, &self.bulk)?;
         self.state = State::Empty;
         self.update(&changing)?;
         self.spent = memory.spent;
@@ -446,16 +451,31 @@ impl CheckedCondensed {
             refactored = true;
         }
         if self.engine.is_single() {
+            loop {
+                if let Some(report) = self.solve_single(rhs, x, tolerance) {
+                    return Ok(SolveReport { krylov_iterations, refactored, ..report });
+                }
+                if !self.engine.forget() {
+                    break;
+                }
+                self.refactor()?;
+                refactored = true;
+            }
             let (iterations, report) = self.iterate(rhs, x, tolerance, SINGLE_ITERATIONS);
             krylov_iterations += iterations;
             if let Some(report) = report {
                 return Ok(SolveReport { krylov_iterations, refactored, ..report });
             }
-            self.engine.widen();
+            self.engine.set_single(false, &self.bulk)?;
             self.refactor()?;
             refactored = true;
         }
         let mut report = self.solve_fresh(rhs, x, tolerance);
+        if matches!(report, Err(SolveError::ResidualTooLarge { .. })) && self.engine.forget() {
+            self.refactor()?;
+            refactored = true;
+            report = self.solve_fresh(rhs, x, tolerance);
+        }
         if matches!(report, Err(SolveError::ResidualTooLarge { .. })) {
             self.check_null_space()?;
             if self.rescue()? {
@@ -469,6 +489,12 @@ impl CheckedCondensed {
             self.check_null_space()?;
         }
         Ok(SolveReport { krylov_iterations, refactored, ..report })
+    }
+
+    /// Solves with a factor of single precision and true residuals; a report when that was good enough.
+    fn solve_single(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Option<SolveReport> {
+        let report = self.solve_fresh(rhs, x, tolerance).ok()?;
+        (self.judge.is_satisfied(tolerance) && !self.judge.has_grown(rhs, x)).then_some(report)
     }
 
     fn solve_fresh(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {

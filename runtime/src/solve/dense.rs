@@ -7,24 +7,44 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
 use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratch};
-use faer::{MatMut, Par};
+use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_unit_upper_triangular_in_place};
+use faer::prelude::ReborrowMut;
+use faer::{MatMut, MatRef, Par};
 
 use super::SolveError;
 use super::kernels::{
     Diagonal, Stored, enlarge, largest_of_products, lower_sweep, lower_transposed_sweep, scale_by, upper_sweep,
     upper_transposed_sweep,
 };
-use super::multifrontal::zeros;
+use super::multifrontal::{Multifrontal, Panel, zeros};
 use super::sweep::Form;
 
 /// A pivot below so many roundoffs of its column is as good as zero.
 const VANISHING_PIVOT: f64 = 9.0;
 
 /// Numbers that faer factors.
-pub(super) trait Number: Stored + faer::traits::RealField {}
+pub(super) trait Number: Stored + faer::traits::RealField + std::ops::SubAssign {
+    /// The panel of a front of a factor of these numbers.
+    fn panel(factor: &Multifrontal, front: usize) -> &[Self];
+}
 
-impl Number for f64 {}
-impl Number for f32 {}
+impl Number for f64 {
+    fn panel(factor: &Multifrontal, front: usize) -> &[Self] {
+        match factor.panel(front) {
+            Panel::Double(values) => values,
+            Panel::Single(_) => panic!("the factor is of single precision"),
+        }
+    }
+}
+
+impl Number for f32 {
+    fn panel(factor: &Multifrontal, front: usize) -> &[Self] {
+        match factor.panel(front) {
+            Panel::Single(values) => values,
+            Panel::Double(_) => panic!("the factor is of double precision"),
+        }
+    }
+}
 
 /// What the matrix is known to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,6 +100,22 @@ impl<T: Number> Dense<T> {
             par,
             state: State::Empty,
         })
+    }
+
+    /// Of no unknowns.
+    pub(super) fn empty() -> Self {
+        Self {
+            n: 0,
+            values: Vec::new(),
+            pivots: Vec::new(),
+            inverse: Vec::new(),
+            row_scale: Vec::new(),
+            column_scale: Vec::new(),
+            work: Vec::new(),
+            memory: MemBuffer::new(faer::dyn_stack::StackReq::EMPTY),
+            par: Par::Seq,
+            state: State::Lu,
+        }
     }
 
     /// Fills the matrix (by columns, n x n) with `fill` and factors it. Returns the smallest pivot relative to the
@@ -192,6 +228,36 @@ impl<T: Number> Dense<T> {
                     x[row as usize] = value * self.row_scale[row as usize];
                 }
             }
+        }
+    }
+}
+
+impl<T: Number> Dense<T> {
+    /// Solves the transposed system for many right-hand sides, n numbers each, in place and in the precision of the factor.
+    ///
+    /// # Panics
+    /// Without a factor by LU.
+    pub(super) fn solve_transposed_columns(&mut self, x: &mut [T]) {
+        assert!(self.state == State::Lu, "a factor by LU");
+        let n = self.n;
+        for column in x.chunks_exact_mut(n) {
+            for (value, scale) in column.iter_mut().zip(&self.column_scale) {
+                *value = T::nearest(value.wide() * scale);
+            }
+        }
+        let factor = MatRef::from_column_major_slice(&self.values, n, n);
+        let width = x.len() / n;
+        let mut columns = MatMut::from_column_major_slice_mut(x, n, width);
+        let par =
+            super::parallelism(if self.par == Par::Seq { 1 } else { self.par.degree() }, (n * n) as f64 * width as f64);
+        solve_lower_triangular_in_place(factor.transpose(), columns.rb_mut(), par);
+        solve_unit_upper_triangular_in_place(factor.transpose(), columns, par);
+        let mut permuted = vec![T::default(); n];
+        for column in x.chunks_exact_mut(n) {
+            for (&value, &row) in column.iter().zip(&self.pivots) {
+                permuted[row as usize] = T::nearest(value.wide() * self.row_scale[row as usize]);
+            }
+            column.copy_from_slice(&permuted);
         }
     }
 }

@@ -37,10 +37,12 @@ pub(super) struct Judge {
     scale: Vec<f64>,
     /// Row sums of magnitudes and diagonal of a first part that never changes.
     constant: Option<(Vec<f64>, Vec<f64>)>,
+    /// Of the solution judged last.
+    last: Measure,
 }
 
 /// Backward errors of one solution.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Measure {
     relative: f64,
     componentwise: f64,
@@ -59,6 +61,7 @@ impl Judge {
             norm: 0.0,
             scale: vec![1.0; n],
             constant: None,
+            last: Measure::default(),
         }
     }
 
@@ -182,6 +185,7 @@ impl Judge {
                 break;
             }
         }
+        self.last = measure;
         if measure.relative.is_nan() || measure.relative > limit && measure.left > tolerance {
             return Err(SolveError::ResidualTooLarge { relative: measure.relative, limit });
         }
@@ -191,6 +195,12 @@ impl Judge {
             refinements,
             ..SolveReport::default()
         })
+    }
+
+    /// Whether the solution judged last leaves no more than `tolerance` of its right-hand side, or as little as a factor of
+    /// double precision does.
+    pub(super) fn is_satisfied(&self, tolerance: f64) -> bool {
+        self.last.left <= tolerance || self.last.relative <= GOOD_RESIDUAL
     }
 
     fn should_refine(&self, measure: Measure, tolerance: f64) -> bool {

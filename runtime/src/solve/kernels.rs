@@ -383,21 +383,29 @@ fn subtract_product_in<S: Simd, T: Stored>(simd: S, a: &[T], x: &[f64], y: &mut 
 
 #[inline(always)]
 fn dot_in<S: Simd, T: Stored>(simd: S, a: &[T], b: &[f64]) -> f64 {
-    let mut sums = [0.0; LANES];
+    let mut sums = [simd.splat_f64s(0.0); LANES];
     let ((first, first_rest), (second, second_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
     for (x, y) in first.iter().zip(second) {
         add_product(simd, &mut sums, &T::widened(x), y);
     }
-    folded(&sums, first_rest, second_rest)
+    folded(&lanes(simd, sums), first_rest, second_rest)
 }
 
-/// `sums = sums + x y`, lane by lane.
+/// `sums = sums + x y`, lane by lane; the first vectors are used, as many as make the lanes.
 #[inline(always)]
-fn add_product<S: Simd>(simd: S, sums: &mut [f64; LANES], x: &[f64; LANES], y: &[f64; LANES]) {
+fn add_product<S: Simd>(simd: S, sums: &mut [S::f64s; LANES], x: &[f64; LANES], y: &[f64; LANES]) {
     let operands = S::as_simd_f64s(x).0.iter().zip(S::as_simd_f64s(y).0);
-    for (sum, (x, y)) in S::as_mut_simd_f64s(sums).0.iter_mut().zip(operands) {
+    for (sum, (x, y)) in sums.iter_mut().zip(operands) {
         *sum = simd.add_f64s(*sum, simd.mul_f64s(*x, *y));
     }
+}
+
+/// Vectors as lanes.
+#[inline(always)]
+fn lanes<S: Simd>(_: S, vectors: [S::f64s; LANES]) -> [f64; LANES] {
+    let mut lanes = [0.0; LANES];
+    S::as_mut_simd_f64s(&mut lanes).0.iter_mut().zip(vectors).for_each(|(lanes, vector)| *lanes = vector);
+    lanes
 }
 
 /// Sum of all lanes and of the products that are left.
@@ -445,7 +453,7 @@ fn lower_sweep_in<S: Simd, T: Stored>(simd: S, panel: &[T], diagonal: Diagonal, 
 #[inline(always)]
 fn dot_four<S: Simd, T: Stored>(simd: S, c: [&[T]; 4], b: &[f64]) -> [f64; 4] {
     let n = b.len();
-    let mut sums = [[0.0; LANES]; 4];
+    let mut sums = [[simd.splat_f64s(0.0); LANES]; 4];
     let (whole, rest) = b.as_chunks::<LANES>();
     let [c0, c1, c2, c3] = c.map(|column| column[..n].as_chunks::<LANES>());
     let columns = c0.0.iter().zip(c1.0).zip(c2.0).zip(c3.0);
@@ -454,8 +462,13 @@ fn dot_four<S: Simd, T: Stored>(simd: S, c: [&[T]; 4], b: &[f64]) -> [f64; 4] {
             add_product(simd, sums, &T::widened(a), y);
         }
     }
-    let tails = [c0.1, c1.1, c2.1, c3.1];
-    std::array::from_fn(|k| folded(&sums[k], tails[k], rest))
+    let sums = sums.map(|sums| lanes(simd, sums));
+    [
+        folded(&sums[0], c0.1, rest),
+        folded(&sums[1], c1.1, rest),
+        folded(&sums[2], c2.1, rest),
+        folded(&sums[3], c3.1, rest),
+    ]
 }
 
 #[inline(always)]
@@ -468,15 +481,25 @@ fn lower_transposed_sweep_in<S: Simd, T: Stored>(
 ) {
     let k = x.len();
     let m = k + below.len();
+    // What the rows below give first, column after column as they lie in memory: they are most of a panel, and fetched
+    // ahead that way.
+    let (whole, rest) = x.as_chunks_mut::<4>();
+    let n_whole = 4 * whole.len();
+    for (four, columns) in whole.iter_mut().zip(panel.chunks_exact((4 * m).max(1))) {
+        let c = [0, 1, 2, 3].map(|j| &columns[j * m + k..(j + 1) * m]);
+        four.iter_mut().zip(dot_four(simd, c, below)).for_each(|(x, sum)| *x -= sum);
+    }
+    for (x, column) in rest.iter_mut().zip(panel[n_whole * m..].chunks_exact(m.max(1))) {
+        *x -= dot_in(simd, &column[k..], below);
+    }
     // Four columns at a time, as in the sweep down.
     let mut end = k;
     while end >= 4 {
         let first = end - 4;
-        let c: [&[T]; 4] = [0, 1, 2, 3].map(|j| &panel[(first + j) * m..(first + j + 1) * m]);
-        let inside = dot_four(simd, c.map(|column| &column[end..k]), &x[end..]);
-        let outside = dot_four(simd, c.map(|column| &column[k..]), below);
+        let c: [&[T]; 4] = [0, 1, 2, 3].map(|j| &panel[(first + j) * m..][..k]);
+        let inside = dot_four(simd, c.map(|column| &column[end..]), &x[end..]);
         for j in (0..4).rev() {
-            let mut sum = x[first + j] - (inside[j] + outside[j]);
+            let mut sum = x[first + j] - inside[j];
             for i in j + 1..4 {
                 sum -= c[j][first + i].wide() * x[first + i];
             }
@@ -485,8 +508,8 @@ fn lower_transposed_sweep_in<S: Simd, T: Stored>(
         end = first;
     }
     for j in (0..end).rev() {
-        let column = &panel[j * m..(j + 1) * m];
-        let sum = x[j] - (dot_in(simd, &column[j + 1..k], &x[j + 1..]) + dot_in(simd, &column[k..], below));
+        let column = &panel[j * m..][..k];
+        let sum = x[j] - dot_in(simd, &column[j + 1..], &x[j + 1..]);
         x[j] = if diagonal == Diagonal::Stored { sum / column[j].wide() } else { sum };
     }
 }

@@ -31,7 +31,7 @@ mod tests;
 
 pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
 pub(crate) use condensed::DENSE_LIMIT;
-pub use condensed::{CheckedCondensed, Strategy};
+pub use condensed::{CheckedCondensed, Reference, Strategy};
 pub use ordering::{Ordering, order};
 
 use crate::csr::{Csr, CsrError};

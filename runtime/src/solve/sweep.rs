@@ -10,6 +10,7 @@ use super::kernels::{
     Diagonal, lower_sweep, lower_transposed_sweep, subtract_product, subtract_transposed_product, upper_sweep,
     upper_transposed_sweep,
 };
+use super::multifrontal::Panel;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
 
 /// Below this number of values of the factor, a sweep costs less than waking threads.
@@ -21,7 +22,7 @@ pub(super) enum FrontFactor<'a> {
     /// `panel` holds L, (k + r) x k.
     Cholesky {
         /// By columns.
-        panel: &'a [f64],
+        panel: Panel<'a>,
     },
     /// `panel` holds L (unit diagonal) and U of the top, (k + r) x k, `upper` the rest of U, k x r; row i of the
     /// factored top is row `pivots[i]` of the front.
@@ -289,7 +290,8 @@ impl Workspace {
             }
         }
         match (factor, form) {
-            (FrontFactor::Cholesky { panel }, _) => lower_sweep(panel, Diagonal::Stored, x, own),
+            (FrontFactor::Cholesky { panel: Panel::Double(l) }, _) => lower_sweep(l, Diagonal::Stored, x, own),
+            (FrontFactor::Cholesky { panel: Panel::Single(l) }, _) => lower_sweep(l, Diagonal::Stored, x, own),
             (FrontFactor::Lu { panel, pivots, .. }, Form::Plain) => {
                 let permuted = &mut self.front[..k];
                 for (value, &row) in permuted.iter_mut().zip(pivots) {
@@ -330,7 +332,12 @@ impl Workspace {
             *value = read(row as usize);
         }
         match (factor, form) {
-            (FrontFactor::Cholesky { panel }, _) => lower_transposed_sweep(panel, Diagonal::Stored, x, rows),
+            (FrontFactor::Cholesky { panel: Panel::Double(l) }, _) => {
+                lower_transposed_sweep(l, Diagonal::Stored, x, rows);
+            }
+            (FrontFactor::Cholesky { panel: Panel::Single(l) }, _) => {
+                lower_transposed_sweep(l, Diagonal::Stored, x, rows);
+            }
             (FrontFactor::Lu { panel, upper, .. }, Form::Plain) => {
                 subtract_product(upper, rows, x);
                 upper_sweep(panel, k + r, x);

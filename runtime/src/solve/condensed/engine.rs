@@ -27,7 +27,7 @@ const CACHED_VALUES: f64 = 4e6;
 const FEWEST_ITERATIONS: f64 = 14.0;
 /// From this number of forces on a factor of single precision saves more than its iterations cost.
 const SINGLE_FROM: usize = 1200;
-/// Smallest pivot, relative to its column, with which a factor of single precision is of use.
+/// Smallest pivot, relative to its diagonal or column, with which a factor of single precision is of use.
 const SMALLEST_SINGLE: f64 = 1e-4;
 /// Never more iterations than this: the basis is kept.
 pub(super) const MAX_ITERATIONS: usize = 60;
@@ -111,30 +111,26 @@ impl EngineContext<'_> {
     /// # Errors
     /// Also [`SolveError::NotPositiveDefinite`] when the bulk can hardly stand alone.
     pub(super) fn forces(&self) -> Result<Engine, SolveError> {
-        let n = self.bulk.n_rows();
-        let is_bare: Vec<bool> = (0..n).map(|dof| self.bulk.row(dof).1.iter().all(|&value| value == 0.0)).collect();
-        let diagonal = Pattern::new(n, n, (0..=n).collect(), (0..n as u32).collect())?;
-        let mut bulk = on_wider_pattern(self.bulk, self.bulk.pattern().union(&diagonal)?);
-        for dof in (0..n).filter(|&dof| is_bare[dof]) {
-            assert!(bulk.add_to(dof, dof, 1.0), "the pattern holds the diagonal");
-        }
+        let (bulk, is_bare) = alone(self.bulk)?;
         let symbolic = Symbolic::new(bulk.pattern(), self.coordinates, &[])?;
         let n_forces = Forces::count(self.changing, self.pairs);
         // the answers of the changing dofs, and the matrix that is factored
         symbolic.claim(|_| false, self.dofs.len() * n_forces + n_forces * n_forces)?;
-        let mut constant = Multifrontal::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads)?;
-        constant.factor(&symbolic, bulk.values(), &mut [])?;
-        constant.finish();
+        let mut constant = whole_factor(&symbolic, &bulk, self.threads)?;
         let constant_pivot = smallest_pivot(&constant, &symbolic, &bulk);
         if constant_pivot < SMALLEST_ALONE {
             return Err(SolveError::NotPositiveDefinite { dof: 0, pivot: constant_pivot });
         }
         let mut forces = Forces::new(self.changing, self.dofs, self.pairs, is_bare, self.threads)?;
-        forces.set_single(match self.precision {
+        let single = match self.precision {
             Precision::Auto => forces.n_forces() >= SINGLE_FROM,
             Precision::Double => false,
             Precision::Mixed => true,
-        });
+        };
+        if single && constant_pivot >= SMALLEST_SINGLE {
+            forces.set_single(true);
+            constant.narrow(&symbolic)?;
+        }
         Ok(Engine {
             sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
             constant_pivot,
@@ -188,25 +184,40 @@ impl Engine {
         matches!(&self.method, Method::Forces(forces) if forces.is_single())
     }
 
-    /// Turns to double precision for good; the factor is lost.
-    pub(super) fn widen(&mut self) {
-        if let Method::Forces(forces) = &mut self.method {
-            forces.set_single(false);
+    /// Chooses the precision of the factors of bulk and forces; where that changes, the latter is lost.
+    pub(super) fn set_single(&mut self, single: bool, bulk: &Csr) -> Result<(), SolveError> {
+        let Method::Forces(forces) = &mut self.method else { return Ok(()) };
+        if forces.is_single() == single {
+            return Ok(());
+        }
+        forces.set_single(single);
+        if single {
+            return self.constant.narrow(&self.symbolic);
+        }
+        self.constant = whole_factor(&self.symbolic, &alone(bulk)?.0, forces.threads())?;
+        Ok(())
+    }
+
+    /// Has the next factor made from nothing; whether the one at hand was made from an earlier one.
+    pub(super) fn forget(&mut self) -> bool {
+        match &mut self.method {
+            Method::Forces(forces) => forces.forget(),
+            _ => false,
         }
     }
 
     /// Factors the changing part.
     pub(super) fn factor(&mut self, bulk: &Csr, changing: &Csr, kind: Kind) -> Result<Pivot, SolveError> {
+        let is_single = self.is_single();
         let (ratio, _) = match &mut self.method {
             Method::Forces(forces) => {
                 forces.take(&self.symbolic, &self.constant, changing)?;
                 match forces.factor() {
                     Ok((ratio, _)) | Err(SolveError::VanishingPivot { ratio, .. })
-                        if forces.is_single() && (ratio.is_nan() || ratio < SMALLEST_SINGLE) =>
+                        if is_single && (ratio.is_nan() || ratio < SMALLEST_SINGLE) =>
                     {
-                        forces.set_single(false);
-                        forces.take(&self.symbolic, &self.constant, changing)?;
-                        forces.factor()?
+                        self.set_single(false, bulk)?;
+                        return self.factor(bulk, changing, kind);
                     }
                     other => other?,
                 }
@@ -317,6 +328,28 @@ impl Engine {
         }
         (iterations as usize).min(MAX_ITERATIONS)
     }
+}
+
+/// The factor of all fronts.
+fn whole_factor(symbolic: &Symbolic, matrix: &Csr, threads: usize) -> Result<Multifrontal, SolveError> {
+    let mut factor = Multifrontal::new(symbolic, vec![true; symbolic.n_fronts()], threads)?;
+    factor.factor(symbolic, matrix.values(), &mut [])?;
+    factor.finish();
+    Ok(factor)
+}
+
+/// The bulk as it stands without the changing part, with some diagonal for each dof that has no stiffness; which they are.
+fn alone(bulk: &Csr) -> Result<(Csr, Vec<bool>), SolveError> {
+    let n = bulk.n_rows();
+    let is_bare: Vec<bool> = (0..n).map(|dof| bulk.row(dof).1.iter().all(|&value| value == 0.0)).collect();
+    let diagonal = Pattern::new(n, n, (0..=n).collect(), (0..n as u32).collect())?;
+    let mut whole = on_wider_pattern(bulk, bulk.pattern().union(&diagonal)?);
+    // One in the unit of the others, so that single precision holds all.
+    let largest = (0..n).map(|dof| bulk.get(dof, dof)).fold(0.0, f64::max);
+    for dof in (0..n).filter(|&dof| is_bare[dof]) {
+        assert!(whole.add_to(dof, dof, if largest > 0.0 { largest } else { 1.0 }), "the pattern holds the diagonal");
+    }
+    Ok((whole, is_bare))
 }
 
 fn smallest_pivot(constant: &Multifrontal, symbolic: &Symbolic, bulk: &Csr) -> f64 {

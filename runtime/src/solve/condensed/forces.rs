@@ -11,9 +11,9 @@
 //! and only the small dense matrix `1 + M V` changes with C. A dof without any stiffness of its own (a multiplier) is
 //! its own unknown w: its equation is the row of C as it stands. V is computed once.
 //!
-//! An older factor of `1 + M V` still serves as preconditioner of GMRES, with the exact product by V and the new M. So
-//! does a factor of single precision, which is made from a V of single precision; exact products with V then come from
-//! the factor of the bulk.
+//! An older factor of `1 + M V` still serves as preconditioner of GMRES, with the exact product by V and the new M. In
+//! single precision all is: the factor of the bulk, V and the factor of `1 + M V`. GMRES then takes products with V from
+//! the factor of the bulk, whose own rounding the caller corrects by true residuals.
 //!
 //! Promises: the same bytes for any number of threads; memory is kept. K must be positive definite without C.
 //! Does not look at residuals: the judge of the caller does.
@@ -28,7 +28,7 @@ use super::super::sweep::{Form, FrontFactor, Sweep};
 use super::super::symbolic::Symbolic;
 use super::engine::above;
 use super::response::{Base, Load, NOTHING};
-use super::small::{Rows, Small, SmallSystem};
+use super::small::{Reference, Rows, Small, SmallSystem};
 use crate::csr::{Csr, Pattern};
 
 /// Part of the right-hand side that rounding leaves in the best of cases.
@@ -61,8 +61,10 @@ pub(super) struct Forces {
     connected: Option<Connected>,
     /// Values of the factor of the bulk on the fronts that C can reach.
     reduced_values: f64,
-    /// Whether V and the factor of `1 + M V` are to be of single precision.
+    /// Whether V and the factor of `1 + M V` are of single precision; the factor of the bulk is then, too.
     single: bool,
+    /// What the next factor is made from, where an earlier solver says so.
+    remembered: Option<Reference>,
 }
 
 /// What belongs to one choice of the loads.
@@ -130,10 +132,12 @@ impl Forces {
             connected: None,
             reduced_values: 0.0,
             single: false,
+            remembered: None,
         })
     }
 
-    /// Whether V and the factor are to be of single precision. A change of that loses both.
+    /// Says whether the factor of the bulk is of single precision, and with it V and the factor of `1 + M V`. A change of
+    /// that loses both.
     pub(super) fn set_single(&mut self, single: bool) {
         if self.single != single {
             self.single = single;
@@ -143,6 +147,10 @@ impl Forces {
 
     pub(super) fn is_single(&self) -> bool {
         self.single
+    }
+
+    pub(super) fn threads(&self) -> usize {
+        self.threads
     }
 
     /// Number of unknown forces, were all pairs opposite.
@@ -157,16 +165,31 @@ impl Forces {
         self.n_loads + self.bare.len()
     }
 
-    /// Multiplications of a new factor, and values read by one product with V and the factor.
+    /// Multiplications of the next factor, and values read by one product with V and the factor.
     pub(super) fn costs(&self) -> (f64, f64) {
         let n = self.n_forces() as f64;
-        let filling = self.rows.pattern().n_entries() as f64 * self.loads.len() as f64;
+        let operations = self.connected.as_ref().map_or(0.0, |connected| connected.small.operations(self.rows()));
         let responses = self.read.len() as f64 * self.loads.len() as f64;
         if self.single {
             // Twice as many numbers of half the size at once; V is not read, but the factor of the bulk.
-            return ((n * n * n / 3.0 + filling) / 2.0, 2.0 * self.reduced_values + n * n / 2.0);
+            return (operations / 2.0, self.reduced_values + n * n / 2.0);
         }
-        (n * n * n / 3.0 + filling, responses + n * n)
+        (operations, responses + n * n)
+    }
+
+    /// Starts the next factor from what one of an earlier solver was made from.
+    pub(super) fn remember(&mut self, reference: Reference) {
+        self.remembered = Some(reference);
+    }
+
+    /// What the factor at hand was made from.
+    pub(super) fn reference(&self) -> Reference {
+        self.connected.as_ref().map(|connected| connected.small.memory()).unwrap_or_default()
+    }
+
+    /// Has the next factor made from nothing; whether the one at hand was not.
+    pub(super) fn forget(&mut self) -> bool {
+        self.connected.as_mut().is_some_and(|connected| connected.small.forget())
     }
 
     /// First dofs of facing ones whose rows have turned out not to be opposite.
@@ -260,14 +283,23 @@ impl Forces {
 
     /// Factors `1 + M V`; the smallest pivot relative to its column, and its unknown.
     pub(super) fn factor(&mut self) -> Result<(f64, usize), SolveError> {
-        let (rows, connected) = self.parts();
-        connected.small.factor(rows)
+        let remembered = self.remembered.take();
+        let rows = Rows { m: &self.rows, place: &self.place, n_read: self.read.len(), n_loads: self.loads.len() };
+        let small = &mut self.connected.as_mut().expect("the changing part has been taken").small;
+        match remembered {
+            Some(reference) => small.recall(rows, &reference),
+            None => small.factor(rows),
+        }
     }
 
-    /// M, and what is known of V.
-    fn parts(&mut self) -> (Rows<'_>, &mut Connected) {
-        let rows = Rows { m: &self.rows, place: &self.place, n_read: self.read.len(), n_loads: self.loads.len() };
-        (rows, self.connected.as_mut().expect("the changing part has been taken"))
+    /// M, and where its columns stand.
+    fn rows(&self) -> Rows<'_> {
+        Rows { m: &self.rows, place: &self.place, n_read: self.read.len(), n_loads: self.loads.len() }
+    }
+
+    /// What is known of V.
+    fn connected(&mut self) -> &mut Connected {
+        self.connected.as_mut().expect("the changing part has been taken")
     }
 
     /// Solves with the changing part taken last, in place, by dof. Iterations say whether they converged.
@@ -275,9 +307,11 @@ impl Forces {
         let Bulk { symbolic, factor, sweep } = bulk;
         let panels = |front: usize| FrontFactor::Cholesky { panel: factor.panel(front) };
         let own: Vec<f64> = self.bare.iter().map(|&dof| std::mem::take(&mut x[dof as usize])).collect();
+        let scale = factor.scale();
+        x.iter_mut().for_each(|value| *value *= scale);
         // Down only to what C reads, then up only with the forces.
         sweep.rise(symbolic, panels, x);
-        let reduced = &mut self.parts().1.reduced;
+        let reduced = &mut self.connected().reduced;
         reduced.copy(sweep);
         reduced.descend(symbolic, panels, x);
         let mut w = vec![0.0; self.rows.n_rows()];
@@ -286,10 +320,10 @@ impl Forces {
         w[n_loads..].iter_mut().zip(&own).for_each(|(w, load)| *w -= load);
         let outcome = match inner {
             Inner::Fresh => {
-                self.parts().1.small.solve(Form::Plain, &mut w);
+                self.connected().small.solve(Form::Plain, &mut w);
                 Outcome { iterations: 0, converged: true }
             }
-            Inner::Stale(scaled) => self.iterate(symbolic, panels, &mut w, scaled),
+            Inner::Stale(scaled) => self.iterate((symbolic, scale), panels, &mut w, scaled),
         };
         if !outcome.converged {
             // The caller makes a new factor: no sweep for what nobody wants.
@@ -297,12 +331,12 @@ impl Forces {
             return outcome;
         }
         x.fill(0.0);
-        add_loads(&self.loads, &w, -1.0, x);
-        self.bare.iter().zip(&w[n_loads..]).for_each(|(&dof, value)| x[dof as usize] = *value);
-        let reduced = &mut self.parts().1.reduced;
+        add_loads(&self.loads, &w, -scale, x);
+        let reduced = &mut self.connected().reduced;
         reduced.rise(symbolic, panels, x);
         sweep.add(reduced);
         sweep.descend(symbolic, panels, x);
+        self.bare.iter().zip(&w[n_loads..]).for_each(|(&dof, value)| x[dof as usize] = *value);
         outcome
     }
 
@@ -312,26 +346,27 @@ impl Forces {
         let panels = |front: usize| FrontFactor::Cholesky { panel: factor.panel(front) };
         let own: Vec<f64> = self.bare.iter().map(|&dof| std::mem::take(&mut x[dof as usize])).collect();
         let loads = x.to_vec();
+        x.iter_mut().for_each(|value| *value *= factor.scale());
         sweep.rise(symbolic, panels, x);
         sweep.descend(symbolic, panels, x);
         let at = |dof: u32| if dof == NOTHING { 0.0 } else { x[dof as usize] };
         let jumps = self.loads.iter().map(|load| at(load.here) - at(load.there));
         let mut v: Vec<f64> = jumps.chain(own.iter().map(|load| -load)).collect();
-        self.parts().1.small.solve(Form::Transposed, &mut v);
+        self.connected().small.solve(Form::Transposed, &mut v);
         let mut forces = vec![0.0; x.len()];
         self.rows.multiply_transposed_add(&v, &mut forces);
-        x.iter_mut().zip(&loads).zip(&forces).for_each(|((x, load), force)| *x = load - force);
-        let bare_values = &v[self.loads.len()..];
-        self.bare.iter().zip(bare_values).for_each(|(&dof, value)| x[dof as usize] = *value);
+        x.iter_mut().zip(&loads).zip(&forces).for_each(|((x, load), force)| *x = (load - force) * factor.scale());
         sweep.rise(symbolic, panels, x);
         sweep.descend(symbolic, panels, x);
+        let bare_values = &v[self.loads.len()..];
+        self.bare.iter().zip(bare_values).for_each(|(&dof, value)| x[dof as usize] = *value);
     }
 
     /// `w = (1 + M V)⁻¹ w` by GMRES; the factor at hand is the preconditioner, on the right. Where V is of single
-    /// precision, products with it come from the factor of the bulk.
+    /// precision, products with it come from the factor of the bulk: rounded, but with sums of double precision.
     fn iterate<'f>(
         &mut self,
-        symbolic: &Symbolic,
+        (symbolic, of_bulk): (&Symbolic, f64),
         panels: impl Fn(usize) -> FrontFactor<'f> + Sync,
         w: &mut [f64],
         Scaled { gmres, limits, scale }: Scaled<'_>,
@@ -351,7 +386,7 @@ impl Forces {
             let (of_read, of_bare) = answers.split_at_mut(read.len());
             if !small.answers(&w[..n_loads], of_read) {
                 x.fill(0.0);
-                add_loads(loads, w, 1.0, &mut x);
+                add_loads(loads, w, of_bulk, &mut x);
                 reduced.rise(symbolic, &panels, &x);
                 reduced.descend(symbolic, &panels, &mut x);
                 of_read.iter_mut().zip(read).for_each(|(answer, &dof)| *answer = x[dof as usize]);

@@ -10,7 +10,7 @@ use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
 use super::super::SolveError;
-use super::super::kernels::Stored;
+use super::super::dense::Number;
 use super::super::multifrontal::{Multifrontal, zeros};
 use super::super::scaling::power_of_two;
 use super::super::symbolic::{INTERFACE, Symbolic};
@@ -40,7 +40,9 @@ pub(super) struct Base<'a> {
 impl Base<'_> {
     /// Answers of `rows` (dofs) to the loads, `rows x loads` by rows, times the power of two that comes with them: it
     /// brings the largest answers to the first loads to 1, so that single precision can hold them.
-    pub(super) fn responses<T: Stored>(
+    ///
+    /// All in the precision that the factor is of, which must be that of the answers.
+    pub(super) fn responses<T: Number>(
         &self,
         loads: &[Load],
         rows: &[u32],
@@ -53,33 +55,36 @@ impl Base<'_> {
         let mut first = 0;
         for wave in blocks.chunks(WAVE) {
             let work = |block: &&[Load]| self.block(block, rows);
-            let parts: Vec<Vec<f64>> =
+            let parts: Vec<Vec<T>> =
                 if threads > 1 { wave.par_iter().map(work).collect() } else { wave.iter().map(work).collect() };
             if first == 0 {
-                let largest = parts.iter().flatten().fold(0.0f64, |largest, value| largest.max(value.abs()));
+                let largest = parts.iter().flatten().fold(0.0f64, |largest, value| largest.max(value.wide().abs()));
                 scale = if largest > 0.0 { power_of_two(1.0 / largest) } else { 1.0 };
             }
             for (part, block) in parts.iter().zip(wave) {
                 for (row, values) in part.chunks_exact(block.len()).enumerate() {
                     let answers = &mut answers[row * n + first..][..block.len()];
-                    answers.iter_mut().zip(values).for_each(|(answer, value)| *answer = T::nearest(value * scale));
+                    answers
+                        .iter_mut()
+                        .zip(values)
+                        .for_each(|(answer, value)| *answer = T::nearest(value.wide() * scale));
                 }
                 first += block.len();
             }
         }
-        Ok((answers, scale))
+        Ok((answers, scale / self.factor.scale()))
     }
 
-    fn block(&self, loads: &[Load], rows: &[u32]) -> Vec<f64> {
+    fn block<T: Number>(&self, loads: &[Load], rows: &[u32]) -> Vec<T> {
         let symbolic = self.symbolic;
         let (n, width) = (symbolic.n_eliminated(), loads.len());
         let inverse = symbolic.ordering.inverse();
-        let mut x = vec![0.0; n * width];
+        let mut x = vec![T::default(); n * width];
         let mut is_loaded = vec![false; symbolic.n_fronts()];
         for (column, load) in loads.iter().enumerate() {
             for (dof, sign) in [(load.here, 1.0), (load.there, -1.0)].into_iter().filter(|(dof, _)| *dof != NOTHING) {
                 let place = inverse[dof as usize];
-                x[column * n + place as usize] += sign;
+                x[column * n + place as usize] = T::nearest(sign);
                 is_loaded[symbolic.columns.partition_point(|&column| column <= place) - 1] = true;
             }
         }
@@ -99,31 +104,31 @@ impl Base<'_> {
         places.flat_map(|place| (0..width).map(move |column| (column, place))).map(|(c, p)| x[c * n + p]).collect()
     }
 
-    fn forward(&self, front: usize, x: &mut [f64], width: usize, work: &mut Vec<f64>) {
+    fn forward<T: Number>(&self, front: usize, x: &mut [T], width: usize, work: &mut Vec<T>) {
         let (k, r) = self.symbolic.sizes(front);
         let (n, first) = (self.symbolic.n_eliminated(), self.symbolic.columns[front] as usize);
-        let (top, bottom) = MatRef::from_column_major_slice(self.factor.panel(front), k + r, k).split_at_row(k);
+        let (top, bottom) = MatRef::from_column_major_slice(T::panel(self.factor, front), k + r, k).split_at_row(k);
         let mut own = columns_of(x, n, first, k, width);
         solve_lower_triangular_in_place(top, own.rb_mut(), Par::Seq);
         if r == 0 {
             return;
         }
-        work.resize(r * width, 0.0);
+        work.resize(r * width, T::default());
         let below = MatMut::from_column_major_slice_mut(&mut work[..r * width], r, width);
-        matmul(below, Accum::Replace, bottom, own.as_ref(), 1.0, Par::Seq);
+        matmul(below, Accum::Replace, bottom, own.as_ref(), T::nearest(1.0), Par::Seq);
         for (column, values) in work[..r * width].chunks_exact(r).enumerate() {
             let target = &mut x[column * n..(column + 1) * n];
             for (&row, value) in self.symbolic.rows_of(front).iter().zip(values) {
-                target[row as usize] -= value;
+                target[row as usize] -= *value;
             }
         }
     }
 
-    fn backward(&self, front: usize, x: &mut [f64], width: usize, work: &mut Vec<f64>) {
+    fn backward<T: Number>(&self, front: usize, x: &mut [T], width: usize, work: &mut Vec<T>) {
         let (k, r) = self.symbolic.sizes(front);
         let (n, first) = (self.symbolic.n_eliminated(), self.symbolic.columns[front] as usize);
-        let (top, bottom) = MatRef::from_column_major_slice(self.factor.panel(front), k + r, k).split_at_row(k);
-        work.resize(r * width, 0.0);
+        let (top, bottom) = MatRef::from_column_major_slice(T::panel(self.factor, front), k + r, k).split_at_row(k);
+        work.resize(r * width, T::default());
         if r > 0 {
             for (column, values) in work[..r * width].chunks_exact_mut(r).enumerate() {
                 let source = &x[column * n..(column + 1) * n];
@@ -135,14 +140,14 @@ impl Base<'_> {
         let mut own = columns_of(x, n, first, k, width);
         if r > 0 {
             let below = MatRef::from_column_major_slice(&work[..r * width], r, width);
-            matmul(own.rb_mut(), Accum::Add, bottom.transpose(), below, -1.0, Par::Seq);
+            matmul(own.rb_mut(), Accum::Add, bottom.transpose(), below, T::nearest(-1.0), Par::Seq);
         }
         solve_upper_triangular_in_place(top.transpose(), own, Par::Seq);
     }
 }
 
 /// Rows `first..first + k` of an `n x width` matrix by columns.
-fn columns_of(x: &mut [f64], n: usize, first: usize, k: usize, width: usize) -> MatMut<'_, f64> {
+fn columns_of<T: Number>(x: &mut [T], n: usize, first: usize, k: usize, width: usize) -> MatMut<'_, T> {
     let end = first + (width - 1) * n + k;
     MatMut::from_column_major_slice_with_stride_mut(&mut x[first..end], k, width, n)
 }

@@ -1,5 +1,8 @@
 //! The dense matrix `1 + M V` of the forces, in double or single precision.
 //!
+//! From one matrix to the next few rows of M change: those where points slide or open. A factor of an earlier matrix, the
+//! reference, then serves on, and only a matrix as large as the number of changed rows is factored ([`Update`]).
+//!
 //! Promises: right-hand sides are of double precision; the same bytes for any number of threads; memory is kept.
 //! Does not know of forces and bodies: M is given by rows, V by its values.
 
@@ -9,11 +12,19 @@ use super::super::SolveError;
 use super::super::dense::{Dense, Kind, Number};
 use super::super::kernels::{TOGETHER, combine, product_by_rows};
 use super::super::sweep::Form;
+use super::update::{Answers, Update};
 use crate::csr::Csr;
 
 /// Values of V from which a product is shared among threads, and rows in one share.
 const PARALLEL_VALUES: usize = 1 << 20;
 const SHARE: usize = 128;
+/// Of all rows, those that may have changed for the reference to serve on.
+const LARGEST_PART: f64 = 0.6;
+/// Numbers that differ by so many roundoffs of the largest of their row are the same.
+const SAME: f64 = 4.0;
+/// Smallest pivot, relative to its column, with which the changed rows are accepted; and in roundoffs.
+const SMALLEST_UPDATED: f64 = 1e-6;
+const SMALLEST_IN_ROUNDOFFS: f64 = 1e4;
 /// Rows and columns of the dense matrix that are filled together: what they read of V stays in the cache.
 const FILL_ROWS: usize = 48;
 const FILL_COLUMNS: usize = 480;
@@ -31,7 +42,8 @@ pub(super) struct Rows<'a> {
 
 /// See the module documentation; of one of two precisions.
 pub(super) trait SmallSystem: Send {
-    /// Fills and factors; the smallest pivot relative to its column, and its unknown.
+    /// Factors the matrix of these rows, from the factor at hand where that is cheaper; the smallest pivot relative to its
+    /// column, and its unknown.
     fn factor(&mut self, rows: Rows<'_>) -> Result<(f64, usize), SolveError>;
 
     /// Solves in place with the last factor.
@@ -39,68 +51,219 @@ pub(super) trait SmallSystem: Send {
 
     /// `read = V loads`; false where V is of single precision and nothing has been done.
     fn answers(&self, loads: &[f64], read: &mut [f64]) -> bool;
+
+    /// Multiplications that the next factor will take.
+    fn operations(&self, rows: Rows<'_>) -> f64;
+
+    /// Gives up the factor that later ones start from; false if there is no later one.
+    fn forget(&mut self) -> bool;
+
+    /// What the factor at hand was made from.
+    fn memory(&self) -> Reference;
+
+    /// Makes the factor of these rows from what an earlier one was made from.
+    fn recall(&mut self, rows: Rows<'_>, memory: &Reference) -> Result<(f64, usize), SolveError>;
 }
 
-impl<T: Number> Small<T> {
-    /// A system of `n` unknowns, with V and the power of two that its values have been multiplied with.
-    pub(super) fn new((responses, scale): (Vec<T>, f64), n: usize, threads: usize) -> Result<Self, SolveError> {
-        Ok(Self { responses, scale, dense: Dense::new(n, threads)?, threads })
-    }
+/// What a factor was made from: the values of M in a whole factor, and the rows that have changed since, in groups.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Reference {
+    /// Values of M.
+    pub values: Vec<f64>,
+    /// Groups of rows, in the order in which they were seen to change.
+    pub groups: Vec<Vec<u32>>,
+    /// Whole factors made since such groups were last of use.
+    pub whole: usize,
 }
 
 /// See the module documentation.
 pub(super) struct Small<T: Number> {
-    /// V, `read x loads` by rows.
-    responses: Vec<T>,
-    /// Its values are those of V times this power of two.
-    scale: f64,
-    /// Factor of `(1 + M V)ᵀ`.
+    /// V.
+    v: Answers<T>,
+    /// Factor of `(1 + M V)ᵀ` for the M of `reference`.
     dense: Dense<T>,
+    reference: Vec<f64>,
+    /// What has changed since.
+    update: Option<Update<T>>,
+    /// Whole factors made since an update was last worth it.
+    whole: usize,
     threads: usize,
 }
 
-impl<T: Number> SmallSystem for Small<T> {
-    fn factor(&mut self, rows: Rows<'_>) -> Result<(f64, usize), SolveError> {
+/// The next factor.
+enum Next {
+    Whole,
+    /// With the columns of these rows added.
+    Update(Vec<u32>),
+}
+
+impl<T: Number> Small<T> {
+    /// A system of `n` unknowns, with V (`read x loads`) and the power of two that its values have been multiplied with.
+    pub(super) fn new((values, scale): (Vec<T>, f64), n: usize, threads: usize) -> Result<Self, SolveError> {
+        let dense = Dense::new(n, threads)?;
+        Ok(Self { v: Answers { values, scale }, dense, reference: Vec::new(), update: None, whole: 0, threads })
+    }
+
+    /// Multiplications of a whole factor.
+    fn whole_operations(rows: Rows<'_>) -> f64 {
+        let n = rows.m.n_rows() as f64;
+        n * n * n / 3.0 + rows.m.pattern().n_entries() as f64 * rows.n_loads as f64
+    }
+
+    /// What to do next, and its multiplications. Columns are paid for only once whole factors have cost as much: rows
+    /// that change once and for all are not worth theirs.
+    fn plan(&self, rows: Rows<'_>) -> (Next, f64) {
         let n = rows.m.n_rows();
-        let (responses, scale, threads) = (&self.responses, self.scale, self.threads);
+        let whole = Self::whole_operations(rows);
+        if self.reference.len() != rows.m.values().len() {
+            return (Next::Whole, whole);
+        }
+        let known = |row: usize| self.update.as_ref().is_some_and(|u| u.holds(row));
+        let before = self.update.as_ref().map_or(0, Update::n_rows);
+        let new: Vec<u32> =
+            (0..n).filter(|&row| !known(row) && self.has_changed(rows, row)).map(|r| r as u32).collect();
+        let total = before + new.len();
+        let columns = new.len() as f64 * n as f64 * (n + rows.n_read) as f64;
+        let entries = total as f64 * rows.m.pattern().n_entries() as f64 / n as f64;
+        let inner = (total as f64).powi(3) / 3.0 + entries * total as f64;
+        if total as f64 > LARGEST_PART * n as f64 || columns + inner > (1 + self.whole) as f64 * whole {
+            return (Next::Whole, whole);
+        }
+        (Next::Update(new), columns + inner)
+    }
+
+    /// Whether a row differs from that of the reference by more than rounding.
+    fn has_changed(&self, rows: Rows<'_>, row: usize) -> bool {
+        let starts = rows.m.pattern().row_starts();
+        let range = starts[row]..starts[row + 1];
+        let (old, new) = (&self.reference[range.clone()], &rows.m.values()[range]);
+        if old == new {
+            return false;
+        }
+        let size = old.iter().chain(new).fold(0.0f64, |size, value| size.max(value.abs()));
+        old.iter().zip(new).any(|(old, new)| (old - new).abs() > SAME * T::ROUNDOFF * size)
+    }
+
+    fn factor_whole(&mut self, rows: Rows<'_>) -> Result<(f64, usize), SolveError> {
+        self.update = None;
+        self.reference.clear();
+        let n = rows.m.n_rows();
+        let (v, threads) = (&self.v, self.threads);
+        let v = Source { values: &v.values, scale: v.scale, width: rows.n_loads, n_rows: rows.n_read };
         let fill_share = |(share, out): (usize, &mut [T])| {
             let first = share * FILL_ROWS;
-            fill_products(rows, (responses, scale), first, out);
+            fill_products(rows, v, first, (out, n));
             for (row, out) in (first..).zip(out.chunks_exact_mut(n)) {
                 fill_rest(rows, row, out);
             }
         };
-        let fill = |matrix: &mut [T]| {
-            if threads > 1 {
-                matrix.par_chunks_mut(FILL_ROWS * n).enumerate().for_each(fill_share);
-            } else {
-                matrix.chunks_mut(FILL_ROWS * n).enumerate().for_each(fill_share);
+        let fill = |matrix: &mut [T]| share(threads, matrix, FILL_ROWS * n, fill_share);
+        let pivot = self.dense.factor(Kind::General, fill)?;
+        self.reference.extend_from_slice(rows.m.values());
+        Ok(pivot)
+    }
+
+    /// The factor from the reference and the rows that have changed; an error where that would not be accurate.
+    fn factor_update(&mut self, rows: Rows<'_>, new: &[u32]) -> Result<(f64, usize), SolveError> {
+        let n = rows.m.n_rows();
+        let update = self.update.get_or_insert_with(|| Update::new(n));
+        if !new.is_empty() {
+            update.extend(rows, &self.v, &mut self.dense, new, self.threads)?;
+        }
+        update.factor(rows, &self.reference, self.v.scale, self.threads)
+    }
+}
+
+impl<T: Number> SmallSystem for Small<T> {
+    fn factor(&mut self, rows: Rows<'_>) -> Result<(f64, usize), SolveError> {
+        if let (Next::Update(new), _) = self.plan(rows) {
+            match self.factor_update(rows, &new) {
+                Ok(pivot) if pivot.0 >= SMALLEST_UPDATED.max(SMALLEST_IN_ROUNDOFFS * T::ROUNDOFF) => {
+                    self.whole = 0;
+                    return Ok(pivot);
+                }
+                Err(error @ (SolveError::OutOfMemory { .. } | SolveError::TooMuchMemory(_))) => return Err(error),
+                _ => {}
             }
-        };
-        self.dense.factor(Kind::General, fill)
+        }
+        self.whole += 1;
+        self.factor_whole(rows)
     }
 
     fn solve(&mut self, form: Form, w: &mut [f64]) {
-        let form = match form {
-            Form::Plain => Form::Transposed,
-            Form::Transposed => Form::Plain,
-        };
-        self.dense.solve(form, w);
+        match &mut self.update {
+            Some(update) => update.solve(form, &self.v, &mut self.dense, w, self.threads),
+            None => self.dense.solve(other(form), w),
+        }
     }
 
     fn answers(&self, loads: &[f64], read: &mut [f64]) -> bool {
         if T::ROUNDOFF > f64::EPSILON {
             return false;
         }
-        if self.threads > 1 && self.responses.len() > PARALLEL_VALUES {
+        let share_out = |(share, read): (usize, &mut [f64])| {
             let n = loads.len();
-            let shares = read.par_chunks_mut(SHARE).zip(self.responses.par_chunks(SHARE * n));
-            shares.for_each(|(read, v)| product_by_rows(v, loads, read));
-        } else {
-            product_by_rows(&self.responses, loads, read);
-        }
-        read.iter_mut().for_each(|value| *value /= self.scale);
+            product_by_rows(&self.v.values[share * SHARE * n..][..read.len() * n], loads, read);
+        };
+        let threads = if self.v.values.len() > PARALLEL_VALUES { self.threads } else { 1 };
+        share(threads, read, SHARE, share_out);
+        read.iter_mut().for_each(|value| *value /= self.v.scale);
         true
+    }
+
+    fn operations(&self, rows: Rows<'_>) -> f64 {
+        self.plan(rows).1
+    }
+
+    fn forget(&mut self) -> bool {
+        let is_update = self.update.is_some();
+        self.reference.clear();
+        is_update
+    }
+
+    fn memory(&self) -> Reference {
+        let groups = self.update.as_ref().map(Update::groups).unwrap_or_default();
+        Reference { values: self.reference.clone(), groups, whole: self.whole }
+    }
+
+    fn recall(&mut self, rows: Rows<'_>, memory: &Reference) -> Result<(f64, usize), SolveError> {
+        if memory.values.len() != rows.m.values().len() {
+            return self.factor_whole(rows);
+        }
+        self.whole = memory.whole;
+        let mut before = rows.m.clone();
+        before.values_mut().copy_from_slice(&memory.values);
+        let mut pivot = self.factor_whole(Rows { m: &before, ..rows })?;
+        for group in &memory.groups {
+            let update = self.update.get_or_insert_with(|| Update::new(rows.m.n_rows()));
+            update.extend(rows, &self.v, &mut self.dense, group, self.threads)?;
+        }
+        if let Some(update) = &mut self.update {
+            pivot = update.factor(rows, &self.reference, self.v.scale, self.threads)?;
+        }
+        Ok(pivot)
+    }
+}
+
+/// What a system is solved with where its transposed has been factored.
+pub(super) fn other(form: Form) -> Form {
+    match form {
+        Form::Plain => Form::Transposed,
+        Form::Transposed => Form::Plain,
+    }
+}
+
+/// Does something to each chunk, with its number.
+pub(super) fn share<T: Send>(
+    threads: usize,
+    values: &mut [T],
+    chunk: usize,
+    work: impl Fn((usize, &mut [T])) + Sync + Send,
+) {
+    if threads > 1 {
+        values.par_chunks_mut(chunk).enumerate().for_each(work);
+    } else {
+        values.chunks_mut(chunk).enumerate().for_each(work);
     }
 }
 
@@ -118,12 +281,29 @@ fn fill_rest<T: Number>(rows: Rows<'_>, row: usize, out: &mut [T]) {
     }
 }
 
-/// Rows of `M V`, those of M from `first` on, into rows of `out` with room for the bare dofs behind. Neighbouring rows
-/// that read the same dofs (the components of a node) are made together: each value of V is loaded once for all.
-fn fill_products<T: Number>(rows: Rows<'_>, (v, scale): (&[T], f64), first: usize, out: &mut [T]) {
-    let Rows { m, place, n_read, n_loads: width } = rows;
-    let n = m.n_rows();
-    let last = first + out.len() / n;
+/// Rows that products are made of.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a, T> {
+    /// By rows.
+    pub(super) values: &'a [T],
+    /// What the rows of dofs with stiffness have been multiplied with.
+    pub(super) scale: f64,
+    pub(super) width: usize,
+    /// The rows there are; what M reads behind them is left out.
+    pub(super) n_rows: usize,
+}
+
+/// Rows of the product of M with a source, those of M from `first` on, into the beginnings of the rows of `out`, which
+/// have `stride` numbers. Neighbouring rows that read the same dofs (the components of a node) are made together: each
+/// value of the source is loaded once for all.
+pub(super) fn fill_products<T: Number>(
+    rows: Rows<'_>,
+    Source { values: v, scale, width, n_rows }: Source<'_, T>,
+    first: usize,
+    (out, stride): (&mut [T], usize),
+) {
+    let Rows { m, place, n_read, .. } = rows;
+    let last = first + out.len() / stride;
     let mut starts = vec![first];
     for row in first + 1..last {
         let group = starts[starts.len() - 1];
@@ -140,15 +320,16 @@ fn fill_products<T: Number>(rows: Rows<'_>, (v, scale): (&[T], f64), first: usiz
             for (k, &column) in m.row(group[0]).0.iter().enumerate() {
                 let at = place[column as usize] as usize;
                 let mut all = [T::nearest(0.0); TOGETHER];
+                let unit = if at < n_read { scale } else { 1.0 };
                 (group[0]..group[1])
                     .zip(&mut all)
-                    .for_each(|(row, factor)| *factor = T::nearest(m.row(row).1[k] / scale));
-                if at < n_read && all.iter().any(|factor| factor.wide() != 0.0) {
+                    .for_each(|(row, factor)| *factor = T::nearest(m.row(row).1[k] / unit));
+                if at < n_rows && all.iter().any(|factor| factor.wide() != 0.0) {
                     factors.push(all);
                     answers.push(&v[at * width..][columns.clone()]);
                 }
             }
-            let mut targets = out[(group[0] - first) * n..(group[1] - first) * n].chunks_exact_mut(n);
+            let mut targets = out[(group[0] - first) * stride..(group[1] - first) * stride].chunks_exact_mut(stride);
             let targets: [&mut [T]; TOGETHER] =
                 std::array::from_fn(|_| targets.next().map_or(&mut [][..], |row| &mut row[columns.clone()]));
             combine(&factors, &answers, targets);

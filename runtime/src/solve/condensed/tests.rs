@@ -178,6 +178,7 @@ fn a_bulk_that_nothing_holds_is_refused_at_once() {
 
 #[test]
 fn multipliers_without_bulk_are_solved() {
+    const FREE: usize = 4;
     let problem = two_blocks(4);
     let (n, m) = (problem.n(), problem.pairs.len());
     // Numbered first, so that nothing helps the pivots.
@@ -192,8 +193,16 @@ fn multipliers_without_bulk_are_solved() {
         for (dof, sign) in [(here, 1.0), (there, -1.0)] {
             ties.extend([(row, dof + m as u32, sign), (dof + m as u32, row, sign)]);
         }
+        ties.push((row, row, 0.0));
     }
     let ties = Csr::from_triplets(n + m, n + m, &ties).unwrap();
+    // Some pairs are free, and their multipliers known.
+    let mut some = ties.clone();
+    for row in 0..FREE {
+        let range = ties.pattern().row_starts()[row]..ties.pattern().row_starts()[row + 1];
+        some.values_mut()[range].fill(0.0);
+        assert!(some.add_to(row, row, 1.0));
+    }
     let points: Vec<[f64; 3]> =
         problem.pairs.iter().map(|&(here, _)| here as usize).chain(0..n).map(|dof| problem.coordinates[dof]).collect();
     let b = load(n + m);
@@ -207,6 +216,71 @@ fn multipliers_without_bulk_are_solved() {
         for (row, &(here, there)) in problem.pairs.iter().enumerate() {
             let jump = x[here as usize + m] - x[there as usize + m];
             assert!((jump - b[row]).abs() < 1e-8, "{jump} instead of {}", b[row]);
+        }
+        solver.update(&some).unwrap();
+        solver.solve(&b, &mut x).unwrap();
+        for (row, &(here, there)) in problem.pairs.iter().enumerate() {
+            let found = if row < FREE { x[row] } else { x[here as usize + m] - x[there as usize + m] };
+            assert!((found - b[row]).abs() < 1e-8, "{found} instead of {}", b[row]);
+        }
+    }
+}
+
+/// Both bodies stand alone, so that there is a matrix of the forces; its rows at the faces `slip(face)` change with the step.
+fn sliding(problem: &ElasticBox, kind: Contact, step: usize, slips: impl Fn(usize) -> bool) -> Csr {
+    let mut sticking = problem.contact(kind, 50.0, |_, _| true);
+    let slipping = problem.contact(kind, 50.0, move |face, c| c == 0 || !slips(face));
+    // Where points slide the matrix goes on changing.
+    let values = sticking.values_mut().iter_mut().zip(slipping.values());
+    values.filter(|(stick, slip)| stick != slip).for_each(|(stick, slip)| *stick = slip * (1.0 + 1e-3 * step as f64));
+    sticking
+}
+
+#[test]
+fn few_changed_rows_start_from_the_factor_before() {
+    let problem = ElasticBox::new(&BoxOptions { cells: [4, 9, 9], cut: Some(2), fix_low: true, fix_high: true });
+    let b = load(problem.n());
+    for precision in [Precision::Double, Precision::Mixed] {
+        for kind in [Contact::Penalty, Contact::Nitsche] {
+            // A few faces slide, then more, then others; at last all do.
+            let slips = |step: usize, face: usize| match step {
+                0 => false,
+                1..=3 => face < 8,
+                4..=5 => face < 14,
+                6..=7 => (4..18).contains(&face),
+                _ => true,
+            };
+            let parts: Vec<Csr> = (0..11).map(|step| sliding(&problem, kind, step, |face| slips(step, face))).collect();
+            let (points, options) = (Some(&problem.coordinates[..]), options(precision));
+            let new = || {
+                let pattern = parts[0].pattern();
+                CheckedCondensed::with_choice(&problem.matrix, pattern, points, &problem.pairs, options, FORCES)
+                    .unwrap()
+            };
+            let groups = |solver: &CheckedCondensed| solver.memory().reference.groups.len();
+            let solve = |solver: &mut CheckedCondensed, part: &Csr| {
+                let mut x = vec![0.0; b.len()];
+                solver.update(part).unwrap();
+                let report = solver.solve(&b, &mut x).unwrap();
+                (report, x)
+            };
+            let mut solver = new();
+            let mut seen = Vec::new();
+            for (step, part) in parts.iter().enumerate() {
+                // What a solver remembers makes another one go on with the same bits.
+                let mut other = new();
+                let knows = step == 0 || other.recall(part.pattern(), &solver.memory()).unwrap();
+                let (report, x) = solve(&mut solver, part);
+                assert!(knows && (step == 0 || solve(&mut other, part) == (report, x.clone())), "{kind:?} {step}");
+                close(&x, &direct(&problem.matrix.plus(part).unwrap(), &b), 1e-9);
+                seen.push(groups(&solver));
+                // The transposed system, too.
+                let condition = solver.condition_estimate().unwrap();
+                let mut fresh = new();
+                fresh.update(part).unwrap();
+                assert!((condition / fresh.condition_estimate().unwrap() - 1.0).abs() < 1e-3, "{kind:?} {step}");
+            }
+            assert!(seen[0] == 0 && seen[1] == 1 && seen[5] >= 2 && seen[10] == 0, "{precision:?} {kind:?} {seen:?}");
         }
     }
 }
@@ -237,6 +311,7 @@ fn a_factor_of_single_precision_gives_the_same_solutions() {
         (Contact::Penalty, 1e12, 1.0),
         (Contact::Nitsche, 50.0, 1.0),
         (Contact::Nitsche, 1e6, 1e60),
+        (Contact::Nitsche, 50.0, 1e120),
     ] {
         let parts = [0, 1, 20].map(|slip| {
             let mut part = problem.contact(kind, gamma, move |face, c| c == 0 || face >= slip);
@@ -261,7 +336,7 @@ fn a_factor_of_single_precision_gives_the_same_solutions() {
         };
         follow(&mut solver);
         assert!(is_single(&solver), "{kind:?} {gamma:e}");
-        solver.engine.widen();
+        solver.engine.set_single(false, &bulk).unwrap();
         follow(&mut solver);
         assert!(!is_single(&solver));
     }
