@@ -28,7 +28,7 @@ use crate::{
     field::Field,
     frames::Frames,
     mesh::Mesh,
-    newton::{TermPieces, Watched},
+    newton::{Passed, TermPieces, Watched},
     pruning::Pruning,
 };
 
@@ -121,6 +121,10 @@ pub struct System {
     guides: Vec<Vec<f64>>,
     /// By piece: what its projections were after the last step; empty at the start of a step.
     watched: Vec<Watched>,
+    /// The last two converged states, from which the pieces of the next are expected.
+    passed: Vec<Passed>,
+    /// The step variable.
+    time: f64,
     /// The held pieces belong to a converged state; else they are chosen anew at the start of a step.
     settled: bool,
     linear: Option<Csr>,
@@ -169,6 +173,8 @@ impl System {
             pieces: Vec::new(),
             guides: Vec::new(),
             watched: Vec::new(),
+            passed: Vec::new(),
+            time: 0.0,
             settled: false,
             linear: None,
             pointwise: false,
@@ -280,6 +286,7 @@ impl System {
     /// # Errors
     /// [`TermError`] with its place.
     pub fn set_step(&mut self, time: f64, increment: f64) -> Result<bool, SystemError> {
+        self.time = time;
         for term in &mut self.terms {
             term.set_step(time, increment);
         }

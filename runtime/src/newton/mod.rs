@@ -16,7 +16,7 @@ use std::time::Instant;
 
 pub use history::{Iteration, Seconds, StepHistory, Stop};
 pub(crate) use pieces::search;
-pub use pieces::{Coercivity, ContactGaps, TermPieces, Watched};
+pub use pieces::{Coercivity, ContactGaps, Passed, TermPieces, Watched};
 
 use ladder::Ladder;
 use line::Line;
@@ -141,7 +141,11 @@ pub fn solve_step(
             result = Ok(history);
         }
     }
-    system.settle(result.as_ref().is_ok_and(StepHistory::converged));
+    let converged = result.as_ref().is_ok_and(StepHistory::converged);
+    system.settle(converged);
+    if converged {
+        system.pass(u)?;
+    }
     result
 }
 

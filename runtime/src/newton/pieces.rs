@@ -13,8 +13,8 @@ mod watched;
 
 pub use coercivity::Coercivity;
 pub use contact::ContactGaps;
-pub use watched::Watched;
 pub(crate) use watched::search;
+pub use watched::{Passed, Watched};
 
 use wfl_compiler::{
     BALL_NUMBERS, Projection, ProjectionKind, interpret,
@@ -41,9 +41,9 @@ const LOCKED: f64 = 100.0;
 const GIVING_WAY: f64 = 3.0;
 /// After so many choices in a step the stiffness grows by a factor each time, up to a bound: what is left then are
 /// directions of slip, which converge faster near the arguments as written.
-const SETTLED_CHOICES: usize = 3;
-const STIFFNESS_GROWTH: f64 = 2.0;
-const LARGEST_GROWTH: f64 = 5.0;
+const SETTLED_CHOICES: usize = 2;
+const STIFFNESS_GROWTH: f64 = 3.0;
+const LARGEST_GROWTH: f64 = 10.0;
 /// Points at which the slope of an argument is sampled.
 const SLOPE_POINTS: usize = 64;
 /// Change of the displacement for that slope, over the size of an entity.
@@ -363,6 +363,11 @@ impl TermPieces {
     #[must_use]
     pub fn no_guides(&self) -> Vec<f64> {
         vec![0.0; self.n_points() * self.n_guides]
+    }
+
+    /// Numbers watched at a point.
+    fn n_watched(&self) -> usize {
+        self.watch.law.kernel.kernel().outputs.len()
     }
 
     fn n_points(&self) -> usize {

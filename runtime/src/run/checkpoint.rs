@@ -296,7 +296,7 @@ fn read_identity(r: &mut Reader<'_>) -> Result<Identity, Unreadable> {
 fn memory(w: &mut Writer, m: &Memory) {
     w.numbers(&m.changing);
     w.flag(m.settled);
-    for lists in [&m.guides, &m.pieces, &m.states] {
+    for lists in [&m.guides, &m.pieces, &m.passed, &m.states] {
         w.count(lists.len());
         lists.iter().for_each(|l| w.numbers(l));
     }
@@ -308,6 +308,7 @@ fn read_memory(r: &mut Reader<'_>) -> Result<Memory, Unreadable> {
         settled: r.flag()?,
         guides: r.list(Reader::numbers)?,
         pieces: r.list(Reader::numbers)?,
+        passed: r.list(Reader::numbers)?,
         states: r.list(Reader::numbers)?,
     })
 }

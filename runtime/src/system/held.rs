@@ -5,7 +5,7 @@ use crate::{
     assemble::{FieldValues, TermError},
     csr::CsrError,
     mesh::Mesh,
-    newton::{TermPieces, Watched, search},
+    newton::{Passed, TermPieces, Watched, search},
 };
 use wfl_compiler::{Class, types::FieldKind};
 
@@ -27,9 +27,36 @@ impl System {
         !self.pieces.is_empty()
     }
 
+    /// Keeps what the projections are at a converged state, for the start of the next step.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub fn pass(&mut self, u: &[f64]) -> Result<(), TermError> {
+        if self.pieces.is_empty() {
+            return Ok(());
+        }
+        let watched = self.watch_pieces(u)?;
+        self.passed.truncate(1);
+        self.passed.insert(0, Passed { time: self.time, watched });
+        Ok(())
+    }
+
+    /// Chooses the pieces of a step that goes on as the last two did. Where they do not, this costs an iteration.
+    fn expect_pieces(&mut self) {
+        let [last, before] = self.passed.as_slice() else { return };
+        let Some(ahead) = last.ahead(before, self.time) else { return };
+        for ((piece, ahead), guides) in self.pieces.iter_mut().zip(&ahead).zip(&mut self.guides) {
+            piece.chosen(0);
+            *guides = piece.follow(ahead, guides);
+        }
+    }
+
     /// Says whether the held pieces belong to a converged state.
     pub fn settle(&mut self, settled: bool) {
         self.settled = settled;
+        if !settled {
+            self.passed.clear();
+        }
     }
 
     /// Makes sure that pieces are held at the start of a step from `u`: those of the last converged state, else those
@@ -40,6 +67,7 @@ impl System {
     pub fn start_pieces(&mut self, u: &[f64]) -> Result<(), TermError> {
         self.watched.clear();
         if self.settled {
+            self.expect_pieces();
             return Ok(());
         }
         let mut diagonal = vec![0.0; self.numbering.n_dofs];

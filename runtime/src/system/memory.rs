@@ -3,7 +3,7 @@
 use wfl_compiler::types::FieldKind;
 
 use super::System;
-use crate::newton::TermPieces;
+use crate::newton::{Passed, TermPieces};
 
 /// What a step inherits from the one before, beside the unknowns.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,6 +16,8 @@ pub struct Memory {
     pub guides: Vec<Vec<f64>>,
     /// By term with pieces: the numbers by which they are chosen.
     pub pieces: Vec<Vec<f64>>,
+    /// The last two converged states of the projections, one after the other ([`Passed::numbers`]).
+    pub passed: Vec<Vec<f64>>,
     /// By state in the order of the fields: its values.
     pub states: Vec<Vec<f64>>,
 }
@@ -29,6 +31,7 @@ impl System {
             settled: self.settled,
             guides: self.guides.clone(),
             pieces: self.pieces.iter().map(TermPieces::memory).collect(),
+            passed: self.passed.iter().flat_map(Passed::numbers).collect(),
             states: self.states().map(|k| self.known.data[k].clone()).collect(),
         }
     }
@@ -42,7 +45,13 @@ impl System {
     #[must_use]
     pub fn recall(&mut self, memory: &Memory) -> bool {
         let sizes = |guides: &[Vec<f64>]| guides.iter().map(Vec::len).collect::<Vec<_>>();
-        let fits = memory.changing.len() == self.changing.values().len()
+        let passed: Option<Vec<Passed>> = memory
+            .passed
+            .chunks(1 + 2 * self.pieces.len())
+            .map(|numbers| Passed::from_numbers(numbers, &self.pieces))
+            .collect();
+        let fits = passed.is_some()
+            && memory.changing.len() == self.changing.values().len()
             && sizes(&memory.guides) == sizes(&self.guides)
             && memory.pieces.len() == self.pieces.len()
             && self.pieces.iter().zip(&memory.pieces).all(|(p, m)| p.memory().len() == m.len())
@@ -50,6 +59,7 @@ impl System {
         if fits {
             self.changing.values_mut().copy_from_slice(&memory.changing);
             self.settled = memory.settled;
+            self.passed = passed.unwrap_or_default();
             self.guides.clone_from(&memory.guides);
             self.pieces.iter_mut().zip(&memory.pieces).for_each(|(p, m)| p.recall(m));
             let states: Vec<usize> = self.states().collect();

@@ -129,7 +129,8 @@ How a step is solved (`runtime/src/newton/`):
    t = P(t + c (x - t)), true for every c > 0, with t kept at each integration point and eliminated there. c is chosen
    so that c dx/du is the stiffness of the bodies: the branch is then chosen from a traction that does not depend on
    gamma, and a point that slips is tried as sticking before it slips the other way. The start is tied (ties of
-   all kinks are contact and stick), later steps start from the pieces of the step before.
+   all kinks are contact and stick); later steps start from the pieces that follow if arguments and values go on as
+   they did between the last two steps.
 2. **A search along each of these steps** (`pieces/watched.rs`). With linear bodies every state on the way is in
    equilibrium, and x, t and the friction bound are linear in it, so only the defect of t = P(t + c (x - t)) is looked
    at, squared and summed as an energy: the step is halved until the defect falls. A trial costs no assembly. Without it
@@ -148,9 +149,13 @@ A scene whose arguments are some thousand times softer than its bodies (tiny gam
 before it searches (16, and 8 in later steps), and brings friction in after 5 and 6. A method that makes no progress
 hands over to the next.
 
+Bodies that are not linear begin a step with the tangent of the step before, by which they follow what is prescribed
+(`predict.rs`); a correction that is far too long is followed to the minimum of the energy, if there is one (`line.rs`).
+Where the residual is the rounding of the matrix of the bodies, these are evaluated at their points and the state is
+refined (`refine.rs`).
+
 What was tried and lost: layers of a tenth, three times and ten times the stiffness of the bodies, which took more
 iterations; at most three to five halvings, which need fewer iterations on faults and fail for nearly incompressible
 bodies; the smallest of all trials in place of the first that falls; eight whole steps everywhere, closing points that
-stick at first, pieces extrapolated from the last two steps, handing over after two short steps. What still fails: some
-friction coefficients of several units on open faults, Nitsche far below its coercivity bound, multipliers that two
-surfaces share at a corner.";
+stick at first, handing over after two short steps, a stiffer choice of pieces for theta = -1 far below E/h.
+What still fails: some friction coefficients of several units on open faults, Nitsche far below its coercivity bound.";

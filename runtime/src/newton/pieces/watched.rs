@@ -14,11 +14,13 @@ use crate::{assemble::FieldValues, mesh::Mesh};
 
 /// A step is taken that reduces the defect by this part of its length.
 const SUFFICIENT: f64 = 1e-4;
+/// Longest way ahead in units of the last.
+const FURTHEST: f64 = 2.0;
 /// Halvings before the best of those tried is taken.
 const MAX_HALVINGS: i32 = 13;
 
 /// Arguments, radii and values of the projections of a term at its points.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Watched {
     /// Point by point, as the watch law lists them.
     values: Vec<f64>,
@@ -31,6 +33,13 @@ impl Watched {
     pub(crate) fn points(&self) -> impl Iterator<Item = &[f64]> {
         let n = self.values.len().checked_div(self.weights.len()).unwrap_or(0).max(1);
         self.values.chunks_exact(n)
+    }
+
+    /// What would be watched if things went on as they did since `before`, for `part` of the time between.
+    fn ahead(&self, before: &Self, part: f64) -> Self {
+        let mut found = self.clone();
+        found.values.iter_mut().zip(&before.values).for_each(|(v, b)| *v += part * (*v - b));
+        found
     }
 
     /// Goes part of the way to `target`.
@@ -87,6 +96,46 @@ impl TermPieces {
     }
 }
 
+/// A converged state: the step variable, and what was watched, by piece.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Passed {
+    pub(crate) time: f64,
+    pub(crate) watched: Vec<Watched>,
+}
+
+impl Passed {
+    /// What to expect at `time` after this state and the one `before`. `None` where that is no later time, or so much
+    /// later that nothing can be said.
+    pub(crate) fn ahead(&self, before: &Self, time: f64) -> Option<Vec<Watched>> {
+        let part = (time - self.time) / (self.time - before.time);
+        let fits = part > 0.0 && part <= FURTHEST && self.watched.len() == before.watched.len();
+        fits.then(|| self.watched.iter().zip(&before.watched).map(|(a, b)| a.ahead(b, part)).collect())
+    }
+
+    /// All numbers: the time, then values and weights by piece.
+    #[must_use]
+    pub fn numbers(&self) -> Vec<Vec<f64>> {
+        let all = self.watched.iter().flat_map(|w| [w.values.clone(), w.weights.clone()]);
+        std::iter::once(vec![self.time]).chain(all).collect()
+    }
+
+    /// The state with the numbers given by [`Self::numbers`]; `None` if they are not those of `pieces`.
+    #[must_use]
+    pub fn from_numbers(numbers: &[Vec<f64>], pieces: &[TermPieces]) -> Option<Self> {
+        let (time, rest) = numbers.split_first()?;
+        let fits = |(pair, piece): (&[Vec<f64>], &TermPieces)| {
+            let (values, weights) = (&pair[0], &pair[1]);
+            let watched = Watched { values: values.clone(), weights: weights.clone() };
+            (weights.len() == piece.n_points() && values.len() == weights.len() * piece.n_watched()).then_some(watched)
+        };
+        if rest.len() != 2 * pieces.len() {
+            return None;
+        }
+        let watched: Option<Vec<Watched>> = rest.chunks_exact(2).zip(pieces).map(fits).collect();
+        Some(Self { time: *time.first()?, watched: watched? })
+    }
+}
+
 /// The part of a step of all `pieces` that reduces their defect, and what is watched there; `from` and `to` by piece.
 pub(crate) fn search<'a>(
     pieces: impl Iterator<Item = &'a TermPieces> + Clone,
@@ -112,4 +161,30 @@ pub(crate) fn search<'a>(
     }
     from.iter_mut().zip(to).for_each(|(a, b)| a.approach(b, best.1));
     best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn passed(time: f64, value: f64) -> Passed {
+        Passed { time, watched: vec![Watched { values: vec![value, -value], weights: vec![0.5] }] }
+    }
+
+    #[test]
+    fn a_front_that_moves_is_expected_to_move_on() {
+        let (last, before) = (passed(3.0, 5.0), passed(1.0, 4.0));
+        let ahead = last.ahead(&before, 4.0).expect("half as far again");
+        assert_eq!(ahead[0].values, [5.5, -5.5]);
+        assert_eq!(last.ahead(&before, 7.0).map(|a| a[0].values[0]), Some(7.0));
+    }
+
+    #[test]
+    fn nothing_is_expected_backwards_at_once_or_far_away() {
+        let (last, before) = (passed(3.0, 5.0), passed(1.0, 4.0));
+        assert_eq!(last.ahead(&before, 2.0), None);
+        assert_eq!(last.ahead(&before, 7.1), None);
+        assert_eq!(last.ahead(&passed(3.0, 4.0), 4.0), None, "parts of a load are at one time");
+        assert_eq!(last.ahead(&Passed { time: 1.0, watched: Vec::new() }, 4.0), None);
+    }
 }
