@@ -367,6 +367,13 @@ fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
                 "error[E602]: step t = {time}: nothing holds {names}\n  = note: the tangent is singular: {inner}\n  = help: fix it, or press it against something that is held\n"
             ));
         }
+        NewtonError::Solve(SolveError::VanishingPivot { dof, .. }) => {
+            let names = u32::try_from(*dof).map_or_else(|_| "the scene".to_owned(), |d| moving_fields(scene, &[d]));
+            say(&format!(
+                "error[E602]: step t = {time}: next to nothing holds {names}{}\n  = note: the tangent is singular but for rounding: {inner}\n  = help: a body that slides as a whole, or contact that is far stiffer than it: fix it, press it against something that is held, or take a smaller gamma\n",
+                place_of(scene, *dof)
+            ));
+        }
         NewtonError::Solve(SolveError::TooMuchMemory(need)) => {
             say(&format!("error[E606]: {need}\n  = help: fewer cells, a lower degree, or more memory: --memory 16GB\n"))
         }
@@ -388,6 +395,16 @@ fn held_by_nothing(loaded: &Loaded, scene: &Scene, dofs: &[u32]) -> Option<Diagn
         Diagnostic::new("E403", format!("nothing holds `{name}` at the start: its row of the first tangent is zero"));
     let d = d.at(declared.name.span, "every term with it is inactive");
     Some(d.help(format!("start from a touching state, e.g. `start {name} = 0.01`")))
+}
+
+/// " at [1, 0]" for a free dof.
+fn place_of(scene: &Scene, free: usize) -> String {
+    let system = &scene.system;
+    let Some(dof) = system.numbering.free_dofs.get(free) else { return String::new() };
+    let (field, node, _) = system.numbering.describe(&system.fields, *dof as usize);
+    let x = system.fields[field].node_position(node);
+    let x: Vec<String> = x.iter().take(system.mesh.dim()).map(|c| short(*c)).collect();
+    format!(" at [{}]", x.join(", "))
 }
 
 /// The fields of free dofs, with what they do in a singular mode.

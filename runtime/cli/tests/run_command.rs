@@ -343,6 +343,26 @@ fn a_body_that_nothing_holds_is_named() {
     assert_eq!(folder.names("out/scene"), ["report.json"], "no results of a run without a solution");
 }
 
+/// A block on a rough floor, pulled by more than friction holds: whatever way the matrix tells it, what moves is named.
+#[test]
+fn a_block_that_slides_away_is_named() {
+    let text = "wfl 1\nparam gamma = 1e5\nmesh box [0,0] to [2,1] cells [8,4] quad\nregion ground = faces where y == 0\n\
+                region top = faces where y == 1\nunknown u : vector\nmultiplier m : vector on ground\n\
+                quadrature on ground vertex\nterm elastic on all : 1000*Div_u*Div_Test_u + 1500*Sym(Grad_u):Grad_Test_u\n\
+                def pull = gamma*u - m\n\
+                def force = pos_part(pull.Normal)*Normal + Ball_projection(pull - (pull.Normal)*Normal, 0.3*pos_part(pull.Normal))\n\
+                term contact on ground : force.Test_u\nterm law on ground : -1/gamma*(m + force).Test_m\n\
+                load u = [8,-10] on top\n";
+    let folder = Folder::new("slides");
+    folder.write("scene.wfl", text);
+    for gamma in ["gamma=1e3", "gamma=1e7", "gamma=1e10"] {
+        let output = folder.wfl(&["run", "scene.wfl", gamma]);
+        assert_eq!(code(&output), 1, "{}", said(&output));
+        let text = said(&output);
+        assert!(text.contains("error[E602]") && text.contains("nothing holds `") && text.contains("= help:"), "{text}");
+    }
+}
+
 /// u + u^3 = 1000 by Newton from 0 needs more than 3 iterations.
 #[test]
 fn a_step_that_does_not_converge_is_marked() {
