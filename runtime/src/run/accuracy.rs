@@ -4,14 +4,15 @@
 //! top. What such an uncertainty does to the unknowns is not bounded by a condition number, which for contact is too
 //! large by many orders (a stiff penalty is ill-conditioned without being inaccurate); it is sampled: the tangent is
 //! solved for uncertainties of that size in every row with signs that look random (statistical condition estimation,
-//! Kenney and Laub 1994, with the componentwise uncertainty of Oettli and Prager). Two solutions with a factor that is
-//! there already. A state that was refined (`newton/refine.rs`) is as right as its last correction was small, but for what
+//! Kenney and Laub 1994, with the componentwise uncertainty of Oettli and Prager). One or two solutions with a factor
+//! that is there already. A state that was refined (`newton/refine.rs`) is as right as its last correction was small, but for what
 //! rounds in the terms that are not linear. The estimate is of the error from finite precision; that of the mesh is another matter.
 
 use crate::{strategy::Strategy, system::System};
 
-/// Sets of signs that are tried.
+/// Sets of signs that are tried, and with so many unknowns one is enough: the largest of their errors hardly depends on it.
 const SAMPLES: u64 = 2;
+const MANY: usize = 1000;
 /// Part of a right-hand side that its solution may leave: an estimate needs few digits, and an older factor serves.
 const LEFT: f64 = 1e-3;
 
@@ -44,7 +45,8 @@ pub(super) fn estimate(
     let uncertainty = system.rounding(u);
     let mut worst: Option<Accuracy> = None;
     let (mut rhs, mut x) = (Vec::new(), Vec::new());
-    for sample in 1..=SAMPLES {
+    let samples = if system.numbering.n_free() < MANY { SAMPLES } else { 1 };
+    for sample in 1..=samples {
         let disturbed: Vec<f64> = (0..u.len()).map(|d| residual[d] + sign(sample, d as u64) * uncertainty[d]).collect();
         system.numbering.gather(&disturbed, &mut rhs);
         if rhs.iter().all(|r| *r == 0.0) {

@@ -12,7 +12,7 @@ use crate::{
     mesh::Mesh,
 };
 use wfl_compiler::{
-    first_non_finite, interpret,
+    first_non_finite, interpret_lanes,
     ir::{LANES, VerifiedKernel},
 };
 
@@ -22,7 +22,6 @@ struct Point<'a> {
     /// Position of the entity in the group.
     entity: usize,
     q: usize,
-    weight: f64,
 }
 
 impl AssembledTerm {
@@ -61,12 +60,25 @@ impl AssembledTerm {
 
     /// Calls `f(fluxes by test slot, weight)` at every point, in the order of groups, entities and points.
     pub fn for_each_flux(&self, mesh: &Mesh, values: FieldValues<'_>, mut f: impl FnMut(&[f64], f64)) {
-        let (mut scratch, mut out) = (Vec::new(), vec![0.0; self.law.residual.kernel().outputs.len()]);
-        let _: ControlFlow<()> = self.points(mesh, values, |inputs, point| {
-            interpret(&self.law.residual, &self.uniforms, inputs, &mut scratch, &mut out);
-            f(&out[..self.law.tests.len()], point.weight);
-            ControlFlow::Continue(())
-        });
+        let (n_in, n_out) = (self.integrator.binding.inputs.len(), self.law.residual.kernel().outputs.len());
+        let mut workspace = Workspace::default();
+        let (mut scratch, mut flux) = (Vec::new(), vec![0.0; self.law.tests.len()]);
+        for (g, group) in self.integrator.domain.groups.iter().enumerate() {
+            let mut out = vec![[0.0; LANES]; group.n_points() * n_out];
+            for batch in 0..group.n_batches() {
+                workspace.prepare(self.bound(mesh), g, batch, values);
+                let inputs = workspace.inputs.as_chunks().0;
+                for (q, out) in out.chunks_exact_mut(n_out.max(1)).enumerate() {
+                    interpret_lanes(&self.law.residual, &self.uniforms, &inputs[q * n_in..], &mut scratch, out);
+                }
+                for lane in 0..LANES.min(group.entities.len() - batch * LANES) {
+                    for (q, out) in out.chunks_exact(n_out.max(1)).enumerate() {
+                        flux.iter_mut().zip(out).for_each(|(flux, out)| *flux = out[lane]);
+                        f(&flux, workspace.weight(q)[lane]);
+                    }
+                }
+            }
+        }
     }
 
     /// Finds the first entity and point at which an instruction gives something that is not finite.
@@ -109,8 +121,7 @@ impl AssembledTerm {
                     for q in 0..group.n_points() {
                         let inputs: Vec<f64> =
                             (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES + lane]).collect();
-                        let weight = workspace.weight(q)[lane];
-                        f(&inputs, Point { group, entity: batch * LANES + lane, q, weight })?;
+                        f(&inputs, Point { group, entity: batch * LANES + lane, q })?;
                     }
                 }
             }
