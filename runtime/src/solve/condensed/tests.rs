@@ -178,8 +178,15 @@ fn a_bulk_that_nothing_holds_is_refused_at_once() {
 
 #[test]
 fn multipliers_without_bulk_are_solved() {
+    // Held on one side alone a body cannot stand alone, and there is no matrix of the forces.
+    for fix_high in [false, true] {
+        let options = BoxOptions { cells: [4, 4, 4], cut: Some(2), fix_low: true, fix_high };
+        solve_with_multipliers(&ElasticBox::new(&options), fix_high);
+    }
+}
+
+fn solve_with_multipliers(problem: &ElasticBox, has_forces: bool) {
     const FREE: usize = 4;
-    let problem = two_blocks(4);
     let (n, m) = (problem.n(), problem.pairs.len());
     // Numbered first, so that nothing helps the pivots.
     let mut bulk = Vec::new();
@@ -223,6 +230,9 @@ fn multipliers_without_bulk_are_solved() {
             let found = if row < FREE { x[row] } else { x[here as usize + m] - x[there as usize + m] };
             assert!((found - b[row]).abs() < 1e-8, "{found} instead of {}", b[row]);
         }
+        close(&x, &direct(&bulk.plus(&some).unwrap(), &b), 1e-9);
+        let is_update = !solver.memory().reference.groups.is_empty();
+        assert!(is_update == (has_forces && matches!(solver.strategy(), Strategy::Forces { .. })));
     }
 }
 
