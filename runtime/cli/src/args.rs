@@ -124,7 +124,7 @@ A knob is a parameter of the scenes, or one of
   degree=1,2         degree of the unknowns on cells
   quadrature=vertex,2,4   rule of the terms with kinks
   tol=1e-4,1e-8  max_iter=20  search=none  threads=1,2
-  precision=f64,f32+f64   of the factor of the contact forces
+  precision=f64,f32+f64   of the factors of contact forces and bulk
   solver=auto,condensed,full   auto: facing dofs share a force; condensed: contact onto its dofs; full: the whole tangent
   no_prune=nothing,constant,linear,condense,forces,symmetric,quadrature   what is left out of a run, put back
 Lists: a,b,c; a..b:log5 and a..b:lin5 have five values with both ends. Several scenes are several methods.
@@ -210,7 +210,8 @@ pub(crate) struct RunArgs {
     /// Threads of assembly and solver, 1 or more [default: all]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,
-    /// Precision of the factor of the contact forces: f64, f32+f64 (factor in single, residuals in double precision) or auto
+    /// Precision of the factors of contact forces and bulk: f64, f32+f64 (factors in single, residuals in double precision)
+    /// or auto
     #[arg(long, value_name = "NAME", value_parser = precision, default_value = "auto")]
     pub(crate) precision: Precision,
     /// Most Newton iterations in a step, in place of what the scene says

@@ -64,7 +64,7 @@ pub enum Strategy {
         n_changing: usize,
         /// Number of forces: facing dofs share one.
         n_forces: usize,
-        /// Whether the factor of that matrix is of single precision.
+        /// Whether the factors of that matrix and of the bulk are of single precision.
         single: bool,
     },
     /// One dense matrix of the changing dofs.
@@ -83,7 +83,7 @@ impl std::fmt::Display for Strategy {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Strategy::Forces { n_changing, n_forces, single } => {
-                let precision = if *single { ", factor of single precision" } else { "" };
+                let precision = if *single { ", factors of single precision" } else { "" };
                 write!(
                     f,
                     "constant bulk factored once, dense matrix of the {n_forces} forces on {n_changing} changing \

@@ -36,8 +36,8 @@ pub use ordering::{Ordering, order};
 
 use crate::csr::{Csr, CsrError};
 
-/// Precision of the dense matrix of the contact forces. Residuals, iterations and results are of double precision in all
-/// cases, and every solution is judged by its true residual.
+/// Precision of the factors of a bulk that stands alone and of the dense matrix of the contact forces. Residuals and results
+/// are of double precision in all cases, and every solution is judged by its true residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Precision {
     /// Mixed where that is faster.
@@ -45,7 +45,7 @@ pub enum Precision {
     Auto,
     /// Double.
     Double,
-    /// Single, with iterations in double precision around it; double from the first factor on that it does not serve.
+    /// Single, with residuals in double precision around it; double from the first factor on that it does not serve.
     Mixed,
 }
 
@@ -75,7 +75,7 @@ pub struct SolverOptions {
     /// Refine until it stops helping, with residuals in double-double: the solution is then exact to rounding as long
     /// as the condition number is below about 1e15. Otherwise refinement starts only when it is needed.
     pub extended_residual: bool,
-    /// Of the dense matrix of the forces.
+    /// Of the factors of bulk and forces.
     pub precision: Precision,
 }
 
