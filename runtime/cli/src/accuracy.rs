@@ -32,6 +32,8 @@ use crate::{
 const EXIT_ACCURACY: u8 = 4;
 /// The region of a term may differ from that of the scene's own mesh by this part of the error wanted.
 const SLACK: f64 = 0.1;
+/// Degree to which norms are exact that are told as `about`.
+const ROUGH_DEGREE: usize = 2;
 /// Up to so many cells, the interpreter is done before machine code is made.
 const FEW_CELLS: f64 = 300.0;
 
@@ -220,10 +222,11 @@ impl Lab<'_> {
         mut solved: Solved,
         loaded: &Loaded,
         ready: &Ready,
-        record: AccuracyRecord,
+        mut record: AccuracyRecord,
         notice: Option<Notice>,
     ) -> ExitCode {
         ready.announce(loaded, &solved.scene);
+        record.why.extend(free(&solved.outcome.report));
         if !self.args.quiet {
             out(&told(&record));
         }
@@ -314,12 +317,25 @@ impl Trials for Lab<'_> {
 
     fn distances(&mut self, run: &Trial, from: &Trial) -> Vec<(String, f64)> {
         // at the points of the coarser run, which are fewer: these errors are told as `about`
-        let list = sampled(&run.solved, Self::SAMPLER, SampleAt::Own(NORM_DEGREE)).and_then(|own| {
+        let list = sampled(&run.solved, Self::SAMPLER, SampleAt::Own(ROUGH_DEGREE)).and_then(|own| {
             let there = sampled(&from.solved, Self::SAMPLER, SampleAt::Points(&own))?;
             Ok(differences((&there, &measures(&from.solved)), (&own, &measures(&run.solved))))
         });
         list.unwrap_or_default()
     }
+}
+
+/// What the last run was free to do with less work, and what is left of that.
+fn free(report: &Report) -> Vec<String> {
+    let t = report.timings;
+    let solver = report.solver.iter().map(|s| format!("solver: {s}"));
+    let part = 100.0 * t.assemble / (t.compile + t.mesh + t.assemble + t.factor + t.solve + t.write);
+    let rule = part.is_finite().then(|| {
+        format!(
+            "quadrature: that of the terms; a coarser one could save a part of the {part:.0} % that assembling takes"
+        )
+    });
+    solver.chain(rule).collect()
 }
 
 /// What was picked and why, in lines.

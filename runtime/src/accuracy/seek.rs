@@ -13,7 +13,7 @@ use crate::{knobs::Setting, output::Real};
 const SAFETY: f64 = 1.25;
 /// The same where a fourth level confirms the order, and by how much the two orders may differ for that.
 const SAFETY_OF_FOUR: f64 = 1.1;
-const SAME_ORDER: f64 = 0.15;
+const SAME_ORDER: f64 = 0.25;
 /// The same where two levels alone tell the error, with an order that is not their own.
 const SAFETY_OF_TWO: f64 = 1.5;
 /// What a run is planned for, in parts of what is allowed.
@@ -152,7 +152,7 @@ impl<T: Trials> Search<'_, T> {
         Ok(())
     }
 
-    /// Runs the next of the first two levels of a degree that has not got them, if it is cheaper than what would be run
+    /// Runs the next of the first levels of a degree that has not got them, if it is cheaper than what would be run
     /// otherwise: it may show that this degree is the better one. True if there was one.
     fn explored(&mut self, dearer_than: f64) -> Result<bool, Out> {
         let known = &self.ladders[0];
@@ -163,9 +163,11 @@ impl<T: Trials> Search<'_, T> {
         let dofs = self.trials.cost(&finest.run).dofs as f64;
         let base = dofs / ((known.degree * finest.fineness) as f64).powf(self.ways.dim as f64);
         for ladder in 1..self.ladders.len() {
-            let finer = match self.ladders[ladder].levels.as_slice() {
-                [] => 1,
-                [one] if one.fineness < 2 * first => 2,
+            // a third level tells its own order, where it costs no more than what is planned
+            let (finer, dearer_than) = match self.ladders[ladder].levels.as_slice() {
+                [] => (1, EXPLORES * dearer_than),
+                [one] if one.fineness < 2 * first => (2, EXPLORES * dearer_than),
+                [_, two] if two.fineness < 4 * first => (4, dearer_than),
                 _ => continue,
             };
             let sides = (finer * first * self.ladders[ladder].degree) as f64;
@@ -272,15 +274,16 @@ impl<T: Trials> Search<'_, T> {
                 return self.found(ladder, level, &views);
             }
             let choice = self.choose(&views);
+            let planned = choice.as_ref().filter(|c| c.level.is_none());
+            if planned.is_some_and(|c| self.coarser(c.ladder)) {
+                continue;
+            }
             if choice.as_ref().is_none_or(|c| c.level.is_none())
-                && self.explored(choice.as_ref().map_or(f64::INFINITY, |c| EXPLORES * c.work))?
+                && self.explored(choice.as_ref().map_or(f64::INFINITY, |c| c.work))?
             {
                 continue;
             }
             let Some(choice) = choice else { break };
-            if choice.level.is_none() && self.coarser(choice.ladder) {
-                continue;
-            }
             let next = self.halfway(&choice, &views[choice.ladder]);
             // an order that is not the ladder's own refuses nothing: another level tells more
             let guess = next.is_some() && views[choice.ladder].safety == SAFETY_OF_TWO;
@@ -393,7 +396,7 @@ impl<T: Trials> Search<'_, T> {
                     None => (order, SAFETY, REACH),
                 }
             }
-            None => (self.order_of_others()?.map_or(1.0, |p| believed(p, most)), SAFETY_OF_TWO, REACH_OF_TWO),
+            None => (self.order_of_others(ladder)?.map_or(1.0, |p| believed(p, most)), SAFETY_OF_TWO, REACH_OF_TWO),
         };
         let behind = self.norm().error_behind(last, order);
         // from level to level: each is compared with the next finer one that tells something, once
@@ -417,10 +420,18 @@ impl<T: Trials> Search<'_, T> {
         if self.demand.quantity == "H1" { degree } else { degree + 1.0 }
     }
 
-    /// The order of the lowest degree, its errors told by the finest level of the highest: a lower bound for the others
-    /// where the solution is smooth, and the same where it is not. That level has an error of its own, which is not known:
-    /// half of the smaller distance is taken for it.
-    fn order_of_others(&mut self) -> Result<Option<f64>, Out> {
+    /// The order of the lowest degree: a lower bound for the others where the solution is smooth, and the same where it is
+    /// not. Where it has no three levels its errors are told by the finest level of the highest degree. That level has
+    /// an error of its own, which is not known: half of the smaller distance is taken for it.
+    fn order_of_others(&mut self, ladder: usize) -> Result<Option<f64>, Out> {
+        if ladder > 0
+            && let Some(finest) = self.ladders[0].levels.len().checked_sub(1)
+            && let Some(middle) = self.below(0, finest)
+            && let Some(coarse) = self.below(0, middle)
+        {
+            let steps = (self.step(0, coarse, middle)?, self.step(0, middle, finest)?);
+            return Ok(Some(self.norm().order(steps.0, steps.1)));
+        }
         let top = self.ladders.len() - 1;
         let (Some(best), n) = (self.ladders[top].levels.len().checked_sub(1), self.ladders[0].levels.len()) else {
             return Ok(None);
@@ -429,6 +440,11 @@ impl<T: Trials> Search<'_, T> {
             return Ok(None);
         }
         let Some(coarse) = self.below(0, n - 1) else { return Ok(None) };
+        // a level with about as many nodes has about the same error, and their distance says nothing
+        let nodes = |ladder: &Ladder<T::Run>, level: usize| (ladder.degree * ladder.levels[level].fineness) as f64;
+        if nodes(&self.ladders[top], best) < APART * nodes(&self.ladders[0], n - 1) {
+            return Ok(None);
+        }
         let (far, near) = (self.distance((0, coarse), (top, best))?, self.distance((0, n - 1), (top, best))?);
         let errors = [far, near].map(|d| self.norm().total(d, 0.5 * near));
         let at = |k: usize| self.ladders[0].levels[k].fineness as f64;
