@@ -255,13 +255,13 @@ impl CheckedCondensed {
         self.state = State::Empty;
         self.take(changing)?;
         self.judge.look_at(&[&self.bulk, &self.changing])?;
-        if before != State::Empty && self.factored == self.changing.values() {
+        let is_useless = self.engine.take(&self.changing)? || before == State::Empty;
+        if !is_useless && self.factored == self.changing.values() {
             self.state = State::Fresh;
             return Ok(());
         }
         // A change that an older factor serves badly shows in the iterations that it costs.
-        let is_useless = self.engine.take(&self.changing)?;
-        if before == State::Empty || is_useless || self.spent >= self.engine.worthwhile_iterations() {
+        if is_useless || self.spent >= self.engine.worthwhile_iterations() {
             return self.refactor();
         }
         for ((value, new), old) in

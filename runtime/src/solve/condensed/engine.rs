@@ -206,12 +206,14 @@ impl Engine {
         }
     }
 
-    /// Factors the changing part.
+    /// Factors the changing part that was taken over last.
     pub(super) fn factor(&mut self, bulk: &Csr, changing: &Csr, kind: Kind) -> Result<Pivot, SolveError> {
         let is_single = self.is_single();
         let (ratio, _) = match &mut self.method {
             Method::Forces(forces) => {
-                forces.take(&self.symbolic, &self.constant, changing)?;
+                if !forces.is_connected() {
+                    forces.take(&self.symbolic, &self.constant, changing)?;
+                }
                 match forces.factor() {
                     Ok((ratio, _)) | Err(SolveError::VanishingPivot { ratio, .. })
                         if is_single && (ratio.is_nan() || ratio < SMALLEST_SINGLE) =>

@@ -149,6 +149,11 @@ impl Forces {
         self.single
     }
 
+    /// Whether the values of the changing part are at hand, and answers to forces.
+    pub(super) fn is_connected(&self) -> bool {
+        self.connected.is_some()
+    }
+
     pub(super) fn threads(&self) -> usize {
         self.threads
     }
