@@ -200,8 +200,8 @@ const HEAD: &str = "# Speed against accuracy, measured
 
 Made by `wfl sweep --study docs`, from tables alone: every run is in them, also those that failed. Errors are relative.
 A figure has a point a run, down and to the left is better; the line is the front of runs that no other one beats.
-Times are of one run each where nothing else is said, with whatever else the machine did: a factor below 1.2 between two
-of them says nothing.
+Times are of one run each where nothing else is said, with whatever else the machine did, which was much: a factor
+below 2 between two of them says nothing.
 ";
 
 fn section(part: &Part, args: &SweepArgs, rows: &[Row]) -> String {
