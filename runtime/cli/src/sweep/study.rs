@@ -132,7 +132,7 @@ const PARTS: &[Part] = &[
         title: "What is left out because a scene does not need it",
         text: "The same scenes with each of the prunings turned off in turn (`wfl run --no-prune NAME`).",
         findings: &[
-            "In contact scenes a run takes 3 to 4 times as long where the linear part is not factored once, and as much where \
+            "In contact scenes a run takes 3 to 5 times as long where the linear part is not factored once, and as much where \
              it is not assembled once. The other prunings are within the noise of these small scenes. Results move by what \
              the Newton tolerance leaves open.",
             "Equal elements are not computed once: assembling takes 10 to 25 % of the time of a linear scene (block with \
