@@ -36,15 +36,27 @@ impl System {
             return Ok(());
         }
         let watched = self.watch_pieces(u)?;
+        let foretold = self.was_foretold();
         self.passed.truncate(1);
-        self.passed.insert(0, Passed { time: self.time, watched });
+        self.passed.insert(0, Passed { time: self.time, foretold, watched });
         Ok(())
+    }
+
+    /// True unless the pieces of this state are nearer to those of the last than to what was to be expected.
+    fn was_foretold(&self) -> bool {
+        let [last, before] = self.passed.as_slice() else { return true };
+        let Some(ahead) = last.ahead(before, self.time) else { return true };
+        let wrong = |watched: &[Watched]| -> usize {
+            let each = self.pieces.iter().zip(watched).zip(&self.guides);
+            each.map(|((piece, watched), guides)| piece.differing(&piece.follow(watched, guides), guides)).sum()
+        };
+        wrong(&ahead) <= wrong(&last.watched)
     }
 
     /// Chooses the pieces of a step that goes on as the last two did. Where they do not, this costs an iteration.
     fn expect_pieces(&mut self) {
         let [last, before] = self.passed.as_slice() else { return };
-        let Some(ahead) = last.ahead(before, self.time) else { return };
+        let Some(ahead) = last.ahead(before, self.time).filter(|_| last.foretold) else { return };
         for ((piece, ahead), guides) in self.pieces.iter_mut().zip(&ahead).zip(&mut self.guides) {
             piece.chosen(0);
             *guides = piece.follow(ahead, guides);

@@ -100,6 +100,8 @@ impl TermPieces {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Passed {
     pub(crate) time: f64,
+    /// It was as the two states before it made expect: loads go on.
+    pub(crate) foretold: bool,
     pub(crate) watched: Vec<Watched>,
 }
 
@@ -112,17 +114,18 @@ impl Passed {
         fits.then(|| self.watched.iter().zip(&before.watched).map(|(a, b)| a.ahead(b, part)).collect())
     }
 
-    /// All numbers: the time, then values and weights by piece.
+    /// All numbers: the time and whether it was foretold, then values and weights by piece.
     #[must_use]
     pub fn numbers(&self) -> Vec<Vec<f64>> {
         let all = self.watched.iter().flat_map(|w| [w.values.clone(), w.weights.clone()]);
-        std::iter::once(vec![self.time]).chain(all).collect()
+        std::iter::once(vec![self.time, f64::from(u8::from(self.foretold))]).chain(all).collect()
     }
 
     /// The state with the numbers given by [`Self::numbers`]; `None` if they are not those of `pieces`.
     #[must_use]
     pub fn from_numbers(numbers: &[Vec<f64>], pieces: &[TermPieces]) -> Option<Self> {
-        let (time, rest) = numbers.split_first()?;
+        let (head, rest) = numbers.split_first()?;
+        let [time, foretold] = head[..] else { return None };
         let fits = |(pair, piece): (&[Vec<f64>], &TermPieces)| {
             let (values, weights) = (&pair[0], &pair[1]);
             let watched = Watched { values: values.clone(), weights: weights.clone() };
@@ -132,7 +135,7 @@ impl Passed {
             return None;
         }
         let watched: Option<Vec<Watched>> = rest.chunks_exact(2).zip(pieces).map(fits).collect();
-        Some(Self { time: *time.first()?, watched: watched? })
+        Some(Self { time, foretold: foretold > 0.5, watched: watched? })
     }
 }
 
@@ -168,7 +171,7 @@ mod tests {
     use super::*;
 
     fn passed(time: f64, value: f64) -> Passed {
-        Passed { time, watched: vec![Watched { values: vec![value, -value], weights: vec![0.5] }] }
+        Passed { time, foretold: true, watched: vec![Watched { values: vec![value, -value], weights: vec![0.5] }] }
     }
 
     #[test]
@@ -185,6 +188,6 @@ mod tests {
         assert_eq!(last.ahead(&before, 2.0), None);
         assert_eq!(last.ahead(&before, 7.1), None);
         assert_eq!(last.ahead(&passed(3.0, 4.0), 4.0), None, "parts of a load are at one time");
-        assert_eq!(last.ahead(&Passed { time: 1.0, watched: Vec::new() }, 4.0), None);
+        assert_eq!(last.ahead(&Passed { time: 1.0, foretold: true, watched: Vec::new() }, 4.0), None);
     }
 }
