@@ -149,7 +149,13 @@ impl<T: Number> Small<T> {
         self.reference.clear();
         let n = rows.m.n_rows();
         let (v, threads) = (&self.v, self.threads);
-        let v = Source { values: &v.values, scale: v.scale, width: rows.n_loads, n_rows: rows.n_read };
+        let v = Source {
+            values: &v.values,
+            scale: v.scale,
+            width: rows.n_loads,
+            stride: rows.n_loads,
+            n_rows: rows.n_read,
+        };
         let fill_share = |(share, out): (usize, &mut [T])| {
             let first = share * FILL_ROWS;
             fill_products(rows, v, first, (out, n));
@@ -289,6 +295,8 @@ pub(super) struct Source<'a, T> {
     /// What the rows of dofs with stiffness have been multiplied with.
     pub(super) scale: f64,
     pub(super) width: usize,
+    /// Numbers from one row to the next.
+    pub(super) stride: usize,
     /// The rows there are; what M reads behind them is left out.
     pub(super) n_rows: usize,
 }
@@ -298,7 +306,7 @@ pub(super) struct Source<'a, T> {
 /// value of the source is loaded once for all.
 pub(super) fn fill_products<T: Number>(
     rows: Rows<'_>,
-    Source { values: v, scale, width, n_rows }: Source<'_, T>,
+    Source { values: v, scale, width, stride: step, n_rows }: Source<'_, T>,
     first: usize,
     (out, stride): (&mut [T], usize),
 ) {
@@ -326,7 +334,7 @@ pub(super) fn fill_products<T: Number>(
                     .for_each(|(row, factor)| *factor = T::nearest(m.row(row).1[k] / unit));
                 if at < n_rows && all.iter().any(|factor| factor.wide() != 0.0) {
                     factors.push(all);
-                    answers.push(&v[at * width..][columns.clone()]);
+                    answers.push(&v[at * step..][columns.clone()]);
                 }
             }
             let mut targets = out[(group[0] - first) * stride..(group[1] - first) * stride].chunks_exact_mut(stride);

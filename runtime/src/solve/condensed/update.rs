@@ -44,8 +44,10 @@ pub(super) struct Update<T: Number> {
     changed: Vec<u32>,
     sizes: Vec<usize>,
     is_changed: Vec<bool>,
-    /// W, `(read + bare) x changed` by rows; those of `read` multiplied as V.
+    /// W, `(read + bare) x changed` by rows with room for more columns; those of `read` multiplied as V.
     columns: Vec<T>,
+    /// Numbers in a row of W.
+    stride: usize,
     /// D, `changed x dofs`.
     difference: Csr,
     /// By entry of D: row of V that it reads, those of bare dofs behind.
@@ -68,6 +70,7 @@ impl<T: Number> Update<T> {
             sizes: Vec::new(),
             is_changed: vec![false; n],
             columns: Vec::new(),
+            stride: 0,
             difference: Csr::zeros(Arc::new(Pattern::empty(0, 0))),
             places: Vec::new(),
             read: Vec::new(),
@@ -122,18 +125,16 @@ impl<T: Number> Update<T> {
         if solved.iter().chain(&added).any(|value| !value.wide().is_finite()) {
             return Err(SolveError::Internal { what: "answers of changed rows" });
         }
-        let mut columns = zeros::<T>(n_places * (old + k), "answers of changed rows")?;
-        for (place, target) in columns.chunks_exact_mut(old + k).enumerate() {
-            let (before, after) = target.split_at_mut(old);
-            before.copy_from_slice(&self.columns[place * old..][..old]);
+        self.make_room(n_places, old, old + k)?;
+        for (place, target) in self.columns.chunks_exact_mut(self.stride).enumerate() {
+            let target = &mut target[old..old + k];
             if place < n_read {
-                after.copy_from_slice(&added[place * k..][..k]);
+                target.copy_from_slice(&added[place * k..][..k]);
             } else {
                 let bare = place - n_read + n_loads;
-                after.iter_mut().zip(solved.chunks_exact(n)).for_each(|(a, w)| *a = T::nearest(-w[bare].wide()));
+                target.iter_mut().zip(solved.chunks_exact(n)).for_each(|(t, w)| *t = T::nearest(-w[bare].wide()));
             }
         }
-        self.columns = columns;
         new.iter().for_each(|&row| self.is_changed[row as usize] = true);
         self.changed.extend_from_slice(new);
         self.sizes.push(k);
@@ -141,6 +142,20 @@ impl<T: Number> Update<T> {
         (self.n_read, self.n_loads) = (n_read, n_loads);
         self.product = vec![0.0; n_places];
         self.read_rows(rows)
+    }
+
+    /// Room for so many columns of W, and more where the `old` ones have to be moved for that.
+    fn make_room(&mut self, n_places: usize, old: usize, needed: usize) -> Result<(), SolveError> {
+        if needed <= self.stride {
+            return Ok(());
+        }
+        let stride = needed + needed / 2;
+        let mut columns = zeros::<T>(n_places * stride, "answers of changed rows")?;
+        for (target, source) in columns.chunks_exact_mut(stride).zip(self.columns.chunks_exact(self.stride.max(1))) {
+            target[..old].copy_from_slice(&source[..old]);
+        }
+        (self.columns, self.stride) = (columns, stride);
+        Ok(())
     }
 
     /// The structure of D.
@@ -174,7 +189,7 @@ impl<T: Number> Update<T> {
         for (value, entry) in self.difference.values_mut().iter_mut().zip(entries) {
             *value = rows.m.values()[entry] - reference[entry];
         }
-        let source = Source { values: &self.columns, scale, width: n, n_rows: self.product.len() };
+        let source = Source { values: &self.columns, scale, width: n, stride: self.stride, n_rows: self.product.len() };
         let changed = Rows { m: &self.difference, ..rows };
         let fill_share = |(share, out): (usize, &mut [T])| {
             let first = share * FILL_ROWS;
