@@ -19,7 +19,7 @@ use crate::csr::Csr;
 const PARALLEL_VALUES: usize = 1 << 20;
 const SHARE: usize = 128;
 /// Of all rows, those that may have changed for the reference to serve on.
-const LARGEST_PART: f64 = 0.6;
+pub(super) const LARGEST_PART: f64 = 0.6;
 /// Numbers that differ by so many roundoffs of the largest of their row are the same.
 const SAME: f64 = 4.0;
 /// Smallest pivot, relative to its column, with which the changed rows are accepted; and in roundoffs.

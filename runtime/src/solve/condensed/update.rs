@@ -23,7 +23,7 @@ use super::super::dense::{Dense, Kind, Number};
 use super::super::kernels::product_by_rows;
 use super::super::multifrontal::zeros;
 use super::super::sweep::Form;
-use super::small::{Rows, Source, fill_products, other, share};
+use super::small::{LARGEST_PART, Rows, Source, fill_products, other, share};
 use crate::csr::{Csr, Pattern};
 
 /// Rows of S that one thread fills at a time.
@@ -149,7 +149,8 @@ impl<T: Number> Update<T> {
         if needed <= self.stride {
             return Ok(());
         }
-        let stride = needed + needed / 2;
+        let most = (LARGEST_PART * self.is_changed.len() as f64) as usize;
+        let stride = (needed + needed / 2).min(most).max(needed);
         let mut columns = zeros::<T>(n_places * stride, "answers of changed rows")?;
         for (target, source) in columns.chunks_exact_mut(stride).zip(self.columns.chunks_exact(self.stride.max(1))) {
             target[..old].copy_from_slice(&source[..old]);
