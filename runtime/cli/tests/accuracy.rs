@@ -109,6 +109,8 @@ fn what_was_picked_can_be_run_again_as_it_is_written() {
     for (words, needs) in [
         (["degree=2", "--accuracy=0.1"], "cannot be given, too"),
         (["degree=zero", "-q"], "is no value of knob `degree`"),
+        (["tol=abc", "-q"], "`abc` is no value of knob `tol`: a number, 0 or above"),
+        (["tol=-1", "-q"], "is no value of knob `tol`"),
         (["degre=2", "-q"], "degre"),
     ] {
         let (said, code, _) = run(&scene, &words, &out);
