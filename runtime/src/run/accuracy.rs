@@ -5,14 +5,17 @@
 //! large by many orders (a stiff penalty is ill-conditioned without being inaccurate); it is sampled: the tangent is
 //! solved for uncertainties of that size in every row with signs that look random (statistical condition estimation,
 //! Kenney and Laub 1994, with the componentwise uncertainty of Oettli and Prager). One or two solutions with a factor
-//! that is there already. A state that was refined (`newton/refine.rs`) is as right as its last correction was small, but for what
-//! rounds in the terms that are not linear. The estimate is of the error from finite precision; that of the mesh is another matter.
+//! that is there already. A state that was refined (`newton/refine.rs`) is as right as its last correction was small, but
+//! for what rounds in the terms that are not linear. The estimate is of the error from finite precision; that of the mesh
+//! is another matter.
 
 use crate::{strategy::Strategy, system::System};
 
-/// Sets of signs that are tried, and with so many unknowns one is enough: the largest of their errors hardly depends on it.
+/// Sets of signs that are tried.
 const SAMPLES: u64 = 2;
-const MANY: usize = 1000;
+/// With an error this small after the first one that is all: a set of signs tells k digits too many with a chance of about
+/// 10^-k, and this is a thousandth of what is warned of.
+const CLEAR: f64 = 1e-6;
 /// Part of a right-hand side that its solution may leave: an estimate needs few digits, and an older factor serves.
 const LEFT: f64 = 1e-3;
 
@@ -45,8 +48,10 @@ pub(super) fn estimate(
     let uncertainty = system.rounding(u);
     let mut worst: Option<Accuracy> = None;
     let (mut rhs, mut x) = (Vec::new(), Vec::new());
-    let samples = if system.numbering.n_free() < MANY { SAMPLES } else { 1 };
-    for sample in 1..=samples {
+    for sample in 1..=SAMPLES {
+        if worst.as_ref().is_some_and(|w| w.error < CLEAR) {
+            break;
+        }
         let disturbed: Vec<f64> = (0..u.len()).map(|d| residual[d] + sign(sample, d as u64) * uncertainty[d]).collect();
         system.numbering.gather(&disturbed, &mut rhs);
         if rhs.iter().all(|r| *r == 0.0) {
