@@ -188,7 +188,7 @@ impl<T: Number> SmallSystem for Small<T> {
                     self.whole = 0;
                     return Ok(pivot);
                 }
-                Err(error @ (SolveError::OutOfMemory { .. } | SolveError::TooMuchMemory(_))) => return Err(error),
+                // Not accurate, or no room for its columns: a whole factor needs neither.
                 _ => {}
             }
         }

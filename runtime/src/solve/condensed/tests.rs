@@ -231,12 +231,23 @@ fn solve_with_multipliers(problem: &ElasticBox, has_forces: bool) {
             assert!((found - b[row]).abs() < 1e-8, "{found} instead of {}", b[row]);
         }
         close(&x, &direct(&bulk.plus(&some).unwrap(), &b), 1e-9);
+        let mut fresh =
+            CheckedCondensed::with_choice(&bulk, ties.pattern(), Some(&points), &[], options, method).unwrap();
+        fresh.update(&some).unwrap();
+        // The transposed system, too.
+        let condition = solver.condition_estimate().unwrap();
+        assert!((condition / fresh.condition_estimate().unwrap() - 1.0).abs() < 1e-3);
+        let (mut transposed, mut wanted) = (b.clone(), b.clone());
+        solver.engine.solve(Form::Transposed, &mut transposed);
+        fresh.engine.solve(Form::Transposed, &mut wanted);
+        close(&transposed, &wanted, if precision == Precision::Mixed { 1e-4 } else { 1e-9 });
         let is_update = !solver.memory().reference.groups.is_empty();
         assert!(is_update == (has_forces && matches!(solver.strategy(), Strategy::Forces { .. })));
     }
 }
 
-/// Both bodies stand alone, so that there is a matrix of the forces; its rows at the faces `slip(face)` change with the step.
+/// Both bodies stand alone, so that there is a matrix of the forces; its rows at the faces `slip(face)` change with the
+/// step.
 fn sliding(problem: &ElasticBox, kind: Contact, step: usize, slips: impl Fn(usize) -> bool) -> Csr {
     let mut sticking = problem.contact(kind, 50.0, |_, _| true);
     let slipping = problem.contact(kind, 50.0, move |face, c| c == 0 || !slips(face));
