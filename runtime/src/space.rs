@@ -292,10 +292,10 @@ impl Space {
         &self.coordinates
     }
 
-    /// Sorted nodes in the closure of `facets`. A space on cells gives the nodes of the cell whose facet is named, or, where
-    /// that is not its own, of the cell beyond: a facet that only touches its cells at an edge has none. A continuous
-    /// space on facets is matched by mesh entities (vertices, edges, facets), also where only the rim touches; a
-    /// discontinuous one gives all nodes of the facet, whichever side is named.
+    /// Sorted nodes in the closure of `facets`. A space on cells gives the nodes of the cell whose facet is named, or,
+    /// where that is not its own, of the cell beyond: a facet that only touches its cells at an edge has none. A
+    /// continuous space on facets is matched by mesh entities (vertices, edges, facets), also where only the rim
+    /// touches; a discontinuous one gives all nodes of the facet, whichever side is named.
     #[must_use]
     pub fn nodes_on_facets(&self, mesh: &Mesh, topology: &Topology, facets: &[FacetRef]) -> Vec<u32> {
         let mut found = Vec::new();

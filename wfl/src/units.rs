@@ -40,7 +40,8 @@ pub struct UnitOf {
     pub unit: String,
 }
 
-/// The units of coordinates, step variable, fields, measures and outputs, in the order of the text; nothing if the scene has no units.
+/// The units of coordinates, step variable, fields, measures and outputs, in the order of the text; nothing if the
+/// scene has no units.
 #[must_use]
 pub fn unit_report(script: &ResolvedScript, sources: &SourceMap) -> Vec<UnitOf> {
     if !Scene::has_units(script) {

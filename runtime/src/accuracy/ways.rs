@@ -172,8 +172,8 @@ fn members(set: &RegionSet, dim: usize) -> (f64, i32) {
     }
 }
 
-/// The degrees that can be had, the scene's own, and whether that is only the scene's own. Spaces of several degrees or with multipliers
-/// are pairs that are stable together; a rule at the vertices and states belong to their degree.
+/// The degrees that can be had, the scene's own, and whether that is only the scene's own. Spaces of several degrees or
+/// with multipliers are pairs that are stable together; a rule at the vertices and states belong to their degree.
 fn degrees(script: &ResolvedScript, scene: &Scene, fixed_mesh: bool) -> (Vec<usize>, usize, bool) {
     let on_cells = |f: &&wfl::Field| matches!(f.kind, FieldKind::Unknown) && !matches!(f.space.place, Place::Global(_));
     let degree = |f: &wfl::Field| {

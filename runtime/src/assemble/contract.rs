@@ -3,8 +3,9 @@
 //! The formula: residual of test dof (i, c) is the sum over points of w (N_i f_c + dN_i/dx_d f_cd); the tangent the
 //! same with the law's entries on both sides. Per pair of test and trial component the tangent is one small matrix
 //! product: entries times trial functions first, then test functions times that, summed over test slots and points in
-//! registers, or a sum of shared integrals ([`crate::assemble::integrals`]). Pairs without entries do not exist; of symmetric laws one triangle is made; functions that are zero at
-//! all points of a facet are left out where a term reads values only.
+//! registers, or a sum of shared integrals ([`crate::assemble::integrals`]). Pairs without entries do not exist; of
+//! symmetric laws one triangle is made; functions that are zero at all points of a facet are left out where a term
+//! reads values only.
 
 use pulp::{Simd, WithSimd};
 use wfl_compiler::{ir::LANES, types::FieldOp};

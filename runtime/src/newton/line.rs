@@ -12,8 +12,8 @@ const DOMAIN_CUT: f64 = 1.0 / 16.0;
 const SHORTEST: f64 = 1e-60;
 /// A step is accepted when it reduces the residual norm by this part of its length.
 const SUFFICIENT: f64 = 1e-4;
-/// Where the equations are the gradient of an energy: after so many halvings a step is followed until the slope of the energy along it is this
-/// part of what it was, within so many trials.
+/// Where the equations are the gradient of an energy: after so many halvings a step is followed until the slope of the
+/// energy along it is this part of what it was, within so many trials.
 const HALVINGS_BEFORE: usize = 3;
 const SLOPE_LEFT: f64 = 0.5;
 const MOST_TRIALS: usize = 60;

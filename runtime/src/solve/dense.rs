@@ -1,7 +1,8 @@
 //! Dense LU with partial pivoting, and dense Cholesky, through faer, in double or single precision.
 //!
-//! Promises: right-hand sides and sums are of double precision whatever the factor is of; columns and rows are scaled by powers of two first; memory is kept; the smallest pivot relative to its
-//! column is reported with its unknown, and a vanishing one is an error.
+//! Promises: right-hand sides and sums are of double precision whatever the factor is of; columns and rows are scaled
+//! by powers of two first; memory is kept; the smallest pivot relative to its column is reported with its unknown, and
+//! a vanishing one is an error.
 //! Does not look at residuals: `checked` does.
 
 use faer::dyn_stack::{MemBuffer, MemStack};

@@ -36,8 +36,8 @@ pub use ordering::{Ordering, order};
 
 use crate::csr::{Csr, CsrError};
 
-/// Precision of the factors of a bulk that stands alone and of the dense matrix of the contact forces. Residuals and results
-/// are of double precision in all cases, and every solution is judged by its true residual.
+/// Precision of the factors of a bulk that stands alone and of the dense matrix of the contact forces. Residuals and
+/// results are of double precision in all cases, and every solution is judged by its true residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Precision {
     /// Mixed where that is faster.

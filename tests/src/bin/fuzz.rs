@@ -1,6 +1,7 @@
 //! Runs many inputs of the fuzzing generator and prints one line: `fuzz 10000000` or `fuzz COUNT FIRST`, where FIRST is
-//! the number of the first input; `fuzz show NUMBER` prints an input. Odd inputs are texts for the parser, even ones expressions for the compiler. An input
-//! that fails, or takes longer than [`SLOW`], is printed with its number, and the program ends with code 1.
+//! the number of the first input; `fuzz show NUMBER` prints an input. Odd inputs are texts for the parser, even ones
+//! expressions for the compiler. An input that fails, or takes longer than [`SLOW`], is printed with its number, and
+//! the program ends with code 1.
 
 use std::{
     panic::catch_unwind,

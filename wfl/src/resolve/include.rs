@@ -66,8 +66,8 @@ impl<'a> Includes<'a> {
         }
     }
 
-    /// All statements, what was found, and what broken statements would have declared. A macro of the library gives way to one of the scene of the same name, so
-    /// that a scene can say what `trac` is and still use `nitsche`.
+    /// All statements, what was found, and what broken statements would have declared. A macro of the library gives way
+    /// to one of the scene of the same name, so that a scene can say what `trac` is and still use `nitsche`.
     pub(super) fn finish(mut self) -> (Vec<Item>, Vec<Diagnostic>, Lost) {
         let of_library = |item: &Item| self.library.contains(&item.span.source.index());
         let own: BTreeSet<String> = self

@@ -1,11 +1,12 @@
 //! `wfl sweep`: scenes over lists of settings, their errors and costs in one table.
 //!
 //! Every run is made in this process with a fresh state, one at a time: times are those of a machine that does nothing
-//! else. Several at once (`--jobs`) are not timed. A setting that fails stays in the table with its message and time. A table that is there already is gone on
-//! with: its rows are not run again as long as the text of their scene is the same.
+//! else. Several at once (`--jobs`) are not timed. A setting that fails stays in the table with its message and time. A
+//! table that is there already is gone on with: its rows are not run again as long as the text of their scene is the
+//! same.
 //!
-//! `lists` reads the command line, knobs of the runtime change scenes, `one` runs a setting, `reference` gives errors, `table` keeps
-//! the rows; `front` and `page` read nothing but these.
+//! `lists` reads the command line, knobs of the runtime change scenes, `one` runs a setting, `reference` gives errors,
+//! `table` keeps the rows; `front` and `page` read nothing but these.
 
 mod clock;
 mod front;

@@ -69,8 +69,8 @@ const PARTS: &[Part] = &[
             "The edges of the fault are singular, and that sets the order: displacements converge with order 1.6 with linear \
              and 1.7 with quadratic elements, gradients with 0.8 and 0.9.",
             "Cells that crowd at the edges make up for it: the reference, 16 quadratic cells along an edge with crowd=1, is \
-             wrong by 0.007 % of the displacements; 8 such cells are wrong by 0.04 %, 8 of equal size by 0.1 % (wfl run \
-             examples/fault/nitsche.wfl degree=2 crowd=1 gamma=5e6).",
+             wrong by 0.007 % of the displacements; 8 such cells are wrong by 0.04 %, 8 of equal size by 0.1 % (wfl sweep \
+             examples/fault/nitsche.wfl crowd=0,1 degree=2 tol=1e-7 gamma=5e6 with this reference).",
         ],
         words: &["examples/fault/nitsche.wfl", "refine=0.25,0.5,0.75,1,1.25", "degree=1,2", "tol=1e-3", "gamma=2e5"],
         reference: "auto",

@@ -155,7 +155,8 @@ impl Probe<'_> {
         let along = |m: &DMatrix<f64>| (mode.transpose() * m * &mode)[(0, 0)];
         let linear = self.linear(place, &dofs);
         let theta = -gamma * along(&linear) / along(&traction);
-        // theta is one of a few numbers, and + 0 makes -0 a 0; what the stress lacks of its tangential part is no matter here
+        // theta is one of a few numbers, and + 0 makes -0 a 0; what the stress lacks of its tangential part is no
+        // matter here
         let theta = if theta.is_finite() { (1e6 * theta).round() / 1e6 + 0.0 } else { 0.0 };
         Some(Coercivity { term: self.terms[self.pieces.term].law.name.clone(), gamma, theta, trace })
     }

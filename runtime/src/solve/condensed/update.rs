@@ -1,7 +1,7 @@
 //! A factored matrix of which some rows change.
 //!
-//! With the reference `A = 1 + M V`, E the columns of the identity at the rows that differ from it, and D the differences of
-//! these rows of M,
+//! With the reference `A = 1 + M V`, E the columns of the identity at the rows that differ from it, and D the
+//! differences of these rows of M,
 //!
 //! ```text
 //! 1 + M' V = A + E D V       W = V A⁻¹ E       S = 1 + D W       (Sherman, Morrison, Woodbury)
