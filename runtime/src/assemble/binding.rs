@@ -289,10 +289,10 @@ impl GroupBinding {
         for basis in &mut bases {
             let table = &basis.table;
             basis.starts.values = values.len();
-            values.extend(table.values.iter().map(|v| [*v; LANES]));
+            values.extend(table.values.iter().map(|v| Lanes([*v; LANES])));
             basis.starts.support = values.len();
             let at_points = table.values.chunks_exact(table.n_dofs.max(1));
-            values.extend(at_points.flat_map(|row| basis.support.iter().map(|i| [row[usize::from(*i)]; LANES])));
+            values.extend(at_points.flat_map(|row| basis.support.iter().map(|i| Lanes([row[usize::from(*i)]; LANES]))));
             let side = group.there.as_ref().filter(|_| basis.side == Side::There).unwrap_or(&group.here);
             basis.starts.constant_gradients = side.is_affine() && basis.order == 1 && {
                 let mut rows = table.gradients.chunks_exact(table.n_dofs * table.dim);

@@ -264,8 +264,8 @@ impl Tangent<'_> {
         }
         for (slot, coefficient) in self.coefficients.iter_mut().zip(&self.entries.coefficients) {
             *slot = match coefficient {
-                Coefficient::Constant(c) => [*c; LANES],
-                Coefficient::Uniform(u) => [self.uniforms[*u]; LANES],
+                Coefficient::Constant(c) => Lanes([*c; LANES]),
+                Coefficient::Uniform(u) => Lanes([self.uniforms[*u]; LANES]),
                 Coefficient::Output(_) => ZERO,
             };
         }

@@ -272,11 +272,11 @@ impl Points<'_> {
                         n
                     });
                     let component = n[usize::from(*k)];
-                    if *side == Side::There { component.map(|x| -x) } else { component }
+                    if *side == Side::There { Lanes(component.map(|x| -x)) } else { component }
                 }
                 Input::Geometry(slot) => self.geometry(D, *slot),
             };
-            self.workspace.inputs[(q * n + slot) * LANES..][..LANES].copy_from_slice(&value);
+            self.workspace.inputs[(q * n + slot) * LANES..][..LANES].copy_from_slice(&*value);
         }
     }
 

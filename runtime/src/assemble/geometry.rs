@@ -2,6 +2,8 @@
 //!
 //! Every array holds one number a lane; loops over lanes are the innermost, so they become vector instructions.
 
+use std::ops::{Deref, DerefMut};
+
 use pulp::Simd;
 use wfl_compiler::ir::LANES;
 
@@ -14,11 +16,36 @@ use crate::{
     mesh::Mesh,
 };
 
-/// One number per entity of a batch.
-pub type Lanes = [f64; LANES];
+/// One number per entity of a batch, in a line of the cache of its own: a vector that lies across two lines takes twice
+/// as long to read, and longer to write.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
+pub struct Lanes(pub [f64; LANES]);
+
+impl Deref for Lanes {
+    type Target = [f64; LANES];
+
+    #[inline(always)]
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+impl DerefMut for Lanes {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.0
+    }
+}
+
+impl Default for Lanes {
+    fn default() -> Self {
+        ZERO
+    }
+}
 
 /// Zero in every lane.
-pub(super) const ZERO: Lanes = [0.0; LANES];
+pub(super) const ZERO: Lanes = Lanes([0.0; LANES]);
 
 /// `out += s * a`, lane by lane.
 #[inline(always)]
@@ -149,11 +176,11 @@ impl PointGeometry {
     /// Length, area or volume that a unit of the reference entity covers.
     pub(super) fn measure(&self, dim: usize, group: &Group, out: &mut Lanes) {
         if group.is_global {
-            *out = [1.0; LANES];
+            *out = Lanes([1.0; LANES]);
             return;
         }
         let Some(tangents) = group.tangents else {
-            *out = self.determinant.map(f64::abs);
+            *out = Lanes(self.determinant.map(f64::abs));
             return;
         };
         let mut images = [[ZERO; 3]; 2];
@@ -260,7 +287,7 @@ impl PointGeometry {
             let mut inner = [[ZERO; 3]; 3];
             for a in 0..dim {
                 for b in 0..dim {
-                    inner[a][b] = [h[a * dim + b]; LANES];
+                    inner[a][b] = Lanes([h[a * dim + b]; LANES]);
                     for i in 0..dim {
                         for l in 0..LANES {
                             inner[a][b][l] -= gradients[i * stride + k][l] * curvature[i][a][b][l];

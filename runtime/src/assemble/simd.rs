@@ -18,13 +18,13 @@ pub(super) const fn parts<S: Simd>() -> usize {
 /// Part `p` of a number.
 #[inline(always)]
 pub(super) fn load<S: Simd>(lanes: &Lanes, p: usize) -> S::f64s {
-    S::as_simd_f64s(lanes).0[p]
+    S::as_simd_f64s(&**lanes).0[p]
 }
 
 /// Writes part `p` of a number.
 #[inline(always)]
 pub(super) fn store<S: Simd>(lanes: &mut Lanes, p: usize, value: S::f64s) {
-    S::as_mut_simd_f64s(lanes).0[p] = value;
+    S::as_mut_simd_f64s(&mut **lanes).0[p] = value;
 }
 
 /// `sum + a * b`, rounded twice: what feeds geometry and point laws must be the same bits on every processor, and
