@@ -210,6 +210,31 @@ fn inclined_faults_with_stiff_contact_agree_with_an_independent_program() {
     }
 }
 
+/// With a friction coefficient of 5, tangents on two sides of a kink differ in the sign of their determinant, and a search
+/// for a smaller defect ends between them; the path through the pieces turns round there. Reference: the program above.
+#[test]
+fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
+    let expected = [
+        (3, [1.62774670789, 1.27997209471, 9.68093794003e-5]),
+        (4, [0.856060362101, 0.751137605612, 0.000282928869469]),
+        (5, [0.365951450784, 0.674181824099, 0.000520798388846]),
+    ];
+    for (method, tolerance) in [(PENALTY, 1e-8), (AUGMENTED, 1e-3)] {
+        let text = inclined(0.57735, 3.0, [12, 10], "[0.7*t,-t]", "steps t = 0 to 7 by 1", method);
+        let params = [("gamma", 1e8), ("fric", 5.0)];
+        let solved = solve(&examples(), text, &[], &params).expect("the scene is right");
+        let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
+        assert!(solved.outcome.converged() && counts.iter().all(|n| *n <= 60), "{method}: {counts:?}");
+        assert!(solved.outcome.steps.iter().all(|s| s.attempts.is_empty()), "{method}");
+        for (step, values) in expected {
+            for (name, value) in ["Fn", "Ft", "slip"].into_iter().zip(values) {
+                let found = solved.measure(step, name);
+                assert!((found / value - 1.0).abs() < tolerance, "{method}: {name} {found} against {value}");
+            }
+        }
+    }
+}
+
 /// Volumes that hardly change make the nodal stiffness thousands of times what a body gives way with to a traction: the
 /// choice of pieces must not take one for the other. A penalty and an augmented Lagrangian with the rule of the nodes
 /// hold the same conditions, and 1/gamma of compliance is what is between them.

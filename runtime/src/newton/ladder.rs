@@ -1,8 +1,8 @@
 //! Which globalisation a step uses, and when the next one takes over.
 //!
 //! Each of them is the best somewhere (`docs/newton.md`): held pieces for contact and friction, with a soft layer
-//! between the sides for a few iterations where stiff contact makes no progress, and with friction that grows from
-//! nothing where they circle; backtracking on the residual for everything else, the natural monotonicity test, and
+//! between the sides for a few iterations where stiff contact makes no progress; where they circle, the path through
+//! the pieces from where they stand and from the start of the step, then friction that grows from nothing; backtracking on the residual for everything else, the natural monotonicity test, and
 //! friction that shrinks as the last resort. A step that makes no progress with one goes on with the next from where
 //! it stands; one whose tangent becomes singular on the way (a body that only friction holds, with all of it slipping
 //! in an iterate) goes on from its best state.
@@ -20,6 +20,10 @@ pub(super) enum Method {
     Soft,
     /// Contact by held pieces ([`super::pieces`]).
     Pieces,
+    /// The path through the pieces ([`super::path`]) from the start of the step.
+    PathFromStart,
+    /// The path through the pieces from where the step stands.
+    Path,
     /// Backtracking on the norm of the residual.
     Residual,
     /// Backtracking on the norm of the simplified Newton correction.
@@ -31,9 +35,17 @@ pub(super) enum Method {
 }
 
 impl Method {
+    /// True if the path through the pieces is followed.
+    pub(super) fn is_path(self) -> bool {
+        matches!(self, Self::Path | Self::PathFromStart)
+    }
+
     /// True if pieces are held.
     pub(super) fn holds(self) -> bool {
-        matches!(self, Self::Soft | Self::Pieces | Self::MoreFriction | Self::LessFriction)
+        matches!(
+            self,
+            Self::Soft | Self::Pieces | Self::PathFromStart | Self::Path | Self::MoreFriction | Self::LessFriction
+        )
     }
 }
 
@@ -54,6 +66,13 @@ const TRIAL: usize = 10;
 /// Whole steps before contact that is soft as written is searched: in later steps, and from a start without a past.
 const WHOLE_STEPS: usize = 8;
 const WHOLE_STEPS_AT_FIRST: usize = 16;
+/// So many steps in turn that are shorter than this part come to nothing.
+const STUCK: usize = 5;
+const NOTHING: f64 = 0.04;
+/// A state is met again if its branches are the same and its residual is, but for this part.
+const AGAIN: f64 = 1e-6;
+/// Kinks that a path may pass.
+const PATH_PATIENCE: usize = 150;
 /// More may pass while the residual has halved in so many.
 const PROGRESS: usize = 10;
 /// Iterations with soft contact that may pass, and the part of the points whose change is small enough to go on.
@@ -104,6 +123,13 @@ impl Ladder {
                 let searches = methods.iter().position(|m| !m.holds()).filter(|_| !soft_as_written);
                 methods.insert(searches.unwrap_or(methods.len()), Method::LessFriction);
                 methods.push(Method::MoreFriction);
+            }
+            if system.is_affine_when_held() {
+                let last = methods.iter().rposition(|m| *m == Method::Pieces).unwrap_or(0);
+                methods.insert(last + 1, Method::Path);
+                if warm {
+                    methods.insert(last + 2, Method::PathFromStart);
+                }
             }
         }
         if !options.search || system.is_linear() {
@@ -162,6 +188,11 @@ impl Ladder {
         matches!(self.method(), Method::Soft | Method::Pieces) && before.is_some_and(Method::holds)
     }
 
+    /// Leaves a path that goes nowhere.
+    pub(super) fn give_up(&mut self) {
+        self.iterations = usize::MAX / 2;
+    }
+
     /// Hears how the last step with held pieces went: its length and the part of the points that changed pieces.
     pub(super) fn settles(&mut self, step: f64, changed: f64) {
         self.settled = step == 1.0 && changed <= FEW;
@@ -186,15 +217,31 @@ impl Ladder {
         !before.is_empty() && smallest(last) < 0.5 * smallest(before)
     }
 
+    /// True if the last steps with held pieces were next to nothing or came back to where one was before, and there is
+    /// a path to go on with.
+    fn is_stuck(&self, history: &StepHistory) -> bool {
+        let here = &history.iterations[history.iterations.len().saturating_sub(self.iterations)..];
+        let (Some((last, before)), true) = (here.split_last(), self.methods.iter().any(|m| m.is_path())) else {
+            return false;
+        };
+        let again = |i: &Iteration| {
+            i.fingerprint == last.fingerprint && (i.residual - last.residual).abs() < AGAIN * last.residual
+        };
+        let nothing = here.len() > STUCK && here[here.len() - STUCK..].iter().all(|i| i.step < NOTHING);
+        nothing || (here.len() > STUCK && before.iter().any(again))
+    }
+
     fn exhausted(&self, history: &StepHistory) -> bool {
         match self.method() {
             Method::Soft => {
                 return self.iterations > SOFT_PATIENCE || (self.iterations > 1 && self.settled);
             }
-            Method::Pieces if self.methods.get(self.position + 1) == Some(&Method::Soft) => {
-                return self.iterations > self.trial && !self.progresses(history);
+            Method::Pieces => {
+                let softens = self.methods.get(self.position + 1) == Some(&Method::Soft);
+                let patience = if softens { self.trial } else { PIECES_PATIENCE };
+                return (self.iterations > patience || self.is_stuck(history)) && !self.progresses(history);
             }
-            Method::Pieces => return self.iterations > PIECES_PATIENCE && !self.progresses(history),
+            Method::Path | Method::PathFromStart => return self.iterations > PATH_PATIENCE,
             Method::Natural => return self.iterations > NATURAL_PATIENCE,
             Method::MoreFriction | Method::LessFriction => {
                 return self.iterations > FRICTION_PARTS * FRICTION_PATIENCE + AT_FULL_FRICTION;

@@ -7,6 +7,7 @@
 mod history;
 mod ladder;
 mod line;
+mod path;
 mod pieces;
 mod predict;
 mod refine;
@@ -15,11 +16,12 @@ mod start;
 use std::time::Instant;
 
 pub use history::{Iteration, Seconds, StepHistory, Stop};
-pub(crate) use pieces::search;
 pub use pieces::{Coercivity, ContactGaps, Passed, TermPieces, Watched};
+pub(crate) use pieces::{Kinks, Way, next_kinks, search};
 
 use ladder::Ladder;
 use line::Line;
+use path::Path;
 use thiserror::Error;
 
 use crate::{
@@ -176,24 +178,22 @@ fn iterate(
     let (mut direction, mut before) = (Vec::new(), None);
     let mut best = (here.relative, u.to_vec());
     let mut left = false;
-    for iteration in 1..=options.max_iterations {
+    let mut path = None;
+    let start = u.to_vec();
+    let (mut iteration, mut room) = (0, options.max_iterations);
+    while room > 0 {
+        iteration += 1;
+        // a path has a limit of its own
+        room -= usize::from(path.is_none());
         if let Some(stop) = stopped(&here, options) {
-            history.stop = Some(stop);
-            if stop == Stop::Floor && options.search && refine::helps(system, u) {
-                let how = (ladder.held(), weights.as_slice(), options);
-                refine::refine((system, strategy), u, how, &mut history, watch)?;
-            }
+            finish((system, strategy), u, (ladder.held(), &weights, options), (stop, &mut history), watch)?;
             return Ok(history);
         }
         let begin = Instant::now();
         let other = ladder.next(&history) | std::mem::take(&mut left);
         system.set_friction(ladder.friction());
         if other {
-            if ladder.held() && !ladder.continues() {
-                system.settle(false);
-                system.start_pieces(u)?;
-            }
-            system.set_soft(ladder.method() == ladder::Method::Soft);
+            path = take_over(system, &ladder, (u, &start))?;
             here = measure(system, u, &weights, ladder.held())?;
         }
         system.tangent(u, ladder.held())?;
@@ -202,28 +202,44 @@ fn iterate(
         here.norm = weighted_norm(system, &here.residual, &weights);
         let forcing = forcing(here.relative, before, options.tolerance);
         before = Some(here.relative);
-        if let Err(error) = correct(system, strategy, (&here.residual, forcing), &mut direction, &mut history) {
+        let result = match &mut path {
+            Some(path) => path.advance((system, strategy), u, (&here, &weights), &mut history).map(Some),
+            None => correct(system, strategy, (&here.residual, forcing), &mut direction, &mut history).map(|()| None),
+        };
+        let followed = match result {
+            Ok(followed) => followed,
             // at the start it is the scene that lacks something; on the way one state says little about the scene, and
             // it is an error only if each method meets one
-            let on_the_way = iteration > 1 && matches!(error, NewtonError::Solve(SolveError::Singular { .. }));
-            if !on_the_way || !ladder.leave_singular() {
-                return Err(error);
+            Err(error) => {
+                let singular = matches!(error, NewtonError::Solve(SolveError::Singular { .. }));
+                let on_the_way = iteration > 1 && (singular || path.is_some() && error.is_of_the_state());
+                if !on_the_way || !ladder.leave_singular() {
+                    return Err(error);
+                }
+                u.copy_from_slice(&best.1);
+                left = true;
+                continue;
             }
-            u.copy_from_slice(&best.1);
-            left = true;
-            continue;
-        }
+        };
         let begin = Instant::now();
-        let method = ladder.method();
-        let mut line =
-            Line { direction: &direction, weights: &weights, options, method, whole: ladder.takes_whole_steps() };
-        let (alpha, next) = line.advance(system, strategy, u, &here)?;
-        here = next;
-        if ladder.held() && stopped(&here, options).is_none() {
-            let changed = system.follow_pieces(ladder.iterations());
-            ladder.settles(alpha, changed);
-            system.held_residual(u, &mut here.residual)?;
-        }
+        let alpha = if let Some((part, next)) = followed {
+            here = next;
+            if path.as_ref().is_some_and(Path::is_lost) {
+                ladder.give_up();
+            }
+            part
+        } else {
+            let (method, whole) = (ladder.method(), ladder.takes_whole_steps());
+            let mut line = Line { direction: &direction, weights: &weights, options, method, whole };
+            let (alpha, next) = line.advance(system, strategy, u, &here)?;
+            here = next;
+            if ladder.held() && stopped(&here, options).is_none() {
+                let changed = system.follow_pieces(ladder.iterations());
+                ladder.settles(alpha, changed);
+                system.held_residual(u, &mut here.residual)?;
+            }
+            alpha
+        };
         history.seconds.assemble += begin.elapsed().as_secs_f64();
         history.push(watch, history.iterations.len(), &here, alpha, system);
         if here.relative < best.0 {
@@ -232,6 +248,47 @@ fn iterate(
     }
     history.stop = Some(stopped(&here, options).unwrap_or(Stop::MaxIterations));
     Ok(history)
+}
+
+/// Refines a state whose residual is rounding, where that helps.
+fn finish(
+    (system, strategy): (&mut System, &mut Strategy),
+    u: &mut [f64],
+    how: (bool, &[f64], NewtonOptions),
+    (stop, history): (Stop, &mut StepHistory),
+    watch: &mut dyn Watch,
+) -> Result<(), NewtonError> {
+    history.stop = Some(stop);
+    if stop == Stop::Floor && how.2.search && refine::helps(system, u) {
+        refine::refine((system, strategy), u, how, history, watch)?;
+    }
+    Ok(())
+}
+
+/// Makes the pieces ready for a method that takes over; `start` is the state that the step began with. A path is begun
+/// where one is to be followed.
+fn take_over(
+    system: &mut System,
+    ladder: &Ladder,
+    (u, start): (&mut [f64], &[f64]),
+) -> Result<Option<Path>, NewtonError> {
+    let method = ladder.method();
+    if method.is_path() {
+        system.set_soft(false);
+        if method == ladder::Method::PathFromStart {
+            u.copy_from_slice(start);
+        }
+        system.hold_as_written(u)?;
+        let mut residual = Vec::new();
+        system.residual(u, &mut residual)?;
+        return Ok(Some(Path::new(&residual)));
+    }
+    if ladder.held() && !ladder.continues() {
+        system.settle(false);
+        system.start_pieces(u)?;
+    }
+    system.set_soft(method == ladder::Method::Soft);
+    Ok(None)
 }
 
 /// Part of the residual that a linear solve may leave: it must not show beside the next residual, which the speed of

@@ -9,10 +9,12 @@
 mod coercivity;
 mod compliance;
 mod contact;
+mod kinks;
 mod watched;
 
 pub use coercivity::Coercivity;
 pub use contact::ContactGaps;
+pub(crate) use kinks::{Kinks, Way, next_kinks};
 pub(crate) use watched::search;
 pub use watched::{Passed, Watched};
 

@@ -5,7 +5,7 @@ use crate::{
     assemble::{FieldValues, TermError},
     csr::CsrError,
     mesh::Mesh,
-    newton::{Passed, TermPieces, Watched, search},
+    newton::{Kinks, Passed, TermPieces, Watched, Way, next_kinks, search},
 };
 use wfl_compiler::{Class, types::FieldKind};
 
@@ -126,6 +126,45 @@ impl System {
             return Ok(1.0);
         }
         Ok(search(self.pieces.iter(), &mut self.watched, &to))
+    }
+
+    /// Holds the pieces of the terms as they are written at `u`.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub fn hold_as_written(&mut self, u: &[f64]) -> Result<(), TermError> {
+        self.watched.clear();
+        self.choose_pieces(u, TermPieces::start)
+    }
+
+    /// What is watched at the two ends of a line.
+    pub(crate) fn line(&mut self, from: &[f64], to: &[f64]) -> Result<[Vec<Watched>; 2], TermError> {
+        Ok([self.watch_pieces(from)?, self.watch_pieces(to)?])
+    }
+
+    /// How far a way along a line goes before a kink, at most to `end`, and the kinks there.
+    pub(crate) fn next_kinks(&self, line: &[Vec<Watched>; 2], sign: f64, end: f64) -> (f64, Kinks) {
+        let ways = line[0].iter().zip(&line[1]).map(|(from, to)| Way { from, to, sign });
+        let guides = self.guides.iter().map(Vec::as_slice);
+        next_kinks(self.pieces.iter().zip(ways).zip(guides).map(|((p, way), guides)| (p, way, guides)), end)
+    }
+
+    /// How fast the first of some kinks is passed along a line.
+    pub(crate) fn passage(&self, line: &[Vec<Watched>; 2], kinks: &Kinks) -> f64 {
+        let Some((k, place)) = kinks.first() else { return 0.0 };
+        self.pieces[*k].passage(Way { from: &line[0][*k], to: &line[1][*k], sign: 1.0 }, *place)
+    }
+
+    /// Changes the branches at some kinks, and turns the directions of slip to the arguments at `u`.
+    pub(crate) fn go_on(&mut self, u: &[f64], kinks: &Kinks) -> Result<(), TermError> {
+        for (k, place) in kinks {
+            self.pieces[*k].cross(*place, &mut self.guides[*k]);
+        }
+        let watched = self.watch_pieces(u)?;
+        for ((piece, watched), guides) in self.pieces.iter().zip(&watched).zip(&mut self.guides) {
+            piece.turn(watched, guides);
+        }
+        Ok(())
     }
 
     /// Makes contact soft or as written; the pieces stay as they are.
