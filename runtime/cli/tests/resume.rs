@@ -124,7 +124,7 @@ fn a_checkpoint_of_something_else_is_refused() {
     let folder = Folder::new("refused");
     let scene = fault(&folder);
     let out = folder.0.join("out");
-    // a step that cannot be solved leaves the checkpoint of the one before
+    // a step that cannot be solved leaves a checkpoint of those before
     let setup = folder.0.join("fault.wfl");
     let broken = "steps t = 0 to 3 by 1\nload uR = [0, 0, sqrt(1.5 - t) - sqrt(1.5 - t)] on top";
     edit(&setup, "steps t = 0 to 9.5 by 0.5", broken);
@@ -132,7 +132,7 @@ fn a_checkpoint_of_something_else_is_refused() {
     let said = |o: &Output| String::from_utf8_lossy(&o.stderr).into_owned();
     assert_eq!(failed.status.code(), Some(1), "{}", said(&failed));
     let file = out.join("checkpoint.wflc");
-    let good = std::fs::read(&file).expect("the checkpoint of t = 1");
+    let good = std::fs::read(&file).expect("a checkpoint");
     let refused = |more: &[&str], words: &str| {
         let mut all = vec!["--resume"];
         all.extend_from_slice(more);
@@ -158,7 +158,7 @@ fn a_checkpoint_of_something_else_is_refused() {
     refused(&[], "checksum");
     std::fs::write(&file, &good).expect("writable");
     let log = out.join("checkpoint_steps.wflc");
-    let steps = std::fs::read(&log).expect("what was done in t = 0 and 1");
+    let steps = std::fs::read(&log).expect("what was done");
     std::fs::write(&log, &steps[..steps.len() - 1]).expect("writable");
     refused(&[], "shorter than the checkpoint says");
     std::fs::write(&log, steps.iter().map(|b| b ^ 1).collect::<Vec<u8>>()).expect("writable");
@@ -167,7 +167,10 @@ fn a_checkpoint_of_something_else_is_refused() {
     std::fs::write(&log, [&steps[..], b"torn"].concat()).expect("writable");
     let goes_on = said(&run(&scene, &out, &["--resume"]));
     assert!(goes_on.contains("E601") && !goes_on.contains("checkpoint"), "{goes_on}");
-    assert_eq!(std::fs::read(&log).expect("readable").len(), steps.len() + 4, "no step has been done");
+    let again = std::fs::read(&log).expect("readable");
+    assert!(again.starts_with(&steps));
+    // steps behind the checkpoint, if there were any, are done again and stand where the torn end was
+    assert!(!again.ends_with(b"torn") || again.len() == steps.len() + 4);
     let step = std::fs::read_dir(&out).expect("results").filter_map(Result::ok).map(|e| e.path());
     let step = step.into_iter().find(|p| p.extension().is_some_and(|e| e == "vtu")).expect("a step file");
     std::fs::remove_file(&step).expect("our own file");

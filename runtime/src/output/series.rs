@@ -1,9 +1,10 @@
 //! The steps of a run as one animation: step files and their index, `base.pvd`.
 //!
-//! Promises: the index is written after each step file, so that an interrupted run can be opened
-//! up to its last whole step; it never names files of two runs; step files left by an earlier run
-//! of the same name stay until [`Series::finish`], and are untouched if the new run fails before.
-//! Does not keep an earlier result: step files of the same number are replaced.
+//! Promises: the index names whole step files of one run only, so that an interrupted run can be opened;
+//! step files left by an earlier run of the same name stay until [`Series::finish`], and are untouched
+//! if the new run fails before.
+//! Does not keep an earlier result: step files of the same number are replaced. Does not decide when
+//! the index is brought up to date.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -18,27 +19,30 @@ pub struct Series<'d> {
     base: String,
     /// Time and file name of every step written.
     steps: Vec<(f64, String)>,
+    /// Of these, those the index names.
+    indexed: usize,
 }
 
 impl<'d> Series<'d> {
     /// A series without steps; nothing is written or removed yet.
     #[must_use]
     pub fn new(dir: &'d OutputDir, base: impl Into<String>) -> Self {
-        Series { dir, base: base.into(), steps: Vec::new() }
+        Series { dir, base: base.into(), steps: Vec::new(), indexed: 0 }
     }
 
     /// Goes on behind steps that are in the folder already, written by a run that was stopped.
     pub fn go_on_from(&mut self, times: &[f64]) {
         let step = |(k, time): (usize, &f64)| (*time, step_name(&self.base, k, "vtu"));
         self.steps = times.iter().enumerate().map(step).collect();
+        self.indexed = 0;
     }
 
-    /// Writes the next step and then the index, and returns the path of the step file.
+    /// Writes the next step and returns the path of its file; the index does not name it yet.
     /// `time` is the `t` of the scene.
     ///
     /// # Errors
     /// [`OutputError::Vtu`], [`OutputError::Time`], [`OutputError::BadName`],
-    /// [`OutputError::Write`]. The index then names the steps before this one.
+    /// [`OutputError::Write`].
     pub fn write_step(&mut self, time: f64, pieces: &[Piece]) -> Result<PathBuf, OutputError> {
         let name = step_name(&self.base, self.steps.len(), "vtu");
         let staged = stage_vtu(self.dir, &name, Some(time), pieces)?;
@@ -48,10 +52,19 @@ impl<'d> Series<'d> {
         }
         let file = staged.commit()?;
         self.steps.push((time, name));
-        self.write_index().inspect_err(|_| {
-            self.steps.pop();
-        })?;
         Ok(file)
+    }
+
+    /// Brings the index up to date: it names all steps written so far.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`]. The index then names the steps that it named before.
+    pub fn update_index(&mut self) -> Result<(), OutputError> {
+        if self.indexed < self.steps.len() {
+            self.write_index()?;
+            self.indexed = self.steps.len();
+        }
+        Ok(())
     }
 
     /// Ends a successful run: step files of an earlier run that this one has not replaced are
@@ -108,6 +121,7 @@ mod tests {
         let mut series = Series::new(dir, "hertz");
         for &time in times {
             series.write_step(time, &grid(time)).unwrap();
+            series.update_index().unwrap();
         }
         series
     }
@@ -126,13 +140,18 @@ mod tests {
     }
 
     #[test]
-    fn the_index_follows_every_step() {
+    fn the_index_names_the_steps_up_to_its_last_update() {
         let scratch = Scratch::new();
         let dir = OutputDir::create(scratch.path()).unwrap();
         let mut series = Series::new(&dir, "hertz");
         for (step, time) in [0.1, 1.0 / 3.0, 1e-300].into_iter().enumerate() {
             let file = series.write_step(time, &grid(time)).unwrap();
             assert_eq!(file, scratch.path().join(format!("hertz_000{step}.vtu")));
+            if step == 1 {
+                assert_eq!(index(&scratch).len(), 1);
+                continue;
+            }
+            series.update_index().unwrap();
             let steps = index(&scratch);
             assert_eq!(steps.len(), step + 1);
             assert_eq!(steps[step], (time, format!("hertz_000{step}.vtu")));

@@ -3,7 +3,7 @@
 //! Promises: a run that goes on from it gives the same bits as one that was not stopped; a file of another scene,
 //! other parameters, another mesh or version, and one that is cut short or damaged, is refused with the reason.
 //! The file is written after the results of its step, under a temporary name, and renamed: whenever a run is killed,
-//! results and checkpoint are whole. What was done in each step goes to the end of a second file, the log, before the
+//! results and checkpoint are whole. What was done in the steps since goes to the end of a second file, the log, before the
 //! checkpoint says how long it is: the cost of a step does not grow with their number, and what a killed run wrote
 //! behind that length is cut off. Does not keep the states of earlier steps: their results are in their files.
 
@@ -120,7 +120,7 @@ impl Identity {
 /// Where a run stands, as it is kept in the files.
 pub(super) struct Content {
     state: Vec<u8>,
-    /// The last step, for the log, and where it begins there.
+    /// The steps since the last checkpoint, for the log, and where they begin there.
     entry: Vec<u8>,
     at: u64,
 }
@@ -128,6 +128,8 @@ pub(super) struct Content {
 /// How long the log is and what is in it.
 #[derive(Clone, Debug)]
 pub(super) struct Log {
+    /// Steps.
+    count: usize,
     length: u64,
     hash: u64,
     /// Found once: the mesh does not change.
@@ -136,15 +138,16 @@ pub(super) struct Log {
 
 impl Default for Log {
     fn default() -> Self {
-        Self { length: 0, hash: HASH_OF_NOTHING, identity: None }
+        Self { count: 0, length: 0, hash: HASH_OF_NOTHING, identity: None }
     }
 }
 
-/// Where the run stands after its last step; `log` grows by it.
+/// Where the run stands after its last step; `log` grows by the steps that it does not have.
 pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, options: &RunOptions) -> Content {
     let mut entry = Writer::default();
-    run.steps.last().into_iter().for_each(|s| step(&mut entry, s));
+    run.steps[log.count..].iter().for_each(|s| step(&mut entry, s));
     let (entry, at) = (entry.bytes, log.length);
+    log.count = run.steps.len();
     log.length += entry.len() as u64;
     log.hash = hash_on(log.hash, &entry);
     let mut w = Writer::default();
@@ -221,7 +224,7 @@ pub(super) fn read(scene: &Scene, options: &RunOptions, folder: &FilePath) -> Re
         return Err(CheckpointError::Other { path: path.clone(), what });
     }
     let count = r.count().map_err(cut)?;
-    let log = Log { length: r.word().map_err(cut)?, hash: r.word().map_err(cut)?, identity: Some(found) };
+    let log = Log { count, length: r.word().map_err(cut)?, hash: r.word().map_err(cut)?, identity: Some(found) };
     let steps = read_log(folder, &log, count)?;
     found_in(&mut r, steps, log).map(Some).map_err(cut)
 }

@@ -1,6 +1,7 @@
 //! The files of a scene: one VTU and one CSV a step, as its `output` statements say.
 //!
-//! Promises: a step is written whole or not at all, steps in their order; what an earlier run left is removed only after
+//! Promises: a step is written whole or not at all, steps in their order, and with a checkpoint the index names all that
+//! it knows of; what an earlier run left is removed only after
 //! the new one has succeeded. What goes into the files is collected first ([`collect`]), so that they can be written and
 //! synced while the next step is solved. Does not write the report.
 
@@ -65,9 +66,15 @@ impl<'d> Files<'d> {
             self.written.push(write_csv(dir, &table.name, &table.columns, &table.rows)?);
         }
         if let Some(content) = &step.checkpoint {
+            self.update_index()?;
             checkpoint::write(content, dir)?;
         }
         Ok(())
+    }
+
+    /// Names all steps that were written.
+    pub(super) fn update_index(&mut self) -> Result<(), RunError> {
+        Ok(self.series.iter_mut().try_for_each(Series::update_index)?)
     }
 
     /// Removes the steps that an earlier, longer run left, and the checkpoint that is of no use any more.
@@ -95,7 +102,7 @@ pub(super) struct StepFiles {
     /// One list of pieces for each VTU output of the scene.
     grids: Vec<Vec<Piece>>,
     tables: Vec<Table>,
-    /// Where the run stands, in runs of several steps.
+    /// Where the run stands, in runs of several steps where the last checkpoint is old.
     pub(super) checkpoint: Option<checkpoint::Content>,
 }
 

@@ -14,7 +14,7 @@ mod stepping;
 use std::{
     path::PathBuf,
     sync::mpsc::{SyncSender, sync_channel},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 pub use accuracy::Accuracy;
@@ -37,6 +37,11 @@ use stepping::{Leg, StepError, Stepper};
 
 /// Steps that may wait for their files to be written before the solver waits too.
 const STEPS_TO_WRITE: usize = 1;
+/// A checkpoint is made after the first step that ends so long after the last one: what a kill costs at most, but for the
+/// step it meets.
+const CHECKPOINT_EVERY: Duration = Duration::from_millis(100);
+/// Bytes of stack of the threads of a run: as many as the first thread of a program has.
+const STACK: usize = 8 << 20;
 
 /// How a scene is run.
 #[derive(Clone, Debug)]
@@ -89,7 +94,7 @@ impl RunOptions {
 }
 
 /// What to tell while a run goes on.
-pub trait Progress {
+pub trait Progress: Send {
     /// The solver has been chosen.
     fn solver(&mut self, _description: &str) {}
     /// Where the run goes on: behind the steps of a checkpoint (the last one given), or at the beginning for want of one.
@@ -213,6 +218,15 @@ impl Watch for Forward<'_> {
 /// [`RunError`]; a step that does not converge is no error: it is marked, and the run stops there unless the scene
 /// says `on_fail=go_on`.
 pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress) -> Result<Outcome, RunError> {
+    // On a thread of the pool work is shared out without waking another one to wait for it.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads.max(1)).stack_size(STACK).build();
+    match pool {
+        Ok(pool) => pool.install(|| run_here(scene, options, progress)),
+        Err(_) => run_here(scene, options, progress),
+    }
+}
+
+fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress) -> Result<Outcome, RunError> {
     let dir = match &options.out {
         Some(path) => Some(OutputDir::create(path)?),
         None => None,
@@ -297,11 +311,15 @@ impl Run {
         }
         std::thread::scope(|scope| {
             let (sender, receiver) = sync_channel::<StepFiles>(STEPS_TO_WRITE);
-            let writer = scope.spawn(move || receiver.iter().try_for_each(|step| files.write(&step)));
+            let writer = scope.spawn(move || {
+                let written = receiver.iter().try_for_each(|step| files.write(&step));
+                (files, written)
+            });
             let solved = self.steps_to(Some(&sender), scene, options, progress);
             let begin = Instant::now();
             drop(sender);
-            let written = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            let (files, written) = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            let written = written.and_then(|()| files.update_index());
             self.clock.write += begin.elapsed().as_secs_f64();
             solved.and(written)
         })
@@ -317,6 +335,7 @@ impl Run {
         progress: &mut dyn Progress,
     ) -> Result<(), RunError> {
         let values = scene.steps.values.clone();
+        let mut checkpoint_before: Option<Instant> = None;
         for number in self.steps.len()..values.len() {
             let step = self.step(scene, &values, number, progress)?;
             progress.step_done(&step);
@@ -328,7 +347,8 @@ impl Run {
             let Some(writer) = writer else { continue };
             let begin = Instant::now();
             let mut step = files::collect(scene, &self.steps[number], number);
-            if values.len() > 1 {
+            if values.len() > 1 && checkpoint_before.is_none_or(|before| before.elapsed() >= CHECKPOINT_EVERY) {
+                checkpoint_before = Some(begin);
                 let mut log = std::mem::take(&mut self.log);
                 step.checkpoint = Some(checkpoint::pack(self, &mut log, scene, options));
                 self.log = log;
@@ -416,10 +436,14 @@ impl Run {
     ) -> Result<(Option<Accuracy>, Vec<PhysicsCheck>), NewtonError> {
         let mut residual = Vec::new();
         scene.system.residual(&self.u, &mut residual)?;
-        let strategy = self.stepper.strategy.as_mut();
-        let accuracy =
-            strategy.and_then(|s| accuracy::estimate(&scene.system, s, &self.u, &residual, history.correction));
-        Ok((accuracy, physics::checks(&mut scene.system, &self.u, &residual, scene.newton.tolerance)))
+        let (system, strategy) = (&scene.system, self.stepper.strategy.as_mut());
+        let (accuracy, contact) = rayon::join(
+            || strategy.and_then(|s| accuracy::estimate(system, s, &self.u, &residual, history.correction)),
+            || physics::contact(system, &self.u),
+        );
+        let mut checks = physics::balance(&mut scene.system, &self.u, &residual, scene.newton.tolerance);
+        checks.extend(contact);
+        Ok((accuracy, checks))
     }
 }
 
