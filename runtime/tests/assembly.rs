@@ -1,5 +1,5 @@
 //! Assembled tangents: energies of strains known by hand, the same bits for any number of threads and any values that the
-//! matrix had before, rows and columns of fixed dofs left out.
+//! matrix had before, made anew or added, rows and columns of fixed dofs left out.
 
 #[path = "../benches/common/scene.rs"]
 mod common;
@@ -34,10 +34,11 @@ def F = Id(3) + Grad_u
 term law on all : (mu*(F - Inv(F)') + lambda*log(Det(F))*Inv(F)'):Grad_Test_u
 ";
 
-/// A box of volume 1.
+/// A box of volume 1, or its face of area 2.
 fn scene(cells: &str, element: &str, degree: usize, law: &str) -> Scene {
+    let corners = if cells.contains("tri") { "[0,0] to [1,2]" } else { "[0,0,0] to [1,2,0.5]" };
     let text = format!(
-        "wfl 1\nmesh box [0,0,0] to [1,2,0.5] cells {cells}\nquadrature on all degree {degree}\n\
+        "wfl 1\nmesh box {corners} cells {cells}\nquadrature on all degree {degree}\n\
          param lambda = {LAMBDA}\nparam mu = {MU}\nunknown u : vector {element}\n{law}"
     );
     common::scene("box", text, &mut Alone).expect("a scene")
@@ -45,6 +46,11 @@ fn scene(cells: &str, element: &str, degree: usize, law: &str) -> Scene {
 
 /// The tangent at `u` on `threads` threads, in a matrix that held no numbers before; `free` maps dofs to rows.
 fn tangent(scene: &mut Scene, u: &[f64], free: &[u32], threads: usize) -> Csr {
+    made(scene, u, free, threads, f64::NAN)
+}
+
+/// The same in a matrix whose values were `before`, and added to them if they were zero.
+fn made(scene: &mut Scene, u: &[f64], free: &[u32], threads: usize, before: f64) -> Csr {
     let system = &mut scene.system;
     let n = free.iter().filter(|f| **f != FIXED).count();
     let mut pattern = PatternBuilder::new(n, n);
@@ -52,12 +58,15 @@ fn tangent(scene: &mut Scene, u: &[f64], free: &[u32], threads: usize) -> Csr {
         |dofs: &[u32]| -> Vec<u32> { dofs.iter().map(|d| free[*d as usize]).filter(|row| *row != FIXED).collect() };
     system.terms[0].for_each_entity(|rows, columns| pattern.add_coupling(&kept(rows), &kept(columns)));
     let mut matrix = Csr::zeros(pattern.build_shared().expect("a pattern"));
-    matrix.values_mut().fill(f64::NAN);
+    matrix.values_mut().fill(before);
     system.terms[0].locate(matrix.pattern(), free);
     system.terms[0].set_step(0.0, 0.0);
     let values = FieldValues { current: &[u], previous: &[] };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-    let done = pool.install(|| system.terms[0].set_tangent(&system.mesh, values, matrix.values_mut()));
+    let done = pool.install(|| match before == 0.0 {
+        true => system.terms[0].add_tangent(&system.mesh, values, matrix.values_mut()),
+        false => system.terms[0].set_tangent(&system.mesh, values, matrix.values_mut()),
+    });
     done.expect("finite numbers");
     matrix
 }
@@ -116,7 +125,7 @@ fn a_homogeneous_strain_has_its_energy_and_a_rotation_none() {
 
 #[test]
 fn every_number_of_threads_gives_the_same_bits() {
-    for (cells, element, degree) in [("[5,4,3] tet", "P2", 2), ("[6,7,5] hex", "Q1", 3)] {
+    for (cells, element, degree) in [("[5,4,3] tet", "P2", 2), ("[6,5,7] tet", "P1", 1), ("[6,7,5] hex", "Q1", 3)] {
         for law in [ELASTIC, NEO_HOOKEAN] {
             let mut scene = scene(cells, element, degree, law);
             let (free, u) = (all_free(&scene), shaken(&scene));
@@ -124,6 +133,34 @@ fn every_number_of_threads_gives_the_same_bits() {
             assert!(one.values().iter().all(|v| v.is_finite()));
             for threads in [2, 3, 7] {
                 assert!(tangent(&mut scene, &u, &free, threads) == one, "{element}: {threads} threads");
+            }
+        }
+    }
+}
+
+/// Of a symmetric tangent made anew one half is copied from the other: it must be what would be added there.
+#[test]
+fn a_matrix_made_anew_is_the_one_added_to_nothing() {
+    let cases = [("[5,4,3] tet", "P1", 1), ("[3,4,3] tet", "P2", 2), ("[6,7,5] hex", "Q1", 3), ("[4,3] tri", "P2", 2)];
+    for (cells, element, degree) in cases {
+        for law in [ELASTIC, NEO_HOOKEAN] {
+            let law = if cells.contains("tri") { law.replace("Id(3)", "Id(2)") } else { law.to_owned() };
+            let mut scene = scene(cells, element, degree, &law);
+            let (all, u) = (all_free(&scene), shaken(&scene));
+            let mut free = vec![FIXED; all.len()];
+            let kept = all.iter().filter(|d| **d / 3 % 11 != 1 && **d % 17 != 3);
+            (0u32..).zip(kept).for_each(|(row, dof)| free[*dof as usize] = row);
+            for free in [all, free] {
+                for threads in [1, 3] {
+                    let added = made(&mut scene, &u, &free, threads, 0.0);
+                    let largest = added.values().iter().fold(0.0f64, |m, v| m.max(v.abs()));
+                    let anew = tangent(&mut scene, &u, &free, threads);
+                    assert!(largest > 0.0 && anew.values().len() == added.values().len());
+                    for (k, (value, expected)) in anew.values().iter().zip(added.values()).enumerate() {
+                        let differs = (value - expected).abs();
+                        assert!(differs <= 1e-14 * largest, "{cells} {element}: {k} {value} for {expected}");
+                    }
+                }
             }
         }
     }

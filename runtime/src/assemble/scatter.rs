@@ -6,12 +6,17 @@
 //! Entities where that does not hold (next to fixed dofs) keep a list of places.
 //!
 //! A batch is added a few rows at a time: their entries are put side by side, then each entity adds its numbers. Threads
-//! add to rows of their own ([`crate::assemble::rows`]).
+//! add to rows of their own ([`crate::assemble::rows`]). Of symmetric laws one half is added where that is enough
+//! ([`halves`]).
+
+mod halves;
 
 use std::{collections::BTreeMap, ops::Range};
 
 use pulp::{Arch, Simd, WithSimd};
 use wfl_compiler::ir::LANES;
+
+pub(super) use halves::Halves;
 
 use crate::{
     assemble::{
@@ -238,6 +243,11 @@ impl Scatter {
             numbers.resize(largest, ZERO);
         }
         arch.dispatch(Adding { scatter: self, entities: entities.clone(), local, numbers, own });
+        self.add_all_listed(entities, local, own);
+    }
+
+    /// Adds the entities of a batch whose places are listed.
+    fn add_all_listed(&self, entities: Range<usize>, local: &[Lanes], own: &mut Own<'_, '_>) {
         for (lane, entity) in entities.enumerate().filter(|(_, entity)| self.lists[*entity] != NOWHERE) {
             self.add_listed(entity, local, lane, own);
         }

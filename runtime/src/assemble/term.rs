@@ -4,6 +4,7 @@
 //! sums are the same for any number of threads. After the first assembly nothing is allocated. A number that is not
 //! finite stops the assembly with its place.
 
+mod branches;
 mod local;
 
 use std::sync::{
@@ -11,6 +12,7 @@ use std::sync::{
     atomic::{AtomicBool, AtomicU64, Ordering},
 };
 
+use branches::mixed;
 use rayon::prelude::*;
 use thiserror::Error;
 use wfl_compiler::{
@@ -22,6 +24,8 @@ use wfl_compiler::{
     types::{FieldId, UniformSlot},
 };
 
+pub use branches::BranchCounts;
+
 use crate::{
     assemble::{
         binding::{Binding, Needs},
@@ -30,7 +34,7 @@ use crate::{
         entries::{Entries, inputs_behind},
         evaluate::{Bound, FieldValues, Workspace},
         rows::{Own, Rows},
-        scatter::{NOWHERE, Scatter},
+        scatter::{Halves, NOWHERE, Scatter},
         shared::{add, shared},
         shares::{Duty, Shares, Touched},
     },
@@ -62,40 +66,6 @@ pub enum TermError {
     NonFinite(Box<NonFinitePlace>),
 }
 
-/// How many points are on which branch of the kinks of a term.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct BranchCounts {
-    /// One list a kink: points (weighted by nothing) by code 0, 1, 2.
-    pub kinks: Vec<[usize; 3]>,
-    /// A number that changes when any point changes its branch.
-    pub fingerprint: u64,
-}
-
-impl BranchCounts {
-    fn clear(&mut self, n_kinks: usize) {
-        self.kinks.clear();
-        self.kinks.resize(n_kinks, [0; 3]);
-        self.fingerprint = 0;
-    }
-
-    fn add(&mut self, other: &Self) {
-        for (sum, counts) in self.kinks.iter_mut().zip(&other.kinks) {
-            sum.iter_mut().zip(counts).for_each(|(s, c)| *s += c);
-        }
-        self.fingerprint = self.fingerprint.wrapping_add(other.fingerprint);
-    }
-}
-
-/// A number for one branch at one point; their sum does not depend on the order (finaliser of SplitMix64).
-fn mixed(entity: usize, point: usize, kink: usize, code: usize) -> u64 {
-    let mut z = [entity, point, kink, code + 1]
-        .iter()
-        .fold(0u64, |z, k| (z.rotate_left(17) ^ *k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
-
 /// A law on a domain, callable.
 pub struct Integrator {
     /// Where.
@@ -110,6 +80,14 @@ struct Kept {
     shares: Option<Arc<Shares>>,
     /// Of the located pattern.
     rows: Option<Arc<Rows>>,
+    /// Of the located pattern, once a matrix is made anew.
+    halves: Option<Arc<Halves>>,
+}
+
+impl Kept {
+    fn forget_places(&mut self) {
+        (self.rows, self.halves) = (None, None);
+    }
 }
 
 /// A term ready to be assembled.
@@ -296,7 +274,7 @@ impl AssembledTerm {
     /// Looks up where each local pair stands in a matrix; `free` maps a dof to its row, or to nothing when fixed.
     pub fn locate(&mut self, pattern: &Arc<Pattern>, free: &[u32]) {
         self.located = Some((pattern.clone(), free.to_vec()));
-        self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).rows = None;
+        self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).forget_places();
         self.scatters = (0..self.dofs.len())
             .map(|g| {
                 let (binding, plan) = (&self.integrator.binding.groups[g], &self.plans[g]);
@@ -311,7 +289,7 @@ impl AssembledTerm {
     pub fn forget(&mut self) {
         self.scatters = Vec::new();
         self.located = None;
-        self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).rows = None;
+        self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).forget_places();
     }
 
     /// Adds the residual to `out` (by dof, fixed ones included) and counts branches.
@@ -428,7 +406,7 @@ impl AssembledTerm {
             }
             return Ok(());
         }
-        let (shares, rows) = self.shared_rows();
+        let (shares, rows, halves) = self.shared_rows(is_new);
         let finite = AtomicBool::new(true);
         rows.share_out(matrix, |me, own| {
             let clear = |duty: usize, own: &mut Own<'_, '_>| {
@@ -443,7 +421,14 @@ impl AssembledTerm {
                         finite.store(false, Ordering::Relaxed);
                     }
                     let Workspace { arch, local, row, .. } = workspace;
-                    self.scatters[duty.group].add_batch(*arch, self.entities(duty), local, row, own);
+                    let (scatter, entities) = (&self.scatters[duty.group], self.entities(duty));
+                    match halves.as_ref().and_then(|halves| halves.of(duty)) {
+                        Some(half) => scatter.add_half(*arch, entities, local, (half, duty.all_rows), own),
+                        None => scatter.add_batch(*arch, entities, local, row, own),
+                    }
+                    if let Some(halves) = &halves {
+                        halves.copy(me, k, own);
+                    }
                 }
             });
             clear(shares.duties[me].len(), own);
@@ -474,21 +459,22 @@ impl AssembledTerm {
         if let Some(shares) = kept.shares.as_ref().filter(|s| s.duties.len() == n) {
             return shares.clone();
         }
-        kept.rows = None;
+        kept.forget_places();
         kept.shares
             .insert(Arc::new(Shares::new(&self.integrator.domain, &self.integrator.binding, &self.touched(), n)))
             .clone()
     }
 
-    /// The same with the rows of the located matrix.
-    fn shared_rows(&self) -> (Arc<Shares>, Arc<Rows>) {
+    /// The same with the rows of the located matrix, and with its halves if it is made anew.
+    fn shared_rows(&self, is_new: bool) -> (Arc<Shares>, Arc<Rows>, Option<Arc<Halves>>) {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let shares = self.shares(&mut kept);
-        let rows = kept.rows.get_or_insert_with(|| {
-            let (pattern, free) = self.located.as_ref().expect("a pattern before the tangent");
-            Arc::new(Rows::new(pattern, free, &shares, &self.touched()))
-        });
-        (shares, rows.clone())
+        let (pattern, free) = self.located.as_ref().expect("a pattern before the tangent");
+        let rows = || Arc::new(Rows::new(pattern, free, &shares, &self.touched()));
+        let rows = kept.rows.get_or_insert_with(rows).clone();
+        let halves = || Arc::new(Halves::new(&self.scatters, &shares, pattern.n_entries()));
+        let halves = is_new.then(|| kept.halves.get_or_insert_with(halves).clone());
+        (shares, rows, halves)
     }
 
     fn touched(&self) -> Touched<'_> {

@@ -1,0 +1,35 @@
+//! How many points are on which branch of the kinks of a term, and whether any changed its branch.
+
+/// How many points are on which branch of the kinks of a term.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BranchCounts {
+    /// One list a kink: points (weighted by nothing) by code 0, 1, 2.
+    pub kinks: Vec<[usize; 3]>,
+    /// A number that changes when any point changes its branch.
+    pub fingerprint: u64,
+}
+
+impl BranchCounts {
+    pub(super) fn clear(&mut self, n_kinks: usize) {
+        self.kinks.clear();
+        self.kinks.resize(n_kinks, [0; 3]);
+        self.fingerprint = 0;
+    }
+
+    pub(super) fn add(&mut self, other: &Self) {
+        for (sum, counts) in self.kinks.iter_mut().zip(&other.kinks) {
+            sum.iter_mut().zip(counts).for_each(|(s, c)| *s += c);
+        }
+        self.fingerprint = self.fingerprint.wrapping_add(other.fingerprint);
+    }
+}
+
+/// A number for one branch at one point; their sum does not depend on the order (finaliser of SplitMix64).
+pub(super) fn mixed(entity: usize, point: usize, kink: usize, code: usize) -> u64 {
+    let mut z = [entity, point, kink, code + 1]
+        .iter()
+        .fold(0u64, |z, k| (z.rotate_left(17) ^ *k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
