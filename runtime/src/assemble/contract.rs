@@ -18,10 +18,11 @@ use crate::assemble::{
     geometry::{Lanes, ZERO},
     integrals::{self, Integral, Sources},
     simd::{fused, load, parts, plus_product, store},
+    strips::{MOST_TESTS, Strips},
 };
 
 /// Rows and columns of a product that are summed in registers at once.
-const TILE: usize = 4;
+pub(super) const TILE: usize = 4;
 
 /// One test slot of a block.
 #[derive(Clone, Debug)]
@@ -41,7 +42,7 @@ pub(super) struct Block {
     start: usize,
     /// Test and trial functions are the same and so are the sides: only `i <= j` is needed.
     pub(super) is_triangle: bool,
-    /// Coefficient and integrals, by test function; empty if the entries differ from point to point.
+    /// Coefficient and integrals; empty if the entries differ from point to point.
     pub(super) sum: Vec<(usize, Operand)>,
 }
 
@@ -224,6 +225,10 @@ impl WithSimd for Tangent<'_> {
         }
         self.weigh::<S>(simd);
         for block in self.plan.blocks.iter().filter(|block| block.sum.is_empty()) {
+            if block.n_tests <= MOST_TESTS {
+                finite &= self.strips::<S>(simd, block);
+                continue;
+            }
             for (r, row) in block.rows.iter().enumerate() {
                 let size = self.n_points * block.n_trials;
                 let flux = &mut self.flux[r * size..][..size];
@@ -272,20 +277,42 @@ impl Tangent<'_> {
         let from = Sources { weights: self.weights, values: self.values, derivatives: self.derivatives };
         from.integrate::<S>(simd, &self.plan.integrals, self.flux, self.integrals);
         let zero = simd.splat_f64s(0.0);
-        let mut check = zero;
+        let mut check = [zero; TILE];
         for block in self.plan.blocks.iter().filter(|block| !block.sum.is_empty()) {
             let out = &mut self.local[block.start..][..block.n_tests * block.n_trials];
-            for (i, row) in out.chunks_exact_mut(block.n_trials).enumerate() {
-                for p in 0..parts::<S>() {
-                    let from = Trials { entries: &block.sum, values: &[], derivatives: self.integrals, q: i };
-                    from.flux::<S>(simd, self.coefficients, row, p);
-                    for number in row.iter() {
-                        check = fused(simd, check, load::<S>(number, p), zero);
+            for p in 0..parts::<S>() {
+                let from = Trials { entries: &block.sum, values: &[], derivatives: self.integrals, q: 0 };
+                from.flux::<S>(simd, self.coefficients, out, p);
+                for numbers in out.chunks(TILE) {
+                    for (check, number) in check.iter_mut().zip(numbers) {
+                        *check = fused(simd, *check, load::<S>(number, p), zero);
                     }
                 }
             }
         }
-        simd.reduce_sum_f64s(check) == 0.0
+        check.into_iter().all(|sums| simd.reduce_sum_f64s(sums) == 0.0)
+    }
+
+    /// A block of few test functions.
+    #[inline(always)]
+    fn strips<S: Simd>(&mut self, simd: S, block: &Block) -> bool {
+        let out = &mut self.local[block.start..][..block.n_tests * block.n_trials];
+        let mut finite = true;
+        for p in 0..parts::<S>() {
+            let strips = Strips {
+                rows: &block.rows,
+                n_tests: block.n_tests,
+                n_trials: block.n_trials,
+                is_triangle: block.is_triangle,
+                values: self.values,
+                derivatives: self.derivatives,
+                coefficients: self.coefficients,
+                n_coefficients: self.plan.n_coefficients,
+                p,
+            };
+            finite &= strips.all::<S>(simd, out);
+        }
+        finite
     }
 
     /// Entries times weights.
@@ -380,7 +407,7 @@ impl Product<'_> {
     #[inline(always)]
     pub(super) fn all<S: Simd>(self, simd: S, out: &mut [Lanes]) -> bool {
         let (m, n) = (self.n_tests, self.n_trials);
-        let mut check = simd.splat_f64s(0.0);
+        let mut check = [simd.splat_f64s(0.0); TILE];
         let mut i = 0;
         while i < m {
             let rows = TILE.min(m - i);
@@ -410,7 +437,7 @@ impl Product<'_> {
             i += rows;
         }
         // infinite or not a number times zero is not a number
-        simd.reduce_sum_f64s(check) == 0.0
+        check.into_iter().all(|sums| simd.reduce_sum_f64s(sums) == 0.0)
     }
 
     #[inline(always)]
@@ -420,7 +447,7 @@ impl Product<'_> {
         i: usize,
         j: usize,
         out: &mut [Lanes],
-        check: &mut S::f64s,
+        check: &mut [S::f64s; TILE],
     ) {
         let (n, p) = (self.n_trials, self.p);
         let mut sums = [[simd.splat_f64s(0.0); N]; M];
@@ -443,7 +470,7 @@ impl Product<'_> {
         let zero = simd.splat_f64s(0.0);
         for (k, sums) in sums.iter().enumerate() {
             let out = &mut out[(i + k) * n + j..][..N];
-            for (slot, sum) in out.iter_mut().zip(sums) {
+            for ((slot, sum), check) in out.iter_mut().zip(sums).zip(check.iter_mut()) {
                 store::<S>(slot, p, *sum);
                 *check = fused(simd, *check, *sum, zero);
             }

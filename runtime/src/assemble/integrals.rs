@@ -86,8 +86,7 @@ pub(super) fn share(blocks: &mut [Block], entries: &Entries, n_points: usize) ->
                     });
                     start
                 });
-                let n = block.n_trials;
-                sum.push((*coefficient, Operand { is_value: false, start, step: n, n }));
+                sum.push((*coefficient, Operand { is_value: false, start, step: 0, n: size }));
             }
         }
         sums.push((b, sum));

@@ -15,6 +15,7 @@ mod scatter;
 mod shared;
 mod shares;
 mod simd;
+mod strips;
 mod term;
 
 pub use binding::{Basis, Binding, GroupBinding, Input, LawSlots, Needs, SlotPlace};
