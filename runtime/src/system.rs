@@ -429,10 +429,10 @@ impl System {
 
     /// By field: what relative residuals are relative to. For unknowns the largest nodal force of loads, linear or
     /// nonlinear terms, of all fields that meet on an interface (a body that nothing touches has no force of its own);
-    /// for multipliers, whose equations balance inside one term, the size of what cancels.
+    /// for multipliers, whose equations balance inside one term, the size of what cancels: of [`Self::magnitudes`].
     #[must_use]
-    pub fn scales(&self, u: &[f64]) -> Vec<f64> {
-        let magnitudes = self.largest_by_field(&self.magnitudes(u));
+    pub fn scales(&self, magnitudes: &[f64]) -> Vec<f64> {
+        let magnitudes = self.largest_by_field(magnitudes);
         let mut forces = vec![0.0f64; self.fields.len()];
         for (force, group) in self.force.iter().zip(&self.meets) {
             forces[*group] = forces[*group].max(*force);

@@ -334,8 +334,8 @@ fn step_to(system: &System, start: &[f64], direction: &[f64], alpha: f64, u: &mu
 fn measure(system: &mut System, u: &[f64], weights: &[f64], held: bool) -> Result<Measured, TermError> {
     let mut residual = Vec::new();
     system.residual(u, &mut residual)?;
-    let scales = system.scales(u);
     let magnitudes = system.magnitudes(u);
+    let scales = system.scales(&magnitudes);
     let (mut relative, mut floor) = (0.0f64, 0.0f64);
     for field in 0..system.fields.len() {
         let Some(range) = system.range(field) else { continue };

@@ -21,7 +21,8 @@ const ENOUGH: f64 = 4.0 * f64::EPSILON;
 
 /// True if the residual at `u`, the state measured last, is the rounding of the matrix of the linear terms.
 pub(super) fn helps(system: &System, u: &[f64]) -> bool {
-    let (all, linear, scales) = (system.magnitudes(u), system.linear_magnitudes(), system.scales(u));
+    let all = system.magnitudes(u);
+    let (linear, scales) = (system.linear_magnitudes(), system.scales(&all));
     let fields = (0..system.fields.len()).filter_map(|k| Some((system.range(k)?, scales[k])));
     let sizes = fields.filter(|(_, scale)| *scale > 0.0).flat_map(|(range, scale)| range.map(move |d| (d, scale)));
     let largest = sizes.max_by(|a, b| (all[a.0] / a.1).total_cmp(&(all[b.0] / b.1)));

@@ -14,7 +14,7 @@ use super::multifrontal::Panel;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
 
 /// Below this number of values of the factor, a sweep costs less than waking threads.
-const PARALLEL_VALUES: f64 = 2e6;
+const PARALLEL_VALUES: f64 = 5e5;
 
 /// The factor of one front.
 #[derive(Debug, Clone, Copy)]
@@ -50,12 +50,20 @@ pub(super) struct Sweep {
     plan: Plan,
     columns: Vec<usize>,
     workspaces: Vec<Workspace>,
-    top: Workspace,
+    /// What lies above the tasks, tree by tree.
+    tops: Vec<Top>,
     /// The vector in the order of elimination.
     ordered: Vec<f64>,
     /// A copy of it that tasks read while they write their own parts.
     shared: Vec<f64>,
     parallel: bool,
+}
+
+/// The fronts of one tree above its tasks.
+struct Top {
+    /// Increasing; the last one is the root.
+    fronts: Vec<u32>,
+    workspace: Workspace,
 }
 
 struct Workspace {
@@ -78,7 +86,7 @@ impl Sweep {
         let workspaces = plan.tasks.iter().map(|task| Workspace::new(symbolic, plan.fronts_of(task))).collect();
         let n = symbolic.ordering.forward().len();
         Self {
-            top: Workspace::new(symbolic, plan.top.iter().copied()),
+            tops: plan.tops(symbolic).into_iter().map(|fronts| Top::new(symbolic, fronts)).collect(),
             columns: symbolic.columns.iter().map(|&column| column as usize).collect(),
             plan,
             workspaces,
@@ -150,7 +158,7 @@ impl Sweep {
     fn forward<'f>(&mut self, symbolic: &Symbolic, factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync), form: Form) {
         let (plan, columns) = (&self.plan, &self.columns);
         let parts = plan.split(&mut self.ordered, |front| columns[front]);
-        let run = |task: &Task, workspace: &mut Workspace, x: &mut [f64]| {
+        let run = |workspace: &mut Workspace, (task, x): (&Task, &mut [f64])| {
             workspace.clear();
             let offset = columns[task.first as usize];
             for front in plan.fronts_of(task).map(|front| front as usize) {
@@ -161,16 +169,7 @@ impl Sweep {
                 });
             }
         };
-        if self.parallel {
-            (plan.tasks.par_iter(), self.workspaces.par_iter_mut(), parts)
-                .into_par_iter()
-                .with_max_len(1)
-                .for_each(|(task, workspace, x)| run(task, workspace, x));
-        } else {
-            for ((task, workspace), x) in plan.tasks.iter().zip(&mut self.workspaces).zip(parts) {
-                run(task, workspace, x);
-            }
-        }
+        each(self.parallel, &mut self.workspaces, plan.tasks.iter().zip(parts).collect(), run);
         let (fronts, interface) = self.ordered.split_at_mut(symbolic.n_eliminated());
         let workspaces = &self.workspaces;
         let finished = |child: u32| {
@@ -180,37 +179,51 @@ impl Sweep {
             let task = plan.task_of(child).expect("children are done first");
             &workspaces[task].stack[..symbolic.sizes(child as usize).1]
         };
-        let reach_interface = |front: usize, contribution: &[f64], interface: &mut [f64]| {
+        let run = |Top { fronts, workspace }: &mut Top, (offset, x): (usize, &mut [f64])| {
+            workspace.clear();
+            for front in fronts.iter().map(|&front| front as usize) {
+                let own = &mut x[columns[front] - offset..columns[front + 1] - offset];
+                workspace.forward_front(symbolic, front, factor(front), form, own, finished);
+            }
+        };
+        let parts = split_by_tree(&self.tops, columns, fronts);
+        each(self.parallel, &mut self.tops, parts, run);
+        let mut reach_interface = |front: usize, contribution: &[f64]| {
             for (&place, value) in symbolic.places_of(front).iter().zip(contribution) {
                 interface[place as usize] += value;
             }
         };
         for task in plan.tasks.iter().filter(|task| symbolic.parents[task.root as usize] == INTERFACE) {
-            reach_interface(task.root as usize, finished(task.root), interface);
+            reach_interface(task.root as usize, finished(task.root));
         }
-        self.top.clear();
-        for &front in &plan.top {
-            let front = front as usize;
-            let own = &mut fronts[columns[front]..columns[front + 1]];
-            self.top.forward_front(symbolic, front, factor(front), form, own, finished);
-            if symbolic.parents[front] == INTERFACE {
-                reach_interface(front, self.top.pop(), interface);
+        for top in &mut self.tops {
+            let root = top.root();
+            if symbolic.parents[root] == INTERFACE {
+                reach_interface(root, top.workspace.pop());
             }
         }
     }
 
     fn backward<'f>(&mut self, symbolic: &Symbolic, factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync), form: Form) {
         let (plan, columns) = (&self.plan, &self.columns);
-        for &front in plan.top.iter().rev() {
-            let front = front as usize;
-            let (own, above) = self.ordered[columns[front]..].split_at_mut(columns[front + 1] - columns[front]);
-            let offset = columns[front + 1];
-            self.top.backward_front(symbolic, front, factor(front), form, own, |row| above[row - offset]);
-        }
+        let (fronts, interface) = self.ordered.split_at_mut(symbolic.n_eliminated());
+        let interface = &*interface;
+        let n_eliminated = symbolic.n_eliminated();
+        let run = |Top { fronts, workspace }: &mut Top, (begin, x): (usize, &mut [f64])| {
+            for front in fronts.iter().rev().map(|&front| front as usize) {
+                let (own, above) = x[columns[front] - begin..].split_at_mut(columns[front + 1] - columns[front]);
+                let offset = columns[front + 1];
+                let read =
+                    |row: usize| if row < n_eliminated { above[row - offset] } else { interface[row - n_eliminated] };
+                workspace.backward_front(symbolic, front, factor(front), form, own, read);
+            }
+        };
+        let parts = split_by_tree(&self.tops, columns, fronts);
+        each(self.parallel, &mut self.tops, parts, run);
         self.shared.copy_from_slice(&self.ordered);
         let shared = &self.shared;
         let parts = plan.split(&mut self.ordered, |front| columns[front]);
-        let run = |task: &Task, workspace: &mut Workspace, x: &mut [f64]| {
+        let run = |workspace: &mut Workspace, (task, x): (&Task, &mut [f64])| {
             let (begin, end) = (columns[task.first as usize], columns[task.root as usize + 1]);
             for front in plan.fronts_of(task).rev().map(|front| front as usize) {
                 let (own, above) = x[columns[front] - begin..].split_at_mut(columns[front + 1] - columns[front]);
@@ -219,16 +232,38 @@ impl Sweep {
                 workspace.backward_front(symbolic, front, factor(front), form, own, read);
             }
         };
-        if self.parallel {
-            (plan.tasks.par_iter(), self.workspaces.par_iter_mut(), parts)
-                .into_par_iter()
-                .with_max_len(1)
-                .for_each(|(task, workspace, x)| run(task, workspace, x));
-        } else {
-            for ((task, workspace), x) in plan.tasks.iter().zip(&mut self.workspaces).zip(parts) {
-                run(task, workspace, x);
-            }
-        }
+        each(self.parallel, &mut self.workspaces, plan.tasks.iter().zip(parts).collect(), run);
+    }
+}
+
+/// Runs each owner on its part, on several threads or one after the other.
+fn each<W: Send, P: Send>(parallel: bool, owners: &mut [W], parts: Vec<P>, run: impl Fn(&mut W, P) + Sync) {
+    if parallel {
+        (owners, parts).into_par_iter().with_max_len(1).for_each(|(owner, part)| run(owner, part));
+    } else {
+        owners.iter_mut().zip(parts).for_each(|(owner, part)| run(owner, part));
+    }
+}
+
+/// The unknowns of each tree, with the number of the first one; those of other trees may lie before them.
+fn split_by_tree<'x>(tops: &[Top], columns: &[usize], mut x: &'x mut [f64]) -> Vec<(usize, &'x mut [f64])> {
+    let mut done = 0;
+    let part = |top: &Top| {
+        let end = columns[top.root() + 1];
+        let (part, rest) = std::mem::take(&mut x).split_at_mut(end - done);
+        x = rest;
+        (std::mem::replace(&mut done, end), part)
+    };
+    tops.iter().map(part).collect()
+}
+
+impl Top {
+    fn new(symbolic: &Symbolic, fronts: Vec<u32>) -> Self {
+        Self { workspace: Workspace::new(symbolic, fronts.iter().copied()), fronts }
+    }
+
+    fn root(&self) -> usize {
+        self.fronts[self.fronts.len() - 1] as usize
     }
 }
 

@@ -247,6 +247,22 @@ impl Symbolic {
 }
 
 impl Plan {
+    /// The members in no task by the tree they belong to, each increasing.
+    pub(super) fn tops(&self, symbolic: &Symbolic) -> Vec<Vec<u32>> {
+        let mut trees: Vec<Vec<u32>> = Vec::new();
+        // trees are numbered one after the other, and their roots last
+        let mut is_open = false;
+        for &front in &self.top {
+            if !std::mem::replace(&mut is_open, true) {
+                trees.push(Vec::new());
+            }
+            trees.last_mut().into_iter().for_each(|tree| tree.push(front));
+            let parent = symbolic.parents[front as usize];
+            is_open = parent != INTERFACE && self.members[parent as usize];
+        }
+        trees
+    }
+
     /// Members of a task, increasing.
     pub(super) fn fronts_of(&self, task: &Task) -> impl DoubleEndedIterator<Item = u32> + Clone + use<'_> {
         (task.first..=task.root).filter(|&front| self.members[front as usize])

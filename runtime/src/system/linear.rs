@@ -10,7 +10,7 @@
 use wfl_compiler::Class;
 
 use super::{Parts, System};
-use crate::assemble::TermError;
+use crate::{assemble::TermError, csr::residual_and_size};
 
 impl System {
     /// From now on evaluates the linear terms at their points, or by their matrix again.
@@ -28,16 +28,11 @@ impl System {
     pub(super) fn add_linear(&mut self, u: &[f64], out: &mut [f64]) -> Result<(), TermError> {
         let Some(linear) = &self.linear else { return Ok(()) };
         let mut part = vec![0.0; out.len()];
-        for (row, slot) in part.iter_mut().enumerate() {
-            let mut size = 0.0;
-            let (columns, values) = linear.row(row);
-            for (column, value) in columns.iter().zip(values) {
-                let product = value * u[*column as usize];
-                *slot += product;
-                size += product.abs();
-            }
-            self.magnitude[row] += size;
-        }
+        let mut sizes = vec![0.0; out.len()];
+        let nothing = vec![0.0; out.len()];
+        residual_and_size(&[linear], &nothing, u, &mut part, &mut sizes, rayon::current_num_threads());
+        part.iter_mut().for_each(|r| *r = -*r);
+        self.magnitude.iter_mut().zip(&sizes).for_each(|(sum, size)| *sum += size);
         self.grow_force(&part);
         if !self.pointwise {
             out.iter_mut().zip(&part).for_each(|(slot, p)| *slot += p);
