@@ -241,6 +241,10 @@ pub(crate) fn finish(
                 step.time,
                 step.history.n_iterations()
             ));
+            if is_below(loaded) {
+                say("  = note: a Nitsche parameter is below its smallest safe value (W503): there need not be a solution\n");
+                say("  = help: raise it to the value given there, or take theta = -1\n");
+            }
         }
         return ExitCode::from(EXIT_NOT_CONVERGED);
     }
@@ -259,6 +263,11 @@ pub(crate) fn finish(
         }
     }
     if failed { ExitCode::from(EXIT_EXPECTATION) } else { ExitCode::SUCCESS }
+}
+
+/// True if a Nitsche parameter is below its smallest safe value.
+fn is_below(loaded: &Loaded) -> bool {
+    loaded.messages.iter().any(|d| d.code == "W503")
 }
 
 /// W602 for a step whose branches were those of two iterations before: between which branches points go to and fro.
@@ -285,7 +294,12 @@ fn circle(loaded: &Loaded, scene: &Scene, step: &StepResult) -> Option<Diagnosti
         step.time, last[1].residual, last[2].residual
     ));
     let search = if scene.newton.search { "" } else { "solver newton with search=auto, or " };
-    let d = d.help(format!("{search}smaller steps: steps ... by a smaller step"));
+    let help = if is_below(loaded) {
+        "raise gamma to the value of W503".to_owned()
+    } else {
+        format!("{search}smaller steps: steps ... by a smaller step")
+    };
+    let d = d.help(help);
     Some(match kink.origin {
         Some(origin) => locate(d, origin, &loaded.script.expansions, text),
         None => d.note(text),

@@ -58,6 +58,9 @@ pub struct StepHistory {
     pub seconds: Seconds,
     /// The equations are singular where all unknowns are zero, so the step began from a state displaced a little.
     pub displaced: bool,
+    /// How often the path that led to the state turned round ([`super`]): between kinks the load went down, so that there
+    /// are several states for loads on the way.
+    pub turns: usize,
     /// How many of the iterations went on from a residual that is rounding, and the size of the smallest correction of
     /// those, relative to the unknowns.
     pub refined: usize,

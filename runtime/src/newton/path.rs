@@ -29,6 +29,8 @@ pub(super) struct Path {
     forwards: f64,
     /// Kinks that were passed last, and how fast.
     passed: Option<(Kinks, f64)>,
+    /// How often it turned round.
+    turns: usize,
     /// The first kinks, and where they were passed.
     first: Option<(Kinks, f64)>,
     lost: bool,
@@ -37,7 +39,7 @@ pub(super) struct Path {
 impl Path {
     /// A path from a state with this residual.
     pub(super) fn new(residual: &[f64]) -> Self {
-        Self { start: residual.to_vec(), done: 0.0, forwards: 1.0, passed: None, first: None, lost: false }
+        Self { start: residual.to_vec(), done: 0.0, forwards: 1.0, passed: None, turns: 0, first: None, lost: false }
     }
 
     /// True if the path goes round, or on for ever.
@@ -70,6 +72,7 @@ impl Path {
             && self.forwards * system.passage(&line, kinks) * rate < 0.0
         {
             self.forwards = -self.forwards;
+            self.turns += 1;
         }
         let left = if self.forwards > 0.0 { 1.0 - self.done } else { f64::INFINITY };
         let (at, kinks) = system.next_kinks(&line, self.forwards, left);
@@ -92,6 +95,7 @@ impl Path {
         let found = measure(system, u, weights, true)?;
         if at == left {
             // what is left is of second order: directions of slip that have turned
+            history.turns += self.turns;
             *self = Self::new(&found.residual);
         }
         Ok((part, found))

@@ -120,6 +120,15 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
             ),
         ));
     }
+    if let Some(step) = steps.iter().find(|s| s.history.turns > 0) {
+        out.push((
+            "W609",
+            format!(
+                "from t = {} on the state may be one of several: the path to it turned round {} times",
+                step.time, step.history.turns
+            ),
+        ));
+    }
     for check in worst_checks(steps).into_iter().filter(|c| !c.holds()) {
         out.push((
             "W606",

@@ -426,6 +426,16 @@ pub(super) const PAGES: &[CodePage] = &[
         "mesh box [0,0,0] to [1,1,1] cells [2,2,2] hex\nsolver newton with accuracy=1e-2",
     ),
     page(
+        "W609",
+        "a state that may be one of several",
+        "Newton's method came to this state on a path along which the load went down as well as up, from one change of \
+         contact to the next: loads on the way have several states, as friction may have them where its coefficient is \
+         large or a body can be wedged, and Nitsche's method far below E/h. Which one is found depends on the steps. Smaller \
+         steps follow the history of the load more closely; another method or a larger parameter shows what depends on it.",
+        "param fric = 5\nsteps t = 0 to 10 by 1",
+        "param fric = 5\nsteps t = 0 to 10 by 0.1",
+    ),
+    page(
         "W702",
         "declared but not needed",
         "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \
