@@ -242,7 +242,9 @@ pub(crate) fn finish(
                 step.history.n_iterations()
             ));
             if is_below(loaded) {
-                say("  = note: a Nitsche parameter is below its smallest safe value (W503): there need not be a solution\n");
+                say(
+                    "  = note: a Nitsche parameter is below its smallest safe value (W503): there need not be a solution\n",
+                );
                 say("  = help: raise it to the value given there, or take theta = -1\n");
             }
         }

@@ -139,10 +139,15 @@ How a step is solved (`runtime/src/newton/`):
 3. **Soft contact** where contact is stiff against the bodies and ten iterations brought no progress (25 in later
    steps): for a few iterations a layer of 0.3 times their stiffness lies between the sides, until few pieces change in a step;
    those pieces are then the start as written.
-4. **Friction that grows** from nothing to what is written, with held pieces: what circles with large coefficients.
-5. **Backtracking on the residual norm**, multiplier equations weighted to force units.
-6. **The natural monotonicity test** (Deuflhard): backtracking on the norm of the simplified Newton correction.
-7. **Friction that shrinks** from a multiple to what is written.
+4. **The path through the pieces** (`path.rs`) where bodies are linear and steps come to nothing, or a state is met
+   again: from the residual R of where the step stands, and then of its start, the state follows A(u) = (1 - s) R from
+   one change of branch to the next. At a kink behind which the tangent has a determinant of the other sign it turns
+   round; a search for a smaller defect ends there. A path that turned round says that loads on it have several states
+   (W609).
+5. **Friction that grows** from nothing to what is written, with held pieces.
+6. **Backtracking on the residual norm**, multiplier equations weighted to force units.
+7. **The natural monotonicity test** (Deuflhard): backtracking on the norm of the simplified Newton correction.
+8. **Friction that shrinks** from a multiple to what is written.
 
 The stiffness of the bodies is the mean of their diagonal at the contact, unless that is a hundred times what they give
 way with to forces at random (`pieces/compliance.rs`: nearly incompressible bodies, a body far softer than the other).
@@ -159,5 +164,6 @@ What was tried and lost: layers of a tenth, three times and ten times the stiffn
 iterations; at most three to five halvings, which need fewer iterations on faults and fail for nearly incompressible
 bodies; the smallest of all trials in place of the first that falls; eight whole steps everywhere, closing points that
 stick at first, handing over after two short steps, a stiffer choice of pieces for theta = -1 far below E/h.
-What still fails: some friction coefficients of several units on open faults, Nitsche far below its coercivity bound,
-and theta = -1 where gamma is 1e-4 E/h, whose stresses at the points of a face hold each other.";
+What still fails: Nitsche with theta = 0 or 1 far below its coercivity bound (W503). What takes long: friction
+coefficients of several units on faults that open, and theta = -1 where gamma is 1e-4 E/h, whose stresses at the points
+of a face hold each other; there are several states then.";
