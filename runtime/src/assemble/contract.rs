@@ -18,7 +18,7 @@ use crate::assemble::{
     geometry::{Lanes, ZERO},
     integrals::{self, Integral, Sources},
     simd::{fused, load, parts, plus_product, store},
-    strips::{MOST_TESTS, Strips},
+    strips::Strips,
 };
 
 /// Rows and columns of a product that are summed in registers at once.
@@ -225,7 +225,7 @@ impl WithSimd for Tangent<'_> {
         }
         self.weigh::<S>(simd);
         for block in self.plan.blocks.iter().filter(|block| block.sum.is_empty()) {
-            if block.n_tests <= MOST_TESTS {
+            if block.n_tests <= TILE {
                 finite &= self.strips::<S>(simd, block);
                 continue;
             }
