@@ -18,9 +18,10 @@ use wfl_runtime::{
 
 use crate::{
     args::RunArgs,
+    ended::finish,
     load::{Loaded, out, read_scene, say},
     prepared::EXIT_ERROR,
-    run::{self, Ready},
+    ready::{self, Ready},
     sweep::{
         one::{Bench, Known, Status, known_of, prepared, remembers},
         words,
@@ -79,7 +80,7 @@ fn found(
 ) -> Result<ExitCode, Out> {
     quantity(&known, &demand.quantity).map_err(Out::Failed)?;
     let ways = Ways::of(&known.loaded.script, &known.scene);
-    let threads = run::threads(args);
+    let threads = ready::threads(args);
     let bench = Bench { backend, threads, only: Some(demand.quantity.clone()), last: true };
     let mut lab = Lab { args, demand, known: &known, ways: &ways, bench, started, written: None };
     let Found { run, record, notice } = seek(&mut lab, &ways, demand).inspect_err(|why| lab.disown(why))?;
@@ -150,8 +151,8 @@ impl Lab<'_> {
         let parse_seconds = begin.elapsed().as_secs_f64();
         let (scene, mut loaded) = prepared(loaded, self.bench.backend, &self.args.no_prune)?;
         self.fits(&scene, fineness)?;
-        let mut scene = run::shaped(self.args, scene);
-        let mut ready = run::ready(self.args, &mut loaded, &mut scene, parse_seconds, begin)?;
+        let mut scene = ready::shaped(self.args, scene);
+        let mut ready = ready::ready(self.args, &mut loaded, &mut scene, parse_seconds, begin)?;
         let outcome = ready.go(&mut scene).map_err(|e| e.to_string())?;
         if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {
             return Err(format!("step t = {} did not converge", step.time));
@@ -242,7 +243,7 @@ impl Lab<'_> {
             }
         }
         let loudness = (ready.loudness, Some(picked.as_str()));
-        let code = run::finish(loaded, &solved.scene, &ready.options, &solved.outcome, loudness);
+        let code = finish(loaded, &solved.scene, &ready.options, &solved.outcome, loudness);
         if notice == Some(Notice::MeshOfFile) {
             say(
                 "warning[W608]: the mesh comes from a file: its error is not known, and is not part of the accuracy\n  \

@@ -1,0 +1,296 @@
+//! What is said of a run that has ended, and its exit code.
+
+use std::process::ExitCode;
+
+use wfl::Diagnostic;
+use wfl_compiler::{KinkKind, locate};
+use wfl_runtime::{
+    Outcome, RunError, RunOptions, Scene, StepResult,
+    assemble::{AssembledTerm, NonFinitePlace, TermError},
+    newton::{Iteration, NewtonError},
+    solve::SolveError,
+};
+
+use crate::{
+    load::{Loaded, out, print_all, say},
+    progress::Loudness,
+};
+
+/// A step did not converge.
+const EXIT_NOT_CONVERGED: u8 = 2;
+/// An expectation of the scene does not hold.
+const EXIT_EXPECTATION: u8 = 3;
+
+/// Ends a run: messages, summary, expectations. `picked` is the setting that was picked for an accuracy.
+pub(crate) fn finish(
+    loaded: &Loaded,
+    scene: &Scene,
+    options: &RunOptions,
+    outcome: &Outcome,
+    (loudness, picked): (Loudness, Option<&str>),
+) -> ExitCode {
+    let fresh: Vec<Diagnostic> = outcome.diagnostics.iter().filter(|d| !loaded.messages.contains(d)).cloned().collect();
+    print_all(&fresh, &loaded.sources);
+    if loudness != Loudness::Quiet {
+        out(&summary(options, outcome));
+    }
+    for (code, text) in &outcome.warnings {
+        say(&format!("warning[{code}]: {text}\n"));
+    }
+    if !outcome.converged() {
+        for step in outcome.steps.iter().filter(|s| !s.history.converged()) {
+            if let Some(d) = circle(loaded, scene, step) {
+                print_all(&[d], &loaded.sources);
+            }
+            let residual = step.history.iterations.last().map_or(f64::NAN, |i| i.residual);
+            say(&format!(
+                "error[E603]: step t = {} did not converge in {} iterations: residual {residual:.1e}\n",
+                step.time,
+                step.history.n_iterations()
+            ));
+            if is_below(loaded) {
+                say(
+                    "  = note: a Nitsche parameter is below its smallest safe value (W503): there need not be a solution\n",
+                );
+                say("  = help: raise it to the value given there, or take theta = -1\n");
+            }
+        }
+        return ExitCode::from(EXIT_NOT_CONVERGED);
+    }
+    let mut failed = false;
+    for (expect, holds) in &outcome.expectations {
+        if *holds != Some(true) {
+            failed = true;
+            let d = Diagnostic::new("E604", "an expectation of the scene does not hold").at(expect.span, "");
+            let d = match picked {
+                Some(setting) => d
+                    .note(format!("judged with {setting}, which was picked for the accuracy, not with the scene's own mesh"))
+                    .help("where it holds numbers of that mesh, judge it without the accuracy: wfl run without --accuracy"),
+                None => d,
+            };
+            print_all(&[d], &loaded.sources);
+        }
+    }
+    if failed { ExitCode::from(EXIT_EXPECTATION) } else { ExitCode::SUCCESS }
+}
+
+/// True if a Nitsche parameter is below its smallest safe value.
+fn is_below(loaded: &Loaded) -> bool {
+    loaded.messages.iter().any(|d| d.code == "W503")
+}
+
+/// W602 for a step whose branches were those of two iterations before: between which branches points go to and fro.
+fn circle(loaded: &Loaded, scene: &Scene, step: &StepResult) -> Option<Diagnostic> {
+    let returns = |w: &[Iteration]| w[0].fingerprint == w[2].fingerprint && w[1].fingerprint != w[2].fingerprint;
+    let iterations = &step.history.iterations;
+    let last = iterations.windows(3).rev().find(|w| returns(w)).filter(|_| step.history.cycles() > 0)?;
+    let first = iterations.windows(3).find(|w| returns(w)).map_or(0, |w| w[0].number);
+    let kinks = || scene.system.terms.iter().flat_map(AssembledTerm::kinks);
+    let kink = kinks().find(|k| k.kind == KinkKind::Ball).or_else(|| kinks().next())?;
+    let words = if kink.kind == KinkKind::Ball { ["open", "slip", "stick"] } else { ["open", "slip", "closed"] };
+    let (a, b) = (last[0].contact.unwrap_or_default(), last[1].contact.unwrap_or_default());
+    let moved: Vec<&str> = (0..3).filter(|k| a[*k] != b[*k]).map(|k| words[k]).collect();
+    let n = (0..3).map(|k| a[k].abs_diff(b[k])).max().unwrap_or(0);
+    let who = match n {
+        0 => "points change places".to_owned(),
+        1 => format!("1 point switches {}", moved.join("/")),
+        _ => format!("{n} points switch {}", moved.join("/")),
+    };
+    let text = format!("{who} in turn since iteration {first}");
+    let d = Diagnostic::new("W602", "the contact set goes in a circle");
+    let d = d.note(format!(
+        "step t = {}; the residual alternates {:.4}, {:.4}",
+        step.time, last[1].residual, last[2].residual
+    ));
+    let search = if scene.newton.search { "" } else { "solver newton with search=auto, or " };
+    let help = if is_below(loaded) {
+        "raise gamma to the value of W503".to_owned()
+    } else {
+        format!("{search}smaller steps: steps ... by a smaller step")
+    };
+    let d = d.help(help);
+    Some(match kink.origin {
+        Some(origin) => locate(d, origin, &loaded.script.expansions, text),
+        None => d.note(text),
+    })
+}
+
+fn summary(options: &RunOptions, outcome: &Outcome) -> String {
+    let report = &outcome.report;
+    let mut text = String::new();
+    let good = outcome.steps.iter().filter(|s| s.history.converged()).count();
+    let iterations: usize = outcome.steps.iter().map(|s| s.history.n_iterations()).sum();
+    text += &format!(
+        "{}: {} unknowns, {good} of {} steps converged, {iterations} iterations\n",
+        report.scene,
+        report.dofs,
+        outcome.steps.len()
+    );
+    if let Some(step) = outcome.steps.last() {
+        for (name, value) in &step.measures {
+            text += &format!("  {name} = {value:.9e}\n");
+        }
+    }
+    text += &judged(outcome);
+    let t = report.timings;
+    text += &format!(
+        "  text to kernels {:.1} ms: parse {:.1}, compile {:.1}\n",
+        1e3 * (t.parse + t.compile),
+        1e3 * t.parse,
+        1e3 * t.compile
+    );
+    text += &format!(
+        "  time {:.3} s: mesh {:.3}, assemble {:.3}, factor {:.3}, solve {:.3}, write {:.3}\n",
+        t.total, t.mesh, t.assemble, t.factor, t.solve, t.write
+    );
+    if let Some(out) = &options.out {
+        text += &format!("  results in {}\n", out.display());
+    }
+    text
+}
+
+/// How good the last converged step is, in lines.
+fn judged(outcome: &Outcome) -> String {
+    let Some(step) = outcome.steps.iter().rev().find(|s| s.history.converged()) else { return String::new() };
+    let mut text = String::new();
+    if let (Some(a), Some(i)) = (&step.accuracy, step.history.iterations.last()) {
+        let stop = step.history.stop.map_or("", |s| s.word());
+        text += &format!(
+            "  residual {:.1e} ({stop}; rounding leaves {:.1e}), {:.0} digits\n",
+            i.residual,
+            i.floor,
+            a.digits().floor()
+        );
+    }
+    for check in &step.checks {
+        let mark = if check.holds() { "" } else { "  NOT within its limit" };
+        text += &format!("  {}: {:.1e}{mark}", check.name, check.value);
+        text += &if check.name.starts_with("equilibrium") { format!(" ({})\n", check.detail) } else { "\n".to_owned() };
+    }
+    text
+}
+
+/// Prints why a run stopped, at the place in the scene where there is one.
+pub(crate) fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
+    let RunError::Newton { time, error: inner, .. } = error else {
+        say(&format!("error: {error}\n"));
+        return;
+    };
+    match inner {
+        NewtonError::Term(TermError::NonFinite(place)) => {
+            print_all(&[non_finite(loaded, place, *time)], &loaded.sources);
+        }
+        NewtonError::Solve(SolveError::Singular { mode, .. }) => {
+            if let Some(d) = held_by_nothing(loaded, scene, mode.dofs_above(0.1).as_slice()) {
+                print_all(&[d], &loaded.sources);
+                return;
+            }
+            let names = moving_fields(scene, mode.dofs_above(0.1).as_slice());
+            say(&format!(
+                "error[E602]: step t = {time}: nothing holds {names}\n  = note: the tangent is singular: {inner}\n  = help: fix it, or press it against something that is held\n"
+            ));
+        }
+        NewtonError::Solve(SolveError::VanishingPivot { dof, .. }) => {
+            let names = u32::try_from(*dof).map_or_else(|_| "the scene".to_owned(), |d| moving_fields(scene, &[d]));
+            say(&format!(
+                "error[E602]: step t = {time}: next to nothing holds {names}{}\n  = note: the tangent is singular but for rounding: {inner}\n  = help: a body that slides as a whole, or contact that is far stiffer than it: fix it, press it against something that is held, or take a smaller gamma\n",
+                place_of(scene, *dof)
+            ));
+        }
+        NewtonError::Solve(SolveError::TooMuchMemory(need)) => {
+            say(&format!("error[E606]: {need}\n  = help: fewer cells, a lower degree, or more memory: --memory 16GB\n"))
+        }
+        other => say(&format!("error[E602]: step t = {time}: {other}\n")),
+    }
+}
+
+/// E403 for a number of the whole scene that no equation holds.
+fn held_by_nothing(loaded: &Loaded, scene: &Scene, dofs: &[u32]) -> Option<Diagnostic> {
+    let [free] = dofs else { return None };
+    let dof = *scene.system.numbering.free_dofs.get(*free as usize)?;
+    let (field, _, _) = scene.system.numbering.describe(&scene.system.fields, dof as usize);
+    let name = &scene.system.fields[field].name;
+    let declared = loaded.script.fields.iter().find(|f| f.name.name == *name)?;
+    if !matches!(declared.space.place, wfl::ast::Place::Global(_)) {
+        return None;
+    }
+    let d =
+        Diagnostic::new("E403", format!("nothing holds `{name}` at the start: its row of the first tangent is zero"));
+    let d = d.at(declared.name.span, "every term with it is inactive");
+    Some(d.help(format!("start from a touching state, e.g. `start {name} = 0.01`")))
+}
+
+/// " at [1, 0]" for a free dof.
+fn place_of(scene: &Scene, free: usize) -> String {
+    let system = &scene.system;
+    let Some(dof) = system.numbering.free_dofs.get(free) else { return String::new() };
+    let (field, node, _) = system.numbering.describe(&system.fields, *dof as usize);
+    let x = system.fields[field].node_position(node);
+    let x: Vec<String> = x.iter().take(system.mesh.dim()).map(|c| short(*c)).collect();
+    format!(" at [{}]", x.join(", "))
+}
+
+/// The fields of free dofs, with what they do in a singular mode.
+fn moving_fields(scene: &Scene, dofs: &[u32]) -> String {
+    let mut names: Vec<String> = Vec::new();
+    for free in dofs {
+        let Some(dof) = scene.system.numbering.free_dofs.get(*free as usize) else { continue };
+        let (field, _, component) = scene.system.numbering.describe(&scene.system.fields, *dof as usize);
+        let f = &scene.system.fields[field];
+        let name =
+            if f.n_components > 1 { format!("`{}({})`", f.name, component + 1) } else { format!("`{}`", f.name) };
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    if names.is_empty() { "the scene".to_owned() } else { names.join(", ") }
+}
+
+fn non_finite(loaded: &Loaded, place: &NonFinitePlace, time: f64) -> Diagnostic {
+    let x: Vec<String> = place.position.iter().map(|c| short(*c)).collect();
+    let at = format!(
+        "at position [{}], entity {} of the region, point {}, step t = {time}",
+        x.join(", "),
+        place.entity,
+        place.point
+    );
+    let nan = place.cause.as_ref().is_none_or(|c| c.result.is_nan());
+    let what = if nan { "not a number" } else { "an infinite number" };
+    let d = Diagnostic::new("E601", format!("{what} in the residual of `{}`", place.term));
+    match &place.cause {
+        Some(cause) => {
+            let operands: Vec<String> = cause.operands.iter().map(|o| short(*o)).collect();
+            let d = match needs(&cause.operation) {
+                Some(help) => d.help(help),
+                None => d,
+            };
+            let text = format!("{}({}) is {} {at}", cause.operation, operands.join(", "), cause.result);
+            match cause.origin {
+                Some(origin) => locate(d, origin, &loaded.script.expansions, text),
+                None => d.note(text),
+            }
+        }
+        None => d.note(format!("a field value is not finite {at}")),
+    }
+}
+
+/// Six digits: positions and operands are shown to be recognised, not to be computed with.
+fn short(x: f64) -> String {
+    let rounded = format!("{x:.6}").parse::<f64>().unwrap_or(x);
+    if rounded != 0.0 && x.abs() < 1e6 || x == 0.0 { format!("{rounded}") } else { format!("{x:.5e}") }
+}
+
+/// What an operation needs so that its value is finite.
+fn needs(operation: &str) -> Option<&'static str> {
+    Some(match operation {
+        "log" | "log10" => "a logarithm needs a positive argument; log(1 + v) is finite at 0",
+        "sqrt" => "a root needs an argument of at least 0, and its derivative one above 0",
+        "division" => "the denominator is 0 here",
+        "pow" => "a power of a negative number needs a whole exponent; a power of 0 one of at least 0",
+        "asin" | "acos" => "the argument lies between -1 and 1",
+        "acosh" => "the argument is at least 1",
+        "atanh" => "the argument lies between -1 and 1, ends excluded",
+        "exp" | "sinh" | "cosh" => "the argument is above 709: the value is larger than any number",
+        _ => return None,
+    })
+}

@@ -1,0 +1,124 @@
+//! A scene made ready to be run: its options, and what there is to say before.
+
+use std::{num::NonZeroUsize, path::PathBuf, time::Instant};
+
+use wfl_runtime::{
+    Outcome, RunError, RunOptions, Scene,
+    output::{About, OrderedMap, SceneText},
+    text_hash,
+};
+
+use crate::{
+    args::RunArgs,
+    load::{Loaded, out, print_all, say},
+    nitsche,
+    progress::{Loudness, Terminal},
+};
+
+/// The threads of a run.
+pub(crate) fn threads(args: &RunArgs) -> usize {
+    args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get)
+}
+
+/// A scene with what the command line says of its solver.
+pub(crate) fn shaped(args: &RunArgs, mut scene: Scene) -> Scene {
+    if let Some(most) = args.max_iter {
+        scene.newton.max_iterations = most.get();
+    }
+    scene
+}
+
+/// A run that can begin.
+pub(crate) struct Ready {
+    pub(crate) options: RunOptions,
+    pub(crate) loudness: Loudness,
+}
+
+impl Ready {
+    /// Says what there is to say of a scene.
+    pub(crate) fn announce(&self, loaded: &Loaded, scene: &Scene) {
+        if self.loudness != Loudness::Quiet {
+            out(&nitsche::found(loaded, scene));
+            print_all(&loaded.messages, &loaded.sources);
+        }
+        if self.loudness == Loudness::Verbose {
+            unused_nodes(scene);
+        }
+    }
+
+    pub(crate) fn go(&mut self, scene: &mut Scene) -> Result<Outcome, RunError> {
+        let mut terminal = Terminal::new(self.loudness);
+        wfl_runtime::run(scene, &self.options, &mut terminal)
+    }
+}
+
+/// Checks what there is to check before a run, and makes its options.
+pub(crate) fn ready(
+    args: &RunArgs,
+    loaded: &mut Loaded,
+    scene: &mut Scene,
+    parse_seconds: f64,
+    started: Instant,
+) -> Result<Ready, String> {
+    let found = nitsche::parameters(loaded, scene);
+    let refused = args.strict && found.iter().any(|d| d.code == "W503");
+    loaded.messages.extend(found);
+    if refused {
+        print_all(&loaded.messages, &loaded.sources);
+        return Err("a Nitsche parameter is below its safe value, which --strict does not allow".to_owned());
+    }
+    let loudness = match (args.quiet, args.verbose) {
+        (true, _) => Loudness::Quiet,
+        (_, true) => Loudness::Verbose,
+        _ => Loudness::Normal,
+    };
+    let options = RunOptions {
+        name: loaded.name.clone(),
+        out: Some(args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&loaded.name))),
+        resume: args.resume,
+        text_hash: text_hash(loaded.texts()),
+        threads: threads(args),
+        precision: args.precision,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        parse_seconds,
+        started,
+        warnings: loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
+        about: about(loaded),
+        savings: Vec::new(),
+    };
+    Ok(Ready { options, loudness })
+}
+
+/// What the report keeps of a scene.
+fn about(loaded: &Loaded) -> About {
+    let mut units = OrderedMap::default();
+    for param in &loaded.script.params {
+        if let Some(unit) = &param.unit {
+            let text = loaded.sources.snippet(unit.span);
+            units.insert(param.name.name.clone(), text.trim_matches(['[', ']', ' ']));
+        }
+    }
+    for known in wfl::unit_report(&loaded.script, &loaded.sources) {
+        units.insert(known.name, known.unit);
+    }
+    let text = |(_, s): (_, &wfl::Source)| SceneText { name: s.name.clone(), text: s.text.to_string() };
+    About {
+        step_variable: loaded.script.steps.as_ref().map(|s| s.variable.name.clone()),
+        units,
+        texts: loaded.sources.iter().map(text).collect(),
+    }
+}
+
+/// Nodes of no cell have no dofs; their numbers are told to who wants to know.
+fn unused_nodes(scene: &Scene) {
+    /// Numbers shown.
+    const SHOWN: usize = 20;
+    let mesh = &scene.system.mesh;
+    let list = &mesh.warnings().unused_nodes;
+    if list.is_empty() {
+        return;
+    }
+    let names: Vec<String> = list.iter().take(SHOWN).map(|n| mesh.numbers().node(*n).0.to_string()).collect();
+    let more = if list.len() > SHOWN { format!(" and {} more", list.len() - SHOWN) } else { String::new() };
+    say(&format!("mesh: nodes of no cell, left out: {}{more}\n", names.join(", ")));
+}
