@@ -226,6 +226,7 @@ fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
         let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
         assert!(solved.outcome.converged() && counts.iter().all(|n| *n <= 60), "{method}: {counts:?}");
         assert!(solved.outcome.steps.iter().all(|s| s.attempts.is_empty()), "{method}");
+        assert!(solved.outcome.warnings.iter().any(|(code, _)| *code == "W609"), "{:?}", solved.outcome.warnings);
         for (step, values) in expected {
             for (name, value) in ["Fn", "Ft", "slip"].into_iter().zip(values) {
                 let found = solved.measure(step, name);

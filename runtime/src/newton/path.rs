@@ -69,7 +69,7 @@ impl Path {
         step_to(system, &from, &direction, 1.0, u);
         let line = system.line(&from, u)?;
         if let Some((kinks, rate)) = &self.passed
-            && self.forwards * system.passage(&line, kinks) * rate < 0.0
+            && self.forwards * system.passage(&line, 0.0, kinks) * rate < 0.0
         {
             self.forwards = -self.forwards;
             self.turns += 1;
@@ -85,7 +85,7 @@ impl Path {
         step_to(system, &from, &direction, part, u);
         self.done += part;
         system.go_on(u, &kinks)?;
-        let rate = self.forwards * system.passage(&line, &kinks);
+        let rate = self.forwards * system.passage(&line, part, &kinks);
         if !kinks.is_empty() {
             let again = |(first, done): &(Kinks, f64)| *first == kinks && (done - self.done).abs() < AGAIN;
             self.lost = self.done < -FURTHEST || self.first.as_ref().is_some_and(again);

@@ -149,10 +149,10 @@ impl System {
         next_kinks(self.pieces.iter().zip(ways).zip(guides).map(|((p, way), guides)| (p, way, guides)), end)
     }
 
-    /// How fast the first of some kinks is passed along a line.
-    pub(crate) fn passage(&self, line: &[Vec<Watched>; 2], kinks: &Kinks) -> f64 {
+    /// How fast the first of some kinks is passed along a line, `at` this part of it.
+    pub(crate) fn passage(&self, line: &[Vec<Watched>; 2], at: f64, kinks: &Kinks) -> f64 {
         let Some((k, place)) = kinks.first() else { return 0.0 };
-        self.pieces[*k].passage(Way { from: &line[0][*k], to: &line[1][*k], sign: 1.0 }, *place)
+        self.pieces[*k].passage(Way { from: &line[0][*k], to: &line[1][*k], sign: 1.0 }, at, *place)
     }
 
     /// Changes the branches at some kinks, and turns the directions of slip to the arguments at `u`.

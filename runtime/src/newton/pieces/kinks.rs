@@ -87,13 +87,13 @@ impl TermPieces {
         (found, room)
     }
 
-    /// How fast a kink is passed along a way: positive from the branch with the smaller argument.
-    pub(crate) fn passage(&self, way: Way<'_>, (point, k, entry): (usize, usize, usize)) -> f64 {
+    /// How fast a kink is passed along a way, `at` this part of it: positive from the branch with the smaller argument.
+    pub(crate) fn passage(&self, way: Way<'_>, at: f64, (point, k, entry): (usize, usize, usize)) -> f64 {
         let p = &self.projections[k];
         let (Some(a), Some(b)) = (way.from.points().nth(point), way.to.points().nth(point)) else { return 0.0 };
         match p.kind {
             ProjectionKind::HalfLine => line(a, b, p.output + entry, way.sign).1,
-            ProjectionKind::Ball => Ball::new(p, a, b, way.sign, self.friction).passage(),
+            ProjectionKind::Ball => Ball::new(p, a, b, way.sign, self.friction).passage(at),
         }
     }
 
@@ -156,9 +156,10 @@ impl Ball {
         Self { radius: friction * radius, growth: friction * growth, xx, xd, dd, aside }
     }
 
-    /// The slope of |x| - r at the start.
-    fn passage(&self) -> f64 {
-        let along = if self.xx > 0.0 { self.xd / self.xx.sqrt() } else { self.dd.sqrt() };
+    /// The slope of |x| - r at a part of the way.
+    fn passage(&self, at: f64) -> f64 {
+        let squared = self.xx + at * (2.0 * self.xd + at * self.dd);
+        let along = if squared > 0.0 { (self.xd + at * self.dd) / squared.sqrt() } else { self.dd.sqrt() };
         along - self.growth
     }
 
@@ -169,7 +170,8 @@ impl Ball {
         }
         let (a, b) = (self.dd - self.growth * self.growth, 2.0 * (self.xd - self.radius * self.growth));
         let c = self.xx - self.radius * self.radius;
-        let (out, leaving) = if sticks { (c >= 0.0, self.passage() > 0.0) } else { (c <= 0.0, self.passage() < 0.0) };
+        let (out, leaving) =
+            if sticks { (c >= 0.0, self.passage(0.0) > 0.0) } else { (c <= 0.0, self.passage(0.0) < 0.0) };
         if out && leaving {
             return Some(0.0);
         }
@@ -220,6 +222,15 @@ mod tests {
         assert_eq!(ball([3.0, 2.0, 2.0], [-1.0, 2.0, 2.0], 1.0).kink(false), None);
         // open points have no ball to meet
         assert_eq!(ball([3.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 1.0).kink(false), None);
+    }
+
+    #[test]
+    fn a_point_that_crosses_its_ball_leaves_it() {
+        // from (-0.9, 0) to (2.1, 0), towards the middle at first; the ball of radius 1 is left with a slope of 3
+        let across = ball([-0.9, 0.0, 2.0], [2.1, 0.0, 2.0], 1.0);
+        let at = across.kink(true).unwrap();
+        assert!((at - 1.9 / 3.0).abs() < 1e-15);
+        assert!((across.passage(0.0) + 3.0).abs() < 1e-15 && (across.passage(at) - 3.0).abs() < 1e-14);
     }
 
     #[test]
