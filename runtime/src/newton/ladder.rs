@@ -130,6 +130,9 @@ impl Ladder {
                 if warm {
                     methods.insert(last + 2, Method::PathFromStart);
                 }
+                if let Some(k) = methods.iter().position(|m| *m == Method::LessFriction) {
+                    methods.insert(k + 1, Method::Path);
+                }
             }
         }
         if !options.search || system.is_linear() {
