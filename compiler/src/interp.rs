@@ -49,8 +49,8 @@ pub fn interpret_lanes<T: Real, const N: usize>(
     }
 }
 
-/// Fills the first entries of `values` with the results of the instructions: numbers as they are, masks as 1 or 0, a bundle
-/// as the place in `values` where its results begin.
+/// Fills the first entries of `values` with the results of the instructions: numbers as they are, masks as 1 or 0, a
+/// bundle as the place in `values` where its results begin.
 fn run_instructions<T: Real, const N: usize>(
     kernel: &Kernel,
     uniforms: &[T],

@@ -1,7 +1,7 @@
 //! Point laws alone, as assembly runs them: the tangents of the nine cases, in machine code and in the interpreter.
 //!
-//! `cargo bench -p wfl-runtime --bench kernels`; throughput is in points of the quadrature rule. Laws whose entries are the
-//! same at all points need no kernel and do not appear. The time to make machine code is measured beside.
+//! `cargo bench -p wfl-runtime --bench kernels`; throughput is in points of the quadrature rule. Laws whose entries are
+//! the same at all points need no kernel and do not appear. The time to make machine code is measured beside.
 
 #[expect(dead_code, reason = "assembly is measured elsewhere")]
 #[path = "assembly/cases.rs"]

@@ -210,8 +210,9 @@ fn inclined_faults_with_stiff_contact_agree_with_an_independent_program() {
     }
 }
 
-/// With a friction coefficient of 5, tangents on two sides of a kink differ in the sign of their determinant, and a search
-/// for a smaller defect ends between them; the path through the pieces turns round there. Reference: the program above.
+/// With a friction coefficient of 5, tangents on two sides of a kink differ in the sign of their determinant, and a
+/// search for a smaller defect ends between them; the path through the pieces turns round there. Reference: the program
+/// above.
 #[test]
 fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
     let expected = [

@@ -4,8 +4,8 @@
 //! Works on the words and signs of a text that parses, so numbers, parentheses and line breaks stay as the author
 //! wrote them. What an author aligns stays aligned: where a space belongs, outside brackets and before a comment, more
 //! of them are kept. Inside a pair of brackets the first comma and the first sum decide for the others whether spaces
-//! stand there: `[0,0,1]` and `(1+nu)` are as good as `[x, y + 1]`. Does not align columns of its own and does not join or
-//! break lines.
+//! stand there: `[0,0,1]` and `(1+nu)` are as good as `[x, y + 1]`. Does not align columns of its own and does not join
+//! or break lines.
 
 use crate::{
     diag::Checked,

@@ -211,8 +211,8 @@ pub(crate) struct RunArgs {
     /// Threads of assembly and solver, 1 or more [default: all]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,
-    /// Precision of the factors of contact forces and bulk: f64, f32+f64 (factors in single, residuals in double precision)
-    /// or auto
+    /// Precision of the factors of contact forces and bulk: f64, f32+f64 (factors in single, residuals in double
+    /// precision) or auto
     #[arg(long, value_name = "NAME", value_parser = precision, default_value = "auto")]
     pub(crate) precision: Precision,
     /// Most Newton iterations in a step, in place of what the scene says

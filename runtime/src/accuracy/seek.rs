@@ -420,9 +420,9 @@ impl<T: Trials> Search<'_, T> {
         if self.demand.quantity == "H1" { degree } else { degree + 1.0 }
     }
 
-    /// The order of the lowest degree: a lower bound for the others where the solution is smooth, and the same where it is
-    /// not. Where it has no three levels its errors are told by the finest level of the highest degree. That level has
-    /// an error of its own, which is not known: half of the smaller distance is taken for it.
+    /// The order of the lowest degree: a lower bound for the others where the solution is smooth, and the same where it
+    /// is not. Where it has no three levels its errors are told by the finest level of the highest degree. That level
+    /// has an error of its own, which is not known: half of the smaller distance is taken for it.
     fn order_of_others(&mut self, ladder: usize) -> Result<Option<f64>, Out> {
         if ladder > 0
             && let Some(finest) = self.ladders[0].levels.len().checked_sub(1)

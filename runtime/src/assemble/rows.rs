@@ -2,8 +2,8 @@
 //!
 //! Every thread gets the values of its own rows and no others, as a few stretches of the matrix, so that it adds to them
 //! with the vectors of the processor. A matrix made anew is not cleared as a whole: each thread clears a few rows just
-//! before the first batch that adds to one of them, and the additions find them in the caches. Made once for a pattern and
-//! a number of threads.
+//! before the first batch that adds to one of them, and the additions find them in the caches. Made once for a pattern
+//! and a number of threads.
 
 use crate::{
     assemble::{

@@ -2,10 +2,10 @@
 //!
 //! Each of them is the best somewhere (`docs/newton.md`): held pieces for contact and friction, with a soft layer
 //! between the sides for a few iterations where stiff contact makes no progress; where they circle, the path through
-//! the pieces from where they stand and from the start of the step, then friction that grows from nothing; backtracking on the residual for everything else, the natural monotonicity test, and
-//! friction that shrinks as the last resort. A step that makes no progress with one goes on with the next from where
-//! it stands; one whose tangent becomes singular on the way (a body that only friction holds, with all of it slipping
-//! in an iterate) goes on from its best state.
+//! the pieces from where they stand and from the start of the step, then friction that grows from nothing; backtracking
+//! on the residual for everything else, the natural monotonicity test, and friction that shrinks as the last resort. A
+//! step that makes no progress with one goes on with the next from where it stands; one whose tangent becomes singular
+//! on the way (a body that only friction holds, with all of it slipping in an iterate) goes on from its best state.
 
 use crate::{
     assemble::TermError,

@@ -13,8 +13,8 @@ use crate::{strategy::Strategy, system::System};
 
 /// Sets of signs that are tried.
 const SAMPLES: u64 = 2;
-/// With an error this small after the first one that is all: a set of signs tells k digits too many with a chance of about
-/// 10^-k, and this is a thousandth of what is warned of.
+/// With an error this small after the first one that is all: a set of signs tells k digits too many with a chance of
+/// about 10^-k, and this is a thousandth of what is warned of.
 const CLEAR: f64 = 1e-6;
 /// Part of a right-hand side that its solution may leave: an estimate needs few digits, and an older factor serves.
 const LEFT: f64 = 1e-3;

@@ -3,8 +3,8 @@
 //! Promises: a run that goes on from it gives the same bits as one that was not stopped; a file of another scene,
 //! other parameters, another mesh or version, and one that is cut short or damaged, is refused with the reason.
 //! The file is written after the results of its step, under a temporary name, and renamed: whenever a run is killed,
-//! results and checkpoint are whole. What was done in the steps since goes to the end of a second file, the log, before the
-//! checkpoint says how long it is: the cost of a step does not grow with their number, and what a killed run wrote
+//! results and checkpoint are whole. What was done in the steps since goes to the end of a second file, the log, before
+//! the checkpoint says how long it is: the cost of a step does not grow with their number, and what a killed run wrote
 //! behind that length is cut off. Does not keep the states of earlier steps: their results are in their files.
 
 mod bytes;

@@ -1,8 +1,8 @@
 //! Running a scene: steps, Newton, measures, files, report.
 //!
 //! `stepping` gets from one requested value to the next, `files` writes what the scene asks for, `report` says what
-//! was done. Promises: every step that was tried is in the report, also when the run ends with an error; files are written
-//! in the order of the steps by a thread of their own, so that the solver does not wait for the disc.
+//! was done. Promises: every step that was tried is in the report, also when the run ends with an error; files are
+//! written in the order of the steps by a thread of their own, so that the solver does not wait for the disc.
 
 mod accuracy;
 mod checkpoint;

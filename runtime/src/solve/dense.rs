@@ -234,7 +234,8 @@ impl<T: Number> Dense<T> {
 }
 
 impl<T: Number> Dense<T> {
-    /// Solves the transposed system for many right-hand sides, n numbers each, in place and in the precision of the factor.
+    /// Solves the transposed system for many right-hand sides, n numbers each, in place and in the precision of the
+    /// factor.
     ///
     /// # Panics
     /// Without a factor by LU.

@@ -197,8 +197,8 @@ impl Judge {
         })
     }
 
-    /// Whether the solution judged last leaves no more than `tolerance` of its right-hand side, or as little as a factor of
-    /// double precision does.
+    /// Whether the solution judged last leaves no more than `tolerance` of its right-hand side, or as little as a
+    /// factor of double precision does.
     pub(super) fn is_satisfied(&self, tolerance: f64) -> bool {
         self.last.left <= tolerance || self.last.relative <= GOOD_RESIDUAL
     }

@@ -221,7 +221,8 @@ fn a_torn_space_has_one_node_a_side() {
     assert_eq!(a.iter().filter(|n| b.contains(n)).count(), 1, "only the end is shared");
 }
 
-/// Two squares side by side: the field of the left one has no nodes on the lower face of the right one, though they touch.
+/// Two squares side by side: the field of the left one has no nodes on the lower face of the right one, though they
+/// touch.
 #[test]
 fn a_face_that_touches_at_an_edge_has_no_nodes() {
     let mesh = generate_box([0.0; 3], [2.0, 1.0, 0.0], [2, 1, 1], 2, BoxShape::Quadrilateral).expect("a box");

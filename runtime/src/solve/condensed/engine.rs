@@ -340,7 +340,8 @@ fn whole_factor(symbolic: &Symbolic, matrix: &Csr, threads: usize) -> Result<Mul
     Ok(factor)
 }
 
-/// The bulk as it stands without the changing part, with some diagonal for each dof that has no stiffness; which they are.
+/// The bulk as it stands without the changing part, with some diagonal for each dof that has no stiffness; which they
+/// are.
 fn alone(bulk: &Csr) -> Result<(Csr, Vec<bool>), SolveError> {
     let n = bulk.n_rows();
     let is_bare: Vec<bool> = (0..n).map(|dof| bulk.row(dof).1.iter().all(|&value| value == 0.0)).collect();

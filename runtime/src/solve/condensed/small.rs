@@ -42,8 +42,8 @@ pub(super) struct Rows<'a> {
 
 /// See the module documentation; of one of two precisions.
 pub(super) trait SmallSystem: Send {
-    /// Factors the matrix of these rows, from the factor at hand where that is cheaper; the smallest pivot relative to its
-    /// column, and its unknown.
+    /// Factors the matrix of these rows, from the factor at hand where that is cheaper; the smallest pivot relative to
+    /// its column, and its unknown.
     fn factor(&mut self, rows: Rows<'_>) -> Result<(f64, usize), SolveError>;
 
     /// Solves in place with the last factor.
