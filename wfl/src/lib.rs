@@ -6,9 +6,10 @@
 //!
 //! ```
 //! let mut sources = wfl::SourceMap::new();
-//! let text = "mesh box [0,0] to [1,1] cells [8,8] quad\nunknown u : scalar\nterm on all : Grad_u.Grad_Test_u -
-//! x**2*Test_u\n"; let main = sources.add("poisson.wfl", text); let checked = wfl::resolve(&mut sources, main, &mut
-//! wfl::NoFiles, &[]); let message = wfl::render(&checked.diagnostics[0], &sources, false);
+//! let text = "mesh box [0,0] to [1,1] cells [8,8] quad\nunknown u : scalar\nterm on all : Grad_u.Grad_Test_u - x**2*Test_u\n";
+//! let main = sources.add("poisson.wfl", text);
+//! let checked = wfl::resolve(&mut sources, main, &mut wfl::NoFiles, &[]);
+//! let message = wfl::render(&checked.diagnostics[0], &sources, false);
 //! assert!(message.starts_with("error[E107]: `**` is not an operator\n --> poisson.wfl:3:37"));
 //! ```
 #![forbid(unsafe_code)]
