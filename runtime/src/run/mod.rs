@@ -212,15 +212,18 @@ impl Watch for Forward<'_> {
     }
 }
 
-/// Runs a scene.
+/// Runs a scene, in the current pool of threads if it has as many as the options ask for, else in one of its own.
 ///
 /// # Errors
 /// [`RunError`]; a step that does not converge is no error: it is marked, and the run stops there unless the scene
 /// says `on_fail=go_on`.
 pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress) -> Result<Outcome, RunError> {
+    let threads = options.threads.max(1);
     // On a thread of the pool work is shared out without waking another one to wait for it.
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads.max(1)).stack_size(STACK).build();
-    match pool {
+    if rayon::current_thread_index().is_some() && rayon::current_num_threads() == threads {
+        return run_here(scene, options, progress);
+    }
+    match rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK).build() {
         Ok(pool) => pool.install(|| run_here(scene, options, progress)),
         Err(_) => run_here(scene, options, progress),
     }

@@ -166,6 +166,7 @@ bodies; the smallest of all trials in place of the first that falls; eight whole
 stick at first, handing over after two short steps, a stiffer choice of pieces for theta = -1 far below E/h; a soft
 layer from the first iteration (31 iterations in place of 8 on the fault inclined by 10 degrees), and pieces foretold
 from three states in place of two (15 in place of 10 where gamma is 1e3 E/h).
-What still fails: Nitsche with theta = 0 or 1 far below its coercivity bound (W503). What takes long: friction
-coefficients of several units on faults that open, and theta = -1 where gamma is 1e-4 E/h, whose stresses at the points
-of a face hold each other; there are several states then.";
+What still fails: Nitsche with theta = 0 or 1 far below its coercivity bound (W503), some nearly incompressible bodies
+(nu = 0.4999) on a fault inclined by 45 degrees, and multipliers on bodies that are not linear at all (p-Laplacian,
+p = 10). What takes long: friction coefficients of several units on faults that open, and theta = -1 where gamma is 1e-4
+E/h, whose stresses at the points of a face hold each other; there are several states then.";
