@@ -193,7 +193,7 @@ pub(crate) struct RunArgs {
     /// Directory of the results [default: out/<scene>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Go on where a run that was stopped left off: each step that has been written is kept
+    /// Go on where a run that was stopped left off; its last 0.1 s and the step it was in may be done again
     #[arg(long)]
     pub(crate) resume: bool,
     /// The relative error wanted, such as 1e-3: mesh, degree, tolerance and penalty are picked for it
@@ -215,7 +215,8 @@ pub(crate) struct RunArgs {
     /// precision) or auto
     #[arg(long, value_name = "NAME", value_parser = precision, default_value = "auto")]
     pub(crate) precision: Precision,
-    /// Most Newton iterations in a step, in place of what the scene says
+    /// Most Newton iterations in a step, in place of what the scene says; a path through the pieces of contact may pass
+    /// 150 kinks more
     #[arg(long, value_name = "N")]
     pub(crate) max_iter: Option<NonZeroUsize>,
     /// Do what the scene does not need, to measure what leaving it out saves; wfl check lists the names
