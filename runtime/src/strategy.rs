@@ -63,6 +63,9 @@ pub struct Strategy {
     coordinates: Vec<[f64; 3]>,
     factorisations: usize,
     notes: Vec<String>,
+    /// Whether the determinant of the tied bodies is negative; that of the first tangent where that is tied.
+    tied_is_negative: Option<bool>,
+    starts_tied: bool,
 }
 
 impl Strategy {
@@ -80,6 +83,8 @@ impl Strategy {
             coordinates,
             factorisations: 0,
             notes: Vec::new(),
+            tied_is_negative: None,
+            starts_tied: true,
         };
         if !system.is_linear() {
             this.choose_nonlinear(system)?;
@@ -183,6 +188,14 @@ impl Strategy {
     /// # Errors
     /// [`SolveError`] when it cannot be factored.
     pub fn update(&mut self, system: &System) -> Result<(), SolveError> {
+        self.take(system)?;
+        if self.starts_tied && self.tied_is_negative.is_none() {
+            self.tied_is_negative = self.was_negative();
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, system: &System) -> Result<(), SolveError> {
         match &mut self.kind {
             Kind::Linear => Ok(()),
             Kind::Condensed(c) => {
@@ -256,6 +269,50 @@ impl Strategy {
         // What is made again has been counted when it was made first.
         condensed.take_factorisations();
         fits
+    }
+
+    /// Whether the determinant of the tangent that was factored last is negative.
+    fn was_negative(&self) -> Option<bool> {
+        match &self.kind {
+            Kind::Condensed(c) => c.is_negative(),
+            _ => self.solver.as_ref().and_then(|solver| solver.is_negative()),
+        }
+    }
+
+    /// Says that the first tangent is not that of bodies tied together.
+    pub(crate) fn starts_elsewhere(&mut self) {
+        self.starts_tied = false;
+    }
+
+    /// Says whether the determinant of the bodies tied together is negative.
+    pub(crate) fn set_tied_sign(&mut self, is_negative: bool) {
+        self.tied_is_negative = Some(is_negative);
+    }
+
+    /// True if the determinant of the tangent that was factored last may have another sign than that of the tied bodies:
+    /// at no cost, and of a tangent that may be that of an iterate before.
+    pub(crate) fn may_have_turned(&self) -> bool {
+        self.was_negative().is_some_and(|now| self.tied_is_negative != Some(now))
+    }
+
+    /// A solver of its own for the same system, which leaves this one as it is.
+    ///
+    /// # Errors
+    /// [`SolveError`] when the bulk cannot be analysed.
+    pub(crate) fn beside(&self, system: &System) -> Result<Self, SolveError> {
+        Self::new(system, self.options)
+    }
+
+    /// Whether the determinant of the present tangent of `system` is negative; `None` where the factor does not tell.
+    ///
+    /// # Errors
+    /// [`SolveError`] when it cannot be factored.
+    pub(crate) fn is_negative(&mut self, system: &System) -> Result<Option<bool>, SolveError> {
+        if let Kind::Condensed(c) = &mut self.kind {
+            return c.sign_with(system.changing());
+        }
+        self.take(system)?;
+        Ok(self.was_negative())
     }
 
     /// An estimate of the condition number of the tangent last given, in the 1-norm; a handful of solutions.

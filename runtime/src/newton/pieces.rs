@@ -316,15 +316,25 @@ impl TermPieces {
         if open {
             let every = !near.contains(&true);
             for (point, _) in guides.chunks_exact_mut(self.n_guides).zip(&near).filter(|(_, near)| every || **near) {
-                for p in &self.projections {
-                    match p.kind {
-                        ProjectionKind::HalfLine => point[p.guide..][..p.n].fill(1.0),
-                        ProjectionKind::Ball => point[p.guide] = 1.0,
-                    }
-                }
+                self.tie_point(point);
             }
         }
         open
+    }
+
+    /// Ties every point, wherever it is.
+    pub(crate) fn tie_all(&self, guides: &mut [f64]) {
+        guides.chunks_exact_mut(self.n_guides).for_each(|point| self.tie_point(point));
+    }
+
+    /// Closed and sticking.
+    fn tie_point(&self, point: &mut [f64]) {
+        for p in &self.projections {
+            match p.kind {
+                ProjectionKind::HalfLine => point[p.guide..][..p.n].fill(1.0),
+                ProjectionKind::Ball => point[p.guide] = 1.0,
+            }
+        }
     }
 
     /// Writes the present softness into the guides, pieces as they are.

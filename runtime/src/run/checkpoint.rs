@@ -342,6 +342,8 @@ fn step(w: &mut Writer, s: &StepResult) {
         Some(Stop::Given) => 4,
     });
     w.flag(h.displaced);
+    w.count(h.turns);
+    w.flag(s.one_of_several);
     w.count(s.attempts.len());
     s.attempts.iter().for_each(|a| attempt(w, a));
     w.count(usize::from(s.accuracy.is_some()));
@@ -384,7 +386,8 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         4 => Some(Stop::Given),
         _ => return Err(Unreadable),
     };
-    let history = StepHistory { iterations, solves, stop, displaced: r.flag()?, ..StepHistory::default() };
+    let (displaced, turns, one_of_several) = (r.flag()?, r.count()?, r.flag()?);
+    let history = StepHistory { iterations, solves, stop, displaced, turns, ..StepHistory::default() };
     let attempts = r.list(read_attempt)?;
     let accuracy = r.list(|r| {
         let [error] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
@@ -401,7 +404,8 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         let [value] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
         Ok((name, value))
     })?;
-    Ok(StepResult { time, increment, history, attempts, accuracy, checks, measures, state: Vec::new() })
+    let state = Vec::new();
+    Ok(StepResult { time, increment, history, attempts, accuracy, checks, one_of_several, measures, state })
 }
 
 fn attempt(w: &mut Writer, a: &Attempt) {

@@ -9,6 +9,7 @@ mod checkpoint;
 mod files;
 mod physics;
 mod report;
+mod several;
 mod stepping;
 
 use std::{
@@ -129,6 +130,8 @@ pub struct StepResult {
     pub accuracy: Option<Accuracy>,
     /// Conditions of mechanics at a converged state.
     pub checks: Vec<PhysicsCheck>,
+    /// The state is proved to be one of several; looked for until one is found.
+    pub one_of_several: bool,
     /// Measures by name.
     pub measures: Vec<(String, f64)>,
     /// All unknowns at its end; empty for a step that another process did before this one went on from a checkpoint.
@@ -387,6 +390,7 @@ impl Run {
         if !(fits && scene.system.recall(&found.memory)) {
             return Err(misfit().into());
         }
+        strategy.starts_elsewhere();
         (self.stepper.level, self.stepper.easy) = (found.level, found.easy);
         (self.u, self.steps, self.log) = (found.u, found.steps, found.log);
         Ok(())
@@ -413,8 +417,9 @@ impl Run {
         let (history, attempts) = (reached.history, reached.attempts);
         // the equations are those of the old states; a state that is given has nothing to judge
         let solved = history.converged() && history.stop != Some(Stop::Given);
-        let judged = if solved { self.judge(scene, &history) } else { Ok((None, Vec::new())) };
-        let (accuracy, checks) = judged.map_err(|error| RunError::Newton { step: number, time, error })?;
+        let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
+        let Judged { accuracy, checks, one_of_several } =
+            judged.map_err(|error| RunError::Newton { step: number, time, error })?;
         self.stepper.renew(scene);
         let (u, increment) = (&self.u, reached.increment);
         let measures = scene
@@ -428,15 +433,11 @@ impl Run {
             print.for_each(system, time, increment, u, |x, value| progress.printed(&term, origin, x, value));
         }
         let state = self.u.clone();
-        Ok(StepResult { time, increment, history, attempts, accuracy, checks, measures, state })
+        Ok(StepResult { time, increment, history, attempts, accuracy, checks, one_of_several, measures, state })
     }
 
     /// How good the converged state is.
-    fn judge(
-        &mut self,
-        scene: &mut Scene,
-        history: &StepHistory,
-    ) -> Result<(Option<Accuracy>, Vec<PhysicsCheck>), NewtonError> {
+    fn judge(&mut self, scene: &mut Scene, history: &StepHistory) -> Result<Judged, NewtonError> {
         let mut residual = Vec::new();
         scene.system.residual(&self.u, &mut residual)?;
         let (system, strategy) = (&scene.system, self.stepper.strategy.as_mut());
@@ -446,8 +447,21 @@ impl Run {
         );
         let mut checks = physics::balance(&mut scene.system, &self.u, &residual, scene.newton.tolerance);
         checks.extend(contact);
-        Ok((accuracy, checks))
+        let known = self.steps.iter().any(|s| s.one_of_several);
+        let one_of_several = match &mut self.stepper.strategy {
+            Some(strategy) if !known => several::is_one_of_several(&mut scene.system, strategy, &self.u)?,
+            _ => false,
+        };
+        Ok(Judged { accuracy, checks, one_of_several })
     }
+}
+
+/// What is known of a converged state: the fields of [`StepResult`].
+#[derive(Default)]
+struct Judged {
+    accuracy: Option<Accuracy>,
+    checks: Vec<PhysicsCheck>,
+    one_of_several: bool,
 }
 
 /// First values of the scene: those of the unknowns by dof, those of states where they are kept.

@@ -129,6 +129,16 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
             ),
         ));
     }
+    if let Some(step) = steps.iter().find(|s| s.one_of_several) {
+        out.push((
+            "W609",
+            format!(
+                "at t = {} the state is one of several: its tangent has a determinant of another sign than that of the \
+                 bodies tied together, and such a state is never alone",
+                step.time
+            ),
+        ));
+    }
     for check in worst_checks(steps).into_iter().filter(|c| !c.holds()) {
         out.push((
             "W606",

@@ -144,6 +144,8 @@ impl Stepper {
         let mut load: Option<LoadStart> = None;
         let mut attempts = Vec::new();
         let mut failed_whole = None;
+        // what the parts before the last one have to tell
+        let (mut turns, mut displaced) = (0, false);
         self.level = self.level.min(halve);
         begin(scene, leg, u);
         let known_before = scene.system.known.clone();
@@ -156,8 +158,12 @@ impl Stepper {
             scene.system.set_shift(Vec::new());
             attempts.push(attempt(path, (position, end, whole), &result));
             match result {
-                Ok(history) if history.converged() => {
+                Ok(mut history) if history.converged() => {
                     position = end;
+                    turns += history.turns;
+                    history.turns = turns;
+                    displaced |= history.displaced;
+                    history.displaced = displaced;
                     self.grow(whole, position);
                     if position == whole {
                         return Ok(self.reached(path, history, increment, attempts));
@@ -288,6 +294,9 @@ impl Stepper {
         match self.strategy.take() {
             None => {
                 let mut made = Strategy::new(&scene.system, self.solver)?;
+                if !scene.starts.is_empty() {
+                    made.starts_elsewhere();
+                }
                 if scene.system.is_linear() {
                     made.bulk_changed(&scene.system)?;
                 }

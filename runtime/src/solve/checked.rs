@@ -57,6 +57,9 @@ pub(super) trait Factorization {
     /// Solves in place with the last factor.
     fn solve(&mut self, form: Form, x: &mut [f64]);
 
+    /// Whether the determinant of the matrix factored last is negative; `None` where the factor does not tell.
+    fn is_negative(&self) -> Option<bool>;
+
     /// Turns to a more robust method for the same matrix; false when there is none.
     fn retry(&mut self, _matrix: &Csr) -> Result<bool, SolveError> {
         Ok(false)
@@ -281,6 +284,10 @@ impl<F: Factorization> LinearSolver for Checked<F> {
         let inverse = inverse_norm_estimate(self.matrix.n_rows(), &mut |form, x| factorization.solve(form, x));
         Ok(inverse * self.matrix.norm_1())
     }
+
+    fn is_negative(&self) -> Option<bool> {
+        self.factorization.is_negative().filter(|_| self.is_factored)
+    }
 }
 
 /// A dense factorisation of a sparse matrix.
@@ -313,6 +320,10 @@ impl Factorization for DenseOfSparse {
     fn solve(&mut self, form: Form, x: &mut [f64]) {
         self.dense.solve(form, x);
     }
+
+    fn is_negative(&self) -> Option<bool> {
+        Some(self.dense.is_negative())
+    }
 }
 
 macro_rules! checked_door {
@@ -333,6 +344,10 @@ macro_rules! checked_door {
 
             fn condition_estimate(&mut self) -> Result<f64, SolveError> {
                 self.inner.condition_estimate()
+            }
+
+            fn is_negative(&self) -> Option<bool> {
+                self.inner.is_negative()
             }
         }
     };

@@ -18,6 +18,7 @@
 //! Promises: as `checked`, with the residual of `K + C` itself.
 //! Does not find out what changes: the caller says so.
 
+mod door;
 mod engine;
 mod forces;
 mod response;
@@ -30,10 +31,10 @@ use std::sync::Arc;
 
 use super::checked::{check_symmetry, explain_bulk, explain_singular, outside};
 use super::dense::Kind;
-use super::judge::{Judge, inverse_norm_estimate};
+use super::judge::Judge;
 use super::krylov::{Gmres, Limits};
 use super::sweep::Form;
-use super::{LinearSolver, Precision, SolveError, SolveReport, SolverOptions};
+use super::{Precision, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
 use crate::strategy::SolverMemory;
 use engine::{Engine, EngineContext, MAX_ITERATIONS, Method};
@@ -552,28 +553,6 @@ impl CheckedCondensed {
         let outcome = self.judge.solve(&parts, &mut solver, rhs, x, tolerance);
         let has_grown = outcome.is_ok() && self.judge.has_grown(rhs, x);
         (iterations, outcome.ok().filter(|_| converged && !has_grown))
-    }
-}
-
-impl LinearSolver for CheckedCondensed {
-    /// Sets the changing part, as [`CheckedCondensed::update`].
-    fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
-        self.update(matrix)
-    }
-
-    fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError> {
-        CheckedCondensed::solve(self, rhs, x)
-    }
-
-    fn condition_estimate(&mut self) -> Result<f64, SolveError> {
-        match self.state {
-            State::Empty => return Err(SolveError::NotFactored),
-            State::Stale => self.refactor()?,
-            State::Fresh => {}
-        }
-        let engine = &mut self.engine;
-        let inverse = inverse_norm_estimate(self.bulk.n_rows(), &mut |form, x| engine.solve(form, x));
-        Ok(inverse * self.bulk.plus(&self.changing)?.norm_1())
     }
 }
 

@@ -184,6 +184,13 @@ impl<T: Number> Dense<T> {
         Ok(smallest)
     }
 
+    /// Whether the determinant of the matrix is negative: an odd number of exchanged rows and negative pivots.
+    pub(super) fn is_negative(&self) -> bool {
+        let n = self.n;
+        let negative = (0..n).filter(|i| self.values[i * n + i].wide() < 0.0).count();
+        self.state == State::Lu && (negative % 2 == 1) != is_odd(&self.pivots)
+    }
+
     /// Scales rows, then columns, to largest entries of about 1.
     fn equilibrate(&mut self) {
         let n = self.n;
@@ -264,9 +271,44 @@ impl<T: Number> Dense<T> {
     }
 }
 
+/// Whether a permutation takes an odd number of exchanges: one less than the length of each of its cycles.
+pub(super) fn is_odd(permutation: &[u32]) -> bool {
+    let mut is_seen = vec![false; permutation.len()];
+    let mut odd = false;
+    for start in 0..permutation.len() {
+        let mut at = start;
+        while !std::mem::replace(&mut is_seen[at], true) {
+            at = permutation[at] as usize;
+            odd ^= at != start;
+        }
+    }
+    odd
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_sign_of_a_determinant_is_that_of_its_definition() {
+        // by rows; determinants by hand: 5, -24, 1 (a cycle of three), -1 (one exchange of four), -2
+        let cases: [(usize, Vec<f64>, bool); 5] = [
+            (2, vec![2.0, 1.0, 1.0, 3.0], false),
+            (3, vec![2.0, 0.0, 0.0, 0.0, -3.0, 0.0, 7.0, 0.0, 4.0], true),
+            (3, vec![0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0], false),
+            (4, vec![0., 1., 0., 0., 1., 0., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.], true),
+            (2, vec![1.0, 2.0, 3.0, 4.0], true),
+        ];
+        for (n, matrix, negative) in cases {
+            let mut dense = Dense::<f64>::new(n, 1).expect("room");
+            let fill = |values: &mut [f64]| (0..n * n).for_each(|k| values[(k % n) * n + k / n] = matrix[k]);
+            dense.factor(Kind::General, fill).expect("regular");
+            assert_eq!(dense.is_negative(), negative, "{matrix:?}");
+        }
+        let mut spd = Dense::<f64>::new(1, 1).expect("room");
+        spd.factor(Kind::Symmetric, |values| values[0] = 2.0).expect("regular");
+        assert!(!spd.is_negative());
+    }
 
     #[test]
     fn both_forms_solve() {

@@ -22,6 +22,7 @@ use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
 use super::SolveError;
+use super::dense::is_odd;
 use super::multifrontal::{Multifrontal, zeros};
 use super::sweep::FrontFactor;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
@@ -146,6 +147,18 @@ impl FrontalLu {
         let pivots = vec![0; pivot_starts[symbolic.n_fronts()]];
         let threads = super::worthwhile_threads(threads, plan.cost);
         Ok(Self { plan, values, starts, pivots, pivot_starts, workspaces, top, threads })
+    }
+
+    /// Whether the determinant over the fronts of the plan is negative; pivots are exchanged within fronts only.
+    pub(super) fn is_negative(&self, symbolic: &Symbolic) -> bool {
+        let of_front = |front: usize| {
+            let (k, r) = symbolic.sizes(front);
+            let panel = &self.values[self.starts[front]..];
+            let negative = (0..k).filter(|i| panel[i * (k + r) + i] < 0.0).count();
+            let pivots = &self.pivots[self.pivot_starts[front]..][..k];
+            (negative % 2 == 1) != is_odd(pivots)
+        };
+        (0..symbolic.n_fronts()).filter(|front| self.plan.members[*front] && of_front(*front)).count() % 2 == 1
     }
 
     pub(super) fn members(&self) -> &[bool] {

@@ -83,6 +83,10 @@ impl Factorization for Llt {
         self.sweep.solve(&self.symbolic, factor, form, |_| {}, x);
     }
 
+    fn is_negative(&self) -> Option<bool> {
+        Some(false)
+    }
+
     fn null_vector_at(&mut self, matrix: &Csr, error: &SolveError) -> (SolveError, Option<Vec<f64>>) {
         match *error {
             SolveError::NotPositiveDefinite { dof, .. } => match self.pivot_at(matrix, dof) {

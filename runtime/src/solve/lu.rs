@@ -86,6 +86,10 @@ impl Factorization for SparseLu {
         }
     }
 
+    fn is_negative(&self) -> Option<bool> {
+        (!self.uses_robust).then(|| self.fronts.is_negative(&self.symbolic))
+    }
+
     fn retry(&mut self, matrix: &Csr) -> Result<bool, SolveError> {
         if self.uses_robust {
             return Ok(false);

@@ -268,6 +268,10 @@ pub trait LinearSolver {
     /// # Errors
     /// As [`LinearSolver::solve`].
     fn condition_estimate(&mut self) -> Result<f64, SolveError>;
+
+    /// Whether the determinant of the matrix factored last is negative, by its pivots. `None` without a factor, or where
+    /// the factor does not tell.
+    fn is_negative(&self) -> Option<bool>;
 }
 
 /// Multiplications below which a second thread costs more than it gives.

@@ -137,6 +137,18 @@ impl System {
         self.choose_pieces(u, TermPieces::start)
     }
 
+    /// Holds all points closed and sticking: bodies that are tied together.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub(crate) fn hold_tied(&mut self, u: &[f64]) -> Result<(), TermError> {
+        self.watched.clear();
+        self.choose_pieces(u, |piece, mesh, values, guides| {
+            piece.start(mesh, values, guides);
+            piece.tie_all(guides);
+        })
+    }
+
     /// What is watched at the two ends of a line.
     pub(crate) fn line(&mut self, from: &[f64], to: &[f64]) -> Result<[Vec<Watched>; 2], TermError> {
         Ok([self.watch_pieces(from)?, self.watch_pieces(to)?])

@@ -248,6 +248,15 @@ impl Engine {
         Ok(Pivot::from((ratio.min(self.constant_pivot), 0)))
     }
 
+    /// Whether the determinant of the matrix factored last is negative. What stays constant is positive definite.
+    pub(super) fn is_negative(&self) -> bool {
+        match &self.method {
+            Method::Forces(forces) => forces.is_negative(),
+            Method::Dense { dense, .. } => dense.is_negative(),
+            Method::Fronts { fronts, .. } => fronts.is_negative(&self.symbolic),
+        }
+    }
+
     /// Solves in place, by dof.
     pub(super) fn solve(&mut self, form: Form, x: &mut [f64]) {
         let (symbolic, constant) = (&self.symbolic, &self.constant);

@@ -297,6 +297,13 @@ impl Forces {
         }
     }
 
+    /// Whether the determinant of K + C is negative: it is that of K times that of `1 + M V`, in which the rows of dofs
+    /// without stiffness have the other sign. K is positive definite.
+    pub(super) fn is_negative(&self) -> bool {
+        let small = self.connected.as_ref().is_some_and(|connected| connected.small.is_negative());
+        small != (self.bare.len() % 2 == 1)
+    }
+
     /// M, and where its columns stand.
     fn rows(&self) -> Rows<'_> {
         Rows { m: &self.rows, place: &self.place, n_read: self.read.len(), n_loads: self.loads.len() }

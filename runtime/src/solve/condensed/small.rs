@@ -52,6 +52,9 @@ pub(super) trait SmallSystem: Send {
     /// `read = V loads`; false where V is of single precision and nothing has been done.
     fn answers(&self, loads: &[f64], read: &mut [f64]) -> bool;
 
+    /// Whether the determinant of the matrix factored last is negative.
+    fn is_negative(&self) -> bool;
+
     /// Multiplications that the next factor will take.
     fn operations(&self, rows: Rows<'_>) -> f64;
 
@@ -215,6 +218,10 @@ impl<T: Number> SmallSystem for Small<T> {
         share(threads, read, SHARE, share_out);
         read.iter_mut().for_each(|value| *value /= self.v.scale);
         true
+    }
+
+    fn is_negative(&self) -> bool {
+        self.dense.is_negative() != self.update.as_ref().is_some_and(Update::is_negative)
     }
 
     fn operations(&self, rows: Rows<'_>) -> f64 {

@@ -1,7 +1,7 @@
 //! The condensed solver against direct solves of the sum.
 
-use super::super::CheckedLu;
 use super::super::problems::{BoxOptions, Contact, ElasticBox};
+use super::super::{CheckedLu, LinearSolver};
 use super::*;
 
 /// A method from the numbers of changing dofs and of forces.
@@ -243,6 +243,54 @@ fn solve_with_multipliers(problem: &ElasticBox, has_forces: bool) {
         close(&transposed, &wanted, if precision == Precision::Mixed { 1e-4 } else { 1e-9 });
         let is_update = !solver.memory().reference.groups.is_empty();
         assert!(is_update == (has_forces && matches!(solver.strategy(), Strategy::Forces { .. })));
+    }
+}
+
+/// A saddle point of n unknowns and m conditions has n positive and m negative eigenvalues; a condition that is given up
+/// for a multiplier that is known takes the sign of its diagonal instead.
+#[test]
+fn the_sign_of_the_determinant_is_that_of_its_inertia() {
+    for (fix_high, cells) in [(false, 3), (true, 3), (true, 4)] {
+        let problem = ElasticBox::new(&BoxOptions { cells: [4, cells, cells], cut: Some(2), fix_low: true, fix_high });
+        let (n, m) = (problem.n(), problem.pairs.len());
+        let mut ties = Vec::new();
+        for (row, &(here, there)) in (n as u32..).zip(&problem.pairs) {
+            ties.extend([(here, 1.0), (there, -1.0)].into_iter().flat_map(|(d, s)| [(row, d, s), (d, row, s)]));
+            ties.push((row, row, 0.0));
+        }
+        let ties = Csr::from_triplets(n + m, n + m, &ties).unwrap();
+        // one condition after the other is given up, the diagonals by turns of both signs
+        let given_up = |count: usize| {
+            let mut some = ties.clone();
+            for row in n..n + count {
+                let range = ties.pattern().row_starts()[row]..ties.pattern().row_starts()[row + 1];
+                some.values_mut()[range].fill(0.0);
+                assert!(some.add_to(row, row, if row % 2 == 0 { 1.0 } else { -1.0 }));
+            }
+            let negative = m - count + (n..n + count).filter(|row| row % 2 == 1).count();
+            (some, negative % 2 == 1)
+        };
+        let bulk: Vec<_> = (0..n)
+            .flat_map(|row| {
+                let (columns, values) = problem.matrix.row(row);
+                columns.iter().zip(values).map(move |(&c, &v)| (row as u32, c, v))
+            })
+            .collect();
+        let bulk = Csr::from_triplets(n + m, n + m, &bulk).unwrap();
+        for (method, precision) in METHODS {
+            let make = || CheckedCondensed::with_choice(&bulk, ties.pattern(), None, &[], options(precision), method);
+            let mut solver = make().unwrap();
+            assert_eq!(solver.is_negative(), None, "there is no factor yet");
+            for count in [0, 1, 2, 5, 1] {
+                let (some, expected) = given_up(count);
+                assert_eq!(solver.sign_with(&some).unwrap(), Some(expected), "{count} of {m}");
+                let mut fresh = make().unwrap();
+                assert_eq!(fresh.sign_with(&some).unwrap(), Some(expected), "{count} of {m}, at once");
+                let mut whole = CheckedLu::new(bulk.plus(&some).unwrap().pattern(), None, options(precision)).unwrap();
+                whole.factor(&bulk.plus(&some).unwrap()).unwrap();
+                assert!(whole.is_negative().is_none_or(|found| found == expected), "{count} of {m}, whole");
+            }
+        }
     }
 }
 

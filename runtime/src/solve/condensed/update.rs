@@ -204,6 +204,11 @@ impl<T: Number> Update<T> {
         Ok((ratio, self.changed.get(row).map_or(0, |&row| row as usize)))
     }
 
+    /// Whether the determinant of S is negative: that of A times it is that of the changed matrix (Sylvester).
+    pub(super) fn is_negative(&self) -> bool {
+        self.inner.is_negative()
+    }
+
     /// Solves in place.
     pub(super) fn solve(
         &mut self,
