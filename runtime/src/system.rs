@@ -7,12 +7,14 @@
 
 mod held;
 mod inspect;
+mod law;
 mod linear;
 mod memory;
 mod numbering;
 
 use std::sync::Arc;
 
+pub(crate) use law::LawDefect;
 pub use memory::Memory;
 pub use numbering::{FIXED, Numbering};
 

@@ -237,6 +237,29 @@ fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
     }
 }
 
+/// Where the points are the nodes of a plane interface the law of a multiplier holds at each of them, and no parameter of
+/// the augmentation is seen in the result; the faces of a bent interface share nodes with other normals: there it holds on
+/// the average, what slides depends on the parameter, and that is told.
+#[test]
+fn a_result_that_depends_on_the_augmentation_is_warned_of() {
+    let run = |bend: f64, gamma: f64| {
+        let text = inclined(0.2, 1.0, [8, 8], "[0,-t]", "steps t = 1 to 1 by 1", AUGMENTED);
+        let text = text.replace("(y-2)*0.2", &format!("{bend:?}*sin(pi*y/4)"));
+        solve(&examples(), text, &[], &[("gamma", gamma)]).expect("the scene is right")
+    };
+    let told = |solved: &wfl_tests::Solved| {
+        let of_the_law = |w: &&(&str, String)| w.0 == "W606" && w.1.starts_with("law of `lam` at the points");
+        solved.outcome.warnings.iter().filter(of_the_law).count()
+    };
+    for (bend, bent) in [(0.0, false), (0.2, true)] {
+        let (soft, stiff) = (run(bend, 1e4), run(bend, 1e7));
+        assert!(soft.outcome.converged() && stiff.outcome.converged());
+        let change = (soft.measure(0, "slip") / stiff.measure(0, "slip") - 1.0).abs();
+        assert!(if bent { change > 0.02 } else { change < 1e-8 }, "bend {bend}: slip changes by {change:e}");
+        assert_eq!([told(&soft), told(&stiff)], [usize::from(bent); 2], "{:?}", soft.outcome.warnings);
+    }
+}
+
 /// Volumes that hardly change make the nodal stiffness thousands of times what a body gives way with to a traction: the
 /// choice of pieces must not take one for the other. A penalty and an augmented Lagrangian with the rule of the nodes
 /// hold the same conditions, and 1/gamma of compliance is what is between them.

@@ -441,9 +441,10 @@ impl Run {
         let mut residual = Vec::new();
         scene.system.residual(&self.u, &mut residual)?;
         let (system, strategy) = (&scene.system, self.stepper.strategy.as_mut());
+        let left = history.iterations.last().map_or(0.0, |i| i.residual);
         let (accuracy, contact) = rayon::join(
             || strategy.and_then(|s| accuracy::estimate(system, s, &self.u, &residual, history.correction)),
-            || physics::contact(system, &self.u),
+            || physics::contact(system, &self.u, left),
         );
         let mut checks = physics::balance(&mut scene.system, &self.u, &residual, scene.newton.tolerance);
         checks.extend(contact);

@@ -403,8 +403,11 @@ pub(super) const PAGES: &[CodePage] = &[
         "a condition of mechanics that does not hold",
         "A converged state does not satisfy what any solution must: loads and reactions in balance, equal forces on the \
          two sides of an interface, no overlap of bodies in contact and no sliding where they stick (both relative to \
-         the largest displacement). Forces out of balance are a mistake in the terms; overlap and sliding go away with \
-         a larger penalty, or with Nitsche's method or a multiplier.",
+         the largest displacement), and a multiplier that obeys its law at every point. Forces out of balance are a mistake \
+         in the terms; overlap and sliding go away with a larger penalty, or with Nitsche's method or a multiplier. The law of \
+         a multiplier holds at every point, and the result does not depend on its parameter, where the points are the nodes \
+         (`quadrature ... vertex`, elements of degree 1) and the faces of a node have one normal. On a bent interface that \
+         slides it cannot: finer faces help, and a run with another parameter shows how much depends on it.",
         "param gamma = 1e3",
         "param gamma = 1e6",
     ),

@@ -1,0 +1,86 @@
+//! How far the law of a multiplier holds at single points.
+//!
+//! An augmented Lagrangian asks `m + P(gamma g - m) = 0` of the multiplier m, the gap g and the projection P of the law
+//! of contact. Where that holds point by point, g and m satisfy the conditions of contact whatever gamma is. It does
+//! where the points are the nodes of m and the faces of a node have one normal. Elsewhere the equations hold on the
+//! average over the faces of a node only, and what is left at the points depends on gamma, and with it the solution.
+//!
+//! Promises: a number without unit, 0 where the solution does not depend on gamma. Does not know of gamma: the size of
+//! what is left is taken in parts of what the law asks of the same multipliers where nothing presses.
+
+use std::sync::Arc;
+
+use wfl_compiler::{
+    Class,
+    types::{FieldKind, FieldOp},
+};
+
+use super::System;
+use crate::assemble::{AssembledTerm, FieldValues};
+
+/// What is left of the law of a multiplier.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct LawDefect {
+    /// The multiplier.
+    pub(crate) multiplier: String,
+    /// The integral of what is left at the points, in parts of that of the multiplier.
+    pub(crate) size: f64,
+}
+
+impl System {
+    /// What is left at the points of the laws with kinks of each multiplier, at a solution `u` by dof.
+    pub(crate) fn law_defects(&self, u: &[f64]) -> Vec<LawDefect> {
+        let multipliers = (0..self.fields.len()).filter(|k| self.fields[*k].kind == FieldKind::Multiplier);
+        multipliers.filter(|k| self.range(*k).is_some()).filter_map(|k| self.law_defect(k, u)).collect()
+    }
+
+    fn law_defect(&self, field: usize, u: &[f64]) -> Option<LawDefect> {
+        let tests = |t: &AssembledTerm| t.law.tests.iter().filter(|s| s.field.index() == field).count();
+        let terms: Vec<&AssembledTerm> = self.terms.iter().filter(|t| tests(t) > 0).collect();
+        let domain = &terms.first()?.integrator.domain;
+        let values_alone =
+            |t: &AssembledTerm| t.law.tests.iter().all(|s| s.field.index() != field || s.op == FieldOp::Value);
+        let is_a_law = terms.iter().any(|t| t.law.class == Class::Kinked)
+            && terms.iter().all(|t| Arc::ptr_eq(domain, &t.integrator.domain) && values_alone(t));
+        if !is_a_law {
+            return None;
+        }
+        let slices = self.slices(u);
+        let left = self.law_size(field, &terms, &slices);
+        // nothing presses where nothing has moved and the multiplier pulls, whichever sign that is
+        let zeros: Vec<Vec<f64>> = slices.iter().map(|s| vec![0.0; s.len()]).collect();
+        let negative: Vec<f64> = slices[field].iter().map(|m| -m).collect();
+        let asked = [slices[field], &negative].map(|own| {
+            let rest = |k: usize| if self.range(k).is_some() { zeros[k].as_slice() } else { slices[k] };
+            let alone: Vec<&[f64]> = (0..slices.len()).map(|k| if k == field { own } else { rest(k) }).collect();
+            self.law_size(field, &terms, &alone)
+        });
+        let asked = asked[0].max(asked[1]);
+        (asked > 0.0).then(|| LawDefect { multiplier: self.fields[field].name.clone(), size: left / asked })
+    }
+
+    /// The integral of the length of what tests the multiplier, of all terms together.
+    fn law_size(&self, field: usize, terms: &[&AssembledTerm], current: &[&[f64]]) -> f64 {
+        let n = self.fields[field].n_components;
+        let mut current = current.to_vec();
+        current.extend(self.guides.iter().map(Vec::as_slice));
+        let previous = self.previous_slices();
+        let values = FieldValues { current: &current, previous: &previous };
+        let (mut sums, mut weights) = (Vec::new(), Vec::new());
+        for (k, term) in terms.iter().enumerate() {
+            let mut point = 0;
+            term.for_each_flux(&self.mesh, values, |flux, weight| {
+                if k == 0 {
+                    sums.resize(sums.len() + n, 0.0);
+                    weights.push(weight);
+                }
+                for (slot, f) in term.law.tests.iter().zip(flux).filter(|(s, _)| s.field.index() == field) {
+                    sums[point * n + usize::from(slot.entry)] += f;
+                }
+                point += 1;
+            });
+        }
+        let length = |v: &[f64]| v.iter().fold(0.0f64, |m, x| m.hypot(*x));
+        sums.chunks_exact(n).zip(&weights).map(|(sum, weight)| weight * length(sum)).sum()
+    }
+}
