@@ -394,3 +394,65 @@ fn multipliers_that_meet_in_a_corner_are_no_singular_system() {
         assert!((a - b).abs() <= 0.03 * stiff.measure(step, "y_g").abs(), "{name}: {a} against {b}");
     }
 }
+
+/// A body with flux (|grad u|^2 + 1e-6)^((p-2)/2) grad u under a load 4 t, held at 0.2 on its lid, above a floor that it
+/// may not enter: in every column of cells the same.
+fn power_law_on_a_floor(p: f64, gamma: f64, solver: &str) -> String {
+    format!(
+        "param p = {p}\nparam gamma = {gamma}\nmesh box [0,0] to [1,1] cells [2,16] quad\nunknown u : scalar\n\
+         region floor = faces where y == 0\nregion lid = faces where y == 1\n{solver}\n\
+         def flux(v) = pow(Norm_sqr(Grad_v) + 1e-6, (p-2)/2)*Grad_v\n\
+         term body on all : flux(u).Grad_Test_u + 4*t*Test_u\nmultiplier l : scalar on floor\n\
+         quadrature on floor vertex\nterm contact on floor : -pos_part(-gamma*u - l)*Test_u\n\
+         term law on floor : -1/gamma*(l + pos_part(-gamma*u - l))*Test_l\nfix u = 0.2 on lid\n\
+         steps t = 0.1 to 1 by 0.3\nmeasure force = integral(l) on floor"
+    )
+}
+
+/// The force of the floor on that body: the flux is 4 t y - force at the middle of each of the 16 cells of a column, and
+/// the slopes there add up to the 0.2 of the lid.
+fn force_of_the_floor(p: f64, t: f64) -> f64 {
+    let bisect = |mut low: f64, mut high: f64, is_low: &dyn Fn(f64) -> bool| {
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            if is_low(middle) { low = middle } else { high = middle }
+        }
+        0.5 * (low + high)
+    };
+    let flux = |slope: f64| (slope * slope + 1e-6).powf((p - 2.0) / 2.0) * slope;
+    let slope = |q: f64| bisect(-50.0, 50.0, &|s| flux(s) < q);
+    let lid = |force: f64| (0..16).map(|j| slope(4.0 * t * (f64::from(j) + 0.5) / 16.0 - force) / 16.0).sum::<f64>();
+    if lid(0.0) <= 0.2 { 0.0 } else { bisect(0.0, 4.0 * t, &|force| lid(force) > 0.2) }
+}
+
+#[test]
+fn a_power_law_with_a_multiplier_is_solved_for_every_parameter_of_the_augmentation() {
+    for (p, gamma) in [(1.5, 10.0), (4.0, 1e-2), (4.0, 1e5), (10.0, 1e-2), (10.0, 10.0), (10.0, 1e5)] {
+        let solved = solve(&examples(), power_law_on_a_floor(p, gamma, ""), &[], &[]).expect("the scene is right");
+        assert!(solved.outcome.converged(), "p = {p}, gamma = {gamma}");
+        for (k, step) in solved.outcome.steps.iter().enumerate() {
+            assert!(step.attempts.is_empty(), "p = {p}, gamma = {gamma}: {:?}", step.attempts);
+            let (found, exact) = (-solved.measure(k, "force"), force_of_the_floor(p, step.time));
+            assert!((found - exact).abs() < 1e-6, "p = {p}, gamma = {gamma}, t = {}: {found}, {exact}", step.time);
+        }
+        let later: Vec<usize> = solved.outcome.steps[1..].iter().map(|s| s.history.n_iterations()).collect();
+        assert!(later.iter().all(|n| *n <= 12), "p = {p}, gamma = {gamma}: {later:?}");
+    }
+}
+
+/// Plain Newton steps reach states so far away that the rounding there is larger than every residual elsewhere: what is
+/// called a solution afterwards has to be one.
+#[test]
+fn rounding_of_a_state_far_away_makes_no_solution() {
+    let mut lost = 0;
+    for p in [6.0, 8.0, 10.0] {
+        let text = power_law_on_a_floor(p, 10.0, "solver newton with search=none");
+        let solved = solve(&examples(), text, &[], &[]).expect("the scene is right");
+        lost += usize::from(!solved.outcome.converged());
+        for (k, step) in solved.outcome.steps.iter().enumerate().filter(|(_, s)| s.history.converged()) {
+            let (found, exact) = (-solved.measure(k, "force"), force_of_the_floor(p, step.time));
+            assert!((found - exact).abs() < 1e-6, "p = {p}, t = {}: {found}, {exact}", step.time);
+        }
+    }
+    assert!(lost > 0, "without a search some of these are out of reach");
+}

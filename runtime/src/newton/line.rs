@@ -2,7 +2,12 @@
 //!
 //! Promises: the state that is left behind is the one that was measured last. Does not choose the direction.
 
-use super::{LARGEST_FORCING, Measured, NewtonError, NewtonOptions, ladder::Method, measure, step_to, stopped};
+use super::{
+    LARGEST_FORCING, Measured, NewtonError, NewtonOptions,
+    energy::{self, Way},
+    ladder::Method,
+    measure, step_to, stopped,
+};
 use crate::{strategy::Strategy, system::System};
 
 /// Halvings of a step before the best one seen is taken.
@@ -12,20 +17,14 @@ const DOMAIN_CUT: f64 = 1.0 / 16.0;
 const SHORTEST: f64 = 1e-60;
 /// A step is accepted when it reduces the residual norm by this part of its length.
 const SUFFICIENT: f64 = 1e-4;
-/// Where the equations are the gradient of an energy: after so many halvings a step is followed until the slope of the
-/// energy along it is this part of what it was, within so many trials.
-const HALVINGS_BEFORE: usize = 3;
-const SLOPE_LEFT: f64 = 0.5;
-const MOST_TRIALS: usize = 60;
-/// By what a step is cut that goes uphill, before one that goes downhill is known.
-const UPHILL_CUT: f64 = 1.0 / 8.0;
-
 /// A direction and how far it is followed.
 pub(super) struct Line<'a> {
     pub(super) direction: &'a [f64],
     pub(super) weights: &'a [f64],
     pub(super) options: NewtonOptions,
     pub(super) method: Method,
+    /// The residual norm at its start.
+    pub(super) before: f64,
     /// With held pieces: takes every full step.
     pub(super) whole: bool,
 }
@@ -49,6 +48,12 @@ impl Line<'_> {
             }
             return self.nearer(system, u, &start, 1.0, found);
         }
+        if self.options.search && energy::may_lead(system, self.method) {
+            let way = Way { direction: self.direction, weights: self.weights, options: self.options, held };
+            if let Some((alpha, found)) = way.descend(system, u, (&start, here))? {
+                return self.nearer(system, u, &start, alpha, found);
+            }
+        }
         let mut best: Option<(f64, f64)> = None;
         let (mut alpha, mut halvings) = (1.0, 0);
         while halvings <= MAX_HALVINGS {
@@ -69,13 +74,6 @@ impl Line<'_> {
             if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
                 return self.nearer(system, u, &start, alpha, found);
             }
-            if halvings == HALVINGS_BEFORE
-                && self.method == Method::Residual
-                && system.is_symmetric()
-                && let Some(reached) = self.descend(system, u, (&start, here))?
-            {
-                return Ok(reached);
-            }
             if best.is_none_or(|(_, m)| merit < m) {
                 best = Some((alpha, merit));
             }
@@ -89,51 +87,6 @@ impl Line<'_> {
         self.nearer(system, u, &start, alpha, found)
     }
 
-    /// Follows the direction to where the residual along it has nearly vanished, the minimum of an energy there. `None`
-    /// where the direction does not go downhill, or no such place is found.
-    ///
-    /// A halved step that reduces the residual norm may be thousands of times too short: of |grad u|^(p-2) grad u with
-    /// large p the correction is far too long, and the norm grows before the energy does.
-    fn descend(
-        &self,
-        system: &mut System,
-        u: &mut [f64],
-        (start, here): (&[f64], &Measured),
-    ) -> Result<Option<(f64, Measured)>, NewtonError> {
-        let mut gathered = Vec::new();
-        let mut slope = |system: &System, residual: &[f64]| -> f64 {
-            system.numbering.gather(residual, &mut gathered);
-            gathered.iter().zip(self.direction).map(|(r, d)| r * d).sum()
-        };
-        let first = slope(system, &here.residual);
-        if first >= 0.0 || first.is_nan() {
-            return Ok(None);
-        }
-        let (mut low, mut high, mut alpha) = (0.0, f64::INFINITY, 1.0);
-        for _ in 0..MOST_TRIALS {
-            step_to(system, start, self.direction, alpha, u);
-            match measure(system, u, self.weights, false) {
-                Ok(found) => {
-                    let there = slope(system, &found.residual);
-                    if there.abs() <= SLOPE_LEFT * first.abs() || stopped(&found, self.options).is_some() {
-                        return Ok(Some((alpha, found)));
-                    }
-                    if there < 0.0 { low = alpha } else { high = alpha }
-                }
-                // out of the domain of a function or out of range
-                Err(_) => high = alpha,
-            }
-            alpha = if high == f64::INFINITY {
-                2.0 * low
-            } else if low == 0.0 {
-                UPHILL_CUT * high
-            } else {
-                (low * high).sqrt()
-            };
-        }
-        Ok(None)
-    }
-
     /// Where pieces are held: goes back on a step until the projections are nearer to their laws.
     fn nearer(
         &self,
@@ -143,7 +96,8 @@ impl Line<'_> {
         alpha: f64,
         found: Measured,
     ) -> Result<(f64, Measured), NewtonError> {
-        let part = if self.method.holds() { system.search_pieces(u, !self.whole)? } else { 1.0 };
+        let whole = self.whole || energy::may_lead(system, self.method) && energy::leaves_much(self.before, &found);
+        let part = if self.method.holds() { system.search_pieces(u, !whole)? } else { 1.0 };
         if part == 1.0 {
             return Ok((alpha, found));
         }

@@ -4,6 +4,7 @@
 //! tolerance, or at the rounding floor (a multiple of the unit roundoff times |K||u|) and says which. A full step
 //! that does not reduce the residual is halved: a plain Newton method on contact has stick/slip two-cycles.
 
+mod energy;
 mod history;
 mod ladder;
 mod line;
@@ -185,7 +186,7 @@ fn iterate(
         iteration += 1;
         // a path has a limit of its own
         room -= usize::from(path.is_none());
-        if let Some(stop) = stopped(&here, options) {
+        if let Some(stop) = confirmed(system, u, &mut here, (ladder.held(), &weights, options))? {
             finish((system, strategy), u, (ladder.held(), &weights, options), (stop, &mut history), watch)?;
             return Ok(history);
         }
@@ -230,7 +231,7 @@ fn iterate(
             part
         } else {
             let (method, whole) = (ladder.method(), ladder.takes_whole_steps());
-            let mut line = Line { direction: &direction, weights: &weights, options, method, whole };
+            let mut line = Line { direction: &direction, weights: &weights, options, method, whole, before: here.norm };
             let (alpha, next) = line.advance(system, strategy, u, &here)?;
             here = next;
             if ladder.held() && stopped(&here, options).is_none() {
@@ -246,7 +247,8 @@ fn iterate(
             best = (here.relative, u.to_vec());
         }
     }
-    history.stop = Some(stopped(&here, options).unwrap_or(Stop::MaxIterations));
+    let stop = confirmed(system, u, &mut here, (ladder.held(), &weights, options))?;
+    history.stop = Some(stop.unwrap_or(Stop::MaxIterations));
     Ok(history)
 }
 
@@ -317,6 +319,23 @@ fn correct(
     history.solves.push(report);
     history.seconds.solve += begin.elapsed().as_secs_f64();
     Ok(())
+}
+
+/// Why the iteration stops at `u`, if it does. A floor is that of the tangent at this state: the one before may have been
+/// at a state far away, with a floor above every residual.
+fn confirmed(
+    system: &mut System,
+    u: &[f64],
+    here: &mut Measured,
+    (held, weights, options): (bool, &[f64], NewtonOptions),
+) -> Result<Option<Stop>, TermError> {
+    let stop = stopped(here, options);
+    if stop != Some(Stop::Floor) {
+        return Ok(stop);
+    }
+    system.tangent(u, held)?;
+    *here = measure(system, u, weights, held)?;
+    Ok(stopped(here, options))
 }
 
 fn stopped(here: &Measured, options: NewtonOptions) -> Option<Stop> {
