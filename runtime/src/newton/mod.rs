@@ -359,6 +359,7 @@ fn measure(system: &mut System, u: &[f64], weights: &[f64], held: bool) -> Resul
     for field in 0..system.fields.len() {
         let Some(range) = system.range(field) else { continue };
         let (mut largest, mut cancelled) = (0.0f64, 0.0f64);
+        let roundoff = roundoff(&u[range.clone()]);
         for d in range {
             cancelled = cancelled.max(magnitudes[d]);
             if system.numbering.free[d] != crate::system::FIXED {
@@ -367,7 +368,7 @@ fn measure(system: &mut System, u: &[f64], weights: &[f64], held: bool) -> Resul
         }
         if largest > 0.0 {
             relative = relative.max(largest / scales[field]);
-            floor = floor.max(FLOOR_FACTOR * f64::EPSILON * cancelled / scales[field]);
+            floor = floor.max(FLOOR_FACTOR * roundoff * cancelled / scales[field]);
         }
     }
     let rounding = FLOOR_FACTOR * f64::EPSILON * weighted_norm(system, &magnitudes, weights);
@@ -376,6 +377,12 @@ fn measure(system: &mut System, u: &[f64], weights: &[f64], held: bool) -> Resul
     }
     let norm = weighted_norm(system, &residual, weights);
     Ok(Measured { residual, relative, floor, norm, rounding })
+}
+
+/// Unit of rounding of some unknowns, relative to the largest: numbers below 1e-308 have fewer digits.
+fn roundoff(values: &[f64]) -> f64 {
+    let largest = values.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    if largest > 0.0 { f64::EPSILON.max(f64::from_bits(1) / largest) } else { f64::EPSILON }
 }
 
 fn weighted_norm(system: &System, residual: &[f64], weights: &[f64]) -> f64 {

@@ -66,6 +66,9 @@ pub(super) struct Target {
     pub(super) support: SupportSet,
 }
 
+/// Codes of what has no value at a place but may have one elsewhere: fields, other sides, normals.
+const NOT_HERE: [&str; 3] = ["E202", "E203", "E204"];
+
 const DEFAULT_POINTS: f64 = 101.0;
 const MAX_POINTS: f64 = 1e6;
 
@@ -159,9 +162,13 @@ impl OutputMaker<'_> {
                 return found;
             }
         }
-        // of all the refusals the one on the faces says most for an expression with Normal in it
+        // where the fields live something else is wrong; else, of all the refusals, the one on the faces says most for an
+        // expression with Normal in it
+        let refusals = bodies.iter().chain(faces).filter_map(|t| self.try_compile(t, e).err());
+        let elsewhere = |told: &Vec<Diagnostic>| told.iter().any(|d| NOT_HERE.contains(&d.code));
+        let at_home = refusals.into_iter().find(|told| !elsewhere(told));
         let last = faces.last().or(bodies.last());
-        let told = last.and_then(|t| self.try_compile(t, e).err()).unwrap_or(problems);
+        let told = at_home.or_else(|| last.and_then(|t| self.try_compile(t, e).err())).unwrap_or(problems);
         for d in told {
             if !self.diagnostics.contains(&d) {
                 self.diagnostics.push(d);
