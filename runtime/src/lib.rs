@@ -35,8 +35,8 @@ mod value;
 pub use left_out::LeftOut;
 pub use pruning::{Pruning, Saving};
 pub use run::{
-    Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Outcome, Path, PhysicsCheck, Progress, Quiet,
-    RunError, RunOptions, StepResult, run, text_hash,
+    Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Others, Outcome, Path, PhysicsCheck, Progress,
+    Quiet, RunError, RunOptions, StepResult, run, text_hash,
 };
 pub use savings::{SavingError, savings};
 pub use scene::{

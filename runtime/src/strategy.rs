@@ -66,6 +66,8 @@ pub struct Strategy {
     /// Whether the determinant of the tied bodies is negative; that of the first tangent where that is tied.
     tied_is_negative: Option<bool>,
     starts_tied: bool,
+    /// A tangent of the scene as written had a determinant of the other sign.
+    has_met_other_sign: bool,
 }
 
 impl Strategy {
@@ -85,6 +87,7 @@ impl Strategy {
             notes: Vec::new(),
             tied_is_negative: None,
             starts_tied: true,
+            has_met_other_sign: false,
         };
         if !system.is_linear() {
             this.choose_nonlinear(system)?;
@@ -192,6 +195,9 @@ impl Strategy {
         if self.starts_tied && self.tied_is_negative.is_none() {
             self.tied_is_negative = self.was_negative();
         }
+        if let (Some(tied), Some(now)) = (self.tied_is_negative, self.was_negative()) {
+            self.has_met_other_sign |= tied != now && system.is_as_written();
+        }
         Ok(())
     }
 
@@ -293,6 +299,12 @@ impl Strategy {
     /// at no cost, and of a tangent that may be that of an iterate before.
     pub(crate) fn may_have_turned(&self) -> bool {
         self.was_negative().is_some_and(|now| self.tied_is_negative != Some(now))
+    }
+
+    /// True if a tangent of the scene as written had a determinant of another sign than that of the tied bodies since
+    /// this was last asked.
+    pub(crate) fn take_other_sign(&mut self) -> bool {
+        std::mem::take(&mut self.has_met_other_sign)
     }
 
     /// A solver of its own for the same system, which leaves this one as it is.

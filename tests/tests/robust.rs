@@ -1,6 +1,6 @@
 //! A run that does not give up: steps in parts, and what is said of them.
 
-use wfl_runtime::{AttemptEnd, Path};
+use wfl_runtime::{AttemptEnd, Others, Path};
 use wfl_tests::{Solved, attempt, examples, solve};
 
 /// exp(d) - 1 = load: a Newton step from 0 goes to d = load, and only about 1 back in each iteration, so that large
@@ -205,6 +205,8 @@ fn inclined_faults_with_stiff_contact_agree_with_an_independent_program() {
             }
             let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
             assert!(solved.outcome.steps.iter().all(|s| s.attempts.is_empty()), "{counts:?}");
+            // friction of 0.4 leaves one state
+            assert!(solved.outcome.steps.iter().all(|s| s.others == Others::Unknown), "{method}");
             assert!(counts[0] <= 10 && counts[1..].iter().sum::<usize>() <= 12 * (counts.len() - 1), "{counts:?}");
         }
     }
@@ -228,6 +230,8 @@ fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
         assert!(solved.outcome.converged() && counts.iter().all(|n| *n <= 60), "{method}: {counts:?}");
         assert!(solved.outcome.steps.iter().all(|s| s.attempts.is_empty()), "{method}");
         assert!(solved.outcome.warnings.iter().any(|(code, _)| *code == "W609"), "{:?}", solved.outcome.warnings);
+        let most = solved.outcome.steps.iter().map(|s| s.others).max();
+        assert!(most >= Some(Others::Possible), "no tangent on the way had the other sign");
         for (step, values) in expected {
             for (name, value) in ["Fn", "Ft", "slip"].into_iter().zip(values) {
                 let found = solved.measure(step, name);

@@ -186,6 +186,11 @@ impl TermPieces {
         self.friction = factor;
     }
 
+    /// True if friction and stiffness of contact are those of the law as written.
+    pub(crate) fn is_as_written(&self) -> bool {
+        self.friction == 1.0 && !self.soft
+    }
+
     /// True if some projection is on a ball.
     #[must_use]
     pub fn has_friction(&self) -> bool {

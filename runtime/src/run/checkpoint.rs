@@ -13,7 +13,7 @@ use std::path::{Path as FilePath, PathBuf};
 
 use thiserror::Error;
 
-use super::{Accuracy, Attempt, AttemptEnd, Clock, Path, PhysicsCheck, Run, RunError, RunOptions, StepResult};
+use super::{Accuracy, Attempt, AttemptEnd, Clock, Others, Path, PhysicsCheck, Run, RunError, RunOptions, StepResult};
 use crate::{
     newton::{Iteration, StepHistory, Stop},
     output::OutputDir,
@@ -343,7 +343,7 @@ fn step(w: &mut Writer, s: &StepResult) {
     });
     w.flag(h.displaced);
     w.count(h.turns);
-    w.flag(s.one_of_several);
+    w.count(s.others as usize);
     w.count(s.attempts.len());
     s.attempts.iter().for_each(|a| attempt(w, a));
     w.count(usize::from(s.accuracy.is_some()));
@@ -386,7 +386,13 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         4 => Some(Stop::Given),
         _ => return Err(Unreadable),
     };
-    let (displaced, turns, one_of_several) = (r.flag()?, r.count()?, r.flag()?);
+    let (displaced, turns) = (r.flag()?, r.count()?);
+    let others = match r.count()? {
+        0 => Others::Unknown,
+        1 => Others::Possible,
+        2 => Others::Proved,
+        _ => return Err(Unreadable),
+    };
     let history = StepHistory { iterations, solves, stop, displaced, turns, ..StepHistory::default() };
     let attempts = r.list(read_attempt)?;
     let accuracy = r.list(|r| {
@@ -405,7 +411,7 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         Ok((name, value))
     })?;
     let state = Vec::new();
-    Ok(StepResult { time, increment, history, attempts, accuracy, checks, one_of_several, measures, state })
+    Ok(StepResult { time, increment, history, attempts, accuracy, checks, others, measures, state })
 }
 
 fn attempt(w: &mut Writer, a: &Attempt) {

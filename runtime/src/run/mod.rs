@@ -21,6 +21,7 @@ use std::{
 pub use accuracy::Accuracy;
 pub use checkpoint::{CHECKPOINT_FILE, CheckpointError, text_hash};
 pub use physics::PhysicsCheck;
+pub use several::Others;
 pub use stepping::{Attempt, AttemptEnd, Path};
 use thiserror::Error;
 use wfl_compiler::ir::Origin;
@@ -130,8 +131,8 @@ pub struct StepResult {
     pub accuracy: Option<Accuracy>,
     /// Conditions of mechanics at a converged state.
     pub checks: Vec<PhysicsCheck>,
-    /// The state is proved to be one of several; looked for until one is found.
-    pub one_of_several: bool,
+    /// What is known of other states that solve the same equations; looked for until that is proved.
+    pub others: Others,
     /// Measures by name.
     pub measures: Vec<(String, f64)>,
     /// All unknowns at its end; empty for a step that another process did before this one went on from a checkpoint.
@@ -418,7 +419,7 @@ impl Run {
         // the equations are those of the old states; a state that is given has nothing to judge
         let solved = history.converged() && history.stop != Some(Stop::Given);
         let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
-        let Judged { accuracy, checks, one_of_several } =
+        let Judged { accuracy, checks, others } =
             judged.map_err(|error| RunError::Newton { step: number, time, error })?;
         self.stepper.renew(scene);
         let (u, increment) = (&self.u, reached.increment);
@@ -433,7 +434,7 @@ impl Run {
             print.for_each(system, time, increment, u, |x, value| progress.printed(&term, origin, x, value));
         }
         let state = self.u.clone();
-        Ok(StepResult { time, increment, history, attempts, accuracy, checks, one_of_several, measures, state })
+        Ok(StepResult { time, increment, history, attempts, accuracy, checks, others, measures, state })
     }
 
     /// How good the converged state is.
@@ -448,12 +449,12 @@ impl Run {
         );
         let mut checks = physics::balance(&mut scene.system, &self.u, &residual, scene.newton.tolerance);
         checks.extend(contact);
-        let known = self.steps.iter().any(|s| s.one_of_several);
-        let one_of_several = match &mut self.stepper.strategy {
-            Some(strategy) if !known => several::is_one_of_several(&mut scene.system, strategy, &self.u)?,
-            _ => false,
+        let known = self.steps.iter().map(|s| s.others).max().unwrap_or_default();
+        let others = match &mut self.stepper.strategy {
+            Some(strategy) => several::others(&mut scene.system, strategy, &self.u, known)?,
+            None => Others::Unknown,
         };
-        Ok(Judged { accuracy, checks, one_of_several })
+        Ok(Judged { accuracy, checks, others })
     }
 }
 
@@ -462,7 +463,7 @@ impl Run {
 struct Judged {
     accuracy: Option<Accuracy>,
     checks: Vec<PhysicsCheck>,
-    one_of_several: bool,
+    others: Others,
 }
 
 /// First values of the scene: those of the unknowns by dof, those of states where they are kept.

@@ -1,6 +1,6 @@
 //! What a run did, as `report.json` keeps it.
 
-use super::{Attempt, AttemptEnd, Path, PhysicsCheck, Run, RunOptions, StepResult};
+use super::{Attempt, AttemptEnd, Others, Path, PhysicsCheck, Run, RunOptions, StepResult};
 use crate::{
     left_out::LeftOut,
     newton::Stop,
@@ -120,25 +120,7 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
             ),
         ));
     }
-    if let Some(step) = steps.iter().find(|s| s.history.turns > 0) {
-        out.push((
-            "W609",
-            format!(
-                "from t = {} on the state may be one of several: the path to it turned round {} times",
-                step.time, step.history.turns
-            ),
-        ));
-    }
-    if let Some(step) = steps.iter().find(|s| s.one_of_several) {
-        out.push((
-            "W609",
-            format!(
-                "at t = {} the state is one of several: its tangent has a determinant of another sign than that of the \
-                 bodies tied together, and such a state is never alone",
-                step.time
-            ),
-        ));
-    }
+    out.extend(several(steps).map(|text| ("W609", text)));
     for check in worst_checks(steps).into_iter().filter(|c| !c.holds()) {
         out.push((
             "W606",
@@ -146,6 +128,31 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
         ));
     }
     out
+}
+
+/// The strongest of what says that a state has others beside it.
+fn several(steps: &[StepResult]) -> Option<String> {
+    let first = |others: Others| steps.iter().find(|s| s.others == others);
+    if let Some(step) = first(Others::Proved) {
+        return Some(format!(
+            "at t = {} the state is one of several: its tangent has a determinant of another sign than that of the bodies \
+             tied together, and such a state is never alone",
+            step.time
+        ));
+    }
+    if let Some(step) = steps.iter().find(|s| s.history.turns > 0) {
+        return Some(format!(
+            "from t = {} on the state may be one of several: the path to it turned round {} times",
+            step.time, step.history.turns
+        ));
+    }
+    first(Others::Possible).map(|step| {
+        format!(
+            "from t = {} on the state may be one of several: a tangent on the way to it has a determinant of another sign \
+             than that of the bodies tied together, so that some loads have several states",
+            step.time
+        )
+    })
 }
 
 /// A result with fewer correct digits is warned of.

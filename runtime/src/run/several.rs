@@ -7,28 +7,53 @@
 //! ch. 6). A solution whose determinant has the other sign is therefore never alone: at least two more have that of the
 //! tied bodies. Where friction alone holds a body the degree is not known, but is no less than nothing: one more.
 //!
-//! Promises: what it says is proved by two determinants; nothing of the run is changed. Does not find every such state:
+//! A tangent of the other sign on the way to a state says less: pieces of both orientations exist, so that F takes some
+//! values several times (Kuhn and Loewen 1987), but perhaps not this one.
+//!
+//! Promises: what is called proved is, by two determinants; nothing of the run is changed. Does not find every such state:
 //! most states that are one of several have the sign of the tied bodies. Looks only where the factor at hand, which may
 //! be that of an iterate before, has a determinant of another sign than the first one of the run, which is tied, so that it
 //! costs nothing elsewhere.
 
 use crate::{newton::NewtonError, strategy::Strategy, system::System};
 
-/// True if `u`, a solution of `system`, is proved to be one of several.
+/// Whether the equations of a state have other solutions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Others {
+    /// Nothing says so.
+    #[default]
+    Unknown,
+    /// There are loads with several states.
+    Possible,
+    /// The state has others beside it.
+    Proved,
+}
+
+/// What is known of other solutions beside `u`, one of `system`; `known` is what earlier steps have said.
 ///
 /// # Errors
 /// [`NewtonError`] where the tangent there has a number that is not finite.
-pub(super) fn is_one_of_several(system: &mut System, strategy: &mut Strategy, u: &[f64]) -> Result<bool, NewtonError> {
-    if !(system.has_friction() && system.is_affine_when_held() && strategy.may_have_turned()) {
-        return Ok(false);
+pub(super) fn others(
+    system: &mut System,
+    strategy: &mut Strategy,
+    u: &[f64],
+    known: Others,
+) -> Result<Others, NewtonError> {
+    let met = strategy.take_other_sign();
+    if known == Others::Proved || !(system.has_friction() && system.is_affine_when_held()) {
+        return Ok(Others::Unknown);
+    }
+    let possible = if met { Others::Possible } else { Others::Unknown };
+    if !strategy.may_have_turned() {
+        return Ok(possible);
     }
     let memory = system.memory();
     let signs = signs(system, strategy, u);
-    let known = system.recall(&memory);
-    debug_assert!(known, "the memory is that of this system");
-    let Some([tied, here]) = signs? else { return Ok(false) };
+    let recalled = system.recall(&memory);
+    debug_assert!(recalled, "the memory is that of this system");
+    let Some([tied, here]) = signs? else { return Ok(possible) };
     strategy.set_tied_sign(tied);
-    Ok(here != tied)
+    Ok(if here == tied { possible } else { Others::Proved })
 }
 
 /// Whether the determinants of the tied bodies and of the tangent at `u` are negative. A tangent without a factor proves

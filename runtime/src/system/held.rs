@@ -107,6 +107,11 @@ impl System {
         self.pieces.iter_mut().for_each(|p| p.set_friction(factor));
     }
 
+    /// True if friction and stiffness of contact are those of the laws as written.
+    pub(crate) fn is_as_written(&self) -> bool {
+        self.pieces.iter().all(TermPieces::is_as_written)
+    }
+
     /// True if pieces can be held of a projection on a ball.
     #[must_use]
     pub fn has_friction(&self) -> bool {

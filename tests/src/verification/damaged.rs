@@ -1,4 +1,4 @@
-//! X28, X29, X31 to X34, X40, X43: mesh files as users damage them. The messages themselves stand in `mesh_errors`.
+//! X28, X29, X31 to X34, X38 to X40, X43: mesh files as users damage them. The messages themselves stand in `mesh_errors`.
 
 use super::{Benchmark, Case, Tolerance, common::or_failed};
 use crate::{
@@ -20,6 +20,8 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
     row("X32", "a node of no element", "the same bits without it", unused),
     row("X33", "coordinates that are no numbers", OUTCOME, no_numbers),
     row("X34", "an element of a node that is missing", OUTCOME, missing),
+    row("X38", "an empty region in a term", OUTCOME, empty),
+    row("X39", "names misspelt", "an error with the place and the nearest name", misspelt),
     row("X40", "elements in no body or in two", "an error with their number", uncovered),
     row("X43", "faces of two sides that do not match", "an error with the distance", apart),
 ];
@@ -96,6 +98,36 @@ fn no_numbers() -> Vec<Case> {
 fn missing() -> Vec<Case> {
     let words = ["element 11 uses node 12, which is not in the file"];
     vec![refused("node 12", &[("11 3 2 6 2 2 3 6 5", "11 3 2 6 2 2 3 12 5")], &[], &words)]
+}
+
+fn empty() -> Vec<Case> {
+    let edits = [("load", "region end = faces where x == 2.01\nload"), ("on east", "on end")];
+    vec![refused(
+        "faces where nothing is",
+        &[],
+        &edits,
+        &["region `end` is empty", "the nearest faces have x = 2", "scene.wfl:"],
+    )]
+}
+
+fn misspelt() -> Vec<Case> {
+    let more = |line: &'static str| [("load", line)];
+    vec![
+        refused(
+            "a region",
+            &[],
+            &[("on west", "on wets")],
+            &["unknown region `wets`", "did you mean `west`?", "scene.wfl:"],
+        ),
+        refused(
+            "a region of a measure",
+            &[],
+            &more("measure m = mean(u(1)) on bottum\nload"),
+            &["did you mean `bottom`?"],
+        ),
+        refused("an unknown", &[], &more("measure m = mean(w(1)) on bottom\nload"), &["unknown name `w`"]),
+        refused("a function", &[], &more("measure m = mean(Nrm(u)) on bottom\nload"), &["did you mean `Norm`?"]),
+    ]
 }
 
 fn uncovered() -> Vec<Case> {

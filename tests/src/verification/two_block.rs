@@ -29,6 +29,14 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         run: theta_consistency,
     },
     Benchmark {
+        id: "X42",
+        title: "a negative gap: as B18",
+        origin: "closed form p = M (dn + delta)/L",
+        slow: false,
+        open: None,
+        run: press_fit,
+    },
+    Benchmark {
         id: "B18",
         title: "press fit: a negative gap",
         origin: "closed form p = M (dn + delta)/L",

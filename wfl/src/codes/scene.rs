@@ -432,10 +432,10 @@ pub(super) const PAGES: &[CodePage] = &[
         "W609",
         "a state that may be one of several",
         "Loads have several states, as friction may have them where its coefficient is large or a body can be wedged, and \
-         Nitsche's method far below E/h. Two things tell: Newton's method came to the state on a path along which the load \
-         went down as well as up, from one change of contact to the next; or the determinant of the tangent at the state \
-         has another sign than that of the bodies tied together, which proves that other states satisfy the same \
-         equations. Which one is found depends on the steps. Smaller steps follow the history of the load more closely; \
+         Nitsche's method far below E/h. Three things tell. Newton's method came to the state on a path along which the \
+         load went down as well as up, from one change of contact to the next. A tangent on the way had a determinant of \
+         another sign than that of the bodies tied together: some loads have several states then, though perhaps not this \
+         one. Or the tangent at the state itself has, which proves that other states satisfy the same equations. Which one is found depends on the steps. Smaller steps follow the history of the load more closely; \
          another method or a larger parameter shows what depends on it.",
         "param fric = 5\nsteps t = 0 to 10 by 1",
         "param fric = 5\nsteps t = 0 to 10 by 0.1",
