@@ -12,10 +12,12 @@
 //! piece, an affine function of its argument whose numbers (*guides*) are inputs; the runtime fills them in
 //! (`runtime/src/newton/pieces.rs`). A converged state solves the term as written: only the path to it changes.
 //!
-//! Pieces, of `x' = (1 - d) x`: half-line, entry by entry: `m ? x' : 0`. Ball: `s ? x' : f a e + k (x' - e (e.x'))`. The
-//! factor `f` on the radius is 1 but for continuation in the friction; `d` is 0 but while contact is soft: with
+//! Pieces, of `x' = (1 - d) x`: half-line, entry by entry: `p = m ? x' : 0`. Ball: `p = s ? x' : f a e + k (x' - e (e.x'))`.
+//! The factor `f` on the radius is 1 but for continuation in the friction; `d` is 0 but while contact is soft: with
 //! `x = t + d/(1-d) t` the law holds for an argument less a part of the traction, as if a layer lay between the sides.
-//! Guides: half-line `m (n), d`; ball `s, k, f, d, e (n)`; masks are 0 or 1.
+//! The value is `t = p + w (x' - p)`: `w` is 0 but while traction may exceed its bound, as in a viscoplastic law (Duvaut
+//! and Lions 1976) with `x' - t` in place of a velocity. The radius of a ball is made of `p`.
+//! Guides: half-line `m (n), d, w`; ball `s, k, f, d, w, e (n)`; masks are 0 or 1.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -37,9 +39,12 @@ pub enum ProjectionKind {
     Ball,
 }
 
+/// Guides of a half-line behind the masks: softness, overstress.
+pub const HALF_LINE_NUMBERS: usize = 2;
+
 /// Guides of a ball before the direction of slip: stick, factor across the direction of slip, factor on the radius,
-/// softness.
-pub const BALL_NUMBERS: usize = 4;
+/// softness, overstress.
+pub const BALL_NUMBERS: usize = 5;
 
 /// One projection of a law.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +55,7 @@ pub struct Projection {
     pub n: usize,
     /// Its first guide.
     pub guide: usize,
-    /// Its first output in the watch law: the argument (n), the radius (balls only), the value of the held piece (n).
+    /// Its first output in the watch law: the argument (n), the radius (balls only), the held piece p (n).
     pub output: usize,
     /// Its value is a force of the term; false if it is used for nothing but the radius of balls, as a part of a
     /// friction bound is that is no gap.
@@ -94,7 +99,7 @@ pub fn compile_pieces(
         let (kind, n, guides, outputs) = match *from.node(*e) {
             Node::Select(mask, x, _) if half_lines.contains(&(mask, *e)) => {
                 let n = from.shape(x).len();
-                (ProjectionKind::HalfLine, n, n + 1, 2 * n)
+                (ProjectionKind::HalfLine, n, n + HALF_LINE_NUMBERS, 2 * n)
             }
             Node::Ball(v, r) if moves(v) || moves(r) => {
                 let n = from.shape(v).len();
@@ -182,32 +187,38 @@ fn hold(
         }
     }
     let mut watched = Vec::new();
+    // the same without overstress: what radii are made of
+    let mut plain: BTreeMap<ExprId, ExprId> = BTreeMap::new();
     for e in order {
         let before = g.set_origin(from.origin(*e));
-        let made = match (masks.get(e), found.iter().find(|(f, _)| f == e), from.node(*e)) {
-            (Some(mask), _, _) => *mask,
-            (_, Some((_, p)), Node::Ball(v, r)) => {
-                let (x, a) = (copied[v], copied[r]);
-                let a = g.to_scalar(a);
-                let value = held_ball(g, guides, *p, x, a);
-                watched.extend((0..p.n).map(|k| g.entry(x, k)));
-                watched.push(a);
-                watched.extend((0..p.n).map(|k| g.entry(value, k)));
-                value
+        let projection = found.iter().find(|(f, _)| f == e).map(|(_, p)| *p);
+        let (made, without) = match (masks.get(e), projection, from.node(*e)) {
+            (Some(mask), _, _) => (*mask, *mask),
+            (_, Some(p), Node::Ball(v, r)) => {
+                let radius = g.to_scalar(plain[r]);
+                let piece = held_ball(g, guides, p, copied[v], radius);
+                watched.extend((0..p.n).map(|k| g.entry(copied[v], k)));
+                watched.push(radius);
+                watched.extend((0..p.n).map(|k| g.entry(piece.held, k)));
+                (piece.value, piece.held)
             }
-            (_, found, _) => {
-                let mut value = rebuild(from, *e, g, &[], &|o: ExprId| copied[&o]);
-                if let (Some((_, p)), Node::Select(_, x, _)) = (found, from.node(*e)) {
-                    let softness = g.entry(guides, p.guide + p.n);
-                    value = soften(g, softness, value);
-                    watched.extend((0..p.n).map(|k| g.entry(copied[x], k)));
-                    watched.extend((0..p.n).map(|k| g.entry(value, k)));
-                }
-                value
+            (_, Some(p), Node::Select(_, x, _)) => {
+                let chosen = rebuild(from, *e, g, &[], &|o: ExprId| copied[&o]);
+                let [softness, overstress] = [0, 1].map(|k| g.entry(guides, p.guide + p.n + k));
+                let held = soften(g, softness, chosen);
+                let softened = soften(g, softness, copied[x]);
+                watched.extend((0..p.n).map(|k| g.entry(copied[x], k)));
+                watched.extend((0..p.n).map(|k| g.entry(held, k)));
+                (exceed(g, overstress, softened, held), held)
+            }
+            _ => {
+                let made = rebuild(from, *e, g, &[], &|o: ExprId| copied[&o]);
+                (made, rebuild(from, *e, g, &[], &|o: ExprId| plain[&o]))
             }
         };
         g.set_origin(before);
         copied.insert(*e, made);
+        plain.insert(*e, without);
     }
     let residual = copied.get(order.last()?)?;
     Some((*residual, watched))
@@ -225,9 +236,22 @@ fn soften(g: &mut Graph, softness: ExprId, x: ExprId) -> ExprId {
     g.sub(x, lost)
 }
 
-fn held_ball(g: &mut Graph, guides: ExprId, p: Projection, x: ExprId, radius: ExprId) -> ExprId {
+/// p + overstress (x - p).
+fn exceed(g: &mut Graph, overstress: ExprId, x: ExprId, held: ExprId) -> ExprId {
+    let beyond = g.sub(x, held);
+    let beyond = g.scale(overstress, beyond);
+    g.add(held, beyond)
+}
+
+/// The held piece of a ball, and its value.
+struct HeldBall {
+    held: ExprId,
+    value: ExprId,
+}
+
+fn held_ball(g: &mut Graph, guides: ExprId, p: Projection, x: ExprId, radius: ExprId) -> HeldBall {
     let shape = g.shape(x);
-    let [stick, factor, friction, softness] = [0, 1, 2, 3].map(|k| g.entry(guides, p.guide + k));
+    let [stick, factor, friction, softness, overstress] = [0, 1, 2, 3, 4].map(|k| g.entry(guides, p.guide + k));
     let x = soften(g, softness, x);
     let along: Vec<ExprId> = (0..p.n).map(|k| g.entry(guides, p.guide + BALL_NUMBERS + k)).collect();
     let along = g.stack(shape, &along);
@@ -239,7 +263,8 @@ fn held_ball(g: &mut Graph, guides: ExprId, p: Projection, x: ExprId, radius: Ex
     let limit = g.scale(radius, along);
     let slip = g.add(limit, across);
     let stick = switched_on(g, stick);
-    g.select(stick, x, slip)
+    let held = g.select(stick, x, slip);
+    HeldBall { held, value: exceed(g, overstress, x, held) }
 }
 
 /// Nodes below `root`, operands first, `root` last.

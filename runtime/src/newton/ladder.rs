@@ -3,13 +3,13 @@
 //! Each of them is the best somewhere (`docs/newton.md`): held pieces for contact and friction, with a soft layer
 //! between the sides for a few iterations where stiff contact makes no progress; where they circle, the path through
 //! the pieces from where they stand and from the start of the step, then friction that grows from nothing; backtracking
-//! on the residual for everything else, the natural monotonicity test, and friction that shrinks as the last resort. A
-//! step that makes no progress with one goes on with the next from where it stands; one whose tangent becomes singular
+//! on the residual for everything else, the natural monotonicity test, and friction that shrinks as the last resort.
+//! Where the traction of soft contact holds the stresses of the bodies, overstress comes first. A step that makes no progress with one goes on with the next from where it stands; one whose tangent becomes singular
 //! on the way (a body that only friction holds, with all of it slipping in an iterate) goes on from its best state.
 
 use crate::{
     assemble::TermError,
-    newton::{Iteration, NewtonOptions, StepHistory},
+    newton::{Iteration, NewtonOptions, StepHistory, overstress::Overstress},
     system::System,
 };
 
@@ -18,6 +18,8 @@ use crate::{
 pub(super) enum Method {
     /// Held pieces with a soft layer between the sides: a few steps that find other pieces to go on with.
     Soft,
+    /// Held pieces from a tied start, with traction that may exceed its bound ([`super::overstress`]).
+    Overstress,
     /// Contact by held pieces ([`super::pieces`]).
     Pieces,
     /// The path through the pieces ([`super::path`]) from the start of the step.
@@ -44,7 +46,13 @@ impl Method {
     pub(super) fn holds(self) -> bool {
         matches!(
             self,
-            Self::Soft | Self::Pieces | Self::PathFromStart | Self::Path | Self::MoreFriction | Self::LessFriction
+            Self::Soft
+                | Self::Overstress
+                | Self::Pieces
+                | Self::PathFromStart
+                | Self::Path
+                | Self::MoreFriction
+                | Self::LessFriction
         )
     }
 }
@@ -63,9 +71,11 @@ const PATIENCE: usize = 6;
 const PIECES_PATIENCE: usize = 25;
 /// Iterations from a start without a past before contact is made soft, if they bring no progress.
 const TRIAL: usize = 10;
-/// Whole steps before contact that is soft as written is searched: in later steps, and from a start without a past.
-const WHOLE_STEPS: usize = 8;
-const WHOLE_STEPS_AT_FIRST: usize = 16;
+/// Whole steps of later steps before contact that binds the stresses of the bodies is searched.
+const WHOLE_STEPS: usize = 5;
+/// Iterations with overstress that may pass, and kinks that a path may pass before it.
+const OVERSTRESS_PATIENCE: usize = 40;
+const KINKS_BEFORE_OVERSTRESS: usize = 20;
 /// So many steps in turn that are shorter than this part come to nothing.
 const STUCK: usize = 5;
 const NOTHING: f64 = 0.04;
@@ -97,6 +107,7 @@ pub(super) struct Ladder {
     trial: usize,
     /// Whole steps with held pieces before they are searched.
     whole: usize,
+    overstress: Overstress,
 }
 
 impl Ladder {
@@ -113,18 +124,16 @@ impl Ladder {
             } else {
                 vec![Method::Pieces, Method::Natural, Method::Residual]
             };
-            let soft_as_written = system.is_compliant();
-            if soft_as_written {
-                whole = if warm { WHOLE_STEPS } else { WHOLE_STEPS_AT_FIRST };
-            }
+            let binds = system.binds_stresses();
+            let affine = system.is_affine_when_held();
             if system.has_friction() {
                 // before the searches on the residual, which take long and seldom help where pieces circle: but where
-                // contact is soft as written they do
-                let searches = methods.iter().position(|m| !m.holds()).filter(|_| !soft_as_written);
+                // contact binds stresses they do
+                let searches = methods.iter().position(|m| !m.holds()).filter(|_| !binds);
                 methods.insert(searches.unwrap_or(methods.len()), Method::LessFriction);
                 methods.push(Method::MoreFriction);
             }
-            if system.is_affine_when_held() {
+            if affine {
                 let last = methods.iter().rposition(|m| *m == Method::Pieces).unwrap_or(0);
                 methods.insert(last + 1, Method::Path);
                 if warm {
@@ -134,11 +143,19 @@ impl Ladder {
                     methods.insert(k + 1, Method::Path);
                 }
             }
+            if binds && warm {
+                whole = WHOLE_STEPS;
+                let path = affine.then_some(Method::Path);
+                methods.splice(1..1, path.into_iter().chain([Method::Overstress, Method::Pieces]));
+            } else if binds {
+                methods.insert(0, Method::Overstress);
+            }
         }
         if !options.search || system.is_linear() {
             methods.truncate(1);
         }
-        Ok(Self { methods, position: 0, iterations: 0, singular: 0, settled: false, trial, whole })
+        let overstress = Overstress::new(system.reach());
+        Ok(Self { methods, position: 0, iterations: 0, singular: 0, settled: false, trial, whole, overstress })
     }
 
     /// The method of the present iteration.
@@ -146,10 +163,15 @@ impl Ladder {
         self.methods[self.position]
     }
 
-    /// True if the step of the present iteration is taken as it is: where contact is soft as written, pieces that are
-    /// wrong on the way cost less than short steps do.
+    /// True if the step of the present iteration is taken as it is: where contact binds stresses, pieces that are wrong
+    /// on the way cost less than short steps do.
     pub(super) fn takes_whole_steps(&self) -> bool {
-        self.position == 0 && self.iterations <= self.whole
+        self.method() == Method::Overstress || self.position == 0 && self.iterations <= self.whole
+    }
+
+    /// Overstress of the next held pieces, in parts of the stiffness of the bodies.
+    pub(super) fn overstress(&self) -> f64 {
+        if self.method() == Method::Overstress { self.overstress.present() } else { 0.0 }
     }
 
     /// True if pieces are held.
@@ -177,6 +199,7 @@ impl Ladder {
         }
         self.position = (self.position + 1) % self.methods.len();
         self.iterations = 0;
+        self.overstress.restart();
         true
     }
 
@@ -196,9 +219,13 @@ impl Ladder {
         self.iterations = usize::MAX / 2;
     }
 
-    /// Hears how the last step with held pieces went: its length and the part of the points that changed pieces.
-    pub(super) fn settles(&mut self, step: f64, changed: f64) {
+    /// Hears how the last step with held pieces went: its length, the part of the points that changed pieces, and the
+    /// residual of the scene as written.
+    pub(super) fn settles(&mut self, step: f64, changed: f64, residual: f64) {
         self.settled = step == 1.0 && changed <= FEW;
+        if self.method() == Method::Overstress {
+            self.overstress.hear(changed, residual);
+        }
     }
 
     /// Counts an iteration; true if it is the first of another method.
@@ -209,6 +236,7 @@ impl Ladder {
         }
         self.position = (self.position + 1) % self.methods.len();
         self.iterations = 1;
+        self.overstress.restart();
         true
     }
 
@@ -243,6 +271,10 @@ impl Ladder {
                 let softens = self.methods.get(self.position + 1) == Some(&Method::Soft);
                 let patience = if softens { self.trial } else { PIECES_PATIENCE };
                 return (self.iterations > patience || self.is_stuck(history)) && !self.progresses(history);
+            }
+            Method::Overstress => return self.iterations > OVERSTRESS_PATIENCE,
+            Method::Path if self.methods.get(self.position + 1) == Some(&Method::Overstress) => {
+                return self.iterations > KINKS_BEFORE_OVERSTRESS;
             }
             Method::Path | Method::PathFromStart => return self.iterations > PATH_PATIENCE,
             Method::Natural => return self.iterations > NATURAL_PATIENCE,

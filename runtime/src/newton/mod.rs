@@ -8,6 +8,7 @@ mod energy;
 mod history;
 mod ladder;
 mod line;
+mod overstress;
 mod path;
 mod pieces;
 mod predict;
@@ -236,7 +237,8 @@ fn iterate(
             here = next;
             if ladder.held() && stopped(&here, options).is_none() {
                 let changed = system.follow_pieces(ladder.iterations());
-                ladder.settles(alpha, changed);
+                ladder.settles(alpha, changed, here.relative);
+                system.set_overstress(ladder.overstress());
                 system.held_residual(u, &mut here.residual)?;
             }
             alpha
@@ -277,6 +279,7 @@ fn take_over(
     let method = ladder.method();
     if method.is_path() {
         system.set_soft(false);
+        system.set_overstress(0.0);
         if method == ladder::Method::PathFromStart {
             u.copy_from_slice(start);
         }
@@ -288,6 +291,10 @@ fn take_over(
     if ladder.held() && !ladder.continues() {
         system.settle(false);
         system.start_pieces(u)?;
+    }
+    system.set_overstress(0.0);
+    if method == ladder::Method::Overstress {
+        system.tie_pieces();
     }
     system.set_soft(method == ladder::Method::Soft);
     Ok(None)

@@ -54,8 +54,10 @@ const SLOPE_STEP: f64 = 1e-3;
 const HARD: f64 = 0.1;
 /// The stiffness of the layer between the sides while contact is soft, in units of that of the bodies.
 const LAYER: f64 = 0.3;
-/// Above this stiffness of the bodies over that of a law without multiplier, the first steps are better whole.
-const COMPLIANT: f64 = 3e3;
+/// Contact without a multiplier binds the stresses of the bodies where the terms on faces are this many times as stiff as
+/// the bodies there while arguments are softer than the bodies by this factor.
+const STIFF_FACES: f64 = 10.0;
+const SOFT_ARGUMENTS: f64 = 100.0;
 /// Bounds of `c`.
 const RATIO_RANGE: (f64, f64) = (1e-13, 1e13);
 
@@ -80,10 +82,14 @@ pub struct TermPieces {
     friction: f64,
     /// Contact is so stiff against the bodies that making it soft for a while helps.
     hard: bool,
-    /// Contact is so soft as written that the first steps are better whole.
-    compliant: bool,
+    /// Contact is so soft as written, and its linear part so stiff, that it binds the stresses of the bodies.
+    binds: bool,
     /// Contact is soft for now.
     soft: bool,
+    /// The stiffness of the bodies, force by displacement and area; 0 until it is known.
+    stiffness: f64,
+    /// Traction may exceed its bound by so much of that stiffness times what passes between the sides.
+    overstress: f64,
 }
 
 impl TermPieces {
@@ -112,8 +118,10 @@ impl TermPieces {
             growth: 1.0,
             friction: 1.0,
             hard: false,
-            compliant: false,
+            binds: false,
             soft: false,
+            stiffness: 0.0,
+            overstress: 0.0,
         }
     }
 
@@ -156,28 +164,31 @@ impl TermPieces {
             }
         }
         self.hard = self.has_multiplier(fields) || self.ratios.iter().any(|c| *c < HARD);
-        self.compliant = largest == 1.0 && slopes.iter().any(|s| *s > 0.0 && stiffness / s > COMPLIANT);
         self.slopes = slopes;
+        self.stiffness = if stiffness.is_finite() { stiffness } else { 0.0 };
+        let cells: f64 = dofs.iter().filter(|d| free[**d as usize] != FIXED).map(|d| diagonal[*d as usize]).sum();
+        let linear: f64 = places.iter().map(|f| bulk.get(*f as usize, *f as usize)).sum();
+        self.binds = largest == 1.0 && linear > STIFF_FACES * cells && self.reach() > SOFT_ARGUMENTS;
     }
 
     /// The numbers that the choice of pieces depends on, beside the guides.
     #[must_use]
     pub fn memory(&self) -> Vec<f64> {
-        let flags = [self.hard, self.compliant].map(|f| f64::from(u8::from(f)));
-        let numbers = [self.growth, self.friction].into_iter().chain(flags);
+        let flags = [self.hard, self.binds].map(|f| f64::from(u8::from(f)));
+        let numbers = [self.stiffness, self.growth, self.friction].into_iter().chain(flags);
         self.ratios.iter().chain(&self.slopes).copied().chain(numbers).collect()
     }
 
     /// Takes back numbers given by [`Self::memory`].
     pub fn recall(&mut self, memory: &[f64]) {
-        if let [fitted @ .., growth, friction, hard, compliant] = memory
+        if let [fitted @ .., stiffness, growth, friction, hard, binds] = memory
             && fitted.len() == 2 * self.ratios.len()
         {
             let (ratios, slopes) = fitted.split_at(self.ratios.len());
             self.ratios.copy_from_slice(ratios);
             self.slopes.copy_from_slice(slopes);
-            (self.growth, self.friction) = (*growth, *friction);
-            (self.hard, self.compliant) = (*hard > 0.5, *compliant > 0.5);
+            (self.stiffness, self.growth, self.friction) = (*stiffness, *growth, *friction);
+            (self.hard, self.binds) = (*hard > 0.5, *binds > 0.5);
         }
     }
 
@@ -186,9 +197,9 @@ impl TermPieces {
         self.friction = factor;
     }
 
-    /// True if friction and stiffness of contact are those of the law as written.
+    /// True if friction, stiffness and bounds of contact are those of the law as written.
     pub(crate) fn is_as_written(&self) -> bool {
-        self.friction == 1.0 && !self.soft
+        self.friction == 1.0 && !self.soft && self.overstress == 0.0
     }
 
     /// True if some projection is on a ball.
@@ -209,15 +220,31 @@ impl TermPieces {
         self.hard
     }
 
-    /// True if the sides are so soft against each other, without a multiplier, that the first steps are better whole.
+    /// True if contact is so soft as written, and its linear part so stiff, that it binds the stresses of the bodies to
+    /// its traction: Nitsche with theta = -1 far below E/h.
     #[must_use]
-    pub fn is_compliant(&self) -> bool {
-        self.compliant
+    pub fn binds_stresses(&self) -> bool {
+        self.binds
+    }
+
+    /// The stiffness of the bodies over the largest slope of an argument in the displacement.
+    #[must_use]
+    pub fn reach(&self) -> f64 {
+        let slope = self.slopes.iter().fold(0.0f64, |m, s| m.max(*s));
+        if slope > 0.0 { self.stiffness / slope } else { 0.0 }
     }
 
     /// Makes contact soft or as written.
     pub fn set_soft(&mut self, soft: bool) {
         self.soft = soft;
+    }
+
+    /// Lets traction exceed its bound by this part of the stiffness of the bodies; 0 is the law as written. True if that
+    /// is a change.
+    pub fn set_overstress(&mut self, part: f64) -> bool {
+        let changes = self.overstress != part;
+        self.overstress = part;
+        changes
     }
 
     fn has_multiplier(&self, fields: &[Field]) -> bool {
@@ -342,7 +369,7 @@ impl TermPieces {
         }
     }
 
-    /// Writes the present softness into the guides, pieces as they are.
+    /// Writes the present softness and overstress into the guides, pieces as they are.
     pub fn write_softness(&self, guides: &mut [f64]) {
         for point in guides.chunks_exact_mut(self.n_guides) {
             for (k, p) in self.projections.iter().enumerate() {
@@ -351,6 +378,7 @@ impl TermPieces {
                     ProjectionKind::Ball => p.guide + 3,
                 };
                 point[at] = self.softness(k);
+                point[at + 1] = self.beyond(k);
             }
         }
     }
@@ -405,6 +433,13 @@ impl TermPieces {
         if self.soft && self.slopes[k] > 0.0 { 1.0 / (1.0 + LAYER * self.ratios[k]) } else { 0.0 }
     }
 
+    /// The part of the argument beyond its bound that overstress keeps in the value of projection `k`. What passes
+    /// between the sides is what the value lacks of the argument, over its slope.
+    fn beyond(&self, k: usize) -> f64 {
+        let viscous = self.overstress * self.stiffness;
+        if viscous > 0.0 && self.slopes[k] > 0.0 { viscous / (viscous + self.slopes[k]) } else { 0.0 }
+    }
+
     /// Displacement by traction that `c` of projection `k` stands for; 1 where it does not depend on displacements.
     fn flexibility(&self, k: usize) -> f64 {
         let stiffness = self.ratios[k] * self.slopes[k];
@@ -415,9 +450,9 @@ impl TermPieces {
         let mut next = guides.to_vec();
         let mut x = Vec::new();
         for (guides, out) in next.chunks_exact_mut(self.n_guides).zip(watched.points()) {
-            for (k, p) in self.projections.iter().enumerate() {
-                let ratio = if as_written { 1.0 } else { self.ratio(k) };
-                let softness = if as_written { 0.0 } else { self.softness(k) };
+            for (j, p) in self.projections.iter().enumerate() {
+                let ratio = if as_written { 1.0 } else { self.ratio(j) };
+                let softness = if as_written { 0.0 } else { self.softness(j) };
                 x.clear();
                 x.extend(out[p.output..][..p.n].iter().map(|x| (1.0 - softness) * x));
                 match p.kind {
@@ -428,6 +463,7 @@ impl TermPieces {
                             guides[p.guide + k] = f64::from(u8::from(y >= 0.0));
                         }
                         guides[p.guide + p.n] = softness;
+                        guides[p.guide + p.n + 1] = if as_written { 0.0 } else { self.beyond(j) };
                     }
                     ProjectionKind::Ball => {
                         let radius = self.friction * out[p.output + p.n];
@@ -436,6 +472,7 @@ impl TermPieces {
                         ball(&x, t, radius, ratio, guides);
                         guides[2] = self.friction;
                         guides[3] = softness;
+                        guides[4] = if as_written { 0.0 } else { self.beyond(j) };
                     }
                 }
             }

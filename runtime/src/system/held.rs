@@ -63,6 +63,14 @@ impl System {
         }
     }
 
+    /// Ties all points: closed and sticking.
+    pub fn tie_pieces(&mut self) {
+        self.watched.clear();
+        for (piece, guides) in self.pieces.iter().zip(&mut self.guides) {
+            piece.tie_all(guides);
+        }
+    }
+
     /// Says whether the held pieces belong to a converged state.
     pub fn settle(&mut self, settled: bool) {
         self.settled = settled;
@@ -107,9 +115,19 @@ impl System {
         self.pieces.iter_mut().for_each(|p| p.set_friction(factor));
     }
 
-    /// True if friction and stiffness of contact are those of the laws as written.
+    /// True if friction, stiffness and bounds of contact are those of the laws as written.
     pub(crate) fn is_as_written(&self) -> bool {
         self.pieces.iter().all(TermPieces::is_as_written)
+    }
+
+    /// Lets traction exceed its bound by this part of the stiffness of the bodies, pieces as they are; 0 is the law as
+    /// written.
+    pub fn set_overstress(&mut self, part: f64) {
+        for (piece, guides) in self.pieces.iter_mut().zip(&mut self.guides) {
+            if piece.set_overstress(part) {
+                piece.write_softness(guides);
+            }
+        }
     }
 
     /// True if pieces can be held of a projection on a ball.
@@ -233,10 +251,16 @@ impl System {
         self.pieces.iter().any(TermPieces::is_hard)
     }
 
-    /// True if the first steps with held pieces are better whole ([`TermPieces::is_compliant`]).
+    /// True if contact binds the stresses of the bodies to its traction ([`TermPieces::binds_stresses`]).
     #[must_use]
-    pub fn is_compliant(&self) -> bool {
-        self.pieces.iter().any(TermPieces::is_compliant)
+    pub fn binds_stresses(&self) -> bool {
+        self.pieces.iter().any(TermPieces::binds_stresses)
+    }
+
+    /// The largest stiffness of the bodies over a slope ([`TermPieces::reach`]).
+    #[must_use]
+    pub fn reach(&self) -> f64 {
+        self.pieces.iter().fold(0.0, |m, p| m.max(p.reach()))
     }
 
     fn choose_pieces(
