@@ -161,6 +161,7 @@ fn iterate(
     watch: &mut dyn Watch,
 ) -> Result<StepHistory, NewtonError> {
     system.set_pointwise(false);
+    system.set_overstress(0.0);
     let mut history = StepHistory::default();
     let mut weights = vec![1.0; system.fields.len()];
     let begin = Instant::now();
@@ -236,10 +237,7 @@ fn iterate(
             let (alpha, next) = line.advance(system, strategy, u, &here)?;
             here = next;
             if ladder.held() && stopped(&here, options).is_none() {
-                let changed = system.follow_pieces(ladder.iterations());
-                ladder.settles(alpha, changed, here.relative);
-                system.set_overstress(ladder.overstress());
-                system.held_residual(u, &mut here.residual)?;
+                follow(system, &mut ladder, (u, alpha), &mut here)?;
             }
             alpha
         };
@@ -252,6 +250,19 @@ fn iterate(
     let stop = confirmed(system, u, &mut here, (ladder.held(), &weights, options))?;
     history.stop = Some(stop.unwrap_or(Stop::MaxIterations));
     Ok(history)
+}
+
+/// Chooses the pieces that follow after a step of this length, and what is left of the residual with them.
+fn follow(
+    system: &mut System,
+    ladder: &mut Ladder,
+    (u, step): (&[f64], f64),
+    here: &mut Measured,
+) -> Result<(), TermError> {
+    let changed = system.follow_pieces(ladder.iterations());
+    ladder.settles(step, changed, here.relative);
+    system.set_overstress(ladder.overstress());
+    system.held_residual(u, &mut here.residual)
 }
 
 /// Refines a state whose residual is rounding, where that helps.

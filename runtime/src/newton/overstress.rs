@@ -91,7 +91,7 @@ mod tests {
         let present = |changed: f64| after(1e4, &[(1.0, 1.0), (changed, 0.5)]).present();
         assert!((present(0.02) - FIRST * CALM_LEAVES).abs() < 1e-15);
         assert!((present(0.3) - FIRST * OTHERS_LEAVE).abs() < 1e-15);
-        let calm = vec![(0.01, 0.1); 6];
+        let calm = vec![(0.01, 0.1); 7];
         assert_eq!(after(1e4, &calm).present(), 0.0, "below the least it is none");
     }
 
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn it_comes_back_where_pieces_do_not_settle_without_it() {
-        let mut heard = vec![(0.01, 0.1); 6 + WITHOUT];
+        let mut heard = vec![(0.01, 0.1); 7 + WITHOUT];
         assert_eq!(after(1e4, &heard).present(), 0.0);
         heard.push((0.01, 0.1));
         let back = after(1e4, &heard);
