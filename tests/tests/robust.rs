@@ -460,3 +460,28 @@ fn rounding_of_a_state_far_away_makes_no_solution() {
     }
     assert!(lost > 0, "without a search some of these are out of reach");
 }
+
+/// Nitsche with theta = -1 and gamma a thousand and ten thousand times below E/h: the points of a face outnumber the
+/// directions of its stresses and hold each other. Forces of a program of our own in Python (numpy, dense, its own
+/// elements), which does not share a line with this one.
+#[test]
+fn contact_that_binds_stresses_settles_from_rest() {
+    let folder = examples().join("fault");
+    let scene = std::fs::read_to_string(folder.join("nitsche.wfl")).expect("an example");
+    let runs = [
+        ((1e2, 0.4, 0.0), [-40.7863609044, -0.917262096479], 10),
+        ((1e1, 0.4, 0.0), [-40.8376544451, -0.849011149968], 12),
+        ((1e2, 0.2, 2.5), [-41.6728731497, -5.32362114839], 12),
+    ];
+    for ((gamma, friction, time), forces, most) in runs {
+        let steps = ("steps t = 0 to 9.5 by 0.5", format!("steps t = {time} to {time} by 1"));
+        let params = [("theta", -1.0), ("gamma", gamma), ("fric", friction)];
+        let solved = solve(&folder, scene.clone(), &[steps], &params).expect("the scene is right");
+        let iterations = solved.outcome.steps[0].history.n_iterations();
+        assert!(solved.outcome.converged() && iterations <= most, "{params:?}: {iterations}");
+        for (name, force) in ["Fn", "Ftz"].into_iter().zip(forces) {
+            let found = solved.measure(0, name);
+            assert!((found / force - 1.0).abs() < 1e-8, "{params:?}: {name} {found} against {force}");
+        }
+    }
+}
