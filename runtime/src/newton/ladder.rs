@@ -76,6 +76,8 @@ const WHOLE_STEPS: usize = 5;
 /// Iterations with overstress that may pass, and kinks that a path may pass before it.
 const OVERSTRESS_PATIENCE: usize = 40;
 const KINKS_BEFORE_OVERSTRESS: usize = 20;
+/// Whole steps from a start without a past where contact is stiff: what the first choices say of the laws is rough.
+const WHOLE_STEPS_FROM_REST: usize = 2;
 /// So many steps in turn that are shorter than this part come to nothing.
 const STUCK: usize = 5;
 const NOTHING: f64 = 0.04;
@@ -126,6 +128,9 @@ impl Ladder {
             };
             let binds = system.binds_stresses();
             let affine = system.is_affine_when_held();
+            if !warm && system.is_hard() {
+                whole = WHOLE_STEPS_FROM_REST;
+            }
             if system.has_friction() {
                 // before the searches on the residual, which take long and seldom help where pieces circle: but where
                 // contact binds stresses they do

@@ -9,6 +9,9 @@ use crate::{
 };
 use wfl_compiler::{Class, types::FieldKind};
 
+/// Choices at the beginning that the points of an entity make together.
+const CHOICES_TOGETHER: usize = 3;
+
 impl System {
     /// Gives terms their held forms; their guides are fields numbered behind those of the scene.
     ///
@@ -225,11 +228,16 @@ impl System {
 
     /// Chooses the pieces that follow from the held ones, for the `time`th time in this step. Returns the part of the
     /// points whose piece is another one now.
+    ///
+    /// From a start without a past, all points of an entity choose the same at first where contact is stiff: else one
+    /// that sticks takes the load of those beside it, and slip gets on by a point an iteration.
     pub fn follow_pieces(&mut self, time: usize) -> f64 {
         self.pieces.iter_mut().for_each(|p| p.chosen(time));
+        let together = !self.settled && time <= CHOICES_TOGETHER;
         let (mut changed, mut points) = (0, 0);
         for ((piece, watched), guides) in self.pieces.iter().zip(&self.watched).zip(&mut self.guides) {
-            let next = piece.follow(watched, guides);
+            let mean = (together && piece.locks_entities(&self.fields)).then(|| piece.averaged(watched));
+            let next = piece.follow(mean.as_ref().unwrap_or(watched), guides);
             changed += piece.differing(guides, &next);
             points += watched.points().count();
             *guides = next;

@@ -9,8 +9,8 @@
 
 use wfl_compiler::{Projection, ProjectionKind};
 
-use super::TermPieces;
-use crate::{assemble::FieldValues, mesh::Mesh};
+use super::{HARD, TermPieces};
+use crate::{assemble::FieldValues, field::Field, mesh::Mesh};
 
 /// A step is taken that reduces the defect by this part of its length.
 const SUFFICIENT: f64 = 1e-4;
@@ -49,6 +49,37 @@ impl Watched {
 }
 
 impl TermPieces {
+    /// True if the sides are so stiff against each other, without a multiplier, that one point that sticks holds its
+    /// entity.
+    #[must_use]
+    pub(crate) fn locks_entities(&self, fields: &[Field]) -> bool {
+        !self.has_multiplier(fields) && self.ratios.iter().any(|c| *c < HARD)
+    }
+
+    /// What is watched, at every point the mean over its entity.
+    #[must_use]
+    pub(crate) fn averaged(&self, watched: &Watched) -> Watched {
+        let mut found = watched.clone();
+        let n = self.n_watched();
+        let (mut values, mut weights) = (found.values.as_mut_slice(), watched.weights.as_slice());
+        for group in &self.sampled.domain.groups {
+            for _ in 0..group.entities.len() {
+                let (own, others) = std::mem::take(&mut values).split_at_mut(group.n_points() * n);
+                let (parts, rest) = weights.split_at(group.n_points());
+                (values, weights) = (others, rest);
+                let total: f64 = parts.iter().sum();
+                if total <= 0.0 {
+                    continue;
+                }
+                for k in 0..n {
+                    let sum: f64 = parts.iter().zip(own.chunks_exact(n)).map(|(w, point)| w * point[k]).sum();
+                    own.chunks_exact_mut(n).for_each(|point| point[k] = sum / total);
+                }
+            }
+        }
+        found
+    }
+
     /// Reads arguments, radii and values of held pieces at a state.
     #[must_use]
     pub fn watched(&self, mesh: &Mesh, values: FieldValues<'_>) -> Watched {
