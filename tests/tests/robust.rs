@@ -230,6 +230,7 @@ fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
         assert!(solved.outcome.converged() && counts.iter().all(|n| *n <= 60), "{method}: {counts:?}");
         assert!(solved.outcome.steps.iter().all(|s| s.attempts.is_empty()), "{method}");
         assert!(solved.outcome.warnings.iter().any(|(code, _)| *code == "W609"), "{:?}", solved.outcome.warnings);
+        assert!(solved.outcome.steps.iter().any(|s| s.history.turns > 0), "{method}: no path turned round");
         let most = solved.outcome.steps.iter().map(|s| s.others).max();
         assert!(most >= Some(Others::Possible), "no tangent on the way had the other sign");
         for (step, values) in expected {
