@@ -44,5 +44,5 @@ pub use scene::{
     Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, prepare, prepare_keeping,
 };
 pub use strategy::{SolverMemory, Strategy};
-pub use system::{FIXED, Known, Memory, Numbering, Past, System, SystemError};
+pub use system::{FIXED, Known, LooseMotions, Memory, Numbering, Past, System, SystemError};
 pub use value::{Sampled, Value, uniforms_at};

@@ -11,12 +11,14 @@ mod law;
 mod linear;
 mod memory;
 mod numbering;
+mod rigid;
 
 use std::sync::Arc;
 
 pub(crate) use law::LawDefect;
 pub use memory::Memory;
 pub use numbering::{FIXED, Numbering};
+pub use rigid::LooseMotions;
 
 use thiserror::Error;
 use wfl_compiler::{

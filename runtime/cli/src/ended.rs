@@ -197,6 +197,13 @@ pub(crate) fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
                 place_of(scene, *dof)
             ));
         }
+        NewtonError::Loose { motions, error } => {
+            let motions: Vec<String> = motions.iter().map(ToString::to_string).collect();
+            say(&format!(
+                "error[E602]: step t = {time}: {}\n  = note: the tangent is singular: {error}\n  = help: fix it, or press it against something that is held\n",
+                motions.join("; ")
+            ));
+        }
         NewtonError::Solve(SolveError::TooMuchMemory(need)) => {
             say(&format!("error[E606]: {need}\n  = help: fewer cells, a lower degree, or more memory: --memory 16GB\n"))
         }

@@ -30,7 +30,7 @@ use crate::{
     assemble::TermError,
     solve::SolveError,
     strategy::Strategy,
-    system::{System, SystemError},
+    system::{LooseMotions, System, SystemError},
 };
 
 /// When an iteration stops and how it searches.
@@ -72,12 +72,31 @@ pub enum NewtonError {
     /// A linear system could not be solved.
     #[error(transparent)]
     Solve(#[from] SolveError),
+    /// A linear system could not be solved, and bodies can move without resistance.
+    #[error("{}: {error}", motions.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
+    Loose {
+        /// How.
+        motions: Vec<LooseMotions>,
+        /// What the solver says.
+        error: SolveError,
+    },
 }
 
 impl NewtonError {
     /// True if another state need not have this problem.
     fn is_of_the_state(&self) -> bool {
         matches!(self, Self::Term(_) | Self::Solve(SolveError::Singular { .. }))
+    }
+
+    /// Says of a tangent that is singular which bodies are loose.
+    pub(crate) fn with_motions(self, system: &System) -> Self {
+        match self {
+            Self::Solve(error @ (SolveError::Singular { .. } | SolveError::VanishingPivot { .. })) => {
+                let motions = system.loose_motions();
+                if motions.is_empty() { Self::Solve(error) } else { Self::Loose { motions, error } }
+            }
+            other => other,
+        }
     }
 }
 
@@ -150,7 +169,7 @@ pub fn solve_step(
     if converged {
         system.pass(u)?;
     }
-    result
+    result.map_err(|error| error.with_motions(system))
 }
 
 fn iterate(

@@ -32,6 +32,7 @@ use crate::{
     pruning::Saving,
     scene::{Scene, node_positions, set_data},
     solve::{Precision, SolverOptions},
+    system::System,
 };
 use checkpoint::Log;
 use files::{Files, StepFiles};
@@ -200,9 +201,9 @@ pub enum RunError {
 }
 
 impl RunError {
-    fn step(step: usize, time: f64, error: StepError) -> Self {
+    fn step(system: &System, (step, time): (usize, f64), error: StepError) -> Self {
         match error {
-            StepError::Newton(error) => Self::Newton { step, time, error },
+            StepError::Newton(error) => Self::Newton { step, time, error: error.with_motions(system) },
             StepError::State { state, value, position } => Self::State { step, time, state, value, position },
         }
     }
@@ -408,19 +409,18 @@ impl Run {
         progress.step(number, values.len(), time);
         let from = number.checked_sub(1).map(|k| values[k]);
         let leg = Leg { from, to: time, first_increment: values.get(1).map_or(0.0, |next| next - values[0]) };
-        let wrap = |error: StepError| RunError::step(number, time, error);
         let reached = if number == 0 && scene.steps.from_start {
             self.stepper.given(scene, &self.u, leg, &mut self.clock, progress)
         } else {
             self.stepper.reach(scene, &mut self.u, leg, &mut self.clock, progress)
         };
-        let reached = reached.map_err(wrap)?;
+        let reached = reached.map_err(|error| RunError::step(&scene.system, (number, time), error))?;
         let (history, attempts) = (reached.history, reached.attempts);
         // the equations are those of the old states; a state that is given has nothing to judge
         let solved = history.converged() && history.stop != Some(Stop::Given);
         let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
         let Judged { accuracy, checks, others } =
-            judged.map_err(|error| RunError::Newton { step: number, time, error })?;
+            judged.map_err(|error| RunError::step(&scene.system, (number, time), error.into()))?;
         self.stepper.renew(scene);
         let (u, increment) = (&self.u, reached.increment);
         let measures = scene

@@ -424,7 +424,7 @@ impl CheckedCondensed {
     /// Solves `(bulk + changing) x = rhs`; vectors are by dof.
     ///
     /// # Errors
-    /// As [`LinearSolver::solve`].
+    /// Those of the solutions with the matrix itself.
     pub fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError> {
         self.solve_to(rhs, x, 0.0)
     }
@@ -433,7 +433,7 @@ impl CheckedCondensed {
     /// enough (2-norms of the equations scaled to a unit diagonal; no unit).
     ///
     /// # Errors
-    /// As [`LinearSolver::solve`].
+    /// Those of the solutions with the matrix itself.
     pub fn solve_to(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
         if self.state == State::Empty {
             return Err(SolveError::NotFactored);
