@@ -1,12 +1,12 @@
 //! Rigid motions that the tangent does not resist: what a singular system lacks, in words of mechanics.
 //!
 //! A motion r of a body is loose if K r vanishes but for rounding, and r at what is fixed. The motions of a field are three translations and three rotations
-//! (two and one in the plane), or a combination of them, found as the null space of a small Gram matrix. Promises: looks
-//! at the last tangent only. Does not find mechanisms that are no rigid motions.
+//! (two and one in the plane), or a combination of them: small singular values of what these motions meet, taken from its
+//! triangular factor, because squares would hide the small ones beside the large. Promises: looks at the last tangent only. Does not find mechanisms that are no rigid motions.
 
 use std::fmt;
 
-use nalgebra::{DMatrix, SymmetricEigen};
+use nalgebra::DMatrix;
 use wfl_compiler::types::FieldKind;
 
 use super::{FIXED, System};
@@ -106,13 +106,34 @@ impl System {
             return 0;
         }
         let fixed: Vec<usize> = (0..self.numbering.n_dofs).filter(|d| self.numbering.free[*d] == FIXED).collect();
-        let dot = |i: usize, j: usize| -> f64 {
-            let met: f64 = products[i].iter().zip(&products[j]).map(|(a, b)| a / scale * (b / scale)).sum();
-            met + fixed.iter().map(|d| motions[i][*d] * motions[j][*d]).sum::<f64>()
-        };
-        let gram = DMatrix::from_fn(motions.len(), motions.len(), dot);
+        for (met, motion) in products.iter_mut().zip(motions) {
+            met.iter_mut().for_each(|x| *x /= scale);
+            met.extend(fixed.iter().map(|d| motion[*d]));
+        }
         #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let limit = LOOSE * LOOSE * n as f64;
-        SymmetricEigen::new(gram).eigenvalues.iter().filter(|x| **x <= limit).count()
+        let limit = LOOSE * (n as f64).sqrt();
+        triangular(products).singular_values().iter().filter(|x| **x <= limit).count()
     }
+}
+
+/// The triangular factor of a matrix given by its columns (Gram and Schmidt, one column after the other).
+fn triangular(mut columns: Vec<Vec<f64>>) -> DMatrix<f64> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let n = columns.len();
+    let mut factor = DMatrix::zeros(n, n);
+    for i in 0..n {
+        let (done, rest) = columns.split_at_mut(i);
+        let column = &mut rest[0];
+        for (j, unit) in done.iter().enumerate() {
+            let part = dot(unit, column);
+            factor[(j, i)] = part;
+            column.iter_mut().zip(unit).for_each(|(x, u)| *x -= part * u);
+        }
+        let length = dot(column, column).sqrt();
+        factor[(i, i)] = length;
+        if length > 0.0 {
+            column.iter_mut().for_each(|x| *x /= length);
+        }
+    }
+    factor
 }

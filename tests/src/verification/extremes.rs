@@ -398,11 +398,27 @@ fn block(side: &str) -> Attempt {
 }
 
 fn nothing_fixed() -> Vec<Case> {
-    vec![refused(
-        "a block pulled on both sides",
-        &block("load u = [-1,0,0] on west\nload u = [1,0,0] on east"),
-        &["nothing holds `u` in 6 rigid motions (3 translations, 3 rotations)"],
-    )]
+    let plane = "wfl 1\nmesh box [0,0] to [2,1] cells [4,2] quad\nregion bottom = faces where y == 0\nunknown u : vector\n\
+                 term elastic on all : (Div_u*Id(2) + 2*Sym(Grad_u)):Grad_Test_u\nSIDE\n";
+    let in_plane = |side: &str| attempt(&examples(), plane.replace("SIDE", side), &[], &[]);
+    vec![
+        refused(
+            "a block pulled on both sides",
+            &block("load u = [-1,0,0] on west\nload u = [1,0,0] on east"),
+            &["nothing holds `u` in 6 rigid motions (3 translations, 3 rotations)"],
+        ),
+        refused(
+            "a block on rollers",
+            &block("fix u(1) = 0 on west\nload u = [1,0,0] on east"),
+            &["nothing holds `u` in 3 rigid motions (2 translations, 1 rotation)"],
+        ),
+        refused("a plate", &in_plane(""), &["nothing holds `u` in 3 rigid motions (2 translations, 1 rotation)"]),
+        refused(
+            "a plate on rollers",
+            &in_plane("fix u(2) = 0 on bottom"),
+            &["nothing holds `u` in 1 rigid motion (1 translation)"],
+        ),
+    ]
 }
 
 fn not_a_number() -> Vec<Case> {
