@@ -38,7 +38,7 @@ pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, first_non_finite, interpret, interpret_lanes};
 pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions};
-pub use pieces::{BALL_NUMBERS, HALF_LINE_NUMBERS, PiecesLaw, Projection, ProjectionKind, compile_pieces};
+pub use pieces::{BALL_NUMBERS, PiecesLaw, Projection, ProjectionKind, compile_pieces};
 pub use print::{PrintLaw, compile_prints};
 pub use real::{Dual, Real};
 pub use symmetry::unit_normals;

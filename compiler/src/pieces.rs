@@ -40,7 +40,7 @@ pub enum ProjectionKind {
 }
 
 /// Guides of a half-line behind the masks: softness, overstress.
-pub const HALF_LINE_NUMBERS: usize = 2;
+const HALF_LINE_NUMBERS: usize = 2;
 
 /// Guides of a ball before the direction of slip: stick, factor across the direction of slip, factor on the radius,
 /// softness, overstress.

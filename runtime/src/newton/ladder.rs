@@ -4,8 +4,9 @@
 //! between the sides for a few iterations where stiff contact makes no progress; where they circle, the path through
 //! the pieces from where they stand and from the start of the step, then friction that grows from nothing; backtracking
 //! on the residual for everything else, the natural monotonicity test, and friction that shrinks as the last resort.
-//! Where the traction of soft contact holds the stresses of the bodies, overstress comes first. A step that makes no progress with one goes on with the next from where it stands; one whose tangent becomes singular
-//! on the way (a body that only friction holds, with all of it slipping in an iterate) goes on from its best state.
+//! Where the traction of soft contact binds the stresses of the bodies, overstress comes first. A step that makes no
+//! progress with one goes on with the next from where it stands; one whose tangent becomes singular on the way (a body
+//! that only friction holds, with all of it slipping in an iterate) goes on from its best state.
 
 use crate::{
     assemble::TermError,
@@ -109,6 +110,7 @@ pub(super) struct Ladder {
     trial: usize,
     /// Whole steps with held pieces before they are searched.
     whole: usize,
+    /// By how much traction may exceed its bound.
     overstress: Overstress,
 }
 

@@ -156,16 +156,16 @@ Contact without a multiplier whose arguments are a hundred times softer than the
 times as stiff as they are (theta = -1 with gamma far below E/h), binds the stresses of the bodies to its traction: a
 face has more points that may slip than its stresses have directions, and pieces chosen point by point circle. Such a
 scene starts with **overstress** (`overstress.rs`): traction may exceed its bound by a part of what it exceeds it by
-without a bound, t = p + w (x - p) with p the projection (Duvaut and Lions), w from nearly 1 to 0 within six to ten
-iterations, from tied points. Later steps take five whole steps and a path of 20 kinks before they do so. A method that
-makes no progress hands over to the next.
+without a bound, t = p + w (x - p) with p the projection (Duvaut and Lions), from tied points, with w from nearly 1 to 0,
+the faster the fewer points change pieces. Later steps take five whole steps and a path of 20 kinks before they do so.
+A method that makes no progress hands over to the next.
 
 Bodies that are not linear begin a step with the tangent of the step before, by which they follow what is prescribed
 (`predict.rs`). A correction is followed to where the energy is the least along it (`energy.rs`): of |grad u|^(p-2) grad u
 it may be thousands of times too long or p - 1 times too short, and the residual norm grows before the energy does. With
 multipliers the energy is that with the multipliers the correction leads to; pieces are searched only where a step has
-left less than a tenth of the held equations open. Where the residual is the rounding of the matrix of the bodies, these are evaluated
-at their points and the state is refined (`refine.rs`).
+left less than a tenth of the held equations open. Where the residual is the rounding of the matrix of the bodies, these
+are evaluated at their points and the state is refined (`refine.rs`).
 
 What was tried and lost: layers of a tenth, three times and ten times the stiffness of the bodies, which took more
 iterations; at most three to five halvings, which need fewer iterations on faults and fail for nearly incompressible
@@ -173,9 +173,9 @@ bodies; the smallest of all trials in place of the first that falls; eight whole
 stick at first, handing over after two short steps, a stiffer choice of pieces for theta = -1 far below E/h; a soft
 layer from the first iteration (31 iterations in place of 8 on the fault inclined by 10 degrees), and pieces foretold
 from three states in place of two (15 in place of 10 where gamma is 1e3 E/h). For theta = -1 far below E/h: sixteen whole
-steps at first (26, 81 and 16 iterations where overstress takes 11, 10 and 11), and gamma brought down in steps of ten.
-A soft layer at the first short step of a cold start brings first steps of more than ten iterations down by a sixth and
-others up from 9 to 50; a search that compares with the largest of the last three defects does the same. Without the
+steps at first, which circle, and gamma brought down in steps of ten, which takes more iterations in all. A soft layer at
+the first short step from rest, which makes some first steps shorter and others several times as long; a search that
+compares with the largest of the last three defects does the same. Without the
 search, stiff friction on power-law bodies fails.
 What still fails: Nitsche with theta = 0 or 1 far below its coercivity bound (W503), and some nearly incompressible bodies
 (nu = 0.4999) on a fault inclined by 45 degrees. What takes long: the first step of a power law with p = 10 from rest (20
