@@ -171,7 +171,7 @@ pub fn attempt(folder: &Path, text: String, edits: &[(&str, String)], params: &[
     attempt_with(&RunOptions::without_files(2, std::time::Instant::now()), folder, text, edits, params)
 }
 
-/// As [`attempt`], run with these options.
+/// As [`attempt`], run with these options; the unknowns of every step are kept.
 ///
 /// # Panics
 /// If this processor cannot run machine code.
@@ -186,7 +186,8 @@ pub fn attempt_with(
     let backend = JitBackend::new().expect("machine code on this processor");
     let (scene, mut messages) = scene_and_messages(folder, text, edits, params, &backend);
     let Some(mut scene) = scene else { return Attempt { solved: None, messages } };
-    match run(&mut scene, options, &mut Quiet) {
+    let options = RunOptions { keep_states: true, ..options.clone() };
+    match run(&mut scene, &options, &mut Quiet) {
         Ok(outcome) => Attempt { solved: Some(Solved { scene, outcome }), messages },
         Err(error) => {
             messages += &error.to_string();

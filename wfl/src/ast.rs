@@ -560,12 +560,14 @@ pub enum ItemKind {
     },
     /// `expect c`
     Expect(Cond),
-    /// `output vtk "name" : a, b as n along P to Q with …`
+    /// `output vtk "name" every k : a, b as n along P to Q with …`
     Output {
         /// `vtk` or `csv`.
         format: Ident,
         /// The file's name without its end.
         file: String,
+        /// `every k`: of how many steps one is written.
+        every: Option<Expr>,
         /// What is written.
         items: Vec<OutputItem>,
         /// Ends of the line it is sampled on.

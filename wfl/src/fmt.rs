@@ -123,6 +123,7 @@ struct State {
     /// It is one whose first `:` separates what it declares from the rest.
     colon_separates: bool,
     is_mesh: bool,
+    is_output: bool,
     /// Open brackets, outermost first.
     brackets: Vec<Bracket>,
     in_options: bool,
@@ -158,7 +159,8 @@ impl Printer {
         } else if line.starts_statement {
             let word = line.tokens[0].text;
             let separates = ["term", "energy", "unknown", "multiplier", "data", "state", "output"].contains(&word);
-            self.state = State { open: true, colon_separates: separates, is_mesh: word == "mesh", ..State::default() };
+            let (is_mesh, is_output) = (word == "mesh", word == "output");
+            self.state = State { open: true, colon_separates: separates, is_mesh, is_output, ..State::default() };
         } else {
             self.out.push_str(INDENT);
         }
@@ -227,7 +229,10 @@ impl State {
 
     /// True for words that are followed by a value of its own and are no function.
     fn introduces(&self, word: &str) -> bool {
-        is_keyword(word) || self.is_mesh && ["box", "file", "size", "map"].contains(&word) || word == "point"
+        is_keyword(word)
+            || self.is_mesh && ["box", "file", "size", "map"].contains(&word)
+            || self.is_output && word == "every"
+            || word == "point"
     }
 
     fn space_before(&self, token: &str, separator: bool, unary: bool, after: &str) -> bool {
@@ -333,6 +338,7 @@ mod tests {
             ("fix u(1),v . Normal=0 on a", "fix u(1), v.Normal = 0 on a"),
             ("def s = Sym Grad_u (1 , :)", "def s = Sym Grad_u(1, :)"),
             ("mapping m = point(x)", "mapping m = point (x)"),
+            ("output vtk \"a\"  every(n):u,v", "output vtk \"a\"  every (n) : u, v"),
         ] {
             assert_eq!(check(text), format!("wfl 1\n{expected}\n"), "{text}");
         }

@@ -44,7 +44,7 @@ pub struct Override {
 pub const OPTIONS: &[(&str, &[&str])] = &[
     ("mesh", &["idle_cells"]),
     ("multiplier", &["crosspoints"]),
-    ("steps", &["halve", "on_fail"]),
+    ("steps", &["halve", "most", "on_fail"]),
     ("solver", &["accuracy", "max_iter", "of", "search", "tol"]),
     ("output", &["points"]),
 ];
@@ -303,15 +303,17 @@ impl<'d> Resolver<'d> {
                 let condition = self.cond(condition)?;
                 self.script.expects.push(Expect { condition, text, span });
             }
-            ItemKind::Output { format, file, items, along, options } => {
+            ItemKind::Output { format, file, every, items, along, options } => {
                 let known = self.one_of("output", format, FORMATS);
                 let items: Vec<_> = items.iter().map(|i| self.quantity(i)).collect();
                 let along = along.as_ref().map(|(a, b)| Some((self.expr(a)?, self.expr(b)?)));
+                let every = every.as_ref().map(|e| self.expr(e));
                 let options = self.options("output", options)?;
+                let every = every.transpose_option()?;
                 let (items, along) = (items.into_iter().collect::<Option<_>>()?, along.transpose_option()?);
                 known?;
                 let (format, file) = (format.clone(), file.clone());
-                self.script.outputs.push(Output { format, file, items, along, options, span });
+                self.script.outputs.push(Output { format, file, every, items, along, options, span });
             }
         }
         Some(())

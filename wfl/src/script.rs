@@ -321,6 +321,8 @@ pub struct Output {
     pub format: Ident,
     /// The file's name without its end.
     pub file: String,
+    /// Of how many steps one is written; each without it.
+    pub every: Option<Expr>,
     /// What is written.
     pub items: Vec<OutputQuantity>,
     /// Ends of the line it is sampled on.

@@ -138,9 +138,9 @@ impl Alternating {
     /// Solves the scene for its states, then prepares a solver with factored bulk.
     pub(crate) fn new(method: &str, cells: [usize; 3], threads: usize) -> Result<Self, String> {
         let mut scene = scene(method, cells)?;
+        let run_options = RunOptions { keep_states: true, ..RunOptions::without_files(threads, Instant::now()) };
         let Outcome { steps, .. } =
-            run(&mut scene, &RunOptions::without_files(threads, Instant::now()), &mut wfl_runtime::Quiet)
-                .map_err(|e| e.to_string())?;
+            run(&mut scene, &run_options, &mut wfl_runtime::Quiet).map_err(|e| e.to_string())?;
         let [.., before, last] = steps.as_slice() else { return Err("two steps are needed".to_owned()) };
         let states = [before.state.clone(), last.state.clone()];
         let strategy = Strategy::new(&scene.system, options(threads)).map_err(|e| e.to_string())?;

@@ -193,7 +193,8 @@ pub(crate) struct RunArgs {
     /// Directory of the results [default: out/<scene>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Go on where a run that was stopped left off; its last 0.1 s and the step it was in may be done again
+    /// Go on where a run that was stopped left off; its last 0.1 s (on a slow disc twenty times what
+    /// a checkpoint takes) and the step it was in may be done again
     #[arg(long)]
     pub(crate) resume: bool,
     /// The relative error wanted, such as 1e-3: mesh, degree, tolerance and penalty are picked for it

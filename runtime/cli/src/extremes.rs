@@ -13,6 +13,7 @@ use crate::{
     nitsche,
     prepared::{EXIT_ERROR, backend},
     table::{Table, number},
+    threads,
 };
 
 /// What each parameter is divided and multiplied by.
@@ -155,11 +156,12 @@ fn one(args: &ExtremesArgs, word: Option<String>, backend: &dyn KernelBackend, s
 }
 
 fn options(loaded: &Loaded, scene: &Path, started: Instant) -> RunOptions {
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
+    let threads = threads::available();
     RunOptions {
         name: scene.display().to_string(),
         text_hash: text_hash(loaded.texts()),
         version: env!("CARGO_PKG_VERSION").to_owned(),
+        keep_states: true,
         ..RunOptions::without_files(threads, started)
     }
 }

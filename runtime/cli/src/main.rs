@@ -22,6 +22,7 @@ mod run;
 mod show;
 mod sweep;
 mod table;
+mod threads;
 mod verify;
 
 use std::process::ExitCode;

@@ -1,6 +1,6 @@
 //! A scene made ready to be run: its options, and what there is to say before.
 
-use std::{num::NonZeroUsize, path::PathBuf, time::Instant};
+use std::{path::PathBuf, time::Instant};
 
 use wfl_runtime::{
     Outcome, RunError, RunOptions, Scene,
@@ -13,11 +13,12 @@ use crate::{
     load::{Loaded, out, print_all, say},
     nitsche,
     progress::{Loudness, Terminal},
+    threads::{available, limited},
 };
 
 /// The threads of a run.
 pub(crate) fn threads(args: &RunArgs) -> usize {
-    args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get)
+    args.threads.map_or_else(available, |n| limited(n.get()))
 }
 
 /// A scene with what the command line says of its solver.
@@ -85,6 +86,7 @@ pub(crate) fn ready(
         warnings: loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
         about: about(loaded),
         savings: Vec::new(),
+        keep_states: false,
     };
     Ok(Ready { options, loudness })
 }

@@ -12,6 +12,7 @@ use crate::{
     element::Table,
     mesh::{CellId, CellKind, FacetRef, Image, Mesh, MeshError, RegionSet},
     quadrature::{Rule, facet_points, neighbour_points},
+    space::{Space, Support},
 };
 
 /// One side of a group: cells with the same reference points.
@@ -44,7 +45,7 @@ pub struct Group {
     pub tangents: Option<[[f64; 3]; 2]>,
     /// Outward normal of the reference facet.
     pub reference_normal: [f64; 3],
-    /// No entity at all: one point of weight 1, for terms on `global`.
+    /// Nothing is integrated: one point of weight 1, for terms on `global` and loads at nodes.
     pub is_global: bool,
     /// The owning side.
     pub here: GroupSide,
@@ -121,18 +122,51 @@ impl Domain {
         let kind = mesh.kind(cell);
         let mut here = GroupSide::new(mesh, kind, vec![kind.reference_centre()]);
         here.cells.push(cell);
-        let group = Group {
-            entities: vec![0],
-            weights: vec![1.0],
-            parameters: vec![[0.0; 3]],
-            tangents: None,
-            reference_normal: [0.0; 3],
-            is_global: true,
-            here,
-            there: None,
-            there_normal: None,
-        };
+        let group = Group { entities: vec![0], ..one_point(here) };
         Self { dim: mesh.dim(), n_entities: 1, groups: vec![group] }
+    }
+}
+
+impl Domain {
+    /// A point of weight 1 at each of these nodes of a space on cells, in the first cell that holds it.
+    #[must_use]
+    pub fn at_nodes(mesh: &Mesh, space: &Space, nodes: &[u32]) -> Self {
+        let Support::Cells(cells) = space.support() else {
+            return Self { dim: mesh.dim(), groups: Vec::new(), n_entities: 0 };
+        };
+        let mut wanted: BTreeMap<u32, usize> = nodes.iter().enumerate().map(|(k, node)| (*node, k)).collect();
+        let mut groups: BTreeMap<(CellKind, usize), Group> = BTreeMap::new();
+        for (position, cell) in cells.iter().enumerate() {
+            let kind = mesh.kind(*cell);
+            for (local, node) in space.entity_nodes(position).iter().enumerate() {
+                let Some(entity) = wanted.remove(node) else { continue };
+                let group = groups.entry((kind, local)).or_insert_with(|| {
+                    let point = space.element_at(position).points()[local];
+                    one_point(GroupSide::new(mesh, kind, vec![point]))
+                });
+                group.entities.push(entity);
+                group.here.cells.push(*cell);
+            }
+            if wanted.is_empty() {
+                break;
+            }
+        }
+        Self { dim: mesh.dim(), groups: groups.into_values().collect(), n_entities: nodes.len() }
+    }
+}
+
+/// A group without entities whose only point has weight 1, whatever the cell measures.
+fn one_point(here: GroupSide) -> Group {
+    Group {
+        entities: Vec::new(),
+        weights: vec![1.0],
+        parameters: vec![[0.0; 3]],
+        tangents: None,
+        reference_normal: [0.0; 3],
+        is_global: true,
+        here,
+        there: None,
+        there_normal: None,
     }
 }
 

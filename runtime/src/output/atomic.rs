@@ -1,9 +1,11 @@
 //! The output folder and the one way to put a file into it.
 //!
-//! Promises: a file is written under a temporary name in the same folder, flushed, synced and
-//! renamed, so that its final name shows the former content or the whole new one; a temporary
-//! file is removed when its writing fails, and those of a killed run by the next run; where the
-//! system can lock a folder, two runs never write into one at the same time.
+//! Promises: a file is written under a temporary name in the same folder, flushed and renamed, so
+//! that its final name shows the former content or the whole new one, whenever the program is
+//! killed; a temporary file is removed when its writing fails, and those of a killed run by the
+//! next run; where the system can lock a folder, two runs never write into one at the same time.
+//! Against a power cut a file is synced before it is renamed ([`OutputDir::write_atomic`]), or with
+//! many others by [`OutputDir::sync`], which costs a fortieth of that.
 //! Does not promise that a rename survives a power cut (then the former content is found), and
 //! does not make folders inside the output folder.
 
@@ -12,7 +14,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use super::OutputError;
 
@@ -20,6 +22,8 @@ use super::OutputError;
 const BUFFER: usize = 1 << 17;
 /// How temporary names begin and end. A leading dot is refused in final names.
 const TEMPORARY: [&str; 2] = [".wfl-", ".tmp"];
+/// Files synced at the same time: with 8 the system needs twice as long for 300 of them, with more as long.
+const SYNCS_AT_ONCE: usize = 32;
 /// Digits of the step number in the names of step files; longer numbers use more.
 const STEP_DIGITS: usize = 4;
 
@@ -29,6 +33,8 @@ pub struct OutputDir {
     path: PathBuf,
     /// Names written by this run: they are never taken for leftovers of an earlier one.
     written: Mutex<BTreeSet<String>>,
+    /// Files that the system may not have on the disc yet.
+    unsynced: Mutex<Vec<PathBuf>>,
     n_temporaries: AtomicU64,
     /// Holds the lock on the folder where the system can lock one; freed by drop or exit.
     _lock: Option<File>,
@@ -45,8 +51,13 @@ impl OutputDir {
         let path = path.as_ref().to_path_buf();
         make_folder(&path)?;
         let lock = lock_folder(&path)?;
-        let dir =
-            OutputDir { path, written: Mutex::new(BTreeSet::new()), n_temporaries: AtomicU64::new(0), _lock: lock };
+        let dir = OutputDir {
+            path,
+            written: Mutex::new(BTreeSet::new()),
+            unsynced: Mutex::new(Vec::new()),
+            n_temporaries: AtomicU64::new(0),
+            _lock: lock,
+        };
         if dir._lock.is_some() {
             dir.remove_temporaries();
         }
@@ -70,11 +81,45 @@ impl OutputDir {
         name: &str,
         write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<PathBuf, OutputError> {
-        self.stage(name, write)?.commit()
+        let staged = self.stage(name, write)?;
+        staged.sync()?;
+        staged.commit()
+    }
+
+    /// As [`OutputDir::write_atomic`], but a power cut may leave it incomplete until [`OutputDir::sync`].
+    ///
+    /// # Errors
+    /// As [`OutputDir::write_atomic`].
+    pub fn write_unsynced(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<PathBuf, OutputError> {
+        self.stage(name, write)?.commit_unsynced()
+    }
+
+    /// Waits until everything written so far is on the disc, all of it at once: the system then writes its journal a
+    /// few times and not once a file (300 files of 20 kB on ext4: 0.06 s in place of 2.2 s).
+    ///
+    /// # Errors
+    /// [`OutputError::Write`] with the first file that the system could not write.
+    pub fn sync(&self) -> Result<(), OutputError> {
+        let files = std::mem::take(&mut *self.unsynced.lock().expect("no code panics while it holds this lock"));
+        sync_all(&files)?;
+        // names of files are kept in the folder; systems that cannot open one keep them without being told
+        if let Some(folder) = File::open(&self.path).ok().filter(|_| !files.is_empty()) {
+            folder.sync_all().map_err(|source| OutputError::Write { file: self.path.clone(), source })?;
+        }
+        Ok(())
+    }
+
+    fn sync_later(&self, file: PathBuf) {
+        self.unsynced.lock().expect("no code panics while it holds this lock").push(file);
     }
 
     /// Writes `bytes` at place `at` of a file and cuts off what was behind; the file is made if it is not there. It is
-    /// synced, but an error or a kill may leave a part of `bytes`: for files whose length is kept elsewhere.
+    /// on the disc after [`OutputDir::sync`], and an error or a kill may leave a part of `bytes`: for files whose length
+    /// is kept elsewhere.
     ///
     /// # Errors
     /// [`OutputError::BadName`]; [`OutputError::Write`].
@@ -85,10 +130,10 @@ impl OutputDir {
             let mut file = OpenOptions::new().create(true).truncate(false).write(true).open(&path)?;
             file.set_len(at)?;
             file.seek(io::SeekFrom::End(0))?;
-            file.write_all(bytes)?;
-            file.sync_data()
+            file.write_all(bytes)
         };
         write().map_err(|source| OutputError::Write { file: path.clone(), source })?;
+        self.sync_later(path);
         self.written().insert(name.to_owned());
         Ok(())
     }
@@ -198,7 +243,29 @@ impl OutputDir {
     }
 }
 
-/// A file written and synced under its temporary name; removed unless it is committed.
+/// Syncs files, as many at a time as the system gains from.
+fn sync_all(files: &[PathBuf]) -> Result<(), OutputError> {
+    let sync = |file: &PathBuf| {
+        // a handle that may write: some systems sync through no other
+        let synced = OpenOptions::new().write(true).open(file).and_then(|f| f.sync_all());
+        synced.map_err(|source| OutputError::Write { file: file.clone(), source })
+    };
+    let next = AtomicUsize::new(0);
+    let work = || loop {
+        match files.get(next.fetch_add(1, Ordering::Relaxed)) {
+            Some(file) => sync(file)?,
+            None => return Ok(()),
+        }
+    };
+    std::thread::scope(|scope| {
+        let others: Vec<_> = (1..files.len().min(SYNCS_AT_ONCE)).map(|_| scope.spawn(work)).collect();
+        let own = work();
+        let joined = others.into_iter().map(|o| o.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        joined.fold(own, Result::and)
+    })
+}
+
+/// A file written under its temporary name; removed unless it is committed.
 #[derive(Debug)]
 pub(super) struct Staged<'d> {
     dir: &'d OutputDir,
@@ -207,6 +274,23 @@ pub(super) struct Staged<'d> {
 }
 
 impl Staged<'_> {
+    /// Waits until the file is on the disc.
+    pub(super) fn sync(&self) -> Result<(), OutputError> {
+        // Some systems report a full disc or a broken network only here.
+        sync_all(self.temporary.as_slice()).map_err(|error| match error {
+            OutputError::Write { source, .. } => OutputError::Write { file: self.dir.path.join(&self.name), source },
+            other => other,
+        })
+    }
+
+    /// [`Staged::commit`], with the file synced later.
+    pub(super) fn commit_unsynced(self) -> Result<PathBuf, OutputError> {
+        let dir = self.dir;
+        let file = self.commit()?;
+        dir.sync_later(file.clone());
+        Ok(file)
+    }
+
     /// Gives the file its final name and returns its path.
     pub(super) fn commit(mut self) -> Result<PathBuf, OutputError> {
         let file = self.dir.path.join(&self.name);
@@ -254,9 +338,7 @@ fn is_step_name(name: &str, base: &str, extension: &str) -> bool {
 fn fill(file: File, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let mut buffered = BufWriter::with_capacity(BUFFER, file);
     write(&mut buffered)?;
-    let file = buffered.into_inner().map_err(|error| error.into_error())?;
-    // Some systems report a full disc or a broken network only here.
-    file.sync_all()
+    buffered.into_inner().map(drop).map_err(|error| error.into_error())
 }
 
 fn make_folder(path: &Path) -> Result<(), OutputError> {

@@ -35,7 +35,7 @@ impl CsvField<'_> {
 }
 
 /// Writes a table of numbers into the file `name` (with its `.csv`) and returns its path.
-/// Every row has one number for each column.
+/// Every row has one number for each column. It is on the disc after [`OutputDir::sync`].
 ///
 /// # Errors
 /// [`OutputError::RowLength`], [`OutputError::BadName`], [`OutputError::Write`]; after any of
@@ -76,7 +76,7 @@ fn write_rows<'r, T: 'r, C: AsRef<str>>(
     if let Some((row, found)) = lengths.find(|&(_, found)| found != expected) {
         return Err(OutputError::RowLength { file: dir.path().join(name), row, expected, found });
     }
-    dir.write_atomic(name, |out| {
+    dir.write_unsynced(name, |out| {
         write_line(out, columns, |out, column| write_text(out, column.as_ref()))?;
         for row in rows {
             write_line(out, row, &write_entry)?;

@@ -30,27 +30,26 @@ impl<'d> Series<'d> {
         Series { dir, base: base.into(), steps: Vec::new(), indexed: 0 }
     }
 
-    /// Goes on behind steps that are in the folder already, written by a run that was stopped.
-    pub fn go_on_from(&mut self, times: &[f64]) {
-        let step = |(k, time): (usize, &f64)| (*time, step_name(&self.base, k, "vtu"));
-        self.steps = times.iter().enumerate().map(step).collect();
+    /// Goes on behind steps that are in the folder already, written by a run that was stopped: their numbers and times.
+    pub fn go_on_from(&mut self, steps: impl Iterator<Item = (usize, f64)>) {
+        self.steps = steps.map(|(number, time)| (time, step_name(&self.base, number, "vtu"))).collect();
         self.indexed = 0;
     }
 
-    /// Writes the next step and returns the path of its file; the index does not name it yet.
-    /// `time` is the `t` of the scene.
+    /// Writes the next step and returns the path of its file; the index does not name it yet. Both are on the disc
+    /// after [`OutputDir::sync`]. `number` counts the steps of the scene from 0, `time` is its step variable.
     ///
     /// # Errors
     /// [`OutputError::Vtu`], [`OutputError::Time`], [`OutputError::BadName`],
     /// [`OutputError::Write`].
-    pub fn write_step(&mut self, time: f64, pieces: &[Piece]) -> Result<PathBuf, OutputError> {
-        let name = step_name(&self.base, self.steps.len(), "vtu");
+    pub fn write_step(&mut self, number: usize, time: f64, pieces: &[Piece]) -> Result<PathBuf, OutputError> {
+        let name = step_name(&self.base, number, "vtu");
         let staged = stage_vtu(self.dir, &name, Some(time), pieces)?;
         if self.steps.is_empty() && self.dir.path().join(self.index_name()).exists() {
             // From the next line on an index of an earlier run would name files of two runs.
             self.write_index()?;
         }
-        let file = staged.commit()?;
+        let file = staged.commit_unsynced()?;
         self.steps.push((time, name));
         Ok(file)
     }
@@ -85,7 +84,7 @@ impl<'d> Series<'d> {
     }
 
     fn write_index(&self) -> Result<(), OutputError> {
-        self.dir.write_atomic(&self.index_name(), |out| write_pvd(out, &self.steps)).map(drop)
+        self.dir.write_unsynced(&self.index_name(), |out| write_pvd(out, &self.steps)).map(drop)
     }
 }
 
@@ -119,8 +118,8 @@ mod tests {
     /// Runs a series over `times` and leaves it unfinished.
     fn run<'d>(dir: &'d OutputDir, times: &[f64]) -> Series<'d> {
         let mut series = Series::new(dir, "hertz");
-        for &time in times {
-            series.write_step(time, &grid(time)).unwrap();
+        for (number, &time) in times.iter().enumerate() {
+            series.write_step(number, time, &grid(time)).unwrap();
             series.update_index().unwrap();
         }
         series
@@ -145,7 +144,7 @@ mod tests {
         let dir = OutputDir::create(scratch.path()).unwrap();
         let mut series = Series::new(&dir, "hertz");
         for (step, time) in [0.1, 1.0 / 3.0, 1e-300].into_iter().enumerate() {
-            let file = series.write_step(time, &grid(time)).unwrap();
+            let file = series.write_step(step, time, &grid(time)).unwrap();
             assert_eq!(file, scratch.path().join(format!("hertz_000{step}.vtu")));
             if step == 1 {
                 assert_eq!(index(&scratch).len(), 1);
@@ -179,8 +178,8 @@ mod tests {
         let before = (scratch.names(), scratch.read("hertz.pvd"));
         let dir = OutputDir::create(scratch.path()).unwrap();
         let mut series = Series::new(&dir, "hertz");
-        assert!(matches!(series.write_step(f64::NAN, &grid(0.0)), Err(OutputError::Time { .. })));
-        assert!(matches!(series.write_step(0.0, &[]), Err(OutputError::Vtu { .. })));
+        assert!(matches!(series.write_step(0, f64::NAN, &grid(0.0)), Err(OutputError::Time { .. })));
+        assert!(matches!(series.write_step(0, 0.0, &[]), Err(OutputError::Vtu { .. })));
         assert_eq!(series.finish().unwrap(), [""; 0]);
         assert_eq!((scratch.names(), scratch.read("hertz.pvd")), before);
     }
@@ -194,7 +193,7 @@ mod tests {
         std::fs::create_dir(scratch.path().join("hertz_0000.vtu")).unwrap();
         let dir = OutputDir::create(scratch.path()).unwrap();
         let mut series = Series::new(&dir, "hertz");
-        assert!(series.write_step(5.0, &grid(5.0)).is_err());
+        assert!(series.write_step(0, 5.0, &grid(5.0)).is_err());
         assert_eq!(index(&scratch), []);
     }
 

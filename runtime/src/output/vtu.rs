@@ -19,13 +19,14 @@ const CHUNK: usize = 8192;
 pub(super) const XML_DECLARATION: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
 
 /// Writes `pieces` as one grid into the file `name` (with its `.vtu`) and returns its path.
-/// An array that a piece lacks is filled with NaN there. `time` becomes the field `TimeValue`.
+/// An array that a piece lacks is filled with NaN there. `time` becomes the field `TimeValue`. The file is on the disc
+/// after [`OutputDir::sync`].
 ///
 /// # Errors
 /// [`OutputError::Vtu`], [`OutputError::Time`], [`OutputError::BadName`],
 /// [`OutputError::Write`]; after any of them the file has its former content.
 pub fn write_vtu(dir: &OutputDir, name: &str, time: Option<f64>, pieces: &[Piece]) -> Result<PathBuf, OutputError> {
-    stage_vtu(dir, name, time, pieces)?.commit()
+    stage_vtu(dir, name, time, pieces)?.commit_unsynced()
 }
 
 /// [`write_vtu`] up to the final name.

@@ -184,6 +184,8 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, options: &RunOptions
 pub(super) fn write(content: &Content, dir: &OutputDir) -> Result<(), RunError> {
     dir.append(LOG_FILE, content.at, &content.entry)?;
     let content = &content.state;
+    // results and log are on the disc before a checkpoint says so
+    dir.sync()?;
     dir.write_atomic(CHECKPOINT_FILE, |out| {
         out.write_all(MAGIC)?;
         for number in [FORMAT, content.len() as u64, hash(content)] {

@@ -1,17 +1,23 @@
 //! The files of a scene: one VTU and one CSV a step, as its `output` statements say.
 //!
 //! Promises: a step is written whole or not at all, steps in their order, and with a checkpoint the index names all that
-//! it knows of; what an earlier run left is removed only after
-//! the new one has succeeded. What goes into the files is collected first ([`collect`]), so that they can be written and
+//! it knows of; what an earlier run left is removed only after the new one has succeeded. What goes into the files is collected first ([`collect`]), so that they can be written and
 //! synced while the next step is solved. Does not write the report.
 
-use std::path::PathBuf;
+use std::{
+    path::PathBuf,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
+    time::{Duration, Instant},
+};
 
 use super::{CHECKPOINT_FILE, CheckpointError, RunError, StepResult, checkpoint};
 use crate::{
     assemble::{AssembledTerm, FieldValues},
     output::{self, OutputDir, Piece, Series, write_csv},
-    scene::{CsvOutput, Scene},
+    scene::{CsvOutput, Scene, is_written},
 };
 
 /// Where the steps of a run go; nowhere without a folder.
@@ -20,12 +26,29 @@ pub(super) struct Files<'d> {
     series: Vec<Series<'d>>,
     /// Files written so far.
     pub(super) written: Vec<PathBuf>,
+    /// What the last checkpoint took.
+    pub(super) cost: CheckpointCost,
+}
+
+/// What the last checkpoint took, known to the thread that solves and to the one that writes.
+#[derive(Clone, Debug, Default)]
+pub(super) struct CheckpointCost(Arc<AtomicU64>);
+
+impl CheckpointCost {
+    fn set(&self, cost: Duration) {
+        self.0.store(u64::try_from(cost.as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
+    }
+
+    /// The time, zero before the first one.
+    pub(super) fn get(&self) -> Duration {
+        Duration::from_nanos(self.0.load(Ordering::Relaxed))
+    }
 }
 
 impl<'d> Files<'d> {
     pub(super) fn new(scene: &Scene, dir: Option<&'d OutputDir>) -> Self {
         let series = |dir| scene.vtk.iter().map(|v| Series::new(dir, v.file.clone())).collect();
-        Self { dir, series: dir.map(series).unwrap_or_default(), written: Vec::new() }
+        Self { dir, series: dir.map(series).unwrap_or_default(), written: Vec::new(), cost: CheckpointCost::default() }
     }
 
     /// Takes over the files of steps that were done before.
@@ -43,16 +66,19 @@ impl<'d> Files<'d> {
             }
             None => Err(gone(&name)),
         };
+        let n_steps = scene.steps.values.len();
         for number in 0..steps.len() {
-            for output in &scene.vtk {
+            for output in scene.vtk.iter().filter(|o| is_written(number, o.every, n_steps)) {
                 adopt(output::step_name(&output.file, number, "vtu"))?;
             }
-            for output in &scene.csv {
+            for output in scene.csv.iter().filter(|o| is_written(number, o.every, n_steps)) {
                 adopt(csv_name(output, number, several))?;
             }
         }
-        let times: Vec<f64> = steps.iter().map(|s| s.time).collect();
-        self.series.iter_mut().for_each(|s| s.go_on_from(&times));
+        for (series, output) in self.series.iter_mut().zip(&scene.vtk) {
+            let written = steps.iter().enumerate().filter(|(k, _)| is_written(*k, output.every, n_steps));
+            series.go_on_from(written.map(|(k, s)| (k, s.time)));
+        }
         Ok(())
     }
 
@@ -60,14 +86,17 @@ impl<'d> Files<'d> {
     pub(super) fn write(&mut self, step: &StepFiles) -> Result<(), RunError> {
         let Some(dir) = self.dir else { return Ok(()) };
         for (pieces, series) in step.grids.iter().zip(&mut self.series) {
-            self.written.push(series.write_step(step.time, pieces)?);
+            let Some(pieces) = pieces else { continue };
+            self.written.push(series.write_step(step.number, step.time, pieces)?);
         }
         for table in &step.tables {
             self.written.push(write_csv(dir, &table.name, &table.columns, &table.rows)?);
         }
         if let Some(content) = &step.checkpoint {
+            let begin = Instant::now();
             self.update_index()?;
             checkpoint::write(content, dir)?;
+            self.cost.set(begin.elapsed());
         }
         Ok(())
     }
@@ -82,6 +111,8 @@ impl<'d> Files<'d> {
         for series in self.series.drain(..) {
             series.finish()?;
         }
+        // before the checkpoint goes: a power cut leaves one or the other
+        self.dir.map_or(Ok(()), OutputDir::sync)?;
         let Some(dir) = self.dir.filter(|_| scene.steps.values.len() > 1) else { return Ok(()) };
         for csv in &scene.csv {
             dir.remove_stale_steps(&csv.file, "csv")?;
@@ -98,9 +129,10 @@ fn csv_name(output: &CsvOutput, number: usize, several: bool) -> String {
 
 /// Everything that the files of a step hold.
 pub(super) struct StepFiles {
+    number: usize,
     time: f64,
-    /// One list of pieces for each VTU output of the scene.
-    grids: Vec<Vec<Piece>>,
+    /// One list of pieces for each VTU output of the scene, if it has this step.
+    grids: Vec<Option<Vec<Piece>>>,
     tables: Vec<Table>,
     /// Where the run stands, in runs of several steps where the last checkpoint is old.
     pub(super) checkpoint: Option<checkpoint::Content>,
@@ -114,7 +146,7 @@ struct Table {
 
 /// What the scene wants in the files of a step; the checkpoint is left to the caller.
 pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> StepFiles {
-    let several = scene.steps.values.len() > 1;
+    let n_steps = scene.steps.values.len();
     let (time, increment) = (step.time, step.increment);
     let Scene { system, vtk, csv, .. } = scene;
     let current = system.slices(&step.state);
@@ -122,6 +154,10 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> St
     let values = FieldValues { current: &current, previous: &previous };
     let mut grids = Vec::with_capacity(vtk.len());
     for output in vtk {
+        if !is_written(number, output.every, n_steps) {
+            grids.push(None);
+            continue;
+        }
         let mut pieces = Vec::with_capacity(output.pieces.len());
         for sampled in &mut output.pieces {
             let mut piece = sampled.sample(&system.mesh, time, increment, values);
@@ -134,15 +170,16 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> St
             }
             pieces.push(piece);
         }
-        grids.push(pieces);
+        grids.push(Some(pieces));
     }
     let tables = csv
         .iter_mut()
+        .filter(|output| is_written(number, output.every, n_steps))
         .map(|output| Table {
-            name: csv_name(output, number, several),
+            name: csv_name(output, number, n_steps > 1),
             columns: output.line.columns(),
             rows: output.line.rows(&system.mesh, time, increment, values),
         })
         .collect();
-    StepFiles { time, grids, tables, checkpoint: None }
+    StepFiles { number, time, grids, tables, checkpoint: None }
 }

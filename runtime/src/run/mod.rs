@@ -35,14 +35,16 @@ use crate::{
     system::System,
 };
 use checkpoint::Log;
-use files::{Files, StepFiles};
+use files::{CheckpointCost, Files, StepFiles};
 use stepping::{Leg, StepError, Stepper};
 
 /// Steps that may wait for their files to be written before the solver waits too.
 const STEPS_TO_WRITE: usize = 1;
 /// A checkpoint is made after the first step that ends so long after the last one: what a kill costs at most, but for the
-/// step it meets.
+/// step it meets. On a slow disc it is [`CHECKPOINT_SHARE`] times what the last checkpoint took.
 const CHECKPOINT_EVERY: Duration = Duration::from_millis(100);
+/// Of the time of a run checkpoints take at most one part in so many.
+const CHECKPOINT_SHARE: u32 = 20;
 /// Bytes of stack of the threads of a run: as many as the first thread of a program has.
 const STACK: usize = 8 << 20;
 
@@ -73,10 +75,12 @@ pub struct RunOptions {
     pub about: About,
     /// What the report says about savings, measured before.
     pub savings: Vec<Saving>,
+    /// The unknowns of every step stay in memory, not only those of the last one.
+    pub keep_states: bool,
 }
 
 impl RunOptions {
-    /// A run that writes no files.
+    /// A run that writes no files and keeps the unknowns of its last step only.
     #[must_use]
     pub fn without_files(threads: usize, started: Instant) -> Self {
         Self {
@@ -92,6 +96,7 @@ impl RunOptions {
             warnings: Vec::new(),
             about: About::default(),
             savings: Vec::new(),
+            keep_states: false,
         }
     }
 }
@@ -136,7 +141,8 @@ pub struct StepResult {
     pub others: Others,
     /// Measures by name.
     pub measures: Vec<(String, f64)>,
-    /// All unknowns at its end; empty for a step that another process did before this one went on from a checkpoint.
+    /// All unknowns at its end; empty for steps before the last one unless [`RunOptions::keep_states`] says otherwise,
+    /// and for a step that another process did before this one went on from a checkpoint.
     pub state: Vec<f64>,
 }
 
@@ -276,7 +282,7 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
     report.files = written.iter().filter_map(name).collect();
     if let Some(dir) = &dir {
         // an error of the run itself is the one to tell
-        match (write_report(dir, &report), &finished) {
+        match (dir.sync().and_then(|()| write_report(dir, &report)), &finished) {
             (Ok(path), _) => written.push(path),
             (Err(error), Ok(())) => return Err(error.into()),
             (Err(_), Err(_)) => {}
@@ -317,13 +323,14 @@ impl Run {
         if files.dir.is_none() {
             return self.steps_to(None, scene, options, progress);
         }
+        let cost = files.cost.clone();
         std::thread::scope(|scope| {
             let (sender, receiver) = sync_channel::<StepFiles>(STEPS_TO_WRITE);
             let writer = scope.spawn(move || {
                 let written = receiver.iter().try_for_each(|step| files.write(&step));
                 (files, written)
             });
-            let solved = self.steps_to(Some(&sender), scene, options, progress);
+            let solved = self.steps_to(Some((&sender, &cost)), scene, options, progress);
             let begin = Instant::now();
             drop(sender);
             let (files, written) = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
@@ -337,7 +344,7 @@ impl Run {
     /// its own, when the writer has ended.
     fn steps_to(
         &mut self,
-        writer: Option<&SyncSender<StepFiles>>,
+        writer: Option<(&SyncSender<StepFiles>, &CheckpointCost)>,
         scene: &mut Scene,
         options: &RunOptions,
         progress: &mut dyn Progress,
@@ -348,14 +355,18 @@ impl Run {
             let step = self.step(scene, &values, number, progress)?;
             progress.step_done(&step);
             let goes_on = step.history.converged() || scene.steps.go_on;
+            if let Some(before) = self.steps.last_mut().filter(|_| !options.keep_states) {
+                before.state = Vec::new();
+            }
             self.steps.push(step);
             if !goes_on {
                 break;
             }
-            let Some(writer) = writer else { continue };
+            let Some((writer, cost)) = writer else { continue };
             let begin = Instant::now();
+            let pause = CHECKPOINT_EVERY.max(CHECKPOINT_SHARE * cost.get());
             let mut step = files::collect(scene, &self.steps[number], number);
-            if values.len() > 1 && checkpoint_before.is_none_or(|before| before.elapsed() >= CHECKPOINT_EVERY) {
+            if values.len() > 1 && checkpoint_before.is_none_or(|before| before.elapsed() >= pause) {
                 checkpoint_before = Some(begin);
                 let mut log = std::mem::take(&mut self.log);
                 step.checkpoint = Some(checkpoint::pack(self, &mut log, scene, options));

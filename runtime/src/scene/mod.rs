@@ -20,6 +20,7 @@ mod mesh;
 mod normals;
 mod options;
 mod outputs;
+mod point_loads;
 mod quantities;
 mod regions;
 mod rest;
@@ -56,6 +57,7 @@ pub(crate) use data::{node_positions, set_data};
 pub use held::Printed;
 pub use mesh::SceneBox;
 pub use options::Steps;
+pub(crate) use outputs::is_written;
 pub use outputs::{CsvOutput, VtkOutput};
 pub use quantities::Given;
 pub use regions::{NamedRegion, Regions};
@@ -544,12 +546,13 @@ impl Builder<'_> {
                 RuleChoice::Degree(degree) => RuleChoice::Degree(degree.max(least(&placed.law))),
                 nodes @ RuleChoice::Vertex => nodes,
             };
+            let choice = if placed.at_nodes.is_some() { RuleChoice::Vertex } else { choice };
             let slots = LawSlots { inputs: &placed.law.inputs, tests: &placed.law.tests, trials: &placed.law.trials };
             let there = mappings::fields_there(slots.inputs, slots.tests.iter().chain(slots.trials));
             let mapping = placed.law.listing.graph.mapping.map(|m| (m, there));
             let place = ((placed.place.clone(), placed.set.clone(), mapping), choice);
             let shared = domains.iter().find(|d| d.0 == place).map(|d| d.1.clone());
-            let domain = shared.or_else(|| {
+            let domain = placed.at_nodes.clone().or(shared).or_else(|| {
                 let made = self.domain(&place.0, choice, placed.span)?;
                 domains.push((place, made.clone()));
                 Some(made)

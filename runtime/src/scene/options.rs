@@ -30,6 +30,13 @@ pub struct Steps {
 const DEFAULT_HALVE: u32 = 5;
 /// Most halvings that can be asked for.
 const MAX_HALVE: f64 = 30.0;
+/// Most steps that are not asked about: memory and report keep about 2 kB of each, and as many files lie in a folder as
+/// it has steps.
+const MOST_STEPS: f64 = 1e5;
+/// Most steps that can be asked for: their values alone then take 0.8 GB.
+const MAX_STEPS: f64 = 1e8;
+/// Steps that miss the last value by this part of a step meet it: the quotient of three rounded numbers is not better known.
+const SAME_STEP: f64 = 1e-9;
 
 impl Builder<'_> {
     /// The values of the step variable; `rates` if something reads them.
@@ -46,27 +53,40 @@ impl Builder<'_> {
         let [a, b, c] = [(&steps.from, "the first value"), (&steps.to, "the last value"), (&steps.by, "the step")]
             .map(|(e, what)| constants::number(self.env, what, e, self.diagnostics));
         let (from, to, by) = (a?, b?, c?);
-        let count = ((to - from) / by).round();
-        if by == 0.0 || !count.is_finite() || !(0.0..=1e7).contains(&count) {
+        let Some((count, left)) = whole_steps(from, to, by) else {
             let d = Diagnostic::new("E413", format!("steps from {from} to {to} by {by} never arrive"));
             self.diagnostics.push(d.at(steps.by.span, ""));
             return None;
-        }
-        if rates && count == 0.0 {
+        };
+        if rates && count == 0.0 && left.is_none() {
             let d = Diagnostic::new("E413", "a scene with rates needs two values of the step variable");
             let text = "time starts at the first one; the state there is `start`, what follows is solved";
             self.diagnostics.push(d.at(steps.span, text));
             return None;
         }
-        let (mut go_on, mut halve) = (false, DEFAULT_HALVE);
+        let (mut go_on, mut halve, mut most) = (false, DEFAULT_HALVE, MOST_STEPS);
         for option in &steps.options {
             match (option.name.name.as_str(), self.option_number(option), word(option)) {
                 ("on_fail", _, Some("go_on")) => go_on = true,
                 ("on_fail", _, Some("stop")) => go_on = false,
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
                 ("halve", Some(n), _) if n.fract() == 0.0 && (0.0..=MAX_HALVE).contains(&n) => halve = n as u32,
-                (name, _, _) => self.bad_option(option, name, "halve=0 to halve=30, on_fail=stop, on_fail=go_on"),
+                ("most", Some(n), _) if n.fract() == 0.0 && (1.0..=MAX_STEPS).contains(&n) => most = n,
+                (name, _, _) => {
+                    let known = "halve=0 to halve=30, on_fail=stop, on_fail=go_on, most=100000 to most=1e8";
+                    self.bad_option(option, name, known);
+                }
             }
+        }
+        let n_steps = count + 1.0 + f64::from(u8::from(left.is_some()));
+        if n_steps > most {
+            self.diagnostics.push(too_many(steps, (from, to, by), n_steps, most));
+            return None;
+        }
+        if let Some(left) = left {
+            let d = Diagnostic::new("W410", "the last step is shorter than the others");
+            let text = format!("steps of {by} from {from} do not meet {to}: the last one is {} long", short(left));
+            self.diagnostics.push(d.at(steps.by.span, text).at(steps.to.span, "met exactly"));
         }
         #[expect(
             clippy::cast_possible_truncation,
@@ -74,9 +94,9 @@ impl Builder<'_> {
             clippy::cast_precision_loss,
             reason = "bounded above"
         )]
-        let values = (0..=count as usize)
-            .map(|k| if k as f64 == count { from + count * by } else { from + k as f64 * by })
-            .collect();
+        let mut values: Vec<f64> = (0..count as usize).map(|k| from + k as f64 * by).collect();
+        values.extend(left.map(|_| from + count * by));
+        values.push(to);
         let variable = Some(steps.variable.name.clone());
         Some(Steps { variable, values, go_on, halve, from_start: rates })
     }
@@ -124,6 +144,39 @@ impl Builder<'_> {
         }
         (options, asked.map(|error| (error, of)))
     }
+}
+
+/// How many whole steps there are, and the length of what is left behind them; `None` where steps lead away, or nowhere.
+fn whole_steps(from: f64, to: f64, by: f64) -> Option<(f64, Option<f64>)> {
+    let count = (to - from) / by;
+    if by == 0.0 || !count.is_finite() || count < -SAME_STEP {
+        return None;
+    }
+    let nearest = count.round();
+    if (count - nearest).abs() <= SAME_STEP * nearest.max(1.0) {
+        return Some((nearest, None));
+    }
+    let whole = count.floor();
+    Some((whole, Some(to - (from + whole * by))))
+}
+
+/// Six digits of a number.
+fn short(x: f64) -> f64 {
+    format!("{x:.5e}").parse().unwrap_or(x)
+}
+
+/// E430 for more steps than were asked for.
+fn too_many(steps: &wfl::Steps, (from, to, by): (f64, f64, f64), n_steps: f64, most: f64) -> Diagnostic {
+    // 1e-7 and not 0.0000001
+    let by = if by.abs() < 1e-4 { format!("{by:e}") } else { by.to_string() };
+    let d = Diagnostic::new("E430", format!("{n_steps} steps from {from} to {to} by {by}, at most {most} are allowed"));
+    let d = d.note(
+        "report and memory keep about 2 kB of each step; `every` behind the name of an output writes fewer files",
+    );
+    if n_steps > MAX_STEPS {
+        return d.at(steps.by.span, "").help(format!("a scene has at most {MAX_STEPS:e} steps"));
+    }
+    d.at(steps.by.span, "").help(format!("where they are meant: steps ... by {by} with most={n_steps}"))
 }
 
 fn word(option: &OptionItem) -> Option<&str> {

@@ -34,6 +34,8 @@ use crate::{
 pub struct VtkOutput {
     /// The name of its files.
     pub file: String,
+    /// Of how many steps one is written, see [`is_written`].
+    pub every: usize,
     /// Its pieces.
     pub pieces: Vec<SampledPiece>,
 }
@@ -42,8 +44,16 @@ pub struct VtkOutput {
 pub struct CsvOutput {
     /// The name of its files.
     pub file: String,
+    /// Of how many steps one is written, see [`is_written`].
+    pub every: usize,
     /// Its points and columns.
     pub line: LineSample,
+}
+
+/// Whether the files of a step, counted from 0, are written: of `every` steps the first one, and the last of all.
+#[must_use]
+pub(crate) fn is_written(step: usize, every: usize, n_steps: usize) -> bool {
+    step.is_multiple_of(every) || step + 1 == n_steps
 }
 
 pub(super) struct OutputMaker<'a> {
@@ -71,6 +81,8 @@ const NOT_HERE: [&str; 3] = ["E202", "E203", "E204"];
 
 const DEFAULT_POINTS: f64 = 101.0;
 const MAX_POINTS: f64 = 1e6;
+/// Largest number behind `every`: beyond any number of steps.
+const MAX_EVERY: f64 = 1e9;
 
 pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> (Vec<VtkOutput>, Vec<CsvOutput>) {
     let (mut vtk, mut csv) = (Vec::new(), Vec::new());
@@ -202,7 +214,20 @@ impl OutputMaker<'_> {
             }
         }
         let pieces = pieces.into_iter().map(|p| p.1).filter(|p| !p.is_empty()).collect();
-        Some(VtkOutput { file: output.file.clone(), pieces })
+        Some(VtkOutput { file: output.file.clone(), every: self.every(output)?, pieces })
+    }
+
+    /// The number behind `every`; `None` after a message.
+    fn every(&mut self, output: &wfl::Output) -> Option<usize> {
+        let Some(e) = &output.every else { return Some(1) };
+        let n = number(self.env, "a number of steps", e, self.diagnostics)?;
+        if n.fract() != 0.0 || !(1.0..=MAX_EVERY).contains(&n) {
+            let d = Diagnostic::new("E414", format!("`every` takes a whole number from 1, found {n}"));
+            self.diagnostics.push(d.at(e.span, "`every 10` writes each tenth step, and the last one"));
+            return None;
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+        Some(n as usize)
     }
 
     /// A plain field on a face, from whichever side it lives on.
@@ -320,7 +345,7 @@ impl OutputMaker<'_> {
                 }
             }
         }
-        Some(CsvOutput { file: output.file.clone(), line })
+        Some(CsvOutput { file: output.file.clone(), every: self.every(output)?, line })
     }
 }
 

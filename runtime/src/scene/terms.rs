@@ -33,6 +33,8 @@ pub(super) struct PlacedLaw {
     /// The name of the region, or of the restricted region of a load.
     pub(super) place: String,
     pub(super) set: Option<RegionSet>,
+    /// The points of a load on nodes; others follow from set and rule.
+    pub(super) at_nodes: Option<Arc<Domain>>,
     pub(super) span: Span,
 }
 
@@ -88,7 +90,7 @@ impl TermMaker<'_> {
         out
     }
 
-    fn push(
+    pub(super) fn push(
         &mut self,
         sig: &PlaceSig,
         name: &str,
@@ -108,7 +110,7 @@ impl TermMaker<'_> {
             let kinked = law.class == Class::Kinked;
             let pieces = if kinked { compile_pieces(self.env, sig, name, &law.listing, guides) } else { None };
             let prints = compile_prints(self.env, sig, name, &law.listing);
-            out.push(PlacedLaw { law, pieces, prints, place: sig.name.clone(), set, span });
+            out.push(PlacedLaw { law, pieces, prints, place: sig.name.clone(), set, at_nodes: None, span });
         }
     }
 
@@ -121,7 +123,8 @@ impl TermMaker<'_> {
         if let RegionSet::Nodes(_) = region.set {
             let d =
                 Diagnostic::new("E405", format!("nothing can be integrated over `{}`, a region of nodes", place.name));
-            self.diagnostics.push(d.at(place.span, "cells or faces are needed"));
+            let d = d.at(place.span, "cells or faces are needed");
+            self.diagnostics.push(d.help("a force at nodes is a load: load u = [0,-1] on the region"));
             return None;
         }
         Some((place_sig(&place.name, region, self.mesh, self.fields), Some(region.set.clone())))
@@ -138,6 +141,11 @@ impl TermMaker<'_> {
         let Some(position) = self.fields.iter().position(|f| f.name == target.field.name) else { return };
         let Some(region) = self.regions.get(&place.name) else { return };
         let field = &self.fields[position];
+        let name = format!("load{} of {} on {}", k + 1, target.field.name, place.name);
+        if let RegionSet::Nodes(nodes) = &region.set {
+            self.point_load(load, (&name, target, place), nodes, out);
+            return;
+        }
         let set = restricted(field, &region.set);
         if set.is_empty() {
             let d = Diagnostic::new(
@@ -160,7 +168,6 @@ impl TermMaker<'_> {
             },
         };
         let source = TermSource::Load { value: &load.value, field: FieldId::new(position), part };
-        let name = format!("load{} of {} on {}", k + 1, target.field.name, place.name);
         self.push(&sig, &name, source, Some(set), load.span, out);
     }
 

@@ -31,7 +31,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "E405",
         "a region of the wrong kind",
         "Terms are integrated over cells or faces, fields live on cells or faces, and an interface lies between two \
-         regions of cells. A region of nodes can only be fixed.",
+         regions of cells. A region of nodes can only be fixed and loaded.",
         "region corner = nodes where x == 0 and y == 0\nterm t on corner : u.Test_u",
         "region side = faces where x == 0\nterm t on side : u.Test_u",
     ),
@@ -184,6 +184,22 @@ pub(super) const PAGES: &[CodePage] = &[
          term base on left, right : sigma(u):Grad_Test_u",
     ),
     page(
+        "E430",
+        "more steps than were asked for",
+        "More than 100,000 steps are asked about before they begin: memory and report keep about 2 kB of each, and every \
+         output has a file for each unless it says `every`. Where they are meant, `with most=` allows them.",
+        "steps t = 0 to 1 by 1e-7",
+        "steps t = 0 to 1 by 1e-3",
+    ),
+    page(
+        "E431",
+        "a load at nodes that cannot act",
+        "A load on a region of nodes is a force at each of its nodes. Each must be a node of the field, once: not a node \
+         of another body, not one that `split` gives two sides.",
+        "region tips = nodes where x == 0 or x == 1\nload uL = [0,0,-1] on tips",
+        "region tips = nodes of left where x == 0\nload uL = [0,0,-1] on tips",
+    ),
+    page(
         "E501",
         "units that do not match",
         "Both sides of a sum must have one unit. Units are checked as soon as a param, field or datum carries one; a \
@@ -327,6 +343,14 @@ pub(super) const PAGES: &[CodePage] = &[
          message says what the group is called in the scene; another name in the mesh generator avoids it.",
         "mesh file \"blocks.msh\"\nregion left = cells where x < 0",
         "mesh file \"blocks.msh\"\nregion near = cells where x < 0",
+    ),
+    page(
+        "W410",
+        "a last step that is shorter than the others",
+        "The last value of `steps` is met exactly. Where whole steps do not meet it, the last step is what is left. An \
+         increment that divides the distance makes all steps equal.",
+        "steps t = 0 to 1 by 0.3",
+        "steps t = 0 to 1 by 0.25",
     ),
     page(
         "W501",

@@ -252,6 +252,7 @@ fn contextual(rule: Rule) -> &'static [&'static str] {
         Rule::k_with | Rule::options => &["with"],
         Rule::k_as => &["as"],
         Rule::k_along | Rule::along => &["along"],
+        Rule::k_every | Rule::every => &["every"],
         Rule::k_within => &["within"],
         Rule::k_degree | Rule::quad_degree => &["degree"],
         Rule::k_vertex => &["vertex"],
@@ -283,6 +284,7 @@ fn describe(rule: Rule) -> Vec<String> {
         | Rule::row
         | Rule::range
         | Rule::outitem
+        | Rule::count
         | Rule::slice => "an expression",
         Rule::infix | Rule::call | Rule::transpose => "an operator",
         Rule::ident

@@ -92,6 +92,7 @@ fn is_token(pair: &Pair<'_>) -> bool {
             | R::k_along
             | R::k_within
             | R::k_degree
+            | R::k_every
             | R::k_if
             | R::k_then
             | R::k_else
@@ -424,6 +425,7 @@ impl Reader<'_> {
     fn output(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
         let format = self.ident(&p.next());
         let file = self.text(&p.next());
+        let every = p.take(Rule::every).map(|e| self.value(self.only(e))).transpose()?;
         let mut items = Vec::new();
         for item in p.take_all(Rule::outitem) {
             let mut q = self.open(item);
@@ -437,7 +439,7 @@ impl Reader<'_> {
                 Some((self.value(q.next())?, self.value(q.next())?))
             }
         };
-        Ok(ItemKind::Output { format, file, items, along, options: self.options(&mut p)? })
+        Ok(ItemKind::Output { format, file, every, items, along, options: self.options(&mut p)? })
     }
 
     fn options(&self, p: &mut Parts<'_>) -> Parsed<Vec<OptionItem>> {

@@ -20,7 +20,6 @@ mod table;
 mod verdict;
 
 use std::{
-    num::NonZeroUsize,
     path::{Path, PathBuf},
     process::ExitCode,
     sync::{
@@ -47,6 +46,7 @@ use crate::{
     args::SweepArgs,
     load::{out, say},
     prepared::{EXIT_ERROR, backend},
+    threads::{available, limited},
 };
 
 /// A setting in words, as on the command line.
@@ -88,8 +88,8 @@ fn run(args: &SweepArgs) -> Result<(), String> {
     }
     let knobs = lists::knobs(&lists).map_err(|e| e.to_string())?;
     let Some(backend) = backend(false) else { return Err("there is no machine code on this processor".to_owned()) };
-    let all = if args.jobs.is_some_and(|n| n.get() > 1) { None } else { std::thread::available_parallelism().ok() };
-    let threads = args.threads.or(all).map_or(1, NonZeroUsize::get);
+    let default = || if args.jobs.is_some_and(|n| n.get() > 1) { 1 } else { available() };
+    let threads = args.threads.map_or_else(default, |n| limited(n.get()));
     std::fs::create_dir_all(&args.out).map_err(|e| format!("cannot make {}: {e}", args.out.display()))?;
     let mut methods = methods(&scenes, &knobs, &*backend)?;
     let mut sweep = Sweep {
@@ -317,7 +317,7 @@ impl Sweep<'_> {
     }
 
     fn jobs(&self) -> usize {
-        self.args.jobs.map_or(1, NonZeroUsize::get)
+        self.args.jobs.map_or(1, |n| limited(n.get()))
     }
 
     fn parallel(&self) -> bool {

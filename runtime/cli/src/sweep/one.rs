@@ -19,7 +19,10 @@ use wfl_runtime::{
     prepare_keeping, text_hash,
 };
 
-use crate::load::{Loaded, read_scene};
+use crate::{
+    load::{Loaded, read_scene},
+    threads::limited,
+};
 
 /// What a run ended as.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -188,7 +191,7 @@ impl Bench<'_> {
         let parse_seconds = started.elapsed().as_secs_f64();
         let kept = knobs::kept(setting).map_err(|e| e.to_string())?;
         let (mut scene, loaded) = prepared(loaded, self.backend, &kept)?;
-        let threads = knobs::threads(setting).map_err(|e| e.to_string())?.unwrap_or(self.threads);
+        let threads = knobs::threads(setting).map_err(|e| e.to_string())?.map_or(self.threads, limited);
         let precision = knobs::precision(setting).map_err(|e| e.to_string())?.unwrap_or_default();
         let options = RunOptions {
             name: loaded.name.clone(),

@@ -1,0 +1,111 @@
+//! `load u = F on r` where `r` is a region of nodes: a force at each of its nodes.
+//!
+//! Each node is a point of weight 1 in one of the cells that hold it, so the value is read at the node and the
+//! force meets the dofs of that node alone. A node that `u` does not have, or has several times (at a split), is an
+//! error: which part of the force it should get is not said.
+
+use std::sync::Arc;
+
+use wfl::{
+    Diagnostic,
+    ast::{Ident, TargetPart},
+};
+use wfl_compiler::{
+    LoadPart, TermSource,
+    types::{FieldId, FieldKind, PlaceSig},
+};
+
+use super::terms::{PlacedLaw, TermMaker, component};
+use crate::{
+    assemble::Domain,
+    element::Family,
+    field::{Field, FieldSpace},
+    mesh::{NodeId, RegionSet},
+    scene::fields::global_place,
+    space::Support,
+};
+
+impl TermMaker<'_> {
+    /// The forces of one `load` at the nodes of a region.
+    pub(super) fn point_load(
+        &mut self,
+        load: &wfl::Condition,
+        (name, target, place): (&str, &wfl::ast::Target, &Ident),
+        nodes: &[NodeId],
+        out: &mut Vec<PlacedLaw>,
+    ) {
+        let Some(position) = self.fields.iter().position(|f| f.name == target.field.name) else { return };
+        let field = &self.fields[position];
+        let part = match &target.part {
+            TargetPart::Whole => LoadPart::Whole,
+            TargetPart::Component(e) => match component(self.env, e, field, self.diagnostics) {
+                Some(c) => LoadPart::Component(c),
+                None => return,
+            },
+            TargetPart::Normal => {
+                let d = Diagnostic::new("E204", "`Normal` exists on faces only");
+                self.diagnostics.push(d.at(target.span, format!("`{}` is a region of nodes", place.name)));
+                return;
+            }
+        };
+        let domain = match self.at_nodes(field, nodes) {
+            Ok(domain) => Arc::new(domain),
+            Err((what, help)) => {
+                let d = Diagnostic::new("E431", format!("`load {}` cannot act on `{}`", field.name, place.name));
+                self.diagnostics.push(d.at(place.span, what).help(help));
+                return;
+            }
+        };
+        let source = TermSource::Load { value: &load.value, field: FieldId::new(position), part };
+        let description = format!("a region of {} nodes", nodes.len());
+        let sig = PlaceSig { name: place.name.clone(), description, ..global_place(self.fields.len()) };
+        let before = out.len();
+        self.push(&sig, name, source, Some(RegionSet::Nodes(nodes.to_vec())), load.span, out);
+        out[before..].iter_mut().for_each(|law| law.at_nodes = Some(domain.clone()));
+    }
+
+    /// The points of a load on nodes, or what is wrong and what to do.
+    fn at_nodes(&self, field: &Field, nodes: &[NodeId]) -> Result<Domain, (String, &'static str)> {
+        let faces = "a traction on faces: load u = force/area on a region of faces";
+        let FieldSpace::Nodal(space) = &field.space else {
+            return Err((format!("`{}` has no nodes of the mesh", field.name), "fields of cells have them"));
+        };
+        if matches!(space.support(), Support::Facets(_)) || field.kind == FieldKind::Multiplier {
+            return Err((format!("`{}` lives on faces", field.name), "fields of cells take forces at nodes"));
+        }
+        if space.family() == Family::Discontinuous {
+            return Err((
+                format!("`{}` is discontinuous: each cell at a node has a value of its own", field.name),
+                faces,
+            ));
+        }
+        let (mut own, mut missing, mut torn) = (Vec::with_capacity(nodes.len()), Vec::new(), Vec::new());
+        for node in nodes {
+            match space.nodes_at_mesh_nodes(std::slice::from_ref(node)).as_slice() {
+                [] => missing.push(*node),
+                [one] => own.push(*one),
+                _ => torn.push(*node),
+            }
+        }
+        let place = |list: &[NodeId]| format!("{:?}", &self.mesh.node(list[0])[..self.mesh.dim()]);
+        if !missing.is_empty() {
+            let what = format!(
+                "`{}` has no node at {} of its {} nodes, the first at {}",
+                field.name,
+                missing.len(),
+                nodes.len(),
+                place(&missing)
+            );
+            return Err((what, "nodes of a body alone: region tip = nodes of left where x == 0"));
+        }
+        if !torn.is_empty() {
+            let what = format!(
+                "`split` gives `{}` two sides at {}: which one is pulled is not said",
+                field.name,
+                place(&torn)
+            );
+            return Err((what, faces));
+        }
+        Ok(Domain::at_nodes(self.mesh, space, &own))
+    }
+}
