@@ -3,7 +3,7 @@
 //! User text never ends in a panic or a bare string: it gives [`Checked`], a value if there is one and every
 //! diagnostic found on the way.
 
-use crate::source::Span;
+use crate::source::{SourceMap, Span};
 
 /// How bad it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -119,6 +119,58 @@ impl<T> Checked<T> {
         sink.extend(self.diagnostics);
         if bad { None } else { self.value }
     }
+}
+
+/// Codes of messages about one word or sign: the same message at another place has the same cause.
+const OF_A_WORD: &[&str] = &["E107", "E118", "E128", "E201", "E216"];
+
+/// The messages with those of one cause made one: the first stays, and names the lines of the others.
+#[must_use]
+pub fn one_per_cause(diagnostics: &[Diagnostic], sources: &SourceMap) -> Vec<Diagnostic> {
+    let mut kept: Vec<(Diagnostic, Vec<Span>)> = Vec::new();
+    for d in diagnostics {
+        let same = kept.iter_mut().find(|(first, _)| first == d || same_cause(first, d));
+        match same {
+            Some((first, _)) if first == d => {}
+            Some((_, more)) => more.extend(d.labels.first().map(|l| l.span)),
+            None => kept.push((d.clone(), Vec::new())),
+        }
+    }
+    kept.into_iter().map(|(d, more)| with_other_lines(d, &more, sources)).collect()
+}
+
+fn same_cause(a: &Diagnostic, b: &Diagnostic) -> bool {
+    /// The place in a macro that two uses of it share.
+    fn origin(d: &Diagnostic) -> Option<Span> {
+        let inside = |l: &&Label| l.text.starts_with("inside the definition of");
+        d.labels.iter().skip(1).find(inside).map(|l| l.span)
+    }
+    if a.code != b.code || a.message != b.message {
+        return false;
+    }
+    let of_word = OF_A_WORD.contains(&a.code) && a.helps == b.helps;
+    of_word || a.is_error() && origin(a).is_some() && origin(a) == origin(b)
+}
+
+fn with_other_lines(d: Diagnostic, more: &[Span], sources: &SourceMap) -> Diagnostic {
+    /// Lines that are named.
+    const NAMED: usize = 12;
+    let first = d.labels.first().map(|l| (l.span.source, sources.line_column(l.span).0));
+    let mut lines: Vec<usize> = Vec::new();
+    for span in more.iter().filter(|s| first.is_some_and(|f| f.0 == s.source)) {
+        let line = sources.line_column(*span).0;
+        if first != Some((span.source, line)) && !lines.contains(&line) {
+            lines.push(line);
+        }
+    }
+    if lines.is_empty() {
+        return d;
+    }
+    let rest = lines.len().saturating_sub(NAMED);
+    let named: Vec<String> = lines.iter().take(NAMED).map(usize::to_string).collect();
+    let word = if lines.len() == 1 { "line" } else { "lines" };
+    let rest = if rest > 0 { format!(" and {rest} more") } else { String::new() };
+    d.note(format!("also on {word} {}{rest}", named.join(", ")))
 }
 
 /// The name in `known` nearest to `word` by edit distance, if it is near enough to be offered.

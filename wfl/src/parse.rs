@@ -6,7 +6,9 @@
 //!
 //! This module and its children are the only users of pest.
 
+mod characters;
 mod expression;
+mod habits;
 mod scan;
 mod slip;
 mod statement;
@@ -123,8 +125,9 @@ pub fn parse(sources: &SourceMap, id: SourceId) -> Checked<Script> {
     for stray in diagnostics.iter().flat_map(|d| &d.labels) {
         script.lost.add_statement(&text[stray.span.start as usize..stray.span.end as usize]);
     }
+    let mut ended = Vec::new();
     for piece in &pieces {
-        match parse_piece(piece, &text, id) {
+        match parse_piece(piece, &text, id, &mut ended) {
             Ok(item) => script.items.push(item),
             Err(d) => {
                 script.lost.add_statement(&text[piece.start..piece.end]);
@@ -132,12 +135,19 @@ pub fn parse(sources: &SourceMap, id: SourceId) -> Checked<Script> {
             }
         }
     }
+    diagnostics.extend(habits::semicolons(&ended));
     diagnostics.sort_by_key(|d| d.labels.first().map(|l| l.span.start));
     Checked { value: Some(script), diagnostics }
 }
 
-fn parse_piece(piece: &Piece, text: &str, id: SourceId) -> Parsed<crate::ast::Item> {
-    let masked = scan::scan(text, piece, id)?;
+/// One statement. A `;` behind it is told in `ended` and passed over: it hides nothing.
+fn parse_piece(piece: &Piece, text: &str, id: SourceId, ended: &mut Vec<Span>) -> Parsed<crate::ast::Item> {
+    let mut masked = scan::scan(text, piece, id)?;
+    let length = masked.trim_end().len();
+    if masked[..length].ends_with(';') {
+        ended.push(span_at(id, piece.start, length - 1, length));
+        masked.replace_range(length - 1..length, " ");
+    }
     scan::known_statement(&masked, piece, id)?;
     let pair = run(Rule::statement, &masked, piece.start, id)?;
     statement::Reader { masked: &masked, base: piece.start, source: id }.statement(pair)

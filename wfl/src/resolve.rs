@@ -3,6 +3,7 @@
 //! Every statement is checked even when another one is wrong. Words inside expressions are left to the compiler,
 //! which knows shapes and places; here only macros among them are replaced.
 
+mod elsewhere;
 mod include;
 mod names;
 mod options;
@@ -80,6 +81,7 @@ pub fn resolve(
         complete,
         script: ResolvedScript { lost, ..empty(main) },
     };
+    resolver.no_unknown(&items);
     for item in &items {
         // `None` drops a statement whose error is already reported.
         let _ = resolver.item(item);
@@ -186,12 +188,16 @@ impl<'d> Resolver<'d> {
     fn expr(&mut self, e: &Expr) -> Option<Expr> {
         let e = self.expander.expr(e)?;
         self.note_words(&e);
+        self.known_words(&[&e])?;
         Some(e)
     }
 
     fn cond(&mut self, c: &Cond) -> Option<Cond> {
         let c = self.expander.cond(c)?;
-        cond_children(&c, &mut |e| self.note_words(e));
+        let mut parts = Vec::new();
+        cond_children(&c, &mut |e| parts.push(e));
+        parts.iter().for_each(|e| self.note_words(e));
+        self.known_words(&parts)?;
         Some(c)
     }
 
@@ -246,6 +252,7 @@ impl<'d> Resolver<'d> {
                 let places = self.places(places, true);
                 let expr = self.expander.expr_with(expr, defs)?;
                 self.note_words(&expr);
+                self.known_words(&[&expr])?;
                 let (energy, name) = (*energy, name.clone());
                 self.script.terms.push(Term { energy, name, places: places?, expr, span });
             }
@@ -448,10 +455,6 @@ impl<'d> Resolver<'d> {
         if !has(|k| matches!(k, ItemKind::Term { .. })) {
             let d = Diagnostic::new("E422", "the scene has no term");
             self.diagnostics.push(d.help("term on all : Grad_u.Grad_Test_u - Test_u"));
-        }
-        if !has(|k| matches!(k, ItemKind::Unknown { .. })) {
-            let d = Diagnostic::new("E423", "the scene has no unknown");
-            self.diagnostics.push(d.help("unknown u : vector"));
         }
     }
 }

@@ -31,6 +31,11 @@ pub fn check_units(script: &ResolvedScript, sources: &SourceMap) -> Vec<Diagnost
     found
 }
 
+/// True for the name of a unit, such as `MPa`.
+pub(crate) fn is_unit(name: &str) -> bool {
+    table::NamedUnit::find(name).is_some()
+}
+
 /// The unit of a quantity of a scene, for a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnitOf {

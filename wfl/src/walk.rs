@@ -53,6 +53,14 @@ pub fn each_name<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e str)) {
     children(e, &mut |c| each_name(c, f));
 }
 
+/// Calls `f` for every node that is a word, with the word.
+pub(crate) fn each_word<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e Expr, &'e str)) {
+    if let ExprKind::Name(word) = &e.kind {
+        f(e, word);
+    }
+    children(e, &mut |c| each_word(c, f));
+}
+
 /// The number of nodes.
 pub(crate) fn size(e: &Expr) -> usize {
     let mut n = 1;

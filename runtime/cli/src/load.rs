@@ -6,7 +6,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use wfl::{Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, Span, parse_expr, render, resolve};
+use wfl::{
+    Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, Span, one_per_cause, parse_expr, render, resolve,
+};
 
 /// A scene that was read, with its texts.
 pub(crate) struct Loaded {
@@ -167,14 +169,12 @@ fn one_override(word: &str, whole: Span, sources: &SourceMap) -> Result<Override
     }
 }
 
-/// Prints messages to standard error, each once, with colour on a terminal.
+/// Prints messages to standard error, each cause once, with colour on a terminal.
 pub(crate) fn print_all(diagnostics: &[Diagnostic], sources: &SourceMap) {
     let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-    for (k, d) in diagnostics.iter().enumerate() {
-        if !diagnostics[..k].contains(d) {
-            say(&render(d, sources, color));
-            say("\n");
-        }
+    for d in one_per_cause(diagnostics, sources) {
+        say(&render(&d, sources, color));
+        say("\n");
     }
 }
 

@@ -121,6 +121,16 @@ pub(super) const PAGES: &[CodePage] = &[
          term one on left : Interpolate(u, m).Test_u\nterm two on left : -Interpolate(u, n).Test_u",
     ),
     page(
+        "E216",
+        "a word of another program",
+        "UFL, NGSolve, FreeFEM and textbooks have words that this language writes otherwise: inner(a, b) is `a.b` or \
+         `A:B`, grad(u) is `Grad_u`, a test function is `Test_u`, and nothing stands for the measure dx, since a term \
+         stands on its region. The message says what each word is called here. A scene may declare any of them as a name \
+         of its own.",
+        "term t on all : inner(grad(u), Grad_Test_u)*dx",
+        "term t on all : Grad_u:Grad_Test_u",
+    ),
+    page(
         "E301",
         "a term that is not linear in the test functions",
         "Each summand of a term holds one test function, once. In a residual the other factor is the unknown itself.",

@@ -126,7 +126,8 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E116",
         "`=`, `==` or `:=` in place of another of them",
-        "`=` gives a value, `==` compares, and `:=` stands in local macros (Def f := ...;) and in `state`.",
+        "`=` gives a value, `==` compares, and `:=` stands in local macros (Def f := ...;) and in `state`. A term has \
+         neither: it is a residual, and all terms together are zero.",
         "region south = faces where y = 0",
         "region south = faces where y == 0",
     ),
@@ -207,5 +208,21 @@ pub(super) const PAGES: &[CodePage] = &[
          1. The line stands before every other statement.",
         "wfl 2",
         "wfl 1",
+    ),
+    page(
+        "E128",
+        "a semicolon behind a statement",
+        "A statement ends where the next line starts in column 1; nothing stands behind it. `;` separates the rows of a \
+         matrix and stands behind a local macro (Def f := ...;).",
+        "param a = 1;",
+        "param a = 1",
+    ),
+    page(
+        "E129",
+        "a text in single quotes, or a side of a face as in UFL",
+        "`'` transposes what stands before it. A text stands in double quotes. The sides of an interface have no signs: \
+         plain names are those of the first side, Interpolate(u, neighbor_element) is the other.",
+        "output vtk 'fields' : u",
+        "output vtk \"fields\" : u",
     ),
 ];

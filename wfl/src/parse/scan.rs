@@ -1,9 +1,14 @@
 //! Cuts a text into statements and checks what needs no grammar: characters, strings, brackets, nesting, foreign
 //! operators. Gives the text of a statement with comments blanked out, byte for byte in place.
 
-use super::{KEYWORDS, NESTING_LIMIT, Parsed, STATEMENTS, TEXT_LIMIT, span_at};
+use super::{
+    KEYWORDS, NESTING_LIMIT, Parsed, STATEMENTS, TEXT_LIMIT,
+    characters::{ascii_for, character_name},
+    span_at,
+};
 use crate::{
     diag::{Diagnostic, nearest},
+    foreign::{foreign, foreign_statement},
     source::{SourceId, Span},
 };
 
@@ -70,6 +75,11 @@ pub(super) fn known_statement(masked: &str, piece: &Piece, id: SourceId) -> Pars
     let shown_short: String = shown.chars().take(30).collect();
     let mark = span_at(id, piece.start, 0, shown.len());
     let continued = "a continuation line is indented: put a space before it";
+    let is_import = word != "from" || line.contains(" import");
+    if let Some(here) = foreign_statement(word).filter(|_| is_import) {
+        let d = Diagnostic::new("E115", format!("`{shown_short}` is not a statement"));
+        return Err(Box::new(d.at(mark, "").help(here)));
+    }
     if KEYWORDS.contains(&word) {
         let d = Diagnostic::new("E115", format!("`{word}` does not start a statement"));
         return Err(Box::new(d.at(mark, "").help(continued)));
@@ -82,12 +92,22 @@ pub(super) fn known_statement(masked: &str, piece: &Piece, id: SourceId) -> Pars
     let rest = masked[word.len()..].trim_start();
     let d = match nearest(word, STATEMENTS.iter().copied()) {
         Some(s) => d.at(mark, format!("did you mean `{s}`?")),
+        None if rest.starts_with('=') && foreign(called(rest)).is_some() => {
+            d.at(mark, "").help(foreign(called(rest)).unwrap_or_default())
+        }
         None if rest.starts_with('=') && !rest.starts_with("==") => {
             d.at(mark, "").help(format!("a number: param {shown_short} = ...; an expression: def {shown_short} = ..."))
         }
         None => d.at(mark, "").help(continued),
     };
     Err(Box::new(d.note(format!("statements are {}", STATEMENTS.join(", ")))))
+}
+
+/// The word behind `=`: `TestFunction` of `= ufl.TestFunction(V)`.
+fn called(rest: &str) -> &str {
+    let value = rest.trim_start_matches('=').trim_start();
+    let path = value.split(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '.').next().unwrap_or("");
+    path.rsplit('.').next().unwrap_or(path)
 }
 
 /// Checks characters, strings, brackets, nesting and foreign operators of a piece and blanks out its comments.
@@ -137,7 +157,8 @@ impl Scanner<'_> {
         match c {
             '#' => return self.comment(),
             '"' => return self.string(),
-            'a'..='z' | 'A'..='Z' | '_' | '0'..='9' => {
+            '0'..='9' => return self.number(),
+            'a'..='z' | 'A'..='Z' | '_' => {
                 let start = self.at;
                 return if self.word() == "if" { self.open_if(start) } else { Ok(()) };
             }
@@ -147,6 +168,7 @@ impl Scanner<'_> {
                 self.check_depth(self.at)?;
             }
             ')' | ']' | '}' => self.close(c)?,
+            '\'' => self.apostrophe()?,
             ',' | ';' => *self.ifs.last_mut().expect("one level is always there") = 0,
             _ => self.sign(c)?,
         }
@@ -191,6 +213,50 @@ impl Scanner<'_> {
         let n = rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(rest.len());
         self.keep(n);
         &self.text[start..start + n]
+    }
+
+    /// A number with what follows it without a space.
+    fn number(&mut self) -> Parsed<()> {
+        let rest = &self.text[self.at..];
+        let read = number_length(rest);
+        let (number, behind) = rest.split_at(read);
+        let word = behind.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(behind.len());
+        if let Some(slip) = number_slip(number, behind) {
+            let sign =
+                usize::from(behind[word..].starts_with(['+', '-']) && ["e", "E", "d", "D"].contains(&&behind[..word]));
+            let digits = behind[word + sign..].find(|c: char| !c.is_ascii_alphanumeric() && c != '.' && c != '_');
+            let mut end = read + word + sign + digits.unwrap_or(behind.len() - word - sign);
+            end = rest[..end].trim_end_matches('.').len().max(read);
+            if slip.quoted {
+                end = read + 1 + behind[1..].find(|c: char| !c.is_ascii_digit()).unwrap_or(behind.len() - 1);
+            }
+            let text: String = rest[..end].chars().take(40).collect();
+            let d = Diagnostic::new("E120", format!("`{text}` is not a number"));
+            return Err(Box::new(d.at(self.span(self.at, self.at + end), "").help(slip.help)));
+        }
+        self.keep(read + word);
+        Ok(())
+    }
+
+    /// `'` behind a value transposes it; elsewhere it is a quote of another language.
+    fn apostrophe(&self) -> Parsed<()> {
+        let before = self.masked.trim_end();
+        if before.ends_with(|c: char| c.is_ascii_alphanumeric() || "_)]'.".contains(c)) {
+            return Ok(());
+        }
+        let line = self.text[self.at + 1..].lines().next().unwrap_or("");
+        let Some(end) = line.find('\'') else { return Ok(()) };
+        let inner = &line[..end];
+        let mark = self.span(self.at, self.at + end + 2);
+        let d = Diagnostic::new("E129", format!("`'{inner}'` is no text and no transposition")).at(mark, "");
+        Err(Box::new(if matches!(inner, "+" | "-") {
+            d.help(
+                "on an interface plain names are those of the first side: u; the other side is \
+                 Interpolate(u, neighbor_element), and Normal points from the first to the other",
+            )
+        } else {
+            d.help(format!("a text stands in double quotes: \"{inner}\""))
+        }))
     }
 
     fn open_if(&mut self, at: usize) -> Parsed<()> {
@@ -282,9 +348,74 @@ impl Scanner<'_> {
     }
 }
 
+/// Bytes of the number at the start of a text that starts with a digit.
+fn number_length(text: &str) -> usize {
+    let digits = |from: usize| text[from..].find(|c: char| !c.is_ascii_digit()).map_or(text.len(), |n| from + n);
+    let mut end = digits(0);
+    if text[end..].starts_with('.') && !text[end..].starts_with("..") {
+        end = digits(end + 1);
+    }
+    let exponent = &text[end..];
+    if exponent.starts_with(['e', 'E']) {
+        let sign = usize::from(exponent[1..].starts_with(['+', '-']));
+        if exponent[1 + sign..].starts_with(|c: char| c.is_ascii_digit()) {
+            end = digits(end + 1 + sign);
+        }
+    }
+    end
+}
+
+/// Why what stands behind a number makes it none.
+struct NumberSlip {
+    help: String,
+    /// The slip is a `'` between digits.
+    quoted: bool,
+}
+
+fn number_slip(number: &str, behind: &str) -> Option<NumberSlip> {
+    let said = |help: String| Some(NumberSlip { help, quoted: false });
+    let digit = |text: &str| text.starts_with(|c: char| c.is_ascii_digit());
+    let mut next = behind.chars();
+    let (first, rest) = (next.next()?, next.as_str());
+    match first {
+        '_' if digit(rest) => {
+            let digits: String = behind.chars().take_while(|c| c.is_ascii_digit() || *c == '_').collect();
+            said(format!("digits are not grouped: {number}{}", digits.replace('_', "")))
+        }
+        '\'' if digit(rest) => {
+            let digits: String = behind.chars().take_while(|c| c.is_ascii_digit() || *c == '\'').collect();
+            let help = format!("digits are not grouped: {number}{}", digits.replace('\'', ""));
+            Some(NumberSlip { help, quoted: true })
+        }
+        '.' if digit(rest) && !number.ends_with('.') => said("a number has one decimal point".to_owned()),
+        'e' | 'E' if !rest.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') => {
+            said(format!("the power of ten behind `{first}` is a whole number: {number}e3; the number e is exp(1)"))
+        }
+        'd' | 'D' if digit(rest.trim_start_matches(['+', '-'])) => {
+            said(format!("a power of ten is written with e: {number}e{}", leading_power(rest)))
+        }
+        'x' | 'X' if number == "0" && rest.starts_with(|c: char| c.is_ascii_hexdigit()) => {
+            said("numbers are decimal".to_owned())
+        }
+        _ => None,
+    }
+}
+
+/// The sign and the digits at the start of a text.
+fn leading_power(text: &str) -> &str {
+    let digits = text.trim_start_matches(['+', '-']);
+    let sign = text.len() - digits.len();
+    &text[..sign + digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len())]
+}
+
 /// What people type out of habit from elsewhere, and what to type here.
 const FOREIGN_OPERATORS: &[(&str, &str)] = &[
     ("**", "x^2, or sqr(x)"),
+    (".^", "`^` takes numbers; entry by entry only `.*` and `./` exist: v.*v"),
+    ("===", "=="),
+    ("!==", "!="),
+    ("->", "`=` gives a value: def f(a) = a^2"),
+    ("...", "a range is written a..b"),
     ("&&", "a < b and c < d"),
     ("||", "a < b or c < d"),
     ("//", "a comment starts with `#`"),
@@ -301,9 +432,9 @@ const FOREIGN_OPERATORS: &[(&str, &str)] = &[
     ("%", "a comment starts with `#`"),
     ("?", "if condition then a else b"),
     ("~", "not a == b"),
-    ("$", ""),
-    ("\\", "a statement goes on over indented lines without a mark"),
-    ("`", ""),
+    ("$", "a name stands without a mark: gamma, not $gamma"),
+    ("\\", "a statement goes on over indented lines without a mark; names stand without it: gamma, not \\gamma"),
+    ("`", "delete it"),
 ];
 
 fn closing(open: char) -> char {
@@ -312,66 +443,4 @@ fn closing(open: char) -> char {
         '[' => ']',
         _ => '}',
     }
-}
-
-/// A character as shown in a message: itself if it can be seen, and its code.
-fn character_name(c: char) -> String {
-    let code = format!("U+{:04X}", c as u32);
-    let named = match c {
-        '\u{2212}' => "minus sign",
-        '\u{2010}'..='\u{2015}' => "dash",
-        '\u{201c}'..='\u{201f}' | '\u{ab}' | '\u{bb}' => "typographic quote",
-        '\u{2018}'..='\u{201b}' => "typographic apostrophe",
-        '\u{a0}' | '\u{2002}'..='\u{200a}' | '\u{202f}' => return format!("{code} (a wide or fixed space)"),
-        '\u{200b}'..='\u{200f}' | '\u{2060}' | '\u{feff}' => return format!("{code} (it has no width)"),
-        _ if c.is_control() || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}') => {
-            return format!("{code} (a control character)");
-        }
-        _ => return format!("`{c}` ({code})"),
-    };
-    format!("`{c}` ({code}, {named})")
-}
-
-/// What to type for a character outside ASCII, ready to stand behind "write".
-fn ascii_for(c: char) -> Option<&'static str> {
-    Some(match c {
-        '\u{2212}' | '\u{2010}'..='\u{2015}' | '\u{fe63}' | '\u{ff0d}' => "`-`",
-        '\u{201c}'..='\u{201f}' | '\u{ab}' | '\u{bb}' => "`\"`",
-        '\u{2018}'..='\u{201b}' | '\u{2032}' | '\u{b4}' => "`'`",
-        '\u{a0}' | '\u{2002}'..='\u{200a}' | '\u{202f}' | '\u{3000}' => "an ordinary space",
-        '×' | '∗' => "`*`",
-        '·' | '⋅' | '∙' => "`.` for the scalar product or `*`",
-        '÷' | '∕' => "`/`",
-        '⊗' => "`@`",
-        '∶' => "`:`",
-        '≤' => "`<=`",
-        '≥' => "`>=`",
-        '≠' => "`!=`",
-        '²' => "`^2`",
-        '³' => "`^3`",
-        '½' => "`1/2`",
-        '√' => "`sqrt(...)`",
-        '∇' => "`Grad_u`",
-        '∫' => "`term on place : ...`",
-        'π' => "`pi`",
-        'µ' | 'μ' => "`mu` (in units `u`, as in `um`)",
-        '°' => "the angle in radians",
-        'α' => "`alpha`",
-        'β' => "`beta`",
-        'γ' => "`gamma`",
-        'δ' | 'Δ' => "`delta`",
-        'ε' | 'ϵ' => "`eps`",
-        'η' => "`eta`",
-        'θ' | 'ϑ' => "`theta`",
-        'κ' => "`kappa`",
-        'λ' => "`lambda`",
-        'ν' => "`nu`",
-        'ρ' => "`rho`",
-        'σ' | 'ς' => "`sigma`",
-        'τ' => "`tau`",
-        'φ' | 'ϕ' => "`phi`",
-        'ψ' => "`psi`",
-        'ω' => "`omega`",
-        _ => return None,
-    })
 }

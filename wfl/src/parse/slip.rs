@@ -3,6 +3,7 @@
 use super::{Rule, is_keyword, span_at};
 use crate::{
     diag::{Diagnostic, nearest},
+    foreign::form,
     source::SourceId,
 };
 use pest::error::{Error, ErrorVariant, InputLocation};
@@ -20,21 +21,36 @@ pub(super) fn explain(error: &Error<Rule>, masked: &str, base: usize, id: Source
     Slip { masked, base, id, at, expected: positives }.diagnostic()
 }
 
-struct Slip<'s> {
-    masked: &'s str,
-    base: usize,
-    id: SourceId,
+pub(super) struct Slip<'s> {
+    pub(super) masked: &'s str,
+    pub(super) base: usize,
+    pub(super) id: SourceId,
     /// Where the parse stopped: the first byte that did not fit.
-    at: usize,
-    expected: &'s [Rule],
+    pub(super) at: usize,
+    pub(super) expected: &'s [Rule],
 }
 
 impl Slip<'_> {
     fn diagnostic(&self) -> Diagnostic {
         let found = token(&self.masked[self.at..]);
         if found.is_empty() {
-            return self.too_short();
+            return self.with_form(self.too_short());
         }
+        let d = self.habit(found).unwrap_or_else(|| self.by_grammar(found));
+        self.with_form(d)
+    }
+
+    /// The form of the statement as help for a message that has none.
+    fn with_form(&self, d: Diagnostic) -> Diagnostic {
+        let offers = d.labels.iter().any(|l| l.text.contains("did you mean"));
+        let word = token(self.masked.trim_start());
+        match form(word).filter(|_| d.helps.is_empty() && !offers && d.code != "E207") {
+            Some(form) => d.help(format!("the form is: {form}")),
+            None => d,
+        }
+    }
+
+    fn by_grammar(&self, found: &str) -> Diagnostic {
         if let Some(d) = self.equals(found) {
             return d;
         }
@@ -56,22 +72,22 @@ impl Slip<'_> {
         self.with_hints(self.mark(d, found, ""), found)
     }
 
-    fn expects(&self, rule: Rule) -> bool {
+    pub(super) fn expects(&self, rule: Rule) -> bool {
         self.expected.contains(&rule)
     }
 
-    fn expects_operand(&self) -> bool {
+    pub(super) fn expects_operand(&self) -> bool {
         [Rule::number, Rule::tensor, Rule::paren, Rule::sign, Rule::argument, Rule::row]
             .iter()
             .any(|r| self.expects(*r))
     }
 
-    fn mark(&self, d: Diagnostic, found: &str, text: impl Into<String>) -> Diagnostic {
+    pub(super) fn mark(&self, d: Diagnostic, found: &str, text: impl Into<String>) -> Diagnostic {
         d.at(span_at(self.id, self.base, self.at, self.at + found.len()), text)
     }
 
     /// The text before the place of the slip, without trailing space.
-    fn before(&self) -> &str {
+    pub(super) fn before(&self) -> &str {
         self.masked[..self.at].trim_end()
     }
 
@@ -186,7 +202,7 @@ impl Slip<'_> {
     }
 
     /// `a, b or c`: what could have stood at the slip.
-    fn list(&self) -> String {
+    pub(super) fn list(&self) -> String {
         let mut words: Vec<String> = Vec::new();
         for text in self.expected.iter().flat_map(|r| describe(*r)) {
             if !words.contains(&text) {

@@ -1,7 +1,7 @@
 //! Pairs of the grammar to statements of the syntax tree.
 
 use super::{
-    Pair, Parsed, Rule, is_keyword, slip, span_at,
+    Pair, Parsed, Rule, habits, is_keyword, slip, span_at,
     terminal::{box_shape, entity, rank, reduction, region_op},
 };
 use crate::{
@@ -369,6 +369,19 @@ impl Reader<'_> {
         Ok(MacroDef { name, formals, body: self.value(p.next())?, head })
     }
 
+    /// The same for a term, where an equation is no condition but a residual that is written with its right side.
+    fn residual(&self, energy: bool, parts: Vec<Pair<'_>>) -> Parsed<(Vec<MacroDef>, Expr)> {
+        let equation = parts.last().filter(|_| !energy).and_then(|p| habits::equation_in(p));
+        self.defs_and_value(parts).map_err(|d| match equation {
+            Some((at, sign)) if d.code == "E122" => {
+                let right = self.masked[at + sign..].trim();
+                let at = span_at(self.source, self.base, at, at + sign);
+                Box::new(habits::equation_as_term("==", right).at(at, ""))
+            }
+            _ => d,
+        })
+    }
+
     /// Local macros and the expression behind them.
     pub(super) fn defs_and_value(&self, parts: Vec<Pair<'_>>) -> Parsed<(Vec<MacroDef>, Expr)> {
         let mut p = Parts(parts.into_iter().peekable());
@@ -382,7 +395,7 @@ impl Reader<'_> {
     fn term(&self, energy: bool, mut p: Parts<'_>) -> Parsed<ItemKind> {
         let name = p.take(Rule::name).map(|n| self.name(&n)).transpose()?;
         let places = self.places(p.next());
-        let (defs, expr) = self.defs_and_value(p.0.collect())?;
+        let (defs, expr) = self.residual(energy, p.0.collect())?;
         Ok(ItemKind::Term { energy, name, places, defs, expr })
     }
 

@@ -201,7 +201,10 @@ fn usual_slips_have_messages_of_their_own() {
             "param a = 1\n  param b = 2",
             ["E117", "`param` starts a new statement inside another one", "param", "a statement starts in column 1"],
         ),
-        ("use \"a.wfl\" \"b.wfl\"", ["E117", "`\"b.wfl\"` stands after the end of the statement", "\"b.wfl\"", ""]),
+        (
+            "use \"a.wfl\" \"b.wfl\"",
+            ["E117", "`\"b.wfl\"` stands after the end of the statement", "\"b.wfl\"", "the form is: use \"file.wfl\""],
+        ),
         (
             "param a = 2x",
             ["E113", "an operator is missing between `2` and `x`", "x", "a product is written with `*`: 2*x"],
@@ -210,7 +213,7 @@ fn usual_slips_have_messages_of_their_own() {
             "def a = b c",
             ["E113", "an operator is missing between `b` and `c`", "c", "a product is written with `*`: b*c"],
         ),
-        ("def a = 1.2.3", ["E120", "`1.2.3` is not a number", "1.2.3", ""]),
+        ("def a = 1.2.3", ["E120", "`1.2.3` is not a number", "1.2.3", "a number has one decimal point"]),
         ("param a = 1e999", ["E120", "the number `1e999` is too large", "1e999", ""]),
         ("param a = 1e-999", ["E120", "the number `1e-999` is too small", "1e-999", ""]),
         ("use \"a.wfl", ["E121", "this text has no closing quote", "\"a.wfl", ""]),
@@ -236,8 +239,24 @@ fn usual_slips_have_messages_of_their_own() {
                 "choose another name, such as `load_`",
             ],
         ),
-        ("fix u = on bottom", ["E113", "expected an expression, found the word `on`", "on", ""]),
-        ("fix u = 0", ["E113", "the statement ends too early: expected `on` or an operator", "0", ""]),
+        (
+            "fix u = on bottom",
+            [
+                "E113",
+                "expected an expression, found the word `on`",
+                "on",
+                "the form is: fix u = value on region, or fix u(1) = value on region",
+            ],
+        ),
+        (
+            "fix u = 0",
+            [
+                "E113",
+                "the statement ends too early: expected `on` or an operator",
+                "0",
+                "the form is: fix u = value on region, or fix u(1) = value on region",
+            ],
+        ),
         (
             "mesh box [0] to [1] cells 3 hxe",
             [
@@ -254,7 +273,15 @@ fn usual_slips_have_messages_of_their_own() {
             ["E113", "`if` inside a larger expression needs parentheses", "if", "(if condition then a else b)"],
         ),
         ("expect a", ["E122", "a number stands where a condition is needed", "a", "compare it: a < b, a == b"]),
-        ("measure m = sum(u) on a", ["E113", "expected `mean`, `max`, `min` or `integral`, found `sum`", "sum", ""]),
+        (
+            "measure m = sum(u) on a",
+            [
+                "E113",
+                "expected `mean`, `max`, `min` or `integral`, found `sum`",
+                "sum",
+                "the form is: measure name = max(expression) on region; or min, mean, integral",
+            ],
+        ),
         ("unknown u : scalar [m^300]", ["E120", "the power `300` of a unit is too large", "300", ""]),
     ] {
         assert_eq!(error(text), expected.map(str::to_owned), "{text}");

@@ -2,7 +2,7 @@
 
 use super::{OPTIONS, Override, Resolver, names};
 use crate::{
-    ast::{Ident, OptionItem, OptionValue},
+    ast::{ExprKind, Ident, OptionItem, OptionValue},
     diag::{Diagnostic, nearest},
 };
 
@@ -37,6 +37,12 @@ impl Resolver<'_> {
             let value = match &option.value {
                 None => None,
                 Some(OptionValue::Text(text, span)) => Some(OptionValue::Text(text.clone(), *span)),
+                // a lone word is a choice, such as search=none, and no value
+                Some(OptionValue::Expr(e)) if matches!(e.kind, ExprKind::Name(_)) => {
+                    let e = self.expander.expr(e)?;
+                    self.note_words(&e);
+                    Some(OptionValue::Expr(e))
+                }
                 Some(OptionValue::Expr(e)) => Some(OptionValue::Expr(self.expr(e)?)),
             };
             resolved.push(OptionItem { name, value });

@@ -97,8 +97,40 @@ impl NamedUnit {
         })
     }
 
+    /// What to write for a unit that is spelled out or named otherwise.
+    fn spelled(word: &str) -> Option<&'static str> {
+        const WORDS: &[(&[&str], &str)] = &[
+            (&["sec", "secs", "second", "seconds"], "s"),
+            (&["minute", "minutes", "mins"], "min"),
+            (&["hr", "hrs", "hour", "hours"], "h"),
+            (&["d", "days"], "day"),
+            (&["yr", "yrs", "a", "years", "annum"], "year"),
+            (&["msec", "millisecond", "milliseconds"], "ms"),
+            (&["meter", "meters", "metre", "metres"], "m"),
+            (&["millimeter", "millimetre", "millimeters", "millimetres"], "mm"),
+            (&["inch", "inches"], "in"),
+            (&["foot", "feet"], "ft"),
+            (&["gram", "grams", "gramme"], "g"),
+            (&["kilogram", "kilograms", "kilo"], "kg"),
+            (&["ton", "tons", "tonne", "tonnes"], "t"),
+            (&["newton", "newtons", "Newton"], "N"),
+            (&["pascal", "pascals", "Pascal"], "Pa"),
+            (&["kelvin", "Kelvin"], "K"),
+            (&["celsius", "Celsius"], "degC"),
+            (&["degree", "degrees"], "deg"),
+            (&["radian", "radians"], "rad"),
+            (&["hertz", "Hertz"], "Hz"),
+            (&["joule", "joules"], "J"),
+            (&["watt", "watts"], "W"),
+        ];
+        WORDS.iter().find(|(words, _)| words.contains(&word)).map(|(_, unit)| *unit)
+    }
+
     /// The name to offer for a word that is none.
     pub(super) fn nearest(word: &str) -> Option<String> {
+        if let Some(unit) = Self::spelled(word) {
+            return Some(unit.to_owned());
+        }
         let names: Vec<String> = NamedUnit::all().map(NamedUnit::name).collect();
         // same letters in other cases first: `mpa` is `MPa`
         let same = names.iter().find(|n| n.eq_ignore_ascii_case(word) && n.starts_with('M'));
@@ -163,6 +195,8 @@ mod tests {
         assert_eq!(near("mpa").as_deref(), Some("MPa"));
         assert_eq!(near("MPaa").as_deref(), Some("MPa"));
         assert_eq!(near("mmm").as_deref(), Some("mm"));
-        assert_eq!(near("newton"), None);
+        assert_eq!(near("parsec"), None);
+        assert_eq!(near("sec").as_deref(), Some("s"));
+        assert_eq!(near("hours").as_deref(), Some("h"));
     }
 }

@@ -1,0 +1,174 @@
+//! What people type out of habit from other languages and from paper, where the grammar alone would name the wrong cause.
+
+use super::{Pair, Rule, slip::Slip};
+use crate::{diag::Diagnostic, source::Span, units::is_unit};
+
+/// E128 for the semicolons behind statements, the first marked: one message for all of a file.
+pub(super) fn semicolons(ended: &[Span]) -> Option<Diagnostic> {
+    let first = ended.first()?;
+    let d = Diagnostic::new("E128", "a statement ends without `;`").at(*first, "");
+    let d = if ended.len() > 1 { d.note(format!("{} more statements end so", ended.len() - 1)) } else { d };
+    Some(d.help("delete it: a statement ends where the next line starts in column 1"))
+}
+
+/// The place and the length of a comparison for equality on the top level of an expression.
+pub(super) fn equation_in(expr: &Pair<'_>) -> Option<(usize, usize)> {
+    let mut parts = expr.clone().into_inner().filter(|p| p.as_rule() == Rule::infix);
+    parts.find(|p| p.as_str() == "==").map(|p| (p.as_span().start(), p.as_str().len()))
+}
+
+/// E116 for a term that is written as an equation.
+pub(super) fn equation_as_term(sign: &str, right: &str) -> Diagnostic {
+    let d = Diagnostic::new("E116", "a term is a residual: all terms together are zero, so it has no other side");
+    if right.trim_end_matches(|c: char| c == '.' || c == '0') == "" && right.starts_with('0') {
+        return d.help(format!("leave `{sign} 0` out"));
+    }
+    d.help(format!(
+        "bring the right side to the left: term name on REGION : left - (right), in place of left {sign} right"
+    ))
+}
+
+impl Slip<'_> {
+    /// The message for a habit that is recognised at the slip.
+    pub(super) fn habit(&self, found: &str) -> Option<Diagnostic> {
+        let behind_value = self.expects(Rule::infix);
+        match found {
+            "=" if behind_value && self.is("term") => {
+                let right = self.masked[self.at + 1..].trim();
+                Some(self.mark(equation_as_term("=", right), found, ""))
+            }
+            "[" => self.bracket(behind_value),
+            "," => self.comma(),
+            "{" => {
+                let d = Diagnostic::new("E113", "a vector stands in square brackets");
+                Some(
+                    self.mark(d, found, "")
+                        .help("[1,2] is a vector, [1,2;3,4] a matrix; `{a, b}` is the set of a param"),
+                )
+            }
+            "if" if behind_value && !self.in_list_of_words() => {
+                let d = Diagnostic::new("E113", "a choice begins with its condition");
+                Some(self.mark(d, found, "").help("(if condition then a else b), in place of a if condition else b"))
+            }
+            _ if self.expects(Rule::k_then) || self.expects(Rule::k_else) => {
+                let d = Diagnostic::new("E113", format!("expected {}, found `{found}`", self.list()));
+                Some(self.mark(d, found, "").help("if condition then a else b"))
+            }
+            _ => self.unit_or_digits(found, behind_value),
+        }
+    }
+
+    fn is(&self, statement: &str) -> bool {
+        self.masked.strip_prefix(statement).is_some_and(|rest| !rest.starts_with(|c: char| c.is_ascii_alphanumeric()))
+    }
+
+    /// A region list may be followed by anything but a choice.
+    fn in_list_of_words(&self) -> bool {
+        self.before().ends_with(|c: char| "+-*/.:^@,(".contains(c))
+    }
+
+    /// `u[1]`, `3 [MPa] in 0..1`, `load u = [0,-1] [MPa]`.
+    fn bracket(&self, behind_value: bool) -> Option<Diagnostic> {
+        let rest = &self.masked[self.at + 1..];
+        let inside = rest.split([']', '\n']).next().unwrap_or(rest).trim();
+        let unit =
+            inside.split(['*', '/', '^', '(', ')']).all(|w| is_unit(w.trim()) || w.trim().parse::<i32>().is_ok());
+        let word_before = self.masked[..self.at].ends_with(|c: char| c.is_ascii_alphanumeric() || "_)]'".contains(c));
+        if unit && inside.contains(|c: char| c.is_ascii_alphabetic()) {
+            let d = Diagnostic::new("E113", format!("the unit `[{inside}]` cannot stand here"));
+            let form = if self.is("param") {
+                format!("it stands behind the value: param name = 1 [{inside}] in 0..2")
+            } else if ["unknown", "multiplier", "data", "state"].iter().any(|s| self.is(s)) {
+                format!("it stands last: unknown u : vector P2 on REGION [{inside}]")
+            } else {
+                format!("units are declared with params and fields: param p = 1 [{inside}]")
+            };
+            return Some(self.mark(d, "[", "").help(form));
+        }
+        if !(behind_value && word_before) {
+            return None;
+        }
+        let d = Diagnostic::new("E113", "a component is taken with parentheses");
+        let wanted = match inside.parse::<usize>() {
+            Ok(0) => "indices count from 1: the first component is u(1)".to_owned(),
+            _ => format!("u({inside}): indices count from 1, A(1,2) is row 1, column 2"),
+        };
+        Some(self.mark(d, "[", "").help(wanted))
+    }
+
+    /// `(0,-1)`, `0,5`, `1,000`.
+    fn comma(&self) -> Option<Diagnostic> {
+        if let Some(open) = self.open_parenthesis() {
+            let callee = self.masked[..open].trim_end();
+            let word = callee.rsplit(|c: char| !c.is_ascii_alphanumeric() && c != '_').next().unwrap_or("");
+            if callee.ends_with(|c: char| c.is_ascii_alphanumeric() || "_)'".contains(c))
+                && !["on", "to", "by", "map"].contains(&word)
+            {
+                return None;
+            }
+            let end = self.masked[self.at..].find(')').map_or(self.masked.len(), |n| self.at + n);
+            let inside: String = self.masked[open + 1..end].split_whitespace().collect();
+            let d = Diagnostic::new("E113", "a vector stands in square brackets");
+            let short = if inside.len() <= 60 { format!("[{inside}]") } else { "[a, b]".to_owned() };
+            return Some(self.mark(d, ",", "").help(short));
+        }
+        let (before, behind) = (self.before(), self.masked[self.at + 1..].trim_start_matches(' '));
+        let left = &before[before.rfind(|c: char| !c.is_ascii_digit()).map_or(0, |i| i + 1)..];
+        let right = &behind[..behind.find(|c: char| !c.is_ascii_digit()).unwrap_or(behind.len())];
+        if left.is_empty() || right.is_empty() || !self.expects(Rule::infix) {
+            return None;
+        }
+        let d = Diagnostic::new("E120", format!("`{left},{right}` is not a number"));
+        let start = before.len() - left.len();
+        let d = d.at(super::span_at(self.id, self.base, start, self.masked.len() - behind.len() + right.len()), "");
+        let grouped = if right.len() == 3 && left != "0" {
+            format!("; digits are not grouped: {left}{right}")
+        } else {
+            String::new()
+        };
+        Some(d.help(format!("the decimal sign is a point: {left}.{right}{grouped}; a vector is [{left},{right}]")))
+    }
+
+    /// The innermost parenthesis that is open at the slip, if no other bracket is inside it.
+    fn open_parenthesis(&self) -> Option<usize> {
+        let mut depth = 0usize;
+        for (i, c) in self.masked[..self.at].char_indices().rev() {
+            match c {
+                ')' | ']' | '}' => depth += 1,
+                '(' if depth == 0 => return Some(i),
+                '[' | '{' if depth == 0 => return None,
+                '(' | '[' | '{' => depth -= 1,
+                _ => {}
+            }
+        }
+        None
+    }
+
+    /// `3 MPa`, `1 000`, `[0 1]`.
+    fn unit_or_digits(&self, found: &str, behind_value: bool) -> Option<Diagnostic> {
+        let before = self.before();
+        if !behind_value || !before.ends_with(|c: char| c.is_ascii_digit() || c == '.') {
+            return None;
+        }
+        let left =
+            &before[before.rfind(|c: char| !c.is_ascii_alphanumeric() && c != '.' && c != '_').map_or(0, |i| i + 1)..];
+        if !left.starts_with(|c: char| c.is_ascii_digit()) {
+            return None;
+        }
+        if found.starts_with(|c: char| c.is_ascii_digit()) {
+            let d = Diagnostic::new("E113", format!("`{left}` and `{found}` stand side by side"));
+            let d = self.mark(d, found, "");
+            let grouped = format!("digits are not grouped: {left}{found}");
+            return Some(d.help(format!("entries of a list are separated by commas: [{left}, {found}]; {grouped}")));
+        }
+        if self.is("param") && is_unit(found) {
+            let end = self.masked[self.at..]
+                .find(|c: char| c.is_whitespace() || c == '"')
+                .map_or(self.masked.len(), |n| self.at + n);
+            let unit = &self.masked[self.at..end];
+            let d = Diagnostic::new("E113", format!("a unit stands in brackets: [{unit}]"));
+            return Some(self.mark(d, found, "").help(format!("{left} [{unit}]")));
+        }
+        None
+    }
+}

@@ -1,0 +1,122 @@
+//! Words that no scene declares and other programs know: one message for all of them in a statement, with what each is
+//! called here. And the one message for a scene without any unknown.
+
+use std::collections::BTreeSet;
+
+use super::{Resolver, names::Kind};
+use crate::{
+    ast::{Expr, Item, ItemKind, Target},
+    diag::Diagnostic,
+    foreign::{field_slip, foreign},
+    render::at_expr,
+    source::Span,
+    walk::{each_name, each_word},
+    words::{CONSTANTS, is_function, split_prefixes},
+};
+
+/// Words of other programs named in one message; the rest is met when these are mended.
+const NAMED: usize = 6;
+
+impl Resolver<'_> {
+    /// E216 for words of other programs, E201 for prefixes in the wrong order, in the expressions of one statement;
+    /// `None` after a message, so that nothing else is said of it.
+    pub(super) fn known_words(&mut self, expressions: &[&Expr]) -> Option<()> {
+        let mut found: Vec<(&Expr, &str)> = Vec::new();
+        for e in expressions {
+            each_word(e, &mut |e, word| {
+                if found.len() < NAMED && !self.is_known(word) && found.iter().all(|f| f.1 != word) {
+                    found.push((e, word));
+                }
+            });
+        }
+        let cured: Vec<_> = found.iter().filter_map(|(e, w)| Some((*e, *w, foreign(w)?))).collect();
+        if !cured.is_empty() {
+            let d = self.of_elsewhere(&cured);
+            self.diagnostics.push(d);
+            return None;
+        }
+        let fields = || self.names.values.iter().filter(|(_, v)| v.0.is_field()).map(|(name, _)| name.as_str());
+        let Some((e, word, text)) = found.iter().find_map(|(e, w)| Some((*e, *w, field_slip(w, fields())?))) else {
+            return Some(());
+        };
+        let d = Diagnostic::new("E201", format!("unknown name `{word}`")).about(word);
+        self.diagnostics.push(at_expr(d, e, &self.expander.expansions, text));
+        None
+    }
+
+    fn is_known(&self, word: &str) -> bool {
+        let (prefix, root) = split_prefixes(word);
+        is_function(word)
+            || CONSTANTS.contains(&word)
+            || ["x", "y", "z", "t"].contains(&word)
+            || self.names.values.contains_key(word)
+            || self.script.lost.covers(word)
+            || !prefix.is_empty() && (self.names.values.contains_key(root) || self.script.lost.covers(root))
+    }
+
+    fn of_elsewhere(&self, words: &[(&Expr, &str, &'static str)]) -> Diagnostic {
+        let mut quoted: Vec<String> = words.iter().map(|w| format!("`{}`", w.1)).collect();
+        let last = quoted.pop().unwrap_or_default();
+        let message = match quoted.len() {
+            0 => format!("{last} is not a word of this language"),
+            _ => format!("{} and {last} are not words of this language", quoted.join(", ")),
+        };
+        let mut d = Diagnostic::new("E216", message);
+        for (k, (e, _, _)) in words.iter().enumerate() {
+            d = if k == 0 { at_expr(d, e, &self.expander.expansions, "") } else { marked(d, e) };
+        }
+        let mut said = BTreeSet::new();
+        for (_, word, here) in words {
+            if said.insert(*here) {
+                d = d.help(format!("{word}: {here}"));
+            }
+        }
+        d
+    }
+
+    /// E423, once and at the first place that needs an unknown; what the scene takes for one is then not called unknown.
+    pub(super) fn no_unknown(&mut self, items: &[Item]) {
+        let declared = |item: &Item| matches!(item.kind, ItemKind::Unknown { .. });
+        if !self.complete || items.iter().any(declared) {
+            return;
+        }
+        let mut wanted: Vec<(String, Span)> = Vec::new();
+        for item in items {
+            wanted_fields(item, &mut wanted);
+        }
+        wanted.retain(|(name, _)| !matches!(self.names.values.get(name), Some((kind, _)) if *kind != Kind::Measure));
+        let d = Diagnostic::new("E423", "the scene has no unknown");
+        let d = match wanted.first() {
+            Some((name, at)) => d
+                .at(*at, format!("nothing declares `{name}`"))
+                .help(format!("unknown {name} : vector, or scalar; with an element and a region: vector P2 on REGION")),
+            None => d.help("unknown u : vector"),
+        };
+        self.diagnostics.push(d);
+        for (name, _) in wanted {
+            self.script.lost.add(&name);
+        }
+    }
+}
+
+/// A further mark; one inside a macro of another place is left out.
+fn marked(d: Diagnostic, e: &Expr) -> Diagnostic {
+    if e.expansion.is_some() { d } else { d.at(e.span, "") }
+}
+
+/// Names that a statement takes for unknowns: tested, fixed, loaded or started.
+fn wanted_fields(item: &Item, wanted: &mut Vec<(String, Span)>) {
+    let targets = |targets: &[Target]| targets.iter().map(|t| (t.field.name.clone(), t.field.span)).collect::<Vec<_>>();
+    match &item.kind {
+        ItemKind::Term { energy, expr, .. } => {
+            let mut words = Vec::new();
+            each_name(expr, &mut |word| words.push(word));
+            let needs = |prefix: &str| prefix.contains("Test") || *energy && !prefix.is_empty();
+            let roots = words.iter().map(|w| split_prefixes(w)).filter(|(prefix, _)| needs(prefix));
+            wanted.extend(roots.map(|(_, root)| (root.to_owned(), expr.span)));
+        }
+        ItemKind::Fix { targets: t, .. } | ItemKind::Load { targets: t, .. } => wanted.extend(targets(t)),
+        ItemKind::Start { field, .. } => wanted.push((field.name.clone(), field.span)),
+        _ => {}
+    }
+}
