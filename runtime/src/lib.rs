@@ -22,6 +22,7 @@ pub mod point_space;
 pub mod point_values;
 mod pruning;
 pub mod quadrature;
+pub mod reading;
 pub mod results;
 mod run;
 mod savings;

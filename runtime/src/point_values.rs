@@ -8,6 +8,8 @@
 
 use thiserror::Error;
 
+use crate::reading::excerpt;
+
 /// Positions are the same within this part of the mesh size.
 pub const SAME_PLACE: f64 = 1e-9;
 
@@ -18,6 +20,8 @@ pub struct PointValues {
     positions: Vec<[f64; 3]>,
     /// `values[row * names.len() + column]`
     values: Vec<f64>,
+    /// The line of the file of each row.
+    lines: Vec<usize>,
 }
 
 /// Why a file does not give the values of a field.
@@ -32,12 +36,22 @@ pub enum PointValuesError {
         what: String,
     },
     /// No columns for the field.
-    #[error("no column `{wanted}`; there are {found}")]
+    #[error("none of its {count} columns is `{wanted}`{near}")]
     Columns {
         /// The column that is missing.
         wanted: String,
-        /// Those that are there.
-        found: String,
+        /// How many are there.
+        count: usize,
+        /// One of a like name, in words.
+        near: String,
+    },
+    /// An infinite value.
+    #[error("line {line}: the value of `{column}` is infinite; where there is no value, write nan or nothing")]
+    Infinite {
+        /// Its number from 1.
+        line: usize,
+        /// Which column.
+        column: String,
     },
     /// Nodes that have no position in the file.
     #[error(
@@ -79,29 +93,33 @@ impl PointValues {
         let axis = |name: &str| names.iter().position(|n| n == name);
         let axes = ["x", "y", "z"].map(axis);
         if axes[0].is_none() {
-            return Err(wrong(first, format!("no column `x` among {}", names.join(", "))));
+            let text = format!("the first line names the columns, and none of its {} is `x`", names.len());
+            return Err(wrong(first, text));
         }
         if let Some(twice) = names.iter().enumerate().find(|(k, n)| names[..*k].contains(n)) {
-            return Err(wrong(first, format!("two columns `{}`", twice.1)));
+            let first_of = names.iter().position(|n| n == twice.1).unwrap_or(0);
+            return Err(wrong(first, format!("columns {} and {} have one name", first_of + 1, twice.0 + 1)));
         }
-        let (mut positions, mut values) = (Vec::new(), Vec::new());
+        let (mut positions, mut values, mut lines_of) = (Vec::new(), Vec::new(), Vec::new());
         for (number, line) in lines {
             let row: Vec<&str> = line.split(',').map(str::trim).collect();
             if row.len() != names.len() {
                 return Err(wrong(number, format!("{} numbers for {} columns", row.len(), names.len())));
             }
             let start = values.len();
-            for (entry, name) in row.iter().zip(&names) {
+            for (column, entry) in row.iter().enumerate() {
                 let value = if entry.is_empty() { Ok(f64::NAN) } else { entry.parse::<f64>() };
-                values.push(value.map_err(|_| wrong(number, format!("`{entry}` in column `{name}` is no number")))?);
+                let text = || format!("{} in column {} is no number", excerpt(entry), column + 1);
+                values.push(value.map_err(|_| wrong(number, text()))?);
             }
             let x = axes.map(|k| k.map_or(0.0, |k| values[start + k]));
             if x.iter().any(|c| !c.is_finite()) {
                 return Err(wrong(number, "a position must be finite".to_owned()));
             }
             positions.push(x);
+            lines_of.push(number + 1);
         }
-        Ok(Self { names, positions, values })
+        Ok(Self { names, positions, values, lines: lines_of })
     }
 
     /// True if there is a column for the field.
@@ -114,6 +132,13 @@ impl PointValues {
                 })
         };
         self.names.iter().any(own)
+    }
+
+    /// Names of a file are not told, but for one that is nearly what was wanted.
+    fn without_column(&self, wanted: String) -> PointValuesError {
+        let near = wfl::nearest(&wanted, self.names.iter().map(String::as_str));
+        let near = near.map_or_else(String::new, |n| format!("; there is a `{n}`"));
+        PointValuesError::Columns { wanted, count: self.names.len(), near }
     }
 
     /// The values of a field at `nodes`: `out[node * entries.len() + entry]`. `entries` are the names of its entries
@@ -132,10 +157,14 @@ impl PointValues {
         for entry in entries {
             let wanted = if entry.is_empty() { field.to_owned() } else { format!("{field}_{entry}") };
             let place = self.names.iter().position(|n| *n == wanted);
-            let found = || self.names.join(", ");
-            columns.push(place.ok_or_else(|| PointValuesError::Columns { wanted, found: found() })?);
+            columns.push(place.ok_or_else(|| self.without_column(wanted))?);
         }
         let value = |row: usize, column: usize| self.values[row * self.names.len() + column];
+        for row in 0..self.positions.len() {
+            if let Some(c) = columns.iter().find(|c| value(row, **c).is_infinite()) {
+                return Err(PointValuesError::Infinite { line: self.lines[row], column: self.names[*c].clone() });
+            }
+        }
         let mut rows: Vec<usize> =
             (0..self.positions.len()).filter(|r| columns.iter().all(|c| value(*r, *c).is_finite())).collect();
         rows.sort_by(|a, b| self.positions[*a][0].total_cmp(&self.positions[*b][0]).then(a.cmp(b)));

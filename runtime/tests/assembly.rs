@@ -15,8 +15,8 @@ use wfl_runtime::{
 struct Alone;
 
 impl Loader for Alone {
-    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), String> {
-        Err(format!("{path} is not part of the scene"))
+    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), wfl::Unloaded> {
+        Err(format!("{path} is not part of the scene").into())
     }
 }
 

@@ -18,7 +18,7 @@ struct Edited<'a> {
 }
 
 impl Loader for Edited<'_> {
-    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), String> {
+    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), wfl::Unloaded> {
         let full = self.folder.join(path);
         let text = std::fs::read_to_string(&full).map_err(|e| e.to_string())?;
         Ok((full.display().to_string(), edited(text, self.edits)))

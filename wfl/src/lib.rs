@@ -42,8 +42,8 @@ pub use lost::Lost;
 pub use macros::{EXPANDED_NESTING_LIMIT, EXPANSION_LIMIT, Expander};
 pub use parse::{KEYWORDS, NESTING_LIMIT, STATEMENTS, TEXT_LIMIT, is_keyword, parse, parse_expr, parse_gwfl};
 pub use quote::{line_of, quote, quote_without_tests};
-pub use render::{at_expr, render};
-pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SOLVERS, resolve};
+pub use render::{at_expr, render, visible};
+pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SOLVERS, Unloaded, resolve};
 pub use script::{
     Condition, DataValue, Expect, Field, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output, OutputQuantity,
     Param, Quadrature, Region, ResolvedScript, Solver, Split, Start, StartKind, Steps, Term,

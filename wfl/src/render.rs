@@ -21,26 +21,26 @@ const LONGEST_MARK: usize = 4000;
 #[must_use]
 pub fn render(diagnostic: &Diagnostic, sources: &SourceMap, color: bool) -> String {
     let level = if diagnostic.is_error() { Level::ERROR } else { Level::WARNING };
-    let title = level.primary_title(clean(&unquoted(&diagnostic.message, sources))).id(diagnostic.code);
+    let title = level.primary_title(visible(&unquoted(&diagnostic.message, sources))).id(diagnostic.code);
     let mut group = Group::with_title(title);
     for (source, labels) in by_source(diagnostic, sources) {
-        let mut snippet = Snippet::source(&*source.text).path(clean(&source.name)).fold(true);
+        let mut snippet = Snippet::source(&*source.text).path(visible(&source.name)).fold(true);
         for (label, primary) in labels {
             let kind = if primary { AnnotationKind::Primary } else { AnnotationKind::Context };
             let mark = kind.span(clamp(&source.text, label.span));
             snippet = snippet.annotation(if label.text.is_empty() {
                 mark
             } else {
-                mark.label(clean(&unquoted(&label.text, sources)))
+                mark.label(visible(&unquoted(&label.text, sources)))
             });
         }
         group = group.element(snippet);
     }
     for note in &diagnostic.notes {
-        group = group.element(Level::NOTE.message(clean(&unquoted(note, sources))));
+        group = group.element(Level::NOTE.message(visible(&unquoted(note, sources))));
     }
     for help in &diagnostic.helps {
-        group = group.element(Level::HELP.message(clean(&unquoted(help, sources))));
+        group = group.element(Level::HELP.message(visible(&unquoted(help, sources))));
     }
     let renderer = if color { Renderer::styled() } else { Renderer::plain() };
     let mut text = renderer.render(&[group]);
@@ -81,9 +81,12 @@ fn clamp(text: &str, span: Span) -> Range<usize> {
     start..end
 }
 
-/// Names and snippets may hold anything; a message must not move the cursor of a terminal.
-fn clean(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
+/// A text as a terminal may get it: names, file contents and arguments may hold anything, and must neither move its
+/// cursor nor turn the direction of writing. Lines and tabs stay.
+#[must_use]
+pub fn visible(text: &str) -> String {
+    let hidden = |c: char| matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    text.chars().map(|c| if c.is_control() && !"\n\t".contains(c) || hidden(c) { '\u{fffd}' } else { c }).collect()
 }
 
 /// Adds the place of an expression. Text written in place is marked itself. For a node that came out of a macro the

@@ -26,7 +26,7 @@ use crate::{
     words::{REGIONS, split_prefixes},
 };
 use include::Includes;
-pub use include::{LIBRARY, Loader, NoFiles};
+pub use include::{LIBRARY, Loader, NoFiles, Unloaded};
 use names::{Kind, Names};
 use parts::TransposeOption as _;
 

@@ -81,8 +81,8 @@ const TRIANGLES: &str = "mesh box [0,0] to [1,1] cells [300,300] tri\nquadrature
 struct Alone;
 
 impl Loader for Alone {
-    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), String> {
-        Err(format!("{path} is not part of the case"))
+    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), wfl::Unloaded> {
+        Err(format!("{path} is not part of the case").into())
     }
 }
 

@@ -34,7 +34,7 @@ impl Fault {
 }
 
 impl Loader for Fault {
-    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), String> {
+    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), wfl::Unloaded> {
         Ok((path.to_owned(), self.read(path)?))
     }
 }

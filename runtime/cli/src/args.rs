@@ -18,6 +18,9 @@ pub(crate) struct Args {
     /// Most memory that may be taken, such as 4GB [default: that of the machine]
     #[arg(long, global = true, value_name = "SIZE", value_parser = memory)]
     pub(crate) memory: Option<u64>,
+    /// A folder that scenes may read from, too; else a scene reads its own folder and below (E217)
+    #[arg(long, global = true, value_name = "DIR")]
+    pub(crate) allow_read: Vec<PathBuf>,
 }
 
 const EXIT_CODES: &str = "\
@@ -383,7 +386,8 @@ pub(crate) struct FmtArgs {
 /// What is imported.
 #[derive(Debug, ClapArgs)]
 pub(crate) struct ImportArgs {
-    /// The assembly string
+    /// The assembly string; it may begin with a minus
+    #[arg(allow_hyphen_values = true)]
     pub(crate) text: String,
     /// The region the term stands on
     #[arg(long, value_name = "REGION", default_value = "all")]

@@ -7,8 +7,10 @@ use std::{
 };
 
 use wfl::{
-    Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, Span, one_per_cause, parse_expr, render, resolve,
+    Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, Span, Unloaded, one_per_cause, parse_expr,
+    render, resolve, visible,
 };
+use wfl_runtime::reading::{self, ReadingError};
 
 /// A scene that was read, with its texts.
 pub(crate) struct Loaded {
@@ -32,36 +34,32 @@ impl Loaded {
 
 /// Finds included files beside the file that includes them.
 struct Files {
+    /// The folder of the scene: what it uses lies there or below.
+    scene: PathBuf,
     folders: BTreeMap<usize, PathBuf>,
     /// Folder of the file last read: texts are gone through as they are read, so a text not yet known is that one.
     last: PathBuf,
 }
 
 impl Loader for Files {
-    fn load(&mut self, path: &str, from: SourceId) -> Result<(String, String), String> {
+    fn load(&mut self, path: &str, from: SourceId) -> Result<(String, String), Unloaded> {
         let folder = self.folders.entry(from.index()).or_insert_with(|| self.last.clone());
         let full = folder.join(path);
-        let text = read_text(&full)?;
+        let text = reading::text(&self.scene, folder, path).map_err(|e| Unloaded {
+            why: e.to_string(),
+            missing: matches!(&e, ReadingError::Io(e) if e.kind() == ErrorKind::NotFound),
+            outside: matches!(e, ReadingError::Outside { .. }),
+            help: e.help(),
+        })?;
         self.last = full.parent().map(Path::to_path_buf).unwrap_or_default();
         Ok((full.display().to_string(), text))
     }
 }
 
-/// The text of a file, or why it cannot be read.
+/// The text of a file that the command line names, or why it cannot be read.
 pub(crate) fn read_text(path: &Path) -> Result<String, String> {
-    let bytes = std::fs::read(path).map_err(|e| match e.kind() {
-        ErrorKind::NotFound => "there is no such file".to_owned(),
-        ErrorKind::IsADirectory => "it is a directory, a file is needed".to_owned(),
-        ErrorKind::PermissionDenied => "permission denied".to_owned(),
-        _ => e.to_string(),
-    })?;
-    if let Some(at) = bytes.iter().position(|b| *b == 0) {
-        return Err(format!("it is a binary file (byte {at} is 0), a text is needed"));
-    }
-    String::from_utf8(bytes).map_err(|e| {
-        let at = e.utf8_error().valid_up_to();
-        format!("it is not UTF-8 text (byte {at} is no character)")
-    })
+    let bytes = std::fs::read(path).map_err(|e| reading::reason(&e))?;
+    reading::as_text(bytes).map_err(|e| e.to_string())
 }
 
 /// Reads and resolves a scene. Prints why and returns `None` only if there is no text to check; other errors are kept, so
@@ -93,7 +91,11 @@ pub(crate) fn read_scene(scene: &Path, overrides: &[String], command: &str, more
     let folder = scene.parent().map(Path::to_path_buf).unwrap_or_default();
     let mut diagnostics = Vec::new();
     let overrides = command_line(scene, overrides, command, &mut sources, &mut diagnostics);
-    let mut loader = Files { folders: BTreeMap::from([(main.index(), folder.clone())]), last: folder.clone() };
+    let mut loader = Files {
+        scene: folder.clone(),
+        folders: BTreeMap::from([(main.index(), folder.clone())]),
+        last: folder.clone(),
+    };
     let checked = resolve(&mut sources, main, &mut loader, &overrides);
     diagnostics.extend(checked.diagnostics);
     let name = scene.file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
@@ -173,18 +175,18 @@ fn one_override(word: &str, whole: Span, sources: &SourceMap) -> Result<Override
 pub(crate) fn print_all(diagnostics: &[Diagnostic], sources: &SourceMap) {
     let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     for d in one_per_cause(diagnostics, sources) {
-        say(&render(&d, sources, color));
-        say("\n");
+        // colours are our own; what the scene says is made visible inside
+        let _ = std::io::stderr().lock().write_all(format!("{}\n", render(&d, sources, color)).as_bytes());
     }
 }
 
-/// Writes to standard error; a closed pipe is not our problem.
+/// Writes to standard error, with what moves the cursor of a terminal made visible; a closed pipe is not our problem.
 pub(crate) fn say(text: &str) {
-    let _ = std::io::stderr().lock().write_all(text.as_bytes());
+    let _ = std::io::stderr().lock().write_all(visible(text).as_bytes());
 }
 
-/// Writes to standard output; a closed pipe is not our problem.
+/// Writes to standard output, like [`say`]; a closed pipe is not our problem.
 pub(crate) fn out(text: &str) {
     let mut stdout = std::io::stdout().lock();
-    let _ = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush());
+    let _ = stdout.write_all(visible(text).as_bytes()).and_then(|()| stdout.flush());
 }

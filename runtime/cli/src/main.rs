@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod args;
+mod args_slip;
 mod ast_text;
 mod check;
 mod corpus;
@@ -37,13 +38,25 @@ fn main() -> ExitCode {
         Ok(args) => args,
         Err(message) => {
             // help and version go to standard output and are no error; a closed pipe is not our problem
-            let _ = message.print();
+            if !message.use_stderr() {
+                let _ = message.print();
+                return ExitCode::SUCCESS;
+            }
+            let words: Vec<String> = std::env::args_os().skip(1).map(|a| a.to_string_lossy().into_owned()).collect();
+            load::say(&args_slip::told(&message, &words));
             // 2 is a step that did not converge, so a wrong command line is 1 as other errors are
-            return if message.use_stderr() { ExitCode::from(prepared::EXIT_ERROR) } else { ExitCode::SUCCESS };
+            return ExitCode::from(prepared::EXIT_ERROR);
         }
     };
     if let Some(bytes) = args.memory {
         wfl_runtime::memory::set_limit(bytes);
+    }
+    for folder in &args.allow_read {
+        if let Err(e) = wfl_runtime::reading::allow(folder) {
+            let why = wfl_runtime::reading::reason(&e);
+            load::say(&format!("error: cannot allow reading from {}: {why}\n", folder.display()));
+            return ExitCode::from(prepared::EXIT_ERROR);
+        }
     }
     match args.command {
         Command::Run(options) => run::run(&options, started),

@@ -15,7 +15,8 @@ use wfl_compiler::{
 };
 
 use crate::{
-    mesh::{BoxShape, MapError, Mesh, MeshError, cells_for_size, generate_box, map_nodes, read::ReadError},
+    mesh::{BoxShape, MapError, Mesh, MeshError, cells_for_size, generate_box, map_nodes},
+    reading::{self, ReadingError},
     scene::constants::{bare_env, numbers},
     value::Value,
 };
@@ -24,7 +25,16 @@ use crate::{
 /// after a message.
 pub(super) fn read(script: &ResolvedScript, folder: &Path, diagnostics: &mut Vec<Diagnostic>) -> Option<Mesh> {
     let MeshSource::File { path, span } = &script.mesh.as_ref()?.source else { return None };
-    match crate::mesh::read::read_mesh(&folder.join(path)) {
+    let bytes = match reading::bytes(folder, folder, path) {
+        Ok(bytes) => bytes,
+        Err(e) => {
+            let near = if matches!(e, ReadingError::Io(_)) { similar(folder, path) } else { None };
+            let text = near.map_or(String::new(), |n| format!("did you mean `{n}`?"));
+            diagnostics.push(unread(&e, "E410", &format!("cannot use the mesh file `{path}`")).at(*span, text));
+            return None;
+        }
+    };
+    match crate::mesh::read::mesh_of(&bytes) {
         Ok(mesh) => {
             let twins = &mesh.warnings().duplicate_nodes;
             if let Some((a, b)) = twins.first() {
@@ -41,10 +51,19 @@ pub(super) fn read(script: &ResolvedScript, folder: &Path, diagnostics: &mut Vec
         }
         Err(e) => {
             let d = Diagnostic::new("E410", format!("cannot use the mesh file `{path}`: {e}"));
-            let near = if matches!(e, ReadError::Io { .. }) { similar(folder, path) } else { None };
-            diagnostics.push(d.at(*span, near.map_or(String::new(), |n| format!("did you mean `{n}`?"))));
+            diagnostics.push(d.at(*span, ""));
             None
         }
+    }
+}
+
+/// A file that cannot be had: E217 if the scene may not read it, else `code`.
+pub(super) fn unread(error: &ReadingError, code: &'static str, what: &str) -> Diagnostic {
+    let code = if matches!(error, ReadingError::Outside { .. }) { "E217" } else { code };
+    let d = Diagnostic::new(code, format!("{what}: {error}"));
+    match error.help() {
+        Some(help) => d.help(help),
+        None => d,
     }
 }
 
@@ -187,15 +206,20 @@ pub(super) fn box_of(script: &ResolvedScript, params: &BTreeMap<String, Constant
     Some(SceneBox { counts: cells[..low.len().min(3)].to_vec(), by_size: matches!(division, BoxDivision::Size(_)) })
 }
 
+/// Cells in one direction of a box: a million already is more than a plane of them could have in memory.
+const MOST_CELLS: f64 = 1e6;
+
 fn whole_cells(n: &[f64], dim: usize, e: &Expr, diagnostics: &mut Vec<Diagnostic>) -> Option<[usize; 3]> {
     let mut cells = [1; 3];
     let expanded: Vec<f64> = if n.len() == 1 { vec![n[0]; dim] } else { n.to_vec() };
     for (slot, x) in cells.iter_mut().zip(&expanded) {
-        if x.fract() != 0.0 || *x < 1.0 || *x > 1e6 {
-            diagnostics.push(
-                Diagnostic::new("E408", format!("a number of cells is a whole number from 1, found {x}"))
-                    .at(e.span, ""),
-            );
+        if x.fract() != 0.0 || *x < 1.0 || *x > MOST_CELLS {
+            let text = if x.fract() == 0.0 && *x > MOST_CELLS {
+                format!("{x} cells in one direction are too many: {MOST_CELLS} are allowed")
+            } else {
+                format!("a number of cells is a whole number from 1, found {x}")
+            };
+            diagnostics.push(Diagnostic::new("E408", text).at(e.span, ""));
             return None;
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]

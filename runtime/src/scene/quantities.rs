@@ -3,9 +3,10 @@
 use wfl::{DataValue, Diagnostic, Span, StartKind, ast::Reduction};
 use wfl_compiler::{compile_value, types::FieldKind, without_fields};
 
-use super::{Builder, Measure, RuleChoice, mappings, mesh, terms};
+use super::{Builder, Measure, RuleChoice, mappings, mesh, mesh::unread, terms};
 use crate::{
     point_values::{PointValues, SAME_PLACE},
+    reading,
     system::System,
     value::Value,
 };
@@ -91,11 +92,17 @@ impl Builder<'_> {
 
     /// A file of values at positions, read; `None` after a message.
     fn table(&mut self, path: &str, span: Span) -> Option<PointValues> {
-        let read = std::fs::read_to_string(self.folder.join(path)).map_err(|e| e.to_string());
-        match read.and_then(|text| PointValues::parse(&text).map_err(|e| e.to_string())) {
+        let text = match reading::text(self.folder, self.folder, path) {
+            Ok(text) => text,
+            Err(e) => {
+                self.diagnostics.push(unread(&e, "E418", &format!("`{path}` cannot be read")).at(span, ""));
+                return None;
+            }
+        };
+        match PointValues::parse(&text) {
             Ok(table) => Some(table),
-            Err(text) => {
-                let d = Diagnostic::new("E418", format!("`{path}` cannot be read: {text}"));
+            Err(e) => {
+                let d = Diagnostic::new("E418", format!("`{path}` cannot be read: {e}"));
                 let d = d.help("a line of names (x, y, z, u_1, u_2, ...), then lines of numbers, with commas between");
                 self.diagnostics.push(d.at(span, ""));
                 None

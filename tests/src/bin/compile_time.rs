@@ -23,10 +23,10 @@ const ROUNDS: usize = 15;
 struct Files;
 
 impl Loader for Files {
-    fn load(&mut self, path: &str, from: SourceId) -> Result<(String, String), String> {
+    fn load(&mut self, path: &str, from: SourceId) -> Result<(String, String), wfl::Unloaded> {
         let _ = from;
         let full = examples().join("fault").join(path);
-        std::fs::read_to_string(&full).map(|t| (full.display().to_string(), t)).map_err(|e| e.to_string())
+        std::fs::read_to_string(&full).map(|t| (full.display().to_string(), t)).map_err(|e| e.to_string().into())
     }
 }
 

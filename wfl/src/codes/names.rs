@@ -131,6 +131,15 @@ pub(super) const PAGES: &[CodePage] = &[
         "term t on all : Grad_u:Grad_Test_u",
     ),
     page(
+        "E217",
+        "a file outside the folder of the scene",
+        "A scene reads files in its own folder and below: by `use`, `mesh file`, `data` and `start from`, and links are \
+         followed before this is decided. So a scene of somebody else cannot look at the rest of a computer. A folder \
+         beside it is allowed on the command line: wfl run scene.wfl --allow-read ../meshes.",
+        "use \"../laws/friction.wfl\"",
+        "param c = 1",
+    ),
+    page(
         "E301",
         "a term that is not linear in the test functions",
         "Each summand of a term holds one test function, once. In a residual the other factor is the unknown itself.",

@@ -114,19 +114,22 @@ impl Slip<'_> {
         }
         let (before, behind) = (self.before(), self.masked[self.at + 1..].trim_start_matches(' '));
         let left = &before[before.rfind(|c: char| !c.is_ascii_digit()).map_or(0, |i| i + 1)..];
-        let right = &behind[..behind.find(|c: char| !c.is_ascii_digit()).unwrap_or(behind.len())];
+        let right = &behind[..behind.find(|c: char| !c.is_ascii_digit() && c != ',').unwrap_or(behind.len())];
+        let right = right.trim_end_matches(',');
         if left.is_empty() || right.is_empty() || !self.expects(Rule::infix) {
             return None;
         }
         let d = Diagnostic::new("E120", format!("`{left},{right}` is not a number"));
         let start = before.len() - left.len();
         let d = d.at(super::span_at(self.id, self.base, start, self.masked.len() - behind.len() + right.len()), "");
-        let grouped = if right.len() == 3 && left != "0" {
-            format!("; digits are not grouped: {left}{right}")
-        } else {
-            String::new()
-        };
-        Some(d.help(format!("the decimal sign is a point: {left}.{right}{grouped}; a vector is [{left},{right}]")))
+        let groups: Vec<&str> = right.split(',').collect();
+        let grouped = left != "0" && groups.iter().all(|g| g.len() == 3);
+        let joined = format!("digits are not grouped: {left}{}", groups.concat());
+        if groups.len() > 1 {
+            return Some(d.help(if grouped { joined } else { format!("a list stands in brackets: [{left},{right}]") }));
+        }
+        let joined = if grouped { format!("; {joined}") } else { String::new() };
+        Some(d.help(format!("the decimal sign is a point: {left}.{right}{joined}; a vector is [{left},{right}]")))
     }
 
     /// The innermost parenthesis that is open at the slip, if no other bracket is inside it.

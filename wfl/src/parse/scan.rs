@@ -104,7 +104,7 @@ pub(super) fn known_statement(masked: &str, piece: &Piece, id: SourceId) -> Pars
 }
 
 /// The word behind `=`: `TestFunction` of `= ufl.TestFunction(V)`.
-fn called(rest: &str) -> &str {
+pub(super) fn called(rest: &str) -> &str {
     let value = rest.trim_start_matches('=').trim_start();
     let path = value.split(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '.').next().unwrap_or("");
     path.rsplit('.').next().unwrap_or(path)

@@ -1,9 +1,9 @@
 //! What pest says about a failed parse, turned into a message: which slip it is, where, and what to type instead.
 
-use super::{Rule, is_keyword, span_at};
+use super::{Rule, is_keyword, scan::called, span_at};
 use crate::{
     diag::{Diagnostic, nearest},
-    foreign::form,
+    foreign::{foreign, form},
     source::SourceId,
 };
 use pest::error::{Error, ErrorVariant, InputLocation};
@@ -44,6 +44,10 @@ impl Slip<'_> {
     fn with_form(&self, d: Diagnostic) -> Diagnostic {
         let offers = d.labels.iter().any(|l| l.text.contains("did you mean"));
         let word = token(self.masked.trim_start());
+        let value = self.masked.split_once('=').map_or("", |(_, value)| value);
+        if let Some(here) = foreign(called(value)).filter(|_| d.helps.is_empty() && !offers) {
+            return d.help(here);
+        }
         match form(word).filter(|_| d.helps.is_empty() && !offers && d.code != "E207") {
             Some(form) => d.help(format!("the form is: {form}")),
             None => d,

@@ -11,7 +11,7 @@ use crate::{
     render::at_expr,
     source::Span,
     walk::{each_name, each_word},
-    words::{CONSTANTS, is_function, split_prefixes},
+    words::{CONSTANTS, PREFIXES, is_function, split_prefixes},
 };
 
 /// Words of other programs named in one message; the rest is met when these are mended.
@@ -28,6 +28,12 @@ impl Resolver<'_> {
                     found.push((e, word));
                 }
             });
+        }
+        let derivative = |w: &str| w.strip_prefix('d').is_some_and(|f| self.names.values.contains_key(f));
+        if let Some((e, word)) = found.iter().find(|(_, w)| derivative(w)) {
+            let d = self.of_elsewhere(&[(*e, *word, foreign("Dx").unwrap_or_default())]);
+            self.diagnostics.push(d);
+            return None;
         }
         let cured: Vec<_> = found.iter().filter_map(|(e, w)| Some((*e, *w, foreign(w)?))).collect();
         if !cured.is_empty() {
@@ -51,7 +57,7 @@ impl Resolver<'_> {
             || ["x", "y", "z", "t"].contains(&word)
             || self.names.values.contains_key(word)
             || self.script.lost.covers(word)
-            || !prefix.is_empty() && (self.names.values.contains_key(root) || self.script.lost.covers(root))
+            || is_order(prefix) && (self.names.values.contains_key(root) || self.script.lost.covers(root))
     }
 
     fn of_elsewhere(&self, words: &[(&Expr, &str, &'static str)]) -> Diagnostic {
@@ -97,6 +103,12 @@ impl Resolver<'_> {
             self.script.lost.add(&name);
         }
     }
+}
+
+/// True for prefixes in the order in which they are read: a derivative, then what the field is taken as.
+fn is_order(prefixes: &str) -> bool {
+    let rest = ["Grad_", "Hess_", "Div_"].iter().find_map(|p| prefixes.strip_prefix(p)).unwrap_or(prefixes);
+    !prefixes.is_empty() && (rest.is_empty() || PREFIXES.contains(&rest) && !rest.starts_with("Grad_"))
 }
 
 /// A further mark; one inside a macro of another place is left out.

@@ -16,8 +16,28 @@ pub trait Loader {
     /// same name, since a file is included once.
     ///
     /// # Errors
-    /// Why the file cannot be read, in words that can stand behind "cannot read: ".
-    fn load(&mut self, path: &str, from: SourceId) -> Result<(String, String), String>;
+    /// Why there is no such text.
+    fn load(&mut self, path: &str, from: SourceId) -> Result<(String, String), Unloaded>;
+}
+
+/// Why a file gives no text.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Unloaded {
+    /// In words that can stand behind "cannot read: ".
+    pub why: String,
+    /// There is no such file, so one of another name may be meant.
+    pub missing: bool,
+    /// The scene may not read it (E217).
+    pub outside: bool,
+    /// What to do.
+    pub help: Option<String>,
+}
+
+impl From<String> for Unloaded {
+    /// There is no such file.
+    fn from(why: String) -> Self {
+        Self { why, missing: true, ..Self::default() }
+    }
 }
 
 /// A loader for scenes without files of their own: only the library can be used.
@@ -25,8 +45,8 @@ pub trait Loader {
 pub struct NoFiles;
 
 impl Loader for NoFiles {
-    fn load(&mut self, _path: &str, _from: SourceId) -> Result<(String, String), String> {
-        Err("no files can be read here".to_owned())
+    fn load(&mut self, _path: &str, _from: SourceId) -> Result<(String, String), Unloaded> {
+        Err("no files can be read here".to_owned().into())
     }
 }
 
@@ -35,6 +55,9 @@ pub const LIBRARY: &[(&str, &str)] = &[
     ("contact.wfl", include_str!("../../std/contact.wfl")),
     ("elasticity.wfl", include_str!("../../std/elasticity.wfl")),
 ];
+
+/// The ending of the texts of scenes.
+const ENDING: &str = ".wfl";
 
 /// Included files may name files in turn, this deep.
 const INCLUDE_DEPTH: usize = 50;
@@ -117,10 +140,14 @@ impl<'a> Includes<'a> {
     fn include(&mut self, path: &str, span: Span, from: SourceId) {
         let (name, text, library) = match self.find(path, from) {
             Ok(found) => found,
-            Err(why) => {
-                let known = LIBRARY.iter().map(|l| l.0).collect::<Vec<_>>().join(", ");
-                let d = Diagnostic::new("E213", format!("cannot read \"{path}\": {why}")).at(span, "");
-                self.diagnostics.push(d.note(format!("the library has {known}")));
+            Err(not) => {
+                let code = if not.outside { "E217" } else { "E213" };
+                let d = Diagnostic::new(code, format!("cannot read \"{path}\": {}", not.why)).at(span, "");
+                let d = if not.missing { d.note(self.library_has()) } else { d };
+                self.diagnostics.push(match not.help {
+                    Some(help) => d.help(help),
+                    None => d,
+                });
                 self.lost.add_everything();
                 return;
             }
@@ -146,17 +173,34 @@ impl<'a> Includes<'a> {
         }
     }
 
-    /// Name, text and whether it is of the library. Inside the library the library is asked first.
-    fn find(&mut self, path: &str, from: SourceId) -> Result<(String, String, bool), String> {
+    fn library_has(&self) -> String {
+        let known: Vec<String> = LIBRARY.iter().map(|l| format!("\"{}\"", l.0.trim_end_matches(ENDING))).collect();
+        format!("the library has {}", known.join(", "))
+    }
+
+    /// Name, text and whether it is of the library. The ending may be left out; no file of another ending is read, since
+    /// messages show lines of it. Inside the library the library is asked first.
+    fn find(&mut self, path: &str, from: SourceId) -> Result<(String, String, bool), Unloaded> {
+        let whole = if path.ends_with(ENDING) { path.to_owned() } else { format!("{path}{ENDING}") };
         let library =
-            || LIBRARY.iter().find(|l| l.0 == path).map(|l| (format!("<library>/{path}"), l.1.to_owned(), true));
+            || LIBRARY.iter().find(|l| l.0 == whole).map(|l| (format!("<library>/{whole}"), l.1.to_owned(), true));
         let in_library = self.open.last().is_some_and(|o| o.1);
         if in_library && let Some(found) = library() {
             return Ok(found);
         }
-        match self.loader.load(path, from) {
+        match self.loader.load(&whole, from) {
             Ok((name, text)) => Ok((name, text, false)),
-            Err(why) => library().ok_or(why),
+            // a file that is there and cannot be read is not replaced by another one
+            Err(not) if !not.missing => Err(not),
+            Err(not) => library().ok_or_else(|| match path.rsplit_once('.') {
+                Some((_, ending)) if path != whole && !ending.contains('/') => Unloaded {
+                    help: Some(format!(
+                        "files of a scene end in {ENDING}; meshes and data are read by `mesh` and `data`"
+                    )),
+                    ..not
+                },
+                _ => not,
+            }),
         }
     }
 }

@@ -11,8 +11,8 @@ use crate::{
 struct Files(BTreeMap<&'static str, String>);
 
 impl Loader for Files {
-    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), String> {
-        self.0.get(path).map(|t| (path.to_owned(), t.clone())).ok_or_else(|| "no such file".to_owned())
+    fn load(&mut self, path: &str, _from: SourceId) -> Result<(String, String), Unloaded> {
+        self.0.get(path).map(|t| (path.to_owned(), t.clone())).ok_or_else(|| "no such file".to_owned().into())
     }
 }
 

@@ -10,8 +10,6 @@ mod gmsh;
 mod msh2;
 mod msh4;
 
-use std::path::{Path, PathBuf};
-
 use super::{Mesh, MeshError, RawMesh};
 
 /// Where in a file something was found.
@@ -35,14 +33,6 @@ impl std::fmt::Display for Place {
 /// A mesh file that cannot be used. Numbers of nodes and elements are those of the file.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// The file cannot be read at all.
-    #[error("{}", reason(source))]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
     /// No reader knows the first bytes.
     #[error("not a mesh file of a known format (Gmsh 2.2 or 4.1 is read)")]
     UnknownFormat,
@@ -136,15 +126,6 @@ pub enum ReadError {
     Mesh(#[from] MeshError),
 }
 
-fn reason(error: &std::io::Error) -> String {
-    match error.kind() {
-        std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
-        std::io::ErrorKind::IsADirectory => "it is a directory, a file is needed".to_owned(),
-        std::io::ErrorKind::PermissionDenied => "permission denied".to_owned(),
-        _ => error.to_string(),
-    }
-}
-
 /// One file format.
 struct Reader {
     recognises: fn(&[u8]) -> bool,
@@ -156,20 +137,19 @@ const READERS: [Reader; 2] = [
     Reader { recognises: msh4::recognises, parse: msh4::parse },
 ];
 
-/// Reads and checks a mesh file. Physical groups become [`super::Group`]s; an unnamed one is
+/// The mesh in the contents of a file, checked. Physical groups become [`super::Group`]s; an unnamed one is
 /// called after its dimension and number, as in `surface_3`.
 ///
 /// # Errors
 /// [`ReadError`].
-pub fn read_mesh(path: &Path) -> Result<Mesh, ReadError> {
-    let bytes = std::fs::read(path).map_err(|source| ReadError::Io { path: path.to_path_buf(), source })?;
-    Ok(Mesh::from_raw(parse_mesh(&bytes)?)?)
+pub fn mesh_of(bytes: &[u8]) -> Result<Mesh, ReadError> {
+    Ok(Mesh::from_raw(parse_mesh(bytes)?)?)
 }
 
 /// The mesh in the contents of a file, not yet checked.
 ///
 /// # Errors
-/// [`ReadError`] other than `Io` and `Mesh`.
+/// [`ReadError`] other than `Mesh`.
 pub fn parse_mesh(bytes: &[u8]) -> Result<RawMesh, ReadError> {
     if let Some(reader) = READERS.iter().find(|reader| (reader.recognises)(bytes)) {
         return (reader.parse)(bytes);
