@@ -1,12 +1,10 @@
-//! The tools of the language on inputs of every kind: no text panics, the examples are canonical, every page of a code
-//! holds what it says.
+//! The tools of the language on inputs of every kind: no text panics, the examples are canonical, every page has a code
+//! that is given. What the examples of the pages give is tested with the command (runtime/cli/tests/pairs).
 
-use std::{collections::BTreeSet, path::Path};
+use std::collections::BTreeSet;
 
 use proptest::prelude::*;
-use wfl::{Diagnostic, NoFiles, SourceMap, codes, format, resolve};
-use wfl_compiler::InterpreterBackend;
-use wfl_runtime::prepare;
+use wfl::{SourceMap, codes, format};
 use wfl_tests::{
     files,
     fuzz::{Random, expression, run_expression, run_text, text},
@@ -98,75 +96,4 @@ fn every_page_has_a_code_that_is_given() {
     let pages: BTreeSet<String> = codes().map(|p| p.code.to_owned()).collect();
     let idle: Vec<_> = pages.difference(&used).collect();
     assert!(idle.is_empty() || idle == ["W503"], "given by nothing: {idle:?}");
-}
-
-/// A scene that is right; a line gives way to lines of an example that declare the same.
-const SCENE: &[&str] = &[
-    "mesh box [0,0,0] to [1,1,1] cells [4,4,4] hex",
-    "region left = cells where x < 0.5",
-    "region right = cells where x > 0.5",
-    "region fault = interface from left to right",
-    "region west = faces where x == 0",
-    "unknown u : vector",
-    "unknown uL : vector on left",
-    "unknown uR : vector on right",
-    "param gamma = 1e5",
-    "param fric = 0.4",
-    "param theta = 1 in {-1,0,1}",
-    "def sigma(v) = Sym(Grad_v)",
-    "def jump(a,b) = a - Interpolate(b, neighbor_element)",
-    "def Pn = gamma*(jump(uL,uR).Normal)",
-    "term base on all : sigma(u):Grad_Test_u",
-    "term lefts on left : sigma(uL):Grad_Test_uL",
-    "term rights on right : sigma(uR):Grad_Test_uR",
-    "fix u = [0,0,0] on west",
-];
-
-fn with_scene(example: &str) -> String {
-    let declares = |line: &str| -> Vec<String> {
-        line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').take(2).map(str::to_owned).collect()
-    };
-    let own: Vec<Vec<String>> = example.lines().map(declares).collect();
-    let replaced = |line: &&&str| {
-        let words = declares(line);
-        own.iter().any(|o| *o == words || words[0] == "mesh" && o[0] == "mesh")
-    };
-    let kept: Vec<&str> = SCENE.iter().filter(|l| !replaced(l)).copied().collect();
-    format!("{example}\n{}\n", kept.join("\n"))
-}
-
-fn found(text: &str) -> Vec<Diagnostic> {
-    let mut sources = SourceMap::new();
-    let main = sources.add("scene.wfl", text);
-    let resolved = resolve(&mut sources, main, &mut NoFiles, &[]);
-    let mut all = resolved.diagnostics;
-    if let Some(script) = resolved.value {
-        all.extend(prepare(&script, Path::new("nowhere"), &InterpreterBackend).diagnostics);
-    }
-    all
-}
-
-/// The wrong example of a page gives its code, the right one gives no error.
-#[test]
-fn the_examples_of_a_page_hold_what_they_say() {
-    // these need a run, a file, a command line, a scene without other fields, more text than fits a page, or a fault of
-    // the program itself
-    let elsewhere = [
-        "E119", "E124", "E125", "E213", "E214", "E403", "E410", "E412", "E421", "E422", "E423", "E601", "E602", "E603",
-        "E604", "E605", "E609", "E701", "E703", "W404", "W405", "W407", "W503", "W504", "W602", "W605", "W606", "W607",
-        "W608", "W609",
-    ];
-    let mut wrong = Vec::new();
-    for page in codes().filter(|p| !elsewhere.contains(&p.code)) {
-        let (bad, good) = (found(&with_scene(page.wrong)), found(&with_scene(page.fixed)));
-        // the scene around an example has names that the example does not use: W702 is told more often
-        let count = |list: &[Diagnostic]| list.iter().filter(|d| d.code == page.code).count();
-        if count(&bad) <= count(&good) {
-            wrong.push(format!("{} wrong gives {:?}", page.code, bad.iter().map(|d| d.code).collect::<Vec<_>>()));
-        }
-        for d in good.iter().filter(|d| d.is_error()) {
-            wrong.push(format!("{} right gives {} {}", page.code, d.code, d.message));
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

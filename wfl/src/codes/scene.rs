@@ -84,10 +84,10 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E412",
         "a system that cannot be set up",
-        "The terms, fields and conditions do not make a system of equations: nothing to solve for, or too much for \
-         the numbers that count unknowns.",
-        "fix u = [0,0,0] on all",
-        "fix u = [0,0,0] on west",
+        "The unknowns, or the pairs of unknowns that meet in a term, are more than the numbers that count them. Too little \
+         memory (E606) is told before, where there is less than that needs. A coarser mesh, or a lower degree, has fewer.",
+        "mesh box [0,0,0] to [1,1,1] cells [1500,1500,1500] hex",
+        "mesh box [0,0,0] to [1,1,1] cells [15,15,15] hex",
     ),
     page(
         "E413",

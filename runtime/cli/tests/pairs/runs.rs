@@ -1,0 +1,65 @@
+//! Pairs of the codes 6 to 8 that the lines of a page cannot show.
+
+use super::{
+    Pair,
+    scenes::{FLOW, NITSCHE, ON_PLATE, PLATE},
+};
+
+/// A column pressed on a floor with a penalty.
+const PRESSED: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\nparam gamma = 1e3\nregion floor = faces where y == 0\n\
+    region side = faces where x == 0\nregion top = faces where y == 1\nunknown u : vector\n\
+    term bulk on all : 1000*Sym(Grad_u):Grad_Test_u\n\
+    term contact on floor : gamma*pos_part(u.Normal)*(Test_u.Normal)\nfix u(1) = 0 on side\nload u = [0,-1] on top\n";
+
+/// One unknown between two kinks: Newton's steps from 1 lead to -1 and back.
+const BETWEEN_KINKS: &str = "mesh box [0,0] to [1,1] cells [1,1] quad\nunknown d : scalar global\nstart d = 1\n\
+    term law on global : (1.5*d - pos_part(d - 0.5) + pos_part(-d - 0.5))*Test_d\n\
+    solver newton with search=none, max_iter=12\nmeasure m = max(d) on global\n";
+
+/// A p-Laplacian, whose tangent is zero at rest.
+const P_LAPLACE: &str = "mesh box [0] to [1] cells [4] segment\nunknown p : scalar\nstart p = 0\n\
+    term law on all : Norm_sqr(Grad_p)*(Grad_p.Grad_Test_p) - Test_p\nfix p = 0 on boundary\nmeasure m = max(p) on all\n";
+
+/// A fault that opens at one end and slips at the other; large friction leaves several states.
+const WEDGED: &str = "mesh box [-3,0] to [3,4] cells [12,10] quad map [x + (y-2)*0.57735*(1-abs(x)/3), y]\n\
+    param gamma = 1e8\nparam fric = 5\nregion left = cells where x < (y-2)*0.57735\n\
+    region right = cells where x > (y-2)*0.57735\nregion fault = interface from left to right\n\
+    region bottom = faces where y == 0\nregion west = faces where x == -3\nregion east = faces where x == 3\n\
+    region top = faces of right where y == 4\nunknown uL : vector on left\nunknown uR : vector on right\n\
+    def sigma(v) = 10000*Div_v*Id(2) + 20000*Sym(Grad_v)\ndef jump(a,b) = a - Interpolate(b, neighbor_element)\n\
+    def tang(v) = v - (v.Normal)*Normal\ndef Pn = gamma*(jump(uL,uR).Normal)\ndef Pt = gamma*tang(jump(uL,uR))\n\
+    term a on left : sigma(uL):Grad_Test_uL\nterm b on right : sigma(uR):Grad_Test_uR\n\
+    term contact on fault : (pos_part(Pn)*Normal + Ball_projection(Pt, fric*pos_part(Pn))).jump(Test_uL,Test_uR)\n\
+    quadrature on fault vertex\nfix uL, uR = [0,0] on bottom\nfix uL(1) = 0 on west\nload uR = [-3,0] on east\n\
+    load uR = [0.7*t,-t] on top\nsteps t = 0 to 4 by 1\n";
+
+/// Pairs by code.
+pub(crate) fn pairs() -> Vec<Pair> {
+    let flow = |lines: &str| format!("{FLOW}{lines}\n");
+    vec![
+        Pair::new("E601", flow("term law on all : log(p - 5)*Test_p")).near("log(p - 5)", "log(p + 5)"),
+        Pair::new("E602", FLOW.replace("fix p = 0", "load p = 0")).near("load p = 0", "fix p = 0"),
+        Pair::new("E603", flow("term law on all : p^3*Test_p\nsolver newton with max_iter=1"))
+            .near("iter=1", "iter=20"),
+        Pair::new("E604", flow("expect top < 0")).near("top < 0", "top > 0"),
+        Pair::new("E605", flow("term base on all : 100*p*Test_p"))
+            .command("run scene.wfl --accuracy 1e-8 --of H1 --budget 0.01")
+            .near("1e-8 --of H1 --budget 0.01", "1e-1 --of H1"),
+        Pair::new("E701", flow("param k = 1 in 0..2\nload p = k on all"))
+            .command("run scene.wfl k=3")
+            .near("k=3", "k=2"),
+        Pair::new("E703", flow("param k = 1 in 0..2\nload p = k on all"))
+            .command("run scene.wfl kk=2")
+            .near("kk=2", "k=2"),
+        Pair::new("W602", BETWEEN_KINKS).near("search=none", "search=auto"),
+        Pair::new("W605", NITSCHE.replace("1e4", "1e17")).near("gamma = 1e17", "gamma = 1e5"),
+        Pair::new("W606", PRESSED).near("gamma = 1e3", "gamma = 1e7"),
+        Pair::new("W607", P_LAPLACE).near("start p = 0", "start p = 0.1*x*(1-x)"),
+        Pair::new("W608", ON_PLATE)
+            .file("plate.msh", PLATE)
+            .command("run scene.wfl --accuracy 0.1")
+            .near(" --accuracy 0.1", ""),
+        Pair::new("W609", WEDGED).near("fric = 5", "fric = 0.4"),
+        Pair::new("W702", flow("param k = 1")).near("param k = 1", "param k = 1\nload p = k on all"),
+    ]
+}

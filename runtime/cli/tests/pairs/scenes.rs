@@ -1,0 +1,93 @@
+//! Pairs of the codes 1 to 5 that the lines of a page cannot show.
+
+use super::Pair;
+
+/// A flow between two ends.
+pub(crate) const FLOW: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\nregion west = faces where x == 0\n\
+    region east = faces where x == 1\nunknown p : scalar\nterm flow on all : Grad_p.Grad_Test_p\n\
+    fix p = 0 on west\nload p = 1 on east\nmeasure top = max(p) on all\n";
+
+const MESH: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\n";
+const TERM: &str = "term flow on all : Grad_p.Grad_Test_p\n";
+
+/// Two squares side by side, from Gmsh: `left` and `right`, the lines `west`, `east` and `seam`.
+pub(crate) const PLATE: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n5\n1 1 \"west\"\n1 2 \"east\"\n1 3 \"seam\"\n\
+    2 4 \"left\"\n2 5 \"right\"\n$EndPhysicalNames\n$Nodes\n6\n1 0 0 0\n2 1 0 0\n3 2 0 0\n4 0 1 0\n5 1 1 0\n6 2 1 0\n\
+    $EndNodes\n$Elements\n5\n1 1 2 1 1 4 1\n2 1 2 2 2 3 6\n3 1 2 3 3 2 5\n4 3 2 4 4 1 2 5 4\n5 3 2 5 5 2 3 6 5\n\
+    $EndElements\n";
+
+/// The same with two nodes for one place: the squares hang together at one node only.
+fn torn() -> String {
+    PLATE.replace("$Nodes\n6", "$Nodes\n7").replace("6 2 1 0", "6 2 1 0\n7 1 1 0").replace("2 3 6 5\n", "2 3 6 7\n")
+}
+
+/// The flow through that plate.
+pub(crate) const ON_PLATE: &str = "mesh file \"plate.msh\"\nunknown p : scalar\nterm flow on all : Grad_p.Grad_Test_p\n\
+    fix p = 0 on west\nload p = 1 on east\nmeasure top = max(p) on all\n";
+
+/// Two blocks with Nitsche's method between them.
+pub(crate) const NITSCHE: &str = "mesh box [0,0] to [2,1] cells [2,1] quad\nparam gamma = 1e4\nregion left = cells where x < 1\n\
+    region right = cells where x > 1\nregion fault = interface from left to right\nregion west = faces where x == 0\n\
+    region east = faces where x == 2\nunknown uL : vector on left\nunknown uR : vector on right\n\
+    def sigma(v) = 1000*Sym(Grad_v)\ndef trac(v) = sigma(v)*Normal\ndef jump(a,b) = a - Interpolate(b, neighbor_element)\n\
+    term a on left : sigma(uL):Grad_Test_uL\nterm b on right : sigma(uR):Grad_Test_uR\n\
+    def P(a,b,v) = gamma*(jump(a,b).Normal) - trac(v).Normal\n\
+    term stress on fault : -1/gamma*(trac(uL).Normal)*(trac(Test_uL).Normal)\n\
+    term contact on fault : 1/gamma*pos_part(P(uL,uR,uL))*P(Test_uL,Test_uR,Test_uL)\n\
+    term hold on fault : 1000*(jump(uL,uR) - (jump(uL,uR).Normal)*Normal).jump(Test_uL,Test_uR)\n\
+    fix uL = [0,0] on west\nfix uR = [-1e-3,0] on east\n";
+
+/// Two blocks and a multiplier between them, all held at the bottom.
+const MULTIPLIER: &str = "mesh box [0,0] to [2,2] cells [2,2] quad\nregion left = cells where x < 1\n\
+    region right = cells where x > 1\nregion fault = interface from left to right\nregion bottom = faces where y == 0\n\
+    unknown uL : vector on left\nunknown uR : vector on right\nmultiplier l : vector on fault\n\
+    def jump(a,b) = a - Interpolate(b, neighbor_element)\nterm a on left : Grad_uL:Grad_Test_uL\n\
+    term b on right : Grad_uR:Grad_Test_uR\nterm tie on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l\n\
+    fix uL, uR = [0,0] on bottom\nload uL = [0,1] on left\n";
+
+fn nested(depth: usize) -> String {
+    format!("{}1{}", "(".repeat(depth), ")".repeat(depth))
+}
+
+/// Macros that each use the one before twice.
+fn doubled(levels: usize) -> String {
+    let macros: String = (1..levels).map(|k| format!("def f{k} = f{} + f{0}\n", k - 1)).collect();
+    format!("{FLOW}def f0 = x + y\n{macros}measure last = max(f{}) on all\n", levels - 1)
+}
+
+/// Pairs by code.
+pub(crate) fn pairs() -> Vec<Pair> {
+    let measured = |value: &str| format!("{FLOW}measure value = max({value}) on all\n");
+    vec![
+        Pair::new("E119", measured(&nested(250))).near(&measured(&nested(250)), &measured(&nested(150))),
+        Pair::new("E124", doubled(25)).near(&doubled(25), &doubled(5)),
+        Pair::new("E125", format!("{FLOW}# {}\n", "x".repeat(5 << 20)))
+            .near(&"x".repeat(5 << 20), &"x".repeat(1 << 20)),
+        Pair::new("E213", format!("use \"missing.wfl\"\n{FLOW}"))
+            .file("there.wfl", "# nothing\n")
+            .near("missing", "there"),
+        Pair::new("E214", format!("use \"scene.wfl\"\n{FLOW}")).file("there.wfl", "# nothing\n").near("scene", "there"),
+        Pair::new("E403", format!("{FLOW}unknown d : scalar global\nterm stop on east : pos_part(p - d - 9)*Test_d\n"))
+            .near("- 9)", "+ 9)"),
+        Pair::new("E410", ON_PLATE)
+            .file("plate.msh", "$MeshFormat\n9 0 8\n")
+            .file("good.msh", PLATE)
+            .near("plate", "good"),
+        Pair::new("E421", FLOW.replace(MESH, "# none\n")).near("# none\n", MESH),
+        Pair::new("E422", FLOW.replace(TERM, "# none\n")).near("# none\n", TERM),
+        Pair::new("E423", format!("{MESH}data p : scalar = 1\nmeasure top = max(p) on all\n"))
+            .near("data p : scalar = 1\n", "unknown p : scalar\nterm base on all : (p - 1)*Test_p\n"),
+        Pair::new(
+            "E425",
+            format!("{FLOW}region half = cells where x < 0.5\n").replace(TERM, &TERM.replace("all", "half")),
+        )
+        .near("x < 0.5", "x < 1.5"),
+        Pair::new("W404", MULTIPLIER).near("fix uL, uR =", "fix uL ="),
+        Pair::new("W405", ON_PLATE).file("plate.msh", torn()).file("whole.msh", PLATE).near("plate.msh", "whole.msh"),
+        Pair::new("W407", format!("{ON_PLATE}region seam = faces where x == 2\nmeasure m = mean(p) on seam\n"))
+            .file("plate.msh", PLATE)
+            .near("region seam = ", "region middle = "),
+        Pair::new("W503", NITSCHE.replace("1e4", "10")).near("gamma = 10", "gamma = 1e5"),
+        Pair::new("W504", NITSCHE.replace("1e4", "1e12")).near("gamma = 1e12", "gamma = 1e5"),
+    ]
+}
