@@ -37,12 +37,13 @@ pub use left_out::LeftOut;
 pub use pruning::{Pruning, Saving};
 pub use run::{
     Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Others, Outcome, Path, PhysicsCheck, Progress,
-    Quiet, RunError, RunOptions, StepResult, run, text_hash,
+    Quiet, RunError, RunOptions, StepResult, finished, run,
 };
 pub use savings::{SavingError, savings};
 pub use scene::{
-    CsvOutput, Given, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions, RuleChoice, SampleAt,
-    Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, prepare, prepare_keeping,
+    CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions,
+    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, prepare,
+    prepare_keeping,
 };
 pub use strategy::{SolverMemory, Strategy};
 pub use system::{FIXED, Known, LooseMotions, Memory, Numbering, Past, System, SystemError};

@@ -3,7 +3,11 @@
 //! Runs on the way are those of a sweep; the last one is an ordinary run with its files. What is picked, and why, is
 //! decided by the runtime.
 
-use std::{path::PathBuf, process::ExitCode, time::Instant};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Instant,
+};
 
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_runtime::{
@@ -13,12 +17,13 @@ use wfl_runtime::{
     },
     compare::{MEASURE, NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
     knobs::{self, Setting},
-    output::{OutputDir, Real, Report, write_report},
+    output::{OutputDir, OutputError, Real, Report, write_report},
 };
 
 use crate::{
     args::RunArgs,
     ended::finish,
+    folder::{error_line, told as told_of_folder},
     load::{Loaded, out, read_scene, say},
     prepared::EXIT_ERROR,
     ready::{self, Ready},
@@ -61,7 +66,7 @@ pub(crate) fn run(
     match found(args, demand, known, backend, started) {
         Ok(code) => code,
         Err(Out::Failed(why)) => {
-            say(&format!("error: {}\n", why.trim_start_matches("error: ")));
+            say(&error_line(why.trim_start_matches("error: ")));
             ExitCode::from(EXIT_ERROR)
         }
         Err(out) => {
@@ -152,7 +157,9 @@ impl Lab<'_> {
         let (scene, mut loaded) = prepared(loaded, self.bench.backend, &self.args.no_prune)?;
         self.fits(&scene, fineness)?;
         let mut scene = ready::shaped(self.args, scene);
+        loaded.knobs = setting.iter().map(|(name, value)| format!("{name}={value}")).collect();
         let mut ready = ready::ready(self.args, &mut loaded, &mut scene, parse_seconds, begin)?;
+        ready.resumable = false;
         let outcome = ready.go(&mut scene).map_err(|e| e.to_string())?;
         if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {
             return Err(format!("step t = {} did not converge", step.time));
@@ -181,10 +188,10 @@ impl Lab<'_> {
             estimate: none,
             ..AccuracyRecord::default()
         });
-        let written = OutputDir::create(&folder).and_then(|dir| write_report(&dir, &report));
+        let written = rewrite(&folder, &report);
         say(&match written {
-            Ok(_) => format!("{} holds a run on the way, which is not accurate enough\n", folder.display()),
-            Err(error) => format!("error: {error}\n"),
+            Ok(()) => format!("{} holds a run on the way, which is not accurate enough\n", folder.display()),
+            Err(error) => told_of_folder(&error),
         });
     }
 
@@ -235,10 +242,8 @@ impl Lab<'_> {
         solved.outcome.report.accuracy = Some(record);
         solved.outcome.report.timings.total = self.started.elapsed().as_secs_f64();
         if let Some(folder) = &ready.options.out {
-            let written =
-                OutputDir::create(folder).and_then(|dir| write_report(&dir, &solved.outcome.report)).map(|_| ());
-            if let Err(error) = written {
-                say(&format!("error: {error}\n"));
+            if let Err(error) = rewrite(folder, &solved.outcome.report) {
+                say(&told_of_folder(&error));
                 return ExitCode::from(EXIT_ERROR);
             }
         }
@@ -253,6 +258,13 @@ impl Lab<'_> {
         }
         if reached || code != ExitCode::SUCCESS { code } else { ExitCode::from(EXIT_ACCURACY) }
     }
+}
+
+/// Puts another report in place of that of a run that has ended.
+fn rewrite(folder: &Path, report: &Report) -> Result<(), OutputError> {
+    let dir = OutputDir::open(folder)?;
+    write_report(&dir, report)?;
+    dir.settle()
 }
 
 fn trial(solved: Solved, seconds: f64, steps: usize) -> Trial {

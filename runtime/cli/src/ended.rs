@@ -1,6 +1,6 @@
 //! What is said of a run that has ended, and its exit code.
 
-use std::process::ExitCode;
+use std::{path::Path, process::ExitCode};
 
 use wfl::Diagnostic;
 use wfl_compiler::{KinkKind, locate};
@@ -8,14 +8,19 @@ use wfl_runtime::{
     Outcome, RunError, RunOptions, Scene, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
     newton::{Iteration, NewtonError},
+    output::Report,
     solve::SolveError,
 };
 
 use crate::{
+    folder::{told, told_of_resuming},
     load::{Loaded, out, print_all, say},
     progress::Loudness,
+    ready::Ready,
 };
 
+/// How the checks of a report begin that are expectations of the scene.
+const EXPECT: &str = "expect ";
 /// A step did not converge.
 const EXIT_NOT_CONVERGED: u8 = 2;
 /// An expectation of the scene does not hold.
@@ -72,6 +77,21 @@ pub(crate) fn finish(
         }
     }
     if failed { ExitCode::from(EXIT_EXPECTATION) } else { ExitCode::SUCCESS }
+}
+
+/// Says of a run that is to go on that nothing of it is left to do.
+pub(crate) fn ended_before(ready: &Ready, report: &Report) -> ExitCode {
+    if ready.loudness != Loudness::Quiet {
+        let folder = ready.options.out.as_deref().unwrap_or(Path::new("")).display();
+        let n = report.steps.len();
+        out(&format!("{folder}: the run is finished, its {n} steps and files are whole: nothing is left to do\n"));
+    }
+    let broken = report.checks.iter().filter(|(name, check)| name.starts_with(EXPECT) && !check.ok);
+    let broken: Vec<&str> = broken.map(|(name, _)| name).collect();
+    for name in &broken {
+        say(&format!("error[E604]: an expectation of the scene does not hold\n  = note: {name}\n"));
+    }
+    if broken.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(EXIT_EXPECTATION) }
 }
 
 /// True if a Nitsche parameter is below its smallest safe value.
@@ -173,7 +193,11 @@ fn judged(outcome: &Outcome) -> String {
 /// Prints why a run stopped, at the place in the scene where there is one.
 pub(crate) fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
     let RunError::Newton { time, error: inner, .. } = error else {
-        say(&format!("error: {error}\n"));
+        say(&match error {
+            RunError::Output(error) => told(error),
+            RunError::Checkpoint(error) => told_of_resuming(error),
+            other => format!("error: {other}\n"),
+        });
         return;
     };
     match inner {

@@ -5,7 +5,7 @@ use std::{path::Path, process::ExitCode, time::Instant};
 use serde_json::Value;
 use wfl::Diagnostic;
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{Outcome, Quiet, RunOptions, prepare, run, text_hash};
+use wfl_runtime::{Outcome, Quiet, RunOptions, prepare, run};
 
 use crate::{
     args::ExtremesArgs,
@@ -147,7 +147,7 @@ fn one(args: &ExtremesArgs, word: Option<String>, backend: &dyn KernelBackend, s
         return refused(line(error));
     }
     let Some(mut scene) = prepared.scene else { return refused("no scene".to_owned()) };
-    let options = options(&loaded, &args.scene.scene, started);
+    let options = options(&args.scene.scene, started);
     let doubt = nitsche::parameters(&loaded, &mut scene).first().map(line);
     match run(&mut scene, &options, &mut Quiet) {
         Ok(outcome) => judge(&outcome, doubt),
@@ -155,11 +155,10 @@ fn one(args: &ExtremesArgs, word: Option<String>, backend: &dyn KernelBackend, s
     }
 }
 
-fn options(loaded: &Loaded, scene: &Path, started: Instant) -> RunOptions {
+fn options(scene: &Path, started: Instant) -> RunOptions {
     let threads = threads::available();
     RunOptions {
         name: scene.display().to_string(),
-        text_hash: text_hash(loaded.texts()),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         keep_states: true,
         ..RunOptions::without_files(threads, started)

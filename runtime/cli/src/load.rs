@@ -7,10 +7,14 @@ use std::{
 };
 
 use wfl::{
-    Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, Span, Unloaded, one_per_cause, parse_expr,
-    render, resolve, visible,
+    Diagnostic, Loader, Override, ResolvedScript, Source, SourceId, SourceMap, Span, Unloaded, one_per_cause,
+    parse_expr, render, resolve, visible,
 };
-use wfl_runtime::reading::{self, ReadingError};
+use wfl_runtime::{
+    Pruning,
+    output::{Hash, OrderedMap},
+    reading::{self, ReadingError},
+};
 
 /// A scene that was read, with its texts.
 pub(crate) struct Loaded {
@@ -25,10 +29,26 @@ pub(crate) struct Loaded {
 }
 
 impl Loaded {
-    /// The texts of the scene and of the files it uses, and what knobs made of them; without parameters.
-    pub(crate) fn texts(&self) -> impl Iterator<Item = &str> {
-        let files = self.sources.iter().map(|(_, s)| s).filter(|s| s.name != COMMAND_LINE).map(|s| &*s.text);
-        files.chain(self.knobs.iter().map(String::as_str))
+    /// The scene and the files it uses, by their names seen from its folder.
+    pub(crate) fn texts(&self) -> OrderedMap<Hash> {
+        let files = self.sources.iter().map(|(_, s)| s).filter(|s| s.name != COMMAND_LINE);
+        let name = |s: &Source| {
+            let path = Path::new(&s.name);
+            path.strip_prefix(&self.folder).unwrap_or(path).display().to_string()
+        };
+        files.map(|s| (name(s), Hash::of(s.text.as_bytes()))).collect()
+    }
+
+    /// What else was given that changes numbers: knobs, and prunings that are put back.
+    pub(crate) fn settings(&self, keep: &[Pruning]) -> OrderedMap<String> {
+        let mut settings: OrderedMap<String> = OrderedMap::new();
+        for (name, value) in self.knobs.iter().filter_map(|word| word.split_once('=')) {
+            settings.insert(name, value);
+        }
+        if !keep.is_empty() {
+            settings.insert("no_prune", keep.iter().map(|p| p.name()).collect::<Vec<_>>().join(","));
+        }
+        settings
     }
 }
 

@@ -4,12 +4,12 @@ use std::{path::PathBuf, time::Instant};
 
 use wfl_runtime::{
     Outcome, RunError, RunOptions, Scene,
-    output::{About, OrderedMap, SceneText},
-    text_hash,
+    output::{About, OrderedMap, SceneText, check_name},
 };
 
 use crate::{
     args::RunArgs,
+    interrupt::Tidied,
     load::{Loaded, out, print_all, say},
     nitsche,
     progress::{Loudness, Terminal},
@@ -33,6 +33,8 @@ pub(crate) fn shaped(args: &RunArgs, mut scene: Scene) -> Scene {
 pub(crate) struct Ready {
     pub(crate) options: RunOptions,
     pub(crate) loudness: Loudness,
+    /// It may go on where it was stopped.
+    pub(crate) resumable: bool,
 }
 
 impl Ready {
@@ -49,6 +51,9 @@ impl Ready {
 
     pub(crate) fn go(&mut self, scene: &mut Scene) -> Result<Outcome, RunError> {
         let mut terminal = Terminal::new(self.loudness);
+        let several = scene.steps.values.len() > 1 && self.resumable;
+        let hint = if several { "the steps done are kept: the same command with --resume goes on" } else { "" };
+        let _tidied = self.options.out.clone().map(|folder| Tidied::new(folder, hint));
         wfl_runtime::run(scene, &self.options, &mut terminal)
     }
 }
@@ -75,9 +80,10 @@ pub(crate) fn ready(
     };
     let options = RunOptions {
         name: loaded.name.clone(),
-        out: Some(args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&loaded.name))),
+        out: Some(folder(args, loaded)?),
         resume: args.resume,
-        text_hash: text_hash(loaded.texts()),
+        texts: loaded.texts(),
+        settings: loaded.settings(&args.no_prune),
         threads: threads(args),
         precision: args.precision,
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -88,7 +94,18 @@ pub(crate) fn ready(
         savings: Vec::new(),
         keep_states: false,
     };
-    Ok(Ready { options, loudness })
+    Ok(Ready { options, loudness, resumable: true })
+}
+
+/// The results folder that is asked for, or the one that is named after the scene.
+fn folder(args: &RunArgs, loaded: &Loaded) -> Result<PathBuf, String> {
+    if let Some(out) = &args.out {
+        return Ok(out.clone());
+    }
+    let named = check_name(&loaded.name).map(|()| PathBuf::from("out").join(&loaded.name));
+    named.map_err(|e| {
+        format!("[E710]: no results folder can be named after the scene: {e}\n  = help: name one: --out DIR")
+    })
 }
 
 /// What the report keeps of a scene.

@@ -6,10 +6,11 @@ use std::{
 };
 
 use wfl_report::{Pages, Picture, ReportError, RunFolder};
-use wfl_runtime::output::{OutputDir, OutputError};
+use wfl_runtime::output::{Kind, OutputDir, OutputError, Plan, State};
 
 use crate::{
     args::ReportArgs,
+    folder::told,
     load::{out, say},
     prepared::EXIT_ERROR,
 };
@@ -36,14 +37,11 @@ pub(crate) fn report(args: &ReportArgs) -> ExitCode {
 fn made(args: &ReportArgs) -> Result<String, String> {
     let run = RunFolder::read(&args.folder).map_err(|e| explained(&e))?;
     let pages = Pages::new(&run, &args.at).map_err(|e| explained(&e))?;
-    let wrong = |e: OutputError| format!("error: {e}\n");
-    let page = write(&args.folder, PAGE_FILE, &pages.page.html()).map_err(wrong)?;
+    let page = page(&run, &pages).map_err(|e| told(&e))?;
     let mut said = format!("page in {}\n", page.display());
     if args.plots {
         let folder = args.folder.join(PLOTS);
-        for Picture { name, chart } in &pages.pictures {
-            write(&folder, &format!("{name}.svg"), &chart.svg()).map_err(wrong)?;
-        }
+        plots(&folder, &run, &pages).map_err(|e| told(&e))?;
         said += &format!("{} charts in {}\n", pages.pictures.len(), folder.display());
     }
     let steps = &run.report().steps;
@@ -54,18 +52,42 @@ fn made(args: &ReportArgs) -> Result<String, String> {
     Ok(said)
 }
 
-fn write(folder: &Path, name: &str, text: &str) -> Result<PathBuf, OutputError> {
-    OutputDir::create(folder)?.write_atomic(name, |out| out.write_all(text.as_bytes()))
+/// Puts the page among the results of its run.
+fn page(run: &RunFolder, pages: &Pages) -> Result<PathBuf, OutputError> {
+    let page = run.dir().write_atomic(PAGE_FILE, |out| out.write_all(pages.page.html().as_bytes()))?;
+    run.dir().settle()?;
+    Ok(page)
+}
+
+/// Writes each chart into a folder of their own; those of an earlier page go.
+fn plots(folder: &Path, run: &RunFolder, pages: &Pages) -> Result<(), OutputError> {
+    if std::fs::symlink_metadata(folder).is_ok_and(|found| found.is_symlink()) {
+        return Err(OutputError::Foreign { file: folder.to_owned(), what: "is a link to another place" });
+    }
+    let dir = OutputDir::open(folder)?;
+    let names = pages.pictures.iter().map(|Picture { name, .. }| format!("{name}.svg"));
+    let plan = Plan { files: names.collect(), series: Vec::new() };
+    let identity = run.dir().holds().map(|(_, _, identity)| identity).unwrap_or_default();
+    dir.begin(Kind::Charts, &identity, &plan)?;
+    for (Picture { chart, .. }, name) in pages.pictures.iter().zip(&plan.files) {
+        dir.write_atomic(name, |out| out.write_all(chart.svg().as_bytes()))?;
+    }
+    dir.remove_former(|_| true)?;
+    dir.finish(State::Finished)
 }
 
 /// The message of an error, with what to do about it.
 fn explained(error: &ReportError) -> String {
     let help = match error {
+        ReportError::Folder(OutputError::Damaged { file, what }) => {
+            return explained(&ReportError::Damaged { file: file.clone(), what: what.clone() });
+        }
+        ReportError::Folder(error) => return told(error),
+        ReportError::NoManifest(_) => "copy it along with the folder, or run the scene again into another one",
+        ReportError::NotEnded(_) => "wfl run SCENE --resume ends it",
         ReportError::NoFolder(_) => "wfl run SCENE writes its results to out/<scene>; give that folder",
         ReportError::NoReport(_) => "wfl run SCENE --out DIR; a run that was killed goes on with --resume",
-        ReportError::Json { .. } | ReportError::Damaged { .. } => {
-            "run the scene again, with --resume to keep the steps that are whole"
-        }
+        ReportError::Json { .. } | ReportError::Damaged { .. } => "run the scene again",
         ReportError::Read { .. } => "",
     };
     if help.is_empty() { format!("error: {error}\n") } else { format!("error: {error}\n  = help: {help}\n") }

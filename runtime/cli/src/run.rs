@@ -3,12 +3,13 @@
 use std::{process::ExitCode, time::Instant};
 
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
-use wfl_runtime::{Saving, savings};
+use wfl_runtime::{Saving, finished, savings};
 
 use crate::{
     accuracy,
     args::RunArgs,
-    ended::{explain, finish},
+    ended::{ended_before, explain, finish},
+    folder::error_line,
     knobs::load_with,
     load::{Loaded, out, say},
     prepared::{EXIT_ERROR, backend, prepare_scene},
@@ -50,10 +51,18 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     let mut ready = match ready.and_then(|ready| measured(args, &loaded, &*backend, ready)) {
         Ok(ready) => ready,
         Err(why) => {
-            say(&format!("error: {why}\n"));
+            say(&error_line(&why));
             return ExitCode::from(EXIT_ERROR);
         }
     };
+    match finished(&scene, &ready.options) {
+        Ok(None) => {}
+        Ok(Some(report)) => return ended_before(&ready, &report),
+        Err(error) => {
+            explain(&loaded, &scene, &error);
+            return ExitCode::from(EXIT_ERROR);
+        }
+    }
     ready.announce(&loaded, &scene);
     match ready.go(&mut scene) {
         Ok(outcome) => finish(&loaded, &scene, &ready.options, &outcome, (ready.loudness, None)),

@@ -149,9 +149,11 @@ fn folders_without_a_whole_run_are_refused_by_name() {
     folder.write("o/fields_0002.vtu", &vtu);
     let csv = folder.read("o/line_0004.csv");
     folder.write("o/line_0004.csv", &csv[..csv.len() - 9]);
-    message(&["o"], "`o/line_0004.csv` is damaged: its last line is cut off");
+    message(&["o"], "`o/line_0004.csv` is damaged: it has ");
     folder.write("o/line_0004.csv", csv.replacen("0.25,", "0.25,north,", 1));
-    message(&["o"], "`o/line_0004.csv` is damaged: line 3 is no row of numbers");
+    message(&["o"], "`o/line_0004.csv` is damaged: it has ");
+    folder.write("o/line_0004.csv", csv.replacen("0.25,", "0.26,", 1));
+    message(&["o"], "`o/line_0004.csv` is damaged: its content is not what was written");
     folder.write("o/line_0004.csv", &csv);
     let json = folder.read("o/report.json");
     folder.write("o/report.json", &json[..json.len() / 2]);

@@ -140,13 +140,13 @@ fn a_checkpoint_of_something_else_is_refused() {
         assert_eq!(output.status.code(), Some(1), "{words}");
         assert!(said(&output).contains(words), "{words}: {}", said(&output));
     };
-    refused(&["gamma=2e5"], "other values of the parameters");
-    refused(&["nu=0.3"], "other values of the parameters");
+    refused(&["gamma=2e5"], "another value of the parameter `gamma`");
+    refused(&["nu=0.3"], "another value of the parameter `nu`");
     edit(&setup, broken, &format!("{broken}\n# another text"));
-    refused(&[], "another text of the scene");
+    refused(&[], "another content of `fault.wfl`");
     edit(&setup, "\n# another text", "");
     edit(&setup, "cells [4,4,4] hex", "cells [4,4,5] hex");
-    refused(&[], "another mesh");
+    refused(&[], "another content of `fault.wfl`");
     edit(&setup, "cells [4,4,5] hex", "cells [4,4,4] hex");
     for cut in [0, 7, 31, 32, good.len() / 2, good.len() - 1] {
         std::fs::write(&file, &good[..cut]).expect("writable");
@@ -174,7 +174,7 @@ fn a_checkpoint_of_something_else_is_refused() {
     let step = std::fs::read_dir(&out).expect("results").filter_map(Result::ok).map(|e| e.path());
     let step = step.into_iter().find(|p| p.extension().is_some_and(|e| e == "vtu")).expect("a step file");
     std::fs::remove_file(&step).expect("our own file");
-    refused(&[], "results that are gone");
+    refused(&[], "is gone");
 }
 
 #[test]

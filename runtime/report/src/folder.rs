@@ -1,11 +1,8 @@
 //! The folder of a run: its report, and the files of each step.
 
-use std::{
-    io::ErrorKind,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
-use wfl_runtime::output::{REPORT_FILE, Report};
+use wfl_runtime::output::{Kind, MANIFEST_FILE, OutputDir, OutputError, REPORT_FILE, Report, State};
 
 /// Why there is no page.
 #[derive(Debug, thiserror::Error)]
@@ -16,6 +13,15 @@ pub enum ReportError {
     /// A folder without a report: no run, or one that was killed.
     #[error("`{}` has no {REPORT_FILE}: no run has ended in this folder", .0.display())]
     NoReport(PathBuf),
+    /// A report, and nothing that says which files belong to it.
+    #[error("`{}` has no {MANIFEST_FILE}: it is not known which of its files belong to the run", .0.display())]
+    NoManifest(PathBuf),
+    /// A run was killed here, and what the folder has of reports is of an earlier one.
+    #[error("the last run in `{}` has not ended: it was stopped before its {REPORT_FILE} was written", .0.display())]
+    NotEnded(PathBuf),
+    /// The folder cannot be used, or a file in it is not what the run wrote.
+    #[error(transparent)]
+    Folder(#[from] OutputError),
     /// A file cannot be read.
     #[error("cannot read `{}`: {source}", file.display())]
     Read {
@@ -51,31 +57,58 @@ pub(crate) struct Series {
     pub(crate) steps: Vec<(usize, PathBuf)>,
 }
 
-/// What a run left.
+/// What a run left, in a folder that nobody else writes to as long as this lives.
 #[derive(Debug)]
 pub struct RunFolder {
+    dir: OutputDir,
     pub(crate) report: Report,
     pub(crate) grids: Vec<Series>,
     pub(crate) tables: Vec<Series>,
 }
 
 impl RunFolder {
-    /// Reads the report of a run and finds its files.
+    /// Reads the report of a run and finds its files: those that report and manifest of the folder name.
     ///
     /// # Errors
-    /// [`ReportError`] when there is no whole report.
+    /// [`ReportError`] when there is no whole report of the run that the folder holds.
     pub fn read(folder: &Path) -> Result<Self, ReportError> {
-        let file = folder.join(REPORT_FILE);
-        let text = match std::fs::read(&file) {
-            Ok(text) => text,
-            Err(_) if !folder.is_dir() => return Err(ReportError::NoFolder(folder.to_owned())),
-            Err(e) if e.kind() == ErrorKind::NotFound => return Err(ReportError::NoReport(folder.to_owned())),
-            Err(source) => return Err(ReportError::Read { file, source }),
+        if !folder.is_dir() {
+            return Err(ReportError::NoFolder(folder.to_owned()));
+        }
+        let dir = OutputDir::open(folder)?;
+        let state = match dir.holds() {
+            Some((Kind::Run, state, _)) => state,
+            Some((other, ..)) => {
+                return Err(OutputError::OtherKind { path: folder.to_owned(), holds: other.words() }.into());
+            }
+            None if folder.join(REPORT_FILE).exists() => return Err(ReportError::NoManifest(folder.to_owned())),
+            None => return Err(ReportError::NoReport(folder.to_owned())),
         };
-        let report: Report = serde_json::from_slice(&text).map_err(|source| ReportError::Json { file, source })?;
+        if state == State::Running || dir.verify(REPORT_FILE)?.is_none() {
+            return Err(ReportError::NotEnded(folder.to_owned()));
+        }
+        let file = folder.join(REPORT_FILE);
+        let text = bytes(&file)?;
+        let report: Report =
+            serde_json::from_slice(&text).map_err(|source| ReportError::Json { file: file.clone(), source })?;
+        if !dir.has_report(&report) {
+            return Err(damaged(&file, "its content is not what was written"));
+        }
+        let own = dir.own_files();
+        for name in &report.files {
+            if !own.contains(name) || dir.verify(name)?.is_none() {
+                return Err(damaged(&folder.join(name), "it is gone"));
+            }
+        }
         let grids = series(folder, &report.files, ".vtu");
         let tables = series(folder, &report.files, ".csv");
-        Ok(RunFolder { report, grids, tables })
+        Ok(RunFolder { dir, report, grids, tables })
+    }
+
+    /// The folder, to put a page into.
+    #[must_use]
+    pub fn dir(&self) -> &OutputDir {
+        &self.dir
     }
 
     /// The report of the run.

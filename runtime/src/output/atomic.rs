@@ -1,67 +1,73 @@
-//! The output folder and the one way to put a file into it.
+//! The results folder and the one way to put a file into it.
 //!
-//! Promises: a file is written under a temporary name in the same folder, flushed and renamed, so
-//! that its final name shows the former content or the whole new one, whenever the program is
-//! killed; a temporary file is removed when its writing fails, and those of a killed run by the
-//! next run; where the system can lock a folder, two runs never write into one at the same time.
+//! Promises: a folder has one writer at a time; a file is written under a temporary name in the same folder, flushed
+//! and renamed, so that its final name shows the former content or the whole new one, whenever the program is killed; only files that the
+//! manifest of the folder names are replaced or removed, and a link is never followed; a temporary file is removed when
+//! its writing fails, and those of a killed run by the next run.
 //! Against a power cut a file is synced before it is renamed ([`OutputDir::write_atomic`]), or with
 //! many others by [`OutputDir::sync`], which costs a fortieth of that.
 //! Does not promise that a rename survives a power cut (then the former content is found), and
-//! does not make folders inside the output folder.
+//! does not make folders inside the results folder.
 
-use std::collections::BTreeSet;
-use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, BufWriter, Seek, Write};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::OutputError;
+use super::files::{check_file, fill, read_manifest, sync_all};
+use super::lock::Lock;
+use super::manifest::{Content, Kind, MANIFEST_FILE, Manifest, Owned, State, line};
+use super::names::{Plan, check_name, is_temporary, step_of, temporary_name};
+use super::{Hash, Identity, OutputError, REPORT_FILE, Report};
 
-/// Bytes gathered before they go to the system.
-const BUFFER: usize = 1 << 17;
-/// How temporary names begin and end. A leading dot is refused in final names.
-const TEMPORARY: [&str; 2] = [".wfl-", ".tmp"];
-/// Files synced at the same time: with 8 the system needs twice as long for 300 of them, with more as long.
-const SYNCS_AT_ONCE: usize = 32;
-/// Digits of the step number in the names of step files; longer numbers use more.
-const STEP_DIGITS: usize = 4;
-
-/// A folder that results can be written to. Writability was checked when it was made.
+/// A folder that results can be written to. Writability was checked when it was opened.
 #[derive(Debug)]
 pub struct OutputDir {
     path: PathBuf,
-    /// Names written by this run: they are never taken for leftovers of an earlier one.
-    written: Mutex<BTreeSet<String>>,
-    /// Files that the system may not have on the disc yet.
-    unsynced: Mutex<Vec<PathBuf>>,
+    books: Mutex<Books>,
     n_temporaries: AtomicU64,
-    /// Holds the lock on the folder where the system can lock one; freed by drop or exit.
-    _lock: Option<File>,
+    /// Freed by drop or exit.
+    _lock: Lock,
+}
+
+/// What the folder holds, and where that is noted.
+#[derive(Debug, Default)]
+struct Books {
+    manifest: Option<Manifest>,
+    /// The end of the manifest file, where lines are added; without it the file is written anew.
+    journal: Option<File>,
+    /// Files that the system may not have on the disc yet.
+    unsynced: Vec<PathBuf>,
 }
 
 impl OutputDir {
     /// Makes the folder `path` and its parents if they do not exist, makes sure that a file can
-    /// be written in it, locks it, and removes temporary files of killed runs.
+    /// be written in it, locks it, removes temporary files of killed runs, and reads its manifest. Nothing may be
+    /// written before [`OutputDir::begin`] or [`OutputDir::go_on`].
     ///
     /// # Errors
     /// [`OutputError::NotADirectory`], [`OutputError::CannotCreate`],
-    /// [`OutputError::NotWritable`], [`OutputError::InUse`].
-    pub fn create(path: impl AsRef<Path>) -> Result<Self, OutputError> {
+    /// [`OutputError::NotWritable`], [`OutputError::InUse`], [`OutputError::Foreign`], [`OutputError::Manifest`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, OutputError> {
         let path = path.as_ref().to_path_buf();
         make_folder(&path)?;
-        let lock = lock_folder(&path)?;
-        let dir = OutputDir {
-            path,
-            written: Mutex::new(BTreeSet::new()),
-            unsynced: Mutex::new(Vec::new()),
-            n_temporaries: AtomicU64::new(0),
-            _lock: lock,
-        };
-        if dir._lock.is_some() {
-            dir.remove_temporaries();
-        }
+        let lock = Lock::take(&path)?;
+        let dir = OutputDir { path, books: Mutex::default(), n_temporaries: AtomicU64::new(0), _lock: lock };
+        dir.remove_temporaries();
         dir.probe().map_err(|source| OutputError::NotWritable { path: dir.path.clone(), source })?;
+        dir.books().manifest = read_manifest(&dir.path)?;
+        Ok(dir)
+    }
+
+    /// A folder of which nothing is known but its name, for a run of no identity.
+    ///
+    /// # Errors
+    /// Those of [`OutputDir::open`] and [`OutputDir::begin`].
+    #[cfg(test)]
+    pub(crate) fn create(path: impl AsRef<Path>) -> Result<Self, OutputError> {
+        let dir = Self::open(path)?;
+        dir.begin(Kind::Run, &Identity::default(), &Plan::default())?;
         Ok(dir)
     }
 
@@ -71,11 +77,69 @@ impl OutputDir {
         &self.path
     }
 
+    /// What the folder holds, how far its writer got, and of what identity it is; `None` for a folder without results.
+    #[must_use]
+    pub fn holds(&self) -> Option<(Kind, State, Identity)> {
+        let books = self.books();
+        books.manifest.as_ref().map(|m| (m.kind, m.state, m.identity.clone()))
+    }
+
+    /// Begins to write results of an identity: what the folder has of earlier ones may be replaced from now on.
+    ///
+    /// # Errors
+    /// [`OutputError::BadName`] for a name of the plan that is none; [`OutputError::OtherKind`] where the folder holds
+    /// something else; [`OutputError::Foreign`] where a file that the manifest does not name, a folder or a link has a
+    /// name of the plan; [`OutputError::Write`].
+    pub fn begin(&self, kind: Kind, identity: &Identity, plan: &Plan) -> Result<(), OutputError> {
+        self.may_take(kind, plan)?;
+        let mut books = self.books();
+        let mut manifest = Manifest::new(kind, identity.clone());
+        if let Some(former) = books.manifest.take() {
+            manifest.files = former.files;
+            manifest.files.values_mut().for_each(|f| f.former = true);
+        }
+        self.start(&mut books, manifest)
+    }
+
+    /// Goes on writing what is in the folder: its files stay those of this writer.
+    ///
+    /// # Errors
+    /// Those of [`OutputDir::begin`].
+    pub fn go_on(&self, kind: Kind, plan: &Plan) -> Result<(), OutputError> {
+        self.may_take(kind, plan)?;
+        let mut books = self.books();
+        let manifest = books.manifest.take().unwrap_or_else(|| Manifest::new(kind, Identity::default()));
+        self.start(&mut books, Manifest { state: State::Running, ..manifest })
+    }
+
+    /// Ends writing and notes how far it got. Of an earlier run's files those stay that were not replaced.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`].
+    pub fn finish(&self, state: State) -> Result<(), OutputError> {
+        let mut books = self.books();
+        books.journal = None;
+        let Some(manifest) = &mut books.manifest else { return Ok(()) };
+        manifest.state = state;
+        manifest.files.values_mut().for_each(Owned::settle);
+        self.write_manifest(manifest)
+    }
+
+    /// Ends a change of a folder whose writer had ended before.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`].
+    pub fn settle(&self) -> Result<(), OutputError> {
+        let state = self.books().manifest.as_ref().map(|m| m.state);
+        state.map_or(Ok(()), |state| self.finish(state))
+    }
+
     /// Writes the file `name` by `write` (buffered) and returns its path. A file of that name is
     /// replaced at the end; after an error it has its former content.
     ///
     /// # Errors
-    /// [`OutputError::BadName`]; [`OutputError::Write`] if `write`, flush, sync or rename fails.
+    /// [`OutputError::BadName`]; [`OutputError::Foreign`]; [`OutputError::Write`] if `write`, flush, sync or rename
+    /// fails.
     pub fn write_atomic(
         &self,
         name: &str,
@@ -104,80 +168,134 @@ impl OutputDir {
     /// # Errors
     /// [`OutputError::Write`] with the first file that the system could not write.
     pub fn sync(&self) -> Result<(), OutputError> {
-        let files = std::mem::take(&mut *self.unsynced.lock().expect("no code panics while it holds this lock"));
+        let mut files = std::mem::take(&mut self.books().unsynced);
+        if files.is_empty() {
+            return Ok(());
+        }
+        files.push(self.path.join(MANIFEST_FILE));
         sync_all(&files)?;
         // names of files are kept in the folder; systems that cannot open one keep them without being told
-        if let Some(folder) = File::open(&self.path).ok().filter(|_| !files.is_empty()) {
+        if let Ok(folder) = File::open(&self.path) {
             folder.sync_all().map_err(|source| OutputError::Write { file: self.path.clone(), source })?;
         }
         Ok(())
     }
 
-    fn sync_later(&self, file: PathBuf) {
-        self.unsynced.lock().expect("no code panics while it holds this lock").push(file);
-    }
-
-    /// Writes `bytes` at place `at` of a file and cuts off what was behind; the file is made if it is not there. It is
-    /// on the disc after [`OutputDir::sync`], and an error or a kill may leave a part of `bytes`: for files whose length
-    /// is kept elsewhere.
+    /// The same for a file that tells itself whether it is whole: the manifest names it and nothing else.
     ///
     /// # Errors
-    /// [`OutputError::BadName`]; [`OutputError::Write`].
+    /// Those of [`OutputDir::write_atomic`].
+    pub fn write_checked(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<PathBuf, OutputError> {
+        let mut staged = self.stage(name, write)?;
+        staged.sync()?;
+        staged.content = None;
+        staged.commit()
+    }
+
+    /// The same for a file of which a part says nothing about the run: `hash` is that of the rest.
+    pub(super) fn write_hashed(
+        &self,
+        name: &str,
+        hash: Hash,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<PathBuf, OutputError> {
+        let mut staged = self.stage(name, write)?;
+        staged.sync()?;
+        staged.content = Some(Content { size: None, hash });
+        staged.commit()
+    }
+
+    /// Writes `bytes` at place `at` of a file that checks itself and cuts off what was behind; the file is made if it is
+    /// not there or `at` is 0. It is on the disc after [`OutputDir::sync`], and an error or a kill may leave a part of
+    /// `bytes`: for files whose length is kept elsewhere.
+    ///
+    /// # Errors
+    /// Those of [`OutputDir::write_atomic`].
     pub fn append(&self, name: &str, at: u64, bytes: &[u8]) -> Result<(), OutputError> {
-        check_name(name)?;
+        if at == 0 {
+            let mut staged = self.stage(name, |out| out.write_all(bytes))?;
+            staged.content = None;
+            return staged.commit_unsynced().map(drop);
+        }
+        self.is_ours(name)?;
         let path = self.path.join(name);
         let write = || -> io::Result<()> {
-            let mut file = OpenOptions::new().create(true).truncate(false).write(true).open(&path)?;
+            let mut file = OpenOptions::new().write(true).open(&path)?;
             file.set_len(at)?;
             file.seek(io::SeekFrom::End(0))?;
             file.write_all(bytes)
         };
         write().map_err(|source| OutputError::Write { file: path.clone(), source })?;
-        self.sync_later(path);
-        self.written().insert(name.to_owned());
+        self.books().unsynced.push(path);
         Ok(())
     }
 
-    /// Takes a file that an earlier process wrote for one of this run; its path, or `None` if it is not there.
-    #[must_use]
-    pub fn adopt(&self, name: &str) -> Option<PathBuf> {
-        let file = self.path.join(name);
-        file.is_file().then(|| {
-            self.written().insert(name.to_owned());
-            file
-        })
+    /// The path of a file of this writer that is in the folder with the content that was written; `None` for one that
+    /// is not there or not of this writer.
+    ///
+    /// # Errors
+    /// [`OutputError::Damaged`] with what is wrong.
+    pub fn verify(&self, name: &str) -> Result<Option<PathBuf>, OutputError> {
+        let contents = match self.books().manifest.as_ref().and_then(|m| m.files.get(name)) {
+            Some(owned) if !owned.former => owned.contents.clone(),
+            _ => return Ok(None),
+        };
+        check_file(&self.path.join(name), &contents)
     }
 
-    /// Removes a file, if it is there.
+    /// Whether the report in the folder says what this writer's report said; `false` if it has written none.
+    #[must_use]
+    pub fn has_report(&self, report: &Report) -> bool {
+        let books = self.books();
+        let owned = books.manifest.as_ref().and_then(|m| m.files.get(REPORT_FILE)).filter(|f| !f.former);
+        owned.is_some_and(|f| f.contents.iter().any(|c| c.hash == report.meaning()))
+    }
+
+    /// Names of the files of this writer, in order.
+    #[must_use]
+    pub fn own_files(&self) -> Vec<String> {
+        let books = self.books();
+        let own = |m: &Manifest| m.files.iter().filter(|(_, f)| !f.former).map(|(n, _)| n.clone()).collect();
+        books.manifest.as_ref().map(own).unwrap_or_default()
+    }
+
+    /// Removes a file of the manifest, if it is there.
     ///
     /// # Errors
     /// [`OutputError::Remove`].
     pub fn remove(&self, name: &str) -> Result<(), OutputError> {
+        let owned = self.books().manifest.as_mut().and_then(|m| m.files.remove(name));
         let file = self.path.join(name);
-        match fs::remove_file(&file) {
+        match owned.map_or(Ok(()), |_| fs::remove_file(&file)) {
             Err(source) if source.kind() != io::ErrorKind::NotFound => Err(OutputError::Remove { file, source }),
             _ => Ok(()),
         }
     }
 
-    /// Removes step files `base_0000.extension`, `base_0001.extension`, ... that this run has not
-    /// written, and returns their names in order. To be called after the run has succeeded.
+    /// Removes step files `base_0000.extension`, `base_0001.extension`, ... of earlier runs that this run has not
+    /// replaced, and returns their names in order. To be called after the run has succeeded.
     ///
     /// # Errors
     /// [`OutputError::Remove`]; files before the failing one are gone.
     pub fn remove_stale_steps(&self, base: &str, extension: &str) -> Result<Vec<String>, OutputError> {
-        let names = self.names().map_err(|source| OutputError::Remove { file: self.path.clone(), source })?;
-        let is_stale = |name: &String| is_step_name(name, base, extension) && !self.written().contains(name);
-        let stale: Vec<String> = names.into_iter().filter(is_stale).collect();
-        for name in &stale {
-            let file = self.path.join(name);
-            match fs::remove_file(&file) {
-                Err(source) if source.kind() != io::ErrorKind::NotFound => {
-                    return Err(OutputError::Remove { file, source });
-                }
-                _ => {}
-            }
-        }
+        self.remove_former(|name| step_of(name, base, extension).is_some())
+    }
+
+    /// Removes files of earlier runs that this run has not replaced, and returns their names in order.
+    ///
+    /// # Errors
+    /// [`OutputError::Remove`]; files before the failing one are gone.
+    pub fn remove_former(&self, which: impl Fn(&str) -> bool) -> Result<Vec<String>, OutputError> {
+        let stale = |m: &Manifest| {
+            let former = m.files.iter().filter(|(name, f)| f.former && which(name));
+            former.map(|(name, _)| name.clone()).collect::<Vec<_>>()
+        };
+        let stale = self.books().manifest.as_ref().map(stale).unwrap_or_default();
+        stale.iter().try_for_each(|name| self.remove(name))?;
         Ok(stale)
     }
 
@@ -190,14 +308,107 @@ impl OutputDir {
         check_name(name)?;
         let failed = |source| OutputError::Write { file: self.path.join(name), source };
         let (temporary, file) = self.open_temporary().map_err(failed)?;
-        let staged = Staged { dir: self, name: name.to_owned(), temporary: Some(temporary) };
-        fill(file, write).map_err(failed)?;
+        let mut staged = Staged { dir: self, name: name.to_owned(), temporary: Some(temporary), content: None };
+        staged.content = Some(fill(file, write).map_err(failed)?);
         Ok(staged)
     }
 
-    fn written(&self) -> std::sync::MutexGuard<'_, BTreeSet<String>> {
-        let guard = self.written.lock();
+    fn books(&self) -> std::sync::MutexGuard<'_, Books> {
+        let guard = self.books.lock();
         guard.expect("no code panics while it holds this lock")
+    }
+
+    /// Whether results of a kind may go into the folder under the names of the plan.
+    fn may_take(&self, kind: Kind, plan: &Plan) -> Result<(), OutputError> {
+        plan.names().try_for_each(|name| check_name(&name))?;
+        let books = self.books();
+        if let Some(other) = books.manifest.as_ref().filter(|m| m.kind != kind) {
+            return Err(OutputError::OtherKind { path: self.path.clone(), holds: other.kind.words() });
+        }
+        let owned = |name: &str| books.manifest.as_ref().is_some_and(|m| m.files.contains_key(name));
+        let names = self.names().map_err(|source| OutputError::NotWritable { path: self.path.clone(), source })?;
+        for name in names.into_iter().filter(|name| plan.takes(name)) {
+            if !owned(&name) {
+                return Err(foreign(self.path.join(name)));
+            }
+            self.is_plain(&name)?;
+        }
+        Ok(())
+    }
+
+    /// Whether a name may be given to a file: nothing has it, or a file of the manifest.
+    fn is_ours(&self, name: &str) -> Result<(), OutputError> {
+        let owned = self.books().manifest.as_ref().is_some_and(|m| m.files.contains_key(name));
+        let there = self.is_plain(name)?;
+        if owned || !there { Ok(()) } else { Err(foreign(self.path.join(name))) }
+    }
+
+    /// Whether something has the name.
+    ///
+    /// # Errors
+    /// Where it is no file of this folder.
+    fn is_plain(&self, name: &str) -> Result<bool, OutputError> {
+        let file = self.path.join(name);
+        let what = match fs::symlink_metadata(&file) {
+            Err(_) => return Ok(false),
+            Ok(found) if found.is_file() => return Ok(true),
+            Ok(found) if found.is_dir() => "is a folder",
+            Ok(found) if found.is_symlink() => "is a link to another place",
+            Ok(_) => "is no plain file",
+        };
+        Err(OutputError::Foreign { file, what })
+    }
+
+    /// Writes the first form of the manifest of this writer, and opens it for what comes.
+    fn start(&self, books: &mut Books, manifest: Manifest) -> Result<(), OutputError> {
+        self.write_manifest(&manifest)?;
+        books.manifest = Some(manifest);
+        let path = self.path.join(MANIFEST_FILE);
+        let journal = OpenOptions::new().append(true).open(&path);
+        books.journal = Some(journal.map_err(|source| OutputError::Write { file: path, source })?);
+        Ok(())
+    }
+
+    fn write_manifest(&self, manifest: &Manifest) -> Result<(), OutputError> {
+        self.is_plain(MANIFEST_FILE)?;
+        let file = self.path.join(MANIFEST_FILE);
+        let failed = |source| OutputError::Write { file: file.clone(), source };
+        let text = manifest.text().map_err(|e| failed(e.into()))?;
+        let (temporary, open) = self.open_temporary().map_err(failed)?;
+        let written = fill(open, |out| out.write_all(text.as_bytes()))
+            .and_then(|_| OpenOptions::new().write(true).open(&temporary)?.sync_all())
+            .and_then(|()| fs::rename(&temporary, &file));
+        written.map_err(|source| {
+            // the first error is the one to report
+            drop(fs::remove_file(&temporary));
+            failed(source)
+        })
+    }
+
+    /// Notes that a file is about to get its name.
+    fn record(&self, name: &str, content: Option<Content>) -> Result<(), OutputError> {
+        let mut books = self.books();
+        let Books { manifest, journal, .. } = &mut *books;
+        let Some(manifest) = manifest else {
+            return Err(OutputError::Write {
+                file: self.path.join(name),
+                source: io::ErrorKind::PermissionDenied.into(),
+            });
+        };
+        let before = manifest.files.get(name).cloned();
+        let owned = manifest.files.entry(name.to_owned()).or_default();
+        owned.add(content);
+        if before.as_ref() == Some(owned) {
+            return Ok(());
+        }
+        let Some(file) = journal else { return self.write_manifest(manifest) };
+        let text = line(name, content, false).map(|text| format!(",{text}"));
+        let added = text.map_err(io::Error::from).and_then(|text| file.write_all(text.as_bytes()));
+        added.map_err(|source| {
+            // a part of the line may be there: it must stay the last one
+            *journal = None;
+            OutputError::Write { file: self.path.join(MANIFEST_FILE), source }
+        })
     }
 
     /// Creates and deletes a file: the only test of writability that holds on every system.
@@ -208,11 +419,8 @@ impl OutputDir {
     }
 
     fn open_temporary(&self) -> io::Result<(PathBuf, File)> {
-        let [start, end] = TEMPORARY;
         loop {
-            let count = self.n_temporaries.fetch_add(1, Ordering::Relaxed);
-            let name = format!("{start}{}-{count}{end}", std::process::id());
-            let path = self.path.join(name);
+            let path = self.path.join(temporary_name(self.n_temporaries.fetch_add(1, Ordering::Relaxed)));
             match OpenOptions::new().write(true).create_new(true).open(&path) {
                 Ok(file) => return Ok((path, file)),
                 // Only where folders cannot be locked: a leftover with the same process number.
@@ -223,10 +431,9 @@ impl OutputDir {
     }
 
     fn remove_temporaries(&self) {
-        let [start, end] = TEMPORARY;
         // Best effort: a leftover is invisible and cannot be taken for a result.
         for name in self.names().unwrap_or_default() {
-            if name.starts_with(start) && name.ends_with(end) {
+            if is_temporary(&name) {
                 drop(fs::remove_file(self.path.join(name)));
             }
         }
@@ -243,26 +450,8 @@ impl OutputDir {
     }
 }
 
-/// Syncs files, as many at a time as the system gains from.
-fn sync_all(files: &[PathBuf]) -> Result<(), OutputError> {
-    let sync = |file: &PathBuf| {
-        // a handle that may write: some systems sync through no other
-        let synced = OpenOptions::new().write(true).open(file).and_then(|f| f.sync_all());
-        synced.map_err(|source| OutputError::Write { file: file.clone(), source })
-    };
-    let next = AtomicUsize::new(0);
-    let work = || loop {
-        match files.get(next.fetch_add(1, Ordering::Relaxed)) {
-            Some(file) => sync(file)?,
-            None => return Ok(()),
-        }
-    };
-    std::thread::scope(|scope| {
-        let others: Vec<_> = (1..files.len().min(SYNCS_AT_ONCE)).map(|_| scope.spawn(work)).collect();
-        let own = work();
-        let joined = others.into_iter().map(|o| o.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
-        joined.fold(own, Result::and)
-    })
+fn foreign(file: PathBuf) -> OutputError {
+    OutputError::Foreign { file, what: "is there already and is not named in its manifest" }
 }
 
 /// A file written under its temporary name; removed unless it is committed.
@@ -271,6 +460,7 @@ pub(super) struct Staged<'d> {
     dir: &'d OutputDir,
     name: String,
     temporary: Option<PathBuf>,
+    content: Option<Content>,
 }
 
 impl Staged<'_> {
@@ -287,19 +477,20 @@ impl Staged<'_> {
     pub(super) fn commit_unsynced(self) -> Result<PathBuf, OutputError> {
         let dir = self.dir;
         let file = self.commit()?;
-        dir.sync_later(file.clone());
+        dir.books().unsynced.push(file.clone());
         Ok(file)
     }
 
     /// Gives the file its final name and returns its path.
     pub(super) fn commit(mut self) -> Result<PathBuf, OutputError> {
+        self.dir.is_ours(&self.name)?;
+        self.dir.record(&self.name, self.content)?;
         let file = self.dir.path.join(&self.name);
         let temporary = self.temporary.as_ref();
         let temporary = temporary.expect("the temporary name is taken below only");
         match fs::rename(temporary, &file) {
             Ok(()) => {
                 self.temporary = None;
-                self.dir.written().insert(std::mem::take(&mut self.name));
                 Ok(file)
             }
             Err(source) => Err(OutputError::Write { file, source }),
@@ -316,31 +507,6 @@ impl Drop for Staged<'_> {
     }
 }
 
-/// The name of the file of step `step` (counted from 0) of a series: `base_0000.extension`.
-#[must_use]
-pub fn step_name(base: &str, step: usize, extension: &str) -> String {
-    format!("{base}_{step:0STEP_DIGITS$}.{extension}")
-}
-
-/// Exactly the names that [`step_name`] makes.
-fn is_step_name(name: &str, base: &str, extension: &str) -> bool {
-    let digits = name
-        .strip_prefix(base)
-        .and_then(|rest| rest.strip_prefix('_'))
-        .and_then(|rest| rest.strip_suffix(extension))
-        .and_then(|rest| rest.strip_suffix('.'));
-    digits.is_some_and(|digits| {
-        let step: Result<usize, _> = digits.parse();
-        step.is_ok_and(|step| step_name(base, step, extension) == name)
-    })
-}
-
-fn fill(file: File, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let mut buffered = BufWriter::with_capacity(BUFFER, file);
-    write(&mut buffered)?;
-    buffered.into_inner().map(drop).map_err(|error| error.into_error())
-}
-
 fn make_folder(path: &Path) -> Result<(), OutputError> {
     // The first existing ancestor decides: if it is a folder, the rest can be made in it.
     let obstacle = path.ancestors().find(|part| part.exists());
@@ -350,174 +516,6 @@ fn make_folder(path: &Path) -> Result<(), OutputError> {
     fs::create_dir_all(path).map_err(|source| OutputError::CannotCreate { path: path.to_path_buf(), source })
 }
 
-/// Locks the folder itself, so no lock file is left in it. Systems that cannot open or lock a
-/// folder give none: there the user takes care not to start two runs into one folder.
-fn lock_folder(path: &Path) -> Result<Option<File>, OutputError> {
-    let Ok(folder) = File::open(path) else {
-        return Ok(None);
-    };
-    match folder.try_lock() {
-        Ok(()) => Ok(Some(folder)),
-        Err(TryLockError::WouldBlock) => Err(OutputError::InUse { path: path.to_path_buf() }),
-        Err(TryLockError::Error(_)) => Ok(None),
-    }
-}
-
-fn check_name(name: &str) -> Result<(), OutputError> {
-    let reason = if name.is_empty() {
-        "it is empty"
-    } else if name.starts_with('.') {
-        "it begins with a dot"
-    } else if name.contains(['/', '\\']) {
-        "it has a path separator"
-    } else if name.chars().any(char::is_control) {
-        "it has a control character"
-    } else {
-        return Ok(());
-    };
-    Err(OutputError::BadName { name: name.to_owned(), reason })
-}
-
 #[cfg(test)]
-mod tests {
-    use super::super::scratch::Scratch;
-    use super::*;
-
-    fn put(dir: &OutputDir, name: &str, text: &str) -> Result<PathBuf, OutputError> {
-        dir.write_atomic(name, |out| out.write_all(text.as_bytes()))
-    }
-
-    #[test]
-    fn makes_the_folder_with_its_parents_and_leaves_it_empty() {
-        let scratch = Scratch::new();
-        let path = scratch.path().join("a/b");
-        let dir = OutputDir::create(&path).unwrap();
-        assert_eq!(dir.path(), path);
-        assert_eq!(fs::read_dir(&path).unwrap().count(), 0);
-    }
-
-    #[test]
-    fn a_file_in_the_way_is_named() {
-        let scratch = Scratch::new();
-        let file = scratch.path().join("taken");
-        fs::write(&file, "x").unwrap();
-        for path in [file.clone(), file.join("below/it")] {
-            match OutputDir::create(&path) {
-                Err(OutputError::NotADirectory { obstacle, .. }) => assert_eq!(obstacle, file),
-                other => panic!("{other:?}"),
-            }
-        }
-        assert_eq!(fs::read_to_string(&file).unwrap(), "x");
-    }
-
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn an_unwritable_folder_is_found_before_any_work() {
-        // Not even the super-user can make files here.
-        match OutputDir::create("/proc/self") {
-            Err(OutputError::NotWritable { path, .. }) => {
-                assert_eq!(path, Path::new("/proc/self"));
-            }
-            other => panic!("{other:?}"),
-        }
-        let below = OutputDir::create("/proc/self/results");
-        assert!(matches!(below, Err(OutputError::CannotCreate { .. })));
-    }
-
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn two_runs_cannot_share_a_folder() {
-        let scratch = Scratch::new();
-        let first = OutputDir::create(scratch.path()).unwrap();
-        let second = OutputDir::create(scratch.path());
-        assert!(matches!(second, Err(OutputError::InUse { .. })));
-        drop(first);
-        assert!(OutputDir::create(scratch.path()).is_ok());
-    }
-
-    #[test]
-    fn replaces_whole_files() {
-        let scratch = Scratch::new();
-        let dir = OutputDir::create(scratch.path()).unwrap();
-        put(&dir, "u.csv", "a longer first version").unwrap();
-        let file = put(&dir, "u.csv", "second").unwrap();
-        assert_eq!(fs::read_to_string(file).unwrap(), "second");
-        assert_eq!(scratch.names(), ["u.csv"]);
-    }
-
-    #[test]
-    fn a_failed_write_keeps_the_former_file_and_names_it() {
-        let scratch = Scratch::new();
-        let dir = OutputDir::create(scratch.path()).unwrap();
-        put(&dir, "u.csv", "former").unwrap();
-        let result = dir.write_atomic("u.csv", |out| {
-            out.write_all(&vec![b'x'; 3 * BUFFER])?;
-            Err(io::ErrorKind::StorageFull.into())
-        });
-        match result {
-            Err(OutputError::Write { file, source }) => {
-                assert_eq!(file, scratch.path().join("u.csv"));
-                assert_eq!(source.kind(), io::ErrorKind::StorageFull);
-            }
-            other => panic!("{other:?}"),
-        }
-        assert_eq!(scratch.read("u.csv"), "former");
-        assert_eq!(scratch.names(), ["u.csv"]);
-    }
-
-    #[test]
-    fn a_failed_rename_leaves_no_temporary_file() {
-        let scratch = Scratch::new();
-        let dir = OutputDir::create(scratch.path()).unwrap();
-        fs::create_dir(scratch.path().join("u.csv")).unwrap();
-        assert!(matches!(put(&dir, "u.csv", "text"), Err(OutputError::Write { .. })));
-        assert_eq!(scratch.names(), ["u.csv"]);
-    }
-
-    #[test]
-    fn temporary_files_of_a_killed_run_go_away() {
-        let scratch = Scratch::new();
-        fs::write(scratch.path().join(".wfl-1-0.tmp"), "half").unwrap();
-        fs::write(scratch.path().join(".wfl-notes"), "mine").unwrap();
-        OutputDir::create(scratch.path()).unwrap();
-        assert_eq!(scratch.names(), [".wfl-notes"]);
-    }
-
-    #[test]
-    fn only_plain_visible_names_are_accepted() {
-        let scratch = Scratch::new();
-        let dir = OutputDir::create(scratch.path()).unwrap();
-        for name in ["", ".", "..", ".hidden", "a/b", "../up", "a\\b", "a\nb", "a\0b"] {
-            let result = put(&dir, name, "x");
-            assert!(matches!(result, Err(OutputError::BadName { .. })), "{name:?}");
-        }
-        put(&dir, "Spannung σ (1).csv", "x").unwrap();
-        assert_eq!(scratch.names(), ["Spannung σ (1).csv"]);
-    }
-
-    #[test]
-    fn only_steps_of_the_same_series_are_stale() {
-        let scratch = Scratch::new();
-        let others = [
-            "u_00007.csv",
-            "u_007.csv",
-            "u_0007.vtu",
-            "u_0007_0001.csv",
-            "u_+007.csv",
-            "u_x007.csv",
-            "uu_0007.csv",
-            "u_.csv",
-        ];
-        for name in others.iter().chain(&["u_0001.csv", "u_0002.csv", "u_12345.csv"]) {
-            fs::write(scratch.path().join(name), "old").unwrap();
-        }
-        let dir = OutputDir::create(scratch.path()).unwrap();
-        put(&dir, &step_name("u", 1, "csv"), "new").unwrap();
-        let removed = dir.remove_stale_steps("u", "csv").unwrap();
-        assert_eq!(removed, ["u_0002.csv", "u_12345.csv"]);
-        let mut kept: Vec<&str> = others.to_vec();
-        kept.push("u_0001.csv");
-        kept.sort_unstable();
-        assert_eq!(scratch.names(), kept);
-    }
-}
+#[path = "atomic_tests.rs"]
+mod tests;

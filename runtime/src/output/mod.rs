@@ -1,13 +1,20 @@
 //! Results on disk: grids for viewers (VTK), tables (CSV) and the report of a run (JSON).
 //!
 //! Promises: plain types in, files out; a file appears under its name whole or not at all; the
-//! same input gives the same bytes; a folder never shows steps of two runs as one result.
+//! same input gives the same bytes; a folder never shows steps of two runs as one result: its manifest says which files
+//! belong to what; nothing else is replaced or removed.
 //! Does not know meshes, fields or solvers, does not choose what is written or when, and reads
-//! nothing back except names of files.
+//! nothing back except the manifest.
 
 mod atomic;
 mod csv;
+mod files;
 mod grid;
+mod hash;
+mod identity;
+mod lock;
+mod manifest;
+mod names;
 mod ordered;
 mod report;
 #[cfg(test)]
@@ -16,9 +23,14 @@ mod series;
 mod vtk_cell;
 mod vtu;
 
-pub use atomic::{OutputDir, step_name};
+pub use atomic::OutputDir;
 pub use csv::{CsvField, write_csv, write_csv_fields};
 pub use grid::{Array, Cells, Piece, VtuError};
+pub use hash::{Hash, Hasher};
+pub use identity::Identity;
+pub use lock::abandon;
+pub use manifest::{Kind, MANIFEST_FILE, State};
+pub use names::{Plan, check_name, step_name};
 pub use ordered::OrderedMap;
 pub use report::{
     About, AttemptReport, Check, ContactCounts, LeftOutReport, MeshReport, ParameterValue, REPORT_FILE, Real, Report,
@@ -58,11 +70,51 @@ pub enum OutputError {
         /// What the system said.
         source: io::Error,
     },
-    /// Another run is writing into the folder.
-    #[error("the output folder `{}` is in use by another run", path.display())]
+    /// Another process is writing into the folder.
+    #[error("`{}` is being written to by {by}", path.display())]
     InUse {
         /// The folder asked for.
         path: PathBuf,
+        /// "process 1234".
+        by: String,
+    },
+    /// The folder holds something else.
+    #[error("`{}` holds {holds}", path.display())]
+    OtherKind {
+        /// The folder asked for.
+        path: PathBuf,
+        /// What it holds, in words.
+        holds: &'static str,
+    },
+    /// Something that this program did not write has the name of a result.
+    #[error("`{}` {what}: it would be replaced", file.display())]
+    Foreign {
+        /// What is in the way.
+        file: PathBuf,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// A result has the name of a file that the scene reads.
+    #[error("a result would replace `{}`, which the scene reads", file.display())]
+    Input {
+        /// What is read.
+        file: PathBuf,
+    },
+    /// The manifest of a folder cannot be used.
+    #[error("`{}` {what}", file.display())]
+    Manifest {
+        /// The manifest.
+        file: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A result is not what was written.
+    #[error("`{}` is damaged: {what}", file.display())]
+    Damaged {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        what: String,
     },
     /// A name that is not one plain, visible file name.
     #[error("`{}` is not a file name: {reason}", name.escape_default())]

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::{OrderedMap, OutputDir, OutputError};
+use super::{Hash, OrderedMap, OutputDir, OutputError};
 use crate::accuracy::AccuracyRecord;
 
 /// The name of the report in the output folder.
@@ -300,10 +300,20 @@ impl Check {
 /// # Errors
 /// [`OutputError::Write`]; a former report is then kept.
 pub fn write_report(dir: &OutputDir, report: &Report) -> Result<PathBuf, OutputError> {
-    dir.write_atomic(REPORT_FILE, |out| {
+    dir.write_hashed(REPORT_FILE, report.meaning(), |out| {
         serde_json::to_writer_pretty(&mut *out, report)?;
         out.write_all(b"\n")
     })
+}
+
+impl Report {
+    /// A hash of what a run decides: without what depends on the machine at that hour (times, threads, memory).
+    #[must_use]
+    pub fn meaning(&self) -> Hash {
+        let lasting = Report { timings: Timings::default(), threads: 0, peak_memory_bytes: None, ..self.clone() };
+        // a report is JSON whatever its numbers are
+        Hash::of(&serde_json::to_vec(&lasting).unwrap_or_default())
+    }
 }
 
 /// Largest resident memory of this process up to now, in bytes: `VmHWM` of `/proc/self/status`;

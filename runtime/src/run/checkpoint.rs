@@ -1,7 +1,7 @@
 //! The file from which a killed run goes on.
 //!
-//! Promises: a run that goes on from it gives the same bits as one that was not stopped; a file of another scene,
-//! other parameters, another mesh or version, and one that is cut short or damaged, is refused with the reason.
+//! Promises: a run that goes on from it gives the same bits as one that was not stopped; a file of another
+//! run, and one that is cut short or damaged, is refused with the reason.
 //! The file is written after the results of its step, under a temporary name, and renamed: whenever a run is killed,
 //! results and checkpoint are whole. What was done in the steps since goes to the end of a second file, the log, before
 //! the checkpoint says how long it is: the cost of a step does not grow with their number, and what a killed run wrote
@@ -13,10 +13,10 @@ use std::path::{Path as FilePath, PathBuf};
 
 use thiserror::Error;
 
-use super::{Accuracy, Attempt, AttemptEnd, Clock, Others, Path, PhysicsCheck, Run, RunError, RunOptions, StepResult};
+use super::{Accuracy, Attempt, AttemptEnd, Clock, Others, Path, PhysicsCheck, Run, RunError, StepResult};
 use crate::{
     newton::{Iteration, StepHistory, Stop},
-    output::OutputDir,
+    output::{Hash, OutputDir},
     scene::Scene,
     solve::{Reference, SolveReport},
     strategy::SolverMemory,
@@ -30,7 +30,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 7;
+const FORMAT: u64 = 8;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -53,68 +53,28 @@ pub enum CheckpointError {
         /// What is wrong with it.
         what: &'static str,
     },
-    /// The file belongs to something else.
+    /// The results are those of something else.
     #[error(
-        "`{}` belongs to {what}; --resume continues exactly the run that wrote it, without it the run starts from the beginning",
+        "`{}` holds results of {what}; --resume continues exactly the run that wrote them, without it the run starts from the beginning",
         path.display()
     )]
     Other {
-        /// The file.
+        /// The folder.
         path: PathBuf,
-        /// What differs: "another version of wfl (0.1.0)", "another mesh".
+        /// What differs: "another version of wfl (0.1.0)", "another content of `fault.wfl`".
         what: String,
     },
-}
-
-/// What a run must be to go on from a checkpoint.
-#[derive(Clone, Debug, PartialEq)]
-struct Identity {
-    version: String,
-    text: u64,
-    parameters: u64,
-    mesh: u64,
-    dofs: u64,
-}
-
-impl Identity {
-    fn new(scene: &Scene, options: &RunOptions) -> Self {
-        let mut parameters = Writer::default();
-        for (name, value) in &scene.params {
-            parameters.text(name);
-            parameters.numbers(&value.values);
-        }
-        let mesh = &scene.system.mesh;
-        let mut shape = Writer::default();
-        mesh.nodes().iter().for_each(|x| shape.numbers(x));
-        for cell in mesh.cells() {
-            mesh.cell_nodes(cell).iter().for_each(|n| shape.count(n.index()));
-        }
-        for (name, region) in &scene.regions {
-            shape.text(name);
-            shape.count(region.set.len());
-        }
-        Self {
-            version: options.version.clone(),
-            text: options.text_hash,
-            parameters: hash(&parameters.bytes),
-            mesh: hash(&shape.bytes),
-            dofs: scene.system.numbering.n_dofs as u64,
-        }
-    }
-
-    /// What is not the same; the first in the order of causes.
-    fn difference(&self, found: &Identity) -> Option<String> {
-        if self.version != found.version {
-            return Some(format!("another version of wfl ({})", found.version));
-        }
-        let parts = [
-            (self.mesh == found.mesh, "another mesh"),
-            (self.parameters == found.parameters, "other values of the parameters"),
-            (self.text == found.text, "another text of the scene"),
-            (self.dofs == found.dofs, "another number of unknowns"),
-        ];
-        parts.iter().find(|(same, _)| !same).map(|(_, what)| (*what).to_owned())
-    }
+    /// A file of an earlier step is not there.
+    #[error(
+        "the results in `{}` are not whole: `{name}` is gone; without --resume the run starts from the beginning",
+        path.display()
+    )]
+    Gone {
+        /// The folder.
+        path: PathBuf,
+        /// The file.
+        name: String,
+    },
 }
 
 /// Where a run stands, as it is kept in the files.
@@ -132,18 +92,16 @@ pub(super) struct Log {
     count: usize,
     length: u64,
     hash: u64,
-    /// Found once: the mesh does not change.
-    identity: Option<Identity>,
 }
 
 impl Default for Log {
     fn default() -> Self {
-        Self { count: 0, length: 0, hash: HASH_OF_NOTHING, identity: None }
+        Self { count: 0, length: 0, hash: HASH_OF_NOTHING }
     }
 }
 
 /// Where the run stands after its last step; `log` grows by the steps that it does not have.
-pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, options: &RunOptions) -> Content {
+pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, identity: Hash) -> Content {
     let mut entry = Writer::default();
     run.steps[log.count..].iter().for_each(|s| step(&mut entry, s));
     let (entry, at) = (entry.bytes, log.length);
@@ -151,7 +109,8 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, options: &RunOptions
     log.length += entry.len() as u64;
     log.hash = hash_on(log.hash, &entry);
     let mut w = Writer::default();
-    identity(&mut w, log.identity.get_or_insert_with(|| Identity::new(scene, options)));
+    w.text(&identity.to_string());
+    w.count(scene.system.numbering.n_dofs);
     w.count(run.steps.len());
     [log.length, log.hash].iter().for_each(|x| w.word(*x));
     w.numbers(&run.u);
@@ -186,7 +145,7 @@ pub(super) fn write(content: &Content, dir: &OutputDir) -> Result<(), RunError> 
     let content = &content.state;
     // results and log are on the disc before a checkpoint says so
     dir.sync()?;
-    dir.write_atomic(CHECKPOINT_FILE, |out| {
+    dir.write_checked(CHECKPOINT_FILE, |out| {
         out.write_all(MAGIC)?;
         for number in [FORMAT, content.len() as u64, hash(content)] {
             out.write_all(&number.to_le_bytes())?;
@@ -209,7 +168,7 @@ pub(super) struct Found {
 }
 
 /// Reads the checkpoint in a folder; `None` if there is none.
-pub(super) fn read(scene: &Scene, options: &RunOptions, folder: &FilePath) -> Result<Option<Found>, CheckpointError> {
+pub(super) fn read(scene: &Scene, identity: Hash, folder: &FilePath) -> Result<Option<Found>, CheckpointError> {
     let path = folder.join(CHECKPOINT_FILE);
     let bytes = match std::fs::read(&path) {
         Ok(bytes) => bytes,
@@ -220,13 +179,12 @@ pub(super) fn read(scene: &Scene, options: &RunOptions, folder: &FilePath) -> Re
     let content = content(&bytes).map_err(damaged)?;
     let mut r = Reader::new(content);
     let cut = |_: Unreadable| damaged("its content does not fit together");
-    let expected = Identity::new(scene, options);
-    let found = read_identity(&mut r).map_err(cut)?;
-    if let Some(what) = expected.difference(&found) {
-        return Err(CheckpointError::Other { path: path.clone(), what });
+    let (of, dofs) = (r.text().map_err(cut)?, r.count().map_err(cut)?);
+    if of != identity.to_string() || dofs != scene.system.numbering.n_dofs {
+        return Err(damaged("it belongs to another run"));
     }
     let count = r.count().map_err(cut)?;
-    let log = Log { count, length: r.word().map_err(cut)?, hash: r.word().map_err(cut)?, identity: Some(found) };
+    let log = Log { count, length: r.word().map_err(cut)?, hash: r.word().map_err(cut)? };
     let steps = read_log(folder, &log, count)?;
     found_in(&mut r, steps, log).map(Some).map_err(cut)
 }
@@ -287,15 +245,6 @@ fn content(bytes: &[u8]) -> Result<&[u8], &'static str> {
         return Err("its checksum is wrong");
     }
     Ok(content)
-}
-
-fn identity(w: &mut Writer, id: &Identity) {
-    w.text(&id.version);
-    [id.text, id.parameters, id.mesh, id.dofs].iter().for_each(|x| w.word(*x));
-}
-
-fn read_identity(r: &mut Reader<'_>) -> Result<Identity, Unreadable> {
-    Ok(Identity { version: r.text()?, text: r.word()?, parameters: r.word()?, mesh: r.word()?, dofs: r.word()? })
 }
 
 fn memory(w: &mut Writer, m: &Memory) {
@@ -441,12 +390,4 @@ fn read_attempt(r: &mut Reader<'_>) -> Result<Attempt, Unreadable> {
         _ => return Err(Unreadable),
     };
     Ok(Attempt { path, part: (from, to), iterations, end })
-}
-
-/// A number that tells texts apart (FNV-1a, 64 bits).
-#[must_use]
-pub fn text_hash<'t>(texts: impl IntoIterator<Item = &'t str>) -> u64 {
-    let mut w = Writer::default();
-    texts.into_iter().for_each(|t| w.text(t));
-    hash(&w.bytes)
 }

@@ -16,7 +16,7 @@ use std::{
 use super::{CHECKPOINT_FILE, CheckpointError, RunError, StepResult, checkpoint};
 use crate::{
     assemble::{AssembledTerm, FieldValues},
-    output::{self, OutputDir, Piece, Series, write_csv},
+    output::{self, OutputDir, Piece, Plan, REPORT_FILE, Series, write_csv},
     scene::{CsvOutput, Scene, is_written},
 };
 
@@ -54,17 +54,12 @@ impl<'d> Files<'d> {
     /// Takes over the files of steps that were done before.
     pub(super) fn go_on_from(&mut self, scene: &Scene, steps: &[StepResult], dir: &OutputDir) -> Result<(), RunError> {
         let several = scene.steps.values.len() > 1;
-        let path = dir.path().join(CHECKPOINT_FILE);
-        let gone = |name: &str| CheckpointError::Other {
-            path: path.clone(),
-            what: format!("results that are gone (`{name}`)"),
-        };
-        let mut adopt = |name: String| match dir.adopt(&name) {
+        let mut adopt = |name: String| match dir.verify(&name)? {
             Some(file) => {
                 self.written.push(file);
                 Ok(())
             }
-            None => Err(gone(&name)),
+            None => Err(RunError::from(CheckpointError::Gone { path: dir.path().to_path_buf(), name })),
         };
         let n_steps = scene.steps.values.len();
         for number in 0..steps.len() {
@@ -111,9 +106,9 @@ impl<'d> Files<'d> {
         for series in self.series.drain(..) {
             series.finish()?;
         }
+        let Some(dir) = self.dir else { return Ok(()) };
         // before the checkpoint goes: a power cut leaves one or the other
-        self.dir.map_or(Ok(()), OutputDir::sync)?;
-        let Some(dir) = self.dir.filter(|_| scene.steps.values.len() > 1) else { return Ok(()) };
+        dir.sync()?;
         for csv in &scene.csv {
             dir.remove_stale_steps(&csv.file, "csv")?;
         }
@@ -121,6 +116,23 @@ impl<'d> Files<'d> {
         dir.remove(checkpoint::LOG_FILE)?;
         Ok(())
     }
+}
+
+/// The names that a run of a scene uses.
+pub(super) fn plan(scene: &Scene) -> Plan {
+    let n = scene.steps.values.len();
+    let mut plan = Plan { files: vec![REPORT_FILE.to_owned()], series: Vec::new() };
+    for output in &scene.vtk {
+        plan.files.push(format!("{}.pvd", output.file));
+        plan.series.push((output.file.clone(), "vtu", n));
+    }
+    if n > 1 {
+        plan.files.extend([CHECKPOINT_FILE, checkpoint::LOG_FILE].map(str::to_owned));
+        plan.series.extend(scene.csv.iter().map(|csv| (csv.file.clone(), "csv", n)));
+    } else {
+        plan.files.extend(scene.csv.iter().map(|csv| csv_name(csv, 0, false)));
+    }
+    plan
 }
 
 fn csv_name(output: &CsvOutput, number: usize, several: bool) -> String {

@@ -7,6 +7,7 @@
 mod accuracy;
 mod checkpoint;
 mod files;
+mod folder;
 mod physics;
 mod report;
 mod several;
@@ -19,7 +20,8 @@ use std::{
 };
 
 pub use accuracy::Accuracy;
-pub use checkpoint::{CHECKPOINT_FILE, CheckpointError, text_hash};
+pub use checkpoint::{CHECKPOINT_FILE, CheckpointError};
+pub use folder::finished;
 pub use physics::PhysicsCheck;
 pub use several::Others;
 pub use stepping::{Attempt, AttemptEnd, Path};
@@ -28,7 +30,7 @@ use wfl_compiler::ir::Origin;
 
 use crate::{
     newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
-    output::{About, OutputDir, OutputError, Report, write_report},
+    output::{About, Hash, OrderedMap, OutputDir, OutputError, Report, State, write_report},
     pruning::Saving,
     scene::{Scene, node_positions, set_data},
     solve::{Precision, SolverOptions},
@@ -57,8 +59,10 @@ pub struct RunOptions {
     pub out: Option<PathBuf>,
     /// Go on from the checkpoint in `out`, if there is one.
     pub resume: bool,
-    /// A number that tells the text of the scene from others, see [`text_hash`]; a checkpoint is only good for its own.
-    pub text_hash: u64,
+    /// The texts of the scene by name: results are only good for their own.
+    pub texts: OrderedMap<Hash>,
+    /// What else was given that changes numbers, by name: knobs, prunings that are put back.
+    pub settings: OrderedMap<String>,
     /// Threads of assembly and solver.
     pub threads: usize,
     /// Precision of the factor of the matrix of the contact forces.
@@ -87,7 +91,8 @@ impl RunOptions {
             name: String::new(),
             out: None,
             resume: false,
-            text_hash: 0,
+            texts: OrderedMap::new(),
+            settings: OrderedMap::new(),
             threads,
             precision: Precision::Auto,
             version: String::new(),
@@ -242,9 +247,10 @@ pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress)
 
 fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress) -> Result<Outcome, RunError> {
     let dir = match &options.out {
-        Some(path) => Some(OutputDir::create(path)?),
+        Some(path) => Some(OutputDir::open(path)?),
         None => None,
     };
+    let identity = folder::identity(scene, options);
     let mut files = Files::new(scene, dir.as_ref());
     let solver = SolverOptions { threads: options.threads, precision: options.precision, ..SolverOptions::default() };
     let mut run = Run {
@@ -253,16 +259,21 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
         steps: Vec::new(),
         clock: Clock::default(),
         log: Log::default(),
+        identity: identity.hash(),
     };
-    if options.resume
-        && let Some(dir) = &dir
-    {
-        let found = checkpoint::read(scene, options, dir.path())?;
-        if let Some(found) = found {
-            run.go_on_from(found, scene, dir, progress)?;
-            files.go_on_from(scene, &run.steps, dir)?;
+    if let Some(dir) = &dir {
+        let found = if options.resume { folder::found(scene, &identity, dir)? } else { None };
+        match found {
+            Some(found) => {
+                run.go_on_from(found, scene, dir, progress)?;
+                files.go_on_from(scene, &run.steps, dir)?;
+                folder::go_on(scene, dir)?;
+            }
+            None => folder::begin(scene, &identity, dir)?,
         }
-        progress.resumed(run.steps.last());
+        if options.resume {
+            progress.resumed(run.steps.last());
+        }
     }
     let ended = run.all_steps(scene, options, &mut files, progress);
     let done = run.steps.len() == scene.steps.values.len() && run.steps.iter().all(|s| s.history.converged());
@@ -287,6 +298,10 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
             (Err(error), Ok(())) => return Err(error.into()),
             (Err(_), Err(_)) => {}
         }
+        let noted = folder::end(dir, if done && finished.is_ok() { State::Finished } else { State::Stopped });
+        if finished.is_ok() {
+            noted?;
+        }
     }
     finished?;
     Ok(Outcome { steps: run.steps, report, files: written, expectations, diagnostics, warnings })
@@ -309,6 +324,8 @@ struct Run {
     clock: Clock,
     /// What the checkpoints of this run have written of its steps.
     log: Log,
+    /// What the run is.
+    identity: Hash,
 }
 
 impl Run {
@@ -369,7 +386,7 @@ impl Run {
             if values.len() > 1 && checkpoint_before.is_none_or(|before| before.elapsed() >= pause) {
                 checkpoint_before = Some(begin);
                 let mut log = std::mem::take(&mut self.log);
-                step.checkpoint = Some(checkpoint::pack(self, &mut log, scene, options));
+                step.checkpoint = Some(checkpoint::pack(self, &mut log, scene, self.identity));
                 self.log = log;
             }
             let taken = writer.send(step).is_ok();

@@ -16,14 +16,23 @@ use wfl_compiler::{
 
 use crate::{
     mesh::{BoxShape, MapError, Mesh, MeshError, cells_for_size, generate_box, map_nodes},
+    output::Hash,
     reading::{self, ReadingError},
-    scene::constants::{bare_env, numbers},
+    scene::{
+        InputFile,
+        constants::{bare_env, numbers},
+    },
     value::Value,
 };
 
 /// The mesh of a file, read before anything else because it has the dimension of the scene; `None` for a box, and
 /// after a message.
-pub(super) fn read(script: &ResolvedScript, folder: &Path, diagnostics: &mut Vec<Diagnostic>) -> Option<Mesh> {
+pub(super) fn read(
+    script: &ResolvedScript,
+    folder: &Path,
+    inputs: &mut Vec<InputFile>,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Mesh> {
     let MeshSource::File { path, span } = &script.mesh.as_ref()?.source else { return None };
     let bytes = match reading::bytes(folder, folder, path) {
         Ok(bytes) => bytes,
@@ -34,6 +43,7 @@ pub(super) fn read(script: &ResolvedScript, folder: &Path, diagnostics: &mut Vec
             return None;
         }
     };
+    inputs.push(InputFile::new(folder, path, Hash::of(&bytes)));
     match crate::mesh::read::mesh_of(&bytes) {
         Ok(mesh) => {
             let twins = &mesh.warnings().duplicate_nodes;

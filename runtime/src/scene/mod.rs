@@ -13,6 +13,7 @@ mod data;
 mod fields;
 mod groups;
 mod held;
+mod inputs;
 mod low_rules;
 mod mappings;
 mod meeting;
@@ -55,6 +56,7 @@ pub use constraints::Prescribed;
 pub use data::coercivity;
 pub(crate) use data::{node_positions, set_data};
 pub use held::Printed;
+pub use inputs::InputFile;
 pub use mesh::SceneBox;
 pub use options::Steps;
 pub(crate) use outputs::is_written;
@@ -142,6 +144,8 @@ pub struct Scene {
     pub times: PrepareTimes,
     /// Fields that no term uses.
     pub unused_fields: Vec<String>,
+    /// The files that were read for it.
+    pub inputs: Vec<InputFile>,
     /// Words in expressions of terms.
     pub(crate) in_terms: BTreeSet<String>,
     env: OwnedEnv,
@@ -229,7 +233,8 @@ fn prepare_all(
 ) -> Option<Scene> {
     let begin = Instant::now();
     let With { folder, backend, keep } = with;
-    let read = mesh::read(script, folder, diagnostics);
+    let mut inputs = Vec::new();
+    let read = mesh::read(script, folder, &mut inputs, diagnostics);
     let params = constants::parameters(script, mesh::dimension(script, read.as_ref()), diagnostics);
     for param in script.params.iter().filter(|p| !params.contains_key(&p.name.name)) {
         lost.add(&param.name.name);
@@ -292,6 +297,7 @@ fn prepare_all(
         params: &params,
         mesh_time,
         prints: Vec::new(),
+        inputs,
         keep,
     }
     .build()
@@ -326,6 +332,7 @@ struct Builder<'a> {
     params: &'a std::collections::BTreeMap<String, Constant>,
     mesh_time: f64,
     prints: Vec<Printed>,
+    inputs: Vec<InputFile>,
     keep: &'a [Pruning],
 }
 
@@ -417,6 +424,7 @@ impl Builder<'_> {
             sigs: self.sigs.to_vec(),
             times: PrepareTimes { compile, mesh: mesh_time },
             unused_fields,
+            inputs: self.inputs,
             in_terms: names_in_terms(self.script),
             env: OwnedEnv {
                 params: self.params.clone(),

@@ -17,6 +17,7 @@ use crate::{
     assemble::Domain,
     field::{Field, FieldSpace},
     mesh::{CellId, Mesh, RegionSet, Topology},
+    output::{OutputError, check_name, step_name},
     results::{LineSample, SampledPiece, SupportSet},
     scene::{
         constants::{number, numbers},
@@ -89,6 +90,7 @@ pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> (Vec<VtkOutput>, Vec<CsvOu
     let bodies = maker.bodies();
     let faces = maker.faces();
     for output in &maker.script.outputs {
+        maker.check_file(output);
         match output.format.name.as_str() {
             "vtk" => vtk.extend(maker.vtk(output, &bodies, &faces)),
             "csv" => csv.extend(maker.csv(output, &bodies)),
@@ -187,6 +189,21 @@ impl OutputMaker<'_> {
             }
         }
         Vec::new()
+    }
+
+    /// Whether the files of an output can have its name, also with a number and an ending.
+    fn check_file(&mut self, output: &wfl::Output) {
+        /// The digits of the largest number of a step.
+        const LAST: usize = usize::MAX;
+        let names = [format!("{}.csv", output.file), step_name(&output.file, LAST, "vtu")];
+        let wrong = names.iter().find_map(|name| check_name(name).err());
+        if let Some(OutputError::BadName { reason, .. }) = wrong {
+            let d = Diagnostic::new("E710", format!("`{}` cannot be the name of result files: {reason}", output.file));
+            self.diagnostics.push(
+                d.at(output.format.span, "its files are named after it")
+                    .help("results lie in the folder of --out; take a plain name, such as fields"),
+            );
+        }
     }
 
     fn vtk(&mut self, output: &wfl::Output, bodies: &[Target], faces: &[Target]) -> Option<VtkOutput> {

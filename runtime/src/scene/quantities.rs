@@ -3,8 +3,9 @@
 use wfl::{DataValue, Diagnostic, Span, StartKind, ast::Reduction};
 use wfl_compiler::{compile_value, types::FieldKind, without_fields};
 
-use super::{Builder, Measure, RuleChoice, mappings, mesh, mesh::unread, terms};
+use super::{Builder, InputFile, Measure, RuleChoice, mappings, mesh, mesh::unread, terms};
 use crate::{
+    output::Hash,
     point_values::{PointValues, SAME_PLACE},
     reading,
     system::System,
@@ -99,6 +100,7 @@ impl Builder<'_> {
                 return None;
             }
         };
+        self.inputs.push(InputFile::new(self.folder, path, Hash::of(text.as_bytes())));
         match PointValues::parse(&text) {
             Ok(table) => Some(table),
             Err(e) => {

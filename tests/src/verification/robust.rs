@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{Attempt, attempt, examples, prepared};
 use wfl_jit::JitBackend;
-use wfl_runtime::{Outcome, Progress, Quiet, RunOptions, StepResult, coercivity, run};
+use wfl_runtime::{Outcome, Progress, Quiet, RunOptions, StepResult, coercivity, output::Hash, run};
 
 const fn row(id: &'static str, title: &'static str, origin: &'static str, run: fn() -> Vec<Case>) -> Benchmark {
     Benchmark { id, title, origin, slow: false, open: None, run }
@@ -220,13 +220,7 @@ impl Drop for Folder {
 }
 
 /// Runs the fault on a small mesh with results in a folder.
-fn run_in(
-    out: PathBuf,
-    resume: bool,
-    cells: &str,
-    text_hash: u64,
-    progress: &mut dyn Progress,
-) -> Result<Outcome, String> {
+fn run_in(out: PathBuf, resume: bool, cells: &str, of: u64, progress: &mut dyn Progress) -> Result<Outcome, String> {
     let folder = examples().join("fault");
     let text = std::fs::read_to_string(folder.join("nitsche.wfl")).map_err(|e| e.to_string())?;
     let edits =
@@ -237,7 +231,7 @@ fn run_in(
         name: "row".to_owned(),
         out: Some(out),
         resume,
-        text_hash,
+        texts: [("row.wfl", Hash::of(format!("{cells} {of}").as_bytes()))].into_iter().collect(),
         version: "1".to_owned(),
         ..RunOptions::without_files(2, std::time::Instant::now())
     };
@@ -299,19 +293,29 @@ fn wrong_checkpoint() -> Vec<Case> {
         std::panic::catch_unwind(|| run_in(folder.0.clone(), false, "[4,4,4]", 1, &mut Stop(2))).is_err()
     };
     let file = folder.0.join(wfl_runtime::CHECKPOINT_FILE);
-    let refused = |what: &str, ready: bool, result: Result<Outcome, String>| {
+    let refused = |what: &str, words: &str, ready: bool, result: Result<Outcome, String>| {
         let message = result.as_ref().err().cloned().unwrap_or_default();
         Case::new(what)
             .require(ready, "could not be made")
             .require(result.is_err(), "is taken")
-            .require(message.contains("checkpoint"), format!("does not say `checkpoint`: {message}"))
+            .require(message.contains(words), format!("does not say `{words}`: {message}"))
     };
     let ready = start() && std::fs::read(&file).is_ok_and(|b| std::fs::write(&file, &b[..b.len() / 2]).is_ok());
     let truncated = run_in(folder.0.clone(), true, "[4,4,4]", 1, &mut Quiet);
-    let mut cases = vec![refused("truncated", ready, truncated)];
+    let mut cases = vec![refused("truncated", "not a whole checkpoint", ready, truncated)];
     let ready = start();
-    cases.push(refused("of another text", ready, run_in(folder.0.clone(), true, "[4,4,4]", 2, &mut Quiet)));
+    cases.push(refused(
+        "of another text",
+        "another content of `row.wfl`",
+        ready,
+        run_in(folder.0.clone(), true, "[4,4,4]", 2, &mut Quiet),
+    ));
     let ready = start();
-    cases.push(refused("of another mesh", ready, run_in(folder.0.clone(), true, "[4,4,2]", 1, &mut Quiet)));
+    cases.push(refused(
+        "of another mesh",
+        "another content of `row.wfl`",
+        ready,
+        run_in(folder.0.clone(), true, "[4,4,2]", 1, &mut Quiet),
+    ));
     cases
 }

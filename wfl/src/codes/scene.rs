@@ -296,6 +296,73 @@ pub(super) const PAGES: &[CodePage] = &[
         "wfl run fault.wfl gamma=1e4",
     ),
     page(
+        "E710",
+        "an output with a name that is no file name",
+        "Results are files of the results folder, named after their output. A name is one that every system has: no path, \
+         no dot at its beginning, none of < > : \" | ? *, no dot or blank at its end, none of the names that Windows keeps \
+         for devices (CON, NUL, COM1, ...), at most 255 bytes with number and ending.",
+        "output vtk \"nul\" : u",
+        "output vtk \"fields\" : u",
+    ),
+    page(
+        "E711",
+        "a results folder that another process writes to",
+        "A run, a sweep or a report locks its folder as long as it writes. The system frees the lock when the process ends, \
+         also when it is killed. Wait until it has ended, or write elsewhere.",
+        "wfl run fault.wfl --out out/fault    # while another one runs there",
+        "wfl run fault.wfl --out out/second",
+    ),
+    page(
+        "E712",
+        "a file that is not ours is in the way",
+        "Only files that the manifest of a results folder names are replaced or removed. A file that this program did not \
+         write there, a folder, or a link under the name of a result is left alone, and the run does not begin. Move it \
+         away, or write elsewhere.",
+        "wfl run fault.wfl --out .    # where a line.csv is that the run would replace",
+        "wfl run fault.wfl --out out/fault",
+    ),
+    page(
+        "E713",
+        "a folder that holds something else",
+        "The folder has the results of a run and a sweep is to be written there, or the other way round. One folder holds \
+         one of them.",
+        "wfl sweep fault.wfl gamma=1e4,1e6 --out out/fault    # the results of wfl run",
+        "wfl sweep fault.wfl gamma=1e4,1e6 --out out/sweep",
+    ),
+    page(
+        "E714",
+        "results of another run",
+        "A run goes on from its own results only. What it is follows from everything it reads: its texts, mesh and data \
+         files, the values of its parameters, knobs, precision, and the version of the program. The message names what \
+         differs. Without --resume the run starts from the beginning and replaces what is there.",
+        "wfl run fault.wfl gamma=1e6 --resume    # what was stopped had gamma=1e4",
+        "wfl run fault.wfl gamma=1e4 --resume",
+    ),
+    page(
+        "E715",
+        "results that are damaged or gone",
+        "A file of a results folder is not what was written there, or is not there: the manifest of the folder has the size \
+         and the hash of each. Numbers of such a file are not gone on from, and not shown.",
+        "wfl run fault.wfl --resume    # after fault_0003.vtu was edited",
+        "wfl run fault.wfl",
+    ),
+    page(
+        "E716",
+        "a result in the place of a file that the scene reads",
+        "An output has the name of a mesh, data or start file of the scene, in the same folder: it would be replaced by the \
+         result. Give the output another name, or write elsewhere.",
+        "wfl run layers.wfl --out .    # reads layers.csv and writes it",
+        "wfl run layers.wfl --out out/layers",
+    ),
+    page(
+        "E717",
+        "results cannot be written",
+        "The system did not take a file or a folder: the disc is full, or the folder cannot be written to. What was written \
+         before is whole. A run goes on where it stopped with --resume, a sweep when it is started again.",
+        "wfl run fault.wfl --out /full/disc",
+        "wfl run fault.wfl --out /other/disc --resume",
+    ),
+    page(
         "E801",
         "GWFL that this program does not have",
         "Cut elements, elementary transformations, two-domain integrals and complex fields are not available. A crack \

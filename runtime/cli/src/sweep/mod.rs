@@ -2,8 +2,8 @@
 //!
 //! Every run is made in this process with a fresh state, one at a time: times are those of a machine that does nothing
 //! else. Several at once (`--jobs`) are not timed. A setting that fails stays in the table with its message and time. A
-//! table that is there already is gone on with: its rows are not run again as long as the text of their scene is the
-//! same.
+//! table that is there already is gone on with: its rows are not run again as long as everything that their
+//! scene reads, its reference and the version of the program are the same.
 //!
 //! `lists` reads the command line, knobs of the runtime change scenes, `one` runs a setting, `reference` gives errors,
 //! `table` keeps the rows; `front` and `page` read nothing but these.
@@ -33,6 +33,7 @@ use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     compare::{Solved, measures},
     knobs::{self, Setting, number},
+    output::{Kind, OutputDir, OutputError, Plan, State},
 };
 
 use self::{
@@ -44,6 +45,8 @@ use self::{
 };
 use crate::{
     args::SweepArgs,
+    folder::{error_line, told_later},
+    interrupt::Tidied,
     load::{out, say},
     prepared::{EXIT_ERROR, backend},
     threads::{available, limited},
@@ -72,7 +75,7 @@ pub(crate) fn sweep(args: &SweepArgs) -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
-            say(&format!("error: {why}\n"));
+            say(&error_line(&why));
             ExitCode::from(EXIT_ERROR)
         }
     }
@@ -90,18 +93,48 @@ fn run(args: &SweepArgs) -> Result<(), String> {
     let Some(backend) = backend(false) else { return Err("there is no machine code on this processor".to_owned()) };
     let default = || if args.jobs.is_some_and(|n| n.get() > 1) { 1 } else { available() };
     let threads = args.threads.map_or_else(default, |n| limited(n.get()));
-    std::fs::create_dir_all(&args.out).map_err(|e| format!("cannot make {}: {e}", args.out.display()))?;
     let mut methods = methods(&scenes, &knobs, &*backend)?;
+    let dir = OutputDir::open(&args.out).map_err(|e| told_later(&e))?;
+    dir.go_on(Kind::Sweep, &plan(&methods)).map_err(|e| told_later(&e))?;
+    let _tidied = Tidied::new(args.out.clone(), "the rows made are kept: the same command goes on");
     let mut sweep = Sweep {
         args,
         knobs: &knobs,
         bench: Bench { backend: &*backend, threads, only: None, last: false },
         references: Vec::new(),
-        rows: table::read(&args.out).map_err(|e| e.to_string())?,
+        rows: kept_rows(&dir)?,
+        dir: &dir,
         machine: machine::describe(),
     };
     sweep.references(&mut methods)?;
-    sweep.all(&methods)
+    sweep.all(&methods)?;
+    dir.finish(State::Finished).map_err(|e| told_later(&e))
+}
+
+/// The names of the files of a sweep.
+fn plan(methods: &[Method]) -> Plan {
+    let mut files = vec![table::TABLE_FILE.to_owned(), page::PAGE_FILE.to_owned()];
+    files.extend((1..=methods.len()).map(reference_file));
+    let outputs = methods.iter().flat_map(|m| &m.known.loaded.script.outputs).flat_map(|o| &o.items);
+    let quantities = ["L2", "H1"].into_iter().chain(outputs.map(|i| i.name.as_str()));
+    files.extend(quantities.map(|q| format!("{}.svg", page::plot_name(q))));
+    Plan { files, series: Vec::new() }
+}
+
+fn reference_file(number: usize) -> String {
+    format!("reference_{number}.json")
+}
+
+/// The rows of earlier sweeps, if the table is what they wrote.
+fn kept_rows(dir: &OutputDir) -> Result<Vec<Row>, String> {
+    let changed = |e: OutputError| {
+        let help = "its rows are not gone on with: move it away, or write elsewhere: --out DIR; wfl sweep --plot makes its page";
+        format!("[E715]: {e}\n  = help: {help}")
+    };
+    match dir.verify(table::TABLE_FILE).map_err(changed)? {
+        Some(_) => table::read(dir.path()).map_err(|e| e.to_string()),
+        None => Ok(Vec::new()),
+    }
 }
 
 /// Makes page and plots anew from the tables of sweeps.
@@ -114,12 +147,21 @@ fn plot(args: &SweepArgs) -> Result<(), String> {
             let help = "give the folder of a sweep: wfl sweep --plot DIR";
             return Err(format!("there is no {} in {}\n  = help: {help}", table::TABLE_FILE, folder.display()));
         }
-        page::write(&folder, &rows).map_err(|e| e.to_string())?;
+        replot(&folder, &rows).map_err(|e| told_later(&e))?;
         if !args.quiet {
             out(&format!("{}\n", folder.join(page::PAGE_FILE).display()));
         }
     }
     Ok(())
+}
+
+fn replot(folder: &Path, rows: &[Row]) -> Result<(), OutputError> {
+    let dir = OutputDir::open(folder)?;
+    let charts = page::charts(rows).into_iter().map(|(name, _)| format!("{name}.svg"));
+    let files = charts.chain([page::PAGE_FILE.to_owned()]).collect();
+    dir.go_on(Kind::Sweep, &Plan { files, series: Vec::new() })?;
+    page::write(&dir, rows)?;
+    dir.finish(State::Finished)
 }
 
 /// Reads the scenes and checks that every knob means something in each of them.
@@ -155,6 +197,7 @@ struct Sweep<'a> {
     bench: Bench<'a>,
     references: Vec<Reference>,
     rows: Vec<Row>,
+    dir: &'a OutputDir,
     machine: machine::Machine,
 }
 
@@ -242,9 +285,8 @@ impl Sweep<'_> {
             return Ok(k);
         }
         let k = self.references.len();
-        let file = self.args.out.join(format!("reference_{}.json", k + 1));
-        let kept = if file.exists() { reference::from_file(&file).ok().filter(|r| r.what == what) } else { None };
-        let made = match kept {
+        let name = reference_file(k + 1);
+        let made = match self.kept_reference(&name, &what, method) {
             Some(kept) => kept,
             None => {
                 let begin = Instant::now();
@@ -256,13 +298,26 @@ impl Sweep<'_> {
                 };
                 let bench = Bench { last: true, only: None, ..self.bench };
                 let made = reference::finer(&bench, &method.path, &method.known, setting, &mut progress)?;
-                reference::to_file(&made, &file).map_err(|e| e.to_string())?;
+                reference::to_file(&made, self.dir, &name)?;
+                let file = self.dir.path().join(&name);
                 self.tell(&format!("reference: {:.1} s; kept in {}", begin.elapsed().as_secs_f64(), file.display()));
                 made
             }
         };
         self.references.push(made);
         Ok(k)
+    }
+
+    /// The reference that an earlier sweep made of the same, if its file is what was written.
+    fn kept_reference(&self, name: &str, what: &str, method: &Method) -> Option<Reference> {
+        let read = match self.dir.verify(name) {
+            Ok(file) => reference::from_file(&file?),
+            Err(error) => Err(error.to_string()),
+        };
+        if let Err(why) = &read {
+            self.tell(&format!("reference: {why}: made anew"));
+        }
+        read.ok().filter(|r| r.what == what && r.identity == method.known.identity.hash())
     }
 
     /// All runs that are not in the table yet.
@@ -302,11 +357,11 @@ impl Sweep<'_> {
             made[k] = Some(row);
             // a run that is broken off loses what was being made and no more
             let rows: Vec<Row> = before.iter().chain(made.iter().flatten()).cloned().collect();
-            table::write(&self.args.out, &rows).map_err(|e| e.to_string())
+            table::write(self.dir, &rows).map_err(|e| told_later(&e))
         })?;
         self.rows = before.into_iter().chain(made.into_iter().flatten()).collect();
-        table::write(&self.args.out, &self.rows).map_err(|e| e.to_string())?;
-        page::write(&self.args.out, &self.rows).map_err(|e| e.to_string())?;
+        table::write(self.dir, &self.rows).map_err(|e| told_later(&e))?;
+        page::write(self.dir, &self.rows).map_err(|e| told_later(&e))?;
         if !self.args.quiet {
             let bad = self.rows.iter().filter(|r| r.text("status") != "ok").count();
             let page = self.args.out.join(page::PAGE_FILE);
@@ -363,9 +418,11 @@ impl Sweep<'_> {
 
     /// What tells a row from others: scene with its text, setting, repetitions and reference.
     fn key(&self, method: &Method, setting: &Setting) -> String {
-        let reference = method.reference.map_or("none", |k| &self.references[k].what);
+        let reference = method.reference.map(|k| &self.references[k]);
+        let reference = reference.map_or("none".to_owned(), |r| format!("{} {}", r.what, r.identity));
         let n = self.args.repeat;
-        format!("{} {:016x} | {} | {n} | {reference}", method.path.display(), method.known.hash, words(setting))
+        let identity = method.known.identity.hash();
+        format!("{} {identity} | {} | {n} | {reference}", method.path.display(), words(setting))
     }
 
     /// Runs a setting as often as asked for.

@@ -16,7 +16,8 @@ use wfl_runtime::{
     accuracy::lean,
     compare::Solved,
     knobs::{self, Setting},
-    prepare_keeping, text_hash,
+    output::{Hash, Identity, OrderedMap},
+    prepare_keeping,
 };
 
 use crate::{
@@ -47,8 +48,8 @@ pub(crate) struct Known {
     pub(crate) params: Vec<String>,
     /// Regions of terms with kinks; of all terms where there are none.
     pub(crate) kinked: Vec<String>,
-    /// A number that tells its text from others.
-    pub(crate) hash: u64,
+    /// What it reads and what read it: tells it from others.
+    pub(crate) identity: Identity,
     /// Parameters as the command line gives them, `NAME=VALUE`; a setting goes before.
     pub(crate) given: Vec<String>,
     /// The scene as it stands.
@@ -74,8 +75,19 @@ pub(crate) fn known_of(loaded: Loaded, scene: Scene, given: &[String]) -> Known 
     kinked.sort();
     kinked.dedup();
     kinked.retain(|r| loaded.script.regions.iter().any(|s| s.name.name == *r) || r == "all" || r == "boundary");
-    let hash = text_hash(loaded.texts());
-    Known { params, kinked, hash, given: given.to_vec(), scene, loaded }
+    let inputs = inputs(&loaded, &scene);
+    let version = env!("CARGO_PKG_VERSION").to_owned();
+    let identity = Identity { version, inputs, ..Identity::default() };
+    Known { params, kinked, identity, given: given.to_vec(), scene, loaded }
+}
+
+/// Everything that a scene reads.
+fn inputs(loaded: &Loaded, scene: &Scene) -> OrderedMap<Hash> {
+    let mut inputs = loaded.texts();
+    for input in &scene.inputs {
+        inputs.insert(input.name.as_str(), input.hash);
+    }
+    inputs
 }
 
 /// What decides the time of a run.
@@ -123,6 +135,15 @@ impl Known {
         let mut words: Vec<String> = self.given.iter().filter(|w| !set(w)).cloned().collect();
         words.extend(knobs::overrides(setting, &self.params));
         words
+    }
+
+    /// Whether a run of the scene reads what it read at first; the text of the scene itself may be `extended`.
+    fn is_what_was_read(&self, inputs: &OrderedMap<Hash>, extended: bool) -> Result<(), String> {
+        let changed = |(name, hash): &(&str, &Hash)| self.identity.inputs.get(name) != Some(hash);
+        match inputs.iter().skip(usize::from(extended)).find(changed) {
+            Some((name, _)) => Err(format!("`{name}` changed while the runs were made: begin again")),
+            None => Ok(()),
+        }
     }
 
     /// Changes the statements of a scene that was read with these words.
@@ -191,11 +212,11 @@ impl Bench<'_> {
         let parse_seconds = started.elapsed().as_secs_f64();
         let kept = knobs::kept(setting).map_err(|e| e.to_string())?;
         let (mut scene, loaded) = prepared(loaded, self.backend, &kept)?;
+        known.is_what_was_read(&inputs(&loaded, &scene), !more.is_empty())?;
         let threads = knobs::threads(setting).map_err(|e| e.to_string())?.map_or(self.threads, limited);
         let precision = knobs::precision(setting).map_err(|e| e.to_string())?.unwrap_or_default();
         let options = RunOptions {
             name: loaded.name.clone(),
-            text_hash: known.hash,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             parse_seconds,
             precision,

@@ -2,24 +2,23 @@
 //!
 //! Every row is shown somewhere: solved runs in the plots and the table of all runs, failures in a table of their own.
 
-use std::path::Path;
-
 use wfl_charts::{Chart, Colour, Page, Scale, Section, Series, Table};
+use wfl_runtime::output::{OutputDir, OutputError};
 
 use super::{
     front::{Point, TRUSTED, WANTED, cheapest, front, is_known, method, points, quantities, source, words},
-    table::{Row, TableError, write_file},
+    table::{Row, write_text},
 };
 
 /// The name of the page in the folder of a sweep.
 pub(super) const PAGE_FILE: &str = "sweep.html";
 
 /// Writes page and plots into the folder of a sweep.
-pub(super) fn write(folder: &Path, rows: &[Row]) -> Result<(), TableError> {
+pub(super) fn write(dir: &OutputDir, rows: &[Row]) -> Result<(), OutputError> {
     for (name, chart) in charts(rows) {
-        write_file(&folder.join(format!("{name}.svg")), &chart.svg())?;
+        write_text(dir, &format!("{name}.svg"), &chart.svg())?;
     }
-    write_file(&folder.join(PAGE_FILE), &page(rows).html())
+    write_text(dir, PAGE_FILE, &page(rows).html())
 }
 
 /// A plot of time over error for each quantity, with the name of its file.

@@ -18,13 +18,14 @@ use wfl_runtime::{
     SampleAt, Samples,
     compare::{EXACT_OUTPUT, NORM_DEGREE, Solved, differences, items, measures, name, sampled, take, unknowns},
     knobs::{Setting, number},
+    output::{Hash, OutputDir},
 };
 
 use super::{
     one::{Bench, Known, Status},
-    table::{TableError, write_file},
+    table::write_text,
 };
-use crate::load::read_text;
+use crate::{folder::told_later, load::read_text};
 
 /// The same against an exact solution, which is no polynomial.
 const EXACT_DEGREE: usize = 11;
@@ -34,6 +35,9 @@ const EXACT_DEGREE: usize = 11;
 pub(super) struct Reference {
     /// What it is, in words.
     pub(super) what: String,
+    /// What it follows from: what its run read, or the file it comes from.
+    #[serde(default)]
+    pub(super) identity: Hash,
     /// Fields and outputs at points; empty for an exact solution.
     pub(super) samples: Vec<Samples>,
     /// Measures of the last step.
@@ -42,6 +46,9 @@ pub(super) struct Reference {
     pub(super) own: Vec<(String, f64)>,
     /// The exact solution is in the scene.
     pub(super) exact: bool,
+    /// In a file: the hash of all the rest.
+    #[serde(default)]
+    pub(super) check: Hash,
 }
 
 impl Reference {
@@ -60,19 +67,29 @@ impl Reference {
     }
 }
 
-/// Reads a reference that an earlier sweep left.
+/// Reads a reference that an earlier sweep left. A number in it that was changed is noticed.
 pub(super) fn from_file(path: &Path) -> Result<Reference, String> {
     let text = read_text(path).map_err(|why| format!("cannot read {}: {why}", path.display()))?;
-    serde_json::from_str(&text).map_err(|e| {
+    let mut found: Reference = serde_json::from_str(&text).map_err(|e| {
         format!("{} is no reference of a sweep: {e}\n  = help: a sweep leaves reference_1.json", path.display())
-    })
+    })?;
+    let check = std::mem::take(&mut found.check);
+    if json(&found).map(|text| Hash::of(text.as_bytes())) == Ok(check) {
+        return Ok(found);
+    }
+    let help = "take another one, or --reference auto, which makes it anew";
+    Err(format!("{} is not what a sweep of this version wrote\n  = help: {help}", path.display()))
 }
 
 /// Keeps a reference for another sweep, or for the rest of this one.
-pub(super) fn to_file(reference: &Reference, path: &Path) -> Result<(), TableError> {
-    let text = serde_json::to_string(reference)
-        .map_err(|e| TableError::Write { path: path.display().to_string(), why: e.to_string() })?;
-    write_file(path, &text)
+pub(super) fn to_file(reference: &Reference, dir: &OutputDir, name: &str) -> Result<(), String> {
+    let check = Hash::of(json(reference)?.as_bytes());
+    let text = json(&Reference { check, ..reference.clone() })?;
+    write_text(dir, name, &text).map_err(|e| told_later(&e))
+}
+
+fn json(reference: &Reference) -> Result<String, String> {
+    serde_json::to_string(reference).map_err(|e| format!("the reference cannot be kept: {e}"))
 }
 
 /// Solves a scene for reference and estimates its own error. `progress` is told of each run.
@@ -107,6 +124,7 @@ pub(super) fn finer(
     let first = &levels[0];
     let mut reference = Reference {
         what: format!("{} {}", path.display(), super::words(setting)),
+        identity: known.identity.hash(),
         samples: sampled(first, bench.backend, SampleAt::Own(NORM_DEGREE))?,
         measures: measures(first),
         ..Reference::default()

@@ -188,12 +188,19 @@ pub(super) fn study(args: &SweepArgs, docs: &Path) -> Result<(), String> {
         for (name, chart) in page::charts(&rows) {
             if part.figures.iter().any(|f| name == page::plot_name(f)) {
                 let file = docs.join(format!("{}_{name}.svg", part.name));
-                table::write_file(&file, &chart.svg()).map_err(|e| e.to_string())?;
+                write_file(&file, &chart.svg())?;
             }
         }
     }
     text += &verdict::section(args)?;
-    table::write_file(&docs.join("trade.md"), &text).map_err(|e| e.to_string())
+    write_file(&docs.join("trade.md"), &text)
+}
+
+/// Writes a page of the documentation under another name first: a reader never sees half of it.
+fn write_file(path: &Path, text: &str) -> Result<(), String> {
+    let part = path.with_extension("part");
+    let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, path));
+    written.map_err(|e| format!("cannot write {}: {e}", path.display()))
 }
 
 const HEAD: &str = "# Speed against accuracy, measured

@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use thiserror::Error;
+use wfl_runtime::output::{OutputDir, OutputError};
 
 use crate::load::read_text;
 
@@ -49,13 +50,11 @@ impl Row {
     }
 }
 
-/// A table that cannot be read or written.
+/// A table that cannot be read.
 #[derive(Debug, Error)]
 pub(super) enum TableError {
     #[error("cannot read {path}: {why}")]
     Read { path: String, why: String },
-    #[error("cannot write {path}: {why}")]
-    Write { path: String, why: String },
     #[error("{path}, row {row}: {found} cells where the first row has {expected}")]
     Cells { path: String, row: usize, found: usize, expected: usize },
 }
@@ -84,15 +83,13 @@ fn cell(text: &str) -> String {
 }
 
 /// Writes a table in place of the one there was.
-pub(super) fn write(folder: &Path, rows: &[Row]) -> Result<(), TableError> {
-    write_file(&folder.join(TABLE_FILE), &csv(rows))
+pub(super) fn write(dir: &OutputDir, rows: &[Row]) -> Result<(), OutputError> {
+    write_text(dir, TABLE_FILE, &csv(rows))
 }
 
-/// Writes a file under another name first: a reader never sees half of it.
-pub(super) fn write_file(path: &Path, text: &str) -> Result<(), TableError> {
-    let part = path.with_extension("part");
-    let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, path));
-    written.map_err(|e| TableError::Write { path: path.display().to_string(), why: e.to_string() })
+/// Writes a text into the folder of a sweep.
+pub(super) fn write_text(dir: &OutputDir, name: &str, text: &str) -> Result<(), OutputError> {
+    dir.write_atomic(name, |out| out.write_all(text.as_bytes())).map(drop)
 }
 
 /// Reads a table; no rows where there is no file.
@@ -144,6 +141,8 @@ fn cells(text: &str) -> Vec<Vec<String>> {
 
 #[cfg(test)]
 mod tests {
+    use wfl_runtime::output::{Kind, Plan};
+
     use super::*;
 
     #[test]
@@ -157,9 +156,11 @@ mod tests {
         b.number("error", f64::NAN);
         let rows = vec![a, b];
         let folder = std::env::temp_dir().join(format!("wfl_table_{}", std::process::id()));
-        std::fs::create_dir_all(&folder).expect("a folder");
-        write(&folder, &rows).expect("written");
+        let dir = OutputDir::open(&folder).expect("a folder");
+        dir.go_on(Kind::Sweep, &Plan::default()).expect("a folder of sweeps");
+        write(&dir, &rows).expect("written");
         let back = read(&folder).expect("read");
+        drop(dir);
         std::fs::remove_dir_all(&folder).expect("removed");
         for (found, written) in back.iter().zip(&rows) {
             assert!(columns(&rows).iter().all(|c| found.text(c) == written.text(c)));

@@ -26,6 +26,8 @@ pub(crate) struct Pair {
     wrong: String,
     right: String,
     command: [String; 2],
+    /// Words of a command that is run before both.
+    before: Option<&'static str>,
     files: Vec<(&'static str, String)>,
 }
 
@@ -34,12 +36,18 @@ impl Pair {
     pub(crate) fn new(code: &'static str, scene: impl Into<String>) -> Self {
         let scene = scene.into();
         let command = ["run scene.wfl"; 2].map(str::to_owned);
-        Self { code, wrong: scene.clone(), right: scene, command, files: Vec::new() }
+        Self { code, wrong: scene.clone(), right: scene, command, before: None, files: Vec::new() }
     }
 
     /// Other words behind `wfl`, with spaces between.
     pub(crate) fn command(mut self, words: &str) -> Self {
         self.command = [words, words].map(str::to_owned);
+        self
+    }
+
+    /// Words behind `wfl` of a command that is run before.
+    pub(crate) fn before(mut self, words: &'static str) -> Self {
+        self.before = Some(words);
         self
     }
 
@@ -61,6 +69,7 @@ impl Pair {
 /// Codes that no scene can show, each with the reason.
 const OUT_OF_REACH: &[(&str, &str)] = &[
     ("E412", "more unknowns than 32-bit numbers can count: no machine of the tests has the memory (E606 comes first)"),
+    ("E711", "another process must hold the lock of the folder: runtime/cli/tests/folder.rs has both sides"),
     ("E609", "a fault of the program itself: every law that passes the checks can be compiled"),
 ];
 
@@ -107,13 +116,20 @@ fn run(pair: &Pair, which: usize) -> Output {
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).expect("a folder for the test");
     for (name, text) in &pair.files {
-        std::fs::write(folder.join(name), text).expect("a file beside the scene");
+        let file = folder.join(name);
+        std::fs::create_dir_all(file.parent().unwrap_or(&folder)).expect("a folder beside the scene");
+        std::fs::write(file, text).expect("a file beside the scene");
     }
     let text = [&pair.wrong, &pair.right][which];
     std::fs::write(folder.join("scene.wfl"), text).expect("the scene is written");
-    let words = pair.command[which].split(' ');
-    let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
-    let output = command.current_dir(&folder).args(words).env("NO_COLOR", "1").output().expect("wfl runs");
+    let wfl = |words: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
+        command.current_dir(&folder).args(words.split(' ')).env("NO_COLOR", "1").output().expect("wfl runs")
+    };
+    if let Some(words) = pair.before {
+        assert!(wfl(words).status.success(), "{}: wfl {words}", pair.code);
+    }
+    let output = wfl(&pair.command[which]);
     let _ = std::fs::remove_dir_all(&folder);
     output
 }
@@ -144,7 +160,7 @@ fn faults(pair: &Pair) -> Vec<String> {
 fn of_the_page(page: &wfl::CodePage) -> Pair {
     let (wrong, right) = (with_scene(page.wrong), with_scene(page.fixed));
     let command = ["check scene.wfl"; 2].map(str::to_owned);
-    Pair { code: page.code, wrong, right, command, files: Vec::new() }
+    Pair { code: page.code, wrong, right, command, before: None, files: Vec::new() }
 }
 
 /// Every pair is tried, two at a time.

@@ -33,6 +33,9 @@ const WEDGED: &str = "mesh box [-3,0] to [3,4] cells [12,10] quad map [x + (y-2)
     quadrature on fault vertex\nfix uL, uR = [0,0] on bottom\nfix uL(1) = 0 on west\nload uR = [-3,0] on east\n\
     load uR = [0.7*t,-t] on top\nsteps t = 0 to 4 by 1\n";
 
+/// Values at the nodes of [`FLOW`].
+const NODES: &str = "x,y,k\n0,0,1\n0.5,0,1\n1,0,1\n0,0.5,1\n0.5,0.5,1\n1,0.5,1\n0,1,1\n0.5,1,1\n1,1,1\n";
+
 /// Pairs by code.
 pub(crate) fn pairs() -> Vec<Pair> {
     let flow = |lines: &str| format!("{FLOW}{lines}\n");
@@ -51,6 +54,30 @@ pub(crate) fn pairs() -> Vec<Pair> {
         Pair::new("E703", flow("param k = 1 in 0..2\nload p = k on all"))
             .command("run scene.wfl kk=2")
             .near("kk=2", "k=2"),
+        Pair::new("E712", FLOW)
+            .file("o/report.json", "mine")
+            .command("run scene.wfl --out o")
+            .near("--out o", "--out p"),
+        Pair::new("E713", flow("param k = 1\nload p = k on all"))
+            .before("run scene.wfl --out o")
+            .command("sweep scene.wfl k=1 --reference none --out o")
+            .near("--out o", "--out p"),
+        Pair::new("E714", flow("param k = 1\nload p = k on all"))
+            .before("run scene.wfl --out o")
+            .command("run scene.wfl k=2 --out o --resume")
+            .near("k=2", "k=1"),
+        Pair::new("E715", FLOW)
+            .file("o/manifest.json", "{\"wfl_manifest\":0,\"kind\":\"run\"}\n")
+            .command("run scene.wfl --out o")
+            .near("--out o", "--out p"),
+        Pair::new(
+            "E716",
+            flow("data k : scalar = \"k.csv\"\nload p = k on all\noutput csv \"k\" : p along [0,0.5] to [1,0.5]"),
+        )
+        .file("k.csv", NODES)
+        .command("run scene.wfl --out .")
+        .near("--out .", "--out p"),
+        Pair::new("E717", FLOW).command("run scene.wfl --out scene.wfl/o").near("scene.wfl/o", "o"),
         Pair::new("W602", BETWEEN_KINKS).near("search=none", "search=auto"),
         Pair::new("W605", NITSCHE.replace("1e4", "1e17")).near("gamma = 1e17", "gamma = 1e5"),
         Pair::new("W606", PRESSED).near("gamma = 1e3", "gamma = 1e7"),

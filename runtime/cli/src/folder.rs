@@ -1,0 +1,54 @@
+//! What is said of a results folder that cannot be used, with its code and what to do.
+
+use wfl_runtime::{CheckpointError, output::OutputError};
+
+/// The message of an error of a results folder.
+pub(crate) fn told(error: &OutputError) -> String {
+    let (code, help) = match error {
+        OutputError::BadName { .. } => ("E710", "take a name that is a file name on every system, such as fields"),
+        OutputError::InUse { .. } => ("E711", "wait until it has ended, or write elsewhere: --out DIR"),
+        OutputError::Foreign { .. } => {
+            ("E712", "move it away if it is yours, remove it if not, or write elsewhere: --out DIR")
+        }
+        OutputError::OtherKind { .. } => ("E713", "write elsewhere: --out DIR"),
+        OutputError::Manifest { .. } => {
+            ("E715", "remove the folder to start from the beginning, or write elsewhere: --out DIR")
+        }
+        OutputError::Damaged { .. } => ("E715", "without --resume the run starts from the beginning"),
+        OutputError::Input { .. } => ("E716", "give the output another name, or write elsewhere: --out DIR"),
+        OutputError::Write { .. } => (
+            "E717",
+            "what is there is whole: make room and go on, wfl run with --resume; wfl sweep keeps its rows, too",
+        ),
+        OutputError::NotADirectory { .. }
+        | OutputError::CannotCreate { .. }
+        | OutputError::NotWritable { .. }
+        | OutputError::Remove { .. } => ("E717", "write elsewhere: --out DIR"),
+        OutputError::Vtu { .. } | OutputError::Time { .. } | OutputError::RowLength { .. } => {
+            return format!("error: {error}\n");
+        }
+    };
+    format!("error[{code}]: {error}\n  = help: {help}\n")
+}
+
+/// The message of results that a run cannot go on from.
+pub(crate) fn told_of_resuming(error: &CheckpointError) -> String {
+    let (code, help) = match error {
+        CheckpointError::Other { .. } => ("E714", "put back what differs, or write elsewhere: --out DIR"),
+        CheckpointError::Read { .. } | CheckpointError::Damaged { .. } | CheckpointError::Gone { .. } => {
+            ("E715", "put back the file, or run without --resume")
+        }
+    };
+    format!("error[{code}]: {error}\n  = help: {help}\n")
+}
+
+/// The message of an error of a results folder without the word `error`, see [`error_line`].
+pub(crate) fn told_later(error: &OutputError) -> String {
+    let text = told(error);
+    text.strip_prefix("error").unwrap_or(&text).trim_end().to_owned()
+}
+
+/// A message of a command; it may begin with its code in brackets.
+pub(crate) fn error_line(why: &str) -> String {
+    if why.starts_with(['[', ':']) { format!("error{why}\n") } else { format!("error: {why}\n") }
+}
