@@ -23,6 +23,14 @@ use crate::{
     types::{FieldSig, MappingSig, PlaceSig, Shape},
 };
 
+/// Operations that may follow on each other's results (E441): walks over the graph and its derivatives call themselves so
+/// often, on a stack that the command makes large enough. Sums and products of scalars are cut into parts, so that their
+/// length does not count.
+pub const DEPTH_LIMIT: usize = 10_000;
+
+/// Messages about one expression: further ones say nothing new.
+const MOST_MESSAGES: usize = 1000;
+
 /// A named constant tensor.
 #[derive(Clone, Debug)]
 pub struct Constant {
@@ -127,7 +135,7 @@ impl<'a> Builder<'a> {
 
     pub(crate) fn report<T>(&mut self, diagnostic: Diagnostic, e: &Expr, text: impl Into<String>) -> Option<T> {
         let diagnostic = self.at(diagnostic, e, text);
-        if !self.diagnostics.contains(&diagnostic) {
+        if self.diagnostics.len() < MOST_MESSAGES && !self.diagnostics.contains(&diagnostic) {
             self.diagnostics.push(diagnostic);
         }
         None
@@ -139,7 +147,13 @@ impl<'a> Builder<'a> {
         let before = self.graph.set_origin(origin);
         let built = self.kind(e);
         self.graph.set_origin(before);
-        built
+        let built = built?;
+        if self.graph.depth(built) > DEPTH_LIMIT {
+            let d =
+                Diagnostic::new("E441", format!("more than {DEPTH_LIMIT} operations, each on the result of the last"));
+            return self.report(d, e, "");
+        }
+        Some(built)
     }
 
     fn kind(&mut self, e: &Expr) -> Option<ExprId> {

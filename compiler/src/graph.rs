@@ -8,6 +8,7 @@
 use std::collections::HashMap;
 
 use crate::{
+    display::operands,
     ir::{Compare, Origin},
     math::{MathFn2, MatrixFn},
     types::{FieldId, FieldSig, Shape},
@@ -30,6 +31,8 @@ struct Info {
     arity: Arity,
     depends: Depends,
     origin: Option<Origin>,
+    /// Operations on the longest way to a leaf.
+    depth: u32,
 }
 
 /// The graph of one term: append-only, equal nodes are one node.
@@ -49,6 +52,8 @@ pub struct Graph {
     unknown: Vec<bool>,
     shapes: Vec<Shape>,
     global: Vec<bool>,
+    /// Where projections on balls of a radius that is a number below 0 were asked for.
+    pub(crate) negative_radii: Vec<Origin>,
 }
 
 impl Graph {
@@ -66,6 +71,7 @@ impl Graph {
             unknown: fields.iter().map(FieldSig::is_unknown).collect(),
             shapes: fields.iter().map(|f| f.shape).collect(),
             global: fields.iter().map(|f| f.global).collect(),
+            negative_radii: Vec::new(),
         }
     }
 
@@ -108,6 +114,12 @@ impl Graph {
     #[must_use]
     pub fn origin(&self, e: ExprId) -> Option<Origin> {
         self.infos[e.index()].origin
+    }
+
+    /// Operations on the longest way from it to a leaf.
+    #[must_use]
+    pub fn depth(&self, e: ExprId) -> usize {
+        self.infos[e.index()].depth as usize
     }
 
     /// True if the field is global (one value, no gradient).
@@ -154,9 +166,11 @@ impl Graph {
             return e;
         }
         let e = ExprId::new(self.nodes.len());
+        let mut below = 0;
+        operands(&node, |a| below = below.max(self.infos[a.index()].depth));
         self.index.insert((node.clone(), shape), e);
         self.nodes.push(node);
-        self.infos.push(Info { shape, mask, arity, depends, origin: self.origin });
+        self.infos.push(Info { shape, mask, arity, depends, origin: self.origin, depth: below + 1 });
         e
     }
 
@@ -627,6 +641,12 @@ impl Graph {
     /// Projection of v on the ball of radius r.
     pub fn ball(&mut self, v: ExprId, r: ExprId) -> ExprId {
         let r = self.to_scalar(r);
+        if self.scalar_constant(r).is_some_and(|r| r < 0.0)
+            && let Some(origin) = self.origin
+            && !self.negative_radii.contains(&origin)
+        {
+            self.negative_radii.push(origin);
+        }
         if self.is_zero(v) || self.scalar_constant(r).is_some_and(|r| r <= 0.0) {
             return self.zero(self.shape(v));
         }

@@ -216,6 +216,24 @@ pub fn first_non_finite(kernel: &VerifiedKernel, uniforms: &[f64], inputs: &[f64
     Some(NonFinite { inst, origin, operation: operation(&kernel.insts[inst]), operands, result })
 }
 
+/// True if a comparison of the kernel is given what is not a number: then it decides nothing, whatever it says.
+///
+/// # Panics
+/// If a slice is shorter than the kernel asks for.
+#[must_use]
+pub fn compares_nan(kernel: &VerifiedKernel, uniforms: &[f64], inputs: &[f64]) -> bool {
+    let kernel = kernel.kernel();
+    let undefined = |i: &Inst| matches!(i, Inst::Div(..) | Inst::Sqrt(_) | Inst::Call1(..) | Inst::Call2(..));
+    // sums and products of finite positions are numbers: nothing to run
+    if !kernel.insts.iter().any(|i| undefined(i) || matches!(i, Inst::Matrix { .. })) {
+        return false;
+    }
+    let mut values: Vec<[f64; 1]> = Vec::new();
+    run_instructions(kernel, uniforms, inputs.as_chunks::<1>().0, &mut values);
+    let is_nan = |v: &Val| values[v.index()][0].is_nan();
+    kernel.insts.iter().any(|i| matches!(i, Inst::Compare(_, a, b) if is_nan(a) || is_nan(b)))
+}
+
 /// The result of an instruction if it is not finite; of a bundle the first such entry.
 fn non_finite_result(kernel: &Kernel, values: &[f64], v: Val) -> Option<f64> {
     let value = values[v.index()];
@@ -392,6 +410,21 @@ mod tests {
         assert_eq!((input.inst, input.operation.as_str()), (1, "point input 1"));
         // NaN is not below 1: the other branch carries it.
         assert_eq!(find(f64::NAN, 0.0).unwrap().inst, 0);
+    }
+
+    #[test]
+    fn a_comparison_with_what_is_no_number_is_found() {
+        // log(x) < 1
+        let insts = vec![
+            Inst::Input(0),
+            Inst::Call1(MathFn1::Log, v(0)),
+            Inst::Const(1.0),
+            Inst::Compare(Compare::Less, v(1), v(2)),
+            Inst::Select(v(3), v(2), v(0)),
+        ];
+        let k = kernel(1, insts, &[4]);
+        assert!(compares_nan(&k, &[0.0], &[-1.0]));
+        assert!(!compares_nan(&k, &[0.0], &[0.0]) && !compares_nan(&k, &[0.0], &[2.0]));
     }
 
     #[test]

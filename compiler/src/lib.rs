@@ -30,12 +30,12 @@ mod term;
 pub mod types;
 mod verify;
 
-pub use build::{Builder, Constant, Env, locate};
+pub use build::{Builder, Constant, DEPTH_LIMIT, Env, locate};
 pub use constant::{constant, without_fields};
 pub use dd::Dd;
 pub use degree::Degree;
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
-pub use interp::{InterpreterBackend, NonFinite, first_non_finite, interpret, interpret_lanes};
+pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};
 pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions};
 pub use pieces::{BALL_NUMBERS, PiecesLaw, Projection, ProjectionKind, compile_pieces};

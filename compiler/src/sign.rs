@@ -10,11 +10,16 @@ use crate::{
     term::{Listing, reachable},
 };
 
-/// W502: a ball whose radius changes sign with the unknowns.
+/// W502: a ball whose radius changes sign with the unknowns. W612: one whose radius is a number below 0.
 pub(crate) fn radius_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnostic> {
     let g = &listing.graph;
     let Some(residual) = listing.residual else { return Vec::new() };
     let mut out: Vec<Diagnostic> = Vec::new();
+    for origin in &g.negative_radii {
+        let d = Diagnostic::new("W612", "the radius of this projection is negative at every point");
+        let d = locate(d, *origin, env.expansions, "the projection gives 0 whatever its argument is");
+        out.push(d.help("a bound is at least 0: look at the signs of its factors"));
+    }
     for e in reachable(g, residual) {
         if let Node::Ball(_, radius) = *g.node(e)
             && g.depends(radius).unknown

@@ -7,7 +7,7 @@
 //! text that means nothing is refused before anything is run; does not judge whether the scene that comes out makes
 //! sense.
 
-use crate::{Pruning, solve::Precision};
+use crate::{Pruning, newton::LARGEST_TOLERANCE, solve::Precision};
 use thiserror::Error;
 use wfl::{
     ResolvedScript, Span,
@@ -96,7 +96,9 @@ pub fn apply(
             "refine" => mesh(script, name, None, positive(value).ok_or_else(|| wrong("a factor above 0"))?)?,
             "degree" => degree(script, value).ok_or_else(|| wrong("1, 2, 3, …"))?,
             "quadrature" => quadrature(script, value, kinked).ok_or_else(|| wrong("vertex or a degree"))?,
-            "tol" if number(value).is_none_or(|t| t < 0.0) => return Err(wrong("a number, 0 or above")),
+            "tol" if number(value).is_none_or(|t| !(0.0..=LARGEST_TOLERANCE).contains(&t)) => {
+                return Err(wrong("a number from 0 to 0.1"));
+            }
             "max_iter" if value.parse::<usize>().is_ok_and(|n| n > 0) => solver(script, name, value),
             "max_iter" => return Err(wrong("1, 2, 3, …")),
             "search" if !["auto", "none"].contains(&value.as_str()) => return Err(wrong("auto or none")),

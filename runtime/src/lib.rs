@@ -11,6 +11,7 @@ pub mod corpus;
 pub mod csr;
 pub mod element;
 pub mod field;
+pub mod finite;
 pub mod frames;
 pub mod knobs;
 mod left_out;
@@ -46,5 +47,5 @@ pub use scene::{
     prepare_keeping,
 };
 pub use strategy::{SolverMemory, Strategy};
-pub use system::{FIXED, Known, LooseMotions, Memory, Numbering, Past, System, SystemError};
+pub use system::{FIXED, Known, LooseMotions, Memory, NegativeBody, Numbering, Past, System, SystemError};
 pub use value::{Sampled, Value, uniforms_at};

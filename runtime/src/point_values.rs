@@ -109,8 +109,12 @@ impl PointValues {
             let start = values.len();
             for (column, entry) in row.iter().enumerate() {
                 let value = if entry.is_empty() { Ok(f64::NAN) } else { entry.parse::<f64>() };
-                let text = || format!("{} in column {} is no number", excerpt(entry), column + 1);
-                values.push(value.map_err(|_| wrong(number, text()))?);
+                let what = |why: &str| format!("{} in column {} is {why}", excerpt(entry), column + 1);
+                let value = value.map_err(|_| wrong(number, what("no number")))?;
+                if value.is_infinite() {
+                    return Err(wrong(number, what("not finite")));
+                }
+                values.push(value);
             }
             let x = axes.map(|k| k.map_or(0.0, |k| values[start + k]));
             if x.iter().any(|c| !c.is_finite()) {
@@ -222,9 +226,16 @@ mod tests {
         assert!(matches!(found, Err(PointValuesError::Columns { wanted, .. }) if wanted == "v"));
         let twice = PointValues::parse("x,k\n0,1\n0,2\n").expect("a table");
         assert!(matches!(twice.at_nodes("k", &names(&[""]), &[[0.0; 3]], 1.0), Err(PointValuesError::Twice { .. })));
-        for (text, line) in
-            [("", 1), ("a,b\n1,2\n", 1), ("x,k\n1\n", 2), ("x,k\n1,two\n", 2), ("x,k\ninf,1\n", 2), ("x,x\n", 1)]
-        {
+        for (text, line) in [
+            ("", 1),
+            ("x,k\n0,1e400\n", 2),
+            ("x,k\n0,-inf\n", 2),
+            ("a,b\n1,2\n", 1),
+            ("x,k\n1\n", 2),
+            ("x,k\n1,two\n", 2),
+            ("x,k\ninf,1\n", 2),
+            ("x,x\n", 1),
+        ] {
             assert!(
                 matches!(PointValues::parse(text), Err(PointValuesError::Format { line: l, .. }) if l == line),
                 "{text}"

@@ -5,6 +5,7 @@
 //! the step variable enters), only the others are assembled at each state. Fixed dofs keep their rows in residuals
 //! (their entries are reactions) and are left out of the systems that are solved.
 
+mod definite;
 mod held;
 mod inspect;
 mod law;
@@ -15,6 +16,7 @@ mod rigid;
 
 use std::sync::Arc;
 
+pub use definite::NegativeBody;
 pub(crate) use law::LawDefect;
 pub use memory::Memory;
 pub use numbering::{FIXED, Numbering};
@@ -30,6 +32,7 @@ use crate::{
     assemble::{AssembledTerm, FieldValues, TermError},
     csr::{Csr, CsrError, Pattern, PatternBuilder, SubmatrixMap},
     field::Field,
+    finite::{BadGiven, largest},
     frames::Frames,
     mesh::Mesh,
     newton::{Passed, TermPieces, Watched},
@@ -361,8 +364,9 @@ impl System {
     /// The residual at `u`, by dof, fixed ones included.
     ///
     /// # Errors
-    /// [`TermError`] with its place.
+    /// [`TermError`] with its place, also where `u` or a sum over terms is not finite.
     pub fn residual(&mut self, u: &[f64], out: &mut Vec<f64>) -> Result<(), TermError> {
+        self.check_finite("value", u, u)?;
         out.clear();
         out.extend_from_slice(&self.constant);
         self.magnitude.clear();
@@ -393,7 +397,7 @@ impl System {
         }
         self.numbering.frames.turn(out);
         self.numbering.frames.turn_sizes(&mut self.magnitude);
-        Ok(())
+        self.check_finite("residual", out, u)
     }
 
     /// The residual with held pieces at `u`, the state of the last [`Self::residual`].
@@ -416,13 +420,13 @@ impl System {
     fn grow_force(&mut self, part: &[f64]) {
         let sizes = self.largest_by_field(part);
         for (f, s) in self.force.iter_mut().zip(sizes) {
-            *f = f.max(s);
+            *f = largest([*f, s]);
         }
     }
 
     fn largest_by_field(&self, v: &[f64]) -> Vec<f64> {
-        let largest = |k: usize| self.range(k).map_or(0.0, |r| v[r].iter().fold(0.0f64, |m, x| m.max(x.abs())));
-        (0..self.fields.len()).map(largest).collect()
+        let by_field = |k: usize| self.range(k).map_or(0.0, |r| largest(v[r].iter().copied()));
+        (0..self.fields.len()).map(by_field).collect()
     }
 
     /// The dofs of an unknown field.
@@ -439,7 +443,7 @@ impl System {
         let magnitudes = self.largest_by_field(magnitudes);
         let mut forces = vec![0.0f64; self.fields.len()];
         for (force, group) in self.force.iter().zip(&self.meets) {
-            forces[*group] = forces[*group].max(*force);
+            forces[*group] = largest([forces[*group], *force]);
         }
         (0..self.fields.len())
             .map(|k| match self.fields[k].kind {
@@ -592,4 +596,7 @@ pub enum SystemError {
     /// A pattern does not fit.
     #[error(transparent)]
     Structure(#[from] CsrError),
+    /// A value that the scene gives is not finite.
+    #[error(transparent)]
+    Given(#[from] Box<BadGiven>),
 }

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use wfl_compiler::{
-    ValueLaw,
+    NonFinite, ValueLaw,
     backend::{BackendError, KernelBackend, PointKernel},
-    ir::LANES,
+    compares_nan, first_non_finite,
+    ir::{Inst, LANES},
     run_prologue,
     types::{InputSlot, UniformSlot},
 };
@@ -13,6 +14,7 @@ use wfl_compiler::{
 use crate::{
     assemble::{Binding, Bound, Domain, FieldValues, LawSlots, Workspace},
     field::{Field, FieldError},
+    finite::NotFinite,
     mesh::Mesh,
 };
 
@@ -22,17 +24,23 @@ pub struct Value {
     pub law: ValueLaw,
     kernel: Box<dyn PointKernel>,
     uniforms: Vec<f64>,
+    /// The step variable and its increment, as the prologue of the law takes them.
+    step: Vec<f64>,
 }
 
 /// The uniforms of a prologue at a step.
 #[must_use]
 pub fn uniforms_at(prologue: &wfl_compiler::Prologue, time: f64, increment: f64) -> Vec<f64> {
+    run_prologue(prologue, &step_slots(prologue, time, increment))
+}
+
+/// What a prologue is given at a step.
+pub(crate) fn step_slots(prologue: &wfl_compiler::Prologue, time: f64, increment: f64) -> Vec<f64> {
     let slot = |slot: &UniformSlot| match slot {
         UniformSlot::Time => time,
         UniformSlot::TimeStep => increment,
     };
-    let values: Vec<f64> = prologue.slots.iter().map(slot).collect();
-    run_prologue(prologue, &values)
+    prologue.slots.iter().map(slot).collect()
 }
 
 impl Value {
@@ -42,8 +50,9 @@ impl Value {
     /// [`BackendError`].
     pub fn new(law: ValueLaw, backend: &dyn KernelBackend) -> Result<Self, BackendError> {
         let kernel = backend.compile(&[&law.kernel])?.swap_remove(0);
-        let uniforms = uniforms_at(&law.prologue, 0.0, 0.0);
-        Ok(Self { law, kernel, uniforms })
+        let step = step_slots(&law.prologue, 0.0, 0.0);
+        let uniforms = run_prologue(&law.prologue, &step);
+        Ok(Self { law, kernel, uniforms, step })
     }
 
     /// Numbers of the law that are the same at all points, at the present step.
@@ -54,7 +63,8 @@ impl Value {
 
     /// Sets the step variable and its increment.
     pub fn set_step(&mut self, time: f64, increment: f64) {
-        self.uniforms = uniforms_at(&self.law.prologue, time, increment);
+        self.step = step_slots(&self.law.prologue, time, increment);
+        self.uniforms = run_prologue(&self.law.prologue, &self.step);
     }
 
     /// Entries of the value.
@@ -76,8 +86,10 @@ impl Value {
     }
 
     /// Values at positions: `out[position * n_components + component]`. The expression must read positions only.
-    #[must_use]
-    pub fn at_positions(&self, positions: &[[f64; 3]]) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// [`NotFinite`] for the first value that is not finite.
+    pub fn at_positions(&self, positions: &[[f64; 3]]) -> Result<Vec<f64>, NotFinite> {
         let (n_in, n_out) = (self.law.inputs.len(), self.n_components());
         let blocks = positions.len().div_ceil(LANES);
         let mut inputs = vec![0.0; blocks * n_in * LANES];
@@ -94,7 +106,55 @@ impl Value {
         }
         self.kernel.run(&self.uniforms, &inputs, &mut outputs, blocks);
         let place = |p: usize, c: usize| outputs[((p / LANES) * n_out + c) * LANES + p % LANES];
-        (0..positions.len()).flat_map(|p| (0..n_out).map(move |c| (p, c))).map(|(p, c)| place(p, c)).collect()
+        let all = (0..positions.len()).flat_map(|p| (0..n_out).map(move |c| (p, c)));
+        let values: Vec<f64> = all.map(|(p, c)| place(p, c)).collect();
+        match values.iter().position(|v| !v.is_finite()) {
+            None => Ok(values),
+            Some(bad) => {
+                let p = bad / n_out;
+                let point: Vec<f64> = (0..n_in).map(|s| inputs[((p / LANES) * n_in + s) * LANES + p % LANES]).collect();
+                Err(NotFinite { value: values[bad], cause: self.cause(&point), position: positions[p] })
+            }
+        }
+    }
+
+    /// True if a condition compares what is not a number at a position: it then decides nothing.
+    #[must_use]
+    pub fn compares_nan_at(&self, x: [f64; 3]) -> bool {
+        let slot = |slot: &InputSlot| if let InputSlot::X(k) = slot { x[usize::from(*k)] } else { 0.0 };
+        let inputs: Vec<f64> = self.law.inputs.iter().map(slot).collect();
+        compares_nan(&self.law.kernel, &self.uniforms, &inputs)
+    }
+
+    /// The operation behind a value that is not finite, from the inputs at its point.
+    fn cause(&self, inputs: &[f64]) -> Option<NonFinite> {
+        let found = first_non_finite(&self.law.kernel, &self.uniforms, inputs)?;
+        // what is the same at all points is computed before them: such a number went wrong there
+        match self.law.kernel.kernel().insts[found.inst] {
+            Inst::Uniform(_) => first_non_finite(&self.law.prologue.kernel, &self.step, &[]).or(Some(found)),
+            _ => Some(found),
+        }
+    }
+
+    /// The first point of a domain where the value is not finite.
+    #[must_use]
+    pub fn first_not_finite(&self, mesh: &Mesh, sampled: &Sampled, values: FieldValues<'_>) -> Option<NotFinite> {
+        let mut first = None;
+        self.for_each_point(mesh, sampled, values, |g, entity, q, _, value| {
+            if first.is_none()
+                && let Some(bad) = value.iter().find(|v| !v.is_finite())
+            {
+                first = Some((g, entity, q, *bad));
+            }
+        });
+        let (g, entity, q, value) = first?;
+        let here = &sampled.domain.groups[g].here;
+        let position = mesh.point_at(here.cells[entity], &here.geometry, q);
+        let bound = Bound { mesh, domain: &sampled.domain, binding: &sampled.binding };
+        let (mut workspace, n_in) = (Workspace::default(), self.law.inputs.len());
+        workspace.prepare(bound, g, entity / LANES, values);
+        let inputs: Vec<f64> = (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES + entity % LANES]).collect();
+        Some(NotFinite { value, cause: self.cause(&inputs), position })
     }
 
     /// Binds the expression to a domain.

@@ -3,6 +3,8 @@
 //! User text never ends in a panic or a bare string: it gives [`Checked`], a value if there is one and every
 //! diagnostic found on the way.
 
+use std::collections::BTreeMap;
+
 use crate::source::{SourceMap, Span};
 
 /// How bad it is.
@@ -124,19 +126,40 @@ impl<T> Checked<T> {
 /// Codes of messages about one word or sign: the same message at another place has the same cause.
 const OF_A_WORD: &[&str] = &["E107", "E118", "E128", "E201", "E216"];
 
-/// The messages with those of one cause made one: the first stays, and names the lines of the others.
+/// The messages with those of one cause made one: the first stays, and names the lines of the others. Of each code a
+/// hundred are told; the second list says how many more there are. Linear in the number of messages.
 #[must_use]
-pub fn one_per_cause(diagnostics: &[Diagnostic], sources: &SourceMap) -> Vec<Diagnostic> {
-    let mut kept: Vec<(Diagnostic, Vec<Span>)> = Vec::new();
+pub fn one_per_cause(diagnostics: &[Diagnostic], sources: &SourceMap) -> (Vec<Diagnostic>, Vec<(&'static str, usize)>) {
+    let mut kept: Vec<Cause<'_>> = Vec::new();
+    let mut by_code: BTreeMap<&'static str, (Vec<usize>, usize)> = BTreeMap::new();
     for d in diagnostics {
-        let same = kept.iter_mut().find(|(first, _)| first == d || same_cause(first, d));
+        let (known, more) = by_code.entry(d.code).or_default();
+        let same = known.iter().find(|k| kept[**k].first == d || same_cause(kept[**k].first, d));
         match same {
-            Some((first, _)) if first == d => {}
-            Some((_, more)) => more.extend(d.labels.first().map(|l| l.span)),
-            None => kept.push((d.clone(), Vec::new())),
+            Some(k) if kept[*k].first == d => {}
+            Some(k) if kept[*k].others.len() < MOST_OF_A_CODE => {
+                kept[*k].others.extend(d.labels.first().map(|l| l.span));
+            }
+            Some(k) => kept[*k].more += 1,
+            None if known.len() == MOST_OF_A_CODE => *more += 1,
+            None => {
+                known.push(kept.len());
+                kept.push(Cause { first: d, others: Vec::new(), more: 0 });
+            }
         }
     }
-    kept.into_iter().map(|(d, more)| with_other_lines(d, &more, sources)).collect()
+    let told = kept.into_iter().map(|c| with_other_lines(c.first.clone(), (&c.others, c.more), sources)).collect();
+    (told, by_code.into_iter().map(|(code, (_, more))| (code, more)).filter(|(_, more)| *more > 0).collect())
+}
+
+/// Causes of one code that are told, and places of one cause that are looked at: who has more does not read them one by one.
+const MOST_OF_A_CODE: usize = 100;
+
+/// A message with the places of others of the same cause, and how many more there are.
+struct Cause<'d> {
+    first: &'d Diagnostic,
+    others: Vec<Span>,
+    more: usize,
 }
 
 fn same_cause(a: &Diagnostic, b: &Diagnostic) -> bool {
@@ -152,7 +175,7 @@ fn same_cause(a: &Diagnostic, b: &Diagnostic) -> bool {
     of_word || a.is_error() && origin(a).is_some() && origin(a) == origin(b)
 }
 
-fn with_other_lines(d: Diagnostic, more: &[Span], sources: &SourceMap) -> Diagnostic {
+fn with_other_lines(d: Diagnostic, (more, further): (&[Span], usize), sources: &SourceMap) -> Diagnostic {
     /// Lines that are named.
     const NAMED: usize = 12;
     let first = d.labels.first().map(|l| (l.span.source, sources.line_column(l.span).0));
@@ -166,7 +189,7 @@ fn with_other_lines(d: Diagnostic, more: &[Span], sources: &SourceMap) -> Diagno
     if lines.is_empty() {
         return d;
     }
-    let rest = lines.len().saturating_sub(NAMED);
+    let rest = lines.len().saturating_sub(NAMED) + further;
     let named: Vec<String> = lines.iter().take(NAMED).map(usize::to_string).collect();
     let word = if lines.len() == 1 { "line" } else { "lines" };
     let rest = if rest > 0 { format!(" and {rest} more") } else { String::new() };
@@ -175,37 +198,58 @@ fn with_other_lines(d: Diagnostic, more: &[Span], sources: &SourceMap) -> Diagno
 
 /// The name in `known` nearest to `word` by edit distance, if it is near enough to be offered.
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let wanted: Vec<char> = word.to_lowercase().chars().collect();
+    if wanted.len() > LONGEST_NAME {
+        return None;
+    }
     // one letter is as near to any other: only its case can be wrong
-    let limit = match word.chars().count() {
+    let limit = match wanted.len() {
         0 | 1 => 0,
         n => (n / 3).max(1),
     };
     known
         .into_iter()
-        .map(|k| (edit_distance(word, k), k))
-        .filter(|(d, _)| *d <= limit)
+        .take(MOST_NAMES)
+        .filter_map(|k| Some((edit_distance(&wanted, k, limit)?, k)))
         .min_by_key(|(d, _)| *d)
         .map(|(_, k)| k)
 }
 
-/// Optimal string alignment distance (insert, delete, replace, swap of neighbours), case ignored.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let a: Vec<char> = a.to_lowercase().chars().collect();
+/// Longer names are not offered for, and no more names than this are looked at: each message would cost as much as the
+/// scene has names, and a scene may have as many messages.
+const LONGEST_NAME: usize = 64;
+const MOST_NAMES: usize = 2000;
+
+/// Optimal string alignment distance (insert, delete, replace, swap of neighbours), case ignored; `None` above `limit`.
+/// `a` is in lower case.
+fn edit_distance(a: &[char], b: &str, limit: usize) -> Option<usize> {
+    // every character has one to four bytes
+    if b.len() > 4 * (a.len() + limit) {
+        return None;
+    }
     let b: Vec<char> = b.to_lowercase().chars().collect();
-    let mut rows = vec![(0..=b.len()).collect::<Vec<usize>>()];
+    if a.len().abs_diff(b.len()) > limit {
+        return None;
+    }
+    let (mut before, mut last, mut row) = (Vec::new(), (0..=b.len()).collect::<Vec<usize>>(), Vec::new());
     for i in 1..=a.len() {
-        let mut row = vec![i];
+        row.clear();
+        row.push(i);
         for j in 1..=b.len() {
-            let replace = rows[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
-            let mut best = replace.min(rows[i - 1][j] + 1).min(row[j - 1] + 1);
+            let replace = last[j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            let mut best = replace.min(last[j] + 1).min(row[j - 1] + 1);
             if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                best = best.min(rows[i - 2][j - 2] + 1);
+                best = best.min(before[j - 2] + 1);
             }
             row.push(best);
         }
-        rows.push(row);
+        // a later row is at least as large as the smallest of two neighbours
+        if row.iter().chain(&last).all(|d| *d > limit) {
+            return None;
+        }
+        before = std::mem::replace(&mut last, std::mem::take(&mut row));
     }
-    rows[a.len()][b.len()]
+    Some(last[b.len()]).filter(|d| *d <= limit)
 }
 
 #[cfg(test)]
@@ -219,5 +263,8 @@ mod tests {
         assert_eq!(nearest("N", ["n", "u"]), Some("n"));
         assert_eq!(nearest("xyz", ["gamma", "theta"]), None);
         assert_eq!(nearest("Nomral", ["Normal", "X"]), Some("Normal"));
+        assert_eq!(nearest("gamma_contact", ["gama_contat", "theta"]), Some("gama_contat"));
+        assert_eq!(nearest("abcdef", ["badcfe", "abdcxx"]), None);
+        assert_eq!(nearest(&"a".repeat(100), ["b"]), None);
     }
 }

@@ -24,10 +24,13 @@ pub fn render(diagnostic: &Diagnostic, sources: &SourceMap, color: bool) -> Stri
     let title = level.primary_title(visible(&unquoted(&diagnostic.message, sources))).id(diagnostic.code);
     let mut group = Group::with_title(title);
     for (source, labels) in by_source(diagnostic, sources) {
-        let mut snippet = Snippet::source(&*source.text).path(visible(&source.name)).fold(true);
-        for (label, primary) in labels {
+        let ranges: Vec<Range<usize>> = labels.iter().map(|(l, _)| clamp(&source.text, l.span)).collect();
+        let (window, first_line) = window(&source.text, &ranges);
+        let text = &source.text[window.clone()];
+        let mut snippet = Snippet::source(text).line_start(first_line).path(visible(&source.name)).fold(true);
+        for ((label, primary), range) in labels.into_iter().zip(ranges) {
             let kind = if primary { AnnotationKind::Primary } else { AnnotationKind::Context };
-            let mark = kind.span(clamp(&source.text, label.span));
+            let mark = kind.span(range.start - window.start..range.end - window.start);
             snippet = snippet.annotation(if label.text.is_empty() {
                 mark
             } else {
@@ -46,6 +49,16 @@ pub fn render(diagnostic: &Diagnostic, sources: &SourceMap, color: bool) -> Stri
     let mut text = renderer.render(&[group]);
     text.push('\n');
     text
+}
+
+/// The lines from the first mark to the last, and the number of the first: what is shown of a long text should not cost
+/// more than it shows.
+fn window(text: &str, marks: &[Range<usize>]) -> (Range<usize>, usize) {
+    let start = marks.iter().map(|m| m.start).min().unwrap_or(0);
+    let end = marks.iter().map(|m| m.end).max().unwrap_or(0);
+    let start = text[..start].rfind('\n').map_or(0, |at| at + 1);
+    let end = text[end..].find('\n').map_or(text.len(), |at| end + at + 1);
+    (start..end, 1 + text[..start].bytes().filter(|b| *b == b'\n').count())
 }
 
 /// A text with its labels; the flag marks the primary one.

@@ -6,7 +6,7 @@ use wfl::{
 };
 
 use crate::{
-    build::Builder,
+    build::{Builder, operators::LONGEST_CHAIN},
     graph::{ExprId, Graph},
     ir::Compare,
 };
@@ -17,15 +17,14 @@ impl Builder<'_> {
         match &c.kind {
             CondKind::Compare(first, rest) => {
                 let mut left = self.scalar_operand(first);
-                let mut all: Option<ExprId> = None;
+                let mut all = Vec::with_capacity(rest.len());
                 for (op, part) in rest {
                     let right = self.scalar_operand(part);
                     let (a, b) = (left?, right?);
-                    let mask = self.comparison(*op, a, b);
-                    all = Some(all.map_or(mask, |m| self.graph.and(m, mask)));
+                    all.push(self.comparison(*op, a, b));
                     left = Some(b);
                 }
-                all
+                self.joined(&all, Graph::and)
             }
             CondKind::And(parts) => self.join(parts, Graph::and),
             CondKind::Or(parts) => self.join(parts, Graph::or),
@@ -38,10 +37,17 @@ impl Builder<'_> {
 
     fn join(&mut self, parts: &[Cond], f: fn(&mut Graph, ExprId, ExprId) -> ExprId) -> Option<ExprId> {
         let built: Vec<Option<ExprId>> = parts.iter().map(|p| self.condition(p)).collect();
+        let built: Vec<ExprId> = built.into_iter().collect::<Option<_>>()?;
+        self.joined(&built, f)
+    }
+
+    /// Masks joined in parts, so that a long list is not deep.
+    fn joined(&mut self, masks: &[ExprId], f: fn(&mut Graph, ExprId, ExprId) -> ExprId) -> Option<ExprId> {
+        let g = &mut self.graph;
         let mut all: Option<ExprId> = None;
-        for b in built {
-            let b = b?;
-            all = Some(all.map_or(b, |a| f(&mut self.graph, a, b)));
+        for part in masks.chunks(LONGEST_CHAIN) {
+            let part = part.iter().copied().reduce(|a, b| f(g, a, b))?;
+            all = Some(all.map_or(part, |a| f(g, a, part)));
         }
         all
     }

@@ -15,20 +15,41 @@ use crate::{
     types::{MAX_ENTRIES, MAX_RANK, Shape},
 };
 
+/// Summands, factors and conditions that are joined one after the other, from left to right as written; longer lists are
+/// cut into parts of this length. No scene of a person has such a list, so that its rounding does not change.
+pub(super) const LONGEST_CHAIN: usize = 1000;
+
 impl Builder<'_> {
     pub(super) fn sum(&mut self, e: &Expr, parts: &[(bool, Expr)]) -> Option<ExprId> {
         let built: Vec<Option<ExprId>> = parts.iter().map(|(_, p)| self.expr(p)).collect();
-        let mut total: Option<ExprId> = None;
+        // a long sum is one of parts: as a single chain it would be as deep as it is long
+        let (mut done, mut total, mut count) = (None, None, 0);
         for (k, ((minus, part), value)) in parts.iter().zip(built).enumerate() {
             let value = value?;
-            let Some(sum) = total else {
-                total = Some(if *minus { self.graph.neg(value) } else { value });
-                continue;
+            let value = match total.or(done) {
+                Some(sum) => self.summand(e, sum, value, *minus, part, &parts[k - 1].1)?,
+                None => value,
             };
-            let value = self.summand(e, sum, value, *minus, part, &parts[k - 1].1)?;
-            total = Some(if *minus { self.graph.sub(sum, value) } else { self.graph.add(sum, value) });
+            total = Some(match (total, minus) {
+                (None, true) => self.graph.neg(value),
+                (None, false) => value,
+                (Some(sum), true) => self.graph.sub(sum, value),
+                (Some(sum), false) => self.graph.add(sum, value),
+            });
+            count += 1;
+            if count == LONGEST_CHAIN {
+                done = self.added(done, total);
+                (total, count) = (None, 0);
+            }
         }
-        total
+        self.added(done, total)
+    }
+
+    fn added(&mut self, a: Option<ExprId>, b: Option<ExprId>) -> Option<ExprId> {
+        match (a, b) {
+            (Some(a), Some(b)) => Some(self.graph.add(a, b)),
+            (a, b) => a.or(b),
+        }
     }
 
     /// Checks that `value` may be added to `sum`; returns it with the shape of `sum`.
@@ -85,6 +106,9 @@ impl Builder<'_> {
     }
 
     pub(super) fn product(&mut self, e: &Expr, first: &Expr, rest: &[(MulOp, Span, Expr)]) -> Option<ExprId> {
+        if rest.len() > LONGEST_CHAIN {
+            return self.long_product(e, first, rest);
+        }
         let mut left = self.expr(first);
         let mut before = first;
         for (op, _, factor) in rest {
@@ -96,6 +120,42 @@ impl Builder<'_> {
             before = factor;
         }
         left
+    }
+
+    /// A product of many factors: scalars that follow each other are multiplied in parts first, so that it is not as deep as
+    /// it is long.
+    fn long_product(&mut self, e: &Expr, first: &Expr, rest: &[(MulOp, Span, Expr)]) -> Option<ExprId> {
+        let mut left = self.expr(first)?;
+        // scalars that are multiplied with `left` later: their product, the last of them, how many
+        let mut part: Option<(ExprId, &Expr, usize)> = None;
+        let mut before = first;
+        for (op, _, factor) in rest {
+            let right = self.expr(factor)?;
+            let joins = *op == MulOp::Times && self.graph.shape(right).is_scalar_like();
+            part = match part {
+                Some((product, last, n)) if joins && n < LONGEST_CHAIN => {
+                    let product = self.multiply(e, MulOp::Times, product, right, last, factor)?;
+                    Some((product, factor, n + 1))
+                }
+                full => {
+                    if let Some((product, last, _)) = full {
+                        left = self.multiply(e, MulOp::Times, left, product, before, last)?;
+                        before = last;
+                    }
+                    if joins {
+                        Some((right, factor, 1))
+                    } else {
+                        left = self.multiply(e, *op, left, right, before, factor)?;
+                        before = factor;
+                        None
+                    }
+                }
+            };
+        }
+        match part {
+            Some((product, last, _)) => self.multiply(e, MulOp::Times, left, product, before, last),
+            None => Some(left),
+        }
     }
 
     fn multiply(&mut self, e: &Expr, op: MulOp, a: ExprId, b: ExprId, ea: &Expr, eb: &Expr) -> Option<ExprId> {

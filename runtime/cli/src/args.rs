@@ -5,7 +5,7 @@ use std::{num::NonZeroUsize, path::PathBuf};
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use wfl_runtime::{
     Pruning,
-    accuracy::{SMALLEST, is_accuracy},
+    accuracy::{LARGEST, SMALLEST, is_accuracy},
     solve::Precision,
 };
 
@@ -177,7 +177,7 @@ fn accuracy(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
         .filter(|e| is_accuracy(*e))
-        .ok_or_else(|| format!("an accuracy is a relative error from {SMALLEST:e} to 1, such as 1e-3"))
+        .ok_or_else(|| format!("an accuracy is a relative error from {SMALLEST:e} to {LARGEST}, such as 1e-3"))
 }
 
 fn memory(text: &str) -> Result<u64, String> {

@@ -7,6 +7,7 @@ use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
     Outcome, RunError, RunOptions, Scene, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
+    finite::{self, BadState, position, short, word},
     newton::{Iteration, NewtonError},
     output::Report,
     solve::SolveError,
@@ -15,6 +16,7 @@ use wfl_runtime::{
 use crate::{
     folder::{told, told_of_resuming},
     load::{Loaded, out, print_all, say},
+    prepared::EXIT_ERROR,
     progress::Loudness,
     ready::Ready,
 };
@@ -62,6 +64,9 @@ pub(crate) fn finish(
         }
         return ExitCode::from(EXIT_NOT_CONVERGED);
     }
+    if not_finite(loaded, outcome) {
+        return ExitCode::from(EXIT_ERROR);
+    }
     let mut failed = false;
     for (expect, holds) in &outcome.expectations {
         if *holds != Some(true) {
@@ -91,7 +96,28 @@ pub(crate) fn ended_before(ready: &Ready, report: &Report) -> ExitCode {
     for name in &broken {
         say(&format!("error[E604]: an expectation of the scene does not hold\n  = note: {name}\n"));
     }
+    let measures = report.steps.iter().flat_map(|s| s.measures.iter().map(|(name, value)| (name, value.0, s.t.0)));
+    let bad: Vec<String> = measures
+        .filter(|(_, value, _)| !value.is_finite())
+        .map(|(name, value, t)| format!("error[E611]: the measure `{name}` is {} at t = {t}\n", word(value)))
+        .collect();
+    bad.iter().for_each(|line| say(line));
+    if !bad.is_empty() {
+        return ExitCode::from(EXIT_ERROR);
+    }
     if broken.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(EXIT_EXPECTATION) }
+}
+
+/// Tells of measures that are not finite; true if there are any.
+fn not_finite(loaded: &Loaded, outcome: &Outcome) -> bool {
+    let bad = outcome.bad_measures();
+    for (time, name, value, place) in &bad {
+        match place {
+            Some(place) => print_all(&[place.diagnostic(&loaded.script.expansions, *time)], &loaded.sources),
+            None => say(&format!("error[E611]: the measure `{name}` is {} at t = {time}\n", word(*value))),
+        }
+    }
+    !bad.is_empty()
 }
 
 /// True if a Nitsche parameter is below its smallest safe value.
@@ -192,17 +218,32 @@ fn judged(outcome: &Outcome) -> String {
 
 /// Prints why a run stopped, at the place in the scene where there is one.
 pub(crate) fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
-    let RunError::Newton { time, error: inner, .. } = error else {
-        say(&match error {
-            RunError::Output(error) => told(error),
-            RunError::Checkpoint(error) => told_of_resuming(error),
-            other => format!("error: {other}\n"),
-        });
-        return;
+    let (time, inner) = match error {
+        RunError::Newton { time, error: inner, .. } => (time, inner),
+        RunError::Start(bad) => {
+            print_all(&[bad.diagnostic(&loaded.script.expansions, None)], &loaded.sources);
+            return;
+        }
+        RunError::State { .. } => {
+            say(&format!("error[E612]: {error}\n"));
+            return;
+        }
+        other => {
+            say(&match other {
+                RunError::Output(error) => told(error),
+                RunError::Checkpoint(error) => told_of_resuming(error),
+                other => format!("error: {other}\n"),
+            });
+            return;
+        }
     };
     match inner {
         NewtonError::Term(TermError::NonFinite(place)) => {
             print_all(&[non_finite(loaded, place, *time)], &loaded.sources);
+        }
+        NewtonError::Term(TermError::State(bad)) => say(&unbounded(bad, *time)),
+        NewtonError::Given(bad) => {
+            print_all(&[bad.diagnostic(&loaded.script.expansions, Some(*time))], &loaded.sources);
         }
         NewtonError::Solve(SolveError::Singular { mode, .. }) => {
             if let Some(d) = held_by_nothing(loaded, scene, mode.dofs_above(0.1).as_slice()) {
@@ -278,50 +319,31 @@ fn moving_fields(scene: &Scene, dofs: &[u32]) -> String {
 }
 
 fn non_finite(loaded: &Loaded, place: &NonFinitePlace, time: f64) -> Diagnostic {
-    let x: Vec<String> = place.position.iter().map(|c| short(*c)).collect();
     let at = format!(
-        "at position [{}], entity {} of the region, point {}, step t = {time}",
-        x.join(", "),
+        "at position {}, entity {} of the region, point {}, step t = {time}",
+        position(place.position),
         place.entity,
         place.point
     );
     let nan = place.cause.as_ref().is_none_or(|c| c.result.is_nan());
     let what = if nan { "not a number" } else { "an infinite number" };
     let d = Diagnostic::new("E601", format!("{what} in the residual of `{}`", place.term));
-    match &place.cause {
-        Some(cause) => {
-            let operands: Vec<String> = cause.operands.iter().map(|o| short(*o)).collect();
-            let d = match needs(&cause.operation) {
-                Some(help) => d.help(help),
-                None => d,
-            };
-            let text = format!("{}({}) is {} {at}", cause.operation, operands.join(", "), cause.result);
-            match cause.origin {
-                Some(origin) => locate(d, origin, &loaded.script.expansions, text),
-                None => d.note(text),
-            }
-        }
-        None => d.note(format!("a field value is not finite {at}")),
-    }
+    finite::told(d, place.cause.as_ref(), &at, &loaded.script.expansions, None)
 }
 
-/// Six digits: positions and operands are shown to be recognised, not to be computed with.
-fn short(x: f64) -> String {
-    let rounded = format!("{x:.6}").parse::<f64>().unwrap_or(x);
-    if rounded != 0.0 && x.abs() < 1e6 || x == 0.0 { format!("{rounded}") } else { format!("{x:.5e}") }
-}
-
-/// What an operation needs so that its value is finite.
-fn needs(operation: &str) -> Option<&'static str> {
-    Some(match operation {
-        "log" | "log10" => "a logarithm needs a positive argument; log(1 + v) is finite at 0",
-        "sqrt" => "a root needs an argument of at least 0, and its derivative one above 0",
-        "division" => "the denominator is 0 here",
-        "pow" => "a power of a negative number needs a whole exponent; a power of 0 one of at least 0",
-        "asin" | "acos" => "the argument lies between -1 and 1",
-        "acosh" => "the argument is at least 1",
-        "atanh" => "the argument lies between -1 and 1, ends excluded",
-        "exp" | "sinh" | "cosh" => "the argument is above 709: the value is larger than any number",
-        _ => return None,
-    })
+/// E612: an unknown, or what is computed from it, has no finite value.
+fn unbounded(bad: &BadState, time: f64) -> String {
+    let note = if bad.largest.is_finite() {
+        format!("  = note: the largest unknown is {}\n", short(bad.largest))
+    } else {
+        String::new()
+    };
+    format!(
+        "error[E612]: step t = {time}: the {} of `{}` is {} at {}\n{note}  = help: numbers end at 1.8e308: another unit for \
+         what is prescribed, loaded or started from\n",
+        bad.what,
+        bad.field,
+        word(bad.value),
+        position(bad.position)
+    )
 }

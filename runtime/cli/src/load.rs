@@ -194,9 +194,13 @@ fn one_override(word: &str, whole: Span, sources: &SourceMap) -> Result<Override
 /// Prints messages to standard error, each cause once, with colour on a terminal.
 pub(crate) fn print_all(diagnostics: &[Diagnostic], sources: &SourceMap) {
     let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-    for d in one_per_cause(diagnostics, sources) {
+    let (told, more) = one_per_cause(diagnostics, sources);
+    for d in told {
         // colours are our own; what the scene says is made visible inside
         let _ = std::io::stderr().lock().write_all(format!("{}\n", render(&d, sources, color)).as_bytes());
+    }
+    for (code, more) in more {
+        say(&format!("{more} more messages with the code {code}\n"));
     }
 }
 

@@ -9,6 +9,7 @@ use wfl_runtime::{
 
 use crate::{
     args::RunArgs,
+    definite,
     interrupt::Tidied,
     load::{Loaded, out, print_all, say},
     nitsche,
@@ -69,6 +70,8 @@ pub(crate) fn ready(
     let found = nitsche::parameters(loaded, scene);
     let refused = args.strict && found.iter().any(|d| d.code == "W503");
     loaded.messages.extend(found);
+    let bodies = definite::bodies(loaded, scene);
+    loaded.messages.extend(bodies);
     if refused {
         print_all(&loaded.messages, &loaded.sources);
         return Err("a Nitsche parameter is below its safe value, which --strict does not allow".to_owned());

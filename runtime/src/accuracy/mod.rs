@@ -31,7 +31,7 @@ pub use ways::{Role, Ways, lean, work};
 /// What is asked for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Demand {
-    /// Largest relative error, above 0 and at most 1.
+    /// Largest relative error, from [`SMALLEST`] to [`LARGEST`].
     pub error: f64,
     /// The quantity: `L2` or `H1` of all unknowns on cells, an output on contact faces, or a measure, by name.
     pub quantity: String,
@@ -45,9 +45,11 @@ pub const DEFAULT_QUANTITY: &str = "L2";
 pub const DEFAULT_BUDGET: f64 = 600.0;
 /// The smallest error that can be asked for: estimates by differences drown in rounding below.
 pub const SMALLEST: f64 = 1e-8;
+/// The largest: beyond half of the quantity nothing is known of it, and its estimate means nothing.
+pub const LARGEST: f64 = 0.5;
 
 /// Whether a number is an error that can be asked for.
 #[must_use]
 pub fn is_accuracy(error: f64) -> bool {
-    (SMALLEST..=1.0).contains(&error)
+    (SMALLEST..=LARGEST).contains(&error)
 }

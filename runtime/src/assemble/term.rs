@@ -39,6 +39,7 @@ use crate::{
         shares::{Duty, Shares, Touched},
     },
     csr::Pattern,
+    finite::BadState,
     mesh::Mesh,
     results::SupportSet,
 };
@@ -64,6 +65,9 @@ pub enum TermError {
     /// Not a number in the residual or the tangent.
     #[error("not a finite number in term `{}`", .0.term)]
     NonFinite(Box<NonFinitePlace>),
+    /// An unknown, or a sum of finite parts of its equation, is not finite.
+    #[error(transparent)]
+    State(Box<BadState>),
 }
 
 /// A law on a domain, callable.

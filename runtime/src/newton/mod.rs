@@ -28,6 +28,7 @@ use thiserror::Error;
 
 use crate::{
     assemble::TermError,
+    finite::{BadGiven, largest as largest_of},
     solve::SolveError,
     strategy::Strategy,
     system::{LooseMotions, System, SystemError},
@@ -43,6 +44,9 @@ pub struct NewtonOptions {
     /// Line search on; off takes every full step.
     pub search: bool,
 }
+
+/// The largest relative tolerance that can be asked for: where a tenth of the forces is out of balance nothing is solved.
+pub const LARGEST_TOLERANCE: f64 = 0.1;
 
 /// Default relative tolerance.
 pub const DEFAULT_TOLERANCE: f64 = 1e-10;
@@ -69,6 +73,9 @@ pub enum NewtonError {
     /// A step could not be assembled.
     #[error(transparent)]
     System(SystemError),
+    /// A value that the scene gives is not finite.
+    #[error(transparent)]
+    Given(Box<BadGiven>),
     /// A linear system could not be solved.
     #[error(transparent)]
     Solve(#[from] SolveError),
@@ -105,6 +112,7 @@ impl From<SystemError> for NewtonError {
     fn from(error: SystemError) -> Self {
         match error {
             SystemError::Term(term) => Self::Term(term),
+            SystemError::Given(bad) => Self::Given(bad),
             other => Self::System(other),
         }
     }
@@ -392,17 +400,15 @@ fn measure(system: &mut System, u: &[f64], weights: &[f64], held: bool) -> Resul
     system.residual(u, &mut residual)?;
     let magnitudes = system.magnitudes(u);
     let scales = system.scales(&magnitudes);
+    // against a scale without bound every residual is small
+    system.check_finite("sum of the sizes of forces", &magnitudes, u)?;
     let (mut relative, mut floor) = (0.0f64, 0.0f64);
     for field in 0..system.fields.len() {
         let Some(range) = system.range(field) else { continue };
-        let (mut largest, mut cancelled) = (0.0f64, 0.0f64);
         let roundoff = roundoff(&u[range.clone()]);
-        for d in range {
-            cancelled = cancelled.max(magnitudes[d]);
-            if system.numbering.free[d] != crate::system::FIXED {
-                largest = largest.max(residual[d].abs());
-            }
-        }
+        let free = |d: &usize| system.numbering.free[*d] != crate::system::FIXED;
+        let cancelled = largest_of(range.clone().map(|d| magnitudes[d]));
+        let largest = largest_of(range.filter(free).map(|d| residual[d]));
         if largest > 0.0 {
             relative = relative.max(largest / scales[field]);
             floor = floor.max(FLOOR_FACTOR * roundoff * cancelled / scales[field]);
@@ -418,21 +424,29 @@ fn measure(system: &mut System, u: &[f64], weights: &[f64], held: bool) -> Resul
 
 /// Unit of rounding of some unknowns, relative to the largest: numbers below 1e-308 have fewer digits.
 fn roundoff(values: &[f64]) -> f64 {
-    let largest = values.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    let largest = largest_of(values.iter().copied());
     if largest > 0.0 { f64::EPSILON.max(f64::from_bits(1) / largest) } else { f64::EPSILON }
 }
 
+/// The 2-norm over the free dofs, each times the weight of its field. Where squares leave the range of numbers the entries
+/// are divided by a power of two near the largest before.
 fn weighted_norm(system: &System, residual: &[f64], weights: &[f64]) -> f64 {
-    let mut total = 0.0;
-    for (field, weight) in weights.iter().enumerate() {
-        let Some(range) = system.range(field) else { continue };
-        for d in range {
-            if system.numbering.free[d] != crate::system::FIXED {
-                total += (weight * residual[d]).powi(2);
-            }
-        }
+    let entries = || {
+        let fields = weights.iter().enumerate().filter_map(|(k, w)| Some((system.range(k)?, *w)));
+        let all = fields.flat_map(|(range, weight)| range.map(move |d| (d, weight)));
+        all.filter(|(d, _)| system.numbering.free[*d] != crate::system::FIXED).map(|(d, w)| w * residual[d])
+    };
+    let norm = |unit: f64| entries().fold(0.0, |total, x| total + (x / unit).powi(2)).sqrt();
+    let plain = norm(1.0);
+    if plain.is_finite() && plain >= f64::MIN_POSITIVE.sqrt() {
+        return plain;
     }
-    total.sqrt()
+    let largest = largest_of(entries());
+    if largest == 0.0 || !largest.is_finite() {
+        return largest;
+    }
+    let unit = largest.log2().floor().clamp(-1000.0, 1000.0).exp2();
+    unit * norm(unit)
 }
 
 /// Factors that bring the equations of multipliers to the units of forces: the ratio of the largest entries of the

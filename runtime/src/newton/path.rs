@@ -9,7 +9,7 @@
 //! Promises: passes one kink an iteration, or as far as the directions of slip allow. Does not say when to begin one.
 
 use super::{Kinks, Measured, NewtonError, StepHistory, correct, measure, step_to};
-use crate::{strategy::Strategy, system::System};
+use crate::{finite::largest, strategy::Strategy, system::System};
 
 /// A path is left that has gone backwards this far, in units of its length, or that is where its first kink was within
 /// this part of it.
@@ -58,7 +58,7 @@ impl Path {
         let mut direction = Vec::new();
         let beside: Vec<f64> =
             here.residual.iter().zip(&self.start).map(|(r, start)| r - (1.0 - self.done) * start).collect();
-        let free = |v: &[f64]| system.numbering.free_dofs.iter().fold(0.0f64, |m, d| m.max(v[*d as usize].abs()));
+        let free = |v: &[f64]| largest(system.numbering.free_dofs.iter().map(|d| v[*d as usize]));
         if free(&beside) > ON_THE_PATH * free(&self.start) {
             correct(system, strategy, (&beside, UNSEEN), &mut direction, history)?;
             let from = u.to_vec();

@@ -10,7 +10,7 @@
 //! refine where the tolerance was reached.
 
 use super::{NewtonError, NewtonOptions, StepHistory, Watch, correct, measure, step_to};
-use crate::{strategy::Strategy, system::System};
+use crate::{finite::largest, strategy::Strategy, system::System};
 
 /// Most corrections.
 const MOST: usize = 20;
@@ -75,7 +75,7 @@ fn one(
     correct(system, strategy, (&here.residual, 0.0), &mut direction, history)?;
     let mut by_dof = vec![0.0; u.len()];
     system.numbering.free_dofs.iter().zip(&direction).for_each(|(d, x)| by_dof[*d as usize] = *x);
-    let size = system.relative_sizes(u, &by_dof).into_iter().fold(0.0f64, |m, (_, s)| m.max(s));
+    let size = largest(system.relative_sizes(u, &by_dof).into_iter().map(|(_, size)| size));
     step_to(system, &start, &direction, 1.0, u);
     let next = measure(system, u, weights, held)?;
     if held {

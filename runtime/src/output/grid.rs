@@ -51,6 +51,13 @@ impl Cells {
         self.kinds.is_empty()
     }
 
+    /// The first node of a cell.
+    #[must_use]
+    pub fn first_node(&self, cell: usize) -> Option<u32> {
+        let start = if cell == 0 { 0 } else { *self.ends.get(cell - 1)? };
+        self.nodes.get(start).copied()
+    }
+
     /// Adds a cell with its nodes in the order of VTK.
     pub fn push(&mut self, kind: VtkCell, nodes: &[u32]) {
         self.push_nodes(kind, nodes.iter().copied());

@@ -82,7 +82,15 @@ impl LineSample {
     }
 
     /// One row a point; not a number where an expression does not live.
-    pub fn rows(&mut self, mesh: &Mesh, time: f64, increment: f64, values: FieldValues<'_>) -> Vec<Vec<f64>> {
+    /// `bad(name, value, position)` is told of expressions that live there and are not finite.
+    pub fn rows(
+        &mut self,
+        mesh: &Mesh,
+        time: f64,
+        increment: f64,
+        values: FieldValues<'_>,
+        mut bad: impl FnMut(&str, f64, [f64; 3]),
+    ) -> Vec<Vec<f64>> {
         let n = self.points.len();
         #[expect(clippy::cast_precision_loss, reason = "few points")]
         let arc = |k: usize| if n < 2 { 0.0 } else { self.length * k as f64 / (n - 1) as f64 };
@@ -98,9 +106,12 @@ impl LineSample {
             let nc = item.value.n_components();
             let start = rows.first().map_or(0, Vec::len);
             rows.iter_mut().for_each(|r| r.resize(start + nc, f64::NAN));
-            let samples = &item.samples;
+            let (samples, points, name) = (&item.samples, &self.points, &item.name);
             item.value.for_each_point(mesh, &item.sampled, values, |g, _, q, _, value| {
                 rows[samples[g][q]][start..].copy_from_slice(value);
+                if let Some(v) = value.iter().find(|v| !v.is_finite()) {
+                    bad(name, *v, points[samples[g][q]]);
+                }
             });
         }
         rows

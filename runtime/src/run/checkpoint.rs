@@ -362,7 +362,8 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         Ok((name, value))
     })?;
     let state = Vec::new();
-    Ok(StepResult { time, increment, history, attempts, accuracy, checks, others, measures, state })
+    let bad_measures = Vec::new();
+    Ok(StepResult { time, increment, history, attempts, accuracy, checks, others, measures, bad_measures, state })
 }
 
 fn attempt(w: &mut Writer, a: &Attempt) {

@@ -16,6 +16,7 @@ use std::{
 use super::{CHECKPOINT_FILE, CheckpointError, RunError, StepResult, checkpoint};
 use crate::{
     assemble::{AssembledTerm, FieldValues},
+    finite::BadOutput,
     output::{self, OutputDir, Piece, Plan, REPORT_FILE, Series, write_csv},
     scene::{CsvOutput, Scene, is_written},
 };
@@ -156,8 +157,8 @@ struct Table {
     rows: Vec<Vec<f64>>,
 }
 
-/// What the scene wants in the files of a step; the checkpoint is left to the caller.
-pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> StepFiles {
+/// What the scene wants in the files of a step, and what of it is not finite; the checkpoint is left to the caller.
+pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> (StepFiles, Vec<BadOutput>) {
     let n_steps = scene.steps.values.len();
     let (time, increment) = (step.time, step.increment);
     let Scene { system, vtk, csv, .. } = scene;
@@ -165,6 +166,7 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> St
     let previous = system.previous_slices();
     let values = FieldValues { current: &current, previous: &previous };
     let mut grids = Vec::with_capacity(vtk.len());
+    let mut bad = Vec::new();
     for output in vtk {
         if !is_written(number, output.every, n_steps) {
             grids.push(None);
@@ -173,6 +175,7 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> St
         let mut pieces = Vec::with_capacity(output.pieces.len());
         for sampled in &mut output.pieces {
             let mut piece = sampled.sample(&system.mesh, time, increment, values);
+            bad.extend(not_finite(&piece, &output.file, time));
             let entities = piece.cells.len();
             // the terms hold the branches of the converged state: the last residual was taken there
             let here = |t: &&AssembledTerm| t.place.as_ref() == Some(sampled.support());
@@ -190,8 +193,24 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> St
         .map(|output| Table {
             name: csv_name(output, number, n_steps > 1),
             columns: output.line.columns(),
-            rows: output.line.rows(&system.mesh, time, increment, values),
+            rows: output.line.rows(&system.mesh, time, increment, values, |name, value, position| {
+                let what = format!("`{name}` in `{}.csv`", output.file);
+                bad.push(BadOutput { what, time, value, position });
+            }),
         })
         .collect();
-    StepFiles { number, time, grids, tables, checkpoint: None }
+    (StepFiles { number, time, grids, tables, checkpoint: None }, bad)
+}
+
+/// The quantities of a piece that are not finite, each with the first such value.
+fn not_finite(piece: &Piece, file: &str, time: f64) -> Vec<BadOutput> {
+    let point = |k: usize| piece.points[k];
+    let corner = |k: usize| piece.cells.first_node(k).map_or([0.0; 3], |n| piece.points[n as usize]);
+    let of = |array: &output::Array, place: &dyn Fn(usize) -> [f64; 3]| {
+        let bad = array.values.iter().position(|v| !v.is_finite())?;
+        let what = format!("`{}` in `{file}.vtu`", array.name);
+        Some(BadOutput { what, time, value: array.values[bad], position: place(bad / array.components.max(1)) })
+    };
+    let points = piece.point_data.iter().filter_map(|a| of(a, &point));
+    points.chain(piece.cell_data.iter().filter_map(|a| of(a, &corner))).collect()
 }

@@ -29,6 +29,7 @@ use thiserror::Error;
 use wfl_compiler::ir::Origin;
 
 use crate::{
+    finite::{BadGiven, BadMeasure, BadOutput},
     newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
     output::{About, Hash, OrderedMap, OutputDir, OutputError, Report, State, write_report},
     pruning::Saving,
@@ -146,6 +147,8 @@ pub struct StepResult {
     pub others: Others,
     /// Measures by name.
     pub measures: Vec<(String, f64)>,
+    /// Those of them that are not finite; empty for a step that another process did.
+    pub bad_measures: Vec<BadMeasure>,
     /// All unknowns at its end; empty for steps before the last one unless [`RunOptions::keep_states`] says otherwise,
     /// and for a step that another process did before this one went on from a checkpoint.
     pub state: Vec<f64>,
@@ -169,6 +172,22 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// The measures that are not finite, each with the step variable where it first was; the place is not known for a
+    /// step that another process did.
+    #[must_use]
+    pub fn bad_measures(&self) -> Vec<(f64, &str, f64, Option<&BadMeasure>)> {
+        let mut out: Vec<(f64, &str, f64, Option<&BadMeasure>)> = Vec::new();
+        for step in &self.steps {
+            for (name, value) in step.measures.iter().filter(|m| !m.1.is_finite()) {
+                if out.iter().all(|known| known.1 != name) {
+                    let place = step.bad_measures.iter().find(|bad| bad.name == *name);
+                    out.push((step.time, name, *value, place));
+                }
+            }
+        }
+        out
+    }
+
     /// True if every step converged.
     #[must_use]
     pub fn converged(&self) -> bool {
@@ -189,6 +208,9 @@ pub enum RunError {
         /// Why.
         error: NewtonError,
     },
+    /// A first value is not finite.
+    #[error(transparent)]
+    Start(Box<BadGiven>),
     /// The update of a state gave a number that is not finite.
     #[error("step {step} (t = {time}): the update of `{state}` gives {value} at {position:?}")]
     State {
@@ -254,12 +276,13 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
     let mut files = Files::new(scene, dir.as_ref());
     let solver = SolverOptions { threads: options.threads, precision: options.precision, ..SolverOptions::default() };
     let mut run = Run {
-        u: start(scene),
+        u: start(scene).map_err(|bad| RunError::Start(Box::new(bad)))?,
         stepper: Stepper::new(solver),
         steps: Vec::new(),
         clock: Clock::default(),
         log: Log::default(),
         identity: identity.hash(),
+        bad: Vec::new(),
     };
     if let Some(dir) = &dir {
         let found = if options.resume { folder::found(scene, &identity, dir)? } else { None };
@@ -284,7 +307,8 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
     let last: Vec<(String, f64)> = run.steps.last().map(|s| s.measures.clone()).unwrap_or_default();
     let (expectations, diagnostics) =
         if done && finished.is_ok() { scene.expectations(&last) } else { (Vec::new(), Vec::new()) };
-    let warnings = report::warnings(&run.steps);
+    let mut warnings = report::warnings(&run.steps);
+    warnings.extend(run.bad.iter().map(|bad| ("W610", bad.text())));
     let mut report = report::report(scene, options, &run, &expectations);
     report.warnings.extend(warnings.iter().map(|(code, text)| format!("{code}: {text}")));
     report.error = finished.as_ref().err().map(ToString::to_string);
@@ -326,6 +350,8 @@ struct Run {
     log: Log,
     /// What the run is.
     identity: Hash,
+    /// What was written or printed and is not finite, each quantity once.
+    bad: Vec<BadOutput>,
 }
 
 impl Run {
@@ -381,8 +407,9 @@ impl Run {
             }
             let Some((writer, cost)) = writer else { continue };
             let begin = Instant::now();
+            let (mut step, bad) = files::collect(scene, &self.steps[number], number);
+            bad.into_iter().for_each(|bad| self.add_bad(bad));
             let pause = CHECKPOINT_EVERY.max(CHECKPOINT_SHARE * cost.get());
-            let mut step = files::collect(scene, &self.steps[number], number);
             if values.len() > 1 && checkpoint_before.is_none_or(|before| before.elapsed() >= pause) {
                 checkpoint_before = Some(begin);
                 let mut log = std::mem::take(&mut self.log);
@@ -451,18 +478,37 @@ impl Run {
             judged.map_err(|error| RunError::step(&scene.system, (number, time), error.into()))?;
         self.stepper.renew(scene);
         let (u, increment) = (&self.u, reached.increment);
-        let measures = scene
-            .measures
-            .iter_mut()
-            .map(|m| (m.name.clone(), m.evaluate(&scene.system, time, increment, u)))
-            .collect();
-        let Scene { prints, system, .. } = &mut *scene;
+        let Scene { prints, system, measures: asked, .. } = &mut *scene;
+        let (mut measures, mut bad_measures) = (Vec::with_capacity(asked.len()), Vec::new());
+        for measure in asked {
+            let value = measure.evaluate(system, time, increment, u);
+            if !value.is_finite() {
+                bad_measures.push(measure.bad(value, system, u));
+            }
+            measures.push((measure.name.clone(), value));
+        }
+        let mut bad_prints = Vec::new();
         for print in prints {
             let (term, origin) = (print.term.clone(), print.origin);
-            print.for_each(system, time, increment, u, |x, value| progress.printed(&term, origin, x, value));
+            let mut bad = None;
+            print.for_each(system, time, increment, u, |x, value| {
+                bad = bad.or_else(|| value.iter().find(|v| !v.is_finite()).map(|v| (*v, x)));
+                progress.printed(&term, origin, x, value);
+            });
+            if let Some((value, position)) = bad {
+                bad_prints.push(BadOutput { what: format!("`Print` in `{term}`"), time, value, position });
+            }
         }
+        bad_prints.into_iter().for_each(|bad| self.add_bad(bad));
         let state = self.u.clone();
-        Ok(StepResult { time, increment, history, attempts, accuracy, checks, others, measures, state })
+        Ok(StepResult { time, increment, history, attempts, accuracy, checks, others, measures, bad_measures, state })
+    }
+
+    /// Keeps what is not finite, the first time that it is met.
+    fn add_bad(&mut self, bad: BadOutput) {
+        if self.bad.iter().all(|known| known.what != bad.what) {
+            self.bad.push(bad);
+        }
     }
 
     /// How good the converged state is.
@@ -495,16 +541,16 @@ struct Judged {
 }
 
 /// First values of the scene: those of the unknowns by dof, those of states where they are kept.
-fn start(scene: &mut Scene) -> Vec<f64> {
+fn start(scene: &mut Scene) -> Result<Vec<f64>, BadGiven> {
     let mut u = vec![0.0; scene.system.numbering.n_dofs];
     let time = scene.steps.values.first().copied().unwrap_or(0.0);
     for (field, value) in &mut scene.starts {
         let positions = node_positions(&scene.system, *field);
-        let values = value.at(&positions, time, 0.0);
+        let values = value.at(&positions, time, 0.0)?;
         match scene.system.numbering.starts[*field] {
             Some(first) => u[first..first + values.len()].copy_from_slice(&values),
             None => scene.system.known.data[*field] = values,
         }
     }
-    u
+    Ok(u)
 }

@@ -8,10 +8,16 @@ use wfl_compiler::{
     types::{FieldKind, Side},
 };
 
-use crate::system::{LawDefect, System};
+use crate::{
+    finite::largest,
+    system::{LawDefect, System},
+};
 
 /// Out of balance by more than this part of the forces is more than rounding and the tolerance of Newton.
 const BALANCE: f64 = 1e-6;
+/// Forces out of balance by more than this are told whatever tolerance was asked for: fewer than three digits of them are
+/// right, as few as W605 tells of.
+const LARGEST_BALANCE: f64 = 1e-3;
 /// Overlap, or sliding at points that stick, in parts of the largest displacement: beyond it the law is no longer one of
 /// contact but of springs as soft as the bodies. A penalty of E/h leaves a tenth of the displacement of a body
 /// pressed by one cell's thickness, and less otherwise.
@@ -83,6 +89,11 @@ fn names(system: &System, group: &[usize]) -> String {
     group.iter().map(|k| system.fields[*k].name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
+/// A part of a whole; not a number, which holds for no condition, where the whole is too large for one.
+fn share(part: f64, whole: f64) -> f64 {
+    if whole.is_finite() { part / whole } else { f64::NAN }
+}
+
 /// Loads against reactions: what the equations at the free nodes leave, summed, by component.
 fn equilibrium(system: &System, group: &[usize], residual: &[f64], tolerance: f64) -> Option<PhysicsCheck> {
     let dim = system.mesh.dim();
@@ -108,12 +119,12 @@ fn equilibrium(system: &System, group: &[usize], residual: &[f64], tolerance: f6
     if size == 0.0 {
         return None;
     }
-    let value = left.iter().fold(0.0f64, |m, x| m.max(x.abs())) / size;
+    let value = share(largest(left.iter().copied()), size);
     let list = |v: &[f64]| v.iter().map(|x| format!("{x:.6e}")).collect::<Vec<_>>().join(", ");
     Some(PhysicsCheck {
         name: format!("equilibrium of {}", names(system, group)),
         value,
-        limit: BALANCE.max(tolerance),
+        limit: BALANCE.max(tolerance).min(LARGEST_BALANCE),
         detail: format!("loads [{}], reactions [{}]", list(&load), list(&reaction)),
     })
 }
@@ -150,7 +161,7 @@ fn balance_of_term(system: &mut System, term: usize, u: &[f64]) -> Option<Physic
     }
     (size > 0.0).then(|| PhysicsCheck {
         name: format!("action and reaction of `{}`", system.terms[term].law.name),
-        value: sums.iter().fold(0.0f64, |m, x| m.max(x.abs())) / size,
+        value: share(largest(sums.iter().copied()), size),
         limit: BALANCE,
         detail: "the forces on the two sides do not cancel: is the test function the jump of both?".to_owned(),
     })
@@ -161,7 +172,7 @@ fn balance_of_term(system: &mut System, term: usize, u: &[f64]) -> Option<Physic
 pub(super) fn contact(system: &System, u: &[f64], left: f64) -> Vec<PhysicsCheck> {
     let groups = displacement_groups(system);
     let ranges = groups.iter().flatten().filter_map(|k| system.range(*k));
-    let largest = ranges.flat_map(|r| u[r].iter()).fold(0.0f64, |m, x| m.max(x.abs()));
+    let largest = largest(ranges.flat_map(|r| u[r].iter().copied()));
     let mut out = Vec::new();
     for (term, gaps) in system.contact_gaps(u).into_iter().filter(|_| largest > 0.0) {
         let mut add = |what: &str, length: f64, detail: String| {

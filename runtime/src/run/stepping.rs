@@ -147,7 +147,7 @@ impl Stepper {
         // what the parts before the last one have to tell
         let (mut turns, mut displaced) = (0, false);
         self.level = self.level.min(halve);
-        begin(scene, leg, u);
+        begin(scene, leg, u)?;
         let known_before = scene.system.known.clone();
         loop {
             let end = position + (whole >> self.level);
@@ -238,13 +238,15 @@ impl Stepper {
         let (time, increment) = (target.time, target.increment);
         self.prepare(scene, (time, increment), clock, progress)?;
         let from = u.to_vec();
-        scene.prescribed.apply(time, increment, u);
+        scene.prescribed.apply(time, increment, u).map_err(|bad| NewtonError::Given(Box::new(bad)))?;
         if let Some((start, s)) = target.load {
             scene.system.numbering.part_of_prescribed(&start.u, s, u);
             scene.system.set_shift(start.residual.iter().map(|r| (s - 1.0) * r).collect());
         }
         let strategy = self.strategy.as_mut().expect("prepared above");
         let history = solve_step(&mut scene.system, strategy, (&from, u), scene.newton, &mut Forward(progress))?;
+        // whatever the method, a state that is written, measured or gone on from is finite
+        scene.system.check_finite("value", u, u).map_err(NewtonError::from)?;
         clock.assemble += history.seconds.assemble;
         clock.factor += history.seconds.factor;
         clock.solve += history.seconds.solve;
@@ -271,7 +273,7 @@ impl Stepper {
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
-        begin(scene, leg, u);
+        begin(scene, leg, u)?;
         self.prepare(scene, (leg.to, leg.first_increment), clock, progress)?;
         // the branches of the terms are those of the state that is given
         scene.system.residual(u, &mut Vec::new()).map_err(NewtonError::from)?;
@@ -286,7 +288,7 @@ impl Stepper {
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<(), NewtonError> {
-        super::set_data(scene, time, increment);
+        super::set_data(scene, time, increment)?;
         let begin = Instant::now();
         let changed = scene.system.set_step(time, increment)?;
         clock.assemble += begin.elapsed().as_secs_f64();
@@ -316,11 +318,12 @@ impl Stepper {
 }
 
 /// The end of the last step becomes the past; before the first step the past is the start.
-fn begin(scene: &mut Scene, leg: Leg, u: &[f64]) {
+fn begin(scene: &mut Scene, leg: Leg, u: &[f64]) -> Result<(), NewtonError> {
     if leg.from.is_none() {
-        super::set_data(scene, leg.to, leg.first_increment);
+        super::set_data(scene, leg.to, leg.first_increment)?;
     }
     scene.system.known.keep(u);
+    Ok(())
 }
 
 /// The next values of the states, all from the same old ones.

@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{
-    Diagnostic, FieldKind as Declared, ResolvedScript,
+    Diagnostic, FieldKind as Declared, ResolvedScript, Span,
     ast::{Expr, Target, TargetPart},
 };
 use wfl_compiler::{
@@ -19,6 +19,7 @@ use wfl_compiler::{
 
 use crate::{
     field::{Field, FieldSpace},
+    finite::BadGiven,
     frames::Frame,
     mesh::{CellId, FacetRef, Mesh, RegionSet, Topology},
     scene::{
@@ -37,6 +38,9 @@ struct Fix {
     /// Positions of the nodes.
     positions: Vec<[f64; 3]>,
     value: Value,
+    /// Of what on which region, and where its expression is, for messages.
+    what: String,
+    span: Span,
 }
 
 /// One number of a `fix`: the value of which, at which node, with a factor (the sign of a normal).
@@ -85,11 +89,15 @@ pub struct Prescribed {
 
 impl Prescribed {
     /// Writes the prescribed values at a step into the vector of all unknowns.
-    pub fn apply(&mut self, time: f64, increment: f64, u: &mut [f64]) {
+    ///
+    /// # Errors
+    /// [`BadGiven`] for a value that is not finite; `u` is then as it was.
+    pub fn apply(&mut self, time: f64, increment: f64, u: &mut [f64]) -> Result<(), BadGiven> {
         let mut values = Vec::with_capacity(self.fixes.len());
         for fix in &mut self.fixes {
             fix.value.set_step(time, increment);
-            values.push(fix.value.at_positions(&fix.positions));
+            let found = fix.value.at_positions(&fix.positions);
+            values.push(found.map_err(|at| BadGiven { what: fix.what.clone(), span: fix.span, at })?);
         }
         let number = |n: &Number| n.factor * values[n.fix][n.place];
         for (dof, n) in &self.plain {
@@ -107,6 +115,7 @@ impl Prescribed {
                 own.iter_mut().zip(axis).for_each(|(x, a)| *x += (wanted - is) * a);
             }
         }
+        Ok(())
     }
 
     /// The dofs that are taken out of the system; of a turned node those of its first axes.
@@ -264,6 +273,7 @@ impl ConstraintMaker<'_> {
             TargetPart::Normal => self.along_normals(target, place, position, &nodes)?,
         };
         let entries = if whole { n } else { 1 };
+        let span = value.span;
         let value = self.value(value, entries)?;
         let mut conditions = Vec::with_capacity(nodes.len());
         for (k, (node, list)) in nodes.iter().zip(along).enumerate() {
@@ -275,7 +285,8 @@ impl ConstraintMaker<'_> {
             }));
         }
         let positions = nodes.iter().map(|node| field.node_position(*node as usize)).collect();
-        Some((Fix { positions, value }, conditions))
+        let what = format!("the prescribed value of `{}` on `{}`", field.name, place.name);
+        Some((Fix { positions, value, what, span }, conditions))
     }
 
     /// "the 256 faces of `east` belong to `right`; uL lives on `left`"

@@ -9,15 +9,22 @@ use wfl::{
 
 /// Adds the context of the scene to messages of the compiler.
 pub(super) fn add(script: &ResolvedScript, diagnostics: &mut [Diagnostic]) {
+    let mut offers = 0;
     for d in diagnostics {
         match d.code {
-            "E201" => offer(script, d),
+            "E201" if offers < MOST_OFFERS => {
+                offers += 1;
+                offer(script, d);
+            }
             "E202" => home(script, d),
             "E203" | "E204" => place(script, d),
             _ => {}
         }
     }
 }
+
+/// Messages for which a name is looked for: it costs as much as the scene has names, and no more messages are shown.
+const MOST_OFFERS: usize = 100;
 
 /// Names of the scene with what they are and where.
 fn declared(script: &ResolvedScript) -> impl Iterator<Item = (&Ident, &'static str)> {

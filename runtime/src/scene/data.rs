@@ -10,23 +10,27 @@ use crate::{
 /// step.
 ///
 /// # Errors
-/// [`SystemError`] where a term has no finite value.
+/// [`SystemError`] where a term or a known field has no finite value.
 pub fn coercivity(scene: &mut Scene) -> Result<Vec<Coercivity>, SystemError> {
     let values = &scene.steps.values;
     let time = values.first().copied().unwrap_or(0.0);
     let increment = values.get(1).map_or(0.0, |next| next - time);
-    set_data(scene, time, increment);
+    set_data(scene, time, increment)?;
     // nothing is assembled that the run would not assemble; its first step does so again where that is needed
     scene.system.set_step(time, increment)?;
     Ok(scene.system.coercivity())
 }
 
 /// Brings the known fields to a value of the step variable.
-pub(crate) fn set_data(scene: &mut Scene, time: f64, increment: f64) {
+///
+/// # Errors
+/// [`SystemError::Given`] for a value that is not finite.
+pub(crate) fn set_data(scene: &mut Scene, time: f64, increment: f64) -> Result<(), SystemError> {
     for (field, value) in &mut scene.data {
         let positions = node_positions(&scene.system, *field);
-        scene.system.known.data[*field] = value.at(&positions, time, increment);
+        scene.system.known.data[*field] = value.at(&positions, time, increment).map_err(Box::new)?;
     }
+    Ok(())
 }
 
 pub(crate) fn node_positions(system: &System, field: usize) -> Vec<[f64; 3]> {

@@ -7,7 +7,7 @@ use std::{collections::BTreeSet, sync::Arc};
 
 use wfl::{
     Diagnostic, ResolvedScript, Span,
-    ast::{Expr, Ident, MappingKind},
+    ast::{Expansions, Expr, Ident, MappingKind},
 };
 use wfl_compiler::{
     Env,
@@ -20,6 +20,7 @@ use wfl_compiler::{
 use crate::{
     assemble::Domain,
     field::{Field, FieldSpace},
+    finite::BadGiven,
     mesh::{CellFinder, CellId, FacetFinder, FacetRef, Mesh, RegionSet},
     scene::{constants::number, mesh::position_place, regions::Regions},
     space::Support,
@@ -32,8 +33,8 @@ const FIXED_IMAGES: &str =
 
 /// How images are found.
 enum Search {
-    /// At a position.
-    Position(Box<Value>),
+    /// At a position, by a formula that stands here.
+    Position(Box<Value>, Span),
     /// On facets: the nearest point, or where the normal hits them.
     Facets { raytrace: bool, from: BTreeSet<FacetRef>, finder: FacetFinder, reach: f64 },
 }
@@ -42,6 +43,7 @@ enum Search {
 #[derive(Default)]
 pub(super) struct Mappings {
     list: Vec<(Ident, Search)>,
+    expansions: Expansions,
     /// What the compiler knows of them.
     pub(super) sigs: Vec<MappingSig>,
 }
@@ -60,7 +62,7 @@ pub(super) struct MappingMaker<'a> {
 impl MappingMaker<'_> {
     /// All mappings, without those that have a message.
     pub(super) fn make(mut self) -> Mappings {
-        let mut made = Mappings::default();
+        let mut made = Mappings { expansions: self.script.expansions.clone(), ..Mappings::default() };
         for mapping in &self.script.mappings {
             let search = match &mapping.kind {
                 MappingKind::Point(e) => self.position(e),
@@ -71,7 +73,7 @@ impl MappingMaker<'_> {
             let Some(search) = search else { continue };
             let name = mapping.name.name.clone();
             made.sigs.push(match &search {
-                Search::Position(_) => MappingSig {
+                Search::Position(..) => MappingSig {
                     description: format!("`{name}` leads to points inside cells"),
                     there: self.fields.iter().map(|f| is_global(f) || cells_of(f).is_some()).collect(),
                     has_normal: false,
@@ -108,7 +110,7 @@ impl MappingMaker<'_> {
             return None;
         }
         match Value::new(law, self.backend) {
-            Ok(v) if v.reads_positions_only() => Some(Search::Position(Box::new(v))),
+            Ok(v) if v.reads_positions_only() => Some(Search::Position(Box::new(v), e.span)),
             Ok(_) => {
                 self.diagnostics.push(Diagnostic::new("E407", FIXED_IMAGES).at(e.span, ""));
                 None
@@ -193,15 +195,25 @@ impl Mappings {
     ) -> Option<Arc<Domain>> {
         let (name, search) = &self.list[*m];
         let (domain, lost) = match search {
-            Search::Position(value) => {
+            Search::Position(value, formula) => {
                 let homes: Vec<&Field> =
                     there.iter().filter_map(|k| fields.get(*k)).filter(|f| !is_global(f)).collect();
                 let cells: Vec<CellId> = mesh.cells().filter(|c| homes.iter().all(|f| f.lives_in_cell(*c))).collect();
                 let finder = CellFinder::new(mesh, &cells);
-                Domain::mapped(mesh, base, |x, _| {
-                    let y = value.at_positions(&[x]);
-                    finder.find(mesh, [0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0)))
-                })
+                let mut bad = None;
+                let mapped = Domain::mapped(mesh, base, |x, _| match value.at_positions(&[x]) {
+                    Ok(y) => finder.find(mesh, [0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0))),
+                    Err(at) => {
+                        bad.get_or_insert(at);
+                        None
+                    }
+                });
+                if let Some(at) = bad {
+                    let bad = BadGiven { what: format!("the mapping `{}`", name.name), span: *formula, at };
+                    diagnostics.push(bad.diagnostic(&self.expansions, None));
+                    return None;
+                }
+                mapped
             }
             Search::Facets { raytrace, from, finder, reach } => {
                 let outside = base.groups.iter().flat_map(|g| &g.here.facets).find(|f| !from.contains(f));

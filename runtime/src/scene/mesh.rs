@@ -15,6 +15,7 @@ use wfl_compiler::{
 };
 
 use crate::{
+    finite::{BadGiven, NotFinite},
     mesh::{BoxShape, MapError, Mesh, MeshError, cells_for_size, generate_box, map_nodes},
     output::Hash,
     reading::{self, ReadingError},
@@ -283,8 +284,8 @@ fn mapped(
             return None;
         }
     };
-    let moved = map_nodes(mesh, |x| -> Result<[f64; 3], std::convert::Infallible> {
-        let y = value.at_positions(&[x]);
+    let moved = map_nodes(mesh, |x| -> Result<[f64; 3], NotFinite> {
+        let y = value.at_positions(&[x])?;
         Ok([0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0)))
     });
     match moved {
@@ -293,7 +294,11 @@ fn mapped(
             diagnostics.push(mesh_error(&e, map.span));
             None
         }
-        Err(MapError::Map(never)) => match never {},
+        Err(MapError::Map(at)) => {
+            let bad = BadGiven { what: "the map of the mesh".to_owned(), span: map.span, at };
+            diagnostics.push(bad.diagnostic(&script.expansions, None));
+            None
+        }
     }
 }
 

@@ -29,7 +29,13 @@ mod samples;
 mod states;
 mod terms;
 
-use std::{cell::Cell, collections::BTreeSet, path::Path, sync::Arc, time::Instant};
+use std::{
+    cell::Cell,
+    collections::{BTreeSet, HashSet},
+    path::Path,
+    sync::Arc,
+    time::Instant,
+};
 
 use wfl::{Diagnostic, Lost, ResolvedScript, ast::Reduction};
 use wfl_compiler::{
@@ -74,6 +80,7 @@ pub struct Measure {
     /// What is done with the values at the points.
     pub reduction: Reduction,
     parts: Vec<(Value, Sampled)>,
+    span: wfl::Span,
 }
 
 /// Seconds spent while preparing.
@@ -213,16 +220,12 @@ fn prepare_as_written(script: &ResolvedScript, with: With<'_>) -> Prepared {
 
 /// A mistake in a macro is told once, at its first use, however often the macro is used.
 fn once_per_place(diagnostics: &mut Vec<Diagnostic>) {
-    let mut seen: Vec<(&'static str, String, Vec<wfl::Span>)> = Vec::new();
+    let mut seen: HashSet<(&'static str, String, Vec<wfl::Span>)> = HashSet::new();
     diagnostics.retain(|d| {
         let spans: Vec<wfl::Span> = d.labels.iter().map(|l| l.span).collect();
         let in_macro = d.labels.first().is_some_and(|l| l.text.starts_with("in this use of"));
         let key = (d.code, d.message.clone(), spans[usize::from(in_macro && spans.len() > 1)..].to_vec());
-        let new = !seen.contains(&key);
-        if new {
-            seen.push(key);
-        }
-        new
+        seen.insert(key)
     });
 }
 
@@ -671,7 +674,8 @@ impl Scene {
         for expect in &self.env.expects {
             let law = compile_condition(&env, &place, "expect", &expect.condition);
             diagnostics.extend(law.diagnostics);
-            let holds = law.value.filter(|l| l.inputs.is_empty()).map(|law| {
+            let known = self.operands_are_finite(&env, &expect.condition);
+            let holds = law.value.filter(|l| l.inputs.is_empty() && known).map(|law| {
                 let mut value = [0.0];
                 wfl_compiler::interpret(
                     &law.kernel,
@@ -685,5 +689,19 @@ impl Scene {
             out.push((expect.clone(), holds));
         }
         (out, diagnostics)
+    }
+
+    /// True if everything a condition compares is finite: with a number that is none, `not (m > 5)` would hold.
+    fn operands_are_finite(&self, env: &Env<'_>, condition: &wfl::ast::Cond) -> bool {
+        use wfl::ast::CondKind;
+        let finite = |e: &wfl::ast::Expr| {
+            let found = wfl_compiler::constant(env, "expect", e).value;
+            found.is_none_or(|c| c.values.iter().all(|v| v.is_finite()))
+        };
+        match &condition.kind {
+            CondKind::Compare(first, rest) => finite(first) && rest.iter().all(|(_, e)| finite(e)),
+            CondKind::And(parts) | CondKind::Or(parts) => parts.iter().all(|c| self.operands_are_finite(env, c)),
+            CondKind::Not(inner) => self.operands_are_finite(env, inner),
+        }
     }
 }

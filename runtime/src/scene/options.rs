@@ -7,8 +7,8 @@ use wfl::{
 
 use super::{Builder, constants};
 use crate::{
-    accuracy::{DEFAULT_QUANTITY, is_accuracy},
-    newton::NewtonOptions,
+    accuracy::{DEFAULT_QUANTITY, LARGEST, SMALLEST, is_accuracy},
+    newton::{LARGEST_TOLERANCE, NewtonOptions},
 };
 
 /// Load or time steps.
@@ -123,7 +123,12 @@ impl Builder<'_> {
         let (mut asked, mut of) = (None, DEFAULT_QUANTITY.to_owned());
         for option in &solver.options {
             match (option.name.name.as_str(), self.option_number(option), word(option)) {
-                ("tol", Some(t), _) if t >= 0.0 => options.tolerance = t,
+                ("tol", Some(t), _) if (0.0..=LARGEST_TOLERANCE).contains(&t) => options.tolerance = t,
+                ("tol", Some(t), _) => {
+                    let d = Diagnostic::new("E440", format!("`tol` = {t} is no tolerance: it lies between 0 and 0.1"));
+                    let d = d.at(option.name.span, "the part of the forces that may be out of balance");
+                    self.diagnostics.push(d.help("tol=1e-10, or leave it out"));
+                }
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
                 ("max_iter", Some(n), _) if n >= 1.0 && n.fract() == 0.0 && n < 1e6 => {
                     options.max_iterations = n as usize;
@@ -133,7 +138,10 @@ impl Builder<'_> {
                 ("search", _, Some("auto")) => options.search = true,
                 ("search", _, Some("none")) => options.search = false,
                 ("accuracy", _, _) => {
-                    let d = Diagnostic::new("E414", "`accuracy` is a relative error from 1e-8 to 1");
+                    let d = Diagnostic::new(
+                        "E414",
+                        format!("`accuracy` is a relative error from {SMALLEST:e} to {LARGEST}"),
+                    );
                     self.diagnostics.push(d.at(option.name.span, "such as accuracy=1e-3"));
                 }
                 (name, _, _) => {

@@ -5,6 +5,8 @@ use wfl_compiler::{compile_value, types::FieldKind, without_fields};
 
 use super::{Builder, InputFile, Measure, RuleChoice, mappings, mesh, mesh::unread, terms};
 use crate::{
+    assemble::FieldValues,
+    finite::{BadGiven, BadMeasure},
     output::Hash,
     point_values::{PointValues, SAME_PLACE},
     reading,
@@ -14,28 +16,32 @@ use crate::{
 
 /// Values at the nodes of a field.
 pub enum Given {
-    /// A formula of the position and the step variable.
-    Formula(Box<Value>),
+    /// A formula of the position and the step variable, of what it gives the values, and where it stands.
+    Formula(Box<Value>, String, Span),
     /// Numbers from a file: `values[node * n_components + component]`.
     Values(Vec<f64>),
 }
 
 impl Given {
     /// The values at the positions of all nodes, at a step.
-    pub fn at(&mut self, positions: &[[f64; 3]], time: f64, increment: f64) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// [`BadGiven`] for a value that is not finite.
+    pub fn at(&mut self, positions: &[[f64; 3]], time: f64, increment: f64) -> Result<Vec<f64>, BadGiven> {
         match self {
-            Given::Formula(value) => {
+            Given::Formula(value, what, span) => {
                 value.set_step(time, increment);
-                value.at_positions(positions)
+                let found = value.at_positions(positions);
+                found.map_err(|at| BadGiven { what: what.clone(), span: *span, at })
             }
-            Given::Values(values) => values.clone(),
+            Given::Values(values) => Ok(values.clone()),
         }
     }
 }
 
 impl Builder<'_> {
     /// Values given at the nodes of a field by an expression of the position.
-    fn nodal_values(&mut self, list: Vec<(String, wfl::ast::Expr)>) -> Vec<(usize, Given)> {
+    fn nodal_values(&mut self, what: &str, list: Vec<(String, wfl::ast::Expr)>) -> Vec<(usize, Given)> {
         let place = mesh::position_place(self.fields.len());
         let mut out = Vec::new();
         for (name, e) in list {
@@ -51,7 +57,9 @@ impl Builder<'_> {
                 continue;
             }
             match Value::new(law, self.batch) {
-                Ok(v) if v.reads_positions_only() => out.push((k, Given::Formula(Box::new(v)))),
+                Ok(v) if v.reads_positions_only() => {
+                    out.push((k, Given::Formula(Box::new(v), format!("{what} `{name}`"), e.span)));
+                }
                 Ok(_) => self.diagnostics.push(Diagnostic::new("E407", mesh::POSITIONS_ONLY).at(e.span, "")),
                 Err(error) => self.diagnostics.push(Diagnostic::new("E609", error.to_string()).at(e.span, "")),
             }
@@ -70,7 +78,7 @@ impl Builder<'_> {
             }
         }
         // what a statement says of one field goes over what a file says of it
-        out.extend(self.nodal_values(list));
+        out.extend(self.nodal_values("the first value of", list));
         out
     }
 
@@ -150,7 +158,7 @@ impl Builder<'_> {
                 }
             }
         }
-        out.extend(self.nodal_values(list));
+        out.extend(self.nodal_values("the data", list));
         out
     }
 
@@ -183,7 +191,8 @@ impl Builder<'_> {
                     Err(e) => self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(measure.expr.span, "")),
                 }
             }
-            out.push(Measure { name: measure.name.name.clone(), reduction: measure.reduction, parts });
+            let (name, span) = (measure.name.name.clone(), measure.expr.span);
+            out.push(Measure { name, reduction: measure.reduction, parts, span });
         }
         out
     }
@@ -196,11 +205,21 @@ impl Measure {
         self.parts.iter().any(|(value, _)| value.reads_past())
     }
 
+    /// Where the expression is not finite, for a `value` that is not, at the state and step of the last
+    /// [`Self::evaluate`].
+    pub fn bad(&self, value: f64, system: &System, u: &[f64]) -> BadMeasure {
+        let current = system.slices(u);
+        let previous = system.previous_slices();
+        let values = FieldValues { current: &current, previous: &previous };
+        let at = self.parts.iter().find_map(|(v, sampled)| v.first_not_finite(&system.mesh, sampled, values));
+        BadMeasure { name: self.name.clone(), span: self.span, value, at }
+    }
+
     /// Its value at a state.
     pub fn evaluate(&mut self, system: &System, time: f64, increment: f64, u: &[f64]) -> f64 {
         let current = system.slices(u);
         let previous = system.previous_slices();
-        let values = crate::assemble::FieldValues { current: &current, previous: &previous };
+        let values = FieldValues { current: &current, previous: &previous };
         let (mut sum, mut size) = (0.0, 0.0);
         let (mut largest, mut smallest) = (f64::NEG_INFINITY, f64::INFINITY);
         let mut broken = false;

@@ -6,7 +6,7 @@ use wfl::{
     Diagnostic, ResolvedScript, Span,
     ast::{CmpOp, Cond, CondKind, EntityKind, ExprKind, Ident, RegionExpr, RegionOp},
 };
-use wfl_compiler::{Constant, Env, backend::KernelBackend, compile_condition};
+use wfl_compiler::{Constant, Env, InterpreterBackend, backend::KernelBackend, compile_condition};
 
 use crate::{
     mesh::{
@@ -26,6 +26,9 @@ const EQUAL_WITHIN: f64 = 1e-9;
 
 /// ... and within this part of the coordinates themselves, which far from the origin are coarser than that.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
+/// Meshes of fewer cells are looked through by the interpreter.
+const FEW_CELLS: usize = 2000;
 
 /// Coordinates that are tried to name the nearest members of an empty region.
 const CANDIDATES: usize = 20;
@@ -228,11 +231,13 @@ impl RegionMaker<'_> {
         let mut bad: Option<[f64; 3]> = None;
         let mut holds = |x: [f64; 3]| -> Result<bool, std::convert::Infallible> {
             let Some(value) = &condition else { return Ok(true) };
-            let v = value.at_positions(&[x])[0];
-            if v.is_nan() {
-                bad = Some(x);
+            match value.at_positions(&[x]) {
+                Ok(v) if !value.compares_nan_at(x) => Ok(v[0] == 1.0),
+                _ => {
+                    bad = Some(x);
+                    Ok(false)
+                }
             }
-            Ok(v == 1.0)
         };
         let set = self.pick(entity, cells.as_deref(), &mut holds);
         if let Some(x) = bad {
@@ -280,7 +285,10 @@ impl RegionMaker<'_> {
         };
         let law = compile_condition(&env, &position_place(0), "a condition", cond);
         self.diagnostics.extend(law.diagnostics);
-        match Value::new(law.value?, self.backend) {
+        // a kernel of machine code costs as much as the interpreter does for thousands of positions
+        let few = self.mesh.n_cells() < FEW_CELLS;
+        let backend: &dyn KernelBackend = if few { &InterpreterBackend } else { self.backend };
+        match Value::new(law.value?, backend) {
             Ok(v) if v.reads_positions_only() => Some(v),
             Ok(_) => {
                 let d = Diagnostic::new("E405", "a region is picked by position only");

@@ -4,7 +4,7 @@
 //! A state has values at the points of one rule, so all places whose terms read it get one rule: the largest degree
 //! among them, or what `quadrature` says for one of them. Nothing is interpolated between points.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{Diagnostic, FieldKind as Declared, Span, ast::Place};
 use wfl_compiler::{
@@ -189,27 +189,40 @@ pub(super) fn states_read<'i>(fields: &'i [Field], inputs: &'i [InputSlot]) -> i
 
 /// States and the places that read them, joined until no two have one in common.
 fn shared(fields: &[Field], laws: &[PlacedLaw], states: &[StateLaw]) -> Vec<Shared> {
-    let mut found: Vec<Shared> = Vec::new();
-    let mut join = |mut new: Shared| {
-        if new.states.is_empty() {
-            return;
-        }
-        let meets = |a: &Shared| !a.states.is_disjoint(&new.states) || !a.places.is_disjoint(&new.places);
-        let (old, apart): (Vec<Shared>, Vec<Shared>) = found.drain(..).partition(meets);
-        for s in old {
-            new.states.extend(s.states);
-            new.places.extend(s.places);
-        }
-        found = apart;
-        found.push(new);
-    };
-    for state in states {
+    let of_states = states.iter().map(|state| {
         let read = states_read(fields, &state.law.inputs).chain([state.field]);
-        join(Shared { states: read.filter(|k| fields[*k].is_at_points()).collect(), places: state.places.clone() });
+        Shared { states: read.filter(|k| fields[*k].is_at_points()).collect(), places: state.places.clone() }
+    });
+    let of_laws = laws.iter().map(|law| Shared {
+        states: states_read(fields, &law.law.inputs).collect(),
+        places: BTreeSet::from([law.place.clone()]),
+    });
+    let all: Vec<Shared> = of_states.chain(of_laws).filter(|s| !s.states.is_empty()).collect();
+    // by item: an earlier one that it has something in common with, or itself
+    let mut root: Vec<usize> = (0..all.len()).collect();
+    let (mut by_state, mut by_place) = (BTreeMap::new(), BTreeMap::new());
+    for (k, item) in all.iter().enumerate() {
+        let states = item.states.iter().map(|s| *by_state.entry(*s).or_insert(k));
+        let places = item.places.iter().map(|p| *by_place.entry(p.as_str()).or_insert(k));
+        for other in states.chain(places).collect::<Vec<_>>() {
+            let (a, b) = (root_of(&mut root, other), root_of(&mut root, k));
+            root[a.max(b)] = a.min(b);
+        }
     }
-    for law in laws {
-        let states = states_read(fields, &law.law.inputs).collect();
-        join(Shared { states, places: BTreeSet::from([law.place.clone()]) });
+    let mut groups: BTreeMap<usize, Shared> = BTreeMap::new();
+    for (k, item) in all.iter().enumerate() {
+        let group = groups.entry(root_of(&mut root, k)).or_default();
+        group.states.extend(&item.states);
+        group.places.extend(item.places.iter().cloned());
     }
-    found
+    groups.into_values().collect()
+}
+
+/// The first item that is joined with `k`; shortens the way to it.
+fn root_of(root: &mut [usize], mut k: usize) -> usize {
+    while root[k] != k {
+        root[k] = root[root[k]];
+        k = root[k];
+    }
+    k
 }

@@ -261,7 +261,12 @@ pub(super) fn domain(
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<Arc<Domain>> {
     let Some(set) = set else { return Some(Arc::new(Domain::global(mesh))) };
-    let nodes = fields.iter().filter(|f| !restricted(f, set).is_empty()).map(Field::degree).max().unwrap_or(1);
+    // only a field of a higher degree than those found is looked for there: scenes may have many fields
+    let higher = |most: Option<usize>, f: &Field| {
+        let counts = most.is_none_or(|m| f.degree() > m) && !restricted(f, set).is_empty();
+        if counts { Some(f.degree()) } else { most }
+    };
+    let nodes = fields.iter().fold(None, higher).unwrap_or(1);
     let refused = std::cell::Cell::new(None);
     let make = |kind: CellKind| -> Rule {
         let made = match choice {

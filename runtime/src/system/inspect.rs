@@ -5,6 +5,7 @@ use wfl_compiler::types::FieldKind;
 use super::System;
 use crate::{
     assemble::{FieldValues, TermError},
+    finite::{BadState, largest as largest_of},
     newton::{Coercivity, ContactGaps},
 };
 
@@ -24,10 +25,27 @@ impl System {
         let largest = |w: &[f64], k: usize| {
             let kind = (0..self.fields.len()).filter(unknown).filter(|f| self.alike(*f) == self.alike(k));
             let values = kind.filter_map(|f| self.range(f)).flat_map(|r| w[r].iter());
-            values.fold(0.0f64, |m, x| if x.is_nan() { f64::NAN } else { m.max(x.abs()) })
+            largest_of(values.copied())
         };
         let sizes = (0..self.fields.len()).filter(unknown).map(|k| (k, largest(u, k)));
         sizes.filter(|(_, size)| *size > 0.0).map(|(k, size)| (k, largest(v, k) / size)).collect()
+    }
+
+    /// Refuses numbers by dof that are not finite, of the state `u`.
+    ///
+    /// # Errors
+    /// [`TermError::State`] with the first of them; `what` says what they are.
+    pub fn check_finite(&self, what: &'static str, numbers: &[f64], u: &[f64]) -> Result<(), TermError> {
+        let Some(dof) = numbers.iter().position(|x| !x.is_finite()) else { return Ok(()) };
+        let (field, node, _) = self.numbering.describe(&self.fields, dof);
+        let f = &self.fields[field];
+        Err(TermError::State(Box::new(BadState {
+            what,
+            field: f.name.clone(),
+            value: numbers[dof],
+            position: f.node_position(node),
+            largest: largest_of(u.iter().copied()),
+        })))
     }
 
     /// By dof: what rounding leaves of the residual that was evaluated last. Where linear terms are evaluated at their

@@ -200,6 +200,23 @@ pub(super) const PAGES: &[CodePage] = &[
         "region tips = nodes of left where x == 0\nload uL = [0,0,-1] on tips",
     ),
     page(
+        "E440",
+        "a tolerance that is none",
+        "`tol` is the part of the forces that may be out of balance when an iteration stops. Above 0.1 every state would be \
+         a solution, the first guess too, and every number that follows would be wrong.",
+        "solver newton with tol=0.5",
+        "solver newton with tol=1e-10",
+    ),
+    page(
+        "E441",
+        "an expression that is too deep",
+        "More than 10,000 operations stand one on the result of the other: a product of vectors and matrices with that many \
+         factors, or sums in sums. Derivatives of it could not be formed in the room there is. Sums, conditions and \
+         products of scalars may be as long as the text. The limit is the same for every command.",
+        "def a = x.*x.*x  # ... 10,001 times",
+        "def a = x^3",
+    ),
+    page(
         "E501",
         "units that do not match",
         "Both sides of a sum must have one unit. Units are checked as soon as a param, field or datum carries one; a \
@@ -273,6 +290,32 @@ pub(super) const PAGES: &[CodePage] = &[
          please report it with the scene.",
         "def a = gamma",
         "def b = gamma",
+    ),
+    page(
+        "E610",
+        "a given value that is not finite",
+        "A prescribed value, a first guess, a data field, a mapping or the map of the mesh came out infinite or undefined at \
+         a node or point: a division by zero, a logarithm of a negative number, a number above 1.8e308. The message marks \
+         the operation and says where it happened. Nothing is solved with such a value.",
+        "fix u(1) = 1/x on west",
+        "fix u(1) = 1/(1 + x) on west",
+    ),
+    page(
+        "E611",
+        "a measure that is not finite",
+        "A measure came out infinite or undefined: its expression divides by zero at a point, or its region has no size. \
+         The results are written, but the run has not succeeded: exit code 1.",
+        "measure m = mean(1/u(1)) on west",
+        "measure m = mean(u(1)) on west",
+    ),
+    page(
+        "E612",
+        "a state that is not finite",
+        "An unknown, or a sum of the forces that follow from it, is larger than any number (1.8e308), or the update of a \
+         state gave infinity or no number. Such a state is never a solution, is not written and not measured. Values \
+         that are prescribed, loaded or started from are far too large for the other numbers of the scene.",
+        "fix u(1) = 1e308 on west",
+        "fix u(1) = 1e-3 on west",
     ),
     page(
         "E701",
@@ -530,6 +573,33 @@ pub(super) const PAGES: &[CodePage] = &[
          another method or a larger parameter shows what depends on it.",
         "param fric = 5\nsteps t = 0 to 10 by 1",
         "param fric = 5\nsteps t = 0 to 10 by 0.1",
+    ),
+    page(
+        "W610",
+        "a result that is not finite",
+        "A quantity of a result file, or one that is printed, is infinite or undefined at a point. The file keeps it as nan \
+         or inf; the message says where it was met first.",
+        "output vtk \"out\" : 1/u(1) as a",
+        "output vtk \"out\" : u(1) as a",
+    ),
+    page(
+        "W611",
+        "a body that is not positive definite",
+        "The terms of a field on cells resist its gradients with a stiffness that is negative along some direction: E below 0, \
+         a Poisson number outside -1 to 0.5, a diffusivity below 0, or a term with the wrong sign. It is computed from the \
+         terms, summed at points of the cells, whatever the parameters are called. Such a body gives energy when it is \
+         deformed, and what is solved has no meaning as its equilibrium. Fields that share terms on cells with another \
+         unknown (a pressure) may be negative as a whole.",
+        "param E = -1000",
+        "param E = 1000",
+    ),
+    page(
+        "W612",
+        "a radius that is negative at every point",
+        "The radius of a projection on a ball is a number below 0. The projection then gives 0 whatever its argument is: friction \
+         or plasticity is lost. A radius of 0 is a choice (no friction), a negative one a mistake of sign.",
+        "def t = Ball_projection(u, -0.4)",
+        "def t = Ball_projection(u, 0.4)",
     ),
     page(
         "W702",

@@ -401,7 +401,7 @@ impl Sweep<'_> {
         std::thread::scope(|scope| {
             for _ in 0..self.jobs().min(plan.len()) {
                 let (sender, next, run) = (sender.clone(), &next, &run);
-                scope.spawn(move || {
+                let work = move || {
                     loop {
                         let k = next.fetch_add(1, Ordering::Relaxed);
                         let Some(k) = order.get(k) else { return };
@@ -409,7 +409,9 @@ impl Sweep<'_> {
                             return;
                         }
                     }
-                });
+                };
+                // one that cannot be had leaves its work to the others
+                let _ = std::thread::Builder::new().stack_size(crate::STACK).spawn_scoped(scope, work);
             }
             drop(sender);
             receiver.iter().try_for_each(|(k, row, seconds)| done(k, row, seconds))

@@ -36,6 +36,17 @@ const WEDGED: &str = "mesh box [-3,0] to [3,4] cells [12,10] quad map [x + (y-2)
 /// Values at the nodes of [`FLOW`].
 const NODES: &str = "x,y,k\n0,0,1\n0.5,0,1\n1,0,1\n0,0.5,1\n0.5,0.5,1\n1,0.5,1\n0,1,1\n0.5,1,1\n1,1,1\n";
 
+/// A square in plane strain, pressed; with nu = -0.3 its first term alone is negative, its body is not.
+const STRAINED: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\nparam E = 1000\nparam nu = 0.3\n\
+    region west = faces where x == 0\nregion east = faces where x == 1\nunknown u : vector\n\
+    term volume on all : E*nu/((1+nu)*(1-2*nu))*Div_u*Div_Test_u\nterm shape on all : E/(1+nu)*Sym(Grad_u):Grad_Test_u\n\
+    fix u = [0,0] on west\nload u = [1,0] on east\n";
+
+/// A square on which a bounded friction acts.
+const FRICTION: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\nparam s = 0.4\nregion west = faces where x == 0\n\
+    region east = faces where x == 1\nunknown u : vector\nterm bulk on all : Sym(Grad_u):Grad_Test_u\n\
+    term drag on east : Ball_projection(u, 0 - s).Test_u\nfix u = [0,0] on west\nload u = [1,0] on east\n";
+
 /// Pairs by code.
 pub(crate) fn pairs() -> Vec<Pair> {
     let flow = |lines: &str| format!("{FLOW}{lines}\n");
@@ -48,6 +59,9 @@ pub(crate) fn pairs() -> Vec<Pair> {
         Pair::new("E605", flow("term base on all : 100*p*Test_p"))
             .command("run scene.wfl --accuracy 1e-8 --of H1 --budget 0.01")
             .near("1e-8 --of H1 --budget 0.01", "1e-1 --of H1"),
+        Pair::new("E610", FLOW.replace("fix p = 0", "fix p = log(x - 1)")).near("log(x - 1)", "log(x + 1)"),
+        Pair::new("E611", flow("measure m = mean(1/x) on west")).near("1/x", "1/(1 + x)"),
+        Pair::new("E612", FLOW.replace("fix p = 0", "fix p = 1.5e308")).near("1.5e308", "1.5e3"),
         Pair::new("E701", flow("param k = 1 in 0..2\nload p = k on all"))
             .command("run scene.wfl k=3")
             .near("k=3", "k=2"),
@@ -87,6 +101,9 @@ pub(crate) fn pairs() -> Vec<Pair> {
             .command("run scene.wfl --accuracy 0.1")
             .near(" --accuracy 0.1", ""),
         Pair::new("W609", WEDGED).near("fric = 5", "fric = 0.4"),
+        Pair::new("W610", flow("output csv \"line\" : 1/x as q along [0,0] to [1,0]")).near("1/x", "1/(1 + x)"),
+        Pair::new("W611", STRAINED.replace("nu = 0.3", "nu = 1.3")).near("nu = 1.3", "nu = -0.3"),
+        Pair::new("W612", FRICTION).near("Ball_projection(u, 0 - s)", "Ball_projection(u, s)"),
         Pair::new("W702", flow("param k = 1")).near("param k = 1", "param k = 1\nload p = k on all"),
     ]
 }

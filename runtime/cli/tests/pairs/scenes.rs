@@ -55,6 +55,11 @@ fn doubled(levels: usize) -> String {
     format!("{FLOW}def f0 = x + y\n{macros}measure last = max(f{}) on all\n", levels - 1)
 }
 
+/// A product of so many vectors, component by component: each operation on the result of the last.
+fn chained(n: usize) -> String {
+    format!("({}).[1,0]", (0..n).map(|i| format!("[x,{i}]")).collect::<Vec<_>>().join(".*"))
+}
+
 /// Pairs by code.
 pub(crate) fn pairs() -> Vec<Pair> {
     let measured = |value: &str| format!("{FLOW}measure value = max({value}) on all\n");
@@ -82,6 +87,7 @@ pub(crate) fn pairs() -> Vec<Pair> {
             format!("{FLOW}region half = cells where x < 0.5\n").replace(TERM, &TERM.replace("all", "half")),
         )
         .near("x < 0.5", "x < 1.5"),
+        Pair::new("E441", measured(&chained(11_000))).near(&measured(&chained(11_000)), &measured(&chained(500))),
         Pair::new("W404", MULTIPLIER).near("fix uL, uR =", "fix uL ="),
         Pair::new("W405", ON_PLATE).file("plate.msh", torn()).file("whole.msh", PLATE).near("plate.msh", "whole.msh"),
         Pair::new("W407", format!("{ON_PLATE}region seam = faces where x == 2\nmeasure m = mean(p) on seam\n"))

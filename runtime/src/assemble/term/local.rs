@@ -9,11 +9,12 @@ use crate::{
         evaluate::{FieldValues, Workspace},
         scatter::NOWHERE,
     },
-    mesh::Mesh,
+    mesh::{CellId, Mesh},
 };
 use wfl_compiler::{
-    first_non_finite, interpret_lanes,
+    first_non_finite, interpret, interpret_lanes,
     ir::{LANES, VerifiedKernel},
+    types::BasisSlot,
 };
 
 /// A quadrature point of one entity.
@@ -56,6 +57,30 @@ impl AssembledTerm {
         };
         let matrix = known.iter().flat_map(|i| known.iter().map(|j| (*i, *j))).map(value).collect();
         Some((known.iter().map(|k| dofs[*k]).collect(), matrix))
+    }
+
+    /// The entries of the tangent at the first point of a cell, by test and trial slot, and its position. `None` if the term
+    /// does not act there.
+    #[must_use]
+    pub fn point_tangent(
+        &self,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        cell: CellId,
+    ) -> Option<(Vec<(BasisSlot, BasisSlot, f64)>, [f64; 3])> {
+        let place = |(g, group): (usize, &Group)| group.here.cells.iter().position(|c| *c == cell).map(|e| (g, e));
+        let (g, entity) = self.integrator.domain.groups.iter().enumerate().find_map(place)?;
+        let (mut workspace, n_in) = (Workspace::default(), self.integrator.binding.inputs.len());
+        workspace.prepare(self.bound(mesh), g, entity / LANES, values);
+        let inputs: Vec<f64> = (0..n_in).map(|s| workspace.inputs[s * LANES + entity % LANES]).collect();
+        let law = &self.law;
+        let mut out = vec![0.0; law.tangent.kernel().outputs.len()];
+        interpret(&law.tangent, &self.uniforms, &inputs, &mut Vec::new(), &mut out);
+        let slots = |(t, s): &(u16, u16)| (law.tests[usize::from(*t)], law.trials[usize::from(*s)]);
+        let values = law.entries.iter().map(slots).zip(&out[law.tests.len()..]);
+        let entries = values.map(|((test, trial), value)| (test, trial, *value)).collect();
+        let here = &self.integrator.domain.groups[g].here;
+        Some((entries, mesh.point_at(here.cells[entity], &here.geometry, 0)))
     }
 
     /// Calls `f(fluxes by test slot, weight)` at every point, in the order of groups, entities and points.

@@ -1,0 +1,32 @@
+//! W611 for bodies that are not positive definite.
+
+use wfl::Diagnostic;
+use wfl_runtime::{NegativeBody, Scene, coercivity, finite};
+
+use crate::load::Loaded;
+
+/// W611 for each field whose terms on cells are not positive definite at the first step.
+pub(crate) fn bodies(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
+    // brings the terms to the first step; where one has no finite value, the run itself says so with the place
+    if coercivity(scene).is_err() {
+        return Vec::new();
+    }
+    scene.system.negative_bodies().iter().map(|body| told(loaded, body)).collect()
+}
+
+fn told(loaded: &Loaded, body: &NegativeBody) -> Diagnostic {
+    let d = Diagnostic::new("W611", format!("the terms of `{}` on cells are not positive definite", body.field));
+    let text = format!(
+        "its stiffness against gradients lies between {:.3e} and {:.3e} at {}",
+        body.smallest,
+        body.largest,
+        finite::position(body.position)
+    );
+    let named = |t: &&wfl::Term| t.name.as_ref().is_some_and(|n| body.terms.contains(&n.name));
+    let d = match loaded.script.terms.iter().find(named) {
+        Some(term) => d.at(term.expr.span, text),
+        None => d.note(format!("{text} ({})", body.terms.join(", "))),
+    };
+    d.note("a body gives energy when it is deformed so: what is solved is no equilibrium of it")
+        .help("the signs of terms and parameters; an elastic body has E > 0 and -1 < nu < 0.5, a conductor k > 0")
+}

@@ -1,0 +1,193 @@
+//! Numbers that must be finite, and how one that is not is told.
+//!
+//! Values given by formulas of a scene (prescribed values, first guesses, known fields, mappings) enter the system through
+//! [`crate::Value::at_positions`] only, which gives [`NotFinite`] instead of such a number. States and residuals pass
+//! [`crate::system::System::residual`], which refuses them. Does not decide what a run does then.
+
+use thiserror::Error;
+use wfl::{Diagnostic, Span, ast::Expansions};
+use wfl_compiler::{NonFinite, locate};
+
+/// The largest absolute value; not a number if one of the values is none (`f64::max` would drop it), 0 without values.
+#[must_use]
+pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(0.0f64, |m, x| if m.is_nan() || x.is_nan() { f64::NAN } else { m.max(x.abs()) })
+}
+
+/// A value of an expression that is not finite.
+#[derive(Clone, Debug, Error)]
+#[error("{value} at {position:?}")]
+pub struct NotFinite {
+    /// Infinite, or not a number.
+    pub value: f64,
+    /// The operation that made it, with its place in the scene, where that is known.
+    pub cause: Option<NonFinite>,
+    /// Where.
+    pub position: [f64; 3],
+}
+
+/// A value that a scene gives and that is not finite.
+#[derive(Clone, Debug, Error)]
+#[error("{what} is {at}")]
+pub struct BadGiven {
+    /// What was to get the value: "the prescribed value of `u`".
+    pub what: String,
+    /// The statement or its expression.
+    pub span: Span,
+    /// The value.
+    pub at: NotFinite,
+}
+
+impl BadGiven {
+    /// E610 at the operation that made the value, or at the statement. `time` is the step variable, where there is one.
+    #[must_use]
+    pub fn diagnostic(&self, expansions: &Expansions, time: Option<f64>) -> Diagnostic {
+        let step = time.map_or(String::new(), |t| format!(", step t = {t}"));
+        let at = format!("at position {}{step}", position(self.at.position));
+        let d = Diagnostic::new("E610", format!("{} is {}", self.what, word(self.at.value)));
+        told(d, self.at.cause.as_ref(), &at, expansions, Some((self.span, self.at.value)))
+    }
+}
+
+/// A measure that is not finite.
+#[derive(Clone, Debug)]
+pub struct BadMeasure {
+    /// Its name.
+    pub name: String,
+    /// Its expression.
+    pub span: Span,
+    /// Infinite, or not a number.
+    pub value: f64,
+    /// The first point where its expression is not finite; `None` where only the sum is not.
+    pub at: Option<NotFinite>,
+}
+
+impl BadMeasure {
+    /// E611 at the operation that made the value, or at the expression; `time` is the step variable.
+    #[must_use]
+    pub fn diagnostic(&self, expansions: &Expansions, time: f64) -> Diagnostic {
+        let d = Diagnostic::new("E611", format!("the measure `{}` is {} at t = {time}", self.name, word(self.value)));
+        match &self.at {
+            Some(at) => {
+                let place = format!("at position {}", position(at.position));
+                told(d, at.cause.as_ref(), &place, expansions, Some((self.span, at.value)))
+            }
+            None => {
+                d.at(self.span, "finite at every point, but not summed up: values too large, or a region of size 0")
+            }
+        }
+    }
+}
+
+/// A quantity of a result file, or a `Print`, that is not finite somewhere.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BadOutput {
+    /// What it is: "`q` in \"base.vtu\"".
+    pub what: String,
+    /// The step variable when it was first met.
+    pub time: f64,
+    /// The first such value.
+    pub value: f64,
+    /// Where.
+    pub position: [f64; 3],
+}
+
+impl BadOutput {
+    /// The text of W610.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let Self { what, time, value, position: x } = self;
+        format!("{what} is {} at {}, t = {time}: it has no finite value there", word(*value), position(*x))
+    }
+}
+
+/// "not a number" or "infinite".
+#[must_use]
+pub fn word(value: f64) -> &'static str {
+    if value.is_nan() { "not a number" } else { "infinite" }
+}
+
+/// A diagnostic with the operation that made a number that is not finite. `at` says at which point; `given` is the place
+/// of the whole expression and its value, for a cause without a place.
+#[must_use]
+pub fn told(
+    d: Diagnostic,
+    cause: Option<&NonFinite>,
+    at: &str,
+    expansions: &Expansions,
+    given: Option<(Span, f64)>,
+) -> Diagnostic {
+    let d = match cause.and_then(|c| needs(&c.operation)) {
+        Some(help) => d.help(help),
+        None => d,
+    };
+    let text = cause.map(|c| {
+        let operands: Vec<String> = c.operands.iter().map(|o| short(*o)).collect();
+        format!("{}({}) is {} {at}", c.operation, operands.join(", "), c.result)
+    });
+    match (cause.and_then(|c| c.origin), text, given) {
+        (Some(origin), Some(text), _) => locate(d, origin, expansions, text),
+        (None, _, Some((span, value))) => d.at(span, format!("this is {value} {at}")),
+        (_, Some(text), None) => d.note(text),
+        (_, None, _) => d.note(format!("a field value is not finite {at}")),
+    }
+}
+
+/// A position as it is shown.
+#[must_use]
+pub fn position(x: [f64; 3]) -> String {
+    let x: Vec<String> = x.iter().map(|c| short(*c)).collect();
+    format!("[{}]", x.join(", "))
+}
+
+/// Six digits: positions and operands are shown to be recognised, not to be computed with.
+#[must_use]
+pub fn short(x: f64) -> String {
+    let rounded = format!("{x:.6}").parse::<f64>().unwrap_or(x);
+    if rounded != 0.0 && x.abs() < 1e6 || x == 0.0 { format!("{rounded}") } else { format!("{x:.5e}") }
+}
+
+/// What an operation needs so that its value is finite.
+fn needs(operation: &str) -> Option<&'static str> {
+    Some(match operation {
+        "log" | "log10" => "a logarithm needs a positive argument; log(1 + v) is finite at 0",
+        "sqrt" => "a root needs an argument of at least 0, and its derivative one above 0",
+        "division" => "the denominator is 0 here",
+        "pow" => "a power of a negative number needs a whole exponent; a power of 0 one of at least 0",
+        "asin" | "acos" => "the argument lies between -1 and 1",
+        "acosh" => "the argument is at least 1",
+        "atanh" => "the argument lies between -1 and 1, ends excluded",
+        "exp" | "sinh" | "cosh" => "the argument is above 709: the value is larger than any number",
+        _ => return None,
+    })
+}
+
+/// An unknown or its equation that has no finite value at a state.
+#[derive(Clone, Debug, Error)]
+#[error("the {what} of `{field}` is {value} at {position:?}")]
+pub struct BadState {
+    /// "value" or "residual", or what else became too large for a number.
+    pub what: &'static str,
+    /// The field.
+    pub field: String,
+    /// Infinite, or not a number.
+    pub value: f64,
+    /// Where.
+    pub position: [f64; 3],
+    /// The largest absolute value of the unknowns at that state.
+    pub largest: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::largest;
+
+    #[test]
+    fn a_maximum_never_drops_what_is_not_a_number() {
+        assert_eq!(largest([]), 0.0);
+        assert_eq!(largest([1.0, -3.0, 2.0]), 3.0);
+        assert_eq!(largest([1.0, f64::NEG_INFINITY]), f64::INFINITY);
+        assert!(largest([f64::NAN, 1.0]).is_nan() && largest([1.0, f64::NAN]).is_nan());
+        assert!(largest([f64::INFINITY, f64::NAN, 1.0]).is_nan());
+    }
+}
