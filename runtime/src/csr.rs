@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use crate::memory::TooMuchMemory;
 pub use pattern::{Pattern, PatternBuilder};
 
 /// Rows handled by one parallel task of a product.
@@ -44,6 +45,9 @@ pub enum CsrError {
         /// The offending size.
         size: usize,
     },
+    /// The matrix does not fit into the memory.
+    #[error(transparent)]
+    TooMuchMemory(#[from] TooMuchMemory),
 }
 
 /// A sparse matrix: a shared [`Pattern`] and one value for each of its entries.

@@ -13,6 +13,7 @@ pub mod element;
 pub mod field;
 pub mod finite;
 pub mod frames;
+pub mod input;
 pub mod knobs;
 mod left_out;
 pub mod memory;

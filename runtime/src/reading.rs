@@ -2,7 +2,7 @@
 //!
 //! A scene may come from a stranger. What it reads lies in its own folder or below, or in a folder that was allowed by
 //! name ([`allow`]); links are followed first. Anything else is refused before it is opened, so that no message can
-//! show it.
+//! show it. How a file is opened and how much of it is taken, [`crate::input`] says.
 
 use std::{
     io::ErrorKind,
@@ -11,6 +11,8 @@ use std::{
 };
 
 use thiserror::Error;
+
+use crate::input::{InputError, InputKind, read_input, read_text};
 
 /// Folders that every scene of this process may read from, with all links followed.
 static ALLOWED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
@@ -40,24 +42,9 @@ pub enum ReadingError {
         /// The folder to be allowed, as it can be typed.
         folder: PathBuf,
     },
-    /// A device, a pipe or a folder.
-    #[error("it is no regular file")]
-    Irregular,
     /// It cannot be read.
-    #[error("{}", reason(.0))]
-    Io(std::io::Error),
-    /// It is not text.
-    #[error("it is a binary file (byte {at} is 0), a text is needed")]
-    Binary {
-        /// Position of the first zero.
-        at: usize,
-    },
-    /// It is not text in UTF-8.
-    #[error("it is not UTF-8 text (byte {at} is no character)")]
-    Encoding {
-        /// Position of the first byte that is no character.
-        at: usize,
-    },
+    #[error(transparent)]
+    Input(#[from] InputError),
 }
 
 impl ReadingError {
@@ -74,67 +61,40 @@ impl ReadingError {
     }
 }
 
-/// What the system says of a file, in the words of messages.
-#[must_use]
-pub fn reason(error: &std::io::Error) -> String {
-    match error.kind() {
-        ErrorKind::NotFound => "there is no such file".to_owned(),
-        ErrorKind::IsADirectory => "it is a directory, a file is needed".to_owned(),
-        ErrorKind::PermissionDenied => "permission denied".to_owned(),
-        _ => error.to_string(),
-    }
-}
-
 /// The file that a text in `folder` calls `name`, if a scene in the folder `scene` may read it: its place with all links
 /// followed.
 ///
 /// # Errors
 /// [`ReadingError`]; a file outside is not looked at, not even whether it exists.
 pub fn locate(scene: &Path, folder: &Path, name: &str) -> Result<PathBuf, ReadingError> {
-    let root = plain(scene).canonicalize().map_err(ReadingError::Io)?;
+    let root = plain(scene).canonicalize().map_err(InputError::from)?;
     let named = folder.join(name);
     let parent = || tidied(&named).parent().map(Path::to_path_buf).unwrap_or_default();
-    let from = plain(folder).canonicalize().map_err(ReadingError::Io)?;
+    let from = plain(folder).canonicalize().map_err(InputError::from)?;
     if !is_inside(&tidied(&from.join(name)), &root) {
         return Err(ReadingError::Outside { folder: parent() });
     }
-    let real = from.join(name).canonicalize().map_err(ReadingError::Io)?;
+    let real = from.join(name).canonicalize().map_err(InputError::from)?;
     if !is_inside(&real, &root) {
         return Err(ReadingError::Outside { folder: real.parent().map(Path::to_path_buf).unwrap_or_default() });
     }
-    match std::fs::metadata(&real).map_err(ReadingError::Io)? {
-        found if found.is_file() => Ok(real),
-        found if found.is_dir() => Err(ReadingError::Io(ErrorKind::IsADirectory.into())),
-        _ => Err(ReadingError::Irregular),
-    }
+    Ok(real)
 }
 
 /// The bytes of a file that a scene names; see [`locate`].
 ///
 /// # Errors
 /// [`ReadingError`].
-pub fn bytes(scene: &Path, folder: &Path, name: &str) -> Result<Vec<u8>, ReadingError> {
-    let file = locate(scene, folder, name)?;
-    std::fs::read(file).map_err(ReadingError::Io)
+pub fn bytes(scene: &Path, folder: &Path, name: &str, kind: InputKind) -> Result<Vec<u8>, ReadingError> {
+    Ok(read_input(&locate(scene, folder, name)?, kind)?)
 }
 
 /// The text of a file that a scene names; see [`locate`].
 ///
 /// # Errors
 /// [`ReadingError`].
-pub fn text(scene: &Path, folder: &Path, name: &str) -> Result<String, ReadingError> {
-    as_text(bytes(scene, folder, name)?)
-}
-
-/// Bytes as text.
-///
-/// # Errors
-/// [`ReadingError::Binary`] or [`ReadingError::Encoding`].
-pub fn as_text(bytes: Vec<u8>) -> Result<String, ReadingError> {
-    if let Some(at) = bytes.iter().position(|b| *b == 0) {
-        return Err(ReadingError::Binary { at });
-    }
-    String::from_utf8(bytes).map_err(|e| ReadingError::Encoding { at: e.utf8_error().valid_up_to() })
+pub fn text(scene: &Path, folder: &Path, name: &str, kind: InputKind) -> Result<String, ReadingError> {
+    Ok(read_text(&locate(scene, folder, name)?, kind)?)
 }
 
 /// A word of a file as a message may show it: a short one made of the signs of numbers, else only its length.
@@ -191,17 +151,17 @@ mod tests {
         std::fs::create_dir_all(&beside).expect("a folder");
         std::fs::write(scene.join("inner/a"), "a").expect("a file");
         std::fs::write(beside.join("b"), "b").expect("a file");
-        let read = |name: &str| text(&scene, &scene, name);
+        let read = |name: &str| text(&scene, &scene, name, InputKind::Scene);
         assert_eq!(read("inner/a").ok().as_deref(), Some("a"));
         assert_eq!(read("inner/../inner/./a").ok().as_deref(), Some("a"));
         // a text in a folder below may go back up, as far as the folder of the scene
-        assert_eq!(text(&scene, &scene.join("inner"), "../inner/a").ok().as_deref(), Some("a"));
+        assert_eq!(text(&scene, &scene.join("inner"), "../inner/a", InputKind::Scene).ok().as_deref(), Some("a"));
         let absolute = beside.join("b").display().to_string();
         for name in ["../beside/b", "../beside/missing", "inner/../../beside/b", absolute.as_str(), "/dev/zero"] {
             assert!(matches!(read(name), Err(ReadingError::Outside { .. })), "{name}");
         }
-        assert!(matches!(read("missing"), Err(ReadingError::Io(_))));
-        assert!(matches!(read("inner"), Err(ReadingError::Io(_))));
+        assert!(matches!(read("missing"), Err(ReadingError::Input(InputError::NotFound))));
+        assert!(matches!(read("inner"), Err(ReadingError::Input(InputError::NotAFile(_)))));
         #[cfg(unix)]
         {
             std::os::unix::fs::symlink(beside.join("b"), scene.join("link")).expect("a link");

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use wfl_compiler::types::FieldKind;
 
 use crate::{
-    csr::{Csr, CsrError, Pattern},
+    csr::{Csr, Pattern},
     pruning::Pruning,
     solve::{
         CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, LinearSolver, Precision, Reference, SolveError,
@@ -115,8 +115,7 @@ impl Strategy {
                 Err(e) => return Err(e),
             }
         }
-        let structure = |e: CsrError| SolveError::Structure(e);
-        let pattern = Arc::new(system.bulk().pattern().union(system.changing().pattern()).map_err(structure)?);
+        let pattern = Arc::new(system.bulk().pattern().union(system.changing().pattern())?);
         let positions = |part: &Csr| part.pattern().positions_in(&pattern).expect("a part of the union");
         let (bulk_positions, changing_positions) = (positions(system.bulk()), positions(system.changing()));
         self.kind = Kind::Full { pattern, bulk_positions, changing_positions };
@@ -177,10 +176,7 @@ impl Strategy {
     /// [`SolveError`] when the new bulk cannot be factored.
     pub fn bulk_changed(&mut self, system: &System) -> Result<(), SolveError> {
         match &self.kind {
-            Kind::Linear => {
-                let bulk = system.bulk().clone();
-                self.factor(&bulk)
-            }
+            Kind::Linear => self.factor(system.bulk()),
             Kind::Condensed(_) => self.choose_nonlinear(system),
             Kind::Full { .. } => Ok(()),
         }

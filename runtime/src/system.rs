@@ -34,6 +34,7 @@ use crate::{
     field::Field,
     finite::{BadGiven, largest},
     frames::Frames,
+    memory::{TooMuchMemory, claim_numbers},
     mesh::Mesh,
     newton::{Passed, TermPieces, Watched},
     pruning::Pruning,
@@ -579,7 +580,9 @@ fn pattern<'t>(
             }
         });
     }
-    Ok(Csr::zeros(builder.build_shared()?))
+    let pattern = builder.build_shared()?;
+    claim_numbers(pattern.n_entries() as u64, "the matrix")?;
+    Ok(Csr::zeros(pattern))
 }
 
 /// The matrix without entries.
@@ -595,8 +598,21 @@ pub enum SystemError {
     Term(#[from] TermError),
     /// A pattern does not fit.
     #[error(transparent)]
-    Structure(#[from] CsrError),
+    Structure(CsrError),
     /// A value that the scene gives is not finite.
     #[error(transparent)]
     Given(#[from] Box<BadGiven>),
+    /// What is assembled does not fit into the memory.
+    #[error(transparent)]
+    TooMuchMemory(#[from] TooMuchMemory),
+}
+
+/// A need for memory is one kind of error, whoever had it.
+impl From<CsrError> for SystemError {
+    fn from(error: CsrError) -> Self {
+        match error {
+            CsrError::TooMuchMemory(need) => Self::TooMuchMemory(need),
+            other => Self::Structure(other),
+        }
+    }
 }

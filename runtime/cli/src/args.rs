@@ -181,7 +181,12 @@ fn accuracy(text: &str) -> Result<f64, String> {
 }
 
 fn memory(text: &str) -> Result<u64, String> {
-    wfl_runtime::memory::parse(text).ok_or_else(|| "a size with its unit, such as 500MB, 4GB or 4GiB".to_owned())
+    use wfl_runtime::memory::{PROGRAM, parse, shown};
+    let size = parse(text).ok_or_else(|| "a size with its unit, such as 500MB, 4GB or 4GiB".to_owned())?;
+    if size < PROGRAM {
+        return Err(format!("the program alone takes about {}", shown(PROGRAM)));
+    }
+    Ok(size)
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

@@ -4,7 +4,10 @@ use std::process::ExitCode;
 
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_jit::JitBackend;
-use wfl_runtime::corpus::run_corpus;
+use wfl_runtime::{
+    corpus::run_corpus,
+    input::{InputKind, read_text},
+};
 
 use crate::{
     args::CorpusArgs,
@@ -13,7 +16,7 @@ use crate::{
 
 /// A line a case and a closing count in machine code; then the interpreter, of which only failures get lines.
 pub(crate) fn corpus(args: &CorpusArgs) -> ExitCode {
-    let text = match std::fs::read_to_string(&args.file) {
+    let text = match read_text(&args.file, InputKind::Scene) {
         Ok(text) => text,
         Err(e) => {
             say(&format!("error: cannot read {}: {e}\n", args.file.display()));

@@ -8,6 +8,7 @@ use wfl_runtime::{
     Outcome, RunError, RunOptions, Scene, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
     finite::{self, BadState, position, short, word},
+    memory::TooMuchMemory,
     newton::{Iteration, NewtonError},
     output::Report,
     solve::SolveError,
@@ -269,11 +270,14 @@ pub(crate) fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
                 motions.join("; ")
             ));
         }
-        NewtonError::Solve(SolveError::TooMuchMemory(need)) => {
-            say(&format!("error[E606]: {need}\n  = help: fewer cells, a lower degree, or more memory: --memory 16GB\n"))
-        }
+        NewtonError::TooMuchMemory(need) => too_much_memory(need),
         other => say(&format!("error[E602]: step t = {time}: {other}\n")),
     }
+}
+
+/// E606 where there is no place in the scene.
+pub(crate) fn too_much_memory(need: &TooMuchMemory) {
+    say(&format!("error[E606]: {need}\n  = help: fewer cells, a lower degree, or more memory: --memory 16GB\n"));
 }
 
 /// E403 for a number of the whole scene that no equation holds.

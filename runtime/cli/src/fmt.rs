@@ -7,6 +7,7 @@ use std::{
 };
 
 use wfl::SourceMap;
+use wfl_runtime::input::InputKind;
 
 use crate::{
     args::FmtArgs,
@@ -24,7 +25,7 @@ pub(crate) fn fmt(args: &FmtArgs) -> ExitCode {
 
 /// False if the file cannot be formatted, or would change under `--check`.
 fn one(file: &Path, check: bool) -> bool {
-    let text = match read_text(file) {
+    let text = match read_text(file, InputKind::Scene) {
         Ok(text) => text,
         Err(why) => {
             say(&format!("error: cannot read {}: {why}\n", file.display()));

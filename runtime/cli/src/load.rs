@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    io::{ErrorKind, IsTerminal, Write},
+    io::{IsTerminal, Write},
     path::{Path, PathBuf},
 };
 
@@ -12,6 +12,7 @@ use wfl::{
 };
 use wfl_runtime::{
     Pruning,
+    input::{self, InputError, InputKind},
     output::{Hash, OrderedMap},
     reading::{self, ReadingError},
 };
@@ -65,9 +66,9 @@ impl Loader for Files {
     fn load(&mut self, path: &str, from: SourceId) -> Result<(String, String), Unloaded> {
         let folder = self.folders.entry(from.index()).or_insert_with(|| self.last.clone());
         let full = folder.join(path);
-        let text = reading::text(&self.scene, folder, path).map_err(|e| Unloaded {
+        let text = reading::text(&self.scene, folder, path, InputKind::Scene).map_err(|e| Unloaded {
             why: e.to_string(),
-            missing: matches!(&e, ReadingError::Io(e) if e.kind() == ErrorKind::NotFound),
+            missing: matches!(e, ReadingError::Input(InputError::NotFound)),
             outside: matches!(e, ReadingError::Outside { .. }),
             help: e.help(),
         })?;
@@ -77,9 +78,8 @@ impl Loader for Files {
 }
 
 /// The text of a file that the command line names, or why it cannot be read.
-pub(crate) fn read_text(path: &Path) -> Result<String, String> {
-    let bytes = std::fs::read(path).map_err(|e| reading::reason(&e))?;
-    reading::as_text(bytes).map_err(|e| e.to_string())
+pub(crate) fn read_text(path: &Path, kind: InputKind) -> Result<String, String> {
+    input::read_text(path, kind).map_err(|e| e.to_string())
 }
 
 /// Reads and resolves a scene. Prints why and returns `None` only if there is no text to check; other errors are kept, so
@@ -99,7 +99,8 @@ pub(crate) fn load(scene: &Path, overrides: &[String], command: &str) -> Option<
 /// The same without printing; `more` are statements put behind the text of the scene.
 pub(crate) fn read_scene(scene: &Path, overrides: &[String], command: &str, more: &str) -> Result<Loaded, String> {
     let mut sources = SourceMap::new();
-    let mut text = read_text(scene).map_err(|why| format!("cannot read {}: {why}", scene.display()))?;
+    let mut text =
+        read_text(scene, InputKind::Scene).map_err(|why| format!("cannot read {}: {why}", scene.display()))?;
     if text.trim().is_empty() {
         let help = "a scene has at least a mesh, an unknown and a term; the README shows one";
         return Err(format!("{} is empty\n  = help: {help}", scene.display()));

@@ -34,6 +34,7 @@ use std::time::Instant;
 
 use args::Command;
 use clap::Parser;
+use wfl_runtime::memory::{self, TooMuchMemory};
 
 /// Bytes of stack of the thread that reads and compiles scenes, and of those of a sweep: [`wfl_compiler::DEPTH_LIMIT`] nested
 /// calls, threefold in second derivatives, of about 2 kB each in the slowest build, and as much to spare. Reserved, not
@@ -65,11 +66,13 @@ fn command(started: Instant) -> ExitCode {
         }
     };
     if let Some(bytes) = args.memory {
-        wfl_runtime::memory::set_limit(bytes);
+        memory::set_limit(bytes);
     }
+    // a system without a thread to spare goes on without the second line of the limit
+    let _ = memory::watch(too_much_memory);
     for folder in &args.allow_read {
         if let Err(e) = wfl_runtime::reading::allow(folder) {
-            let why = wfl_runtime::reading::reason(&e);
+            let why = wfl_runtime::input::InputError::from(e);
             load::say(&format!("error: cannot allow reading from {}: {why}\n", folder.display()));
             return ExitCode::from(prepared::EXIT_ERROR);
         }
@@ -87,4 +90,10 @@ fn command(started: Instant) -> ExitCode {
         Command::Import(options) => import::import(&options),
         Command::Corpus(options) => corpus::corpus(&options),
     }
+}
+
+/// Ends the program where more memory was taken than may be: files have their former content or the whole new one.
+fn too_much_memory(need: &TooMuchMemory) {
+    ended::too_much_memory(need);
+    std::process::exit(i32::from(prepared::EXIT_ERROR));
 }

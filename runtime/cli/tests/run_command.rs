@@ -295,6 +295,8 @@ fn a_need_above_the_memory_allowed_is_told_before_it_is_taken() {
             let told = format!("{}{}", said(&output), String::from_utf8_lossy(&output.stdout));
             let table = std::fs::read_to_string(folder.0.join("out/sweep/sweep.csv")).unwrap_or_default();
             let all = told + &table;
+            // a sweep begins with its reference of a higher degree, of which something else is the first too much
+            let words = if command == "run" { words } else { "needs about" };
             assert!(all.contains(words), "{command} {scene}: {all}");
             assert!(command == "sweep" || code(&output) == 1, "{command} {scene}: {all}");
         }

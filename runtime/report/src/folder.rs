@@ -2,7 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use wfl_runtime::output::{Kind, MANIFEST_FILE, OutputDir, OutputError, REPORT_FILE, Report, State};
+use wfl_runtime::{
+    input::{InputError, InputKind, read_input},
+    output::{Kind, MANIFEST_FILE, OutputDir, OutputError, REPORT_FILE, Report, State},
+};
 
 /// Why there is no page.
 #[derive(Debug, thiserror::Error)]
@@ -27,8 +30,8 @@ pub enum ReportError {
     Read {
         /// The file.
         file: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
+        /// Why.
+        source: InputError,
     },
     /// The report is cut off, or no report.
     #[error("`{}` is damaged: {source}", file.display())]
@@ -163,7 +166,7 @@ fn numbered(stem: &str) -> Option<(&str, usize)> {
 
 /// The bytes of a result file.
 pub(crate) fn bytes(file: &Path) -> Result<Vec<u8>, ReportError> {
-    std::fs::read(file).map_err(|source| ReportError::Read { file: file.to_owned(), source })
+    read_input(file, InputKind::Results).map_err(|source| ReportError::Read { file: file.to_owned(), source })
 }
 
 pub(crate) fn damaged(file: &Path, what: impl Into<String>) -> ReportError {

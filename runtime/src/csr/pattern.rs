@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use super::CsrError;
+use crate::memory::grow;
 
 /// Structure of a sparse matrix in compressed row form.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -246,6 +247,11 @@ impl PatternBuilder {
         for row in 0..self.n_rows {
             let here = &elements[element_starts[row]..element_starts[row + 1]];
             let begin = columns.len();
+            let columns_of = |element: &u32| {
+                let element = *element as usize;
+                self.column_dof_starts[element + 1] - self.column_dof_starts[element]
+            };
+            grow(&mut columns, here.iter().map(columns_of).sum(), "the pattern of the matrix")?;
             // The dofs of one node meet the same elements: copy the row before instead of sorting again.
             if row > 0 && here == &elements[element_starts[row - 1]..element_starts[row]] {
                 columns.extend_from_within(row_starts[row - 1]..begin);

@@ -3,12 +3,8 @@
 //! Promises: nodes are numbered lexicographically, x fastest; simplices come from the same
 //! subdivision of each box cell, so meshes conform; corners of the box are met exactly.
 
-use super::{CellKind, Mesh, MeshError, RawMesh};
+use super::{CellKind, Mesh, MeshError, RawMesh, cell_bytes, node_bytes};
 use crate::memory::claim;
-
-/// Bytes that a mesh takes while it is made: positions and numbers of a node; nodes, faces and neighbours of a cell.
-const BYTES_PER_NODE: u64 = 24 + 2 * 8;
-const BYTES_PER_CELL: u64 = 8 * 4 + 6 * 16;
 
 /// Shape of the cells of a box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,7 +114,7 @@ pub fn generate_box(
         return Err(MeshError::TooLarge { nodes });
     }
     let cells = (0..3).map(|axis| counts[axis] as u64).product::<u64>() * shape.corners().len() as u64;
-    claim(BYTES_PER_NODE * nodes as u64 + BYTES_PER_CELL * cells, "the mesh")?;
+    claim(node_bytes(nodes as u64) + cells * cell_bytes(shape.kind()), "the mesh")?;
     Mesh::from_raw(RawMesh {
         dim,
         order: 1,

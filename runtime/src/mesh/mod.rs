@@ -28,7 +28,10 @@ pub use region::{
 };
 pub use topology::{EdgeTable, Facet, Topology};
 
-use crate::element::{Element, Family, Table};
+use crate::{
+    element::{Element, Family, Table},
+    memory::claim,
+};
 
 wfl::define_index! {
     /// A cell of the mesh.
@@ -189,6 +192,8 @@ impl Mesh {
     /// # Errors
     /// Any defect that [`MeshError`] names; warnings are kept in [`Mesh::warnings`].
     pub fn from_raw(raw: RawMesh) -> Result<Mesh, MeshError> {
+        let cells: u64 = raw.kinds.iter().map(|kind| cell_bytes(*kind)).sum();
+        claim(node_bytes(raw.nodes.len() as u64) + cells, "the mesh")?;
         let starts = check::structure(&raw)?;
         let mut mesh = Mesh::assemble(raw, starts);
         check::jacobians(&mesh)?;
@@ -437,6 +442,18 @@ impl Mesh {
         }
         (low, high)
     }
+}
+
+/// Bytes that nodes take while a mesh is made: positions, and lists by node.
+fn node_bytes(nodes: u64) -> u64 {
+    (24 + 8) * nodes
+}
+
+/// Bytes that a cell takes while a mesh and its facets are made: its nodes; for each of its facets key, entry, slot,
+/// partner and number, and half a facet. Measured on boxes of 64,000 cubes and of 384,000 tetrahedra.
+fn cell_bytes(kind: CellKind) -> u64 {
+    let (nodes, facets) = (kind.n_vertices() as u64, kind.facets().len() as u64);
+    8 * nodes + 16 + (16 + 16 + 8 + 4 + 4 + 12) * facets
 }
 
 /// Determinant of the leading `dim x dim` block.

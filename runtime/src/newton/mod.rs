@@ -29,6 +29,7 @@ use thiserror::Error;
 use crate::{
     assemble::TermError,
     finite::{BadGiven, largest as largest_of},
+    memory::TooMuchMemory,
     solve::SolveError,
     strategy::Strategy,
     system::{LooseMotions, System, SystemError},
@@ -78,7 +79,10 @@ pub enum NewtonError {
     Given(Box<BadGiven>),
     /// A linear system could not be solved.
     #[error(transparent)]
-    Solve(#[from] SolveError),
+    Solve(SolveError),
+    /// What is needed does not fit into the memory: no other state, step or method can help, so it ends the run.
+    #[error(transparent)]
+    TooMuchMemory(TooMuchMemory),
     /// A linear system could not be solved, and bodies can move without resistance.
     #[error("{}: {error}", motions.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
     Loose {
@@ -107,12 +111,23 @@ impl NewtonError {
     }
 }
 
-/// A number that is not finite is one kind of error, wherever it was met.
+/// A need for memory is one kind of error, whoever had it.
+impl From<SolveError> for NewtonError {
+    fn from(error: SolveError) -> Self {
+        match error {
+            SolveError::TooMuchMemory(need) => Self::TooMuchMemory(need),
+            other => Self::Solve(other),
+        }
+    }
+}
+
+/// A number that is not finite is one kind of error, wherever it was met; so is a need for memory.
 impl From<SystemError> for NewtonError {
     fn from(error: SystemError) -> Self {
         match error {
             SystemError::Term(term) => Self::Term(term),
             SystemError::Given(bad) => Self::Given(bad),
+            SystemError::TooMuchMemory(need) => Self::TooMuchMemory(need),
             other => Self::System(other),
         }
     }
@@ -161,15 +176,19 @@ pub fn solve_step(
 ) -> Result<StepHistory, NewtonError> {
     let degenerate = start::may_be_degenerate(system, u);
     let rest = u.to_vec();
-    let predicted = if options.search { predict::predict(system, strategy, from, u) } else { None };
+    let predicted = if options.search { predict::predict(system, strategy, from, u)? } else { None };
     let mut result = iterate(system, strategy, (u, predicted), options, watch);
     if degenerate && result.as_ref().is_err_and(NewtonError::is_of_the_state) {
         u.copy_from_slice(&rest);
-        if start::displace(system, u)
-            && let Ok(mut history) = iterate(system, strategy, (u, None), options, watch)
-        {
-            history.displaced = true;
-            result = Ok(history);
+        if start::displace(system, u) {
+            match iterate(system, strategy, (u, None), options, watch) {
+                Ok(mut history) => {
+                    history.displaced = true;
+                    result = Ok(history);
+                }
+                Err(error @ NewtonError::TooMuchMemory(_)) => result = Err(error),
+                Err(_) => {}
+            }
         }
     }
     let converged = result.as_ref().is_ok_and(StepHistory::converged);

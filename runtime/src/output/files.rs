@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::OutputError;
 use super::hash::{Hash, Hasher};
 use super::manifest::{Content, MANIFEST_FILE, Manifest, Unusable};
+use crate::input::{InputKind, read_input};
 
 /// Bytes gathered before they go to the system.
 pub(super) const BUFFER: usize = 1 << 17;
@@ -20,7 +21,7 @@ pub(super) fn read_manifest(folder: &Path) -> Result<Option<Manifest>, OutputErr
     let bytes = match fs::symlink_metadata(&file) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
         Ok(found) if !found.is_file() => return Err(OutputError::Foreign { file, what: "is no plain file" }),
-        _ => fs::read(&file),
+        _ => read_input(&file, InputKind::Results),
     };
     let bytes =
         bytes.map_err(|e| OutputError::Manifest { file: file.clone(), what: format!("cannot be read: {e}") })?;

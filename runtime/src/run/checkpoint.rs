@@ -15,6 +15,7 @@ use thiserror::Error;
 
 use super::{Accuracy, Attempt, AttemptEnd, Clock, Others, Path, PhysicsCheck, Run, RunError, StepResult};
 use crate::{
+    input::{InputError, InputKind, read_input},
     newton::{Iteration, StepHistory, Stop},
     output::{Hash, OutputDir},
     scene::Scene,
@@ -42,8 +43,8 @@ pub enum CheckpointError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
+        /// Why.
+        source: InputError,
     },
     /// The file is no checkpoint, is cut short or damaged.
     #[error("`{}` is not a whole checkpoint ({what}); without --resume the run starts from the beginning", path.display())]
@@ -170,9 +171,9 @@ pub(super) struct Found {
 /// Reads the checkpoint in a folder; `None` if there is none.
 pub(super) fn read(scene: &Scene, identity: Hash, folder: &FilePath) -> Result<Option<Found>, CheckpointError> {
     let path = folder.join(CHECKPOINT_FILE);
-    let bytes = match std::fs::read(&path) {
+    let bytes = match read_input(&path, InputKind::Results) {
         Ok(bytes) => bytes,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(InputError::NotFound) => return Ok(None),
         Err(source) => return Err(CheckpointError::Read { path, source }),
     };
     let damaged = |what| CheckpointError::Damaged { path: path.clone(), what };
@@ -193,7 +194,8 @@ pub(super) fn read(scene: &Scene, identity: Hash, folder: &FilePath) -> Result<O
 fn read_log(folder: &FilePath, log: &Log, count: usize) -> Result<Vec<StepResult>, CheckpointError> {
     let path = folder.join(LOG_FILE);
     let damaged = |what| CheckpointError::Damaged { path: path.clone(), what };
-    let bytes = std::fs::read(&path).map_err(|source| CheckpointError::Read { path: path.clone(), source })?;
+    let bytes =
+        read_input(&path, InputKind::Results).map_err(|source| CheckpointError::Read { path: path.clone(), source })?;
     let length = usize::try_from(log.length).ok().filter(|n| *n <= bytes.len());
     let bytes = &bytes[..length.ok_or_else(|| damaged("it is shorter than the checkpoint says"))?];
     if hash(bytes) != log.hash {

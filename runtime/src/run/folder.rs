@@ -5,6 +5,7 @@
 
 use super::{CHECKPOINT_FILE, CheckpointError, RunError, RunOptions, checkpoint, files};
 use crate::{
+    input::{InputKind, read_input},
     output::{Identity, Kind, OrderedMap, OutputDir, OutputError, REPORT_FILE, Report, State},
     scene::Scene,
     solve::Precision,
@@ -91,7 +92,7 @@ pub fn finished(scene: &Scene, options: &RunOptions) -> Result<Option<Report>, R
         }
     }
     let file = path.join(REPORT_FILE);
-    let read = std::fs::read(&file).map_err(|e| e.to_string());
+    let read = read_input(&file, InputKind::Results).map_err(|e| e.to_string());
     let report = read.and_then(|bytes| serde_json::from_slice::<Report>(&bytes).map_err(|e| e.to_string()));
     let report = report.map_err(|what| OutputError::Damaged { file: file.clone(), what })?;
     if !dir.has_report(&report) {

@@ -173,6 +173,7 @@ impl Stepper {
                         scene.system.known.keep(u);
                     }
                 }
+                Err(StepError::Newton(error @ NewtonError::TooMuchMemory(_))) => return Err(error.into()),
                 failed => {
                     if position == 0 && end == whole {
                         failed_whole = Some((failed, u.to_vec()));

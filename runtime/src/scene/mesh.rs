@@ -16,7 +16,9 @@ use wfl_compiler::{
 
 use crate::{
     finite::{BadGiven, NotFinite},
-    mesh::{BoxShape, MapError, Mesh, MeshError, cells_for_size, generate_box, map_nodes},
+    input::{InputError, InputKind},
+    memory::TooMuchMemory,
+    mesh::{BoxShape, MapError, Mesh, MeshError, cells_for_size, generate_box, map_nodes, read::ReadError},
     output::Hash,
     reading::{self, ReadingError},
     scene::{
@@ -35,10 +37,11 @@ pub(super) fn read(
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<Mesh> {
     let MeshSource::File { path, span } = &script.mesh.as_ref()?.source else { return None };
-    let bytes = match reading::bytes(folder, folder, path) {
+    let bytes = match reading::bytes(folder, folder, path, InputKind::Mesh) {
         Ok(bytes) => bytes,
         Err(e) => {
-            let near = if matches!(e, ReadingError::Io(_)) { similar(folder, path) } else { None };
+            let near =
+                if matches!(e, ReadingError::Input(InputError::NotFound)) { similar(folder, path) } else { None };
             let text = near.map_or(String::new(), |n| format!("did you mean `{n}`?"));
             diagnostics.push(unread(&e, "E410", &format!("cannot use the mesh file `{path}`")).at(*span, text));
             return None;
@@ -60,6 +63,10 @@ pub(super) fn read(
             }
             Some(mesh)
         }
+        Err(ReadError::Mesh(MeshError::TooMuchMemory(need))) => {
+            diagnostics.push(too_much_memory(&need, *span));
+            None
+        }
         Err(e) => {
             let d = Diagnostic::new("E410", format!("cannot use the mesh file `{path}`: {e}"));
             diagnostics.push(d.at(*span, ""));
@@ -68,9 +75,13 @@ pub(super) fn read(
     }
 }
 
-/// A file that cannot be had: E217 if the scene may not read it, else `code`.
+/// A file that cannot be had: E217 if the scene may not read it, E606 if it is too large, else `code`.
 pub(super) fn unread(error: &ReadingError, code: &'static str, what: &str) -> Diagnostic {
-    let code = if matches!(error, ReadingError::Outside { .. }) { "E217" } else { code };
+    let code = match error {
+        ReadingError::Outside { .. } => "E217",
+        ReadingError::Input(InputError::TooLarge(_)) => "E606",
+        ReadingError::Input(_) => code,
+    };
     let d = Diagnostic::new(code, format!("{what}: {error}"));
     match error.help() {
         Some(help) => d.help(help),
@@ -321,9 +332,12 @@ pub(super) fn position_place(n_fields: usize) -> PlaceSig {
 /// A problem of the mesh at a place of the scene.
 pub(super) fn mesh_error(error: &MeshError, span: Span) -> Diagnostic {
     match error {
-        MeshError::TooMuchMemory(_) => {
-            Diagnostic::new("E606", error.to_string()).at(span, "").help("fewer cells, or more memory: --memory 16GB")
-        }
+        MeshError::TooMuchMemory(need) => too_much_memory(need, span),
         _ => Diagnostic::new("E409", error.to_string()).at(span, ""),
     }
+}
+
+/// A need of the scene that does not fit into the memory.
+pub(super) fn too_much_memory(need: &TooMuchMemory, span: Span) -> Diagnostic {
+    Diagnostic::new("E606", need.to_string()).at(span, "").help("fewer cells, or more memory: --memory 16GB")
 }

@@ -48,6 +48,7 @@ use wfl_compiler::{
 
 use crate::{
     assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots, tangent_kernel},
+    csr::CsrError,
     field::Field,
     mesh::{Mesh, RegionSet, Topology},
     newton::{NewtonOptions, TermPieces},
@@ -306,6 +307,14 @@ fn prepare_all(
     .build()
 }
 
+/// A matrix that cannot be made.
+fn structure_error(script: &ResolvedScript, error: CsrError) -> Diagnostic {
+    match (error, &script.mesh) {
+        (CsrError::TooMuchMemory(need), Some(statement)) => mesh::too_much_memory(&need, statement.span),
+        (error, _) => Diagnostic::new("E412", error.to_string()),
+    }
+}
+
 /// Words in the expressions of terms.
 fn names_in_terms(script: &ResolvedScript) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
@@ -395,13 +404,13 @@ impl Builder<'_> {
         let mut system = match System::new(self.mesh, self.fields, numbering, terms, known) {
             Ok(s) => s,
             Err(e) => {
-                self.diagnostics.push(Diagnostic::new("E412", e.to_string()));
+                self.diagnostics.push(structure_error(self.script, e));
                 return None;
             }
         };
         self.keep.iter().for_each(|pruning| system.keep(*pruning));
         if let Err(e) = system.hold(pieces) {
-            self.diagnostics.push(Diagnostic::new("E412", e.to_string()));
+            self.diagnostics.push(structure_error(self.script, e));
             return None;
         }
         let params = self.script.params.iter();

@@ -7,6 +7,7 @@ use super::{Builder, InputFile, Measure, RuleChoice, mappings, mesh, mesh::unrea
 use crate::{
     assemble::FieldValues,
     finite::{BadGiven, BadMeasure},
+    input::InputKind,
     output::Hash,
     point_values::{PointValues, SAME_PLACE},
     reading,
@@ -101,7 +102,7 @@ impl Builder<'_> {
 
     /// A file of values at positions, read; `None` after a message.
     fn table(&mut self, path: &str, span: Span) -> Option<PointValues> {
-        let text = match reading::text(self.folder, self.folder, path) {
+        let text = match reading::text(self.folder, self.folder, path, InputKind::Values) {
             Ok(text) => text,
             Err(e) => {
                 self.diagnostics.push(unread(&e, "E418", &format!("`{path}` cannot be read")).at(span, ""));

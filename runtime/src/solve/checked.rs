@@ -371,7 +371,7 @@ impl CheckedLlt {
     ///
     /// # Errors
     /// [`SolveError::Shape`] when the pattern is not square or the coordinates are not one a dof;
-    /// [`SolveError::OutOfMemory`].
+    /// [`SolveError::TooMuchMemory`].
     pub fn new(
         pattern: &Arc<Pattern>,
         coordinates: Option<&[[f64; 3]]>,
@@ -386,7 +386,7 @@ impl CheckedLu {
     ///
     /// # Errors
     /// [`SolveError::Shape`] when the pattern is not square or the coordinates are not one a dof;
-    /// [`SolveError::OutOfMemory`].
+    /// [`SolveError::TooMuchMemory`].
     pub fn new(
         pattern: &Arc<Pattern>,
         coordinates: Option<&[[f64; 3]]>,
@@ -400,7 +400,7 @@ impl CheckedDense {
     /// Takes the memory for matrices on a pattern: 8 n² bytes.
     ///
     /// # Errors
-    /// [`SolveError::Shape`] when the pattern is not square, [`SolveError::OutOfMemory`].
+    /// [`SolveError::Shape`] when the pattern is not square, [`SolveError::TooMuchMemory`].
     pub fn new(pattern: &Arc<Pattern>, options: SolverOptions) -> Result<Self, SolveError> {
         let n = pattern.n_rows();
         if pattern.n_cols() != n {

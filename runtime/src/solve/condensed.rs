@@ -161,7 +161,7 @@ impl CheckedCondensed {
     /// # Errors
     /// [`SolveError::Shape`] for sizes that do not fit, [`SolveError::NonFiniteMatrix`], [`SolveError::NotSymmetric`],
     /// and [`SolveError::NotPositiveDefinite`] or [`SolveError::Singular`] when the bulk is not positive definite with
-    /// the changing dofs held fixed (a body that nothing holds); [`SolveError::OutOfMemory`].
+    /// the changing dofs held fixed (a body that nothing holds); [`SolveError::TooMuchMemory`].
     pub fn new(
         bulk: &Csr,
         changing: &Arc<Pattern>,
@@ -249,7 +249,7 @@ impl CheckedCondensed {
     ///
     /// # Errors
     /// [`SolveError::OutsidePattern`] for an entry outside the pattern given at the start,
-    /// [`SolveError::NonFiniteMatrix`], [`SolveError::Singular`], [`SolveError::OutOfMemory`]; the solver then holds no
+    /// [`SolveError::NonFiniteMatrix`], [`SolveError::Singular`], [`SolveError::TooMuchMemory`]; the solver then holds no
     /// matrix.
     pub fn update(&mut self, changing: &Csr) -> Result<(), SolveError> {
         let before = self.state;

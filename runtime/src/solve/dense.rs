@@ -17,8 +17,9 @@ use super::kernels::{
     Diagonal, Stored, enlarge, largest_of_products, lower_sweep, lower_transposed_sweep, scale_by, upper_sweep,
     upper_transposed_sweep,
 };
-use super::multifrontal::{Multifrontal, Panel, zeros};
+use super::multifrontal::{Multifrontal, Panel};
 use super::sweep::Form;
+use crate::memory::{refused_by_the_system, zeros};
 
 /// A pivot below so many roundoffs of its column is as good as zero.
 const VANISHING_PIVOT: f64 = 9.0;
@@ -86,9 +87,9 @@ impl<T: Number> Dense<T> {
             par,
             Default::default(),
         ));
-        let memory = MemBuffer::try_new(scratch)
-            .map_err(|_| SolveError::OutOfMemory { what: "work space of a dense factor" })?;
-        let square = n.checked_mul(n).ok_or(SolveError::OutOfMemory { what: "a dense matrix" })?;
+        let memory =
+            MemBuffer::try_new(scratch).map_err(|_| refused_by_the_system(None, "work space of a dense factor"))?;
+        let square = n.checked_mul(n).ok_or(SolveError::TooLarge { what: "a dense matrix" })?;
         Ok(Self {
             n,
             values: zeros(square, "a dense matrix")?,

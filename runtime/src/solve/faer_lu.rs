@@ -17,7 +17,10 @@ use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use super::SolveError;
 use super::scaling::equilibration;
 use super::sweep::Form;
-use crate::csr::{Csr, Pattern};
+use crate::{
+    csr::{Csr, Pattern},
+    memory::refused_by_the_system,
+};
 
 /// A reusable general sparse factorisation.
 pub(super) struct FaerLu {
@@ -35,9 +38,9 @@ pub(super) struct FaerLu {
 impl FaerLu {
     /// Analyses a square pattern.
     pub(super) fn analyze(pattern: &Arc<Pattern>) -> Result<Self, SolveError> {
-        let out_of_memory = SolveError::OutOfMemory { what: "analysis of a general sparse factorisation" };
+        let out_of_memory = refused_by_the_system(None, "the analysis of a general sparse factorisation");
         if pattern.n_entries() >= i32::MAX as usize {
-            return Err(out_of_memory);
+            return Err(SolveError::TooLarge { what: "a sparse matrix" });
         }
         let (by_columns, sources) = pattern.transpose();
         let n = pattern.n_rows();
@@ -71,7 +74,7 @@ impl FaerLu {
             Ok(Err(LuError::SymbolicSingular { index })) => {
                 Err(SolveError::VanishingPivot { dof: index.min(matrix.n_rows() - 1), ratio: 0.0 })
             }
-            Ok(Err(LuError::Generic(_))) => Err(SolveError::OutOfMemory { what: "a general sparse factorisation" }),
+            Ok(Err(LuError::Generic(_))) => Err(refused_by_the_system(None, "a general sparse factorisation").into()),
             Err(_) => Err(SolveError::Internal { what: "a general sparse factorisation" }),
         }
     }

@@ -23,10 +23,13 @@ use rayon::prelude::*;
 
 use super::SolveError;
 use super::dense::is_odd;
-use super::multifrontal::{Multifrontal, zeros};
+use super::multifrontal::{Multifrontal, StackSizes, shorten, stacks};
 use super::sweep::FrontFactor;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
-use crate::csr::Pattern;
+use crate::{
+    csr::Pattern,
+    memory::{claim_numbers, lengthen, refused_by_the_system, zeros},
+};
 
 /// A pivot below this part of its column is as good as zero.
 const VANISHING_PIVOT: f64 = 1e-15;
@@ -61,6 +64,8 @@ struct Entry {
 
 struct Workspace {
     stack: Vec<f64>,
+    /// Numbers on the stack, at most.
+    size: usize,
     memory: MemBuffer,
     waiting: Vec<(u32, usize)>,
     end: usize,
@@ -132,20 +137,24 @@ impl FrontalLu {
     /// Takes the memory for the fronts in `members`, which holds every front above a member.
     pub(super) fn new(symbolic: &Symbolic, members: Vec<bool>, threads: usize) -> Result<Self, SolveError> {
         let plan = symbolic.plan(members, |front| 2.0 * symbolic.operations(front));
-        let mut workspaces = Vec::with_capacity(plan.tasks.len());
-        for task in &plan.tasks {
-            workspaces.push(Workspace::new(symbolic, plan.fronts_of(task))?);
-        }
-        let top = Workspace::new(symbolic, plan.top.iter().copied())?;
+        let extents: Vec<Extent> = plan.tasks.iter().map(|task| Extent::new(symbolic, plan.fronts_of(task))).collect();
+        let of_top = Extent::new(symbolic, plan.top.iter().copied());
         let (mut starts, mut pivot_starts) = (vec![0], vec![0]);
         for front in 0..symbolic.n_fronts() {
             let (k, r) = if plan.members[front] { symbolic.sizes(front) } else { (0, 0) };
             starts.push(starts[front] + k * (k + 2 * r));
             pivot_starts.push(pivot_starts[front] + k);
         }
-        let values = zeros(starts[symbolic.n_fronts()], "values of a sparse factor")?;
-        let pivots = vec![0; pivot_starts[symbolic.n_fronts()]];
         let threads = super::worthwhile_threads(threads, plan.cost);
+        let root = |task: &Task| symbolic.sizes(task.root as usize).1.pow(2);
+        let sizes = plan.tasks.iter().zip(&extents);
+        let sizes = sizes.map(|(task, extent)| StackSizes { whole: extent.stack, root: root(task) });
+        let stacks = stacks(sizes, of_top.stack, threads);
+        claim_numbers((starts[symbolic.n_fronts()] + stacks) as u64, "the factor of the matrix")?;
+        let workspaces = extents.into_iter().map(Workspace::new).collect::<Result<_, _>>()?;
+        let top = Workspace::new(of_top)?;
+        let values = zeros(starts[symbolic.n_fronts()], "the factor of the matrix")?;
+        let pivots = vec![0; pivot_starts[symbolic.n_fronts()]];
         Ok(Self { plan, values, starts, pivots, pivot_starts, workspaces, top, threads })
     }
 
@@ -187,7 +196,7 @@ impl FrontalLu {
         self.factor_tasks(symbolic, parts, constant)?;
         let threads = self.threads;
         let context = Context { symbolic, plan: &self.plan, parts, constant, tasks: &self.workspaces, threads };
-        self.top.clear();
+        self.top.open()?;
         for &front in &self.plan.top {
             let front = front as usize;
             let values = &mut self.values[self.starts[front]..self.starts[front + 1]];
@@ -210,13 +219,14 @@ impl FrontalLu {
         let pivots = plan.split(&mut self.pivots, |front| pivot_starts[front]);
         let context = Context { symbolic, plan, parts, constant, tasks: &[], threads: 1 };
         let run = |task: &Task, workspace: &mut Workspace, values: &mut [f64], pivots: &mut [u32]| {
-            workspace.clear();
+            workspace.open()?;
             let (offset, pivot_offset) = (starts[task.first as usize], pivot_starts[task.first as usize]);
             for front in plan.fronts_of(task).map(|front| front as usize) {
                 let values = &mut values[starts[front] - offset..starts[front + 1] - offset];
                 let pivots = &mut pivots[pivot_starts[front] - pivot_offset..pivot_starts[front + 1] - pivot_offset];
                 workspace.factor_front(&context, front, values, pivots)?;
             }
+            shorten(&mut workspace.stack, symbolic.sizes(task.root as usize).1.pow(2));
             Ok(())
         };
         let outcomes: Vec<Result<(), SolveError>> = if self.threads > 1 {
@@ -233,14 +243,25 @@ impl FrontalLu {
     }
 }
 
-impl Workspace {
-    fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32>) -> Result<Self, SolveError> {
-        let (mut end, mut peak, mut depth, mut largest) = (0usize, 0usize, 0, 0);
+/// The size of a workspace.
+struct Extent {
+    /// Numbers on the stack, at most.
+    stack: usize,
+    /// Contributions that wait, at most.
+    depth: usize,
+    /// Columns of the largest front.
+    largest: usize,
+}
+
+impl Extent {
+    /// That of these fronts in this order.
+    fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32>) -> Self {
+        let (mut end, mut stack, mut depth, mut largest) = (0usize, 0usize, 0, 0);
         let mut waiting: Vec<(u32, usize)> = Vec::new();
         for front in fronts {
             let (k, r) = symbolic.sizes(front as usize);
             largest = largest.max(k);
-            peak = peak.max(end + (k + r) * r);
+            stack = stack.max(end + (k + r) * r);
             while waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front) {
                 end = waiting.pop().expect("it has just been seen").1;
             }
@@ -248,11 +269,19 @@ impl Workspace {
             depth = depth.max(waiting.len());
             end += r * r;
         }
+        Self { stack, depth, largest }
+    }
+}
+
+impl Workspace {
+    fn new(extent: Extent) -> Result<Self, SolveError> {
+        let Extent { stack, depth, largest } = extent;
         let scratch = lu_in_place_scratch::<u32, f64>(largest, largest, Par::Seq, Default::default());
         let memory = MemBuffer::try_new(scratch)
-            .map_err(|_| SolveError::OutOfMemory { what: "work space of a sparse factorisation" })?;
+            .map_err(|_| refused_by_the_system(None, "work space of a sparse factorisation"))?;
         Ok(Self {
-            stack: zeros(peak, "contributions of a sparse factorisation")?,
+            stack: Vec::new(),
+            size: stack,
             memory,
             waiting: Vec::with_capacity(depth),
             end: 0,
@@ -262,10 +291,12 @@ impl Workspace {
         })
     }
 
-    fn clear(&mut self) {
+    /// Takes the memory for a factorisation.
+    fn open(&mut self) -> Result<(), SolveError> {
         self.waiting.clear();
         self.end = 0;
         self.smallest = (1.0, 0);
+        Ok(lengthen(&mut self.stack, self.size, "the contributions of a sparse factorisation")?)
     }
 
     /// Assembles and eliminates one front; its contribution replaces those of its children on the stack.

@@ -34,7 +34,10 @@ pub(crate) use condensed::DENSE_LIMIT;
 pub use condensed::{CheckedCondensed, Reference, Strategy};
 pub use ordering::{Ordering, order};
 
-use crate::csr::{Csr, CsrError};
+use crate::{
+    csr::{Csr, CsrError},
+    memory::TooMuchMemory,
+};
 
 /// Precision of the factors of a bulk that stands alone and of the dense matrix of the contact forces. Residuals and
 /// results are of double precision in all cases, and every solution is judged by its true residual.
@@ -224,15 +227,15 @@ pub enum SolveError {
         /// Backward error asked for.
         limit: f64,
     },
-    /// The work space could not be had.
-    #[error("out of memory: {what}")]
-    OutOfMemory {
-        /// What needed the memory.
+    /// A size that no index can name.
+    #[error("{what} has more than 2^31 entries")]
+    TooLarge {
+        /// What is too large.
         what: &'static str,
     },
     /// The need for memory is above the limit.
     #[error(transparent)]
-    TooMuchMemory(#[from] crate::memory::TooMuchMemory),
+    TooMuchMemory(#[from] TooMuchMemory),
     /// A solve came before a successful factorisation.
     #[error("no factored matrix to solve with")]
     NotFactored,
@@ -244,7 +247,17 @@ pub enum SolveError {
     },
     /// The structure of a matrix is wrong.
     #[error(transparent)]
-    Structure(#[from] CsrError),
+    Structure(CsrError),
+}
+
+/// A need for memory is one kind of error, whoever had it.
+impl From<CsrError> for SolveError {
+    fn from(error: CsrError) -> Self {
+        match error {
+            CsrError::TooMuchMemory(need) => Self::TooMuchMemory(need),
+            other => Self::Structure(other),
+        }
+    }
 }
 
 /// A solver of `A x = b` for matrices of one pattern.

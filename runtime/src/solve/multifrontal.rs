@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use super::SolveError;
 use super::scaling::power_of_two;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
-use crate::memory::claim;
+use crate::memory::{claim_numbers, lengthen, refused_by_the_system, zeros};
 
 /// A factorisation of the members of a plan: everything before the interface, or all fronts that never change.
 pub(super) struct Multifrontal {
@@ -59,11 +59,23 @@ pub(super) enum Panel<'a> {
 /// Memory of one task: contributions of fronts whose parent has not come yet, last in first out.
 struct Workspace {
     stack: Vec<f64>,
+    /// Numbers on the stack, at most.
+    size: usize,
     memory: MemBuffer,
     /// Front and start of each waiting contribution.
     waiting: Vec<(u32, usize)>,
     /// End of the last of them.
     end: usize,
+}
+
+/// The size of a workspace.
+struct Extent {
+    /// Numbers on the stack, at most.
+    stack: usize,
+    /// Contributions that wait, at most.
+    depth: usize,
+    /// Columns of the largest front.
+    largest: usize,
 }
 
 /// What every front of one factorisation needs.
@@ -80,18 +92,23 @@ impl Multifrontal {
     /// Takes the memory for the fronts in `members`, which holds every front below a member.
     pub(super) fn new(symbolic: &Symbolic, members: Vec<bool>, threads: usize) -> Result<Self, SolveError> {
         let plan = symbolic.plan(members, |front| symbolic.operations(front));
-        let mut workspaces = Vec::with_capacity(plan.tasks.len());
-        for task in &plan.tasks {
-            workspaces.push(Workspace::new(symbolic, plan.fronts_of(task))?);
-        }
-        let top = Workspace::new(symbolic, plan.top.iter().copied())?;
+        let extents: Vec<Extent> = plan.tasks.iter().map(|task| Extent::new(symbolic, plan.fronts_of(task))).collect();
+        let of_top = Extent::new(symbolic, plan.top.iter().copied());
         let mut panels = vec![0];
         for front in 0..symbolic.n_fronts() {
             let (k, r) = symbolic.sizes(front);
             panels.push(panels[front] + if plan.members[front] { k * (k + r) } else { 0 });
         }
-        let values = Values::Double(zeros(panels[symbolic.n_fronts()], "values of a sparse factor")?);
         let threads = super::worthwhile_threads(threads, plan.cost);
+        let sizes = |(task, extent): (&Task, &Extent)| StackSizes {
+            whole: extent.stack,
+            root: square(symbolic, task.root as usize),
+        };
+        let stacks = stacks(plan.tasks.iter().zip(&extents).map(sizes), of_top.stack, threads);
+        claim_numbers((panels[symbolic.n_fronts()] + stacks) as u64, "the factor of the matrix")?;
+        let workspaces = extents.into_iter().map(Workspace::new).collect::<Result<_, _>>()?;
+        let top = Workspace::new(of_top)?;
+        let values = Values::Double(zeros(panels[symbolic.n_fronts()], "the factor of the matrix")?);
         Ok(Self { plan, values, panels, workspaces, top, threads })
     }
 
@@ -209,7 +226,7 @@ impl Multifrontal {
                 add_to_interface(contribution, symbolic.places_of(root), interface, n_interface);
             }
         };
-        self.top.clear();
+        self.top.open()?;
         for &front in &plan.top {
             while let Some((task, workspace)) = tasks.next_if(|(task, _)| task.root < front) {
                 add_task(task, workspace, interface);
@@ -265,15 +282,15 @@ impl Panel<'_> {
     }
 }
 
-impl Workspace {
-    /// Memory for these fronts in this order.
-    fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32> + Clone) -> Result<Self, SolveError> {
-        let (mut end, mut peak, mut depth, mut largest) = (0usize, 0usize, 0, 0);
+impl Extent {
+    /// That of these fronts in this order.
+    fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32>) -> Self {
+        let (mut end, mut stack, mut depth, mut largest) = (0usize, 0usize, 0, 0);
         let mut waiting: Vec<(u32, usize)> = Vec::new();
         for front in fronts {
             let size = square(symbolic, front as usize);
             largest = largest.max(symbolic.sizes(front as usize).0);
-            peak = peak.max(end + size);
+            stack = stack.max(end + size);
             while waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front) {
                 end = waiting.pop().expect("it has just been seen").1;
             }
@@ -285,16 +302,28 @@ impl Workspace {
                 end = waiting.pop().expect("it has just been pushed").1;
             }
         }
-        let scratch = cholesky_in_place_scratch::<f64>(largest, Par::Seq, Default::default());
+        Self { stack, depth, largest }
+    }
+}
+
+impl Workspace {
+    fn new(extent: Extent) -> Result<Self, SolveError> {
+        let scratch = cholesky_in_place_scratch::<f64>(extent.largest, Par::Seq, Default::default());
         let memory = MemBuffer::try_new(scratch)
-            .map_err(|_| SolveError::OutOfMemory { what: "work space of a sparse factorisation" })?;
-        let stack = zeros(peak, "contributions of a sparse factorisation")?;
-        Ok(Self { stack, memory, waiting: Vec::with_capacity(depth), end: 0 })
+            .map_err(|_| refused_by_the_system(None, "work space of a sparse factorisation"))?;
+        let waiting = Vec::with_capacity(extent.depth);
+        Ok(Self { stack: Vec::new(), size: extent.stack, memory, waiting, end: 0 })
     }
 
     fn clear(&mut self) {
         self.waiting.clear();
         self.end = 0;
+    }
+
+    /// Takes the memory for a factorisation.
+    fn open(&mut self) -> Result<(), SolveError> {
+        self.clear();
+        Ok(lengthen(&mut self.stack, self.size, "the contributions of a sparse factorisation")?)
     }
 
     /// Takes the last contribution off the stack; it stays readable until the next front.
@@ -312,11 +341,12 @@ impl Workspace {
         starts: &[usize],
         panels: &mut [f64],
     ) -> Result<(), SolveError> {
-        self.clear();
+        self.open()?;
         let offset = starts[task.first as usize];
         for front in context.plan.fronts_of(task).map(|front| front as usize) {
             self.factor_front(context, front, &mut panels[starts[front] - offset..starts[front + 1] - offset])?;
         }
+        shorten(&mut self.stack, square(context.symbolic, task.root as usize));
         Ok(())
     }
 
@@ -369,19 +399,42 @@ impl Context<'_> {
     }
 }
 
+/// Numbers of a stack above which what is not needed any more is given back: below, asking for it again costs more than
+/// it saves.
+const KEPT: usize = 1 << 17;
+
+/// Leaves so many numbers of a stack.
+pub(super) fn shorten(stack: &mut Vec<f64>, length: usize) {
+    if stack.len() > KEPT && stack.len() > length {
+        stack.truncate(length);
+        stack.shrink_to_fit();
+    }
+}
+
+/// Numbers that the stacks hold at most: every task keeps the contribution of its root, and so many tasks at a time have
+/// a whole stack.
+pub(super) fn stacks(tasks: impl Iterator<Item = StackSizes>, top: usize, threads: usize) -> usize {
+    let (mut kept, mut rest) = (0, Vec::new());
+    for task in tasks {
+        kept += task.root;
+        rest.push(task.whole.saturating_sub(task.root));
+    }
+    rest.sort_unstable_by(|a, b| b.cmp(a));
+    kept + rest.iter().take(threads.max(1)).sum::<usize>().max(top)
+}
+
+/// Numbers on the stack of a task.
+pub(super) struct StackSizes {
+    /// At most.
+    pub(super) whole: usize,
+    /// At its end.
+    pub(super) root: usize,
+}
+
 /// Number of values of the contribution of a front.
 fn square(symbolic: &Symbolic, front: usize) -> usize {
     let rows = symbolic.sizes(front).1;
     rows * rows
-}
-
-/// A zeroed buffer, or a typed error instead of an abort.
-pub(super) fn zeros<T: Clone + Default>(length: usize, what: &'static str) -> Result<Vec<T>, SolveError> {
-    claim((length as u64).saturating_mul(size_of::<T>() as u64), what)?;
-    let mut buffer = Vec::new();
-    buffer.try_reserve_exact(length).map_err(|_| SolveError::OutOfMemory { what })?;
-    buffer.resize(length, T::default());
-    Ok(buffer)
 }
 
 /// Adds the entries of the matrix in the columns of a front to its zeroed panel.

@@ -12,7 +12,7 @@
 use faer::sparse::linalg::amd;
 
 use super::SolveError;
-use crate::csr::Pattern;
+use crate::{csr::Pattern, memory::refused_by_the_system};
 
 /// Node sets up to this size are ordered by minimum degree.
 const LEAF_NODES: usize = 32;
@@ -61,7 +61,7 @@ impl Ordering {
 ///
 /// # Errors
 /// [`SolveError::Shape`] when the pattern is not square, the coordinates are not one a dof, or a dof in `last` does
-/// not exist; [`SolveError::OutOfMemory`] when the work space cannot be had.
+/// not exist; [`SolveError::TooMuchMemory`] when the work space cannot be had.
 pub fn order(pattern: &Pattern, coordinates: Option<&[[f64; 3]]>, last: &[u32]) -> Result<Ordering, SolveError> {
     let n = pattern.n_rows();
     if pattern.n_cols() != n {
@@ -385,9 +385,9 @@ fn faer_minimum_degree(starts: &[u32], neighbours: &[u32]) -> Result<Vec<u32>, S
     let mut order = vec![0u32; n];
     let mut inverse = vec![0u32; n];
     let mut memory = MemBuffer::try_new(amd::order_scratch::<u32>(n, neighbours.len()))
-        .map_err(|_| SolveError::OutOfMemory { what: "minimum degree ordering" })?;
+        .map_err(|_| refused_by_the_system(None, "minimum degree ordering"))?;
     amd::order(&mut order, &mut inverse, graph, amd::Control::default(), MemStack::new(&mut memory))
-        .map_err(|_| SolveError::OutOfMemory { what: "minimum degree ordering" })?;
+        .map_err(|_| refused_by_the_system(None, "minimum degree ordering"))?;
     Ok(order)
 }
 

@@ -15,13 +15,20 @@ use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 
 use super::SolveError;
 use super::ordering::{Ordering, order};
-use crate::{csr::Pattern, memory::claim_numbers};
+use crate::{
+    csr::Pattern,
+    memory::{claim, claim_numbers, refused_by_the_system},
+};
 
 /// Two neighbouring supernodes of together at most so many columns are merged when less than this part of the result
 /// is zeros. Measured on elasticity boxes of 7,344 and 53,856 unknowns.
 const RELAXATION: &[(usize, f64)] = &[(4, 1.0), (16, 0.8), (48, 0.1), (usize::MAX, 0.05)];
 /// Aim of the split into independent tasks: none has more than this part of all operations.
 const TASK_SHARE: f64 = 1.0 / 16.0;
+/// Bytes that the analysis takes for an entry and for a row of the matrix, at its largest: half of the entries stand in
+/// two triangles of two 32-bit numbers each.
+const BYTES_PER_ENTRY: u64 = 8;
+const BYTES_PER_ROW: u64 = 80;
 /// Parent of a front that contributes to the interface (or to nothing).
 pub(super) const INTERFACE: u32 = u32::MAX;
 
@@ -71,10 +78,13 @@ pub(super) struct Task {
 impl Symbolic {
     /// Orders and analyses a square pattern, read as symmetric; `last`, the interface, is not eliminated.
     pub(super) fn new(pattern: &Pattern, coordinates: Option<&[[f64; 3]]>, last: &[u32]) -> Result<Self, SolveError> {
-        let too_large = SolveError::OutOfMemory { what: "a sparse factor beyond 32-bit indices" };
+        let too_large = SolveError::TooLarge { what: "a sparse matrix" };
         if pattern.n_entries() >= i32::MAX as usize {
             return Err(too_large);
         }
+        // two triangles with rows and sources, the ordering, the lists of the analysis
+        let need = BYTES_PER_ENTRY * pattern.n_entries() as u64 + BYTES_PER_ROW * pattern.n_rows() as u64;
+        claim(need, "the analysis of a sparse factorisation")?;
         let ordering = order(pattern, coordinates, last)?;
         let (lower_starts, lower_rows, lower_sources) = triangle(pattern, &ordering, |row, column| row >= column);
         let supernodes = supernodes(pattern, &ordering)?;
@@ -296,19 +306,19 @@ fn supernodes(
     let n = pattern.n_rows();
     let (starts, rows, _) = triangle(pattern, ordering, |row, column| row <= column);
     let upper = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &starts, None, &rows);
-    let out_of_memory = SolveError::OutOfMemory { what: "analysis of a sparse factorisation" };
+    let out_of_memory = || refused_by_the_system(None, "the analysis of a sparse factorisation");
     let mut memory = MemBuffer::try_new(
         simplicial::prefactorize_symbolic_cholesky_scratch::<u32>(n, rows.len())
             .or(supernodal::factorize_supernodal_symbolic_cholesky_scratch::<u32>(n)),
     )
-    .map_err(|_| out_of_memory.clone())?;
+    .map_err(|_| out_of_memory())?;
     let stack = MemStack::new(&mut memory);
     let mut parents = vec![0i32; n];
     let mut counts = vec![0u32; n];
     let tree = simplicial::prefactorize_symbolic_cholesky::<u32>(&mut parents, &mut counts, upper, stack);
     let parameters = SymbolicSupernodalParams { relax: Some(RELAXATION) };
     supernodal::factorize_supernodal_symbolic_cholesky(upper, tree, &counts, stack, parameters)
-        .map_err(|_| out_of_memory)
+        .map_err(|_| out_of_memory().into())
 }
 
 /// Columns and rows of the fronts with less than `end` columns; one that reaches over the end is cut there.

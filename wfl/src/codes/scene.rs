@@ -277,9 +277,11 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E606",
         "more memory than there is",
-        "The mesh, the factor of the matrix or the dense matrix of the contact forces would not fit into the memory of \
-         the machine, or into what `--memory` allows. The need is estimated before anything is allocated; the message \
-         says what needs how much. Fewer cells, or a lower degree, need less.",
+        "A mesh, a matrix, its factor or a file would not fit into the memory of the machine, of a control group, of the \
+         address space (`ulimit -v`), or into what `--memory` allows. Large needs are estimated before anything is \
+         allocated; the message says what needs how much. What is taken beyond the estimates is seen within a \
+         millisecond and ends the run: files have their former content or the whole new one. Fewer cells, or a lower \
+         degree, need less.",
         "mesh box [0,0,0] to [1,1,1] cells [1500,1500,1500]",
         "mesh box [0,0,0] to [1,1,1] cells [16,16,16]",
     ),

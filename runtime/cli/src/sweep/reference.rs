@@ -17,6 +17,7 @@ use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     SampleAt, Samples,
     compare::{EXACT_OUTPUT, NORM_DEGREE, Solved, differences, items, measures, name, sampled, take, unknowns},
+    input::InputKind,
     knobs::{Setting, number},
     output::{Hash, OutputDir},
 };
@@ -69,7 +70,7 @@ impl Reference {
 
 /// Reads a reference that an earlier sweep left. A number in it that was changed is noticed.
 pub(super) fn from_file(path: &Path) -> Result<Reference, String> {
-    let text = read_text(path).map_err(|why| format!("cannot read {}: {why}", path.display()))?;
+    let text = read_text(path, InputKind::Results).map_err(|why| format!("cannot read {}: {why}", path.display()))?;
     let mut found: Reference = serde_json::from_str(&text).map_err(|e| {
         format!("{} is no reference of a sweep: {e}\n  = help: a sweep leaves reference_1.json", path.display())
     })?;

@@ -6,7 +6,10 @@
 use std::path::Path;
 
 use thiserror::Error;
-use wfl_runtime::output::{OutputDir, OutputError};
+use wfl_runtime::{
+    input::InputKind,
+    output::{OutputDir, OutputError},
+};
 
 use crate::load::read_text;
 
@@ -99,7 +102,7 @@ pub(super) fn read(folder: &Path) -> Result<Vec<Row>, TableError> {
         return Ok(Vec::new());
     }
     let shown = path.display().to_string();
-    let text = read_text(&path).map_err(|why| TableError::Read { path: shown.clone(), why })?;
+    let text = read_text(&path, InputKind::Results).map_err(|why| TableError::Read { path: shown.clone(), why })?;
     let mut lines = cells(&text).into_iter();
     let head = lines.next().unwrap_or_default();
     let mut rows = Vec::new();

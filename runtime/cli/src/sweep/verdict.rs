@@ -7,7 +7,10 @@ use std::{
     time::Instant,
 };
 
-use wfl_runtime::output::{REPORT_FILE, Report};
+use wfl_runtime::{
+    input::InputKind,
+    output::{REPORT_FILE, Report},
+};
 
 use super::{
     front::{method, setting},
@@ -122,7 +125,7 @@ fn met(args: &SweepArgs, case: &Case, asked: &str) -> Result<Met, String> {
     let place = folder.display().to_string();
     let demand = ["run", case.scene, "--accuracy", asked, "--of", case.quantity, "-q", "--out", &place];
     let (ended, seconds) = timed(&demand, &folder)?;
-    let text = read_text(&folder.join(REPORT_FILE))?;
+    let text = read_text(&folder.join(REPORT_FILE), InputKind::Results)?;
     let report: Report = serde_json::from_str(&text).map_err(|e| e.to_string())?;
     let Some(record) = report.accuracy else {
         return Err(format!("{}: {}", case.scene, String::from_utf8_lossy(&ended.stderr)));

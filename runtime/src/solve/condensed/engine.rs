@@ -9,12 +9,15 @@ use super::super::checked::Pivot;
 use super::super::dense::{Dense, Kind};
 use super::super::frontal_lu::{EntryMap, FrontalLu, Part};
 use super::super::krylov::{Gmres, Limits, Outcome};
-use super::super::multifrontal::{Multifrontal, zeros};
+use super::super::multifrontal::Multifrontal;
 use super::super::sweep::{Form, FrontFactor, Sweep};
 use super::super::symbolic::{INTERFACE, Symbolic};
 use super::super::{Precision, SolveError};
 use super::forces::{Bulk, Forces, Inner, Scaled};
-use crate::csr::{Csr, Pattern};
+use crate::{
+    csr::{Csr, Pattern},
+    memory::zeros,
+};
 
 /// Smallest pivot of the fronts, relative to its column, that is accepted.
 const SMALLEST_PIVOT: f64 = 1e-11;

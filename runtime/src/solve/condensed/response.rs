@@ -11,9 +11,10 @@ use rayon::prelude::*;
 
 use super::super::SolveError;
 use super::super::dense::Number;
-use super::super::multifrontal::{Multifrontal, zeros};
+use super::super::multifrontal::Multifrontal;
 use super::super::scaling::power_of_two;
 use super::super::symbolic::{INTERFACE, Symbolic};
+use crate::memory::zeros;
 
 /// Loads that go through the fronts together: enough for the dense kernels, few enough for the cache.
 const BLOCK: usize = 64;

@@ -21,10 +21,12 @@ use std::sync::Arc;
 use super::super::SolveError;
 use super::super::dense::{Dense, Kind, Number};
 use super::super::kernels::product_by_rows;
-use super::super::multifrontal::zeros;
 use super::super::sweep::Form;
 use super::small::{LARGEST_PART, Rows, Source, fill_products, other, share};
-use crate::csr::{Csr, Pattern};
+use crate::{
+    csr::{Csr, Pattern},
+    memory::zeros,
+};
 
 /// Rows of S that one thread fills at a time.
 const FILL_ROWS: usize = 12;

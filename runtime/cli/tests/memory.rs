@@ -1,0 +1,185 @@
+//! The limit of memory, and files that have no end: refused with what they are and what they need, before anything is
+//! taken.
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+/// A folder of its own that goes when the test ends.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("wfl-memory-{name}-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).expect("a temporary folder");
+        Self(path)
+    }
+
+    fn write(&self, name: &str, text: impl AsRef<[u8]>) {
+        std::fs::write(self.0.join(name), text).expect("a temporary file");
+    }
+
+    fn wfl(&self, args: &[&str]) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
+        command.args(args).current_dir(&self.0).output().expect("the command starts")
+    }
+
+    /// Standard error of a command that must end with exit code 1.
+    fn refused(&self, args: &[&str]) -> String {
+        let output = self.wfl(args);
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{args:?}: {told}");
+        told
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A scene that reads `{}` by each statement that reads a file.
+const READERS: [(&str, &str); 4] = [
+    ("use", "use \"FILE\"\n"),
+    ("mesh", "mesh file \"FILE\"\n"),
+    ("data", "mesh box [0,0] to [1,1] cells [2,2] quad\ndata d : scalar = \"FILE\"\n"),
+    ("start", "mesh box [0,0] to [1,1] cells [2,2] quad\nstart from \"FILE\"\n"),
+];
+
+fn scene(head: &str, file: &str) -> String {
+    let mesh = if head.starts_with("use") { "mesh box [0,0] to [1,1] cells [2,2] quad\n" } else { "" };
+    let head = head.replace("FILE", file);
+    format!("wfl 1\n{mesh}{head}unknown u : scalar\nterm on all : Grad_u.Grad_Test_u\nfix u = x on boundary\n")
+}
+
+/// A pipe that nobody writes to, a device without an end, a directory: each by its name, at once, whoever reads it.
+#[cfg(unix)]
+#[test]
+fn only_regular_files_are_read() {
+    let folder = Folder::new("kinds");
+    let made = Command::new("mkfifo").arg(folder.0.join("pipe")).status().expect("mkfifo");
+    assert!(made.success());
+    std::fs::create_dir(folder.0.join("folder")).expect("a folder");
+    let cases = [("pipe", "a named pipe"), ("/dev/zero", "a device"), ("folder", "a directory")];
+    let allowed = ["--allow-read", "/dev"];
+    for (file, kind) in cases {
+        for (name, head) in READERS {
+            folder.write("scene.wfl", scene(head, file));
+            for command in ["run", "check"] {
+                let told = folder.refused(&[&[command, "scene.wfl"], &allowed[..]].concat());
+                assert!(told.contains(&format!("it is {kind}, a file is needed")), "{command} {name} {file}: {told}");
+            }
+        }
+        let told = folder.refused(&["check", file]);
+        assert!(told.contains(&format!("it is {kind}, a file is needed")), "scene {file}: {told}");
+    }
+}
+
+/// The size of a file counts before it is read; a sparse file of 40 GB takes no place on the disc.
+#[test]
+fn a_file_larger_than_the_memory_is_refused_before_it_is_read() {
+    let folder = Folder::new("large");
+    let large = std::fs::File::create(folder.0.join("large")).expect("a file");
+    large.set_len(40_000_000_000).expect("a sparse file");
+    for (name, head) in READERS {
+        folder.write("scene.wfl", scene(head, "large"));
+        let told = folder.refused(&["run", "scene.wfl", "--memory", "1GB"]);
+        for part in ["of this size needs about", "the limit is 1.0 GB"] {
+            assert!(told.contains(part), "{name}: `{part}` is missing in {told}");
+        }
+        assert_eq!(told.contains("error[E606]"), name != "use", "{name}: {told}");
+    }
+}
+
+/// A block of tetrahedra under a prescribed stretch: nonlinear, so that each step begins with a prediction, which needs
+/// a factor as well.
+const STRETCHED: &str = "wfl 1
+mesh box [0,0,0] to [1,1,1] cells [10,10,10] tet
+region west = faces where x == 0
+region east = faces where x == 1
+unknown u : vector
+def F = Id(3) + Grad_u
+energy stored on all : 1/2*(Trace(F'*F) - 3 - 2*log(Det(F))) + 3/4*sqr(log(Det(F)))
+fix u = [0,0,0] on west
+fix u = [-0.3,0,0] on east
+";
+
+/// A refusal inside Newton is told as what it is, whatever is refused: never as a logarithm of a negative number, and
+/// it never shortens a step.
+#[test]
+fn a_refusal_within_a_step_is_told_as_a_lack_of_memory() {
+    let folder = Folder::new("newton");
+    folder.write("scene.wfl", STRETCHED);
+    let mut refusals = 0;
+    for limit in ["32MB", "40MB", "48MB"] {
+        let output = folder.wfl(&["run", "scene.wfl", "--memory", limit, "--threads", "1"]);
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.status.success() {
+            continue;
+        }
+        refusals += 1;
+        assert_eq!(output.status.code(), Some(1), "{limit}: {told}");
+        assert!(told.contains("error[E606]") && told.contains("the limit is"), "{limit}: {told}");
+        assert!(!told.contains("error[E601]") && !told.contains("halved"), "{limit}: {told}");
+        assert_eq!(told.matches("error").count(), 1, "{limit}: {told}");
+    }
+    assert!(refusals > 0);
+}
+
+/// A limit on addresses, set from outside, ends with the same message, not with an abort.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_limit_on_addresses_is_told() {
+    let folder = Folder::new("addresses");
+    folder.write("scene.wfl", STRETCHED.replace("[10,10,10]", "[20,20,20]"));
+    for kilobytes in [90_000, 120_000, 200_000] {
+        let script = format!("ulimit -v {kilobytes}; exec '{}' run scene.wfl --threads 1", env!("CARGO_BIN_EXE_wfl"));
+        let output = Command::new("sh").args(["-c", &script]).current_dir(&folder.0).output().expect("a shell");
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{kilobytes}: {told}");
+        for part in ["error[E606]", "addresses, set by `ulimit -v`"] {
+            assert!(told.contains(part), "{kilobytes}: `{part}` is missing in {told}");
+        }
+    }
+}
+
+/// What no estimate foresees is seen while it is taken: the memory of the process stays at its limit.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_limit_holds_for_what_is_not_asked_for() {
+    /// What the process may be above its limit: memory that grows within a millisecond.
+    const ABOVE: u64 = 12_000_000;
+    let folder = Folder::new("watched");
+    let limit = 60_000_000;
+    for (name, cells, degree) in [("first", "[40,40,40] tet", ""), ("second", "[16,16,16] tet", " P2")] {
+        let text = STRETCHED.replace("[10,10,10] tet", cells).replace(": vector", &format!(": vector{degree}"));
+        folder.write("scene.wfl", text);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
+        command.args(["run", "scene.wfl", "--memory", "60MB", "--threads", "1"]).current_dir(&folder.0);
+        let mut child = command.stderr(std::process::Stdio::piped()).spawn().expect("the command starts");
+        let (mut peak, status) = (0, format!("/proc/{}/status", child.id()));
+        let code = loop {
+            let text = std::fs::read_to_string(&status).unwrap_or_default();
+            let line =
+                text.lines().find_map(|l| l.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse::<u64>().ok());
+            peak = peak.max(line.unwrap_or(0) * 1024);
+            if let Some(status) = child.try_wait().expect("a child") {
+                break status.code();
+            }
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        };
+        let told = std::io::read_to_string(child.stderr.take().expect("piped")).expect("text");
+        assert_eq!(code, Some(1), "{name}: {told}");
+        assert!(told.contains("error[E606]"), "{name}: {told}");
+        assert!(peak <= limit + ABOVE, "{name}: {peak} bytes: {told}");
+    }
+}
+
+#[test]
+fn a_limit_below_the_program_itself_is_refused() {
+    let folder = Folder::new("program");
+    folder.write("scene.wfl", STRETCHED);
+    let told = folder.refused(&["run", "scene.wfl", "--memory", "5MB"]);
+    assert!(told.contains("the program alone takes about 32 MB"), "{told}");
+}

@@ -1,0 +1,57 @@
+//! The second line of the limit: a thread that looks at the memory of the process while it works.
+//!
+//! Estimates may be too small, and small things are not asked for. The thread looks as often as memory can grow: the
+//! process cannot be much above its limit before this is seen. It costs one look (30 microseconds) a tenth of a second
+//! while the limit is far, a thousand in a second when it is close.
+
+use std::{
+    sync::{PoisonError, atomic::Ordering},
+    thread,
+    time::Duration,
+};
+
+use super::{LAST, PENDING, TooMuchMemory, limits, user_limit};
+
+/// Bytes a second by which memory can grow: pages filled with zeros by a few threads.
+const GROWTH: u64 = 8_000_000_000;
+const SHORTEST: Duration = Duration::from_millis(1);
+const LONGEST: Duration = Duration::from_millis(100);
+/// Addresses that are left to small needs when the address space is limited: a need that the system refuses there ends
+/// the process without a word.
+const ADDRESSES_LEFT: u64 = 16 << 20;
+
+/// Starts the thread; `passed` is told once when the limit is passed, on that thread, and should end the process.
+///
+/// # Errors
+/// That of the system if it gives no thread.
+pub fn watch(passed: impl FnOnce(&TooMuchMemory) + Send + 'static) -> std::io::Result<()> {
+    thread::Builder::new().name("memory".to_owned()).stack_size(1 << 17).spawn(|| look(passed)).map(drop)
+}
+
+fn look(passed: impl FnOnce(&TooMuchMemory)) {
+    loop {
+        let room = match room() {
+            Ok(room) => room,
+            Err(bound) => {
+                let what = *LAST.lock().unwrap_or_else(PoisonError::into_inner);
+                let limits::Bound { in_use, limit, of } = bound;
+                return passed(&TooMuchMemory { what, needed: None, in_use, limit, of });
+            }
+        };
+        thread::sleep(Duration::from_nanos(room / (GROWTH / 1_000_000_000)).clamp(SHORTEST, LONGEST));
+    }
+}
+
+/// Bytes to the nearest limit, or the limit that is passed.
+fn room() -> Result<u64, limits::Bound> {
+    let (nearest, addresses) = limits::nearest(user_limit());
+    if nearest.in_use > nearest.limit {
+        return Err(nearest);
+    }
+    // granted memory is on its way; it was compared with the limit when it was granted
+    let kept = if PENDING.load(Ordering::Relaxed) > 0 { 0 } else { ADDRESSES_LEFT };
+    if addresses.in_use.saturating_add(kept) > addresses.limit {
+        return Err(addresses);
+    }
+    Ok((nearest.limit - nearest.in_use).min(addresses.limit - addresses.in_use))
+}
