@@ -22,8 +22,10 @@ use super::{
     terms::PlacedLaw,
 };
 use crate::{
+    element::Family,
     field::{Field, FieldSpace},
-    mesh::{FacetRef, RegionSet},
+    mesh::{FacetRef, NodeId, RegionSet},
+    space::Support,
     system::{FIXED, Numbering},
 };
 
@@ -38,6 +40,53 @@ impl Builder<'_> {
         self.idle_rules(laws);
         self.idle_splits();
         self.zero_terms(laws);
+        self.free_between_fixed();
+    }
+
+    /// W416 for a `fix` on nodes of the mesh where the field has nodes between them, which stay free.
+    fn free_between_fixed(&mut self) {
+        let script = self.script;
+        for fix in &script.fixes {
+            for (target, place) in fix.targets.iter().flat_map(|t| fix.places.iter().map(move |p| (t, p))) {
+                let field = self.fields.iter().find(|f| f.name == target.field.name);
+                let set = self.regions.get(&place.name).map(|r| &r.set);
+                let (Some(field), Some(RegionSet::Nodes(nodes))) = (field, set) else { continue };
+                let n = self.nodes_between(field, nodes);
+                if n > 0 {
+                    let d = Diagnostic::new(
+                        "W416",
+                        format!("`fix {}` leaves {n} nodes free between those it holds", field.name),
+                    );
+                    let text = format!("nodes of the mesh; `{}` has degree {}", field.name, field.degree());
+                    let help = "a region of faces has all nodes on them: region side = faces where ...";
+                    self.diagnostics.push(d.at(place.span, text).help(help));
+                }
+            }
+        }
+    }
+
+    /// How many nodes a field has inside faces all of whose corners are among these nodes.
+    fn nodes_between(&self, field: &Field, nodes: &[NodeId]) -> usize {
+        let FieldSpace::Nodal(space) = &field.space else { return 0 };
+        let Support::Cells(cells) = space.support() else { return 0 };
+        if space.degree() < 2 || space.family() == Family::Discontinuous {
+            return 0;
+        }
+        let mut listed = vec![false; self.mesh.n_nodes()];
+        nodes.iter().for_each(|n| listed[n.index()] = true);
+        let mut facets: Vec<FacetRef> = Vec::new();
+        for cell in cells {
+            for local in 0..self.topology.cell_facets(*cell).len() {
+                let Ok(local) = u8::try_from(local) else { continue };
+                let facet = FacetRef { cell: *cell, local };
+                if self.mesh.facet_vertices(facet).vertices().iter().all(|v| listed[v.index()]) {
+                    facets.push(facet);
+                }
+            }
+        }
+        let held: BTreeSet<u32> = space.nodes_at_mesh_nodes(nodes).into_iter().collect();
+        let all = space.nodes_on_facets(&self.mesh, &self.topology, &facets);
+        all.iter().filter(|n| !held.contains(n)).count()
     }
 
     fn loads_on_fixed(&mut self, laws: &[PlacedLaw], prescribed: &Prescribed, numbering: &Numbering) {

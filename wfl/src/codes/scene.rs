@@ -537,6 +537,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "output csv \"line\" : u along [0,0,0] to [1,0,0]",
     ),
     page(
+        "W416",
+        "free nodes between fixed ones",
+        "A region of nodes has nodes of the mesh. A field of degree 2 or more has others between them, on edges and faces: a \
+         `fix` on the region leaves those free, and the body bends there. A region of faces has all of them.",
+        "unknown u : vector Q2\nregion side = nodes where x == 1\nfix u(1) = 0 on side",
+        "unknown u : vector Q2\nregion side = faces where x == 1\nfix u(1) = 0 on side",
+    ),
+    page(
         "W501",
         "a step that Newton does not see",
         "Heaviside and sign have derivative 0, so a term that depends on an unknown through them alone looks constant \
