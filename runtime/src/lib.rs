@@ -44,8 +44,8 @@ pub use run::{
 pub use savings::{SavingError, savings};
 pub use scene::{
     CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions,
-    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, n_files, prepare,
-    prepare_keeping,
+    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, n_files,
+    prepare, prepare_keeping,
 };
 pub use strategy::{SolverMemory, Strategy};
 pub use system::{FIXED, Known, LooseMotions, Memory, NegativeBody, Numbering, Past, System, SystemError};
