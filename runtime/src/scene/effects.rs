@@ -250,6 +250,10 @@ impl Builder<'_> {
 
     fn not_in_terms(&mut self, field: usize, values: &str) {
         let script = self.script;
+        // a term with an error is no term that is zero
+        if !script.lost.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error) {
+            return;
+        }
         let name = &script.fields[field].name;
         let d = Diagnostic::new("W414", format!("no term determines `{}`", name.name)).at(name.span, values);
         let names_it = |t: &&wfl::Term| {

@@ -367,9 +367,11 @@ impl Builder<'_> {
         let is_numbered = |f: &Field| used.contains(&position(f, &self.fields)) || stated(f);
         let mut numbering = Numbering::new(&self.fields, |f| known_kind(f) && is_numbered(f));
         let mut prescribed = self.constraints(&mut numbering, &laws, &used);
-        self.effects(&laws, &prescribed, &numbering);
-        self.read_but_in_no_term(&numbering);
         let broken = !self.script.lost.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error);
+        if !broken {
+            self.effects(&laws, &prescribed, &numbering);
+            self.read_but_in_no_term(&numbering);
+        }
         let assembled = if broken { None } else { self.assemble_terms(laws, &rules, &numbering) };
         let mesh_time = self.mesh_time + begin.elapsed().as_secs_f64();
 
