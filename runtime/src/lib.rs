@@ -39,7 +39,7 @@ pub use left_out::LeftOut;
 pub use pruning::{Pruning, Saving};
 pub use run::{
     Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Others, Outcome, Path, PhysicsCheck, Progress,
-    Quiet, RunError, RunOptions, StepResult, finished, run,
+    Quiet, RunError, RunOptions, StepResult, finished, may_begin, run,
 };
 pub use savings::{SavingError, savings};
 pub use scene::{

@@ -247,6 +247,10 @@ fn files_of_others_are_left_alone_and_named_before_anything_is_computed() {
         assert!(!String::from_utf8_lossy(&ran.stdout).contains("step"), "nothing is computed");
         assert_eq!(folder.files("o"), BTreeMap::from([(name.to_owned(), b"mine".to_vec())]));
     }
+    // also before runs that are made for another one
+    for more in [&["--savings"][..], &["--accuracy", "0.5", "--of", "end"]] {
+        refused(&folder.run(more), "E712", &["`o/manifest.json`"]);
+    }
     // names that the run does not use are nobody's business, also where they look like steps
     let _ = fs::remove_dir_all(folder.0.join("o"));
     fs::create_dir(folder.0.join("o")).expect("a folder");
