@@ -7,6 +7,7 @@
 pub mod accuracy;
 pub mod assemble;
 pub mod compare;
+pub mod consistency;
 pub mod corpus;
 pub mod csr;
 pub mod element;
@@ -38,14 +39,14 @@ mod value;
 pub use left_out::LeftOut;
 pub use pruning::{Pruning, Saving};
 pub use run::{
-    Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Others, Outcome, Path, PhysicsCheck, Progress,
-    Quiet, RunError, RunOptions, StepResult, finished, may_begin, run,
+    Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, FRUITLESS, Others, Outcome, Path, PhysicsCheck,
+    Progress, Quiet, RunError, RunOptions, StepResult, finished, run,
 };
 pub use savings::{SavingError, savings};
 pub use scene::{
     CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions,
-    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, n_files,
-    prepare, prepare_keeping,
+    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, prepare,
+    prepare_keeping,
 };
 pub use strategy::{SolverMemory, Strategy};
 pub use system::{FIXED, Known, LooseMotions, Memory, NegativeBody, Numbering, Past, System, SystemError};

@@ -54,7 +54,8 @@ pub(crate) enum Command {
     /// What the compiler makes of a scene
     #[command(after_help = SHOW_HELP)]
     Show(ShowArgs),
-    /// Compare each term's tangent with high-precision differences of its residual
+    /// Compare each term's tangent with high-precision differences of its residual, and try contact with bodies of constant
+    /// stress
     #[command(after_help = VERIFY_HELP)]
     Verify(VerifyArgs),
     /// What the code of a message means, with an example; what a function does
@@ -114,7 +115,8 @@ Examples:
 const VERIFY_HELP: &str = "\
 States are random: of every size, and close to each kink on both of its sides. Differences are taken in 31 digits, so
 that an error above 1e-7 of a block is an error of the tangent; the exit code is then 1. Machine code and interpreter
-are compared bit by bit at the same states.
+are compared bit by bit at the same states. Terms of contact are tried with bodies of constant stress (docs/language.md):
+what they leave of the balance of forces, and the exit code 1 where they do not carry that stress.
 
 Example:
   wfl verify examples/fault/nitsche.wfl --samples 200";

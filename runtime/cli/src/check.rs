@@ -10,15 +10,16 @@ use wfl::{
 use wfl_compiler::types::FieldKind;
 use wfl_runtime::{
     FIXED, RuleChoice, Scene, Strategy,
+    consistency::consistency,
     element::Family,
     field::FieldSpace,
     mesh::{self, RegionSet},
-    n_files,
 };
 
 use crate::{
     accuracy,
     args::CheckArgs,
+    contact,
     load::{Loaded, load, out, print_all},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     table::{Table, number},
@@ -30,11 +31,15 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
     };
     let parse = started.elapsed().as_secs_f64();
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
+    let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
+    let forms = consistency(&mut scene);
+    loaded.messages.extend(contact::warnings(&loaded, &forms));
     print_all(&loaded.messages, &loaded.sources);
     let accuracy = accuracy::table(&loaded, &scene);
     let mut tables = tables(&loaded, &scene, parse);
     tables.insert(1, accuracy);
+    let terms = tables.iter().position(|t| t.name == "terms").map_or(tables.len(), |k| k + 1);
+    tables.insert(terms, contact::table(&loaded, &scene, &forms));
     if args.json {
         let mut all = Map::new();
         all.insert("scene".to_owned(), loaded.name.clone().into());
@@ -53,7 +58,7 @@ fn tables(loaded: &Loaded, scene: &Scene, parse: f64) -> Vec<Table> {
     let mut list =
         vec![mesh(scene), quality(scene), regions(loaded, scene), fields(loaded, scene), parameters(loaded, scene)];
     list.push(units(loaded));
-    list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded, scene)]);
+    list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded)]);
     list.extend([system(scene), left_out(loaded, scene), times(scene, parse)]);
     list
 }
@@ -264,19 +269,11 @@ fn measures(loaded: &Loaded) -> Table {
     table
 }
 
-/// What is written, and what a run of all steps would write of it.
-fn outputs(loaded: &Loaded, scene: &Scene) -> Table {
-    let mut table = Table::new("outputs", &["format", "file", "quantities", "files", "about MB"]);
-    let n_steps = scene.steps.values.len();
-    let vtk = scene.vtk.iter().map(|v| ("vtk", &v.file, v.every, v.bytes()));
-    let made: Vec<_> = vtk.chain(scene.csv.iter().map(|c| ("csv", &c.file, c.every, c.bytes()))).collect();
+fn outputs(loaded: &Loaded) -> Table {
+    let mut table = Table::new("outputs", &["format", "file", "quantities"]);
     for o in &loaded.script.outputs {
         let items: Vec<Value> = o.items.iter().map(|i| i.name.clone().into()).collect();
-        let found = made.iter().find(|m| (m.0, m.1) == (o.format.name.as_str(), &o.file));
-        let files = found.map_or(0, |m| n_files(m.2, n_steps));
-        #[expect(clippy::cast_precision_loss, reason = "a size that is told with few digits")]
-        let size = found.map_or(0.0, |m| short((files * m.3) as f64 / 1e6));
-        table.push(vec![o.format.name.clone().into(), o.file.clone().into(), items.into(), files.into(), size.into()]);
+        table.push(vec![o.format.name.clone().into(), o.file.clone().into(), items.into()]);
     }
     table
 }

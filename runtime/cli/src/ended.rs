@@ -5,7 +5,7 @@ use std::{path::Path, process::ExitCode};
 use wfl::Diagnostic;
 use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
-    Outcome, RunError, RunOptions, Scene, StepResult,
+    AttemptEnd, FRUITLESS, Outcome, RunError, RunOptions, Scene, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
     finite::{self, BadState, position, short, word},
     memory::TooMuchMemory,
@@ -56,6 +56,13 @@ pub(crate) fn finish(
                 step.time,
                 step.history.n_iterations()
             ));
+            if step.fruitless() > FRUITLESS * scene.newton.max_iterations {
+                say(&format!(
+                    "  = note: {} attempts came to nothing after {} iterations in all, more than {FRUITLESS} times max_iter: smaller parts were not tried\n",
+                    step.attempts.iter().filter(|a| a.end != AttemptEnd::Converged).count(),
+                    step.fruitless()
+                ));
+            }
             if is_below(loaded) {
                 say(
                     "  = note: a Nitsche parameter is below its smallest safe value (W503): there need not be a solution\n",
@@ -208,6 +215,10 @@ fn judged(outcome: &Outcome) -> String {
             i.floor,
             a.digits().floor()
         );
+    }
+    let works: Vec<f64> = outcome.steps.iter().filter_map(|s| Some(s.friction?.taken)).collect();
+    if !works.is_empty() {
+        text += &format!("  energy that friction took: {:.6e}\n", works.iter().sum::<f64>());
     }
     for check in &step.checks {
         let mark = if check.holds() { "" } else { "  NOT within its limit" };

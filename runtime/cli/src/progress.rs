@@ -1,10 +1,13 @@
-//! Progress on a terminal: a bar for the steps, a line a step, with `-v` a line an iteration.
+//! Progress on a terminal: a bar for the steps, a line a step, with `-v` a line an iteration, and a line every few seconds
+//! while nothing else is said.
 
 use std::io::IsTerminal;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use wfl_compiler::ir::Origin;
 use wfl_runtime::{Attempt, AttemptEnd, Path, Progress, StepResult, newton::Iteration};
+
+use crate::heartbeat::Heartbeat;
 
 /// How much is said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,14 +21,20 @@ pub(crate) enum Loudness {
 pub(crate) struct Terminal {
     loudness: Loudness,
     bar: Option<ProgressBar>,
+    /// None where nothing is to be said.
+    heartbeat: Option<Heartbeat>,
 }
 
 impl Terminal {
     pub(crate) fn new(loudness: Loudness) -> Self {
-        Self { loudness, bar: None }
+        let heartbeat = (loudness != Loudness::Quiet).then(|| Heartbeat::new(|t| crate::load::say(&format!("{t}\n"))));
+        Self { loudness, bar: None, heartbeat }
     }
 
     fn line(&self, text: &str) {
+        if let Some(heartbeat) = &self.heartbeat {
+            heartbeat.spoke();
+        }
         match &self.bar {
             Some(bar) => bar.println(text),
             None => crate::load::say(&format!("{text}\n")),
@@ -57,7 +66,13 @@ impl Progress for Terminal {
             {
                 bar.set_style(style);
             }
+            // lines of the heartbeat go above the bar
+            let above = bar.clone();
+            self.heartbeat = Some(Heartbeat::new(move |t| above.println(t)));
             self.bar = Some(bar);
+        }
+        if let Some(heartbeat) = &self.heartbeat {
+            heartbeat.step(format!("step {} of {count}, t = {time}", number + 1));
         }
         if let Some(bar) = &self.bar {
             bar.set_message(format!("t = {time}"));
@@ -68,6 +83,9 @@ impl Progress for Terminal {
     }
 
     fn iteration(&mut self, i: &Iteration) {
+        if let Some(heartbeat) = &self.heartbeat {
+            heartbeat.iteration(i);
+        }
         if self.loudness != Loudness::Verbose {
             return;
         }
@@ -132,6 +150,8 @@ fn parts(step: &StepResult) -> Option<String> {
 
 impl Drop for Terminal {
     fn drop(&mut self) {
+        // its line would come after the bar has gone
+        self.heartbeat = None;
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }

@@ -4,12 +4,13 @@ use std::{path::PathBuf, time::Instant};
 
 use wfl_runtime::{
     Outcome, RunError, RunOptions, Scene,
+    consistency::consistency,
     output::{About, OrderedMap, SceneText, check_name},
 };
 
 use crate::{
     args::RunArgs,
-    definite,
+    contact, definite,
     interrupt::Tidied,
     load::{Loaded, out, print_all, say},
     nitsche,
@@ -72,6 +73,8 @@ pub(crate) fn ready(
     loaded.messages.extend(found);
     let bodies = definite::bodies(loaded, scene);
     loaded.messages.extend(bodies);
+    let inconsistent = contact::warnings(loaded, &consistency(scene));
+    loaded.messages.extend(inconsistent);
     if refused {
         print_all(&loaded.messages, &loaded.sources);
         return Err("a Nitsche parameter is below its safe value, which --strict does not allow".to_owned());
@@ -101,7 +104,7 @@ pub(crate) fn ready(
 }
 
 /// The results folder that is asked for, or the one that is named after the scene.
-pub(crate) fn folder(args: &RunArgs, loaded: &Loaded) -> Result<PathBuf, String> {
+fn folder(args: &RunArgs, loaded: &Loaded) -> Result<PathBuf, String> {
     if let Some(out) = &args.out {
         return Ok(out.clone());
     }

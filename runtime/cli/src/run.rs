@@ -3,18 +3,19 @@
 use std::{process::ExitCode, time::Instant};
 
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
-use wfl_runtime::{Saving, Scene, finished, may_begin, savings};
+use wfl_runtime::{Saving, finished, savings};
 
 use crate::{
     accuracy,
     args::RunArgs,
     ended::{ended_before, explain, finish},
     folder::error_line,
+    heartbeat::Heartbeat,
     knobs::load_with,
     load::{Loaded, out, say},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     progress::Loudness,
-    ready::{Ready, folder, ready, shaped},
+    ready::{Ready, ready, shaped},
 };
 
 pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
@@ -22,6 +23,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         return ExitCode::from(EXIT_ERROR);
     };
     let parse_seconds = started.elapsed().as_secs_f64();
+    let preparing = (!args.quiet).then(|| Heartbeat::new(|t| say(&format!("{t}\n"))));
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
     // for an accuracy the scene as it stands is looked at and not run
     let looked_at: &dyn KernelBackend = if args.accuracy.is_some() { &InterpreterBackend } else { &*backend };
@@ -40,9 +42,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
             );
             return ExitCode::from(EXIT_ERROR);
         }
-        if !may_write(args, &loaded, &scene) {
-            return ExitCode::from(EXIT_ERROR);
-        }
+        drop(preparing);
         return accuracy::run(args, &demand, (loaded, scene), &*backend, started);
     }
     if args.of.is_some() || args.budget.is_some() {
@@ -50,9 +50,6 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         return ExitCode::from(EXIT_ERROR);
     }
     let mut scene = shaped(args, scene);
-    if args.savings && !may_write(args, &loaded, &scene) {
-        return ExitCode::from(EXIT_ERROR);
-    }
     let ready = ready(args, &mut loaded, &mut scene, parse_seconds, started);
     let mut ready = match ready.and_then(|ready| measured(args, &loaded, &*backend, ready)) {
         Ok(ready) => ready,
@@ -61,6 +58,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
             return ExitCode::from(EXIT_ERROR);
         }
     };
+    drop(preparing);
     match finished(&scene, &ready.options) {
         Ok(None) => {}
         Ok(Some(report)) => return ended_before(&ready, &report),
@@ -77,16 +75,6 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
             ExitCode::from(EXIT_ERROR)
         }
     }
-}
-
-/// Whether the results can be written, looked at before other runs are made for this one; says why not.
-fn may_write(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
-    match folder(args, loaded).map(|out| may_begin(scene, &out)) {
-        Ok(Ok(())) => return true,
-        Ok(Err(error)) => explain(loaded, scene, &error),
-        Err(why) => say(&error_line(&why)),
-    }
-    false
 }
 
 /// A run with what its savings are, if that is asked for.

@@ -1,4 +1,4 @@
-//! `wfl verify`: tangents against differences of residuals.
+//! `wfl verify`: tangents against differences of residuals, contact terms against bodies of constant stress.
 
 use std::process::ExitCode;
 
@@ -7,10 +7,11 @@ use wfl_compiler::{
     KinkKind, TangentCheck, TangentSampling, TermLaw, check_tangent,
     types::{BasisSlot, FieldOp, FieldSig, Side},
 };
-use wfl_runtime::Scene;
+use wfl_runtime::{Scene, consistency::consistency};
 
 use crate::{
     args::VerifyArgs,
+    contact,
     load::{load, out, print_all, say},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     table::Table,
@@ -24,7 +25,10 @@ pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
         return ExitCode::from(EXIT_ERROR);
     };
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
+    let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
+    let forms = consistency(&mut scene);
+    let inconsistent = contact::warnings(&loaded, &forms);
+    loaded.messages.extend(inconsistent.iter().cloned());
     print_all(&loaded.messages, &loaded.sources);
     let sampling = sampling(&scene, args);
     let columns = ["term", "test", "trial", "entries", "tangent - difference", "rounding", ""];
@@ -50,8 +54,14 @@ pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
         }
     }
     out(&[blocks.text(), states.text()].join("\n"));
+    for table in contact::states(&loaded, &scene, &forms).iter().filter(|t| !t.rows.is_empty()) {
+        out(&format!("\n{}", table.text()));
+    }
     if failures.is_empty() {
         out(&format!("\nall tangents agree within {TOLERANCE:e}; machine code and interpreter agree bit by bit\n"));
+    }
+    failures.extend(inconsistent.iter().map(|d| format!("{}: {}", d.code, d.message)));
+    if failures.is_empty() {
         return ExitCode::SUCCESS;
     }
     for failure in failures {

@@ -152,6 +152,14 @@ impl Workspace {
         }
     }
 
+    /// The outward normal of a lane of the batch prepared last, at the last point of its rule.
+    #[must_use]
+    pub fn normal_at_the_end(&self, dim: usize, group: &Group, lane: usize) -> [f64; 3] {
+        let mut normal = [ZERO; 3];
+        self.here.normal(dim, group.reference_normal, &mut normal);
+        normal.map(|component| component[lane])
+    }
+
     /// Weight times measure at point `q`.
     #[must_use]
     pub fn weight(&self, q: usize) -> &Lanes {

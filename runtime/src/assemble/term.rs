@@ -203,6 +203,12 @@ impl AssembledTerm {
         self.uniforms = run_prologue(&self.law.prologue, &self.step);
     }
 
+    /// Numbers of the law that are the same at all points, at the present step.
+    #[must_use]
+    pub fn uniforms(&self) -> &[f64] {
+        &self.uniforms
+    }
+
     /// Fields whose dofs the tangent of this term couples.
     pub fn coupled_fields(&self) -> impl Iterator<Item = FieldId> + '_ {
         self.law.tests.iter().chain(&self.law.trials).map(|s| s.field)

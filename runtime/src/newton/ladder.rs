@@ -86,6 +86,8 @@ const NOTHING: f64 = 0.04;
 const AGAIN: f64 = 1e-6;
 /// Kinks that a path may pass.
 const PATH_PATIENCE: usize = 150;
+/// Kinks that all paths of an attempt may pass beside its iterations: as many paths as a ladder has.
+pub(super) const ROOM_OF_PATHS: usize = 3 * PATH_PATIENCE;
 /// More may pass while the residual has halved in so many.
 const PROGRESS: usize = 10;
 /// Iterations with soft contact that may pass, and the part of the points whose change is small enough to go on.

@@ -18,7 +18,7 @@ mod start;
 use std::time::Instant;
 
 pub use history::{Iteration, Seconds, StepHistory, Stop};
-pub use pieces::{Coercivity, ContactGaps, Passed, TermPieces, Watched};
+pub use pieces::{Coercivity, ContactGaps, FrictionWork, Passed, TermPieces, Watched};
 pub(crate) use pieces::{Kinks, Way, next_kinks, search};
 
 use ladder::Ladder;
@@ -229,11 +229,12 @@ fn iterate(
     let mut left = false;
     let mut path = None;
     let start = u.to_vec();
-    let (mut iteration, mut room) = (0, options.max_iterations);
+    let (mut iteration, mut room, mut room_of_paths) = (0, options.max_iterations, ladder::ROOM_OF_PATHS);
     while room > 0 {
         iteration += 1;
-        // a path has a limit of its own
-        room -= usize::from(path.is_none());
+        // paths have a limit of their own
+        let rooms = if path.is_some() && room_of_paths > 0 { &mut room_of_paths } else { &mut room };
+        *rooms -= 1;
         if let Some(stop) = confirmed(system, u, &mut here, (ladder.held(), &weights, options))? {
             finish((system, strategy), u, (ladder.held(), &weights, options), (stop, &mut history), watch)?;
             return Ok(history);

@@ -9,11 +9,13 @@
 mod coercivity;
 mod compliance;
 mod contact;
+mod friction;
 mod kinks;
 mod watched;
 
 pub use coercivity::Coercivity;
 pub use contact::ContactGaps;
+pub use friction::FrictionWork;
 pub(crate) use kinks::{Kinks, Way, next_kinks};
 pub(crate) use watched::search;
 pub use watched::{Passed, Watched};
@@ -402,6 +404,21 @@ impl TermPieces {
     #[must_use]
     pub fn follow(&self, watched: &Watched, guides: &[f64]) -> Vec<f64> {
         self.choose(watched, guides, false)
+    }
+
+    /// The law that watches the arguments of the projections, where it is read, and the projections.
+    pub(crate) fn watched_laws(&self) -> (&Value, &Sampled, &[Projection]) {
+        (&self.watch, &self.sampled, &self.projections)
+    }
+
+    /// True if a ball acts on faces: friction.
+    pub(crate) fn has_ball(&self) -> bool {
+        !self.held.on_cells() && self.projections.iter().any(|p| p.kind == ProjectionKind::Ball && p.acts)
+    }
+
+    /// Guides at an integration point.
+    pub(crate) fn guides_at_a_point(&self) -> usize {
+        self.n_guides
     }
 
     /// Guides before any piece is chosen.

@@ -240,6 +240,10 @@ pub struct StepReport {
     pub residual: Vec<Real>,
     /// Contact points at the end; `None` if the scene has no contact.
     pub contact: Option<ContactCounts>,
+    /// Energy that friction took from the motion in this step, negative where it gave some back; left out of the file
+    /// without friction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction_work: Option<Real>,
     /// Measures at the end, in the order of declaration.
     pub measures: OrderedMap<Real>,
     /// Every attempt at a part of the step; left out of the file if one was enough.

@@ -16,7 +16,7 @@ use thiserror::Error;
 use super::{Accuracy, Attempt, AttemptEnd, Clock, Others, Path, PhysicsCheck, Run, RunError, StepResult};
 use crate::{
     input::{InputError, InputKind, read_input},
-    newton::{Iteration, StepHistory, Stop},
+    newton::{FrictionWork, Iteration, StepHistory, Stop},
     output::{Hash, OutputDir},
     scene::Scene,
     solve::{Reference, SolveReport},
@@ -31,7 +31,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 8;
+const FORMAT: u64 = 9;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -310,6 +310,8 @@ fn step(w: &mut Writer, s: &StepResult) {
         w.numbers(&[c.value, c.limit]);
         w.text(&c.detail);
     }
+    w.count(usize::from(s.friction.is_some()));
+    s.friction.iter().for_each(|f| w.numbers(&[f.taken, f.size, f.bound]));
     w.count(s.measures.len());
     for (name, value) in &s.measures {
         w.text(name);
@@ -358,6 +360,11 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         Ok(PhysicsCheck { name, value, limit, detail: r.text()? })
     })?;
     let accuracy = accuracy.into_iter().next();
+    let friction = r.list(|r| {
+        let [taken, size, bound] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        Ok(FrictionWork { taken, size, bound })
+    })?;
+    let friction = friction.into_iter().next();
     let measures = r.list(|r| {
         let name = r.text()?;
         let [value] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
@@ -365,7 +372,19 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
     })?;
     let state = Vec::new();
     let bad_measures = Vec::new();
-    Ok(StepResult { time, increment, history, attempts, accuracy, checks, others, measures, bad_measures, state })
+    Ok(StepResult {
+        time,
+        increment,
+        history,
+        attempts,
+        accuracy,
+        checks,
+        friction,
+        others,
+        measures,
+        bad_measures,
+        state,
+    })
 }
 
 fn attempt(w: &mut Writer, a: &Attempt) {

@@ -21,16 +21,16 @@ use std::{
 
 pub use accuracy::Accuracy;
 pub use checkpoint::{CHECKPOINT_FILE, CheckpointError};
-pub use folder::{finished, may_begin};
+pub use folder::finished;
 pub use physics::PhysicsCheck;
 pub use several::Others;
-pub use stepping::{Attempt, AttemptEnd, Path};
+pub use stepping::{Attempt, AttemptEnd, FRUITLESS, Path};
 use thiserror::Error;
 use wfl_compiler::ir::Origin;
 
 use crate::{
     finite::{BadGiven, BadMeasure, BadOutput},
-    newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
+    newton::{FrictionWork, Iteration, NewtonError, StepHistory, Stop, Watch},
     output::{About, Hash, OrderedMap, OutputDir, OutputError, Report, State, write_report},
     pruning::Saving,
     scene::{Scene, node_positions, set_data},
@@ -143,6 +143,9 @@ pub struct StepResult {
     pub accuracy: Option<Accuracy>,
     /// Conditions of mechanics at a converged state.
     pub checks: Vec<PhysicsCheck>,
+    /// Energy that friction took from the motion in this step (force times length), negative where it gave some back;
+    /// `None` without friction.
+    pub friction: Option<FrictionWork>,
     /// What is known of other states that solve the same equations; looked for until that is proved.
     pub others: Others,
     /// Measures by name.
@@ -152,6 +155,14 @@ pub struct StepResult {
     /// All unknowns at its end; empty for steps before the last one unless [`RunOptions::keep_states`] says otherwise,
     /// and for a step that another process did before this one went on from a checkpoint.
     pub state: Vec<f64>,
+}
+
+impl StepResult {
+    /// Iterations of the attempts that came to nothing; 0 where one attempt was enough.
+    #[must_use]
+    pub fn fruitless(&self) -> usize {
+        self.attempts.iter().filter(|a| a.end != AttemptEnd::Converged).map(|a| a.iterations).sum()
+    }
 }
 
 /// What a run ends with.
@@ -242,11 +253,17 @@ impl RunError {
     }
 }
 
-struct Forward<'p>(&'p mut dyn Progress);
+/// Tells the iterations of an attempt, and counts them.
+struct Forward<'p> {
+    progress: &'p mut dyn Progress,
+    iterations: usize,
+}
 
 impl Watch for Forward<'_> {
     fn iteration(&mut self, iteration: &Iteration) {
-        self.0.iteration(iteration);
+        // 0 is the start
+        self.iterations += usize::from(iteration.number > 0);
+        self.progress.iteration(iteration);
     }
 }
 
@@ -464,6 +481,7 @@ impl Run {
         progress.step(number, values.len(), time);
         let from = number.checked_sub(1).map(|k| values[k]);
         let leg = Leg { from, to: time, first_increment: values.get(1).map_or(0.0, |next| next - values[0]) };
+        let before = scene.system.has_sliding().then(|| self.u.clone());
         let reached = if number == 0 && scene.steps.from_start {
             self.stepper.given(scene, &self.u, leg, &mut self.clock, progress)
         } else {
@@ -476,6 +494,8 @@ impl Run {
         let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
         let Judged { accuracy, checks, others } =
             judged.map_err(|error| RunError::step(&scene.system, (number, time), error.into()))?;
+        let before = before.filter(|_| solved);
+        let friction = before.and_then(|before| scene.system.friction_work(&before, &self.u));
         self.stepper.renew(scene);
         let (u, increment) = (&self.u, reached.increment);
         let Scene { prints, system, measures: asked, .. } = &mut *scene;
@@ -501,7 +521,19 @@ impl Run {
         }
         bad_prints.into_iter().for_each(|bad| self.add_bad(bad));
         let state = self.u.clone();
-        Ok(StepResult { time, increment, history, attempts, accuracy, checks, others, measures, bad_measures, state })
+        Ok(StepResult {
+            time,
+            increment,
+            history,
+            attempts,
+            accuracy,
+            checks,
+            friction,
+            others,
+            measures,
+            bad_measures,
+            state,
+        })
     }
 
     /// Keeps what is not finite, the first time that it is met.

@@ -120,6 +120,7 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
             ),
         ));
     }
+    out.extend(energy_back(steps).map(|text| ("W615", text)));
     out.extend(several(steps).map(|text| ("W609", text)));
     for check in worst_checks(steps).into_iter().filter(|c| !c.holds()) {
         out.push((
@@ -128,6 +129,39 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
         ));
     }
     out
+}
+
+/// Energy that friction gives back counts if it is this part of the most that it had taken in the run: where loads only grow
+/// but turn, a few thousandths come back.
+const BACK: f64 = 0.1;
+/// It is rounding below this part of what it is summed from, and of the friction bound over the largest displacement.
+const CANCELLED: f64 = 1e-3;
+const MOVED: f64 = 1e-6;
+
+/// The step in which friction as a whole has given back a part of the energy that it took.
+fn energy_back(steps: &[StepResult]) -> Option<String> {
+    let works = || steps.iter().filter_map(|s| Some((s.time, s.friction?)));
+    let (mut sum, mut most, mut limit) = (0.0f64, 0.0f64, 0.0f64);
+    for (_, work) in works() {
+        sum += work.taken;
+        most = most.max(sum);
+        limit = limit.max(CANCELLED * work.size).max(MOVED * work.bound);
+    }
+    limit = limit.max(BACK * most);
+    let (mut sum, mut high) = (0.0f64, 0.0f64);
+    for (time, work) in works() {
+        sum += work.taken;
+        high = high.max(sum);
+        let back = high - sum;
+        if back > limit {
+            return Some(format!(
+                "by t = {time} friction has given back the energy {back:.3e} of {high:.3e} that it took before: a law on the \
+                 total slip has no memory of the way; write its argument with the slip of the step, tang(jump(uL,uR) - \
+                 jump(Previous_uL,Previous_uR))"
+            ));
+        }
+    }
+    None
 }
 
 /// The strongest of what says that a state has others beside it.
@@ -182,6 +216,7 @@ fn step_report(step: &StepResult) -> StepReport {
             slip: c[1] as u64,
             stick: c[2] as u64,
         }),
+        friction_work: step.friction.map(|f| Real(f.taken)),
         measures,
         attempts: step.attempts.iter().map(attempt_report).collect(),
     }

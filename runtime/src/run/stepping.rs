@@ -7,6 +7,8 @@
 //! s = 0 and is the scene at s = 1; prescribed values move with s from those of u0. That needs no knowledge of what
 //! the loads are.
 //!
+//! A step whose attempts come to nothing for long is given up ([`FRUITLESS`]): what more parts may take is bounded.
+//!
 //! Promises: every attempt is listed; after a failure unknowns and memory are those of the last converged part.
 //! Does not write anything and does not decide whether a run goes on.
 
@@ -25,6 +27,10 @@ use crate::{
 
 /// Converged parts in a row after which the increment doubles.
 const EASY_PARTS: u32 = 2;
+
+/// Iterations of a step in attempts that come to nothing, in units of the most iterations of one attempt (`max_iter`),
+/// after which no smaller part is tried. The steps of `docs/newton.md` take none.
+pub const FRUITLESS: usize = 10;
 
 /// Why a part of a step has no result.
 #[derive(Debug, Error)]
@@ -119,13 +125,15 @@ pub(super) struct Stepper {
     /// Parts of this size that converged in a row.
     pub(super) easy: u32,
     solver: SolverOptions,
+    /// Iterations of the last attempt.
+    iterations: usize,
     /// The states after the last part that converged, not taken over yet.
     next_states: Vec<Vec<f64>>,
 }
 
 impl Stepper {
     pub(super) fn new(solver: SolverOptions) -> Self {
-        Self { strategy: None, level: 0, easy: 0, solver, next_states: Vec::new() }
+        Self { strategy: None, level: 0, easy: 0, solver, iterations: 0, next_states: Vec::new() }
     }
 
     /// Solves the step; `u` holds the state before and then the one after.
@@ -146,6 +154,7 @@ impl Stepper {
         let mut failed_whole = None;
         // what the parts before the last one have to tell
         let (mut turns, mut displaced) = (0, false);
+        let mut fruitless = 0;
         self.level = self.level.min(halve);
         begin(scene, leg, u)?;
         let known_before = scene.system.known.clone();
@@ -156,7 +165,7 @@ impl Stepper {
             let increment = target.increment;
             let result = self.attempt(scene, u, &target, clock, progress);
             scene.system.set_shift(Vec::new());
-            attempts.push(attempt(path, (position, end, whole), &result));
+            attempts.push(self.listed(path, (position, end, whole), &result));
             match result {
                 Ok(mut history) if history.converged() => {
                     position = end;
@@ -184,7 +193,9 @@ impl Stepper {
                     if path == Path::Load && load.is_none() {
                         load = load_start(&mut scene.system, u);
                     }
-                    let stuck = self.level == halve || (path == Path::Load && load.is_none());
+                    fruitless += self.iterations;
+                    let patient = fruitless <= FRUITLESS * scene.newton.max_iterations;
+                    let stuck = !patient || self.level == halve || (path == Path::Load && load.is_none());
                     if !stuck {
                         self.level += 1;
                         self.easy = 0;
@@ -196,7 +207,7 @@ impl Stepper {
                         Some(failed) => failed,
                         None => {
                             let result = self.attempt(scene, u, &target_whole(leg), clock, progress);
-                            attempts.push(attempt(path, (0, whole, whole), &result));
+                            attempts.push(self.listed(path, (0, whole, whole), &result));
                             (result, u.to_vec())
                         }
                     };
@@ -237,6 +248,7 @@ impl Stepper {
         progress: &mut dyn Progress,
     ) -> Result<StepHistory, StepError> {
         let (time, increment) = (target.time, target.increment);
+        self.iterations = 0;
         self.prepare(scene, (time, increment), clock, progress)?;
         let from = u.to_vec();
         scene.prescribed.apply(time, increment, u).map_err(|bad| NewtonError::Given(Box::new(bad)))?;
@@ -245,7 +257,10 @@ impl Stepper {
             scene.system.set_shift(start.residual.iter().map(|r| (s - 1.0) * r).collect());
         }
         let strategy = self.strategy.as_mut().expect("prepared above");
-        let history = solve_step(&mut scene.system, strategy, (&from, u), scene.newton, &mut Forward(progress))?;
+        let mut watch = Forward { progress, iterations: 0 };
+        let result = solve_step(&mut scene.system, strategy, (&from, u), scene.newton, &mut watch);
+        self.iterations = watch.iterations;
+        let history = result?;
         // whatever the method, a state that is written, measured or gone on from is finite
         scene.system.check_finite("value", u, u).map_err(NewtonError::from)?;
         clock.assemble += history.seconds.assemble;
@@ -256,6 +271,21 @@ impl Stepper {
             self.next_states = next_states(scene, time, increment, u)?;
         }
         Ok(history)
+    }
+
+    /// The last attempt in the list of all.
+    fn listed(
+        &self,
+        path: Path,
+        (position, end, whole): (u64, u64, u64),
+        result: &Result<StepHistory, StepError>,
+    ) -> Attempt {
+        let (iterations, end_of_it) = match result {
+            Ok(h) if h.converged() => (h.n_iterations(), AttemptEnd::Converged),
+            Ok(h) => (h.n_iterations(), AttemptEnd::NotConverged),
+            Err(e) => (self.iterations, AttemptEnd::Failed(e.to_string())),
+        };
+        Attempt { path, part: (part((position, whole)), part((end, whole))), iterations, end: end_of_it }
     }
 
     /// Takes over the states that follow from the last part that converged.
@@ -375,13 +405,4 @@ fn target<'a>(leg: Leg, (position, end, whole): (u64, u64, u64), load: Option<&'
 
 fn target_whole(leg: Leg) -> Target<'static> {
     target(leg, (0, 1, 1), None)
-}
-
-fn attempt(path: Path, (position, end, whole): (u64, u64, u64), result: &Result<StepHistory, StepError>) -> Attempt {
-    let (iterations, end_of_it) = match result {
-        Ok(h) if h.converged() => (h.n_iterations(), AttemptEnd::Converged),
-        Ok(h) => (h.n_iterations(), AttemptEnd::NotConverged),
-        Err(e) => (0, AttemptEnd::Failed(e.to_string())),
-    };
-    Attempt { path, part: (part((position, whole)), part((end, whole))), iterations, end: end_of_it }
 }

@@ -6,7 +6,7 @@ use super::System;
 use crate::{
     assemble::{FieldValues, TermError},
     finite::{BadState, largest as largest_of},
-    newton::{Coercivity, ContactGaps},
+    newton::{Coercivity, ContactGaps, FrictionWork},
 };
 
 impl System {
@@ -100,6 +100,49 @@ impl System {
             p.coercivity(&self.mesh, &self.fields, &self.terms, values, &self.numbering.starts)
         };
         self.pieces.iter().filter_map(of).collect()
+    }
+
+    /// The work of friction from the state `before` to `u`, of all terms; `None` for a scene without friction.
+    #[must_use]
+    pub fn friction_work(&self, before: &[f64], u: &[f64]) -> Option<FrictionWork> {
+        let (now, then, previous) =
+            (self.slices_with_guides(u), self.slices_with_guides(before), self.previous_slices());
+        let values = |current| FieldValues { current, previous: &previous };
+        let of = |p: &crate::newton::TermPieces| {
+            let term = &self.terms[p.term];
+            p.friction_work(&self.mesh, &self.fields, term, (values(&now), values(&then)))
+        };
+        let all: Vec<FrictionWork> = self.pieces.iter().filter_map(of).collect();
+        let sum = |part: fn(&FrictionWork) -> f64| all.iter().map(part).sum();
+        (!all.is_empty()).then(|| FrictionWork {
+            taken: sum(|w| w.taken),
+            size: sum(|w| w.size),
+            bound: sum(|w| w.bound),
+        })
+    }
+
+    /// True if a term has friction.
+    #[must_use]
+    pub fn has_sliding(&self) -> bool {
+        self.pieces.iter().any(crate::newton::TermPieces::has_ball)
+    }
+
+    /// The terms with held pieces.
+    pub(crate) fn pieces(&self) -> &[crate::newton::TermPieces] {
+        &self.pieces
+    }
+
+    /// The values of all fields at `u`, those that guide the held pieces behind those of the scene.
+    pub(crate) fn slices_with_guides<'a>(&'a self, u: &'a [f64]) -> Vec<&'a [f64]> {
+        let mut current = self.slices(u);
+        current.extend(self.guides.iter().map(Vec::as_slice));
+        current
+    }
+
+    /// Brings the laws of all terms to a step; assembles nothing.
+    pub(crate) fn set_laws(&mut self, time: f64, increment: f64) {
+        self.terms.iter_mut().for_each(|t| t.set_step(time, increment));
+        self.pieces.iter_mut().for_each(|p| p.set_step(time, increment));
     }
 
     /// What each contact law leaves of gaps and friction cones at `u`, with the name of its term.

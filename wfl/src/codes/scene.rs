@@ -200,37 +200,6 @@ pub(super) const PAGES: &[CodePage] = &[
         "region tips = nodes of left where x == 0\nload uL = [0,0,-1] on tips",
     ),
     page(
-        "E432",
-        "a prescribed value that is lost to another",
-        "Two `fix` statements give one displacement different values at every node of the earlier one: nothing of it is \
-         left. Equal values are silent. Values that grow from one to another are one formula of the variable of `steps`.",
-        "fix u = [0,0,0] on west\nfix u(1) = 0.1 on west",
-        "fix u = [0.1,0,0] on west",
-    ),
-    page(
-        "E433",
-        "two outputs of one name",
-        "Files of one name replace each other, and so do quantities of one name in a file. Names that differ in \
-         the case of letters only are one name on some systems.",
-        "output vtk \"plate\" : u\noutput vtk \"Plate\" : Grad_u as strain",
-        "output vtk \"plate\" : u\noutput vtk \"strains\" : Grad_u as strain",
-    ),
-    page(
-        "E434",
-        "one thing stated twice",
-        "Of two rules of integration on one region, or two first values of one field, one would be lost.",
-        "quadrature on all degree 4\nquadrature on all degree 6",
-        "quadrature on all degree 6",
-    ),
-    page(
-        "E435",
-        "a line that meets no body",
-        "No point of the line of an `output csv` lies in a body where one of its quantities lives: every row would be \
-         `nan`.",
-        "output csv \"line\" : u along [2,0,0] to [3,0,0]",
-        "output csv \"line\" : u along [0,0,0] to [1,0,0]",
-    ),
-    page(
         "E440",
         "a tolerance that is none",
         "`tol` is the part of the forces that may be out of balance when an iteration stops. Above 0.1 every state would be \
@@ -283,7 +252,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "E603",
         "a step that did not converge",
         "Newton reached its last iteration above the tolerance. The step is marked in the report, its fields are not \
-         written, and the run ends unless `on_fail=go_on` asks otherwise. Smaller steps or another gamma often help; a \
+         written, and the run ends unless `on_fail=go_on` asks otherwise. It is tried in smaller parts first, until the attempts \
+         that came to nothing have taken ten times `max_iter` iterations. Smaller steps or another gamma often help; a \
          body that slides away has no equilibrium at all.",
         "solver newton with max_iter=3",
         "solver newton with max_iter=50",
@@ -496,55 +466,6 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by 0.25",
     ),
     page(
-        "W411",
-        "a statement that changes nothing",
-        "What is written has no effect on the numbers: a rule of integration where nothing is integrated, a term that is \
-         zero, a first guess where every value is prescribed, steps whose variable nothing reads. Often a region or a \
-         name is another one than meant.",
-        "quadrature on west degree 9",
-        "quadrature on all degree 9",
-    ),
-    page(
-        "W412",
-        "a load on what is fixed",
-        "The load acts on displacements that are prescribed on the whole of its region: the support takes it, and no \
-         unknown changes. A load on a face of which a part is free is silent.",
-        "load u(1) = 1 on west",
-        "region east = faces where x == 1\nload u(1) = 1 on east",
-    ),
-    page(
-        "W413",
-        "two prescribed values at common nodes",
-        "Regions of two `fix` statements overlap, and their values differ at the nodes they share: there the later statement \
-         holds. Regions without common nodes, or equal values there, are silent.",
-        "region floor = faces where z == 0\nfix u = [0,0,0] on west\nfix u(3) = 0.1 on floor",
-        "region lid = faces where x == 1\nfix u = [0,0,0] on west\nfix u(3) = 0.1 on lid",
-    ),
-    page(
-        "W414",
-        "an unknown that no term determines",
-        "No term with the unknown is left, often because a parameter is 0 and all its terms have that factor. What is \
-         prescribed holds; every other value stays what `start` says, or 0, and measures and outputs show that.",
-        "unknown v : scalar\nparam k = 0\nterm heat on all : k*Grad_v.Grad_Test_v\nfix v = 7 on west\nmeasure top = max(v) on all",
-        "unknown v : scalar\nparam k = 1\nterm heat on all : k*Grad_v.Grad_Test_v\nfix v = 7 on west\nmeasure top = max(v) on all",
-    ),
-    page(
-        "W415",
-        "points of a line without a value",
-        "A line of `output csv` leaves the mesh, or runs through no body where one of its quantities lives. The file has \
-         `nan` there.",
-        "output csv \"line\" : u along [0,0,0] to [1.5,0,0]",
-        "output csv \"line\" : u along [0,0,0] to [1,0,0]",
-    ),
-    page(
-        "W416",
-        "free nodes between fixed ones",
-        "A region of nodes has nodes of the mesh. A field of degree 2 or more has others between them, on edges and faces: a \
-         `fix` on the region leaves those free, and the body bends there. A region of faces has all of them.",
-        "unknown u : vector Q2\nregion side = nodes where x == 1\nfix u(1) = 0 on side",
-        "unknown u : vector Q2\nregion side = faces where x == 1\nfix u(1) = 0 on side",
-    ),
-    page(
         "W501",
         "a step that Newton does not see",
         "Heaviside and sign have derivative 0, so a term that depends on an unknown through them alone looks constant \
@@ -596,6 +517,43 @@ pub(super) const PAGES: &[CodePage] = &[
          term tie on fault : gamma*jump(uL,uR).jump(Test_uL,Test_uR)",
         "unknown uL : vector Q2 on left\nquadrature on fault degree 4\n\
          term tie on fault : gamma*jump(uL,uR).jump(Test_uL,Test_uR)",
+    ),
+    page(
+        "W507",
+        "contact terms that do not carry the stress of the bodies",
+        "Bodies of constant stress were put together at a point of the faces, with no gap, pressed and sheared within the \
+         friction bound, and the terms there were asked for their forces. A method whose projections read stresses or \
+         multipliers gives back the traction of the bodies on each side, whatever its parameter is. These terms give \
+         another part of it: a traction or a jump with the wrong sign, the traction of another side, a test function on \
+         one side only, or one half of a form that has two. The result converges to another problem's, or slowly.",
+        "def Pn = gamma*(jump(uL,uR).Normal) + trac(uL).Normal",
+        "def Pn = gamma*(jump(uL,uR).Normal) - trac(uL).Normal",
+    ),
+    page(
+        "W508",
+        "stresses of the test function that do not cancel",
+        "Where contact is closed, the terms of Nitsche's method that are tested with the stress of the test function cancel: \
+         the linear one, -theta/gamma times the traction, and what the projections give. Here they do not: one is \
+         missing, has another sign or another factor. The exact solution does not satisfy such a form.",
+        "def Ptheta = gamma*jump(Test_uL,Test_uR) + theta*trac(Test_uL)",
+        "def Ptheta = gamma*jump(Test_uL,Test_uR) - theta*trac(Test_uL)",
+    ),
+    page(
+        "W509",
+        "a multiplier whose law contradicts the balance of forces",
+        "With closed contact the multiplier that balances the stress of the bodies does not satisfy its own law, and none \
+         does both: a sign of the multiplier in the projections, in the force or in its law is turned round.",
+        "term law on fault : -1/gamma*(lambda - force).Test_lambda",
+        "term law on fault : -1/gamma*(lambda + force).Test_lambda",
+    ),
+    page(
+        "W510",
+        "forces of contact the wrong way round",
+        "Bodies of constant stress were put together at a point of the faces, apart from each other, and sliding. The terms \
+         push or pull across an open gap, the more the wider it is, or friction drives the sliding that it should resist: \
+         a jump or a projection has the wrong sign.",
+        "def Pn = -gamma*(jump(uL,uR).Normal) - trac(uL).Normal",
+        "def Pn = gamma*(jump(uL,uR).Normal) - trac(uL).Normal",
     ),
     page(
         "W602",
@@ -682,6 +640,16 @@ pub(super) const PAGES: &[CodePage] = &[
          or plasticity is lost. A radius of 0 is a choice (no friction), a negative one a mistake of sign.",
         "def t = Ball_projection(u, -0.4)",
         "def t = Ball_projection(u, 0.4)",
+    ),
+    page(
+        "W615",
+        "friction that gives energy back",
+        "Friction takes energy from the motion. In the step that is named its forces as a whole did work on the slip \
+         instead. The usual cause is a law on the total slip: it holds under loads that grow, and when they go down it \
+         drives the slip back. Written with the slip of the step, by `Previous_u`, it remembers the way. The report has \
+         the energy of each step (friction_work).",
+        "def Pt = gamma*tang(jump(uL,uR)) - tang(trac(uL))",
+        "def Pt = gamma*tang(jump(uL,uR) - jump(Previous_uL,Previous_uR)) - tang(trac(uL))",
     ),
     page(
         "W702",

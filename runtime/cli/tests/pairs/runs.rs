@@ -47,6 +47,17 @@ const FRICTION: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\nparam s = 0.4\
     region east = faces where x == 1\nunknown u : vector\nterm bulk on all : Sym(Grad_u):Grad_Test_u\n\
     term drag on east : Ball_projection(u, 0 - s).Test_u\nfix u = [0,0] on west\nload u = [1,0] on east\n";
 
+/// One block dragged over another and back, with friction on the total slip.
+const DRAGGED: &str = "mesh box [-1,0] to [1,1] cells [4,2] quad\nparam gamma = 1e4\nregion left = cells where x < 0\n\
+    region right = cells where x > 0\nregion fault = interface from left to right\nregion west = faces where x == -1\n\
+    region east = faces where x == 1\nunknown uL : vector on left\nunknown uR : vector on right\n\
+    def sigma(v) = 1000*Sym(Grad_v)\ndef jump(a,b) = a - Interpolate(b, neighbor_element)\n\
+    def tang(v) = v - (v.Normal)*Normal\ndef Pn = gamma*(jump(uL,uR).Normal) - (sigma(uL)*Normal).Normal\n\
+    def slid = jump(uL,uR)\ndef Pt = gamma*tang(slid) - tang(sigma(uL)*Normal)\n\
+    term a on left : sigma(uL):Grad_Test_uL\nterm b on right : sigma(uR):Grad_Test_uR\n\
+    term contact on fault : (pos_part(Pn)*Normal + Ball_projection(Pt, 0.2*pos_part(Pn))).jump(Test_uL,Test_uR)\n\
+    fix uL = [0,0] on west\nfix uR = [-0.01, 0.05*sin(pi*t)] on east\nsteps t = 0 to 1 by 0.125\n";
+
 /// Pairs by code.
 pub(crate) fn pairs() -> Vec<Pair> {
     let flow = |lines: &str| format!("{FLOW}{lines}\n");
@@ -104,6 +115,7 @@ pub(crate) fn pairs() -> Vec<Pair> {
         Pair::new("W610", flow("output csv \"line\" : 1/x as q along [0,0] to [1,0]")).near("1/x", "1/(1 + x)"),
         Pair::new("W611", STRAINED.replace("nu = 0.3", "nu = 1.3")).near("nu = 1.3", "nu = -0.3"),
         Pair::new("W612", FRICTION).near("Ball_projection(u, 0 - s)", "Ball_projection(u, s)"),
+        Pair::new("W615", DRAGGED).near("slid = jump(uL,uR)", "slid = jump(uL,uR) - jump(Previous_uL,Previous_uR)"),
         Pair::new("W702", flow("param k = 1")).near("param k = 1", "param k = 1\nload p = k on all"),
     ]
 }

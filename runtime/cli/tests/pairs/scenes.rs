@@ -45,6 +45,21 @@ const MULTIPLIER: &str = "mesh box [0,0] to [2,2] cells [2,2] quad\nregion left 
     term b on right : Grad_uR:Grad_Test_uR\nterm tie on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l\n\
     fix uL, uR = [0,0] on bottom\nload uL = [0,1] on left\n";
 
+/// Two blocks pressed together, their pressure a multiplier with the wrong sign in its law.
+const TOUCHING: &str = "mesh box [0,0] to [2,1] cells [2,1] quad\nparam gamma = 1e4\nregion left = cells where x < 1\n\
+    region right = cells where x > 1\nregion fault = interface from left to right\nregion west = faces where x == 0\n\
+    region east = faces where x == 2\nunknown uL : vector on left\nunknown uR : vector on right\n\
+    multiplier l : scalar on fault\ndef gap = (uL - Interpolate(uR, neighbor_element)).Normal\n\
+    term a on left : 1000*Sym(Grad_uL):Grad_Test_uL\nterm b on right : 1000*Sym(Grad_uR):Grad_Test_uR\n\
+    term push on fault : -l*((Test_uL - Interpolate(Test_uR, neighbor_element)).Normal)\n\
+    term law on fault : -1/gamma*(l - pos_part(gamma*gap - l))*Test_l\n\
+    fix uL = [0,0] on west\nfix uR = [-1e-3,0] on east\n";
+
+/// A column on a floor that pushes where the column is above it.
+const TURNED: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\nparam gamma = 1e5\nregion floor = faces where y == 0\n\
+    region top = faces where y == 1\nunknown u : vector\nterm bulk on all : 1000*Sym(Grad_u):Grad_Test_u\n\
+    term contact on floor : gamma*pos_part(-u.Normal)*(Test_u.Normal)\nfix u = [0,-1e-3] on top\n";
+
 fn nested(depth: usize) -> String {
     format!("{}1{}", "(".repeat(depth), ")".repeat(depth))
 }
@@ -95,5 +110,11 @@ pub(crate) fn pairs() -> Vec<Pair> {
             .near("region seam = ", "region middle = "),
         Pair::new("W503", NITSCHE.replace("1e4", "10")).near("gamma = 10", "gamma = 1e5"),
         Pair::new("W504", NITSCHE.replace("1e4", "1e12")).near("gamma = 1e12", "gamma = 1e5"),
+        Pair::new("W507", NITSCHE.replace("- trac(v).Normal", "+ trac(v).Normal"))
+            .near("+ trac(v).Normal", "- trac(v).Normal"),
+        Pair::new("W508", NITSCHE.replace("fault : -1/gamma", "fault : 1/gamma"))
+            .near("fault : 1/gamma*(trac", "fault : -1/gamma*(trac"),
+        Pair::new("W509", TOUCHING).near("l - pos_part", "l + pos_part"),
+        Pair::new("W510", TURNED).near("pos_part(-u", "pos_part(u"),
     ]
 }

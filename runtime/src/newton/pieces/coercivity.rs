@@ -1,11 +1,14 @@
 //! The smallest parameter for which Nitsche's method is coercive, from the elements at the interface.
 //!
-//! With `s(v) = sigma(v) n` the terms of a facet F of a cell K contain `-(theta/gamma) s(u).s(v)` and, in contact,
-//! `-(1+theta) s(v).[v] + gamma [v].[v]` beside the bulk `a_K(v,v)`. Young's inequality leaves
-//! `a_K(v,v) - (1+theta)^2/(4 gamma) |s(v)|^2_F >= 0`, so `gamma > (1+theta)^2/4 sup |s(v)|^2_F / a_K(v,v)`.
-//! The supremum is the largest eigenvalue of a small problem for each facet. Nothing is asked of names or methods: s is
-//! what the arguments of the projections hold beside the gap, gamma their slope in the displacement, a_K the tangent of
-//! the cell terms, and theta what the linear terms on the facet are in parts of `-|s|^2/gamma`.
+//! At each point of a facet F of a cell K the tangent of a closed and sticking contact term, with the linear terms beside
+//! it, is a form of the displacements j on the facet and of the gradients G of the cells:
+//! `j.A j + j.B G + G.C j + G.D G`. The least over all j is `-G.N G` with `N = (B+C')' A^-1 (B+C')/4 - D`; where contact is
+//! open the linear terms alone leave `N = -D`. The problem is coercive if the bulk outweighs that:
+//! `a_K(v,v) >= int_F Grad v . N Grad v`, so that the largest eigenvalue of the right-hand form against a_K is at most 1.
+//! N falls as 1/gamma, and the smallest safe gamma is the eigenvalue times gamma. In Nitsche's method with
+//! `s(v) = sigma(v) n` and a weight w on each of its terms (1, or 1/2 in a form that has a term for each side) this is
+//! `gamma >= w (1+theta)^2/4 sup |s(v)|^2_F / a_K(v,v)`. Nothing is asked of names or methods: s is what the arguments of
+//! the projections hold beside the gap, gamma their slope in the displacement, and theta is C in parts of B'.
 //!
 //! Sufficient, not necessary. Facets are sampled where there are many: evenly, and the thinnest cells on top.
 
@@ -13,12 +16,12 @@ use nalgebra::{DMatrix, SymmetricEigen};
 use wfl_compiler::{
     Class, ProjectionKind, interpret,
     ir::LANES,
-    types::{FieldOp, InputSlot, Side},
+    types::{BasisSlot, FieldOp, InputSlot, Side},
 };
 
 use super::TermPieces;
 use crate::{
-    assemble::{AssembledTerm, Bound, FieldValues, Workspace},
+    assemble::{AssembledTerm, Bound, FieldValues, Group, Workspace},
     field::Field,
     mesh::{CellId, Mesh},
 };
@@ -30,6 +33,8 @@ const FACETS: usize = 8;
 const USUAL: std::ops::RangeInclusive<f64> = 1e-5..=1e6;
 /// Modes of a cell below this part of the largest stiffness are rigid motions.
 const RIGID: f64 = 1e-11;
+/// Numbers that differ by less, relative, differ by rounding.
+const SAME: f64 = 1e-9;
 /// Step of the gradients, relative: laws that are linear in them are exact for any.
 const STRAIN: f64 = 1e-6;
 
@@ -44,13 +49,15 @@ pub struct Coercivity {
     pub theta: f64,
     /// The trace constant `sup |s(v)|^2_F / a_K(v,v)` (stress over length).
     pub trace: f64,
+    /// The smallest parameter for which the problem is coercive (stress over length).
+    pub bound: f64,
 }
 
 impl Coercivity {
     /// The smallest parameter for which the problem is coercive.
     #[must_use]
     pub fn smallest(&self) -> f64 {
-        (1.0 + self.theta).powi(2) / 4.0 * self.trace
+        self.bound
     }
 
     /// True if the parameter in use is at least that; rounding of the eigenvalue is allowed for.
@@ -150,15 +157,108 @@ impl Probe<'_> {
         if dofs.is_empty() {
             return None;
         }
-        let (traction, gamma) = self.traction(place, &dofs)?;
-        let (trace, mode) = largest(&bulk, &traction)?;
-        let along = |m: &DMatrix<f64>| (mode.transpose() * m * &mode)[(0, 0)];
-        let linear = self.linear(place, &dofs);
-        let theta = -gamma * along(&linear) / along(&traction);
-        // theta is one of a few numbers, and + 0 makes -0 a 0; what the stress lacks of its tangential part is no
-        // matter here
-        let theta = if theta.is_finite() { (1e6 * theta).round() / 1e6 + 0.0 } else { 0.0 };
-        Some(Coercivity { term: self.terms[self.pieces.term].law.name.clone(), gamma, theta, trace })
+        let (traction, gradients) = self.traction(place, &dofs)?;
+        let gamma = self.slope(place)?;
+        let (trace, theta) = (largest(&bulk, &traction)?, self.theta(place)?);
+        let lost = |closed: bool| {
+            let form = self.lost(place, closed)?;
+            let sum = gradients.iter().fold(DMatrix::zeros(dofs.len(), dofs.len()), |sum, at| {
+                sum + at.weight * at.columns.transpose() * &form * &at.columns
+            });
+            largest(&bulk, &sum)
+        };
+        let bound = gamma * [true, false].into_iter().filter_map(lost).fold(0.0, f64::max);
+        // of a form without weights the formula says the same with less rounding
+        let usual = (1.0 + theta).powi(2) / 4.0 * trace;
+        let bound = if (bound - usual).abs() <= SAME * usual { usual } else { bound };
+        Some(Coercivity { term: self.terms[self.pieces.term].law.name.clone(), gamma, theta, trace, bound })
+    }
+
+    /// The tangent of the facet terms by slots: of the contact term where it is closed and sticks, if `closed`, and of the
+    /// linear terms. Slots of gradients are those that the projections read.
+    fn slots(&self, place: Place, closed: bool) -> Vec<((BasisSlot, BasisSlot), f64)> {
+        let p = self.pieces;
+        let mut tied = p.no_guides();
+        p.tie_all(&mut tied);
+        let mut current = self.zero.current.to_vec();
+        current[p.field] = &tied;
+        let values = FieldValues { current: &current, ..self.zero };
+        let facet = p.sampled.domain.groups[place.0].here.facets[place.1];
+        let linear = self.terms.iter().filter(|t| t.law.class == Class::Linear && !t.on_cells());
+        let mut found = Vec::new();
+        for term in linear.chain(closed.then_some(&p.held)) {
+            let groups = term.integrator.domain.groups.iter().enumerate();
+            let at = |(g, group): (usize, &Group)| Some((g, group.here.facets.iter().position(|f| *f == facet)?));
+            let Some((g, entity)) = groups.filter(|(_, group)| !group.is_global).find_map(at) else { continue };
+            let (domain, binding) = (&term.integrator.domain, &term.integrator.binding);
+            let mut workspace = Workspace::default();
+            workspace.prepare(Bound { mesh: self.mesh, domain, binding }, g, entity / LANES, values);
+            let law = &term.law;
+            let inputs: Vec<f64> =
+                (0..law.inputs.len()).map(|s| workspace.inputs[s * LANES + entity % LANES]).collect();
+            let mut out = vec![0.0; law.tangent.kernel().outputs.len()];
+            interpret(&law.tangent, term.uniforms(), &inputs, &mut Vec::new(), &mut out);
+            let entries = law.entries.iter().zip(&out[law.tests.len()..]);
+            found.extend(entries.map(|((i, j), x)| ((law.tests[usize::from(*i)], law.trials[usize::from(*j)]), *x)));
+        }
+        found
+    }
+
+    /// The gradients that the projections read, in their order.
+    fn gradient_slots(&self) -> Vec<BasisSlot> {
+        let slots = self.pieces.watch.law.inputs.iter().filter(|slot| is_stress(self.fields, slot, None));
+        slots.filter_map(|slot| if let InputSlot::Field(b) = slot { Some(*b) } else { None }).collect()
+    }
+
+    /// What gradients take of the form at most: N of the module.
+    fn lost(&self, place: Place, closed: bool) -> Option<DMatrix<f64>> {
+        let entries = self.slots(place, closed);
+        let gradients = self.gradient_slots();
+        let mut values: Vec<BasisSlot> = Vec::new();
+        for ((a, b), _) in &entries {
+            values.extend([a, b].into_iter().filter(|s| s.op == FieldOp::Value));
+        }
+        values.sort_unstable();
+        values.dedup();
+        let (n, m) = (values.len(), gradients.len());
+        let (mut stiffness, mut mixed, mut own) = (DMatrix::zeros(n, n), DMatrix::zeros(n, m), DMatrix::zeros(m, m));
+        let value = |s: &BasisSlot| values.iter().position(|v| v == s);
+        let gradient = |s: &BasisSlot| gradients.iter().position(|g| g == s);
+        for ((a, b), x) in &entries {
+            match (value(a), value(b), gradient(a), gradient(b)) {
+                (Some(i), Some(j), ..) => {
+                    stiffness[(i, j)] += 0.5 * x;
+                    stiffness[(j, i)] += 0.5 * x;
+                }
+                (Some(i), _, _, Some(j)) | (_, Some(i), Some(j), _) => mixed[(i, j)] += x,
+                (_, _, Some(i), Some(j)) => {
+                    own[(i, j)] += 0.5 * x;
+                    own[(j, i)] += 0.5 * x;
+                }
+                _ => {}
+            }
+        }
+        if n == 0 {
+            return Some(-own);
+        }
+        let size = stiffness.amax();
+        let inverse = if size > 0.0 { stiffness.pseudo_inverse(SAME * size).ok()? } else { stiffness };
+        Some(0.25 * mixed.transpose() * inverse * &mixed - own)
+    }
+
+    /// What is tested with gradients in parts of how forces depend on them.
+    fn theta(&self, place: Place) -> Option<f64> {
+        let entries = self.slots(place, true);
+        let (mut product, mut square) = (0.0, 0.0);
+        for ((a, b), force) in entries.iter().filter(|((a, b), _)| a.op == FieldOp::Value && b.op != FieldOp::Value) {
+            let facing = entries.iter().filter(|(pair, _)| *pair == (*b, *a)).map(|(_, x)| x);
+            product += force * facing.sum::<f64>();
+            square += force * force;
+        }
+        // a sum of products is a whole number but for rounding
+        let theta: f64 = if square > 0.0 { product / square } else { 0.0 };
+        let whole = theta.round() + 0.0;
+        theta.is_finite().then_some(if (theta - whole).abs() < SAME { whole } else { theta })
     }
 
     /// Dofs of some cells and the tangent of the cell terms on them, at the state without displacement.
@@ -177,27 +277,17 @@ impl Probe<'_> {
         (dofs, sum)
     }
 
-    /// The linear terms on the facet.
-    fn linear(&self, (g, entity): Place, dofs: &[u32]) -> DMatrix<f64> {
-        let facet = self.pieces.sampled.domain.groups[g].here.facets[entity];
-        let mut sum = DMatrix::zeros(dofs.len(), dofs.len());
-        for term in self.terms.iter().filter(|t| t.law.class == Class::Linear && !t.on_cells()) {
-            let here = |side: &crate::assemble::GroupSide, e: usize| side.facets.get(e) == Some(&facet);
-            if let Some(block) = term.local_tangent(self.mesh, self.zero, here) {
-                add(&mut sum, dofs, &block);
-            }
-        }
-        sum
-    }
-
-    /// The form `|s(v)|^2` on the facet over these dofs, and gamma there.
-    fn traction(&self, place: Place, dofs: &[u32]) -> Option<(DMatrix<f64>, f64)> {
+    /// The form `|s(v)|^2` on the facet over these dofs, and the gradients at its points.
+    fn traction(&self, place: Place, dofs: &[u32]) -> Option<(DMatrix<f64>, Vec<Gradients>)> {
         let base = self.stresses(place, self.zero.current);
         let (points, weights) = (base.values.len(), base.weights);
         let n = base.values.first()?.len();
         let mut columns = Vec::with_capacity(dofs.len());
+        let rows = base.gradients.first()?.len();
+        let gradients = |weight: &f64| Gradients { weight: *weight, columns: DMatrix::zeros(rows, dofs.len()) };
+        let mut gradients: Vec<Gradients> = weights.iter().map(gradients).collect();
         let mut copy: Option<(usize, Vec<f64>)> = None;
-        for dof in dofs {
+        for (column, dof) in dofs.iter().enumerate() {
             let field = (0..self.fields.len()).rfind(|k| self.starts[*k].is_some_and(|s| s <= *dof as usize))?;
             let place_in_field = *dof as usize - self.starts[field]?;
             let (_, values) = match &mut copy {
@@ -210,6 +300,11 @@ impl Probe<'_> {
             current[field] = values;
             let moved = self.stresses(place, &current);
             values[place_in_field] = before;
+            for (q, at) in gradients.iter_mut().enumerate() {
+                for k in 0..rows {
+                    at.columns[(k, column)] = (moved.gradients[q][k] - base.gradients[q][k]) / STRAIN;
+                }
+            }
             let change = (0..points).flat_map(|q| (0..n).map(move |k| (q, k)));
             columns.push(
                 change
@@ -220,7 +315,7 @@ impl Probe<'_> {
         let form = DMatrix::from_fn(dofs.len(), dofs.len(), |i, j| {
             columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum()
         });
-        Some((form, self.slope(place)?))
+        Some((form, gradients))
     }
 
     /// The arguments of the projections at the points of a facet for given values of the fields, displacements left out
@@ -233,7 +328,7 @@ impl Probe<'_> {
         workspace.prepare(bound, g, batch, FieldValues { current, ..self.zero });
         let law = &p.watch.law;
         let (mut scratch, mut out) = (Vec::new(), vec![0.0; law.kernel.kernel().outputs.len()]);
-        let mut found = Stresses { values: Vec::new(), weights: Vec::new() };
+        let mut found = Stresses { values: Vec::new(), gradients: Vec::new(), weights: Vec::new() };
         for q in 0..p.sampled.domain.groups[g].n_points() {
             let inputs: Vec<f64> = (law.inputs.iter().enumerate())
                 .map(|(s, slot)| match slot {
@@ -245,6 +340,8 @@ impl Probe<'_> {
             // the whole traction: along the normal from half lines, across it from balls
             let entries = p.projections.iter().flat_map(|pr| out[pr.output..pr.output + pr.n].to_vec()).collect();
             found.values.push(entries);
+            let read = law.inputs.iter().zip(&inputs).filter(|(slot, _)| is_stress(self.fields, slot, None));
+            found.gradients.push(read.map(|(_, x)| *x).collect());
             found.weights.push(workspace.weight(q)[lane]);
         }
         found
@@ -293,7 +390,15 @@ fn is_stress(fields: &[Field], slot: &InputSlot, side: Option<Side>) -> bool {
 /// Traction at the points of a facet and the weights of the points.
 struct Stresses {
     values: Vec<Vec<f64>>,
+    /// The gradients that the projections read.
+    gradients: Vec<Vec<f64>>,
     weights: Vec<f64>,
+}
+
+/// The gradients at a point that a unit of each dof makes.
+struct Gradients {
+    weight: f64,
+    columns: DMatrix<f64>,
 }
 
 /// Adds a local matrix where both dofs are known.
@@ -308,8 +413,8 @@ fn add(sum: &mut DMatrix<f64>, dofs: &[u32], (local, values): &(Vec<u32>, Vec<f6
     }
 }
 
-/// The largest eigenvalue of `form v = lambda bulk v` beside the rigid motions, on which both vanish, and its vector.
-fn largest(bulk: &DMatrix<f64>, form: &DMatrix<f64>) -> Option<(f64, DMatrix<f64>)> {
+/// The largest eigenvalue of `form v = lambda bulk v` beside the rigid motions, on which both vanish, if it is positive.
+fn largest(bulk: &DMatrix<f64>, form: &DMatrix<f64>) -> Option<f64> {
     let symmetric = 0.5 * (bulk + bulk.transpose());
     if symmetric.iter().chain(form.iter()).any(|x| !x.is_finite()) {
         return None;
@@ -325,9 +430,7 @@ fn largest(bulk: &DMatrix<f64>, form: &DMatrix<f64>) -> Option<(f64, DMatrix<f64
     }
     let reduced = basis.transpose() * form * &basis;
     let found = SymmetricEigen::new(0.5 * (&reduced + reduced.transpose()));
-    let k = found.eigenvalues.imax();
-    let mode = basis * found.eigenvectors.column(k);
-    (found.eigenvalues[k] > 0.0).then(|| (found.eigenvalues[k], DMatrix::from_columns(&[mode])))
+    Some(found.eigenvalues.max()).filter(|value| *value > 0.0)
 }
 
 #[cfg(test)]
@@ -339,8 +442,8 @@ mod tests {
         // a spring between two nodes; s is its force: sup k^2 (a-b)^2 / (k (a-b)^2) = k
         let spring = DMatrix::from_row_slice(2, 2, &[3.0, -3.0, -3.0, 3.0]);
         let force = DMatrix::from_row_slice(2, 2, &[9.0, -9.0, -9.0, 9.0]);
-        let (value, mode) = largest(&spring, &force).expect("a positive one");
+        let value = largest(&spring, &force).expect("a positive one");
         assert!((value - 3.0).abs() < 1e-13);
-        assert!((mode[(0, 0)] + mode[(1, 0)]).abs() < 1e-13);
+        assert_eq!(largest(&spring, &-force), None);
     }
 }

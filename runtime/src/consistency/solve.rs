@@ -1,0 +1,324 @@
+//! States of contact at a point, and what the equations leave of them.
+
+use nalgebra::{DMatrix, DVector};
+use wfl_compiler::ProjectionKind;
+
+use super::place::{Fluxes, Place, State, Vector};
+
+/// Strain of the bodies in the states that are tried: small beside 1 for laws of finite strain.
+const STRAIN: f64 = 1e-3;
+/// Steps to a state that satisfies the equations; they are linear but for the choice of pieces.
+const STEPS: usize = 12;
+/// What is differentiated, in parts of the sizes of a state.
+const PART: f64 = 1e-6;
+/// An initial gap that gradients change by less than this of the overlap of a pressure is one that they do not change.
+const OPENS: f64 = 1e-3;
+/// Equations left by no more than this are satisfied.
+pub(super) const SATISFIED: f64 = 1e-6;
+
+/// Sizes at a place, and where its contact closes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sizes {
+    /// The pressure of the states (stress).
+    pub(super) pressure: f64,
+    /// How far the first body is moved along its normal to touch (length).
+    pub(super) touching: f64,
+    /// The slope of the argument of contact as it moves on; positive where that closes (stress over length).
+    pub(super) slope: f64,
+    /// A motion of both bodies together.
+    shift: f64,
+    /// The largest of what is tested with stresses, and of the laws of multipliers, where the bodies press on each other,
+    /// pull, are apart or overlap.
+    stress: f64,
+    law: f64,
+}
+
+impl Sizes {
+    /// The displacement that the law answers with the pressure.
+    pub(super) fn length(&self) -> f64 {
+        self.pressure / self.slope.abs()
+    }
+}
+
+/// What the equations leave, each in parts of what it is made of: forces of the traction, the others of their largest
+/// size in states nearby.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Left {
+    /// Of the balance of each body.
+    pub balance: [f64; 2],
+    /// Of what is tested with stresses of the test functions.
+    pub stress: f64,
+    /// Of the laws of multipliers.
+    pub law: f64,
+}
+
+impl Left {
+    /// The largest of all.
+    #[must_use]
+    pub fn largest(&self) -> f64 {
+        self.balance[0].max(self.balance[1]).max(self.stress).max(self.law)
+    }
+}
+
+/// A state of two bodies with a given traction.
+#[derive(Clone, Debug)]
+pub(super) struct Trial {
+    pub(super) state: State,
+    /// On the first body.
+    pub(super) traction: Vector,
+}
+
+fn scaled(v: &Vector, by: f64) -> Vector {
+    v.map(|x| by * x)
+}
+
+fn sum(a: &Vector, b: &Vector) -> Vector {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+pub(super) fn dot(a: &Vector, b: &Vector) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl Place<'_> {
+    /// `None` where no projection closes as the bodies come together.
+    pub(super) fn sizes(&self) -> Option<Sizes> {
+        let step = STRAIN * self.size;
+        let argument = |by: f64| {
+            let mut state = self.rest();
+            state.bodies[0].value = scaled(&self.normal, by);
+            self.contact_argument(&state)
+        };
+        let (rest, ahead) = (argument(0.0)?, argument(step)?);
+        let slope = (ahead - rest) / step;
+        if !(slope.is_finite() && slope != 0.0) {
+            return None;
+        }
+        let touching = -rest / slope;
+        let pressure = STRAIN * self.stiffness()?;
+        let shift = (STRAIN * self.size).min(pressure / slope.abs());
+        let mut sizes = Sizes { pressure, touching, slope, shift, stress: 0.0, law: 0.0 };
+        self.measure(&mut sizes)?;
+        Some(sizes)
+    }
+
+    /// The argument of the first half line that acts.
+    fn contact_argument(&self, state: &State) -> Option<f64> {
+        let mut found = None;
+        self.projections(state, |p, out| {
+            if p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts {
+                found.get_or_insert(out[p.output]);
+            }
+        });
+        found
+    }
+
+    /// True if bodies without traction touch where those without displacement do, as far as that matters: where the gap
+    /// before is wider than the overlap of the states, and depends on gradients, a gradient alone opens or closes it.
+    pub(super) fn touches(&self, sizes: &Sizes) -> Option<bool> {
+        let free = self.trial(sizes, &[0.0; 3], &[0.0; 3], &[0.0; 3])?;
+        let argument = self.contact_argument(&free.state)?;
+        let gap = (sizes.slope * sizes.touching).abs();
+        Some(gap <= sizes.pressure || argument.abs() <= OPENS * sizes.pressure)
+    }
+
+    /// The radius of the ball of friction, and how many balls there are.
+    pub(super) fn radius(&self, state: &State) -> (f64, usize) {
+        let (mut radius, mut n) = (0.0, 0);
+        self.projections(state, |p, out| {
+            if p.kind == ProjectionKind::Ball {
+                if n == 0 {
+                    radius = out[p.output + p.n];
+                }
+                n += 1;
+            }
+        });
+        (radius, n)
+    }
+
+    /// True if contact (or friction) reads stresses of the bodies or multipliers: then it means to carry them.
+    pub(super) fn reads_traction(&self, trial: &Trial, kind: ProjectionKind) -> bool {
+        let arguments = |state: &State| {
+            let mut all = Vec::new();
+            self.projections(state, |p, out| {
+                if p.kind == kind {
+                    all.extend_from_slice(&out[p.output..][..p.n]);
+                }
+            });
+            all
+        };
+        let mut other = trial.state.clone();
+        for body in &mut other.bodies {
+            body.gradient.iter_mut().for_each(|g| *g = -*g);
+        }
+        let stresses = arguments(&trial.state) != arguments(&other);
+        other = trial.state.clone();
+        other
+            .multipliers
+            .iter_mut()
+            .for_each(|m| *m += trial.traction.iter().fold(1e-300, |s, t| f64::max(s, t.abs())));
+        stresses || arguments(&trial.state) != arguments(&other)
+    }
+
+    /// A direction in the plane of the face that lies along no axis of it.
+    pub(super) fn along(&self) -> Option<Vector> {
+        if self.dim < 2 {
+            return None;
+        }
+        let start = if self.dim == 2 { [0.6, 0.8, 0.0] } else { [0.48, 0.6, 0.64] };
+        let candidates = [start, [start[1], -start[0], start[2]]];
+        let inside = |v: &Vector| sum(v, &scaled(&self.normal, -dot(v, &self.normal)));
+        let longest = candidates.iter().map(inside).max_by(|a, b| dot(a, a).total_cmp(&dot(b, b)))?;
+        Some(scaled(&longest, 1.0 / dot(&longest, &longest).sqrt()))
+    }
+
+    /// Bodies with this traction on the first one, displaced by `jump` from touching; `slid` of it since the previous
+    /// step. Stresses that the face does not see differ.
+    pub(super) fn trial(&self, sizes: &Sizes, traction: &Vector, jump: &Vector, slid: &Vector) -> Option<Trial> {
+        let mut state = self.rest();
+        let shift = [1.0, -0.7, 0.4].map(|x| sizes.shift * x);
+        let opposite = scaled(traction, -1.0);
+        let bodies = if self.has_two_bodies() { 2 } else { 1 };
+        let common = if bodies == 2 { self.in_space(&shift) } else { [0.0; 3] };
+        for body in 0..bodies {
+            let (sign, own) = if body == 0 { (1.0, traction) } else { (-0.6, &opposite) };
+            let mut start = [0.0; 9];
+            for (k, g) in start.iter_mut().enumerate().take(self.dim * self.dim) {
+                *g = STRAIN * sign * [0.3, -0.5, 0.7, 0.2, -0.4, 0.6, -0.1, 0.8, -0.3][k];
+            }
+            state.bodies[body].gradient = self.gradient(body, own, &start)?;
+            state.bodies[body].value = common;
+        }
+        let first = &mut state.bodies[0].value;
+        *first = sum(&sum(first, &scaled(&self.normal, sizes.touching)), jump);
+        for body in &mut state.bodies {
+            body.before = body.value;
+        }
+        state.bodies[0].before = sum(&state.bodies[0].before, &scaled(slid, -1.0));
+        Some(Trial { state, traction: *traction })
+    }
+
+    fn in_space(&self, v: &Vector) -> Vector {
+        let mut out = *v;
+        out[self.dim..].fill(0.0);
+        out
+    }
+
+    /// The sizes of what is tested with stresses and multipliers.
+    fn measure(&self, sizes: &mut Sizes) -> Option<()> {
+        let pressure = sizes.pressure;
+        let trial = self.trial(sizes, &scaled(&self.normal, -pressure), &[0.0; 3], &[0.0; 3])?;
+        for (stress, gap, multiplier) in
+            [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 0.0, 1.0), (1.0, 0.0, -1.0)]
+        {
+            let mut state = trial.state.clone();
+            state.bodies.iter_mut().flat_map(|b| &mut b.gradient).for_each(|g| *g *= stress);
+            state.bodies[0].value = sum(&state.bodies[0].value, &scaled(&self.normal, gap * sizes.length()));
+            state.multipliers.iter_mut().for_each(|m| *m = multiplier * pressure);
+            let found = self.fluxes(&state)?;
+            sizes.stress = found.stress.iter().flatten().fold(sizes.stress, |m, x| m.max(x.abs()));
+            sizes.law = found.law.iter().fold(sizes.law, |m, x| m.max(x.abs()));
+        }
+        Some(())
+    }
+
+    /// The equations, each divided by its size: balance of both bodies, stresses, laws.
+    fn equations(&self, sizes: &Sizes, trial: &Trial, state: &State) -> Option<Vec<f64>> {
+        let Fluxes { force, stress, law } = self.fluxes(state)?;
+        let mut left = Vec::new();
+        for (body, sign) in [(0, 1.0), (1, -1.0)] {
+            let known = body == 0 || self.has_two_bodies();
+            left.extend((0..3).map(|k| {
+                let own = if known { sign * trial.traction[k] + force[body][k] } else { 0.0 };
+                own / sizes.pressure
+            }));
+        }
+        let by = |size: f64| move |x: &f64| if size > 0.0 { x / size } else { 0.0 };
+        left.extend(stress.iter().flatten().map(by(sizes.stress)));
+        left.extend(law.iter().map(by(sizes.law)));
+        Some(left)
+    }
+
+    /// What the equations leave of a state.
+    pub(super) fn left(&self, sizes: &Sizes, trial: &Trial, state: &State) -> Option<Left> {
+        let all = self.equations(sizes, trial, state)?;
+        let largest = |part: &[f64]| part.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        Some(Left {
+            balance: [largest(&all[..3]), largest(&all[3..6])],
+            stress: largest(&all[6..24]),
+            law: largest(&all[24..]),
+        })
+    }
+
+    /// The state with the multipliers, and if `moves` the displacement of the first body, that leave the least; `start`
+    /// is where the first body is tried from.
+    pub(super) fn best(&self, sizes: &Sizes, trial: &Trial, moves: bool, start: &Vector) -> Option<(State, Left)> {
+        let mut best: Option<(State, Left)> = None;
+        for signs in 0..1usize << self.multipliers().count() {
+            let mut state = trial.state.clone();
+            state.multipliers = self.first_multipliers(trial, signs);
+            if moves {
+                state.bodies[0].value = sum(&state.bodies[0].value, start);
+            }
+            let Some(found) = self.improved(sizes, trial, state, moves) else { continue };
+            if best.as_ref().is_none_or(|b| found.1.largest() < b.1.largest()) {
+                best = Some(found);
+            }
+        }
+        best
+    }
+
+    /// Multipliers in the units of tractions: vectors are the traction, numbers the pressure, one sign or the other.
+    fn first_multipliers(&self, trial: &Trial, signs: usize) -> Vec<f64> {
+        let normal = dot(&trial.traction, &self.normal);
+        let of = |(k, n): (usize, usize)| {
+            let sign = if signs >> k & 1 == 1 { -1.0 } else { 1.0 };
+            (0..n).map(move |i| sign * if n == self.dim { trial.traction[i] } else { normal })
+        };
+        self.multipliers().enumerate().flat_map(of).collect()
+    }
+
+    /// Gauss's and Newton's method on what is free.
+    fn improved(&self, sizes: &Sizes, trial: &Trial, mut state: State, moves: bool) -> Option<(State, Left)> {
+        let free = state.multipliers.len() + if moves { self.dim } else { 0 };
+        let mut best = (state.clone(), self.left(sizes, trial, &state)?);
+        for _ in 0..STEPS {
+            if free == 0 || best.1.largest() <= SATISFIED * SATISFIED {
+                break;
+            }
+            let base = self.equations(sizes, trial, &state)?;
+            let mut slope = DMatrix::zeros(base.len(), free);
+            for k in 0..free {
+                let step = PART * self.unit(sizes, &state, k);
+                let (mut ahead, mut behind) = (state.clone(), state.clone());
+                *self.number(&mut ahead, k) += step;
+                *self.number(&mut behind, k) -= step;
+                let (ahead, behind) = (self.equations(sizes, trial, &ahead)?, self.equations(sizes, trial, &behind)?);
+                for i in 0..base.len() {
+                    slope[(i, k)] = (ahead[i] - behind[i]) / (2.0 * PART);
+                }
+            }
+            let inverse = slope.clone().pseudo_inverse(1e-9 * slope.amax()).ok()?;
+            let change = inverse * DVector::from_vec(base);
+            for k in 0..free {
+                let unit = self.unit(sizes, &state, k);
+                *self.number(&mut state, k) -= change[k] * unit;
+            }
+            let left = self.left(sizes, trial, &state)?;
+            if left.largest() < best.1.largest() {
+                best = (state.clone(), left);
+            }
+        }
+        Some(best)
+    }
+
+    /// What number `k` is measured in: multipliers first, then the displacement of the first body.
+    fn unit(&self, sizes: &Sizes, state: &State, k: usize) -> f64 {
+        if k < state.multipliers.len() { sizes.pressure } else { sizes.length() }
+    }
+
+    fn number<'s>(&self, state: &'s mut State, k: usize) -> &'s mut f64 {
+        let n = state.multipliers.len();
+        if k < n { &mut state.multipliers[k] } else { &mut state.bodies[0].value[k - n] }
+    }
+}
