@@ -40,13 +40,13 @@ pub use left_out::LeftOut;
 pub use pruning::{Pruning, Saving};
 pub use run::{
     Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, FRUITLESS, Others, Outcome, Path, PhysicsCheck,
-    Progress, Quiet, RunError, RunOptions, StepResult, finished, run,
+    Progress, Quiet, RunError, RunOptions, StepResult, finished, may_begin, run,
 };
 pub use savings::{SavingError, savings};
 pub use scene::{
     CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions,
-    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, prepare,
-    prepare_keeping,
+    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, n_files,
+    prepare, prepare_keeping,
 };
 pub use strategy::{SolverMemory, Strategy};
 pub use system::{FIXED, Known, LooseMotions, Memory, NegativeBody, Numbering, Past, System, SystemError};

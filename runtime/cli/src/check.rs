@@ -14,6 +14,7 @@ use wfl_runtime::{
     element::Family,
     field::FieldSpace,
     mesh::{self, RegionSet},
+    n_files,
 };
 
 use crate::{
@@ -58,7 +59,7 @@ fn tables(loaded: &Loaded, scene: &Scene, parse: f64) -> Vec<Table> {
     let mut list =
         vec![mesh(scene), quality(scene), regions(loaded, scene), fields(loaded, scene), parameters(loaded, scene)];
     list.push(units(loaded));
-    list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded)]);
+    list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded, scene)]);
     list.extend([system(scene), left_out(loaded, scene), times(scene, parse)]);
     list
 }
@@ -269,11 +270,19 @@ fn measures(loaded: &Loaded) -> Table {
     table
 }
 
-fn outputs(loaded: &Loaded) -> Table {
-    let mut table = Table::new("outputs", &["format", "file", "quantities"]);
+/// What is written, and what a run of all steps would write of it.
+fn outputs(loaded: &Loaded, scene: &Scene) -> Table {
+    let mut table = Table::new("outputs", &["format", "file", "quantities", "files", "about MB"]);
+    let n_steps = scene.steps.values.len();
+    let vtk = scene.vtk.iter().map(|v| ("vtk", &v.file, v.every, v.bytes()));
+    let made: Vec<_> = vtk.chain(scene.csv.iter().map(|c| ("csv", &c.file, c.every, c.bytes()))).collect();
     for o in &loaded.script.outputs {
         let items: Vec<Value> = o.items.iter().map(|i| i.name.clone().into()).collect();
-        table.push(vec![o.format.name.clone().into(), o.file.clone().into(), items.into()]);
+        let found = made.iter().find(|m| (m.0, m.1) == (o.format.name.as_str(), &o.file));
+        let files = found.map_or(0, |m| n_files(m.2, n_steps));
+        #[expect(clippy::cast_precision_loss, reason = "a size that is told with few digits")]
+        let size = found.map_or(0.0, |m| short((files * m.3) as f64 / 1e6));
+        table.push(vec![o.format.name.clone().into(), o.file.clone().into(), items.into(), files.into(), size.into()]);
     }
     table
 }

@@ -104,7 +104,7 @@ pub(crate) fn ready(
 }
 
 /// The results folder that is asked for, or the one that is named after the scene.
-fn folder(args: &RunArgs, loaded: &Loaded) -> Result<PathBuf, String> {
+pub(crate) fn folder(args: &RunArgs, loaded: &Loaded) -> Result<PathBuf, String> {
     if let Some(out) = &args.out {
         return Ok(out.clone());
     }

@@ -3,7 +3,7 @@
 use std::{process::ExitCode, time::Instant};
 
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
-use wfl_runtime::{Saving, finished, savings};
+use wfl_runtime::{Saving, Scene, finished, may_begin, savings};
 
 use crate::{
     accuracy,
@@ -15,7 +15,7 @@ use crate::{
     load::{Loaded, out, say},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     progress::Loudness,
-    ready::{Ready, ready, shaped},
+    ready::{Ready, folder, ready, shaped},
 };
 
 pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
@@ -42,6 +42,9 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
             );
             return ExitCode::from(EXIT_ERROR);
         }
+        if !may_write(args, &loaded, &scene) {
+            return ExitCode::from(EXIT_ERROR);
+        }
         drop(preparing);
         return accuracy::run(args, &demand, (loaded, scene), &*backend, started);
     }
@@ -50,6 +53,9 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         return ExitCode::from(EXIT_ERROR);
     }
     let mut scene = shaped(args, scene);
+    if args.savings && !may_write(args, &loaded, &scene) {
+        return ExitCode::from(EXIT_ERROR);
+    }
     let ready = ready(args, &mut loaded, &mut scene, parse_seconds, started);
     let mut ready = match ready.and_then(|ready| measured(args, &loaded, &*backend, ready)) {
         Ok(ready) => ready,
@@ -75,6 +81,16 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
             ExitCode::from(EXIT_ERROR)
         }
     }
+}
+
+/// Whether the results can be written, looked at before other runs are made for this one; says why not.
+fn may_write(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
+    match folder(args, loaded).map(|out| may_begin(scene, &out)) {
+        Ok(Ok(())) => return true,
+        Ok(Err(error)) => explain(loaded, scene, &error),
+        Err(why) => say(&error_line(&why)),
+    }
+    false
 }
 
 /// A run with what its savings are, if that is asked for.

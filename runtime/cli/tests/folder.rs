@@ -247,6 +247,10 @@ fn files_of_others_are_left_alone_and_named_before_anything_is_computed() {
         assert!(!String::from_utf8_lossy(&ran.stdout).contains("step"), "nothing is computed");
         assert_eq!(folder.files("o"), BTreeMap::from([(name.to_owned(), b"mine".to_vec())]));
     }
+    // also before runs that are made for another one
+    for more in [&["--savings"][..], &["--accuracy", "0.5", "--of", "end"]] {
+        refused(&folder.run(more), "E712", &["`o/manifest.json`"]);
+    }
     // names that the run does not use are nobody's business, also where they look like steps
     let _ = fs::remove_dir_all(folder.0.join("o"));
     fs::create_dir(folder.0.join("o")).expect("a folder");
@@ -486,4 +490,68 @@ fn a_reference_that_was_changed_is_noticed() {
     folder.edit("flux.wfl", "1 + x*x", "2 + x*x");
     assert!(said(&sweep(&["--out", "t"])).contains("1 runs, 0 of them in the table already"));
     assert_ne!(fs::read_to_string(&file).expect("a reference"), whole);
+}
+
+/// A disc that is full, as far as one process sees it: no file may grow beyond some blocks. What is there is whole, no
+/// temporary file stays, and with room again the run goes on to the same bytes.
+#[cfg(unix)]
+#[test]
+fn a_full_disc_costs_nothing_that_was_done() {
+    let folder = Folder::new("full");
+    assert!(folder.run_in("whole", &[]).status.success());
+    let expected = folder.results("whole");
+    let mut n_stopped = 0;
+    for blocks in [0, 1, 2, 3, 4, 6, 8] {
+        let _ = fs::remove_dir_all(folder.0.join("o"));
+        let mut shell = Command::new("sh");
+        // blocks of 512 bytes; a file that is too large is an error, not a signal
+        let line = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" run bar.wfl --out o");
+        let ran = shell.args(["-c", &line, env!("CARGO_BIN_EXE_wfl")]).current_dir(&folder.0).output();
+        let ran = ran.expect("a shell");
+        if !ran.status.success() {
+            n_stopped += 1;
+            refused(&ran, "E717", &["--resume"]);
+        }
+        assert!(
+            folder.files("o").keys().all(|name| !name.starts_with('.')),
+            "{blocks}: {:?}",
+            folder.files("o").keys()
+        );
+        let again = folder.run(&["--resume"]);
+        assert!(again.status.success(), "{blocks}: {}", said(&again));
+        assert!(folder.results("o") == expected, "{blocks} blocks: other results");
+    }
+    assert!(n_stopped >= 3, "{n_stopped}");
+}
+
+/// An interrupt leaves no temporary file and no lock, and says how to go on.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_tidies_up_and_says_how_to_go_on() {
+    use std::os::unix::process::ExitStatusExt;
+    let folder = Folder::new("interrupt");
+    folder.edit("bar.wfl", "1 to 3", "1 to 300");
+    for (name, number) in [("INT", 2), ("TERM", 15)] {
+        let _ = fs::remove_dir_all(folder.0.join("o"));
+        let mut command = folder.command(&["run", "bar.wfl", "--out", "o"]);
+        let child = command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::piped()).spawn();
+        let child = child.expect("the command starts");
+        let begin = std::time::Instant::now();
+        while !folder.0.join("o/line_0003.csv").exists() && begin.elapsed().as_secs() < 60 {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        let killed = Command::new("kill").args([&format!("-{name}"), &child.id().to_string()]).status();
+        assert!(killed.is_ok_and(|s| s.success()));
+        let ended = child.wait_with_output().expect("our own child");
+        assert_eq!(ended.status.signal(), Some(number), "{}", said(&ended));
+        let words = "interrupted: the steps done are kept: the same command with --resume goes on";
+        assert!(said(&ended).contains(words), "{}", said(&ended));
+        // the thread that writes may have begun another file in the last moment
+        let left: Vec<String> = folder.files("o").into_keys().filter(|n| n.starts_with(".wfl-")).collect();
+        assert!(left.len() <= 1 && !left.contains(&".wfl-lock".to_owned()), "{left:?}");
+    }
+    let again = folder.run(&["--resume"]);
+    assert!(again.status.success(), "{}", said(&again));
+    assert!(folder.run_in("whole", &[]).status.success());
+    assert!(folder.results("o") == folder.results("whole"));
 }

@@ -91,7 +91,7 @@ impl OutputDir {
     /// something else; [`OutputError::Foreign`] where a file that the manifest does not name, a folder or a link has a
     /// name of the plan; [`OutputError::Write`].
     pub fn begin(&self, kind: Kind, identity: &Identity, plan: &Plan) -> Result<(), OutputError> {
-        self.may_take(kind, plan)?;
+        self.may_begin(kind, plan)?;
         let mut books = self.books();
         let mut manifest = Manifest::new(kind, identity.clone());
         if let Some(former) = books.manifest.take() {
@@ -106,7 +106,7 @@ impl OutputDir {
     /// # Errors
     /// Those of [`OutputDir::begin`].
     pub fn go_on(&self, kind: Kind, plan: &Plan) -> Result<(), OutputError> {
-        self.may_take(kind, plan)?;
+        self.may_begin(kind, plan)?;
         let mut books = self.books();
         let manifest = books.manifest.take().unwrap_or_else(|| Manifest::new(kind, Identity::default()));
         self.start(&mut books, Manifest { state: State::Running, ..manifest })
@@ -319,7 +319,10 @@ impl OutputDir {
     }
 
     /// Whether results of a kind may go into the folder under the names of the plan.
-    fn may_take(&self, kind: Kind, plan: &Plan) -> Result<(), OutputError> {
+    ///
+    /// # Errors
+    /// Those of [`OutputDir::begin`].
+    pub fn may_begin(&self, kind: Kind, plan: &Plan) -> Result<(), OutputError> {
         plan.names().try_for_each(|name| check_name(&name))?;
         let books = self.books();
         if let Some(other) = books.manifest.as_ref().filter(|m| m.kind != kind) {
@@ -451,7 +454,7 @@ impl OutputDir {
 }
 
 fn foreign(file: PathBuf) -> OutputError {
-    OutputError::Foreign { file, what: "is there already and is not named in its manifest" }
+    OutputError::Foreign { file, what: "is there already and no manifest of this program names it" }
 }
 
 /// A file written under its temporary name; removed unless it is committed.

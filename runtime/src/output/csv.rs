@@ -173,6 +173,7 @@ mod tests {
             }
             other => panic!("{other:?}"),
         }
-        assert!(scratch.names().is_empty());
+        drop(dir);
+        assert_eq!(scratch.names(), ["manifest.json"]);
     }
 }

@@ -84,10 +84,30 @@ mod tests {
             one.difference(&other).unwrap()
         };
         assert!(told(&|i| i.version = "2".into()).contains("another version of wfl (2"));
-        assert!(told(&|i| drop(i.inputs.insert("k.csv", Hash::of(b"x")))).contains("another content of `k.csv`"));
-        assert!(told(&|i| drop(i.inputs.insert("m.msh", Hash::of(b"x")))).contains("a scene that read `m.msh`, too"));
-        assert!(told(&|i| drop(i.parameters.insert("gamma", "2.0"))).contains("`gamma` (2.0, here 1.0)"));
-        assert!(told(&|i| drop(i.settings.insert("precision", "f64"))).contains("`precision` (f64, here auto)"));
+        assert!(
+            told(&|i| {
+                i.inputs.insert("k.csv", Hash::of(b"x"));
+            })
+            .contains("another content of `k.csv`")
+        );
+        assert!(
+            told(&|i| {
+                i.inputs.insert("m.msh", Hash::of(b"x"));
+            })
+            .contains("a scene that read `m.msh`, too")
+        );
+        assert!(
+            told(&|i| {
+                i.parameters.insert("gamma", "2.0");
+            })
+            .contains("`gamma` (2.0, here 1.0)")
+        );
+        assert!(
+            told(&|i| {
+                i.settings.insert("precision", "f64");
+            })
+            .contains("`precision` (f64, here auto)")
+        );
         assert!(told(&|i| i.settings = OrderedMap::new()).contains("no value of the setting `precision`"));
         assert!(told(&|i| i.inputs = OrderedMap::new()).contains("did not read `s.wfl`"));
     }

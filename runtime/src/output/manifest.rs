@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Hash, Identity};
+use super::{Hash, Identity, check_name};
 
 /// The name of the manifest in a results folder.
 pub const MANIFEST_FILE: &str = "manifest.json";
@@ -215,7 +215,9 @@ pub(super) fn line(name: &str, content: Option<Content>, former: bool) -> Result
 
 fn file_line(line: &[u8]) -> Option<FileLine> {
     let line = line.strip_prefix(b",").unwrap_or(line);
-    serde_json::from_slice(&unchecked(line.strip_suffix(b"}\n")?)?).ok()
+    let file: FileLine = serde_json::from_slice(&unchecked(line.strip_suffix(b"}\n")?)?).ok()?;
+    // whoever can write a line can make its hash: no name leads out of the folder
+    check_name(&file.name).is_ok().then_some(file)
 }
 
 /// An object with its hash as last member and `end` in place of its closing brace.
@@ -249,7 +251,7 @@ mod tests {
         let mut one = Manifest::new(Kind::Run, Identity { version: "0.1".into(), ..Identity::default() });
         one.state = state;
         let content = |text: &str| Content { size: Some(text.len() as u64), hash: Hash::of(text.as_bytes()) };
-        for (name, texts) in [("a.csv", &["x"][..]), ("\"σ\".csv", &["y", "yy"]), ("checkpoint", &[])] {
+        for (name, texts) in [("a.csv", &["x"][..]), ("σ, ü.csv", &["y", "yy"]), ("checkpoint", &[])] {
             let owned = one.files.entry(name.to_owned()).or_default();
             texts.iter().for_each(|t| owned.add(Some(content(t))));
         }
@@ -296,6 +298,11 @@ mod tests {
                 assert!(cut.is_err() || state == State::Running, "cut at {at}");
             }
             assert!(Manifest::read(&[&bytes[..], b"\n"].concat()).is_err());
+        }
+        for name in ["../up", "/etc/passwd", ".wfl-lock", "a/b"] {
+            let mut one = sample(State::Finished);
+            one.files.entry(name.to_owned()).or_default();
+            assert!(Manifest::read(one.text().unwrap().as_bytes()).is_err(), "{name}");
         }
         assert_eq!(Manifest::read(b"{\"name\":\"a web page\"}"), Err(Unusable::Foreign));
         assert_eq!(Manifest::read(b"{\"wfl_manifest\":2,\"kind\":1}\n"), Err(Unusable::Format(2)));

@@ -63,6 +63,51 @@ impl LineSample {
         self.items.iter().any(|i| i.value.reads_past())
     }
 
+    /// About as many bytes as it takes in a file.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        /// Bytes of a number with sixteen digits, sign, exponent and comma.
+        const NUMBER: usize = 22;
+        let columns = 1 + self.dim + self.items.iter().map(|i| i.value.n_components()).sum::<usize>();
+        NUMBER * columns * self.points.len()
+    }
+
+    /// How many points there are.
+    #[must_use]
+    pub fn n_points(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The points, in order.
+    #[must_use]
+    pub fn points(&self) -> &[[f64; 3]] {
+        &self.points
+    }
+
+    /// True if nothing is sampled.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.items.is_empty()
+    }
+
+    /// Of each point whether some expression lives there.
+    #[must_use]
+    pub fn found(&self) -> Vec<bool> {
+        let mut found = vec![false; self.points.len()];
+        self.items.iter().flat_map(|i| &i.samples).flatten().for_each(|k| found[*k] = true);
+        found
+    }
+
+    /// Names of the expressions that live on no point, each once.
+    #[must_use]
+    pub fn nowhere(&self) -> Vec<&str> {
+        let somewhere =
+            |name: &str| self.items.iter().any(|i| i.name == name && i.samples.iter().any(|s| !s.is_empty()));
+        let mut names: Vec<&str> = self.items.iter().map(|i| i.name.as_str()).filter(|n| !somewhere(n)).collect();
+        names.dedup();
+        names
+    }
+
     /// Names of the columns: arc length, coordinates, entries of each expression.
     #[must_use]
     pub fn columns(&self) -> Vec<String> {

@@ -148,6 +148,21 @@ impl SampledPiece {
         self.items.is_empty()
     }
 
+    /// About as many bytes as it takes in a file.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        const NUMBER: usize = size_of::<f64>();
+        let (nodes, entities) = (self.space.n_nodes(), self.space.n_positions());
+        let corners: usize = (0..entities).map(|k| self.space.entity_nodes(k).len()).sum();
+        // three coordinates; of each cell its nodes, where they end, and a byte for its kind
+        let grid = NUMBER * (3 * nodes + corners + entities) + entities;
+        let item = |i: &Item| {
+            let width = if i.value.n_components() == 2 { 3 } else { i.value.n_components() };
+            NUMBER * width * if i.means { entities } else { nodes }
+        };
+        grid + self.items.iter().map(item).sum::<usize>()
+    }
+
     /// The piece at a state.
     pub fn sample(&mut self, mesh: &Mesh, time: f64, increment: f64, values: FieldValues<'_>) -> Piece {
         let n = self.space.n_nodes();

@@ -3,6 +3,8 @@
 //! Promises: nothing is computed before it is known that every file of the run can be written under its name; a run goes
 //! on from results of its own only, and only from those that are what was written; else the message names what differs.
 
+use std::path::Path;
+
 use super::{CHECKPOINT_FILE, CheckpointError, RunError, RunOptions, checkpoint, files};
 use crate::{
     input::{InputKind, read_input},
@@ -28,6 +30,16 @@ pub(super) fn identity(scene: &Scene, options: &RunOptions) -> Identity {
         inputs.insert(input.name.as_str(), input.hash);
     }
     Identity { version: options.version.clone(), inputs, parameters, settings }
+}
+
+/// Whether a run of a scene could begin in a folder: for whoever computes something else before.
+///
+/// # Errors
+/// [`RunError::Output`] for a folder that cannot be used, or that has files of others under the names of results.
+pub fn may_begin(scene: &Scene, out: &Path) -> Result<(), RunError> {
+    let dir = OutputDir::open(out)?;
+    spares_inputs(scene, &dir)?;
+    Ok(dir.may_begin(Kind::Run, &files::plan(scene))?)
 }
 
 /// Begins a run in a folder.

@@ -21,7 +21,7 @@ use std::{
 
 pub use accuracy::Accuracy;
 pub use checkpoint::{CHECKPOINT_FILE, CheckpointError};
-pub use folder::finished;
+pub use folder::{finished, may_begin};
 pub use physics::PhysicsCheck;
 pub use several::Others;
 pub use stepping::{Attempt, AttemptEnd, FRUITLESS, Path};

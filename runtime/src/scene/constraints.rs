@@ -3,6 +3,8 @@
 //! A normal component on faces that look along no axis is prescribed exactly: the equations of the node are turned into
 //! a frame of its normals ([`crate::frames`]).
 
+mod contradictions;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{
@@ -33,6 +35,9 @@ use crate::{
     value::Value,
 };
 
+pub(super) use contradictions::Contradiction;
+use contradictions::{Overruled, part_of};
+
 /// The values of one `fix` for one field on one region.
 struct Fix {
     /// Positions of the nodes.
@@ -41,6 +46,9 @@ struct Fix {
     /// Of what on which region, and where its expression is, for messages.
     what: String,
     span: Span,
+    /// The field and the statement.
+    field: String,
+    statement: Span,
 }
 
 /// One number of a `fix`: the value of which, at which node, with a factor (the sign of a normal).
@@ -85,20 +93,36 @@ pub struct Prescribed {
     /// Dofs that are components, in the order of the statements: a later one wins.
     plain: Vec<(usize, Number)>,
     tilted: Vec<Tilted>,
+    overruled: Vec<Overruled>,
+    /// By `fix` and component (the number of components for a normal one): how many numbers it states.
+    stated: BTreeMap<(usize, usize), usize>,
 }
 
 impl Prescribed {
+    /// The numbers of every `fix` at a step.
+    ///
+    /// # Errors
+    /// [`BadGiven`] for a value that is not finite.
+    fn numbers(&mut self, time: f64, increment: f64) -> Result<Vec<Vec<f64>>, BadGiven> {
+        let at = |fix: &mut Fix| {
+            fix.value.set_step(time, increment);
+            let found = fix.value.at_positions(&fix.positions);
+            found.map_err(|at| BadGiven { what: fix.what.clone(), span: fix.span, at })
+        };
+        self.fixes.iter_mut().map(at).collect()
+    }
+
     /// Writes the prescribed values at a step into the vector of all unknowns.
     ///
     /// # Errors
     /// [`BadGiven`] for a value that is not finite; `u` is then as it was.
     pub fn apply(&mut self, time: f64, increment: f64, u: &mut [f64]) -> Result<(), BadGiven> {
-        let mut values = Vec::with_capacity(self.fixes.len());
-        for fix in &mut self.fixes {
-            fix.value.set_step(time, increment);
-            let found = fix.value.at_positions(&fix.positions);
-            values.push(found.map_err(|at| BadGiven { what: fix.what.clone(), span: fix.span, at })?);
-        }
+        let values = self.numbers(time, increment)?;
+        self.write(&values, u);
+        Ok(())
+    }
+
+    fn write(&self, values: &[Vec<f64>], u: &mut [f64]) {
         let number = |n: &Number| n.factor * values[n.fix][n.place];
         for (dof, n) in &self.plain {
             u[*dof] = number(n);
@@ -115,7 +139,6 @@ impl Prescribed {
                 own.iter_mut().zip(axis).for_each(|(x, a)| *x += (wanted - is) * a);
             }
         }
-        Ok(())
     }
 
     /// The dofs that are taken out of the system; of a turned node those of its first axes.
@@ -132,6 +155,30 @@ impl Prescribed {
         self.plain.iter().map(|(dof, _)| *dof).chain(tilted).collect()
     }
 
+    /// True if nothing is prescribed.
+    pub(super) fn is_empty(&self) -> bool {
+        self.fixes.is_empty()
+    }
+
+    /// The statement that prescribes a dof.
+    pub(super) fn held_by(&self, dof: usize) -> Option<Span> {
+        let plain = self.plain.iter().rev().find(|(d, _)| *d == dof).map(|(_, n)| n.fix);
+        let tilted = || {
+            let node =
+                self.tilted.iter().find(|t| (t.frame.first..t.frame.first + t.frame.axes.len()).contains(&dof))?;
+            node.numbers.first().map(|n| n.fix)
+        };
+        plain.or_else(tilted).map(|fix| self.fixes[fix].statement)
+    }
+
+    /// True if the displacement of the node whose dofs begin at `first` is prescribed along `direction`, by a frame of its
+    /// own.
+    pub(super) fn holds(&self, first: usize, direction: &[f64; 3]) -> bool {
+        let Some(node) = self.tilted.iter().find(|t| t.frame.first == first) else { return false };
+        let n = node.frame.axes.len();
+        apart(&node.frame.axes[..node.numbers.len()], &direction[..n], INDEPENDENT).is_none()
+    }
+
     /// The frames of the nodes that need one.
     #[must_use]
     pub fn frames(&self) -> Vec<Frame> {
@@ -142,20 +189,40 @@ impl Prescribed {
     fn new(fixes: Vec<Fix>, conditions: Vec<Condition>) -> Self {
         let direction = |c: &&Condition| matches!(c.along, Along::Direction(_));
         let turned: BTreeSet<usize> = conditions.iter().filter(direction).map(|c| c.first).collect();
-        let (mut plain, mut nodes) = (Vec::new(), BTreeMap::<usize, Vec<Condition>>::new());
+        let mut made = Self { fixes, ..Self::default() };
+        let (mut last, mut nodes) = (BTreeMap::new(), BTreeMap::<usize, Vec<Condition>>::new());
         for c in conditions {
+            *made.stated.entry((c.number.fix, part_of(c.along, c.n_components))).or_default() += 1;
             match c.along {
-                Along::Component(k) if !turned.contains(&c.first) => plain.push((c.first + k, c.number)),
+                Along::Component(k) if !turned.contains(&c.first) => {
+                    made.plain.push((c.first + k, c.number));
+                    if let Some(before) = last.insert(c.first + k, c.number) {
+                        made.overruled.push(Overruled { number: before, ..c.overruled(c.number.fix) });
+                    }
+                }
                 _ => nodes.entry(c.first).or_default().push(c),
             }
         }
-        Self { fixes, plain, tilted: nodes.into_values().map(|list| tilted(&list)).collect() }
+        for list in nodes.into_values() {
+            let (node, overruled) = tilted(&list);
+            made.tilted.push(node);
+            made.overruled.extend(overruled);
+        }
+        made
+    }
+}
+
+impl Condition {
+    fn overruled(&self, by: usize) -> Overruled {
+        let Condition { first, n_components, along, number } = *self;
+        Overruled { first, n_components, along, number, by }
     }
 }
 
 /// The frame of a node and the numbers along its first axes. Of conditions that depend on each other the later wins, as
-/// it does among components.
-fn tilted(conditions: &[Condition]) -> Tilted {
+/// it does among components; the others are listed.
+fn tilted(conditions: &[Condition]) -> (Tilted, Vec<Overruled>) {
+    let mut overruled = Vec::new();
     let n = conditions[0].n_components;
     let (mut axes, mut numbers, mut triangle): (Vec<Vec<f64>>, Vec<Number>, Vec<Vec<f64>>) = Default::default();
     for condition in conditions.iter().rev() {
@@ -169,6 +236,11 @@ fn tilted(conditions: &[Condition]) -> Tilted {
             triangle.push(row);
             axes.push(axis);
             numbers.push(condition.number);
+        } else {
+            // the axis that says most of this direction
+            let most =
+                (0..axes.len()).max_by(|a, b| dot(&axes[*a], &wanted).abs().total_cmp(&dot(&axes[*b], &wanted).abs()));
+            overruled.push(condition.overruled(most.map_or(condition.number.fix, |k| numbers[k].fix)));
         }
     }
     // the frame is completed with what is left of the axes of the scene, the most independent ones
@@ -181,7 +253,7 @@ fn tilted(conditions: &[Condition]) -> Tilted {
             axes.push(axis);
         }
     }
-    Tilted { frame: Frame { first: conditions[0].first, axes }, numbers, triangle }
+    (Tilted { frame: Frame { first: conditions[0].first, axes }, numbers, triangle }, overruled)
 }
 
 /// What of a unit vector is left beside orthonormal axes, normalised, with its parts along them; `None` below `least`.
@@ -228,7 +300,7 @@ impl ConstraintMaker<'_> {
         for fix in &self.script.fixes {
             for target in &fix.targets {
                 for place in &fix.places {
-                    if let Some((made, list)) = self.one(target, &fix.value, place, fixes.len()) {
+                    if let Some((made, list)) = self.one(target, fix, place, fixes.len()) {
                         fixes.push(made);
                         conditions.extend(list);
                     }
@@ -241,7 +313,7 @@ impl ConstraintMaker<'_> {
     fn one(
         &mut self,
         target: &Target,
-        value: &Expr,
+        statement: &wfl::Condition,
         place: &wfl::ast::Ident,
         number: usize,
     ) -> Option<(Fix, Vec<Condition>)> {
@@ -273,8 +345,8 @@ impl ConstraintMaker<'_> {
             TargetPart::Normal => self.along_normals(target, place, position, &nodes)?,
         };
         let entries = if whole { n } else { 1 };
-        let span = value.span;
-        let value = self.value(value, entries)?;
+        let span = statement.value.span;
+        let value = self.value(&statement.value, entries)?;
         let mut conditions = Vec::with_capacity(nodes.len());
         for (k, (node, list)) in nodes.iter().zip(along).enumerate() {
             conditions.extend(list.into_iter().map(|(along, entry, factor)| Condition {
@@ -286,7 +358,8 @@ impl ConstraintMaker<'_> {
         }
         let positions = nodes.iter().map(|node| field.node_position(*node as usize)).collect();
         let what = format!("the prescribed value of `{}` on `{}`", field.name, place.name);
-        Some((Fix { positions, value, what, span }, conditions))
+        let (field, statement) = (field.name.clone(), statement.span);
+        Some((Fix { positions, value, what, span, field, statement }, conditions))
     }
 
     /// "the 256 faces of `east` belong to `right`; uL lives on `left`"

@@ -10,6 +10,7 @@ mod constraints;
 mod context;
 mod coverage;
 mod data;
+mod effects;
 mod fields;
 mod groups;
 mod held;
@@ -67,7 +68,7 @@ pub use inputs::InputFile;
 pub use mesh::SceneBox;
 pub use options::Steps;
 pub(crate) use outputs::is_written;
-pub use outputs::{CsvOutput, VtkOutput};
+pub use outputs::{CsvOutput, VtkOutput, n_files};
 pub use quantities::Given;
 pub use regions::{NamedRegion, Regions};
 pub use samples::{SampleAt, Samples};
@@ -361,10 +362,16 @@ impl Builder<'_> {
         let states = self.state_updates(renewed, &rules);
         let known_kind = |f: &Field| matches!(f.kind, FieldKind::Unknown | FieldKind::Multiplier);
         let position = |f: &Field, all: &[Field]| all.iter().position(|g| g.name == f.name).unwrap_or(usize::MAX);
-        let mut numbering =
-            Numbering::new(&self.fields, |f| known_kind(f) && used.contains(&position(f, &self.fields)));
-        let prescribed = self.constraints(&mut numbering, &laws);
+        // a field that is prescribed has its values although its terms are gone
+        let stated = |f: &Field| self.script.fixes.iter().flat_map(|c| &c.targets).any(|t| t.field.name == f.name);
+        let is_numbered = |f: &Field| used.contains(&position(f, &self.fields)) || stated(f);
+        let mut numbering = Numbering::new(&self.fields, |f| known_kind(f) && is_numbered(f));
+        let mut prescribed = self.constraints(&mut numbering, &laws, &used);
         let broken = !self.script.lost.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error);
+        if !broken {
+            self.effects(&laws, &prescribed, &numbering);
+            self.read_but_in_no_term(&numbering);
+        }
         let assembled = if broken { None } else { self.assemble_terms(laws, &rules, &numbering) };
         let mesh_time = self.mesh_time + begin.elapsed().as_secs_f64();
 
@@ -398,8 +405,17 @@ impl Builder<'_> {
             || measures.iter().any(Measure::reads_past)
             || vtk.iter().flat_map(|v| &v.pieces).any(SampledPiece::reads_past)
             || csv.iter().any(|c| c.line.reads_past());
+        self.idle_starts(&numbering, &prescribed, reads_past || rates);
+        self.idle_steps(steps.as_ref(), reads_past || rates);
+        if let Some(steps) = &steps {
+            self.contradictions(&mut prescribed, steps, numbering.n_dofs);
+        }
+        if self.diagnostics.iter().any(Diagnostic::is_error) {
+            return None;
+        }
         let known = nothing_known(&self.fields, &numbering, reads_past);
-        let left_out = |k: &usize| !used.contains(k) && self.fields[*k].kind != FieldKind::State;
+        let left_out =
+            |k: &usize| !used.contains(k) && numbering.starts[*k].is_none() && self.fields[*k].kind != FieldKind::State;
         let unused_fields = (0..self.fields.len()).filter(left_out).map(|k| self.fields[k].name.clone()).collect();
         let mut system = match System::new(self.mesh, self.fields, numbering, terms, known) {
             Ok(s) => s,
@@ -486,7 +502,12 @@ impl Builder<'_> {
         (vtk, csv, maker.law_seconds.get())
     }
 
-    fn constraints(&mut self, numbering: &mut Numbering, laws: &[terms::PlacedLaw]) -> Prescribed {
+    fn constraints(
+        &mut self,
+        numbering: &mut Numbering,
+        laws: &[terms::PlacedLaw],
+        used: &BTreeSet<usize>,
+    ) -> Prescribed {
         let prescribed = constraints::ConstraintMaker {
             script: self.script,
             env: self.env,
@@ -518,7 +539,8 @@ impl Builder<'_> {
             laws,
             self.diagnostics,
         );
-        numbering.fix(fixed.into_iter().chain(idle).chain(shared));
+        let undetermined = self.undetermined(used, numbering, &fixed);
+        numbering.fix(fixed.into_iter().chain(idle).chain(shared).chain(undetermined));
         prescribed
     }
 

@@ -24,14 +24,22 @@ pub(super) fn node_normals(
     let mut parts: BTreeMap<u32, Vec<[f64; 3]>> = BTreeMap::new();
     for facet in facets {
         let sides = [(Some(*facet), 1.0), (topology.opposite(*facet), -1.0)];
-        let found = sides.into_iter().find_map(|(side, sign)| Some((side?, sign, nodes_of(mesh, space, side?)?)));
-        let Some((side, sign, nodes)) = found else { continue };
-        let points: Vec<[f64; 3]> = nodes.iter().map(|(_, point)| *point).collect();
-        let kind = mesh.kind(side.cell);
-        let table = mesh.geometry_element(kind).tabulate(&points, 1);
-        for (q, (node, _)) in nodes.iter().enumerate() {
-            let area = area_vector(mesh, side, mesh.jacobian_at(side.cell, &table, q));
-            parts.entry(*node).or_default().push(area.map(|x| sign * x));
+        let found = sides.into_iter().filter_map(|(side, sign)| Some((side?, sign, nodes_of(mesh, space, side?)?)));
+        let mut own: Vec<u32> = Vec::new();
+        for (side, sign, mut nodes) in found {
+            // of a torn field both sides have nodes, of others those of the first side are all
+            nodes.retain(|(node, _)| !own.contains(node));
+            if nodes.is_empty() {
+                continue;
+            }
+            own.extend(nodes.iter().map(|(node, _)| *node));
+            let points: Vec<[f64; 3]> = nodes.iter().map(|(_, point)| *point).collect();
+            let kind = mesh.kind(side.cell);
+            let table = mesh.geometry_element(kind).tabulate(&points, 1);
+            for (q, (node, _)) in nodes.iter().enumerate() {
+                let area = area_vector(mesh, side, mesh.jacobian_at(side.cell, &table, q));
+                parts.entry(*node).or_default().push(area.map(|x| sign * x));
+            }
         }
     }
     parts.into_iter().map(|(node, list)| (node, grouped(&list))).collect()

@@ -150,6 +150,11 @@ impl Builder<'_> {
                 }
             }
         }
+        let word = solver.options.iter().find(|o| o.name.name == "of");
+        if let Some(word) = word.filter(|_| asked.is_none()) {
+            let d = Diagnostic::new("W411", "`of` says what an accuracy is of, and none is asked for");
+            self.diagnostics.push(d.at(word.name.span, "").help("accuracy=1e-3 beside it"));
+        }
         (options, asked.map(|error| (error, of)))
     }
 }

@@ -5,7 +5,7 @@
 //! its side, so that the faces of a fault carry both displacements. What reads a state is known at integration points
 //! only: its mean over each cell is written.
 
-use std::{cell::Cell, sync::Arc, time::Instant};
+use std::{cell::Cell, collections::BTreeSet, sync::Arc, time::Instant};
 
 use wfl::{
     Diagnostic, ResolvedScript, Span,
@@ -18,7 +18,7 @@ use crate::{
     field::{Field, FieldSpace},
     mesh::{CellId, Mesh, RegionSet, Topology},
     output::{OutputError, check_name, step_name},
-    results::{LineSample, SampledPiece, SupportSet},
+    results::{LineSample, Located, SampledPiece, SupportSet},
     scene::{
         constants::{number, numbers},
         fields::place_sig,
@@ -49,6 +49,28 @@ pub struct CsvOutput {
     pub every: usize,
     /// Its points and columns.
     pub line: LineSample,
+}
+
+impl VtkOutput {
+    /// About as many bytes as the file of a step takes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.pieces.iter().map(SampledPiece::bytes).sum()
+    }
+}
+
+impl CsvOutput {
+    /// About as many bytes as the file of a step takes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.line.bytes()
+    }
+}
+
+/// How many files an output writes of so many steps.
+#[must_use]
+pub fn n_files(every: usize, n_steps: usize) -> usize {
+    (0..n_steps).filter(|k| is_written(*k, every, n_steps)).count()
 }
 
 /// Whether the files of a step, counted from 0, are written: of `every` steps the first one, and the last of all.
@@ -87,6 +109,7 @@ const MAX_EVERY: f64 = 1e9;
 
 pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> (Vec<VtkOutput>, Vec<CsvOutput>) {
     let (mut vtk, mut csv) = (Vec::new(), Vec::new());
+    maker.names();
     let bodies = maker.bodies();
     let faces = maker.faces();
     for output in &maker.script.outputs {
@@ -212,6 +235,11 @@ impl OutputMaker<'_> {
             self.diagnostics.push(d.at(from.span, ""));
             return None;
         }
+        if let Some(option) = output.options.first() {
+            let d = Diagnostic::new("E414", format!("option `{}` is not understood here", option.name.name));
+            self.diagnostics.push(d.at(option.name.span, "points are those of a line: use `output csv`"));
+            return None;
+        }
         let degree = self.fields.iter().map(Field::degree).max().unwrap_or(1).clamp(1, 2);
         let mut pieces: Vec<(SupportSet, SampledPiece)> = Vec::new();
         for item in &output.items {
@@ -232,6 +260,63 @@ impl OutputMaker<'_> {
         }
         let pieces = pieces.into_iter().map(|p| p.1).filter(|p| !p.is_empty()).collect();
         Some(VtkOutput { file: output.file.clone(), every: self.every(output)?, pieces })
+    }
+
+    /// E435 for a line of which nothing is sampled, W415 for one with points outside the mesh or a quantity that lives on no
+    /// point of it.
+    fn outside(&mut self, output: &wfl::Output, line: &LineSample) {
+        let Some((from, to)) = &output.along else { return };
+        let span = from.span.to(to.span);
+        let n = line.n_points();
+        let found = line.found();
+        if found.iter().all(|f| !f) && !line.is_empty() {
+            let d = Diagnostic::new(
+                "E435",
+                format!("no point of the line of `{}` is in a body of its quantities", output.file),
+            );
+            let (low, high) = self.mesh.bounds();
+            let dim = self.mesh.dim();
+            self.diagnostics.push(d.at(span, format!("the mesh spans {:?} to {:?}", &low[..dim], &high[..dim])));
+            return;
+        }
+        let missing: Vec<[f64; 3]> = line.points().iter().zip(&found).filter(|(_, f)| !**f).map(|(x, _)| *x).collect();
+        let all: Vec<CellId> = if missing.is_empty() { Vec::new() } else { self.mesh.cells().collect() };
+        let inside = Located::in_cells(self.mesh, &all, &missing);
+        let outside = missing.len() - inside.points.iter().map(Vec::len).sum::<usize>();
+        if outside > 0 {
+            let held: BTreeSet<usize> = inside.points.iter().flatten().copied().collect();
+            let first = (0..missing.len()).find(|k| !held.contains(k)).map_or([0.0; 3], |k| missing[k]);
+            let d = Diagnostic::new("W415", format!("{outside} of {n} points of a line lie outside the mesh"));
+            let text = format!("`nan` there, the first at {:?}", &first[..self.mesh.dim()]);
+            self.diagnostics.push(d.at(span, text));
+        }
+        for name in line.nowhere() {
+            let item = output.items.iter().find(|i| i.name == name).map_or(span, |i| i.span);
+            let d = Diagnostic::new("W415", format!("`{name}` lives on no point of this line"));
+            self.diagnostics.push(d.at(item, "`nan` in every row").at(span, "the line"));
+        }
+    }
+
+    /// E433 for files of one name, also where only the case of letters tells them apart: some systems have one file for
+    /// both; and for two quantities of one name in a file.
+    fn names(&mut self) {
+        let outputs = &self.script.outputs;
+        for (k, output) in outputs.iter().enumerate() {
+            let name = (output.format.name.as_str(), output.file.to_lowercase());
+            let same = |o: &&wfl::Output| (o.format.name.as_str(), o.file.to_lowercase()) == name;
+            if let Some(first) = outputs[..k].iter().find(same) {
+                let d = Diagnostic::new("E433", format!("two outputs write the {} files of `{}`", name.0, output.file));
+                let text = if first.file == output.file { "" } else { "some systems take both names for one" };
+                self.diagnostics.push(d.at(output.span, text).at(first.span, "the first one"));
+            }
+            for (i, item) in output.items.iter().enumerate() {
+                if let Some(first) = output.items[..i].iter().find(|f| f.name == item.name) {
+                    let d = Diagnostic::new("E433", format!("two quantities of one file are called `{}`", item.name));
+                    let d = d.at(item.span, "").at(first.span, "the first one");
+                    self.diagnostics.push(d.help("u as displacement gives one another name"));
+                }
+            }
+        }
     }
 
     /// The number behind `every`; `None` after a message.
@@ -362,6 +447,7 @@ impl OutputMaker<'_> {
                 }
             }
         }
+        self.outside(output, &line);
         Some(CsvOutput { file: output.file.clone(), every: self.every(output)?, line })
     }
 }

@@ -21,7 +21,7 @@ use crate::{
     element::Family,
     field::{Field, FieldSpace},
     mesh::{NodeId, RegionSet},
-    scene::fields::global_place,
+    scene::{effects::Loaded, fields::global_place},
     space::Support,
 };
 
@@ -61,7 +61,10 @@ impl TermMaker<'_> {
         let sig = PlaceSig { name: place.name.clone(), description, ..global_place(self.fields.len()) };
         let before = out.len();
         self.push(&sig, name, source, Some(RegionSet::Nodes(nodes.to_vec())), load.span, out);
-        out[before..].iter_mut().for_each(|law| law.at_nodes = Some(domain.clone()));
+        for law in &mut out[before..] {
+            law.at_nodes = Some(domain.clone());
+            law.load = Some(Loaded { field: position, span: load.span, normal: false });
+        }
     }
 
     /// The points of a load on nodes, or what is wrong and what to do.

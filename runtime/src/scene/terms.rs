@@ -18,6 +18,7 @@ use crate::{
     quadrature::{Rule, nodal, rule, vertex},
     scene::{
         constants::number,
+        effects::Loaded,
         fields::{global_place, place_sig},
         regions::{NamedRegion, Regions},
     },
@@ -35,6 +36,8 @@ pub(super) struct PlacedLaw {
     pub(super) set: Option<RegionSet>,
     /// The points of a load on nodes; others follow from set and rule.
     pub(super) at_nodes: Option<Arc<Domain>>,
+    /// What it is as a load, if it is one.
+    pub(super) load: Option<Loaded>,
     pub(super) span: Span,
 }
 
@@ -110,7 +113,7 @@ impl TermMaker<'_> {
             let kinked = law.class == Class::Kinked;
             let pieces = if kinked { compile_pieces(self.env, sig, name, &law.listing, guides) } else { None };
             let prints = compile_prints(self.env, sig, name, &law.listing);
-            out.push(PlacedLaw { law, pieces, prints, place: sig.name.clone(), set, at_nodes: None, span });
+            out.push(PlacedLaw { law, pieces, prints, place: sig.name.clone(), set, at_nodes: None, load: None, span });
         }
     }
 
@@ -168,7 +171,10 @@ impl TermMaker<'_> {
             },
         };
         let source = TermSource::Load { value: &load.value, field: FieldId::new(position), part };
+        let before = out.len();
         self.push(&sig, &name, source, Some(set), load.span, out);
+        let own = Loaded { field: position, span: load.span, normal: part == LoadPart::Normal };
+        out[before..].iter_mut().for_each(|law| law.load = Some(own));
     }
 
     /// The rule of every region that has terms: what `quadrature` says, else the largest degree its terms need.

@@ -200,6 +200,37 @@ pub(super) const PAGES: &[CodePage] = &[
         "region tips = nodes of left where x == 0\nload uL = [0,0,-1] on tips",
     ),
     page(
+        "E432",
+        "a prescribed value that is lost to another",
+        "Two `fix` statements give one displacement different values at every node of the earlier one: nothing of it is \
+         left. Equal values are silent. Values that grow from one to another are one formula of the variable of `steps`.",
+        "fix u = [0,0,0] on west\nfix u(1) = 0.1 on west",
+        "fix u = [0.1,0,0] on west",
+    ),
+    page(
+        "E433",
+        "two outputs of one name",
+        "Files of one name replace each other, and so do quantities of one name in a file. Names that differ in \
+         the case of letters only are one name on some systems.",
+        "output vtk \"plate\" : u\noutput vtk \"Plate\" : Grad_u as strain",
+        "output vtk \"plate\" : u\noutput vtk \"strains\" : Grad_u as strain",
+    ),
+    page(
+        "E434",
+        "one thing stated twice",
+        "Of two rules of integration on one region, or two first values of one field, one would be lost.",
+        "quadrature on all degree 4\nquadrature on all degree 6",
+        "quadrature on all degree 6",
+    ),
+    page(
+        "E435",
+        "a line that meets no body",
+        "No point of the line of an `output csv` lies in a body where one of its quantities lives: every row would be \
+         `nan`.",
+        "output csv \"line\" : u along [2,0,0] to [3,0,0]",
+        "output csv \"line\" : u along [0,0,0] to [1,0,0]",
+    ),
+    page(
         "E440",
         "a tolerance that is none",
         "`tol` is the part of the forces that may be out of balance when an iteration stops. Above 0.1 every state would be \
@@ -464,6 +495,55 @@ pub(super) const PAGES: &[CodePage] = &[
          increment that divides the distance makes all steps equal.",
         "steps t = 0 to 1 by 0.3",
         "steps t = 0 to 1 by 0.25",
+    ),
+    page(
+        "W411",
+        "a statement that changes nothing",
+        "What is written has no effect on the numbers: a rule of integration where nothing is integrated, a term that is \
+         zero, a first guess where every value is prescribed, steps whose variable nothing reads. Often a region or a \
+         name is another one than meant.",
+        "quadrature on west degree 9",
+        "quadrature on all degree 9",
+    ),
+    page(
+        "W412",
+        "a load on what is fixed",
+        "The load acts on displacements that are prescribed on the whole of its region: the support takes it, and no \
+         unknown changes. A load on a face of which a part is free is silent.",
+        "load u(1) = 1 on west",
+        "region east = faces where x == 1\nload u(1) = 1 on east",
+    ),
+    page(
+        "W413",
+        "two prescribed values at common nodes",
+        "Regions of two `fix` statements overlap, and their values differ at the nodes they share: there the later statement \
+         holds. Regions without common nodes, or equal values there, are silent.",
+        "region floor = faces where z == 0\nfix u = [0,0,0] on west\nfix u(3) = 0.1 on floor",
+        "region lid = faces where x == 1\nfix u = [0,0,0] on west\nfix u(3) = 0.1 on lid",
+    ),
+    page(
+        "W414",
+        "an unknown that no term determines",
+        "No term with the unknown is left, often because a parameter is 0 and all its terms have that factor. What is \
+         prescribed holds; every other value stays what `start` says, or 0, and measures and outputs show that.",
+        "unknown v : scalar\nparam k = 0\nterm heat on all : k*Grad_v.Grad_Test_v\nfix v = 7 on west\nmeasure top = max(v) on all",
+        "unknown v : scalar\nparam k = 1\nterm heat on all : k*Grad_v.Grad_Test_v\nfix v = 7 on west\nmeasure top = max(v) on all",
+    ),
+    page(
+        "W415",
+        "points of a line without a value",
+        "A line of `output csv` leaves the mesh, or runs through no body where one of its quantities lives. The file has \
+         `nan` there.",
+        "output csv \"line\" : u along [0,0,0] to [1.5,0,0]",
+        "output csv \"line\" : u along [0,0,0] to [1,0,0]",
+    ),
+    page(
+        "W416",
+        "free nodes between fixed ones",
+        "A region of nodes has nodes of the mesh. A field of degree 2 or more has others between them, on edges and faces: a \
+         `fix` on the region leaves those free, and the body bends there. A region of faces has all of them.",
+        "unknown u : vector Q2\nregion side = nodes where x == 1\nfix u(1) = 0 on side",
+        "unknown u : vector Q2\nregion side = faces where x == 1\nfix u(1) = 0 on side",
     ),
     page(
         "W501",

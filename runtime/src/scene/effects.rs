@@ -1,0 +1,381 @@
+//! Statements that would change nothing, told: what a scene states takes part in the problem, or a message says why not.
+//!
+//! Each check asks the problem that was made, not the text: which dofs a `load` reaches and which of them are free, which
+//! of two prescribed values a node has, which rules have a law. What stands in the text only (names) is
+//! checked where names are known (W702). Silent where a statement takes part in some place: a load on a face of which an
+//! edge is fixed, a rule of several regions one of which has terms.
+
+use std::collections::BTreeSet;
+
+use wfl::{
+    Diagnostic, FieldKind as Declared, Span, StartKind,
+    ast::{Ident, Place},
+    split_prefixes,
+};
+use wfl_compiler::types::FieldOp;
+
+use super::{
+    Builder,
+    constraints::{Contradiction, Prescribed},
+    normals::node_normals,
+    options::Steps,
+    terms::PlacedLaw,
+};
+use crate::{
+    element::Family,
+    field::{Field, FieldSpace},
+    mesh::{FacetRef, NodeId, RegionSet},
+    space::Support,
+    system::{FIXED, Numbering},
+};
+
+/// Steps at which prescribed values are compared, the first and the last among them.
+const COMPARED_STEPS: usize = 16;
+
+impl Builder<'_> {
+    /// Everything that is known once dofs are numbered and fixed: loads on what is fixed, rules without terms, tears of
+    /// nothing, terms that are zero.
+    pub(super) fn effects(&mut self, laws: &[PlacedLaw], prescribed: &Prescribed, numbering: &Numbering) {
+        self.loads_on_fixed(laws, prescribed, numbering);
+        self.idle_rules(laws);
+        self.idle_splits();
+        self.zero_terms(laws);
+        self.free_between_fixed();
+    }
+
+    /// W416 for a `fix` on nodes of the mesh where the field has nodes between them, which stay free.
+    fn free_between_fixed(&mut self) {
+        let script = self.script;
+        for fix in &script.fixes {
+            for (target, place) in fix.targets.iter().flat_map(|t| fix.places.iter().map(move |p| (t, p))) {
+                let field = self.fields.iter().find(|f| f.name == target.field.name);
+                let set = self.regions.get(&place.name).map(|r| &r.set);
+                let (Some(field), Some(RegionSet::Nodes(nodes))) = (field, set) else { continue };
+                let n = self.nodes_between(field, nodes);
+                if n > 0 {
+                    let d = Diagnostic::new(
+                        "W416",
+                        format!("`fix {}` leaves {n} nodes free between those it holds", field.name),
+                    );
+                    let text = format!("nodes of the mesh; `{}` has degree {}", field.name, field.degree());
+                    let help = "a region of faces has all nodes on them: region side = faces where ...";
+                    self.diagnostics.push(d.at(place.span, text).help(help));
+                }
+            }
+        }
+    }
+
+    /// How many nodes a field has inside faces all of whose corners are among these nodes.
+    fn nodes_between(&self, field: &Field, nodes: &[NodeId]) -> usize {
+        let FieldSpace::Nodal(space) = &field.space else { return 0 };
+        let Support::Cells(cells) = space.support() else { return 0 };
+        if space.degree() < 2 || space.family() == Family::Discontinuous {
+            return 0;
+        }
+        let mut listed = vec![false; self.mesh.n_nodes()];
+        nodes.iter().for_each(|n| listed[n.index()] = true);
+        let mut facets: Vec<FacetRef> = Vec::new();
+        for cell in cells {
+            for local in 0..self.topology.cell_facets(*cell).len() {
+                let Ok(local) = u8::try_from(local) else { continue };
+                let facet = FacetRef { cell: *cell, local };
+                if self.mesh.facet_vertices(facet).vertices().iter().all(|v| listed[v.index()]) {
+                    facets.push(facet);
+                }
+            }
+        }
+        let held: BTreeSet<u32> = space.nodes_at_mesh_nodes(nodes).into_iter().collect();
+        let all = space.nodes_on_facets(&self.mesh, &self.topology, &facets);
+        all.iter().filter(|n| !held.contains(n)).count()
+    }
+
+    fn loads_on_fixed(&mut self, laws: &[PlacedLaw], prescribed: &Prescribed, numbering: &Numbering) {
+        if prescribed.is_empty() {
+            return;
+        }
+        let fixed = prescribed.components();
+        for law in laws {
+            let (Some(load), Some(set)) = (&law.load, &law.set) else { continue };
+            let field = &self.fields[load.field];
+            let Some(start) = numbering.starts[load.field] else { continue };
+            let nodes = self.loaded_nodes(field, set);
+            let first = |node: &u32| start + *node as usize * field.n_components;
+            let tests = law.law.tests.iter().filter(|s| s.field.index() == load.field && s.op == FieldOp::Value);
+            let pulled: BTreeSet<usize> = tests.map(|s| usize::from(s.entry)).collect();
+            let held = |c: &usize| nodes.iter().all(|n| fixed.contains(&(first(n) + c)));
+            let lost: Vec<usize> = pulled.iter().copied().filter(held).collect();
+            let (what, dof) = if let Some(c) = lost.first().filter(|_| !nodes.is_empty()) {
+                let names: Vec<String> = lost.iter().map(|c| component_name(field, *c)).collect();
+                (names.join(", "), first(&nodes[0]) + c)
+            } else if load.normal && self.normals_held(field, set, prescribed, start) {
+                (format!("`{}.Normal`", field.name), first(&nodes[0]))
+            } else {
+                continue;
+            };
+            let d =
+                Diagnostic::new("W412", format!("a load on {what}, which is fixed on the whole of `{}`", law.place));
+            let d = d.at(load.span, "this force goes into the support and changes no unknown");
+            let by = prescribed.held_by(dof);
+            self.diagnostics.push(by.into_iter().fold(d, |d, fix| d.at(fix, "fixed here")));
+        }
+    }
+
+    /// The nodes whose functions are not zero on the part of a region where a field is loaded.
+    fn loaded_nodes(&self, field: &Field, set: &RegionSet) -> Vec<u32> {
+        let here: RegionSet = match set {
+            RegionSet::Interface(pairs) => RegionSet::Facets(pairs.iter().map(|p| p.here).collect()),
+            other => other.clone(),
+        };
+        field.nodes_in(&self.mesh, &self.topology, &here)
+    }
+
+    /// True if all nodes on the faces of a load along the normal are fixed along their normals.
+    fn normals_held(&self, field: &Field, set: &RegionSet, prescribed: &Prescribed, start: usize) -> bool {
+        let facets: Vec<FacetRef> = match set {
+            RegionSet::Facets(f) => f.clone(),
+            RegionSet::Interface(i) => i.iter().map(|p| p.here).collect(),
+            _ => return false,
+        };
+        let FieldSpace::Nodal(space) = &field.space else { return false };
+        let normals = node_normals(&self.mesh, &self.topology, space, &facets);
+        let first = |node: &u32| start + *node as usize * field.n_components;
+        !normals.is_empty() && normals.iter().all(|(n, list)| list.iter().all(|x| prescribed.holds(first(n), x)))
+    }
+
+    /// W411 for a rule of integration on a region where nothing is integrated; E434 for two rules on one region.
+    fn idle_rules(&mut self, laws: &[PlacedLaw]) {
+        let script = self.script;
+        let mut used: BTreeSet<&str> = laws.iter().filter(|l| l.at_nodes.is_none()).map(|l| l.place.as_str()).collect();
+        used.extend(script.measures.iter().flat_map(|m| &m.places).map(|p| p.name.as_str()));
+        for field in script.fields.iter().filter(|f| matches!(f.kind, Declared::State { .. })) {
+            match &field.space.place {
+                Place::On(list) => used.extend(list.iter().map(|p| p.name.as_str())),
+                _ => {
+                    used.insert("all");
+                }
+            }
+        }
+        let own = script.mesh.as_ref().map(|m| m.span);
+        let mut seen: Vec<&Ident> = Vec::new();
+        // rules that a knob of the command line sets have the place of the mesh
+        for statement in script.quadratures.iter().filter(|q| Some(q.span) != own) {
+            for place in &statement.places {
+                if let Some(first) = seen.iter().find(|p| p.name == place.name) {
+                    let d = Diagnostic::new("E434", format!("two rules of integration on `{}`", place.name));
+                    self.diagnostics.push(d.at(place.span, "").at(first.span, "the first one"));
+                }
+                seen.push(place);
+            }
+            if statement.places.iter().all(|p| !used.contains(p.name.as_str())) {
+                let names: Vec<String> = used.iter().map(|n| format!("`{n}`")).collect();
+                let d = Diagnostic::new("W411", "a rule of integration where nothing is integrated");
+                let d = d.at(statement.span, "no term, load, measure or state stands on this region by that name");
+                self.diagnostics.push(d.help(format!("they stand on {}", names.join(", "))));
+            }
+        }
+    }
+
+    /// W411 for a `split` after which every node is one as before.
+    fn idle_splits(&mut self) {
+        for split in &self.script.splits {
+            for name in &split.fields {
+                let field = self.fields.iter().find(|f| f.name == name.name);
+                let Some(FieldSpace::Nodal(space)) = field.map(|f| &f.space) else { continue };
+                if !space.torn().is_empty() && !space.is_split() {
+                    let d = Diagnostic::new("W411", format!("`split` tears no node of `{}`", name.name));
+                    let d = d.at(split.span, "all nodes of these faces are ends of the tear, which stay joined");
+                    self.diagnostics.push(d.help("more faces, or an element of degree 2, have nodes between the ends"));
+                }
+            }
+        }
+    }
+
+    /// W411 for a term that is zero for every state although no parameter in it is.
+    fn zero_terms(&mut self, laws: &[PlacedLaw]) {
+        for term in &self.script.terms {
+            let own: Vec<&PlacedLaw> = laws.iter().filter(|l| l.load.is_none() && l.span == term.span).collect();
+            if own.is_empty() || own.iter().any(|l| !l.law.tests.is_empty()) {
+                continue;
+            }
+            let mut switched_off = false;
+            wfl::each_name(&term.expr, &mut |name| {
+                switched_off |= self.params.get(name).is_some_and(|p| p.values.iter().any(|x| *x == 0.0));
+            });
+            if !switched_off {
+                let d = Diagnostic::new("W411", "a term that is zero whatever the unknowns are");
+                self.diagnostics.push(d.at(term.span, "its parts cancel, or have the factor 0"));
+            }
+        }
+    }
+
+    /// Dofs of fields that are prescribed somewhere and stand in no term: with what is prescribed they stay what `start`
+    /// says. W414 where that is all that determines them.
+    pub(super) fn undetermined(
+        &mut self,
+        used: &BTreeSet<usize>,
+        numbering: &Numbering,
+        fixed: &BTreeSet<usize>,
+    ) -> Vec<usize> {
+        let mut all = Vec::new();
+        for k in 0..self.fields.len() {
+            let Some(start) = numbering.starts[k].filter(|_| !used.contains(&k)) else { continue };
+            let n = self.fields[k].n_dofs();
+            let own: Vec<usize> = (start..start + n).filter(|d| !fixed.contains(d)).collect();
+            if !own.is_empty() {
+                let count = format!("{} of its {n} values are", own.len());
+                self.not_in_terms(k, &format!("{count} what `start` says, or 0"));
+            }
+            all.extend(own);
+        }
+        all
+    }
+
+    /// W414 for fields without dofs that a measure or an output reads.
+    pub(super) fn read_but_in_no_term(&mut self, numbering: &Numbering) {
+        let script = self.script;
+        let mut read: BTreeSet<&str> = BTreeSet::new();
+        let measured = script.measures.iter().map(|m| &m.expr);
+        for e in measured.chain(script.outputs.iter().flat_map(|o| &o.items).map(|i| &i.expr)) {
+            wfl::each_name(e, &mut |name| {
+                read.insert(split_prefixes(name).1);
+            });
+        }
+        for (k, declared) in script.fields.iter().enumerate() {
+            let solved = matches!(declared.kind, Declared::Unknown | Declared::Multiplier { .. });
+            if solved && numbering.starts[k].is_none() && read.contains(declared.name.name.as_str()) {
+                self.not_in_terms(k, "all its values are what `start` says, or 0");
+            }
+        }
+    }
+
+    fn not_in_terms(&mut self, field: usize, values: &str) {
+        let script = self.script;
+        // a term with an error is no term that is zero
+        if !script.lost.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error) {
+            return;
+        }
+        let name = &script.fields[field].name;
+        let d = Diagnostic::new("W414", format!("no term determines `{}`", name.name)).at(name.span, values);
+        let names_it = |t: &&wfl::Term| {
+            let mut found = false;
+            wfl::each_name(&t.expr, &mut |n| found |= split_prefixes(n).1 == name.name);
+            found
+        };
+        let d = match script.terms.iter().find(names_it) {
+            Some(term) => d.at(term.span, "zero with these parameters"),
+            None => d,
+        };
+        self.diagnostics.push(d);
+    }
+
+    /// W411 for first guesses of fields whose every value is prescribed; E434 for two of one field.
+    pub(super) fn idle_starts(&mut self, numbering: &Numbering, prescribed: &Prescribed, keeps_past: bool) {
+        let script = self.script;
+        let mut seen: Vec<&Ident> = Vec::new();
+        for statement in &script.starts {
+            let StartKind::Field { field: name, .. } = &statement.kind else { continue };
+            if let Some(first) = seen.iter().find(|f| f.name == name.name) {
+                let d = Diagnostic::new("E434", format!("two first values of `{}`", name.name));
+                self.diagnostics.push(d.at(name.span, "").at(first.span, "the first one"));
+            }
+            seen.push(name);
+            let k = self.fields.iter().position(|f| f.name == name.name);
+            let Some((k, start)) = k.and_then(|k| Some((k, numbering.starts[k]?))) else { continue };
+            let own = start..start + self.fields[k].n_dofs();
+            if !keeps_past && own.clone().all(|d| numbering.free[d] == FIXED) {
+                let d = Diagnostic::new("W411", format!("`start {}` changes nothing", name.name));
+                let d = d.at(statement.span, "every value of the field is prescribed");
+                let by = own.clone().find_map(|dof| prescribed.held_by(dof));
+                self.diagnostics.push(by.into_iter().fold(d, |d, fix| d.at(fix, "by this statement")));
+            }
+        }
+    }
+
+    /// W411 for steps whose variable nothing reads.
+    pub(super) fn idle_steps(&mut self, steps: Option<&Steps>, keeps_past: bool) {
+        let script = self.script;
+        let (Some(statement), Some(steps)) = (&script.steps, steps) else { return };
+        let remembers = script.fields.iter().any(|f| matches!(f.kind, Declared::State { .. }));
+        if steps.values.len() < 2 || keeps_past || remembers {
+            return;
+        }
+        let mut reads = false;
+        let variable = statement.variable.name.as_str();
+        let mut look = |e: &wfl::ast::Expr| wfl::each_name(e, &mut |n| reads |= n == variable || n == "timestep");
+        script.terms.iter().for_each(|t| look(&t.expr));
+        script.fixes.iter().chain(&script.loads).for_each(|c| look(&c.value));
+        script.measures.iter().for_each(|m| look(&m.expr));
+        script.outputs.iter().flat_map(|o| &o.items).for_each(|i| look(&i.expr));
+        for field in &script.fields {
+            if let Declared::Data { value: wfl::DataValue::Formula(e) } = &field.kind {
+                look(e);
+            }
+        }
+        if !reads {
+            let n = steps.values.len();
+            let d = Diagnostic::new("W411", format!("{n} steps solve the same problem"));
+            let text = format!("nothing in the scene reads `{variable}`");
+            self.diagnostics.push(d.at(statement.variable.span, text));
+        }
+    }
+
+    /// Two values for one displacement: E432 where one statement is lost, W413 where regions overlap. Kernels must be callable.
+    pub(super) fn contradictions(&mut self, prescribed: &mut Prescribed, steps: &Steps, n_dofs: usize) {
+        for found in prescribed.contradictions(&sampled(steps), n_dofs) {
+            let d = self.contradiction(&found);
+            self.diagnostics.push(d);
+        }
+    }
+
+    fn contradiction(&self, found: &Contradiction) -> Diagnostic {
+        let Contradiction { field, component, earlier, later, .. } = found;
+        let what = component.map_or_else(
+            || format!("`{field}.Normal`"),
+            |c| self.fields.iter().find(|f| f.name == *field).map_or_else(String::new, |f| component_name(f, c)),
+        );
+        let at = format!("{:?}", &found.position[..self.mesh.dim()]);
+        let time =
+            self.script.steps.as_ref().map_or_else(String::new, |s| format!(", {} = {}", s.variable.name, found.time));
+        let (code, text) = if found.lost {
+            ("E432", format!("two values for {what}: an earlier `fix` is lost to a later one"))
+        } else {
+            let nodes = if found.n_nodes == 1 { "1 node".to_owned() } else { format!("{} nodes", found.n_nodes) };
+            ("W413", format!("two values for {what} at {nodes}: the later statement holds"))
+        };
+        let d = Diagnostic::new(code, text).at(*later, format!("{} at {at}{time}", short(found.holds)));
+        let d = d.at(*earlier, format!("{} there", short(found.instead)));
+        d.help("a region without the nodes of the other: region rest = faces where ... and not (...)")
+    }
+}
+
+/// Times and increments at which prescribed values are compared.
+fn sampled(steps: &Steps) -> Vec<(f64, f64)> {
+    let values = &steps.values;
+    let last = values.len().saturating_sub(1);
+    let mut picked: Vec<usize> = (0..COMPARED_STEPS).map(|k| k * last / (COMPARED_STEPS - 1)).collect();
+    picked.dedup();
+    let increment = |k: usize| match k {
+        0 => values.get(1).map_or(0.0, |next| next - values[0]),
+        k => values[k] - values[k - 1],
+    };
+    picked.into_iter().filter(|k| *k < values.len()).map(|k| (values[k], increment(k))).collect()
+}
+
+/// "`u(2)`", or "`p`" of a field of one component.
+fn component_name(field: &Field, component: usize) -> String {
+    if field.n_components == 1 { format!("`{}`", field.name) } else { format!("`{}({})`", field.name, component + 1) }
+}
+
+/// Six digits of a number.
+fn short(x: f64) -> f64 {
+    format!("{x:.5e}").parse().unwrap_or(x)
+}
+
+/// Where a load is written and what it pulls.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Loaded {
+    pub(super) field: usize,
+    pub(super) span: Span,
+    /// `load u.Normal`
+    pub(super) normal: bool,
+}
