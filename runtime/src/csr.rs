@@ -335,82 +335,90 @@ pub fn residual_compensated(parts: &[&Csr], b: &[f64], x: &[f64], r: &mut [f64],
     }
 }
 
-/// A reusable recipe that takes given rows and columns out of any matrix on one pattern.
+/// A reusable recipe that gathers the entries of any matrix on one pattern in a smaller matrix: rows and columns are left
+/// out, or added to others.
 #[derive(Debug, Clone)]
-pub struct SubmatrixMap {
+pub struct Restriction {
     pattern: Arc<Pattern>,
-    sources: Vec<usize>,
-    n_source_entries: usize,
+    /// By entry of the source its place in the result, or [`LEFT_OUT`].
+    places: Vec<u32>,
 }
 
-impl SubmatrixMap {
-    /// Prepares the extraction of `rows` x `columns`: row i of the result is row `rows[i]` of the source. Rows may come
-    /// in any order; a row or column that is listed twice is taken twice.
+/// An entry, a row or a column that the result of a [`Restriction`] does not have.
+pub const LEFT_OUT: u32 = u32::MAX;
+
+impl Restriction {
+    /// Prepares a result of `n` rows and columns: row and column i of the square source are added to row and column
+    /// `targets[i]` of it; those with [`LEFT_OUT`] are left out.
     ///
     /// # Errors
-    /// [`CsrError::Structure`] when an index lies outside the source.
-    pub fn new(source: &Pattern, rows: &[u32], columns: &[u32]) -> Result<Self, CsrError> {
-        if let Some(&row) = rows.iter().find(|&&row| row as usize >= source.n_rows()) {
-            return Err(CsrError::Structure { row: row as usize, what: "row outside the matrix" });
+    /// [`CsrError::Structure`] when the lists do not fit the source or the size.
+    pub fn new(source: &Pattern, targets: &[u32], n: usize) -> Result<Self, CsrError> {
+        if source.n_rows() != targets.len() || source.n_cols() != targets.len() {
+            return Err(CsrError::Structure { row: targets.len(), what: "one target for each row and column" });
         }
-        if let Some(&column) = columns.iter().find(|&&column| column as usize >= source.n_cols()) {
-            return Err(CsrError::Structure { row: column as usize, what: "column outside the matrix" });
+        if let Some(row) = targets.iter().position(|t| *t != LEFT_OUT && *t as usize >= n) {
+            return Err(CsrError::Structure { row, what: "target outside the matrix" });
         }
-        let mut order: Vec<u32> = (0..columns.len() as u32).collect();
-        order.sort_by_key(|&place| columns[place as usize]);
-        let sorted: Vec<u32> = order.iter().map(|&place| columns[place as usize]).collect();
-        let mut first_place = vec![u32::MAX; source.n_cols()];
-        for (place, &column) in sorted.iter().enumerate().rev() {
-            first_place[column as usize] = place as u32;
-        }
-        let mut row_starts = vec![0usize];
-        let mut entries: Vec<(u32, usize)> = Vec::new();
-        for &row in rows {
-            let begin = entries.len();
-            let start = source.row_starts()[row as usize];
-            for (offset, &column) in source.row(row as usize).iter().enumerate() {
-                let mut place = first_place[column as usize] as usize;
-                while place < sorted.len() && sorted[place] == column {
-                    entries.push((order[place], start + offset));
-                    place += 1;
+        let mut order: Vec<u32> = (0..targets.len() as u32).filter(|r| targets[*r as usize] != LEFT_OUT).collect();
+        order.sort_by_key(|r| targets[*r as usize]);
+        let (mut row_starts, mut columns) = (vec![0usize], Vec::new());
+        let mut rest = order.as_slice();
+        for row in 0..n as u32 {
+            let (own, others) = rest.split_at(rest.partition_point(|r| targets[*r as usize] == row));
+            rest = others;
+            let begin = columns.len();
+            let entries = own.iter().flat_map(|r| source.row(*r as usize));
+            columns.extend(entries.map(|c| targets[*c as usize]).filter(|t| *t != LEFT_OUT));
+            columns[begin..].sort_unstable();
+            let mut kept = begin;
+            for at in begin..columns.len() {
+                if at == begin || columns[at] != columns[kept - 1] {
+                    columns[kept] = columns[at];
+                    kept += 1;
                 }
             }
-            entries[begin..].sort_unstable();
-            row_starts.push(entries.len());
+            columns.truncate(kept);
+            row_starts.push(columns.len());
         }
-        let (new_columns, sources) = entries.into_iter().unzip();
-        let pattern = Pattern::new(rows.len(), columns.len(), row_starts, new_columns)?;
-        Ok(Self { pattern: Arc::new(pattern), sources, n_source_entries: source.n_entries() })
+        let pattern = Pattern::new(n, n, row_starts, columns)?;
+        let mut places = Vec::with_capacity(source.n_entries());
+        for (row, target) in targets.iter().enumerate() {
+            for column in source.row(row) {
+                let at = match (*target, targets[*column as usize]) {
+                    (LEFT_OUT, _) | (_, LEFT_OUT) => None,
+                    (row, column) => pattern.position(row as usize, column as usize),
+                };
+                places.push(at.map_or(LEFT_OUT, |p| u32::try_from(p).expect("fewer than 2^32 entries")));
+            }
+        }
+        Ok(Self { pattern: Arc::new(pattern), places })
     }
 
-    /// The pattern of the extracted matrix.
+    /// The pattern of the result.
     pub fn pattern(&self) -> &Arc<Pattern> {
         &self.pattern
     }
 
-    /// Place in the source of every extracted entry.
-    pub fn sources(&self) -> &[usize] {
-        &self.sources
-    }
-
-    /// The submatrix of a matrix on the source pattern.
+    /// The result of a matrix on the source pattern.
     ///
     /// # Panics
     /// When `matrix` has another number of entries than the source pattern.
-    pub fn extract(&self, matrix: &Csr) -> Csr {
+    pub fn apply(&self, matrix: &Csr) -> Csr {
         let mut out = Csr::zeros(Arc::clone(&self.pattern));
-        self.extract_into(matrix, out.values_mut());
+        self.apply_into(matrix, out.values_mut());
         out
     }
 
-    /// Writes the values of the submatrix, without allocation.
+    /// Writes the values of the result, without allocation.
     ///
     /// # Panics
-    /// When `matrix` has another number of entries than the source pattern, or `values` another than the submatrix.
-    pub fn extract_into(&self, matrix: &Csr, values: &mut [f64]) {
-        assert!(matrix.values.len() == self.n_source_entries && values.len() == self.sources.len(), "other pattern");
-        for (value, &source) in values.iter_mut().zip(&self.sources) {
-            *value = matrix.values[source];
+    /// When `matrix` has another number of entries than the source pattern, or `values` another than the result.
+    pub fn apply_into(&self, matrix: &Csr, values: &mut [f64]) {
+        assert!(matrix.values.len() == self.places.len() && values.len() == self.pattern.n_entries(), "other pattern");
+        values.fill(0.0);
+        for (place, value) in self.places.iter().zip(&matrix.values).filter(|(place, _)| **place != LEFT_OUT) {
+            values[*place as usize] += value;
         }
     }
 }
@@ -473,14 +481,16 @@ mod tests {
     }
 
     #[test]
-    fn submatrix_follows_the_lists() {
-        let a = sample();
-        let map = SubmatrixMap::new(a.pattern(), &[2, 0], &[2, 1, 0, 2]).unwrap();
-        let b = map.extract(&a);
-        let dense = |row| (0..4).map(|column| b.get(row, column)).collect::<Vec<_>>();
-        assert_eq!(dense(0), [5.0, 0.0, 4.0, 5.0]);
-        assert_eq!(dense(1), [-1.0, 0.0, 2.5, -1.0]);
-        assert!(SubmatrixMap::new(a.pattern(), &[3], &[0]).is_err());
+    fn a_restriction_leaves_out_and_adds_up() {
+        let triplets = [(0, 0, 1.0), (0, 1, 2.0), (1, 0, 3.0), (1, 2, 4.0), (2, 1, 5.0), (2, 2, 6.0), (3, 3, 7.0)];
+        let a = Csr::from_triplets(4, 4, &triplets).unwrap();
+        // 2 is added to 0, 3 is left out
+        let map = Restriction::new(a.pattern(), &[0, 1, 0, LEFT_OUT], 2).unwrap();
+        let b = map.apply(&a);
+        assert_eq!([b.get(0, 0), b.get(0, 1), b.get(1, 0), b.get(1, 1)], [7.0, 7.0, 7.0, 0.0]);
+        assert_eq!(map.pattern().n_entries(), 3);
+        assert!(Restriction::new(a.pattern(), &[0, 1, 0, 3], 2).is_err());
+        assert!(Restriction::new(a.pattern(), &[0, 1], 2).is_err());
     }
 
     #[test]

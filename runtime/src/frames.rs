@@ -94,6 +94,21 @@ impl Frames {
         }
     }
 
+    /// A state along a dof: the component, or the part along the axis of its frame.
+    #[must_use]
+    pub fn along(&self, dof: usize, u: &[f64]) -> f64 {
+        match self.of(dof) {
+            None => u[dof],
+            Some(frame) => dot(&frame.axes[dof - frame.first], &u[frame.first..][..frame.axes.len()]),
+        }
+    }
+
+    /// All frames.
+    #[must_use]
+    pub fn list(&self) -> &[Frame] {
+        &self.list
+    }
+
     /// The dofs of an entity with all dofs of its turned nodes, each once: what they couple once turned.
     pub fn complete(&self, dofs: &[u32], out: &mut Vec<u32>) {
         out.clear();

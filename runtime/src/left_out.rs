@@ -28,6 +28,9 @@ impl Scene {
         for name in &self.unused_fields {
             push(name, "field in no term: it has no dofs".to_owned(), None);
         }
+        for (name, why) in &self.idle {
+            push(name, why.clone(), None);
+        }
         let system = &self.system;
         let of = |class: Class| system.terms.iter().filter(|t| t.law.class == class).count();
         if of(Class::Constant) > 0 {

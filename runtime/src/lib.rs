@@ -49,5 +49,5 @@ pub use scene::{
     prepare, prepare_keeping,
 };
 pub use strategy::{SolverMemory, Strategy};
-pub use system::{FIXED, Known, LooseMotions, Memory, NegativeBody, Numbering, Past, System, SystemError};
+pub use system::{FIXED, Known, LooseMotions, Memory, NegativeBody, Numbering, Past, Singular, System, SystemError};
 pub use value::{Sampled, Value, uniforms_at};

@@ -5,6 +5,7 @@
 //! the step variable enters), only the others are assembled at each state. Fixed dofs keep their rows in residuals
 //! (their entries are reactions) and are left out of the systems that are solved.
 
+mod coupling;
 mod definite;
 mod held;
 mod inspect;
@@ -13,14 +14,18 @@ mod linear;
 mod memory;
 mod numbering;
 mod rigid;
+mod singular;
 
 use std::sync::Arc;
 
+pub(crate) use coupling::Friction;
 pub use definite::NegativeBody;
 pub(crate) use law::LawDefect;
 pub use memory::Memory;
+pub(crate) use numbering::Tie;
 pub use numbering::{FIXED, Numbering};
 pub use rigid::LooseMotions;
+pub use singular::Singular;
 
 use thiserror::Error;
 use wfl_compiler::{
@@ -30,7 +35,7 @@ use wfl_compiler::{
 
 use crate::{
     assemble::{AssembledTerm, FieldValues, TermError},
-    csr::{Csr, CsrError, Pattern, PatternBuilder, SubmatrixMap},
+    csr::{Csr, CsrError, Pattern, PatternBuilder, Restriction},
     field::Field,
     finite::{BadGiven, largest},
     frames::Frames,
@@ -86,28 +91,27 @@ struct Parts<'a> {
     free: &'a [u32],
 }
 
-/// The matrix of the changing terms in the axes of the scene, over the free dofs and all dofs of turned nodes.
+/// The matrix of the changing terms in the axes of the scene, over the free dofs, those that follow others, and all dofs
+/// of turned nodes.
 struct Unturned {
     matrix: Csr,
     /// By dof its row, or [`FIXED`].
     rows: Vec<u32>,
-    map: SubmatrixMap,
+    map: Restriction,
 }
 
 impl Unturned {
     fn new<'t>(terms: impl Iterator<Item = &'t AssembledTerm>, numbering: &Numbering) -> Result<Self, CsrError> {
-        let (mut rows, mut kept, mut n) = (vec![FIXED; numbering.n_dofs], Vec::new(), 0);
+        let equations = numbering.equations();
+        let (mut rows, mut targets) = (vec![FIXED; numbering.n_dofs], Vec::new());
         for (dof, row) in rows.iter_mut().enumerate() {
-            if numbering.free[dof] != FIXED || numbering.frames.of(dof).is_some() {
-                if numbering.free[dof] != FIXED {
-                    kept.push(n);
-                }
-                *row = n;
-                n += 1;
+            if equations[dof] != FIXED || numbering.frames.of(dof).is_some() {
+                *row = u32::try_from(targets.len()).expect("fewer than 2^32 dofs");
+                targets.push(equations[dof]);
             }
         }
-        let matrix = pattern(terms, n as usize, &numbering.frames, |d| rows[d as usize])?;
-        let map = SubmatrixMap::new(matrix.pattern(), &kept, &kept)?;
+        let matrix = pattern(terms, targets.len(), &numbering.frames, |d| rows[d as usize])?;
+        let map = Restriction::new(matrix.pattern(), &targets, numbering.n_free())?;
         Ok(Self { matrix, rows, map })
     }
 }
@@ -133,6 +137,7 @@ pub struct System {
     passed: Vec<Passed>,
     /// The step variable.
     time: f64,
+    increment: f64,
     /// The held pieces belong to a converged state; else they are chosen anew at the start of a step.
     settled: bool,
     linear: Option<Csr>,
@@ -183,6 +188,7 @@ impl System {
             watched: Vec::new(),
             passed: Vec::new(),
             time: 0.0,
+            increment: 0.0,
             settled: false,
             linear: None,
             pointwise: false,
@@ -206,7 +212,8 @@ impl System {
         let numbering = &self.numbering;
         let nonlinear = self.terms.iter().filter(|t| t.law.class >= Class::Nonlinear);
         let all = nonlinear.chain(self.pieces.iter().map(|p| &p.held));
-        if numbering.frames.is_empty() {
+        if numbering.frames.is_empty() && !numbering.has_ties() {
+            self.unturned = None;
             self.changing = pattern(all, numbering.n_free(), &numbering.frames, |d| numbering.free[d as usize])?;
             let held = self.pieces.iter_mut().map(|p| &mut p.held);
             for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(held) {
@@ -295,6 +302,7 @@ impl System {
     /// [`TermError`] with its place.
     pub fn set_step(&mut self, time: f64, increment: f64) -> Result<bool, SystemError> {
         self.time = time;
+        self.increment = increment;
         for term in &mut self.terms {
             term.set_step(time, increment);
         }
@@ -325,14 +333,14 @@ impl System {
                 }
                 Ok(())
             })?;
-            let (free, frames) = (&self.numbering.free_dofs, &self.numbering.frames);
-            let map = SubmatrixMap::new(linear.pattern(), free, free)?;
+            let frames = &self.numbering.frames;
+            let map = Restriction::new(linear.pattern(), &self.numbering.equations(), self.numbering.n_free())?;
             self.bulk = if frames.is_empty() {
-                map.extract(&linear)
+                map.apply(&linear)
             } else {
                 let mut turned = linear.clone();
                 frames.turn_matrix(&mut turned, |d| d);
-                map.extract(&turned)
+                map.apply(&turned)
             };
             self.linear = Some(linear);
             changed = true;
@@ -396,8 +404,8 @@ impl System {
         for (slot, r) in out.iter_mut().zip(&rest) {
             *slot += r;
         }
-        self.numbering.frames.turn(out);
-        self.numbering.frames.turn_sizes(&mut self.magnitude);
+        self.numbering.turn(out);
+        self.numbering.turn_sizes(&mut self.magnitude);
         self.check_finite("residual", out, u)
     }
 
@@ -414,7 +422,7 @@ impl System {
             }
             Ok(())
         })?;
-        self.numbering.frames.turn(out);
+        self.numbering.turn(out);
         Ok(())
     }
 
@@ -495,7 +503,7 @@ impl System {
         if let Some(turned) = &mut unturned {
             let rows = &turned.rows;
             self.numbering.frames.turn_matrix(&mut turned.matrix, |d| rows[d] as usize);
-            turned.map.extract_into(&turned.matrix, changing.values_mut());
+            turned.map.apply_into(&turned.matrix, changing.values_mut());
         }
         self.unturned = unturned;
         self.changing = changing;

@@ -5,7 +5,7 @@ use std::{path::Path, process::ExitCode};
 use wfl::Diagnostic;
 use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
-    AttemptEnd, FRUITLESS, Outcome, RunError, RunOptions, Scene, StepResult,
+    AttemptEnd, FRUITLESS, Outcome, RunError, RunOptions, Scene, Singular, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
     finite::{self, BadState, position, short, word},
     memory::TooMuchMemory,
@@ -210,7 +210,8 @@ fn judged(outcome: &Outcome) -> String {
     if let (Some(a), Some(i)) = (&step.accuracy, step.history.iterations.last()) {
         let stop = step.history.stop.map_or("", |s| s.word());
         text += &format!(
-            "  residual {:.1e} ({stop}; rounding leaves {:.1e}), {:.0} digits\n",
+            "  at t = {}: residual {:.1e} ({stop}; rounding leaves {:.1e}), {:.0} digits\n",
+            step.time,
             i.residual,
             i.floor,
             a.digits().floor()
@@ -258,10 +259,6 @@ pub(crate) fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
             print_all(&[bad.diagnostic(&loaded.script.expansions, Some(*time))], &loaded.sources);
         }
         NewtonError::Solve(SolveError::Singular { mode, .. }) => {
-            if let Some(d) = held_by_nothing(loaded, scene, mode.dofs_above(0.1).as_slice()) {
-                print_all(&[d], &loaded.sources);
-                return;
-            }
             let names = moving_fields(scene, mode.dofs_above(0.1).as_slice());
             say(&format!(
                 "error[E602]: step t = {time}: nothing holds {names}\n  = note: the tangent is singular: {inner}\n  = help: fix it, or press it against something that is held\n"
@@ -274,12 +271,11 @@ pub(crate) fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
                 place_of(scene, *dof)
             ));
         }
-        NewtonError::Loose { motions, error } => {
-            let motions: Vec<String> = motions.iter().map(ToString::to_string).collect();
-            say(&format!(
-                "error[E602]: step t = {time}: {}\n  = note: the tangent is singular: {error}\n  = help: fix it, or press it against something that is held\n",
-                motions.join("; ")
-            ));
+        NewtonError::Singular { why, error } => {
+            let mode = if let SolveError::Singular { mode, .. } = error { mode.dofs_above(0.1) } else { Vec::new() };
+            let inactive = why.what.starts_with("the equation of");
+            let told = held_by_nothing(loaded, scene, &mode).filter(|_| inactive);
+            print_all(&[told.unwrap_or_else(|| undetermined(loaded, why, *time))], &loaded.sources);
         }
         NewtonError::TooMuchMemory(need) => too_much_memory(need),
         other => say(&format!("error[E602]: step t = {time}: {other}\n")),
@@ -289,6 +285,19 @@ pub(crate) fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
 /// E606 where there is no place in the scene.
 pub(crate) fn too_much_memory(need: &TooMuchMemory) {
     say(&format!("error[E606]: {need}\n  = help: fewer cells, a lower degree, or more memory: --memory 16GB\n"));
+}
+
+/// E602 for a tangent of which is known what it leaves undetermined, at the field or the term it is about.
+fn undetermined(loaded: &Loaded, why: &Singular, time: f64) -> Diagnostic {
+    let mut d = Diagnostic::new("E602", format!("step t = {time}: {}", why.what));
+    let field = loaded.script.fields.iter().find(|f| f.name.name == why.name).map(|f| f.name.span);
+    if let Some(span) = field {
+        d = d.at(span, "");
+    }
+    for note in &why.notes {
+        d = d.note(note.clone());
+    }
+    d.help(why.help.clone())
 }
 
 /// E403 for a number of the whole scene that no equation holds.

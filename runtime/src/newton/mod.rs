@@ -32,7 +32,7 @@ use crate::{
     memory::TooMuchMemory,
     solve::SolveError,
     strategy::Strategy,
-    system::{LooseMotions, System, SystemError},
+    system::{Singular, System, SystemError},
 };
 
 /// When an iteration stops and how it searches.
@@ -83,11 +83,11 @@ pub enum NewtonError {
     /// What is needed does not fit into the memory: no other state, step or method can help, so it ends the run.
     #[error(transparent)]
     TooMuchMemory(TooMuchMemory),
-    /// A linear system could not be solved, and bodies can move without resistance.
-    #[error("{}: {error}", motions.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
-    Loose {
-        /// How.
-        motions: Vec<LooseMotions>,
+    /// A linear system could not be solved, and it is known why.
+    #[error("{}: {error}", why.what)]
+    Singular {
+        /// What is undetermined.
+        why: Box<Singular>,
         /// What the solver says.
         error: SolveError,
     },
@@ -99,12 +99,16 @@ impl NewtonError {
         matches!(self, Self::Term(_) | Self::Solve(SolveError::Singular { .. }))
     }
 
-    /// Says of a tangent that is singular which bodies are loose.
-    pub(crate) fn with_motions(self, system: &System) -> Self {
+    /// Says of a tangent that is singular why it is; `u` is the state where that was seen. The pieces that
+    /// are held afterwards are those of no state.
+    pub(crate) fn explained(self, system: &mut System, u: &[f64]) -> Self {
+        use SolveError::{ResidualTooLarge, Singular, VanishingPivot};
         match self {
-            Self::Solve(error @ (SolveError::Singular { .. } | SolveError::VanishingPivot { .. })) => {
-                let motions = system.loose_motions();
-                if motions.is_empty() { Self::Solve(error) } else { Self::Loose { motions, error } }
+            Self::Solve(error @ (Singular { .. } | VanishingPivot { .. } | ResidualTooLarge { .. })) => {
+                match system.why_singular(u) {
+                    Some(why) => Self::Singular { why: Box::new(why), error },
+                    None => Self::Solve(error),
+                }
             }
             other => other,
         }
@@ -196,7 +200,7 @@ pub fn solve_step(
     if converged {
         system.pass(u)?;
     }
-    result.map_err(|error| error.with_motions(system))
+    result.map_err(|error| error.explained(system, u))
 }
 
 fn iterate(

@@ -60,6 +60,8 @@ const LAYER: f64 = 0.3;
 /// the bodies there while arguments are softer than the bodies by this factor.
 const STIFF_FACES: f64 = 10.0;
 const SOFT_ARGUMENTS: f64 = 100.0;
+/// Part of the argument across the direction of slip that a point keeps which slides at twice its bound.
+const ACROSS: f64 = 0.5;
 /// Bounds of `c`.
 const RATIO_RANGE: (f64, f64) = (1e-13, 1e13);
 
@@ -359,6 +361,21 @@ impl TermPieces {
     /// Ties every point, wherever it is.
     pub(crate) fn tie_all(&self, guides: &mut [f64]) {
         guides.chunks_exact_mut(self.n_guides).for_each(|point| self.tie_point(point));
+    }
+
+    /// Lets every point slide, closed as it is: along the argument that is watched there, where that has a direction.
+    pub(crate) fn slide_all(&self, watched: &Watched, guides: &mut [f64]) {
+        for (guides, out) in guides.chunks_exact_mut(self.n_guides).zip(watched.points()) {
+            for p in self.projections.iter().filter(|p| p.kind == ProjectionKind::Ball) {
+                let x = &out[p.output..][..p.n];
+                let length = x.iter().fold(0.0f64, |m, x| m.hypot(*x));
+                let (numbers, along) = guides[p.guide..].split_at_mut(BALL_NUMBERS);
+                (numbers[0], numbers[1], numbers[2]) = (0.0, ACROSS, 1.0);
+                for (slot, x) in along.iter_mut().zip(x) {
+                    *slot = if length > 0.0 && length.is_finite() { x / length } else { 0.0 };
+                }
+            }
+        }
     }
 
     /// Closed and sticking.

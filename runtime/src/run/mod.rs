@@ -245,9 +245,9 @@ pub enum RunError {
 }
 
 impl RunError {
-    fn step(system: &System, (step, time): (usize, f64), error: StepError) -> Self {
+    fn step(system: &mut System, u: &[f64], (step, time): (usize, f64), error: StepError) -> Self {
         match error {
-            StepError::Newton(error) => Self::Newton { step, time, error: error.with_motions(system) },
+            StepError::Newton(error) => Self::Newton { step, time, error: error.explained(system, u) },
             StepError::State { state, value, position } => Self::State { step, time, state, value, position },
         }
     }
@@ -487,13 +487,14 @@ impl Run {
         } else {
             self.stepper.reach(scene, &mut self.u, leg, &mut self.clock, progress)
         };
-        let reached = reached.map_err(|error| RunError::step(&scene.system, (number, time), error))?;
+        let wrap =
+            |run: &Self, scene: &mut Scene, error| RunError::step(&mut scene.system, &run.u, (number, time), error);
+        let reached = reached.map_err(|error| wrap(self, scene, error))?;
         let (history, attempts) = (reached.history, reached.attempts);
         // the equations are those of the old states; a state that is given has nothing to judge
         let solved = history.converged() && history.stop != Some(Stop::Given);
         let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
-        let Judged { accuracy, checks, others } =
-            judged.map_err(|error| RunError::step(&scene.system, (number, time), error.into()))?;
+        let Judged { accuracy, checks, others } = judged.map_err(|error| wrap(self, scene, error.into()))?;
         let before = before.filter(|_| solved);
         let friction = before.and_then(|before| scene.system.friction_work(&before, &self.u));
         self.stepper.renew(scene);
@@ -560,6 +561,12 @@ impl Run {
             Some(strategy) => several::others(&mut scene.system, strategy, &self.u, known)?,
             None => Others::Unknown,
         };
+        let doubtful =
+            accuracy.as_ref().is_some_and(|a| a.digits() < report::FEW_DIGITS) || checks.iter().any(|c| !c.holds());
+        if doubtful && scene.system.rests(&self.u)? {
+            // what differs from zero is rounding, and so is every number made of it
+            return Ok(Judged { others, ..Judged::default() });
+        }
         Ok(Judged { accuracy, checks, others })
     }
 }
@@ -584,5 +591,6 @@ fn start(scene: &mut Scene) -> Result<Vec<f64>, BadGiven> {
             None => scene.system.known.data[*field] = values,
         }
     }
+    scene.system.numbering.follow(&mut u);
     Ok(u)
 }

@@ -66,7 +66,7 @@ pub(super) fn report(
         let value = f64::from(u8::from(*holds != Some(true)));
         report.checks.insert(format!("expect {}", expect.text), Check::at_most(0.0, value));
     }
-    for check in worst_checks(&run.steps) {
+    for (_, check) in worst_checks(&run.steps) {
         let made = Check { value: Real(check.value), tolerance: Real(check.limit), ok: check.holds() };
         report.checks.insert(check.name.clone(), made);
     }
@@ -84,13 +84,13 @@ pub(super) fn report(
 }
 
 /// Of each condition the step at which it holds least, in the order of their first appearance.
-fn worst_checks(steps: &[StepResult]) -> Vec<&PhysicsCheck> {
-    let mut worst: Vec<&PhysicsCheck> = Vec::new();
-    for check in steps.iter().flat_map(|s| &s.checks) {
-        match worst.iter_mut().find(|w| w.name == check.name) {
-            Some(w) if w.value >= check.value => {}
-            Some(w) => *w = check,
-            None => worst.push(check),
+fn worst_checks(steps: &[StepResult]) -> Vec<(f64, &PhysicsCheck)> {
+    let mut worst: Vec<(f64, &PhysicsCheck)> = Vec::new();
+    for (time, check) in steps.iter().flat_map(|s| s.checks.iter().map(|c| (s.time, c))) {
+        match worst.iter_mut().find(|w| w.1.name == check.name) {
+            Some(w) if w.1.value >= check.value => {}
+            Some(w) => *w = (time, check),
+            None => worst.push((time, check)),
         }
     }
     worst
@@ -111,6 +111,17 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
             ),
         ));
     }
+    let floors = steps.iter().filter(|s| s.history.stop == Some(Stop::Floor));
+    let left = floors.filter_map(|s| Some((s, s.history.iterations.last()?.residual)));
+    if let Some((step, left)) = left.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, left)| *left > LEFT_BY_ROUNDING) {
+        out.push((
+            "W605",
+            format!(
+                "rounding alone leaves {left:.0e} of the forces out of balance at t = {}: numbers of the tangent are far apart",
+                step.time
+            ),
+        ));
+    }
     if let Some(step) = steps.iter().find(|s| s.history.displaced) {
         out.push((
             "W607",
@@ -122,11 +133,9 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
     }
     out.extend(energy_back(steps).map(|text| ("W615", text)));
     out.extend(several(steps).map(|text| ("W609", text)));
-    for check in worst_checks(steps).into_iter().filter(|c| !c.holds()) {
-        out.push((
-            "W606",
-            format!("{}: {:.1e}, at most {:.0e} expected; {}", check.name, check.value, check.limit, check.detail),
-        ));
+    for (time, check) in worst_checks(steps).into_iter().filter(|(_, c)| !c.holds()) {
+        let (name, value, limit, detail) = (&check.name, check.value, check.limit, &check.detail);
+        out.push(("W606", format!("{name}: {value:.1e} at t = {time}, at most {limit:.0e} expected; {detail}")));
     }
     out
 }
@@ -189,8 +198,10 @@ fn several(steps: &[StepResult]) -> Option<String> {
     })
 }
 
+/// A step that ends at rounding with more than this part of the forces out of balance is warned of: three digits.
+const LEFT_BY_ROUNDING: f64 = 1e-3;
 /// A result with fewer correct digits is warned of.
-const FEW_DIGITS: f64 = 3.0;
+pub(super) const FEW_DIGITS: f64 = 3.0;
 
 fn step_report(step: &StepResult) -> StepReport {
     let history = &step.history;

@@ -1,4 +1,4 @@
-//! Prescribed values: which dofs `fix` takes out of the system, and multipliers that then have nothing to act on.
+//! Prescribed values: which dofs `fix` takes out of the system.
 //!
 //! A normal component on faces that look along no axis is prescribed exactly: the equations of the node are turned into
 //! a frame of its normals ([`crate::frames`]).
@@ -8,16 +8,10 @@ mod contradictions;
 use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{
-    Diagnostic, FieldKind as Declared, ResolvedScript, Span,
+    Diagnostic, ResolvedScript, Span,
     ast::{Expr, Target, TargetPart},
 };
-use wfl_compiler::{
-    Env,
-    backend::KernelBackend,
-    compile_value,
-    types::{FieldKind, Shape},
-    without_fields,
-};
+use wfl_compiler::{Env, backend::KernelBackend, compile_value, types::Shape, without_fields};
 
 use crate::{
     field::{Field, FieldSpace},
@@ -30,7 +24,7 @@ use crate::{
         regions::Regions,
         terms::component,
     },
-    space::{Space, Support},
+    space::Space,
     system::Numbering,
     value::Value,
 };
@@ -458,100 +452,8 @@ pub(super) fn wrong_size(e: &Expr, found: Shape, entries: usize) -> Option<Diagn
     Some(d.at(e.span, found.to_string()))
 }
 
-/// Multiplier dofs whose jump is prescribed on all sides: component c of a node where component c of every unknown
-/// with a node at that place is fixed. Their rows would be singular.
-pub(super) fn idle_multipliers(
-    script: &ResolvedScript,
-    mesh: &Mesh,
-    topology: &Topology,
-    fields: &[Field],
-    numbering: &Numbering,
-    fixed: &BTreeSet<usize>,
-    diagnostics: &mut Vec<Diagnostic>,
-) -> Vec<usize> {
-    let mut idle = Vec::new();
-    let scale = extent(mesh);
-    for (k, declared) in script.fields.iter().enumerate() {
-        let keep = matches!(declared.kind, Declared::Multiplier { keep_crosspoints: true });
-        let (true, FieldSpace::Nodal(space)) = (fields[k].kind == FieldKind::Multiplier && !keep, &fields[k].space)
-        else {
-            continue;
-        };
-        let Some(start) = numbering.starts[k] else { continue };
-        let Support::Facets(facets) = space.support() else { continue };
-        let mut nodes: BTreeSet<u32> = BTreeSet::new();
-        for (position, facet) in facets.iter().enumerate() {
-            let mut around = vec![*facet];
-            around.extend(topology.opposite(*facet));
-            for node in space.entity_nodes(position) {
-                let x = space.node_coordinates()[*node as usize];
-                for c in 0..fields[k].n_components {
-                    if prescribed_there(mesh, topology, fields, numbering, fixed, &around, (x, scale), c) {
-                        idle.push(start + *node as usize * fields[k].n_components + c);
-                        nodes.insert(*node);
-                    }
-                }
-            }
-        }
-        if !nodes.is_empty() {
-            let n = nodes.len();
-            let (words, have) = if n == 1 { ("1 node", "has") } else { ("nodes", "have") };
-            let count = if n == 1 { words.to_owned() } else { format!("{n} {words}") };
-            let d = Diagnostic::new(
-                "W404",
-                format!(
-                    "{count} of `{}` {have} no jump to act on and {} dropped",
-                    fields[k].name,
-                    if n == 1 { "is" } else { "are" }
-                ),
-            )
-            .note("kept, they make the system singular in stick; `with crosspoints=keep` keeps them");
-            diagnostics.push(d.at(declared.name.span, "where the fields on both sides are fixed"));
-        }
-    }
-    idle.sort_unstable();
-    idle.dedup();
-    idle
-}
-
 /// Nodes this near to each other, in sizes of the mesh, stand at one place.
-const SAME_PLACE: f64 = 1e-9;
-
-/// True if every unknown with a node there on these facets has component `c` fixed there or cannot jump there, and
-/// there is one.
-#[expect(clippy::too_many_arguments, reason = "a test on the whole discrete problem")]
-fn prescribed_there(
-    mesh: &Mesh,
-    topology: &Topology,
-    fields: &[Field],
-    numbering: &Numbering,
-    fixed: &BTreeSet<usize>,
-    facets: &[FacetRef],
-    near: ([f64; 3], f64),
-    c: usize,
-) -> bool {
-    let mut any = false;
-    for (k, field) in fields.iter().enumerate() {
-        let (FieldKind::Unknown, FieldSpace::Nodal(space), Some(start)) =
-            (field.kind, &field.space, numbering.starts[k])
-        else {
-            continue;
-        };
-        let nodes = at_place(mesh, topology, space, facets, near);
-        // the end of a tear: both sides are one node, which cannot jump
-        if nodes.len() == 1 && facets.iter().any(|f| space.is_torn_along(topology.facet_id(*f))) {
-            any = true;
-            continue;
-        }
-        for node in nodes {
-            if c >= field.n_components || !fixed.contains(&(start + node as usize * field.n_components + c)) {
-                return false;
-            }
-            any = true;
-        }
-    }
-    any
-}
+pub(super) const SAME_PLACE: f64 = 1e-9;
 
 /// The largest extent of a mesh along an axis.
 pub(super) fn extent(mesh: &Mesh) -> f64 {

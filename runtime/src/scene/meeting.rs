@@ -15,12 +15,12 @@ use wfl_compiler::{ProjectionKind, types::FieldKind};
 
 use super::{
     constraints::{at_place, extent},
+    idle::facets_of_nodes,
     terms::PlacedLaw,
 };
 use crate::{
     field::{Field, FieldSpace},
     mesh::{FacetId, FacetRef, Mesh, Topology},
-    space::{Space, Support},
     system::Numbering,
 };
 
@@ -57,12 +57,13 @@ impl Ties {
     }
 }
 
-/// The multiplier dofs to leave out, `idle` ones apart, and a note for each multiplier that loses some.
+/// The multiplier dofs to leave out, and a note for each multiplier that loses some. A component that is prescribed on all
+/// sides has no ends here.
 pub(super) fn shared_multipliers(
     script: &ResolvedScript,
     (mesh, topology): (&Mesh, &Topology),
     (fields, numbering): (&[Field], &Numbering),
-    (fixed, idle): (&BTreeSet<usize>, &[usize]),
+    fixed: &BTreeSet<usize>,
     laws: &[PlacedLaw],
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Vec<usize> {
@@ -85,7 +86,7 @@ pub(super) fn shared_multipliers(
             for c in 0..n {
                 let dof = start + *node as usize * n + c;
                 let ends = jump.ends(space.node_coordinates()[*node as usize], facets, c);
-                if idle.binary_search(&dof).is_ok() || ends.is_empty() {
+                if ends.is_empty() {
                     continue;
                 }
                 if !keeps && apart && ends.iter().all(|e| ties.are_tied(*e)) {
@@ -130,17 +131,6 @@ fn partners(k: usize, fields: &[Field], laws: &[PlacedLaw]) -> BTreeSet<usize> {
     let all = laws.iter().filter(reads).flat_map(|l| l.law.tests.iter().chain(&l.law.trials));
     let alike = |f: &usize| fields[*f].kind == FieldKind::Unknown && fields[*f].n_components == fields[k].n_components;
     all.map(|s| s.field.index()).filter(alike).collect()
-}
-
-/// The facets around each node.
-fn facets_of_nodes(space: &Space) -> BTreeMap<u32, Vec<FacetRef>> {
-    let mut around: BTreeMap<u32, Vec<FacetRef>> = BTreeMap::new();
-    if let Support::Facets(facets) = space.support() {
-        for (position, facet) in facets.iter().enumerate() {
-            space.entity_nodes(position).iter().for_each(|n| around.entry(*n).or_default().push(*facet));
-        }
-    }
-    around
 }
 
 /// What a multiplier at a node acts on.

@@ -14,6 +14,7 @@ mod effects;
 mod fields;
 mod groups;
 mod held;
+mod idle;
 mod inputs;
 mod low_rules;
 mod mappings;
@@ -155,6 +156,8 @@ pub struct Scene {
     pub unused_fields: Vec<String>,
     /// The files that were read for it.
     pub inputs: Vec<InputFile>,
+    /// Multipliers that have nodes without a jump by the mesh alone, and why.
+    pub(crate) idle: Vec<(String, String)>,
     /// Words in expressions of terms.
     pub(crate) in_terms: BTreeSet<String>,
     env: OwnedEnv,
@@ -429,6 +432,14 @@ impl Builder<'_> {
             self.diagnostics.push(structure_error(self.script, e));
             return None;
         }
+        let steps = steps?;
+        let idle = match idle::leave_out(self.script, &self.topology, &mut system, within(&steps), self.diagnostics) {
+            Ok(idle) => idle,
+            Err(e) => {
+                self.diagnostics.push(Diagnostic::new("E412", e.to_string()));
+                return None;
+            }
+        };
         let params = self.script.params.iter();
         let params =
             params.filter_map(|p| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone()))).collect();
@@ -436,7 +447,7 @@ impl Builder<'_> {
             system,
             topology: self.topology,
             regions: self.regions,
-            steps: steps?,
+            steps,
             prescribed,
             starts,
             data: given,
@@ -453,6 +464,7 @@ impl Builder<'_> {
             times: PrepareTimes { compile, mesh: mesh_time },
             unused_fields,
             inputs: self.inputs,
+            idle: idle.notes,
             in_terms: names_in_terms(self.script),
             env: OwnedEnv {
                 params: self.params.clone(),
@@ -521,26 +533,17 @@ impl Builder<'_> {
         }
         .make();
         let (fixed, components) = (prescribed.dofs(), prescribed.components());
-        numbering.turn(prescribed.frames());
-        let idle = constraints::idle_multipliers(
-            self.script,
-            &self.mesh,
-            &self.topology,
-            &self.fields,
-            numbering,
-            &components,
-            self.diagnostics,
-        );
+        numbering.set_frames(prescribed.frames());
         let shared = meeting::shared_multipliers(
             self.script,
             (&self.mesh, &self.topology),
             (&self.fields, numbering),
-            (&components, &idle),
+            &components,
             laws,
             self.diagnostics,
         );
         let undetermined = self.undetermined(used, numbering, &fixed);
-        numbering.fix(fixed.into_iter().chain(idle).chain(shared).chain(undetermined));
+        numbering.fix(fixed.into_iter().chain(shared).chain(undetermined));
         prescribed
     }
 
@@ -652,6 +655,12 @@ impl Builder<'_> {
             Some(at) => self.mappings.domain(at, &self.mesh, &self.fields, &base, span, self.diagnostics),
         }
     }
+}
+
+/// A value of the step variable between the first and the last, where little vanishes that does at an end.
+fn within(steps: &Steps) -> f64 {
+    let (first, last) = (steps.values.first().copied().unwrap_or(0.0), steps.values.last().copied().unwrap_or(0.0));
+    first + 0.618 * (last - first)
 }
 
 fn used_fields(law: &wfl_compiler::TermLaw) -> Vec<usize> {

@@ -20,6 +20,7 @@ mod krylov;
 mod llt;
 mod lu;
 mod multifrontal;
+mod null_space;
 mod ordering;
 #[cfg(test)]
 mod problems;
@@ -32,6 +33,7 @@ mod tests;
 pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
 pub(crate) use condensed::DENSE_LIMIT;
 pub use condensed::{CheckedCondensed, Reference, Strategy};
+pub(crate) use null_space::{NullSpace, null_space, triangular};
 pub use ordering::{Ordering, order};
 
 use crate::{

@@ -145,17 +145,35 @@ impl System {
         self.pieces.iter_mut().for_each(|p| p.set_step(time, increment));
     }
 
-    /// What each contact law leaves of gaps and friction cones at `u`, with the name of its term.
+    /// What each contact law leaves of gaps and friction cones at `u`, whose largest displacement is `moved`, with the
+    /// name of its term. A law that moves nothing itself is left out beside one that does.
     #[must_use]
-    pub fn contact_gaps(&self, u: &[f64]) -> Vec<(&str, ContactGaps)> {
+    pub fn contact_gaps(&self, u: &[f64], moved: f64) -> Vec<(&str, ContactGaps)> {
         let mut current = self.slices(u);
         current.extend(self.guides.iter().map(Vec::as_slice));
         let previous = self.previous_slices();
         let values = FieldValues { current: &current, previous: &previous };
+        let acts = |p: &crate::newton::TermPieces| p.acts_on_displacements(&self.fields, &self.terms[p.term]);
+        let some_act = self.pieces.iter().any(acts);
         let of = |p: &crate::newton::TermPieces| {
             let term = &self.terms[p.term];
-            Some((term.law.name.as_str(), p.contact_gaps(&self.mesh, &self.fields, term, values)?))
+            Some((term.law.name.as_str(), p.contact_gaps(&self.mesh, &self.fields, term, values, moved)?))
         };
-        self.pieces.iter().filter_map(of).collect()
+        self.pieces.iter().filter(|p| !some_act || acts(p)).filter_map(of).collect()
+    }
+
+    /// True if no force acts on the free dofs where all of them are zero, at what is prescribed in `u` now: then that is
+    /// the solution. The last residual is that of `u` again.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub(crate) fn rests(&mut self, u: &[f64]) -> Result<bool, TermError> {
+        let mut still = u.to_vec();
+        self.numbering.part_of_free(0.0, &mut still);
+        let (mut residual, mut again) = (Vec::new(), Vec::new());
+        self.residual(&still, &mut residual)?;
+        self.residual(u, &mut again)?;
+        let free = &self.numbering.free_dofs;
+        Ok(free.iter().all(|d| residual[*d as usize] == 0.0))
     }
 }

@@ -28,10 +28,28 @@ pub(crate) struct LawDefect {
 }
 
 impl System {
-    /// What is left at the points of the laws with kinks of each multiplier, at a solution `u` by dof.
-    pub(crate) fn law_defects(&self, u: &[f64]) -> Vec<LawDefect> {
+    /// What is left at the points of the laws with kinks of each multiplier, at a solution `u` by dof. Multipliers whose
+    /// forces are below `least` of the forces of the bodies are left out.
+    pub(crate) fn law_defects(&self, u: &[f64], least: f64) -> Vec<LawDefect> {
         let multipliers = (0..self.fields.len()).filter(|k| self.fields[*k].kind == FieldKind::Multiplier);
-        multipliers.filter(|k| self.range(*k).is_some()).filter_map(|k| self.law_defect(k, u)).collect()
+        let presses = |k: &usize| self.range(*k).is_some() && self.presses(*k, u, least);
+        multipliers.filter(presses).filter_map(|k| self.law_defect(k, u)).collect()
+    }
+
+    /// True if the forces of a multiplier at some node are more than `least` of the largest of the unknowns.
+    fn presses(&self, field: usize, u: &[f64], least: f64) -> bool {
+        let slices = self.slices(u);
+        let largest = slices[field].iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let unknown = |k: &usize| self.fields[*k].kind == FieldKind::Unknown;
+        let force = (0..self.fields.len()).filter(unknown).fold(0.0f64, |m, k| m.max(self.force[k]));
+        let fields: Vec<usize> = self.numbering.free_dofs.iter().map(|d| self.field_of(*d as usize)).collect();
+        let mut acts = 0.0f64;
+        for (row, _) in fields.iter().enumerate().filter(|(_, f)| unknown(f)) {
+            let (columns, values) = self.changing.row(row);
+            let own = columns.iter().zip(values).filter(|(c, _)| fields[**c as usize] == field);
+            acts = own.fold(acts, |m, (_, value)| m.max(value.abs()));
+        }
+        acts == 0.0 || acts * largest > least * force
     }
 
     fn law_defect(&self, field: usize, u: &[f64]) -> Option<LawDefect> {

@@ -21,6 +21,18 @@ pub struct Numbering {
     pub free_dofs: Vec<u32>,
     /// Nodes whose equations are written in frames of their own.
     pub frames: Frames,
+    /// Dofs that follow others.
+    ties: Vec<Tie>,
+}
+
+/// A dof, of the scene or of the frame of its node, that has the value of another one: its equation is added to that of
+/// the leader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Tie {
+    /// The dof that is not solved for.
+    pub(crate) follower: usize,
+    /// A free dof.
+    pub(crate) leader: usize,
 }
 
 impl Numbering {
@@ -38,8 +50,7 @@ impl Numbering {
                 })
             })
             .collect();
-        let mut numbering =
-            Self { starts, n_dofs: n, free: vec![0; n], free_dofs: Vec::new(), frames: Frames::default() };
+        let mut numbering = Self { starts, n_dofs: n, free: vec![0; n], free_dofs: Vec::new(), ..Self::default() };
         numbering.renumber();
         numbering
     }
@@ -53,8 +64,48 @@ impl Numbering {
     }
 
     /// Writes the equations of some nodes in frames; [`Self::fix`] then takes out their first axes.
-    pub fn turn(&mut self, frames: Vec<Frame>) {
+    pub fn set_frames(&mut self, frames: Vec<Frame>) {
         self.frames = Frames::new(frames, self.n_dofs);
+    }
+
+    /// Lets dofs follow others: each follower is taken out of the system, and keeps the distance to its leader that it
+    /// has in the start.
+    pub(crate) fn tie(&mut self, ties: Vec<Tie>) {
+        self.fix(ties.iter().map(|t| t.follower));
+        self.ties = ties;
+    }
+
+    /// True if some dofs follow others.
+    #[must_use]
+    pub fn has_ties(&self) -> bool {
+        !self.ties.is_empty()
+    }
+
+    /// By dof: the free number of the equation that its own is added to, or [`FIXED`].
+    #[must_use]
+    pub fn equations(&self) -> Vec<u32> {
+        let mut all = self.free.clone();
+        for tie in &self.ties {
+            all[tie.follower] = self.free[tie.leader];
+        }
+        all
+    }
+
+    /// Writes a residual in the axes of the scene as it is solved: turned, the equations of followers added to those of
+    /// their leaders.
+    pub fn turn(&self, residual: &mut [f64]) {
+        self.frames.turn(residual);
+        for tie in &self.ties {
+            residual[tie.leader] += std::mem::take(&mut residual[tie.follower]);
+        }
+    }
+
+    /// The same with bounds of the sizes of residuals.
+    pub fn turn_sizes(&self, sizes: &mut [f64]) {
+        self.frames.turn_sizes(sizes);
+        for tie in &self.ties {
+            sizes[tie.leader] += sizes[tie.follower];
+        }
     }
 
     /// `u = start + step * correction`, the correction by free number.
@@ -62,6 +113,17 @@ impl Numbering {
         u.copy_from_slice(start);
         for (dof, x) in self.free_dofs.iter().zip(correction) {
             self.frames.add(*dof as usize, step * x, u);
+        }
+        for tie in &self.ties {
+            self.frames.add(tie.follower, step * correction[self.free[tie.leader] as usize], u);
+        }
+    }
+
+    /// Gives followers the values of their leaders.
+    pub fn follow(&self, u: &mut [f64]) {
+        for tie in &self.ties {
+            let missing = self.frames.along(tie.leader, u) - self.frames.along(tie.follower, u);
+            self.frames.add(tie.follower, missing, u);
         }
     }
 
@@ -74,6 +136,20 @@ impl Numbering {
         }
         self.frames.turn_back(&mut missing);
         u.iter_mut().zip(missing).for_each(|(x, m)| *x += m);
+    }
+
+    /// Multiplies the free part of `u`; what is prescribed stays.
+    pub fn part_of_free(&self, part: f64, u: &mut [f64]) {
+        let mut free = u.to_vec();
+        self.frames.turn(&mut free);
+        for (x, place) in free.iter_mut().zip(&self.free) {
+            *x = if *place == FIXED { 0.0 } else { (part - 1.0) * *x };
+        }
+        for tie in &self.ties {
+            free[tie.follower] = (part - 1.0) * self.frames.along(tie.follower, u);
+        }
+        self.frames.turn_back(&mut free);
+        u.iter_mut().zip(free).for_each(|(x, change)| *x += change);
     }
 
     fn renumber(&mut self) {

@@ -6,11 +6,10 @@
 
 use std::fmt;
 
-use nalgebra::DMatrix;
 use wfl_compiler::types::FieldKind;
 
 use super::{FIXED, System};
-use crate::csr::residual_and_size;
+use crate::{csr::residual_and_size, field::FieldSpace, solve::triangular};
 
 /// A motion is loose if what it meets is below this part of what cancels in it.
 const LOOSE: f64 = 1e-9;
@@ -20,6 +19,8 @@ const LOOSE: f64 = 1e-9;
 pub struct LooseMotions {
     /// The names of the fields that move.
     pub fields: Vec<String>,
+    /// Where the body is, if a field has several: "around [0.5, 1]".
+    pub place: String,
     /// Translations among the motions.
     pub translations: usize,
     /// Motions that turn.
@@ -34,39 +35,116 @@ impl fmt::Display for LooseMotions {
             .into_iter()
             .flatten()
             .collect();
-        let (total, names) = (self.translations + self.rotations, names.join(" and "));
+        let (total, mut names) = (self.translations + self.rotations, names.join(" and "));
+        if !self.place.is_empty() {
+            names = format!("the body of {names} {}", self.place);
+        }
         let motions = if total == 1 { "rigid motion" } else { "rigid motions" };
         write!(f, "nothing holds {names} in {total} {motions} ({})", kinds.join(", "))
     }
 }
 
 impl System {
-    /// Rigid motions that meet no resistance in the last tangent: of single displacement fields, else of all of them
-    /// together.
+    /// Rigid motions that meet no resistance in the last tangent: of single bodies, else of single displacement fields, else
+    /// of all of them together.
     #[must_use]
     pub fn loose_motions(&self) -> Vec<LooseMotions> {
-        let dim = self.mesh.dim();
-        let moves = |k: &usize| {
-            let f = &self.fields[*k];
-            f.kind == FieldKind::Unknown && !f.is_at_points() && f.n_components == dim && self.range(*k).is_some()
-        };
-        let fields: Vec<usize> = (0..self.fields.len()).filter(moves).filter(|_| dim > 1).collect();
-        let alone: Vec<LooseMotions> = fields.iter().filter_map(|f| self.loose(&[*f])).collect();
+        let fields: Vec<usize> = (0..self.fields.len()).filter(|k| self.is_displacement(*k)).collect();
+        let alone: Vec<LooseMotions> = fields.iter().flat_map(|f| self.loose_bodies_of(*f)).collect();
         if alone.is_empty() && fields.len() > 1 { self.loose(&fields).into_iter().collect() } else { alone }
     }
 
-    fn loose(&self, fields: &[usize]) -> Option<LooseMotions> {
+    /// True for a field of displacements of a body.
+    pub(super) fn is_displacement(&self, field: usize) -> bool {
+        let (f, dim) = (&self.fields[field], self.mesh.dim());
+        dim > 1
+            && f.kind == FieldKind::Unknown
+            && !f.is_at_points()
+            && f.n_components == dim
+            && self.range(field).is_some()
+    }
+
+    /// The loose bodies of one field, or the field as a whole.
+    fn loose_bodies_of(&self, field: usize) -> Vec<LooseMotions> {
+        let bodies = self.bodies(field);
+        let count = bodies.iter().max().map_or(0, |b| b + 1);
+        let mut found = Vec::new();
+        for body in (0..count).filter(|_| count > 1) {
+            let own: Vec<bool> = bodies.iter().map(|b| *b == body).collect();
+            let place = self.centre(field, &own);
+            found.extend(self.loose_part(&[field], Some(&own)).map(|m| LooseMotions { place, ..m }));
+        }
+        if found.is_empty() { self.loose(&[field]).into_iter().collect() } else { found }
+    }
+
+    /// By node of a field: the body it belongs to, parts of the field that hang together through cells.
+    fn bodies(&self, field: usize) -> Vec<usize> {
+        let f = &self.fields[field];
+        let FieldSpace::Nodal(space) = &f.space else { return vec![0; f.n_nodes()] };
+        let mut above: Vec<usize> = (0..f.n_nodes()).collect();
+        let root = |above: &[usize], mut at: usize| {
+            while above[at] != at {
+                at = above[at];
+            }
+            at
+        };
+        for position in 0..space.n_positions() {
+            let nodes = space.entity_nodes(position);
+            for pair in nodes.windows(2) {
+                let (a, b) = (root(&above, pair[0] as usize), root(&above, pair[1] as usize));
+                let low = a.min(b);
+                (above[a], above[b]) = (low, low);
+                // paths stay short
+                (above[pair[0] as usize], above[pair[1] as usize]) = (low, low);
+            }
+        }
+        let mut numbers = vec![usize::MAX; f.n_nodes()];
+        let mut next = 0;
+        let mut found = Vec::with_capacity(f.n_nodes());
+        for node in 0..f.n_nodes() {
+            let top = root(&above, node);
+            if numbers[top] == usize::MAX {
+                numbers[top] = next;
+                next += 1;
+            }
+            found.push(numbers[top]);
+        }
+        found
+    }
+
+    fn centre(&self, field: usize, own: &[bool]) -> String {
+        let f = &self.fields[field];
+        let nodes: Vec<usize> = (0..own.len()).filter(|n| own[*n]).collect();
+        #[expect(clippy::cast_precision_loss, reason = "a mean")]
+        let mean = |d: usize| nodes.iter().map(|n| f.node_position(*n)[d]).sum::<f64>() / nodes.len().max(1) as f64;
+        let x: Vec<String> = (0..self.mesh.dim()).map(|d| format!("{}", (mean(d) * 1e3).round() / 1e3)).collect();
+        format!("around [{}]", x.join(", "))
+    }
+
+    pub(super) fn loose(&self, fields: &[usize]) -> Option<LooseMotions> {
+        self.loose_part(fields, None)
+    }
+
+    /// The loose motions of some fields together; of one field those of some of its nodes alone.
+    fn loose_part(&self, fields: &[usize], own: Option<&[bool]>) -> Option<LooseMotions> {
         let dim = self.mesh.dim();
-        let motions: Vec<Vec<f64>> = (0..dim * (dim + 1) / 2).map(|k| self.rigid(fields, k)).collect();
+        let mut motions: Vec<Vec<f64>> = (0..dim * (dim + 1) / 2).map(|k| self.rigid(fields, k)).collect();
+        if let (Some(own), Some(range)) = (own, self.range(fields[0])) {
+            for motion in &mut motions {
+                let nodes = motion[range.clone()].chunks_exact_mut(dim);
+                nodes.zip(own).filter(|(_, own)| !**own).for_each(|(node, _)| node.fill(0.0));
+            }
+        }
         let all = self.n_loose(&motions);
         let translations = self.n_loose(&motions[..dim]);
         let names = fields.iter().map(|f| self.fields[*f].name.clone()).collect();
-        (all > 0).then(|| LooseMotions { fields: names, translations, rotations: all.saturating_sub(translations) })
+        let rotations = all.saturating_sub(translations);
+        (all > 0).then(|| LooseMotions { fields: names, place: String::new(), translations, rotations })
     }
 
     /// Motion number `k` of some fields by dof, of length 1 at most: translations, then rotations about the centre of the
     /// mesh.
-    fn rigid(&self, fields: &[usize], k: usize) -> Vec<f64> {
+    pub(super) fn rigid(&self, fields: &[usize], k: usize) -> Vec<f64> {
         let dim = self.mesh.dim();
         let (low, high) = self.mesh.bounds();
         let size = (0..dim).map(|d| high[d] - low[d]).fold(0.0f64, f64::max);
@@ -114,26 +192,4 @@ impl System {
         let limit = LOOSE * (n as f64).sqrt();
         triangular(products).singular_values().iter().filter(|x| **x <= limit).count()
     }
-}
-
-/// The triangular factor of a matrix given by its columns (Gram and Schmidt, one column after the other).
-fn triangular(mut columns: Vec<Vec<f64>>) -> DMatrix<f64> {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let n = columns.len();
-    let mut factor = DMatrix::zeros(n, n);
-    for i in 0..n {
-        let (done, rest) = columns.split_at_mut(i);
-        let column = &mut rest[0];
-        for (j, unit) in done.iter().enumerate() {
-            let part = dot(unit, column);
-            factor[(j, i)] = part;
-            column.iter_mut().zip(unit).for_each(|(x, u)| *x -= part * u);
-        }
-        let length = dot(column, column).sqrt();
-        factor[(i, i)] = length;
-        if length > 0.0 {
-            column.iter_mut().for_each(|x| *x /= length);
-        }
-    }
-    factor
 }

@@ -132,7 +132,7 @@ fn residual(system: &mut System, u: &[f64]) -> Result<Vec<f64>, String> {
         term.add_residual(&system.mesh, values, &mut out).map_err(|e| e.to_string())?;
     }
     system.terms = terms;
-    system.numbering.frames.turn(&mut out);
+    system.numbering.turn(&mut out);
     Ok(out)
 }
 

@@ -274,8 +274,13 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E602",
         "a step that cannot be solved",
-        "The linear system of a step is singular or its solution is not finite. Most often a body can still move or \
-         turn: nothing fixes it, and no contact or spring holds it. The message names the fields that move.",
+        "The linear system of a step is singular: some change of the unknowns changes no equation. The message names the \
+         field, says what the change is and which term should resist it. A body moves as a whole: nothing fixes it, or its \
+         contact is open, slides with all its friction, has none, is zero or has a wrong sign. An equation is empty: no term \
+         tests the unknown, a multiplier has no law, a coefficient is zero. A field is known up to a constant. A pressure \
+         alternates from node to node: its elements do not fit those of the velocity. A motion is not seen by a quadrature \
+         rule of too low degree. Equations depend on each other. Or the numbers are so far apart that rounding leaves nothing \
+         of the smaller ones: a parameter is far too large, or a law too steep.",
         "fix u(1) = 0 on west",
         "fix u = [0,0,0] on west",
     ),
@@ -456,10 +461,13 @@ pub(super) const PAGES: &[CodePage] = &[
     ),
     page(
         "W404",
-        "multiplier nodes that cannot act are dropped",
-        "Where the fields on both sides are fixed a multiplier has no jump to act on, and where two surfaces meet \
-         another multiplier may hold the same jump already: kept, such nodes make the system singular. An augmented \
-         law goes on there as a penalty of stiffness gamma. `with crosspoints=keep` keeps them.",
+        "multipliers without a jump to act on",
+        "Where what is prescribed leaves the two sides no way to part, a multiplier has no jump to act on, and where two \
+         surfaces meet another multiplier may hold the same jump already: kept, such components make the system singular, \
+         so they are dropped. Only components that cannot jump are. Where the sides can still slide and friction reads the \
+         normal traction, that follows the nearest node at which it is determined: dropped, the friction there would be \
+         lost. An augmented law goes on at dropped nodes as a penalty of stiffness gamma. `with crosspoints=keep` keeps \
+         them. At the end of a crack, where both sides are one node, nothing is said: `wfl check` counts such nodes.",
         "multiplier l : vector on fault\nfix uL, uR = [0,0,0] on boundary\n\
          term glue on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l",
         "multiplier l : vector on fault with crosspoints=keep\nfix uL, uR = [0,0,0] on boundary\n\
@@ -655,13 +663,16 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "W606",
         "a condition of mechanics that does not hold",
-        "A converged state does not satisfy what any solution must: loads and reactions in balance, equal forces on the \
-         two sides of an interface, no overlap of bodies in contact and no sliding where they stick (both relative to \
-         the largest displacement), and a multiplier that obeys its law at every point. Forces out of balance are a mistake \
-         in the terms; overlap and sliding go away with a larger penalty, or with Nitsche's method or a multiplier. The law of \
-         a multiplier holds at every point, and the result does not depend on its parameter, where the points are the nodes \
-         (`quadrature ... vertex`, elements of degree 1) and the faces of a node have one normal. On a bent interface that \
-         slides it cannot: finer faces help, and a run with another parameter shows how much depends on it.",
+        "A converged state does not satisfy what any solution must, at the step that is worst; the number is told with what \
+         it may be. Loads and reactions are in balance, and forces on the two sides of an interface are equal (1e-6 of \
+         the forces): else a term is wrong. Bodies in contact do not overlap, and points that stick have not slid (0.2 of \
+         the largest displacement): a larger penalty, Nitsche's method or a multiplier holds them. Forces of contact push \
+         where the sides press, and friction resists (on all but 0.05 of the area in contact): else a sign is wrong. \
+         Tractions lie in the friction cone (all but 0.5 of them; between the points at which a law holds they leave it \
+         by what a finer mesh makes small). The law of a multiplier holds at every point, and the result does not depend \
+         on its parameter, where the points are the nodes (`quadrature ... vertex`, elements of degree 1) and the faces of a \
+         node have one normal; on a bent interface that slides it cannot: finer faces help, and a run with another \
+         parameter shows how much depends on it. Where nothing has moved nothing is judged: what is left is rounding.",
         "param gamma = 1e3",
         "param gamma = 1e6",
     ),

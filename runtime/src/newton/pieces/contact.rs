@@ -19,39 +19,57 @@ use crate::{
     mesh::Mesh,
 };
 
-/// The largest violations of the conditions of contact at the points of a term.
+/// The violations of the conditions of contact at the points of a term.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ContactGaps {
-    /// Overlap of the sides where the law is one of contact (length).
+    /// Overlap of the sides where the law is one of contact (length), the largest.
     pub penetration: f64,
-    /// Sliding at points that stick (length).
+    /// Sliding at points that stick (length), the largest.
     pub drift: f64,
-    /// By how much the traction of the method leaves the friction cone, relative to the largest radius; `None` without
-    /// friction, or for a method without a traction of its own.
+    /// The traction of the method outside the friction cone, integrated over the points in contact, in parts of the
+    /// integral of traction and radius there; `None` without friction, without contact, or for a method without a
+    /// traction of its own.
     pub cone: Option<f64>,
-    /// Where the sides press on each other: the work of the force of the term as they are moved together, in parts of
-    /// what it is if every component of the force resists: 1 resists, -1 pulls. `None` where nothing presses.
-    pub push: Option<f64>,
-    /// Where they slide: the same as they are moved on.
-    pub hold: Option<f64>,
+    /// The part of the area where the sides press on each other on which the force of the term pulls; `None` where nothing
+    /// presses.
+    pub pulled: Option<f64>,
+    /// The part of the area in contact on which friction drives what it should resist; `None` without contact.
+    pub driven: Option<f64>,
 }
 
-/// Work done against a motion, and what it is if every component counts against it.
+/// Work below this part of what it is if every component of a force resists has no sign.
+const SIGNLESS: f64 = 1e-6;
+/// A motion below this part of the largest displacement has no direction.
+const STILL: f64 = 1e-9;
+
+/// An integral, and the part of it that is looked for.
 #[derive(Clone, Copy, Default)]
-struct Work {
-    done: f64,
-    size: f64,
+struct Share {
+    part: f64,
+    whole: f64,
 }
 
-impl Work {
-    fn share(self) -> Option<f64> {
-        (self.size > 0.0).then(|| self.done / self.size)
+impl Share {
+    fn add(&mut self, weight: f64, counts: bool) {
+        self.whole += weight;
+        self.part += if counts { weight } else { 0.0 };
+    }
+
+    fn value(self) -> Option<f64> {
+        (self.whole > 0.0).then(|| self.part / self.whole)
     }
 }
 
+/// What the force of a term does at a point.
+struct PointForce<'a> {
+    flux: &'a [f64],
+    /// Inputs of the watch that are displacements, with their test slots.
+    moves: &'a [(usize, usize)],
+}
+
 impl TermPieces {
-    /// The violations at a state; `values` has room for the guides of this term. `None` for terms on cells, whose
-    /// projections are no contact.
+    /// The violations at a state whose largest displacement is `moved`; `values` has room for the guides of this term.
+    /// `None` for terms on cells, whose projections are no contact.
     #[must_use]
     pub fn contact_gaps(
         &self,
@@ -59,6 +77,7 @@ impl TermPieces {
         fields: &[Field],
         term: &AssembledTerm,
         values: FieldValues<'_>,
+        moved: f64,
     ) -> Option<ContactGaps> {
         if self.held.on_cells() {
             return None;
@@ -71,14 +90,14 @@ impl TermPieces {
         let (_, size) = self.entity_size(mesh, values);
         let slopes = self.slopes(mesh, fields, values, SLOPE_STEP * size);
         let mut found = ContactGaps::default();
-        let (mut beyond, mut radius) = (0.0f64, 0.0f64);
         let mut fluxes = Vec::new();
         term.for_each_flux(mesh, values, |flux, weight| fluxes.push((flux.to_vec(), weight)));
         let mut fluxes = fluxes.iter();
-        let (mut push, mut hold) = (Work::default(), Work::default());
+        let (mut pulled, mut driven, mut cone) = (Share::default(), Share::default(), Share::default());
         let moves = self.moves(fields, term);
         self.arguments(mesh, fields, values, SLOPE_STEP * size, |full, gap, probe| {
             let Some((flux, weight)) = fluxes.next() else { return };
+            let force = PointForce { flux, moves: &moves };
             for (p, slope) in self.projections.iter().zip(&slopes).filter(|(_, s)| **s > 0.0) {
                 let (x, g) = (&full[p.output..][..p.n], &gap[p.output..][..p.n]);
                 match p.kind {
@@ -87,26 +106,36 @@ impl TermPieces {
                     ProjectionKind::HalfLine => {
                         found.penetration = g.iter().fold(found.penetration, |m, g| m.max(g / slope));
                         if p.n == 1 && x[0] > 0.0 {
-                            add_work(&mut push, p, &[1.0], flux, *weight, &moves, probe);
+                            pulled.add(weight.abs(), force.works_along(p, &[1.0], probe));
                         }
                     }
                     ProjectionKind::Ball => {
                         let r = full[p.output + p.n];
-                        if r > 0.0 && norm(x) <= r {
-                            found.drift = found.drift.max(norm(g) / slope);
-                        } else if r > 0.0 {
-                            add_work(&mut hold, p, g, flux, *weight, &moves, probe);
+                        if r <= 0.0 {
+                            continue;
                         }
-                        let traction: Vec<f64> = x.iter().zip(g).map(|(x, g)| x - g).collect();
-                        beyond = beyond.max(norm(&traction) - r.max(0.0));
-                        radius = radius.max(r);
+                        let slips = norm(x) > r && norm(g) > STILL * moved * slope;
+                        if norm(x) <= r {
+                            found.drift = found.drift.max(norm(g) / slope);
+                        }
+                        // friction resists what slides, and holds what sticks with the traction of the law
+                        driven.add(weight.abs(), force.works_along(p, if slips { g } else { x }, probe));
+                        let traction = norm(&x.iter().zip(g).map(|(x, g)| x - g).collect::<Vec<f64>>());
+                        cone.whole += weight.abs() * traction.max(r);
+                        cone.part += weight.abs() * (traction - r).max(0.0);
                     }
                 }
             }
         });
-        (found.push, found.hold) = (push.share(), hold.share());
-        found.cone = (self.has_friction() && self.has_traction(fields) && radius > 0.0).then(|| beyond / radius);
+        (found.pulled, found.driven) = (pulled.value(), driven.value());
+        found.cone = cone.value().filter(|_| self.has_friction() && self.has_traction(fields));
         Some(found)
+    }
+
+    /// True if the force of a term acts on displacements, so that it can be judged by what it does to them.
+    #[must_use]
+    pub fn acts_on_displacements(&self, fields: &[Field], term: &AssembledTerm) -> bool {
+        !self.moves(fields, term).is_empty()
     }
 
     /// True if the projections read more than displacements: gradients or multipliers.
@@ -200,22 +229,18 @@ struct Outputs {
     changed: Vec<[Option<Vec<[f64; LANES]>>; 2]>,
 }
 
-/// Adds the work of `flux` as the argument `p` moves along `direction`.
-fn add_work(
-    work: &mut Work,
-    p: &Projection,
-    direction: &[f64],
-    flux: &[f64],
-    weight: f64,
-    moves: &[(usize, usize)],
-    probe: &mut dyn FnMut(usize, bool) -> Vec<f64>,
-) {
-    for (slot, test) in moves {
-        let (ahead, behind) = (probe(*slot, true), probe(*slot, false));
-        let along = |v: &[f64]| v[p.output..][..p.n].iter().zip(direction).map(|(a, b)| a * b).sum::<f64>();
-        let density = weight * flux[*test] * (along(&ahead) - along(&behind));
-        work.done += density;
-        work.size += density.abs();
+impl PointForce<'_> {
+    /// True if the force works as the argument `p` moves along `direction`, in place of resisting.
+    fn works_along(&self, p: &Projection, direction: &[f64], probe: &mut dyn FnMut(usize, bool) -> Vec<f64>) -> bool {
+        let (mut resisted, mut size) = (0.0f64, 0.0f64);
+        for (slot, test) in self.moves {
+            let (ahead, behind) = (probe(*slot, true), probe(*slot, false));
+            let along = |v: &[f64]| v[p.output..][..p.n].iter().zip(direction).map(|(a, b)| a * b).sum::<f64>();
+            let work = self.flux[*test] * (along(&ahead) - along(&behind));
+            resisted += work;
+            size += work.abs();
+        }
+        resisted < -SIGNLESS * size
     }
 }
 

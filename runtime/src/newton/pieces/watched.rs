@@ -91,6 +91,19 @@ impl TermPieces {
         found
     }
 
+    /// By how much the arguments of the half-lines grow from one state to another, integrated: above 0 the sides close.
+    #[must_use]
+    pub(crate) fn closing(&self, from: &Watched, to: &Watched) -> f64 {
+        let mut total = 0.0;
+        for ((a, b), weight) in from.points().zip(to.points()).zip(&from.weights) {
+            for p in self.projections.iter().filter(|p| p.kind == ProjectionKind::HalfLine && p.acts) {
+                let entries = p.output..p.output + p.n;
+                total += weight.abs() * entries.map(|k| b[k] - a[k]).sum::<f64>();
+            }
+        }
+        total
+    }
+
     /// The squared defect of the projections on the way from `from` to `to`, as an energy: traction squared over
     /// stiffness, integrated.
     fn defect(&self, from: &Watched, to: &Watched, part: f64) -> f64 {

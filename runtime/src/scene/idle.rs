@@ -1,0 +1,364 @@
+//! Multipliers without a jump to act on: where what is prescribed, or the mesh, leaves both sides no way to part.
+//!
+//! At a node the terms couple the components of a multiplier with displacements of that place: the rows of the jump. A
+//! direction of the multiplier that meets no free displacement there is idle; its equation says nothing. Such a direction
+//! is left out, unless a law reads it where the sides can still move another way: friction reads the normal traction at a
+//! node that can slide only. Then it follows the multiplier of the nearest node at which it is not idle, as the mortar
+//! method takes constants at the ends of an interface (Wohlmuth 2000), so that a uniform traction stays uniform.
+//!
+//! Promises: directions are those of the tangents ([`Friction`]), whatever the multiplier counts as its components;
+//! nothing changes where no displacement of the place is prescribed. Does not decide what two multipliers share:
+//! `meeting.rs` does.
+
+mod directions;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use wfl::{Diagnostic, FieldKind as Declared, ResolvedScript};
+use wfl_compiler::types::{FieldKind, Side};
+
+use super::constraints::{at_place, extent};
+use crate::{
+    csr::{Csr, CsrError},
+    field::FieldSpace,
+    frames::Frame,
+    mesh::{FacetRef, Topology},
+    space::{Space, Support},
+    system::{FIXED, Friction, System, Tie},
+};
+use directions::{Node, Split};
+
+/// What was found of the multipliers of a scene.
+#[derive(Default)]
+pub(super) struct Idle {
+    /// What `wfl check` says of nodes whose sides are one: the multiplier and the reason.
+    pub(super) notes: Vec<(String, String)>,
+}
+
+/// A node of a multiplier at which some displacement is prescribed, or both sides are one.
+struct Candidate {
+    field: usize,
+    node: u32,
+    /// First dof of the node.
+    first: usize,
+    /// Dofs of displacements at the place, of all nodes that are not the end of a tear.
+    place: Vec<usize>,
+    /// A field there is one on both sides.
+    joined: bool,
+}
+
+/// Takes the idle directions of all multipliers out of a system, with a message for each multiplier that loses some.
+///
+/// # Errors
+/// [`CsrError`] when a pattern does not fit the index types.
+pub(super) fn leave_out(
+    script: &ResolvedScript,
+    topology: &Topology,
+    system: &mut System,
+    at: f64,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Result<Idle, CsrError> {
+    let candidates = candidates(script, topology, system);
+    if candidates.is_empty() {
+        return Ok(Idle::default());
+    }
+    let numbers = numbers(system, &candidates);
+    let size = 1e-3 * extent(&system.mesh);
+    let stick = system.couplings(&numbers, Friction::Sticks, at, size)?;
+    let slip = system.couplings(&numbers, Friction::Slips, at, size)?;
+    let nodes: Vec<Node> = candidates.iter().map(|c| Node::new(system, &numbers, &stick, c)).collect();
+    let splits: Vec<Split> = (0..nodes.len()).map(|k| Split::new(system, &numbers, &slip, &nodes, k)).collect();
+    let plan = Plan::new(system, &candidates, splits);
+    let idle = plan.tell(script, system, &candidates, diagnostics);
+    system.leave_out(plan.dropped, plan.ties, plan.frames)?;
+    Ok(idle)
+}
+
+/// Nodes of multipliers that may have an idle direction.
+fn candidates(script: &ResolvedScript, topology: &Topology, system: &System) -> Vec<Candidate> {
+    let mut found = Vec::new();
+    let scale = extent(&system.mesh);
+    for (field, declared) in script.fields.iter().enumerate() {
+        let keep = matches!(declared.kind, Declared::Multiplier { keep_crosspoints: true });
+        let (FieldKind::Multiplier, FieldSpace::Nodal(space), Some(range), false) =
+            (system.fields[field].kind, &system.fields[field].space, system.range(field), keep)
+        else {
+            continue;
+        };
+        let partners = Partners::new(system, field);
+        for (node, facets) in facets_of_nodes(space) {
+            let first = range.start + node as usize * system.fields[field].n_components;
+            let x = space.node_coordinates()[node as usize];
+            let (mut place, joined) = partners.at(topology, system, &facets, (x, scale));
+            place.extend(partners.images(first));
+            let is_bound = |d: &usize| system.numbering.free[*d] == FIXED || system.numbering.frames.of(*d).is_some();
+            if place.iter().any(is_bound) || (joined && place.is_empty()) {
+                found.push(Candidate { field, node, first, place, joined });
+            }
+        }
+    }
+    found
+}
+
+/// The facets around each node.
+pub(super) fn facets_of_nodes(space: &Space) -> BTreeMap<u32, Vec<FacetRef>> {
+    let mut around: BTreeMap<u32, Vec<FacetRef>> = BTreeMap::new();
+    if let Support::Facets(facets) = space.support() {
+        for (position, facet) in facets.iter().enumerate() {
+            space.entity_nodes(position).iter().for_each(|n| around.entry(*n).or_default().push(*facet));
+        }
+    }
+    around
+}
+
+/// The unknowns that a multiplier acts on.
+struct Partners {
+    fields: BTreeSet<usize>,
+    /// By first dof of a node: the dofs of unknowns that its terms read through a mapping.
+    images: BTreeMap<usize, BTreeSet<usize>>,
+}
+
+impl Partners {
+    fn new(system: &System, field: usize) -> Self {
+        let range = system.range(field).unwrap_or_default();
+        let n = system.fields[field].n_components;
+        let unknown = |f: &usize| system.fields.get(*f).is_some_and(|f| f.kind == FieldKind::Unknown);
+        let mut this = Self { fields: BTreeSet::new(), images: BTreeMap::new() };
+        for term in system.terms.iter().filter(|t| t.coupled_fields().any(|f| f.index() == field)) {
+            this.fields.extend(term.coupled_fields().map(|f| f.index()).filter(unknown));
+            if term.law.listing.graph.mapping.is_none() {
+                continue;
+            }
+            let there = term.law.tests.iter().chain(&term.law.trials).filter(|s| s.side == Side::There);
+            let there: Vec<_> =
+                there.map(|s| s.field.index()).filter(unknown).filter_map(|f| system.range(f)).collect();
+            term.for_each_entity(|tests, trials| {
+                let all = || tests.iter().chain(trials).map(|d| *d as usize);
+                let seen: BTreeSet<usize> = all().filter(|d| there.iter().any(|r| r.contains(d))).collect();
+                for d in all().filter(|d| range.contains(d)) {
+                    this.images.entry(d - (d - range.start) % n).or_default().extend(&seen);
+                }
+            });
+        }
+        this
+    }
+
+    fn images(&self, first: usize) -> impl Iterator<Item = usize> + '_ {
+        self.images.get(&first).into_iter().flatten().copied()
+    }
+
+    /// The dofs of the unknowns that stand at a place on both sides of these facets, and whether a field has one node
+    /// there for both, which is then left out.
+    fn at(
+        &self,
+        topology: &Topology,
+        system: &System,
+        facets: &[FacetRef],
+        near: ([f64; 3], f64),
+    ) -> (Vec<usize>, bool) {
+        let mut around = facets.to_vec();
+        around.extend(facets.iter().filter_map(|f| topology.opposite(*f)));
+        let (mut place, mut joined) = (Vec::new(), false);
+        for field in &self.fields {
+            let (FieldSpace::Nodal(space), Some(range)) = (&system.fields[*field].space, system.range(*field)) else {
+                continue;
+            };
+            let nodes = at_place(&system.mesh, topology, space, &around, near);
+            if nodes.len() == 1 && around.iter().any(|f| space.is_torn_along(topology.facet_id(*f))) {
+                joined = true;
+                continue;
+            }
+            let n = system.fields[*field].n_components;
+            place.extend(nodes.iter().flat_map(|node| (0..n).map(move |c| range.start + *node as usize * n + c)));
+        }
+        (place, joined)
+    }
+}
+
+/// Numbers for the dofs of all entities of terms with multipliers that hold a candidate.
+fn numbers(system: &System, candidates: &[Candidate]) -> Vec<u32> {
+    let n = |c: &Candidate| system.fields[c.field].n_components;
+    let wanted: BTreeSet<usize> = candidates.iter().flat_map(|c| c.first..c.first + n(c)).collect();
+    let mut numbers = vec![FIXED; system.numbering.n_dofs];
+    let mut next = 0;
+    for term in system.terms.iter().filter(|t| system.has_multiplier(t)) {
+        term.for_each_entity(|tests, trials| {
+            if tests.iter().chain(trials).any(|d| wanted.contains(&(*d as usize))) {
+                for d in tests.iter().chain(trials) {
+                    if numbers[*d as usize] == FIXED {
+                        numbers[*d as usize] = next;
+                        next += 1;
+                    }
+                }
+            }
+        });
+    }
+    numbers
+}
+
+/// What becomes of the idle directions.
+#[derive(Default)]
+struct Plan {
+    dropped: Vec<usize>,
+    ties: Vec<Tie>,
+    frames: Vec<Frame>,
+    /// By candidate: components left out, components that follow.
+    counts: Vec<(usize, usize)>,
+}
+
+impl Plan {
+    fn new(system: &System, candidates: &[Candidate], splits: Vec<Split>) -> Self {
+        let mut plan = Self { frames: system.numbering.frames.list().to_vec(), ..Self::default() };
+        let by_node: BTreeMap<(usize, u32), usize> =
+            candidates.iter().enumerate().map(|(k, c)| ((c.field, c.node), k)).collect();
+        // axes first, so that a leader has its frame before another node asks for it
+        let mut axes: BTreeMap<usize, Vec<Vec<f64>>> = BTreeMap::new();
+        for (candidate, split) in candidates.iter().zip(&splits) {
+            if let Some(frame) = split.frame() {
+                axes.insert(candidate.first, frame);
+            }
+        }
+        for (k, (candidate, split)) in candidates.iter().zip(&splits).enumerate() {
+            plan.counts.push((split.dropped.len(), 0));
+            for direction in &split.dropped {
+                plan.dropped.extend(dof_along(candidate.first, direction, axes.get(&candidate.first)));
+            }
+            for direction in &split.tied {
+                let follower = dof_along(candidate.first, direction, axes.get(&candidate.first));
+                let leader = leader(system, candidate, direction, (&by_node, &splits), &mut axes);
+                match (follower, leader) {
+                    (Some(follower), Some(leader)) => {
+                        plan.ties.push(Tie { follower, leader });
+                        plan.counts[k].1 += 1;
+                    }
+                    (follower, _) => {
+                        plan.dropped.extend(follower);
+                        plan.counts[k].0 += 1;
+                    }
+                }
+            }
+        }
+        plan.frames.extend(axes.into_iter().map(|(first, axes)| Frame { first, axes }));
+        plan
+    }
+
+    /// The messages and notes.
+    fn tell(
+        &self,
+        script: &ResolvedScript,
+        system: &System,
+        candidates: &[Candidate],
+        diagnostics: &mut Vec<Diagnostic>,
+    ) -> Idle {
+        let mut idle = Idle::default();
+        for (field, declared) in script.fields.iter().enumerate() {
+            let n = system.fields[field].n_components;
+            let own = || candidates.iter().zip(&self.counts).filter(|(c, _)| c.field == field);
+            let count = |f: &dyn Fn(&Candidate, (usize, usize)) -> bool| own().filter(|(c, k)| f(c, **k)).count();
+            let joined = count(&|c, (dropped, _)| dropped > 0 && c.joined);
+            let whole = count(&|c, (dropped, _)| dropped == n && !c.joined);
+            let part = count(&|c, (dropped, _)| dropped > 0 && dropped < n && !c.joined);
+            let follow = count(&|_, (_, tied)| tied > 0);
+            let name = &system.fields[field].name;
+            if joined > 0 {
+                let why = "the two sides are one node there, the end of a tear: no jump to act on";
+                idle.notes.push((format!("`{name}` at {}", nodes(joined)), why.to_owned()));
+            }
+            let kept = "kept, they make the system singular in stick; `with crosspoints=keep` keeps them";
+            let mut warn = |text: String, note: &str, label: &str| {
+                diagnostics.push(Diagnostic::new("W404", text).note(note).at(declared.name.span, label));
+            };
+            if whole > 0 {
+                let (have, are) = if whole == 1 { ("has", "is") } else { ("have", "are") };
+                let text = format!("{} of `{name}` {have} no jump to act on and {are} dropped", nodes(whole));
+                warn(text, kept, "where the fields on both sides are fixed");
+            }
+            if part > 0 {
+                let text = format!("at {} of `{name}` a component has no jump to act on and is dropped", nodes(part));
+                warn(text, kept, "where the fields on both sides are fixed that way");
+            }
+            if follow > 0 {
+                let text = format!(
+                    "at {} of `{name}` friction reads a component that has no jump to act on: it follows the nearest node \
+                     that has one",
+                    nodes(follow)
+                );
+                let note = "dropped, the friction there would be lost; kept, the system is singular; \
+                            `with crosspoints=keep` keeps it";
+                warn(text, note, "where the fields on both sides are fixed that way and can slide");
+            }
+        }
+        idle
+    }
+}
+
+fn nodes(n: usize) -> String {
+    if n == 1 { "1 node".to_owned() } else { format!("{n} nodes") }
+}
+
+/// The dof of a node along a direction: the component, or the axis of its frame.
+fn dof_along(first: usize, direction: &[f64], axes: Option<&Vec<Vec<f64>>>) -> Option<usize> {
+    let along = |axis: &[f64]| directions::dot(axis, direction).abs() > 1.0 - ALIGNED;
+    let place = match axes {
+        Some(axes) => axes.iter().position(|a| along(a)),
+        None => direction.iter().position(|x| x.abs() > 1.0 - ALIGNED),
+    };
+    place.map(|k| first + k)
+}
+
+/// Unit vectors are one direction if their product is within this of 1.
+const ALIGNED: f64 = 1e-9;
+
+/// The dof that the direction of a candidate follows: of the nearest node of the field, over as few faces as possible, at
+/// which it is not idle.
+fn leader(
+    system: &System,
+    candidate: &Candidate,
+    direction: &[f64],
+    (by_node, splits): (&BTreeMap<(usize, u32), usize>, &[Split]),
+    axes: &mut BTreeMap<usize, Vec<Vec<f64>>>,
+) -> Option<usize> {
+    let FieldSpace::Nodal(space) = &system.fields[candidate.field].space else { return None };
+    let n = system.fields[candidate.field].n_components;
+    let start = system.range(candidate.field)?.start;
+    let positions = 0..space.n_positions();
+    let distance = |node: u32| -> f64 {
+        let (a, b) = (space.node_coordinates()[node as usize], space.node_coordinates()[candidate.node as usize]);
+        (0..3).map(|d| (a[d] - b[d]).powi(2)).sum()
+    };
+    let mut seen = BTreeSet::from([candidate.node]);
+    loop {
+        let touched = positions.clone().filter(|p| space.entity_nodes(*p).iter().any(|m| seen.contains(m)));
+        let mut ring: Vec<u32> = touched.flat_map(|p| space.entity_nodes(p).iter().copied()).collect();
+        ring.retain(|m| !seen.contains(m));
+        ring.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b)));
+        ring.dedup();
+        if ring.is_empty() {
+            return None;
+        }
+        for node in &ring {
+            let is_idle = by_node.get(&(candidate.field, *node)).is_some_and(|k| splits[*k].is_idle(direction));
+            let first = start + *node as usize * n;
+            if is_idle {
+                continue;
+            }
+            let own_frame = axes.get(&candidate.first).cloned();
+            if let (Some(frame), false) = (own_frame, axes.contains_key(&first)) {
+                axes.insert(first, frame);
+            }
+            let found = dof_along(first, direction, axes.get(&first));
+            if let Some(dof) = found.filter(|d| system.numbering.free[*d] != FIXED) {
+                return Some(dof);
+            }
+        }
+        seen.extend(ring);
+    }
+}
+
+/// The entry of a small matrix.
+fn entry(matrix: &Csr, numbers: &[u32], row: usize, column: usize) -> f64 {
+    match (numbers[row], numbers[column]) {
+        (FIXED, _) | (_, FIXED) => 0.0,
+        (row, column) => matrix.get(row as usize, column as usize),
+    }
+}

@@ -1,0 +1,153 @@
+//! Multipliers at the ends of an interface: what cannot jump goes, what slides keeps its friction.
+//!
+//! Two blocks in a uniform state of stress: pressed and sheared across x = 0, with the displacement across the interface
+//! prescribed on both sides at its ends, where they can slide only. Traction and slip are uniform (closed form).
+
+use wfl_tests::{Attempt, attempt, examples};
+
+const STATE: &str = "\
+param tau = 0.3
+param s = 0
+param gamma = 100
+def E = 100
+def nu = 0.25
+def fric = 0.5
+mesh box [-1,0] to [1,1] cells [4,3] quad
+region left = cells where x < 0
+region right = cells where x > 0
+region fault = interface from left to right
+region west = faces where x == -1
+region east = faces where x == 1
+region ends = faces where y == 0 or y == 1
+unknown uL : vector on left
+unknown uR : vector on right
+MULTIPLIERS
+def jump(a,b) = a - Interpolate(b, neighbor_element)
+def tang(w) = w - (w.Normal)*Normal
+def sigma(v) = E*nu/((1+nu)*(1-2*nu))*Div_v*Id(2) + E/(1+nu)*Sym(Grad_v)
+LAW
+term elastic on left : sigma(uL):Grad_Test_uL
+term elastic2 on right : sigma(uR):Grad_Test_uR
+def sxy = min(tau, fric)
+def exact = [-(1-nu^2)/E*x, nu*(1+nu)/E*y + 2*(1+nu)/E*sxy*x]
+fix uL = exact on west
+fix uR = exact + [0,s] on east
+fix uL(1), uR(1) = -(1-nu^2)/E*x on ends
+load uL, uR = [0, sxy; sxy, 0]*Normal on ends
+measure slip = mean(-(jump(uL,uR))(2)) on fault
+measure uneven = max(abs((jump(uL,uR))(2) + s)) on fault
+measure normal = max(abs(TRACTION.Normal + 1)) on fault
+measure shear = max(abs((TRACTION)(2) - sxy)) on fault
+";
+
+const VECTOR: [&str; 3] = [
+    "multiplier l : vector on fault",
+    "def Pn = gamma*(jump(uL,uR).Normal) - l.Normal\ndef Pt = gamma*tang(jump(uL,uR)) - tang(l)\n\
+     def force = pos_part(Pn)*Normal + Ball_projection(Pt, fric*pos_part(Pn))\n\
+     term contact on fault : force.jump(Test_uL,Test_uR)\nterm law on fault : -1/gamma*(l + force).Test_l",
+    "l",
+];
+
+const SCALARS: [&str; 3] = [
+    "multiplier ln : scalar on fault\nmultiplier lt : scalar on fault",
+    "def along = [-Normal(2), Normal(1)]\ndef Pn = gamma*(jump(uL,uR).Normal) - ln\n\
+     def Pt = gamma*(jump(uL,uR).along) - lt\n\
+     def force = pos_part(Pn)*Normal + Ball_projection(Pt, fric*pos_part(Pn))*along\n\
+     term contact on fault : force.jump(Test_uL,Test_uR)\nterm lawn on fault : -1/gamma*(ln + force.Normal)*Test_ln\n\
+     term lawt on fault : -1/gamma*(lt + force.along)*Test_lt",
+    "(ln*Normal + lt*along)",
+];
+
+fn uniform(multipliers: [&str; 3], slides: bool, edits: &[(&str, &str)]) -> Attempt {
+    let [declared, law, traction] = multipliers;
+    let mut text = STATE.replace("MULTIPLIERS", declared).replace("LAW", law).replace("TRACTION", traction);
+    for (from, to) in edits {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    let params: &[(&str, f64)] = if slides { &[("tau", 0.8), ("s", 0.2)] } else { &[] };
+    attempt(&examples(), text, &[], params)
+}
+
+/// A block that sticks and one that slides, with a multiplier of each kind: the closed form to rounding, and the message.
+#[test]
+fn friction_is_kept_where_the_normal_jump_is_prescribed() {
+    for (multipliers, name) in [(VECTOR, "l"), (SCALARS, "ln")] {
+        for slides in [false, true] {
+            let tried = uniform(multipliers, slides, &[]);
+            let told = format!("at 2 nodes of `{name}` friction reads a component that has no jump to act on");
+            assert!(tried.messages.contains("W404") && tried.messages.contains(&told), "{}", tried.messages);
+            assert_eq!(tried.messages.matches("W404").count(), 1, "{}", tried.messages);
+            let solved = tried.solved.expect("a solution");
+            for (measure, most) in [("uneven", 1e-12), ("normal", 1e-9), ("shear", 1e-9)] {
+                let found = solved.measure(0, measure);
+                assert!(found < most, "{name} {slides} {measure}: {found}");
+            }
+            let slip = if slides { 0.2 } else { 0.0 };
+            assert!((solved.measure(0, "slip") - slip).abs() < 1e-12);
+            assert_eq!(solved.outcome.warnings, []);
+        }
+    }
+}
+
+/// Prescribed on one side only, the normal jump is not: nothing is said, and nothing is dropped.
+#[test]
+fn what_can_jump_is_not_dropped() {
+    for multipliers in [VECTOR, SCALARS] {
+        let one_side = [("fix uL(1), uR(1) = -(1-nu^2)/E*x on ends", "fix uL(1) = -(1-nu^2)/E*x on ends")];
+        let tried = uniform(multipliers, false, &one_side);
+        assert!(!tried.messages.contains("W404"), "{}", tried.messages);
+        assert!(tried.solved.expect("a solution").measure(0, "normal") < 1e-9);
+    }
+}
+
+/// Rollers along the interface leave a tangential component without a jump; nothing reads it, so it is dropped alone. A
+/// scalar normal multiplier keeps its nodes: its component is not the first of the displacement.
+#[test]
+fn only_the_component_that_cannot_jump_goes() {
+    for (multipliers, name) in [(VECTOR, "l"), (SCALARS, "lt")] {
+        let rollers = [("fix uL(1), uR(1) = -(1-nu^2)/E*x on ends", "fix uL(2), uR(2) = nu*(1+nu)/E*y on ends")];
+        let straight = [("param tau = 0.3", "param tau = 0")];
+        let edits: Vec<_> = rollers.into_iter().chain(straight).collect();
+        let tried = uniform(multipliers, false, &edits);
+        let dropped =
+            if name == "l" { "at 2 nodes of `l` a component has no jump" } else { "2 nodes of `lt` have no jump" };
+        assert!(tried.messages.contains(dropped), "{}", tried.messages);
+        assert!(!tried.messages.contains("of `ln`"), "{}", tried.messages);
+        let solved = tried.solved.expect("a solution");
+        assert!(solved.measure(0, "normal") < 1e-9 && solved.measure(0, "uneven") < 1e-12);
+    }
+}
+
+/// The same in axes that are turned by 30 degrees, the normal prescribed on a part of the interface: frames of their own.
+#[test]
+fn directions_that_are_no_axes_are_found() {
+    let turned = |slides: bool| {
+        let edits = [
+            ("quad\n", "quad map [c*x - w*y, w*x + c*y]\n"),
+            ("mesh box", "def c = sqrt(3)/2\ndef w = 0.5\ndef a = c*x + w*y\ndef b = -w*x + c*y\nmesh box"),
+            ("cells where x < 0", "cells where a < 0"),
+            ("cells where x > 0", "cells where a > 0"),
+            ("faces where x == -1", "faces where abs(a + 1) < 1e-6"),
+            ("faces where x == 1", "faces where abs(a - 1) < 1e-6"),
+            ("faces where y == 0 or y == 1", "faces where abs(b) < 1e-6 or abs(b - 1) < 1e-6"),
+            ("fix uL(1), uR(1) = -(1-nu^2)/E*x on ends", "fix uL.Normal, uR.Normal = 0 on part"),
+            ("region west", "region part = fault & faces of left where b < 0.3\nregion west"),
+            ("-(1-nu^2)/E*x, nu*(1+nu)/E*y + 2*(1+nu)/E*sxy*x]", "c*p1 - w*p2, w*p1 + c*p2]"),
+            ("def exact", "def p1 = -(1-nu^2)/E*a\ndef p2 = nu*(1+nu)/E*b + 2*(1+nu)/E*sxy*a\ndef exact"),
+            ("exact + [0,s]", "exact + s*[-w,c]"),
+            ("[0, sxy; sxy, 0]*Normal on ends", "[c,-w;w,c]*[0, sxy; sxy, 0]*[c,w;-w,c]*Normal on ends"),
+            ("(jump(uL,uR))(2)", "(jump(uL,uR).[-w,c])"),
+            ("(l)(2)", "(l.[-w,c])"),
+        ];
+        uniform(VECTOR, slides, &edits)
+    };
+    let tried = turned(false);
+    assert!(tried.messages.contains("at 2 nodes of `l` friction reads"), "{}", tried.messages);
+    let solved = tried.solved.expect("a solution");
+    for (measure, most) in [("uneven", 1e-12), ("normal", 1e-9), ("shear", 1e-9)] {
+        assert!(solved.measure(0, measure) < most, "{measure}: {}", solved.measure(0, measure));
+    }
+    let solved = turned(true).solved.expect("a solution");
+    assert!(solved.measure(0, "normal") < 0.05, "{}", solved.measure(0, "normal"));
+}
