@@ -110,7 +110,7 @@ fn refused(output: &Output, code: &str, words: &[&str]) {
     let text = said(output);
     assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(text.contains(&format!("error[{code}]: ")) && text.contains("= help: "), "{code}: {text}");
-    assert_eq!(text.matches("error").count(), 1, "one cause, one message: {text}");
+    assert_eq!(text.matches("error[").count(), 1, "one cause, one message: {text}");
     for word in words {
         assert!(text.contains(word), "`{word}` is missing in {text}");
     }

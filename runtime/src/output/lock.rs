@@ -46,7 +46,8 @@ impl Lock {
             // the former holder may have removed the file between our opening and locking it
             if is_at(&file, &path) {
                 let text = named(std::process::id());
-                file.set_len(0).and_then(|()| file.write_all(text.as_bytes())).map_err(failed)?;
+                // best effort: on a full disc the lock holds without a name
+                drop(file.set_len(0).and_then(|()| file.write_all(text.as_bytes())));
                 return Ok(Self { path, file: Some(file) });
             }
         }
