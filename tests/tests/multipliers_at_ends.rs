@@ -50,12 +50,12 @@ const VECTOR: [&str; 3] = [
 
 const SCALARS: [&str; 3] = [
     "multiplier ln : scalar on fault\nmultiplier lt : scalar on fault",
-    "def along = [-Normal(2), Normal(1)]\ndef Pn = gamma*(jump(uL,uR).Normal) - ln\n\
-     def Pt = gamma*(jump(uL,uR).along) - lt\n\
-     def force = pos_part(Pn)*Normal + Ball_projection(Pt, fric*pos_part(Pn))*along\n\
+    "def tau1 = [-Normal(2), Normal(1)]\ndef Pn = gamma*(jump(uL,uR).Normal) - ln\n\
+     def Pt = gamma*(jump(uL,uR).tau1) - lt\n\
+     def force = pos_part(Pn)*Normal + Ball_projection(Pt, fric*pos_part(Pn))*tau1\n\
      term contact on fault : force.jump(Test_uL,Test_uR)\nterm lawn on fault : -1/gamma*(ln + force.Normal)*Test_ln\n\
-     term lawt on fault : -1/gamma*(lt + force.along)*Test_lt",
-    "(ln*Normal + lt*along)",
+     term lawt on fault : -1/gamma*(lt + force.tau1)*Test_lt",
+    "(ln*Normal + lt*tau1)",
 ];
 
 fn uniform(multipliers: [&str; 3], slides: bool, edits: &[(&str, &str)]) -> Attempt {
@@ -132,7 +132,7 @@ fn directions_that_are_no_axes_are_found() {
             ("faces where x == 1", "faces where abs(a - 1) < 1e-6"),
             ("faces where y == 0 or y == 1", "faces where abs(b) < 1e-6 or abs(b - 1) < 1e-6"),
             ("fix uL(1), uR(1) = -(1-nu^2)/E*x on ends", "fix uL.Normal, uR.Normal = 0 on part"),
-            ("region west", "region part = fault & faces of left where b < 0.3\nregion west"),
+            ("region west", "region part = fault & faces of left where b < 0.34\nregion west"),
             ("-(1-nu^2)/E*x, nu*(1+nu)/E*y + 2*(1+nu)/E*sxy*x]", "c*p1 - w*p2, w*p1 + c*p2]"),
             ("def exact", "def p1 = -(1-nu^2)/E*a\ndef p2 = nu*(1+nu)/E*b + 2*(1+nu)/E*sxy*a\ndef exact"),
             ("exact + [0,s]", "exact + s*[-w,c]"),
@@ -149,5 +149,5 @@ fn directions_that_are_no_axes_are_found() {
         assert!(solved.measure(0, measure) < most, "{measure}: {}", solved.measure(0, measure));
     }
     let solved = turned(true).solved.expect("a solution");
-    assert!(solved.measure(0, "normal") < 0.05, "{}", solved.measure(0, "normal"));
+    assert!(solved.measure(0, "normal") < 1e-9 && (solved.measure(0, "slip") - 0.2).abs() < 1e-9);
 }

@@ -161,7 +161,7 @@ fn a_body_without_stiffness_is_told_as_terms_that_give_nothing() {
     let text = blocks("term glue on fault : 10*jump(uL,uR).jump(Test_uL,Test_uR)", "fix uR = [-0.01,0] on east")
         .replace("unknown uL", "data k : scalar P0 on all = if x < 1 then 0 else 1\nunknown uL")
         .replace("sigma(uL):Grad_Test_uL", "k*sigma(uL):Grad_Test_uL");
-    let told = ["`e1`", "give no equation for `uL`", "coefficient"];
+    let told = ["`e1`", "gives no equation for `uL`", "coefficient"];
     cause("soft", &text, &told, ("then 0 else 1", "then 2 else 1"));
 }
 
