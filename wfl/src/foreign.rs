@@ -7,6 +7,16 @@ pub fn foreign(word: &str) -> Option<&'static str> {
     EXPRESSION_WORDS.iter().find(|(words, _)| words.contains(&word)).map(|(_, here)| *here)
 }
 
+/// Like [`foreign`] for the words that only other programs have: no letter or name that a model may have given to a number.
+#[must_use]
+pub fn ufl(word: &str) -> Option<&'static str> {
+    let own =
+        ["n", "N", "h", "H", "I", "T", "v", "e", "E1", "eps", "epsilon", "sigma", "stress", "strain", "tau_n", "dt"];
+    let own =
+        own.contains(&word) || ["time", "length", "step", "normal", "du", "dn", "test", "pos", "neg"].contains(&word);
+    foreign(word).filter(|_| !own)
+}
+
 /// What does the work of a statement of another program, ready to stand as a help.
 pub(crate) fn foreign_statement(word: &str) -> Option<&'static str> {
     STATEMENT_WORDS.iter().find(|(words, _)| words.contains(&word)).map(|(_, here)| *here)

@@ -37,7 +37,7 @@ mod words;
 pub use codes::{CodePage, codes, explain};
 pub use diag::{Checked, Diagnostic, Label, Severity, nearest, one_per_cause};
 pub use fmt::format;
-pub use foreign::foreign;
+pub use foreign::{foreign, ufl};
 pub use lost::Lost;
 pub use macros::{EXPANDED_NESTING_LIMIT, EXPANSION_LIMIT, Expander};
 pub use parse::{KEYWORDS, NESTING_LIMIT, STATEMENTS, TEXT_LIMIT, is_keyword, parse, parse_expr, parse_gwfl};

@@ -32,6 +32,16 @@ impl Builder<'_> {
         for (row, texts) in parts.iter().zip(rows) {
             for (p, text) in row.iter().zip(texts) {
                 let s = self.graph.shape(*p);
+                // a list beside a number is no entry, whatever its length; so it is in GetFEM
+                let is_list = |e: &Expr| matches!(e.kind, ExprKind::Tensor(_));
+                if is_list(text) != is_list(&rows[0][0]) && (s.is_scalar_like() || inner.is_scalar_like()) {
+                    let d = Diagnostic::new("E108", "the parts of an explicit tensor must be of one shape");
+                    return self.report(
+                        d,
+                        text,
+                        if is_list(text) { "a list beside numbers" } else { "a number beside lists" },
+                    );
+                }
                 if s != inner && !(s.is_scalar_like() && inner.is_scalar_like()) {
                     let d = Diagnostic::new("E108", "the parts of an explicit tensor must be of one shape");
                     return self.report(d, text, s.to_string());

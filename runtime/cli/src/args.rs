@@ -142,6 +142,7 @@ Examples:
 
 const IMPORT_HELP: &str = "\
 Declarations that the string does not hold (unknowns, parameters) are guessed and marked: look at each of them.
+What cannot be guessed is refused: transformations, multipliers, words of UFL. What is written compiles.
 
 Examples:
   wfl import \"(2*mu*Sym(Grad_u) + lambda*Trace(Grad_u)*Id(3)):Grad_Test_u\"
@@ -396,7 +397,7 @@ pub(crate) struct ImportArgs {
     /// The assembly string; it may begin with a minus
     #[arg(allow_hyphen_values = true)]
     pub(crate) text: String,
-    /// The region the term stands on
-    #[arg(long, value_name = "REGION", default_value = "all")]
-    pub(crate) on: String,
+    /// The region the term stands on [default: all; boundary with Normal, interior with neighbor_element]
+    #[arg(long, value_name = "REGION")]
+    pub(crate) on: Option<String>,
 }

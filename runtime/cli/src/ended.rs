@@ -2,7 +2,7 @@
 
 use std::{path::Path, process::ExitCode};
 
-use wfl::Diagnostic;
+use wfl::{Diagnostic, ast::Cond};
 use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
     AttemptEnd, FRUITLESS, Outcome, RunError, RunOptions, Scene, Singular, StepResult,
@@ -79,7 +79,9 @@ pub(crate) fn finish(
     for (expect, holds) in &outcome.expectations {
         if *holds != Some(true) {
             failed = true;
-            let d = Diagnostic::new("E604", "an expectation of the scene does not hold").at(expect.span, "");
+            let d = Diagnostic::new("E604", "an expectation of the scene does not hold");
+            let last = outcome.steps.last().map(|s| s.measures.as_slice()).unwrap_or_default();
+            let d = d.at(expect.span, sides(scene, &expect.condition, last));
             let d = match picked {
                 Some(setting) => d
                     .note(format!("judged with {setting}, which was picked for the accuracy, not with the scene's own mesh"))
@@ -126,6 +128,12 @@ fn not_finite(loaded: &Loaded, outcome: &Outcome) -> bool {
         }
     }
     !bad.is_empty()
+}
+
+/// The values on both sides of the comparisons of a condition.
+fn sides(scene: &Scene, condition: &Cond, measures: &[(String, f64)]) -> String {
+    let sides = scene.sides(condition, measures);
+    sides.iter().map(|(span, value)| format!("{} is {value}", wfl::quote(*span))).collect::<Vec<_>>().join(", ")
 }
 
 /// True if a Nitsche parameter is below its smallest safe value.

@@ -1,11 +1,16 @@
 //! `wfl import`: an assembly string of a GetFEM script as statements of a scene.
 //!
 //! The string says which fields it tests and which words it uses, not what they are: declarations are guessed and say
-//! so. A bilinear form (`Test2_u`) becomes the residual whose tangent it is, since scenes are written by residuals.
+//! so. What does not follow from the string (transformations, multipliers) or is no GetFEM is refused, and what is written
+//! has been read and compiled before. A bilinear form (`Test2_u`) becomes the residual whose tangent it is, since scenes are written by residuals.
 
-use std::{collections::BTreeSet, fmt::Write as _, process::ExitCode};
+use std::{collections::BTreeSet, fmt::Write as _, path::Path, process::ExitCode};
 
-use wfl::{CONSTANTS, SourceMap, is_function, parse_gwfl, split_prefixes};
+use wfl::{
+    CONSTANTS, Diagnostic, NoFiles, REGIONS, SourceMap, Span, is_function, is_keyword, parse_gwfl, resolve,
+    split_prefixes,
+};
+use wfl_compiler::InterpreterBackend;
 
 use crate::{
     args::ImportArgs,
@@ -23,7 +28,10 @@ pub(crate) fn import(args: &ImportArgs) -> ExitCode {
     let parsed = parse_gwfl(&sources, id);
     print_all(&parsed.diagnostics, &sources);
     let Some((defs, expr)) = parsed.value else { return ExitCode::from(EXIT_ERROR) };
-    let one_line = |span| sources.snippet(span).split_whitespace().collect::<Vec<_>>().join(" ");
+    let one_line = |span: Span| {
+        let lines = sources.snippet(span).lines().map(|l| l.split('#').next().unwrap_or(l));
+        lines.flat_map(str::split_whitespace).collect::<Vec<_>>().join(" ")
+    };
     let macros: Vec<Macro> = defs
         .iter()
         .map(|d| Macro {
@@ -33,8 +41,168 @@ pub(crate) fn import(args: &ImportArgs) -> ExitCode {
             body: one_line(d.body.span),
         })
         .collect();
-    out(&statements(&macros, &one_line(expr.span), &args.on));
-    ExitCode::SUCCESS
+    match scene_of(&macros, &one_line(expr.span), args.on.as_deref()) {
+        Ok(text) => {
+            out(&text);
+            ExitCode::SUCCESS
+        }
+        Err(Refused { why, help, messages }) => {
+            say(&format!("error: the assembly string cannot be turned into statements: {why}\n"));
+            help.iter().for_each(|h| say(&format!("  = help: {h}\n")));
+            if let Some((messages, sources)) = messages {
+                say("\n");
+                print_all(&messages, &sources);
+            }
+            ExitCode::from(EXIT_ERROR)
+        }
+    }
+}
+
+/// Why there are no statements.
+struct Refused {
+    why: String,
+    help: Option<String>,
+    /// What the compiler says of the statements that would have followed.
+    messages: Option<(Vec<Diagnostic>, SourceMap)>,
+}
+
+fn refused(why: impl Into<String>, help: &str) -> Refused {
+    Refused { why: why.into(), help: (!help.is_empty()).then(|| help.to_owned()), messages: None }
+}
+
+/// The statements, if they are read and compiled in a scene around them, in two or three dimensions.
+fn scene_of(macros: &[Macro], expr: &str, on: Option<&str>) -> Result<String, Refused> {
+    let everything = macros.iter().map(|m| m.body.as_str()).chain([expr]).collect::<Vec<_>>().join(" ");
+    let neighbor = everything.contains("neighbor_element") || everything.contains("neighbour_elt");
+    let normal = words(&everything).any(|w| w == "Normal");
+    let on = match on {
+        Some(on) => on,
+        None if neighbor => "interior",
+        None if normal => "boundary",
+        None => "all",
+    };
+    known_here(macros, expr, on)?;
+    let mut first = None;
+    for dim in [3, 2, 1] {
+        let text = statements(macros, expr, on, dim);
+        let (scene, own) = (around(on, dim, normal, neighbor, &text), text.matches('\n').count());
+        let Some(found) = problems(&scene, own) else { return Ok(text) };
+        first.get_or_insert(found);
+    }
+    let messages = first;
+    Err(Refused { why: "what it would give does not compile".to_owned(), help: None, messages })
+}
+
+/// What is in the string and not in this language, or not in the string and needed here.
+fn known_here(macros: &[Macro], expr: &str, on: &str) -> Result<(), Refused> {
+    let is_name = |w: &str| {
+        w.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+            && w.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+            && !is_keyword(w)
+    };
+    if !is_name(on) {
+        return Err(refused(format!("`{on}` cannot be the name of a region"), "--on wall"));
+    }
+    let everything = macros.iter().map(|m| m.body.as_str()).chain([expr]).collect::<Vec<_>>().join(" ");
+    let fields = sort_words(macros, expr);
+    let own = |w: &str| macros.iter().any(|m| m.name == w || m.formals.iter().any(|f| f == w));
+    if let Some(mapping) = mapping_of(&everything) {
+        let help = format!(
+            "declare it (mapping {mapping} = project from FACES onto OTHER_FACES, or = point [...]) and write the term with it"
+        );
+        return Err(refused(
+            format!("`{mapping}` is a transformation of the model, which the string does not hold"),
+            &help,
+        ));
+    }
+    let elsewhere = fields.others.iter().filter(|w| !own(w)).find_map(|w| Some((w, wfl::ufl(w)?)));
+    if let Some((word, here)) = elsewhere {
+        return Err(refused(format!("`{word}` is no word of GetFEM's language but of UFL or another one"), here));
+    }
+    if let Some(word) = words(&everything).find(|w| ["x", "y", "z", "t"].contains(w) && !own(w)) {
+        let what = if word == "t" { "the variable of `steps`" } else { "a coordinate" };
+        let help = "coordinates are X(1), X(2), X(3) in GetFEM; give a number of the model another name";
+        return Err(refused(format!("`{word}` is a name of the model there and {what} here"), help));
+    }
+    if fields.tested.is_empty() {
+        return Err(refused("it tests nothing and differentiates nothing: nothing says what is solved for", ""));
+    }
+    let differentiated =
+        |f: &str| words(&everything).any(|w| split_prefixes(w).1 == f && is_derivative(split_prefixes(w).0));
+    if let Some(field) = fields.tested.iter().find(|f| fields.tested.len() > 1 && !differentiated(f)) {
+        let help = format!(
+            "write the statements by hand: multiplier {field} : ... on FACES, or unknown {field} : ... with its element"
+        );
+        let why = format!(
+            "`{field}` has a test function and no derivative: a multiplier or another space, which it does not say"
+        );
+        return Err(refused(why, &help));
+    }
+    Ok(())
+}
+
+fn is_derivative(prefix: &str) -> bool {
+    ["Grad_", "Hess_", "Div_"].iter().any(|d| prefix.contains(d))
+}
+
+/// The transformation that some `Interpolate` names, other than the neighbour.
+fn mapping_of(everything: &str) -> Option<String> {
+    let text: String = everything.chars().filter(|c| !c.is_whitespace()).collect();
+    for call in text.split("Interpolate(").skip(1).chain(text.split("Interpolate_filter(").skip(1)) {
+        let arguments: Vec<&str> = call.split(')').next().unwrap_or("").split(',').collect();
+        let is_word = |w: &&&str| w.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') && !w.is_empty();
+        let known = |w: &str| ["neighbor_element", "neighbour_elt"].contains(&w);
+        if arguments.iter().any(|w| known(w)) {
+            continue;
+        }
+        if let Some(last) = arguments.iter().skip(1).find(is_word) {
+            return Some((*last).to_owned());
+        }
+    }
+    None
+}
+
+/// The statements in a small scene.
+fn around(on: &str, dim: usize, normal: bool, neighbor: bool, text: &str) -> String {
+    let (corner, shape) = [("[1]", "segment"), ("[1,1]", "quad"), ("[1,1,1]", "hex")][dim - 1];
+    let (low, cells) = (corner.replace('1', "0"), corner.replace('1', "2"));
+    let region = match (REGIONS.contains(&on), neighbor, normal) {
+        (true, ..) => String::new(),
+        (_, true, _) => format!(
+            "region wfl_one = cells where x < 0.5\nregion wfl_two = cells where x > 0.5\n\
+             region {on} = interface from wfl_one to wfl_two\n"
+        ),
+        (_, _, true) => format!("region {on} = boundary\n"),
+        _ => format!("region {on} = all\n"),
+    };
+    let covered: String = text
+        .lines()
+        .filter_map(|l| l.strip_prefix("unknown ")?.split_once(" : "))
+        .map(|(name, rest)| match rest.starts_with("vector") {
+            true => format!("term on all : {name}.Test_{name}\n"),
+            false => format!("term on all : {name}*Test_{name}\n"),
+        })
+        .collect();
+    let steps = if ["Dot_", "timestep"].iter().any(|w| text.contains(w)) { "steps t = 0 to 1 by 0.5\n" } else { "" };
+    format!("{text}mesh box {low} to {corner} cells {cells} {shape}\n{region}{covered}{steps}")
+}
+
+/// The errors in the first lines of a scene, which are the statements; `None` if there are none.
+fn problems(scene: &str, lines: usize) -> Option<(Vec<Diagnostic>, SourceMap)> {
+    let mut sources = SourceMap::new();
+    let main = sources.add("(statements)", scene);
+    let mut resolved = resolve(&mut sources, main, &mut NoFiles, &[]);
+    let mut found = std::mem::take(&mut resolved.diagnostics);
+    if let Some(script) = &resolved.value {
+        found.extend(wfl_runtime::prepare(script, Path::new(""), &InterpreterBackend).diagnostics);
+    }
+    found.retain(Diagnostic::is_error);
+    if found.is_empty() {
+        return None;
+    }
+    let own = |d: &Diagnostic| d.labels.first().is_none_or(|l| sources.line_column(l.span).0 <= lines);
+    let (own, other): (Vec<_>, Vec<_>) = found.into_iter().partition(own);
+    Some((if own.is_empty() { other } else { own }, sources))
 }
 
 struct Macro {
@@ -67,24 +235,27 @@ fn without_trials(text: &str) -> String {
     out + rest
 }
 
-fn statements(macros: &[Macro], expr: &str, on: &str) -> String {
+fn statements(macros: &[Macro], expr: &str, on: &str, dim: usize) -> String {
     let everything = macros.iter().map(|m| m.body.as_str()).chain([expr]).collect::<Vec<_>>().join(" ");
     let bilinear = words(&everything).any(|w| split_prefixes(w).0.contains("Test2_"));
     let has_test = words(&everything).any(|w| split_prefixes(w).0.contains("Test_"));
-    let (fields, known, others) = sort_words(macros, expr);
+    let Words { tested, known, others } = sort_words(macros, expr);
+    let is_vector = |name: &str| dim > 1 && is_vector(name, &everything);
     let mut text = String::from(
         "wfl 1\n# From an assembly string. What is marked `guessed` is not in it: look at each of them.\n",
     );
-    for name in &fields {
-        let shape = if is_vector(name, &everything) { "vector" } else { "scalar" };
+    for name in &tested {
+        let shape = if is_vector(name) { "vector" } else { "scalar" };
         let _ = writeln!(text, "unknown {name} : {shape}    # guessed: shape, element and region");
     }
+    let zeros = format!("[{}]", vec!["0"; dim].join(","));
     for name in &known {
-        let shape = if is_vector(name, &everything) { "vector" } else { "scalar" };
-        let _ = writeln!(text, "data {name} : {shape} = {}    # guessed: given, since it is not tested", zero(shape));
+        let (shape, zero) = if is_vector(name) { ("vector", zeros.as_str()) } else { ("scalar", "0") };
+        let _ = writeln!(text, "data {name} : {shape} = {zero}    # guessed: given, since it is not tested");
     }
     for name in &others {
-        let _ = writeln!(text, "param {name} = 1    # guessed: a number; its value is not in the string");
+        let value = if is_vector(name) { zeros.replace('0', "1") } else { "1".to_owned() };
+        let _ = writeln!(text, "param {name} = {value}    # guessed: a number; its value is not in the string");
     }
     for m in macros {
         let _ = writeln!(text, "def {} = {}", m.head, without_trials(&m.body));
@@ -93,20 +264,24 @@ fn statements(macros: &[Macro], expr: &str, on: &str) -> String {
         text += "# a bilinear form: its trial functions are the unknowns of the residual below\n";
     }
     if everything.contains("neighbor_element") || everything.contains("neighbour_elt") {
-        text +=
-            "# reads the other side: the region must be an interface (region fault = interface from left to right)\n";
+        text += "# reads the other side: the region is an interface (region fault = interface from left to right)\n";
     }
     let statement = if has_test { "term" } else { "energy" };
     let _ = writeln!(text, "{statement} on {on} : {}", without_trials(expr));
     text
 }
 
-fn zero(shape: &str) -> &'static str {
-    if shape == "vector" { "[0,0,0]" } else { "0" }
+/// Names of an assembly string.
+struct Words {
+    /// Fields with test functions, or what a potential is minimised over.
+    tested: BTreeSet<String>,
+    /// Other fields: they have a derivative.
+    known: BTreeSet<String>,
+    others: BTreeSet<String>,
 }
 
 /// Fields with test functions, other fields (they have a derivative), and the rest.
-fn sort_words(macros: &[Macro], expr: &str) -> (BTreeSet<String>, BTreeSet<String>, BTreeSet<String>) {
+fn sort_words(macros: &[Macro], expr: &str) -> Words {
     const LANGUAGE: [&str; 7] = ["x", "y", "z", "t", "if", "then", "else"];
     let (mut tested, mut differentiated, mut plain) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
     // inside a macro its parameters are no fields
@@ -130,12 +305,9 @@ fn sort_words(macros: &[Macro], expr: &str) -> (BTreeSet<String>, BTreeSet<Strin
     if tested.is_empty() {
         tested = std::mem::take(&mut differentiated);
     }
-    if tested.is_empty() && plain.contains("u") {
-        tested.insert("u".to_owned());
-    }
     differentiated.retain(|n| !tested.contains(n));
     plain.retain(|n| !tested.contains(n) && !differentiated.contains(n));
-    (tested, differentiated, plain)
+    Words { tested, known: differentiated, others: plain }
 }
 
 /// Signs of a vector: a divergence, a symmetric or traced gradient, a double contraction, a scalar product with it.
@@ -170,7 +342,7 @@ mod tests {
     use super::*;
 
     fn of(expr: &str) -> String {
-        statements(&[], expr, "all")
+        statements(&[], expr, "all", 3)
             .lines()
             .skip(2)
             .map(|l| l.split("    #").next().unwrap_or(l))
@@ -200,14 +372,14 @@ mod tests {
     fn a_potential_is_an_energy_and_macros_are_kept() {
         let m =
             Macro { name: "W".into(), formals: vec!["F".into()], head: "W(F)".into(), body: "c*Norm_sqr(F)".into() };
-        let text = statements(&[m], "W(Grad_u)", "body");
+        let text = statements(&[m], "W(Grad_u)", "body", 3);
         assert!(
             text.contains("unknown u : scalar") && text.contains("param c = 1") && !text.contains("param F"),
             "{text}"
         );
         // a parameter of a macro may have the name of a field
         let m = Macro { name: "F".into(), formals: vec!["u".into()], head: "F(u)".into(), body: "Id(2)+Grad_u".into() };
-        assert!(statements(&[m], "F(u):Grad_Test_u", "all").contains("unknown u : vector"));
+        assert!(statements(&[m], "F(u):Grad_Test_u", "all", 3).contains("unknown u : vector"));
         assert!(text.ends_with("def W(F) = c*Norm_sqr(F)\nenergy on body : W(Grad_u)\n"), "{text}");
     }
 }

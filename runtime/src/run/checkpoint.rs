@@ -9,7 +9,10 @@
 
 mod bytes;
 
-use std::path::{Path as FilePath, PathBuf};
+use std::{
+    cmp::Ordering,
+    path::{Path as FilePath, PathBuf},
+};
 
 use thiserror::Error;
 
@@ -240,8 +243,10 @@ fn content(bytes: &[u8]) -> Result<&[u8], &'static str> {
     if number(1) != FORMAT {
         return Err("its layout is that of another version of wfl");
     }
-    if number(2) != content.len() as u64 {
-        return Err("it is cut short");
+    match number(2).cmp(&(content.len() as u64)) {
+        Ordering::Greater => return Err("it is cut short"),
+        Ordering::Less => return Err("it is longer than it says"),
+        Ordering::Equal => {}
     }
     if number(3) != hash(content) {
         return Err("its checksum is wrong");

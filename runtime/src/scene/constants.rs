@@ -116,7 +116,7 @@ pub(super) fn number(env: &Env<'_>, what: &str, e: &Expr, diagnostics: &mut Vec<
     if let [one] = values.as_slice() {
         return Some(*one);
     }
-    diagnostics
-        .push(Diagnostic::new("E108", format!("{what} must be one number, found {}", values.len())).at(e.span, ""));
+    let d = Diagnostic::new("E108", format!("{what} must be one number, found {}", values.len()));
+    diagnostics.push(wfl::at_expr(d, e, env.expansions, ""));
     None
 }

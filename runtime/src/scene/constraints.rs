@@ -10,6 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use wfl::{
     Diagnostic, ResolvedScript, Span,
     ast::{Expr, Target, TargetPart},
+    at_expr,
 };
 use wfl_compiler::{Env, backend::KernelBackend, compile_value, types::Shape, without_fields};
 
@@ -390,7 +391,7 @@ impl ConstraintMaker<'_> {
         let law = compile_value(self.env, &place, "a prescribed value", e);
         self.diagnostics.extend(law.diagnostics.into_iter().map(|d| without_fields(d, "E407", POSITIONS_ONLY)));
         let law = law.value?;
-        if let Some(d) = wrong_size(e, law.shape, entries) {
+        if let Some(d) = wrong_size(self.env, e, law.shape, entries) {
             self.diagnostics.push(d);
             return None;
         }
@@ -443,13 +444,13 @@ impl ConstraintMaker<'_> {
 }
 
 /// E108 for a prescribed value with another number of entries than its target.
-pub(super) fn wrong_size(e: &Expr, found: Shape, entries: usize) -> Option<Diagnostic> {
+pub(super) fn wrong_size(env: &Env<'_>, e: &Expr, found: Shape, entries: usize) -> Option<Diagnostic> {
     if found.len() == entries {
         return None;
     }
     let needed = if entries == 1 { "one value is".to_owned() } else { format!("{entries} values are") };
     let d = Diagnostic::new("E108", format!("{needed} needed here, found a {found}"));
-    Some(d.at(e.span, found.to_string()))
+    Some(at_expr(d, e, env.expansions, found.to_string()))
 }
 
 /// Nodes this near to each other, in sizes of the mesh, stand at one place.

@@ -106,7 +106,7 @@ impl MappingMaker<'_> {
         let dim = self.mesh.dim();
         if law.shape.len() != dim {
             let d = Diagnostic::new("E108", format!("a mapping gives {dim} coordinates here, found a {}", law.shape));
-            self.diagnostics.push(d.at(e.span, law.shape.to_string()));
+            self.diagnostics.push(wfl::at_expr(d, e, self.env.expansions, law.shape.to_string()));
             return None;
         }
         match Value::new(law, self.backend) {

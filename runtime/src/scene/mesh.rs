@@ -191,7 +191,7 @@ fn divided(
     match division {
         BoxDivision::Cells(e) => {
             let n = numbers(env, "a number of cells", e, diagnostics)?;
-            whole_cells(&n, dim, e, diagnostics)
+            whole_cells(env, &n, dim, e, diagnostics)
         }
         BoxDivision::Size(e) => {
             let h = numbers(env, "the cell size", e, diagnostics)?;
@@ -231,7 +231,13 @@ pub(super) fn box_of(script: &ResolvedScript, params: &BTreeMap<String, Constant
 /// Cells in one direction of a box: a million already is more than a plane of them could have in memory.
 const MOST_CELLS: f64 = 1e6;
 
-fn whole_cells(n: &[f64], dim: usize, e: &Expr, diagnostics: &mut Vec<Diagnostic>) -> Option<[usize; 3]> {
+fn whole_cells(
+    env: &Env<'_>,
+    n: &[f64],
+    dim: usize,
+    e: &Expr,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<[usize; 3]> {
     let mut cells = [1; 3];
     let expanded: Vec<f64> = if n.len() == 1 { vec![n[0]; dim] } else { n.to_vec() };
     for (slot, x) in cells.iter_mut().zip(&expanded) {
@@ -241,7 +247,7 @@ fn whole_cells(n: &[f64], dim: usize, e: &Expr, diagnostics: &mut Vec<Diagnostic
             } else {
                 format!("a number of cells is a whole number from 1, found {x}")
             };
-            diagnostics.push(Diagnostic::new("E408", text).at(e.span, ""));
+            diagnostics.push(wfl::at_expr(Diagnostic::new("E408", text), e, env.expansions, ""));
             return None;
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
@@ -285,7 +291,7 @@ fn mapped(
     let law = law.value?;
     if law.shape.len() != dim {
         let d = Diagnostic::new("E108", format!("the map of a mesh gives {dim} coordinates, found a {}", law.shape));
-        diagnostics.push(d.at(map.span, ""));
+        diagnostics.push(wfl::at_expr(d, map, env.expansions, ""));
         return None;
     }
     let value = match Value::new(law, backend) {

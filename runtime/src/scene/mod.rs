@@ -11,6 +11,7 @@ mod context;
 mod coverage;
 mod data;
 mod effects;
+mod expects;
 mod fields;
 mod groups;
 mod held;
@@ -694,20 +695,8 @@ impl Scene {
     /// one that cannot be evaluated.
     #[must_use]
     pub fn expectations(&self, measures: &[(String, f64)]) -> (Vec<(wfl::Expect, Option<bool>)>, Vec<Diagnostic>) {
-        let mut params = self.env.params.clone();
-        for (name, value) in measures {
-            let constant = Constant { shape: wfl_compiler::types::Shape::SCALAR, values: vec![*value], declared: None };
-            params.insert(name.clone(), constant);
-        }
-        let env = Env {
-            dim: self.env.dim,
-            fields: &[],
-            mappings: &[],
-            params: &params,
-            expansions: &self.env.expansions,
-            step_variable: None,
-            equal_within: 0.0,
-        };
+        let params = self.with_measures(measures);
+        let env = self.bare(&params);
         let place = fields::global_place(0);
         let mut diagnostics = Vec::new();
         let mut out = Vec::new();

@@ -1,6 +1,6 @@
 //! Values that are no terms: first guesses, given fields, measures.
 
-use wfl::{DataValue, Diagnostic, Span, StartKind, ast::Reduction};
+use wfl::{DataValue, Diagnostic, Span, StartKind, ast::Reduction, at_expr};
 use wfl_compiler::{compile_value, types::FieldKind, without_fields};
 
 use super::{Builder, InputFile, Measure, RuleChoice, mappings, mesh, mesh::unread, terms};
@@ -54,7 +54,7 @@ impl Builder<'_> {
             let (found, needed) = (law.shape, self.sigs[k].shape);
             if found.len() != needed.len() {
                 let d = Diagnostic::new("E108", format!("`{name}` is a {needed}, found a {found}"));
-                self.diagnostics.push(d.at(e.span, found.to_string()));
+                self.diagnostics.push(at_expr(d, &e, self.env.expansions, found.to_string()));
                 continue;
             }
             match Value::new(law, self.batch) {
@@ -174,7 +174,7 @@ impl Builder<'_> {
                 let Some(law) = law.value else { continue };
                 if !law.shape.is_scalar_like() {
                     let d = Diagnostic::new("E108", format!("a measure is a scalar, found a {}", law.shape));
-                    self.diagnostics.push(d.at(measure.expr.span, law.shape.to_string()));
+                    self.diagnostics.push(at_expr(d, &measure.expr, self.env.expansions, law.shape.to_string()));
                     continue;
                 }
                 // the rule of the terms there, so that measured forces are those that act and states are met

@@ -239,7 +239,7 @@ impl Rest<'_> {
                 let field = self.env.fields.iter().find(|f| f.name == target.field.name);
                 let (Some(field), Some(found), false) = (field, found, told) else { continue };
                 let entries = if target.part == TargetPart::Whole { field.shape.len() } else { 1 };
-                self.add(wrong_size(&fix.value, found, entries).into_iter().collect());
+                self.add(wrong_size(self.env, &fix.value, found, entries).into_iter().collect());
             }
         }
     }

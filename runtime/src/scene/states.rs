@@ -81,7 +81,7 @@ impl Builder<'_> {
             if found.len() != needed.len() {
                 let d =
                     Diagnostic::new("E108", format!("`{}` is a {needed}, its update a {found}", declared.name.name));
-                self.diagnostics.push(d.at(update.span, found.to_string()));
+                self.diagnostics.push(wfl::at_expr(d, update, self.env.expansions, found.to_string()));
                 continue;
             }
             if let Some(d) = refused(law.mapping, "the update of a state", update.span) {

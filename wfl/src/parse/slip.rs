@@ -59,7 +59,8 @@ impl Slip<'_> {
             return d;
         }
         let operand = self.expects(Rule::expr) || self.expects_operand();
-        if is_keyword(found) && (operand || self.expects(Rule::ident)) {
+        let starts = self.at == 0 && self.expects(Rule::local_def);
+        if is_keyword(found) && (operand || starts || self.expects(Rule::ident)) {
             return self.keyword(found);
         }
         if operand && found.starts_with(|c: char| c.is_ascii_digit() || c == '.') && found.len() > 2 {

@@ -1,0 +1,59 @@
+//! The values behind `expect`.
+
+use std::collections::BTreeMap;
+
+use wfl::{
+    Span,
+    ast::{Cond, CondKind, Expr, ExprKind},
+};
+use wfl_compiler::{Constant, Env, constant, types::Shape};
+
+use super::Scene;
+
+impl Scene {
+    /// What stands on the sides of the comparisons of a condition, with measures at their last values, in the order of the
+    /// text; what is a number as written is left out.
+    #[must_use]
+    pub fn sides(&self, condition: &Cond, measures: &[(String, f64)]) -> Vec<(Span, f64)> {
+        let params = self.with_measures(measures);
+        let env = self.bare(&params);
+        let mut sides = Vec::new();
+        compared(condition, &mut sides);
+        let value = |e: &&Expr| constant(&env, "a side", e).value?.values.first().map(|v| (e.span, *v));
+        sides.iter().filter_map(value).collect()
+    }
+
+    /// The params of the scene and its measures as numbers.
+    pub(super) fn with_measures(&self, measures: &[(String, f64)]) -> BTreeMap<String, Constant> {
+        let mut params = self.env.params.clone();
+        for (name, value) in measures {
+            params.insert(name.clone(), Constant { shape: Shape::SCALAR, values: vec![*value], declared: None });
+        }
+        params
+    }
+
+    /// An environment without fields.
+    pub(super) fn bare<'a>(&'a self, params: &'a BTreeMap<String, Constant>) -> Env<'a> {
+        Env {
+            dim: self.env.dim,
+            fields: &[],
+            mappings: &[],
+            params,
+            expansions: &self.env.expansions,
+            step_variable: None,
+            equal_within: 0.0,
+        }
+    }
+}
+
+/// The sides of all comparisons in a condition that are not numbers as written.
+fn compared<'c>(condition: &'c Cond, out: &mut Vec<&'c Expr>) {
+    match &condition.kind {
+        CondKind::Compare(first, rest) => {
+            let sides = std::iter::once(first.as_ref()).chain(rest.iter().map(|(_, e)| e));
+            out.extend(sides.filter(|e| !matches!(e.kind, ExprKind::Number(_))));
+        }
+        CondKind::And(parts) | CondKind::Or(parts) => parts.iter().for_each(|c| compared(c, out)),
+        CondKind::Not(inner) => compared(inner, out),
+    }
+}
