@@ -307,6 +307,12 @@ fn load(b: &mut Builder<'_>, value: &Expr, field: FieldId, part: LoadPart) -> Op
     let found = b.graph.shape(v);
     if found != needed && !(found.is_scalar_like() && needed.is_scalar_like()) {
         let d = Diagnostic::new("E108", format!("this load needs a {needed}, found a {found}"));
+        let d = match (found.is_scalar_like(), needed.len()) {
+            (true, n @ 2..=3) => {
+                d.help(format!("a vector is written with all its components: [{}1]", "0,".repeat(n - 1)))
+            }
+            _ => d,
+        };
         return b.report(d, value, found.to_string());
     }
     let v = b.graph.reshape(v, needed);

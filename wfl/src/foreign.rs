@@ -55,7 +55,7 @@ const EXPRESSION_WORDS: &[Words] = &[
         "nothing stands for the measure: the term is integrated over its region, term name on REGION : ...",
     ),
     (
-        &["int1d", "int2d", "int3d", "intalledges", "integral", "integrate", "Integrate", "intrule"],
+        &["int1d", "int2d", "int3d", "intalledges", "integral", "integrate", "Integrate", "intrule", "int", "Int"],
         "a term is integrated over its region: term name on REGION : ...; a number to print: \
          measure m = integral(...) on REGION",
     ),

@@ -203,6 +203,10 @@ impl<'d> Resolver<'d> {
 
     fn item(&mut self, item: &'d Item) -> Option<()> {
         let span = item.span;
+        // a word of the language keeps its meaning; the declaration is told where names are collected
+        if names::declared(item).is_some_and(|(_, name)| !self.names.values.contains_key(&name.name)) {
+            return None;
+        }
         match &item.kind {
             ItemKind::Version(_) | ItemKind::Use { .. } | ItemKind::Def(_) => {}
             ItemKind::Mesh { source, map, options } => {

@@ -42,14 +42,15 @@ impl Builder<'_> {
             "Normal" | "element_size" | "element_K" | "element_B" => return self.geometry(e, name, Side::Here),
             "timestep" => {
                 if self.env.step_variable.is_none() {
-                    let d = Diagnostic::new("E206", "`timestep` needs a `steps` statement").about("steps");
+                    let d = Diagnostic::new("E206", "`timestep` needs a `steps` statement").about("steps").help(STEPS);
                     return self.report(d, e, "");
                 }
                 return Some(self.graph.leaf(Leaf::TimeStep));
             }
             _ if Some(name) == self.env.step_variable => return Some(self.graph.leaf(Leaf::Time)),
             "t" => {
-                let d = Diagnostic::new("E206", "`t` exists only if the scene says `steps t = ...`").about("steps");
+                let d = Diagnostic::new("E206", "`t` exists only if the scene says `steps t = ...`");
+                let d = d.about("steps").help(STEPS);
                 return self.report(d, e, "");
             }
             _ => {}
@@ -78,7 +79,10 @@ impl Builder<'_> {
         let known = env.params.keys().map(String::as_str);
         let known = known.chain(env.fields.iter().map(|f| f.name.as_str()));
         let known = known.chain(fixed).chain(env.step_variable).chain(ops::names().map(|n| -> &str { n }));
+        let fields: Vec<String> = env.fields.iter().map(|f| format!("`{}`", f.name)).collect();
+        let prefixed = FieldWord::split(name).is_some_and(|w| w.has_prefix()) && !fields.is_empty();
         let text = match nearest(name, known) {
+            _ if prefixed => format!("there is no field `{}`; the fields are {}", root(name), fields.join(", ")),
             Some(k) => format!("did you mean `{k}`?"),
             None => "not a parameter, field, macro or built-in name".to_owned(),
         };
@@ -155,7 +159,7 @@ impl Builder<'_> {
         if matches!(word.role, WordRole::Previous | WordRole::Dot) && self.env.step_variable.is_none() {
             let d =
                 Diagnostic::new("E206", format!("`{name}` needs a `steps` statement: without steps there is no past"));
-            return self.report(d.about("steps"), e, "");
+            return self.report(d.about("steps").help(STEPS), e, "");
         }
         let op = match word.op {
             WordOp::Value => FieldOp::Value,
@@ -283,6 +287,9 @@ impl<'n> FieldWord<'n> {
         matches!(self.role, WordRole::Test | WordRole::Test2)
     }
 }
+
+/// What makes a step variable.
+const STEPS: &str = "steps t = 0 to 1 by 0.1";
 
 /// The name behind prefixes.
 fn root(name: &str) -> &str {

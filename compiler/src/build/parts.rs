@@ -122,6 +122,12 @@ impl Builder<'_> {
         let shape = self.graph.shape(value);
         let rank = shape.rank();
         if shape.is_scalar_like() && args.len() == 1 && rank == 0 {
+            if let Argument::Expr(arg) = &args[0]
+                && !matches!(arg.kind, ExprKind::Number(_))
+            {
+                let d = Diagnostic::new("E104", "a number is followed by parentheses, and has no components");
+                return self.report(d.help("a product is written with `*`: a*(b)"), e, "");
+            }
             let index = self.index(&args[0])?;
             if index == Some(1) {
                 return Some(value);

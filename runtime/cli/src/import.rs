@@ -83,7 +83,8 @@ fn scene_of(macros: &[Macro], expr: &str, on: Option<&str>) -> Result<String, Re
     };
     known_here(macros, expr, on)?;
     let mut first = None;
-    for dim in [3, 2, 1] {
+    // on a line every shape is a scalar, so that nothing would be checked
+    for dim in [3, 2] {
         let text = statements(macros, expr, on, dim);
         let (scene, own) = (around(on, dim, normal, neighbor, &text), text.matches('\n').count());
         let Some(found) = problems(&scene, own) else { return Ok(text) };

@@ -99,8 +99,20 @@ pub(crate) fn load(scene: &Path, overrides: &[String], command: &str) -> Option<
 /// The same without printing; `more` are statements put behind the text of the scene.
 pub(crate) fn read_scene(scene: &Path, overrides: &[String], command: &str, more: &str) -> Result<Loaded, String> {
     let mut sources = SourceMap::new();
+<<<<<<< HEAD
     let mut text =
         read_text(scene, InputKind::Scene).map_err(|why| format!("cannot read {}: {why}", scene.display()))?;
+=======
+    let mut text = read_text(scene).map_err(|why| {
+        let named = scene.with_extension("wfl");
+        let help = if scene.extension().is_none() && named.is_file() {
+            format!("\n  = help: wfl {command} {}", named.display())
+        } else {
+            String::new()
+        };
+        format!("cannot read {}: {why}{help}", scene.display())
+    })?;
+>>>>>>> 2b23a99 (Messages for slips in every statement name the cure)
     if text.trim().is_empty() {
         let help = "a scene has at least a mesh, an unknown and a term; the README shows one";
         return Err(format!("{} is empty\n  = help: {help}", scene.display()));
@@ -145,7 +157,18 @@ fn command_line(
     }
     let id = sources.add(COMMAND_LINE, line.as_str());
     let mut out = Vec::new();
-    for (word, start) in words.iter().zip(starts) {
+    let mut taken = 0;
+    for (k, (word, start)) in words.iter().zip(starts).enumerate() {
+        if k < taken {
+            continue;
+        }
+        if let Some((count, meant)) = apart(&words[k..]) {
+            let text = words[k..k + count].join(" ");
+            let d = Diagnostic::new("E703", format!("`{text}` is not NAME=VALUE"));
+            diagnostics.push(d.at(span(id, start, start + text.len()), "").help(format!("without spaces: {meant}")));
+            taken = k + count;
+            continue;
+        }
         let span = span(id, start, start + word.len());
         match one_override(word, span, sources) {
             Ok(given) => out.push(given),
@@ -153,6 +176,27 @@ fn command_line(
         }
     }
     out
+}
+
+/// How many of the first words are one value whose parts stand apart, `gamma 3`, `gamma = 3`, `gamma= 3`, and what to
+/// type.
+fn apart(words: &[String]) -> Option<(usize, String)> {
+    let is_name = |w: &str| {
+        w.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+            && w.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    };
+    let first = words.first()?;
+    let name = first.strip_suffix(['=', ':']).unwrap_or(first);
+    if !is_name(name) {
+        return None;
+    }
+    let signed = name.len() < first.len();
+    let (count, value) = match words.get(1)?.as_str() {
+        "=" | ":" if !signed => (3, words.get(2)?.as_str()),
+        second if !signed && second.starts_with(['=', ':']) => (2, &second[1..]),
+        second => (2, second),
+    };
+    (!value.is_empty() && !value.contains('=')).then(|| (count, format!("{name}={value}")))
 }
 
 fn span(source: SourceId, start: usize, end: usize) -> Span {

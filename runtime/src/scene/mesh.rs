@@ -319,6 +319,14 @@ fn mapped(
     }
 }
 
+/// The message with a vector of the size that is needed, where a single number is given.
+pub(super) fn with_zeros(d: Diagnostic, found: usize, needed: usize) -> Diagnostic {
+    if found != 1 || !(2..=3).contains(&needed) {
+        return d;
+    }
+    d.help(format!("a vector is written with all its components: [{}]", vec!["0"; needed].join(",")))
+}
+
 /// What is told of a prescribed or nodal value that needs more than [`position_place`] has.
 pub(super) const POSITIONS_ONLY: &str = "this value depends on x, y, z and the step variable only";
 

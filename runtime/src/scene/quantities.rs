@@ -54,6 +54,7 @@ impl Builder<'_> {
             let (found, needed) = (law.shape, self.sigs[k].shape);
             if found.len() != needed.len() {
                 let d = Diagnostic::new("E108", format!("`{name}` is a {needed}, found a {found}"));
+                let d = mesh::with_zeros(d, found.len(), needed.len());
                 self.diagnostics.push(at_expr(d, &e, self.env.expansions, found.to_string()));
                 continue;
             }
@@ -174,6 +175,7 @@ impl Builder<'_> {
                 let Some(law) = law.value else { continue };
                 if !law.shape.is_scalar_like() {
                     let d = Diagnostic::new("E108", format!("a measure is a scalar, found a {}", law.shape));
+                    let d = d.help("one number at each point: a component v(1), v.Normal, or Norm(v)");
                     self.diagnostics.push(at_expr(d, &measure.expr, self.env.expansions, law.shape.to_string()));
                     continue;
                 }

@@ -58,7 +58,15 @@ pub(super) fn expects(
     let env = bare_env(script, dim, &known);
     for expect in &script.expects {
         let law = compile_condition(&env, &global_place(0), "expect", &expect.condition);
-        diagnostics.extend(law.diagnostics.into_iter().filter(|d| !diagnostics.contains(d)).collect::<Vec<_>>());
+        let over_space = |d: Diagnostic| match d.code {
+            "E105" | "E202" if d.helps.is_empty() => {
+                d.help("an `expect` compares measures and params: measure m = max(u(1)) on all, then expect m < 1")
+            }
+            _ => d,
+        };
+        diagnostics.extend(
+            law.diagnostics.into_iter().map(over_space).filter(|d| !diagnostics.contains(d)).collect::<Vec<_>>(),
+        );
     }
 }
 

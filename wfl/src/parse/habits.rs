@@ -1,7 +1,16 @@
 //! What people type out of habit from other languages and from paper, where the grammar alone would name the wrong cause.
 
 use super::{Pair, Rule, slip::Slip};
-use crate::{diag::Diagnostic, source::Span, units::is_unit};
+use crate::{
+    diag::Diagnostic,
+    foreign::{foreign, form},
+    source::Span,
+    units::is_unit,
+    words::is_function,
+};
+
+/// The form of a choice.
+pub(super) const CHOICE: &str = "if condition then a else b";
 
 /// E128 for the semicolons behind statements, the first marked: one message for all of a file.
 pub(super) fn semicolons(ended: &[Span]) -> Option<Diagnostic> {
@@ -33,6 +42,10 @@ impl Slip<'_> {
     pub(super) fn habit(&self, found: &str) -> Option<Diagnostic> {
         let behind_value = self.expects(Rule::infix);
         match found {
+            _ if self.expects(Rule::k_then) || self.expects(Rule::k_else) => {
+                let d = Diagnostic::new("E113", format!("expected {}, found `{found}`", self.list()));
+                Some(self.mark(d, found, "").help(CHOICE))
+            }
             "=" if behind_value && self.is("term") => {
                 let right = self.masked[self.at + 1..].trim();
                 Some(self.mark(equation_as_term("=", right), found, ""))
@@ -50,16 +63,85 @@ impl Slip<'_> {
                 let d = Diagnostic::new("E113", "a choice begins with its condition");
                 Some(self.mark(d, found, "").help("(if condition then a else b), in place of a if condition else b"))
             }
-            _ if self.expects(Rule::k_then) || self.expects(Rule::k_else) => {
-                let d = Diagnostic::new("E113", format!("expected {}, found `{found}`", self.list()));
-                Some(self.mark(d, found, "").help("if condition then a else b"))
+            ")" if self.before().ends_with('(') => {
+                let d = Diagnostic::new("E113", "nothing stands in these parentheses");
+                Some(self.mark(d, found, "").help("a name without arguments stands without them: pi, not pi()"))
             }
-            _ => self.unit_or_digits(found, behind_value),
+            "where" | "==" | "<" | ">" | "<=" | ">=" if self.expects(Rule::EOI) && self.takes_regions() => {
+                let d = Diagnostic::new("E117", format!("`{found}` stands after the end of the statement"));
+                let help = "places are picked by a statement of their own: region part = faces where y > 0.5";
+                Some(self.mark(d, found, "").help(help))
+            }
+            "on" if self.expects(Rule::EOI) && self.is("start") => {
+                let d = Diagnostic::new("E117", "`start` gives first values wherever the field lives");
+                Some(self.mark(d, found, "").help("leave `on ...` out; a choice: start u = (if x < 0.5 then a else b)"))
+            }
+            _ if self.expects(Rule::k_Normal) => self.component_behind_point(found),
+            _ => self.missing_word(found).or_else(|| self.unit_or_digits(found, behind_value)),
         }
     }
 
     fn is(&self, statement: &str) -> bool {
-        self.masked.strip_prefix(statement).is_some_and(|rest| !rest.starts_with(|c: char| c.is_ascii_alphanumeric()))
+        self.statement
+            && self
+                .masked
+                .strip_prefix(statement)
+                .is_some_and(|rest| !rest.starts_with(|c: char| c.is_ascii_alphanumeric()))
+    }
+
+    /// Statements that end in a list of regions.
+    fn takes_regions(&self) -> bool {
+        ["fix", "load", "measure", "split", "quadrature"].iter().any(|s| self.is(s))
+    }
+
+    /// `fix u.x = 0`.
+    fn component_behind_point(&self, found: &str) -> Option<Diagnostic> {
+        let meant = match found {
+            "x" | "y" | "z" => format!("u({})", 1 + "xyz".find(found)?),
+            "n" | "N" => "u.Normal".to_owned(),
+            _ => return None,
+        };
+        let d = Diagnostic::new("E113", format!("expected `Normal`, found `{found}`"));
+        Some(
+            self.mark(d, found, "")
+                .help(format!("a component is taken with its number, the normal one by name: {meant}")),
+        )
+    }
+
+    /// Two values side by side where a word of the statement or a comma is missing rather than an operator.
+    fn missing_word(&self, found: &str) -> Option<Diagnostic> {
+        let is_word = found.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
+        if !self.expects(Rule::infix) || !is_word {
+            return None;
+        }
+        let rest = self.masked[self.at + found.len()..].trim_start();
+        if rest.starts_with('=') && !rest.starts_with("==") && self.masked[..self.at].contains(" with ") {
+            let d = Diagnostic::new("E113", format!("a comma is missing before `{found}`"));
+            return Some(
+                self.mark(d, found, "").help("options stand one behind the other: with tol=1e-8, max_iter=20"),
+            );
+        }
+        if self.is("output") && !self.before().ends_with(|c: char| c.is_ascii_digit()) {
+            let d = Diagnostic::new("E113", format!("a comma is missing before `{found}`"));
+            return Some(self.mark(d, found, "").help("output vtk \"name\" : u, expression as name"));
+        }
+        if let Some(here) = foreign(found).filter(|_| found.len() > 1) {
+            let d = Diagnostic::new("E216", format!("`{found}` is not a word of this language"));
+            return Some(self.mark(d, found, "").help(format!("{found}: {here}")));
+        }
+        let before = self.before();
+        let start = before.rfind(|c: char| !c.is_ascii_alphanumeric() && c != '_').map_or(0, |i| i + 1);
+        if is_function(&before[start..]) {
+            let d = Diagnostic::new("E113", format!("`{}` takes its arguments in parentheses", &before[start..]));
+            return Some(self.mark(d, found, "").help(format!("{}({found})", &before[start..])));
+        }
+        // a word that the statement needs and that does not follow either
+        let needed = [(Rule::k_on, "on"), (Rule::k_to, "to"), (Rule::k_by, "by")];
+        let follows = |word: &str| self.masked[self.at..].split_whitespace().any(|w| w == word);
+        let (_, word) = needed.iter().find(|(rule, word)| self.expects(*rule) && !follows(word))?;
+        let d = Diagnostic::new("E113", format!("expected `{word}`, found `{found}`"));
+        let form = form(self.masked.split_whitespace().next().unwrap_or(""))?;
+        Some(self.mark(d, found, format!("`{word}` is missing before this")).help(format!("the form is: {form}")))
     }
 
     /// A region list may be followed by anything but a choice.
@@ -85,15 +167,24 @@ impl Slip<'_> {
             };
             return Some(self.mark(d, "[", "").help(form));
         }
-        if !(behind_value && word_before) {
+        if !word_before || !(behind_value || self.expects(Rule::t_open) || self.expects(Rule::component)) {
             return None;
         }
         let d = Diagnostic::new("E113", "a component is taken with parentheses");
         let wanted = match inside.parse::<usize>() {
+            Ok(k) if self.is_coordinate() => {
+                let meant = ["x", "y", "z"].get(k).copied().unwrap_or("z");
+                format!("the coordinates are `x`, `y`, `z`: x[{k}] is {meant}")
+            }
             Ok(0) => "indices count from 1: the first component is u(1)".to_owned(),
             _ => format!("u({inside}): indices count from 1, A(1,2) is row 1, column 2"),
         };
         Some(self.mark(d, "[", "").help(wanted))
+    }
+
+    /// True if the word before the slip is `x` alone.
+    fn is_coordinate(&self) -> bool {
+        self.before().rsplit(|c: char| !c.is_ascii_alphanumeric() && c != '_').next() == Some("x")
     }
 
     /// `(0,-1)`, `0,5`, `1,000`.

@@ -91,6 +91,10 @@ pub(super) fn known_statement(masked: &str, piece: &Piece, id: SourceId) -> Pars
     let d = Diagnostic::new("E115", format!("`{shown_short}` is not a statement"));
     let rest = masked[word.len()..].trim_start();
     let d = match nearest(word, STATEMENTS.iter().copied()) {
+        None if rest.starts_with('(') && rest.contains('=') => {
+            let fix = format!("a prescribed value: fix {shown_short}(1) = ... on REGION");
+            d.at(mark, "").help(format!("{fix}; an expression: def {shown_short}(a) = ..."))
+        }
         Some(s) => d.at(mark, format!("did you mean `{s}`?")),
         None if rest.starts_with('=') && foreign(called(rest)).is_some() => {
             d.at(mark, "").help(foreign(called(rest)).unwrap_or_default())
@@ -341,7 +345,13 @@ impl Scanner<'_> {
                     _ => format!("the character `{slip}` is not part of the language"),
                 };
                 let d = Diagnostic::new(code, message).at(self.span(self.at, self.at + slip.len()), "");
-                return Err(Box::new(if help.is_empty() { d } else { d.help(*help) }));
+                let region = self.text.starts_with("region") && ["|", "||", "&&"].contains(slip);
+                let help = if region {
+                    "regions: p + q is both together, p & q what they share, p - q the rest"
+                } else {
+                    help
+                };
+                return Err(Box::new(d.help(help)));
             }
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! What pest says about a failed parse, turned into a message: which slip it is, where, and what to type instead.
 
-use super::{Rule, is_keyword, scan::called, span_at};
+use super::{Rule, habits::CHOICE, is_keyword, scan::called, span_at};
 use crate::{
     diag::{Diagnostic, nearest},
     foreign::{foreign, form},
@@ -9,7 +9,8 @@ use crate::{
 use pest::error::{Error, ErrorVariant, InputLocation};
 
 /// The diagnostic for a parse that failed on `masked`, which starts at byte `base` of the source.
-pub(super) fn explain(error: &Error<Rule>, masked: &str, base: usize, id: SourceId) -> Diagnostic {
+/// `statement` is false for a lone expression.
+pub(super) fn explain(error: &Error<Rule>, masked: &str, (base, id): (usize, SourceId), statement: bool) -> Diagnostic {
     let at = match error.location {
         InputLocation::Pos(p) | InputLocation::Span((p, _)) => p,
     };
@@ -18,7 +19,7 @@ pub(super) fn explain(error: &Error<Rule>, masked: &str, base: usize, id: Source
         return d.at(span_at(id, base, 0, 1), "").help("give parts of it a name: def part = ...");
     };
     let at = at + masked[at..].len() - masked[at..].trim_start().len();
-    Slip { masked, base, id, at, expected: positives }.diagnostic()
+    Slip { masked, base, id, at, expected: positives, statement }.diagnostic()
 }
 
 pub(super) struct Slip<'s> {
@@ -28,6 +29,8 @@ pub(super) struct Slip<'s> {
     /// Where the parse stopped: the first byte that did not fit.
     pub(super) at: usize,
     pub(super) expected: &'s [Rule],
+    /// A whole statement was to be read, no lone expression.
+    pub(super) statement: bool,
 }
 
 impl Slip<'_> {
@@ -43,12 +46,15 @@ impl Slip<'_> {
     /// The form of the statement as help for a message that has none.
     fn with_form(&self, d: Diagnostic) -> Diagnostic {
         let offers = d.labels.iter().any(|l| l.text.contains("did you mean"));
+        if d.helps.is_empty() && (self.expects(Rule::k_then) || self.expects(Rule::k_else)) {
+            return d.help(CHOICE);
+        }
         let word = token(self.masked.trim_start());
         let value = self.masked.split_once('=').map_or("", |(_, value)| value);
-        if let Some(here) = foreign(called(value)).filter(|_| d.helps.is_empty() && !offers) {
+        if let Some(here) = foreign(called(value)).filter(|_| d.helps.is_empty() && !offers && word != "measure") {
             return d.help(here);
         }
-        match form(word).filter(|_| d.helps.is_empty() && !offers && d.code != "E207") {
+        match form(word).filter(|_| self.statement && d.helps.is_empty() && !offers && d.code != "E207") {
             Some(form) => d.help(format!("the form is: {form}")),
             None => d,
         }
@@ -59,7 +65,7 @@ impl Slip<'_> {
             return d;
         }
         let operand = self.expects(Rule::expr) || self.expects_operand();
-        let starts = self.at == 0 && self.expects(Rule::local_def);
+        let starts = self.at == 0 && !self.statement;
         if is_keyword(found) && (operand || starts || self.expects(Rule::ident)) {
             return self.keyword(found);
         }
@@ -134,7 +140,7 @@ impl Slip<'_> {
             return self.mark(d, found, "").help("(if condition then a else b)");
         }
         let next = self.masked[self.at + found.len()..].trim_start();
-        let used_as_name = next.is_empty() || next.starts_with(|c: char| "+-*/.)],^='".contains(c));
+        let used_as_name = next.is_empty() || next.starts_with(|c: char| "+-*/.)],;^='".contains(c));
         if used_as_name && !self.before().ends_with("=") || next.starts_with('=') {
             return keyword_as_name(found).at(span_at(self.id, self.base, self.at, self.at + found.len()), "");
         }
@@ -167,7 +173,9 @@ impl Slip<'_> {
             return None;
         }
         let d = Diagnostic::new("E113", format!("an operator is missing between `{left}` and `{found}`"));
-        let product = if found == "(" { format!("{left}*(...)") } else { format!("{left}*{found}") };
+        let [a, b] =
+            [(left, ")", "(...)"), (found, "(", "(...)")].map(|(t, bracket, all)| if t == bracket { all } else { t });
+        let product = format!("{a}*{b}");
         let d = self.mark(d, found, "");
         Some(d.help(format!("a product is written with `*`: {product}")))
     }

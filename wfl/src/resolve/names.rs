@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::{
     ast::{ExprKind, Ident, Item, ItemKind, MacroDef, MeshSource},
     diag::{Diagnostic, nearest},
+    foreign::field_slip,
     source::{SourceMap, Span},
     words::{REGIONS, is_function, reserved, split_prefixes},
 };
@@ -55,7 +56,7 @@ pub(super) struct Names {
 }
 
 /// Kind and name of a declaration of a value.
-fn declared(item: &Item) -> Option<(Kind, &Ident)> {
+pub(super) fn declared(item: &Item) -> Option<(Kind, &Ident)> {
     Some(match &item.kind {
         ItemKind::Param { name, .. } => (Kind::Param, name),
         ItemKind::Unknown { name, .. } => (Kind::Unknown, name),
@@ -173,7 +174,11 @@ impl Names {
         }
         let d = Diagnostic::new("E201", format!("unknown field `{}`", name.name));
         let fields = self.values.iter().filter(|(_, v)| v.0.is_field());
-        let text = match nearest(&name.name, fields.map(|(n, _)| n.as_str())) {
+        let names: Vec<&str> = fields.map(|(n, _)| n.as_str()).collect();
+        if let Some(slip) = field_slip(&name.name, names.iter().copied()) {
+            return d.at(name.span, slip);
+        }
+        let text = match nearest(&name.name, names) {
             None => String::new(),
             Some(near) => {
                 let (kind, at) = self.values[near];

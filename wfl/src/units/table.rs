@@ -131,6 +131,10 @@ impl NamedUnit {
         if let Some(unit) = Self::spelled(word) {
             return Some(unit.to_owned());
         }
+        let stem = word.trim_end_matches(|c: char| c.is_ascii_digit());
+        if stem.len() < word.len() && NamedUnit::find(stem).is_some() {
+            return Some(format!("{stem}^{}", &word[stem.len()..]));
+        }
         let names: Vec<String> = NamedUnit::all().map(NamedUnit::name).collect();
         // same letters in other cases first: `mpa` is `MPa`
         let same = names.iter().find(|n| n.eq_ignore_ascii_case(word) && n.starts_with('M'));
