@@ -99,11 +99,7 @@ pub(crate) fn load(scene: &Path, overrides: &[String], command: &str) -> Option<
 /// The same without printing; `more` are statements put behind the text of the scene.
 pub(crate) fn read_scene(scene: &Path, overrides: &[String], command: &str, more: &str) -> Result<Loaded, String> {
     let mut sources = SourceMap::new();
-<<<<<<< HEAD
-    let mut text =
-        read_text(scene, InputKind::Scene).map_err(|why| format!("cannot read {}: {why}", scene.display()))?;
-=======
-    let mut text = read_text(scene).map_err(|why| {
+    let mut text = read_text(scene, InputKind::Scene).map_err(|why| {
         let named = scene.with_extension("wfl");
         let help = if scene.extension().is_none() && named.is_file() {
             format!("\n  = help: wfl {command} {}", named.display())
@@ -112,7 +108,6 @@ pub(crate) fn read_scene(scene: &Path, overrides: &[String], command: &str, more
         };
         format!("cannot read {}: {why}{help}", scene.display())
     })?;
->>>>>>> 2b23a99 (Messages for slips in every statement name the cure)
     if text.trim().is_empty() {
         let help = "a scene has at least a mesh, an unknown and a term; the README shows one";
         return Err(format!("{} is empty\n  = help: {help}", scene.display()));
