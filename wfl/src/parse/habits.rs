@@ -125,7 +125,7 @@ impl Slip<'_> {
             let d = Diagnostic::new("E113", format!("a comma is missing before `{found}`"));
             return Some(self.mark(d, found, "").help("output vtk \"name\" : u, expression as name"));
         }
-        if let Some(here) = foreign(found).filter(|_| found.len() > 1) {
+        if let Some(here) = foreign(found).filter(|_| ["dx", "ds", "dS", "dA", "dV"].contains(&found)) {
             let d = Diagnostic::new("E216", format!("`{found}` is not a word of this language"));
             return Some(self.mark(d, found, "").help(format!("{found}: {here}")));
         }
