@@ -97,9 +97,15 @@ const EXPRESSION_WORDS: &[Words] = &[
     (&["dev", "deviator", "deviatoric", "Dev"], "the deviator is `Deviator(A)`"),
     (&["norm", "length", "mag", "magnitude"], "the norm of a vector or matrix is `Norm(v)`"),
     (
-        &["eps", "epsilon", "strain", "sym_grad", "symgrad"],
+        &["epsilon", "strain", "sym_grad", "symgrad"],
         "the small strain is `Sym(Grad_u)`: def strain(v) = Sym(Grad_v), or use \"elasticity\"",
     ),
+    (
+        &["eps"],
+        "the small strain is `Sym(Grad_u)`: def eps(v) = Sym(Grad_v); as a tolerance it is not needed: x == 0 holds \
+         within 1e-9 of the mesh size",
+    ),
+    (&["near", "DOLFIN_EPS", "isclose"], "`==` on coordinates holds within 1e-9 of the mesh size: faces where x == 0"),
     (
         &["sigma", "stress"],
         "a stress is declared by the scene: def sigma(v) = lambda*Div_v*Id(3) + 2*mu*Sym(Grad_v), or use \"elasticity\"",
@@ -152,7 +158,10 @@ const EXPRESSION_WORDS: &[Words] = &[
         "a field at the end of the last step is `Previous_u`",
     ),
     (&["derivative", "Derivative"], "a tangent is never written: it follows; of an expression: `Diff(e, u)`"),
-    (&["DirichletBC", "dirichlet", "on_boundary"], "prescribed values are a statement: fix u = [0,0] on REGION"),
+    (
+        &["DirichletBC", "dirichlet", "Dirichlet", "on_boundary"],
+        "prescribed values are a statement: fix u = [0,0] on REGION",
+    ),
 ];
 
 /// Words that start a line elsewhere.

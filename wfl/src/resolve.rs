@@ -392,6 +392,12 @@ impl<'d> Resolver<'d> {
     }
 
     fn places(&mut self, places: &[Ident], global: bool) -> Option<Vec<Ident>> {
+        for (k, place) in places.iter().enumerate() {
+            if let Some(first) = places[..k].iter().find(|p| p.name == place.name) {
+                let d = Diagnostic::new("E218", format!("`{}` is named twice in this list of regions", place.name));
+                self.diagnostics.push(d.at(place.span, "it would count twice").at(first.span, "first named here"));
+            }
+        }
         let found: Vec<_> = places.iter().map(|p| self.place(p, global)).collect();
         found.into_iter().collect()
     }

@@ -140,6 +140,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "param c = 1",
     ),
     page(
+        "E218",
+        "a region twice in one list",
+        "A term, a load or a measure on a list of regions is summed over the list, so a region that stands there twice \
+         would count twice.",
+        "load u = [0,0,-1] on left, left",
+        "load u = [0,0,-1] on left",
+    ),
+    page(
         "E301",
         "a term that is not linear in the test functions",
         "Each summand of a term holds one test function, once. In a residual the other factor is the unknown itself.",

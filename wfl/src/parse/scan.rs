@@ -244,11 +244,13 @@ impl Scanner<'_> {
 
     /// `'` behind a value transposes it; elsewhere it is a quote of another language.
     fn apostrophe(&self) -> Parsed<()> {
+        let line = self.text[self.at + 1..].lines().next().unwrap_or("");
         let before = self.masked.trim_end();
-        if before.ends_with(|c: char| c.is_ascii_alphanumeric() || "_)]'.".contains(c)) {
+        let apart =
+            before.len() < self.masked.len() && line.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '_');
+        if before.ends_with(|c: char| c.is_ascii_alphanumeric() || "_)]'.".contains(c)) && !apart {
             return Ok(());
         }
-        let line = self.text[self.at + 1..].lines().next().unwrap_or("");
         let Some(end) = line.find('\'') else { return Ok(()) };
         let inner = &line[..end];
         let mark = self.span(self.at, self.at + end + 2);

@@ -155,7 +155,8 @@ impl Slip<'_> {
             return None;
         }
         let starts_operand = found.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '_' || c == '(' || c == '.')
-            && !is_keyword(found);
+            && !is_keyword(found)
+            && found != "..";
         let start = before.rfind(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '.').map_or(0, |i| i + 1);
         let value = &before[start..];
         if !starts_operand {

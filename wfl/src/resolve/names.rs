@@ -75,6 +75,8 @@ impl Names {
     /// Collects the declarations; a clash with another one or with the language is reported.
     pub(super) fn collect(items: &[Item], diagnostics: &mut Vec<Diagnostic>) -> Self {
         let mut names = Names::default();
+        // what the mesh will hold is not known without one (E421)
+        names.open_regions = !items.iter().any(|i| matches!(i.kind, ItemKind::Mesh { .. }));
         let mut dimension = 3;
         for item in items {
             if let ItemKind::Mesh { source, .. } = &item.kind {

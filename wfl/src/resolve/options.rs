@@ -94,7 +94,9 @@ impl Resolver<'_> {
 
 fn unknown_option(statement: &str, name: &Ident, known: &[&str]) -> Diagnostic {
     let d = Diagnostic::new("E211", format!("`{statement}` has no option `{}`", name.name));
-    let text = nearest(&name.name, known.iter().copied()).map_or(String::new(), |n| format!("did you mean `{n}`?"));
+    let longer = known.iter().copied().find(|k| name.name.starts_with(k) && k.len() > 2);
+    let near = longer.or_else(|| nearest(&name.name, known.iter().copied()));
+    let text = near.map_or(String::new(), |n| format!("did you mean `{n}`?"));
     let list = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
     d.at(name.span, text).note(format!("options of `{statement}`: {list}"))
 }
