@@ -34,7 +34,7 @@ fn errors(text: &str) -> Vec<String> {
         found.extend(prepare(script, Path::new(""), &InterpreterBackend).diagnostics);
     }
     found.retain(Diagnostic::is_error);
-    one_per_cause(&found, &sources).iter().map(|d| render(d, &sources, false)).collect()
+    one_per_cause(&found, &sources).0.iter().map(|d| render(d, &sources, false)).collect()
 }
 
 #[test]
