@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::memory::TooMuchMemory;
+use crate::{finite::largest, memory::TooMuchMemory};
 pub use pattern::{Pattern, PatternBuilder};
 
 /// Rows handled by one parallel task of a product.
@@ -235,9 +235,9 @@ impl Csr {
         })
     }
 
-    /// Largest magnitude of an entry; zero for a matrix without entries.
+    /// Largest magnitude of an entry; zero for a matrix without entries, not a number if an entry is none.
     pub fn max_abs(&self) -> f64 {
-        self.values.iter().fold(0.0, |largest, value| value.abs().max(largest))
+        largest(self.values.iter().copied())
     }
 
     /// Largest sum of magnitudes over a column.
@@ -246,12 +246,12 @@ impl Csr {
         for (&column, value) in self.pattern.columns().iter().zip(&self.values) {
             sums[column as usize] += value.abs();
         }
-        sums.into_iter().fold(0.0, f64::max)
+        largest(sums)
     }
 
     /// Largest sum of magnitudes over a row.
     pub fn norm_inf(&self) -> f64 {
-        (0..self.n_rows()).map(|row| self.row(row).1.iter().map(|value| value.abs()).sum()).fold(0.0, f64::max)
+        largest((0..self.n_rows()).map(|row| self.row(row).1.iter().map(|value| value.abs()).sum::<f64>()))
     }
 
     /// The first entry (row, column) in row order that is NaN or infinite.

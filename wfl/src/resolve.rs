@@ -9,7 +9,7 @@ mod names;
 mod options;
 mod parts;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     ast::{Cond, Expr, Ident, Item, ItemKind, OutputItem, QuadratureRule, RegionExpr, Target, TargetPart},
@@ -425,31 +425,38 @@ impl<'d> Resolver<'d> {
 
     /// Sorts regions so that each stands behind those it is made of; a region made of itself is an error (E123).
     fn sort_regions(&mut self) {
-        let mut waiting = std::mem::take(&mut self.script.regions);
-        let mut placed: BTreeSet<String> = BTreeSet::new();
-        loop {
-            let names: BTreeSet<String> = waiting.iter().map(|r| r.name.name.clone()).collect();
-            let before = waiting.len();
-            let mut later = Vec::new();
-            for region in waiting {
-                if parts_of(&region.region).iter().any(|p| names.contains(*p) && !placed.contains(*p)) {
-                    later.push(region);
-                } else {
-                    placed.insert(region.name.name.clone());
-                    self.script.regions.push(region);
-                }
-            }
-            waiting = later;
-            if waiting.is_empty() {
-                return;
-            }
-            if waiting.len() == before {
-                let rest: Vec<&str> = waiting.iter().map(|r| r.name.name.as_str()).collect();
-                let d = Diagnostic::new("E123", format!("the region `{}` is made of itself", rest[0]));
-                self.diagnostics.push(d.at(waiting[0].name.span, "").note(format!("in a circle: {}", rest.join(", "))));
-                return;
+        let regions = std::mem::take(&mut self.script.regions);
+        let mut by_name: BTreeMap<&str, usize> = BTreeMap::new();
+        for (i, region) in regions.iter().enumerate() {
+            by_name.entry(&region.name.name).or_insert(i);
+        }
+        // how many parts of a region are not placed yet, and which regions a region is part of
+        let (mut waits_for, mut part_of) = (vec![0usize; regions.len()], vec![Vec::new(); regions.len()]);
+        for (i, region) in regions.iter().enumerate() {
+            for part in parts_of(&region.region).into_iter().filter_map(|p| by_name.get(p)) {
+                waits_for[i] += 1;
+                part_of[*part].push(i);
             }
         }
+        let mut ready: BTreeSet<usize> = (0..regions.len()).filter(|i| waits_for[*i] == 0).collect();
+        let mut order = Vec::with_capacity(regions.len());
+        while let Some(i) = ready.pop_first() {
+            order.push(i);
+            for user in &part_of[i] {
+                waits_for[*user] -= 1;
+                if waits_for[*user] == 0 {
+                    ready.insert(*user);
+                }
+            }
+        }
+        let waiting: Vec<&Region> = regions.iter().zip(&waits_for).filter(|(_, n)| **n > 0).map(|(r, _)| r).collect();
+        if let Some(first) = waiting.first() {
+            let rest: Vec<&str> = waiting.iter().map(|r| r.name.name.as_str()).collect();
+            let d = Diagnostic::new("E123", format!("the region `{}` is made of itself", rest[0]));
+            self.diagnostics.push(d.at(first.name.span, "").note(format!("in a circle: {}", rest.join(", "))));
+        }
+        let mut all: Vec<Option<Region>> = regions.into_iter().map(Some).collect();
+        self.script.regions = order.into_iter().filter_map(|i| all[i].take()).collect();
     }
 
     /// E421 to E423 for what every scene needs.

@@ -1,6 +1,6 @@
 //! `wfl check`: everything but solving.
 
-use std::{process::ExitCode, time::Instant};
+use std::{collections::BTreeMap, process::ExitCode, time::Instant};
 
 use serde_json::{Map, Value, json};
 use wfl::{
@@ -193,8 +193,9 @@ fn fields(loaded: &Loaded, scene: &Scene) -> Table {
 
 fn parameters(loaded: &Loaded, scene: &Scene) -> Table {
     let mut table = Table::new("parameters", &["name", "value", "given by", "what it is"]);
+    let by_name: BTreeMap<&str, &wfl::Param> = loaded.script.params.iter().map(|p| (p.name.name.as_str(), p)).collect();
     for (name, value) in &scene.params {
-        let Some(declared) = loaded.script.params.iter().find(|p| p.name.name == *name) else { continue };
+        let Some(declared) = by_name.get(name.as_str()) else { continue };
         let value = match value.values.as_slice() {
             [x] => json!(x),
             list => json!(list),

@@ -7,11 +7,13 @@ use std::{
 };
 
 /// A value by what it is called, as a formula of the position where x and y are above 0.9.
-const VALUES: [(&str, &str); 5] = [
+const VALUES: [(&str, &str); 6] = [
     ("not a number", "log(-x)"),
     ("infinite", "1e308*(10*x)"),
     ("infinite", "-1e308*(10*x)"),
     ("large", "1e308*x"),
+    // its square is infinite
+    ("large", "1e200*x"),
     ("small", "1e-320*x"),
 ];
 
@@ -47,6 +49,7 @@ fn scene(kind: &str, text: &str, value: &str) -> String {
 
 fn run(name: &str, text: &str) -> Output {
     let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name.replace(' ', "_"));
+    let _ = std::fs::remove_dir_all(&dir);
     std::fs::create_dir_all(&dir).expect("a folder");
     std::fs::write(dir.join("scene.wfl"), text).expect("a scene");
     let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));

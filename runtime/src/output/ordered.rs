@@ -1,9 +1,9 @@
-//! A map that keeps the order of insertion, for the small tables of the report.
+//! A map that keeps the order of insertion, for the tables of the report.
 //!
 //! Promises: a name stands once, at the place of its first insertion; JSON objects are written
-//! and read in that order. Does not hash: lookup is linear, meant for the tens of entries that a
-//! person writes down.
+//! and read in that order. Lookup goes by a tree of the names.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 
@@ -14,22 +14,24 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OrderedMap<V> {
     entries: Vec<(String, V)>,
+    /// By name its place in `entries`.
+    places: BTreeMap<String, usize>,
 }
 
 impl<V> OrderedMap<V> {
     /// No entries.
     #[must_use]
     pub const fn new() -> Self {
-        OrderedMap { entries: Vec::new() }
+        OrderedMap { entries: Vec::new(), places: BTreeMap::new() }
     }
 
     /// Sets the value of `name`; a former value is returned and its place kept.
     pub fn insert(&mut self, name: impl Into<String>, value: impl Into<V>) -> Option<V> {
         let (name, value) = (name.into(), value.into());
-        let known = self.entries.iter_mut().find(|entry| entry.0 == name);
-        if let Some((_, former)) = known {
-            return Some(std::mem::replace(former, value));
+        if let Some(known) = self.places.get(&name) {
+            return Some(std::mem::replace(&mut self.entries[*known].1, value));
         }
+        self.places.insert(name.clone(), self.entries.len());
         self.entries.push((name, value));
         None
     }
@@ -37,8 +39,7 @@ impl<V> OrderedMap<V> {
     /// The value of `name`.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&V> {
-        let entry = self.entries.iter().find(|entry| entry.0 == name);
-        entry.map(|(_, value)| value)
+        self.places.get(name).map(|place| &self.entries[*place].1)
     }
 
     /// Names with their values, in order.

@@ -225,7 +225,8 @@ impl Measure {
         let values = FieldValues { current: &current, previous: &previous };
         let (mut sum, mut size) = (0.0, 0.0);
         let (mut largest, mut smallest) = (f64::NEG_INFINITY, f64::INFINITY);
-        let mut broken = false;
+        // of a sum with an infinite part nothing is known, and neither of the largest of values of which one is none
+        let mut broken: Option<f64> = None;
         for (value, sampled) in &mut self.parts {
             value.set_step(time, increment);
             value.for_each_point(&system.mesh, sampled, values, |_, _, _, weight, v| {
@@ -233,11 +234,15 @@ impl Measure {
                 size += weight;
                 largest = largest.max(v[0]);
                 smallest = smallest.min(v[0]);
-                broken |= v[0].is_nan();
+                if !v[0].is_finite() && !broken.is_some_and(f64::is_nan) {
+                    broken = Some(v[0]);
+                }
             });
         }
+        if let Some(value) = broken {
+            return value;
+        }
         match self.reduction {
-            _ if broken => f64::NAN,
             Reduction::Integral => sum,
             Reduction::Mean => sum / size,
             Reduction::Max => largest,

@@ -9,6 +9,7 @@ use super::scaling::symmetric_scale;
 use super::sweep::Form;
 use super::{NullVector, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, residual_and_size, residual_compensated};
+use crate::finite::largest;
 
 /// See the module documentation.
 const SINGULAR: f64 = 64.0 * f64::EPSILON;
@@ -216,17 +217,16 @@ impl Judge {
         }
         let threads = self.options.threads;
         residual_and_size(parts, rhs, x, &mut self.residual, &mut self.magnitude, threads);
-        let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
-        let scaled_residual = largest(&mut self.residual.iter().zip(&self.scale).map(|(r, s)| (r * s).abs()));
-        let scaled_size = largest(&mut self.magnitude.iter().zip(&self.scale).map(|(m, s)| m * s));
-        let plain_residual = largest(&mut self.residual.iter().map(|r| r.abs()));
-        let plain_size =
-            self.norm * largest(&mut x.iter().map(|x| x.abs())) + largest(&mut rhs.iter().map(|b| b.abs()));
+        // a product that is no number is no small residual
+        let scaled_residual = largest(self.residual.iter().zip(&self.scale).map(|(r, s)| r * s));
+        let scaled_size = largest(self.magnitude.iter().zip(&self.scale).map(|(m, s)| m * s));
+        let plain_residual = largest(self.residual.iter().copied());
+        let plain_size = self.norm * largest(x.iter().copied()) + largest(rhs.iter().copied());
         let quotient = |residual: f64, size: f64| if residual == 0.0 { 0.0 } else { residual / size };
         Measure {
-            relative: quotient(scaled_residual, scaled_size).max(quotient(plain_residual, plain_size)),
+            relative: largest([quotient(scaled_residual, scaled_size), quotient(plain_residual, plain_size)]),
             left: quotient(self.scaled_norm(&self.residual), self.scaled_norm(rhs)),
-            componentwise: largest(&mut self.residual.iter().zip(&self.magnitude).map(|(r, m)| quotient(r.abs(), *m))),
+            componentwise: largest(self.residual.iter().zip(&self.magnitude).map(|(r, m)| quotient(r.abs(), *m))),
         }
     }
 
@@ -237,8 +237,7 @@ impl Judge {
 
     /// Largest component of a vector of unknowns in units of their scale.
     fn scaled_size(&self, x: &[f64]) -> f64 {
-        let sizes = x.iter().zip(&self.scale).map(|(value, scale)| (value / scale).abs());
-        sizes.fold(0.0, |largest, size| if size.is_nan() { f64::NAN } else { largest.max(size) })
+        largest(x.iter().zip(&self.scale).map(|(value, scale)| value / scale))
     }
 
     /// Whether a solution is so large that the null space must be looked at.
@@ -252,7 +251,7 @@ impl Judge {
     pub(super) fn null_ratio(&mut self, parts: &[&Csr], v: &[f64]) -> f64 {
         let zeros = vec![0.0; v.len()];
         residual_compensated(parts, &zeros, v, &mut self.residual, self.options.threads);
-        let product = self.residual.iter().zip(&self.scale).map(|(r, s)| (r * s).abs()).fold(0.0, f64::max);
+        let product = largest(self.residual.iter().zip(&self.scale).map(|(r, s)| r * s));
         product / self.scaled_size(v)
     }
 
