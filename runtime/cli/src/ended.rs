@@ -98,8 +98,11 @@ pub(crate) fn finish(
 pub(crate) fn ended_before(ready: &Ready, report: &Report) -> ExitCode {
     if ready.loudness != Loudness::Quiet {
         let folder = ready.options.out.as_deref().unwrap_or(Path::new("")).display();
-        let n = report.steps.len();
-        out(&format!("{folder}: the run is finished, its {n} steps and files are whole: nothing is left to do\n"));
+        let steps = match report.steps.len() {
+            1 => "step".to_owned(),
+            n => format!("{n} steps"),
+        };
+        out(&format!("{folder}: the run is finished, its {steps} and files are whole: nothing is left to do\n"));
     }
     let broken = report.checks.iter().filter(|(name, check)| name.starts_with(EXPECT) && !check.ok);
     let broken: Vec<&str> = broken.map(|(name, _)| name).collect();
