@@ -373,6 +373,7 @@ mod tests {
                 contact: Some(ContactCounts { open: 1, slip: 2, stick: 3 }),
                 measures: [("force", Real(-5e-324))].into_iter().collect(),
                 attempts: Vec::new(),
+                friction_work: None,
             }],
             checks: [("residual", Check::at_most(1e-8, 1e-9))].into_iter().collect(),
             ..Report::default()
