@@ -12,6 +12,7 @@ use crate::{
     graph::{ExprId, Function1, Graph, Leaf, Node},
     ir::Compare,
     math::{MathFn1, MathFn2, MatrixFn},
+    ops::{apply, times},
 };
 
 /// What a leaf moves by: a tensor of the leaf's shape, or `None` when it stays.
@@ -340,91 +341,92 @@ fn minor(g: &mut Graph, a: ExprId, rows: &[usize], columns: &[usize]) -> ExprId 
 
 /// f'(a) entry by entry; `value` is f(a).
 pub(crate) fn function_derivative(g: &mut Graph, f: Function1, a: ExprId, value: ExprId) -> ExprId {
-    let shape = g.shape(a);
-    let one = g.constant(shape, &vec![1.0; shape.len()]);
-    let over = |g: &mut Graph, x: ExprId| g.div_components(one, x);
-    let apply = |g: &mut Graph, f: MathFn1| g.map(Function1::Math(f), a);
-    let number = |g: &mut Graph, x: f64| {
-        let len = shape.len();
-        g.constant(shape, &vec![x; len])
-    };
-    let f = match f {
-        Function1::Sqrt => {
-            let two = number(g, 2.0);
-            let double = g.mul_components(two, value);
-            return over(g, double);
-        }
-        Function1::Math(f) => f,
-    };
     match f {
-        MathFn1::Exp => value,
-        MathFn1::Log => over(g, a),
-        MathFn1::Log10 => {
-            let ln10 = number(g, std::f64::consts::LN_10);
-            let x = g.mul_components(ln10, a);
-            over(g, x)
+        Function1::Sqrt => {
+            let double = times(g, 2.0, value);
+            reciprocal(g, double)
         }
-        MathFn1::Sin => apply(g, MathFn1::Cos),
-        MathFn1::Cos => {
-            let s = apply(g, MathFn1::Sin);
-            g.neg(s)
-        }
-        MathFn1::Sinh => apply(g, MathFn1::Cosh),
-        MathFn1::Cosh => apply(g, MathFn1::Sinh),
-        MathFn1::Tan | MathFn1::Tanh => {
-            let square = g.mul_components(value, value);
-            if f == MathFn1::Tan { g.add(one, square) } else { g.sub(one, square) }
-        }
-        MathFn1::Asin | MathFn1::Acos | MathFn1::Asinh | MathFn1::Acosh => inverse_derivative(g, f, a, one),
-        MathFn1::Atan | MathFn1::Atanh => {
-            let square = g.mul_components(a, a);
-            let bottom = if f == MathFn1::Atan { g.add(one, square) } else { g.sub(one, square) };
-            over(g, bottom)
-        }
-        MathFn1::Erf | MathFn1::Erfc => {
-            let square = g.mul_components(a, a);
-            let minus = g.neg(square);
-            let bell = g.map(Function1::Math(MathFn1::Exp), minus);
-            let sign = if f == MathFn1::Erf { 1.0 } else { -1.0 };
-            let factor = number(g, sign * std::f64::consts::FRAC_2_SQRT_PI);
-            g.mul_components(factor, bell)
-        }
-        MathFn1::Sinc => apply(g, MathFn1::SincFirst),
-        MathFn1::SincFirst => apply(g, MathFn1::SincSecond),
-        // sinc'' = -sinc - 2 sinc'/t, so sinc''' = -sinc' - 2 (sinc'' - sinc'/t)/t, 0 at 0
-        MathFn1::SincSecond => {
-            let first = apply(g, MathFn1::SincFirst);
-            let second = apply(g, MathFn1::SincSecond);
-            let ratio = g.div_components(first, a);
-            let inner = g.sub(second, ratio);
-            let two = number(g, 2.0);
-            let double = g.mul_components(two, inner);
-            let part = g.div_components(double, a);
-            let total = g.add(first, part);
-            let third = g.neg(total);
-            let zero = g.zero(shape);
-            let nonzero = g.compare(Compare::NotEqual, a, zero);
-            g.select(nonzero, third, zero)
-        }
+        Function1::Math(f) => math_derivative(g, f, a, value),
     }
 }
 
-/// The derivatives of asin, acos, asinh, acosh: one over the root of a quadratic.
-fn inverse_derivative(g: &mut Graph, f: MathFn1, a: ExprId, one: ExprId) -> ExprId {
-    // acosh' = 1/(sqrt(a-1) sqrt(a+1)) keeps the digits that a^2-1 loses near 1; asin likewise.
-    let (low, high) = match f {
-        MathFn1::Acosh => (g.sub(a, one), g.add(a, one)),
-        _ => (g.sub(one, a), g.add(one, a)),
+/// The derivative that a row names.
+macro_rules! derivative_of {
+    ($g:ident $a:ident $y:ident native($f:path, $extended:expr, $slope:expr, $derivative:expr)) => {{
+        let derivative: fn(&mut Graph, ExprId, ExprId) -> ExprId = $derivative;
+        derivative($g, $a, $y)
+    }};
+    ($g:ident $a:ident $y:ident formula(|$t:ident| $value:expr, $derivative:expr)) => {{
+        let derivative: fn(&mut Graph, ExprId, ExprId) -> ExprId = $derivative;
+        derivative($g, $a, $y)
+    }};
+}
+
+macro_rules! derivatives {
+    ($($kind:ident $variant:ident $name:literal $doc:literal [$($sample:literal),*] $form:ident($($value:tt)*);)*) => {
+        /// f'(a) entry by entry; `y` is f(a).
+        fn math_derivative(g: &mut Graph, f: MathFn1, a: ExprId, y: ExprId) -> ExprId {
+            match f {
+                $(MathFn1::$variant => derivative_of!(g a y $form($($value)*))),*
+            }
+        }
     };
-    let product = if f == MathFn1::Asinh {
-        let square = g.mul_components(a, a);
-        g.add(one, square)
-    } else {
-        g.mul_components(low, high)
-    };
-    let root = g.map(Function1::Sqrt, product);
-    let slope = g.div_components(one, root);
-    if f == MathFn1::Acos { g.neg(slope) } else { slope }
+}
+
+wfl::scalar_functions!(derivatives);
+
+/// A tensor of the shape of `like` with one number in every entry.
+fn filled(g: &mut Graph, like: ExprId, x: f64) -> ExprId {
+    let shape = g.shape(like);
+    g.constant(shape, &vec![x; shape.len()])
+}
+
+/// `x + a` entry by entry.
+fn plus(g: &mut Graph, x: f64, a: ExprId) -> ExprId {
+    let number = filled(g, a, x);
+    g.add(number, a)
+}
+
+/// `1/a` entry by entry.
+fn reciprocal(g: &mut Graph, a: ExprId) -> ExprId {
+    let one = filled(g, a, 1.0);
+    g.div_components(one, a)
+}
+
+/// `1/sqrt(a)` entry by entry.
+fn reciprocal_root(g: &mut Graph, a: ExprId) -> ExprId {
+    let root = g.map(Function1::Sqrt, a);
+    reciprocal(g, root)
+}
+
+/// `(1 - a)(1 + a)` entry by entry.
+fn one_minus_square(g: &mut Graph, a: ExprId) -> ExprId {
+    let one = filled(g, a, 1.0);
+    let low = g.sub(one, a);
+    let high = g.add(one, a);
+    g.mul_components(low, high)
+}
+
+/// `sign 2/sqrt(pi) exp(-a^2)` entry by entry.
+fn bell_node(g: &mut Graph, sign: f64, a: ExprId) -> ExprId {
+    let square = g.mul_components(a, a);
+    let minus = g.neg(square);
+    let bell = apply(g, MathFn1::Exp, minus);
+    times(g, sign * std::f64::consts::FRAC_2_SQRT_PI, bell)
+}
+
+/// sinc'' = -sinc - 2 sinc'/t, so sinc''' = -sinc' - 2 (sinc'' - sinc'/t)/t, 0 at 0; `second` is sinc''(a).
+fn third_of_sinc(g: &mut Graph, a: ExprId, second: ExprId) -> ExprId {
+    let first = apply(g, MathFn1::SincFirst, a);
+    let ratio = g.div_components(first, a);
+    let inner = g.sub(second, ratio);
+    let double = times(g, 2.0, inner);
+    let part = g.div_components(double, a);
+    let total = g.add(first, part);
+    let third = g.neg(total);
+    let zero = g.zero(g.shape(a));
+    let nonzero = g.compare(Compare::NotEqual, a, zero);
+    g.select(nonzero, third, zero)
 }
 
 /// Partial derivative in argument `which` of a function of two numbers; `value` is f(a, b).

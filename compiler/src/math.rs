@@ -5,99 +5,73 @@
 //!
 //! Promises: no allocation, no panic, NaN where the real function does not exist.
 
-/// Functions of one number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[expect(missing_docs, reason = "each is the function of that name")]
-pub enum MathFn1 {
-    Exp,
-    Log,
-    Log10,
-    Sin,
-    Cos,
-    Tan,
-    Asin,
-    Acos,
-    Atan,
-    Sinh,
-    Cosh,
-    Tanh,
-    Asinh,
-    Acosh,
-    Atanh,
-    Erf,
-    Erfc,
-    /// `sin(t)/t`, 1 at 0
-    Sinc,
-    /// First derivative of `sinc`, 0 at 0
-    SincFirst,
-    /// Second derivative of `sinc`, -1/3 at 0
-    SincSecond,
+use crate::{ir::Compare, real::Real};
+
+/// The value of a row at an f64.
+macro_rules! at_f64 {
+    ($t:ident native($f:path, $extended:expr, $slope:expr, $derivative:expr)) => {
+        $f($t)
+    };
+    ($t:ident formula(|$x:ident| $value:expr, $derivative:expr)) => {{
+        fn formula<T: Real>($x: T) -> T {
+            $value
+        }
+        formula::<f64>($t)
+    }};
 }
 
-impl MathFn1 {
-    /// Every function, in order of declaration.
-    pub const ALL: [MathFn1; 20] = {
-        use MathFn1::*;
-        [
-            Exp, Log, Log10, Sin, Cos, Tan, Asin, Acos, Atan, Sinh, Cosh, Tanh, Asinh, Acosh, Atanh, Erf, Erfc, Sinc,
-            SincFirst, SincSecond,
-        ]
+macro_rules! declare {
+    ($($kind:ident $variant:ident $name:literal $doc:literal [$($sample:literal),*] $form:ident($($value:tt)*);)*) => {
+        /// Functions of one number; `wfl/src/scalar_functions.rs` has a row for each.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum MathFn1 {
+            $(#[doc = $doc] $variant),*
+        }
+
+        impl MathFn1 {
+            /// Every function, in order of the rows.
+            pub const ALL: [MathFn1; [$($name),*].len()] = [$(MathFn1::$variant),*];
+
+            /// The name in the language and in listings.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(MathFn1::$variant => $name),*
+                }
+            }
+
+            /// The value at `t`: the only definition, for interpreter and machine code alike.
+            #[must_use]
+            #[inline]
+            pub fn eval(self, t: f64) -> f64 {
+                match self {
+                    $(MathFn1::$variant => at_f64!(t $form($($value)*))),*
+                }
+            }
+
+            /// Expressions that the tests differentiate; none for functions that the language does not have.
+            #[must_use]
+            pub fn samples(self) -> &'static [&'static str] {
+                match self {
+                    $(MathFn1::$variant => &[$($sample),*]),*
+                }
+            }
+        }
     };
+}
 
-    /// The name in the language and in listings.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            MathFn1::Exp => "exp",
-            MathFn1::Log => "log",
-            MathFn1::Log10 => "log10",
-            MathFn1::Sin => "sin",
-            MathFn1::Cos => "cos",
-            MathFn1::Tan => "tan",
-            MathFn1::Asin => "asin",
-            MathFn1::Acos => "acos",
-            MathFn1::Atan => "atan",
-            MathFn1::Sinh => "sinh",
-            MathFn1::Cosh => "cosh",
-            MathFn1::Tanh => "tanh",
-            MathFn1::Asinh => "asinh",
-            MathFn1::Acosh => "acosh",
-            MathFn1::Atanh => "atanh",
-            MathFn1::Erf => "erf",
-            MathFn1::Erfc => "erfc",
-            MathFn1::Sinc => "sinc",
-            MathFn1::SincFirst => "sinc_first",
-            MathFn1::SincSecond => "sinc_second",
-        }
-    }
+wfl::scalar_functions!(declare);
 
-    /// The value at `t`: the only definition, for interpreter and machine code alike.
-    #[must_use]
-    #[inline]
-    pub fn eval(self, t: f64) -> f64 {
-        match self {
-            MathFn1::Exp => libm::exp(t),
-            MathFn1::Log => libm::log(t),
-            MathFn1::Log10 => libm::log10(t),
-            MathFn1::Sin => libm::sin(t),
-            MathFn1::Cos => libm::cos(t),
-            MathFn1::Tan => libm::tan(t),
-            MathFn1::Asin => libm::asin(t),
-            MathFn1::Acos => libm::acos(t),
-            MathFn1::Atan => libm::atan(t),
-            MathFn1::Sinh => libm::sinh(t),
-            MathFn1::Cosh => libm::cosh(t),
-            MathFn1::Tanh => libm::tanh(t),
-            MathFn1::Asinh => libm::asinh(t),
-            MathFn1::Acosh => libm::acosh(t),
-            MathFn1::Atanh => libm::atanh(t),
-            MathFn1::Erf => libm::erf(t),
-            MathFn1::Erfc => libm::erfc(t),
-            MathFn1::Sinc => sinc_derivative(0, t),
-            MathFn1::SincFirst => sinc_derivative(1, t),
-            MathFn1::SincSecond => sinc_derivative(2, t),
-        }
-    }
+fn sinc(t: f64) -> f64 {
+    sinc_derivative(0, t)
+}
+
+fn sinc_first(t: f64) -> f64 {
+    sinc_derivative(1, t)
+}
+
+fn sinc_second(t: f64) -> f64 {
+    sinc_derivative(2, t)
 }
 
 /// Functions of two numbers.
@@ -258,6 +232,26 @@ mod tests {
         assert_eq!(MathFn1::Sinc.eval(0.0), 1.0);
         assert_eq!(MathFn1::SincFirst.eval(0.0), 0.0);
         assert_eq!(MathFn1::SincSecond.eval(0.0), -1.0 / 3.0);
+    }
+
+    /// Every smooth function beside itself in double-double arithmetic, from the smallest to the largest arguments.
+    #[test]
+    fn functions_near_zero_and_far_away_are_right_to_rounding() {
+        let sizes =
+            [0.0, 5e-324, 1e-300, 1e-17, 1e-9, 1e-3, 0.3, 0.7, 1.0, 5.0, 17.3, 36.1, 37.5, 100.0, 700.0, 744.0, 1e5];
+        let smooth = [MathFn1::Expm1, MathFn1::Log1p, MathFn1::Softplus, MathFn1::Logistic];
+        for f in smooth {
+            for t in sizes.iter().flat_map(|t| [*t, -*t]) {
+                let (found, right) = (f.eval(t), crate::Dd::from_f64(t).function1(f).hi());
+                // below 1e-305 a result has fewer digits
+                let bound = 4.0 * f64::EPSILON * right.abs() + 1e-320;
+                let same = found == right || (found.is_nan() && right.is_nan());
+                assert!(same || (found - right).abs() <= bound, "{}({t:e}): {found:e} {right:e}", f.name());
+            }
+        }
+        assert_eq!([MathFn1::Softplus.eval(1e308), MathFn1::Softplus.eval(-1e308)], [1e308, 0.0]);
+        assert_eq!([MathFn1::Logistic.eval(f64::INFINITY), MathFn1::Logistic.eval(f64::NEG_INFINITY)], [1.0, 0.0]);
+        assert!(MathFn1::Softplus.eval(-744.0) > 0.0 && MathFn1::Logistic.eval(f64::NAN).is_nan());
     }
 
     #[test]

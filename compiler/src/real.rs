@@ -216,32 +216,36 @@ impl Real for Dual {
     }
 }
 
-/// The derivative of `f` at `t`, where it has the value `y`.
-fn derivative1(f: MathFn1, t: f64, y: f64) -> f64 {
-    // 2/sqrt(pi)
-    const BELL: f64 = std::f64::consts::FRAC_2_SQRT_PI;
-    match f {
-        MathFn1::Exp => y,
-        MathFn1::Log => 1.0 / t,
-        MathFn1::Log10 => std::f64::consts::LOG10_E / t,
-        MathFn1::Sin => libm::cos(t),
-        MathFn1::Cos => -libm::sin(t),
-        MathFn1::Tan => 1.0 + y * y,
-        MathFn1::Asin => 1.0 / ((1.0 - t) * (1.0 + t)).sqrt(),
-        MathFn1::Acos => -1.0 / ((1.0 - t) * (1.0 + t)).sqrt(),
-        MathFn1::Atan => 1.0 / (1.0 + t * t),
-        MathFn1::Sinh => libm::cosh(t),
-        MathFn1::Cosh => libm::sinh(t),
-        MathFn1::Tanh => (1.0 - y) * (1.0 + y),
-        MathFn1::Asinh => 1.0 / libm::hypot(1.0, t),
-        MathFn1::Acosh => 1.0 / ((t - 1.0).sqrt() * (t + 1.0).sqrt()),
-        MathFn1::Atanh => 1.0 / ((1.0 - t) * (1.0 + t)),
-        MathFn1::Erf => BELL * libm::exp(-t * t),
-        MathFn1::Erfc => -BELL * libm::exp(-t * t),
-        MathFn1::Sinc => sinc_derivative(1, t),
-        MathFn1::SincFirst => sinc_derivative(2, t),
-        MathFn1::SincSecond => sinc_derivative(3, t),
-    }
+/// The slope of a row at `t`, where it has the value `y`.
+macro_rules! slope_of {
+    ($t:ident $y:ident native($f:path, $extended:expr, $slope:expr, $derivative:expr)) => {{
+        let slope: fn(f64, f64) -> f64 = $slope;
+        slope($t, $y)
+    }};
+    ($t:ident $y:ident formula(|$x:ident| $value:expr, $derivative:expr)) => {{
+        fn formula<T: Real>($x: T) -> T {
+            $value
+        }
+        formula(Dual::new($t, 1.0)).slope
+    }};
+}
+
+macro_rules! slopes {
+    ($($kind:ident $variant:ident $name:literal $doc:literal [$($sample:literal),*] $form:ident($($value:tt)*);)*) => {
+        /// The derivative of `f` at `t`, where it has the value `y`.
+        fn derivative1(f: MathFn1, t: f64, y: f64) -> f64 {
+            match f {
+                $(MathFn1::$variant => slope_of!(t y $form($($value)*))),*
+            }
+        }
+    };
+}
+
+wfl::scalar_functions!(slopes);
+
+/// Derivative of the error function.
+fn bell(t: f64) -> f64 {
+    std::f64::consts::FRAC_2_SQRT_PI * libm::exp(-t * t)
 }
 
 impl Real for Dd {

@@ -26,6 +26,7 @@ mod parse;
 mod quote;
 mod render;
 mod resolve;
+mod scalar_functions;
 mod script;
 mod source;
 #[cfg(test)]
@@ -51,4 +52,4 @@ pub use script::{
 pub use source::{Source, SourceId, SourceMap, Span};
 pub use units::{UnitOf, check_units, unit_report};
 pub use walk::each_name;
-pub use words::{CONSTANTS, FUNCTIONS, PREFIXES, REGIONS, UNSUPPORTED, is_function, reserved, split_prefixes};
+pub use words::{CONSTANTS, PREFIXES, REGIONS, UNSUPPORTED, functions, is_function, reserved, split_prefixes};

@@ -1,7 +1,9 @@
 //! Words that mean something inside expressions: functions, constants, prefixes. No scene may declare them.
 
-/// Every built-in function and operator written as a call, sorted.
-pub const FUNCTIONS: &[&str] = &[
+use crate::scalar_functions::scalar_function_names;
+
+/// Built-in functions and operators written as a call, sorted, but for the smooth functions of one number.
+const OTHER_FUNCTIONS: &[&str] = &[
     "Ball_projection",
     "Cauchy_stress_from_PK2",
     "Ciarlet_Geymonat_PK2",
@@ -94,22 +96,9 @@ pub const FUNCTIONS: &[&str] = &[
     "Transformed_unit_vector",
     "Von_Mises_projection",
     "abs",
-    "acos",
-    "acosh",
-    "asin",
-    "asinh",
-    "atan",
     "atan2",
-    "atanh",
-    "cos",
-    "cosh",
-    "erf",
-    "erfc",
-    "exp",
     "half_sqr_neg_part",
     "half_sqr_pos_part",
-    "log",
-    "log10",
     "max",
     "min",
     "neg_part",
@@ -119,16 +108,16 @@ pub const FUNCTIONS: &[&str] = &[
     "qdims",
     "reg_pos_part",
     "sign",
-    "sin",
-    "sinc",
-    "sinh",
     "sqr",
     "sqr_neg_part",
     "sqr_pos_part",
     "sqrt",
-    "tan",
-    "tanh",
 ];
+
+/// Every built-in function and operator written as a call.
+pub fn functions() -> impl Iterator<Item = &'static str> {
+    OTHER_FUNCTIONS.iter().copied().chain(scalar_function_names())
+}
 
 /// GWFL words that are known and refused by the compiler (E801), so that they cannot be declared either.
 pub const UNSUPPORTED: &[&str] = &[
@@ -183,7 +172,10 @@ pub(crate) fn only_prefixes(word: &str) -> bool {
 /// True for functions, also `Derivative_f` of them.
 #[must_use]
 pub fn is_function(word: &str) -> bool {
-    FUNCTIONS.binary_search(&word).is_ok() || UNSUPPORTED.contains(&word) || word.starts_with("Derivative_")
+    OTHER_FUNCTIONS.binary_search(&word).is_ok()
+        || scalar_function_names().any(|name| name == word)
+        || UNSUPPORTED.contains(&word)
+        || word.starts_with("Derivative_")
 }
 
 /// Why a word cannot be declared as a value, ready to stand behind "`word` is"; `None` if it can.
@@ -208,7 +200,10 @@ mod tests {
 
     #[test]
     fn the_table_of_functions_is_sorted_and_has_no_word_twice() {
-        assert!(FUNCTIONS.windows(2).all(|w| w[0] < w[1]));
+        assert!(OTHER_FUNCTIONS.windows(2).all(|w| w[0] < w[1]));
+        let mut all: Vec<&str> = functions().collect();
+        all.sort_unstable();
+        assert!(all.windows(2).all(|w| w[0] < w[1]));
     }
 
     #[test]

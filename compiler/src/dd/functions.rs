@@ -11,7 +11,11 @@
 use std::f64::consts;
 
 use super::{Dd, quick_two_sum, two_prod, two_sum};
-use crate::math::{MathFn1, MathFn2, SINC_SERIES_BOUND};
+use crate::{
+    ir::Compare,
+    math::{MathFn1, MathFn2, SINC_SERIES_BOUND},
+    real::Real,
+};
 
 /// log(2) in three parts, so that `k log(2)` is known to 1e-48 k.
 const LN2: [f64; 3] = [consts::LN_2, 2.3190468138462996e-17, 5.707708438416212e-34];
@@ -39,6 +43,42 @@ fn series(first: Dd, ratio: impl Fn(f64) -> Dd) -> Dd {
     sum
 }
 
+/// `2 atanh(z) = log((1 + z)/(1 - z)) = 2 sum z^(2k+1)/(2k+1)` for small z.
+fn log_from_ratio(z: Dd) -> Dd {
+    if z.hi == 0.0 {
+        return Dd::ZERO;
+    }
+    let square = z.square();
+    series(z, |k| square * Dd::from_f64(2.0 * k - 1.0) / Dd::from_f64(2.0 * k + 1.0)).scale(2.0)
+}
+
+/// A row in double-double precision.
+macro_rules! in_dd {
+    ($x:ident native($f:path, $extended:expr, $slope:expr, $derivative:expr)) => {{
+        let extended: fn(Dd) -> Dd = $extended;
+        extended($x)
+    }};
+    ($x:ident formula(|$t:ident| $value:expr, $derivative:expr)) => {{
+        fn formula<T: Real>($t: T) -> T {
+            $value
+        }
+        formula::<Dd>($x)
+    }};
+}
+
+macro_rules! extended_values {
+    ($($kind:ident $variant:ident $name:literal $doc:literal [$($sample:literal),*] $form:ident($($value:tt)*);)*) => {
+        /// A function at a point where it is finite.
+        fn extended(f: MathFn1, x: Dd) -> Dd {
+            match f {
+                $(MathFn1::$variant => in_dd!(x $form($($value)*))),*
+            }
+        }
+    };
+}
+
+wfl::scalar_functions!(extended_values);
+
 /// `x - k (p0 + p1 + ...)` without cancellation, for integers k and parts of falling size.
 fn reduce(x: Dd, k: f64, parts: &[f64]) -> Dd {
     // The first difference is exact (or nearly so), the others are corrections of falling size.
@@ -57,38 +97,62 @@ impl Dd {
     #[must_use]
     pub fn function1(self, f: MathFn1) -> Dd {
         let rough = f.eval(self.hi);
-        let direct =
-            matches!(f, MathFn1::Acos | MathFn1::Sinc | MathFn1::SincFirst | MathFn1::SincSecond | MathFn1::Erfc);
-        // Special values and poles are those of libm; so is 0, unless the value there needs more digits.
-        if !rough.is_finite() || !self.hi.is_finite() || (self.hi == 0.0 && !direct) {
+        // Special values, poles and zeros at 0 are those of libm.
+        if !rough.is_finite() || !self.hi.is_finite() || (self.hi == 0.0 && rough == 0.0) {
             return Dd::from_f64(rough);
         }
-        match f {
-            MathFn1::Exp => self.exp(),
-            MathFn1::Log => self.log(),
-            MathFn1::Log10 => self.log() / LN10,
-            MathFn1::Sin => self.sin_cos().0,
-            MathFn1::Cos => self.sin_cos().1,
-            MathFn1::Tan => {
-                let (sine, cosine) = self.sin_cos();
-                sine / cosine
-            }
-            MathFn1::Asin => self.atan2(((Dd::ONE - self) * (Dd::ONE + self)).sqrt()),
-            MathFn1::Acos => ((Dd::ONE - self) * (Dd::ONE + self)).sqrt().atan2(self),
-            MathFn1::Atan => self.atan2(Dd::ONE),
-            MathFn1::Sinh => self.sinh(),
-            MathFn1::Cosh => self.cosh(),
-            MathFn1::Tanh => self.tanh(),
-            MathFn1::Asinh => self.asinh(),
-            // acosh(t) = 2 asinh(sqrt((t - 1)/2)): no cancellation at 1.
-            MathFn1::Acosh => (self - Dd::ONE).scale(0.5).sqrt().asinh().scale(2.0),
-            MathFn1::Atanh => self.atanh(rough),
-            MathFn1::Erf => self.erf(),
-            MathFn1::Erfc => self.erfc(),
-            MathFn1::Sinc => self.sinc_derivative(0),
-            MathFn1::SincFirst => self.sinc_derivative(1),
-            MathFn1::SincSecond => self.sinc_derivative(2),
+        extended(f, self)
+    }
+
+    fn log10(self) -> Dd {
+        self.log() / LN10
+    }
+
+    fn sin(self) -> Dd {
+        self.sin_cos().0
+    }
+
+    fn cos(self) -> Dd {
+        self.sin_cos().1
+    }
+
+    fn tan(self) -> Dd {
+        let (sine, cosine) = self.sin_cos();
+        sine / cosine
+    }
+
+    fn asin(self) -> Dd {
+        self.atan2(((Dd::ONE - self) * (Dd::ONE + self)).sqrt())
+    }
+
+    fn acos(self) -> Dd {
+        ((Dd::ONE - self) * (Dd::ONE + self)).sqrt().atan2(self)
+    }
+
+    fn atan(self) -> Dd {
+        self.atan2(Dd::ONE)
+    }
+
+    /// acosh(t) = 2 asinh(sqrt((t - 1)/2)): no cancellation at 1.
+    fn acosh(self) -> Dd {
+        (self - Dd::ONE).scale(0.5).sqrt().asinh().scale(2.0)
+    }
+
+    /// `exp(x) - 1`: near 0 as 2 sinh(x/2) exp(x/2), which cancels nothing.
+    fn expm1(self) -> Dd {
+        if self.hi.abs() < 0.5 {
+            let half = self.scale(0.5);
+            return half.sinh().scale(2.0) * half.exp();
         }
+        self.exp() - Dd::ONE
+    }
+
+    /// `log(1 + x)`: near 0 by the series of `2 atanh(x/(2 + x))`.
+    fn log1p(self) -> Dd {
+        if self.hi.abs() >= 0.2 {
+            return (Dd::ONE + self).log();
+        }
+        log_from_ratio(self / (self + Dd::from_f64(2.0)))
     }
 
     /// `exp`: x = k log 2 + 256 r, Taylor series of `exp(r) - 1`, eight times `e -> e (e + 2)`, which keeps the
@@ -120,13 +184,7 @@ impl Dd {
             return Dd::from_f64(rough);
         }
         if (self.hi - 1.0).abs() < 0.2 {
-            let z = (self - Dd::ONE) / (self + Dd::ONE);
-            if z.hi == 0.0 {
-                return Dd::ZERO;
-            }
-            let square = z.square();
-            // sum z^(2k+1)/(2k+1)
-            return series(z, |k| square * Dd::from_f64(2.0 * k - 1.0) / Dd::from_f64(2.0 * k + 1.0)).scale(2.0);
+            return log_from_ratio((self - Dd::ONE) / (self + Dd::ONE));
         }
         // Keep exp(-y) and its low part in range.
         if self.hi < 1e-250 {
@@ -236,8 +294,8 @@ impl Dd {
     }
 
     /// `tanh(atanh(x) - y) = (x cosh y - sinh y) / (cosh y - x sinh y)` with the f64 value y.
-    fn atanh(self, rough: f64) -> Dd {
-        let y = Dd::from_f64(rough);
+    fn atanh(self) -> Dd {
+        let y = Dd::from_f64(libm::atanh(self.hi));
         let (sinh, cosh) = (y.sinh(), y.cosh());
         y + (self * cosh - sinh) / (cosh - self * sinh)
     }
@@ -447,6 +505,37 @@ mod tests {
         (MathFn1::Erfc, 3.0, 2.209049699858544e-05, 1.5563377960343457e-22),
         (MathFn1::Erfc, 10.0, 2.088487583762545e-45, -1.2006565763501381e-61),
         (MathFn1::Erfc, 25.0, 8.300172571196523e-274, -4.0508928147804266e-291),
+        (MathFn1::Expm1, -40.0, -1.0, 4.248354255291589e-18),
+        (MathFn1::Expm1, -0.7, -0.5034146962085905, 9.827550225511106e-18),
+        (MathFn1::Expm1, -1e-09, -9.999999995e-10, -7.477230737177921e-26),
+        (MathFn1::Expm1, 1e-05, 1.0000050000166668e-05, -3.111926571619883e-22),
+        (MathFn1::Expm1, 0.3, 0.3498588075760031, 1.6549155728191776e-17),
+        (MathFn1::Expm1, 0.6, 0.8221188003905089, 4.850485794703611e-17),
+        (MathFn1::Expm1, 25.0, 72004899336.38588, -6.992440211033874e-06),
+        (MathFn1::Expm1, 700.0, 1.0142320547350045e+304, 1.6666571920734673e+287),
+        (MathFn1::Log1p, -0.999, -6.907755278982136, -2.369515526854508e-16),
+        (MathFn1::Log1p, -0.3, -0.35667494393873234, -2.6895094047056423e-17),
+        (MathFn1::Log1p, -1e-09, -1.0000000005000001e-09, 7.427230737157087e-26),
+        (MathFn1::Log1p, 1e-12, 9.999999999995e-13, 2.4217940103012377e-29),
+        (MathFn1::Log1p, 0.1, 0.09531017980432487, -3.808451650416249e-19),
+        (MathFn1::Log1p, 0.3, 0.26236426446749106, -1.6067257209028454e-17),
+        (MathFn1::Log1p, 25.0, 3.258096538021482, -9.038993183377354e-17),
+        (MathFn1::Log1p, 1e+200, 460.51701859880916, -2.2129109272629473e-14),
+        (MathFn1::Softplus, -700.0, 9.85967654375977e-305, 8.5e-322),
+        (MathFn1::Softplus, -30.5, 5.675685232632561e-14, 2.1729694820189895e-30),
+        (MathFn1::Softplus, -0.5, 0.4740769841801067, -5.522109052790765e-18),
+        (MathFn1::Softplus, 0.0, 0.6931471805599453, 2.3190468138462996e-17),
+        (MathFn1::Softplus, 0.5, 0.9740769841801067, -5.522109052790765e-18),
+        (MathFn1::Softplus, 3.3, 3.336219258870659, 1.4969104230054168e-16),
+        (MathFn1::Softplus, 40.0, 40.0, 4.248354255291589e-18),
+        (MathFn1::Softplus, 10000000000.0, 10000000000.0, 0.0),
+        (MathFn1::Logistic, -700.0, 9.85967654375977e-305, 8.5e-322),
+        (MathFn1::Logistic, -30.5, 5.6756852326324e-14, 7.790731367469167e-31),
+        (MathFn1::Logistic, -0.5, 0.37754066879814546, -2.695376417313478e-17),
+        (MathFn1::Logistic, 0.0, 0.5, 0.0),
+        (MathFn1::Logistic, 0.5, 0.6224593312018546, -2.855738705812305e-17),
+        (MathFn1::Logistic, 3.3, 0.9644288107273639, -3.992634414087213e-17),
+        (MathFn1::Logistic, 30.0, 0.9999999999999064, 1.557128750770682e-17),
         (MathFn1::Sinc, 1e-05, 0.9999999999833333, 1.3790895139247375e-18),
         (MathFn1::Sinc, 0.7, 0.9203109817681301, -9.4978074471137e-19),
         (MathFn1::Sinc, 1.99, 0.45900168911619355, 2.4980253404403675e-17),

@@ -84,7 +84,9 @@ pub(crate) const NOT_SUPPORTED: &[&str] = &[
 
 /// All functions, table by table.
 pub fn all() -> impl Iterator<Item = &'static OpDef> {
-    [scalar::TABLE, tensor::TABLE, project::TABLE, hyperelastic::TABLE, field::TABLE].into_iter().flatten()
+    [scalar::SMOOTH, scalar::TABLE, tensor::TABLE, project::TABLE, hyperelastic::TABLE, field::TABLE]
+        .into_iter()
+        .flatten()
 }
 
 /// The function of that name.

@@ -46,27 +46,34 @@ macro_rules! two {
     };
 }
 
+/// Rows of `wfl/src/scalar_functions.rs` that the language has.
+macro_rules! table {
+    (@rows [$($rows:expr,)*]) => {
+        &[$($rows),*]
+    };
+    (@rows [$($rows:expr,)*] word $variant:ident $name:literal $doc:literal [$($sample:literal),*]
+        $form:ident($($value:tt)*); $($more:tt)*) => {
+        table!(@rows [
+            $($rows,)*
+            one!($name, $doc, &[$($sample),*], |g, a| apply(g, MathFn1::$variant, a)),
+        ] $($more)*)
+    };
+    (@rows [$($rows:expr,)*] inner $variant:ident $name:literal $doc:literal []
+        $form:ident($($value:tt)*); $($more:tt)*) => {
+        table!(@rows [$($rows,)*] $($more)*)
+    };
+    (word $($rows:tt)*) => {
+        table!(@rows [] word $($rows)*)
+    };
+}
+
+/// The smooth functions.
+pub(super) const SMOOTH: &[OpDef] = wfl::scalar_functions!(table);
+
+/// The others.
 pub(super) const TABLE: &[OpDef] = &[
     one!("sqr", "t times t", &["sqr(p)", "sqr(u).w"], |g, a| g.mul_components(a, a)),
     one!("sqrt", "square root; its derivative is infinite at 0", &["sqrt(4+p)"], |g, a| g.map(Function1::Sqrt, a)),
-    one!("exp", "exponential", &["exp(p)"], |g, a| apply(g, MathFn1::Exp, a)),
-    one!("log", "natural logarithm", &["log(4+p)"], |g, a| apply(g, MathFn1::Log, a)),
-    one!("log10", "decimal logarithm", &["log10(4+p)"], |g, a| apply(g, MathFn1::Log10, a)),
-    one!("sin", "sine", &["sin(p)", "sin(u).w"], |g, a| apply(g, MathFn1::Sin, a)),
-    one!("cos", "cosine", &["cos(p)"], |g, a| apply(g, MathFn1::Cos, a)),
-    one!("tan", "tangent", &["tan(p/3)"], |g, a| apply(g, MathFn1::Tan, a)),
-    one!("asin", "arc sine", &["asin(p/4)"], |g, a| apply(g, MathFn1::Asin, a)),
-    one!("acos", "arc cosine", &["acos(p/4)"], |g, a| apply(g, MathFn1::Acos, a)),
-    one!("atan", "arc tangent", &["atan(p)"], |g, a| apply(g, MathFn1::Atan, a)),
-    one!("sinh", "hyperbolic sine", &["sinh(p)"], |g, a| apply(g, MathFn1::Sinh, a)),
-    one!("cosh", "hyperbolic cosine", &["cosh(p)"], |g, a| apply(g, MathFn1::Cosh, a)),
-    one!("tanh", "hyperbolic tangent", &["tanh(p)"], |g, a| apply(g, MathFn1::Tanh, a)),
-    one!("asinh", "inverse of sinh", &["asinh(p)"], |g, a| apply(g, MathFn1::Asinh, a)),
-    one!("acosh", "inverse of cosh", &["acosh(5+p)"], |g, a| apply(g, MathFn1::Acosh, a)),
-    one!("atanh", "inverse of tanh", &["atanh(p/4)"], |g, a| apply(g, MathFn1::Atanh, a)),
-    one!("erf", "error function", &["erf(p)"], |g, a| apply(g, MathFn1::Erf, a)),
-    one!("erfc", "1 - erf", &["erfc(p)"], |g, a| apply(g, MathFn1::Erfc, a)),
-    one!("sinc", "sin(t)/t, 1 at 0", &["sinc(p)"], |g, a| apply(g, MathFn1::Sinc, a)),
     one!("Heaviside", "1 for t >= 0, else 0; derivative 0", &[], |g, a| step(g, a, 1.0, 0.0)),
     one!("sign", "1 for t >= 0, else -1; derivative 0", &[], |g, a| step(g, a, 1.0, -1.0)),
     one!("abs", "absolute value; derivative 1 at 0", &["abs(p)"], |g, a| {
