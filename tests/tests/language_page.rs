@@ -34,3 +34,12 @@ fn the_scene_on_the_page_can_be_prepared() {
     let backend = wfl_jit::JitBackend::new().expect("a backend");
     prepared(&examples(), scene, &[], &[], &backend).unwrap_or_else(|e| panic!("{e}"));
 }
+
+#[test]
+fn the_words_of_the_language_are_the_functions_of_the_compiler() {
+    let mut words: Vec<&str> = wfl::functions().collect();
+    let mut operators: Vec<&str> = wfl_compiler::functions().map(|op| op.name).collect();
+    words.sort_unstable();
+    operators.sort_unstable();
+    assert_eq!(words, operators, "wfl/src/words.rs on the left, compiler/src/ops on the right");
+}
