@@ -48,3 +48,4 @@ pub use term::{
     compile_value, run_prologue,
 };
 pub use verify::{SlotKind, ValueType, VerifyError, verify};
+pub use wfl::scalar_functions;

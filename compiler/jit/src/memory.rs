@@ -91,15 +91,15 @@ macro_rules! shims {
     };
 }
 
-#[rustfmt::skip]
-fn address1(f: MathFn1) -> *const u8 {
-    shims!(
-        f,
-        MathFn1: Exp Log Log10 Sin Cos Tan Asin Acos Atan Sinh Cosh Tanh Asinh Acosh Atanh Erf Erfc
-            Sinc SincFirst SincSecond,
-        |FUNCTION| extern "C" fn shim(t: f64) -> f64 { FUNCTION.eval(t) }
-    )
+macro_rules! address_of_rows {
+    ($($kind:ident $variant:ident $name:literal $doc:literal [$($sample:literal),*] $form:ident($($value:tt)*);)*) => {
+        fn address1(f: MathFn1) -> *const u8 {
+            shims!(f, MathFn1: $($variant)*, |FUNCTION| extern "C" fn shim(t: f64) -> f64 { FUNCTION.eval(t) })
+        }
+    };
 }
+
+wfl_compiler::scalar_functions!(address_of_rows);
 
 #[rustfmt::skip]
 fn address2(f: MathFn2) -> *const u8 {

@@ -369,7 +369,8 @@ pub(crate) struct VerifyArgs {
 #[derive(Debug, ClapArgs)]
 #[command(arg_required_else_help = true)]
 pub(crate) struct ExplainArgs {
-    /// The code of a message, such as E103, or the name of a function, such as Ball_projection
+    /// The code of a message, such as E103, the name of a function, such as Ball_projection, or a macro of the
+    /// library, such as nitsche
     #[arg(required_unless_present_any = ["list", "functions"])]
     pub(crate) code: Option<String>,
     /// All codes, a line each

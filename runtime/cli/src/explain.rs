@@ -1,8 +1,8 @@
-//! `wfl explain`: the page of a message, or of a function of the language.
+//! `wfl explain`: the page of a message, of a function of the language, or of a macro of the library.
 
 use std::{fmt::Write as _, process::ExitCode};
 
-use wfl::{codes, nearest};
+use wfl::{LIBRARY, codes, nearest};
 use wfl_compiler::{OpDef, functions};
 
 use crate::{
@@ -28,11 +28,16 @@ pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
         out(&format!("{}\n\n{}\n", op.usage, wrapped(op.doc, 96)));
         return ExitCode::SUCCESS;
     }
+    if let Some(page) = library_macro(code) {
+        out(&page);
+        return ExitCode::SUCCESS;
+    }
     let Some(page) = wfl::explain(code) else {
-        let near = nearest(code, codes().map(|p| p.code).chain(functions().map(|op| op.name)));
+        let macros = library_macros().map(|m| m.name);
+        let near = nearest(code, codes().map(|p| p.code).chain(functions().map(|op| op.name)).chain(macros));
         let near = near.map_or_else(String::new, |n| format!("; the nearest is {n}"));
         say(&format!(
-            "error: no message has the code `{code}`, and no function that name{near}\n  \
+            "error: no message has the code `{code}`, and no function or macro of the library that name{near}\n  \
              = help: wfl explain --list shows all codes, --functions all functions\n"
         ));
         return ExitCode::from(EXIT_ERROR);
@@ -47,6 +52,40 @@ pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
         indented(page.fixed)
     ));
     ExitCode::SUCCESS
+}
+
+/// A macro of the library.
+struct LibraryMacro {
+    name: &'static str,
+    /// The file that defines it.
+    file: &'static str,
+    /// The paragraph of that file with its definition.
+    paragraph: &'static str,
+}
+
+fn library_macros() -> impl Iterator<Item = LibraryMacro> {
+    LIBRARY.iter().flat_map(|(file, text)| {
+        text.split("\n\n").flat_map(move |paragraph| {
+            let heads = paragraph.lines().filter_map(|line| line.strip_prefix("def "));
+            heads.filter_map(move |head| Some(LibraryMacro { name: head.split('(').next()?, file, paragraph }))
+        })
+    })
+}
+
+/// What the library says about a macro, and its definition with the lines that continue it.
+fn library_macro(name: &str) -> Option<String> {
+    let found = library_macros().find(|m| m.name == name)?;
+    let file = found.file.trim_end_matches(".wfl");
+    let mut text = format!("`{name}` is a macro of the library: use \"{file}\"\n\n");
+    let mut wanted = false;
+    for line in found.paragraph.lines() {
+        let comment = line.starts_with('#');
+        wanted = comment || if line.starts_with(' ') { wanted } else { line.starts_with(&format!("def {name}(")) };
+        if wanted {
+            let _ = writeln!(text, "{}", line.strip_prefix("# ").unwrap_or(line));
+        }
+    }
+    Some(text)
 }
 
 /// All functions as a table in Markdown, by name.

@@ -257,6 +257,10 @@ fn explain_prints_pages_and_refuses_other_words() {
     let page = wfl(&folder.0, &["explain", "e402"]);
     assert!(page.code == 0 && page.out.starts_with("E402: ") && page.out.contains("Right:"), "{}", page.out);
     assert!(wfl(&folder.0, &["explain", "--list"]).out.lines().count() > 50);
+    let page = wfl(&folder.0, &["explain", "nitsche_force"]).out;
+    assert!(page.starts_with("`nitsche_force` is a macro of the library: use \"contact\"\n"), "{page}");
+    assert!(page.contains("trial pressure") && page.contains("contact_force(gamma*"), "{page}");
+    assert!(!page.contains("def nitsche_with_gap"), "{page}");
     assert_eq!(wfl(&folder.0, &["explain", "E999"]).code, 1);
 }
 
