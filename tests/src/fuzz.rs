@@ -3,6 +3,8 @@
 //! One generator serves three users: the property tests, the program `fuzz` that runs millions of inputs, and the
 //! targets of cargo-fuzz. Texts are mutated examples, soups of words of the language, nesting bombs and raw bytes.
 
+pub mod files;
+
 use std::collections::BTreeMap;
 
 use wfl::{Diagnostic, Expander, NoFiles, SourceMap, format, parse_gwfl, render, resolve};

@@ -1,6 +1,7 @@
 //! Scenes as text, solved through the library: what the suites share.
 
 pub mod fuzz;
+pub mod mutants;
 pub mod plate;
 pub mod verification;
 

@@ -1,0 +1,151 @@
+//! An independent assembly of the statements of a scene, at the states that a run found: on the interpreter, with every
+//! term at every state, on one thread.
+
+use wfl_runtime::{FIXED, Scene, StepResult, System};
+
+use crate::fuzz::Random;
+
+/// Rounding of a sum of some hundred numbers.
+const ROUNDING: f64 = 1e-13;
+/// How far beside a state its forces are compared, in parts of it.
+const BESIDE: f64 = 1e-3;
+
+/// What an audit found, each the worst of all steps.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Audit {
+    /// Largest free entry of the residual over the largest entry of a term in the equations of its field.
+    pub residual: f64,
+    /// Largest distance of a prescribed value from what the statements say, over the largest of the field's values.
+    pub prescribed: f64,
+    /// Largest difference of a measure, over its size.
+    pub measures: f64,
+}
+
+/// Goes through the steps of a run with its states. `None` where a step was made in parts and something reads the past:
+/// the states in between are not known.
+///
+/// # Errors
+/// A term without a finite value at one of the states.
+pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, String> {
+    let reads_past = scene.system.known.previous.is_some() || !scene.states.is_empty();
+    if reads_past && steps.iter().any(|s| !s.attempts.is_empty()) {
+        return Ok(None);
+    }
+    let mut audit = Audit::default();
+    let mut before = start(scene, steps);
+    for (number, step) in steps.iter().enumerate() {
+        let (time, increment) = (step.time, step.increment);
+        if number == 0 {
+            set_data(scene, time, increment);
+        }
+        scene.system.known.keep(&before);
+        set_data(scene, time, increment);
+        scene.system.set_step(time, increment).map_err(|e| e.to_string())?;
+        if !(number == 0 && scene.steps.from_start) {
+            audit.residual = audit.residual.max(residual(scene, &step.state)?);
+            audit.prescribed = audit.prescribed.max(prescribed(scene, step));
+            let next: Vec<Vec<f64>> = {
+                let Scene { system, states, .. } = &mut *scene;
+                states.iter_mut().map(|s| s.next(system, time, increment, &step.state)).collect()
+            };
+            for (state, values) in scene.states.iter().zip(next) {
+                scene.system.known.data[state.field] = values;
+            }
+        }
+        audit.measures = audit.measures.max(measures(scene, step));
+        before.clone_from(&step.state);
+    }
+    Ok(Some(audit))
+}
+
+/// First values of the unknowns; those of states are put where they are kept.
+fn start(scene: &mut Scene, steps: &[StepResult]) -> Vec<f64> {
+    let mut u = vec![0.0; scene.system.numbering.n_dofs];
+    let time = steps.first().map_or(0.0, |s| s.time);
+    for (field, value) in &mut scene.starts {
+        let values = value.at(&positions(scene.system.fields.get(*field)), time, 0.0);
+        match scene.system.numbering.starts[*field] {
+            Some(first) => u[first..first + values.len()].copy_from_slice(&values),
+            None => scene.system.known.data[*field] = values,
+        }
+    }
+    u
+}
+
+fn positions(field: Option<&wfl_runtime::field::Field>) -> Vec<[f64; 3]> {
+    field.map(|f| (0..f.n_nodes()).map(|n| f.node_position(n)).collect()).unwrap_or_default()
+}
+
+fn set_data(scene: &mut Scene, time: f64, increment: f64) {
+    for (field, value) in &mut scene.data {
+        let positions = positions(scene.system.fields.get(*field));
+        scene.system.known.data[*field] = value.at(&positions, time, increment);
+    }
+}
+
+/// The largest entry by which the free equations are not met, in parts of the largest entry of any term there.
+fn residual(scene: &mut Scene, u: &[f64]) -> Result<f64, String> {
+    let system = &mut scene.system;
+    let (mut all, n) = (Vec::new(), u.len());
+    system.residual(u, &mut all).map_err(|e| e.to_string())?;
+    let mut sizes = vec![0.0f64; system.fields.len()];
+    for term in 0..system.terms.len() {
+        let mut own = vec![0.0; n];
+        system.term_residual(term, u, &mut own).map_err(|e| e.to_string())?;
+        for (field, size) in sizes.iter_mut().enumerate() {
+            let range = system.range(field).unwrap_or(0..0);
+            *size = own[range].iter().fold(*size, |m, v| m.max(v.abs()));
+        }
+    }
+    let rounding = rounding(system, u, &all)?;
+    let mut worst = 0.0f64;
+    for (field, size) in sizes.iter().enumerate() {
+        let range = system.range(field).unwrap_or(0..0);
+        let free = range.filter(|d| system.numbering.free[*d] != FIXED).map(|d| all[d].abs());
+        let largest = free.fold(0.0f64, |m, r| if r.is_nan() { f64::INFINITY } else { m.max(r) });
+        if largest > rounding {
+            worst = worst.max(largest / size);
+        }
+    }
+    Ok(worst)
+}
+
+/// What rounding may leave: a part of what the forces change by where each unknown changes by the size of all.
+fn rounding(system: &mut System, u: &[f64], at: &[f64]) -> Result<f64, String> {
+    let size = u.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    let mut random = Random(3);
+    let beside: Vec<f64> = u.iter().map(|v| v + size * BESIDE * (random.below(2001) as f64 / 1000.0 - 1.0)).collect();
+    let mut all = Vec::new();
+    system.residual(&beside, &mut all).map_err(|e| e.to_string())?;
+    let change = all.iter().zip(at).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+    Ok(ROUNDING * change / BESIDE)
+}
+
+/// How far prescribed values are from the state.
+fn prescribed(scene: &mut Scene, step: &StepResult) -> f64 {
+    let mut u = step.state.clone();
+    scene.prescribed.apply(step.time, step.increment, &mut u);
+    let system = &scene.system;
+    let mut worst = 0.0f64;
+    for field in 0..system.fields.len() {
+        let Some(range) = system.range(field) else { continue };
+        let size = u[range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let apart = u[range.clone()].iter().zip(&step.state[range]).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        if apart > 0.0 {
+            worst = worst.max(apart / size);
+        }
+    }
+    worst
+}
+
+fn measures(scene: &mut Scene, step: &StepResult) -> f64 {
+    let Scene { measures, system, .. } = scene;
+    let mut worst = if measures.len() == step.measures.len() { 0.0f64 } else { f64::INFINITY };
+    for (measure, (_, told)) in measures.iter_mut().zip(&step.measures) {
+        let found = measure.evaluate(system, step.time, step.increment, &step.state);
+        if found.to_bits() != told.to_bits() {
+            worst = worst.max((found - told).abs() / found.abs().max(told.abs()));
+        }
+    }
+    worst
+}
