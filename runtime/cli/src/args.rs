@@ -89,10 +89,15 @@ Examples:
   wfl run examples/fault/nitsche.wfl theta=-1 gamma=1e6 --out results -v";
 
 const EXTREMES_HELP: &str = "\
-Nothing is written but the table. Exit code 0 unless a run claims a solution that is none (1).
+Nothing is written but the table. Values outside the range that the scene declares for a parameter are told and not
+tried. A row says what became of a value: solved, solved with a warning or not as an `expect` of the scene wants it (with
+what its measures are), refused with which message, not converged, or out of time.
+Exit codes: 0 every value was solved, 1 error, or a run claims a solution that is none, 2 a value was refused, did not
+converge or was out of time.
 
-Example:
-  wfl extremes examples/fault/nitsche.wfl --out extremes.csv";
+Examples:
+  wfl extremes examples/fault/nitsche.wfl --out extremes.csv
+  wfl extremes examples/crack/compression.wfl --limit 30";
 
 const REPORT_HELP: &str = "\
 The page is OUT/report.html, one file that needs nothing else: open it in any browser, also on a phone.
@@ -292,6 +297,9 @@ pub(crate) struct ExtremesArgs {
     /// Write the table to this file as comma-separated values
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
+    /// Seconds that each value may take [default: three times what the scene takes as written, and not less than 10]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub(crate) limit: Option<f64>,
 }
 
 /// What a page shows.

@@ -1,11 +1,16 @@
 //! `wfl extremes`: each parameter far from its value, in turn; what the scene then does.
 
-use std::{path::Path, process::ExitCode, time::Instant};
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
+    path::Path,
+    process::ExitCode,
+    time::{Duration, Instant},
+};
 
 use serde_json::Value;
 use wfl::Diagnostic;
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{Outcome, Quiet, RunOptions, prepare, run};
+use wfl_runtime::{Outcome, Progress, RunOptions, newton::Iteration, prepare, run};
 
 use crate::{
     args::ExtremesArgs,
@@ -25,6 +30,13 @@ fn values(x: f64) -> [f64; 4] {
     [x / far, x / near, x * near, x * far]
 }
 
+/// A value may take so many times what the scene takes as written, and not less than so many seconds: far from their
+/// values parameters need more iterations, not another order of them.
+const LONGER: u32 = 3;
+const LEAST: Duration = Duration::from_secs(10);
+/// A value was refused, did not converge or was out of time.
+const EXIT_FAILED: u8 = 2;
+
 /// How a run ended, from the worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Ending {
@@ -34,12 +46,16 @@ enum Ending {
     Refused,
     /// A step did not converge, and the run says so.
     NotConverged,
+    /// Still running when its time was over.
+    OutOfTime,
     /// A solution with a warning.
     Warned,
     /// A solution that an expectation of the scene does not hold for.
     Unexpected,
     /// A solution.
     Solved,
+    /// Outside what the scene declares for the parameter: not tried.
+    Outside,
 }
 
 impl Ending {
@@ -48,9 +64,11 @@ impl Ending {
             Ending::SilentlyWrong => "SILENTLY WRONG",
             Ending::Refused => "refused",
             Ending::NotConverged => "not converged",
+            Ending::OutOfTime => "out of time",
             Ending::Warned => "solved, with a warning",
             Ending::Unexpected => "solved, not as expected",
             Ending::Solved => "solved",
+            Ending::Outside => "outside its range",
         }
     }
 }
@@ -75,45 +93,85 @@ pub(crate) fn extremes(args: &ExtremesArgs, started: Instant) -> ExitCode {
             return ExitCode::from(EXIT_ERROR);
         }
     };
-    let mut table = Table::new("extremes", &["parameter", "value", "outcome", "steps", "iterations", "message"]);
-    let mut worst: Option<(String, Trial)> = None;
-    let mut silently = false;
-    let word = |name: &String, x: f64| (name.clone(), x, Some(format!("{name}={x:e}")));
-    let changed = parameters.iter().flat_map(|(name, value)| values(*value).map(move |x| word(name, x)));
-    let trials = std::iter::once((String::from("as written"), f64::NAN, None)).chain(changed);
-    let count = 1 + 2 * FACTORS.len() * parameters.len();
-    for (k, (name, value, word)) in trials.enumerate() {
-        let label = word.clone().unwrap_or_else(|| name.clone());
-        say(&format!("{} of {count}: {label}\n", k + 1));
-        let trial = one(args, word, &*backend, started);
-        silently |= trial.ending == Ending::SilentlyWrong;
-        let value = if value.is_nan() { Value::Null } else { number(value).into() };
-        let (steps, iterations) = trial.steps;
-        table.push(vec![
-            name.into(),
-            value,
-            trial.ending.word().into(),
-            steps.into(),
-            iterations.into(),
-            trial.message.clone().into(),
-        ]);
-        let failed = trial.ending < Ending::Warned;
-        if failed && worst.is_none() {
-            worst = Some((label, trial));
-        }
-    }
+    let (table, trials) = all(args, &parameters, &*backend, started);
     out(&table.text());
-    out(&match &worst {
-        Some((label, trial)) => format!("\nfirst failure: {label}: {}: {}\n", trial.ending.word(), trial.message),
-        None => "\nno failure\n".to_owned(),
-    });
+    out(&summary(&trials));
     if let Some(path) = &args.out
         && let Err(error) = std::fs::write(path, csv(&table))
     {
         say(&format!("error: cannot write {}: {error}\n", path.display()));
         return ExitCode::from(EXIT_ERROR);
     }
-    if silently { ExitCode::from(EXIT_ERROR) } else { ExitCode::SUCCESS }
+    match trials.iter().map(|(_, trial)| trial.ending).min() {
+        Some(Ending::SilentlyWrong) => ExitCode::from(EXIT_ERROR),
+        Some(ending) if ending < Ending::Warned => ExitCode::from(EXIT_FAILED),
+        _ => ExitCode::SUCCESS,
+    }
+}
+
+/// The scene as written and each parameter at each of its values: the table, and what became of each.
+fn all(
+    args: &ExtremesArgs,
+    parameters: &[(String, f64)],
+    backend: &dyn KernelBackend,
+    started: Instant,
+) -> (Table, Vec<(String, Trial)>) {
+    let mut table = Table::new("extremes", &["parameter", "value", "outcome", "steps", "iterations", "message"]);
+    let mut done: Vec<(String, Trial)> = Vec::new();
+    let word = |name: &String, x: f64| (name.clone(), x, Some(format!("{name}={x:e}")));
+    let changed = parameters.iter().flat_map(|(name, value)| values(*value).map(move |x| word(name, x)));
+    let trials = std::iter::once((String::from("as written"), f64::NAN, None)).chain(changed);
+    let count = 1 + 2 * FACTORS.len() * parameters.len();
+    let mut limit = args.limit.map(Duration::from_secs_f64);
+    for (k, (name, value, word)) in trials.enumerate() {
+        let label = word.clone().unwrap_or_else(|| name.clone());
+        say(&format!("{} of {count}: {label}", k + 1));
+        let begin = Instant::now();
+        let trial = one(args, word, (backend, limit), started);
+        // the scene as written has all the time it needs, unless the user says otherwise
+        limit = limit.or_else(|| Some(LEAST.max(LONGER * begin.elapsed())));
+        say(&format!(": {} ({:.1} s)\n", trial.ending.word(), begin.elapsed().as_secs_f64()));
+        let value = if value.is_nan() { Value::Null } else { number(value).into() };
+        let (steps, iterations) = trial.steps;
+        let (ending, message) = (trial.ending.word().into(), trial.message.clone().into());
+        table.push(vec![name.into(), value, ending, steps.into(), iterations.into(), message]);
+        done.push((label, trial));
+    }
+    (table, done)
+}
+
+/// How many ended how, and the first that failed.
+fn summary(trials: &[(String, Trial)]) -> String {
+    let mut counts: Vec<(Ending, usize)> = Vec::new();
+    for (_, trial) in trials {
+        match counts.iter_mut().find(|(ending, _)| *ending == trial.ending) {
+            Some((_, n)) => *n += 1,
+            None => counts.push((trial.ending, 1)),
+        }
+    }
+    counts.sort_by_key(|(ending, _)| std::cmp::Reverse(*ending));
+    let counts: Vec<String> = counts.iter().map(|(ending, n)| format!("{n} {}", ending.word())).collect();
+    let first = match trials.iter().find(|(_, trial)| trial.ending < Ending::Warned) {
+        Some((label, trial)) => format!("first failure: {label}: {}: {}", trial.ending.word(), trial.message),
+        None => "no failure".to_owned(),
+    };
+    format!("\n{}\n{first}\n", counts.join(", "))
+}
+
+/// Ends a run whose time is over: iterations are told, and a run that is left at one leaves nothing behind.
+struct Limited {
+    end: Option<Instant>,
+}
+
+/// What is thrown then.
+struct TimeIsOver;
+
+impl Progress for Limited {
+    fn iteration(&mut self, _iteration: &Iteration) {
+        if self.end.is_some_and(|end| Instant::now() > end) {
+            resume_unwind(Box::new(TimeIsOver));
+        }
+    }
 }
 
 /// The parameters that are numbers other than zero, with their values; the messages of a scene that is wrong.
@@ -129,7 +187,12 @@ fn parameters(base: &Loaded, backend: &dyn KernelBackend) -> Result<Vec<(String,
 }
 
 /// Runs the scene with one word more on the command line; nothing is written.
-fn one(args: &ExtremesArgs, word: Option<String>, backend: &dyn KernelBackend, started: Instant) -> Trial {
+fn one(
+    args: &ExtremesArgs,
+    word: Option<String>,
+    (backend, limit): (&dyn KernelBackend, Option<Duration>),
+    started: Instant,
+) -> Trial {
     let refused = |message: String| Trial { ending: Ending::Refused, steps: (0, 0), message };
     let name = |w: &str| w.split('=').next().unwrap_or_default().trim().to_owned();
     let mut words = args.scene.overrides.clone();
@@ -144,14 +207,22 @@ fn one(args: &ExtremesArgs, word: Option<String>, backend: &dyn KernelBackend, s
     let messages: Vec<Diagnostic> = loaded.messages.iter().cloned().chain(prepared.diagnostics).collect();
     let line = |d: &Diagnostic| format!("{}: {}", d.code, d.message);
     if let Some(error) = messages.iter().find(|d| d.is_error()) {
-        return refused(line(error));
+        let outside = error.code == "E701";
+        return Trial { ending: if outside { Ending::Outside } else { Ending::Refused }, ..refused(line(error)) };
     }
     let Some(mut scene) = prepared.scene else { return refused("no scene".to_owned()) };
     let options = options(&args.scene.scene, started);
     let doubt = nitsche::parameters(&loaded, &mut scene).first().map(line);
-    match run(&mut scene, &options, &mut Quiet) {
-        Ok(outcome) => judge(&outcome, doubt),
-        Err(error) => refused(error.to_string()),
+    let mut limited = Limited { end: limit.map(|l| Instant::now() + l) };
+    // the scene is not looked at again
+    match catch_unwind(AssertUnwindSafe(|| run(&mut scene, &options, &mut limited))) {
+        Ok(Ok(outcome)) => judge(&outcome, doubt),
+        Ok(Err(error)) => refused(error.to_string()),
+        Err(thrown) if thrown.is::<TimeIsOver>() => {
+            let seconds = limit.unwrap_or_default().as_secs_f64();
+            Trial { ending: Ending::OutOfTime, ..refused(format!("more than {seconds:.0} s; --limit allows more")) }
+        }
+        Err(thrown) => resume_unwind(thrown),
     }
 }
 
@@ -181,11 +252,19 @@ fn judge(outcome: &Outcome, doubt: Option<String>) -> Trial {
     } else if let Some(text) = doubt {
         (Ending::Warned, text)
     } else if let Some((expect, _)) = outcome.expectations.iter().find(|e| e.1 != Some(true)) {
-        (Ending::Unexpected, format!("does not hold: {}", expect.text))
+        (Ending::Unexpected, format!("does not hold: {}{}", expect.text, measured(&expect.text, outcome)))
     } else {
         (Ending::Solved, String::new())
     };
     Trial { ending, steps, message }
+}
+
+/// The measures that a condition names, at the end of the run: by how much it does not hold.
+fn measured(condition: &str, outcome: &Outcome) -> String {
+    let words: Vec<&str> = condition.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').collect();
+    let last = outcome.steps.last().map_or(&[][..], |s| s.measures.as_slice());
+    let named = last.iter().filter(|(name, _)| words.contains(&name.as_str()));
+    named.map(|(name, value)| format!("; {name} = {value:.6e}")).collect()
 }
 
 /// The table as comma-separated values, texts in quotes (RFC 4180).

@@ -314,3 +314,31 @@ fn a_closed_pipe_is_no_panic() {
     assert!(ended.status.code().is_some(), "{ended:?}");
     assert!(ended.stderr.is_empty(), "{}", String::from_utf8_lossy(&ended.stderr));
 }
+
+/// A bar and a spring that is pulled: its parameters far from their values, within their ranges and outside.
+const EXTREMES: &str = "mesh box [0] to [1] cells [2] segment\nparam k = 10 in 1..1e9\nregion east = faces where x == 1\n\
+    region west = faces where x == 0\nunknown u : scalar\nterm bar on all : Grad_u.Grad_Test_u + 0.1*u^3*Test_u\n\
+    term spring on east : k*u*Test_u\nfix u = 0 on west\nload u = 1 on east\nmeasure end = max(u) on east\n\
+    expect end > 1e-3\n";
+
+#[test]
+fn extremes_gives_a_verdict_a_row_and_keeps_to_its_time() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("extremes");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    std::fs::write(folder.join("bar.wfl"), EXTREMES).expect("a scene");
+    let run = |words: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
+        let output = command.current_dir(&folder).args(["extremes", "bar.wfl"]).args(words).output().expect("wfl runs");
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (text(&output.stdout), text(&output.stderr), output.status.code())
+    };
+    let (table, progress, code) = run(&[]);
+    assert_eq!(code, Some(0), "{table}");
+    // below 1 the range forbids, 1e4 and 1e7 are allowed, and the end moves less than expected
+    assert!(table.contains("2 outside its range, 1 solved, 2 solved, not as expected\nno failure"), "{table}");
+    assert!(table.contains("does not hold: end > 1e-3; end = 9.99"), "{table}");
+    assert!(progress.contains("5 of 5: k=1e7: solved, not as expected ("), "{progress}");
+    let (table, _, code) = run(&["--limit", "1e-9"]);
+    assert_eq!(code, Some(2), "{table}");
+    assert!(table.contains("first failure: as written: out of time: more than 0 s; --limit allows more"), "{table}");
+}

@@ -22,6 +22,8 @@ use wfl_tests::mutants::{Mutant, Seed, Verdict, judge, mutant, seeds};
 const LIMIT: Duration = Duration::from_secs(10);
 /// Memory of the process, so that a mutant with a million cells is refused and not solved.
 const MEMORY: u64 = 2 << 30;
+/// Where mutants with a fault are written.
+const FOLDER: &str = "out/mutants";
 /// Mutants at once.
 const WORKERS: usize = 2;
 
@@ -68,7 +70,9 @@ fn spent() -> Option<Duration> {
 struct Tally {
     counts: BTreeMap<&'static str, u64>,
     codes: BTreeMap<String, u64>,
+    /// Not yet written.
     failures: Vec<(u64, String)>,
+    kept: u64,
     slowest: (Duration, u64),
 }
 
@@ -103,9 +107,9 @@ impl Tally {
     }
 }
 
-/// Runs the mutants `first..end`.
-fn all(first: u64, end: u64) -> Tally {
-    let seeds = Arc::new(seeds());
+/// Runs the mutants `first..end`; those that fail are written as they are found.
+fn all(seeds: Vec<Seed>, first: u64, end: u64) -> Tally {
+    let seeds = Arc::new(seeds);
     let next = Arc::new(AtomicU64::new(first));
     let (sender, receiver): (Sender<Told>, Receiver<Told>) = channel();
     (0..WORKERS).for_each(|_| work(&seeds, &next, end, sender.clone()));
@@ -136,16 +140,22 @@ fn all(first: u64, end: u64) -> Tally {
             ended += 1;
             work(&seeds, &next, end, sender.clone());
         }
+        for (number, why) in tally.failures.drain(..) {
+            keep(number, &mutant(&seeds, number), &why);
+            tally.kept += 1;
+        }
     }
     tally
 }
 
 /// Writes a mutant with what is wrong as comments.
-fn keep(folder: &Path, number: u64, mutant: &Mutant, why: &str) {
+fn keep(number: u64, mutant: &Mutant, why: &str) {
     let lines: Vec<String> = mutant.changes.iter().map(|c| format!("# {}", c.replace('\n', " "))).collect();
     let why = why.replace('\n', "\n# ");
     let text = format!("# mutant {number} of {}: {why}\n{}\n{}", mutant.seed, lines.join("\n"), mutant.text());
-    if let Err(error) = std::fs::write(folder.join(format!("{number}.wfl")), text) {
+    let folder = Path::new(FOLDER);
+    let file = folder.join(format!("{number}.wfl"));
+    if let Err(error) = std::fs::create_dir_all(folder).and_then(|()| std::fs::write(file, text)) {
         eprintln!("mutant {number} cannot be written: {error}");
     }
 }
@@ -170,24 +180,14 @@ fn main() -> ExitCode {
     // panics are counted; their texts would drown the counts
     std::panic::set_hook(Box::new(|_| {}));
     let begin = Instant::now();
-    let tally = all(first, first + count);
-    let folder = Path::new("out/mutants");
-    if !tally.failures.is_empty()
-        && let Err(error) = std::fs::create_dir_all(folder)
-    {
-        eprintln!("{}: {error}", folder.display());
-    }
-    let list = seeds();
-    for (number, why) in &tally.failures {
-        keep(folder, *number, &mutant(&list, *number), why);
-    }
+    let tally = all(seeds(), first, first + count);
     println!("{count} mutants from {first}: {:.0} s", begin.elapsed().as_secs_f64());
     tally.counts.iter().for_each(|(kind, n)| println!("  {n} {kind}"));
     tally.codes.iter().for_each(|(code, n)| println!("    {n} {code}"));
     println!("  slowest: mutant {} in {:.1} s", tally.slowest.1, tally.slowest.0.as_secs_f64());
-    if tally.failures.is_empty() {
+    if tally.kept == 0 {
         return ExitCode::SUCCESS;
     }
-    println!("  see {}", folder.display());
+    println!("  see {FOLDER}");
     ExitCode::FAILURE
 }

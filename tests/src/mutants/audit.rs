@@ -32,18 +32,18 @@ pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, S
         return Ok(None);
     }
     let mut audit = Audit::default();
-    let mut before = start(scene, steps);
+    let mut before = start(scene, steps)?;
     for (number, step) in steps.iter().enumerate() {
         let (time, increment) = (step.time, step.increment);
         if number == 0 {
-            set_data(scene, time, increment);
+            set_data(scene, time, increment)?;
         }
         scene.system.known.keep(&before);
-        set_data(scene, time, increment);
+        set_data(scene, time, increment)?;
         scene.system.set_step(time, increment).map_err(|e| e.to_string())?;
         if !(number == 0 && scene.steps.from_start) {
             audit.residual = audit.residual.max(residual(scene, &step.state)?);
-            audit.prescribed = audit.prescribed.max(prescribed(scene, step));
+            audit.prescribed = audit.prescribed.max(prescribed(scene, step)?);
             let next: Vec<Vec<f64>> = {
                 let Scene { system, states, .. } = &mut *scene;
                 states.iter_mut().map(|s| s.next(system, time, increment, &step.state)).collect()
@@ -59,28 +59,31 @@ pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, S
 }
 
 /// First values of the unknowns; those of states are put where they are kept.
-fn start(scene: &mut Scene, steps: &[StepResult]) -> Vec<f64> {
+fn start(scene: &mut Scene, steps: &[StepResult]) -> Result<Vec<f64>, String> {
     let mut u = vec![0.0; scene.system.numbering.n_dofs];
     let time = steps.first().map_or(0.0, |s| s.time);
     for (field, value) in &mut scene.starts {
-        let values = value.at(&positions(scene.system.fields.get(*field)), time, 0.0);
+        let at = positions(scene.system.fields.get(*field));
+        let values = value.at(&at, time, 0.0).map_err(|_| "a first guess without a value")?;
         match scene.system.numbering.starts[*field] {
             Some(first) => u[first..first + values.len()].copy_from_slice(&values),
             None => scene.system.known.data[*field] = values,
         }
     }
-    u
+    Ok(u)
 }
 
 fn positions(field: Option<&wfl_runtime::field::Field>) -> Vec<[f64; 3]> {
     field.map(|f| (0..f.n_nodes()).map(|n| f.node_position(n)).collect()).unwrap_or_default()
 }
 
-fn set_data(scene: &mut Scene, time: f64, increment: f64) {
+fn set_data(scene: &mut Scene, time: f64, increment: f64) -> Result<(), String> {
     for (field, value) in &mut scene.data {
         let positions = positions(scene.system.fields.get(*field));
-        scene.system.known.data[*field] = value.at(&positions, time, increment);
+        let values = value.at(&positions, time, increment).map_err(|_| "data without a value")?;
+        scene.system.known.data[*field] = values;
     }
+    Ok(())
 }
 
 /// The largest entry by which the free equations are not met, in parts of the largest entry of any term there.
@@ -122,9 +125,9 @@ fn rounding(system: &mut System, u: &[f64], at: &[f64]) -> Result<f64, String> {
 }
 
 /// How far prescribed values are from the state.
-fn prescribed(scene: &mut Scene, step: &StepResult) -> f64 {
+fn prescribed(scene: &mut Scene, step: &StepResult) -> Result<f64, String> {
     let mut u = step.state.clone();
-    scene.prescribed.apply(step.time, step.increment, &mut u);
+    scene.prescribed.apply(step.time, step.increment, &mut u).map_err(|_| "a prescribed value that is none")?;
     let system = &scene.system;
     let mut worst = 0.0f64;
     for field in 0..system.fields.len() {
@@ -135,7 +138,7 @@ fn prescribed(scene: &mut Scene, step: &StepResult) -> f64 {
             worst = worst.max(apart / size);
         }
     }
-    worst
+    Ok(worst)
 }
 
 fn measures(scene: &mut Scene, step: &StepResult) -> f64 {

@@ -101,11 +101,11 @@ fn step_traces(
     for k in 0..scene.data.len() {
         let at = positions(scene, scene.data[k].0);
         let (field, value) = &mut scene.data[k];
-        scene.system.known.data[*field] = value.at(&at, time, increment);
+        scene.system.known.data[*field] = value.at(&at, time, increment).ok()?;
     }
     for k in 0..scene.starts.len() {
         let at = positions(scene, scene.starts[k].0);
-        let values = scene.starts[k].1.at(&at, time, increment);
+        let values = scene.starts[k].1.at(&at, time, increment).ok()?;
         // zero is what all unknowns start from
         if values.iter().any(|v| *v != 0.0) {
             traces.values.extend(bits(&values));
@@ -113,7 +113,7 @@ fn step_traces(
     }
     scene.system.set_step(time, increment).ok()?;
     let mut u = step.state.clone();
-    scene.prescribed.apply(time, increment, &mut u);
+    scene.prescribed.apply(time, increment, &mut u).ok()?;
     traces.values.extend(bits(&u));
     for measure in &mut scene.measures {
         traces.values.push(measure.evaluate(&scene.system, time, increment, &step.state).to_bits());
@@ -156,7 +156,7 @@ fn not_held(mutant: &Mutant, at: usize, steps: &[StepResult]) -> Option<String> 
         if u.len() != scene.system.numbering.n_dofs {
             return Some(format!("changes the unknowns: {statement}"));
         }
-        scene.prescribed.apply(step.time, step.increment, &mut u);
+        scene.prescribed.apply(step.time, step.increment, &mut u).ok()?;
         let size = u.iter().chain(&step.state).fold(0.0f64, |m, v| m.max(v.abs()));
         let apart = u.iter().zip(&step.state).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
         if apart > HOLDS * size {
