@@ -241,6 +241,9 @@ impl Probe<'_> {
         if n == 0 {
             return Some(-own);
         }
+        if [&stiffness, &mixed, &own].into_iter().flatten().any(|x| !x.is_finite()) {
+            return None;
+        }
         let size = stiffness.amax();
         let inverse = if size > 0.0 { stiffness.pseudo_inverse(SAME * size).ok()? } else { stiffness };
         Some(0.25 * mixed.transpose() * inverse * &mixed - own)

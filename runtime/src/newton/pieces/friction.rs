@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector};
 use wfl_compiler::{
     ProjectionKind, interpret, interpret_lanes,
     ir::LANES,
-    types::{FieldOp, InputSlot},
+    types::{FieldKind, FieldOp, InputSlot},
 };
 
 use super::{SLOPE_STEP, TermPieces};
@@ -57,12 +57,17 @@ impl TermPieces {
         let (_, size) = self.entity_size(mesh, now);
         let moves: Vec<(usize, usize)> = (self.watch.law.inputs.iter().enumerate())
             .filter_map(|(s, slot)| match slot {
-                InputSlot::Field(b) if b.op == FieldOp::Value && b.field.index() < fields.len() => {
+                InputSlot::Field(b) if b.op == FieldOp::Value => {
+                    fields.get(b.field.index()).filter(|f| f.kind == FieldKind::Unknown)?;
                     Some((s, term.law.tests.iter().position(|t| t == b)?))
                 }
                 _ => None,
             })
             .collect();
+        if moves.is_empty() {
+            // the law of a multiplier, whose force stands in another term
+            return None;
+        }
         let (ends, starts) = (self.points_at(mesh, now), self.points_at(mesh, before));
         let slides = |point: &Point| {
             let (x, r) = (&point.outputs[ball.output..][..ball.n], point.outputs[ball.output + ball.n]);
@@ -89,6 +94,9 @@ impl TermPieces {
                 }
             }
             largest = moves.iter().fold(largest, |m, (s, _)| m.max(end.inputs[*s].abs()));
+            if slope.iter().any(|x| !x.is_finite()) {
+                return;
+            }
             let Ok(inverse) = slope.clone().pseudo_inverse(1e-9 * slope.amax()) else { return };
             let along = &inverse * (&slope * &change);
             let own = &inverse * (&slope * &force);
