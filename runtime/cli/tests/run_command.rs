@@ -237,7 +237,7 @@ fn wrong_values_on_the_command_line_are_refused() {
         ("gamma=-1", "E701", "between"),
         ("gamma=0/0", "E109", "division by zero"),
         ("gamma=sqrt(-1)", "E702", "NaN"),
-        ("gamma=nan", "E201", "nan"),
+        ("gamma=nan", "E216", "nan"),
         ("gamma=1e999", "E120", "1e999"),
         ("gama=1", "E703", "did you mean `gamma`"),
         ("gamma", "E703", "NAME=VALUE"),

@@ -29,7 +29,7 @@ pub(super) fn equation_in(expr: &Pair<'_>) -> Option<(usize, usize)> {
 /// E116 for a term that is written as an equation.
 pub(super) fn equation_as_term(sign: &str, right: &str) -> Diagnostic {
     let d = Diagnostic::new("E116", "a term is a residual: all terms together are zero, so it has no other side");
-    if right.trim_end_matches(|c: char| c == '.' || c == '0') == "" && right.starts_with('0') {
+    if right.trim_end_matches(['.', '0']).is_empty() && right.starts_with('0') {
         return d.help(format!("leave `{sign} 0` out"));
     }
     d.help(format!(
