@@ -41,7 +41,7 @@ impl std::fmt::Display for TooMuchMemory {
         let (in_use, limit) = (shown(self.in_use), shown(self.limit));
         match self.needed {
             Some(needed) => write!(f, "{} needs about {}, {in_use} are in use", self.what, shown(needed))?,
-            None => write!(f, "{in_use} are in use after the need of {} was asked for", self.what)?,
+            None => write!(f, "{in_use} are in use, more than was foreseen (the last large need was {})", self.what)?,
         }
         match self.of {
             SYSTEM => write!(f, ", and the system gives no more"),

@@ -28,7 +28,7 @@ const SCENES: &[(&str, &[&str])] = &[
     ("fault/augmented_lagrangian.wfl", &["cells=24"]),
     ("fault/nitsche.wfl", &["cells=12", "degree=2"]),
     ("fault_gmsh/fault_30deg.wfl", &[]),
-    ("fault_gmsh/fault_30deg_penalty.wfl", &["degree=2"]),
+    ("fault_gmsh/fault_2deg.wfl", &[]),
     ("hertz/hertz.wfl", &["refine=4"]),
     ("hertz/sphere.wfl", &["n=24"]),
     ("signorini/signorini.wfl", &["n=400"]),
