@@ -35,7 +35,7 @@ pub struct BadGiven {
     /// The statement or its expression.
     pub span: Span,
     /// The value.
-    pub at: NotFinite,
+    pub at: Box<NotFinite>,
 }
 
 impl BadGiven {

@@ -241,11 +241,11 @@ impl Lab<'_> {
         let (reached, picked) = (record.reached, words(&record.picked));
         solved.outcome.report.accuracy = Some(record);
         solved.outcome.report.timings.total = self.started.elapsed().as_secs_f64();
-        if let Some(folder) = &ready.options.out {
-            if let Err(error) = rewrite(folder, &solved.outcome.report) {
-                say(&told_of_folder(&error));
-                return ExitCode::from(EXIT_ERROR);
-            }
+        if let Some(folder) = &ready.options.out
+            && let Err(error) = rewrite(folder, &solved.outcome.report)
+        {
+            say(&told_of_folder(&error));
+            return ExitCode::from(EXIT_ERROR);
         }
         let loudness = (ready.loudness, Some(picked.as_str()));
         let code = finish(loaded, &solved.scene, &ready.options, &solved.outcome, loudness);

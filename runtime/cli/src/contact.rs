@@ -125,7 +125,7 @@ fn warning(loaded: &Loaded, form: &ContactForm, mistake: &Mistake) -> Diagnostic
         Mistake::Law { left } => format!("{:.0} % of the law is left where contact is closed", 100.0 * left),
         Mistake::Direction(what) => (*what).to_owned(),
     };
-    let d = match form.terms.iter().filter_map(named).last() {
+    let d = match form.terms.iter().filter_map(named).next_back() {
         Some(term) => d.at(term.span, label),
         None => d.note(label),
     };

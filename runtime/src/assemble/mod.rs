@@ -23,4 +23,4 @@ pub use domain::{Domain, Group, GroupSide};
 pub use entries::tangent_kernel;
 pub use evaluate::{Bound, FieldValues, Workspace};
 pub use geometry::Lanes;
-pub use term::{AssembledTerm, BranchCounts, Integrator, NonFinitePlace, TermError};
+pub use term::{AssembledTerm, BranchCounts, Integrator, NonFinitePlace, PointTangent, TermError};

@@ -6,6 +6,7 @@
 
 mod branches;
 mod local;
+pub use local::PointTangent;
 
 use std::sync::{
     Arc, Mutex, PoisonError,

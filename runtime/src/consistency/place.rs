@@ -412,10 +412,10 @@ impl<'a> Place<'a> {
                         FieldOp::Grad => sum.stress[body][entry] += flux,
                         FieldOp::Hess => {}
                     }
-                } else if let Some(m) = self.roles.multipliers.iter().find(|m| m.0 == field) {
-                    if slot.op == FieldOp::Value {
-                        sum.law[m.1 + entry] += flux;
-                    }
+                } else if slot.op == FieldOp::Value
+                    && let Some(m) = self.roles.multipliers.iter().find(|m| m.0 == field)
+                {
+                    sum.law[m.1 + entry] += flux;
                 }
             }
         }

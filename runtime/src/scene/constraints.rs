@@ -102,7 +102,7 @@ impl Prescribed {
         let at = |fix: &mut Fix| {
             fix.value.set_step(time, increment);
             let found = fix.value.at_positions(&fix.positions);
-            found.map_err(|at| BadGiven { what: fix.what.clone(), span: fix.span, at })
+            found.map_err(|at| BadGiven { what: fix.what.clone(), span: fix.span, at: Box::new(at) })
         };
         self.fixes.iter_mut().map(at).collect()
     }

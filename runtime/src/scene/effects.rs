@@ -199,7 +199,7 @@ impl Builder<'_> {
             }
             let mut switched_off = false;
             wfl::each_name(&term.expr, &mut |name| {
-                switched_off |= self.params.get(name).is_some_and(|p| p.values.iter().any(|x| *x == 0.0));
+                switched_off |= self.params.get(name).is_some_and(|p| p.values.contains(&0.0));
             });
             if !switched_off {
                 let d = Diagnostic::new("W411", "a term that is zero whatever the unknowns are");

@@ -209,7 +209,8 @@ impl Mappings {
                     }
                 });
                 if let Some(at) = bad {
-                    let bad = BadGiven { what: format!("the mapping `{}`", name.name), span: *formula, at };
+                    let bad =
+                        BadGiven { what: format!("the mapping `{}`", name.name), span: *formula, at: Box::new(at) };
                     diagnostics.push(bad.diagnostic(&self.expansions, None));
                     return None;
                 }

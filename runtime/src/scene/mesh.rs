@@ -312,7 +312,7 @@ fn mapped(
             None
         }
         Err(MapError::Map(at)) => {
-            let bad = BadGiven { what: "the map of the mesh".to_owned(), span: map.span, at };
+            let bad = BadGiven { what: "the map of the mesh".to_owned(), span: map.span, at: Box::new(at) };
             diagnostics.push(bad.diagnostic(&script.expansions, None));
             None
         }

@@ -33,7 +33,7 @@ impl Given {
             Given::Formula(value, what, span) => {
                 value.set_step(time, increment);
                 let found = value.at_positions(positions);
-                found.map_err(|at| BadGiven { what: what.clone(), span: *span, at })
+                found.map_err(|at| BadGiven { what: what.clone(), span: *span, at: Box::new(at) })
             }
             Given::Values(values) => Ok(values.clone()),
         }

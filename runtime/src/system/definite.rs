@@ -14,7 +14,7 @@ use wfl_compiler::{
 
 use super::System;
 use crate::{
-    assemble::{AssembledTerm, FieldValues},
+    assemble::{AssembledTerm, FieldValues, PointTangent},
     mesh::CellId,
 };
 
@@ -86,7 +86,9 @@ impl System {
         let mut matrix = DMatrix::<f64>::zeros(n, n);
         let (mut names, mut position) = (Vec::new(), None);
         for term in terms {
-            let Some((entries, at)) = term.point_tangent(&self.mesh, values, cell) else { continue };
+            let Some(PointTangent { entries, position: at }) = term.point_tangent(&self.mesh, values, cell) else {
+                continue;
+            };
             names.push(term.law.name.clone());
             position.get_or_insert(at);
             for (test, trial, value) in entries.into_iter().filter(|(t, s, _)| is_stiffness(field, (*t, *s))) {

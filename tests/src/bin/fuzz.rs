@@ -192,10 +192,10 @@ fn work(worker: usize, next: &AtomicU64, (first, count): (u64, u64), seeds: &[Se
         }
         RUNNING[worker].store(number, Ordering::Relaxed);
         tally.text(number, seeds);
-        if number % FILES == 0 {
+        if number.is_multiple_of(FILES) {
             tally.file(number / FILES, files, &folder);
         }
-        if (number + 1) % 1_000_000 == 0 {
+        if (number + 1).is_multiple_of(1_000_000) {
             eprintln!("{} inputs", number + 1 - first);
         }
     }

@@ -122,6 +122,7 @@ fn followed(child: &mut Child) -> std::io::Result<(Option<i32>, u64)> {
     }
 }
 
+#[expect(clippy::print_stdout, reason = "this program prints its result")]
 fn all(program: &Path, folder: &Path) -> std::io::Result<bool> {
     let mut scenes: Vec<(String, PathBuf, &[&str])> = Vec::new();
     for one in BLOCKS {

@@ -297,7 +297,7 @@ fn added(list: &mut Vec<String>, random: &mut Random, what: &str) -> Option<Stri
     let (field, places) = (fields.get(random.below(fields.len()))?.clone(), regions(list));
     let place = &places[random.below(places.len())];
     let component = ["", "", "(1)"][random.below(3)];
-    let value = value(list, &field, &component, random);
+    let value = value(list, &field, component, random);
     let new = format!("{what} {field}{component} = {value} on {place}");
     list.push(new.clone());
     Some(format!("add: {new}"))

@@ -74,9 +74,9 @@ pub(super) fn declared(item: &Item) -> Option<(Kind, &Ident)> {
 impl Names {
     /// Collects the declarations; a clash with another one or with the language is reported.
     pub(super) fn collect(items: &[Item], diagnostics: &mut Vec<Diagnostic>) -> Self {
-        let mut names = Names::default();
         // what the mesh will hold is not known without one (E421)
-        names.open_regions = !items.iter().any(|i| matches!(i.kind, ItemKind::Mesh { .. }));
+        let open_regions = !items.iter().any(|i| matches!(i.kind, ItemKind::Mesh { .. }));
+        let mut names = Names { open_regions, ..Names::default() };
         let mut dimension = 3;
         for item in items {
             if let ItemKind::Mesh { source, .. } = &item.kind {

@@ -25,6 +25,14 @@ struct Point<'a> {
     q: usize,
 }
 
+/// What a term adds to the tangent at one point.
+pub struct PointTangent {
+    /// Entries by test and trial slot.
+    pub entries: Vec<(BasisSlot, BasisSlot, f64)>,
+    /// Where the point is.
+    pub position: [f64; 3],
+}
+
 impl AssembledTerm {
     /// The tangent on the first entity whose owning side is asked for: its global dofs and the matrix, row by row. Dofs
     /// of known fields are left out. `None` if there is no such entity.
@@ -59,15 +67,9 @@ impl AssembledTerm {
         Some((known.iter().map(|k| dofs[*k]).collect(), matrix))
     }
 
-    /// The entries of the tangent at the first point of a cell, by test and trial slot, and its position. `None` if the term
-    /// does not act there.
+    /// The tangent at the first point of a cell. `None` if the term does not act there.
     #[must_use]
-    pub fn point_tangent(
-        &self,
-        mesh: &Mesh,
-        values: FieldValues<'_>,
-        cell: CellId,
-    ) -> Option<(Vec<(BasisSlot, BasisSlot, f64)>, [f64; 3])> {
+    pub fn point_tangent(&self, mesh: &Mesh, values: FieldValues<'_>, cell: CellId) -> Option<PointTangent> {
         let place = |(g, group): (usize, &Group)| group.here.cells.iter().position(|c| *c == cell).map(|e| (g, e));
         let (g, entity) = self.integrator.domain.groups.iter().enumerate().find_map(place)?;
         let (mut workspace, n_in) = (Workspace::default(), self.integrator.binding.inputs.len());
@@ -80,7 +82,7 @@ impl AssembledTerm {
         let values = law.entries.iter().map(slots).zip(&out[law.tests.len()..]);
         let entries = values.map(|((test, trial), value)| (test, trial, *value)).collect();
         let here = &self.integrator.domain.groups[g].here;
-        Some((entries, mesh.point_at(here.cells[entity], &here.geometry, 0)))
+        Some(PointTangent { entries, position: mesh.point_at(here.cells[entity], &here.geometry, 0) })
     }
 
     /// Calls `f(fluxes by test slot, weight)` at every point, in the order of groups, entities and points.
