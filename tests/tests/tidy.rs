@@ -41,10 +41,15 @@ const ARROWS: &[(&str, &str, &[&str])] = &[
             "indicatif",
             "serde",
             "serde_json",
+            "signal-hook",
             "thiserror",
         ],
     ),
-    ("wfl-tests", "tests", &["wfl", "wfl-compiler", "wfl-jit", "wfl-runtime", "serde", "serde_json", "proptest"]),
+    (
+        "wfl-tests",
+        "tests",
+        &["wfl", "wfl-compiler", "wfl-jit", "wfl-report", "wfl-runtime", "serde", "serde_json", "proptest"],
+    ),
 ];
 
 /// Outside crates by the name that paths begin with, and where alone they may be named.
@@ -57,7 +62,9 @@ const OWNERS: &[(&str, &[&str])] = &[
     ("cranelift_jit", &["compiler/jit/"]),
     ("cranelift_module", &["compiler/jit/"]),
     ("cranelift_native", &["compiler/jit/"]),
-    ("libm", &["compiler/src/"]),
+    // the rows of the second are expanded in the first
+    ("libm", &["compiler/src/", "wfl/src/scalar_functions.rs"]),
+    ("signal_hook", &["runtime/cli/src/interrupt.rs"]),
     ("faer", &["runtime/src/solve/"]),
     ("pulp", &["runtime/src/assemble/", "runtime/src/solve/kernels.rs"]),
     ("zerocopy", &["runtime/src/assemble/"]),

@@ -109,7 +109,7 @@ fn what_was_picked_can_be_run_again_as_it_is_written() {
     for (words, needs) in [
         (["degree=2", "--accuracy=0.1"], "cannot be given, too"),
         (["degree=zero", "-q"], "is no value of knob `degree`"),
-        (["tol=abc", "-q"], "`abc` is no value of knob `tol`: a number, 0 or above"),
+        (["tol=abc", "-q"], "`abc` is no value of knob `tol`: a number from 0 to 0.1"),
         (["tol=-1", "-q"], "is no value of knob `tol`"),
         (["degre=2", "-q"], "degre"),
     ] {

@@ -32,7 +32,7 @@ const KINDS: [(&str, &str, &str); 14] = [
     ("largest", "fix u = 1 on east\nmeasure q = max(VALUE) on all\n", "E611"),
     ("output vtk", "fix u = 1 on east\noutput vtk \"o\" : VALUE as q\n", "W610"),
     ("output csv", "fix u = 1 on east\noutput csv \"o\" : VALUE as q along [0,1] to [1,1]\n", "W610"),
-    ("region", "region r = faces where VALUE >= 0\nfix u = 1 on r\n", "E601"),
+    ("region", "region r = faces where VALUE >= 0 and x > 0.5\nfix u = 1 on r\n", "E601"),
 ];
 
 fn scene(kind: &str, text: &str, value: &str) -> String {

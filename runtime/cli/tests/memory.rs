@@ -41,7 +41,7 @@ impl Drop for Folder {
 
 /// A scene that reads `{}` by each statement that reads a file.
 const READERS: [(&str, &str); 4] = [
-    ("use", "use \"FILE\"\n"),
+    ("use", "use \"FILE.wfl\"\n"),
     ("mesh", "mesh file \"FILE\"\n"),
     ("data", "mesh box [0,0] to [1,1] cells [2,2] quad\ndata d : scalar = \"FILE\"\n"),
     ("start", "mesh box [0,0] to [1,1] cells [2,2] quad\nstart from \"FILE\"\n"),
@@ -58,13 +58,17 @@ fn scene(head: &str, file: &str) -> String {
 #[test]
 fn only_regular_files_are_read() {
     let folder = Folder::new("kinds");
-    let made = Command::new("mkfifo").arg(folder.0.join("pipe")).status().expect("mkfifo");
-    assert!(made.success());
-    std::fs::create_dir(folder.0.join("folder")).expect("a folder");
+    for ending in ["", ".wfl"] {
+        let pipe = folder.0.join(format!("pipe{ending}"));
+        let made = Command::new("mkfifo").arg(pipe).status().expect("mkfifo");
+        assert!(made.success());
+        std::fs::create_dir(folder.0.join(format!("folder{ending}"))).expect("a folder");
+    }
     let cases = [("pipe", "a named pipe"), ("/dev/zero", "a device"), ("folder", "a directory")];
     let allowed = ["--allow-read", "/dev"];
     for (file, kind) in cases {
-        for (name, head) in READERS {
+        // what `use` reads ends in .wfl, and no device does
+        for (name, head) in READERS.into_iter().filter(|r| r.0 != "use" || kind != "a device") {
             folder.write("scene.wfl", scene(head, file));
             for command in ["run", "check"] {
                 let told = folder.refused(&[&[command, "scene.wfl"], &allowed[..]].concat());
@@ -80,8 +84,10 @@ fn only_regular_files_are_read() {
 #[test]
 fn a_file_larger_than_the_memory_is_refused_before_it_is_read() {
     let folder = Folder::new("large");
-    let large = std::fs::File::create(folder.0.join("large")).expect("a file");
-    large.set_len(40_000_000_000).expect("a sparse file");
+    for name in ["large", "large.wfl"] {
+        let large = std::fs::File::create(folder.0.join(name)).expect("a file");
+        large.set_len(40_000_000_000).expect("a sparse file");
+    }
     for (name, head) in READERS {
         folder.write("scene.wfl", scene(head, "large"));
         let told = folder.refused(&["run", "scene.wfl", "--memory", "1GB"]);

@@ -25,8 +25,9 @@ const LARGEST_BALANCE: f64 = 1e-3;
 const OVERLAP: f64 = 0.2;
 
 /// A force that has the wrong sign on more than this part of the area in contact is no matter of single points, at which
-/// a discretisation may be off: a sign is wrong in the term.
-const AGAINST: f64 = 0.05;
+/// a discretisation may be off: a sign is wrong in the term. Right scenes on four cells an edge were seen to have it on a
+/// thirteenth of the area; a wrong sign has it on most of what is in contact.
+const AGAINST: f64 = 0.25;
 /// Traction outside the friction cone, in parts of traction and radius. What a coarse mesh leaves between the points at
 /// which a law holds was seen to be below a tenth; a term that loses its friction leaves nearly all.
 const OUTSIDE: f64 = 0.5;

@@ -111,17 +111,6 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
             ),
         ));
     }
-    let floors = steps.iter().filter(|s| s.history.stop == Some(Stop::Floor));
-    let left = floors.filter_map(|s| Some((s, s.history.iterations.last()?.residual)));
-    if let Some((step, left)) = left.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, left)| *left > LEFT_BY_ROUNDING) {
-        out.push((
-            "W605",
-            format!(
-                "rounding alone leaves {left:.0e} of the forces out of balance at t = {}: numbers of the tangent are far apart",
-                step.time
-            ),
-        ));
-    }
     if let Some(step) = steps.iter().find(|s| s.history.displaced) {
         out.push((
             "W607",
@@ -198,8 +187,6 @@ fn several(steps: &[StepResult]) -> Option<String> {
     })
 }
 
-/// A step that ends at rounding with more than this part of the forces out of balance is warned of: three digits.
-const LEFT_BY_ROUNDING: f64 = 1e-3;
 /// A result with fewer correct digits is warned of.
 pub(super) const FEW_DIGITS: f64 = 3.0;
 

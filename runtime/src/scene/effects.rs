@@ -292,9 +292,9 @@ impl Builder<'_> {
     }
 
     /// W411 for steps whose variable nothing reads.
-    pub(super) fn idle_steps(&mut self, steps: Option<&Steps>, keeps_past: bool) {
+    pub(super) fn idle_steps(&mut self, steps: &Steps, keeps_past: bool) {
         let script = self.script;
-        let (Some(statement), Some(steps)) = (&script.steps, steps) else { return };
+        let Some(statement) = &script.steps else { return };
         let remembers = script.fields.iter().any(|f| matches!(f.kind, Declared::State { .. }));
         if steps.values.len() < 2 || keeps_past || remembers {
             return;

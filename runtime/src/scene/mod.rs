@@ -364,12 +364,7 @@ impl Builder<'_> {
         let used: BTreeSet<usize> = laws.iter().flat_map(|l| used_fields(&l.law)).collect();
         let (rates, past_in_laws) = histories(&laws, &renewed);
         let states = self.state_updates(renewed, &rules);
-        let known_kind = |f: &Field| matches!(f.kind, FieldKind::Unknown | FieldKind::Multiplier);
-        let position = |f: &Field, all: &[Field]| all.iter().position(|g| g.name == f.name).unwrap_or(usize::MAX);
-        // a field that is prescribed has its values although its terms are gone
-        let stated = |f: &Field| self.script.fixes.iter().flat_map(|c| &c.targets).any(|t| t.field.name == f.name);
-        let is_numbered = |f: &Field| used.contains(&position(f, &self.fields)) || stated(f);
-        let mut numbering = Numbering::new(&self.fields, |f| known_kind(f) && is_numbered(f));
+        let mut numbering = self.numbering(&used);
         let mut prescribed = self.constraints(&mut numbering, &laws, &used);
         let broken = !self.script.lost.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error);
         if !broken {
@@ -409,35 +404,24 @@ impl Builder<'_> {
             || measures.iter().any(Measure::reads_past)
             || vtk.iter().flat_map(|v| &v.pieces).any(SampledPiece::reads_past)
             || csv.iter().any(|c| c.line.reads_past());
-        self.idle_starts(&numbering, &prescribed, reads_past || rates);
-        self.idle_steps(steps.as_ref(), reads_past || rates);
-        if let Some(steps) = &steps {
-            self.contradictions(&mut prescribed, steps, numbering.n_dofs);
-        }
-        if self.diagnostics.iter().any(Diagnostic::is_error) {
-            return None;
-        }
+        let steps = steps?;
+        self.statements_without_effect(&numbering, &mut prescribed, &steps, reads_past || rates)?;
         let known = nothing_known(&self.fields, &numbering, reads_past);
         let left_out =
             |k: &usize| !used.contains(k) && numbering.starts[*k].is_none() && self.fields[*k].kind != FieldKind::State;
         let unused_fields = (0..self.fields.len()).filter(left_out).map(|k| self.fields[k].name.clone()).collect();
-        let mut system = match System::new(self.mesh, self.fields, numbering, terms, known) {
-            Ok(s) => s,
+        let env = self.owned_env();
+        let made = System::new(self.mesh, self.fields, numbering, terms, known).and_then(|mut system| {
+            self.keep.iter().for_each(|pruning| system.keep(*pruning));
+            system.hold(pieces)?;
+            let at = within(&steps);
+            let idle = idle::leave_out(self.script, &self.topology, &mut system, at, self.diagnostics)?;
+            Ok((system, idle))
+        });
+        let (system, idle) = match made {
+            Ok(made) => made,
             Err(e) => {
                 self.diagnostics.push(structure_error(self.script, e));
-                return None;
-            }
-        };
-        self.keep.iter().for_each(|pruning| system.keep(*pruning));
-        if let Err(e) = system.hold(pieces) {
-            self.diagnostics.push(structure_error(self.script, e));
-            return None;
-        }
-        let steps = steps?;
-        let idle = match idle::leave_out(self.script, &self.topology, &mut system, within(&steps), self.diagnostics) {
-            Ok(idle) => idle,
-            Err(e) => {
-                self.diagnostics.push(Diagnostic::new("E412", e.to_string()));
                 return None;
             }
         };
@@ -467,13 +451,40 @@ impl Builder<'_> {
             inputs: self.inputs,
             idle: idle.notes,
             in_terms: names_in_terms(self.script),
-            env: OwnedEnv {
-                params: self.params.clone(),
-                expansions: self.script.expansions.clone(),
-                expects: self.script.expects.clone(),
-                dim: self.env.dim,
-            },
+            env,
         })
+    }
+
+    /// What conditions need when a run has ended.
+    fn owned_env(&self) -> OwnedEnv {
+        OwnedEnv {
+            params: self.params.clone(),
+            expansions: self.script.expansions.clone(),
+            expects: self.script.expects.clone(),
+            dim: self.env.dim,
+        }
+    }
+
+    /// Dofs of the unknowns that a term uses; a field that is prescribed has its values although its terms are gone.
+    fn numbering(&self, used: &BTreeSet<usize>) -> Numbering {
+        let known_kind = |f: &Field| matches!(f.kind, FieldKind::Unknown | FieldKind::Multiplier);
+        let position = |f: &Field| self.fields.iter().position(|g| g.name == f.name).unwrap_or(usize::MAX);
+        let stated = |f: &Field| self.script.fixes.iter().flat_map(|c| &c.targets).any(|t| t.field.name == f.name);
+        Numbering::new(&self.fields, |f| known_kind(f) && (used.contains(&position(f)) || stated(f)))
+    }
+
+    /// Tells of first values, steps and prescribed values that change nothing; `None` if one of them is an error.
+    fn statements_without_effect(
+        &mut self,
+        numbering: &Numbering,
+        prescribed: &mut Prescribed,
+        steps: &Steps,
+        has_past: bool,
+    ) -> Option<()> {
+        self.idle_starts(numbering, prescribed, has_past);
+        self.idle_steps(steps, has_past);
+        self.contradictions(prescribed, steps, numbering.n_dofs);
+        (!self.diagnostics.iter().any(Diagnostic::is_error)).then_some(())
     }
 
     fn term_maker(&mut self) -> terms::TermMaker<'_> {
