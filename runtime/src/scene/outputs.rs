@@ -35,7 +35,7 @@ use crate::{
 pub struct VtkOutput {
     /// The name of its files.
     pub file: String,
-    /// Of how many steps one is written, see [`is_written`].
+    /// Of how many steps one is written, see `is_written`.
     pub every: usize,
     /// Its pieces.
     pub pieces: Vec<SampledPiece>,
@@ -45,7 +45,7 @@ pub struct VtkOutput {
 pub struct CsvOutput {
     /// The name of its files.
     pub file: String,
-    /// Of how many steps one is written, see [`is_written`].
+    /// Of how many steps one is written, see `is_written`.
     pub every: usize,
     /// Its points and columns.
     pub line: LineSample,
