@@ -151,6 +151,17 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ),
 ];
 
+/// A scene without an equation is told so, whatever its terms are.
+#[test]
+fn a_scene_in_which_everything_is_prescribed_is_told() {
+    let folder = Folder::new("prescribed");
+    let (output, text) = folder.run(&format!("{BASE}fix u = [x,0] on all\n"), &[]);
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    assert!(text.contains("W411") && text.contains("no equation is left"), "{text}");
+    let (_, text) = folder.run(&format!("{BASE}fix u = [x,0] on west\n"), &[]);
+    assert!(!text.contains("W411"), "{text}");
+}
+
 #[test]
 fn what_is_stated_takes_part_or_is_told() {
     let folder = Folder::new("cases");

@@ -291,6 +291,17 @@ impl Builder<'_> {
         }
     }
 
+    /// W411 where every value of every unknown is prescribed, so that no term of the scene is used; silent where a
+    /// statement was told to have no effect, since that is the same cause.
+    pub(super) fn nothing_to_solve(&mut self, numbering: &Numbering, prescribed: &Prescribed) {
+        let is_told = self.diagnostics.iter().any(|d| matches!(d.code, "W411" | "W412"));
+        if numbering.n_dofs > 0 && numbering.n_free() == 0 && !is_told {
+            let d = Diagnostic::new("W411", "no equation is left: every value of the unknowns is prescribed");
+            let by = (0..numbering.n_dofs).find_map(|dof| prescribed.held_by(dof));
+            self.diagnostics.push(by.into_iter().fold(d, |d, fix| d.at(fix, "by this statement, among others")));
+        }
+    }
+
     /// W411 for steps whose variable nothing reads.
     pub(super) fn idle_steps(&mut self, steps: &Steps, keeps_past: bool) {
         let script = self.script;

@@ -484,6 +484,7 @@ impl Builder<'_> {
         self.idle_starts(numbering, prescribed, has_past);
         self.idle_steps(steps, has_past);
         self.contradictions(prescribed, steps, numbering.n_dofs);
+        self.nothing_to_solve(numbering, prescribed);
         (!self.diagnostics.iter().any(Diagnostic::is_error)).then_some(())
     }
 

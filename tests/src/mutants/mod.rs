@@ -20,8 +20,10 @@ use wfl_runtime::{Outcome, Prepared, Pruning, Quiet, RuleChoice, RunOptions, pre
 
 use crate::fuzz::Random;
 
-/// A residual above this part of the forces is none of a solution; tolerances of runs are far below.
+/// A residual above this part of the forces is none of a solution; the tolerance that scenes have by default is far below.
 const RESIDUAL: f64 = 1e-6;
+/// Above this a measure is rounding times a number of the mutation: no quantity of a scene is as large.
+const MEANINGFUL: f64 = 1e100;
 /// Prescribed values and measures are the same formulas at the same state.
 const SAME: f64 = 1e-9;
 /// A rule with more points moves no measure of these coarse meshes by more than this part of its largest value.
@@ -156,7 +158,9 @@ fn not_the_same(mutant: &Mutant, outcome: &Outcome) -> Option<String> {
         Err(error) => Some(format!("an independent assembly fails: {error}")),
         Ok(None) => None,
         Ok(Some(a)) => {
-            let right = a.residual <= RESIDUAL && a.prescribed <= SAME && a.measures <= SAME;
+            // a scene that asks for a tolerance of its own is solved to that
+            let residual = RESIDUAL.max(scene.newton.tolerance);
+            let right = a.residual <= residual && a.prescribed <= SAME && a.measures <= SAME;
             (!right).then(|| {
                 format!(
                     "independent assembly: residual {:.1e}, prescribed values {:.1e}, measures {:.1e}",
@@ -195,7 +199,7 @@ fn not_under_a_finer_rule(mutant: &Mutant, outcome: &Outcome, rules: &[(String, 
         let largest = outcome.steps.iter().flat_map(|s| &s.measures).fold(0.0f64, |m, (_, v)| m.max(v.abs()));
         let largest = outcome.steps.iter().flat_map(|s| &s.state).fold(largest, |m, v| m.max(v.abs()));
         let apart = coarse.iter().zip(&fine).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-        if apart > FINER * size && size > 1e-9 * largest {
+        if apart > FINER * size && size > 1e-9 * largest && size < MEANINGFUL {
             let name = &outcome.steps[0].measures[measure].0;
             return Some(format!("a finer rule moves {name} by {apart:.2e} of {size:.2e}"));
         }

@@ -59,10 +59,11 @@ pub fn idle_statements(mutant: &Mutant, steps: &[StepResult]) -> Vec<String> {
     found
 }
 
-/// True for `load u = 0 on east` and `load u = [0,0] on east`.
+/// True for `load u = 0 on east`, `load u = [0,0] on east` and `load u = (0*2) on east`.
 fn is_of_zero(statement: &str) -> bool {
     let value = statement.split_once('=').and_then(|(_, v)| v.rsplit_once(" on ")).map_or("", |(v, _)| v);
-    value.chars().all(|c| matches!(c, '0' | '.' | ',' | '[' | ']' | ' '))
+    let is_zero = |factor: &str| factor.trim_matches(['(', ')', '[', ']', ' ']).parse() == Ok(0.0);
+    !value.is_empty() && value.split([',', ';']).all(|entry| entry.split('*').any(is_zero))
 }
 
 /// What follows from the statements, and the residual of all dofs; `None` for a scene that is refused.
