@@ -14,10 +14,8 @@ pub mod element;
 pub mod field;
 pub mod finite;
 pub mod frames;
-pub mod input;
 pub mod knobs;
 mod left_out;
-pub mod memory;
 pub mod mesh;
 pub mod newton;
 pub mod output;
@@ -25,7 +23,6 @@ pub mod point_space;
 pub mod point_values;
 mod pruning;
 pub mod quadrature;
-pub mod reading;
 pub mod results;
 mod run;
 mod savings;
@@ -35,6 +32,8 @@ pub mod space;
 mod strategy;
 mod system;
 mod value;
+
+pub use wfl_host::{input, memory, reading};
 
 pub use left_out::LeftOut;
 pub use pruning::{Pruning, Saving};
