@@ -10,19 +10,16 @@ pub mod compare;
 pub mod consistency;
 pub mod corpus;
 pub mod csr;
-pub mod element;
 pub mod field;
 pub mod finite;
 pub mod frames;
 pub mod knobs;
 mod left_out;
-pub mod mesh;
 pub mod newton;
 pub mod output;
 pub mod point_space;
 pub mod point_values;
 mod pruning;
-pub mod quadrature;
 pub mod results;
 mod run;
 mod savings;
@@ -34,6 +31,7 @@ mod system;
 mod value;
 
 pub use wfl_host::{input, memory, reading};
+pub use wfl_mesh::{element, mesh, quadrature};
 
 pub use left_out::LeftOut;
 pub use pruning::{Pruning, Saving};

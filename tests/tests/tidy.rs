@@ -22,6 +22,7 @@ const ARROWS: &[(&str, &str, &[&str])] = &[
         ],
     ),
     ("wfl-host", "runtime/host", &["thiserror"]),
+    ("wfl-mesh", "runtime/mesh", &["wfl", "wfl-host", "nalgebra", "thiserror"]),
     (
         "wfl-runtime",
         "runtime",

@@ -11,12 +11,14 @@ macro_rules! define_index {
         impl $name {
             /// The id at position `index` of its table. Panics past `u32::MAX`.
             #[must_use]
+            #[inline]
             pub fn new(index: usize) -> Self {
                 Self(u32::try_from(index).expect("tables hold fewer than 2^32 entries"))
             }
 
             /// The position in its table.
             #[must_use]
+            #[inline]
             pub fn index(self) -> usize {
                 self.0 as usize
             }

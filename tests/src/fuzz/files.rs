@@ -21,16 +21,16 @@ use crate::mutants::{Mutant, ready};
 
 /// Meshes of Gmsh: forms 2.2 and 4.1, as text and binary.
 const MESHES: [&[u8]; 10] = [
-    include_bytes!("../../../runtime/src/mesh/read/data/disc_22b.msh"),
-    include_bytes!("../../../runtime/src/mesh/read/data/disc_41a.msh"),
-    include_bytes!("../../../runtime/src/mesh/read/data/hex_22a.msh"),
-    include_bytes!("../../../runtime/src/mesh/read/data/hex_41b.msh"),
-    include_bytes!("../../../runtime/src/mesh/read/data/line_22b.msh"),
-    include_bytes!("../../../runtime/src/mesh/read/data/line_41a.msh"),
-    include_bytes!("../../../runtime/src/mesh/read/data/mixed_22a.msh"),
-    include_bytes!("../../../runtime/src/mesh/read/data/mixed_41b.msh"),
-    include_bytes!("../../../runtime/src/mesh/read/data/tet_22b.msh"),
-    include_bytes!("../../../runtime/src/mesh/read/data/tet_41a.msh"),
+    include_bytes!("../../../runtime/mesh/src/mesh/read/data/disc_22b.msh"),
+    include_bytes!("../../../runtime/mesh/src/mesh/read/data/disc_41a.msh"),
+    include_bytes!("../../../runtime/mesh/src/mesh/read/data/hex_22a.msh"),
+    include_bytes!("../../../runtime/mesh/src/mesh/read/data/hex_41b.msh"),
+    include_bytes!("../../../runtime/mesh/src/mesh/read/data/line_22b.msh"),
+    include_bytes!("../../../runtime/mesh/src/mesh/read/data/line_41a.msh"),
+    include_bytes!("../../../runtime/mesh/src/mesh/read/data/mixed_22a.msh"),
+    include_bytes!("../../../runtime/mesh/src/mesh/read/data/mixed_41b.msh"),
+    include_bytes!("../../../runtime/mesh/src/mesh/read/data/tet_22b.msh"),
+    include_bytes!("../../../runtime/mesh/src/mesh/read/data/tet_41a.msh"),
 ];
 
 /// Values at the corners of a square.

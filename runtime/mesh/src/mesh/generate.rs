@@ -4,7 +4,7 @@
 //! subdivision of each box cell, so meshes conform; corners of the box are met exactly.
 
 use super::{CellKind, Mesh, MeshError, RawMesh, cell_bytes, node_bytes};
-use crate::memory::claim;
+use wfl_host::memory::claim;
 
 /// Shape of the cells of a box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

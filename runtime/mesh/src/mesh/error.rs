@@ -177,7 +177,7 @@ pub enum MeshError {
     },
     /// The need for memory is above the limit.
     #[error(transparent)]
-    TooMuchMemory(#[from] crate::memory::TooMuchMemory),
+    TooMuchMemory(#[from] wfl_host::memory::TooMuchMemory),
 }
 
 fn in_group(group: &Option<String>) -> String {

@@ -28,10 +28,9 @@ pub use region::{
 };
 pub use topology::{EdgeTable, Facet, Topology};
 
-use crate::{
-    element::{Element, Family, Table},
-    memory::claim,
-};
+use wfl_host::memory::claim;
+
+use crate::element::{Element, Family, Table};
 
 wfl::define_index! {
     /// A cell of the mesh.
@@ -141,6 +140,7 @@ impl FileNumbers {
 
     /// What messages call a node.
     #[must_use]
+    #[inline]
     pub fn node(&self, node: NodeId) -> NodeName {
         NodeName(self.nodes.get(node.index()).copied().unwrap_or(node.index() as u64))
     }
@@ -258,36 +258,42 @@ impl Mesh {
 
     /// Dimension of the space and of the cells.
     #[must_use]
+    #[inline]
     pub fn dim(&self) -> usize {
         self.dim
     }
 
     /// Order of the geometry, 1 or 2.
     #[must_use]
+    #[inline]
     pub fn order(&self) -> usize {
         self.order
     }
 
     /// Coordinates of all nodes; unused ones are zero.
     #[must_use]
+    #[inline]
     pub fn nodes(&self) -> &[[f64; 3]] {
         &self.nodes
     }
 
     /// Coordinates of one node.
     #[must_use]
+    #[inline]
     pub fn node(&self, node: NodeId) -> [f64; 3] {
         self.nodes[node.index()]
     }
 
     /// Number of nodes, used or not.
     #[must_use]
+    #[inline]
     pub fn n_nodes(&self) -> usize {
         self.nodes.len()
     }
 
     /// Number of cells.
     #[must_use]
+    #[inline]
     pub fn n_cells(&self) -> usize {
         self.kinds.len()
     }
@@ -299,24 +305,28 @@ impl Mesh {
 
     /// Kind of a cell.
     #[must_use]
+    #[inline]
     pub fn kind(&self, cell: CellId) -> CellKind {
         self.kinds[cell.index()]
     }
 
     /// Kind of every cell.
     #[must_use]
+    #[inline]
     pub fn kinds(&self) -> &[CellKind] {
         &self.kinds
     }
 
     /// Geometry nodes of a cell, in the local order of [`Mesh::geometry_element`].
     #[must_use]
+    #[inline]
     pub fn cell_nodes(&self, cell: CellId) -> &[NodeId] {
         &self.connectivity[self.starts[cell.index()]..self.starts[cell.index() + 1]]
     }
 
     /// Vertices of a cell, in the order of [`CellKind::vertices`].
     #[must_use]
+    #[inline]
     pub fn cell_vertices(&self, cell: CellId) -> &[NodeId] {
         if self.order == 1 {
             return self.cell_nodes(cell);
@@ -326,6 +336,7 @@ impl Mesh {
 
     /// Shape of a facet.
     #[must_use]
+    #[inline]
     pub fn facet_kind(&self, facet: FacetRef) -> CellKind {
         self.kind(facet.cell).facets()[facet.local as usize].kind
     }
@@ -342,6 +353,7 @@ impl Mesh {
 
     /// The Lagrange element of the geometry map of cells (and facets) of `kind`.
     #[must_use]
+    #[inline]
     pub fn geometry_element(&self, kind: CellKind) -> &Element {
         &self.geometry[kind.index()].element
     }
@@ -384,6 +396,7 @@ impl Mesh {
     /// The physical point of row `point` of a table of [`Mesh::geometry_element`] of the cell's
     /// kind.
     #[must_use]
+    #[inline]
     pub fn point_at(&self, cell: CellId, table: &Table, point: usize) -> [f64; 3] {
         let values = &table.values[point * table.n_dofs..][..table.n_dofs];
         self.combine(self.cell_nodes(cell).iter().copied(), values)
@@ -392,6 +405,7 @@ impl Mesh {
     /// The physical point of row `point` of a table of [`Mesh::geometry_element`] of the facet's
     /// kind, tabulated at facet parameters.
     #[must_use]
+    #[inline]
     pub fn facet_point_at(&self, facet: FacetRef, table: &Table, point: usize) -> [f64; 3] {
         let values = &table.values[point * table.n_dofs..][..table.n_dofs];
         let element = self.geometry_element(self.kind(facet.cell));
@@ -403,6 +417,7 @@ impl Mesh {
     /// `jacobian[i][j] = d x_i / d xi_j` at row `point` of a table (with gradients) of
     /// [`Mesh::geometry_element`] of the cell's kind. Entries outside `dim x dim` are zero.
     #[must_use]
+    #[inline]
     pub fn jacobian_at(&self, cell: CellId, table: &Table, point: usize) -> [[f64; 3]; 3] {
         let mut jacobian = [[0.0; 3]; 3];
         let row = &table.gradients[point * table.n_dofs * table.dim..];
@@ -417,6 +432,7 @@ impl Mesh {
         jacobian
     }
 
+    #[inline]
     fn combine(&self, nodes: impl Iterator<Item = NodeId>, values: &[f64]) -> [f64; 3] {
         let mut point = [0.0; 3];
         for (node, value) in nodes.zip(values) {

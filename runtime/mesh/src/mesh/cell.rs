@@ -51,6 +51,7 @@ pub struct FacetMap {
 impl FacetMap {
     /// The reference point of the cell at the facet parameters `parameters` (first two used).
     #[must_use]
+    #[inline]
     pub fn apply(&self, parameters: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|i| {
             self.origin[i] + parameters[0] * self.tangents[0][i] + parameters[1] * self.tangents[1][i]
@@ -130,12 +131,14 @@ impl CellKind {
 
     /// Position in [`CellKind::ALL`], for tables with one entry a kind.
     #[must_use]
+    #[inline]
     pub fn index(self) -> usize {
         self as usize
     }
 
     /// Dimension of the cell, 0 to 3.
     #[must_use]
+    #[inline]
     pub fn dim(self) -> usize {
         match self {
             CellKind::Point => 0,
@@ -147,12 +150,14 @@ impl CellKind {
 
     /// True for point, segment, triangle and tetrahedron: their Lagrange spaces are `P_k`.
     #[must_use]
+    #[inline]
     pub fn is_simplex(self) -> bool {
         !matches!(self, CellKind::Quadrilateral | CellKind::Hexahedron)
     }
 
     /// Number of vertices.
     #[must_use]
+    #[inline]
     pub fn n_vertices(self) -> usize {
         self.vertices().len()
     }
@@ -185,6 +190,7 @@ impl CellKind {
 
     /// Local facets (entities of one dimension less).
     #[must_use]
+    #[inline]
     pub fn facets(self) -> &'static [LocalFacet] {
         match self {
             CellKind::Point => &[],

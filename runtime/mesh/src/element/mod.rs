@@ -150,36 +150,42 @@ impl Element {
 
     /// Cell of the element.
     #[must_use]
+    #[inline]
     pub fn kind(&self) -> CellKind {
         self.kind
     }
 
     /// Polynomial degree: total on simplices, in each variable on tensor cells.
     #[must_use]
+    #[inline]
     pub fn degree(&self) -> usize {
         self.degree
     }
 
     /// Continuous or discontinuous.
     #[must_use]
+    #[inline]
     pub fn family(&self) -> Family {
         self.family
     }
 
     /// Number of local dofs.
     #[must_use]
+    #[inline]
     pub fn n_dofs(&self) -> usize {
         self.points.len()
     }
 
     /// Reference point of each dof: the dof is the value there.
     #[must_use]
+    #[inline]
     pub fn points(&self) -> &[[f64; 3]] {
         &self.points
     }
 
     /// Entity that carries each dof.
     #[must_use]
+    #[inline]
     pub fn entities(&self) -> &[DofEntity] {
         &self.entities
     }
@@ -188,6 +194,7 @@ impl Element {
     /// the element of the same degree on the facet's kind and in the facet's own parameters. Also
     /// filled for discontinuous elements; empty for degree 0.
     #[must_use]
+    #[inline]
     pub fn facet_closure(&self, local_facet: usize) -> &[usize] {
         &self.closures[local_facet]
     }
