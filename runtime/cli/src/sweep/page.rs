@@ -57,7 +57,7 @@ fn chart(quantity: &str, points: &[Point<'_>]) -> Chart {
         let of: Vec<&Point<'_>> = points.iter().filter(|p| p.row.text("scene") == scene).collect();
         let note = |p: &&Point<'_>| {
             format!(
-                "{}\nerror {:.2e}, {:.3} s\n{} unknowns, {} iterations\nmostly from: {}",
+                "{}\nerror {:.2e}, {:.3} s\n{} unknowns, {} iterations\nmain source: {}",
                 words(p.row),
                 p.error,
                 p.time,
@@ -77,11 +77,14 @@ fn page(rows: &[Row]) -> Page {
     let failures: Vec<&Row> = rows.iter().filter(|r| r.text("status") != "ok").collect();
     let (fields, measures) = quantities(rows);
     let solved = rows.len() - failures.len();
-    let mut page = Page::new("Speed against accuracy")
-        .lead(format!("{solved} runs solved, {} failed. Each point is a run; nothing is left out.", failures.len()))
+    let mut page = Page::new("Accuracy against computing time")
+        .lead(format!(
+            "{solved} runs solved, {} failed. Each point is a run; failed runs are listed below.",
+            failures.len()
+        ))
         .section(about(rows));
-    let mut plots = Section::new("Time over error").text(
-        "Down and to the left is better. The line is the front: no run is both faster and more accurate than one on it.",
+    let mut plots = Section::new("Computing time over error").text(
+        "Lower and further left is better. The line is the Pareto front: no run is both faster and more accurate than a run on it.",
     );
     for (_, chart) in charts(rows) {
         plots = plots.chart(&chart);
@@ -89,16 +92,16 @@ fn page(rows: &[Row]) -> Page {
     page = page.section(plots);
     let wanted = wanted(rows, fields.iter().chain(&measures).filter(|q| is_known(rows, q)));
     page = page.section(
-        Section::new("Wanted error and cheapest setting")
-            .text("The fastest run of the table whose error is at most the wanted one. Quantities that the reference itself does not know are left out here; they are in the plots.")
+        Section::new("Demanded error and cheapest setting")
+            .text("The fastest run of the table whose error is at most the demanded one. Quantities that the reference does not resolve are omitted here; the plots have them.")
             .table(wanted),
     );
     for quantity in &fields {
         let all = points(rows, quantity);
         if !all.is_empty() {
             page = page.section(
-                Section::new(format!("The front: {}", title(quantity)))
-                    .text("What most of the error comes from: the knob whose best value takes most of it away.")
+                Section::new(format!("Pareto front: {}", title(quantity)))
+                    .text("The main source of the error is the setting whose best value reduces the error most.")
                     .table(fronts(&all, quantity)),
             );
         }
@@ -127,7 +130,7 @@ fn about(rows: &[Row]) -> Section {
         let largest = rows.iter().filter_map(|r| r.value(&column)).max_by(f64::total_cmp)?;
         Some((title(q), largest))
     };
-    let mut table = Table::new(["quantity", "error of the reference itself"]);
+    let mut table = Table::new(["quantity", "estimated error of the reference"]);
     let (fields, measures) = quantities(rows);
     for (name, error) in fields.iter().chain(&measures).filter_map(own) {
         table.row([name, format!("{error:.1e}")]);
@@ -135,7 +138,7 @@ fn about(rows: &[Row]) -> Section {
     if !table.is_empty() {
         section = section
             .text(format!(
-                "The reference has an error of its own, from coarser meshes by Richardson's extrapolation and from the distance to the reference of another method. Errors below {TRUSTED} times that say nothing.",
+                "The error of the reference is estimated by Richardson extrapolation from coarser meshes and from the distance to the reference of another method. Errors below {TRUSTED} times that estimate are not significant.",
             ))
             .table(table);
     }
@@ -143,7 +146,7 @@ fn about(rows: &[Row]) -> Section {
 }
 
 fn wanted<'q>(rows: &[Row], quantities: impl Iterator<Item = &'q String>) -> Table {
-    let mut table = Table::new(["quantity", "wanted", "cheapest setting", "time [s]", "error"]);
+    let mut table = Table::new(["quantity", "demanded error", "cheapest setting", "time [s]", "error"]);
     for quantity in quantities {
         let all = points(rows, quantity);
         for (error, word) in WANTED {
@@ -153,7 +156,7 @@ fn wanted<'q>(rows: &[Row], quantities: impl Iterator<Item = &'q String>) -> Tab
             match cheapest(&all, error) {
                 _ if all.is_empty() => {}
                 Some(p) => {
-                    let doubt = if error < TRUSTED * own { " (the reference is no better than that)" } else { "" };
+                    let doubt = if error < TRUSTED * own { " (not resolved by the reference)" } else { "" };
                     table.row([name, word.into(), words(p.row) + doubt, seconds(p.row), format!("{:.1e}", p.error)]);
                 }
                 None => table.row([name, word.into(), "none of these runs".to_owned()]),
@@ -164,7 +167,7 @@ fn wanted<'q>(rows: &[Row], quantities: impl Iterator<Item = &'q String>) -> Tab
 }
 
 fn fronts(all: &[Point<'_>], quantity: &str) -> Table {
-    let mut table = Table::new(["setting", "time [s]", "error", "mostly from", "unknowns", "iterations"]);
+    let mut table = Table::new(["setting", "time [s]", "error", "main source", "unknowns", "iterations"]);
     for point in front(all) {
         table.row([
             words(point.row),
@@ -201,7 +204,7 @@ fn seconds(row: &Row) -> String {
 /// The same tables in Markdown, for a study: wanted errors and fronts; nothing where no error is known.
 pub(super) fn markdown(rows: &[Row]) -> String {
     let (fields, measures) = quantities(rows);
-    let head = "| quantity | wanted | cheapest setting | time [s] | error |\n|---|---|---|---|---|\n";
+    let head = "| quantity | demanded error | cheapest setting | time [s] | error |\n|---|---|---|---|---|\n";
     let mut text = String::new();
     for quantity in fields.iter().chain(&measures).filter(|q| is_known(rows, q)) {
         let all = points(rows, quantity);

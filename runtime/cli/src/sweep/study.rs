@@ -42,17 +42,17 @@ const PARTS: &[Part] = &[
     Part {
         name: "fault",
         title: "The slipping fault (three-dimensional, Coulomb friction, 20 load steps)",
-        text: "Errors are those of the last step against quadratic elements on as many cells that crowd at the edges, made \
-               with another method.",
+        text: "Reference: quadratic elements on as many cells, graded towards the edges, with another contact method. \
+               Errors are those of the last load step.",
         findings: &[
-            "The mesh is what most of the error comes from. A relative residual of 1e-2 gives the same error as one of 1e-10, \
-             within 1 % of gradients and 12 % of slip, with half of the Newton iterations.",
-            "gamma, in units of E/h on the finest mesh: with 0.02 a penalty is wrong by 180 % in slip and Nitsche by 24 %. \
-             From 2 on, Nitsche is within 5 % of its best; a penalty needs 20. The augmented Lagrangian does not depend on \
-             it. On one mesh the three cost about the same.",
-            "Stability does not end in this range of gamma: no run fails. Forces on the finest mesh are within 0.3 % with \
-             Nitsche, ten times better than the slip, 2.5 % with a penalty, and 5 % with the augmented Lagrangian, which has \
-             no multiplier at the nodes of the bottom that are fixed from both sides.",
+            "Most of the error is discretisation error. A Newton tolerance of 1e-2 gives the same error as 1e-10, \
+             within 1 % for the gradients and 12 % for the slip, with half of the iterations.",
+            "With gamma = 0.02 E/h on the finest mesh, the error of the slip is 180 % with penalty and 24 % with \
+             Nitsche. From 2 E/h on, Nitsche's method is within 5 % of its best error; penalty needs 20 E/h. The \
+             augmented Lagrangian does not depend on gamma. On one mesh the three methods cost about the same.",
+            "All methods are stable in this range of gamma: no run fails. On the finest mesh the error of the forces \
+             is at most 0.3 % with Nitsche (ten times smaller than that of the slip), 2.5 % with penalty and 5 % with \
+             the augmented Lagrangian, which has no multiplier at the bottom nodes that are fixed from both sides.",
         ],
         words: &["refine=0.25,0.5,0.75,1", "gamma=1e3..1e6:log7", "tol=1e-2,1e-5,1e-10"],
         reference: "auto",
@@ -62,15 +62,17 @@ const PARTS: &[Part] = &[
     Part {
         name: "quadratic",
         title: "The slipping fault, linear against quadratic elements",
-        text: "The same fault with Nitsche's method, against quadratic elements on a finer mesh that crowds at the edges.",
+        text: "The same fault with Nitsche's method. Reference: quadratic elements on a finer mesh, graded towards the \
+               edges.",
         findings: &[
-            "Quadratic elements win below 0.7 % of the displacements or 2.5 % of the slip: 4 cells along the edge of the \
-             fault give 0.3 % and 1 %, which linear ones have not reached with 10. Above that, both are on the front.",
-            "The edges of the fault are singular, and that sets the order: displacements converge with order 1.6 with linear \
-             and 1.7 with quadratic elements, gradients with 0.8 and 0.9.",
-            "Cells that crowd at the edges make up for it: the reference, 16 quadratic cells along an edge with crowd=1, is \
-             wrong by 0.007 % of the displacements; 8 such cells are wrong by 0.04 %, 8 of equal size by 0.1 % (wfl sweep \
-             examples/fault/nitsche.wfl crowd=0,1 degree=2 tol=1e-7 gamma=5e6 with this reference).",
+            "Quadratic elements are faster for errors below 0.7 % of the displacement or 2.5 % of the slip: 4 cells \
+             along the edge of the fault give 0.3 % and 1 %, which 10 linear cells do not reach. For larger errors \
+             both are on the Pareto front.",
+            "The singularity at the edges of the fault limits the order of convergence: 1.6 for the displacement with \
+             linear elements and 1.7 with quadratic ones, 0.8 and 0.9 for the gradients.",
+            "A graded mesh compensates for the singularity. The error of the displacement is 0.007 % for the reference \
+             (16 quadratic cells along an edge with crowd=1), 0.04 % for 8 graded cells and 0.1 % for 8 cells of equal \
+             size (wfl sweep examples/fault/nitsche.wfl crowd=0,1 degree=2 tol=1e-7 gamma=5e6 with this reference).",
         ],
         words: &["examples/fault/nitsche.wfl", "refine=0.25,0.5,0.75,1,1.25", "degree=1,2", "tol=1e-3", "gamma=2e5"],
         reference: "auto",
@@ -80,14 +82,15 @@ const PARTS: &[Part] = &[
     Part {
         name: "signorini",
         title: "Manufactured contact (two-dimensional, exact solution known)",
-        text: "Linear and quadratic elements against the exact solution: no doubt about the reference.",
+        text: "Linear and quadratic elements. Reference: the exact solution.",
         findings: &[
-            "Quadratic elements win at every accuracy, by more the smaller the error: 1 % of the gradients costs them 8 \
-             cells a side, linear ones have not reached it with 64.",
-            "Gradients converge with order 1 and 2, displacements of linear elements with order 2, pressure of quadratic \
-             ones with order 3 until the end of the contact zone inside a cell takes over: the orders that theory has.",
-            "A tolerance of 1e-3 is free for the gradients down to 0.1 %, and not for the pressure, whose error stays \
-             above 1 % with it on any mesh.",
+            "Quadratic elements are faster at every accuracy, and their advantage grows as the error falls: an error \
+             of 1 % in the gradients needs 8 quadratic cells a side, and 64 linear cells do not reach it.",
+            "The orders of convergence are those of theory: 1 and 2 for the gradients, 2 for the displacement of \
+             linear elements, 3 for the pressure of quadratic elements until the end of the contact zone inside a cell \
+             dominates.",
+            "A Newton tolerance of 1e-3 does not affect the error of the gradients down to 0.1 %. It does affect the \
+             pressure, whose error then stays above 1 % on every mesh.",
         ],
         words: &["examples/signorini/signorini.wfl", "n=4,8,16,32,64", "degree=1,2", "tol=1e-3,1e-10"],
         reference: "exact",
@@ -97,11 +100,12 @@ const PARTS: &[Part] = &[
     Part {
         name: "crack",
         title: "A closed crack with friction (two-dimensional, singular at its tips)",
-        text: "The singularity limits what a finer mesh or a higher degree can give.",
+        text: "The singularity limits what a finer mesh or a higher degree can achieve.",
         findings: &[
-            "Cells that crowd at the tips make up for the singularity: below 1 % of slip quadratic elements are worth their \
-             time. With linear elements gamma of 1e6 or 1e8 makes no difference; quadratic ones on the finest mesh need more \
-             than 1e6, which is below the safe value there (W503) and makes errors half as large again.",
+            "The mesh is graded towards the tips, which compensates for the singularity: for errors of the slip below \
+             1 % quadratic elements are faster. With linear elements gamma = 1e6 and 1e8 give the same errors. With \
+             quadratic elements on the finest mesh gamma = 1e6 is below the safe value (W503), and the errors are half \
+             as large again.",
         ],
         words: &["examples/crack/compression.wfl", "refine=3/5,2/3,4/5,1,4/3", "degree=1,2", "gamma=1e6,1e8"],
         reference: "auto",
@@ -111,10 +115,10 @@ const PARTS: &[Part] = &[
     Part {
         name: "hyperelastic",
         title: "A neo-Hookean block pressed on a floor with friction (three-dimensional, finite strain)",
-        text: "Everything is nonlinear: the whole tangent is assembled and factored in each iteration.",
+        text: "All terms are nonlinear: the whole tangent is assembled and factored in each iteration.",
         findings: &[
-            "Friction at the edge of the floor limits the order of gradients and tractions: finer meshes pay, tighter \
-             tolerances do not, and the reference itself is not sure of the tractions.",
+            "Friction at the edge of the floor limits the order of gradients and tractions. A finer mesh reduces the \
+             error, a tighter tolerance does not. The reference itself has a large error in the tractions.",
         ],
         words: &[
             "examples/hyperelastic/contact.wfl",
@@ -129,16 +133,16 @@ const PARTS: &[Part] = &[
     },
     Part {
         name: "pruning",
-        title: "What is left out because a scene does not need it",
-        text: "The same scenes with each of the prunings turned off in turn (`wfl run --no-prune NAME`).",
+        title: "Optimisations that a scene allows",
+        text: "The same scenes with one optimisation after the other turned off (`wfl run --no-prune NAME`).",
         findings: &[
-            "In contact scenes a run takes 3 to 5 times as long where the linear part is not factored once, and as much where \
-             it is not assembled once. The other prunings are within the noise of these small scenes. Results move by what \
-             the Newton tolerance leaves open.",
-            "Equal elements are not computed once: assembling takes 10 to 25 % of the time of a linear scene (block with \
-             12 168 unknowns: 0.11 of 0.55 s; poisson with 16 129: 0.05 of 0.33 s), its factorisation most of the rest, \
-             and a contact scene assembles its linear part once anyway. A copy is right only where shape, material and \
-             data of two cells are equal to the last bit; to find that out would cost part of the little it can save.",
+            "A contact scene takes 3 to 5 times as long if its linear part is factored in each iteration, and about \
+             the same if it is assembled in each iteration. The effect of the other optimisations is within the noise \
+             of these small scenes. Results change by no more than the Newton tolerance allows.",
+            "Element matrices of equal cells are not reused. Assembly takes 10 to 25 % of the time of a linear scene \
+             (block with 12 168 unknowns: 0.11 of 0.55 s; poisson with 16 129: 0.05 of 0.33 s), and a contact scene \
+             assembles its linear part only once. A copy would be correct only where shape, material and data of two \
+             cells are equal to the last bit, and testing that costs part of the gain.",
         ],
         words: &["no_prune=nothing,constant,linear,condense,symmetric,quadrature"],
         reference: "none",
@@ -203,12 +207,24 @@ fn write_file(path: &Path, text: &str) -> Result<(), String> {
     written.map_err(|e| format!("cannot write {}: {e}", path.display()))
 }
 
-const HEAD: &str = "# Speed against accuracy, measured
+const HEAD: &str = "# Accuracy against computing time
 
-Made by `wfl sweep --study docs`, from tables alone: every run is in them, also those that failed. Errors are relative.
-A figure has a point a run, down and to the left is better; the line is the front of runs that no other one beats.
-Times are of one run each where nothing else is said, with whatever else the machine did, which was much: a factor
-below 2 between two of them says nothing.
+In short:
+
+- **The mesh decides.** Most of the error is discretisation error. A Newton tolerance of 1e-2 or 1e-3 is enough for
+  displacements, slip and gradients; pressures need a tighter one.
+- **gamma.** Nitsche's method is within 5 % of its best error from gamma = 2 E/h on, penalty from 20 E/h on. The augmented
+  Lagrangian does not depend on gamma. On one mesh the three methods cost about the same.
+- **Degree.** For a smooth solution quadratic elements are faster at every accuracy. With the singularities of a fault or a
+  crack they are faster for small errors only: below 0.7 % of the displacement of the fault, below 1 % of the slip of the
+  crack.
+- **Singular edges** limit the order of convergence. Meshes graded towards them compensate for that.
+- **`wfl run --accuracy`** picks such settings by itself; the last section compares it with the cheapest run of the tables.
+
+This page is made by `wfl sweep --study docs` from the tables of the runs, failed runs included. Errors are relative. Each
+point of a figure is a run; lower and further left is better. The line is the Pareto front: no run is both faster and more
+accurate than a run on it. Times are of one run each unless stated otherwise, on a machine that was busy with other
+work: a factor below 2 between two times is not significant.
 ";
 
 fn section(part: &Part, args: &SweepArgs, rows: &[Row]) -> String {
@@ -217,7 +233,7 @@ fn section(part: &Part, args: &SweepArgs, rows: &[Row]) -> String {
     let first = |column: &str| rows.first().map_or("", |r| r.text(column)).to_owned();
     let mut text = format!("\n## {}\n\n{} {}\n\n", part.title, part.text, settings(rows));
     text += &format!(
-        "{} runs in {seconds:.0} s, {failed} of them failures; {}, commit {}.\n\n",
+        "{} runs in {seconds:.0} s, {failed} failed; {}, commit {}.\n\n",
         rows.len(),
         first("machine"),
         first("commit")
@@ -285,14 +301,14 @@ fn own_errors(rows: &[Row]) -> String {
         Some(format!("{} {largest:.1e}", page::title(q)))
     };
     let list: Vec<String> = fields.iter().filter_map(own).collect();
-    if list.is_empty() { String::new() } else { format!("\nErrors of the reference itself: {}.\n", list.join(", ")) }
+    if list.is_empty() { String::new() } else { format!("\nEstimated errors of the reference: {}.\n", list.join(", ")) }
 }
 
 /// The front of a quantity, with the source of each error.
 fn front_of(rows: &[Row], quantity: &str) -> String {
     let all = points(rows, quantity);
-    let mut text = format!("\nThe front of {}:\n\n", page::title(quantity));
-    text += "| setting | time [s] | error | mostly from |\n|---|---|---|---|\n";
+    let mut text = format!("\nPareto front, {}:\n\n", page::title(quantity));
+    text += "| setting | time [s] | error | main source |\n|---|---|---|---|\n";
     for p in front(&all) {
         text += &format!("| `{}` | {:.3} | {:.1e} | {} |\n", words(p.row), p.time, p.error, source(p, &all, quantity));
     }
@@ -311,8 +327,9 @@ fn failures(rows: &[Row]) -> String {
 
 /// Times with and without each pruning, and by how much the measures moved.
 fn pruning(rows: &[Row]) -> String {
-    let mut text =
-        String::from("| scene | put back | time [s] | times as long | measures move by |\n|---|---|---|---|---|\n");
+    let mut text = String::from(
+        "| scene | turned off | time [s] | ratio of times | largest change of a measure |\n|---|---|---|---|---|\n",
+    );
     for base in rows.iter().filter(|r| r.text("knob no_prune") == "nothing") {
         for row in rows.iter().filter(|r| r.text("scene") == base.text("scene")) {
             let measures = row.columns().filter(|c| c.starts_with("measure ")).collect::<Vec<_>>().into_iter();

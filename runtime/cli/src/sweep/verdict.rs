@@ -67,23 +67,24 @@ const VERY_SHORT: f64 = 0.5;
 const MORE: usize = 4;
 
 const HEAD: &str = "
-## A wanted accuracy
+## Runs with a demanded accuracy
 
-What `wfl run SCENE --accuracy ERROR --of QUANTITY` picks, its true error against the references above, and the time of
-the whole command, from the start of the process to its end: its runs on the way, the one that is kept, its files. Beside
-it `wfl run` of the cheapest run of the tables above that is as accurate as asked for, with the same scene and the same
-files: which run that is, is only known when all are done. The fastest of five counts where a command takes less
-than 5 s, of twenty below 0.5 s.
+The table compares `wfl run SCENE --accuracy ERROR --of QUANTITY` with the cheapest run of the tables above that has the
+demanded accuracy. The true error is taken against the references above. The time is that of the whole command: trial
+runs, final run and result files. The cheapest run is known only after all runs of the tables; its time is that
+of `wfl run` with the same scene and files. Times are the fastest of five commands if these take less than 5 s, of twenty
+below 0.5 s.
 
-| scene | asked | picked | estimated | true, ± error of the reference | command [s] | cheapest of the tables | its command [s] | times as long |
+| scene | demanded | settings picked | estimated error | true error, ± error of the reference | command [s] | cheapest run of the tables | its command [s] | ratio of times |
 |---|---|---|---|---|---|---|---|---|
 ";
 
 /// What no table says.
 const TAIL: &str = "\
-A command holds the runs that errors are told from and the margin that is kept: on the fault at 10 %, 4 cells are run
-because 2 tell too little of their own error; at 0.1 %, 10 cells have 0.07 %, which coarser runs do not show, and 12 are
-run. Of the manufactured contact at 1 %, 8 cells have 0.99 %, which no estimate can tell from 1 %.
+The command also pays for the runs of its error estimate and for the safety factor. On the fault at 10 % it takes 4 cells,
+because the error of 2 cells cannot be estimated well enough. At 0.1 % it takes 12 cells; 10 cells have an error of 0.07 %,
+which coarser runs do not show. In the manufactured contact problem at 1 %, 8 cells have an error of 0.99 %, which no
+estimate can distinguish from 1 %.
 ";
 
 /// One demand: its row, its true error in parts of what was asked, and its time in parts of the cheapest.
@@ -100,12 +101,12 @@ fn summary(rows: &[Met]) -> String {
     let mut times: Vec<f64> = rows.iter().filter_map(|r| r.times).collect();
     times.sort_by(f64::total_cmp);
     let mut text = format!(
-        "\nThe true error is at most what was asked for in {met} of {} rows, and within a factor of ten of it in {near}.\n",
+        "\nThe true error is below the demanded one in {met} of {} rows, and at most ten times smaller in {near}.\n",
         rows.len()
     );
     if let (Some(least), Some(middle), Some(most)) = (times.first(), times.get(times.len() / 2), times.last()) {
         text += &format!(
-            "The command takes {least:.1} to {most:.1} times as long as the cheapest run, the median is {middle:.1}.\n"
+            "The command takes {least:.1} to {most:.1} times as long as the cheapest run; the median is {middle:.1}.\n"
         );
     }
     text
@@ -224,7 +225,7 @@ mod tests {
     fn a_demand_that_is_missed_is_counted() {
         let row = |part: f64, times: f64| Met { row: String::new(), part, times: Some(times) };
         let told = summary(&[row(0.5, 2.0), row(1.5, 9.0), row(0.01, 3.0), row(f64::NAN, 4.0)]);
-        assert!(told.contains("in 2 of 4 rows, and within a factor of ten of it in 1."), "{told}");
-        assert!(told.contains("2.0 to 9.0 times as long as the cheapest run, the median is 4.0"), "{told}");
+        assert!(told.contains("in 2 of 4 rows, and at most ten times smaller in 1."), "{told}");
+        assert!(told.contains("2.0 to 9.0 times as long as the cheapest run; the median is 4.0"), "{told}");
     }
 }
