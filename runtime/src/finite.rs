@@ -7,12 +7,7 @@
 use thiserror::Error;
 use wfl::{Diagnostic, Span, ast::Expansions};
 use wfl_compiler::{NonFinite, locate};
-
-/// The largest absolute value; not a number if one of the values is none (`f64::max` would drop it), 0 without values.
-#[must_use]
-pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
-    values.into_iter().fold(0.0f64, |m, x| if m.is_nan() || x.is_nan() { f64::NAN } else { m.max(x.abs()) })
-}
+pub use wfl_sparse::norm::largest;
 
 /// A value of an expression that is not finite.
 #[derive(Clone, Debug, Error)]
@@ -176,18 +171,4 @@ pub struct BadState {
     pub position: [f64; 3],
     /// The largest absolute value of the unknowns at that state.
     pub largest: f64,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::largest;
-
-    #[test]
-    fn a_maximum_never_drops_what_is_not_a_number() {
-        assert_eq!(largest([]), 0.0);
-        assert_eq!(largest([1.0, -3.0, 2.0]), 3.0);
-        assert_eq!(largest([1.0, f64::NEG_INFINITY]), f64::INFINITY);
-        assert!(largest([f64::NAN, 1.0]).is_nan() && largest([1.0, f64::NAN]).is_nan());
-        assert!(largest([f64::INFINITY, f64::NAN, 1.0]).is_nan());
-    }
 }

@@ -9,7 +9,6 @@ pub mod assemble;
 pub mod compare;
 pub mod consistency;
 pub mod corpus;
-pub mod csr;
 pub mod field;
 pub mod finite;
 pub mod frames;
@@ -24,7 +23,6 @@ pub mod results;
 mod run;
 mod savings;
 mod scene;
-pub mod solve;
 pub mod space;
 mod strategy;
 mod system;
@@ -32,6 +30,7 @@ mod value;
 
 pub use wfl_host::{input, memory, reading};
 pub use wfl_mesh::{element, mesh, quadrature};
+pub use wfl_sparse::{csr, solve};
 
 pub use left_out::LeftOut;
 pub use pruning::{Pruning, Saving};
@@ -45,6 +44,7 @@ pub use scene::{
     RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, n_files,
     prepare, prepare_keeping,
 };
-pub use strategy::{SolverMemory, Strategy};
+pub use solve::SolverMemory;
+pub use strategy::Strategy;
 pub use system::{FIXED, Known, LooseMotions, Memory, NegativeBody, Numbering, Past, Singular, System, SystemError};
 pub use value::{Sampled, Value, uniforms_at};

@@ -15,8 +15,8 @@ use crate::{
     csr::{Csr, Pattern},
     pruning::Pruning,
     solve::{
-        CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, LinearSolver, Precision, Reference, SolveError,
-        SolveReport, SolverOptions, Strategy as Method,
+        CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, LinearSolver, Precision, SolveError, SolveReport,
+        SolverMemory, SolverOptions, Strategy as Method,
     },
     system::System,
 };
@@ -31,27 +31,6 @@ enum Kind {
     Condensed(Box<CheckedCondensed>),
     /// Sum of both.
     Full { pattern: Arc<Pattern>, bulk_positions: Vec<usize>, changing_positions: Vec<usize> },
-}
-
-/// What a solver has learnt: with it a resumed run goes on bit by bit as if it had not been stopped.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct SolverMemory {
-    /// Values of the changing part in the factor in use; empty if there is none.
-    pub factored: Vec<f64>,
-    /// Whether that factor is dense.
-    pub dense: bool,
-    /// Whether the matrix is still taken for symmetric and positive definite.
-    pub symmetric: bool,
-    /// Factorisations so far.
-    pub factorisations: usize,
-    /// Krylov iterations made with the factor in use.
-    pub spent: usize,
-    /// Free dofs that have turned out not to share a force with the dof that faces them.
-    pub apart: Vec<u32>,
-    /// Whether the factors of the bulk and of the matrix of the forces are of single precision.
-    pub single: bool,
-    /// What the factor of the forces was made from.
-    pub reference: Reference,
 }
 
 /// The linear solver of a scene.

@@ -23,6 +23,7 @@ const ARROWS: &[(&str, &str, &[&str])] = &[
     ),
     ("wfl-host", "runtime/host", &["thiserror"]),
     ("wfl-mesh", "runtime/mesh", &["wfl", "wfl-host", "nalgebra", "thiserror"]),
+    ("wfl-sparse", "runtime/sparse", &["wfl-host", "faer", "nalgebra", "pulp", "rayon", "thiserror"]),
     (
         "wfl-runtime",
         "runtime",
@@ -30,7 +31,8 @@ const ARROWS: &[(&str, &str, &[&str])] = &[
             "wfl",
             "wfl-compiler",
             "wfl-host",
-            "faer",
+            "wfl-mesh",
+            "wfl-sparse",
             "nalgebra",
             "pulp",
             "rayon",
@@ -79,8 +81,8 @@ const OWNERS: &[(&str, &[&str])] = &[
     // the rows of the second are expanded in the first
     ("libm", &["compiler/src/", "wfl/src/scalar_functions.rs"]),
     ("signal_hook", &["runtime/cli/src/interrupt.rs"]),
-    ("faer", &["runtime/src/solve/"]),
-    ("pulp", &["runtime/src/assemble/", "runtime/src/solve/kernels.rs"]),
+    ("faer", &["runtime/sparse/src/solve/"]),
+    ("pulp", &["runtime/src/assemble/", "runtime/sparse/src/solve/kernels.rs"]),
     ("zerocopy", &["runtime/src/assemble/"]),
     ("criterion", &["runtime/benches/"]),
     ("clap", &["runtime/cli/"]),

@@ -22,8 +22,8 @@ use crate::{
     newton::{FrictionWork, Iteration, StepHistory, Stop},
     output::{Hash, OutputDir},
     scene::Scene,
+    solve::SolverMemory,
     solve::{Reference, SolveReport},
-    strategy::SolverMemory,
     system::Memory,
 };
 use bytes::{HASH_OF_NOTHING, Reader, Unreadable, Writer, hash, hash_on};

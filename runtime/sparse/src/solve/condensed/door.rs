@@ -12,7 +12,7 @@ impl CheckedCondensed {
     ///
     /// # Errors
     /// As [`CheckedCondensed::update`].
-    pub(crate) fn sign_with(&mut self, changing: &Csr) -> Result<Option<bool>, SolveError> {
+    pub fn sign_with(&mut self, changing: &Csr) -> Result<Option<bool>, SolveError> {
         self.update(changing)?;
         if self.state == State::Stale {
             self.refactor()?;

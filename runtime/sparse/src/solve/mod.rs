@@ -19,6 +19,7 @@ mod kernels;
 mod krylov;
 mod llt;
 mod lu;
+mod memory;
 mod multifrontal;
 mod null_space;
 mod ordering;
@@ -31,15 +32,13 @@ mod symbolic;
 mod tests;
 
 pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
-pub(crate) use condensed::DENSE_LIMIT;
-pub use condensed::{CheckedCondensed, Reference, Strategy};
-pub(crate) use null_space::{NullSpace, null_space, triangular};
+pub use condensed::{CheckedCondensed, DENSE_LIMIT, Reference, Strategy};
+pub use memory::SolverMemory;
+pub use null_space::{NullSpace, null_space, triangular};
 pub use ordering::{Ordering, order};
 
-use crate::{
-    csr::{Csr, CsrError},
-    memory::TooMuchMemory,
-};
+use crate::csr::{Csr, CsrError};
+use wfl_host::memory::TooMuchMemory;
 
 /// Precision of the factors of a bulk that stands alone and of the dense matrix of the contact forces. Residuals and
 /// results are of double precision in all cases, and every solution is judged by its true residual.

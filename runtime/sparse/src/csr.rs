@@ -10,8 +10,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::{finite::largest, memory::TooMuchMemory};
+use crate::norm::largest;
 pub use pattern::{Pattern, PatternBuilder};
+use wfl_host::memory::TooMuchMemory;
 
 /// Rows handled by one parallel task of a product.
 const ROWS_PER_TASK: usize = 1024;
@@ -97,36 +98,43 @@ impl Csr {
     }
 
     /// The structure.
+    #[inline]
     pub fn pattern(&self) -> &Arc<Pattern> {
         &self.pattern
     }
 
     /// Number of rows.
+    #[inline]
     pub fn n_rows(&self) -> usize {
         self.pattern.n_rows()
     }
 
     /// Number of columns.
+    #[inline]
     pub fn n_cols(&self) -> usize {
         self.pattern.n_cols()
     }
 
     /// Values in the order of the pattern.
+    #[inline]
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
     /// Values in the order of the pattern, to be changed.
+    #[inline]
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values
     }
 
     /// The entry (row, column); zero when it is not stored.
+    #[inline]
     pub fn get(&self, row: usize, column: usize) -> f64 {
         self.pattern.position(row, column).map_or(0.0, |place| self.values[place])
     }
 
     /// Columns and values of one row.
+    #[inline]
     pub fn row(&self, row: usize) -> (&[u32], &[f64]) {
         let starts = self.pattern.row_starts();
         (self.pattern.row(row), &self.values[starts[row]..starts[row + 1]])
@@ -134,6 +142,7 @@ impl Csr {
 
     /// Adds `value` to a stored entry. Returns false, and does nothing, when the entry is not stored.
     #[must_use]
+    #[inline]
     pub fn add_to(&mut self, row: usize, column: usize, value: f64) -> bool {
         match self.pattern.position(row, column) {
             Some(place) => {
@@ -396,6 +405,7 @@ impl Restriction {
     }
 
     /// The pattern of the result.
+    #[inline]
     pub fn pattern(&self) -> &Arc<Pattern> {
         &self.pattern
     }

@@ -9,7 +9,7 @@ use super::scaling::symmetric_scale;
 use super::sweep::Form;
 use super::{NullVector, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, residual_and_size, residual_compensated};
-use crate::finite::largest;
+use crate::norm::largest;
 
 /// See the module documentation.
 const SINGULAR: f64 = 64.0 * f64::EPSILON;

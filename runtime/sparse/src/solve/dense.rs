@@ -19,7 +19,7 @@ use super::kernels::{
 };
 use super::multifrontal::{Multifrontal, Panel};
 use super::sweep::Form;
-use crate::memory::{refused_by_the_system, zeros};
+use wfl_host::memory::{refused_by_the_system, zeros};
 
 /// A pivot below so many roundoffs of its column is as good as zero.
 const VANISHING_PIVOT: f64 = 9.0;

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use super::CsrError;
-use crate::memory::grow;
+use wfl_host::memory::grow;
 
 /// Structure of a sparse matrix in compressed row form.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -52,36 +52,43 @@ impl Pattern {
     }
 
     /// Number of rows.
+    #[inline]
     pub fn n_rows(&self) -> usize {
         self.n_rows
     }
 
     /// Number of columns.
+    #[inline]
     pub fn n_cols(&self) -> usize {
         self.n_cols
     }
 
     /// Number of stored entries.
+    #[inline]
     pub fn n_entries(&self) -> usize {
         self.columns.len()
     }
 
     /// Start of each row in [`Pattern::columns`]; `n_rows + 1` entries.
+    #[inline]
     pub fn row_starts(&self) -> &[usize] {
         &self.row_starts
     }
 
     /// Column of every entry, row after row.
+    #[inline]
     pub fn columns(&self) -> &[u32] {
         &self.columns
     }
 
     /// Columns of one row, increasing.
+    #[inline]
     pub fn row(&self, row: usize) -> &[u32] {
         &self.columns[self.row_starts[row]..self.row_starts[row + 1]]
     }
 
     /// Place of entry (row, column) in the value array, if it is stored.
+    #[inline]
     pub fn position(&self, row: usize, column: usize) -> Option<usize> {
         let wanted = u32::try_from(column).ok()?;
         let offset = self.row(row).binary_search(&wanted).ok()?;

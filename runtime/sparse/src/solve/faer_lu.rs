@@ -17,10 +17,8 @@ use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use super::SolveError;
 use super::scaling::equilibration;
 use super::sweep::Form;
-use crate::{
-    csr::{Csr, Pattern},
-    memory::refused_by_the_system,
-};
+use crate::csr::{Csr, Pattern};
+use wfl_host::memory::refused_by_the_system;
 
 /// A reusable general sparse factorisation.
 pub(super) struct FaerLu {

@@ -26,10 +26,8 @@ use super::dense::is_odd;
 use super::multifrontal::{Multifrontal, StackSizes, shorten, stacks};
 use super::sweep::FrontFactor;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
-use crate::{
-    csr::Pattern,
-    memory::{claim_numbers, lengthen, refused_by_the_system, zeros},
-};
+use crate::csr::Pattern;
+use wfl_host::memory::{claim_numbers, lengthen, refused_by_the_system, zeros};
 
 /// A pivot below this part of its column is as good as zero.
 const VANISHING_PIVOT: f64 = 1e-15;

@@ -23,10 +23,8 @@ use super::super::dense::{Dense, Kind, Number};
 use super::super::kernels::product_by_rows;
 use super::super::sweep::Form;
 use super::small::{LARGEST_PART, Rows, Source, fill_products, other, share};
-use crate::{
-    csr::{Csr, Pattern},
-    memory::zeros,
-};
+use crate::csr::{Csr, Pattern};
+use wfl_host::memory::zeros;
 
 /// Rows of S that one thread fills at a time.
 const FILL_ROWS: usize = 12;

@@ -28,19 +28,21 @@ const MOST_PRODUCTS: usize = 200_000_000;
 
 /// What is undetermined.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct NullSpace {
-    /// Vectors in the unknowns of the matrix.
-    pub(crate) vectors: Vec<Vec<f64>>,
+pub struct NullSpace {
+    /// Vectors in the unknowns of the matrix, one number a column.
+    pub vectors: Vec<Vec<f64>>,
     /// The same in scaled unknowns, orthonormal.
-    pub(crate) scaled: Vec<Vec<f64>>,
+    pub scaled: Vec<Vec<f64>>,
     /// The largest entry of each row of the matrix as it is.
-    pub(crate) rows: Vec<f64>,
+    pub rows: Vec<f64>,
     /// The largest entry of each column.
-    pub(crate) columns: Vec<f64>,
+    pub columns: Vec<f64>,
 }
 
-/// The null space of a square matrix; `None` if it is too large, or if its square cannot be factored.
-pub(crate) fn null_space(matrix: &Csr, coordinates: Option<&[[f64; 3]]>, threads: usize) -> Option<NullSpace> {
+/// The null space of a square matrix; `None` if it is too large, or if its square cannot be factored. `coordinates` are
+/// the positions of its unknowns, for the ordering of that square.
+#[must_use]
+pub fn null_space(matrix: &Csr, coordinates: Option<&[[f64; 3]]>, threads: usize) -> Option<NullSpace> {
     let n = matrix.n_rows();
     let (rows, columns) = largest(matrix);
     let products: usize = (0..n).map(|row| matrix.row(row).0.len().pow(2)).sum();
@@ -152,8 +154,10 @@ fn orthonormal(vectors: &mut [Vec<f64>]) {
     }
 }
 
-/// The triangular factor of a matrix given by its columns (Gram and Schmidt, one column after the other).
-pub(crate) fn triangular(mut columns: Vec<Vec<f64>>) -> DMatrix<f64> {
+/// The triangular factor R (n x n) of a matrix given by its n columns of one length (Gram and Schmidt, one column after the
+/// other).
+#[must_use]
+pub fn triangular(mut columns: Vec<Vec<f64>>) -> DMatrix<f64> {
     let n = columns.len();
     let mut factor = DMatrix::zeros(n, n);
     for i in 0..n {

@@ -14,7 +14,7 @@ use super::super::dense::Number;
 use super::super::multifrontal::Multifrontal;
 use super::super::scaling::power_of_two;
 use super::super::symbolic::{INTERFACE, Symbolic};
-use crate::memory::zeros;
+use wfl_host::memory::zeros;
 
 /// Loads that go through the fronts together: enough for the dense kernels, few enough for the cache.
 const BLOCK: usize = 64;

@@ -12,7 +12,8 @@
 use faer::sparse::linalg::amd;
 
 use super::SolveError;
-use crate::{csr::Pattern, memory::refused_by_the_system};
+use crate::csr::Pattern;
+use wfl_host::memory::refused_by_the_system;
 
 /// Node sets up to this size are ordered by minimum degree.
 const LEAF_NODES: usize = 32;

@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use super::SolveError;
 use super::scaling::power_of_two;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
-use crate::memory::{claim_numbers, lengthen, refused_by_the_system, zeros};
+use wfl_host::memory::{claim_numbers, lengthen, refused_by_the_system, zeros};
 
 /// A factorisation of the members of a plan: everything before the interface, or all fronts that never change.
 pub(super) struct Multifrontal {

@@ -15,10 +15,8 @@ use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 
 use super::SolveError;
 use super::ordering::{Ordering, order};
-use crate::{
-    csr::Pattern,
-    memory::{claim, claim_numbers, refused_by_the_system},
-};
+use crate::csr::Pattern;
+use wfl_host::memory::{claim, claim_numbers, refused_by_the_system};
 
 /// Two neighbouring supernodes of together at most so many columns are merged when less than this part of the result
 /// is zeros. Measured on elasticity boxes of 7,344 and 53,856 unknowns.

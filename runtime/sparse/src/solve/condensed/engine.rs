@@ -14,10 +14,8 @@ use super::super::sweep::{Form, FrontFactor, Sweep};
 use super::super::symbolic::{INTERFACE, Symbolic};
 use super::super::{Precision, SolveError};
 use super::forces::{Bulk, Forces, Inner, Scaled};
-use crate::{
-    csr::{Csr, Pattern},
-    memory::zeros,
-};
+use crate::csr::{Csr, Pattern};
+use wfl_host::memory::zeros;
 
 /// Smallest pivot of the fronts, relative to its column, that is accepted.
 const SMALLEST_PIVOT: f64 = 1e-11;

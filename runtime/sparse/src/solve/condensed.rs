@@ -29,6 +29,7 @@ mod update;
 
 use std::sync::Arc;
 
+use super::SolverMemory;
 use super::checked::{check_symmetry, explain_bulk, explain_singular, outside};
 use super::dense::Kind;
 use super::judge::Judge;
@@ -36,13 +37,12 @@ use super::krylov::{Gmres, Limits};
 use super::sweep::Form;
 use super::{Precision, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
-use crate::strategy::SolverMemory;
 use engine::{Engine, EngineContext, MAX_ITERATIONS, Method};
 use forces::Forces;
 pub use small::Reference;
 
 /// Up to this many changing dofs their matrix is dense.
-pub(crate) const DENSE_LIMIT: usize = 600;
+pub const DENSE_LIMIT: usize = 600;
 /// Largest dense matrix that stands in when pivots from within fronts do not suffice.
 const DENSE_RESCUE_LIMIT: usize = 12_000;
 /// Up to this many forces the dense matrix that belongs to them is cheaper than fronts.
