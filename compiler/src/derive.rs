@@ -105,13 +105,6 @@ impl Rules<'_, '_> {
             Node::Map2(f, a, b) => self.function2(g, e, f, a, b),
             Node::Select(mask, a, b) => {
                 let (da, db) = (self.of(g, a)?, self.of(g, b)?);
-                if g.getfem_ties
-                    && let Some(other) = second_mask(g, mask, a, b)
-                {
-                    let first = select(g, mask, da, None);
-                    let second = select(g, other, db, None);
-                    return Ok(sum(g, first, second));
-                }
                 Ok(select(g, mask, da, db))
             }
             Node::Norm(v) => Ok(self.of(g, v)?.map(|dv| {
@@ -219,9 +212,7 @@ impl Rules<'_, '_> {
         let stick = g.in_ball(v, r);
         let closed = select(g, stick, dv, slip);
         let zero = g.number(0.0);
-        // GetFEM drops both derivatives already at r = 0
-        let test = if g.getfem_ties { Compare::Less } else { Compare::LessEqual };
-        let pressed = g.compare(test, zero, r);
+        let pressed = g.compare(Compare::LessEqual, zero, r);
         Ok(select(g, pressed, closed, None))
     }
 
@@ -285,14 +276,6 @@ fn select(g: &mut Graph, mask: ExprId, a: Option<ExprId>, b: Option<ExprId>) -> 
     let a = a.unwrap_or_else(|| g.zero(shape));
     let b = b.unwrap_or_else(|| g.zero(shape));
     Some(g.select(mask, a, b))
-}
-
-/// For `max` and `min` (a selection between the operands of its own comparison): where the second one is taken as
-/// GetFEM sees it, so that both count at a tie.
-fn second_mask(g: &mut Graph, mask: ExprId, a: ExprId, b: ExprId) -> Option<ExprId> {
-    let Node::Compare(op, x, y) = *g.node(mask) else { return None };
-    let swapped = ((x, y) == (a, b)) || ((x, y) == (b, a));
-    swapped.then(|| g.compare(op, y, x))
 }
 
 /// dv - e (e . dv), the part of dv that turns v

@@ -46,8 +46,6 @@ pub struct Graph {
     pub dim: usize,
     /// What the side `There` is: the image under this mapping, or the neighbour.
     pub mapping: Option<usize>,
-    /// Ties of kinked functions are decided as GetFEM does (`TermSource::GetFem`).
-    pub(crate) getfem_ties: bool,
     /// Whether each field is solved for.
     unknown: Vec<bool>,
     shapes: Vec<Shape>,
@@ -67,7 +65,6 @@ impl Graph {
             origin: None,
             dim,
             mapping: None,
-            getfem_ties: false,
             unknown: fields.iter().map(FieldSig::is_unknown).collect(),
             shapes: fields.iter().map(|f| f.shape).collect(),
             global: fields.iter().map(|f| f.global).collect(),

@@ -117,7 +117,6 @@ pub fn compile_pieces(
     let fields = with_guides(env.fields, field, guide);
     let env = Env { fields: &fields, ..*env };
     let mut g = Graph::new(from.dim, &fields);
-    g.getfem_ties = from.getfem_ties;
     let guides = g.leaf(Leaf::Field { field, side: Side::Here, op: FieldOp::Value, role: Role::Current });
     let (residual, watched) = hold(from, &order, &found, &mut g, guides)?;
     let watched = g.stack(Shape::vector(watched.len()), &watched);

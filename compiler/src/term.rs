@@ -156,10 +156,6 @@ pub enum TermSource<'a> {
     Energy(&'a Expr),
     /// GWFL: potential, residual or bare tangent, whichever the expression is.
     Any(&'a Expr),
-    /// As `Any`, with the choices that GetFEM makes at ties, to compare with its numbers. They differ from those of the
-    /// language in `neg_part`, `max`, `min`, `Ball_projection` of radius 0 and the contact part of
-    /// `Coulomb_friction_coupled_projection`.
-    GetFem(&'a Expr),
     /// `load field = value`: minus value times the test function; `entry` picks one component.
     Load {
         /// The force or traction.
@@ -205,10 +201,6 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
         TermSource::Residual(e) => (e, false, true),
         TermSource::Energy(e) => (e, true, false),
         TermSource::Any(e) => (e, true, true),
-        TermSource::GetFem(e) => {
-            b.graph.getfem_ties = true;
-            (e, true, true)
-        }
         TermSource::Load { value, field, part } => {
             let residual = load(b, value, field, part)?;
             let zero = b.graph.number(0.0);
@@ -239,7 +231,7 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
                 Diagnostic::new("E302", "an energy has no test functions").help("write `term` in place of `energy`");
             return b.report(d, text, "");
         }
-        _ if matches!(source, TermSource::Any(_) | TermSource::GetFem(_)) && b.graph.arity(root).test => {
+        _ if matches!(source, TermSource::Any(_)) && b.graph.arity(root).test => {
             return Some((None, None, root));
         }
         _ => {

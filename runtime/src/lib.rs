@@ -8,7 +8,6 @@ pub mod accuracy;
 pub mod assemble;
 pub mod compare;
 pub mod consistency;
-pub mod corpus;
 pub mod field;
 pub mod finite;
 pub mod frames;

@@ -1,5 +1,6 @@
 //! Scenes as text, solved through the library: what the suites share.
 
+pub mod corpus;
 pub mod fuzz;
 pub mod mutants;
 pub mod plate;

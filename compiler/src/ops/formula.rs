@@ -24,7 +24,7 @@ fn symbol(position: usize) -> Leaf {
 }
 
 impl Formula {
-    /// Free symbols of these shapes; ties of kinks are those of `like`.
+    /// Free symbols of these shapes, in the space dimension of `like`.
     pub(super) fn new(like: &Graph, shapes: &[Shape]) -> Self {
         let sig = |(k, shape): (usize, &Shape)| FieldSig {
             name: format!("argument {}", k + 1),
@@ -35,7 +35,6 @@ impl Formula {
         };
         let fields: Vec<FieldSig> = shapes.iter().enumerate().map(sig).collect();
         let mut graph = Graph::new(like.dim, &fields);
-        graph.getfem_ties = like.getfem_ties;
         let arguments = (0..shapes.len()).map(|k| graph.leaf(symbol(k))).collect();
         Self { graph, arguments }
     }

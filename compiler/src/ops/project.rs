@@ -6,11 +6,7 @@ use crate::{
     build::{Builder, Call},
     graph::{ExprId, Graph},
     ir::Compare,
-    ops::{
-        OpDef,
-        scalar::{pos_part, strict_pos_part},
-        tensor::deviator,
-    },
+    ops::{OpDef, scalar::pos_part, tensor::deviator},
     types::Shape,
 };
 
@@ -119,7 +115,7 @@ fn coulomb(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let pushed = g.scale(r, gap);
     let trial = g.add(normal, pushed);
     let minus = g.neg(trial);
-    let pressure = if g.getfem_ties { strict_pos_part(g, minus) } else { pos_part(g, minus) };
+    let pressure = pos_part(g, minus);
     Some(coulomb_force(g, lambda, n, slip, pressure, &f, r))
 }
 

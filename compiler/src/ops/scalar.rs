@@ -83,7 +83,7 @@ pub(super) const TABLE: &[OpDef] = &[
     one!("pos_part", "t for t >= 0, else 0; derivative 1 at 0", &["pos_part(p)", "pos_part(u).w"], pos_part),
     one!("neg_part", "pos_part(-t), also at 0", &["neg_part(p)"], |g, a| {
         let minus = g.neg(a);
-        if g.getfem_ties { strict_pos_part(g, minus) } else { pos_part(g, minus) }
+        pos_part(g, minus)
     }),
     one!("sqr_pos_part", "pos_part squared", &["sqr_pos_part(p)"], |g, a| square(g, a, 1.0)),
     one!("half_sqr_pos_part", "half of pos_part squared: a potential", &["half_sqr_pos_part(p)"], |g, a| square(
@@ -91,11 +91,11 @@ pub(super) const TABLE: &[OpDef] = &[
     )),
     one!("sqr_neg_part", "neg_part squared", &["sqr_neg_part(p)"], |g, a| {
         let minus = g.neg(a);
-        square_of_negative(g, minus, 1.0)
+        square(g, minus, 1.0)
     }),
     one!("half_sqr_neg_part", "half of neg_part squared", &["half_sqr_neg_part(p)"], |g, a| {
         let minus = g.neg(a);
-        square_of_negative(g, minus, 0.5)
+        square(g, minus, 0.5)
     }),
     two!("pow", "t to the u", &["pow(4+p, 1.7)", "pow(4+p, q)"], |g, a, b| {
         if g.shape(a).rank() == 0 { power(g, a, b) } else { pow_components(g, a, b) }
@@ -148,25 +148,8 @@ pub(super) fn pos_part(g: &mut Graph, a: ExprId) -> ExprId {
     by_sign(g, a, a, zero)
 }
 
-/// t for t > 0, else 0: inactive at 0, as some of GetFEM's operators are.
-pub(super) fn strict_pos_part(g: &mut Graph, a: ExprId) -> ExprId {
-    let zero = g.zero(g.shape(a));
-    let mask = g.compare(Compare::Less, zero, a);
-    g.select(mask, a, zero)
-}
-
 fn square(g: &mut Graph, a: ExprId, factor: f64) -> ExprId {
     let p = pos_part(g, a);
-    scaled_square(g, p, factor)
-}
-
-/// factor * pos_part(a)^2 where `a` is minus the argument of a `neg_part`.
-fn square_of_negative(g: &mut Graph, a: ExprId, factor: f64) -> ExprId {
-    let p = if g.getfem_ties { strict_pos_part(g, a) } else { pos_part(g, a) };
-    scaled_square(g, p, factor)
-}
-
-fn scaled_square(g: &mut Graph, p: ExprId, factor: f64) -> ExprId {
     let square = g.mul_components(p, p);
     times(g, factor, square)
 }

@@ -48,11 +48,6 @@ pub(super) const TABLE: &[OpDef] = &[
     }),
     row!("Normalized", 1, 1, "Normalized(v)", "v/|v|; value and derivative 0 at 0", &["Normalized(u).w"], |b, c| {
         let (_, v) = b.plain_argument(c, 0)?;
-        if b.graph.getfem_ties {
-            // GetFEM regularises with this length, which only its derivative at 0 shows
-            let eps = b.graph.number(1e-25);
-            return Some(regularised(&mut b.graph, v, eps));
-        }
         Some(b.graph.unit(v))
     }),
     row!(

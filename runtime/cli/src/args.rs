@@ -72,9 +72,6 @@ pub(crate) enum Command {
     /// Turn an assembly string of a GetFEM script into statements of a scene
     #[command(after_help = IMPORT_HELP)]
     Import(ImportArgs),
-    /// Run a conformance corpus (for developers)
-    #[command(hide = true)]
-    Corpus(CorpusArgs),
 }
 
 const RUN_HELP: &str = "\
@@ -152,13 +149,6 @@ What cannot be guessed is refused: transformations, multipliers, words of UFL. W
 Examples:
   wfl import \"(2*mu*Sym(Grad_u) + lambda*Trace(Grad_u)*Id(3)):Grad_Test_u\"
   wfl import \"pos_part(g*u.Normal)*Test_u.Normal\" --on wall";
-
-/// A corpus to run.
-#[derive(Debug, ClapArgs)]
-pub(crate) struct CorpusArgs {
-    /// The corpus, a .json file of the format gwfl-corpus/1
-    pub(crate) file: PathBuf,
-}
 
 /// A scene with parameter values.
 #[derive(Debug, ClapArgs)]

@@ -49,10 +49,7 @@ fn command(first: &str, words: &[String]) -> String {
     let meant = other.or(begun).or_else(|| nearest(first, known.iter().map(String::as_str)));
     let help = match meant {
         Some(meant) => typed(meant, &rest),
-        None => format!(
-            "wfl run SCENE; the commands are {}",
-            known.iter().filter(|k| *k != "corpus").cloned().collect::<Vec<_>>().join(", ")
-        ),
+        None => format!("wfl run SCENE; the commands are {}", known.join(", ")),
     };
     format!("error: `{first}` is not a command of wfl\n  = help: {help}\n")
 }

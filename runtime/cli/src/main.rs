@@ -7,7 +7,6 @@ mod args_slip;
 mod ast_text;
 mod check;
 mod contact;
-mod corpus;
 mod definite;
 mod ended;
 mod explain;
@@ -90,7 +89,6 @@ fn command(started: Instant) -> ExitCode {
         Command::Explain(options) => explain::explain(&options),
         Command::Fmt(options) => fmt::fmt(&options),
         Command::Import(options) => import::import(&options),
-        Command::Corpus(options) => corpus::corpus(&options),
     }
 }
 

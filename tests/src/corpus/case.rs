@@ -5,20 +5,22 @@ use std::sync::Arc;
 use wfl::{Diagnostic, Expander, SourceMap, ast::Expr, ast::MacroDef, parse_gwfl};
 use wfl_compiler::{Env, TermLaw, TermSource, backend::KernelBackend, compile_term, ir::LANES};
 
+use wfl_runtime::{
+    Numbering,
+    assemble::{AssembledTerm, Binding, Bound, FieldValues, Integrator, LawSlots, Workspace, tangent_kernel},
+    csr::{Csr, PatternBuilder},
+    uniforms_at,
+};
+
 use super::{
     Verdict,
     compare::{Numbers, compare},
     format::{Case, Corpus},
     setup::{Setup, setup},
-};
-use crate::{
-    assemble::{AssembledTerm, Binding, Bound, FieldValues, Integrator, LawSlots, Workspace, tangent_kernel},
-    csr::{Csr, PatternBuilder},
-    system::Numbering,
-    value::uniforms_at,
+    ties::like_getfem,
 };
 
-/// Which branch counts at a tie.
+/// Whose derivatives count at a tie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ties {
     Language,
@@ -84,8 +86,8 @@ fn compile(setup: &Setup, case: &Case, ties: Ties) -> Result<TermLaw, String> {
         step_variable: None,
         equal_within: 0.0,
     };
-    let source = if ties == Ties::GetFem { TermSource::GetFem(&expr) } else { TermSource::Any(&expr) };
-    checked(compile_term(&env, &setup.place, &case.id, source))
+    let expr = if ties == Ties::GetFem { like_getfem(&expr, &setup.unknowns()) } else { expr };
+    checked(compile_term(&env, &setup.place, &case.id, TermSource::Any(&expr)))
 }
 
 fn first_error(diagnostics: &[Diagnostic]) -> Result<(), String> {

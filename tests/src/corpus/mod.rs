@@ -2,38 +2,24 @@
 //!
 //! A corpus file (`gwfl-corpus/1`) gives meshes, quadrature points, nodal values, expressions of the weak-form
 //! language of GetFEM and the scalar, residual and tangent that GetFEM assembled. Every case runs through the whole
-//! chain: text, macros, typed graph, derivatives, point kernels of the backend handed over, the assembler of this
-//! crate. Numbers are compared as `|ours - theirs| <= rtol * (largest entry of theirs)`; a case marked `reject` must
+//! chain: text, macros, typed graph, derivatives, point kernels of the backend handed over, the assembler of
+//! the runtime. Numbers are compared as `|ours - theirs| <= rtol * (largest entry of theirs)`; a case marked `reject` must
 //! end in an error message.
 //!
-//! At a kink the two programs may choose differently on purpose (`neg_part`, `max`, a ball of radius 0). A case
-//! marked `kink` is therefore compared twice: compiled with GetFEM's choice at ties it must give GetFEM's numbers, and
-//! compiled as the language says it must give the same scalar and residual; where only its tangent differs the line
+//! At a kink the two programs may choose differently on purpose (`max`, `min`, a ball of radius 0). A case marked
+//! `kink` is therefore compared twice: written with GetFEM's choice at ties (`ties.rs`) it must give GetFEM's numbers,
+//! and compiled as the language says it must give the same scalar and residual; where only its tangent differs the line
 //! says so ([`Verdict::TieDiffers`]). Nothing is skipped.
 
 mod case;
 mod compare;
 mod format;
 mod setup;
+mod ties;
 
 use std::fmt;
 
-use thiserror::Error;
 use wfl_compiler::backend::KernelBackend;
-
-/// Why a corpus could not be run at all.
-#[derive(Debug, Error)]
-pub enum CorpusError {
-    /// Not the JSON that was expected.
-    #[error("not a corpus file: {0}")]
-    Text(#[from] serde_json::Error),
-    /// Another format.
-    #[error("a corpus of format `{found}`; `{}` can be read", format::FORMAT)]
-    Format {
-        /// What the file says.
-        found: String,
-    },
-}
 
 /// How a case ended.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,18 +75,6 @@ impl Verdict {
 }
 
 impl CorpusReport {
-    /// Number of cases that pass.
-    #[must_use]
-    pub fn passed(&self) -> usize {
-        self.cases.iter().filter(|c| c.verdict.passes()).count()
-    }
-
-    /// The closing count.
-    #[must_use]
-    pub fn summary(&self) -> String {
-        format!("{} of {} cases pass ({})", self.passed(), self.cases.len(), self.backend)
-    }
-
     /// The cases that do not.
     pub fn failures(&self) -> impl Iterator<Item = &CaseReport> {
         self.cases.iter().filter(|c| !c.verdict.passes())
@@ -122,24 +96,14 @@ impl fmt::Display for CaseReport {
     }
 }
 
-impl fmt::Display for CorpusReport {
-    /// A line a case and a closing count.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for case in &self.cases {
-            writeln!(f, "{case}")?;
-        }
-        writeln!(f, "{}", self.summary())
-    }
-}
-
 /// Runs all cases of a corpus file on a backend.
 ///
 /// # Errors
-/// [`CorpusError`] when the text is no corpus; a case that cannot be run is a failure of that case.
-pub fn run_corpus(text: &str, backend: &dyn KernelBackend) -> Result<CorpusReport, CorpusError> {
-    let corpus: format::Corpus = serde_json::from_str(text)?;
+/// When the text is no corpus, says why; a case that cannot be run is a failure of that case.
+pub fn run_corpus(text: &str, backend: &dyn KernelBackend) -> Result<CorpusReport, String> {
+    let corpus: format::Corpus = serde_json::from_str(text).map_err(|e| format!("not a corpus file: {e}"))?;
     if corpus.format != format::FORMAT {
-        return Err(CorpusError::Format { found: corpus.format });
+        return Err(format!("a corpus of format `{}`; `{}` can be read", corpus.format, format::FORMAT));
     }
     let report = |case: &format::Case| CaseReport {
         id: case.id.clone(),

@@ -8,8 +8,7 @@ use wfl_compiler::{
     types::{FieldKind, FieldSig, PlaceKind, PlaceSig, Shape},
 };
 
-use super::format::{Case, Corpus, DataText, FieldText, MeshText, PointDataText, QuadratureText, RegionText, Role};
-use crate::{
+use wfl_runtime::{
     assemble::{Binding, Bound, Domain, FieldValues, LawSlots, Workspace},
     element::Family,
     field::{Field, FieldSpace},
@@ -17,6 +16,11 @@ use crate::{
     point_space::PointSpace,
     quadrature::Rule,
     space::Space,
+};
+
+use super::{
+    format::{Case, Corpus, DataText, FieldText, MeshText, PointDataText, QuadratureText, RegionText, Role},
+    ties::frozen_name,
 };
 
 /// Positions of a file and of a mesh are the same point within this part of the mesh size: the file has rounded ones.
@@ -40,7 +44,7 @@ pub(super) fn setup(corpus: &Corpus, case: &Case) -> Result<Setup, String> {
     let topology = Topology::new(&mesh).map_err(|e| e.to_string())?;
     let region = region(&mesh, &topology, &case.region)?;
     let rules = rules(corpus, case, &mesh)?;
-    let rule = |kind: CellKind| rules.get(&kind).cloned().unwrap_or_else(|| crate::quadrature::vertex(kind));
+    let rule = |kind: CellKind| rules.get(&kind).cloned().unwrap_or_else(|| wfl_runtime::quadrature::vertex(kind));
     let domain = Arc::new(Domain::new(&mesh, &region, &rule).map_err(|e| e.to_string())?);
     let mut setup = Setup {
         place: place(&mesh, &region),
@@ -57,6 +61,7 @@ pub(super) fn setup(corpus: &Corpus, case: &Case) -> Result<Setup, String> {
     for (name, text) in &case.im_data {
         setup.add_point_data(name, text)?;
     }
+    setup.add_frozen(&topology, case)?;
     setup.find_homes(&region);
     Ok(setup)
 }
@@ -149,7 +154,7 @@ fn rule(kind: CellKind, points: &[Vec<f64>], weights: &[f64]) -> Rule {
 /// Parameters of a face run from its first node along the others, as facet parameters do here.
 fn face_rule(kind: CellKind, text: &QuadratureText) -> Rule {
     if kind == CellKind::Point {
-        crate::quadrature::vertex(kind)
+        wfl_runtime::quadrature::vertex(kind)
     } else {
         rule(kind, &text.face_points, &text.face_weights)
     }
@@ -201,7 +206,30 @@ impl Setup {
             FieldText::Fem { role, .. } | FieldText::Global { role, .. } => *role,
         };
         let kind = if role == Role::Variable { FieldKind::Unknown } else { FieldKind::Data };
-        let name = name.to_owned();
+        self.add_field_of_kind(topology, name.to_owned(), kind, text)
+    }
+
+    /// For each unknown of a case with a kink, a copy of its values whose derivative is 0.
+    fn add_frozen(&mut self, topology: &Topology, case: &Case) -> Result<(), String> {
+        let unknowns = self.unknowns().iter().map(|name| (*name).to_owned()).collect::<Vec<String>>();
+        for name in unknowns.iter().filter(|_| case.kink) {
+            self.add_field_of_kind(topology, frozen_name(name), FieldKind::Data, &case.fields[name])?;
+        }
+        Ok(())
+    }
+
+    /// The names of what is solved for.
+    pub(super) fn unknowns(&self) -> Vec<&str> {
+        self.sigs.iter().filter(|s| s.kind == FieldKind::Unknown).map(|s| s.name.as_str()).collect()
+    }
+
+    fn add_field_of_kind(
+        &mut self,
+        topology: &Topology,
+        name: String,
+        kind: FieldKind,
+        text: &FieldText,
+    ) -> Result<(), String> {
         match text {
             FieldText::Global { values, .. } => {
                 let shape = vector_or_scalar(values.len());

@@ -1,7 +1,8 @@
 //! Assembled numbers beside those of a case.
 
+use wfl_runtime::csr::Csr;
+
 use super::{Verdict, format::Case, setup::Setup};
-use crate::csr::Csr;
 
 /// What was assembled.
 pub(super) struct Numbers {
