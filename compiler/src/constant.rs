@@ -6,7 +6,8 @@ use crate::{
     build::{Constant, Env, locate},
     interp::interpret,
     ir::Origin,
-    term::{compile_value, run_prologue},
+    law::run_prologue,
+    term::compile_value,
     types::{PlaceKind, PlaceSig},
 };
 

@@ -11,34 +11,6 @@ use crate::{
     types::{FieldOp, FieldSig, Side},
 };
 
-/// Calls `f` on every operand of a node.
-pub(crate) fn operands(node: &Node, mut f: impl FnMut(ExprId)) {
-    match node {
-        Node::Const(_) | Node::Leaf(_) => {}
-        Node::Neg(a) | Node::Trace(a, ..) | Node::Permute(a, _) | Node::Reshape(a) | Node::Pick(a, _) => f(*a),
-        Node::Map(_, a) | Node::Not(a) | Node::Norm(a) | Node::Unit(a) | Node::Det(a) | Node::Inverse(a) => f(*a),
-        Node::Matrix(_, a) | Node::Print(a) => f(*a),
-        Node::Stack(parts) => parts.iter().copied().for_each(f),
-        Node::Select(m, a, b) => {
-            f(*m);
-            f(*a);
-            f(*b);
-        }
-        Node::Add(a, b) | Node::Sub(a, b) | Node::Scale(a, b) | Node::Divide(a, b) | Node::Contract(a, b, _) => {
-            f(*a);
-            f(*b);
-        }
-        Node::MulComponents(a, b) | Node::DivComponents(a, b) | Node::Map2(_, a, b) | Node::Compare(_, a, b) => {
-            f(*a);
-            f(*b);
-        }
-        Node::And(a, b) | Node::Or(a, b) | Node::Ball(a, b) | Node::InBall(a, b) | Node::BallRatio(a, b) => {
-            f(*a);
-            f(*b);
-        }
-    }
-}
-
 /// One expression with its shared parts named: `e1 = ...` lines, then the expression itself.
 #[must_use]
 pub fn expression_text(graph: &Graph, root: ExprId, fields: &[FieldSig]) -> String {
@@ -47,7 +19,7 @@ pub fn expression_text(graph: &Graph, root: ExprId, fields: &[FieldSig]) -> Stri
     seen[root.index()] = true;
     for k in (0..=root.index()).rev() {
         if seen[k] {
-            operands(graph.node(ExprId::new(k)), |o| {
+            graph.node(ExprId::new(k)).for_each_operand(|o| {
                 seen[o.index()] = true;
                 *uses.entry(o).or_default() += 1;
             });

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use crate::{
     ir::{Inst, Kernel, Val, VerifiedKernel},
+    law::Prologue,
     scalar::Scalars,
-    term::Prologue,
     types::UniformSlot,
     verify::verify,
 };

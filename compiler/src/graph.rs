@@ -8,7 +8,6 @@
 use std::collections::HashMap;
 
 use crate::{
-    display::operands,
     ir::{Compare, Origin},
     math::{MathFn2, MatrixFn},
     types::{FieldId, FieldSig, Shape},
@@ -17,12 +16,7 @@ use crate::{
 mod node;
 
 pub(crate) use node::{Arity, Depends, Function1};
-pub use node::{Leaf, Node, Role};
-
-wfl::define_index! {
-    /// A node of the graph.
-    ExprId,
-}
+pub use node::{ExprId, Leaf, Node, Role};
 
 #[derive(Clone, Debug)]
 struct Info {
@@ -137,6 +131,18 @@ impl Graph {
         self.nodes.is_empty()
     }
 
+    /// Nodes below `root`, operands first, `root` last.
+    pub(crate) fn reachable(&self, root: ExprId) -> Vec<ExprId> {
+        let mut seen = vec![false; self.len()];
+        seen[root.index()] = true;
+        for k in (0..=root.index()).rev() {
+            if seen[k] {
+                self.nodes[k].for_each_operand(|o| seen[o.index()] = true);
+            }
+        }
+        (0..self.len()).filter(|k| seen[*k]).map(ExprId::new).collect()
+    }
+
     /// The entries of a constant.
     #[must_use]
     pub fn constant_value(&self, e: ExprId) -> Option<Vec<f64>> {
@@ -164,7 +170,7 @@ impl Graph {
         }
         let e = ExprId::new(self.nodes.len());
         let mut below = 0;
-        operands(&node, |a| below = below.max(self.infos[a.index()].depth));
+        node.for_each_operand(|a| below = below.max(self.infos[a.index()].depth));
         self.index.insert((node.clone(), shape), e);
         self.nodes.push(node);
         self.infos.push(Info { shape, mask, arity, depends, origin: self.origin, depth: below + 1 });

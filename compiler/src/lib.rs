@@ -15,6 +15,7 @@ mod emitter;
 mod graph;
 mod interp;
 pub mod ir;
+mod law;
 mod lower;
 mod math;
 mod matrix_fn;
@@ -36,6 +37,7 @@ pub use dd::Dd;
 pub use degree::Degree;
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};
+pub use law::{Class, Kink, KinkKind, Listing, Prologue, TermLaw, ValueLaw, run_prologue};
 pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions};
 pub use pieces::{BALL_NUMBERS, PiecesLaw, Projection, ProjectionKind, compile_pieces};
@@ -43,9 +45,6 @@ pub use print::{PrintLaw, compile_prints};
 pub use real::{Dual, Real};
 pub use symmetry::unit_normals;
 pub use tangent_check::{BlockCheck, EntryPlace, SlotGroup, TangentCheck, TangentSampling, check_tangent};
-pub use term::{
-    Class, Kink, KinkKind, Listing, LoadPart, Prologue, TermLaw, TermSource, ValueLaw, compile_condition, compile_term,
-    compile_value, run_prologue,
-};
+pub use term::{LoadPart, TermSource, compile_condition, compile_term, compile_value};
 pub use verify::{SlotKind, ValueType, VerifyError, verify};
 pub use wfl::scalar_functions;

@@ -25,8 +25,9 @@ use crate::{
     build::Env,
     graph::{ExprId, Graph, Leaf, Node, Role},
     ir::Compare,
+    law::{Listing, TermLaw, ValueLaw},
     ops::rebuild,
-    term::{Listing, TermLaw, ValueLaw, law_of, tangent_of, value_of},
+    term::{law_of, tangent_of, value_of},
     types::{FieldId, FieldKind, FieldOp, FieldSig, PlaceSig, Shape, Side},
 };
 
@@ -88,7 +89,7 @@ pub fn compile_pieces(
 ) -> Option<PiecesLaw> {
     let root = listing.residual?;
     let from = &listing.graph;
-    let order = reachable(from, root);
+    let order = from.reachable(root);
     let half_lines = half_lines(from, &order);
     let acting = acting(from, root);
     let mut guide = 0;
@@ -145,7 +146,7 @@ fn acting(g: &Graph, root: ExprId) -> Vec<bool> {
         match *g.node(ExprId::new(k)) {
             _ if !acts[k] => {}
             Node::Ball(v, _) => acts[v.index()] = true,
-            ref node => crate::display::operands(node, |o| acts[o.index()] = true),
+            ref node => node.for_each_operand(|o| acts[o.index()] = true),
         }
     }
     acts
@@ -264,9 +265,4 @@ fn held_ball(g: &mut Graph, guides: ExprId, p: Projection, x: ExprId, radius: Ex
     let stick = switched_on(g, stick);
     let held = g.select(stick, x, slip);
     HeldBall { held, value: exceed(g, overstress, x, held) }
-}
-
-/// Nodes below `root`, operands first, `root` last.
-fn reachable(g: &Graph, root: ExprId) -> Vec<ExprId> {
-    crate::term::reachable(g, root)
 }

@@ -4,7 +4,8 @@ use crate::{
     build::Env,
     graph::Node,
     ir::Origin,
-    term::{Listing, ValueLaw, reachable, value_of},
+    law::{Listing, ValueLaw},
+    term::value_of,
     types::PlaceSig,
 };
 
@@ -23,7 +24,7 @@ pub fn compile_prints(env: &Env<'_>, place: &PlaceSig, name: &str, listing: &Lis
     let g = &listing.graph;
     let Some(root) = listing.energy.or(listing.residual) else { return Vec::new() };
     let mut out = Vec::new();
-    for e in reachable(g, root) {
+    for e in g.reachable(root) {
         if let Node::Print(value) = *g.node(e)
             && !g.arity(value).test
             && !g.arity(value).trial

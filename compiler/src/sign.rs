@@ -6,8 +6,8 @@ use crate::{
     build::{Env, locate},
     graph::{ExprId, Function1, Graph, Node},
     ir::Compare,
+    law::Listing,
     math::MathFn1,
-    term::{Listing, reachable},
 };
 
 /// W502: a ball whose radius changes sign with the unknowns. W612: one whose radius is a number below 0.
@@ -20,7 +20,7 @@ pub(crate) fn radius_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnosti
         let d = locate(d, *origin, env.expansions, "the projection gives 0 whatever its argument is");
         out.push(d.help("a bound is at least 0: look at the signs of its factors"));
     }
-    for e in reachable(g, residual) {
+    for e in g.reachable(residual) {
         if let Node::Ball(_, radius) = *g.node(e)
             && g.depends(radius).unknown
             && !never_negative(g, radius)

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use crate::{
     interp::interpret,
     ir::Val,
-    term::TermLaw,
+    law::TermLaw,
     types::{BasisSlot, InputSlot},
 };
 

@@ -17,9 +17,9 @@ use crate::{
     graph::{ExprId, Leaf, Node, Role},
     interp::interpret,
     ir::{LANES, VerifiedKernel},
+    law::{TermLaw, run_prologue},
     real::Real,
     symmetry::unit_normals,
-    term::{TermLaw, run_prologue},
     types::{BasisSlot, FieldId, FieldOp, InputSlot, Side, UniformSlot},
 };
 use bounded::Bounded;

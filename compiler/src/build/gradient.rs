@@ -6,7 +6,6 @@ use crate::{
     build::Builder,
     derive::derive,
     graph::{ExprId, Graph, Leaf, Node, Role},
-    term::reachable,
     types::{FieldId, FieldOp, Shape, Side},
 };
 
@@ -87,7 +86,7 @@ impl Builder<'_> {
 
 /// True if a value is read on the side `There`.
 fn reads_image(graph: &Graph, value: ExprId) -> bool {
-    reachable(graph, value).into_iter().any(|e| {
+    graph.reachable(value).into_iter().any(|e| {
         let there = Leaf::Normal(Side::There);
         matches!(graph.node(e), Node::Leaf(l) if *l == there || *l == Leaf::ImageX)
             || matches!(graph.node(e), Node::Leaf(Leaf::Field { side: Side::There, .. }))

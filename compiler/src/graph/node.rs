@@ -1,12 +1,16 @@
 //! The operations and leaves that the graph is made of, and what is known of each value. Data only: the rules that keep
-//! nodes small are the constructors of [`super::Graph`].
+//! nodes small are the constructors of the graph.
 
-use super::ExprId;
 use crate::{
     ir::Compare,
     math::{MathFn1, MathFn2, MatrixFn},
     types::{FieldId, FieldOp, Side},
 };
+
+wfl::define_index! {
+    /// A node of the graph.
+    ExprId,
+}
 
 /// What a field leaf stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -127,6 +131,36 @@ pub enum Node {
     Matrix(MatrixFn, ExprId),
     /// The value itself, printed at each point when the scene runs.
     Print(ExprId),
+}
+
+impl Node {
+    /// Calls `f` on every operand of a node.
+    pub(crate) fn for_each_operand(&self, mut f: impl FnMut(ExprId)) {
+        match self {
+            Node::Const(_) | Node::Leaf(_) => {}
+            Node::Neg(a) | Node::Trace(a, ..) | Node::Permute(a, _) | Node::Reshape(a) | Node::Pick(a, _) => f(*a),
+            Node::Map(_, a) | Node::Not(a) | Node::Norm(a) | Node::Unit(a) | Node::Det(a) | Node::Inverse(a) => f(*a),
+            Node::Matrix(_, a) | Node::Print(a) => f(*a),
+            Node::Stack(parts) => parts.iter().copied().for_each(f),
+            Node::Select(m, a, b) => {
+                f(*m);
+                f(*a);
+                f(*b);
+            }
+            Node::Add(a, b) | Node::Sub(a, b) | Node::Scale(a, b) | Node::Divide(a, b) | Node::Contract(a, b, _) => {
+                f(*a);
+                f(*b);
+            }
+            Node::MulComponents(a, b) | Node::DivComponents(a, b) | Node::Map2(_, a, b) | Node::Compare(_, a, b) => {
+                f(*a);
+                f(*b);
+            }
+            Node::And(a, b) | Node::Or(a, b) | Node::Ball(a, b) | Node::InBall(a, b) | Node::BallRatio(a, b) => {
+                f(*a);
+                f(*b);
+            }
+        }
+    }
 }
 
 /// How many test and trial functions multiply an expression.

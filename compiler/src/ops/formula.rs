@@ -56,7 +56,7 @@ impl Formula {
         needed[root.index()] = true;
         for k in (0..=root.index()).rev() {
             if needed[k] {
-                crate::display::operands(self.graph.node(ExprId::new(k)), |o| needed[o.index()] = true);
+                self.graph.node(ExprId::new(k)).for_each_operand(|o| needed[o.index()] = true);
             }
         }
         let mut copied: Vec<Option<ExprId>> = vec![None; root.index() + 1];
