@@ -40,7 +40,10 @@ pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, 
 pub use law::{Class, Kink, KinkKind, Listing, Prologue, TermLaw, ValueLaw, run_prologue};
 pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions};
-pub use pieces::{BALL_NUMBERS, PiecesLaw, Projection, ProjectionKind, compile_pieces};
+pub use pieces::{
+    ArgumentSlope, BALL_NUMBERS, PiecesLaw, Projection, ProjectionKind, ScaledPart, Scaling, SlopesLaw, compile_pieces,
+    scaling_parameters,
+};
 pub use print::{PrintLaw, compile_prints};
 pub use real::{Dual, Real};
 pub use symmetry::unit_normals;

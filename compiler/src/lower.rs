@@ -10,7 +10,7 @@ use crate::{
     ir::{Compare, Val},
     math::MatrixFn,
     scalar::{Form, NO_SLOT, Scalars},
-    types::{BasisSlot, InputSlot, Shape, UniformSlot},
+    types::{BasisSlot, FieldId, FieldOp, InputSlot, Shape, Side, UniformSlot},
 };
 
 /// Slots by the order in which the point law reads or multiplies them.
@@ -59,6 +59,11 @@ impl<'g> Lowering<'g> {
             masks: BTreeMap::new(),
             polar: BTreeMap::new(),
         }
+    }
+
+    /// The mapping that the graph reads through.
+    pub(crate) fn mapping(&self) -> Option<usize> {
+        self.graph.mapping
     }
 
     /// The entries of an expression as forms.
@@ -279,6 +284,12 @@ impl<'g> Lowering<'g> {
         let id = *self.slots.inputs.entry(slot).or_insert(next);
         let v = self.scalars.input(id);
         self.scalars.form(v)
+    }
+
+    /// The value of a global field of one entry.
+    pub(crate) fn global_value(&mut self, field: FieldId) -> Val {
+        let form = self.input(InputSlot::Field(BasisSlot { field, side: Side::Here, op: FieldOp::Value, entry: 0 }));
+        self.scalars.value(&form)
     }
 
     fn uniform(&mut self, slot: UniformSlot) -> Form {

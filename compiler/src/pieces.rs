@@ -19,6 +19,12 @@
 //! and Lions 1976) with `x' - t` in place of a velocity. The radius of a ball is made of `p`.
 //! Guides: half-line `m (n), d, w`; ball `s, k, f, d, w, e (n)`; masks are 0 or 1.
 
+mod parameters;
+mod slopes;
+
+#[cfg(test)]
+mod tests;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
@@ -30,6 +36,9 @@ use crate::{
     term::{law_of, tangent_of, value_of},
     types::{FieldId, FieldKind, FieldOp, FieldSig, PlaceSig, Shape, Side},
 };
+
+pub use parameters::{ScaledPart, Scaling, scaling_parameters};
+pub use slopes::{ArgumentSlope, SlopesLaw};
 
 /// The convex set of a projection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +72,24 @@ pub struct Projection {
     pub acts: bool,
 }
 
+impl Projection {
+    /// How many guides it has.
+    fn guides(&self) -> usize {
+        match self.kind {
+            ProjectionKind::HalfLine => self.n + HALF_LINE_NUMBERS,
+            ProjectionKind::Ball => BALL_NUMBERS + self.n,
+        }
+    }
+
+    /// How many outputs of the watch law it has.
+    fn outputs(&self) -> usize {
+        match self.kind {
+            ProjectionKind::HalfLine => 2 * self.n,
+            ProjectionKind::Ball => 2 * self.n + 1,
+        }
+    }
+}
+
 /// A term with the pieces of its projections held.
 #[derive(Clone, Debug)]
 pub struct PiecesLaw {
@@ -76,6 +103,21 @@ pub struct PiecesLaw {
     pub law: TermLaw,
     /// Arguments, radii and values of all projections; reads the guides.
     pub watch: ValueLaw,
+    /// The argument of each projection, in the graph of the listing of `law`.
+    arguments: Vec<ExprId>,
+    /// All outputs of the watch law as one vector, in the same graph.
+    watched: ExprId,
+    /// The fields of the scene and that of the guides.
+    fields: Vec<FieldSig>,
+}
+
+/// A projection in the graph of a term.
+struct Found {
+    /// Its node.
+    node: ExprId,
+    /// What is projected.
+    argument: ExprId,
+    projection: Projection,
 }
 
 /// Compiles a term with held pieces; `None` if no projection moves with the unknowns, or if no derivative exists.
@@ -90,43 +132,42 @@ pub fn compile_pieces(
     let root = listing.residual?;
     let from = &listing.graph;
     let order = from.reachable(root);
-    let half_lines = half_lines(from, &order);
-    let acting = acting(from, root);
-    let mut guide = 0;
-    let mut output = 0;
-    let mut found: Vec<(ExprId, Projection)> = Vec::new();
-    for e in &order {
-        let moves = |v: ExprId| from.depends(v).unknown;
-        let (kind, n, guides, outputs) = match *from.node(*e) {
-            Node::Select(mask, x, _) if half_lines.contains(&(mask, *e)) => {
-                let n = from.shape(x).len();
-                (ProjectionKind::HalfLine, n, n + HALF_LINE_NUMBERS, 2 * n)
-            }
-            Node::Ball(v, r) if moves(v) || moves(r) => {
-                let n = from.shape(v).len();
-                (ProjectionKind::Ball, n, BALL_NUMBERS + n, 2 * n + 1)
-            }
-            _ => continue,
-        };
-        found.push((*e, Projection { kind, n, guide, output, acts: acting[e.index()] }));
-        guide += guides;
-        output += outputs;
-    }
-    if found.is_empty() {
-        return None;
-    }
-    let fields = with_guides(env.fields, field, guide);
+    let found = projections(from, root, &order);
+    let n_guides = found.last().map(|f| f.projection.guide + f.projection.guides())?;
+    let fields = with_guides(env.fields, field, n_guides);
     let env = Env { fields: &fields, ..*env };
     let mut g = Graph::new(from.dim, &fields);
     let guides = g.leaf(Leaf::Field { field, side: Side::Here, op: FieldOp::Value, role: Role::Current });
-    let (residual, watched) = hold(from, &order, &found, &mut g, guides)?;
+    let Held { residual, watched, arguments } = hold(from, &order, &found, &mut g, guides)?;
     let watched = g.stack(Shape::vector(watched.len()), &watched);
     let watch = value_of(&env, place, &format!("{name}.watch"), g.clone(), watched);
     let tangent = tangent_of(&mut g, &fields, residual).ok()?;
     let listing = Listing { graph: g, energy: None, residual: Some(residual), tangent };
     let law = law_of(&env, place, &format!("{name}.held"), listing);
-    let projections = found.into_iter().map(|(_, p)| p).collect();
-    Some(PiecesLaw { field, n_guides: guide, projections, law, watch })
+    let projections = found.into_iter().map(|f| f.projection).collect();
+    Some(PiecesLaw { field, n_guides, projections, law, watch, arguments, watched, fields })
+}
+
+/// The projections of a term that move with the unknowns, inner ones first.
+fn projections(g: &Graph, root: ExprId, order: &[ExprId]) -> Vec<Found> {
+    let half_lines = half_lines(g, order);
+    let acting = acting(g, root);
+    let moves = |v: ExprId| g.depends(v).unknown;
+    let (mut guide, mut output) = (0, 0);
+    let mut found: Vec<Found> = Vec::new();
+    for e in order {
+        let (kind, argument) = match *g.node(*e) {
+            Node::Select(mask, x, _) if half_lines.contains(&(mask, *e)) => (ProjectionKind::HalfLine, x),
+            Node::Ball(v, r) if moves(v) || moves(r) => (ProjectionKind::Ball, v),
+            _ => continue,
+        };
+        let n = g.shape(argument).len();
+        let projection = Projection { kind, n, guide, output, acts: acting[e.index()] };
+        guide += projection.guides();
+        output += projection.outputs();
+        found.push(Found { node: *e, argument, projection });
+    }
+    found
 }
 
 /// The fields with the field of the guides at its place; places between are not used by the law.
@@ -169,18 +210,21 @@ fn half_lines(g: &Graph, order: &[ExprId]) -> BTreeSet<(ExprId, ExprId)> {
     found.into_iter().collect()
 }
 
+/// A term with held pieces, in the graph that is made for it.
+struct Held {
+    residual: ExprId,
+    /// Arguments, radii and values, in the order of the outputs of the watch law.
+    watched: Vec<ExprId>,
+    /// The argument of each projection.
+    arguments: Vec<ExprId>,
+}
+
 /// The residual with held pieces, and what is watched of each projection.
-fn hold(
-    from: &Graph,
-    order: &[ExprId],
-    found: &[(ExprId, Projection)],
-    g: &mut Graph,
-    guides: ExprId,
-) -> Option<(ExprId, Vec<ExprId>)> {
+fn hold(from: &Graph, order: &[ExprId], found: &[Found], g: &mut Graph, guides: ExprId) -> Option<Held> {
     let mut copied: BTreeMap<ExprId, ExprId> = BTreeMap::new();
     let mut masks: BTreeMap<ExprId, ExprId> = BTreeMap::new();
-    for (e, p) in found {
-        if let (ProjectionKind::HalfLine, Node::Select(mask, x, _)) = (p.kind, from.node(*e)) {
+    for Found { node, projection: p, .. } in found {
+        if let (ProjectionKind::HalfLine, Node::Select(mask, x, _)) = (p.kind, from.node(*node)) {
             let numbers: Vec<ExprId> = (0..p.n).map(|k| g.entry(guides, p.guide + k)).collect();
             let numbers = g.stack(from.shape(*x), &numbers);
             masks.insert(*mask, switched_on(g, numbers));
@@ -191,7 +235,7 @@ fn hold(
     let mut plain: BTreeMap<ExprId, ExprId> = BTreeMap::new();
     for e in order {
         let before = g.set_origin(from.origin(*e));
-        let projection = found.iter().find(|(f, _)| f == e).map(|(_, p)| *p);
+        let projection = found.iter().find(|f| f.node == *e).map(|f| f.projection);
         let (made, without) = match (masks.get(e), projection, from.node(*e)) {
             (Some(mask), _, _) => (*mask, *mask),
             (_, Some(p), Node::Ball(v, r)) => {
@@ -220,8 +264,9 @@ fn hold(
         copied.insert(*e, made);
         plain.insert(*e, without);
     }
-    let residual = copied.get(order.last()?)?;
-    Some((*residual, watched))
+    let residual = *copied.get(order.last()?)?;
+    let arguments = found.iter().map(|f| copied[&f.argument]).collect();
+    Some(Held { residual, watched, arguments })
 }
 
 fn switched_on(g: &mut Graph, numbers: ExprId) -> ExprId {

@@ -14,7 +14,7 @@ use wfl::{
 
 use crate::{
     build::{Builder, Env, locate},
-    degree::degree,
+    degree::{Degree, degree},
     derive::{NoDerivative, derive},
     emitter::{Emitter, accepted},
     graph::{Arity, ExprId, Graph, Leaf, Node, Role},
@@ -47,6 +47,16 @@ pub enum TermSource<'a> {
     },
 }
 
+impl<'a> TermSource<'a> {
+    /// What was written.
+    pub(crate) fn text(self) -> &'a Expr {
+        match self {
+            TermSource::Residual(e) | TermSource::Energy(e) | TermSource::Any(e) | TermSource::GetFem(e) => e,
+            TermSource::Load { value, .. } => value,
+        }
+    }
+}
+
 /// The part of a field that a load acts on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoadPart {
@@ -61,17 +71,22 @@ pub enum LoadPart {
 /// Compiles one term on one place.
 #[must_use]
 pub fn compile_term(env: &Env<'_>, place: &PlaceSig, name: &str, source: TermSource<'_>) -> Checked<TermLaw> {
-    let mut builder = Builder::new(env, place);
-    let roots = roots(&mut builder, source);
-    let mut diagnostics = std::mem::take(&mut builder.diagnostics);
-    let Some(listing) =
-        roots.map(|(energy, residual, tangent)| Listing { graph: builder.graph, energy, residual, tangent })
-    else {
+    let Checked { value, mut diagnostics } = listing_of(env, place, source);
+    let Some(listing) = value else {
         return Checked { value: None, diagnostics };
     };
     diagnostics.extend(kink_warnings(env, &listing));
     diagnostics.extend(radius_warnings(env, &listing));
     Checked { value: Some(law_of(env, place, name, listing)), diagnostics }
+}
+
+/// The graph of one term on one place.
+pub(crate) fn listing_of(env: &Env<'_>, place: &PlaceSig, source: TermSource<'_>) -> Checked<Listing> {
+    let mut builder = Builder::new(env, place);
+    let roots = roots(&mut builder, source);
+    let diagnostics = std::mem::take(&mut builder.diagnostics);
+    let listing = roots.map(|(energy, residual, tangent)| Listing { graph: builder.graph, energy, residual, tangent });
+    Checked { value: listing, diagnostics }
 }
 
 type Roots = (Option<ExprId>, Option<ExprId>, ExprId);
@@ -248,7 +263,7 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
 
     let slots: Vec<InputSlot> = by_position(&lowering.slots.inputs);
     let uniform_slots: Vec<UniformSlot> = by_position(&lowering.slots.uniforms);
-    let changes = changes(env, &lowering.scalars, &slots);
+    let changes = changes(env.fields, &lowering.scalars, &slots);
     let depends = |v: &Val| changes[v.index()];
     let class = if pairs.values().any(|v| depends(v).unknown) {
         if kinks.is_empty() { Class::Nonlinear } else { Class::Kinked }
@@ -342,14 +357,12 @@ struct Changes {
 }
 
 /// For each scalar what it changes with.
-fn changes(env: &Env<'_>, scalars: &Scalars, slots: &[InputSlot]) -> Vec<Changes> {
+fn changes(fields: &[FieldSig], scalars: &Scalars, slots: &[InputSlot]) -> Vec<Changes> {
     let mut out: Vec<Changes> = Vec::with_capacity(scalars.insts.len());
     for inst in &scalars.insts {
         let mut c = match inst {
             Inst::Input(s) => match slots[*s as usize] {
-                InputSlot::Field(b) if env.fields[b.field.index()].is_unknown() => {
-                    Changes { unknown: true, step: false }
-                }
+                InputSlot::Field(b) if fields[b.field.index()].is_unknown() => Changes { unknown: true, step: false },
                 InputSlot::Field(_) | InputSlot::Previous(_) => Changes { unknown: false, step: true },
                 _ => Changes::default(),
             },
@@ -406,22 +419,27 @@ fn compile_built(
 pub(crate) fn value_of(env: &Env<'_>, place: &PlaceSig, name: &str, g: Graph, root: ExprId) -> ValueLaw {
     let mut lowering = Lowering::new(&g);
     let outputs = lowering.values(root);
+    let degree = degree(&g, root, env.fields, place.tensor_cells);
+    values_law(env.fields, name, lowering, &outputs, g.shape(root), degree)
+}
+
+/// The law whose outputs are some scalars of a lowering.
+pub(crate) fn values_law(
+    fields: &[FieldSig],
+    name: &str,
+    lowering: Lowering<'_>,
+    outputs: &[Val],
+    shape: Shape,
+    degree: Degree,
+) -> ValueLaw {
     let inputs = by_position(&lowering.slots.inputs);
     let slots = by_position(&lowering.slots.uniforms);
-    let changes = changes(env, &lowering.scalars, &inputs);
+    let changes = changes(fields, &lowering.scalars, &inputs);
     let changes_with_step = outputs.iter().any(|v| changes[v.index()].step);
     let mut emitter = Emitter::new(&lowering.scalars, inputs.len());
-    let mut kernel = emitter.kernel(name, &outputs);
+    let mut kernel = emitter.kernel(name, outputs);
     kernel.n_uniforms = emitter.order.len();
     let prologue = emitter.prologue(slots, name);
-    let degree = degree(&g, root, env.fields, place.tensor_cells);
-    ValueLaw {
-        shape: g.shape(root),
-        inputs,
-        prologue,
-        kernel: accepted(kernel),
-        degree,
-        changes_with_step,
-        mapping: g.mapping,
-    }
+    let mapping = lowering.mapping();
+    ValueLaw { shape, inputs, prologue, kernel: accepted(kernel), degree, changes_with_step, mapping }
 }
