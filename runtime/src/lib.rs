@@ -5,28 +5,22 @@
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
-pub mod assemble;
 pub mod compare;
 pub mod consistency;
-pub mod field;
-pub mod finite;
-pub mod frames;
 pub mod knobs;
 mod left_out;
 pub mod newton;
 pub mod output;
-pub mod point_space;
-pub mod point_values;
 mod pruning;
 pub mod results;
 mod run;
 mod savings;
 mod scene;
-pub mod space;
 mod strategy;
 mod system;
-mod value;
 
+use wfl_discrete::value;
+pub use wfl_discrete::{assemble, field, finite, frames, point_space, point_values, space};
 pub use wfl_host::{input, memory, reading};
 pub use wfl_mesh::{element, mesh, quadrature};
 pub use wfl_sparse::{csr, solve};
@@ -46,4 +40,4 @@ pub use scene::{
 pub use solve::SolverMemory;
 pub use strategy::Strategy;
 pub use system::{FIXED, Known, LooseMotions, Memory, NegativeBody, Numbering, Past, Singular, System, SystemError};
-pub use value::{Sampled, Value, uniforms_at};
+pub use wfl_discrete::value::{Sampled, Value, uniforms_at};

@@ -6,4 +6,4 @@ mod piece;
 
 pub use line::LineSample;
 pub use locate::Located;
-pub use piece::{Item, SampledPiece, SupportSet};
+pub use piece::{Item, SampledPiece};

@@ -11,35 +11,12 @@ use crate::{
     assemble::{Domain, FieldValues},
     element::{ElementError, Family},
     field::{Field, FieldError, FieldSpace},
-    mesh::{CellId, CellKind, FacetRef, InterfaceFacet, Mesh, MeshError, RegionSet, Topology},
+    mesh::{CellKind, FacetRef, Mesh, MeshError, SupportSet, Topology},
     output::{Array, Cells, Piece, VtkCell},
     quadrature::Rule,
     space::Space,
     value::{Sampled, Value},
 };
-
-/// The cells or facets of a piece.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum SupportSet {
-    /// A body.
-    Cells(Vec<CellId>),
-    /// Facets with one side.
-    Facets(Vec<FacetRef>),
-    /// Facets with two sides.
-    Interface(Vec<InterfaceFacet>),
-}
-
-impl SupportSet {
-    /// The same entities as a region.
-    #[must_use]
-    pub fn region(&self) -> RegionSet {
-        match self {
-            SupportSet::Cells(c) => RegionSet::Cells(c.clone()),
-            SupportSet::Facets(f) => RegionSet::Facets(f.clone()),
-            SupportSet::Interface(i) => RegionSet::Interface(i.clone()),
-        }
-    }
-}
 
 /// An expression sampled on a piece.
 pub struct Item {

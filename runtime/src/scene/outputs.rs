@@ -16,9 +16,9 @@ use wfl_compiler::{Env, ValueLaw, backend::KernelBackend, compile_value, types::
 use crate::{
     assemble::Domain,
     field::{Field, FieldSpace},
-    mesh::{CellId, Mesh, RegionSet, Topology},
+    mesh::{CellId, Mesh, RegionSet, SupportSet, Topology},
     output::{OutputError, check_name, step_name},
-    results::{LineSample, Located, SampledPiece, SupportSet},
+    results::{LineSample, Located, SampledPiece},
     scene::{
         constants::{number, numbers},
         fields::place_sig,

@@ -23,7 +23,7 @@ pub use locate::{CellFinder, FacetFinder, Image};
 pub use pair::{facet_correspondences, orientation};
 pub use quality::{QualitySummary, cell_volumes, element_sizes, facet_heights, facet_measures, summary};
 pub use region::{
-    InterfaceFacet, RegionError, RegionKind, RegionSet, boundary_of, interface, outer_boundary, pick_cells,
+    InterfaceFacet, RegionError, RegionKind, RegionSet, SupportSet, boundary_of, interface, outer_boundary, pick_cells,
     pick_facets, pick_nodes,
 };
 pub use topology::{EdgeTable, Facet, Topology};

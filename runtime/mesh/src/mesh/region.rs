@@ -39,6 +39,29 @@ impl std::fmt::Display for RegionKind {
     }
 }
 
+/// Entities that have a measure: a region without single nodes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SupportSet {
+    /// A body.
+    Cells(Vec<CellId>),
+    /// Facets with one side.
+    Facets(Vec<FacetRef>),
+    /// Facets with two sides.
+    Interface(Vec<InterfaceFacet>),
+}
+
+impl SupportSet {
+    /// The same entities as a region.
+    #[must_use]
+    pub fn region(&self) -> RegionSet {
+        match self {
+            Self::Cells(c) => RegionSet::Cells(c.clone()),
+            Self::Facets(f) => RegionSet::Facets(f.clone()),
+            Self::Interface(i) => RegionSet::Interface(i.clone()),
+        }
+    }
+}
+
 /// Why a region cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RegionError {

@@ -3,19 +3,17 @@
 use std::ops::ControlFlow;
 
 use super::{AssembledTerm, NonFinitePlace, contract};
-use crate::{
-    assemble::{
-        domain::{Group, GroupSide},
-        evaluate::{FieldValues, Workspace},
-        scatter::NOWHERE,
-    },
-    mesh::{CellId, Mesh},
+use crate::assemble::{
+    domain::{Group, GroupSide},
+    evaluate::{FieldValues, Workspace},
+    scatter::NOWHERE,
 };
 use wfl_compiler::{
     first_non_finite, interpret, interpret_lanes,
     ir::{LANES, VerifiedKernel},
     types::BasisSlot,
 };
+use wfl_mesh::mesh::{CellId, Mesh};
 
 /// A quadrature point of one entity.
 struct Point<'a> {

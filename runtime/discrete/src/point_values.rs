@@ -8,7 +8,7 @@
 
 use thiserror::Error;
 
-use crate::reading::excerpt;
+use wfl_host::reading::excerpt;
 
 /// Positions are the same within this part of the mesh size.
 pub const SAME_PLACE: f64 = 1e-9;

@@ -15,8 +15,8 @@ use crate::{
     assemble::{Binding, Bound, Domain, FieldValues, LawSlots, Workspace},
     field::{Field, FieldError},
     finite::NotFinite,
-    mesh::Mesh,
 };
+use wfl_mesh::mesh::Mesh;
 
 /// A compiled expression, callable.
 pub struct Value {

@@ -18,15 +18,13 @@ use wfl_compiler::ir::LANES;
 
 pub(super) use halves::Halves;
 
-use crate::{
-    assemble::{
-        binding::GroupBinding,
-        contract::ABSENT,
-        geometry::{Lanes, ZERO},
-        rows::Own,
-    },
-    csr::Pattern,
+use crate::assemble::{
+    binding::GroupBinding,
+    contract::ABSENT,
+    geometry::{Lanes, ZERO},
+    rows::Own,
 };
+use wfl_sparse::csr::Pattern;
 
 /// No place in the matrix: row or column is fixed.
 pub(super) const NOWHERE: u32 = u32::MAX;

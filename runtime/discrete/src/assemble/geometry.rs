@@ -7,14 +7,11 @@ use std::ops::{Deref, DerefMut};
 use pulp::Simd;
 use wfl_compiler::ir::LANES;
 
-use crate::{
-    assemble::{
-        domain::{Group, GroupSide},
-        simd::{load, parts, plus_product, store},
-    },
-    element::Table,
-    mesh::Mesh,
+use crate::assemble::{
+    domain::{Group, GroupSide},
+    simd::{load, parts, plus_product, store},
 };
+use wfl_mesh::{element::Table, mesh::Mesh};
 
 /// One number per entity of a batch, in a line of the cache of its own: a vector that lies across two lines takes twice
 /// as long to read, and longer to write.

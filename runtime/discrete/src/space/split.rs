@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Family, Space, Support};
-use crate::mesh::{FacetId, FacetRef, Topology};
+use wfl_mesh::mesh::{FacetId, FacetRef, Topology};
 
 impl Space {
     /// Tears a continuous space on cells along `facets`, each named from one of its sides. Facets that are not between

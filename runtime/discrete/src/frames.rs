@@ -6,7 +6,7 @@
 //! dof `first + k` of such a node stands for component k in states and for axis k of the frame in residuals, tangents
 //! and corrections.
 
-use crate::csr::{Csr, Pattern};
+use wfl_sparse::csr::{Csr, Pattern};
 
 /// The frame of one node.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,12 +41,14 @@ impl Frames {
 
     /// True if no node has one.
     #[must_use]
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
     /// The frame of the node of a dof.
     #[must_use]
+    #[inline]
     pub fn of(&self, dof: usize) -> Option<&Frame> {
         self.of_dof.get(dof).and_then(|k| self.list.get(*k as usize))
     }
@@ -82,6 +84,7 @@ impl Frames {
     }
 
     /// Adds a correction of one dof to a state: along the component, or along the axis of its frame.
+    #[inline]
     pub fn add(&self, dof: usize, correction: f64, u: &mut [f64]) {
         match self.of(dof) {
             None => u[dof] += correction,
@@ -96,6 +99,7 @@ impl Frames {
 
     /// A state along a dof: the component, or the part along the axis of its frame.
     #[must_use]
+    #[inline]
     pub fn along(&self, dof: usize, u: &[f64]) -> f64 {
         match self.of(dof) {
             None => u[dof],
@@ -105,6 +109,7 @@ impl Frames {
 
     /// All frames.
     #[must_use]
+    #[inline]
     pub fn list(&self) -> &[Frame] {
         &self.list
     }
@@ -168,7 +173,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::csr::PatternBuilder;
+    use wfl_sparse::csr::PatternBuilder;
 
     /// Dofs 1 and 2 are a node, 0 and 3 stand alone; a turned matrix is Q K Q'.
     #[test]

@@ -1,5 +1,5 @@
 use super::*;
-use crate::mesh::{
+use wfl_mesh::mesh::{
     BoxShape, RawMesh, RegionSet, boundary_of, generate_box, interface, outer_boundary, pick_cells, pick_facets,
 };
 

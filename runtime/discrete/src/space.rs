@@ -9,8 +9,8 @@ mod split;
 
 use std::collections::BTreeSet;
 
-use crate::element::{DofEntity, Element, ElementError, Family};
-use crate::mesh::{CellId, CellKind, EdgeTable, FacetId, FacetRef, Mesh, NodeId, Topology};
+use wfl_mesh::element::{DofEntity, Element, ElementError, Family};
+use wfl_mesh::mesh::{CellId, CellKind, EdgeTable, FacetId, FacetRef, Mesh, NodeId, Topology};
 
 /// No node here.
 const NONE: u32 = u32::MAX;
@@ -159,7 +159,7 @@ impl Space {
             n_nodes: 0,
         };
         self.index_positions(mesh);
-        let tables: Vec<Option<crate::element::Table>> = self
+        let tables: Vec<Option<wfl_mesh::element::Table>> = self
             .elements
             .iter()
             .map(|element| {
@@ -199,7 +199,7 @@ impl Space {
         context: Context<'_>,
         position: usize,
         element: &Element,
-        table: &crate::element::Table,
+        table: &wfl_mesh::element::Table,
     ) {
         let mut own = NONE;
         for (dof, entity) in element.entities().iter().enumerate() {
@@ -236,30 +236,35 @@ impl Space {
 
     /// The cells or facets the space was made on.
     #[must_use]
+    #[inline]
     pub fn support(&self) -> &Support {
         &self.support
     }
 
     /// Number of nodes.
     #[must_use]
+    #[inline]
     pub fn n_nodes(&self) -> usize {
         self.coordinates.len()
     }
 
     /// Number of cells or facets of the support.
     #[must_use]
+    #[inline]
     pub fn n_positions(&self) -> usize {
         self.kinds.len()
     }
 
     /// Nodes of the cell or facet at `position`, in the local order of [`Space::element_at`].
     #[must_use]
+    #[inline]
     pub fn entity_nodes(&self, position: usize) -> &[u32] {
         &self.nodes[self.starts[position]..self.starts[position + 1]]
     }
 
     /// Element of the cell or facet at `position`.
     #[must_use]
+    #[inline]
     pub fn element_at(&self, position: usize) -> &Element {
         self.elements[self.kinds[position].index()].as_ref().expect("there is an element for every kind of the support")
     }
@@ -288,6 +293,7 @@ impl Space {
 
     /// Physical coordinates of the nodes.
     #[must_use]
+    #[inline]
     pub fn node_coordinates(&self) -> &[[f64; 3]] {
         &self.coordinates
     }

@@ -5,10 +5,12 @@ use wfl_compiler::types::{FieldKind, Side};
 
 use crate::{
     assemble::Group,
-    element::Table,
-    mesh::{CellId, FacetRef, Mesh, RegionSet, Topology},
     point_space::PointSpace,
     space::{Space, Support},
+};
+use wfl_mesh::{
+    element::Table,
+    mesh::{CellId, FacetRef, Mesh, RegionSet, Topology},
 };
 
 /// Where a field has its nodes.
@@ -73,6 +75,7 @@ pub struct Tabulated {
 impl Field {
     /// Number of nodes.
     #[must_use]
+    #[inline]
     pub fn n_nodes(&self) -> usize {
         match &self.space {
             FieldSpace::Nodal(space) => space.n_nodes(),
@@ -92,6 +95,7 @@ impl Field {
 
     /// Number of values: nodes times components.
     #[must_use]
+    #[inline]
     pub fn n_dofs(&self) -> usize {
         self.n_nodes() * self.n_components
     }

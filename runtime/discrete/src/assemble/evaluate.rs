@@ -10,16 +10,14 @@ use wfl_compiler::{
     types::{FieldOp, InputSlot, Side},
 };
 
-use crate::{
-    assemble::{
-        binding::{Binding, GroupBinding, Input, Needs, Operand},
-        domain::{Domain, Group},
-        geometry::{Lanes, PointGeometry, ZERO, element_size, gather_nodes},
-        simd::{load, parts, plus_product, store},
-        term::BranchCounts,
-    },
-    mesh::Mesh,
+use crate::assemble::{
+    binding::{Binding, GroupBinding, Input, Needs, Operand},
+    domain::{Domain, Group},
+    geometry::{Lanes, PointGeometry, ZERO, element_size, gather_nodes},
+    simd::{load, parts, plus_product, store},
+    term::BranchCounts,
 };
+use wfl_mesh::mesh::Mesh;
 
 /// Values of all fields by [`wfl_compiler::types::FieldId`]: `values[node * n_components + component]`.
 #[derive(Clone, Copy, Debug)]

@@ -5,14 +5,12 @@
 //! before the first batch that adds to one of them, and the additions find them in the caches. Made once for a pattern
 //! and a number of threads.
 
-use crate::{
-    assemble::{
-        scatter::NOWHERE,
-        shares::{Shares, Touched},
-    },
-    csr::Pattern,
+use crate::assemble::{
+    scatter::NOWHERE,
+    shares::{Shares, Touched},
 };
 use rayon::prelude::*;
+use wfl_sparse::csr::Pattern;
 
 /// Values of a matrix that follow one another, from `start` on.
 #[derive(Debug)]

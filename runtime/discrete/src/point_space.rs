@@ -6,8 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::{
-    assemble::{Domain, Group},
+use crate::assemble::{Domain, Group};
+use wfl_mesh::{
     element::Table,
     mesh::{CellId, FacetRef, Mesh},
 };

@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 
 use wfl_compiler::ir::LANES;
 
-use crate::{
+use crate::space::{Space, Support};
+use wfl_mesh::{
     element::Table,
     mesh::{CellId, CellKind, FacetRef, Image, Mesh, MeshError, RegionSet},
     quadrature::{Rule, facet_points, neighbour_points},
-    space::{Space, Support},
 };
 
 /// One side of a group: cells with the same reference points.

@@ -14,10 +14,9 @@ use crate::{
         domain::{Domain, Group},
         geometry::Lanes,
     },
-    element::Table,
     field::{Field, FieldError},
-    mesh::Mesh,
 };
+use wfl_mesh::{element::Table, mesh::Mesh};
 
 /// A field on one side of a group: its basis at the points and its nodes in each entity.
 #[derive(Clone, Debug)]

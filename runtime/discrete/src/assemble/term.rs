@@ -39,11 +39,10 @@ use crate::{
         shared::{add, shared},
         shares::{Duty, Shares, Touched},
     },
-    csr::Pattern,
     finite::BadState,
-    mesh::Mesh,
-    results::SupportSet,
 };
+use wfl_mesh::mesh::{Mesh, SupportSet};
+use wfl_sparse::csr::Pattern;
 
 /// Where a number stopped being finite.
 #[derive(Clone, Debug)]
