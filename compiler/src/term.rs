@@ -51,7 +51,7 @@ impl<'a> TermSource<'a> {
     /// What was written.
     pub(crate) fn text(self) -> &'a Expr {
         match self {
-            TermSource::Residual(e) | TermSource::Energy(e) | TermSource::Any(e) | TermSource::GetFem(e) => e,
+            TermSource::Residual(e) | TermSource::Energy(e) | TermSource::Any(e) => e,
             TermSource::Load { value, .. } => value,
         }
     }
