@@ -11,8 +11,8 @@ use wfl_compiler::ir::LANES;
 use crate::space::{Space, Support};
 use wfl_mesh::{
     element::Table,
-    mesh::{CellId, CellKind, FacetRef, Image, Mesh, MeshError, RegionSet},
-    quadrature::{Rule, facet_points, neighbour_points},
+    mesh::{CellId, CellKind, FacetRef, Image, Mesh, MeshError, RegionSet, neighbour_points},
+    quadrature::{Rule, facet_points},
 };
 
 /// One side of a group: cells with the same reference points.

@@ -8,9 +8,13 @@
 //! Does not know meshes, global numbers or physical coordinates.
 
 mod simplex_lagrange;
+mod table;
 mod tensor_lagrange;
 
-use crate::mesh::CellKind;
+use crate::cell::CellKind;
+pub use table::{DofEntity, Table};
+
+use table::Lattice;
 
 /// Highest degree on simplices and on tensor cells.
 pub const MAX_DEGREE: [usize; 2] = [3, 2];
@@ -22,30 +26,6 @@ pub enum Family {
     Continuous,
     /// Every dof belongs to the interior of its cell.
     Discontinuous,
-}
-
-/// The entity of the cell that carries a dof.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum DofEntity {
-    /// Local vertex.
-    Vertex(usize),
-    /// Local edge of a cell of dimension 2 or 3, and the place along the edge counted from its
-    /// first local vertex.
-    Edge {
-        /// Local edge.
-        edge: usize,
-        /// Place along the edge.
-        index: usize,
-    },
-    /// Local facet of a cell of dimension 3.
-    Facet {
-        /// Local facet.
-        facet: usize,
-        /// Place on the facet.
-        index: usize,
-    },
-    /// Inside the cell; also every dof of a discontinuous or constant element.
-    Interior(usize),
 }
 
 /// Why there is no such element.
@@ -66,36 +46,12 @@ pub enum ElementError {
 /// A Lagrange element on a reference cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Element {
-    kind: CellKind,
-    degree: usize,
+    lattice: Lattice,
     family: Family,
     points: Vec<[f64; 3]>,
     entities: Vec<DofEntity>,
-    /// For each dof the integer coordinates of its point, in units of `1 / degree`: barycentric
-    /// (dim + 1 of them) on simplices, Cartesian (dim of them) on tensor cells.
-    places: Vec<[u8; 4]>,
     closures: Vec<Vec<usize>>,
 }
-
-/// Basis functions tabulated at points. Arrays that were not asked for are empty.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Table {
-    /// Number of points.
-    pub n_points: usize,
-    /// Number of local dofs.
-    pub n_dofs: usize,
-    /// Dimension of the cell.
-    pub dim: usize,
-    /// `values[point * n_dofs + dof]`.
-    pub values: Vec<f64>,
-    /// `gradients[(point * n_dofs + dof) * dim + d]`, reference derivatives.
-    pub gradients: Vec<f64>,
-    /// `hessians[((point * n_dofs + dof) * dim + d) * dim + e]`, reference derivatives.
-    pub hessians: Vec<f64>,
-}
-
-/// One factor of a basis function with its first and second derivative.
-type Jet = [f64; 3];
 
 impl Element {
     /// The Lagrange element of `degree` on `kind`; degree 0 is one constant, whatever the family.
@@ -136,7 +92,7 @@ impl Element {
         if family == Family::Discontinuous {
             entities = (0..places.len()).map(DofEntity::Interior).collect();
         }
-        Element { kind, degree, family, points, entities, places, closures: Vec::new() }
+        Element { lattice: Lattice { kind, degree, places }, family, points, entities, closures: Vec::new() }
     }
 
     /// Every supported (cell, degree).
@@ -152,14 +108,14 @@ impl Element {
     #[must_use]
     #[inline]
     pub fn kind(&self) -> CellKind {
-        self.kind
+        self.lattice.kind
     }
 
     /// Polynomial degree: total on simplices, in each variable on tensor cells.
     #[must_use]
     #[inline]
     pub fn degree(&self) -> usize {
-        self.degree
+        self.lattice.degree
     }
 
     /// Continuous or discontinuous.
@@ -203,7 +159,7 @@ impl Element {
     #[must_use]
     pub fn vertex_dofs(&self) -> Option<Vec<usize>> {
         let find = |vertex| self.points.iter().position(|point| point == vertex);
-        self.kind.vertices().iter().map(find).collect()
+        self.kind().vertices().iter().map(find).collect()
     }
 
     /// Basis functions at reference points, with derivatives up to order `derivatives` (0 to 2).
@@ -213,7 +169,7 @@ impl Element {
     #[must_use]
     pub fn tabulate(&self, points: &[[f64; 3]], derivatives: usize) -> Table {
         assert!(derivatives <= 2, "tables have at most second derivatives");
-        let (dim, n_dofs) = (self.kind.dim(), self.n_dofs());
+        let (dim, n_dofs) = (self.kind().dim(), self.n_dofs());
         let entries = points.len() * n_dofs;
         let mut table = Table {
             n_points: points.len(),
@@ -224,10 +180,10 @@ impl Element {
             hessians: Vec::with_capacity(if derivatives > 1 { entries * dim * dim } else { 0 }),
         };
         for point in points {
-            if self.kind.is_simplex() {
-                simplex_lagrange::tabulate(self, point, derivatives, &mut table);
+            if self.kind().is_simplex() {
+                simplex_lagrange::tabulate(&self.lattice, point, derivatives, &mut table);
             } else {
-                tensor_lagrange::tabulate(self, point, derivatives, &mut table);
+                tensor_lagrange::tabulate(&self.lattice, point, derivatives, &mut table);
             }
         }
         table
@@ -236,12 +192,12 @@ impl Element {
 
 /// Dofs on a facet, found by their points; see [`Element::facet_closure`] for the order.
 fn closure(element: &Element, local: usize) -> Vec<usize> {
-    if element.degree == 0 {
+    if element.degree() == 0 {
         return Vec::new();
     }
-    let facet = element.kind.facets()[local];
-    let map = element.kind.facet_map(local);
-    let on_facet = Element::without_closures(facet.kind, element.degree, Family::Continuous);
+    let facet = element.kind().facets()[local];
+    let map = element.kind().facet_map(local);
+    let on_facet = Element::without_closures(facet.kind, element.degree(), Family::Continuous);
     let close = |p: &[f64; 3], q: &[f64; 3]| (0..3).all(|i| (p[i] - q[i]).abs() < 1e-9);
     on_facet
         .points
@@ -255,12 +211,6 @@ fn closure(element: &Element, local: usize) -> Vec<usize> {
                 .expect("the lattice of a facet is part of the lattice of the cell")
         })
         .collect()
-}
-
-/// Product of the factors `n` with derivatives taken of factor `d` and factor `e`.
-fn product(factors: &[Jet], d: Option<usize>, e: Option<usize>) -> f64 {
-    let order = |i| usize::from(d == Some(i)) + usize::from(e == Some(i));
-    factors.iter().enumerate().map(|(i, jet)| jet[order(i)]).product()
 }
 
 #[cfg(test)]

@@ -4,8 +4,8 @@
 //! `phi_a = prod_i N_{a_i}(l_i)`, `N_m(l) = prod_{j < m} (k l - j) / (j + 1)` (Silvester).
 //! Derivatives in x follow from `d/dx_d = d/dl_{d+1} - d/dl_0`.
 
-use super::{DofEntity, Element, Jet, Table, product};
-use crate::mesh::CellKind;
+use super::table::{DofEntity, Jet, Lattice, Table, product};
+use crate::cell::CellKind;
 
 /// Barycentric places (units of `1 / degree`) and entities of the dofs, `degree` from 1 to 3.
 pub(super) fn dofs(kind: CellKind, degree: usize) -> (Vec<[u8; 4]>, Vec<DofEntity>) {
@@ -61,12 +61,12 @@ fn factor(m: u8, degree: f64, l: f64) -> Jet {
 }
 
 /// Appends the entries of one point to `table`.
-pub(super) fn tabulate(element: &Element, x: &[f64; 3], derivatives: usize, table: &mut Table) {
-    let (dim, degree) = (element.kind.dim(), element.degree as f64);
+pub(super) fn tabulate(lattice: &Lattice, x: &[f64; 3], derivatives: usize, table: &mut Table) {
+    let (dim, degree) = (lattice.kind.dim(), lattice.degree as f64);
     let mut l = [0.0; 4];
     l[0] = 1.0 - x[..dim].iter().sum::<f64>();
     l[1..=dim].copy_from_slice(&x[..dim]);
-    for place in &element.places {
+    for place in &lattice.places {
         let jets: [Jet; 4] = std::array::from_fn(|i| factor(place[i], degree, l[i]));
         let jets = &jets[..=dim];
         table.values.push(product(jets, None, None));

@@ -4,8 +4,8 @@
 //! `L_m(t) = prod_{j != m} (k t - j) / (m - j)` of `k + 1` equal steps. Local order lexicographic,
 //! x fastest.
 
-use super::{DofEntity, Element, Jet, Table, product};
-use crate::mesh::CellKind;
+use super::table::{DofEntity, Jet, Lattice, Table, product};
+use crate::cell::CellKind;
 
 /// Places (units of `1 / degree`) and entities of the dofs, `degree` 1 or 2.
 pub(super) fn dofs(kind: CellKind, degree: usize) -> (Vec<[u8; 4]>, Vec<DofEntity>) {
@@ -66,10 +66,10 @@ fn factor(m: u8, degree: usize, t: f64) -> Jet {
 }
 
 /// Appends the entries of one point to `table`.
-pub(super) fn tabulate(element: &Element, x: &[f64; 3], derivatives: usize, table: &mut Table) {
-    let dim = element.kind.dim();
-    for place in &element.places {
-        let jets: [Jet; 3] = std::array::from_fn(|d| factor(place[d], element.degree, x[d]));
+pub(super) fn tabulate(lattice: &Lattice, x: &[f64; 3], derivatives: usize, table: &mut Table) {
+    let dim = lattice.kind.dim();
+    for place in &lattice.places {
+        let jets: [Jet; 3] = std::array::from_fn(|d| factor(place[d], lattice.degree, x[d]));
         let jets = &jets[..dim];
         table.values.push(product(jets, None, None));
         if derivatives > 0 {

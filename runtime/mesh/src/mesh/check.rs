@@ -3,12 +3,21 @@
 //! Promises: the first defect in the order of the cells is reported; every tolerance is relative
 //! to the cell or edge it judges, so scaling or shifting a mesh does not change the verdict.
 
+use wfl_host::memory::claim;
+
 use super::{
-    CellId, CellKind, DUPLICATE_TOLERANCE, GroupEntities, Mesh, MeshError, MeshWarnings, NodeId, RawMesh, determinant,
-    distance, norm, points::PointGrid,
+    Mesh,
+    error::{DUPLICATE_TOLERANCE, MeshError, MeshWarnings},
+    index::{CellId, NodeId},
+    points::PointGrid,
+    raw::{GroupEntities, RawMesh, cell_bytes, node_bytes},
 };
-use crate::element::Table;
-use crate::quadrature;
+use crate::{
+    cell::CellKind,
+    element::Table,
+    quadrature,
+    vector::{determinant, distance, norm},
+};
 
 /// A determinant below this part of the product of the column lengths counts as zero: the cell is
 /// flat to about ten digits. A cell that is only long and thin keeps a ratio near 1.
@@ -17,8 +26,24 @@ const FLAT: f64 = 1e-10;
 /// A column shorter than this part of the coordinates it is the difference of is rounding noise.
 const NOISE: f64 = 32.0 * f64::EPSILON;
 
+impl Mesh {
+    /// Checks a raw mesh and takes it over.
+    ///
+    /// # Errors
+    /// Any defect that [`MeshError`] names; warnings are kept in [`Mesh::warnings`].
+    pub fn from_raw(raw: RawMesh) -> Result<Mesh, MeshError> {
+        let cells: u64 = raw.kinds.iter().map(|kind| cell_bytes(*kind)).sum();
+        claim(node_bytes(raw.nodes.len() as u64) + cells, "the mesh")?;
+        let starts = structure(&raw)?;
+        let mut mesh = Mesh::assemble(raw, starts);
+        jacobians(&mesh)?;
+        mesh.warnings = warnings(&mesh);
+        Ok(mesh)
+    }
+}
+
 /// Node numbers, counts, finite coordinates; returns the start of each cell in the connectivity.
-pub(super) fn structure(raw: &RawMesh) -> Result<Vec<usize>, MeshError> {
+fn structure(raw: &RawMesh) -> Result<Vec<usize>, MeshError> {
     let (dim, order) = (raw.dim, raw.order);
     if !(1..=3).contains(&dim) || !(1..=2).contains(&order) {
         return Err(MeshError::Unsupported { dim, order });
@@ -53,7 +78,7 @@ pub(super) fn structure(raw: &RawMesh) -> Result<Vec<usize>, MeshError> {
 }
 
 /// Number of geometry nodes of a cell.
-pub(super) fn n_nodes(kind: CellKind, order: usize) -> usize {
+fn n_nodes(kind: CellKind, order: usize) -> usize {
     match (kind, order) {
         (_, 1) => kind.n_vertices(),
         (CellKind::Point, _) => 1,
@@ -109,7 +134,7 @@ fn groups(raw: &RawMesh) -> Result<(), MeshError> {
 }
 
 /// Checks the jacobian determinant of every cell at its vertices, nodes and Gauss points.
-pub(super) fn jacobians(mesh: &Mesh) -> Result<(), MeshError> {
+fn jacobians(mesh: &Mesh) -> Result<(), MeshError> {
     let tables: Vec<Table> = CellKind::ALL.map(|kind| sample(mesh, kind)).into();
     for cell in mesh.cells() {
         check_cell(mesh, cell, &tables[mesh.kind(cell).index()])?;
@@ -165,7 +190,7 @@ fn check_cell(mesh: &Mesh, cell: CellId, table: &Table) -> Result<(), MeshError>
     let (position, cell) = (cell, mesh.numbers().cell(cell));
     if flat_everywhere {
         let determinant = if highest.abs() > lowest.0.abs() { highest } else { lowest.0 };
-        let size = size(mesh, position);
+        let size = mesh.cell_diameter(position);
         return Err(MeshError::ZeroVolume { cell, group, determinant, size });
     }
     if highest < 0.0 {
@@ -175,19 +200,6 @@ fn check_cell(mesh: &Mesh, cell: CellId, table: &Table) -> Result<(), MeshError>
     Err(MeshError::Folded { cell, group, determinant: lowest.0, point })
 }
 
-/// Largest distance between two vertices of a cell.
-pub(super) fn size(mesh: &Mesh, cell: CellId) -> f64 {
-    let vertices = mesh.cell_vertices(cell);
-    let mut largest = 0.0;
-    for (i, first) in vertices.iter().enumerate() {
-        for second in &vertices[..i] {
-            let length = distance(mesh.node(*first), mesh.node(*second));
-            largest = f64::max(largest, length);
-        }
-    }
-    largest
-}
-
 fn group_of(mesh: &Mesh, cell: CellId) -> Option<String> {
     let holds = |entities: &GroupEntities| matches!(entities, GroupEntities::Cells(cells) if cells.contains(&cell));
     let group = mesh.groups().iter().find(|g| holds(&g.entities));
@@ -195,7 +207,7 @@ fn group_of(mesh: &Mesh, cell: CellId) -> Option<String> {
 }
 
 /// Duplicate nodes of one body and nodes of no cell.
-pub(super) fn warnings(mesh: &Mesh) -> MeshWarnings {
+fn warnings(mesh: &Mesh) -> MeshWarnings {
     let mut used = vec![false; mesh.n_nodes()];
     let mut shortest = vec![f64::INFINITY; mesh.n_nodes()];
     for cell in mesh.cells() {

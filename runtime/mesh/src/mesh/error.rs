@@ -1,8 +1,9 @@
-//! What can be wrong with a mesh, with the numbers that a message needs.
+//! What can be wrong with a mesh or odd about it, with the numbers that a message needs.
 //!
 //! Cells and nodes of a file have the numbers of the file; others are counted from 0, as everywhere in the program.
 
-use super::{CellId, CellKind};
+use super::index::{CellId, NodeId};
+use crate::cell::CellKind;
 
 /// A cell as a message names it: its number in the file that it came from, else its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -183,3 +184,16 @@ pub enum MeshError {
 fn in_group(group: &Option<String>) -> String {
     group.as_ref().map_or_else(String::new, |name| format!(" of `{name}`"))
 }
+
+/// What is odd about a mesh but no error.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MeshWarnings {
+    /// Pairs of distinct nodes of one body (connected by cells) at the same place: nearer than
+    /// [`DUPLICATE_TOLERANCE`] of the shortest cell edge at either.
+    pub duplicate_nodes: Vec<(NodeId, NodeId)>,
+    /// Nodes of no cell; nothing is numbered there.
+    pub unused_nodes: Vec<NodeId>,
+}
+
+/// Two nodes of one body are duplicates within this part of the shortest edge at them.
+pub const DUPLICATE_TOLERANCE: f64 = 1e-6;

@@ -3,7 +3,12 @@
 //! Promises: nodes are numbered lexicographically, x fastest; simplices come from the same
 //! subdivision of each box cell, so meshes conform; corners of the box are met exactly.
 
-use super::{CellKind, Mesh, MeshError, RawMesh, cell_bytes, node_bytes};
+use super::{
+    Mesh,
+    error::MeshError,
+    raw::{RawMesh, cell_bytes, node_bytes},
+};
+use crate::cell::CellKind;
 use wfl_host::memory::claim;
 
 /// Shape of the cells of a box.

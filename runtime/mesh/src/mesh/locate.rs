@@ -6,8 +6,11 @@
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-use super::{CellId, CellKind, FacetRef, Mesh};
-use crate::element::Table;
+use super::{
+    Mesh,
+    index::{CellId, FacetRef},
+};
+use crate::{cell::CellKind, element::Table};
 
 /// How far outside the reference cell a point may lie and still count as inside.
 const INSIDE: f64 = 1e-9;

@@ -4,160 +4,38 @@
 //! exist, no cell is inverted, folded or flat. Numbers of cells and nodes are those of the input.
 //! Does not know fields or formulations, and never merges, moves or renumbers nodes.
 
-mod cell;
 mod check;
 mod error;
 mod generate;
+mod index;
 mod locate;
 mod pair;
 mod points;
 mod quality;
+mod raw;
 pub mod read;
 mod region;
 mod topology;
 
-pub use cell::{CellKind, FacetMap, LocalFacet};
-pub use error::{CellName, MeshError, NodeName};
+pub use crate::cell::{CellKind, FacetMap, LocalFacet, facet_correspondences};
+pub use crate::vector::determinant;
+pub use error::{CellName, DUPLICATE_TOLERANCE, MeshError, MeshWarnings, NodeName};
 pub use generate::{BoxShape, MapError, cells_for_size, generate_box, map_nodes};
+pub use index::{CellId, EdgeId, FacetId, FacetRef, InterfaceFacet, NodeId};
 pub use locate::{CellFinder, FacetFinder, Image};
-pub use pair::{facet_correspondences, orientation};
+pub use pair::{neighbour_points, orientation};
 pub use quality::{QualitySummary, cell_volumes, element_sizes, facet_heights, facet_measures, summary};
+pub use raw::{FileNumbers, Group, GroupEntities, GroupFacet, RawMesh};
 pub use region::{
-    InterfaceFacet, RegionError, RegionKind, RegionSet, SupportSet, boundary_of, interface, outer_boundary, pick_cells,
-    pick_facets, pick_nodes,
+    RegionError, RegionKind, RegionSet, SupportSet, boundary_of, interface, outer_boundary, pick_cells, pick_facets,
+    pick_nodes,
 };
 pub use topology::{EdgeTable, Facet, Topology};
 
-use wfl_host::memory::claim;
-
-use crate::element::{Element, Family, Table};
-
-wfl::define_index! {
-    /// A cell of the mesh.
-    CellId,
-    /// A node of the mesh: a point of its geometry.
-    NodeId,
-    /// A facet of the mesh, numbered once for both its cells.
-    FacetId,
-    /// An edge of the mesh, numbered once for all its cells.
-    EdgeId,
-}
-
-/// A facet seen from one of its cells. The side is part of the identity: the normal of
-/// `FacetRef` points out of `cell`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct FacetRef {
-    /// The cell it is seen from.
-    pub cell: CellId,
-    /// Local facet of that cell.
-    pub local: u8,
-}
-
-impl FacetRef {
-    /// Local facet `local` of `cell`.
-    #[must_use]
-    pub fn new(cell: CellId, local: usize) -> Self {
-        let local = u8::try_from(local).expect("a cell has at most six facets");
-        FacetRef { cell, local }
-    }
-}
-
-/// A facet of a named group, by its vertices.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct GroupFacet {
-    /// Shape of the facet.
-    pub kind: CellKind,
-    /// Vertices; the first `kind.n_vertices()` count.
-    pub vertices: [NodeId; 4],
-}
-
-impl GroupFacet {
-    /// The vertices that count.
-    #[must_use]
-    pub fn vertices(&self) -> &[NodeId] {
-        &self.vertices[..self.kind.n_vertices()]
-    }
-}
-
-/// What a named group holds.
-#[derive(Clone, Debug, PartialEq)]
-pub enum GroupEntities {
-    /// Cells of the mesh.
-    Cells(Vec<CellId>),
-    /// Facets.
-    Facets(Vec<GroupFacet>),
-    /// Nodes: the group was of points, or of curves in three dimensions.
-    Nodes(Vec<NodeId>),
-}
-
-/// A named set of entities that came with the mesh.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Group {
-    /// Name, as written in the file.
-    pub name: String,
-    /// Dimension of the entities.
-    pub dim: usize,
-    /// The entities.
-    pub entities: GroupEntities,
-}
-
-/// A mesh as a reader or generator finds it: nothing is checked yet.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct RawMesh {
-    /// Dimension of the space and of the cells, 1 to 3.
-    pub dim: usize,
-    /// Order of the geometry, 1 or 2.
-    pub order: usize,
-    /// Coordinates of the nodes; those from `dim` on are ignored and set to zero.
-    pub nodes: Vec<[f64; 3]>,
-    /// Kind of each cell, all of dimension `dim`.
-    pub kinds: Vec<CellKind>,
-    /// Nodes of all cells, one cell after the other, each in the local order of the Lagrange
-    /// element of degree `order` on its kind.
-    pub connectivity: Vec<u32>,
-    /// Named groups.
-    pub groups: Vec<Group>,
-    /// Numbers in the file that the mesh came from.
-    pub numbers: FileNumbers,
-}
-
-/// What a file calls the cells and nodes of a mesh, in their order; both empty for a mesh that is in no file. Messages
-/// use these numbers.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct FileNumbers {
-    /// One number a cell.
-    pub cells: Vec<u64>,
-    /// One number a node.
-    pub nodes: Vec<u64>,
-}
-
-impl FileNumbers {
-    /// What messages call a cell.
-    #[must_use]
-    pub fn cell(&self, cell: CellId) -> CellName {
-        self.cells.get(cell.index()).map_or(CellName::Cell(cell), |number| CellName::Element(*number))
-    }
-
-    /// What messages call a node.
-    #[must_use]
-    #[inline]
-    pub fn node(&self, node: NodeId) -> NodeName {
-        NodeName(self.nodes.get(node.index()).copied().unwrap_or(node.index() as u64))
-    }
-}
-
-/// What is odd about a mesh but no error.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct MeshWarnings {
-    /// Pairs of distinct nodes of one body (connected by cells) at the same place: nearer than
-    /// [`DUPLICATE_TOLERANCE`] of the shortest cell edge at either.
-    pub duplicate_nodes: Vec<(NodeId, NodeId)>,
-    /// Nodes of no cell; nothing is numbered there.
-    pub unused_nodes: Vec<NodeId>,
-}
-
-/// Two nodes of one body are duplicates within this part of the shortest edge at them.
-pub const DUPLICATE_TOLERANCE: f64 = 1e-6;
+use crate::{
+    element::{Element, Family, Table},
+    vector::distance,
+};
 
 /// Geometry of one cell kind at the order of the mesh.
 #[derive(Clone, Debug)]
@@ -187,20 +65,6 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Checks a raw mesh and takes it over.
-    ///
-    /// # Errors
-    /// Any defect that [`MeshError`] names; warnings are kept in [`Mesh::warnings`].
-    pub fn from_raw(raw: RawMesh) -> Result<Mesh, MeshError> {
-        let cells: u64 = raw.kinds.iter().map(|kind| cell_bytes(*kind)).sum();
-        claim(node_bytes(raw.nodes.len() as u64) + cells, "the mesh")?;
-        let starts = check::structure(&raw)?;
-        let mut mesh = Mesh::assemble(raw, starts);
-        check::jacobians(&mesh)?;
-        mesh.warnings = check::warnings(&mesh);
-        Ok(mesh)
-    }
-
     fn assemble(raw: RawMesh, starts: Vec<usize>) -> Mesh {
         let mut nodes = raw.nodes;
         for node in &mut nodes {
@@ -444,6 +308,20 @@ impl Mesh {
         point
     }
 
+    /// Largest distance between two vertices of a cell.
+    #[must_use]
+    pub fn cell_diameter(&self, cell: CellId) -> f64 {
+        let vertices = self.cell_vertices(cell);
+        let mut largest = 0.0;
+        for (i, first) in vertices.iter().enumerate() {
+            for second in &vertices[..i] {
+                let length = distance(self.node(*first), self.node(*second));
+                largest = f64::max(largest, length);
+            }
+        }
+        largest
+    }
+
     /// Bounds of the used nodes: lowest and highest coordinates.
     #[must_use]
     pub fn bounds(&self) -> ([f64; 3], [f64; 3]) {
@@ -458,53 +336,6 @@ impl Mesh {
         }
         (low, high)
     }
-}
-
-/// Bytes that nodes take while a mesh is made: positions, and lists by node.
-fn node_bytes(nodes: u64) -> u64 {
-    (24 + 8) * nodes
-}
-
-/// Bytes that a cell takes while a mesh and its facets are made: its nodes; for each of its facets key, entry, slot and
-/// partner, whose place the numbered facets take afterwards. Within 6 % of what boxes of 125,000 cubes and of 750,000
-/// tetrahedra take.
-fn cell_bytes(kind: CellKind) -> u64 {
-    let (nodes, facets) = (kind.n_vertices() as u64, kind.facets().len() as u64);
-    8 * nodes + 16 + (16 + 16 + 8 + 4) * facets
-}
-
-/// Determinant of the leading `dim x dim` block.
-#[must_use]
-pub fn determinant(m: &[[f64; 3]; 3], dim: usize) -> f64 {
-    match dim {
-        0 => 1.0,
-        1 => m[0][0],
-        2 => m[0][0] * m[1][1] - m[0][1] * m[1][0],
-        _ => {
-            m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
-                + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
-        }
-    }
-}
-
-fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn norm(a: [f64; 3]) -> f64 {
-    dot(a, a).sqrt()
-}
-
-fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    norm(difference(a, b))
 }
 
 #[cfg(test)]

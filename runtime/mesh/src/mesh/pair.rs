@@ -6,7 +6,15 @@
 //! other than by an error.
 
 use super::{
-    CellKind, FacetRef, InterfaceFacet, Mesh, MeshError, cross, difference, distance, dot, norm, points::PointGrid,
+    Mesh,
+    error::MeshError,
+    index::{FacetRef, InterfaceFacet, NodeId},
+    points::PointGrid,
+};
+use crate::{
+    cell::{CellKind, facet_correspondences},
+    quadrature::{self, Rule},
+    vector::{cross, difference, distance, dot, norm},
 };
 
 /// Vertices of two facets coincide within this part of the facet size.
@@ -19,31 +27,12 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// other and overlap, are meant to match.
 const FACING: f64 = 0.1;
 
-const POINT: [[u8; 4]; 1] = [[0, 0, 0, 0]];
-const SEGMENT: [[u8; 4]; 2] = [[0, 1, 0, 0], [1, 0, 0, 0]];
-const TRIANGLE: [[u8; 4]; 6] = [[0, 1, 2, 0], [0, 2, 1, 0], [1, 0, 2, 0], [1, 2, 0, 0], [2, 0, 1, 0], [2, 1, 0, 0]];
-/// The eight symmetries of the square with lexicographic vertices.
-const QUADRILATERAL: [[u8; 4]; 8] =
-    [[0, 1, 2, 3], [0, 2, 1, 3], [1, 0, 3, 2], [1, 3, 0, 2], [2, 0, 3, 1], [2, 3, 0, 1], [3, 1, 2, 0], [3, 2, 1, 0]];
-
-/// Vertex correspondences of a facet kind: entry `key`, place `i` is the vertex of the facet there
-/// that coincides with vertex `i` of the facet here; empty for cells that are nobody's facet.
-pub fn facet_correspondences(kind: CellKind) -> &'static [[u8; 4]] {
-    match kind {
-        CellKind::Point => &POINT,
-        CellKind::Segment => &SEGMENT,
-        CellKind::Triangle => &TRIANGLE,
-        CellKind::Quadrilateral => &QUADRILATERAL,
-        CellKind::Tetrahedron | CellKind::Hexahedron => &[],
-    }
-}
-
 /// Largest distance between two vertices of a facet; for a point, the size of its cell.
 fn facet_size(mesh: &Mesh, facet: FacetRef) -> f64 {
     let vertices = mesh.facet_vertices(facet);
     let vertices = vertices.vertices();
     if vertices.len() == 1 {
-        return super::check::size(mesh, facet.cell);
+        return mesh.cell_diameter(facet.cell);
     }
     let mut size = 0.0;
     for (i, first) in vertices.iter().enumerate() {
@@ -86,7 +75,7 @@ pub fn orientation(mesh: &Mesh, here: FacetRef, there: FacetRef) -> Result<u8, M
     }
 }
 
-fn nearest(mesh: &Mesh, node: super::NodeId, among: &[super::NodeId]) -> (u8, f64) {
+fn nearest(mesh: &Mesh, node: NodeId, among: &[NodeId]) -> (u8, f64) {
     let mut best = (0, f64::INFINITY);
     for (position, other) in among.iter().enumerate() {
         if *other == node {
@@ -98,6 +87,23 @@ fn nearest(mesh: &Mesh, node: super::NodeId, among: &[super::NodeId]) -> (u8, f6
         }
     }
     best
+}
+
+/// The physical points of [`facet_points`](quadrature::facet_points) here as reference points of the cell there,
+/// with the orientation key of [`orientation`]. The points depend only on the kinds of the two
+/// cells, their local facets and the key, so that equal keys can share tables.
+///
+/// # Errors
+/// [`MeshError::NotMatching`].
+pub fn neighbour_points(
+    mesh: &Mesh,
+    here: FacetRef,
+    there: FacetRef,
+    rule: &Rule,
+) -> Result<(u8, Vec<[f64; 3]>), MeshError> {
+    let key = orientation(mesh, here, there)?;
+    let points = quadrature::oriented_points(mesh.kind(there.cell), there.local as usize, key, rule);
+    Ok((key, points))
 }
 
 /// A facet with what the search needs.

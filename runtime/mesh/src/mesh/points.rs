@@ -51,7 +51,7 @@ impl<'a> PointGrid<'a> {
         let high = self.key(x.map(|c| c + radius));
         let mut report = |slice: &[([i32; 3], u32)]| {
             for (_, member) in slice {
-                let distance = super::distance(self.points[*member as usize], x);
+                let distance = crate::vector::distance(self.points[*member as usize], x);
                 if distance <= radius {
                     visit(*member, distance);
                 }
@@ -91,7 +91,7 @@ mod tests {
                 let mut found = Vec::new();
                 grid.near(*x, radius, |m, _| found.push(m));
                 found.sort_unstable();
-                let inside = |m: &&u32| super::super::distance(points[**m as usize], *x) <= radius;
+                let inside = |m: &&u32| crate::vector::distance(points[**m as usize], *x) <= radius;
                 let expected: Vec<u32> = members.iter().filter(inside).copied().collect();
                 assert_eq!(found, expected);
             }

@@ -3,9 +3,16 @@
 //! Promises: volumes are exact for the geometry map, areas exact on plane affine facets and by a
 //! Gauss rule of degree 5 or more on curved ones. Lengths have the unit of the coordinates.
 
-use super::{CellId, CellKind, FacetRef, Mesh, check, cross, determinant, norm};
-use crate::element::Table;
-use crate::quadrature::{self, Rule};
+use super::{
+    Mesh,
+    index::{CellId, FacetRef},
+};
+use crate::{
+    cell::CellKind,
+    element::Table,
+    quadrature::{self, Rule},
+    vector::{cross, determinant, distance, norm},
+};
 
 /// Extremes over all cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,7 +124,7 @@ pub fn facet_heights(mesh: &Mesh, facets: &[FacetRef]) -> Vec<f64> {
 /// Diameter of each cell: the largest distance between two vertices (not what the language calls `element_size`).
 #[must_use]
 pub fn element_sizes(mesh: &Mesh, cells: &[CellId]) -> Vec<f64> {
-    cells.iter().map(|cell| check::size(mesh, *cell)).collect()
+    cells.iter().map(|cell| mesh.cell_diameter(*cell)).collect()
 }
 
 /// Extremes over all cells.
@@ -134,7 +141,7 @@ pub fn summary(mesh: &Mesh) -> QualitySummary {
         let vertices = mesh.cell_vertices(*cell);
         let edges = mesh.kind(*cell).edges().iter();
         let lengths: Vec<f64> =
-            edges.map(|[a, b]| super::distance(mesh.node(vertices[*a]), mesh.node(vertices[*b]))).collect();
+            edges.map(|[a, b]| distance(mesh.node(vertices[*a]), mesh.node(vertices[*b]))).collect();
         let (shortest, longest) = bounds(&lengths);
         longest / shortest
     };

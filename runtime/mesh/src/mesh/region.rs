@@ -4,16 +4,14 @@
 //! cells it is two members. `here` of an interface facet is the cell of the first region.
 //! Does not know names or the language; conditions come in as closures.
 
-use super::{CellId, FacetRef, Group, GroupEntities, Mesh, MeshError, NodeId, Topology, pair::pair_by_geometry};
-
-/// A facet of an interface with both its sides.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct InterfaceFacet {
-    /// Side of the first region; the normal points out of its cell.
-    pub here: FacetRef,
-    /// Side of the second region.
-    pub there: FacetRef,
-}
+use super::{
+    Mesh,
+    error::MeshError,
+    index::{CellId, FacetRef, InterfaceFacet, NodeId},
+    pair::pair_by_geometry,
+    raw::{Group, GroupEntities},
+    topology::Topology,
+};
 
 /// What the members of a region are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,4 +1,5 @@
 use super::*;
+use crate::quadrature::{facet_points, rule};
 
 const SHAPES: [(usize, BoxShape); 5] = [
     (1, BoxShape::Segment),
@@ -436,4 +437,31 @@ fn groups_become_regions() {
     assert_eq!(region, RegionSet::Facets(vec![FacetRef::new(CellId::new(0), 0)]));
     let error = RegionSet::from_group(&mesh, &topology, &mesh.groups()[1]).unwrap_err();
     assert_eq!(error.to_string(), "group `loose` has 1 faces that belong to no cell");
+}
+
+#[test]
+fn both_sides_of_every_inner_facet_see_the_same_points() {
+    for (dim, shape) in [
+        (1, BoxShape::Segment),
+        (2, BoxShape::Triangle),
+        (2, BoxShape::Quadrilateral),
+        (3, BoxShape::Tetrahedron),
+        (3, BoxShape::Hexahedron),
+    ] {
+        let mesh = generate_box([0.0; 3], [1.0, 2.0, 3.0], [2, 2, 2], dim, shape).unwrap();
+        let topology = Topology::new(&mesh).unwrap();
+        let physical = |facet: FacetRef, x: &[[f64; 3]]| -> Vec<[f64; 3]> {
+            let table = mesh.geometry_element(mesh.kind(facet.cell)).tabulate(x, 0);
+            (0..x.len()).map(|p| mesh.point_at(facet.cell, &table, p)).collect()
+        };
+        for facet in topology.facets() {
+            let Some(there) = facet.there else { continue };
+            let rule = rule(mesh.facet_kind(facet.here), 3).unwrap();
+            let ours = facet_points(mesh.kind(facet.here.cell), facet.here.local as usize, &rule);
+            let (_, theirs) = neighbour_points(&mesh, facet.here, there, &rule).unwrap();
+            for (p, q) in physical(facet.here, &ours).iter().zip(physical(there, &theirs)) {
+                assert!((0..3).all(|i| (p[i] - q[i]).abs() < 1e-13), "{shape:?} {p:?} {q:?}");
+            }
+        }
+    }
 }

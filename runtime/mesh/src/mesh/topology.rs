@@ -6,7 +6,11 @@
 
 use std::sync::OnceLock;
 
-use super::{CellId, EdgeId, FacetId, FacetRef, Mesh, MeshError, NodeId};
+use super::{
+    Mesh,
+    error::MeshError,
+    index::{CellId, EdgeId, FacetId, FacetRef, NodeId},
+};
 
 /// A facet of the mesh with the one or two cells at it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

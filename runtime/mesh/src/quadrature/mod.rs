@@ -5,35 +5,15 @@
 //! a pure function of its arguments.
 
 mod line;
+mod rule;
 mod simplex;
 mod tensor;
 
-use crate::mesh::{CellKind, FacetRef, Mesh, MeshError, facet_correspondences, orientation};
+use crate::cell::{CellKind, facet_correspondences};
+pub use rule::Rule;
 
 /// Most points along one direction.
 pub const MAX_POINTS_PER_DIRECTION: usize = 64;
-
-/// A quadrature rule: `sum weights[p] f(points[p])` approximates the integral of `f` over the
-/// reference cell.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Rule {
-    /// The cell.
-    pub kind: CellKind,
-    /// Degree of exactness.
-    pub degree: usize,
-    /// Reference points; unused coordinates are zero.
-    pub points: Vec<[f64; 3]>,
-    /// Weights, of sum [`CellKind::reference_volume`].
-    pub weights: Vec<f64>,
-}
-
-impl Rule {
-    /// Number of points.
-    #[must_use]
-    pub fn n_points(&self) -> usize {
-        self.points.len()
-    }
-}
 
 /// Why there is no such rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -135,23 +115,6 @@ pub fn nodal(kind: CellKind, degree: usize) -> Result<Rule, QuadratureError> {
 pub fn facet_points(kind: CellKind, local_facet: usize, rule: &Rule) -> Vec<[f64; 3]> {
     let map = kind.facet_map(local_facet);
     rule.points.iter().map(|point| map.apply(*point)).collect()
-}
-
-/// The physical points of `facet_points(.., here, rule)` as reference points of the cell there,
-/// with the orientation key of [`orientation`]. The points depend only on the kinds of the two
-/// cells, their local facets and the key, so that equal keys can share tables.
-///
-/// # Errors
-/// [`MeshError::NotMatching`].
-pub fn neighbour_points(
-    mesh: &Mesh,
-    here: FacetRef,
-    there: FacetRef,
-    rule: &Rule,
-) -> Result<(u8, Vec<[f64; 3]>), MeshError> {
-    let key = orientation(mesh, here, there)?;
-    let points = oriented_points(mesh.kind(there.cell), there.local as usize, key, rule);
-    Ok((key, points))
 }
 
 /// Points of a facet rule given in the parameters of a facet here, as reference points of the cell

@@ -5,8 +5,8 @@
 //! Walkington 5, Keast 6). Their numbers were polished against the exact moments in 40 digits; the
 //! tests check the moments again.
 
-use super::{Rule, line::gauss_jacobi};
-use crate::mesh::CellKind;
+use super::{line::gauss_jacobi, rule::Rule};
+use crate::cell::CellKind;
 
 /// Points that are the same up to a permutation of their barycentric coordinates, with the weight
 /// of each.

@@ -2,7 +2,7 @@
 //!
 //! Promises: no panic on any input; every error carries the line (text) or byte (binary).
 
-use super::{Place, ReadError};
+use super::error::{Place, ReadError};
 
 /// A position in a file.
 pub(super) struct Cursor<'a> {

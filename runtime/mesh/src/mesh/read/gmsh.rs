@@ -3,8 +3,17 @@
 
 use std::collections::BTreeMap;
 
-use super::{Place, ReadError, cursor::Cursor};
-use crate::mesh::{CellId, CellKind, Group, GroupEntities, GroupFacet, NodeId, RawMesh};
+use super::{
+    cursor::Cursor,
+    error::{Place, ReadError},
+};
+use crate::{
+    cell::CellKind,
+    mesh::{
+        index::{CellId, NodeId},
+        raw::{Group, GroupEntities, GroupFacet, RawMesh},
+    },
+};
 
 /// One of the supported element types.
 #[derive(Debug)]
@@ -81,8 +90,31 @@ pub(super) fn version(bytes: &[u8]) -> Option<String> {
     None
 }
 
+/// The mesh of a file of any version: reads the sections that all versions write alike and gives the others, whose names
+/// are already read, to `read`.
+pub(super) fn parse(
+    bytes: &[u8],
+    mut read: impl FnMut(&[u8], &mut Cursor<'_>, &mut Contents) -> Result<(), ReadError>,
+) -> Result<RawMesh, ReadError> {
+    let mut cursor = Cursor::new(bytes);
+    let mut contents = Contents::default();
+    let mut missing = vec!["Nodes", "Elements"];
+    while let Some(section) = cursor.section() {
+        match section {
+            b"MeshFormat" => header(&mut cursor)?,
+            b"PhysicalNames" => names(&mut cursor, &mut contents.names)?,
+            other => read(other, &mut cursor, &mut contents)?,
+        }
+        missing.retain(|name| name.as_bytes() != section);
+    }
+    match missing.first() {
+        Some(section) => Err(ReadError::MissingSection { section }),
+        None => contents.into_raw(),
+    }
+}
+
 /// Reads the header, whose section name is already read, and sets the mode of the cursor.
-pub(super) fn header(cursor: &mut Cursor<'_>) -> Result<(), ReadError> {
+fn header(cursor: &mut Cursor<'_>) -> Result<(), ReadError> {
     cursor.double("the format version")?;
     let binary = cursor.text_integer("the file type, 0 or 1")? == 1;
     let size = cursor.text_integer("the size of a number")?;
@@ -106,10 +138,10 @@ pub(super) fn header(cursor: &mut Cursor<'_>) -> Result<(), ReadError> {
 }
 
 /// Names of physical groups by dimension and number.
-pub(super) type Names = BTreeMap<(usize, i64), String>;
+type Names = BTreeMap<(usize, i64), String>;
 
 /// Reads the names, whose section name is already read; they are text in binary files too.
-pub(super) fn names(cursor: &mut Cursor<'_>, names: &mut Names) -> Result<(), ReadError> {
+fn names(cursor: &mut Cursor<'_>, names: &mut Names) -> Result<(), ReadError> {
     let count = cursor.text_size("the number of names")?;
     for _ in 0..count {
         let dim = cursor.text_size("the dimension of a group")?;
@@ -154,7 +186,7 @@ impl ElementType {
 /// A Gmsh file without its syntax.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
-    pub(super) names: Names,
+    names: Names,
     pub(super) node_numbers: Vec<u64>,
     pub(super) nodes: Vec<[f64; 3]>,
     pub(super) blocks: Vec<Block>,
@@ -206,7 +238,7 @@ impl NodeMap {
 
 impl Contents {
     /// The mesh of the elements of highest dimension; the others only fill groups.
-    pub(super) fn into_raw(self) -> Result<RawMesh, ReadError> {
+    fn into_raw(self) -> Result<RawMesh, ReadError> {
         let used = self.blocks.iter().filter(|b| !b.elements.is_empty());
         let dim = used.map(|b| b.element_type.dim()).max().unwrap_or(0);
         if dim == 0 {

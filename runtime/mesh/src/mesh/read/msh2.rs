@@ -2,8 +2,8 @@
 //!
 //! Each element carries its tags; the first is its physical group, 0 for none.
 
-use super::{ReadError, cursor::Cursor, gmsh};
-use crate::mesh::RawMesh;
+use super::{cursor::Cursor, error::ReadError, gmsh};
+use crate::mesh::raw::RawMesh;
 use gmsh::{Block, Contents};
 
 /// True for the versions 2, 2.1 and 2.2.
@@ -14,30 +14,11 @@ pub(super) fn recognises(bytes: &[u8]) -> bool {
 
 /// The mesh of a file.
 pub(super) fn parse(bytes: &[u8]) -> Result<RawMesh, ReadError> {
-    let mut cursor = Cursor::new(bytes);
-    let mut contents = Contents::default();
-    let (mut has_nodes, mut has_elements) = (false, false);
-    while let Some(section) = cursor.section() {
-        match section {
-            b"MeshFormat" => gmsh::header(&mut cursor)?,
-            b"PhysicalNames" => gmsh::names(&mut cursor, &mut contents.names)?,
-            b"Nodes" => {
-                nodes(&mut cursor, &mut contents)?;
-                has_nodes = true;
-            }
-            b"Elements" => {
-                elements(&mut cursor, &mut contents)?;
-                has_elements = true;
-            }
-            other => cursor.skip_section(other)?,
-        }
-    }
-    for (there, section) in [(has_nodes, "Nodes"), (has_elements, "Elements")] {
-        if !there {
-            return Err(ReadError::MissingSection { section });
-        }
-    }
-    contents.into_raw()
+    gmsh::parse(bytes, |section, cursor, contents| match section {
+        b"Nodes" => nodes(cursor, contents),
+        b"Elements" => elements(cursor, contents),
+        other => cursor.skip_section(other),
+    })
 }
 
 fn nodes(cursor: &mut Cursor<'_>, contents: &mut Contents) -> Result<(), ReadError> {

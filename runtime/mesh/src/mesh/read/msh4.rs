@@ -4,8 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use super::{ReadError, cursor::Cursor, gmsh};
-use crate::mesh::RawMesh;
+use super::{cursor::Cursor, error::ReadError, gmsh};
+use crate::mesh::raw::RawMesh;
 use gmsh::{Block, Contents};
 
 /// True for version 4.1.
@@ -18,32 +18,13 @@ type Entities = BTreeMap<(i64, i64), Vec<i64>>;
 
 /// The mesh of a file.
 pub(super) fn parse(bytes: &[u8]) -> Result<RawMesh, ReadError> {
-    let mut cursor = Cursor::new(bytes);
-    let mut contents = Contents::default();
     let mut entity_groups = Entities::new();
-    let (mut has_nodes, mut has_elements) = (false, false);
-    while let Some(section) = cursor.section() {
-        match section {
-            b"MeshFormat" => gmsh::header(&mut cursor)?,
-            b"PhysicalNames" => gmsh::names(&mut cursor, &mut contents.names)?,
-            b"Entities" => entities(&mut cursor, &mut entity_groups)?,
-            b"Nodes" => {
-                nodes(&mut cursor, &mut contents)?;
-                has_nodes = true;
-            }
-            b"Elements" => {
-                elements(&mut cursor, &entity_groups, &mut contents)?;
-                has_elements = true;
-            }
-            other => cursor.skip_section(other)?,
-        }
-    }
-    for (there, section) in [(has_nodes, "Nodes"), (has_elements, "Elements")] {
-        if !there {
-            return Err(ReadError::MissingSection { section });
-        }
-    }
-    contents.into_raw()
+    gmsh::parse(bytes, |section, cursor, contents| match section {
+        b"Entities" => entities(cursor, &mut entity_groups),
+        b"Nodes" => nodes(cursor, contents),
+        b"Elements" => elements(cursor, &entity_groups, contents),
+        other => cursor.skip_section(other),
+    })
 }
 
 fn entities(cursor: &mut Cursor<'_>, groups: &mut Entities) -> Result<(), ReadError> {

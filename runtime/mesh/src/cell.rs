@@ -287,6 +287,27 @@ impl std::fmt::Display for CellKind {
     }
 }
 
+const POINT_SYMMETRIES: [[u8; 4]; 1] = [[0, 0, 0, 0]];
+const SEGMENT_SYMMETRIES: [[u8; 4]; 2] = [[0, 1, 0, 0], [1, 0, 0, 0]];
+const TRIANGLE_SYMMETRIES: [[u8; 4]; 6] =
+    [[0, 1, 2, 0], [0, 2, 1, 0], [1, 0, 2, 0], [1, 2, 0, 0], [2, 0, 1, 0], [2, 1, 0, 0]];
+/// The eight symmetries of the square with lexicographic vertices.
+const QUADRILATERAL_SYMMETRIES: [[u8; 4]; 8] =
+    [[0, 1, 2, 3], [0, 2, 1, 3], [1, 0, 3, 2], [1, 3, 0, 2], [2, 0, 3, 1], [2, 3, 0, 1], [3, 1, 2, 0], [3, 2, 1, 0]];
+
+/// Vertex correspondences of a facet kind: entry `key`, place `i` is the vertex of the facet there
+/// that coincides with vertex `i` of the facet here; empty for cells that are nobody's facet.
+#[must_use]
+pub fn facet_correspondences(kind: CellKind) -> &'static [[u8; 4]] {
+    match kind {
+        CellKind::Point => &POINT_SYMMETRIES,
+        CellKind::Segment => &SEGMENT_SYMMETRIES,
+        CellKind::Triangle => &TRIANGLE_SYMMETRIES,
+        CellKind::Quadrilateral => &QUADRILATERAL_SYMMETRIES,
+        CellKind::Tetrahedron | CellKind::Hexahedron => &[],
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

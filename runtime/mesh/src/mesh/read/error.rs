@@ -1,0 +1,117 @@
+//! What can be wrong with a mesh file, with its place there.
+
+use crate::mesh::error::MeshError;
+
+/// Where in a file something was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Line, counted from 1.
+    Line(usize),
+    /// Offset in bytes from the start, for binary data.
+    Byte(usize),
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Place::Line(line) => write!(f, "line {line}"),
+            Place::Byte(byte) => write!(f, "byte {byte}"),
+        }
+    }
+}
+
+/// A mesh file that cannot be used. Numbers of nodes and elements are those of the file.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// No reader knows the first bytes.
+    #[error("not a mesh file of a known format (Gmsh 2.2 or 4.1 is read)")]
+    UnknownFormat,
+    /// A Gmsh file of another version or number size.
+    #[error("Gmsh file format {found} is not read, save the mesh as 2.2 or 4.1")]
+    Version {
+        /// Version found, with the number size when that is the trouble.
+        found: String,
+    },
+    /// Something else was needed here.
+    #[error("{place}: found `{found}`, needed {needed}")]
+    Syntax {
+        /// What was needed.
+        needed: &'static str,
+        /// What stands there.
+        found: String,
+        /// Where.
+        place: Place,
+    },
+    /// The file ends too early.
+    #[error("{place}: the file ends where {needed} is needed")]
+    Truncated {
+        /// What was needed.
+        needed: &'static str,
+        /// End of the file.
+        place: Place,
+    },
+    /// A section that every mesh needs is not there.
+    #[error("the file has no ${section} section")]
+    MissingSection {
+        /// Name of the section.
+        section: &'static str,
+    },
+    /// An element that is not supported.
+    #[error("{place}: element {element} is a {name} (Gmsh type {code}), which is not supported")]
+    ElementType {
+        /// Number of the element.
+        element: u64,
+        /// Gmsh's type number.
+        code: i64,
+        /// Its name, as far as known.
+        name: &'static str,
+        /// Where.
+        place: Place,
+    },
+    /// An element names a node that is not in the file.
+    #[error("element {element} uses node {node}, which is not in the file")]
+    MissingNode {
+        /// Number of the element.
+        element: u64,
+        /// Number of the node.
+        node: u64,
+    },
+    /// Two nodes have the same number.
+    #[error("node {node} is given twice")]
+    DuplicateNode {
+        /// Number of the node.
+        node: u64,
+    },
+    /// A coordinate is NaN or infinite.
+    #[error("{place}: a coordinate of node {node} is {value}")]
+    NonFinite {
+        /// Number of the node.
+        node: u64,
+        /// The coordinate.
+        value: f64,
+        /// Where.
+        place: Place,
+    },
+    /// Elements of first and second order in one mesh.
+    #[error("the cells are partly of first and partly of second order (elements {first} and {second})")]
+    MixedOrder {
+        /// A first-order element.
+        first: u64,
+        /// A second-order element.
+        second: u64,
+    },
+    /// A mesh of curves or surfaces that does not lie in the x axis or the xy plane.
+    #[error(
+        "the cells have dimension {dim} but node {node} lies outside {}: a body in space needs cells of its volume, a mesh of dimension {dim} must be flat",
+        if *dim == 1 { "the x axis" } else { "the plane of x and y" }
+    )]
+    NotFlat {
+        /// Dimension of the cells.
+        dim: usize,
+        /// Number of the node.
+        node: u64,
+    },
+    /// The mesh itself is unsound.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+}
