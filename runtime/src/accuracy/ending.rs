@@ -99,16 +99,17 @@ impl<T: Trials> Search<'_, T> {
             self.tolerance_error,
             TOLERANCES.start()
         );
-        let gamma = match self.ways.role {
+        let name = &self.ways.parameter;
+        let method = match self.ways.role {
             Role::None => None,
             Role::Consistent => {
-                Some("gamma: the method is consistent; its parameter keeps its proportion to the cells".to_owned())
+                Some(format!("{name}: the method is consistent; its parameter keeps its proportion to the cells"))
             }
             Role::Penalty => Some(format!(
-                "gamma: a penalty; {} times that of the scene adds {:.0e}, measured on a coarse mesh against ten times more",
+                "{name}: a penalty; {} times that of the scene adds {:.0e}, measured on a coarse mesh against ten times more",
                 self.stiffer, self.method_error
             )),
         };
-        std::iter::once(tol).chain(gamma).collect()
+        std::iter::once(tol).chain(method).collect()
     }
 }

@@ -16,9 +16,6 @@ use crate::{
     mesh::RegionSet,
 };
 
-/// The parameter of a method, by convention `gamma`.
-const METHOD_PARAM: &str = "gamma";
-
 /// Faces that a contact has at least: one face tells nothing.
 const LEAST_FACES: f64 = 4.0;
 
@@ -61,9 +58,12 @@ pub struct Ways {
     pub own_degree: usize,
     /// What the parameter of the method is.
     pub role: Role,
+    /// Its name; empty if there is none.
+    pub parameter: String,
     division: Division,
     fixed_degree: bool,
-    gamma: f64,
+    /// The value of that parameter in the scene.
+    value: f64,
 }
 
 impl Ways {
@@ -72,8 +72,8 @@ impl Ways {
     pub fn of(script: &ResolvedScript, scene: &Scene) -> Self {
         let (division, own, least) = division(script, scene);
         let (degrees, own_degree, fixed_degree) = degrees(script, scene, division == Division::Fixed);
-        let (dim, role, gamma) = (scene.system.mesh.dim(), Role::None, 0.0);
-        let mut ways = Ways { dim, degrees, own, least, own_degree, role, division, fixed_degree, gamma };
+        let (dim, role, parameter, value) = (scene.system.mesh.dim(), Role::None, String::new(), 0.0);
+        let mut ways = Ways { dim, degrees, own, least, own_degree, role, parameter, division, fixed_degree, value };
         ways.see_method(script, scene);
         ways.least = ways.least.max(ways.least_at_faces(scene)).min(ways.own);
         ways
@@ -93,13 +93,16 @@ impl Ways {
 
     /// What the method of a scene is. Its parameter counts where it is a plain number that the solution may depend on.
     fn see_method(&mut self, script: &ResolvedScript, scene: &Scene) {
-        let given = script.params.iter().find(|p| p.name.name == METHOD_PARAM);
+        if script.fields.iter().any(|f| matches!(f.kind, FieldKind::Multiplier { .. })) {
+            return;
+        }
+        let Some(name) = scene.method_parameter(script) else { return };
+        let given = script.params.iter().find(|p| p.name.name == name);
         let plain = given.is_some_and(|p| matches!(p.value.kind, ExprKind::Number(_)));
-        let multipliers = script.fields.iter().any(|f| matches!(f.kind, FieldKind::Multiplier { .. }));
-        let value = scene.params.iter().find(|p| p.0 == METHOD_PARAM).and_then(|p| p.1.values.first().copied());
-        let Some(gamma) = value.filter(|_| plain && !multipliers) else { return };
+        let value = scene.params.iter().find(|p| p.0 == name).and_then(|p| p.1.values.first().copied());
+        let Some(value) = value.filter(|_| plain) else { return };
         self.role = if scene.system.is_consistent() { Role::Consistent } else { Role::Penalty };
-        self.gamma = gamma;
+        (self.parameter, self.value) = (name, value);
     }
 
     /// Whether the mesh can be refined.
@@ -128,8 +131,8 @@ impl Ways {
             set("degree", degree.to_string());
         }
         match self.role {
-            Role::Consistent if self.refines() => set(METHOD_PARAM, number(self.gamma * ratio)),
-            Role::Penalty if stiffer != 1.0 => set(METHOD_PARAM, number(self.gamma * stiffer)),
+            Role::Consistent if self.refines() => set(&self.parameter, number(self.value * ratio)),
+            Role::Penalty if stiffer != 1.0 => set(&self.parameter, number(self.value * stiffer)),
             _ => {}
         }
         set("tol", number(tolerance));
@@ -311,9 +314,10 @@ pub(super) fn test_ways(dim: usize, role: Role, own: usize) -> Ways {
         least: 2,
         own_degree: 1,
         role,
+        parameter: "gamma".to_owned(),
         division: Division::Cells(vec![1; dim]),
         fixed_degree: false,
-        gamma: 1.0,
+        value: 1.0,
     }
 }
 

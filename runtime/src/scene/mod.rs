@@ -21,6 +21,7 @@ mod low_rules;
 mod mappings;
 mod meeting;
 mod mesh;
+mod method;
 mod normals;
 mod options;
 mod outputs;
@@ -46,7 +47,7 @@ use wfl_compiler::{
     backend::KernelBackend,
     compile_condition,
     ir::VerifiedKernel,
-    types::{FieldKind, FieldSig, InputSlot, UniformSlot},
+    types::{FieldKind, FieldSig, InputSlot, MappingSig, UniformSlot},
 };
 
 use crate::{
@@ -167,6 +168,7 @@ pub struct Scene {
 /// What is needed to compile more expressions after preparation (`expect`).
 struct OwnedEnv {
     params: std::collections::BTreeMap<String, Constant>,
+    mappings: Vec<MappingSig>,
     expansions: wfl::ast::Expansions,
     expects: Vec<wfl::Expect>,
     dim: usize,
@@ -459,6 +461,7 @@ impl Builder<'_> {
     fn owned_env(&self) -> OwnedEnv {
         OwnedEnv {
             params: self.params.clone(),
+            mappings: self.env.mappings.to_vec(),
             expansions: self.script.expansions.clone(),
             expects: self.script.expects.clone(),
             dim: self.env.dim,
