@@ -4,7 +4,7 @@ use thiserror::Error;
 use wfl_compiler::types::{FieldKind, Side};
 
 use crate::{
-    assemble::Group,
+    domain::Group,
     point_space::PointSpace,
     space::{Space, Support},
 };

@@ -6,7 +6,10 @@
 //! dof `first + k` of such a node stands for component k in states and for axis k of the frame in residuals, tangents
 //! and corrections.
 
-use wfl_sparse::csr::{Csr, Pattern};
+use wfl_sparse::{
+    csr::{Csr, Pattern},
+    index::NONE,
+};
 
 /// The frame of one node.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,9 +27,6 @@ pub struct Frames {
     /// By dof: its frame, or [`NONE`]; empty without frames.
     of_dof: Vec<u32>,
 }
-
-/// No frame.
-const NONE: u32 = u32::MAX;
 
 impl Frames {
     /// Frames of different nodes among `n_dofs` dofs.

@@ -1,16 +1,18 @@
 //! From point laws on a mesh to vectors and matrices.
 //!
-//! [`space`] numbers nodes, [`field`] gives them components, [`assemble`] integrates compiled point laws over domains into
+//! [`space`] numbers nodes, [`domain`] holds the points of integration, [`field`] gives them components, [`assemble`] integrates compiled point laws over domains into
 //! residuals and tangents, [`value`] evaluates expressions, [`frames`] holds the local frames of prescribed directions.
 //! Promises sums in one fixed order for any number of threads, and that a number that is not finite is told with its
 //! place ([`finite`]). Does not solve, step, read scenes or write results.
 #![forbid(unsafe_code)]
 
 pub mod assemble;
+pub mod domain;
 pub mod field;
 pub mod finite;
 pub mod frames;
 pub mod point_space;
 pub mod point_values;
+mod prologue;
 pub mod space;
 pub mod value;

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::assemble::{Domain, Group};
+use crate::domain::{Domain, Group};
 use wfl_mesh::{
     element::Table,
     mesh::{CellId, FacetRef, Mesh},

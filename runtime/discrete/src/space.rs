@@ -11,9 +11,7 @@ use std::collections::BTreeSet;
 
 use wfl_mesh::element::{DofEntity, Element, ElementError, Family};
 use wfl_mesh::mesh::{CellId, CellKind, EdgeTable, FacetId, FacetRef, Mesh, NodeId, Topology};
-
-/// No node here.
-const NONE: u32 = u32::MAX;
+use wfl_sparse::index::NONE;
 
 /// Where a space lives.
 #[derive(Clone, Debug, PartialEq, Eq)]

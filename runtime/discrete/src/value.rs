@@ -8,13 +8,15 @@ use wfl_compiler::{
     compares_nan, first_non_finite,
     ir::{Inst, LANES},
     run_prologue,
-    types::{InputSlot, UniformSlot},
+    types::InputSlot,
 };
 
+pub use crate::prologue::uniforms_at;
 use crate::{
     assemble::{Binding, Bound, Domain, FieldValues, LawSlots, Workspace},
     field::{Field, FieldError},
     finite::NotFinite,
+    prologue::step_slots,
 };
 use wfl_mesh::mesh::Mesh;
 
@@ -26,21 +28,6 @@ pub struct Value {
     uniforms: Vec<f64>,
     /// The step variable and its increment, as the prologue of the law takes them.
     step: Vec<f64>,
-}
-
-/// The uniforms of a prologue at a step.
-#[must_use]
-pub fn uniforms_at(prologue: &wfl_compiler::Prologue, time: f64, increment: f64) -> Vec<f64> {
-    run_prologue(prologue, &step_slots(prologue, time, increment))
-}
-
-/// What a prologue is given at a step.
-pub(crate) fn step_slots(prologue: &wfl_compiler::Prologue, time: f64, increment: f64) -> Vec<f64> {
-    let slot = |slot: &UniformSlot| match slot {
-        UniformSlot::Time => time,
-        UniformSlot::TimeStep => increment,
-    };
-    prologue.slots.iter().map(slot).collect()
 }
 
 impl Value {

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::norm::largest;
+use crate::{index::NONE, norm::largest};
 pub use pattern::{Pattern, PatternBuilder};
 use wfl_host::memory::TooMuchMemory;
 
@@ -349,16 +349,13 @@ pub fn residual_compensated(parts: &[&Csr], b: &[f64], x: &[f64], r: &mut [f64],
 #[derive(Debug, Clone)]
 pub struct Restriction {
     pattern: Arc<Pattern>,
-    /// By entry of the source its place in the result, or [`LEFT_OUT`].
+    /// By entry of the source its place in the result, or [`NONE`].
     places: Vec<u32>,
 }
 
-/// An entry, a row or a column that the result of a [`Restriction`] does not have.
-pub const LEFT_OUT: u32 = u32::MAX;
-
 impl Restriction {
     /// Prepares a result of `n` rows and columns: row and column i of the square source are added to row and column
-    /// `targets[i]` of it; those with [`LEFT_OUT`] are left out.
+    /// `targets[i]` of it; those with [`NONE`] are left out.
     ///
     /// # Errors
     /// [`CsrError::Structure`] when the lists do not fit the source or the size.
@@ -366,10 +363,10 @@ impl Restriction {
         if source.n_rows() != targets.len() || source.n_cols() != targets.len() {
             return Err(CsrError::Structure { row: targets.len(), what: "one target for each row and column" });
         }
-        if let Some(row) = targets.iter().position(|t| *t != LEFT_OUT && *t as usize >= n) {
+        if let Some(row) = targets.iter().position(|t| *t != NONE && *t as usize >= n) {
             return Err(CsrError::Structure { row, what: "target outside the matrix" });
         }
-        let mut order: Vec<u32> = (0..targets.len() as u32).filter(|r| targets[*r as usize] != LEFT_OUT).collect();
+        let mut order: Vec<u32> = (0..targets.len() as u32).filter(|r| targets[*r as usize] != NONE).collect();
         order.sort_by_key(|r| targets[*r as usize]);
         let (mut row_starts, mut columns) = (vec![0usize], Vec::new());
         let mut rest = order.as_slice();
@@ -378,7 +375,7 @@ impl Restriction {
             rest = others;
             let begin = columns.len();
             let entries = own.iter().flat_map(|r| source.row(*r as usize));
-            columns.extend(entries.map(|c| targets[*c as usize]).filter(|t| *t != LEFT_OUT));
+            columns.extend(entries.map(|c| targets[*c as usize]).filter(|t| *t != NONE));
             columns[begin..].sort_unstable();
             let mut kept = begin;
             for at in begin..columns.len() {
@@ -395,10 +392,10 @@ impl Restriction {
         for (row, target) in targets.iter().enumerate() {
             for column in source.row(row) {
                 let at = match (*target, targets[*column as usize]) {
-                    (LEFT_OUT, _) | (_, LEFT_OUT) => None,
+                    (NONE, _) | (_, NONE) => None,
                     (row, column) => pattern.position(row as usize, column as usize),
                 };
-                places.push(at.map_or(LEFT_OUT, |p| u32::try_from(p).expect("fewer than 2^32 entries")));
+                places.push(at.map_or(NONE, |p| u32::try_from(p).expect("fewer than 2^32 entries")));
             }
         }
         Ok(Self { pattern: Arc::new(pattern), places })
@@ -427,7 +424,7 @@ impl Restriction {
     pub fn apply_into(&self, matrix: &Csr, values: &mut [f64]) {
         assert!(matrix.values.len() == self.places.len() && values.len() == self.pattern.n_entries(), "other pattern");
         values.fill(0.0);
-        for (place, value) in self.places.iter().zip(&matrix.values).filter(|(place, _)| **place != LEFT_OUT) {
+        for (place, value) in self.places.iter().zip(&matrix.values).filter(|(place, _)| **place != NONE) {
             values[*place as usize] += value;
         }
     }
@@ -495,7 +492,7 @@ mod tests {
         let triplets = [(0, 0, 1.0), (0, 1, 2.0), (1, 0, 3.0), (1, 2, 4.0), (2, 1, 5.0), (2, 2, 6.0), (3, 3, 7.0)];
         let a = Csr::from_triplets(4, 4, &triplets).unwrap();
         // 2 is added to 0, 3 is left out
-        let map = Restriction::new(a.pattern(), &[0, 1, 0, LEFT_OUT], 2).unwrap();
+        let map = Restriction::new(a.pattern(), &[0, 1, 0, NONE], 2).unwrap();
         let b = map.apply(&a);
         assert_eq!([b.get(0, 0), b.get(0, 1), b.get(1, 0), b.get(1, 1)], [7.0, 7.0, 7.0, 0.0]);
         assert_eq!(map.pattern().n_entries(), 3);

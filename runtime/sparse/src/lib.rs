@@ -7,5 +7,6 @@
 #![forbid(unsafe_code)]
 
 pub mod csr;
+pub mod index;
 pub mod norm;
 pub mod solve;

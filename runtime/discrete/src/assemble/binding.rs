@@ -9,11 +9,9 @@ use wfl_compiler::{
     types::{BasisSlot, FieldId, FieldOp, InputSlot, Side},
 };
 
+use crate::domain::{Domain, Group};
 use crate::{
-    assemble::{
-        domain::{Domain, Group},
-        geometry::Lanes,
-    },
+    assemble::simd::Lanes,
     field::{Field, FieldError},
 };
 use wfl_mesh::{element::Table, mesh::Mesh};

@@ -12,39 +12,15 @@ use wfl_compiler::{ir::LANES, types::FieldOp};
 
 use crate::assemble::{
     binding::{Binding, GroupBinding, Operand, SlotPlace},
-    domain::Group,
+    block::{Block, Product, Row, TILE},
     entries::{Coefficient, Entries},
     evaluate::Workspace,
-    geometry::{Lanes, ZERO},
     integrals::{self, Integral, Sources},
-    simd::{fused, load, parts, plus_product, store},
+    simd::{Lanes, ZERO, fused, load, parts, plus_product, store},
     strips::Strips,
 };
-
-/// Rows and columns of a product that are summed in registers at once.
-pub(super) const TILE: usize = 4;
-
-/// One test slot of a block.
-#[derive(Clone, Debug)]
-pub(super) struct Row {
-    pub(super) tests: Operand,
-    /// Coefficient and trial functions.
-    pub(super) entries: Vec<(usize, Operand)>,
-}
-
-/// All entries of one test component and one trial component.
-#[derive(Clone, Debug)]
-pub(super) struct Block {
-    pub(super) rows: Vec<Row>,
-    pub(super) n_tests: usize,
-    pub(super) n_trials: usize,
-    /// Where its products stand in the local tangent: `start + i * n_trials + j`.
-    start: usize,
-    /// Test and trial functions are the same and so are the sides: only `i <= j` is needed.
-    pub(super) is_triangle: bool,
-    /// Coefficient and integrals; empty if the entries differ from point to point.
-    pub(super) sum: Vec<(usize, Operand)>,
-}
+use crate::domain::Group;
+use wfl_sparse::index::NONE;
 
 /// How the tangent of one group is made.
 #[derive(Clone, Debug)]
@@ -52,7 +28,7 @@ pub(super) struct TangentPlan {
     blocks: Vec<Block>,
     /// Numbers in the local tangent; one more behind them is zero.
     pub(super) n_local: usize,
-    /// Where the entry (test dof, trial dof) stands in the local tangent, by `test * n_dofs + trial`; [`ABSENT`] if it
+    /// Where the entry (test dof, trial dof) stands in the local tangent, by `test * n_dofs + trial`; [`NONE`] if it
     /// is always zero.
     pub(super) sources: Vec<u32>,
     n_coefficients: usize,
@@ -61,9 +37,6 @@ pub(super) struct TangentPlan {
     /// Numbers of the integrals.
     n_integrals: usize,
 }
-
-/// No such entry.
-pub(super) const ABSENT: u32 = u32::MAX;
 
 type Component = (usize, usize);
 
@@ -74,7 +47,7 @@ impl TangentPlan {
         let mut plan = Self {
             blocks: Vec::new(),
             n_local: 0,
-            sources: vec![ABSENT; n_dofs * n_dofs],
+            sources: vec![NONE; n_dofs * n_dofs],
             n_coefficients: entries.coefficients.len(),
             flux: 0,
             integrals: Vec::new(),
@@ -101,7 +74,7 @@ impl TangentPlan {
     /// Local dofs whose equations have an entry, and those that an entry multiplies: on a facet the value of a function
     /// that belongs to a node off the facet is zero, so such a dof is coupled only where a derivative is taken.
     pub(super) fn coupled(&self, n_dofs: usize) -> (Vec<usize>, Vec<usize>) {
-        let present = |row: usize, column: usize| self.sources[row * n_dofs + column] != ABSENT;
+        let present = |row: usize, column: usize| self.sources[row * n_dofs + column] != NONE;
         let is_row = |k: &usize| (0..n_dofs).any(|other| present(*k, other));
         let is_column = |k: &usize| (0..n_dofs).any(|other| present(other, *k));
         ((0..n_dofs).filter(is_row).collect(), (0..n_dofs).filter(is_column).collect())
@@ -383,97 +356,6 @@ impl Trials<'_> {
             }
             let sum = if first == 0 { sum } else { simd.add_f64s(sum, load::<S>(slot, p)) };
             store::<S>(slot, p, sum);
-        }
-    }
-}
-
-/// Test functions times fluxes, summed over slots and points.
-#[derive(Clone, Copy)]
-pub(super) struct Product<'a> {
-    pub(super) rows: &'a [Row],
-    pub(super) n_tests: usize,
-    pub(super) n_trials: usize,
-    /// Only numbers on and above the diagonal are needed.
-    pub(super) is_triangle: bool,
-    pub(super) n_points: usize,
-    pub(super) values: &'a [Lanes],
-    pub(super) derivatives: &'a [Lanes],
-    pub(super) flux: &'a [Lanes],
-    /// Part of the vectors.
-    pub(super) p: usize,
-}
-
-impl Product<'_> {
-    #[inline(always)]
-    pub(super) fn all<S: Simd>(self, simd: S, out: &mut [Lanes]) -> bool {
-        let (m, n) = (self.n_tests, self.n_trials);
-        let mut check = [simd.splat_f64s(0.0); TILE];
-        let mut i = 0;
-        while i < m {
-            let rows = TILE.min(m - i);
-            let mut j = if self.is_triangle { i } else { 0 };
-            while j < n {
-                let columns = TILE.min(n - j);
-                match (rows, columns) {
-                    (4, 4) => self.tile::<S, 4, 4>(simd, i, j, out, &mut check),
-                    (4, 3) => self.tile::<S, 4, 3>(simd, i, j, out, &mut check),
-                    (4, 2) => self.tile::<S, 4, 2>(simd, i, j, out, &mut check),
-                    (4, _) => self.tile::<S, 4, 1>(simd, i, j, out, &mut check),
-                    (3, 4) => self.tile::<S, 3, 4>(simd, i, j, out, &mut check),
-                    (3, 3) => self.tile::<S, 3, 3>(simd, i, j, out, &mut check),
-                    (3, 2) => self.tile::<S, 3, 2>(simd, i, j, out, &mut check),
-                    (3, _) => self.tile::<S, 3, 1>(simd, i, j, out, &mut check),
-                    (2, 4) => self.tile::<S, 2, 4>(simd, i, j, out, &mut check),
-                    (2, 3) => self.tile::<S, 2, 3>(simd, i, j, out, &mut check),
-                    (2, 2) => self.tile::<S, 2, 2>(simd, i, j, out, &mut check),
-                    (2, _) => self.tile::<S, 2, 1>(simd, i, j, out, &mut check),
-                    (_, 4) => self.tile::<S, 1, 4>(simd, i, j, out, &mut check),
-                    (_, 3) => self.tile::<S, 1, 3>(simd, i, j, out, &mut check),
-                    (_, 2) => self.tile::<S, 1, 2>(simd, i, j, out, &mut check),
-                    _ => self.tile::<S, 1, 1>(simd, i, j, out, &mut check),
-                }
-                j += columns;
-            }
-            i += rows;
-        }
-        // infinite or not a number times zero is not a number
-        check.into_iter().all(|sums| simd.reduce_sum_f64s(sums) == 0.0)
-    }
-
-    #[inline(always)]
-    fn tile<S: Simd, const M: usize, const N: usize>(
-        self,
-        simd: S,
-        i: usize,
-        j: usize,
-        out: &mut [Lanes],
-        check: &mut [S::f64s; TILE],
-    ) {
-        let (n, p) = (self.n_trials, self.p);
-        let mut sums = [[simd.splat_f64s(0.0); N]; M];
-        for (r, row) in self.rows.iter().enumerate() {
-            for q in 0..self.n_points {
-                let tests = &row.tests.at(self.values, self.derivatives, q)[i..][..M];
-                let flux = &self.flux[(r * self.n_points + q) * n + j..][..N];
-                let mut right = [simd.splat_f64s(0.0); N];
-                for (slot, from) in right.iter_mut().zip(flux) {
-                    *slot = load::<S>(from, p);
-                }
-                for (sums, test) in sums.iter_mut().zip(tests) {
-                    let left = load::<S>(test, p);
-                    for (sum, right) in sums.iter_mut().zip(&right) {
-                        *sum = fused(simd, *sum, left, *right);
-                    }
-                }
-            }
-        }
-        let zero = simd.splat_f64s(0.0);
-        for (k, sums) in sums.iter().enumerate() {
-            let out = &mut out[(i + k) * n + j..][..N];
-            for ((slot, sum), check) in out.iter_mut().zip(sums).zip(check.iter_mut()) {
-                store::<S>(slot, p, *sum);
-                *check = fused(simd, *check, *sum, zero);
-            }
         }
     }
 }

@@ -12,11 +12,11 @@ use wfl_compiler::{
 
 use crate::assemble::{
     binding::{Binding, GroupBinding, Input, Needs, Operand},
-    domain::{Domain, Group},
-    geometry::{Lanes, PointGeometry, ZERO, element_size, gather_nodes},
-    simd::{load, parts, plus_product, store},
-    term::BranchCounts,
+    branches::BranchCounts,
+    geometry::{PointGeometry, element_size, gather_nodes},
+    simd::{Lanes, ZERO, load, parts, plus_product, store},
 };
+use crate::domain::{Domain, Group};
 use wfl_mesh::mesh::Mesh;
 
 /// Values of all fields by [`wfl_compiler::types::FieldId`]: `values[node * n_components + component]`.

@@ -2,47 +2,14 @@
 //!
 //! Every array holds one number a lane; loops over lanes are the innermost, so they become vector instructions.
 
-use std::ops::{Deref, DerefMut};
-
 use pulp::Simd;
 use wfl_compiler::ir::LANES;
 
-use crate::assemble::{
+use crate::{
+    assemble::simd::{Lanes, ZERO, load, parts, plus_product, store},
     domain::{Group, GroupSide},
-    simd::{load, parts, plus_product, store},
 };
 use wfl_mesh::{element::Table, mesh::Mesh};
-
-/// One number per entity of a batch, in a line of the cache of its own: a vector that lies across two lines takes twice
-/// as long to read, and longer to write.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(align(64))]
-pub struct Lanes(pub [f64; LANES]);
-
-impl Deref for Lanes {
-    type Target = [f64; LANES];
-
-    #[inline(always)]
-    fn deref(&self) -> &Self::Target {
-        &self.0
-    }
-}
-
-impl DerefMut for Lanes {
-    #[inline(always)]
-    fn deref_mut(&mut self) -> &mut Self::Target {
-        &mut self.0
-    }
-}
-
-impl Default for Lanes {
-    fn default() -> Self {
-        ZERO
-    }
-}
-
-/// Zero in every lane.
-pub(super) const ZERO: Lanes = Lanes([0.0; LANES]);
 
 /// `out += s * a`, lane by lane.
 #[inline(always)]

@@ -8,10 +8,9 @@ use pulp::Simd;
 
 use crate::assemble::{
     binding::Operand,
-    contract::{Block, Product, Row},
+    block::{Block, Product, Row},
     entries::{Coefficient, Entries},
-    geometry::Lanes,
-    simd::{load, parts, store},
+    simd::{Lanes, load, parts, store},
 };
 
 /// The integral of every test function times every trial function.

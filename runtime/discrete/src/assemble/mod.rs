@@ -4,8 +4,9 @@
 //! every processor, contracted tangents agree to rounding. Does not know solvers or steps.
 
 mod binding;
+mod block;
+mod branches;
 mod contract;
-mod domain;
 mod entries;
 mod evaluate;
 mod geometry;
@@ -18,9 +19,10 @@ mod simd;
 mod strips;
 mod term;
 
+pub use crate::domain::{Domain, Group, GroupSide};
 pub use binding::{Basis, Binding, GroupBinding, Input, LawSlots, Needs, SlotPlace};
-pub use domain::{Domain, Group, GroupSide};
+pub use branches::BranchCounts;
 pub use entries::tangent_kernel;
 pub use evaluate::{Bound, FieldValues, Workspace};
-pub use geometry::Lanes;
-pub use term::{AssembledTerm, BranchCounts, Integrator, NonFinitePlace, PointTangent, TermError};
+pub use simd::Lanes;
+pub use term::{AssembledTerm, Integrator, NonFinitePlace, PointTangent, TermError};

@@ -5,12 +5,9 @@
 //! before the first batch that adds to one of them, and the additions find them in the caches. Made once for a pattern
 //! and a number of threads.
 
-use crate::assemble::{
-    scatter::NOWHERE,
-    shares::{Shares, Touched},
-};
+use crate::assemble::shares::{Shares, Touched};
 use rayon::prelude::*;
-use wfl_sparse::csr::Pattern;
+use wfl_sparse::{csr::Pattern, index::NONE};
 
 /// Values of a matrix that follow one another, from `start` on.
 #[derive(Debug)]
@@ -65,8 +62,8 @@ impl Rows {
     /// `free` maps dofs to rows of the pattern.
     pub(super) fn new(pattern: &Pattern, free: &[u32], shares: &Shares, touched: &Touched<'_>) -> Self {
         let n = shares.duties.len();
-        let mut dof_of = vec![NOWHERE; pattern.n_rows()];
-        for (dof, row) in (0u32..).zip(free).filter(|(_, row)| **row != NOWHERE) {
+        let mut dof_of = vec![NONE; pattern.n_rows()];
+        for (dof, row) in (0u32..).zip(free).filter(|(_, row)| **row != NONE) {
             dof_of[*row as usize] = dof;
         }
         let owner = |row: usize| shares.owner.get(dof_of[row] as usize).copied().filter(|o| usize::from(*o) < n);
@@ -153,7 +150,7 @@ impl Clears {
         for duty in duties {
             for dof in touched.dofs(duty.group, duty.batch) {
                 let row = free[dof as usize] as usize;
-                if row != NOWHERE as usize && mine(row) && !std::mem::replace(&mut seen[row], true) {
+                if row != NONE as usize && mine(row) && !std::mem::replace(&mut seen[row], true) {
                     rows.push(row);
                     size += starts[row + 1] - starts[row];
                 }

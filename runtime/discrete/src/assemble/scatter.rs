@@ -20,14 +20,10 @@ pub(super) use halves::Halves;
 
 use crate::assemble::{
     binding::GroupBinding,
-    contract::ABSENT,
-    geometry::{Lanes, ZERO},
     rows::Own,
+    simd::{Lanes, ZERO},
 };
-use wfl_sparse::csr::Pattern;
-
-/// No place in the matrix: row or column is fixed.
-pub(super) const NOWHERE: u32 = u32::MAX;
+use wfl_sparse::{csr::Pattern, index::NONE};
 
 /// Components of one trial node that one test dof couples with, [`MOST`] at most.
 #[derive(Clone, Copy, Debug)]
@@ -87,13 +83,13 @@ pub(super) struct Scatter {
     pairs: Vec<usize>,
     /// Where the entries of the segments stand in the local tangent.
     sources: Vec<u32>,
-    /// `[entity][row]`: start of the row, or [`NOWHERE`]
+    /// `[entity][row]`: start of the row, or [`NONE`]
     row_starts: Vec<u32>,
     /// `[entity][pair]`: place within the row
     offsets: Vec<u16>,
-    /// By entity: its list among `places`, or [`NOWHERE`].
+    /// By entity: its list among `places`, or [`NONE`].
     lists: Vec<u32>,
-    /// `[list][source]`: place in the matrix, or [`NOWHERE`]
+    /// `[list][source]`: place in the matrix, or [`NONE`]
     places: Vec<u32>,
 }
 
@@ -113,7 +109,7 @@ impl Scatter {
             for basis in &binding.bases {
                 for _ in 0..basis.n_nodes {
                     let here = &row[first..first + basis.n_components];
-                    let present = |c: &u32| *c != ABSENT;
+                    let present = |c: &u32| *c != NONE;
                     if let (Some(low), Some(high)) = (here.iter().position(present), here.iter().rposition(present)) {
                         for low in (low..=high).step_by(MOST) {
                             let end = (low + MOST).min(high + 1);
@@ -121,7 +117,7 @@ impl Scatter {
                                 out.pairs.push(first + low);
                                 out.pairs.len() - 1
                             });
-                            out.sources.extend(here[low..end].iter().map(|s| if *s == ABSENT { zero } else { *s }));
+                            out.sources.extend(here[low..end].iter().map(|s| if *s == NONE { zero } else { *s }));
                             out.segments.push(Segment { pair, n: end - low });
                         }
                     }
@@ -168,18 +164,18 @@ impl Scatter {
         self.row_starts.reserve_exact(entities * self.rows.len());
         self.offsets.reserve_exact(entities * self.pairs.len());
         self.lists.reserve_exact(entities);
-        let mut places = vec![NOWHERE; n_dofs];
+        let mut places = vec![NONE; n_dofs];
         let mut offsets: Vec<Option<u16>> = Vec::new();
         for dofs in dofs.chunks_exact(n_dofs.max(1)) {
             for (place, dof) in places.iter_mut().zip(dofs) {
-                *place = if *dof == NOWHERE { NOWHERE } else { free[*dof as usize] };
+                *place = if *dof == NONE { NONE } else { free[*dof as usize] };
             }
             for row in &self.rows {
                 let start = |r: u32| u32::try_from(pattern.row_starts()[r as usize]).expect("fewer than 2^32 entries");
-                self.row_starts.push(if places[row.dof] == NOWHERE { NOWHERE } else { start(places[row.dof]) });
+                self.row_starts.push(if places[row.dof] == NONE { NONE } else { start(places[row.dof]) });
             }
             if self.find_offsets(&places, pattern, &mut offsets).is_some() {
-                self.lists.push(NOWHERE);
+                self.lists.push(NONE);
             } else {
                 self.lists.push(u32::try_from(self.places.len() / self.sources.len().max(1)).expect("few entities"));
                 self.list(&places, pattern);
@@ -192,7 +188,7 @@ impl Scatter {
     fn find_offsets(&self, places: &[u32], pattern: &Pattern, offsets: &mut Vec<Option<u16>>) -> Option<()> {
         offsets.clear();
         offsets.resize(self.pairs.len(), None);
-        for row in self.rows.iter().filter(|r| places[r.dof] != NOWHERE) {
+        for row in self.rows.iter().filter(|r| places[r.dof] != NONE) {
             let columns = pattern.row(places[row.dof] as usize);
             for segment in &self.segments[row.segments.clone()] {
                 let first = self.pairs[segment.pair];
@@ -216,12 +212,12 @@ impl Scatter {
             for segment in &self.segments[row.segments.clone()] {
                 let first = self.pairs[segment.pair];
                 for column in &places[first..first + segment.n] {
-                    let place = if places[row.dof] == NOWHERE || *column == NOWHERE {
+                    let place = if places[row.dof] == NONE || *column == NONE {
                         None
                     } else {
                         pattern.position(places[row.dof] as usize, *column as usize)
                     };
-                    self.places.push(place.map_or(NOWHERE, |p| u32::try_from(p).expect("fewer than 2^32 entries")));
+                    self.places.push(place.map_or(NONE, |p| u32::try_from(p).expect("fewer than 2^32 entries")));
                 }
             }
         }
@@ -246,7 +242,7 @@ impl Scatter {
 
     /// Adds the entities of a batch whose places are listed.
     fn add_all_listed(&self, entities: Range<usize>, local: &[Lanes], own: &mut Own<'_, '_>) {
-        for (lane, entity) in entities.enumerate().filter(|(_, entity)| self.lists[*entity] != NOWHERE) {
+        for (lane, entity) in entities.enumerate().filter(|(_, entity)| self.lists[*entity] != NONE) {
             self.add_listed(entity, local, lane, own);
         }
     }
@@ -258,7 +254,7 @@ impl Scatter {
         for (row, start) in self.rows.iter().zip(starts) {
             let Some(cells) = own.from(*start as usize) else { continue };
             let entries = places[row.entries.clone()].iter().zip(&self.sources[row.entries.clone()]);
-            for (place, source) in entries.filter(|(place, _)| **place != NOWHERE) {
+            for (place, source) in entries.filter(|(place, _)| **place != NONE) {
                 cells[(place - start) as usize] += local[*source as usize][lane];
             }
         }
@@ -308,7 +304,7 @@ impl Scatter {
         let runs = &self.runs[block.runs.clone()];
         let numbers = numbers.as_chunks::<N>().0;
         for (entity, lane) in entities.zip(0..LANES) {
-            if self.lists[entity] != NOWHERE {
+            if self.lists[entity] != NONE {
                 continue;
             }
             let starts = &self.row_starts[entity * n_rows..][..n_rows];

@@ -5,8 +5,12 @@
 //! taken in the order of the domain whatever the number of threads, and no thread waits for another. Owners change from
 //! block to block of dofs only, so that the rows of a thread make a few stretches of a matrix.
 
-use crate::assemble::{binding::Binding, domain::Domain, scatter::NOWHERE};
+use crate::{
+    assemble::binding::Binding,
+    domain::{Domain, Group},
+};
 use wfl_compiler::ir::LANES;
+use wfl_sparse::index::NONE;
 
 /// A batch as one thread sees it.
 #[derive(Clone, Copy, Debug)]
@@ -39,7 +43,7 @@ const NOBODY: u16 = u16::MAX;
 impl Shares {
     /// How many threads of `threads` are worth while.
     pub(super) fn count(domain: &Domain, threads: usize) -> usize {
-        let batches: usize = domain.groups.iter().map(super::domain::Group::n_batches).sum();
+        let batches: usize = domain.groups.iter().map(Group::n_batches).sum();
         threads.min(batches / SMALLEST_SHARE).clamp(1, usize::from(u16::MAX))
     }
 
@@ -47,7 +51,7 @@ impl Shares {
     pub(super) fn new(domain: &Domain, binding: &Binding, touched: &Touched<'_>, n: usize) -> Self {
         let batches = || (0..domain.groups.len()).flat_map(|g| (0..domain.groups[g].n_batches()).map(move |b| (g, b)));
         let home = homes(domain, binding, n);
-        let size = touched.dofs.iter().flatten().filter(|d| **d != NOWHERE).max().map_or(0, |d| *d as usize + 1);
+        let size = touched.dofs.iter().flatten().filter(|d| **d != NONE).max().map_or(0, |d| *d as usize + 1);
         let mut owner = vec![NOBODY; size];
         for ((g, batch), home) in batches().zip(&home) {
             touched.dofs(g, batch).for_each(|d| owner[d as usize] = owner[d as usize].min(*home));
@@ -111,7 +115,7 @@ impl<'a> Touched<'a> {
     pub(super) fn dofs(&self, g: usize, batch: usize) -> impl Iterator<Item = u32> {
         let entities = batch * LANES..((batch + 1) * LANES).min(self.domain.groups[g].entities.len());
         let (dofs, n, rows) = (&self.dofs[g], self.n_dofs[g], &self.rows[g]);
-        entities.flat_map(move |e| rows.iter().map(move |k| dofs[e * n + k])).filter(|d| *d != NOWHERE)
+        entities.flat_map(move |e| rows.iter().map(move |k| dofs[e * n + k])).filter(|d| *d != NONE)
     }
 }
 

@@ -8,9 +8,8 @@
 use pulp::Simd;
 
 use crate::assemble::{
-    contract::{Row, TILE},
-    geometry::Lanes,
-    simd::{fused, load, store},
+    block::{Row, TILE},
+    simd::{Lanes, fused, load, store},
 };
 
 /// A block and what it is made from.

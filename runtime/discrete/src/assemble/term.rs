@@ -4,7 +4,6 @@
 //! sums are the same for any number of threads. After the first assembly nothing is allocated. A number that is not
 //! finite stops the assembly with its place.
 
-mod branches;
 mod local;
 pub use local::PointTangent;
 
@@ -13,7 +12,6 @@ use std::sync::{
     atomic::{AtomicBool, AtomicU64, Ordering},
 };
 
-use branches::mixed;
 use rayon::prelude::*;
 use thiserror::Error;
 use wfl_compiler::{
@@ -22,27 +20,27 @@ use wfl_compiler::{
     first_non_finite,
     ir::{Inst, LANES, VerifiedKernel},
     run_prologue,
-    types::{FieldId, UniformSlot},
+    types::FieldId,
 };
 
-pub use branches::BranchCounts;
-
+use crate::domain::Domain;
 use crate::{
     assemble::{
-        binding::{Binding, Needs},
+        binding::{Binding, GroupBinding, Needs},
+        branches::{BranchCounts, mixed},
         contract::{self, TangentPlan},
-        domain::Domain,
         entries::{Entries, inputs_behind},
         evaluate::{Bound, FieldValues, Workspace},
         rows::{Own, Rows},
-        scatter::{Halves, NOWHERE, Scatter},
+        scatter::{Halves, Scatter},
         shared::{add, shared},
         shares::{Duty, Shares, Touched},
     },
     finite::BadState,
+    prologue::step_slots,
 };
 use wfl_mesh::mesh::{Mesh, SupportSet};
-use wfl_sparse::csr::Pattern;
+use wfl_sparse::{csr::Pattern, index::NONE};
 
 /// Where a number stopped being finite.
 #[derive(Clone, Debug)]
@@ -125,6 +123,28 @@ pub struct AssembledTerm {
     workspaces: Mutex<Vec<Workspace>>,
 }
 
+/// Dofs of a group, `[entity][local dof]`: node after node, its components one after the other. `starts` are the first
+/// dofs of the fields; a field without one is known and has none ([`NONE`]).
+fn local_dofs(binding: &GroupBinding, n_entities: usize, starts: &[Option<usize>]) -> Vec<u32> {
+    let mut dofs = Vec::with_capacity(n_entities * binding.n_dofs());
+    for entity in 0..n_entities {
+        for basis in &binding.bases {
+            let start = starts[basis.field.index()];
+            for node in &basis.nodes[entity * basis.n_nodes..][..basis.n_nodes] {
+                for c in 0..basis.n_components {
+                    dofs.push(match start {
+                        Some(s) => {
+                            u32::try_from(s + *node as usize * basis.n_components + c).expect("fewer than 2^32 dofs")
+                        }
+                        None => NONE,
+                    });
+                }
+            }
+        }
+    }
+    dofs
+}
+
 impl AssembledTerm {
     /// A term from its law, its kernels and where it is integrated. `tangent` is what the backend made of
     /// [`crate::assemble::tangent_kernel`].
@@ -137,30 +157,8 @@ impl AssembledTerm {
         tangent: Option<Box<dyn PointKernel>>,
         starts: &[Option<usize>],
     ) -> Self {
-        let dofs = integrator
-            .binding
-            .groups
-            .iter()
-            .zip(&integrator.domain.groups)
-            .map(|(binding, group)| {
-                let mut dofs = Vec::with_capacity(group.entities.len() * binding.n_dofs());
-                for entity in 0..group.entities.len() {
-                    for basis in &binding.bases {
-                        let start = starts[basis.field.index()];
-                        for node in &basis.nodes[entity * basis.n_nodes..][..basis.n_nodes] {
-                            for c in 0..basis.n_components {
-                                dofs.push(match start {
-                                    Some(s) => u32::try_from(s + *node as usize * basis.n_components + c)
-                                        .expect("fewer than 2^32 dofs"),
-                                    None => NOWHERE,
-                                });
-                            }
-                        }
-                    }
-                }
-                dofs
-            })
-            .collect();
+        let groups = integrator.binding.groups.iter().zip(&integrator.domain.groups);
+        let dofs = groups.map(|(binding, group)| local_dofs(binding, group.entities.len(), starts)).collect();
         let binding = &integrator.binding;
         let entries = Entries::new(&law);
         let n_bases = binding.groups.first().map_or(0, |g| g.bases.len());
@@ -195,11 +193,7 @@ impl AssembledTerm {
 
     /// Sets the step variable and its increment.
     pub fn set_step(&mut self, time: f64, increment: f64) {
-        let slot = |slot: &UniformSlot| match slot {
-            UniformSlot::Time => time,
-            UniformSlot::TimeStep => increment,
-        };
-        self.step = self.law.prologue.slots.iter().map(slot).collect();
+        self.step = step_slots(&self.law.prologue, time, increment);
         self.uniforms = run_prologue(&self.law.prologue, &self.step);
     }
 
@@ -217,7 +211,7 @@ impl AssembledTerm {
     /// Sorted dofs of the fields that the term reads or tests, each once.
     #[must_use]
     pub fn dofs(&self) -> Vec<u32> {
-        let mut all: Vec<u32> = self.dofs.iter().flatten().copied().filter(|d| *d != NOWHERE).collect();
+        let mut all: Vec<u32> = self.dofs.iter().flatten().copied().filter(|d| *d != NONE).collect();
         all.sort_unstable();
         all.dedup();
         all
@@ -243,7 +237,7 @@ impl AssembledTerm {
                 for (lane, entity) in self.entities(duty).enumerate() {
                     for (k, dof) in self.dofs[duty.group][entity * n..][..n].iter().enumerate() {
                         let value = workspace.local.get(sources[k * n + k] as usize);
-                        if let Some(value) = value.filter(|_| *dof != NOWHERE && owns(*dof)) {
+                        if let Some(value) = value.filter(|_| *dof != NONE && owns(*dof)) {
                             add(&diagonal[*dof as usize], value[lane]);
                         }
                     }
@@ -274,7 +268,7 @@ impl AssembledTerm {
             for dofs in self.dofs[g].chunks_exact(n.max(1)) {
                 for (list, locals) in [(&mut rows, &tests), (&mut columns, &trials)] {
                     list.clear();
-                    list.extend(locals.iter().map(|k| dofs[*k]).filter(|d| *d != NOWHERE));
+                    list.extend(locals.iter().map(|k| dofs[*k]).filter(|d| *d != NONE));
                 }
                 f(&rows, &columns);
             }
@@ -372,7 +366,7 @@ impl AssembledTerm {
         let n = binding.groups[g].n_dofs();
         for (lane, entity) in self.entities(duty).enumerate() {
             for (dof, value) in self.dofs[g][entity * n..][..n].iter().zip(&workspace.local) {
-                if *dof != NOWHERE && (duty.all_rows || owns(*dof)) {
+                if *dof != NONE && (duty.all_rows || owns(*dof)) {
                     add(&out[*dof as usize], value[lane]);
                 }
             }

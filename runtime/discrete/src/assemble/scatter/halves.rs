@@ -13,17 +13,18 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 use wfl_compiler::ir::LANES;
 
-use super::{MOST, NOWHERE, Scatter};
+use super::{MOST, Scatter};
 use crate::assemble::{
-    geometry::Lanes,
     rows::Own,
     shares::{Duty, Shares},
+    simd::Lanes,
 };
+use wfl_sparse::index::NONE;
 
 /// A pair of nodes of one entity.
 #[derive(Clone, Copy, Debug)]
 struct Upper {
-    /// First value in the row of the first component, or [`NOWHERE`].
+    /// First value in the row of the first component, or [`NONE`].
     place: u32,
     /// From row to row.
     stride: u16,
@@ -81,7 +82,7 @@ impl Halves {
         let Some(groups) = groups else { return Self::default() };
         let mut out = Self { components, groups, copies: Vec::new() };
         // the last batch that adds there
-        let mut last = vec![NOWHERE; n_values];
+        let mut last = vec![NONE; n_values];
         out.copies = shares.duties.iter().map(|duties| out.copies(scatters, duties, &mut last)).collect();
         out
     }
@@ -98,7 +99,7 @@ impl Halves {
             out.until[next..k as usize].fill(count(&out.blocks));
             self.mirrored(scatters, duty, |m| {
                 if last[m.from as usize] == k {
-                    last[m.from as usize] = NOWHERE;
+                    last[m.from as usize] = NONE;
                     out.blocks.push(m);
                 }
             });
@@ -113,7 +114,7 @@ impl Halves {
         let (half, scatter, k) = (&self.groups[duty.group], &scatters[duty.group], self.components);
         let nodes = scatter.rows.len() / k;
         for entity in duty.batch * LANES..((duty.batch + 1) * LANES).min(scatter.lists.len()) {
-            for upper in half.of(entity).iter().filter(|u| u.place != NOWHERE) {
+            for upper in half.of(entity).iter().filter(|u| u.place != NONE) {
                 let (row, column) = (usize::from(upper.pair) / nodes, usize::from(upper.pair) % nodes);
                 if row != column {
                     let starts = &scatter.row_starts[entity * nodes * k..][column * k..];
@@ -234,7 +235,7 @@ impl Scatter {
     /// Adds the rows in `own`, entity after entity.
     fn add_owned(&self, entities: Range<usize>, local: &[Lanes], own: &mut Own<'_, '_>) {
         let (n_rows, n_pairs) = (self.rows.len(), self.pairs.len());
-        for (lane, entity) in entities.enumerate().filter(|(_, entity)| self.lists[*entity] == NOWHERE) {
+        for (lane, entity) in entities.enumerate().filter(|(_, entity)| self.lists[*entity] == NONE) {
             let offsets = &self.offsets[entity * n_pairs..][..n_pairs];
             for (row, start) in self.rows.iter().zip(&self.row_starts[entity * n_rows..][..n_rows]) {
                 let Some(cells) = own.from(*start as usize) else { continue };
@@ -257,11 +258,11 @@ impl Scatter {
         u16::try_from(nodes * nodes).ok()?;
         let mut half = Half { n: nodes * (nodes + 1) / 2, uppers: Vec::new(), sources: self.pair_sources(nodes, k)? };
         half.uppers.reserve_exact(half.n * self.lists.len());
-        let nowhere = Upper { place: NOWHERE, stride: 0, pair: 0 };
+        let nowhere = Upper { place: NONE, stride: 0, pair: 0 };
         for (entity, list) in self.lists.iter().enumerate() {
             let starts = &self.row_starts[entity * self.rows.len()..][..self.rows.len()];
             let offsets = &self.offsets[entity * self.pairs.len()..][..self.pairs.len()];
-            if *list != NOWHERE || starts[0] == NOWHERE {
+            if *list != NONE || starts[0] == NONE {
                 half.uppers.extend(std::iter::repeat_n(nowhere, half.n));
                 continue;
             }

@@ -3,17 +3,15 @@
 use std::ops::ControlFlow;
 
 use super::{AssembledTerm, NonFinitePlace, contract};
-use crate::assemble::{
-    domain::{Group, GroupSide},
-    evaluate::{FieldValues, Workspace},
-    scatter::NOWHERE,
-};
+use crate::assemble::evaluate::{FieldValues, Workspace};
+use crate::domain::{Group, GroupSide};
 use wfl_compiler::{
     first_non_finite, interpret, interpret_lanes,
     ir::{LANES, VerifiedKernel},
     types::BasisSlot,
 };
 use wfl_mesh::mesh::{CellId, Mesh};
+use wfl_sparse::index::NONE;
 
 /// A quadrature point of one entity.
 struct Point<'a> {
@@ -56,7 +54,7 @@ impl AssembledTerm {
         contract::tangent(&mut workspace, &self.plans[g], &self.entries, group, &self.uniforms);
         let n = self.integrator.binding.groups[g].n_dofs();
         let dofs = &self.dofs[g][entity * n..][..n];
-        let known: Vec<usize> = (0..n).filter(|k| dofs[*k] != NOWHERE).collect();
+        let known: Vec<usize> = (0..n).filter(|k| dofs[*k] != NONE).collect();
         let sources = &self.plans[g].sources;
         let value = |(i, j): (usize, usize)| {
             workspace.local.get(sources[i * n + j] as usize).map_or(0.0, |v| v[entity % LANES])

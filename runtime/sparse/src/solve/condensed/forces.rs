@@ -27,9 +27,10 @@ use super::super::multifrontal::Multifrontal;
 use super::super::sweep::{Form, FrontFactor, Sweep};
 use super::super::symbolic::Symbolic;
 use super::engine::above;
-use super::response::{Base, Load, NOTHING};
+use super::response::{Base, Load};
 use super::small::{Reference, Rows, Small, SmallSystem};
 use crate::csr::{Csr, Pattern};
+use crate::index::NONE;
 
 /// Part of the right-hand side that rounding leaves in the best of cases.
 const ROUNDING: f64 = 1e-15;
@@ -114,7 +115,7 @@ impl Forces {
         let pairs: Vec<(u32, u32)> =
             pairs.iter().copied().filter(|&(a, b)| a != b && is_loaded(a) && is_loaded(b)).collect();
         let n_loads = dofs.iter().filter(|&&dof| is_loaded(dof)).count() - pairs.len();
-        let mut place = vec![NOTHING; changing.n_rows()];
+        let mut place = vec![NONE; changing.n_rows()];
         read.iter().chain(&bare).zip(0..).for_each(|(&dof, at)| place[dof as usize] = at);
         Ok(Self {
             threads,
@@ -238,7 +239,7 @@ impl Forces {
 
     fn connect(&mut self, symbolic: &Symbolic, factor: &Multifrontal, changing: &Csr) -> Result<(), SolveError> {
         self.connected = None;
-        let mut other = vec![NOTHING; changing.n_rows()];
+        let mut other = vec![NONE; changing.n_rows()];
         let mut is_second = vec![false; changing.n_rows()];
         for &(a, b) in &self.pairs {
             other[a as usize] = b;
@@ -251,7 +252,7 @@ impl Forces {
             .collect();
         self.n_loads = self.loads.len();
         self.loads.sort_by_key(|load| symbolic.ordering.inverse()[load.here as usize]);
-        let dofs: Vec<u32> = (0..changing.n_rows() as u32).filter(|dof| self.place[*dof as usize] != NOTHING).collect();
+        let dofs: Vec<u32> = (0..changing.n_rows() as u32).filter(|dof| self.place[*dof as usize] != NONE).collect();
         let members = above(symbolic, &dofs);
         let values = |front: usize| {
             let (k, r) = symbolic.sizes(front);
@@ -361,7 +362,7 @@ impl Forces {
         x.iter_mut().for_each(|value| *value *= factor.scale());
         sweep.rise(symbolic, panels, x);
         sweep.descend(symbolic, panels, x);
-        let at = |dof: u32| if dof == NOTHING { 0.0 } else { x[dof as usize] };
+        let at = |dof: u32| if dof == NONE { 0.0 } else { x[dof as usize] };
         let jumps = self.loads.iter().map(|load| at(load.here) - at(load.there));
         let mut v: Vec<f64> = jumps.chain(own.iter().map(|load| -load)).collect();
         self.connected().small.solve(Form::Transposed, &mut v);
@@ -423,7 +424,7 @@ impl Forces {
 fn add_loads(loads: &[Load], w: &[f64], factor: f64, x: &mut [f64]) {
     for (load, value) in loads.iter().zip(w) {
         x[load.here as usize] += factor * value;
-        if load.there != NOTHING {
+        if load.there != NONE {
             x[load.there as usize] -= factor * value;
         }
     }

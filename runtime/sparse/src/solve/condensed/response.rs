@@ -14,16 +14,15 @@ use super::super::dense::Number;
 use super::super::multifrontal::Multifrontal;
 use super::super::scaling::power_of_two;
 use super::super::symbolic::{INTERFACE, Symbolic};
+use crate::index::NONE;
 use wfl_host::memory::zeros;
 
 /// Loads that go through the fronts together: enough for the dense kernels, few enough for the cache.
 const BLOCK: usize = 64;
 /// Blocks whose answers are kept before they are sorted in. Fixed, so that memory is bounded for any number of threads.
 const WAVE: usize = 8;
-/// No dof.
-pub(super) const NOTHING: u32 = u32::MAX;
 
-/// A unit load on a dof, and an opposite one on another (or [`NOTHING`]).
+/// A unit load on a dof, and an opposite one on another (or [`NONE`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Load {
     pub(super) here: u32,
@@ -83,7 +82,7 @@ impl Base<'_> {
         let mut x = vec![T::default(); n * width];
         let mut is_loaded = vec![false; symbolic.n_fronts()];
         for (column, load) in loads.iter().enumerate() {
-            for (dof, sign) in [(load.here, 1.0), (load.there, -1.0)].into_iter().filter(|(dof, _)| *dof != NOTHING) {
+            for (dof, sign) in [(load.here, 1.0), (load.there, -1.0)].into_iter().filter(|(dof, _)| *dof != NONE) {
                 let place = inverse[dof as usize];
                 x[column * n + place as usize] = T::nearest(sign);
                 is_loaded[symbolic.columns.partition_point(|&column| column <= place) - 1] = true;
