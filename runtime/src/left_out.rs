@@ -3,9 +3,9 @@
 use wfl_compiler::{Class, types::FieldKind};
 
 use crate::{
+    newton::{condenses, shares_forces},
     pruning::Pruning,
     scene::Scene,
-    strategy::{condenses, shares_forces},
 };
 
 /// Something that a scene does without.

@@ -5,8 +5,10 @@
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
+pub mod checks;
 pub mod compare;
 pub mod consistency;
+pub mod contact;
 pub mod knobs;
 mod left_out;
 pub mod newton;
@@ -16,7 +18,6 @@ pub mod results;
 mod run;
 mod savings;
 mod scene;
-mod strategy;
 mod system;
 
 use wfl_discrete::value;
@@ -25,11 +26,13 @@ pub use wfl_host::{input, memory, reading};
 pub use wfl_mesh::{element, mesh, quadrature};
 pub use wfl_sparse::{csr, solve};
 
+pub use checks::{Accuracy, LooseMotions, NegativeBody, Others, PhysicsCheck};
 pub use left_out::LeftOut;
+pub use newton::{LinearSolver, Singular};
 pub use pruning::{Pruning, Saving};
 pub use run::{
-    Accuracy, Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, FRUITLESS, Others, Outcome, Path, PhysicsCheck,
-    Progress, Quiet, RunError, RunOptions, StepResult, finished, may_begin, run,
+    Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, FRUITLESS, Memory, Outcome, Path, Progress, Quiet, RunError,
+    RunOptions, StepResult, finished, may_begin, run,
 };
 pub use savings::{SavingError, savings};
 pub use scene::{
@@ -38,6 +41,8 @@ pub use scene::{
     prepare, prepare_keeping,
 };
 pub use solve::SolverMemory;
-pub use strategy::Strategy;
-pub use system::{FIXED, Known, LooseMotions, Memory, NegativeBody, Numbering, Past, Singular, System, SystemError};
+pub use system::{
+    ActiveSet, Branches, FIXED, Form, FrozenTerm, Known, LinearTerms, Numbering, Past, Residual, StateValues, System,
+    SystemError, Tangent,
+};
 pub use wfl_discrete::value::{Sampled, Value, uniforms_at};

@@ -4,29 +4,24 @@
 //! kept by class: constant ones are summed once per step, linear ones are a matrix assembled once (once per step if
 //! the step variable enters), only the others are assembled at each state. Fixed dofs keep their rows in residuals
 //! (their entries are reactions) and are left out of the systems that are solved.
+//!
+//! Promises: a residual or a tangent depends on its arguments, the step ([`System::begin_step`]) and the known fields
+//! alone. Knows no contact, no solver and no iteration.
 
-mod coupling;
-mod definite;
-mod held;
+mod form;
 mod inspect;
-mod law;
-mod linear;
-mod memory;
 mod numbering;
-mod rigid;
-mod singular;
+mod residual;
+mod tangent;
 
 use std::sync::Arc;
 
-pub(crate) use coupling::Friction;
-pub use definite::NegativeBody;
-pub(crate) use law::LawDefect;
-pub use memory::Memory;
+pub use form::{ActiveSet, Branches, Form, LinearTerms, StateValues};
 pub(crate) use numbering::Tie;
 pub use numbering::{FIXED, Numbering};
-pub use rigid::LooseMotions;
-pub use singular::Singular;
-
+pub use residual::Residual;
+use tangent::SceneAxes;
+pub use tangent::Tangent;
 use thiserror::Error;
 use wfl_compiler::{
     Class,
@@ -34,14 +29,13 @@ use wfl_compiler::{
 };
 
 use crate::{
-    assemble::{AssembledTerm, FieldValues, TermError},
+    assemble::{AssembledTerm, TermError},
     csr::{Csr, CsrError, Pattern, PatternBuilder, Restriction},
     field::Field,
     finite::{BadGiven, largest},
-    frames::Frames,
+    frames::{Frame, Frames},
     memory::{TooMuchMemory, claim_numbers},
     mesh::Mesh,
-    newton::{Passed, TermPieces, Watched},
     pruning::Pruning,
 };
 
@@ -80,40 +74,12 @@ fn forget(terms: &mut [AssembledTerm], class: Class) {
     }
 }
 
-/// What evaluation borrows of a system.
-struct Parts<'a> {
-    mesh: &'a Mesh,
-    fields: &'a [Field],
-    terms: &'a mut [AssembledTerm],
-    pieces: &'a mut [TermPieces],
-    /// The matrix of the linear terms over the free dofs, and the place of each dof there or [`FIXED`].
-    bulk: &'a Csr,
-    free: &'a [u32],
-}
-
-/// The matrix of the changing terms in the axes of the scene, over the free dofs, those that follow others, and all dofs
-/// of turned nodes.
-struct Unturned {
-    matrix: Csr,
-    /// By dof its row, or [`FIXED`].
-    rows: Vec<u32>,
-    map: Restriction,
-}
-
-impl Unturned {
-    fn new<'t>(terms: impl Iterator<Item = &'t AssembledTerm>, numbering: &Numbering) -> Result<Self, CsrError> {
-        let equations = numbering.equations();
-        let (mut rows, mut targets) = (vec![FIXED; numbering.n_dofs], Vec::new());
-        for (dof, row) in rows.iter_mut().enumerate() {
-            if equations[dof] != FIXED || numbering.frames.of(dof).is_some() {
-                *row = u32::try_from(targets.len()).expect("fewer than 2^32 dofs");
-                targets.push(equations[dof]);
-            }
-        }
-        let matrix = pattern(terms, targets.len(), &numbering.frames, |d| rows[d as usize])?;
-        let map = Restriction::new(matrix.pattern(), &targets, numbering.n_free())?;
-        Ok(Self { matrix, rows, map })
-    }
+/// A term whose branches are data: what takes the place of a term with projections while its active set is frozen.
+pub struct FrozenTerm {
+    /// Position of the term that it replaces.
+    pub term: usize,
+    /// The term that reads its branches; its branch data are a field behind those of the scene.
+    pub form: AssembledTerm,
 }
 
 /// The assembled problem.
@@ -128,34 +94,17 @@ pub struct System {
     pub terms: Vec<AssembledTerm>,
     /// Data and the past.
     pub known: Known,
-    pieces: Vec<TermPieces>,
-    /// By piece: its guides at the integration points, a field of values behind those of the scene.
-    guides: Vec<Vec<f64>>,
-    /// By piece: what its projections were after the last step; empty at the start of a step.
-    watched: Vec<Watched>,
-    /// The last two converged states, from which the pieces of the next are expected.
-    passed: Vec<Passed>,
+    frozen: Vec<FrozenTerm>,
     /// The step variable.
     time: f64,
     increment: f64,
-    /// The held pieces belong to a converged state; else they are chosen anew at the start of a step.
-    settled: bool,
     linear: Option<Csr>,
-    /// The linear terms are evaluated at their points, not by their matrix ([`Self::set_pointwise`]).
-    pointwise: bool,
     bulk: Csr,
-    changing: Csr,
-    /// Where the changing terms are summed before they are turned; `None` without frames.
-    unturned: Option<Unturned>,
+    /// The pattern of the changing terms over the free dofs.
+    changing: Arc<Pattern>,
+    /// Where they are summed before they are rotated; `None` without local frames and dofs that follow others.
+    scene_axes: Option<SceneAxes>,
     constant: Vec<f64>,
-    /// By dof: a constant residual on top of that of the scene, of which only the rest is to be balanced; or empty.
-    shift: Vec<f64>,
-    /// The last residual without the terms that have pieces.
-    smooth: Vec<f64>,
-    /// By dof: sum over the columns of |K_linear| |u| in the last residual, the size of what cancels there.
-    magnitude: Vec<f64>,
-    /// By field: largest contribution of one class of terms to one entry of the last residual.
-    force: Vec<f64>,
     /// By field: the first field of those whose forces meet on interfaces.
     meets: Vec<usize>,
     /// What is done although the scene does not need it.
@@ -183,23 +132,14 @@ impl System {
             numbering,
             terms,
             known,
-            pieces: Vec::new(),
-            guides: Vec::new(),
-            watched: Vec::new(),
-            passed: Vec::new(),
+            frozen: Vec::new(),
             time: 0.0,
             increment: 0.0,
-            settled: false,
             linear: None,
-            pointwise: false,
             bulk: nothing(n_free),
-            changing: nothing(n_free),
-            unturned: None,
+            changing: Arc::new(Pattern::empty(n_free, n_free)),
+            scene_axes: None,
             constant,
-            shift: Vec::new(),
-            smooth: Vec::new(),
-            magnitude: Vec::new(),
-            force: Vec::new(),
             meets,
             kept: Vec::new(),
         };
@@ -207,31 +147,48 @@ impl System {
         Ok(this)
     }
 
+    /// Gives terms their frozen forms; their branch data are fields numbered behind those of the scene.
+    ///
+    /// # Errors
+    /// [`CsrError`] when the pattern does not fit the index types.
+    pub fn add_frozen(&mut self, frozen: Vec<FrozenTerm>) -> Result<(), CsrError> {
+        self.frozen = frozen;
+        self.locate()
+    }
+
+    /// The terms that have a frozen form.
+    #[must_use]
+    pub fn frozen(&self) -> &[FrozenTerm] {
+        &self.frozen
+    }
+
     /// Finds where the changing terms stand in their matrix.
     fn locate(&mut self) -> Result<(), CsrError> {
         let numbering = &self.numbering;
-        let nonlinear = self.terms.iter().filter(|t| t.law.class >= Class::Nonlinear);
-        let all = nonlinear.chain(self.pieces.iter().map(|p| &p.held));
-        if numbering.frames.is_empty() && !numbering.has_ties() {
-            self.unturned = None;
-            self.changing = pattern(all, numbering.n_free(), &numbering.frames, |d| numbering.free[d as usize])?;
-            let held = self.pieces.iter_mut().map(|p| &mut p.held);
-            for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(held) {
-                term.locate(self.changing.pattern(), &numbering.free);
-            }
-            return Ok(());
+        let changes = |t: &&AssembledTerm| t.law.class >= Class::Nonlinear;
+        let all = self.terms.iter().filter(changes).chain(self.frozen.iter().map(|f| &f.form));
+        let axes = if numbering.frames.is_empty() && !numbering.has_ties() {
+            let free = pattern(all, numbering.n_free(), &numbering.frames, |d| numbering.free[d as usize])?;
+            self.changing = free.pattern().clone();
+            None
+        } else {
+            let axes = SceneAxes::new(all, numbering)?;
+            self.changing = axes.free_pattern().clone();
+            Some(axes)
+        };
+        let (pattern, rows) = match &axes {
+            Some(axes) => (axes.pattern(), &axes.rows),
+            None => (&self.changing, &numbering.free),
+        };
+        let frozen = self.frozen.iter_mut().map(|f| &mut f.form);
+        for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(frozen) {
+            term.locate(pattern, rows);
         }
-        let unturned = Unturned::new(all, numbering)?;
-        self.changing = Csr::zeros(unturned.map.pattern().clone());
-        let held = self.pieces.iter_mut().map(|p| &mut p.held);
-        for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(held) {
-            term.locate(unturned.matrix.pattern(), &unturned.rows);
-        }
-        self.unturned = Some(unturned);
+        self.scene_axes = axes;
         Ok(())
     }
 
-    /// Does something although the scene does not need it, to measure what leaving it out saves; before [`Self::hold`].
+    /// Does something although the scene does not need it, to measure what leaving it out saves; before [`Self::add_frozen`].
     pub(crate) fn keep(&mut self, pruning: Pruning) {
         self.kept.push(pruning);
         match pruning {
@@ -256,7 +213,7 @@ impl System {
     /// True if every tangent is symmetric.
     #[must_use]
     pub fn is_symmetric(&self) -> bool {
-        self.terms.iter().chain(self.pieces.iter().map(|p| &p.held)).all(|t| t.law.symmetric)
+        self.terms.iter().chain(self.frozen.iter().map(|f| &f.form)).all(|t| t.law.symmetric)
     }
 
     /// True if the linear terms are symmetric.
@@ -271,171 +228,120 @@ impl System {
         &self.bulk
     }
 
-    /// The matrix of the other terms over the free dofs, at the last state given to [`Self::tangent`].
-    #[must_use]
-    pub fn changing(&self) -> &Csr {
-        &self.changing
-    }
-
-    /// Number of free dofs that the changing matrix touches, by row or by column.
+    /// Number of free dofs that the changing terms touch, by row or by column.
     #[must_use]
     pub fn n_changing_dofs(&self) -> usize {
         let mut is_touched = vec![false; self.numbering.n_free()];
         for row in 0..is_touched.len() {
-            let (columns, _) = self.changing.row(row);
+            let columns = self.changing.row(row);
             is_touched[row] |= !columns.is_empty();
             columns.iter().for_each(|c| is_touched[*c as usize] = true);
         }
         is_touched.iter().filter(|t| **t).count()
     }
 
-    /// Adds a constant residual by dof, in the axes of the scene and the unit of the residual, to that of the scene; an
-    /// empty list takes it away.
-    pub fn set_shift(&mut self, shift: Vec<f64>) {
-        self.shift = shift;
+    /// True if every term is affine in the unknowns once its branches are frozen: then a full step solves the frozen
+    /// problem.
+    #[must_use]
+    pub fn is_affine_when_frozen(&self) -> bool {
+        let affine = |k: usize| self.frozen.iter().any(|f| f.term == k && f.form.law.class <= Class::Linear);
+        self.terms.iter().enumerate().all(|(k, t)| t.law.class <= Class::Linear || affine(k))
     }
 
-    /// Goes to a step: constant terms are summed, linear ones assembled where they are new. Returns true if the
+    /// Brings the laws of all terms to a step; assembles nothing.
+    pub fn set_laws(&mut self, time: f64, increment: f64) {
+        (self.time, self.increment) = (time, increment);
+        let frozen = self.frozen.iter_mut().map(|f| &mut f.form);
+        self.terms.iter_mut().chain(frozen).for_each(|t| t.set_step(time, increment));
+    }
+
+    /// The step variable and its increment.
+    #[must_use]
+    pub fn step(&self) -> (f64, f64) {
+        (self.time, self.increment)
+    }
+
+    /// Begins a step: constant terms are summed, linear ones assembled where they are new. Returns true if the
     /// matrix of the linear terms has changed.
     ///
     /// # Errors
-    /// [`TermError`] with its place.
-    pub fn set_step(&mut self, time: f64, increment: f64) -> Result<bool, SystemError> {
-        self.time = time;
-        self.increment = increment;
-        for term in &mut self.terms {
-            term.set_step(time, increment);
-        }
-        for piece in &mut self.pieces {
-            piece.set_step(time, increment);
-        }
+    /// [`SystemError`] with its place.
+    pub fn begin_step(&mut self, time: f64, increment: f64) -> Result<bool, SystemError> {
+        self.set_laws(time, increment);
         let zero = vec![0.0; self.numbering.n_dofs];
-        let (mut constant, mut changed) = (vec![0.0; self.numbering.n_dofs], false);
+        let mut constant = vec![0.0; self.numbering.n_dofs];
+        let values = self.values(&zero);
+        for term in self.terms.iter().filter(|t| t.law.class <= Class::Linear) {
+            term.add_residual(&self.mesh, values.view(), &mut constant)?;
+        }
+        drop(values);
+        self.constant = constant;
         let stale = self.linear.is_none()
             || self.terms.iter().any(|t| t.law.class == Class::Linear && t.law.tangent_changes_with_step);
-        self.with_values(&zero, |Parts { mesh, terms, .. }, values| {
-            for term in terms.iter_mut().filter(|t| t.law.class <= Class::Linear) {
-                term.add_residual(mesh, values, &mut constant)?;
-            }
-            Ok(())
-        })?;
-        self.constant = constant;
         if stale {
-            let n = self.numbering.n_dofs;
-            let frames = &self.numbering.frames;
-            let mut linear = pattern(self.terms.iter().filter(|t| t.law.class == Class::Linear), n, frames, |d| d)?;
-            let every_dof: Vec<u32> = (0..u32::try_from(n).expect("fewer than 2^32 dofs")).collect();
-            self.with_values(&zero, |Parts { mesh, terms, .. }, values| {
-                for term in terms.iter_mut().filter(|t| t.law.class == Class::Linear) {
-                    term.locate(linear.pattern(), &every_dof);
-                    term.add_tangent(mesh, values, linear.values_mut())?;
-                    term.forget();
-                }
-                Ok(())
-            })?;
-            let frames = &self.numbering.frames;
-            let map = Restriction::new(linear.pattern(), &self.numbering.equations(), self.numbering.n_free())?;
-            self.bulk = if frames.is_empty() {
-                map.apply(&linear)
-            } else {
-                let mut turned = linear.clone();
-                frames.turn_matrix(&mut turned, |d| d);
-                map.apply(&turned)
-            };
-            self.linear = Some(linear);
-            changed = true;
+            self.assemble_linear(&zero)?;
         }
-        Ok(changed)
+        Ok(stale)
     }
 
-    fn with_values<R>(
-        &mut self,
-        u: &[f64],
-        f: impl FnOnce(Parts<'_>, FieldValues<'_>) -> Result<R, TermError>,
-    ) -> Result<R, TermError> {
-        let mut current = field_slices(&self.fields, &self.numbering, &self.known.data, u);
-        current.extend(self.guides.iter().map(Vec::as_slice));
-        let previous = match &self.known.previous {
-            Some(p) => field_slices(&self.fields, &self.numbering, &p.data, &p.unknowns),
-            None => Vec::new(),
-        };
-        let parts = Parts {
-            mesh: &self.mesh,
-            fields: &self.fields,
-            terms: &mut self.terms,
-            pieces: &mut self.pieces,
-            bulk: &self.bulk,
-            free: &self.numbering.free,
-        };
-        f(parts, FieldValues { current: &current, previous: &previous })
-    }
-
-    /// The residual at `u`, by dof, fixed ones included.
-    ///
-    /// # Errors
-    /// [`TermError`] with its place, also where `u` or a sum over terms is not finite.
-    pub fn residual(&mut self, u: &[f64], out: &mut Vec<f64>) -> Result<(), TermError> {
-        self.check_finite("value", u, u)?;
-        out.clear();
-        out.extend_from_slice(&self.constant);
-        self.magnitude.clear();
-        self.magnitude.extend(self.constant.iter().map(|x| x.abs()));
-        for ((slot, size), shift) in out.iter_mut().zip(&mut self.magnitude).zip(&self.shift) {
-            *slot += shift;
-            *size += shift.abs();
-        }
-        self.force = self.largest_by_field(&self.constant);
-        self.add_linear(u, out)?;
-        let mut rest = vec![0.0; out.len()];
-        let mut with_pieces = vec![0.0; if self.pieces.is_empty() { 0 } else { out.len() }];
-        self.with_values(u, |Parts { mesh, terms, pieces, .. }, values| {
-            for (k, term) in terms.iter_mut().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear) {
-                let has_pieces = pieces.iter().any(|p| p.term == k);
-                term.add_residual(mesh, values, if has_pieces { &mut with_pieces } else { &mut rest })?;
+    /// Assembles the matrix of the linear terms, and its part over the free dofs.
+    fn assemble_linear(&mut self, zero: &[f64]) -> Result<(), SystemError> {
+        let n = self.numbering.n_dofs;
+        let frames = &self.numbering.frames;
+        let mut linear = pattern(self.terms.iter().filter(|t| t.law.class == Class::Linear), n, frames, |d| d)?;
+        let every_dof: Vec<u32> = (0..u32::try_from(n).expect("fewer than 2^32 dofs")).collect();
+        for k in 0..self.terms.len() {
+            if self.terms[k].law.class != Class::Linear {
+                continue;
             }
-            Ok(())
-        })?;
-        if !self.pieces.is_empty() {
-            self.smooth.clear();
-            self.smooth.extend(out.iter().zip(&rest).map(|(a, b)| a + b));
-            rest.iter_mut().zip(&with_pieces).for_each(|(a, b)| *a += b);
+            self.terms[k].locate(linear.pattern(), &every_dof);
+            let added = self.terms[k].add_tangent(&self.mesh, self.values(zero).view(), linear.values_mut());
+            self.terms[k].forget();
+            added?;
         }
-        self.grow_force(&rest);
-        for (slot, r) in out.iter_mut().zip(&rest) {
-            *slot += r;
-        }
-        self.numbering.turn(out);
-        self.numbering.turn_sizes(&mut self.magnitude);
-        self.check_finite("residual", out, u)
-    }
-
-    /// The residual with held pieces at `u`, the state of the last [`Self::residual`].
-    ///
-    /// # Errors
-    /// [`TermError`] with its place.
-    pub fn held_residual(&mut self, u: &[f64], out: &mut Vec<f64>) -> Result<(), TermError> {
-        out.clear();
-        out.extend_from_slice(&self.smooth);
-        self.with_values(u, |Parts { mesh, pieces, .. }, values| {
-            for piece in pieces.iter_mut() {
-                piece.held.add_residual(mesh, values, out)?;
-            }
-            Ok(())
-        })?;
-        self.numbering.turn(out);
+        let frames = &self.numbering.frames;
+        let map = Restriction::new(linear.pattern(), &self.numbering.equations(), self.numbering.n_free())?;
+        self.bulk = if frames.is_empty() {
+            map.apply(&linear)
+        } else {
+            let mut turned = linear.clone();
+            frames.turn_matrix(&mut turned, |d| d);
+            map.apply(&turned)
+        };
+        self.linear = Some(linear);
         Ok(())
     }
 
-    fn grow_force(&mut self, part: &[f64]) {
-        let sizes = self.largest_by_field(part);
-        for (f, s) in self.force.iter_mut().zip(sizes) {
-            *f = largest([*f, s]);
-        }
+    /// Takes dofs out of the system and lets others follow their leaders; `frames` are those of all nodes that have one.
+    ///
+    /// # Errors
+    /// [`CsrError`] when the pattern does not fit the index types.
+    pub(crate) fn leave_out(
+        &mut self,
+        dofs: impl IntoIterator<Item = usize>,
+        ties: Vec<Tie>,
+        frames: Vec<Frame>,
+    ) -> Result<(), CsrError> {
+        self.numbering.set_frames(frames);
+        self.numbering.fix(dofs);
+        self.numbering.tie(ties);
+        self.linear = None;
+        self.bulk = nothing(self.numbering.n_free());
+        self.locate()
     }
 
-    fn largest_by_field(&self, v: &[f64]) -> Vec<f64> {
-        let by_field = |k: usize| self.range(k).map_or(0.0, |r| largest(v[r].iter().copied()));
-        (0..self.fields.len()).map(by_field).collect()
+    /// The values of all fields at `u`.
+    #[must_use]
+    pub fn values<'a>(&'a self, u: &'a [f64]) -> StateValues<'a> {
+        StateValues { current: self.slices(u), previous: self.previous_slices() }
+    }
+
+    /// The values of all fields at `u`, and behind them the branch data of an active set.
+    #[must_use]
+    pub fn values_with<'a>(&'a self, u: &'a [f64], active: &'a ActiveSet) -> StateValues<'a> {
+        let mut values = self.values(u);
+        values.current.extend(active.branch_data.iter().map(Vec::as_slice));
+        values
     }
 
     /// The dofs of an unknown field.
@@ -446,30 +352,30 @@ impl System {
 
     /// By field: what relative residuals are relative to. For unknowns the largest nodal force of loads, linear or
     /// nonlinear terms, of all fields that meet on an interface (a body that nothing touches has no force of its own);
-    /// for multipliers, whose equations balance inside one term, the size of what cancels: of [`Self::magnitudes`].
+    /// for multipliers, whose equations balance inside one term, the size of what cancels: of [`Self::sizes`].
     #[must_use]
-    pub fn scales(&self, magnitudes: &[f64]) -> Vec<f64> {
-        let magnitudes = self.largest_by_field(magnitudes);
+    pub fn scales(&self, here: &Residual, sizes: &[f64]) -> Vec<f64> {
+        let sizes = self.largest_by_field(sizes);
         let mut forces = vec![0.0f64; self.fields.len()];
-        for (force, group) in self.force.iter().zip(&self.meets) {
+        for (force, group) in here.forces.iter().zip(&self.meets) {
             forces[*group] = largest([forces[*group], *force]);
         }
         (0..self.fields.len())
             .map(|k| match self.fields[k].kind {
-                FieldKind::Multiplier => magnitudes[k],
+                FieldKind::Multiplier => sizes[k],
                 _ => forces[self.meets[k]],
             })
             .collect()
     }
 
-    /// By dof: |K| |u| of linear and changing terms, what rounding errors of the residual are relative to.
+    /// By dof: |K| |u| of linear and changing terms, what rounding errors of the residual `here` at `u` are relative to.
     #[must_use]
-    pub fn magnitudes(&self, u: &[f64]) -> Vec<f64> {
-        let mut out = self.magnitude.clone();
+    pub fn sizes(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
+        let mut out = here.linear_sizes.clone();
         let mut sizes: Vec<f64> = u.iter().map(|x| x.abs()).collect();
         self.numbering.frames.turn_sizes(&mut sizes);
         for row in 0..self.numbering.n_free() {
-            let (columns, values) = self.changing.row(row);
+            let (columns, values) = tangent.changing.row(row);
             let at = |c: u32| sizes[self.numbering.free_dofs[c as usize] as usize];
             let size: f64 = columns.iter().zip(values).map(|(c, v)| v.abs() * at(*c)).sum();
             out[self.numbering.free_dofs[row] as usize] += size;
@@ -477,41 +383,16 @@ impl System {
         out
     }
 
-    /// Assembles the tangent of the nonlinear terms at `u`; `held` takes the held forms of terms that have one.
-    ///
-    /// # Errors
-    /// [`TermError`] with its place.
-    pub fn tangent(&mut self, u: &[f64], held: bool) -> Result<(), TermError> {
-        let mut unturned = self.unturned.take();
-        let mut changing = std::mem::replace(&mut self.changing, nothing(0));
-        let matrix = unturned.as_mut().map_or(&mut changing, |u| &mut u.matrix);
-        let result = self.with_values(u, |Parts { mesh, terms, pieces, .. }, values| {
-            let mut is_new = true;
-            for (k, term) in terms.iter().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear) {
-                let piece = pieces.iter().find(|p| held && p.term == k);
-                let term = piece.map_or(term, |p| &p.held);
-                match std::mem::take(&mut is_new) {
-                    true => term.set_tangent(mesh, values, matrix.values_mut())?,
-                    false => term.add_tangent(mesh, values, matrix.values_mut())?,
-                }
-            }
-            if is_new {
-                matrix.values_mut().fill(0.0);
-            }
-            Ok(())
-        });
-        if let Some(turned) = &mut unturned {
-            let rows = &turned.rows;
-            self.numbering.frames.turn_matrix(&mut turned.matrix, |d| rows[d] as usize);
-            turned.map.apply_into(&turned.matrix, changing.values_mut());
+    /// By dof: what rounding leaves of a residual. Where linear terms are evaluated at their points only the others
+    /// count: what rounds there moves nothing.
+    #[must_use]
+    pub fn rounding(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
+        let mut sizes = self.sizes(u, here, tangent);
+        if here.linear == LinearTerms::AtPoints {
+            sizes.iter_mut().zip(&here.linear_sizes).for_each(|(s, linear)| *s -= linear);
         }
-        self.unturned = unturned;
-        self.changing = changing;
-        if result.is_err() {
-            // what was added before the error is no tangent, and no measure of rounding either
-            self.changing.values_mut().fill(0.0);
-        }
-        result
+        sizes.iter_mut().for_each(|s| *s = f64::EPSILON * s.max(0.0));
+        sizes
     }
 
     /// Values of each field at the end of the previous step; empty unless something reads them.

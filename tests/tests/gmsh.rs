@@ -49,9 +49,8 @@ fn an_inclined_fault_of_thirty_degrees_is_in_equilibrium() {
             let state = found.outcome.steps[step].state.clone();
             let time = found.outcome.steps[step].time;
             let system = &mut found.scene.system;
-            system.set_step(time, 0.5).expect("assembles");
-            let mut residual = Vec::new();
-            system.residual(&state, &mut residual).expect("assembles");
+            system.begin_step(time, 0.5).expect("assembles");
+            let residual = system.residual(&state, &wfl_runtime::Form::AS_WRITTEN).expect("assembles").values;
             // the residual at fixed dofs is what holds the blocks; loads: 3 on 16 square metres, t on the top of `right`
             let mut reaction = [0.0; 3];
             for k in (0..system.fields.len()).filter(|k| system.fields[*k].name.starts_with('u')) {

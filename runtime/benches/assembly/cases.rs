@@ -130,7 +130,7 @@ impl Problem {
         let mut fields = [&self.state[..]; MOST_FIELDS];
         let values = FieldValues { current: slices(&self.scene.system, &self.state, &mut fields), previous: &[] };
         let System { mesh, terms, .. } = &mut self.scene.system;
-        terms[0].add_residual(mesh, values, &mut self.residual).map_err(|e| e.to_string())
+        terms[0].add_residual(mesh, values, &mut self.residual).map(|_| ()).map_err(|e| e.to_string())
     }
 
     /// Sum of the magnitudes of the matrix, to compare builds with each other.

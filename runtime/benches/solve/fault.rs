@@ -7,7 +7,7 @@ use std::{
 
 use wfl::{Loader, SourceId};
 use wfl_runtime::{
-    Outcome, Progress, RunOptions, Scene, Strategy,
+    Branches, LinearSolver, Outcome, Progress, RunOptions, Scene, Tangent,
     newton::Iteration,
     output::peak_memory_bytes,
     run,
@@ -123,7 +123,8 @@ impl Cost {
 /// A solver, and two states whose tangents it is given in turn.
 pub(crate) struct Alternating {
     scene: Scene,
-    strategy: Strategy,
+    solver: LinearSolver,
+    tangent: Tangent,
     states: [Vec<f64>; 2],
     rhs: Vec<f64>,
     threads: usize,
@@ -143,25 +144,27 @@ impl Alternating {
             run(&mut scene, &run_options, &mut wfl_runtime::Quiet).map_err(|e| e.to_string())?;
         let [.., before, last] = steps.as_slice() else { return Err("two steps are needed".to_owned()) };
         let states = [before.state.clone(), last.state.clone()];
-        let strategy = Strategy::new(&scene.system, options(threads)).map_err(|e| e.to_string())?;
+        let solver = LinearSolver::new(&scene.system, options(threads)).map_err(|e| e.to_string())?;
+        let tangent = scene.system.new_tangent();
         let n = scene.system.numbering.n_free();
         let rhs = (0..n).map(|dof| ((dof % 7) as f64 - 3.0) * 1e-3).collect();
-        Ok(Self { scene, strategy, states, rhs, threads, turn: 0 })
+        Ok(Self { scene, solver, tangent, states, rhs, threads, turn: 0 })
     }
 
     /// Sets the solver up and solves once: bulk factored, what is found once for the contact, first factor.
     pub(crate) fn set_up(&mut self) -> Result<SolveReport, String> {
-        self.strategy = Strategy::new(&self.scene.system, options(self.threads)).map_err(|e| e.to_string())?;
+        self.solver = LinearSolver::new(&self.scene.system, options(self.threads)).map_err(|e| e.to_string())?;
         self.next(0.0)
     }
 
     /// The tangent at the other state, and a solution with it that leaves at most `tolerance` of the right-hand side.
     pub(crate) fn next(&mut self, tolerance: f64) -> Result<SolveReport, String> {
         self.turn = 1 - self.turn;
-        self.scene.system.tangent(&self.states[self.turn], false).map_err(|e| e.to_string())?;
-        self.strategy.update(&self.scene.system).map_err(|e| e.to_string())?;
+        let (system, state) = (&self.scene.system, &self.states[self.turn]);
+        system.tangent(state, Branches::AsWritten, &mut self.tangent).map_err(|e| e.to_string())?;
+        self.solver.update(system, &self.tangent, true).map_err(|e| e.to_string())?;
         let mut x = Vec::new();
-        self.strategy.solve(&self.rhs, &mut x, tolerance).map_err(|e| e.to_string())
+        self.solver.solve(&self.rhs, &mut x, tolerance).map_err(|e| e.to_string())
     }
 
     /// The matrix of the linear terms, free dofs only.

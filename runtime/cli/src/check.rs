@@ -9,7 +9,7 @@ use wfl::{
 };
 use wfl_compiler::types::FieldKind;
 use wfl_runtime::{
-    FIXED, RuleChoice, Scene, Strategy,
+    FIXED, LinearSolver, RuleChoice, Scene,
     consistency::consistency,
     element::Family,
     field::FieldSpace,
@@ -292,7 +292,7 @@ fn system(scene: &Scene) -> Table {
     let numbering = &scene.system.numbering;
     let mut table = Table::new("system", &["dofs", "fixed", "free", "solver"]);
     let free = numbering.n_free();
-    let solver = Strategy::plan(&scene.system);
+    let solver = LinearSolver::plan(&scene.system);
     table.push(vec![numbering.n_dofs.into(), (numbering.n_dofs - free).into(), free.into(), solver.into()]);
     table
 }

@@ -1,7 +1,7 @@
 //! W611 for bodies that are not positive definite.
 
 use wfl::Diagnostic;
-use wfl_runtime::{NegativeBody, Scene, coercivity, finite};
+use wfl_runtime::{NegativeBody, Scene, checks::negative_bodies, coercivity, finite};
 
 use crate::load::Loaded;
 
@@ -11,7 +11,7 @@ pub(crate) fn bodies(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
     if coercivity(scene).is_err() {
         return Vec::new();
     }
-    scene.system.negative_bodies().iter().map(|body| told(loaded, body)).collect()
+    negative_bodies(&scene.system).iter().map(|body| told(loaded, body)).collect()
 }
 
 fn told(loaded: &Loaded, body: &NegativeBody) -> Diagnostic {

@@ -134,7 +134,17 @@ mod tests {
     }
 
     fn iteration(number: usize) -> Iteration {
-        Iteration { number, residual: 0.25, floor: 0.0, step: 1.0, contact: None, fingerprint: 0 }
+        Iteration {
+            number,
+            residual: 0.25,
+            floor: 0.0,
+            step: 1.0,
+            method: wfl_runtime::newton::Method::Residual,
+            merit: 1.0,
+            changed: 0,
+            contact: None,
+            fingerprint: 0,
+        }
     }
 
     #[test]

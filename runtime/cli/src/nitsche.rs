@@ -1,7 +1,7 @@
 //! What is said of the parameters of Nitsche's method, at the place where they are given.
 
 use wfl::Diagnostic;
-use wfl_runtime::{Scene, coercivity, newton::Coercivity};
+use wfl_runtime::{Scene, coercivity, contact::Coercivity};
 
 use crate::load::Loaded;
 

@@ -8,6 +8,7 @@ use wfl::{
 };
 use wfl_compiler::Class;
 
+use crate::contact::is_consistent;
 use crate::{
     Scene, SceneBox,
     compare::MEASURE,
@@ -101,7 +102,7 @@ impl Ways {
         let plain = given.is_some_and(|p| matches!(p.value.kind, ExprKind::Number(_)));
         let value = scene.params.iter().find(|p| p.0 == name).and_then(|p| p.1.values.first().copied());
         let Some(value) = value.filter(|_| plain) else { return };
-        self.role = if scene.system.is_consistent() { Role::Consistent } else { Role::Penalty };
+        self.role = if is_consistent(&scene.system, &scene.contact) { Role::Consistent } else { Role::Penalty };
         (self.parameter, self.value) = (name, value);
     }
 

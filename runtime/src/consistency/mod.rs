@@ -42,12 +42,11 @@ use wfl_compiler::ProjectionKind;
 pub use solve::Left;
 
 use crate::{
-    assemble::FieldValues,
-    newton::TermPieces,
+    contact::{Contact, ContactTerm},
     scene::{Scene, set_data},
     system::System,
 };
-use place::{Place, Vector};
+use place::{At, Place, Vector};
 use solve::{SATISFIED, Sizes, Trial, dot};
 
 /// More than this left is no rounding and no difference of linearised laws.
@@ -133,7 +132,7 @@ pub fn consistency(scene: &mut Scene) -> Vec<ContactForm> {
     let values = &scene.steps.values;
     let time = values.last().copied().unwrap_or(0.0);
     let increment = values.len().checked_sub(2).map_or(1.0, |k| time - values[k]);
-    if !scene.system.has_pieces() {
+    if scene.contact.is_empty() {
         return Vec::new();
     }
     if set_data(scene, time, increment).is_err() {
@@ -141,22 +140,23 @@ pub fn consistency(scene: &mut Scene) -> Vec<ContactForm> {
         return Vec::new();
     }
     scene.system.set_laws(time, increment);
-    judge(&scene.system)
+    scene.contact.begin_step(time, increment);
+    judge(&scene.system, &scene.contact)
 }
 
-fn judge(system: &System) -> Vec<ContactForm> {
+fn judge(system: &System, contact: &Contact) -> Vec<ContactForm> {
     let rest = vec![0.0; system.numbering.n_dofs];
-    let (current, previous) = (system.slices_with_guides(&rest), system.previous_slices());
-    let values = FieldValues { current: &current, previous: &previous };
+    let values = system.values_with(&rest, contact.active_set());
+    let interface = At { system, contact, values: values.view() };
     let mut forms: Vec<ContactForm> = Vec::new();
     let mut seen: Vec<usize> = Vec::new();
-    for piece in system.pieces() {
-        if piece.held.on_cells() || seen.contains(&piece.term) || !closes(piece) {
+    for piece in contact.terms() {
+        if piece.on_cells() || seen.contains(&piece.term) || !closes(piece) {
             continue;
         }
         let mut found: Option<ContactForm> = None;
-        for at in places(piece) {
-            let form = at_place(system, values, piece, at, &mut seen);
+        for place in places(piece) {
+            let form = at_place(interface, piece, place, &mut seen);
             if found.as_ref().is_none_or(|f| rank(&form.verdict) > rank(&f.verdict)) {
                 found = Some(form);
             }
@@ -167,8 +167,8 @@ fn judge(system: &System) -> Vec<ContactForm> {
 }
 
 /// True if a half line acts: a law of contact rather than of friction alone.
-fn closes(piece: &TermPieces) -> bool {
-    piece.watched_laws().2.iter().any(|p| p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts)
+fn closes(piece: &ContactTerm) -> bool {
+    piece.law().2.iter().any(|p| p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts)
 }
 
 /// Of verdicts at several places the one that is told.
@@ -182,20 +182,15 @@ fn rank(verdict: &Verdict) -> usize {
     }
 }
 
-fn places(piece: &TermPieces) -> Vec<(usize, usize)> {
-    let groups = &piece.watched_laws().1.domain.groups;
+fn places(piece: &ContactTerm) -> Vec<(usize, usize)> {
+    let groups = &piece.law().1.domain.groups;
     let all: Vec<(usize, usize)> =
         groups.iter().enumerate().flat_map(|(g, group)| (0..group.entities.len()).map(move |e| (g, e))).collect();
     all.iter().step_by(all.len().div_ceil(PLACES).max(1)).copied().collect()
 }
 
-fn at_place(
-    system: &System,
-    values: FieldValues<'_>,
-    piece: &TermPieces,
-    at: (usize, usize),
-    seen: &mut Vec<usize>,
-) -> ContactForm {
+fn at_place(interface: At<'_>, piece: &ContactTerm, at: (usize, usize), seen: &mut Vec<usize>) -> ContactForm {
+    let system = interface.system;
     let own = system.terms[piece.term].law.name.clone();
     let mut form = ContactForm {
         terms: vec![own],
@@ -206,7 +201,7 @@ fn at_place(
         states: Vec::new(),
         unsaid: None,
     };
-    match Place::new(system, values, piece, at) {
+    match Place::new(interface, piece, at) {
         Ok(place) => {
             let terms = place.terms();
             form.terms = terms.iter().map(|t| system.terms[*t].law.name.clone()).collect();

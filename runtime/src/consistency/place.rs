@@ -14,9 +14,9 @@ use wfl_compiler::{
 
 use crate::{
     assemble::{AssembledTerm, Binding, Bound, Domain, FieldValues, Workspace},
+    contact::{Contact, ContactTerm},
     field::FieldSpace,
     mesh::{CellId, Mesh},
-    newton::TermPieces,
     system::System,
 };
 
@@ -114,8 +114,17 @@ pub(super) struct Place<'a> {
 }
 
 /// What is needed to find laws at a point.
+/// Where contact is looked at: the scene, and the state of its fields.
+#[derive(Clone, Copy)]
+pub(super) struct At<'a> {
+    pub(super) system: &'a System,
+    pub(super) contact: &'a Contact,
+    pub(super) values: FieldValues<'a>,
+}
+
 struct Finder<'a> {
     system: &'a System,
+    contact: &'a Contact,
     values: FieldValues<'a>,
     cells: [Option<CellId>; 2],
     facet: crate::mesh::FacetRef,
@@ -243,14 +252,14 @@ impl<'a> Finder<'a> {
     }
 
     fn watched(&self) -> Vec<Watched<'a>> {
-        let watch = |p: &'a TermPieces| {
-            let (watch, sampled, projections) = p.watched_laws();
+        let watch = |p: &'a ContactTerm| {
+            let (watch, sampled, projections) = p.law();
             let at = self.locate(&sampled.domain, &sampled.binding)?;
             let bound = self.bound(&sampled.domain, &sampled.binding);
             let reader = self.reader(bound, (&at, 0), (&watch.law.inputs, watch.uniforms()));
-            Some(Watched { kernel: &watch.law.kernel, reader, projections, guides: (p.field, p.guides_at_a_point()) })
+            Some(Watched { kernel: &watch.law.kernel, reader, projections, guides: (p.field, p.n_branch_data()) })
         };
-        self.system.pieces().iter().filter(|p| !p.held.on_cells()).filter_map(watch).collect()
+        self.contact.terms().iter().filter(|p| !p.on_cells()).filter_map(watch).collect()
     }
 
     /// The terms of a cell whose test functions have gradients: those that make its stress.
@@ -345,13 +354,9 @@ fn roles(system: &System, interface: &[Law<'_>], watched: &[Watched<'_>]) -> Res
 impl<'a> Place<'a> {
     /// The laws at the last point of entity `at` of the domain of a term with projections; an error is why they cannot
     /// be judged.
-    pub(super) fn new(
-        system: &'a System,
-        values: FieldValues<'a>,
-        piece: &'a TermPieces,
-        (g, entity): (usize, usize),
-    ) -> Result<Self, String> {
-        let (_, sampled, _) = piece.watched_laws();
+    pub(super) fn new(at: At<'a>, piece: &'a ContactTerm, (g, entity): (usize, usize)) -> Result<Self, String> {
+        let At { system, contact, values } = at;
+        let (_, sampled, _) = piece.law();
         let (mesh, domain): (&Mesh, &Domain) = (&system.mesh, &sampled.domain);
         let group = &domain.groups[g];
         let mut workspace = Workspace::default();
@@ -361,7 +366,7 @@ impl<'a> Place<'a> {
         let position = mesh.point_at(here, &group.here.geometry, group.n_points() - 1);
         let there = group.there.as_ref().map(|t| t.cells[entity]);
         let facet = *group.here.facets.get(entity).ok_or("the term is not on faces")?;
-        let finder = Finder { system, values, cells: [Some(here), there], facet, normal, position };
+        let finder = Finder { system, contact, values, cells: [Some(here), there], facet, normal, position };
         let (interface, watched) = (finder.interface(), finder.watched());
         let roles = roles(system, &interface, &watched)?;
         let bulk = [finder.bulk(0, roles.displacement[0])?, finder.bulk(1, roles.displacement[1])?];

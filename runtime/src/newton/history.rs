@@ -1,6 +1,7 @@
 //! What Newton did: every number that led to a decision.
 
-use crate::{newton::Measured, newton::Watch, solve::SolveReport, system::System};
+use super::Method;
+use crate::solve::SolveReport;
 
 /// Why an iteration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,9 +40,15 @@ pub struct Iteration {
     pub floor: f64,
     /// Part of the Newton step taken.
     pub step: f64,
+    /// What led to it.
+    pub method: Method,
+    /// The merit function there: the weighted norm of the residual of the equations that the method solves.
+    pub merit: f64,
+    /// Points whose branch in the active set is another one now.
+    pub changed: usize,
     /// Points open, slipping, sticking; `None` without contact.
     pub contact: Option<[usize; 3]>,
-    /// A number that changes when a point changes its branch.
+    /// A number that changes when a point changes its branch in the terms as written.
     pub fingerprint: u64,
 }
 
@@ -86,13 +93,6 @@ impl StepHistory {
         Self { stop: Some(Stop::Given), ..Self::default() }
     }
 
-    pub(super) fn push(&mut self, watch: &mut dyn Watch, number: usize, m: &Measured, step: f64, system: &System) {
-        let (contact, fingerprint) = branches(system);
-        let iteration = Iteration { number, residual: m.relative, floor: m.floor, step, contact, fingerprint };
-        watch.iteration(&iteration);
-        self.iterations.push(iteration);
-    }
-
     /// True if the step is a solution.
     #[must_use]
     pub fn converged(&self) -> bool {
@@ -115,25 +115,4 @@ impl StepHistory {
         };
         self.iterations.windows(3).filter(|w| cycle(w)).count()
     }
-}
-
-/// Contact counts of the terms with kinks (the first of each region) and the fingerprint of all branches.
-fn branches(system: &System) -> (Option<[usize; 3]>, u64) {
-    let mut total: Option<[usize; 3]> = None;
-    let mut fingerprint = 0;
-    let mut seen: Vec<*const crate::assemble::Domain> = Vec::new();
-    for term in &system.terms {
-        fingerprint ^= term.branches().fingerprint.rotate_left(u32::try_from(seen.len() % 64).expect("below 64"));
-        let domain = std::sync::Arc::as_ptr(&term.integrator.domain);
-        if let Some(counts) = term.contact_counts()
-            && !seen.contains(&domain)
-        {
-            seen.push(domain);
-            let sum = total.get_or_insert([0; 3]);
-            for (s, c) in sum.iter_mut().zip(counts) {
-                *s += c;
-            }
-        }
-    }
-    (total, fingerprint)
 }

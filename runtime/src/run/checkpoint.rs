@@ -16,15 +16,15 @@ use std::{
 
 use thiserror::Error;
 
-use super::{Accuracy, Attempt, AttemptEnd, Clock, Others, Path, PhysicsCheck, Run, RunError, StepResult};
+use super::{Attempt, AttemptEnd, Clock, Path, Run, RunError, StepResult, memory::Memory};
 use crate::{
+    checks::{Accuracy, Others, PhysicsCheck},
+    contact::{ContactMemory, FrictionWork},
     input::{InputError, InputKind, read_input},
-    newton::{FrictionWork, Iteration, StepHistory, Stop},
+    newton::{Iteration, LinearSolver, Method, StepHistory, Stop},
     output::{Hash, OutputDir},
     scene::Scene,
-    solve::SolverMemory,
-    solve::{Reference, SolveReport},
-    system::Memory,
+    solve::{Reference, SolveReport, SolverMemory},
 };
 use bytes::{HASH_OF_NOTHING, Reader, Unreadable, Writer, hash, hash_on};
 
@@ -34,7 +34,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 9;
+const FORMAT: u64 = 10;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -118,8 +118,8 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, identity: Hash) -> C
     w.count(run.steps.len());
     [log.length, log.hash].iter().for_each(|x| w.word(*x));
     w.numbers(&run.u);
-    memory(&mut w, &scene.system.memory());
-    let solver = run.stepper.strategy.as_ref().map(crate::Strategy::memory).unwrap_or_default();
+    memory(&mut w, &run.stepper.memory(scene));
+    let solver = run.stepper.solver.as_ref().map(LinearSolver::memory).unwrap_or_default();
     w.numbers(&solver.factored);
     w.flag(solver.dense);
     w.flag(solver.symmetric);
@@ -256,8 +256,8 @@ fn content(bytes: &[u8]) -> Result<&[u8], &'static str> {
 
 fn memory(w: &mut Writer, m: &Memory) {
     w.numbers(&m.changing);
-    w.flag(m.settled);
-    for lists in [&m.guides, &m.pieces, &m.passed, &m.states] {
+    w.flag(m.contact.warm);
+    for lists in [&m.contact.active, &m.contact.terms, &m.contact.converged, &m.states] {
         w.count(lists.len());
         lists.iter().for_each(|l| w.numbers(l));
     }
@@ -266,10 +266,12 @@ fn memory(w: &mut Writer, m: &Memory) {
 fn read_memory(r: &mut Reader<'_>) -> Result<Memory, Unreadable> {
     Ok(Memory {
         changing: r.numbers()?,
-        settled: r.flag()?,
-        guides: r.list(Reader::numbers)?,
-        pieces: r.list(Reader::numbers)?,
-        passed: r.list(Reader::numbers)?,
+        contact: ContactMemory {
+            warm: r.flag()?,
+            active: r.list(Reader::numbers)?,
+            terms: r.list(Reader::numbers)?,
+            converged: r.list(Reader::numbers)?,
+        },
         states: r.list(Reader::numbers)?,
     })
 }
@@ -280,7 +282,9 @@ fn step(w: &mut Writer, s: &StepResult) {
     w.count(h.iterations.len());
     for i in &h.iterations {
         w.count(i.number);
-        w.numbers(&[i.residual, i.floor, i.step]);
+        w.numbers(&[i.residual, i.floor, i.step, i.merit]);
+        w.count(i.method.number());
+        w.count(i.changed);
         w.flag(i.contact.is_some());
         i.contact.unwrap_or_default().iter().for_each(|c| w.count(*c));
         w.word(i.fingerprint);
@@ -328,10 +332,13 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
     let [time, increment] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let iterations = r.list(|r| {
         let number = r.count()?;
-        let [residual, floor, step] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        let [residual, floor, step, merit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        let method = Method::from_number(r.count()?).ok_or(Unreadable)?;
+        let changed = r.count()?;
         let known = r.flag()?;
         let counts = [r.count()?, r.count()?, r.count()?];
-        Ok(Iteration { number, residual, floor, step, contact: known.then_some(counts), fingerprint: r.word()? })
+        let contact = known.then_some(counts);
+        Ok(Iteration { number, residual, floor, step, method, merit, changed, contact, fingerprint: r.word()? })
     })?;
     let solves = r.list(|r| {
         let [relative_residual, componentwise_residual] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
@@ -376,7 +383,7 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         Ok((name, value))
     })?;
     let state = Vec::new();
-    let bad_measures = Vec::new();
+    let (bad_measures, branches) = (Vec::new(), Vec::new());
     Ok(StepResult {
         time,
         increment,
@@ -388,6 +395,7 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         others,
         measures,
         bad_measures,
+        branches,
         state,
     })
 }

@@ -177,9 +177,9 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> (S
             let mut piece = sampled.sample(&system.mesh, time, increment, values);
             bad.extend(not_finite(&piece, &output.file, time));
             let entities = piece.cells.len();
-            // the terms hold the branches of the converged state: the last residual was taken there
-            let here = |t: &&AssembledTerm| t.place.as_ref() == Some(sampled.support());
-            let states = system.terms.iter().filter(here).find_map(AssembledTerm::contact_states);
+            let mut terms = system.terms.iter().zip(&step.branches);
+            let here = |t: &AssembledTerm| t.place.as_ref() == Some(sampled.support());
+            let states = terms.find_map(|(t, branches)| t.contact_states(branches).filter(|_| here(t)));
             if let Some(states) = states.filter(|s| s.len() == entities) {
                 piece.cell_data.push(output::Array::scalar("contact_state", states));
             }

@@ -4,13 +4,11 @@
 //! was done. Promises: every step that was tried is in the report, also when the run ends with an error; files are
 //! written in the order of the steps by a thread of their own, so that the solver does not wait for the disc.
 
-mod accuracy;
 mod checkpoint;
 mod files;
 mod folder;
-mod physics;
+mod memory;
 mod report;
-mod several;
 mod stepping;
 
 use std::{
@@ -19,23 +17,24 @@ use std::{
     time::{Duration, Instant},
 };
 
-pub use accuracy::Accuracy;
 pub use checkpoint::{CHECKPOINT_FILE, CheckpointError};
 pub use folder::{finished, may_begin};
-pub use physics::PhysicsCheck;
-pub use several::Others;
+pub use memory::Memory;
 pub use stepping::{Attempt, AttemptEnd, FRUITLESS, Path};
 use thiserror::Error;
 use wfl_compiler::ir::Origin;
 
 use crate::{
+    assemble::BranchCounts,
+    checks::{self, Accuracy, Others, PhysicsCheck, Solved},
+    contact::{FrictionWork, friction_work},
     finite::{BadGiven, BadMeasure, BadOutput},
-    newton::{FrictionWork, Iteration, NewtonError, StepHistory, Stop, Watch},
+    newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
     output::{About, Hash, OrderedMap, OutputDir, OutputError, Report, State, write_report},
     pruning::Saving,
     scene::{Scene, node_positions, set_data},
     solve::{Precision, SolverOptions},
-    system::System,
+    system::{Form, Residual},
 };
 use checkpoint::Log;
 use files::{CheckpointCost, Files, StepFiles};
@@ -152,6 +151,8 @@ pub struct StepResult {
     pub measures: Vec<(String, f64)>,
     /// Those of them that are not finite; empty for a step that another process did.
     pub bad_measures: Vec<BadMeasure>,
+    /// By term: the branches of its kinks at its end; empty as [`Self::state`] is.
+    pub branches: Vec<BranchCounts>,
     /// All unknowns at its end; empty for steps before the last one unless [`RunOptions::keep_states`] says otherwise,
     /// and for a step that another process did before this one went on from a checkpoint.
     pub state: Vec<f64>,
@@ -242,15 +243,6 @@ pub enum RunError {
     /// The run cannot go on from where it was stopped.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-}
-
-impl RunError {
-    fn step(system: &mut System, u: &[f64], (step, time): (usize, f64), error: StepError) -> Self {
-        match error {
-            StepError::Newton(error) => Self::Newton { step, time, error: error.explained(system, u) },
-            StepError::State { state, value, position } => Self::State { step, time, state, value, position },
-        }
-    }
 }
 
 /// Tells the iterations of an attempt, and counts them.
@@ -416,7 +408,7 @@ impl Run {
             progress.step_done(&step);
             let goes_on = step.history.converged() || scene.steps.go_on;
             if let Some(before) = self.steps.last_mut().filter(|_| !options.keep_states) {
-                before.state = Vec::new();
+                (before.state, before.branches) = (Vec::new(), Vec::new());
             }
             self.steps.push(step);
             if !goes_on {
@@ -459,12 +451,12 @@ impl Run {
         let wrap = |error: NewtonError| RunError::Newton { step: found.steps.len() - 1, time: last.time, error };
         self.clock = found.clock;
         self.stepper.prepare(scene, (last.time, last.increment), &mut self.clock, progress).map_err(wrap)?;
-        let strategy = self.stepper.strategy.as_mut().expect("prepared above");
-        let fits = strategy.recall(&found.solver, &scene.system).map_err(|e| wrap(e.into()))?;
-        if !(fits && scene.system.recall(&found.memory)) {
+        let solver = self.stepper.solver.as_mut().expect("prepared above");
+        let fits = solver.recall(&found.solver, &scene.system).map_err(|e| wrap(e.into()))?;
+        solver.starts_elsewhere();
+        if !(fits && self.stepper.recall(scene, &found.memory)) {
             return Err(misfit().into());
         }
-        strategy.starts_elsewhere();
         (self.stepper.level, self.stepper.easy) = (found.level, found.easy);
         (self.u, self.steps, self.log) = (found.u, found.steps, found.log);
         Ok(())
@@ -481,22 +473,30 @@ impl Run {
         progress.step(number, values.len(), time);
         let from = number.checked_sub(1).map(|k| values[k]);
         let leg = Leg { from, to: time, first_increment: values.get(1).map_or(0.0, |next| next - values[0]) };
-        let before = scene.system.has_sliding().then(|| self.u.clone());
+        let before = scene.contact.has_sliding().then(|| self.u.clone());
         let reached = if number == 0 && scene.steps.from_start {
             self.stepper.given(scene, &self.u, leg, &mut self.clock, progress)
         } else {
             self.stepper.reach(scene, &mut self.u, leg, &mut self.clock, progress)
         };
-        let wrap =
-            |run: &Self, scene: &mut Scene, error| RunError::step(&mut scene.system, &run.u, (number, time), error);
+        let wrap = |run: &Self, scene: &Scene, error| match error {
+            StepError::Newton(error) => {
+                RunError::Newton { step: number, time, error: run.stepper.explained(scene, error, &run.u) }
+            }
+            StepError::State { state, value, position } => {
+                RunError::State { step: number, time, state, value, position }
+            }
+        };
         let reached = reached.map_err(|error| wrap(self, scene, error))?;
         let (history, attempts) = (reached.history, reached.attempts);
         // the equations are those of the old states; a state that is given has nothing to judge
         let solved = history.converged() && history.stop != Some(Stop::Given);
         let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
-        let Judged { accuracy, checks, others } = judged.map_err(|error| wrap(self, scene, error.into()))?;
+        let judged = judged.map_err(|error| wrap(self, scene, error.into()))?;
+        let Judged { accuracy, checks, others, residual } = judged;
+        let branches = if solved { residual.branches } else { self.branches(scene) };
         let before = before.filter(|_| solved);
-        let friction = before.and_then(|before| scene.system.friction_work(&before, &self.u));
+        let friction = before.and_then(|before| friction_work(&scene.system, &scene.contact, &before, &self.u));
         self.stepper.renew(scene);
         let (u, increment) = (&self.u, reached.increment);
         let Scene { prints, system, measures: asked, .. } = &mut *scene;
@@ -533,8 +533,17 @@ impl Run {
             others,
             measures,
             bad_measures,
+            branches,
             state,
         })
+    }
+
+    /// The branches of the terms at a state that was not solved for, where a file shows them.
+    fn branches(&self, scene: &Scene) -> Vec<BranchCounts> {
+        if scene.vtk.is_empty() {
+            return Vec::new();
+        }
+        scene.system.residual(&self.u, &Form::AS_WRITTEN).map_or_else(|_| Vec::new(), |residual| residual.branches)
     }
 
     /// Keeps what is not finite, the first time that it is met.
@@ -544,30 +553,30 @@ impl Run {
         }
     }
 
-    /// How good the converged state is.
-    fn judge(&mut self, scene: &mut Scene, history: &StepHistory) -> Result<Judged, NewtonError> {
-        let mut residual = Vec::new();
-        scene.system.residual(&self.u, &mut residual)?;
-        let (system, strategy) = (&scene.system, self.stepper.strategy.as_mut());
-        let left = history.iterations.last().map_or(0.0, |i| i.residual);
-        let (accuracy, contact) = rayon::join(
-            || strategy.and_then(|s| accuracy::estimate(system, s, &self.u, &residual, history.correction)),
-            || physics::contact(system, &self.u, left),
-        );
-        let mut checks = physics::balance(&mut scene.system, &self.u, &residual, scene.newton.tolerance);
-        checks.extend(contact);
+    /// How good the converged state is; `residual` is that of the scene there.
+    fn judge(&mut self, scene: &Scene, history: &StepHistory) -> Result<Judged, NewtonError> {
+        let form = Form { linear: self.stepper.linear, ..Form::AS_WRITTEN };
+        let residual = scene.system.residual(&self.u, &form)?;
         let known = self.steps.iter().map(|s| s.others).max().unwrap_or_default();
-        let others = match &mut self.stepper.strategy {
-            Some(strategy) => several::others(&mut scene.system, strategy, &self.u, known)?,
-            None => Others::Unknown,
+        let (solver, tangent) = (self.stepper.solver.as_mut(), self.stepper.tangent.as_ref());
+        let (Some(solver), Some(tangent)) = (solver, tangent) else {
+            return Ok(Judged { residual, ..Judged::default() });
         };
+        let Scene { system, contact, .. } = scene;
+        let state = Solved { system, contact, tangent, u: &self.u, residual: &residual };
+        let left = history.iterations.last().map_or(0.0, |i| i.residual);
+        let (accuracy, conditions) =
+            rayon::join(|| checks::digits(state, solver, history.correction), || checks::conditions(state, left));
+        let mut found = checks::balance(state, scene.newton.tolerance);
+        found.extend(conditions);
+        let others = checks::others(system, contact, solver, &self.u, known)?;
         let doubtful =
-            accuracy.as_ref().is_some_and(|a| a.digits() < report::FEW_DIGITS) || checks.iter().any(|c| !c.holds());
-        if doubtful && scene.system.rests(&self.u)? {
+            accuracy.as_ref().is_some_and(|a| a.digits() < report::FEW_DIGITS) || found.iter().any(|c| !c.holds());
+        if doubtful && checks::rests(system, &self.u, &form)? {
             // what differs from zero is rounding, and so is every number made of it
-            return Ok(Judged { others, ..Judged::default() });
+            return Ok(Judged { others, residual, ..Judged::default() });
         }
-        Ok(Judged { accuracy, checks, others })
+        Ok(Judged { accuracy, checks: found, others, residual })
     }
 }
 
@@ -577,6 +586,8 @@ struct Judged {
     accuracy: Option<Accuracy>,
     checks: Vec<PhysicsCheck>,
     others: Others,
+    /// The residual there.
+    residual: Residual,
 }
 
 /// First values of the scene: those of the unknowns by dof, those of states where they are kept.

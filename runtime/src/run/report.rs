@@ -3,14 +3,13 @@
 use super::{Attempt, AttemptEnd, Others, Path, PhysicsCheck, Run, RunOptions, StepResult};
 use crate::{
     left_out::LeftOut,
-    newton::Stop,
+    newton::{LinearSolver, Stop},
     output::{
         self, AttemptReport, Check, ContactCounts, LeftOutReport, MeshReport, OrderedMap, ParameterValue, Real, Report,
         StepReport, Timings, peak_memory_bytes,
     },
     pruning::Saving,
     scene::Scene,
-    strategy::Strategy,
 };
 
 /// The report of a run, finished or not.
@@ -20,7 +19,7 @@ pub(super) fn report(
     run: &Run,
     expectations: &[(wfl::Expect, Option<bool>)],
 ) -> Report {
-    let (clock, solver) = (&run.clock, run.stepper.strategy.as_ref().map(Strategy::describe));
+    let (clock, solver) = (&run.clock, run.stepper.solver.as_ref().map(LinearSolver::describe));
     let mut report = Report {
         scene: options.name.clone(),
         version: options.version.clone(),
@@ -28,7 +27,7 @@ pub(super) fn report(
         threads: options.threads as u64,
         peak_memory_bytes: peak_memory_bytes(),
         solver: Some(solver.unwrap_or_default()),
-        factorisations: run.stepper.strategy.as_ref().map_or(0, Strategy::factorisations) as u64,
+        factorisations: run.stepper.solver.as_ref().map_or(0, LinearSolver::factorisations) as u64,
         warnings: options.warnings.clone(),
         about: options.about.clone(),
         ..Report::default()

@@ -17,12 +17,12 @@ use std::time::Instant;
 use thiserror::Error;
 
 use crate::{
-    newton::{NewtonError, StepHistory, solve_step},
-    run::{Clock, Forward, Progress},
+    checks::explained,
+    newton::{LinearSolver, LoadStep, NewtonError, StepHistory, solve_step},
+    run::{Clock, Forward, Progress, memory::Memory},
     scene::Scene,
     solve::SolverOptions,
-    strategy::Strategy,
-    system::{FIXED, System},
+    system::{FIXED, Form, LinearTerms, System, Tangent},
 };
 
 /// Converged parts in a row after which the increment doubles.
@@ -119,12 +119,16 @@ struct Target<'a> {
 
 /// Solves steps one after the other and remembers how large their parts may be.
 pub(super) struct Stepper {
-    pub(super) strategy: Option<Strategy>,
+    pub(super) solver: Option<LinearSolver>,
+    /// The tangent that was assembled last.
+    pub(super) tangent: Option<Tangent>,
+    /// How linear terms were evaluated at the end of the last part.
+    pub(super) linear: LinearTerms,
     /// The present increment is 2^-level of a step.
     pub(super) level: u32,
     /// Parts of this size that converged in a row.
     pub(super) easy: u32,
-    solver: SolverOptions,
+    solver_options: SolverOptions,
     /// Iterations of the last attempt.
     iterations: usize,
     /// The states after the last part that converged, not taken over yet.
@@ -132,8 +136,31 @@ pub(super) struct Stepper {
 }
 
 impl Stepper {
-    pub(super) fn new(solver: SolverOptions) -> Self {
-        Self { strategy: None, level: 0, easy: 0, solver, iterations: 0, next_states: Vec::new() }
+    pub(super) fn new(solver_options: SolverOptions) -> Self {
+        Self {
+            solver: None,
+            tangent: None,
+            linear: LinearTerms::ByMatrix,
+            level: 0,
+            easy: 0,
+            solver_options,
+            iterations: 0,
+            next_states: Vec::new(),
+        }
+    }
+
+    /// What later steps depend on beside the unknowns.
+    pub(super) fn memory(&self, scene: &Scene) -> Memory {
+        match &self.tangent {
+            Some(tangent) => Memory::of(scene, tangent),
+            None => Memory::of(scene, &scene.system.new_tangent()),
+        }
+    }
+
+    /// Goes back to what was remembered; false if that belongs to another scene.
+    pub(super) fn recall(&mut self, scene: &mut Scene, memory: &Memory) -> bool {
+        let tangent = self.tangent.get_or_insert_with(|| scene.system.new_tangent());
+        memory.recall(scene, tangent)
     }
 
     /// Solves the step; `u` holds the state before and then the one after.
@@ -160,11 +187,10 @@ impl Stepper {
         let known_before = scene.system.known.clone();
         loop {
             let end = position + (whole >> self.level);
-            let before = (u.to_vec(), scene.system.memory());
+            let before = (u.to_vec(), self.memory(scene));
             let target = target(leg, (position, end, whole), load.as_ref());
             let increment = target.increment;
             let result = self.attempt(scene, u, &target, clock, progress);
-            scene.system.set_shift(Vec::new());
             attempts.push(self.listed(path, (position, end, whole), &result));
             match result {
                 Ok(mut history) if history.converged() => {
@@ -188,10 +214,10 @@ impl Stepper {
                         failed_whole = Some((failed, u.to_vec()));
                     }
                     u.copy_from_slice(&before.0);
-                    let known = scene.system.recall(&before.1);
+                    let known = self.recall(scene, &before.1);
                     debug_assert!(known, "the memory is that of this system");
                     if path == Path::Load && load.is_none() {
-                        load = load_start(&mut scene.system, u);
+                        load = load_start(&scene.system, u);
                     }
                     fruitless += self.iterations;
                     let patient = fruitless <= FRUITLESS * scene.newton.max_iterations;
@@ -252,15 +278,26 @@ impl Stepper {
         self.prepare(scene, (time, increment), clock, progress)?;
         let from = u.to_vec();
         scene.prescribed.apply(time, increment, u).map_err(|bad| NewtonError::Given(Box::new(bad)))?;
+        let mut offset = Vec::new();
         if let Some((start, s)) = target.load {
             scene.system.numbering.part_of_prescribed(&start.u, s, u);
-            scene.system.set_shift(start.residual.iter().map(|r| (s - 1.0) * r).collect());
+            offset.extend(start.residual.iter().map(|r| (s - 1.0) * r));
         }
-        let strategy = self.strategy.as_mut().expect("prepared above");
         let mut watch = Forward { progress, iterations: 0 };
-        let result = solve_step(&mut scene.system, strategy, (&from, u), scene.newton, &mut watch);
+        let mut step = LoadStep {
+            system: &scene.system,
+            contact: &mut scene.contact,
+            solver: self.solver.as_mut().expect("prepared above"),
+            tangent: self.tangent.as_mut().expect("prepared above"),
+            offset: &offset,
+            linear: LinearTerms::ByMatrix,
+            options: scene.newton,
+            watch: &mut watch,
+        };
+        let result = solve_step(&mut step, &from, u);
+        self.linear = step.linear;
         self.iterations = watch.iterations;
-        let history = result?;
+        let history = result.map_err(|error| self.explained(scene, error, u))?;
         // whatever the method, a state that is written, measured or gone on from is finite
         scene.system.check_finite("value", u, u).map_err(NewtonError::from)?;
         clock.assemble += history.seconds.assemble;
@@ -288,6 +325,14 @@ impl Stepper {
         Attempt { path, part: (part((position, whole)), part((end, whole))), iterations, end: end_of_it }
     }
 
+    /// An error of the linear solver with its reason, where the tangent is singular.
+    pub(super) fn explained(&self, scene: &Scene, error: NewtonError, u: &[f64]) -> NewtonError {
+        match &self.tangent {
+            Some(tangent) => explained(error, &scene.system, &scene.contact, tangent, u),
+            None => error,
+        }
+    }
+
     /// Takes over the states that follow from the last part that converged.
     pub(super) fn renew(&mut self, scene: &mut Scene) {
         for (state, values) in scene.states.iter().zip(self.next_states.drain(..)) {
@@ -306,8 +351,6 @@ impl Stepper {
     ) -> Result<Reached, StepError> {
         begin(scene, leg, u)?;
         self.prepare(scene, (leg.to, leg.first_increment), clock, progress)?;
-        // the branches of the terms are those of the state that is given
-        scene.system.residual(u, &mut Vec::new()).map_err(NewtonError::from)?;
         Ok(Reached { history: StepHistory::given(), increment: leg.first_increment, attempts: Vec::new() })
     }
 
@@ -321,12 +364,14 @@ impl Stepper {
     ) -> Result<(), NewtonError> {
         super::set_data(scene, time, increment)?;
         let begin = Instant::now();
-        let changed = scene.system.set_step(time, increment)?;
+        let changed = scene.system.begin_step(time, increment)?;
+        scene.contact.begin_step(time, increment);
+        self.tangent.get_or_insert_with(|| scene.system.new_tangent());
         clock.assemble += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
-        match self.strategy.take() {
+        match self.solver.take() {
             None => {
-                let mut made = Strategy::new(&scene.system, self.solver)?;
+                let mut made = LinearSolver::new(&scene.system, self.solver_options)?;
                 if !scene.starts.is_empty() {
                     made.starts_elsewhere();
                 }
@@ -334,13 +379,13 @@ impl Stepper {
                     made.bulk_changed(&scene.system)?;
                 }
                 progress.solver(&made.describe());
-                self.strategy = Some(made);
+                self.solver = Some(made);
             }
             Some(mut old) => {
                 if changed {
                     old.bulk_changed(&scene.system)?;
                 }
-                self.strategy = Some(old);
+                self.solver = Some(old);
             }
         }
         clock.factor += begin.elapsed().as_secs_f64();
@@ -373,9 +418,8 @@ fn next_states(scene: &mut Scene, time: f64, increment: f64, u: &[f64]) -> Resul
 
 /// The residual that a load path takes away step by step: that of the first guess at the free dofs. `None` where it is
 /// not finite: then there is nothing to start from.
-fn load_start(system: &mut System, u: &[f64]) -> Option<LoadStart> {
-    let mut residual = Vec::new();
-    system.residual(u, &mut residual).ok()?;
+fn load_start(system: &System, u: &[f64]) -> Option<LoadStart> {
+    let mut residual = system.residual(u, &Form::AS_WRITTEN).ok()?.values;
     for (r, free) in residual.iter_mut().zip(&system.numbering.free) {
         if *free == FIXED {
             *r = 0.0;

@@ -2,7 +2,7 @@
 
 use super::Scene;
 use crate::{
-    newton::Coercivity,
+    contact::{Coercivity, coercivity as of_contact},
     system::{System, SystemError},
 };
 
@@ -17,8 +17,9 @@ pub fn coercivity(scene: &mut Scene) -> Result<Vec<Coercivity>, SystemError> {
     let increment = values.get(1).map_or(0.0, |next| next - time);
     set_data(scene, time, increment)?;
     // nothing is assembled that the run would not assemble; its first step does so again where that is needed
-    scene.system.set_step(time, increment)?;
-    Ok(scene.system.coercivity())
+    scene.system.begin_step(time, increment)?;
+    scene.contact.begin_step(time, increment);
+    Ok(of_contact(&scene.system, &scene.contact))
 }
 
 /// Brings the known fields to a value of the step variable.

@@ -1,4 +1,4 @@
-//! What a term brings beside itself: the values it prints, and its form with held pieces.
+//! What a term brings beside itself: the values it prints, and its frozen form.
 
 use std::sync::Arc;
 
@@ -7,10 +7,10 @@ use wfl_compiler::{PiecesLaw, PrintLaw, backend::PointKernel, ir::Origin, types:
 use super::Builder;
 use crate::{
     assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots},
+    contact::{ContactParts, ContactTerm},
     field::{Field, FieldSpace},
-    newton::TermPieces,
     point_space::PointSpace,
-    system::{Numbering, System},
+    system::{FrozenTerm, Numbering, System},
     value::{Sampled, Value},
 };
 
@@ -54,23 +54,24 @@ impl Builder<'_> {
         Ok(Printed { term: term.to_owned(), origin: print.origin, value, sampled })
     }
 
-    /// The held form of a term: its guides are a field of its integration points behind the fields of the scene.
-    pub(super) fn hold(
+    /// The frozen form of a term, whose branch data are a field of its integration points behind the fields of the
+    /// scene, and its projections.
+    pub(super) fn freeze(
         &self,
         law: PiecesLaw,
-        (residual, tangent): (Box<dyn PointKernel>, Option<Box<dyn PointKernel>>),
+        kernels: (Box<dyn PointKernel>, Option<Box<dyn PointKernel>>),
         domain: &Arc<Domain>,
-        term: usize,
+        of: Frozen,
         numbering: &Numbering,
-    ) -> Result<TermPieces, String> {
-        let guides =
+    ) -> Result<(FrozenTerm, ContactTerm), String> {
+        let data =
             |name: String, space: FieldSpace| Field { name, kind: FieldKind::Data, n_components: law.n_guides, space };
         let mut fields = self.fields.clone();
         while fields.len() < law.field.index() {
-            fields.push(guides(String::new(), FieldSpace::Global));
+            fields.push(data(String::new(), FieldSpace::Global));
         }
         let points = FieldSpace::Points(PointSpace::new(&self.mesh, domain));
-        fields.push(guides(format!("pieces of {}", law.law.name), points));
+        fields.push(data(format!("branches of {}", law.law.name), points));
         let mut starts = numbering.starts.clone();
         starts.resize(fields.len(), None);
         let slots = LawSlots { inputs: &law.law.inputs, tests: &law.law.tests, trials: &law.law.trials };
@@ -78,7 +79,26 @@ impl Builder<'_> {
         let integrator = Integrator { domain: domain.clone(), binding };
         let watch = Value::new(law.watch, self.batch).map_err(|e| e.to_string())?;
         let sampled = watch.bind(&self.mesh, domain.clone(), &fields).map_err(|e| e.to_string())?;
-        let held = AssembledTerm::new(law.law, integrator, None, residual, tangent, &starts);
-        Ok(TermPieces::new(term, held, law.field.index(), law.projections, law.n_guides, (watch, sampled)))
+        let form = AssembledTerm::new(law.law, integrator, None, kernels.0, kernels.1, &starts);
+        let parts = ContactParts {
+            term: of.term,
+            frozen: of.position,
+            field: law.field.index(),
+            projections: law.projections,
+            n_data: law.n_guides,
+            law: watch,
+            sampled,
+        };
+        let contact = ContactTerm::new(parts, &form, &self.fields);
+        Ok((FrozenTerm { term: of.term, form }, contact))
     }
+}
+
+/// Where a frozen form stands.
+#[derive(Clone, Copy)]
+pub(super) struct Frozen {
+    /// The term that it replaces.
+    pub(super) term: usize,
+    /// Its position among the frozen forms.
+    pub(super) position: usize,
 }

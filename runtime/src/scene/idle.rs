@@ -19,12 +19,13 @@ use wfl_compiler::types::{FieldKind, Side};
 
 use super::constraints::{at_place, extent};
 use crate::{
+    contact::{Contact, Friction, couplings, has_multiplier},
     csr::{Csr, CsrError},
     field::FieldSpace,
     frames::Frame,
     mesh::{FacetRef, Topology},
     space::{Space, Support},
-    system::{FIXED, Friction, System, Tie},
+    system::{FIXED, System, Tie},
 };
 use directions::{Node, Split};
 
@@ -55,7 +56,7 @@ pub(super) fn leave_out(
     script: &ResolvedScript,
     topology: &Topology,
     system: &mut System,
-    at: f64,
+    contact: &Contact,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Result<Idle, CsrError> {
     let candidates = candidates(script, topology, system);
@@ -64,8 +65,8 @@ pub(super) fn leave_out(
     }
     let numbers = numbers(system, &candidates);
     let size = 1e-3 * extent(&system.mesh);
-    let stick = system.couplings(&numbers, Friction::Sticks, at, size)?;
-    let slip = system.couplings(&numbers, Friction::Slips, at, size)?;
+    let stick = couplings(system, contact, &numbers, Friction::Sticks, size)?;
+    let slip = couplings(system, contact, &numbers, Friction::Slips, size)?;
     let nodes: Vec<Node> = candidates.iter().map(|c| Node::new(system, &numbers, &stick, c)).collect();
     let splits: Vec<Split> = (0..nodes.len()).map(|k| Split::new(system, &numbers, &slip, &nodes, k)).collect();
     let plan = Plan::new(system, &candidates, splits);
@@ -181,7 +182,7 @@ fn numbers(system: &System, candidates: &[Candidate]) -> Vec<u32> {
     let wanted: BTreeSet<usize> = candidates.iter().flat_map(|c| c.first..c.first + n(c)).collect();
     let mut numbers = vec![FIXED; system.numbering.n_dofs];
     let mut next = 0;
-    for term in system.terms.iter().filter(|t| system.has_multiplier(t)) {
+    for term in system.terms.iter().filter(|t| has_multiplier(system, t)) {
         term.for_each_entity(|tests, trials| {
             if tests.iter().chain(trials).any(|d| wanted.contains(&(*d as usize))) {
                 for d in tests.iter().chain(trials) {

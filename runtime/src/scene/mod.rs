@@ -52,13 +52,14 @@ use wfl_compiler::{
 
 use crate::{
     assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots, tangent_kernel},
+    contact::{Contact, ContactTerm},
     csr::CsrError,
     field::Field,
     mesh::{Mesh, RegionSet, Topology},
-    newton::{NewtonOptions, TermPieces},
+    newton::NewtonOptions,
     pruning::Pruning,
     results::SampledPiece,
-    system::{Known, Numbering, Past, System},
+    system::{FrozenTerm, Known, Numbering, Past, System},
     value::{Sampled, Value},
 };
 
@@ -120,6 +121,8 @@ pub struct TermSummary {
 pub struct Scene {
     /// The discrete problem.
     pub system: System,
+    /// The laws of contact, and the state they are in.
+    pub contact: Contact,
     /// Facets and edges of the mesh.
     pub topology: Topology,
     /// Regions by name.
@@ -387,7 +390,7 @@ impl Builder<'_> {
             self.outputs(&rules);
             return None;
         }
-        let (terms, summaries, pieces) = assembled?;
+        let (terms, summaries, contact) = assembled?;
         let compile_values = begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
@@ -415,12 +418,16 @@ impl Builder<'_> {
         let env = self.owned_env();
         let made = System::new(self.mesh, self.fields, numbering, terms, known).and_then(|mut system| {
             self.keep.iter().for_each(|pruning| system.keep(*pruning));
-            system.hold(pieces)?;
-            let at = within(&steps);
-            let idle = idle::leave_out(self.script, &self.topology, &mut system, at, self.diagnostics)?;
-            Ok((system, idle))
+            let (frozen, contact): (Vec<FrozenTerm>, Vec<ContactTerm>) = contact.into_iter().unzip();
+            system.add_frozen(frozen)?;
+            let mut contact = Contact::new(contact);
+            // the step that multipliers are looked at in
+            system.set_laws(within(&steps), 1.0);
+            contact.begin_step(within(&steps), 1.0);
+            let idle = idle::leave_out(self.script, &self.topology, &mut system, &contact, self.diagnostics)?;
+            Ok((system, contact, idle))
         });
-        let (system, idle) = match made {
+        let (system, contact, idle) = match made {
             Ok(made) => made,
             Err(e) => {
                 self.diagnostics.push(structure_error(self.script, e));
@@ -432,6 +439,7 @@ impl Builder<'_> {
             params.filter_map(|p| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone()))).collect();
         Some(Scene {
             system,
+            contact,
             topology: self.topology,
             regions: self.regions,
             steps,
@@ -568,7 +576,7 @@ impl Builder<'_> {
         laws: Vec<terms::PlacedLaw>,
         rules: &terms::Rules,
         numbering: &Numbering,
-    ) -> Option<(Vec<AssembledTerm>, Vec<TermSummary>, Vec<TermPieces>)> {
+    ) -> Option<(Vec<AssembledTerm>, Vec<TermSummary>, Vec<(FrozenTerm, ContactTerm)>)> {
         let highest = laws.iter().map(|l| l.law.degree.rule()).max().unwrap_or(0);
         let tangents: Vec<[Option<VerifiedKernel>; 2]> = laws
             .iter()
@@ -595,7 +603,7 @@ impl Builder<'_> {
         let least = |law: &wfl_compiler::TermLaw| if raised && law.class <= Class::Linear { highest } else { 0 };
         let mut domains: Vec<((Place, RuleChoice), Arc<Domain>)> = Vec::new();
         let (mut terms, mut summaries, mut complete) = (Vec::new(), Vec::new(), true);
-        let mut pieces: Vec<TermPieces> = Vec::new();
+        let mut contact: Vec<(FrozenTerm, ContactTerm)> = Vec::new();
         for (placed, [tangent, held_tangent]) in laws.into_iter().zip(&tangents) {
             let residual = compiled.next()?;
             let tangent = tangent.as_ref().and_then(|_| compiled.next());
@@ -646,8 +654,9 @@ impl Builder<'_> {
                         }
                     }
                     if let (Some(law), Some(kernels)) = (placed.pieces, held) {
-                        match self.hold(law, kernels, &integrator.domain, terms.len(), numbering) {
-                            Ok(made) => pieces.push(made),
+                        let frozen = held::Frozen { term: terms.len(), position: contact.len() };
+                        match self.freeze(law, kernels, &integrator.domain, frozen, numbering) {
+                            Ok(made) => contact.push(made),
                             Err(e) => self.diagnostics.push(Diagnostic::new("E609", e)),
                         }
                     }
@@ -659,7 +668,7 @@ impl Builder<'_> {
                 }
             }
         }
-        complete.then_some((terms, summaries, pieces))
+        complete.then_some((terms, summaries, contact))
     }
 
     /// The points of a place, with images where a mapping is read through; `None` after a message.

@@ -1,7 +1,7 @@
 //! An independent assembly of the statements of a scene, at the states that a run found: on the interpreter, with every
 //! term at every state, on one thread.
 
-use wfl_runtime::{FIXED, Scene, StepResult, System};
+use wfl_runtime::{FIXED, Form, Scene, StepResult, System};
 
 use crate::fuzz::Random;
 
@@ -40,7 +40,7 @@ pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, S
         }
         scene.system.known.keep(&before);
         set_data(scene, time, increment)?;
-        scene.system.set_step(time, increment).map_err(|e| e.to_string())?;
+        scene.system.begin_step(time, increment).map_err(|e| e.to_string())?;
         if !(number == 0 && scene.steps.from_start) {
             audit.residual = audit.residual.max(residual(scene, &step.state)?);
             audit.prescribed = audit.prescribed.max(prescribed(scene, step)?);
@@ -88,9 +88,9 @@ fn set_data(scene: &mut Scene, time: f64, increment: f64) -> Result<(), String> 
 
 /// The largest entry by which the free equations are not met, in parts of the largest entry of any term there.
 fn residual(scene: &mut Scene, u: &[f64]) -> Result<f64, String> {
-    let system = &mut scene.system;
-    let (mut all, n) = (Vec::new(), u.len());
-    system.residual(u, &mut all).map_err(|e| e.to_string())?;
+    let system = &scene.system;
+    let n = u.len();
+    let all = system.residual(u, &Form::AS_WRITTEN).map_err(|e| e.to_string())?.values;
     let mut sizes = vec![0.0f64; system.fields.len()];
     for term in 0..system.terms.len() {
         let mut own = vec![0.0; n];
@@ -114,12 +114,11 @@ fn residual(scene: &mut Scene, u: &[f64]) -> Result<f64, String> {
 }
 
 /// What rounding may leave: a part of what the forces change by where each unknown changes by the size of all.
-fn rounding(system: &mut System, u: &[f64], at: &[f64]) -> Result<f64, String> {
+fn rounding(system: &System, u: &[f64], at: &[f64]) -> Result<f64, String> {
     let size = u.iter().fold(0.0f64, |m, v| m.max(v.abs()));
     let mut random = Random(3);
     let beside: Vec<f64> = u.iter().map(|v| v + size * BESIDE * (random.below(2001) as f64 / 1000.0 - 1.0)).collect();
-    let mut all = Vec::new();
-    system.residual(&beside, &mut all).map_err(|e| e.to_string())?;
+    let all = system.residual(&beside, &Form::AS_WRITTEN).map_err(|e| e.to_string())?.values;
     let change = all.iter().zip(at).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
     Ok(ROUNDING * change / BESIDE)
 }

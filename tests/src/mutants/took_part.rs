@@ -3,7 +3,7 @@
 //! told. A prescribed value must hold, whatever else is prescribed.
 
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::{FIXED, Scene, StepResult};
+use wfl_runtime::{FIXED, Form, Scene, StepResult};
 
 use super::{Mutant, mutate::word, ready};
 use crate::fuzz::Random;
@@ -112,7 +112,7 @@ fn step_traces(
             traces.values.extend(bits(&values));
         }
     }
-    scene.system.set_step(time, increment).ok()?;
+    scene.system.begin_step(time, increment).ok()?;
     let mut u = step.state.clone();
     scene.prescribed.apply(time, increment, &mut u).ok()?;
     traces.values.extend(bits(&u));
@@ -124,12 +124,11 @@ fn step_traces(
     for beside in 0..=BESIDE {
         let wobble = |random: &mut Random| if beside == 0 { 0.0 } else { random.below(2001) as f64 / 1000.0 - 1.0 };
         let state: Vec<f64> = step.state.iter().map(|v| v + size * wobble(&mut random)).collect();
-        let mut all = Vec::new();
         // beside a state a logarithm may have no value; at the state it has one
-        match scene.system.residual(&state, &mut all) {
+        let all = match scene.system.residual(&state, &Form::AS_WRITTEN) {
             Err(_) if beside > 0 => continue,
-            other => other.ok()?,
-        }
+            other => other.ok()?.values,
+        };
         let is_free = |d: &usize| scene.system.numbering.free[*d] != FIXED;
         traces.forces.push((0..all.len()).filter(is_free).map(|d| all[d].to_bits()).collect());
         everywhere.push(bits(&all));

@@ -150,7 +150,7 @@ fn constants() -> Vec<Case> {
         let backend = JitBackend::new().map_err(|e| e.to_string())?;
         let mut scene = prepared(&examples(), text, &[], &[], &backend)?;
         let found = coercivity(&mut scene).map_err(|e| e.to_string())?;
-        Ok(found.first().map_or(f64::NAN, wfl_runtime::newton::Coercivity::smallest))
+        Ok(found.first().map_or(f64::NAN, wfl_runtime::contact::Coercivity::smallest))
     };
     known
         .into_iter()

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use wfl_compiler::types::FieldKind;
 use wfl_jit::JitBackend;
-use wfl_runtime::{Scene, System, assemble::FieldValues};
+use wfl_runtime::{Branches, Scene, System};
 
 use super::{Benchmark, Case, Tolerance, common::or_failed};
 use crate::{Sequence, examples, prepared, scene_files};
@@ -51,7 +51,7 @@ fn check(what: &str, path: &Path) -> Result<Case, String> {
         let positions: Vec<[f64; 3]> = (0..f.n_nodes()).map(|n| f.node_position(n)).collect();
         scene.system.known.data[*field] = given.at(&positions, time, 0.5).map_err(|e| e.to_string())?;
     }
-    scene.system.set_step(time, 0.5).map_err(|e| e.to_string())?;
+    scene.system.begin_step(time, 0.5).map_err(|e| e.to_string())?;
     let mut random = Sequence(0x9e37_79b9_7f4a_7c15);
     let sizes = sizes(&mut scene, &mut random)?;
     let mut case = Case::new(what);
@@ -103,13 +103,14 @@ fn sizes(scene: &mut Scene, random: &mut Sequence) -> Result<Vec<f64>, String> {
         return Ok(sizes);
     }
     let u = vector(random, system, &sizes);
-    system.tangent(&u, false).map_err(|e| e.to_string())?;
+    let mut tangent = system.new_tangent();
+    system.tangent(&u, Branches::AsWritten, &mut tangent).map_err(|e| e.to_string())?;
     for k in multipliers {
         let range = system.range(k).ok_or("an unknown")?;
         let dofs = &system.numbering.free_dofs;
         let (mut own, mut coupled) = (0.0f64, 0.0f64);
         for row in (0..dofs.len()).filter(|r| !range.contains(&(dofs[*r] as usize))) {
-            let (columns, values) = system.changing().row(row);
+            let (columns, values) = tangent.changing.row(row);
             for (c, v) in columns.iter().zip(values) {
                 let slot = if range.contains(&(dofs[*c as usize] as usize)) { &mut coupled } else { &mut own };
                 *slot = slot.max(v.abs());
@@ -124,20 +125,18 @@ fn sizes(scene: &mut Scene, random: &mut Sequence) -> Result<Vec<f64>, String> {
 }
 
 /// Residual of every term at `u`.
-fn residual(system: &mut System, u: &[f64]) -> Result<Vec<f64>, String> {
+fn residual(system: &System, u: &[f64]) -> Result<Vec<f64>, String> {
     let mut out = vec![0.0; u.len()];
-    let mut terms = std::mem::take(&mut system.terms);
-    let values = FieldValues { current: &system.slices(u), previous: &system.previous_slices() };
-    for term in &mut terms {
-        term.add_residual(&system.mesh, values, &mut out).map_err(|e| e.to_string())?;
+    let values = system.values(u);
+    for term in &system.terms {
+        term.add_residual(&system.mesh, values.view(), &mut out).map_err(|e| e.to_string())?;
     }
-    system.terms = terms;
     system.numbering.turn(&mut out);
     Ok(out)
 }
 
 /// By field, the largest difference between `K d` and the difference quotient, in parts of the largest entry.
-fn errors(system: &mut System, u: &[f64], d: &[f64], step: f64) -> Result<Vec<(String, f64)>, String> {
+fn errors(system: &System, u: &[f64], d: &[f64], step: f64) -> Result<Vec<(String, f64)>, String> {
     // free dofs only: the matrix has no columns for the others
     let free: Vec<usize> = system.numbering.free_dofs.iter().map(|f| *f as usize).collect();
     let moved = |sign: f64| {
@@ -147,11 +146,12 @@ fn errors(system: &mut System, u: &[f64], d: &[f64], step: f64) -> Result<Vec<(S
         x
     };
     let [above, below, twice_above, twice_below] = [1.0, -1.0, 2.0, -2.0].map(moved);
-    let mut at = |u: &[f64]| residual(system, u);
+    let at = |u: &[f64]| residual(system, u);
     let (above, below, twice_above, twice_below) = (at(&above)?, at(&below)?, at(&twice_above)?, at(&twice_below)?);
-    system.tangent(u, false).map_err(|e| e.to_string())?;
+    let mut tangent = system.new_tangent();
+    system.tangent(u, Branches::AsWritten, &mut tangent).map_err(|e| e.to_string())?;
     let product = |row: usize| -> f64 {
-        [system.bulk(), system.changing()]
+        [system.bulk(), &tangent.changing]
             .iter()
             .map(|m| {
                 let (columns, values) = m.row(row);

@@ -7,9 +7,15 @@ pub struct BranchCounts {
     pub kinks: Vec<[usize; 3]>,
     /// A number that changes when any point changes its branch.
     pub fingerprint: u64,
+    /// By entity of the region: points on each branch of the contact kink, 16 bits each; empty without one.
+    pub(super) by_entity: Vec<u64>,
 }
 
 impl BranchCounts {
+    pub(super) fn new(n_kinks: usize) -> Self {
+        Self { kinks: vec![[0; 3]; n_kinks], ..Self::default() }
+    }
+
     pub(super) fn clear(&mut self, n_kinks: usize) {
         self.kinks.clear();
         self.kinks.resize(n_kinks, [0; 3]);

@@ -114,9 +114,6 @@ pub struct AssembledTerm {
     plans: Vec<TangentPlan>,
     /// For each group, once a pattern is known.
     scatters: Vec<Scatter>,
-    branches: BranchCounts,
-    /// By entity of the region: points on each branch of the contact kink, 16 bits each.
-    states: Vec<AtomicU64>,
     /// The pattern that [`Self::locate`] was given and the row of each dof.
     located: Option<(Arc<Pattern>, Vec<u32>)>,
     kept: Mutex<Kept>,
@@ -183,8 +180,6 @@ impl AssembledTerm {
             uniforms: Vec::new(),
             dofs,
             scatters: Vec::new(),
-            branches: BranchCounts::default(),
-            states: Vec::new(),
             located: None,
             kept: Mutex::default(),
             workspaces: Mutex::default(),
@@ -246,12 +241,6 @@ impl AssembledTerm {
         });
     }
 
-    /// The branch of each kink, counted over the points of the last residual.
-    #[must_use]
-    pub fn branches(&self) -> &BranchCounts {
-        &self.branches
-    }
-
     /// The kinks of the law.
     #[must_use]
     pub fn kinks(&self) -> &[Kink] {
@@ -296,36 +285,40 @@ impl AssembledTerm {
         self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).forget_places();
     }
 
-    /// Adds the residual to `out` (by dof, fixed ones included) and counts branches.
+    /// Adds the residual to `out` (by dof, fixed ones included). Returns the branches of its kinks.
     ///
     /// # Errors
     /// [`TermError::NonFinite`] with the place.
-    pub fn add_residual(&mut self, mesh: &Mesh, values: FieldValues<'_>, out: &mut [f64]) -> Result<(), TermError> {
+    pub fn add_residual(
+        &self,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        out: &mut [f64],
+    ) -> Result<BranchCounts, TermError> {
         let n_entities = if self.contact_kink().is_some() { self.integrator.domain.n_entities } else { 0 };
-        self.states.resize_with(n_entities, AtomicU64::default);
-        self.states.iter_mut().for_each(|s| *s.get_mut() = 0);
-        let mut branches = std::mem::take(&mut self.branches);
-        branches.clear(self.law.kinks.len());
-        let total = Mutex::new(branches);
+        let mut by_entity: Vec<AtomicU64> = Vec::new();
+        by_entity.resize_with(n_entities, AtomicU64::default);
+        let total = Mutex::new(BranchCounts::new(self.law.kinks.len()));
         let finite = AtomicBool::new(true);
         let out = shared(out);
-        let this = &*self;
-        this.share_out(|workspace, duties, owns| {
+        self.share_out(|workspace, duties, owns| {
             let mut branches = std::mem::take(&mut workspace.branches);
-            branches.clear(this.law.kinks.len());
+            branches.clear(self.law.kinks.len());
             for duty in duties {
-                if !this.residual_of(mesh, values, workspace, duty, out, &owns) {
+                if !self.residual_of(mesh, values, workspace, duty, out, &owns) {
                     finite.store(false, Ordering::Relaxed);
                 }
                 if duty.counts {
-                    this.count(workspace, duty, &mut branches);
+                    self.count(workspace, duty, &mut branches, &by_entity);
                 }
             }
             total.lock().unwrap_or_else(PoisonError::into_inner).add(&branches);
             workspace.branches = branches;
         });
-        self.branches = total.into_inner().unwrap_or_else(PoisonError::into_inner);
-        self.result(finite.into_inner(), mesh, values, &self.law.residual)
+        let mut branches = total.into_inner().unwrap_or_else(PoisonError::into_inner);
+        branches.by_entity = by_entity.into_iter().map(AtomicU64::into_inner).collect();
+        self.result(finite.into_inner(), mesh, values, &self.law.residual)?;
+        Ok(branches)
     }
 
     fn result(
@@ -517,7 +510,7 @@ impl AssembledTerm {
     }
 
     /// Counts the branches of a batch; their codes are the last outputs of the residual.
-    fn count(&self, workspace: &Workspace, duty: &Duty, branches: &mut BranchCounts) {
+    fn count(&self, workspace: &Workspace, duty: &Duty, branches: &mut BranchCounts, by_entity: &[AtomicU64]) {
         let n_out = self.law.residual.kernel().outputs.len();
         let first = self.law.tests.len();
         let group = &self.integrator.domain.groups[duty.group];
@@ -537,7 +530,7 @@ impl AssembledTerm {
                 }
             }
             if contact.is_some() {
-                self.states[place].store(state, Ordering::Relaxed);
+                by_entity[place].store(state, Ordering::Relaxed);
             }
         }
     }
@@ -561,20 +554,20 @@ impl AssembledTerm {
     }
 
     /// Points open, slipping, sticking at the friction kink; without friction open and in contact (counted as stick).
+    /// `branches` are those of a residual of this term.
     #[must_use]
-    pub fn contact_counts(&self) -> Option<[usize; 3]> {
-        let [zero, one, two] = *self.branches.kinks.get(self.contact_kink()?)?;
+    pub fn contact_counts(&self, branches: &BranchCounts) -> Option<[usize; 3]> {
+        let [zero, one, two] = *branches.kinks.get(self.contact_kink()?)?;
         Some(if self.has_friction() { [zero, one, two] } else { [zero, 0, one + two] })
     }
 
     /// By entity of the region: the state of most of its points, 0 open, 1 slip, 2 stick (or contact); `None` without
-    /// a kink. Of a tie the higher one.
+    /// a kink. Of a tie the higher one. `branches` are those of a residual of this term.
     #[must_use]
-    pub fn contact_states(&self) -> Option<Vec<f64>> {
+    pub fn contact_states(&self, branches: &BranchCounts) -> Option<Vec<f64>> {
         self.contact_kink()?;
         let friction = self.has_friction();
-        let state = |packed: &AtomicU64| {
-            let packed = packed.load(Ordering::Relaxed);
+        let state = |packed: &u64| {
             let [zero, one, two] = [0, 16, 32].map(|shift| (packed >> shift) & 0xffff);
             let [zero, one, two] = if friction { [zero, one, two] } else { [zero, 0, one + two] };
             if two >= one && two >= zero {
@@ -585,6 +578,6 @@ impl AssembledTerm {
                 0.0
             }
         };
-        Some(self.states.iter().map(state).collect())
+        Some(branches.by_entity.iter().map(state).collect())
     }
 }

@@ -1,0 +1,265 @@
+//! Breakpoints of a piecewise linear path: the first change of branch on a ray, and what follows there.
+//!
+//! With linear bodies the arguments and radii of all projections are linear along a ray, so that a breakpoint is a root
+//! of a linear or a quadratic equation. Promises: pure functions of projection states; a breakpoint that is left behind
+//! is not found again. Does not decide which way the path goes on: `newton/path_following.rs` does.
+
+use wfl_compiler::{BALL_NUMBERS, Projection, ProjectionKind};
+
+use super::{ContactTerm, ProjectionState};
+
+/// On a ray with a slip direction that turns, the part of the length of the argument by which it may move sideways.
+const TURN: f64 = 0.5;
+
+/// Where a branch changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The integration point.
+    pub point: usize,
+    /// The projection there.
+    pub projection: usize,
+    /// The entry of a half line.
+    pub entry: usize,
+}
+
+/// A change of branch on a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Breakpoint {
+    /// How far: 0 at the start of the line, 1 at its end, or beyond.
+    at: f64,
+    place: Place,
+}
+
+/// A ray through two states of the projections of a term, in the direction of `sign`.
+#[derive(Clone, Copy)]
+pub struct Ray<'a> {
+    /// Its start.
+    pub from: &'a ProjectionState,
+    /// A length away.
+    pub to: &'a ProjectionState,
+    /// Forwards (1) or backwards (-1).
+    pub sign: f64,
+}
+
+/// Breakpoints that are passed together, with the term they belong to: those of terms with the same projections.
+pub type Breakpoints = Vec<(usize, Place)>;
+
+/// Breakpoints of one point in several terms are passed together if they are nearer than this, relative or in parts of the
+/// line.
+const TOGETHER: (f64, f64) = (1e-6, 1e-12);
+
+/// How far rays go, at most to `end`, and the breakpoints they meet there; a term with its ray and branch data each.
+pub(super) fn next<'a>(
+    terms: impl Iterator<Item = ((&'a ContactTerm, Ray<'a>), &'a [f64])>,
+    friction: f64,
+    end: f64,
+) -> (f64, Breakpoints) {
+    let (mut all, mut at) = (Vec::new(), end);
+    for (k, ((term, ray), data)) in terms.enumerate() {
+        let (found, room) = term.breakpoints(ray, data, friction);
+        at = at.min(room);
+        all.extend(found.into_iter().map(|breakpoint| (k, breakpoint)));
+    }
+    let Some((_, first)) = all.iter().min_by(|a, b| a.1.at.total_cmp(&b.1.at)).filter(|(_, b)| b.at < at) else {
+        return (at, Vec::new());
+    };
+    let near = first.at + TOGETHER.0 * first.at + TOGETHER.1;
+    let same = all.iter().filter(|(_, b)| b.place == first.place && b.at <= near);
+    (first.at, same.map(|(k, b)| (*k, b.place)).collect())
+}
+
+impl ContactTerm {
+    /// Each change of branch ahead, and how far the directions of slip let the ray go.
+    fn breakpoints(&self, ray: Ray<'_>, data: &[f64], friction: f64) -> (Vec<Breakpoint>, f64) {
+        let (mut found, mut room) = (Vec::new(), f64::INFINITY);
+        let points = data.chunks_exact(self.n_data).zip(ray.from.points().zip(ray.to.points()));
+        for (point, (data, (a, b))) in points.enumerate() {
+            for (k, p) in self.projections.iter().enumerate() {
+                match p.kind {
+                    ProjectionKind::HalfLine => {
+                        for entry in 0..p.n {
+                            let (x, slope) = line(a, b, p.output + entry, ray.sign);
+                            let closed = data[p.guide + entry] > 0.5;
+                            if let Some(at) = half_line(x, slope, closed) {
+                                found.push(Breakpoint { at, place: Place { point, projection: k, entry } });
+                            }
+                        }
+                    }
+                    ProjectionKind::Ball => {
+                        let ball = Ball::new(p, a, b, ray.sign, friction);
+                        let sticks = data[p.guide] > 0.5;
+                        if let Some(at) = ball.breakpoint(sticks) {
+                            found.push(Breakpoint { at, place: Place { point, projection: k, entry: 0 } });
+                        }
+                        if !sticks && ball.radius > 0.0 && ball.aside > 0.0 {
+                            room = room.min(TURN * ball.xx.sqrt() / ball.aside);
+                        }
+                    }
+                }
+            }
+        }
+        (found, room)
+    }
+
+    /// How fast a breakpoint is passed along a ray, `at` this part of it: positive from the branch with the smaller
+    /// argument.
+    pub(super) fn passage(&self, ray: Ray<'_>, at: f64, place: Place, friction: f64) -> f64 {
+        let p = &self.projections[place.projection];
+        let (Some(a), Some(b)) = (ray.from.points().nth(place.point), ray.to.points().nth(place.point)) else {
+            return 0.0;
+        };
+        match p.kind {
+            ProjectionKind::HalfLine => line(a, b, p.output + place.entry, ray.sign).1,
+            ProjectionKind::Ball => Ball::new(p, a, b, ray.sign, friction).passage(at),
+        }
+    }
+
+    /// Changes the branch at a breakpoint.
+    pub(super) fn cross(&self, place: Place, data: &mut [f64]) {
+        let p = &self.projections[place.projection];
+        let at = place.point * self.n_data + p.guide + place.entry;
+        data[at] = 1.0 - data[at];
+    }
+
+    /// Turns the directions of slip to the present arguments, as the term is written.
+    pub(super) fn turn_slip(&self, state: &ProjectionState, data: &mut [f64], friction: f64) {
+        for (data, out) in data.chunks_exact_mut(self.n_data).zip(state.points()) {
+            for p in self.projections.iter().filter(|p| p.kind == ProjectionKind::Ball) {
+                let (numbers, along) = data[p.guide..][..BALL_NUMBERS + p.n].split_at_mut(BALL_NUMBERS);
+                let (x, radius) = (&out[p.output..][..p.n], (friction * out[p.output + p.n]).max(0.0));
+                let length = x.iter().fold(0.0f64, |m, x| m.hypot(*x));
+                if length > 0.0 {
+                    along.iter_mut().zip(x).for_each(|(e, x)| *e = x / length);
+                    numbers[1] = (radius / length).min(1.0);
+                }
+            }
+        }
+    }
+}
+
+/// A number and its slope along a ray.
+fn line(a: &[f64], b: &[f64], k: usize, sign: f64) -> (f64, f64) {
+    (a[k], sign * (b[k] - a[k]))
+}
+
+/// Where an argument leaves its half line: a point that is beyond already leaves at once if it goes further.
+fn half_line(x: f64, slope: f64, closed: bool) -> Option<f64> {
+    let leaves = if closed { slope < 0.0 } else { slope > 0.0 };
+    leaves.then(|| (-x / slope).max(0.0))
+}
+
+/// The argument of a ball along a ray: q(s) = |x|² - r² = a s² + b s + c.
+struct Ball {
+    radius: f64,
+    growth: f64,
+    /// |x|², x.dx, |dx|², and the length of dx across x.
+    xx: f64,
+    xd: f64,
+    dd: f64,
+    aside: f64,
+}
+
+impl Ball {
+    fn new(p: &Projection, a: &[f64], b: &[f64], sign: f64, friction: f64) -> Self {
+        let (mut xx, mut xd, mut dd) = (0.0, 0.0, 0.0);
+        for k in p.output..p.output + p.n {
+            let (x, d) = line(a, b, k, sign);
+            xx += x * x;
+            xd += x * d;
+            dd += d * d;
+        }
+        let (radius, growth) = line(a, b, p.output + p.n, sign);
+        let aside = if xx > 0.0 { (dd - xd * xd / xx).max(0.0).sqrt() } else { 0.0 };
+        Self { radius: friction * radius, growth: friction * growth, xx, xd, dd, aside }
+    }
+
+    /// The slope of |x| - r at a part of the ray.
+    fn passage(&self, at: f64) -> f64 {
+        let squared = self.xx + at * (2.0 * self.xd + at * self.dd);
+        let along = if squared > 0.0 { (self.xd + at * self.dd) / squared.sqrt() } else { self.dd.sqrt() };
+        along - self.growth
+    }
+
+    fn breakpoint(&self, sticks: bool) -> Option<f64> {
+        // an open point has no radius, and no branch that matters
+        if !sticks && self.radius <= 0.0 && self.growth <= 0.0 {
+            return None;
+        }
+        let (a, b) = (self.dd - self.growth * self.growth, 2.0 * (self.xd - self.radius * self.growth));
+        let c = self.xx - self.radius * self.radius;
+        let (out, leaving) =
+            if sticks { (c >= 0.0, self.passage(0.0) > 0.0) } else { (c <= 0.0, self.passage(0.0) < 0.0) };
+        if out && leaving {
+            return Some(0.0);
+        }
+        let root = b * b - 4.0 * a * c;
+        let root = if root >= 0.0 { root.sqrt() } else { return None };
+        // upwards where it sticks, downwards where it slips; of the two forms the one that does not cancel
+        let at = match sticks {
+            true if b > 0.0 => -2.0 * c / (b + root),
+            true => (root - b) / (2.0 * a),
+            false if b < 0.0 => 2.0 * c / (root - b),
+            false => -(b + root) / (2.0 * a),
+        };
+        let inside = self.radius + at * self.growth > 0.0;
+        (at > 0.0 && at.is_finite() && (inside || sticks)).then_some(at)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRICTION: f64 = 0.5;
+
+    /// A ball with an argument of two entries, behind them the bound before friction.
+    fn ball(from: [f64; 3], to: [f64; 3], sign: f64) -> Ball {
+        let p = Projection { kind: ProjectionKind::Ball, n: 2, guide: 0, output: 0, acts: true };
+        Ball::new(&p, &from, &to, sign, FRICTION)
+    }
+
+    #[test]
+    fn a_point_slips_where_its_argument_meets_the_bound() {
+        // (3 s, 4 s) has the length 5 s, the bound is 1 + s / 2
+        let grows = ball([0.0, 0.0, 2.0], [3.0, 4.0, 3.0], 1.0);
+        assert!((grows.breakpoint(true).unwrap() - 1.0 / 4.5).abs() < 1e-15);
+        // the bound grows faster than the argument
+        assert_eq!(ball([0.0, 0.0, 2.0], [0.3, 0.4, 4.0], 1.0).breakpoint(true), None);
+        // backwards the bound closes on it: 5 s = 1 - s / 2
+        let back = ball([0.0, 0.0, 2.0], [3.0, 4.0, 3.0], -1.0);
+        assert!((back.breakpoint(true).unwrap() - 1.0 / 5.5).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_point_sticks_where_the_bound_meets_its_argument() {
+        // (3, 0) turns back through the ball of radius 1
+        let back = ball([3.0, 0.0, 2.0], [-1.0, 0.0, 2.0], 1.0);
+        assert!((back.breakpoint(false).unwrap() - 0.5).abs() < 1e-15);
+        // it passes beside the ball
+        assert_eq!(ball([3.0, 2.0, 2.0], [-1.0, 2.0, 2.0], 1.0).breakpoint(false), None);
+        // open points have no ball to meet
+        assert_eq!(ball([3.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 1.0).breakpoint(false), None);
+    }
+
+    #[test]
+    fn a_point_that_crosses_its_ball_leaves_it() {
+        // from (-0.9, 0) to (2.1, 0), towards the middle at first; the ball of radius 1 is left with a slope of 3
+        let across = ball([-0.9, 0.0, 2.0], [2.1, 0.0, 2.0], 1.0);
+        let at = across.breakpoint(true).unwrap();
+        assert!((at - 1.9 / 3.0).abs() < 1e-15);
+        assert!((across.passage(0.0) + 3.0).abs() < 1e-15 && (across.passage(at) - 3.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_breakpoint_that_is_left_behind_is_not_found_again() {
+        let there = [1.0, 0.0, 2.0];
+        assert_eq!(ball(there, [2.0, 0.0, 2.0], 1.0).breakpoint(false), None);
+        assert_eq!(ball(there, [2.0, 0.0, 2.0], 1.0).breakpoint(true), Some(0.0), "it leaves the ball at once");
+        assert_eq!(ball(there, [2.0, 0.0, 2.0], -1.0).breakpoint(false), Some(0.0));
+        let across = ball(there, [2.0, 0.0, 2.0], -1.0).breakpoint(true).unwrap();
+        assert!((across - 2.0).abs() < 1e-15, "on the other side of the ball: {across}");
+        assert_eq!(half_line(0.0, 1.0, true), None);
+        assert_eq!(half_line(-1e-17, -1.0, true), Some(0.0));
+        assert_eq!(half_line(-3.0, 2.0, false), Some(1.5));
+    }
+}

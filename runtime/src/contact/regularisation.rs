@@ -1,0 +1,63 @@
+//! The law of contact between what is easy to solve and what is written: one homotopy with three parameters.
+
+/// The stiffness of the layer between the sides while contact is compliant, in units of that of the bodies.
+const LAYER: f64 = 0.3;
+/// After so many choices in a step the scaling grows by a factor each time, up to a bound: what is left then are
+/// directions of slip, which converge faster near the arguments as written.
+const SETTLED_CHOICES: usize = 2;
+const SCALING_GROWTH: f64 = 3.0;
+const LARGEST_GROWTH: f64 = 10.0;
+
+/// How a law differs from what is written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Regularisation {
+    /// The stiffness of a layer between the sides, in units of that of the bodies; infinite as written. The argument of
+    /// a projection is that of the law less a part of the traction (compliance).
+    pub layer: f64,
+    /// Traction may exceed its bound by so much of the stiffness of the bodies times what passes between the sides
+    /// (Duvaut and Lions 1976); 0 as written.
+    pub overstress: f64,
+    /// Factor on the radius of friction; 1 as written.
+    pub friction: f64,
+}
+
+impl Default for Regularisation {
+    fn default() -> Self {
+        Self { layer: f64::INFINITY, overstress: 0.0, friction: 1.0 }
+    }
+}
+
+impl Regularisation {
+    /// True for the law as written.
+    #[must_use]
+    pub fn is_as_written(&self) -> bool {
+        *self == Self::default()
+    }
+
+    pub(super) fn set_compliant(&mut self, compliant: bool) {
+        self.layer = if compliant { LAYER } else { f64::INFINITY };
+    }
+}
+
+/// The complementarity equation `t = P(t + c (x - t))` that the active set is chosen by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Complementarity {
+    /// The law.
+    pub regularisation: Regularisation,
+    /// Factor on `c` where it is below 1, and its inverse where it is above.
+    pub growth: f64,
+}
+
+impl Default for Complementarity {
+    fn default() -> Self {
+        Self { regularisation: Regularisation::default(), growth: 1.0 }
+    }
+}
+
+impl Complementarity {
+    /// Tells how often the active set was chosen in this step.
+    pub(super) fn set_choices(&mut self, times: usize) {
+        let exponent = i32::try_from(times.saturating_sub(SETTLED_CHOICES)).unwrap_or(i32::MAX);
+        self.growth = SCALING_GROWTH.powi(exponent).min(LARGEST_GROWTH);
+    }
+}

@@ -1,0 +1,118 @@
+//! How far a Newton correction is followed.
+//!
+//! Promises: the state that is left behind is the one that was measured last. Does not choose the direction.
+
+use super::{
+    LoadStep, Method, NewtonError,
+    critical_point::{self, CriticalPoint},
+    iteration::LARGEST_FORCING,
+    load_step::{Measured, Norm},
+};
+
+/// Halvings of a step before the best one seen is taken.
+const MAX_HALVINGS: usize = 10;
+/// A step to a state that is not finite is cut by this, down to the shortest.
+const DOMAIN_CUT: f64 = 1.0 / 16.0;
+const SHORTEST: f64 = 1e-60;
+/// A step is accepted when it reduces the residual norm by this part of its length.
+const SUFFICIENT: f64 = 1e-4;
+/// A direction and how far it is followed.
+#[derive(Clone, Copy)]
+pub(super) struct LineSearch<'a> {
+    pub(super) direction: &'a [f64],
+    pub(super) norm: &'a Norm,
+    pub(super) method: Method,
+    /// The residual norm at its start.
+    pub(super) before: f64,
+    /// With a frozen active set: takes every full step.
+    pub(super) undamped: bool,
+}
+
+impl LineSearch<'_> {
+    /// Takes the full step, or the first halved one that reduces the merit, or the best of those tried.
+    pub(super) fn advance(
+        &self,
+        step: &mut LoadStep<'_>,
+        u: &mut [f64],
+        here: &Measured,
+    ) -> Result<(f64, Measured), NewtonError> {
+        let start: Vec<f64> = u.to_vec();
+        if self.method.freezes() && step.system.is_affine_when_frozen() {
+            step.go(&start, self.direction, 1.0, u);
+            let found = step.measure(u, self.norm)?;
+            if found.stop(step.options).is_some() {
+                return Ok((1.0, found));
+            }
+            return self.damped(step, u, &start, 1.0, found);
+        }
+        if step.options.search && critical_point::applies(step.system, self.method) {
+            let search = CriticalPoint { direction: self.direction, norm: self.norm };
+            if let Some((alpha, found)) = search.descend(step, u, &start, here)? {
+                return self.damped(step, u, &start, alpha, found);
+            }
+        }
+        let mut best: Option<(f64, f64)> = None;
+        let (mut alpha, mut halvings) = (1.0, 0);
+        while halvings <= MAX_HALVINGS {
+            step.go(&start, self.direction, alpha, u);
+            let found = match step.measure(u, self.norm) {
+                Ok(found) => found,
+                // out of the domain of a function (log of a negative number) or out of range
+                Err(_) if alpha > SHORTEST => {
+                    alpha *= DOMAIN_CUT;
+                    continue;
+                }
+                Err(e) => return Err(e.into()),
+            };
+            if !step.options.search || found.stop(step.options).is_some() {
+                return Ok((alpha, found));
+            }
+            let merit = self.merit(step, &found, here)?;
+            if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
+                return self.damped(step, u, &start, alpha, found);
+            }
+            if best.is_none_or(|(_, m)| merit < m) {
+                best = Some((alpha, merit));
+            }
+            alpha *= 0.5;
+            halvings += 1;
+        }
+        // measured again, so that the branches reported are those of the state that is kept
+        let alpha = best.map_or(0.0, |(alpha, _)| alpha);
+        step.go(&start, self.direction, alpha, u);
+        let found = step.measure(u, self.norm)?;
+        self.damped(step, u, &start, alpha, found)
+    }
+
+    /// Where the active set is frozen: goes back on a step until the projections are nearer to their laws.
+    fn damped(
+        &self,
+        step: &mut LoadStep<'_>,
+        u: &mut [f64],
+        start: &[f64],
+        alpha: f64,
+        found: Measured,
+    ) -> Result<(f64, Measured), NewtonError> {
+        let undamped = self.undamped
+            || critical_point::applies(step.system, self.method) && critical_point::leaves_much(self.before, &found);
+        let part = if self.method.freezes() { step.contact.search(step.system, u, !undamped) } else { 1.0 };
+        if part == 1.0 {
+            return Ok((alpha, found));
+        }
+        step.go(start, self.direction, part * alpha, u);
+        Ok((part * alpha, step.measure(u, self.norm)?))
+    }
+
+    /// How large a state is against the one before: the norm of the residual, or that of the simplified Newton
+    /// correction (Deuflhard 2004, natural monotonicity test), which does not depend on the scaling of the equations.
+    fn merit(&self, step: &mut LoadStep<'_>, found: &Measured, here: &Measured) -> Result<f64, NewtonError> {
+        if self.method != Method::Natural {
+            return Ok(found.norm / here.norm);
+        }
+        let (mut rhs, mut correction) = (Vec::new(), Vec::new());
+        step.system.numbering.gather(&found.residual, &mut rhs);
+        step.solver.solve(&rhs, &mut correction, LARGEST_FORCING)?;
+        let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        Ok(norm(&correction) / norm(self.direction))
+    }
+}

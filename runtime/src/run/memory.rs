@@ -1,0 +1,52 @@
+//! What one step leaves to the next beside the unknowns: kept over a step that failed and over a run that was killed.
+
+use wfl_compiler::types::FieldKind;
+
+use crate::{
+    contact::ContactMemory,
+    scene::Scene,
+    system::{System, Tangent},
+};
+
+/// What a step inherits from the one before, beside the unknowns.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Memory {
+    /// Values of the last tangent of the nonlinear terms.
+    pub changing: Vec<f64>,
+    /// The state of contact.
+    pub contact: ContactMemory,
+    /// By state in the order of the fields: its values.
+    pub states: Vec<Vec<f64>>,
+}
+
+impl Memory {
+    /// What later steps of a scene depend on beside the unknowns.
+    pub(super) fn of(scene: &Scene, tangent: &Tangent) -> Self {
+        let system = &scene.system;
+        Self {
+            changing: tangent.changing.values().to_vec(),
+            contact: scene.contact.memory(),
+            states: states(system).map(|k| system.known.data[k].clone()).collect(),
+        }
+    }
+
+    /// Goes back to what was remembered. False, and nothing is changed, if that belongs to another scene.
+    #[must_use]
+    pub(super) fn recall(&self, scene: &mut Scene, tangent: &mut Tangent) -> bool {
+        let known = &scene.system.known.data;
+        let fits = self.changing.len() == tangent.changing.values().len()
+            && states(&scene.system).map(|k| known[k].len()).eq(self.states.iter().map(Vec::len));
+        if !fits || !scene.contact.recall(&self.contact) {
+            return false;
+        }
+        tangent.changing.values_mut().copy_from_slice(&self.changing);
+        let of: Vec<usize> = states(&scene.system).collect();
+        of.iter().zip(&self.states).for_each(|(k, s)| scene.system.known.data[*k].clone_from(s));
+        true
+    }
+}
+
+/// The fields that are states.
+fn states(system: &System) -> impl Iterator<Item = usize> + '_ {
+    (0..system.fields.len()).filter(|k| system.fields[*k].kind == FieldKind::State)
+}
