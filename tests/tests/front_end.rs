@@ -83,8 +83,15 @@ fn codes_in(text: &str) -> BTreeSet<String> {
 #[test]
 fn every_page_has_a_code_that_is_given() {
     let mut used = BTreeSet::new();
-    for folder in ["wfl/src", "compiler/src", "compiler/jit/src", "runtime/mesh/src", "runtime/src", "runtime/cli/src"]
-    {
+    for folder in [
+        "wfl/src",
+        "compiler/src",
+        "compiler/jit/src",
+        "runtime/mesh/src",
+        "runtime/src",
+        "runtime/tasks/src",
+        "runtime/cli/src",
+    ] {
         for path in files(folder, "rs") {
             // pages and tests name codes without giving them
             let shown = path.display().to_string();

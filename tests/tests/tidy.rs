@@ -59,21 +59,24 @@ const ARROWS: &[(&str, &str, &[&str])] = &[
     ),
     ("wfl-report", "runtime/report", &["wfl-charts", "wfl-runtime", "serde_json", "thiserror"]),
     (
+        "wfl-tasks",
+        "runtime/tasks",
+        &["wfl", "wfl-charts", "wfl-compiler", "wfl-runtime", "serde", "serde_json", "thiserror"],
+    ),
+    (
         "wfl-cli",
         "runtime/cli",
         &[
             "wfl",
-            "wfl-charts",
             "wfl-compiler",
             "wfl-jit",
             "wfl-report",
             "wfl-runtime",
+            "wfl-tasks",
             "clap",
             "indicatif",
-            "serde",
             "serde_json",
             "signal-hook",
-            "thiserror",
         ],
     ),
     (

@@ -16,12 +16,13 @@ use wfl_runtime::{
     mesh::{self, RegionSet},
     n_files,
 };
+use wfl_tasks::{Loaded, advice::contact::warnings};
 
 use crate::{
     accuracy,
     args::CheckArgs,
     contact,
-    load::{Loaded, load, out, print_all},
+    load::{load, out, print_all},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     table::{Table, number},
 };
@@ -34,7 +35,7 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
     let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
     let forms = consistency(&mut scene);
-    loaded.messages.extend(contact::warnings(&loaded, &forms));
+    loaded.messages.extend(warnings(&loaded, &forms));
     print_all(&loaded.messages, &loaded.sources);
     let accuracy = accuracy::table(&loaded, &scene);
     let mut tables = tables(&loaded, &scene, parse);

@@ -8,10 +8,11 @@ use std::{
 
 use wfl::SourceMap;
 use wfl_runtime::input::InputKind;
+use wfl_tasks::scene_file::read_text;
 
 use crate::{
     args::FmtArgs,
-    load::{out, print_all, read_text, say},
+    load::{out, print_all, say},
     prepared::EXIT_ERROR,
 };
 

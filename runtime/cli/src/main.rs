@@ -1,4 +1,4 @@
-//! The `wfl` command: arguments, messages, progress. No logic of its own.
+//! The `wfl` command: reads arguments, calls the doors below it, prints what they give. No logic of its own.
 #![forbid(unsafe_code)]
 
 mod accuracy;
@@ -6,19 +6,16 @@ mod args;
 mod args_slip;
 mod ast_text;
 mod check;
+mod console;
 mod contact;
-mod definite;
 mod ended;
 mod explain;
 mod extremes;
 mod fmt;
-mod folder;
 mod heartbeat;
 mod import;
 mod interrupt;
-mod knobs;
 mod load;
-mod nitsche;
 mod prepared;
 mod progress;
 mod ready;
@@ -27,7 +24,6 @@ mod run;
 mod show;
 mod sweep;
 mod table;
-mod threads;
 mod verify;
 
 use std::process::ExitCode;
@@ -36,11 +32,7 @@ use std::time::Instant;
 use args::Command;
 use clap::Parser;
 use wfl_runtime::memory::{self, TooMuchMemory};
-
-/// Bytes of stack of the thread that reads and compiles scenes, and of those of a sweep: [`wfl_compiler::DEPTH_LIMIT`] nested
-/// calls, threefold in second derivatives, of about 2 kB each in the slowest build, and as much to spare. Reserved, not
-/// taken: what is not used costs nothing.
-pub(crate) const STACK: usize = 192 << 20;
+use wfl_tasks::STACK;
 
 fn main() -> ExitCode {
     let started = Instant::now();

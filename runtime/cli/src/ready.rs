@@ -2,33 +2,31 @@
 
 use std::{path::PathBuf, time::Instant};
 
-use wfl_runtime::{
-    Outcome, RunError, RunOptions, Scene,
-    consistency::consistency,
-    output::{About, OrderedMap, SceneText, check_name},
+use wfl_runtime::{Outcome, RunError, RunOptions, Scene, output::check_name};
+use wfl_tasks::{
+    Loaded, VERSION,
+    advice::{before_run, found_parameters},
+    available_threads,
 };
 
 use crate::{
     args::RunArgs,
-    contact, definite,
+    console::limited,
     interrupt::Tidied,
-    load::{Loaded, out, print_all, say},
-    nitsche,
+    load::{out, print_all, say},
     progress::{Loudness, Terminal},
-    threads::{available, limited},
 };
 
 /// The threads of a run.
 pub(crate) fn threads(args: &RunArgs) -> usize {
-    args.threads.map_or_else(available, |n| limited(n.get()))
+    args.threads.map_or_else(available_threads, |n| limited(n.get()))
 }
 
-/// A scene with what the command line says of its solver.
-pub(crate) fn shaped(args: &RunArgs, mut scene: Scene) -> Scene {
+/// Gives a scene what the command line says of its solver.
+pub(crate) fn shape(args: &RunArgs, scene: &mut Scene) {
     if let Some(most) = args.max_iter {
         scene.newton.max_iterations = most.get();
     }
-    scene
 }
 
 /// A run that can begin.
@@ -43,7 +41,7 @@ impl Ready {
     /// Says what there is to say of a scene.
     pub(crate) fn announce(&self, loaded: &Loaded, scene: &Scene) {
         if self.loudness != Loudness::Quiet {
-            out(&nitsche::found(loaded, scene));
+            out(&found_parameters(loaded, scene));
             print_all(&loaded.messages, &loaded.sources);
         }
         if self.loudness == Loudness::Verbose {
@@ -68,13 +66,9 @@ pub(crate) fn ready(
     parse_seconds: f64,
     started: Instant,
 ) -> Result<Ready, String> {
-    let found = nitsche::parameters(loaded, scene);
+    let found = before_run(loaded, scene);
     let refused = args.strict && found.iter().any(|d| d.code == "W503");
     loaded.messages.extend(found);
-    let bodies = definite::bodies(loaded, scene);
-    loaded.messages.extend(bodies);
-    let inconsistent = contact::warnings(loaded, &consistency(scene));
-    loaded.messages.extend(inconsistent);
     if refused {
         print_all(&loaded.messages, &loaded.sources);
         return Err("a Nitsche parameter is below its safe value, which --strict does not allow".to_owned());
@@ -92,11 +86,11 @@ pub(crate) fn ready(
         settings: loaded.settings(&args.no_prune),
         threads: threads(args),
         precision: args.precision,
-        version: env!("CARGO_PKG_VERSION").to_owned(),
+        version: VERSION.to_owned(),
         parse_seconds,
         started,
         warnings: loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
-        about: about(loaded),
+        about: loaded.about(),
         savings: Vec::new(),
         keep_states: false,
     };
@@ -112,26 +106,6 @@ pub(crate) fn folder(args: &RunArgs, loaded: &Loaded) -> Result<PathBuf, String>
     named.map_err(|e| {
         format!("[E710]: no results folder can be named after the scene: {e}\n  = help: name one: --out DIR")
     })
-}
-
-/// What the report keeps of a scene.
-fn about(loaded: &Loaded) -> About {
-    let mut units = OrderedMap::default();
-    for param in &loaded.script.params {
-        if let Some(unit) = &param.unit {
-            let text = loaded.sources.snippet(unit.span);
-            units.insert(param.name.name.clone(), text.trim_matches(['[', ']', ' ']));
-        }
-    }
-    for known in wfl::unit_report(&loaded.script, &loaded.sources) {
-        units.insert(known.name, known.unit);
-    }
-    let text = |(_, s): (_, &wfl::Source)| SceneText { name: s.name.clone(), text: s.text.to_string() };
-    About {
-        step_variable: loaded.script.steps.as_ref().map(|s| s.variable.name.clone()),
-        units,
-        texts: loaded.sources.iter().map(text).collect(),
-    }
 }
 
 /// Nodes of no cell have no dofs; their numbers are told to who wants to know.

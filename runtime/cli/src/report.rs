@@ -8,9 +8,10 @@ use std::{
 use wfl_report::{Pages, Picture, ReportError, RunFolder};
 use wfl_runtime::output::{Kind, OutputDir, OutputError, Plan, State};
 
+use wfl_tasks::folder::told;
+
 use crate::{
     args::ReportArgs,
-    folder::told,
     load::{out, say},
     prepared::EXIT_ERROR,
 };

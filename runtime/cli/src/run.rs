@@ -4,22 +4,21 @@ use std::{process::ExitCode, time::Instant};
 
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_runtime::{Saving, Scene, finished, may_begin, savings};
+use wfl_tasks::{Loaded, folder::error_line};
 
 use crate::{
     accuracy,
     args::RunArgs,
     ended::{ended_before, explain, finish},
-    folder::error_line,
     heartbeat::Heartbeat,
-    knobs::load_with,
-    load::{Loaded, out, say},
+    load::{load_with_knobs, out, say},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     progress::Loudness,
-    ready::{Ready, folder, ready, shaped},
+    ready::{Ready, folder, ready, shape},
 };
 
 pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
-    let Some(mut loaded) = load_with(&args.scene.scene, &args.scene.overrides, "run") else {
+    let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "run") else {
         return ExitCode::from(EXIT_ERROR);
     };
     let parse_seconds = started.elapsed().as_secs_f64();
@@ -27,7 +26,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
     // for an accuracy the scene as it stands is looked at and not run
     let looked_at: &dyn KernelBackend = if args.accuracy.is_some() { &InterpreterBackend } else { &*backend };
-    let Some(scene) = prepare_scene(&mut loaded, looked_at, &args.no_prune) else {
+    let Some(mut scene) = prepare_scene(&mut loaded, looked_at, &args.no_prune) else {
         return ExitCode::from(EXIT_ERROR);
     };
     if let Some(demand) = accuracy::demand(args, &scene) {
@@ -46,13 +45,13 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
             return ExitCode::from(EXIT_ERROR);
         }
         drop(preparing);
-        return accuracy::run(args, &demand, (loaded, scene), &*backend, started);
+        return accuracy::run(args, &demand, loaded, scene, &*backend, started);
     }
     if args.of.is_some() || args.budget.is_some() {
         say("error: --of and --budget say more about an accuracy\n  = help: --accuracy 1e-3\n");
         return ExitCode::from(EXIT_ERROR);
     }
-    let mut scene = shaped(args, scene);
+    shape(args, &mut scene);
     if args.savings && !may_write(args, &loaded, &scene) {
         return ExitCode::from(EXIT_ERROR);
     }
@@ -75,7 +74,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     }
     ready.announce(&loaded, &scene);
     match ready.go(&mut scene) {
-        Ok(outcome) => finish(&loaded, &scene, &ready.options, &outcome, (ready.loudness, None)),
+        Ok(outcome) => finish(&loaded, &scene, &ready, &outcome, None),
         Err(error) => {
             explain(&loaded, &scene, &error);
             ExitCode::from(EXIT_ERROR)
@@ -97,7 +96,10 @@ fn may_write(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
 fn measured(args: &RunArgs, loaded: &Loaded, backend: &dyn KernelBackend, mut ready: Ready) -> Result<Ready, String> {
     if args.savings {
         let begin = Instant::now();
-        let shape = |scene| shaped(args, scene);
+        let shape = |mut scene| {
+            shape(args, &mut scene);
+            scene
+        };
         ready.options.savings = savings(&loaded.script, &loaded.folder, backend, ready.options.threads, &shape)
             .map_err(|e| format!("{e}\n  = help: without --savings the run tells more"))?;
         if ready.loudness != Loudness::Quiet {

@@ -11,14 +11,14 @@ use wfl_compiler::{
     types::{FieldSig, InputSlot, UniformSlot},
 };
 use wfl_runtime::Scene;
+use wfl_tasks::{Loaded, tangents::basis_text};
 
 use crate::{
     args::{ShowArgs, View},
     ast_text, check,
-    load::{Loaded, load, out, print_all, say},
+    load::{load, out, print_all, say},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     table::Table,
-    verify::basis_text,
 };
 
 pub(crate) fn show(args: &ShowArgs) -> ExitCode {

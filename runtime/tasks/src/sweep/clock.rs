@@ -8,7 +8,8 @@ use wfl_runtime::{
     knobs::{Setting, mesh_words},
 };
 
-use super::{Method, one};
+use super::Method;
+use crate::bench;
 
 /// Knobs that change the number of unknowns, beside the parameters of the mesh.
 const SIZES: [&str; 4] = ["h", "refine", "cells", "degree"];
@@ -40,7 +41,7 @@ impl Clock {
             return Self::default();
         }
         let of = |(method, setting): (&Method, &Setting)| {
-            let seen = one::size(&method.path, &method.known, setting).ok()?;
+            let seen = bench::size(&method.path, &method.known, setting).ok()?;
             Some(seen.steps as f64 * work(seen.dim, seen.degree, seen.dofs as f64))
         };
         let works = first.into_iter().filter_map(|(size, one)| Some((size, of(one)?))).collect();

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use crate::VERSION;
+
 /// Program and machine in words.
 pub(super) struct Machine {
     pub(super) version: String,
@@ -20,7 +22,7 @@ pub(super) fn describe() -> Machine {
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
     let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
     Machine {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
+        version: VERSION.to_owned(),
         commit: commit().unwrap_or_else(|| "unknown".to_owned()),
         name: format!("{}, {cores} cores, {os} {arch}", model.unwrap_or_else(|| "unknown processor".to_owned())),
     }

@@ -3,10 +3,10 @@
 use wfl::Diagnostic;
 use wfl_runtime::{NegativeBody, Scene, checks::negative_bodies, coercivity, finite};
 
-use crate::load::Loaded;
+use crate::Loaded;
 
 /// W611 for each field whose terms on cells are not positive definite at the first step.
-pub(crate) fn bodies(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
+pub(super) fn bodies(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
     // brings the terms to the first step; where one has no finite value, the run itself says so with the place
     if coercivity(scene).is_err() {
         return Vec::new();

@@ -3,10 +3,11 @@
 use wfl::Diagnostic;
 use wfl_runtime::{Scene, coercivity, contact::Coercivity};
 
-use crate::load::Loaded;
+use crate::Loaded;
 
 /// A line for the param whose value was found.
-pub(crate) fn found(loaded: &Loaded, scene: &Scene) -> String {
+#[must_use]
+pub fn found_parameters(loaded: &Loaded, scene: &Scene) -> String {
     let auto = |e: &wfl::ast::Expr| matches!(&e.kind, wfl::ast::ExprKind::Name(word) if word == "auto");
     let names = loaded.script.params.iter().filter(|p| auto(&p.value)).map(|p| &p.name.name);
     let value = |name: &String| scene.params.iter().find(|p| p.0 == *name)?.1.values.first().copied();
@@ -14,7 +15,8 @@ pub(crate) fn found(loaded: &Loaded, scene: &Scene) -> String {
 }
 
 /// W503 for each Nitsche parameter below the smallest safe value, W504 for each that is out of proportion.
-pub(crate) fn parameters(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
+#[must_use]
+pub fn parameters(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
     // where a term has no finite value, the run itself says so with the place
     let Ok(found) = coercivity(scene) else { return Vec::new() };
     found.iter().filter_map(|c| told(loaded, scene, c)).collect()

@@ -1,4 +1,4 @@
-//! `wfl sweep --study DIR`: the study of the examples, run from the root of the repository, as one page with figures.
+//! The study of the examples, run from the root of the repository, as one page with figures.
 //!
 //! The sweeps are those of [`PARTS`]; their tables stay in `out/study`, so that a study that was stopped goes on. The
 //! page has what the tables say: the cheapest setting for a wanted error, the fronts, what costs nothing, what failed.
@@ -11,12 +11,12 @@ use std::{
 use wfl_runtime::knobs::number;
 
 use super::{
+    Job,
     front::{front, method, points, quantities, source, words},
     page,
     table::{self, Row},
     verdict,
 };
-use crate::{args::SweepArgs, load::say};
 
 /// One sweep of the study.
 struct Part {
@@ -162,31 +162,30 @@ const PRUNED: &[&str] = &[
 ];
 
 /// Runs what is missing of the study and writes its page and figures into `docs`.
-pub(super) fn study(args: &SweepArgs, docs: &Path) -> Result<(), String> {
+///
+/// # Errors
+/// In words.
+pub fn study(job: &Job<'_>, docs: &Path) -> Result<(), String> {
     let mut text = String::from(HEAD);
     for part in PARTS {
         let folder = PathBuf::from("out/study").join(part.name);
-        if !args.quiet {
-            say(&format!("study: {}\n", part.title));
-        }
+        job.listener.progress(&format!("study: {}", part.title));
         let scenes = match part.name {
             "fault" => FAULT,
             "pruning" => PRUNED,
             _ => &[],
         };
-        let own = SweepArgs {
+        let own = Job {
             jobs: None,
             // ratios of times that are near to each other
-            repeat: if part.name == "pruning" { args.repeat.max(REPEAT_OF_RATIOS) } else { args.repeat },
+            repeat: if part.name == "pruning" { job.repeat.max(REPEAT_OF_RATIOS) } else { job.repeat },
             words: scenes.iter().chain(part.words).map(|w| (*w).to_owned()).collect(),
             reference: part.reference.to_owned(),
             reference_knob: part.reference_knobs.iter().map(|w| (*w).to_owned()).collect(),
             out: folder.clone(),
-            plot: false,
-            study: None,
-            ..args.clone()
+            ..job.clone()
         };
-        super::run(&own)?;
+        super::sweep(&own)?;
         let rows = table::read(&folder).map_err(|e| e.to_string())?;
         text += &section(part, &own, &rows);
         for (name, chart) in page::charts(&rows) {
@@ -196,7 +195,7 @@ pub(super) fn study(args: &SweepArgs, docs: &Path) -> Result<(), String> {
             }
         }
     }
-    text += &verdict::section(args)?;
+    text += &verdict::section(job)?;
     write_file(&docs.join("trade.md"), &text)
 }
 
@@ -227,7 +226,7 @@ accurate than a run on it. Times are of one run each unless stated otherwise, on
 work: a factor below 2 between two times is not significant.
 ";
 
-fn section(part: &Part, args: &SweepArgs, rows: &[Row]) -> String {
+fn section(part: &Part, job: &Job<'_>, rows: &[Row]) -> String {
     let failed = rows.iter().filter(|r| r.text("status") != "ok").count();
     let seconds: f64 = rows.iter().filter_map(|r| Some(r.value("time")? * r.value("repeats")?)).sum();
     let first = |column: &str| rows.first().map_or("", |r| r.text(column)).to_owned();
@@ -241,7 +240,7 @@ fn section(part: &Part, args: &SweepArgs, rows: &[Row]) -> String {
     for finding in part.findings {
         text += &format!("- {finding}\n");
     }
-    text += &format!("\n```\nwfl sweep {}{}\n```\n\n", args.words.join(" "), reference_words(args));
+    text += &format!("\n```\nwfl sweep {}{}\n```\n\n", job.words.join(" "), reference_words(job));
     for figure in part.figures {
         text += &format!("![{figure}]({}_{}.svg)\n", part.name, page::plot_name(figure));
     }
@@ -281,13 +280,13 @@ fn settings(rows: &[Row]) -> String {
     format!("Runs: {}.", list.join(", "))
 }
 
-fn reference_words(args: &SweepArgs) -> String {
-    let mut text = format!(" --reference {}", args.reference);
-    for knob in &args.reference_knob {
+fn reference_words(job: &Job<'_>) -> String {
+    let mut text = format!(" --reference {}", job.reference);
+    for knob in &job.reference_knob {
         text += &format!(" --reference-knob {knob}");
     }
-    if args.repeat.get() > 1 {
-        text += &format!(" --repeat {}", args.repeat);
+    if job.repeat.get() > 1 {
+        text += &format!(" --repeat {}", job.repeat);
     }
     text
 }

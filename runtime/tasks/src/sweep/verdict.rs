@@ -1,5 +1,6 @@
 //! What `wfl run --accuracy` makes of the scenes of the study: the true error of what it picks, and the time of the whole
-//! command beside that of the cheapest run of the tables. Each is a process of its own, as a user starts it.
+//! command beside that of the cheapest run of the tables. Each is a process of its own, as
+//! a user starts it.
 
 use std::{
     path::{Path, PathBuf},
@@ -13,11 +14,11 @@ use wfl_runtime::{
 };
 
 use super::{
+    Job,
     front::{method, setting},
     table::{self, Row},
-    words,
 };
-use crate::{args::SweepArgs, load::read_text};
+use crate::{scene_file::read_text, setting_text};
 
 /// A scene, the quantity asked about, the parts of the study that have its runs, and the reference of its true error.
 struct Case {
@@ -113,25 +114,25 @@ fn summary(rows: &[Met]) -> String {
 }
 
 /// The section of the study.
-pub(super) fn section(args: &SweepArgs) -> Result<String, String> {
+pub(super) fn section(job: &Job<'_>) -> Result<String, String> {
     let demands = CASES.iter().flat_map(|case| case.asked.iter().map(move |asked| (case, *asked)));
-    let rows: Vec<Met> = demands.map(|(case, asked)| met(args, case, asked)).collect::<Result<_, _>>()?;
+    let rows: Vec<Met> = demands.map(|(case, asked)| met(job, case, asked)).collect::<Result<_, _>>()?;
     let table: String = rows.iter().map(|r| r.row.as_str()).collect();
     Ok(format!("{HEAD}{table}{}{TAIL}", summary(&rows)))
 }
 
-fn met(args: &SweepArgs, case: &Case, asked: &str) -> Result<Met, String> {
+fn met(job: &Job<'_>, case: &Case, asked: &str) -> Result<Met, String> {
     let name = method(case.scene);
     let folder = PathBuf::from("out/study/accuracy").join(format!("{name}_{asked}"));
     let place = folder.display().to_string();
     let demand = ["run", case.scene, "--accuracy", asked, "--of", case.quantity, "-q", "--out", &place];
-    let (ended, seconds) = timed(&demand, &folder)?;
+    let (ended, seconds) = timed(job, &demand, &folder)?;
     let text = read_text(&folder.join(REPORT_FILE), InputKind::Results)?;
     let report: Report = serde_json::from_str(&text).map_err(|e| e.to_string())?;
     let Some(record) = report.accuracy else {
         return Err(format!("{}: {}", case.scene, String::from_utf8_lossy(&ended.stderr)));
     };
-    let (error, truth) = truth(args, case, &record.picked, &folder.join("true"))?;
+    let (error, truth) = truth(job, case, &record.picked, &folder.join("true"))?;
     let wanted: f64 = asked.parse().map_err(|_| format!("{asked} is no number"))?;
     let mut times = None;
     let cheapest = match cheapest(case, wanted)? {
@@ -139,7 +140,7 @@ fn met(args: &SweepArgs, case: &Case, asked: &str) -> Result<Met, String> {
             let place = folder.join("cheapest").display().to_string();
             let mut command = vec!["run", case.scene, "-q", "--out", &place];
             command.extend(knobs.iter().map(String::as_str));
-            let (_, least) = timed(&command, Path::new(&place))?;
+            let (_, least) = timed(job, &command, Path::new(&place))?;
             times = Some(seconds / least);
             format!("`{}` | {least:.3} | {:.1}", knobs.join(" "), seconds / least)
         }
@@ -148,7 +149,7 @@ fn met(args: &SweepArgs, case: &Case, asked: &str) -> Result<Met, String> {
     let row = format!(
         "| {name}, {} | {asked} | `{}` | {:.1e} | {truth} | {seconds:.3} | {cheapest} |\n",
         case.quantity,
-        words(&record.picked),
+        setting_text(&record.picked),
         record.estimate.0
     );
     Ok(Met { row, part: error / wanted, times })
@@ -156,14 +157,13 @@ fn met(args: &SweepArgs, case: &Case, asked: &str) -> Result<Met, String> {
 
 /// Runs a command of this program that writes into a folder: how it ended, and its seconds, of the fastest of several
 /// where it is short.
-fn timed(command: &[&str], folder: &Path) -> Result<(Output, f64), String> {
-    let program = std::env::current_exe().map_err(|e| e.to_string())?;
+fn timed(job: &Job<'_>, command: &[&str], folder: &Path) -> Result<(Output, f64), String> {
     let mut least = f64::INFINITY;
     for k in 0..MORE * REPEAT {
         // the folder of a sweep remembers its runs
         let _ = std::fs::remove_dir_all(folder);
         let begin = Instant::now();
-        let ended = Command::new(&program).args(command).output();
+        let ended = Command::new(job.program).args(command).output();
         let ended = ended.map_err(|e| format!("cannot run wfl {}: {e}", command.join(" ")))?;
         least = least.min(begin.elapsed().as_secs_f64());
         let most = if least < VERY_SHORT { MORE * REPEAT } else { REPEAT };
@@ -175,21 +175,19 @@ fn timed(command: &[&str], folder: &Path) -> Result<(Output, f64), String> {
 }
 
 /// The error of what was picked, and in words with that of the reference where it has one.
-fn truth(args: &SweepArgs, case: &Case, picked: &[(String, String)], folder: &Path) -> Result<(f64, String), String> {
+fn truth(job: &Job<'_>, case: &Case, picked: &[(String, String)], folder: &Path) -> Result<(f64, String), String> {
     // a table of an earlier study has runs of its own
     let _ = std::fs::remove_dir_all(folder);
     let knobs = picked.iter().map(|(n, v)| format!("{n}={v}"));
-    let own = SweepArgs {
+    let own = Job {
         words: std::iter::once(case.scene.to_owned()).chain(knobs).collect(),
         reference: case.reference.to_owned(),
         reference_knob: Vec::new(),
         out: folder.to_path_buf(),
-        plot: false,
-        study: None,
-        quiet: true,
-        ..args.clone()
+        listener: &(),
+        ..job.clone()
     };
-    super::run(&own)?;
+    super::sweep(&own)?;
     let rows = table::read(folder).map_err(|e| e.to_string())?;
     let of = |what: &str| rows.first().and_then(|r| r.value(&format!("{what} {}", case.quantity)));
     let error = of("error").ok_or_else(|| format!("{}: what was picked has no error", case.scene))?;

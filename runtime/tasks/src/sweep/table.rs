@@ -11,7 +11,7 @@ use wfl_runtime::{
     output::{OutputDir, OutputError},
 };
 
-use crate::load::read_text;
+use crate::scene_file::read_text;
 
 /// The name of the file in the folder of a sweep.
 pub(super) const TABLE_FILE: &str = "sweep.csv";

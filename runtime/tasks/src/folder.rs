@@ -1,9 +1,10 @@
-//! What is said of a results folder that cannot be used, with its code and what to do.
+//! What is said of a results folder that cannot be used, with its code and what to do. Does not touch the folder.
 
 use wfl_runtime::{CheckpointError, output::OutputError};
 
 /// The message of an error of a results folder.
-pub(crate) fn told(error: &OutputError) -> String {
+#[must_use]
+pub fn told(error: &OutputError) -> String {
     let (code, help) = match error {
         OutputError::BadName { .. } => ("E710", "take a name that is a file name on every system, such as fields"),
         OutputError::InUse { .. } => ("E711", "wait until it has ended, or write elsewhere: --out DIR"),
@@ -32,7 +33,8 @@ pub(crate) fn told(error: &OutputError) -> String {
 }
 
 /// The message of results that a run cannot go on from.
-pub(crate) fn told_of_resuming(error: &CheckpointError) -> String {
+#[must_use]
+pub fn told_of_resuming(error: &CheckpointError) -> String {
     let (code, help) = match error {
         CheckpointError::Other { .. } => ("E714", "put back what differs, or write elsewhere: --out DIR"),
         CheckpointError::Read { .. } | CheckpointError::Damaged { .. } | CheckpointError::Gone { .. } => {
@@ -43,12 +45,14 @@ pub(crate) fn told_of_resuming(error: &CheckpointError) -> String {
 }
 
 /// The message of an error of a results folder without the word `error`, see [`error_line`].
-pub(crate) fn told_later(error: &OutputError) -> String {
+#[must_use]
+pub fn told_later(error: &OutputError) -> String {
     let text = told(error);
     text.strip_prefix("error").unwrap_or(&text).trim_end().to_owned()
 }
 
 /// A message of a command; it may begin with its code in brackets.
-pub(crate) fn error_line(why: &str) -> String {
+#[must_use]
+pub fn error_line(why: &str) -> String {
     if why.starts_with(['[', ':']) { format!("error{why}\n") } else { format!("error: {why}\n") }
 }

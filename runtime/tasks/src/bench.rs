@@ -1,4 +1,4 @@
-//! One setting of a sweep, run in this process with a fresh state: what it cost and what came out.
+//! One setting of a scene, run in this process with a fresh state: what it cost and what came out.
 //!
 //! A run that fails is a result with a message and the time it took. Files of the scene are not written: their
 //! quantities are compared instead. Timed is everything from the text to the last step.
@@ -20,10 +20,7 @@ use wfl_runtime::{
     prepare_keeping,
 };
 
-use crate::{
-    load::{Loaded, read_scene},
-    threads::limited,
-};
+use crate::{Listener, Loaded, VERSION, limited_threads, scene_file::read_scene};
 
 /// What a run ended as.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -76,7 +73,7 @@ pub(crate) fn known_of(loaded: Loaded, scene: Scene, given: &[String]) -> Known 
     kinked.dedup();
     kinked.retain(|r| loaded.script.regions.iter().any(|s| s.name.name == *r) || r == "all" || r == "boundary");
     let inputs = inputs(&loaded, &scene);
-    let version = env!("CARGO_PKG_VERSION").to_owned();
+    let version = VERSION.to_owned();
     let identity = Identity { version, inputs, ..Identity::default() };
     Known { params, kinked, identity, given: given.to_vec(), scene, loaded }
 }
@@ -158,8 +155,10 @@ pub(crate) fn remembers(scene: &Scene) -> bool {
 }
 
 /// What is the same for all runs.
+#[derive(Clone)]
 pub(crate) struct Bench<'a> {
     pub(crate) backend: &'a dyn KernelBackend,
+    pub(crate) listener: &'a dyn Listener,
     pub(crate) threads: usize,
     /// The quantity of the last step that runs are made for, where nothing else is wanted of them.
     pub(crate) only: Option<String>,
@@ -213,11 +212,13 @@ impl Bench<'_> {
         let kept = knobs::kept(setting).map_err(|e| e.to_string())?;
         let (mut scene, loaded) = prepared(loaded, self.backend, &kept)?;
         known.is_what_was_read(&inputs(&loaded, &scene), !more.is_empty())?;
-        let threads = knobs::threads(setting).map_err(|e| e.to_string())?.map_or(self.threads, limited);
+        let threads = knobs::threads(setting)
+            .map_err(|e| e.to_string())?
+            .map_or(self.threads, |n| limited_threads(n, self.listener));
         let precision = knobs::precision(setting).map_err(|e| e.to_string())?.unwrap_or_default();
         let options = RunOptions {
             name: loaded.name.clone(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
+            version: VERSION.to_owned(),
             parse_seconds,
             precision,
             ..RunOptions::without_files(threads, started)

@@ -22,11 +22,13 @@ use wfl_runtime::{
     output::{Hash, OutputDir},
 };
 
-use super::{
-    one::{Bench, Known, Status},
-    table::write_text,
+use super::table::write_text;
+use crate::{
+    bench::{Bench, Known, Status},
+    folder::told_later,
+    scene_file::read_text,
+    setting_text,
 };
-use crate::{folder::told_later, load::read_text};
 
 /// The same against an exact solution, which is no polynomial.
 const EXACT_DEGREE: usize = 11;
@@ -93,14 +95,8 @@ fn json(reference: &Reference) -> Result<String, String> {
     serde_json::to_string(reference).map_err(|e| format!("the reference cannot be kept: {e}"))
 }
 
-/// Solves a scene for reference and estimates its own error. `progress` is told of each run.
-pub(super) fn finer(
-    bench: &Bench<'_>,
-    path: &Path,
-    known: &Known,
-    setting: &Setting,
-    progress: &mut dyn FnMut(&str),
-) -> Result<Reference, String> {
+/// Solves a scene for reference and estimates its own error.
+pub(super) fn finer(bench: &Bench<'_>, path: &Path, known: &Known, setting: &Setting) -> Result<Reference, String> {
     let mut levels = Vec::new();
     for coarsen in [1.0, 0.5, 0.25] {
         let mut one = setting.to_vec();
@@ -110,8 +106,8 @@ pub(super) fn finer(
             one.retain(|k| k.0 != "refine");
             one.push(("refine".to_owned(), (before * coarsen).to_string()));
         }
-        let shown = format!("{} {}", path.display(), super::words(&one));
-        progress(&shown);
+        let shown = format!("{} {}", path.display(), setting_text(&one));
+        bench.listener.progress(&format!("reference: {shown}"));
         let run = bench.run(path, known, &one, "");
         match (run.status, run.solved) {
             (Status::Ok, Some(solved)) => levels.push(solved),
@@ -124,7 +120,7 @@ pub(super) fn finer(
     }
     let first = &levels[0];
     let mut reference = Reference {
-        what: format!("{} {}", path.display(), super::words(setting)),
+        what: format!("{} {}", path.display(), setting_text(setting)),
         identity: known.identity.hash(),
         samples: sampled(first, bench.backend, SampleAt::Own(NORM_DEGREE))?,
         measures: measures(first),

@@ -1,0 +1,357 @@
+//! A wanted accuracy: the runs that a climb asks for, and the setting that came out of them.
+//!
+//! Runs on the way are those of a sweep; the last one is a whole run with its files, which the caller makes
+//! ([`WholeRun`]). What is picked, and why, is decided by the runtime.
+
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
+
+use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
+use wfl_runtime::{
+    Outcome, Pruning, Quiet, SampleAt, Samples, Scene,
+    accuracy::{
+        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Notice, Out, Trials, Ways, seek,
+    },
+    compare::{MEASURE, NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
+    knobs::{self, Setting},
+    output::{OutputDir, OutputError, Real, Report, write_report},
+};
+
+use crate::{
+    Listener, Loaded,
+    bench::{Bench, Known, Status, known_of, prepared, remembers},
+    folder::told as told_of_folder,
+    scene_file::read_scene,
+    setting_text,
+};
+
+/// The region of a term may differ from that of the scene's own mesh by this part of the error wanted.
+const SLACK: f64 = 0.1;
+/// Degree to which norms are exact that are told as `about`.
+const ROUGH_DEGREE: usize = 2;
+/// Up to so many cells, the interpreter is done before machine code is made.
+const FEW_CELLS: f64 = 300.0;
+
+/// What is asked for: `given` goes before what the scene says, and defaults before nothing.
+#[must_use]
+pub fn demand(scene: &Scene, given: Given) -> Option<Demand> {
+    let (error, of) = match (given.error, &scene.accuracy) {
+        (Some(error), of) => (error, of.as_ref().map(|g| g.1.clone())),
+        (None, Some((error, of))) => (*error, Some(of.clone())),
+        (None, None) => return None,
+    };
+    let quantity = given.quantity.or(of).unwrap_or_else(|| DEFAULT_QUANTITY.to_owned());
+    Some(Demand { error, quantity, budget: given.budget.unwrap_or(DEFAULT_BUDGET) })
+}
+
+/// What is given beside the scene.
+#[derive(Clone, Debug, Default)]
+pub struct Given {
+    /// The relative error.
+    pub error: Option<f64>,
+    /// Its quantity.
+    pub quantity: Option<String>,
+    /// Seconds that one run may take.
+    pub budget: Option<f64>,
+}
+
+/// Makes a run with everything a scene asks for.
+pub trait WholeRun {
+    /// Runs a scene that was read and prepared in `parse_seconds` and more since `begun`.
+    ///
+    /// # Errors
+    /// In words.
+    fn run(
+        &mut self,
+        loaded: &mut Loaded,
+        scene: &mut Scene,
+        parse_seconds: f64,
+        begun: Instant,
+    ) -> Result<Outcome, String>;
+
+    /// The folder that the last run wrote its results into.
+    fn folder(&self) -> Option<PathBuf>;
+}
+
+/// What an accuracy is wanted of.
+pub struct Job<'a> {
+    /// The scene.
+    pub file: &'a Path,
+    /// Values of its parameters.
+    pub overrides: &'a [String],
+    /// What whole runs do although the scene does not need it.
+    pub keep: &'a [Pruning],
+    /// What is demanded.
+    pub demand: &'a Demand,
+    /// Runs terms.
+    pub backend: &'a dyn KernelBackend,
+    /// Threads of each run.
+    pub threads: usize,
+    /// Hears of each run.
+    pub listener: &'a dyn Listener,
+    /// When the work began; the time in the report counts from here.
+    pub started: Instant,
+}
+
+/// The run that was picked.
+pub struct Picked {
+    /// It, with its report.
+    pub solved: Solved,
+    /// Its scene, as read for it.
+    pub loaded: Loaded,
+    /// What was found and why.
+    pub record: AccuracyRecord,
+    /// The mesh comes from a file: its error is not part of the estimate.
+    pub mesh_of_file: bool,
+}
+
+/// Why there is none.
+pub struct NotPicked {
+    /// In the words of the search.
+    pub why: Out,
+    /// What is said of a folder that holds a run on the way.
+    pub left: Option<String>,
+}
+
+/// Finds the setting and runs it; the scene is given as it stands.
+///
+/// # Errors
+/// [`NotPicked`].
+pub fn pick(job: &Job<'_>, loaded: Loaded, scene: Scene, whole: &mut dyn WholeRun) -> Result<Picked, Box<NotPicked>> {
+    let failed = |why: String| Box::new(NotPicked { why: Out::Failed(why), left: None });
+    let known = known_of(loaded, scene, job.overrides);
+    has_quantity(&known, &job.demand.quantity).map_err(failed)?;
+    let ways = Ways::of(&known.loaded.script, &known.scene);
+    let only = Some(job.demand.quantity.clone());
+    let bench = Bench { backend: job.backend, listener: job.listener, threads: job.threads, only, last: true };
+    let mut lab = Lab { job, known: &known, ways: &ways, bench, whole, written: None };
+    let found = seek(&mut lab, &ways, job.demand);
+    let Found { run, mut record, notice } = found.map_err(|why| Box::new(NotPicked { left: lab.disown(&why), why }))?;
+    let Trial { mut solved, full, .. } = run;
+    let Some(loaded) = full else { return Err(failed("the last run has no results".to_owned())) };
+    record.why.extend(free(&solved.outcome.report));
+    let report = &mut solved.outcome.report;
+    report.accuracy = Some(record.clone());
+    report.timings.total = job.started.elapsed().as_secs_f64();
+    Ok(Picked { solved, loaded, record, mesh_of_file: notice == Some(Notice::MeshOfFile) })
+}
+
+/// Whether a scene has the quantity.
+fn has_quantity(known: &Known, name: &str) -> Result<(), String> {
+    let script = &known.loaded.script;
+    let items = script.outputs.iter().filter(|o| o.format.name == "vtk").flat_map(|o| &o.items).map(|i| &i.name);
+    let mut list: Vec<&str> = vec!["L2", "H1"];
+    list.extend(items.map(String::as_str));
+    let measures = || script.measures.iter().map(|m| m.name.name.as_str());
+    let apart = name.strip_prefix(MEASURE).is_some_and(|n| list.contains(&n) && measures().any(|m| m == n));
+    list.extend(measures());
+    if apart || list.contains(&name) {
+        return Ok(());
+    }
+    Err(format!(
+        "the scene has no quantity `{name}` whose error could be told\n  = help: L2 and H1 are those of all unknowns, \
+         others are the outputs on contact faces and the measures of the scene: {}",
+        list.join(", ")
+    ))
+}
+
+/// One run with what is needed to compare it.
+struct Trial {
+    solved: Solved,
+    cost: Cost,
+    samples: Option<Vec<Samples>>,
+    /// Of a run with its files: what is needed to end it.
+    full: Option<Loaded>,
+}
+
+struct Lab<'a> {
+    job: &'a Job<'a>,
+    known: &'a Known,
+    ways: &'a Ways,
+    bench: Bench<'a>,
+    whole: &'a mut dyn WholeRun,
+    /// The report of the last run with its files, and their folder.
+    written: Option<(PathBuf, Report)>,
+}
+
+impl Lab<'_> {
+    /// A run on the way: nothing is written.
+    fn pilot(&self, setting: &Setting, fineness: usize) -> Result<Trial, String> {
+        let ratio = fineness as f64 / self.ways.own as f64;
+        let cells = self.known.scene.system.mesh.n_cells() as f64 * ratio.powf(self.ways.dim as f64);
+        let backend = if cells <= FEW_CELLS { &InterpreterBackend } else { self.bench.backend };
+        let bench = Bench { backend, only: self.bench.only.clone(), ..self.bench };
+        let run = bench.run(self.job.file, self.known, setting, "");
+        match (run.status, run.solved) {
+            (Status::Ok, Some(solved)) => Ok(trial(solved, run.seconds, self.known.scene.steps.values.len())),
+            (Status::NotConverged(why) | Status::Failed(why), _) => Err(why),
+            (Status::Ok, None) => Err("the run left nothing".to_owned()),
+        }
+    }
+
+    /// A run with everything the scene asks for.
+    fn run_whole(&mut self, setting: &Setting, fineness: usize) -> Result<Trial, String> {
+        let begin = Instant::now();
+        let mut loaded = read_scene(self.job.file, &self.known.words(setting), "run", "")?;
+        self.known.apply(&mut loaded.script, setting)?;
+        let parse_seconds = begin.elapsed().as_secs_f64();
+        let (mut scene, mut loaded) = prepared(loaded, self.bench.backend, self.job.keep)?;
+        self.fits(&scene, fineness)?;
+        loaded.knobs = setting.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        let outcome = self.whole.run(&mut loaded, &mut scene, parse_seconds, begin)?;
+        if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {
+            return Err(format!("step t = {} did not converge", step.time));
+        }
+        self.written = self.whole.folder().map(|folder| (folder, outcome.report.clone()));
+        let script = loaded.script.clone();
+        let outputs = script.outputs.clone();
+        let steps = scene.steps.values.len();
+        let mut trial = trial(Solved { script, outputs, scene, outcome }, begin.elapsed().as_secs_f64(), steps);
+        trial.full = Some(loaded);
+        Ok(trial)
+    }
+
+    /// Says in the report of a run that was written on the way that it is not what was asked for.
+    fn disown(&self, why: &Out) -> Option<String> {
+        let (folder, mut report) = self.written.clone()?;
+        let none = Real(f64::NAN);
+        report.accuracy = Some(AccuracyRecord {
+            asked: self.job.demand.error,
+            quantity: self.job.demand.quantity.clone(),
+            why: why.to_string().lines().map(str::to_owned).collect(),
+            mesh: none,
+            order: none,
+            tolerance: none,
+            method: none,
+            estimate: none,
+            ..AccuracyRecord::default()
+        });
+        Some(match rewrite(&folder, &report) {
+            Ok(()) => format!("{} holds a run on the way, which is not accurate enough\n", folder.display()),
+            Err(error) => told_of_folder(&error),
+        })
+    }
+
+    fn fits(&self, scene: &Scene, fineness: usize) -> Result<(), String> {
+        if self.ways.fits(&self.known.scene, scene, fineness, SLACK * self.job.demand.error) {
+            return Ok(());
+        }
+        Err("a region with terms is not the same part of the body as on the mesh of the scene".to_owned())
+    }
+
+    /// What a run is sampled with: expressions are short, and are evaluated before machine code would be made of them.
+    const SAMPLER: &'static dyn KernelBackend = &InterpreterBackend;
+
+    /// The quantity asked about at a run's own points.
+    fn samples(&self, solved: &Solved) -> Result<Vec<Samples>, String> {
+        let wanted = |name: &str| name == self.job.demand.quantity;
+        sampled_if(solved, Self::SAMPLER, SampleAt::Own(NORM_DEGREE), &wanted)
+    }
+
+    /// The distance in the quantity asked about.
+    fn of_quantity(&self, list: &[(String, f64)]) -> Result<f64, String> {
+        let quantity = self.job.demand.quantity.as_str();
+        match list.iter().find(|d| d.0 == quantity) {
+            Some((_, d)) if d.is_finite() => Ok(*d),
+            Some(_) => Err(format!("the solutions on two meshes cannot be compared in `{quantity}`")),
+            None => Err(format!(
+                "`{quantity}` has no relative error: it is zero, or an output that lives in the bodies\n  = help: \
+                 --of L2 or --of H1 is that of all unknowns"
+            )),
+        }
+    }
+}
+
+/// Puts another report in place of that of a run that has ended.
+///
+/// # Errors
+/// Of the folder.
+pub fn rewrite(folder: &Path, report: &Report) -> Result<(), OutputError> {
+    let dir = OutputDir::open(folder)?;
+    write_report(&dir, report)?;
+    dir.settle()
+}
+
+fn trial(solved: Solved, seconds: f64, steps: usize) -> Trial {
+    let report = &solved.outcome.report;
+    let more = steps.saturating_sub(solved.outcome.steps.len()) as f64;
+    let whole = seconds + more * (report.timings.assemble + report.timings.solve);
+    Trial { cost: Cost { dofs: report.dofs, seconds, whole }, samples: None, full: None, solved }
+}
+
+impl Trials for Lab<'_> {
+    type Run = Trial;
+
+    fn run(&mut self, setting: &Setting, fineness: usize, last: bool) -> Result<Trial, String> {
+        let made = if last {
+            self.run_whole(setting, fineness)
+        } else {
+            self.pilot(setting, fineness).and_then(|t| self.fits(&t.solved.scene, fineness).map(|()| t))
+        };
+        let what = match &made {
+            Ok(t) => format!("{} unknowns, {:.2} s", t.cost.dofs, t.cost.seconds),
+            Err(why) => why.lines().next().unwrap_or_default().trim_start_matches("error").to_owned(),
+        };
+        self.job.listener.progress(&format!("accuracy: {}: {what}", setting_text(setting)));
+        let mut made = made?;
+        made.samples = Some(self.samples(&made.solved)?);
+        Ok(made)
+    }
+
+    fn cost(&self, run: &Trial) -> Cost {
+        run.cost
+    }
+
+    fn distance(&mut self, run: &Trial, from: &Trial) -> Result<f64, String> {
+        let quantity = self.job.demand.quantity.as_str();
+        let own = from.samples.as_deref().unwrap_or_default();
+        let there = sampled_if(&run.solved, Self::SAMPLER, SampleAt::Points(own), &|name| name == quantity)?;
+        self.of_quantity(&differences((&there, &measures(&run.solved)), (own, &measures(&from.solved))))
+    }
+
+    fn tighter(&mut self, run: &mut Trial, setting: &Setting, fineness: usize) -> Result<f64, String> {
+        if remembers(&run.solved.scene) {
+            let tight = Trials::run(self, setting, fineness, false)?;
+            return self.distance(run, &tight);
+        }
+        // the same problem goes on from where it stopped
+        let starts = run.solved.starts();
+        let scene = &mut run.solved.scene;
+        let tight = knobs::tolerance(setting).unwrap_or(scene.newton.tolerance);
+        let tolerance = std::mem::replace(&mut scene.newton.tolerance, tight);
+        let starts = std::mem::replace(&mut run.solved.scene.starts, starts);
+        let ended = wfl_runtime::run(&mut run.solved.scene, &self.bench.options(), &mut Quiet);
+        run.solved.scene.newton.tolerance = tolerance;
+        run.solved.scene.starts = starts;
+        let outcome = std::mem::replace(&mut run.solved.outcome, ended.map_err(|e| e.to_string())?);
+        let tight = self.samples(&run.solved).map(|s| (s, measures(&run.solved)));
+        run.solved.outcome = outcome;
+        let (tight, tight_measures) = tight?;
+        let own = run.samples.as_deref().unwrap_or_default();
+        self.of_quantity(&differences((own, &measures(&run.solved)), (&tight, &tight_measures)))
+    }
+
+    fn distances(&mut self, run: &Trial, from: &Trial) -> Vec<(String, f64)> {
+        // at the points of the coarser run, which are fewer: these errors are told as `about`
+        let list = sampled(&run.solved, Self::SAMPLER, SampleAt::Own(ROUGH_DEGREE)).and_then(|own| {
+            let there = sampled(&from.solved, Self::SAMPLER, SampleAt::Points(&own))?;
+            Ok(differences((&there, &measures(&from.solved)), (&own, &measures(&run.solved))))
+        });
+        list.unwrap_or_default()
+    }
+}
+
+/// What the last run was free to do with less work, and what is left of that.
+fn free(report: &Report) -> Vec<String> {
+    let t = report.timings;
+    let solver = report.solver.iter().map(|s| format!("solver: {s}"));
+    let part = 100.0 * t.assemble / (t.compile + t.mesh + t.assemble + t.factor + t.solve + t.write);
+    let rule = part.is_finite().then(|| {
+        format!(
+            "quadrature: that of the terms; a coarser one could save a part of the {part:.0} % that assembling takes"
+        )
+    });
+    solver.chain(rule).collect()
+}

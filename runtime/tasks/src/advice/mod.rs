@@ -1,0 +1,24 @@
+//! What is said of a scene before it is run: formulations of contact that carry no stress, Nitsche parameters below their
+//! safe value, bodies that are not positive definite.
+//!
+//! The numbers are those of the runtime; here they become messages at their places. Does not change the scene.
+
+pub mod contact;
+mod definite;
+mod nitsche;
+
+use wfl::Diagnostic;
+use wfl_runtime::{Scene, consistency::consistency};
+
+use crate::Loaded;
+
+pub use nitsche::{found_parameters, parameters};
+
+/// Everything there is to say before a run.
+#[must_use]
+pub fn before_run(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
+    let mut found = nitsche::parameters(loaded, scene);
+    found.extend(definite::bodies(loaded, scene));
+    found.extend(contact::warnings(loaded, &consistency(scene)));
+    found
+}

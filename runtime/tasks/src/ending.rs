@@ -1,0 +1,402 @@
+//! What is said of a run that has ended, or that stopped, and what it ended as.
+//!
+//! Promises that a run counts as done only if every step converged, every measure is finite and every expectation of the
+//! scene holds. Does not print.
+
+use std::path::Path;
+
+use wfl::{Diagnostic, ast::Cond};
+use wfl_compiler::{KinkKind, locate};
+use wfl_runtime::{
+    AttemptEnd, FRUITLESS, Outcome, RunError, Scene, Singular, StepResult,
+    assemble::{AssembledTerm, NonFinitePlace, TermError},
+    finite::{self, BadState, position, short, word},
+    memory::TooMuchMemory,
+    newton::{Iteration, NewtonError},
+    output::Report,
+    solve::SolveError,
+};
+
+use crate::{
+    Loaded,
+    folder::{told, told_of_resuming},
+};
+
+/// How the checks of a report begin that are expectations of the scene.
+const EXPECT: &str = "expect ";
+
+/// What a run ended as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// Every step converged and every expectation holds.
+    Done,
+    /// A step did not converge.
+    NotConverged,
+    /// A measure is not finite.
+    NotFinite,
+    /// An expectation of the scene does not hold.
+    NotAsExpected,
+}
+
+/// Something that is said.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Said {
+    /// A message with its place in the scene.
+    Message(Diagnostic),
+    /// Lines with their ends.
+    Text(String),
+}
+
+/// The end of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ended {
+    /// What it ended as.
+    pub ending: Ending,
+    /// Messages of the run that were not told before.
+    pub messages: Vec<Diagnostic>,
+    /// Warnings, and why it is not done.
+    pub said: Vec<Said>,
+}
+
+/// Judges a run that has ended. `picked` is the setting that was picked for an accuracy.
+#[must_use]
+pub fn judged(loaded: &Loaded, scene: &Scene, outcome: &Outcome, picked: Option<&str>) -> Ended {
+    let fresh = outcome.diagnostics.iter().filter(|d| !loaded.messages.contains(d)).cloned().collect();
+    let warnings = outcome.warnings.iter().map(|(code, text)| Said::Text(format!("warning[{code}]: {text}\n")));
+    let mut ended = Ended { ending: Ending::Done, messages: fresh, said: warnings.collect() };
+    let why = [
+        (Ending::NotConverged, not_converged(loaded, scene, outcome)),
+        (Ending::NotFinite, not_finite(loaded, outcome)),
+        (Ending::NotAsExpected, not_as_expected(scene, outcome, picked)),
+    ];
+    if let Some((ending, said)) = why.into_iter().find(|(_, said)| !said.is_empty()) {
+        ended.ending = ending;
+        ended.said.extend(said);
+    }
+    ended
+}
+
+/// Why steps did not converge; empty where all did.
+fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said> {
+    let mut said = Vec::new();
+    for step in outcome.steps.iter().filter(|s| !s.history.converged()) {
+        said.extend(circle(loaded, scene, step).map(Said::Message));
+        let residual = step.history.iterations.last().map_or(f64::NAN, |i| i.residual);
+        let mut text = format!(
+            "error[E603]: step t = {} did not converge in {} iterations: residual {residual:.1e}\n",
+            step.time,
+            step.history.n_iterations()
+        );
+        if step.fruitless() > FRUITLESS * scene.newton.max_iterations {
+            text += &format!(
+                "  = note: {} attempts came to nothing after {} iterations in all, more than {FRUITLESS} times max_iter: smaller parts were not tried\n",
+                step.attempts.iter().filter(|a| a.end != AttemptEnd::Converged).count(),
+                step.fruitless()
+            );
+        }
+        if is_below(loaded) {
+            text +=
+                "  = note: a Nitsche parameter is below its smallest safe value (W503): there need not be a solution\n";
+            text += "  = help: raise it to the value given there, or take theta = -1\n";
+        }
+        said.push(Said::Text(text));
+    }
+    said
+}
+
+/// The expectations that do not hold.
+fn not_as_expected(scene: &Scene, outcome: &Outcome, picked: Option<&str>) -> Vec<Said> {
+    let last = outcome.steps.last().map(|s| s.measures.as_slice()).unwrap_or_default();
+    let broken = outcome.expectations.iter().filter(|(_, holds)| *holds != Some(true));
+    let told = |expect: &wfl::Expect| {
+        let d = Diagnostic::new("E604", "an expectation of the scene does not hold");
+        let d = d.at(expect.span, sides(scene, &expect.condition, last));
+        match picked {
+            Some(setting) => d
+                .note(format!(
+                    "judged with {setting}, which was picked for the accuracy, not with the scene's own mesh"
+                ))
+                .help("where it holds numbers of that mesh, judge it without the accuracy: wfl run without --accuracy"),
+            None => d,
+        }
+    };
+    broken.map(|(expect, _)| Said::Message(told(expect))).collect()
+}
+
+/// What is said of a run that is to go on where nothing of it is left to do, and what it ended as.
+#[must_use]
+pub fn finished_before(report: &Report) -> (Ending, Vec<String>) {
+    let broken = report.checks.iter().filter(|(name, check)| name.starts_with(EXPECT) && !check.ok);
+    let line = |name: &str| format!("error[E604]: an expectation of the scene does not hold\n  = note: {name}\n");
+    let mut lines: Vec<String> = broken.map(|(name, _)| line(name)).collect();
+    let mut ending = if lines.is_empty() { Ending::Done } else { Ending::NotAsExpected };
+    let measures = report.steps.iter().flat_map(|s| s.measures.iter().map(|(name, value)| (name, value.0, s.t.0)));
+    for (name, value, t) in measures.filter(|(_, value, _)| !value.is_finite()) {
+        lines.push(format!("error[E611]: the measure `{name}` is {} at t = {t}\n", word(value)));
+        ending = Ending::NotFinite;
+    }
+    (ending, lines)
+}
+
+/// The line that says so.
+#[must_use]
+pub fn nothing_left(folder: &Path, report: &Report) -> String {
+    let steps = match report.steps.len() {
+        1 => "step".to_owned(),
+        n => format!("{n} steps"),
+    };
+    format!("{}: the run is finished, its {steps} and files are whole: nothing is left to do\n", folder.display())
+}
+
+/// The measures that are not finite.
+fn not_finite(loaded: &Loaded, outcome: &Outcome) -> Vec<Said> {
+    let mut said = Vec::new();
+    for (time, name, value, place) in outcome.bad_measures() {
+        said.push(match place {
+            Some(place) => Said::Message(place.diagnostic(&loaded.script.expansions, time)),
+            None => Said::Text(format!("error[E611]: the measure `{name}` is {} at t = {time}\n", word(value))),
+        });
+    }
+    said
+}
+
+/// The values on both sides of the comparisons of a condition.
+fn sides(scene: &Scene, condition: &Cond, measures: &[(String, f64)]) -> String {
+    let sides = scene.sides(condition, measures);
+    sides.iter().map(|(span, value)| format!("{} is {value}", wfl::quote(*span))).collect::<Vec<_>>().join(", ")
+}
+
+/// True if a Nitsche parameter is below its smallest safe value.
+fn is_below(loaded: &Loaded) -> bool {
+    loaded.messages.iter().any(|d| d.code == "W503")
+}
+
+/// W602 for a step whose branches were those of two iterations before: between which branches points go to and fro.
+fn circle(loaded: &Loaded, scene: &Scene, step: &StepResult) -> Option<Diagnostic> {
+    let returns = |w: &[Iteration]| w[0].fingerprint == w[2].fingerprint && w[1].fingerprint != w[2].fingerprint;
+    let iterations = &step.history.iterations;
+    let last = iterations.windows(3).rev().find(|w| returns(w)).filter(|_| step.history.cycles() > 0)?;
+    let first = iterations.windows(3).find(|w| returns(w)).map_or(0, |w| w[0].number);
+    let kinks = || scene.system.terms.iter().flat_map(AssembledTerm::kinks);
+    let kink = kinks().find(|k| k.kind == KinkKind::Ball).or_else(|| kinks().next())?;
+    let words = if kink.kind == KinkKind::Ball { ["open", "slip", "stick"] } else { ["open", "slip", "closed"] };
+    let (a, b) = (last[0].contact.unwrap_or_default(), last[1].contact.unwrap_or_default());
+    let moved: Vec<&str> = (0..3).filter(|k| a[*k] != b[*k]).map(|k| words[k]).collect();
+    let n = (0..3).map(|k| a[k].abs_diff(b[k])).max().unwrap_or(0);
+    let who = match n {
+        0 => "points change places".to_owned(),
+        1 => format!("1 point switches {}", moved.join("/")),
+        _ => format!("{n} points switch {}", moved.join("/")),
+    };
+    let text = format!("{who} in turn since iteration {first}");
+    let d = Diagnostic::new("W602", "the contact set goes in a circle");
+    let d = d.note(format!(
+        "step t = {}; the residual alternates {:.4}, {:.4}",
+        step.time, last[1].residual, last[2].residual
+    ));
+    let search = if scene.newton.search { "" } else { "solver newton with search=auto, or " };
+    let help = if is_below(loaded) {
+        "raise gamma to the value of W503".to_owned()
+    } else {
+        format!("{search}smaller steps: steps ... by a smaller step")
+    };
+    let d = d.help(help);
+    Some(match kink.origin {
+        Some(origin) => locate(d, origin, &loaded.script.expansions, text),
+        None => d.note(text),
+    })
+}
+
+/// The numbers of a run in lines: size, measures, quality, times.
+#[must_use]
+pub fn summary(out: Option<&Path>, outcome: &Outcome) -> String {
+    let report = &outcome.report;
+    let mut text = String::new();
+    let good = outcome.steps.iter().filter(|s| s.history.converged()).count();
+    let iterations: usize = outcome.steps.iter().map(|s| s.history.n_iterations()).sum();
+    text += &format!(
+        "{}: {} unknowns, {good} of {} steps converged, {iterations} iterations\n",
+        report.scene,
+        report.dofs,
+        outcome.steps.len()
+    );
+    if let Some(step) = outcome.steps.last() {
+        for (name, value) in &step.measures {
+            text += &format!("  {name} = {value:.9e}\n");
+        }
+    }
+    text += &quality(outcome);
+    let t = report.timings;
+    text += &format!(
+        "  text to kernels {:.1} ms: parse {:.1}, compile {:.1}\n",
+        1e3 * (t.parse + t.compile),
+        1e3 * t.parse,
+        1e3 * t.compile
+    );
+    text += &format!(
+        "  time {:.3} s: mesh {:.3}, assemble {:.3}, factor {:.3}, solve {:.3}, write {:.3}\n",
+        t.total, t.mesh, t.assemble, t.factor, t.solve, t.write
+    );
+    if let Some(out) = out {
+        text += &format!("  results in {}\n", out.display());
+    }
+    text
+}
+
+/// How good the last converged step is, in lines.
+fn quality(outcome: &Outcome) -> String {
+    let Some(step) = outcome.steps.iter().rev().find(|s| s.history.converged()) else { return String::new() };
+    let mut text = String::new();
+    if let (Some(a), Some(i)) = (&step.accuracy, step.history.iterations.last()) {
+        let stop = step.history.stop.map_or("", |s| s.word());
+        text += &format!(
+            "  at t = {}: residual {:.1e} ({stop}; rounding leaves {:.1e}), {:.0} digits\n",
+            step.time,
+            i.residual,
+            i.floor,
+            a.digits().floor()
+        );
+    }
+    let works: Vec<f64> = outcome.steps.iter().filter_map(|s| Some(s.friction?.taken)).collect();
+    if !works.is_empty() {
+        text += &format!("  energy that friction took: {:.6e}\n", works.iter().sum::<f64>());
+    }
+    for check in &step.checks {
+        let mark = if check.holds() { "" } else { "  NOT within its limit" };
+        text += &format!("  {}: {:.1e}{mark}", check.name, check.value);
+        text += &if check.name.starts_with("equilibrium") { format!(" ({})\n", check.detail) } else { "\n".to_owned() };
+    }
+    text
+}
+
+/// Why a run stopped, at the place in the scene where there is one.
+#[must_use]
+pub fn stopped(loaded: &Loaded, scene: &Scene, error: &RunError) -> Said {
+    match error {
+        RunError::Newton { time, error: inner, .. } => newton_stopped(loaded, scene, *time, inner),
+        RunError::Start(bad) => Said::Message(bad.diagnostic(&loaded.script.expansions, None)),
+        RunError::State { .. } => Said::Text(format!("error[E612]: {error}\n")),
+        RunError::Output(error) => Said::Text(told(error)),
+        RunError::Checkpoint(error) => Said::Text(told_of_resuming(error)),
+    }
+}
+
+fn newton_stopped(loaded: &Loaded, scene: &Scene, time: f64, inner: &NewtonError) -> Said {
+    match inner {
+        NewtonError::Term(TermError::NonFinite(place)) => Said::Message(non_finite(loaded, place, time)),
+        NewtonError::Term(TermError::State(bad)) => Said::Text(unbounded(bad, time)),
+        NewtonError::Given(bad) => Said::Message(bad.diagnostic(&loaded.script.expansions, Some(time))),
+        NewtonError::Solve(SolveError::Singular { mode, .. }) => {
+            let names = moving_fields(scene, mode.dofs_above(0.1).as_slice());
+            Said::Text(format!(
+                "error[E602]: step t = {time}: nothing holds {names}\n  = note: the tangent is singular: {inner}\n  = help: fix it, or press it against something that is held\n"
+            ))
+        }
+        NewtonError::Solve(SolveError::VanishingPivot { dof, .. }) => {
+            let names = u32::try_from(*dof).map_or_else(|_| "the scene".to_owned(), |d| moving_fields(scene, &[d]));
+            Said::Text(format!(
+                "error[E602]: step t = {time}: next to nothing holds {names}{}\n  = note: the tangent is singular but for rounding: {inner}\n  = help: a body that slides as a whole, or contact that is far stiffer than it: fix it, press it against something that is held, or take a smaller gamma\n",
+                place_of(scene, *dof)
+            ))
+        }
+        NewtonError::Singular { why, error } => {
+            let mode = if let SolveError::Singular { mode, .. } = error { mode.dofs_above(0.1) } else { Vec::new() };
+            let inactive = why.what.starts_with("the equation of");
+            let told = held_by_nothing(loaded, scene, &mode).filter(|_| inactive);
+            Said::Message(told.unwrap_or_else(|| undetermined(loaded, why, time)))
+        }
+        NewtonError::TooMuchMemory(need) => Said::Text(too_much_memory(need)),
+        other => Said::Text(format!("error[E602]: step t = {time}: {other}\n")),
+    }
+}
+
+/// E606 where there is no place in the scene.
+#[must_use]
+pub fn too_much_memory(need: &TooMuchMemory) -> String {
+    format!("error[E606]: {need}\n  = help: fewer cells, a lower degree, or more memory: --memory 16GB\n")
+}
+
+/// E602 for a tangent of which is known what it leaves undetermined, at the field or the term it is about.
+fn undetermined(loaded: &Loaded, why: &Singular, time: f64) -> Diagnostic {
+    let mut d = Diagnostic::new("E602", format!("step t = {time}: {}", why.what));
+    let field = loaded.script.fields.iter().find(|f| f.name.name == why.name).map(|f| f.name.span);
+    if let Some(span) = field {
+        d = d.at(span, "");
+    }
+    for note in &why.notes {
+        d = d.note(note.clone());
+    }
+    d.help(why.help.clone())
+}
+
+/// E403 for a number of the whole scene that no equation holds.
+fn held_by_nothing(loaded: &Loaded, scene: &Scene, dofs: &[u32]) -> Option<Diagnostic> {
+    let [free] = dofs else { return None };
+    let dof = *scene.system.numbering.free_dofs.get(*free as usize)?;
+    let (field, _, _) = scene.system.numbering.describe(&scene.system.fields, dof as usize);
+    let name = &scene.system.fields[field].name;
+    let declared = loaded.script.fields.iter().find(|f| f.name.name == *name)?;
+    if !matches!(declared.space.place, wfl::ast::Place::Global(_)) {
+        return None;
+    }
+    let d =
+        Diagnostic::new("E403", format!("nothing holds `{name}` at the start: its row of the first tangent is zero"));
+    let d = d.at(declared.name.span, "every term with it is inactive");
+    Some(d.help(format!("start from a touching state, e.g. `start {name} = 0.01`")))
+}
+
+/// " at [1, 0]" for a free dof.
+fn place_of(scene: &Scene, free: usize) -> String {
+    let system = &scene.system;
+    let Some(dof) = system.numbering.free_dofs.get(free) else { return String::new() };
+    let (field, node, _) = system.numbering.describe(&system.fields, *dof as usize);
+    let x = system.fields[field].node_position(node);
+    let x: Vec<String> = x.iter().take(system.mesh.dim()).map(|c| short(*c)).collect();
+    format!(" at [{}]", x.join(", "))
+}
+
+/// The fields of free dofs, with what they do in a singular mode.
+fn moving_fields(scene: &Scene, dofs: &[u32]) -> String {
+    let mut names: Vec<String> = Vec::new();
+    for free in dofs {
+        let Some(dof) = scene.system.numbering.free_dofs.get(*free as usize) else { continue };
+        let (field, _, component) = scene.system.numbering.describe(&scene.system.fields, *dof as usize);
+        let f = &scene.system.fields[field];
+        let name =
+            if f.n_components > 1 { format!("`{}({})`", f.name, component + 1) } else { format!("`{}`", f.name) };
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    if names.is_empty() { "the scene".to_owned() } else { names.join(", ") }
+}
+
+fn non_finite(loaded: &Loaded, place: &NonFinitePlace, time: f64) -> Diagnostic {
+    let at = format!(
+        "at position {}, entity {} of the region, point {}, step t = {time}",
+        position(place.position),
+        place.entity,
+        place.point
+    );
+    let nan = place.cause.as_ref().is_none_or(|c| c.result.is_nan());
+    let what = if nan { "not a number" } else { "an infinite number" };
+    let d = Diagnostic::new("E601", format!("{what} in the residual of `{}`", place.term));
+    finite::told(d, place.cause.as_ref(), &at, &loaded.script.expansions, None)
+}
+
+/// E612: an unknown, or what is computed from it, has no finite value.
+fn unbounded(bad: &BadState, time: f64) -> String {
+    let note = if bad.largest.is_finite() {
+        format!("  = note: the largest unknown is {}\n", short(bad.largest))
+    } else {
+        String::new()
+    };
+    format!(
+        "error[E612]: step t = {time}: the {} of `{}` is {} at {}\n{note}  = help: numbers end at 1.8e308: another unit for \
+         what is prescribed, loaded or started from\n",
+        bad.what,
+        bad.field,
+        word(bad.value),
+        position(bad.position)
+    )
+}

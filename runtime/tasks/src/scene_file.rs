@@ -1,0 +1,295 @@
+//! A scene file, read: the file, the files it includes, the values given for its parameters, and its problem.
+//!
+//! Promises that every error is kept as a message with its place, so that later stages can add what they find. Does not
+//! run and does not print.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use wfl::{
+    Diagnostic, Loader, Override, ResolvedScript, Source, SourceId, SourceMap, Span, Unloaded, parse_expr, resolve,
+};
+use wfl_compiler::backend::KernelBackend;
+use wfl_runtime::{
+    Pruning, Scene,
+    input::{self, InputError, InputKind},
+    knobs::{self, OF_STATEMENTS},
+    output::{About, Hash, OrderedMap, SceneText},
+    prepare_keeping,
+    reading::{self, ReadingError},
+};
+
+/// A scene that was read, with its texts.
+pub struct Loaded {
+    /// Its texts.
+    pub sources: SourceMap,
+    /// What they say.
+    pub script: ResolvedScript,
+    /// Everything found so far; with an error among it there will be no scene.
+    pub messages: Vec<Diagnostic>,
+    /// The folder of the file.
+    pub folder: PathBuf,
+    /// The name of the file without its ending.
+    pub name: String,
+    /// Knobs of the command line that changed its statements, `NAME=VALUE`.
+    pub knobs: Vec<String>,
+}
+
+impl Loaded {
+    /// The scene and the files it uses, by their names seen from its folder.
+    #[must_use]
+    pub fn texts(&self) -> OrderedMap<Hash> {
+        let files = self.sources.iter().map(|(_, s)| s).filter(|s| s.name != COMMAND_LINE);
+        let name = |s: &Source| {
+            let path = Path::new(&s.name);
+            path.strip_prefix(&self.folder).unwrap_or(path).display().to_string()
+        };
+        files.map(|s| (name(s), Hash::of(s.text.as_bytes()))).collect()
+    }
+
+    /// What else was given that changes numbers: knobs, and prunings that are put back.
+    #[must_use]
+    pub fn settings(&self, keep: &[Pruning]) -> OrderedMap<String> {
+        let mut settings: OrderedMap<String> = OrderedMap::new();
+        for (name, value) in self.knobs.iter().filter_map(|word| word.split_once('=')) {
+            settings.insert(name, value);
+        }
+        if !keep.is_empty() {
+            settings.insert("no_prune", keep.iter().map(|p| p.name()).collect::<Vec<_>>().join(","));
+        }
+        settings
+    }
+
+    /// What a report keeps of the scene.
+    #[must_use]
+    pub fn about(&self) -> About {
+        let mut units = OrderedMap::default();
+        for param in &self.script.params {
+            if let Some(unit) = &param.unit {
+                let text = self.sources.snippet(unit.span);
+                units.insert(param.name.name.clone(), text.trim_matches(['[', ']', ' ']));
+            }
+        }
+        for known in wfl::unit_report(&self.script, &self.sources) {
+            units.insert(known.name, known.unit);
+        }
+        let text = |(_, s): (_, &Source)| SceneText { name: s.name.clone(), text: s.text.to_string() };
+        About {
+            step_variable: self.script.steps.as_ref().map(|s| s.variable.name.clone()),
+            units,
+            texts: self.sources.iter().map(text).collect(),
+        }
+    }
+
+    /// The problem of the scene; what is in `keep` is done although it does not need it. All messages stay here, in the
+    /// order of the text; with an error among them there is no problem.
+    pub fn prepare(&mut self, backend: &dyn KernelBackend, keep: &[Pruning]) -> Option<Scene> {
+        let prepared = prepare_keeping(&self.script, &self.folder, backend, keep);
+        self.messages.extend(prepared.diagnostics);
+        let place = |d: &Diagnostic| d.labels.first().map(|l| (l.span.source.index(), l.span.start));
+        self.messages.sort_by_key(place);
+        let has_error = self.messages.iter().any(Diagnostic::is_error);
+        if has_error {
+            // what a broken statement would have used is no leftover
+            self.messages.retain(|d| d.code != "W702");
+        }
+        prepared.scene.filter(|_| !has_error)
+    }
+}
+
+/// Finds included files beside the file that includes them.
+struct Files {
+    /// The folder of the scene: what it uses lies there or below.
+    scene: PathBuf,
+    folders: BTreeMap<usize, PathBuf>,
+    /// Folder of the file last read: texts are gone through as they are read, so a text not yet known is that one.
+    last: PathBuf,
+}
+
+impl Loader for Files {
+    fn load(&mut self, path: &str, from: SourceId) -> Result<(String, String), Unloaded> {
+        let folder = self.folders.entry(from.index()).or_insert_with(|| self.last.clone());
+        let full = folder.join(path);
+        let text = reading::text(&self.scene, folder, path, InputKind::Scene).map_err(|e| Unloaded {
+            why: e.to_string(),
+            missing: matches!(e, ReadingError::Input(InputError::NotFound)),
+            outside: matches!(e, ReadingError::Outside { .. }),
+            help: e.help(),
+        })?;
+        self.last = full.parent().map(Path::to_path_buf).unwrap_or_default();
+        Ok((full.display().to_string(), text))
+    }
+}
+
+/// The text of a file, or why it cannot be read.
+///
+/// # Errors
+/// In words, without the name of the file.
+pub fn read_text(path: &Path, kind: InputKind) -> Result<String, String> {
+    input::read_text(path, kind).map_err(|e| e.to_string())
+}
+
+/// Reads and resolves a scene with values for its parameters, `NAME=VALUE`; messages show these behind `command` of the
+/// program. `more` are statements put behind the text of the scene.
+///
+/// # Errors
+/// Why there is no text to check, in words; other errors are messages of what is returned.
+pub fn read_scene(scene: &Path, overrides: &[String], command: &str, more: &str) -> Result<Loaded, String> {
+    let mut sources = SourceMap::new();
+    let mut text = read_text(scene, InputKind::Scene).map_err(|why| {
+        let named = scene.with_extension("wfl");
+        let help = if scene.extension().is_none() && named.is_file() {
+            format!("\n  = help: wfl {command} {}", named.display())
+        } else {
+            String::new()
+        };
+        format!("cannot read {}: {why}{help}", scene.display())
+    })?;
+    if text.trim().is_empty() {
+        let help = "a scene has at least a mesh, an unknown and a term; the README shows one";
+        return Err(format!("{} is empty\n  = help: {help}", scene.display()));
+    }
+    if !more.is_empty() {
+        text = format!("{}\n{more}", text.trim_end());
+    }
+    let main = sources.add(scene.display().to_string(), text);
+    let folder = scene.parent().map(Path::to_path_buf).unwrap_or_default();
+    let mut diagnostics = Vec::new();
+    let overrides = command_line(scene, overrides, command, &mut sources, &mut diagnostics);
+    let mut loader = Files {
+        scene: folder.clone(),
+        folders: BTreeMap::from([(main.index(), folder.clone())]),
+        last: folder.clone(),
+    };
+    let checked = resolve(&mut sources, main, &mut loader, &overrides);
+    diagnostics.extend(checked.diagnostics);
+    let name = scene.file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
+    // a script is always made, however many errors it has
+    let script = checked.value.ok_or_else(String::new)?;
+    Ok(Loaded { script, sources, messages: diagnostics, folder, name, knobs: Vec::new() })
+}
+
+/// Reads a scene with parameters and the knobs of statements: what a sweep or a wanted accuracy picked can be run again as
+/// it is written there. A word whose name is a parameter of the scene is that parameter.
+///
+/// # Errors
+/// As [`read_scene`], and where a knob means nothing for the scene.
+pub fn read_scene_with_knobs(scene: &Path, words: &[String], command: &str) -> Result<Loaded, String> {
+    let name = |word: &str| word.split_once('=').map(|(name, _)| name.trim().to_owned());
+    let is_knob = |word: &String| name(word).is_some_and(|n| OF_STATEMENTS.contains(&n.as_str()));
+    let (mut knobs, mut params): (Vec<String>, Vec<String>) = words.iter().cloned().partition(is_knob);
+    let mut loaded = read_scene(scene, &params, command, "")?;
+    let named =
+        |loaded: &Loaded, word: &str| loaded.script.params.iter().any(|p| name(word).is_some_and(|n| n == p.name.name));
+    if knobs.iter().any(|word| named(&loaded, word)) {
+        (params, knobs) = words.iter().cloned().partition(|word| !is_knob(word) || named(&loaded, word));
+        loaded = read_scene(scene, &params, command, "")?;
+    }
+    let setting: Vec<(String, String)> = knobs
+        .iter()
+        .filter_map(|word| word.split_once('=').map(|(n, v)| (n.trim().to_owned(), v.trim().to_owned())))
+        .collect();
+    knobs::apply(&mut loaded.script, &setting, &[], &[]).map_err(|why| why.to_string())?;
+    Ok(Loaded { knobs, ..loaded })
+}
+
+/// The name of the text that holds the command line.
+const COMMAND_LINE: &str = "(command line)";
+
+/// The values given as NAME=VALUE; messages show them where they stand in the command line.
+fn command_line(
+    scene: &Path,
+    words: &[String],
+    command: &str,
+    sources: &mut SourceMap,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Vec<Override> {
+    let mut line = format!("wfl {command} {}", scene.display());
+    let mut starts = Vec::new();
+    for word in words {
+        line.push(' ');
+        starts.push(line.len());
+        line.push_str(word);
+    }
+    let id = sources.add(COMMAND_LINE, line.as_str());
+    let mut out = Vec::new();
+    let mut taken = 0;
+    for (k, (word, start)) in words.iter().zip(starts).enumerate() {
+        if k < taken {
+            continue;
+        }
+        if let Some((count, meant)) = apart(&words[k..]) {
+            let text = words[k..k + count].join(" ");
+            let d = Diagnostic::new("E703", format!("`{text}` is not NAME=VALUE"));
+            diagnostics.push(d.at(span(id, start, start + text.len()), "").help(format!("without spaces: {meant}")));
+            taken = k + count;
+            continue;
+        }
+        let span = span(id, start, start + word.len());
+        match one_override(word, span, sources) {
+            Ok(given) => out.push(given),
+            Err(messages) => diagnostics.extend(messages),
+        }
+    }
+    out
+}
+
+/// How many of the first words are one value whose parts stand apart, `gamma 3`, `gamma = 3`, `gamma= 3`, and what to
+/// type.
+fn apart(words: &[String]) -> Option<(usize, String)> {
+    let is_name = |w: &str| {
+        w.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+            && w.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    };
+    let first = words.first()?;
+    let name = first.strip_suffix(['=', ':']).unwrap_or(first);
+    if !is_name(name) {
+        return None;
+    }
+    let signed = name.len() < first.len();
+    let (count, value) = match words.get(1)?.as_str() {
+        "=" | ":" if !signed => (3, words.get(2)?.as_str()),
+        second if !signed && second.starts_with(['=', ':']) => (2, &second[1..]),
+        second => (2, second),
+    };
+    (!value.is_empty() && !value.contains('=')).then(|| (count, format!("{name}={value}")))
+}
+
+fn span(source: SourceId, start: usize, end: usize) -> Span {
+    let narrow = |x: usize| u32::try_from(x).unwrap_or(u32::MAX);
+    Span { source, start: narrow(start), end: narrow(end) }
+}
+
+fn one_override(word: &str, whole: Span, sources: &SourceMap) -> Result<Override, Vec<Diagnostic>> {
+    let wrong = |text: String, note: &str| Err(vec![Diagnostic::new("E703", text).at(whole, "").help(note)]);
+    let Some((name, value)) = word.split_once('=') else {
+        return wrong(format!("`{word}` is not NAME=VALUE"), "gamma=1e6 replaces the value of param gamma");
+    };
+    if name.trim().is_empty() {
+        return wrong("there is no name before `=`".to_owned(), "gamma=1e6 replaces the value of param gamma");
+    }
+    if value.trim().is_empty() {
+        return wrong(
+            format!("`{}` is given no value", name.trim()),
+            "write the value right behind `=`; one with spaces in quotes: \"gamma=1e6 + 1\"",
+        );
+    }
+    // The value is read from a text of blanks in which it stands where it stands in the command line, with the same
+    // id: so the places of all its parts are right.
+    let before = whole.start as usize + name.len() + 1;
+    let line = format!("{}{value}", " ".repeat(before));
+    let mut texts = SourceMap::new();
+    for (k, _) in sources.iter() {
+        let text = if k == whole.source { line.as_str() } else { "" };
+        texts.add(COMMAND_LINE, text);
+    }
+    let parsed = parse_expr(&texts, whole.source);
+    match parsed.value {
+        Some(value) if parsed.diagnostics.iter().all(|d| !d.is_error()) => {
+            Ok(Override { name: name.trim().to_owned(), value, span: whole })
+        }
+        _ => Err(parsed.diagnostics),
+    }
+}

@@ -1,0 +1,153 @@
+//! One row of a sweep: a setting run as often as asked for, its errors, times and costs.
+
+use wfl_runtime::{
+    compare::{Solved, measures},
+    knobs::Setting,
+};
+
+use super::{Method, Sweep, machine, plan::Planned, table::Row};
+use crate::{
+    bench::{Run, Status},
+    setting_text,
+};
+
+impl Sweep<'_> {
+    /// What tells a row from others: scene with its text, setting, repetitions and reference.
+    pub(super) fn key(&self, method: &Method, setting: &Setting) -> String {
+        let reference = method.reference.map(|k| &self.references[k]);
+        let reference = reference.map_or("none".to_owned(), |r| format!("{} {}", r.what, r.identity));
+        let n = self.job.repeat;
+        let identity = method.known.identity.hash();
+        format!("{} {identity} | {} | {n} | {reference}", method.path.display(), setting_text(setting))
+    }
+
+    /// Runs a setting as often as asked for.
+    pub(super) fn row(&self, planned: &Planned<'_>) -> Row {
+        let Planned { method, setting, key, .. } = planned;
+        machine::forget_peak_memory();
+        let mut runs: Vec<Run> = Vec::new();
+        for _ in 0..self.job.repeat.get() {
+            let run = self.bench.run(&method.path, &method.known, setting, &method.more);
+            let ok = run.status == Status::Ok;
+            runs.push(run);
+            if !ok {
+                break;
+            }
+        }
+        let mut row = self.head(method, setting);
+        let mut seconds: Vec<f64> = runs.iter().map(|r| r.seconds).collect();
+        seconds.sort_by(f64::total_cmp);
+        let last = runs.pop();
+        let errors = last.as_ref().and_then(|run| self.errors(method, run));
+        row.set("status", "failed");
+        if let Some(run) = &last {
+            let (status, message) = status(run, errors.as_ref());
+            row.set("status", status);
+            row.set("message", message);
+        }
+        row.number("repeats", seconds.len() as f64);
+        if !self.parallel() {
+            row.number("time", seconds[seconds.len() / 2]);
+            row.number("time_min", seconds[0]);
+            row.number("time_max", seconds[seconds.len() - 1]);
+        }
+        if let Some(solved) = last.as_ref().and_then(|r| r.solved.as_ref()) {
+            if !self.parallel() {
+                times(&mut row, solved);
+            }
+            costs(&mut row, solved);
+        }
+        if let Some(Ok(errors)) = errors {
+            let reference = method.reference.map(|k| &self.references[k]);
+            for (name, value) in &errors {
+                row.number(format!("error {name}"), *value);
+                if let Some(own) = reference.and_then(|r| r.own_error(name)) {
+                    row.number(format!("reference error {name}"), own);
+                }
+            }
+        }
+        row.set("key", key.as_str());
+        row
+    }
+
+    /// The columns that say how to run it again.
+    fn head(&self, method: &Method, setting: &Setting) -> Row {
+        let mut row = Row::default();
+        row.set("scene", method.path.display().to_string());
+        for (name, value) in setting {
+            row.set(format!("knob {name}"), value.clone());
+        }
+        for column in ["status", "message"] {
+            row.set(column, "");
+        }
+        row.set("reference", method.reference.map_or("none", |k| &self.references[k].what));
+        row.set("version", self.machine.version.clone());
+        row.set("commit", self.machine.commit.clone());
+        row.set("machine", self.machine.name.clone());
+        row.number("threads", self.bench.threads as f64);
+        row.set("command", format!("wfl sweep {} {}", method.path.display(), setting_text(setting)).trim_end());
+        row
+    }
+
+    fn errors(&self, method: &Method, run: &Run) -> Option<Result<Vec<(String, f64)>, String>> {
+        let reference = &self.references[method.reference?];
+        let solved = run.solved.as_ref().filter(|_| run.status == Status::Ok)?;
+        Some(reference.errors(solved, self.bench.backend))
+    }
+}
+
+/// The status of a row and what there is to say about it. Numbers that are not finite are a failure of their own.
+fn status(run: &Run, errors: Option<&Result<Vec<(String, f64)>, String>>) -> (&'static str, String) {
+    match (&run.status, errors) {
+        (Status::Failed(why), _) => ("failed", why.clone()),
+        (Status::NotConverged(why), _) => ("not converged", why.clone()),
+        (Status::Ok, Some(Err(why))) => ("failed", format!("solved, but it cannot be compared: {why}")),
+        (Status::Ok, errors) => {
+            let measures = run.solved.as_ref().map(measures).unwrap_or_default();
+            let errors = errors.and_then(|e| e.as_ref().ok()).into_iter().flatten();
+            let broken: Vec<&str> =
+                errors.chain(&measures).filter(|v| !v.1.is_finite()).map(|v| v.0.as_str()).collect();
+            if broken.is_empty() {
+                ("ok", String::new())
+            } else {
+                ("not finite", format!("not a finite number: {}", broken.join(", ")))
+            }
+        }
+    }
+}
+
+/// Seconds and memory of a run that had the machine to itself.
+fn times(row: &mut Row, solved: &Solved) {
+    let report = &solved.outcome.report;
+    let t = report.timings;
+    let split = [t.parse, t.compile, t.mesh, t.assemble, t.factor, t.solve];
+    for (name, value) in ["parse", "compile", "mesh", "assemble", "factor", "solve"].into_iter().zip(split) {
+        row.number(name, value);
+    }
+    if let Some(bytes) = report.peak_memory_bytes {
+        row.number("peak_memory_bytes", bytes as f64);
+    }
+}
+
+/// What a run cost in numbers that do not depend on the machine, and its measures.
+fn costs(row: &mut Row, solved: &Solved) {
+    let report = &solved.outcome.report;
+    let steps = &solved.outcome.steps;
+    let newton = |s: &wfl_runtime::StepResult| {
+        let parts: usize = s.attempts.iter().map(|a| a.iterations).sum();
+        parts.max(s.history.n_iterations())
+    };
+    row.set("solver", report.solver.clone().unwrap_or_default());
+    row.number("dofs", report.dofs as f64);
+    row.number("cells", report.mesh.cells as f64);
+    row.number("steps", steps.len() as f64);
+    row.number("iterations", steps.iter().map(newton).sum::<usize>() as f64);
+    row.number("factorisations", report.factorisations as f64);
+    let residual = |s: &wfl_runtime::StepResult| s.history.iterations.last().map(|i| i.residual);
+    if let Some(largest) = steps.iter().filter_map(residual).max_by(f64::total_cmp) {
+        row.number("residual", largest);
+    }
+    for (name, value) in measures(solved) {
+        row.number(format!("measure {name}"), value);
+    }
+}
