@@ -1,10 +1,13 @@
 //! The program as it is called: what it prints, where, and its exit codes.
 
+mod common;
+
 use std::{
-    path::{Path, PathBuf},
+    path::Path,
     process::{Command, Output, Stdio},
 };
 
+use common::Folder;
 use serde_json::Value;
 
 /// A body pulled at one end, with closed forms: u = 2x/100 at x = 1 is 0.02.
@@ -38,29 +41,6 @@ fix u = 0 on west
 load u = 2 on east
 ";
 
-/// A folder of its own for each test, gone at its end.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("wfl-cli-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).expect("a temporary folder");
-        Self(path)
-    }
-
-    fn file(&self, name: &str, text: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.0.join(name);
-        std::fs::write(&path, text).expect("a temporary file");
-        path
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
 struct Ran {
     code: i32,
     out: String,
@@ -77,7 +57,7 @@ fn wfl(folder: &Path, words: &[&str]) -> Ran {
 #[test]
 fn run_prints_a_summary_and_is_quiet_otherwise() {
     let folder = Folder::new("run");
-    folder.file("rod.wfl", ROD);
+    folder.write("rod.wfl", ROD);
     let ran = wfl(&folder.0, &["run", "rod.wfl"]);
     assert_eq!((ran.code, ran.err.as_str()), (0, ""), "{}", ran.out);
     for part in ["4 unknowns, 1 of 1 steps converged", "tip = 2.0", "text to kernels", "results in out/rod"] {
@@ -98,13 +78,13 @@ fn run_prints_a_summary_and_is_quiet_otherwise() {
 #[test]
 fn exit_codes_tell_what_happened() {
     let folder = Folder::new("codes");
-    folder.file("rod.wfl", ROD);
-    folder.file("contact.wfl", CONTACT);
+    folder.write("rod.wfl", ROD);
+    folder.write("contact.wfl", CONTACT);
     let missed = wfl(&folder.0, &["run", "rod.wfl", "load_factor=2"]);
     assert_eq!(missed.code, 3, "{}", missed.err);
     assert!(missed.err.contains("E604"));
     let cubic = ROD.lines().filter(|l| !l.starts_with("expect")).collect::<Vec<_>>().join("\n");
-    folder.file("cubic.wfl", format!("{cubic}\nterm cubic on all : 1e9*u*u*u*Test_u\n"));
+    folder.write("cubic.wfl", format!("{cubic}\nterm cubic on all : 1e9*u*u*u*Test_u\n"));
     let short = wfl(&folder.0, &["run", "cubic.wfl", "--max-iter", "1"]);
     assert_eq!(short.code, 2, "{}{}", short.out, short.err);
     assert!(short.err.contains("E603"), "{}", short.err);
@@ -136,9 +116,9 @@ fn every_command_has_help_with_an_example() {
 #[test]
 fn what_is_no_scene_says_so() {
     let folder = Folder::new("files");
-    folder.file("empty.wfl", "  \n");
-    folder.file("image.wfl", [0x89, b'P', b'N', b'G', 0, 1, 2]);
-    folder.file("latin.wfl", b"mesh box # caf\xe9\n");
+    folder.write("empty.wfl", "  \n");
+    folder.write("image.wfl", [0x89, b'P', b'N', b'G', 0, 1, 2]);
+    folder.write("latin.wfl", b"mesh box # caf\xe9\n");
     let cases = [
         (".", "it is a directory"),
         ("empty.wfl", "is empty"),
@@ -158,7 +138,7 @@ fn what_is_no_scene_says_so() {
 #[test]
 fn overrides_are_shown_in_the_command_line() {
     let folder = Folder::new("overrides");
-    folder.file("rod.wfl", ROD);
+    folder.write("rod.wfl", ROD);
     // word, code, column of the mark, its length
     let cases = [
         ("k=", "E703", 17, 2),
@@ -186,10 +166,10 @@ fn overrides_are_shown_in_the_command_line() {
 fn included_files_are_looked_for_beside_the_file_that_uses_them() {
     let folder = Folder::new("nested");
     std::fs::create_dir_all(folder.0.join("scenes/laws")).unwrap();
-    folder.file("scenes/rod.wfl", ROD.replace("param k", "use \"laws/first.wfl\"\nuse \"last.wfl\"\nparam k"));
-    folder.file("scenes/laws/first.wfl", "use \"second.wfl\"\ndef one(a) = two(a)\n");
-    folder.file("scenes/laws/second.wfl", "def two(a) = 2*a\n");
-    folder.file("scenes/last.wfl", "def three(a) = 3*a\n");
+    folder.write("scenes/rod.wfl", ROD.replace("param k", "use \"laws/first.wfl\"\nuse \"last.wfl\"\nparam k"));
+    folder.write("scenes/laws/first.wfl", "use \"second.wfl\"\ndef one(a) = two(a)\n");
+    folder.write("scenes/laws/second.wfl", "def two(a) = 2*a\n");
+    folder.write("scenes/last.wfl", "def three(a) = 3*a\n");
     let ran = wfl(&folder.0, &["run", "scenes/rod.wfl"]);
     assert_eq!(ran.code, 0, "{}", ran.err);
 }
@@ -197,7 +177,7 @@ fn included_files_are_looked_for_beside_the_file_that_uses_them() {
 #[test]
 fn check_counts_what_closed_forms_count() {
     let folder = Folder::new("check");
-    folder.file("contact.wfl", CONTACT);
+    folder.write("contact.wfl", CONTACT);
     let text = wfl(&folder.0, &["check", "contact.wfl"]);
     assert_eq!((text.code, text.err.as_str()), (0, ""));
     assert!(text.out.contains("nonlinear with kinks"), "{}", text.out);
@@ -219,7 +199,7 @@ fn check_counts_what_closed_forms_count() {
 #[test]
 fn show_has_every_view() {
     let folder = Folder::new("show");
-    folder.file("contact.wfl", CONTACT);
+    folder.write("contact.wfl", CONTACT);
     let cases = [
         ("ast", "pos_part"),
         ("graph", "pos_part"),
@@ -243,7 +223,7 @@ fn show_has_every_view() {
 #[test]
 fn verify_visits_both_branches_and_passes() {
     let folder = Folder::new("verify");
-    folder.file("contact.wfl", CONTACT);
+    folder.write("contact.wfl", CONTACT);
     let ran = wfl(&folder.0, &["verify", "contact.wfl", "--samples", "20"]);
     assert_eq!(ran.code, 0, "{}{}", ran.out, ran.err);
     assert!(ran.out.contains("all tangents agree within 1e-7"));
@@ -267,14 +247,14 @@ fn explain_prints_pages_and_refuses_other_words() {
 #[test]
 fn fmt_changes_files_once() {
     let folder = Folder::new("fmt");
-    let file = folder.file("rod.wfl", ROD.replace("k*Grad_u.Grad_Test_u", "k * Grad_u   .Grad_Test_u # kept"));
+    let file = folder.write("rod.wfl", ROD.replace("k*Grad_u.Grad_Test_u", "k * Grad_u   .Grad_Test_u # kept"));
     let check = wfl(&folder.0, &["fmt", "--check", "rod.wfl"]);
     assert_eq!((check.code, check.out.as_str()), (1, "rod.wfl would change\n"));
     assert_eq!(wfl(&folder.0, &["fmt", "rod.wfl"]).code, 0);
     let text = std::fs::read_to_string(&file).unwrap();
     assert!(text.contains("# kept") && !text.contains("   ."), "{text}");
     assert_eq!(wfl(&folder.0, &["fmt", "--check", "rod.wfl"]).code, 0);
-    let bad = folder.file("bad.wfl", "mesh box [0 to\n");
+    let bad = folder.write("bad.wfl", "mesh box [0 to\n");
     assert_eq!(wfl(&folder.0, &["fmt", "bad.wfl"]).code, 1);
     assert_eq!(std::fs::read_to_string(bad).unwrap(), "mesh box [0 to\n");
     // nothing else is left in the folder
@@ -288,7 +268,7 @@ fn an_imported_form_checks() {
     let text = wfl(&folder.0, &["import", form]);
     assert_eq!(text.code, 0, "{}", text.err);
     let scene = format!("{}mesh box [0,0] to [1,1] cells [2,2] quad\n", text.out);
-    folder.file("elastic.wfl", scene);
+    folder.write("elastic.wfl", scene);
     let checked = wfl(&folder.0, &["check", "elastic.wfl", "--json"]);
     assert_eq!(checked.code, 0, "{}{}", text.out, checked.err);
     let all: Value = serde_json::from_str(&checked.out).unwrap();
@@ -300,7 +280,7 @@ fn an_imported_form_checks() {
 #[test]
 fn a_closed_pipe_is_no_panic() {
     let folder = Folder::new("pipe");
-    folder.file("contact.wfl", CONTACT);
+    folder.write("contact.wfl", CONTACT);
     let mut child = Command::new(env!("CARGO_BIN_EXE_wfl"))
         .current_dir(&folder.0)
         .args(["show", "contact.wfl", "clif"])

@@ -1,11 +1,14 @@
 //! The results folder: one writer, one run, nothing of anybody else's touched, nothing damaged taken for a result.
 
+mod common;
+
 use std::{
     collections::BTreeMap,
     fs,
-    path::PathBuf,
     process::{Command, Output},
 };
+
+use common::Folder;
 
 /// A bar of modulus k*E with k from a table, on a mesh of a file, that cannot be solved at t = 3 while `late` is 1.
 const BAR: &str = "wfl 1
@@ -32,40 +35,20 @@ const MESH: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 
                     $Elements\n2\n1 2 2 0 1 1 2 3\n2 2 2 0 1 1 3 4\n$EndElements\n";
 const TABLE: &str = "x,y,k\n0,0,1\n1,0,1\n1,1,1\n0,1,1\n";
 
-/// A folder of its own that goes when the test ends.
-struct Folder(PathBuf);
-
 impl Folder {
     /// With the scene `bar.wfl` and what it reads.
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("wfl-folder-{name}-{}", std::process::id()));
-        let _ = fs::remove_dir_all(&path);
-        fs::create_dir_all(&path).expect("a temporary folder");
-        let folder = Self(path);
+    fn with_bar(name: &str) -> Self {
+        let folder = Self::new(name);
         for (file, text) in [("bar.wfl", BAR), ("names.wfl", "param E = 100\n"), ("bar.msh", MESH), ("k.csv", TABLE)] {
             folder.write(file, text);
         }
         folder
     }
 
-    fn write(&self, name: &str, text: impl AsRef<[u8]>) {
-        fs::write(self.0.join(name), text).expect("a temporary file");
-    }
-
     fn edit(&self, name: &str, from: &str, to: &str) {
         let text = fs::read_to_string(self.0.join(name)).expect("readable");
         assert!(text.contains(from), "{from}");
         self.write(name, text.replace(from, to));
-    }
-
-    fn command(&self, args: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
-        command.args(args).current_dir(&self.0);
-        command
-    }
-
-    fn wfl(&self, args: &[&str]) -> Output {
-        self.command(args).output().expect("the command starts")
     }
 
     /// `wfl run bar.wfl --out o` and more.
@@ -95,12 +78,6 @@ impl Folder {
     }
 }
 
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
 fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
@@ -127,7 +104,7 @@ const CHANGES: [(&str, &str, &str); 4] = [
 #[test]
 fn resume_names_the_input_that_differs() {
     for late in [false, true] {
-        let folder = Folder::new(&format!("identity{late}"));
+        let folder = Folder::with_bar(&format!("identity{late}"));
         let given: &[&str] = if late { &["late=1"] } else { &[] };
         // one run that ended early, and one that is finished
         assert_eq!(folder.run(given).status.code(), Some(i32::from(late)), "{}", said(&folder.run(given)));
@@ -157,7 +134,7 @@ fn resume_names_the_input_that_differs() {
 
 #[test]
 fn a_finished_run_is_not_made_again() {
-    let folder = Folder::new("finished");
+    let folder = Folder::with_bar("finished");
     assert!(folder.run(&[]).status.success());
     let before = folder.files("o");
     let again = folder.run(&["--resume"]);
@@ -188,7 +165,7 @@ fn damages(bytes: &[u8], other: &[u8], at: usize) -> Vec<Vec<u8>> {
 #[test]
 fn what_is_damaged_is_never_gone_on_from() {
     for (late, then) in [("late=0", 0), ("late=1", 1)] {
-        let folder = Folder::new(&format!("damage{then}"));
+        let folder = Folder::with_bar(&format!("damage{then}"));
         assert_eq!(folder.run(&[late]).status.code(), Some(then));
         let whole = folder.files("o");
         let expected = folder.results("o");
@@ -237,7 +214,7 @@ fn what_is_damaged_is_never_gone_on_from() {
 
 #[test]
 fn files_of_others_are_left_alone_and_named_before_anything_is_computed() {
-    let folder = Folder::new("foreign");
+    let folder = Folder::with_bar("foreign");
     for name in ["line_0001.csv", "bar.pvd", "bar_0000.vtu", "report.json", "checkpoint.wflc", "manifest.json"] {
         let _ = fs::remove_dir_all(folder.0.join("o"));
         fs::create_dir(folder.0.join("o")).expect("a folder");
@@ -269,7 +246,7 @@ fn files_of_others_are_left_alone_and_named_before_anything_is_computed() {
 
 #[test]
 fn a_run_does_not_replace_what_it_reads() {
-    let folder = Folder::new("input");
+    let folder = Folder::with_bar("input");
     folder.edit("bar.wfl", "steps t = 1 to 3 by 1\n", "");
     folder.edit("bar.wfl", "load u = t", "load u = 1");
     folder.edit("bar.wfl", "late*(sqrt(2.5 - t) - sqrt(2.5 - t))", "late");
@@ -281,7 +258,7 @@ fn a_run_does_not_replace_what_it_reads() {
 #[cfg(unix)]
 #[test]
 fn links_in_a_results_folder_are_not_followed() {
-    let folder = Folder::new("links");
+    let folder = Folder::with_bar("links");
     folder.write("victim", "mine");
     assert_eq!(folder.run(&["late=1"]).status.code(), Some(1));
     let names: Vec<String> = folder.files("o").into_keys().chain([".wfl-lock".to_owned()]).collect();
@@ -317,7 +294,7 @@ fn links_in_a_results_folder_are_not_followed() {
 /// Whoever writes holds the lock of the folder: here the test does, in the name of process 1.
 #[test]
 fn a_second_writer_is_refused_and_a_dead_one_is_taken_over() {
-    let folder = Folder::new("lock");
+    let folder = Folder::with_bar("lock");
     assert!(folder.run(&[]).status.success());
     let before = folder.files("o");
     folder.write("o/.wfl-lock", "process 1\n");
@@ -341,7 +318,7 @@ fn a_second_writer_is_refused_and_a_dead_one_is_taken_over() {
 /// its own.
 #[test]
 fn a_run_killed_over_a_finished_one_is_not_shown_with_its_numbers() {
-    let folder = Folder::new("over");
+    let folder = Folder::with_bar("over");
     assert!(folder.run(&[]).status.success());
     let finished = folder.files("o");
     // another run ends early and leaves results of two runs; as if it had been killed before its report
@@ -363,7 +340,7 @@ fn a_run_killed_over_a_finished_one_is_not_shown_with_its_numbers() {
 
 #[test]
 fn a_report_shows_files_of_its_run_only() {
-    let folder = Folder::new("doctored");
+    let folder = Folder::with_bar("doctored");
     assert!(folder.run(&[]).status.success());
     folder.write("secret.csv", "s,x,y,u\n0,0,0,1\n");
     let json = fs::read_to_string(folder.0.join("o/report.json")).expect("a report");
@@ -393,7 +370,7 @@ fn refused_report(output: &Output, words: &str) {
 /// Names are judged before anything is computed, and a scene never writes into the folder it stands in.
 #[test]
 fn names_that_are_none_are_refused() {
-    let folder = Folder::new("names");
+    let folder = Folder::with_bar("names");
     for (k, name) in ["nul", "../up", "a:b", ".hidden", "con", "a/b", &"n".repeat(250)].into_iter().enumerate() {
         folder.write("s.wfl", BAR.replace("output csv \"line\"", &format!("output csv \"{name}\"")));
         let output = folder.wfl(&[["check", "run"][k % 2], "s.wfl"]);
@@ -427,7 +404,7 @@ measure flux = integral(k*E*Grad_u(1)) on all
 
 #[test]
 fn a_sweep_keeps_the_rows_of_what_it_reads_now() {
-    let folder = Folder::new("sweep");
+    let folder = Folder::with_bar("sweep");
     folder.write("flux.wfl", FLUX);
     let table = |k: f64| -> String {
         let row = |n: i32| format!("{},{k}\n", f64::from(n) / 4.0);
@@ -468,7 +445,7 @@ fn a_sweep_keeps_the_rows_of_what_it_reads_now() {
 
 #[test]
 fn a_reference_that_was_changed_is_noticed() {
-    let folder = Folder::new("reference");
+    let folder = Folder::with_bar("reference");
     folder.write("flux.wfl", FLUX.replace("data k : scalar = \"k.csv\"\n", "def k = 1 + x*x\n"));
     let sweep = |more: &[&str]| folder.wfl(&[&["sweep", "flux.wfl", "cells=4"], more].concat());
     let first = sweep(&["--out", "t"]);
@@ -497,7 +474,7 @@ fn a_reference_that_was_changed_is_noticed() {
 #[cfg(unix)]
 #[test]
 fn a_full_disc_costs_nothing_that_was_done() {
-    let folder = Folder::new("full");
+    let folder = Folder::with_bar("full");
     assert!(folder.run_in("whole", &[]).status.success());
     let expected = folder.results("whole");
     let mut n_stopped = 0;
@@ -529,7 +506,7 @@ fn a_full_disc_costs_nothing_that_was_done() {
 #[test]
 fn an_interrupt_tidies_up_and_says_how_to_go_on() {
     use std::os::unix::process::ExitStatusExt;
-    let folder = Folder::new("interrupt");
+    let folder = Folder::with_bar("interrupt");
     folder.edit("bar.wfl", "1 to 3", "1 to 300");
     for (name, number) in [("INT", 2), ("TERM", 15)] {
         let _ = fs::remove_dir_all(folder.0.join("o"));

@@ -1,41 +1,19 @@
 //! The limit of memory, and files that have no end: refused with what they are and what they need, before anything is
 //! taken.
 
-use std::path::PathBuf;
-use std::process::{Command, Output};
+mod common;
 
-/// A folder of its own that goes when the test ends.
-struct Folder(PathBuf);
+use std::process::Command;
+
+use common::Folder;
 
 impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("wfl-memory-{name}-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).expect("a temporary folder");
-        Self(path)
-    }
-
-    fn write(&self, name: &str, text: impl AsRef<[u8]>) {
-        std::fs::write(self.0.join(name), text).expect("a temporary file");
-    }
-
-    fn wfl(&self, args: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
-        command.args(args).current_dir(&self.0).output().expect("the command starts")
-    }
-
     /// Standard error of a command that must end with exit code 1.
     fn refused(&self, args: &[&str]) -> String {
         let output = self.wfl(args);
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(1), "{args:?}: {told}");
         told
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 

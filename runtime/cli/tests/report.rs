@@ -1,7 +1,10 @@
 //! `wfl report` as a user meets it: what the page shows against closed forms, and folders that hold no whole run.
 
-use std::path::PathBuf;
-use std::process::{Command, Output};
+mod common;
+
+use std::process::Output;
+
+use common::Folder;
 
 /// Two bars with E = 1, nu = 0 pressed together by the traction t against a penalty of 10 per area: the traction across
 /// the fault is t, the gap -t/10, and nothing slips.
@@ -33,28 +36,10 @@ output vtk \"fields\" : uL, force as traction, jump(uL,uR).Normal as overlap
 output csv \"line\" : uL along [0,0.5] to [1,0.5] with points=5
 ";
 
-/// A folder of its own that goes when the test ends.
-struct Folder(PathBuf);
-
 impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("wfl-report-{name}-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).expect("a temporary folder");
-        Self(path)
-    }
-
-    fn wfl(&self, args: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_wfl")).args(args).current_dir(&self.0).output().expect("the command starts")
-    }
-
     fn run(&self, text: &str, more: &[&str]) -> Output {
         self.write("s.wfl", text);
         self.wfl(&[&["run", "s.wfl", "--out", "o"], more].concat())
-    }
-
-    fn write(&self, name: &str, text: impl AsRef<[u8]>) {
-        std::fs::write(self.0.join(name), text).expect("a temporary file");
     }
 
     fn read(&self, name: &str) -> String {
@@ -66,12 +51,6 @@ impl Folder {
         let done = self.wfl(&[&["report", "o"], more].concat());
         assert!(done.status.success(), "{}", stderr(&done));
         self.read("o/report.html")
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 

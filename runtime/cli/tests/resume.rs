@@ -1,5 +1,7 @@
 //! A run that is killed and goes on: at any moment, with the same bytes at the end; and checkpoints that are refused.
 
+mod common;
+
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -7,26 +9,10 @@ use std::{
     time::{Duration, Instant},
 };
 
+use common::Folder;
+
 /// The mesh of the fault as the example has it.
 const MESH: &str = "cells [8, 8, 8] hex";
-
-/// A folder of its own that goes when the test ends.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("wfl-resume-{name}-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).expect("a temporary folder");
-        Self(path)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
 
 /// The fault by Nitsche's method with friction: a factored bulk, a condensed part, held pieces that pass from step to
 /// step.

@@ -1,8 +1,10 @@
 //! `wfl run` as a user meets it: files written, exit codes, and one clear message for every kind of wrong input.
 
-use std::path::PathBuf;
-use std::process::{Command, Output};
+mod common;
 
+use std::process::Output;
+
+use common::{Folder, ROUGH_FLOOR};
 use serde_json::Value;
 
 /// A scene with a closed form: a bar of modulus E, spring gamma at its end, traction t: end = t/(E + gamma).
@@ -23,26 +25,7 @@ output vtk \"bar\" : u
 output csv \"line\" : u along [0,0.5] to [1,0.5] with points=5
 ";
 
-/// A folder of its own that goes when the test ends.
-struct Folder(PathBuf);
-
 impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("wfl-run-{name}-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).expect("a temporary folder");
-        Self(path)
-    }
-
-    fn write(&self, name: &str, text: impl AsRef<[u8]>) {
-        std::fs::write(self.0.join(name), text).expect("a temporary file");
-    }
-
-    /// Runs the command here.
-    fn wfl(&self, args: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_wfl")).args(args).current_dir(&self.0).output().expect("the command starts")
-    }
-
     /// Names below a folder, in order; none when it is not there.
     fn names(&self, folder: &str) -> Vec<String> {
         let entries = std::fs::read_dir(self.0.join(folder)).into_iter().flatten();
@@ -55,12 +38,6 @@ impl Folder {
     fn report(&self, folder: &str) -> Value {
         let text = std::fs::read_to_string(self.0.join(folder).join("report.json")).expect("a report");
         serde_json::from_str(&text).expect("reports are JSON")
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
@@ -348,15 +325,8 @@ fn a_body_that_nothing_holds_is_named() {
 /// A block on a rough floor, pulled by more than friction holds: whatever way the matrix tells it, what moves is named.
 #[test]
 fn a_block_that_slides_away_is_named() {
-    let text = "wfl 1\nparam gamma = 1e5\nmesh box [0,0] to [2,1] cells [8,4] quad\nregion ground = faces where y == 0\n\
-                region top = faces where y == 1\nunknown u : vector\nmultiplier m : vector on ground\n\
-                quadrature on ground vertex\nterm elastic on all : 1000*Div_u*Div_Test_u + 1500*Sym(Grad_u):Grad_Test_u\n\
-                def pull = gamma*u - m\n\
-                def force = pos_part(pull.Normal)*Normal + Ball_projection(pull - (pull.Normal)*Normal, 0.3*pos_part(pull.Normal))\n\
-                term contact on ground : force.Test_u\nterm law on ground : -1/gamma*(m + force).Test_m\n\
-                load u = [8,-10] on top\n";
     let folder = Folder::new("slides");
-    folder.write("scene.wfl", text);
+    folder.write("scene.wfl", format!("wfl 1\nparam gamma = 1e5\n{ROUGH_FLOOR}"));
     for gamma in ["gamma=1e3", "gamma=1e7", "gamma=1e10"] {
         let output = folder.wfl(&["run", "scene.wfl", gamma]);
         assert_eq!(code(&output), 1, "{}", said(&output));

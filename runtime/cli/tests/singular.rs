@@ -1,20 +1,15 @@
 //! A tangent without an inverse, by its cause: for each the smallest scene with the words that name the cause, and a scene
 //! near it that is solved.
 
-use std::process::Command;
+mod common;
+
+use common::{Folder, ROUGH_FLOOR};
 
 /// Exit code and everything that is said.
 fn run(name: &str, text: &str) -> (i32, String) {
-    let folder = std::env::temp_dir().join(format!("wfl-singular-{name}-{}", std::process::id()));
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a temporary folder");
-    std::fs::write(folder.join("scene.wfl"), text).expect("a temporary file");
-    let output = Command::new(env!("CARGO_BIN_EXE_wfl"))
-        .args(["run", "scene.wfl", "--threads", "1"])
-        .current_dir(&folder)
-        .output()
-        .expect("the command starts");
-    let _ = std::fs::remove_dir_all(&folder);
+    let folder = Folder::new(name);
+    folder.write("scene.wfl", text);
+    let output = folder.wfl(&["run", "scene.wfl", "--threads", "1"]);
     let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     (output.status.code().unwrap_or(-1), said)
 }
@@ -145,15 +140,8 @@ fn contact_that_holds_nothing_is_told_by_what_it_does() {
 /// Pressed on a rough floor and pushed along it by more than friction holds.
 #[test]
 fn exhausted_friction_is_told() {
-    let text = "param gamma = 1e3\nmesh box [0,0] to [2,1] cells [8,4] quad\nregion ground = faces where y == 0\n\
-                region top = faces where y == 1\nunknown u : vector\nmultiplier m : vector on ground\n\
-                quadrature on ground vertex\nterm elastic on all : 1000*Div_u*Div_Test_u + 1500*Sym(Grad_u):Grad_Test_u\n\
-                def pull = gamma*u - m\n\
-                def force = pos_part(pull.Normal)*Normal + Ball_projection(pull - (pull.Normal)*Normal, 0.3*pos_part(pull.Normal))\n\
-                term contact on ground : force.Test_u\nterm law on ground : -1/gamma*(m + force).Test_m\n\
-                load u = [8,-10] on top\n";
     let told = ["nothing holds `u` in 1 rigid motion (1 translation)", "friction", "friction coefficient"];
-    cause("exhausted", text, &told, ("[8,-10]", "[1,-10]"));
+    cause("exhausted", &format!("param gamma = 1e3\n{ROUGH_FLOOR}"), &told, ("[8,-10]", "[1,-10]"));
 }
 
 #[test]

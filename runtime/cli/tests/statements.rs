@@ -1,9 +1,10 @@
 //! What a scene states takes part, or is told: for each message one scene where it appears and one near it where not.
 
-use std::{
-    path::PathBuf,
-    process::{Command, Output},
-};
+mod common;
+
+use std::process::Output;
+
+use common::Folder;
 
 /// A body that is held at its left, in which every statement has something to do.
 const BASE: &str = "\
@@ -20,22 +21,10 @@ term elastic on all : sigma(u):Grad_Test_u
 measure largest = max(Norm(u)) on all
 ";
 
-/// A folder of its own that goes when the test ends.
-struct Folder(PathBuf);
-
 impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("wfl-statements-{name}-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).expect("a temporary folder");
-        Self(path)
-    }
-
     fn run(&self, scene: &str, more: &[&str]) -> (Output, String) {
-        std::fs::write(self.0.join("s.wfl"), scene).expect("a temporary file");
-        let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
-        let output = command.args(["run", "s.wfl"]).args(more).current_dir(&self.0).output();
-        let output = output.expect("the command starts");
+        self.write("s.wfl", scene);
+        let output = self.wfl(&[&["run", "s.wfl"], more].concat());
         let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
         (output, text)
     }
@@ -46,12 +35,6 @@ impl Folder {
         assert!(output.status.success(), "{text}");
         let line = text.lines().find_map(|l| l.trim().strip_prefix(&format!("{name} = "))).expect("the measure");
         line.parse().expect("a number")
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
@@ -274,8 +257,7 @@ fn each_nth_step_and_the_last_are_written() {
     assert_eq!(names.iter().filter(|n| n.ends_with(".vtu") || n.ends_with(".csv")).count(), 9, "{names:?}");
     let index = std::fs::read_to_string(folder.0.join("o/a.pvd")).expect("an index");
     assert!(index.contains("timestep=\"0.8\"") && index.contains("a_0010.vtu"), "{index}");
-    let mut check = Command::new(env!("CARGO_BIN_EXE_wfl"));
-    let told = check.args(["check", "s.wfl", "--json"]).current_dir(&folder.0).output().expect("the command starts");
+    let told = folder.wfl(&["check", "s.wfl", "--json"]);
     let told: serde_json::Value = serde_json::from_slice(&told.stdout).expect("JSON");
     let files: Vec<u64> =
         told["outputs"].as_array().expect("a table").iter().filter_map(|o| o["files"].as_u64()).collect();

@@ -1,6 +1,28 @@
 //! What several suites of the command share.
+#![allow(dead_code, reason = "each suite takes a part of it")]
+
+mod folder;
 
 use std::path::Path;
+
+#[allow(unused_imports, reason = "some suites need no folder")]
+pub(crate) use folder::Folder;
+
+/// A block on a rough floor, pressed on it and pulled along it by more than friction holds; `gamma` is a parameter.
+pub(crate) const ROUGH_FLOOR: &str = "\
+mesh box [0,0] to [2,1] cells [8,4] quad
+region ground = faces where y == 0
+region top = faces where y == 1
+unknown u : vector
+multiplier m : vector on ground
+quadrature on ground vertex
+term elastic on all : 1000*Div_u*Div_Test_u + 1500*Sym(Grad_u):Grad_Test_u
+def pull = gamma*u - m
+def force = pos_part(pull.Normal)*Normal + Ball_projection(pull - (pull.Normal)*Normal, 0.3*pos_part(pull.Normal))
+term contact on ground : force.Test_u
+term law on ground : -1/gamma*(m + force).Test_m
+load u = [8,-10] on top
+";
 
 /// Rows of the table of a sweep as column and cell.
 pub(crate) fn rows(out: &Path) -> Vec<Vec<(String, String)>> {
