@@ -5,25 +5,22 @@
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
-pub mod checks;
 pub mod compare;
-pub mod consistency;
-pub mod contact;
 pub mod knobs;
 mod left_out;
-pub mod newton;
 pub mod output;
-mod pruning;
 pub mod results;
 mod run;
 mod savings;
 mod scene;
-mod system;
 
+pub use wfl_checks::{self as checks, consistency};
+pub use wfl_contact as contact;
 use wfl_discrete::value;
-pub use wfl_discrete::{assemble, field, finite, frames, point_space, point_values, space};
+pub use wfl_discrete::{assemble, field, finite, frames, point_space, point_values, pruning, space, system};
 pub use wfl_host::{input, memory, reading};
 pub use wfl_mesh::{element, mesh, quadrature};
+pub use wfl_newton as newton;
 pub use wfl_sparse::{csr, solve};
 
 pub use checks::{Accuracy, LooseMotions, NegativeBody, Others, PhysicsCheck};
@@ -37,8 +34,8 @@ pub use run::{
 pub use savings::{SavingError, savings};
 pub use scene::{
     CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions,
-    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity, n_files,
-    prepare, prepare_keeping,
+    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity,
+    contact_forms, n_files, prepare, prepare_keeping,
 };
 pub use solve::SolverMemory;
 pub use system::{

@@ -9,8 +9,7 @@ use wfl::{
 };
 use wfl_compiler::types::FieldKind;
 use wfl_runtime::{
-    FIXED, LinearSolver, RuleChoice, Scene,
-    consistency::consistency,
+    FIXED, LinearSolver, RuleChoice, Scene, contact_forms,
     element::Family,
     field::FieldSpace,
     mesh::{self, RegionSet},
@@ -34,7 +33,7 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
     let parse = started.elapsed().as_secs_f64();
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
     let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
-    let forms = consistency(&mut scene);
+    let forms = contact_forms(&mut scene);
     loaded.messages.extend(warnings(&loaded, &forms));
     print_all(&loaded.messages, &loaded.sources);
     let accuracy = accuracy::table(&loaded, &scene);

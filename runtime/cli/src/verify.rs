@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use serde_json::Value;
 use wfl_compiler::{KinkKind, TangentCheck, TermLaw, check_tangent, types::FieldSig};
-use wfl_runtime::consistency::consistency;
+use wfl_runtime::contact_forms;
 use wfl_tasks::{
     advice::contact::warnings,
     tangents::{TOLERANCE, failure, group_text, sampling},
@@ -24,7 +24,7 @@ pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
     };
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
     let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
-    let forms = consistency(&mut scene);
+    let forms = contact_forms(&mut scene);
     let inconsistent = warnings(&loaded, &forms);
     loaded.messages.extend(inconsistent.iter().cloned());
     print_all(&loaded.messages, &loaded.sources);

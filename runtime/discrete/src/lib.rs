@@ -14,5 +14,7 @@ pub mod frames;
 pub mod point_space;
 pub mod point_values;
 mod prologue;
+pub mod pruning;
 pub mod space;
+pub mod system;
 pub mod value;

@@ -65,7 +65,7 @@ use crate::{
 
 use batch::Batch;
 pub use constraints::Prescribed;
-pub use data::coercivity;
+pub use data::{coercivity, contact_forms};
 pub(crate) use data::{node_positions, set_data};
 pub use held::Printed;
 pub use inputs::InputFile;
@@ -336,6 +336,13 @@ fn names_in_terms(script: &ResolvedScript) -> BTreeSet<String> {
     names
 }
 
+/// The terms of a scene, made.
+struct Assembled {
+    terms: Vec<AssembledTerm>,
+    summaries: Vec<TermSummary>,
+    contact: Vec<(FrozenTerm, ContactTerm)>,
+}
+
 /// Where a law is integrated: the name, the entities, and the mapping it reads through with the fields it reads there.
 type Place = (String, Option<RegionSet>, Option<(usize, Vec<usize>)>);
 
@@ -390,7 +397,7 @@ impl Builder<'_> {
             self.outputs(&rules);
             return None;
         }
-        let (terms, summaries, contact) = assembled?;
+        let Assembled { terms, summaries, contact } = assembled?;
         let compile_values = begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
@@ -576,7 +583,7 @@ impl Builder<'_> {
         laws: Vec<terms::PlacedLaw>,
         rules: &terms::Rules,
         numbering: &Numbering,
-    ) -> Option<(Vec<AssembledTerm>, Vec<TermSummary>, Vec<(FrozenTerm, ContactTerm)>)> {
+    ) -> Option<Assembled> {
         let highest = laws.iter().map(|l| l.law.degree.rule()).max().unwrap_or(0);
         let tangents: Vec<[Option<VerifiedKernel>; 2]> = laws
             .iter()
@@ -668,7 +675,7 @@ impl Builder<'_> {
                 }
             }
         }
-        complete.then_some((terms, summaries, contact))
+        complete.then_some(Assembled { terms, summaries, contact })
     }
 
     /// The points of a place, with images where a mapping is read through; `None` after a message.

@@ -1,4 +1,4 @@
-//! What is said of the formulation of contact: whether it carries the stress of the bodies (`runtime/src/consistency`).
+//! What is said of the formulation of contact: whether it carries the stress of the bodies (`runtime/checks/src/consistency`).
 
 use wfl::Diagnostic;
 use wfl_runtime::{

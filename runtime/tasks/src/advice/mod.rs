@@ -8,7 +8,7 @@ mod definite;
 mod nitsche;
 
 use wfl::Diagnostic;
-use wfl_runtime::{Scene, consistency::consistency};
+use wfl_runtime::{Scene, contact_forms};
 
 use crate::Loaded;
 
@@ -19,6 +19,6 @@ pub use nitsche::{found_parameters, parameters};
 pub fn before_run(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
     let mut found = nitsche::parameters(loaded, scene);
     found.extend(definite::bodies(loaded, scene));
-    found.extend(contact::warnings(loaded, &consistency(scene)));
+    found.extend(contact::warnings(loaded, &contact_forms(scene)));
     found
 }

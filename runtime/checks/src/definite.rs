@@ -1,0 +1,131 @@
+//! Whether bodies resist to be deformed: the tangents of the terms on cells, gradients of a field against gradients of its
+//! own, at points.
+//!
+//! At a point the terms of one field give a symmetric matrix over the entries of its gradient; that of a body has no negative
+//! eigenvalue. Values of the field itself are left out (a mass or a reaction may have any sign), and so are terms on faces. A
+//! field that shares terms on cells with another unknown (a pressure, a stress) may be negative as a whole: then the equations
+//! are those of a saddle point. Cells are sampled. Sees no mistake that a null Lagrangian hides.
+
+use nalgebra::{DMatrix, SymmetricEigen};
+use wfl_compiler::{
+    Class,
+    types::{BasisSlot, FieldKind, FieldOp},
+};
+
+use wfl_discrete::assemble::{AssembledTerm, FieldValues, PointTangent};
+use wfl_discrete::system::System;
+use wfl_mesh::mesh::CellId;
+
+/// Cells of each term that are looked at, spread evenly over it.
+const CELLS: usize = 16;
+/// An eigenvalue below minus this part of the largest is negative: what is smaller may be rounding of parameters.
+const NEGATIVE: f64 = 1e-9;
+
+/// A field whose terms on cells are not positive definite.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NegativeBody {
+    /// The field.
+    pub field: String,
+    /// The terms that act there, by name.
+    pub terms: Vec<String>,
+    /// The smallest eigenvalue (force by gradient and volume).
+    pub smallest: f64,
+    /// The largest one.
+    pub largest: f64,
+    /// Where.
+    pub position: [f64; 3],
+}
+
+/// The fields whose terms on cells are not positive definite at the state without displacement, each with the most
+/// negative point that was looked at; call after the first [`System::begin_step`].
+#[must_use]
+pub fn negative_bodies(system: &System) -> Vec<NegativeBody> {
+    let zero = vec![0.0; system.numbering.n_dofs];
+    let bodies = Bodies { system };
+    let values = system.values(&zero);
+    let unknown = |k: &usize| system.fields[*k].kind == FieldKind::Unknown && system.range(*k).is_some();
+    let all = (0..system.fields.len()).filter(unknown);
+    all.filter_map(|k| bodies.negative_body(k, values.view())).collect()
+}
+
+/// The terms on cells of a system.
+struct Bodies<'a> {
+    system: &'a System,
+}
+
+impl Bodies<'_> {
+    fn negative_body(&self, field: usize, values: FieldValues<'_>) -> Option<NegativeBody> {
+        let on_cells = |t: &&AssembledTerm| t.on_cells() && t.law.class > Class::Constant;
+        let terms: Vec<&AssembledTerm> =
+            self.system.terms.iter().filter(on_cells).filter(|t| pairs(t).any(|p| is_stiffness(field, p))).collect();
+        if terms.iter().any(|t| !t.law.symmetric) {
+            return None;
+        }
+        let mixed = |(t, s): (BasisSlot, BasisSlot)| (t.field.index() == field) != (s.field.index() == field);
+        let saddle = self.system.terms.iter().filter(on_cells).any(|t| pairs(t).any(mixed));
+        let mut worst: Option<NegativeBody> = None;
+        for cell in terms.iter().flat_map(|t| sampled_cells(t)) {
+            let Some(found) = self.at_cell(field, &terms, cell, values) else { continue };
+            let negative = found.smallest < -NEGATIVE * found.largest.abs().max(found.smallest.abs());
+            let whole = found.largest <= NEGATIVE * found.smallest.abs();
+            let excused = saddle && whole;
+            if negative && !excused && worst.as_ref().is_none_or(|w| found.smallest < w.smallest) {
+                worst = Some(found);
+            }
+        }
+        worst
+    }
+
+    /// The extreme eigenvalues at the first point of a cell.
+    fn at_cell(
+        &self,
+        field: usize,
+        terms: &[&AssembledTerm],
+        cell: CellId,
+        values: FieldValues<'_>,
+    ) -> Option<NegativeBody> {
+        let n = self.system.fields[field].n_components * self.system.mesh.dim();
+        let mut matrix = DMatrix::<f64>::zeros(n, n);
+        let (mut names, mut position) = (Vec::new(), None);
+        for term in terms {
+            let Some(PointTangent { entries, position: at }) = term.point_tangent(&self.system.mesh, values, cell)
+            else {
+                continue;
+            };
+            names.push(term.law.name.clone());
+            position.get_or_insert(at);
+            for (test, trial, value) in entries.into_iter().filter(|(t, s, _)| is_stiffness(field, (*t, *s))) {
+                matrix[(usize::from(test.entry), usize::from(trial.entry))] += value;
+            }
+        }
+        if matrix.iter().any(|x| !x.is_finite()) {
+            return None;
+        }
+        let eigenvalues = SymmetricEigen::new(0.5 * (&matrix + matrix.transpose())).eigenvalues;
+        Some(NegativeBody {
+            field: self.system.fields[field].name.clone(),
+            terms: names,
+            smallest: eigenvalues.min(),
+            largest: eigenvalues.max(),
+            position: position?,
+        })
+    }
+}
+
+/// The pairs of slots that the tangent of a term couples.
+fn pairs(term: &AssembledTerm) -> impl Iterator<Item = (BasisSlot, BasisSlot)> + '_ {
+    let law = &term.law;
+    law.entries.iter().map(|(t, s)| (law.tests[usize::from(*t)], law.trials[usize::from(*s)]))
+}
+
+/// True for gradients of the field on both sides.
+fn is_stiffness(field: usize, (test, trial): (BasisSlot, BasisSlot)) -> bool {
+    [test, trial].iter().all(|slot| slot.field.index() == field && slot.op == FieldOp::Grad)
+}
+
+fn sampled_cells(term: &AssembledTerm) -> Vec<CellId> {
+    let groups = &term.integrator.domain.groups;
+    let all: usize = groups.iter().map(|g| g.here.cells.len()).sum();
+    let stride = all.div_ceil(CELLS).max(1);
+    groups.iter().flat_map(|g| g.here.cells.iter().copied()).step_by(stride).collect()
+}

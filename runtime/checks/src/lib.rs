@@ -1,0 +1,53 @@
+//! What a converged state, or a tangent that is singular, says of a scene: balance, conditions of contact, digits,
+//! uniqueness, rigid motions.
+//!
+//! Promises: reads systems and states, changes neither. Does not decide whether a run goes on.
+#![forbid(unsafe_code)]
+
+pub mod consistency;
+mod definite;
+mod digits;
+mod multiplier_law;
+mod physics;
+mod rigid_motions;
+mod singular;
+mod uniqueness;
+
+pub use definite::{NegativeBody, negative_bodies};
+pub use digits::{Accuracy, digits};
+pub use physics::{PhysicsCheck, balance, conditions, rests};
+pub use rigid_motions::LooseMotions;
+pub use uniqueness::{Others, others};
+
+use wfl_contact::Contact;
+use wfl_discrete::system::{Residual, System, Tangent};
+use wfl_newton::NewtonError;
+
+/// A converged state.
+#[derive(Clone, Copy)]
+pub struct Solved<'a> {
+    /// The equations.
+    pub system: &'a System,
+    /// The laws of contact.
+    pub contact: &'a Contact,
+    /// The last tangent that was assembled on the way to the state.
+    pub tangent: &'a Tangent,
+    /// The unknowns by dof.
+    pub u: &'a [f64],
+    /// The residual there, as the scene is written.
+    pub residual: &'a Residual,
+}
+
+/// A tangent that is looked at.
+#[derive(Clone, Copy)]
+pub(crate) struct Examined<'a> {
+    system: &'a System,
+    contact: &'a Contact,
+    tangent: &'a Tangent,
+}
+
+/// An error of a linear solver at the state `u`, with the reason where it is that the tangent is singular.
+#[must_use]
+pub fn explained(error: NewtonError, system: &System, contact: &Contact, tangent: &Tangent, u: &[f64]) -> NewtonError {
+    error.with_reason(|| Examined { system, contact, tangent }.why_singular(u))
+}

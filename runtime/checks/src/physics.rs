@@ -1,0 +1,276 @@
+//! What a solution must satisfy whatever the method: forces in balance, no overlap, no sliding where points stick.
+//!
+//! Promises: numbers relative to what is there (forces to forces, lengths to the largest displacement), found from
+//! terms and prescribed values alone. Does not judge the mesh.
+
+use wfl_compiler::{
+    Class,
+    types::{FieldKind, Side},
+};
+
+use super::{Solved, multiplier_law::LawDefect};
+use wfl_contact::{ContactGaps, contact_gaps};
+use wfl_discrete::assemble::TermError;
+use wfl_discrete::finite::largest;
+use wfl_discrete::system::{Form, System};
+
+/// Out of balance by more than this part of the forces is more than rounding and the tolerance of Newton.
+const BALANCE: f64 = 1e-6;
+/// Forces out of balance by more than this are told whatever tolerance was asked for: fewer than three digits of them are
+/// right, as few as W605 tells of.
+const LARGEST_BALANCE: f64 = 1e-3;
+/// Overlap, or sliding at points that stick, in parts of the largest displacement: beyond it the law is no longer one of
+/// contact but of springs as soft as the bodies. A penalty of E/h leaves a tenth of the displacement of a body
+/// pressed by one cell's thickness, and less otherwise.
+const OVERLAP: f64 = 0.2;
+
+/// A force that has the wrong sign on more than this part of the area in contact is no matter of single points, at which
+/// a discretisation may be off: a sign is wrong in the term. Right scenes on four cells an edge were seen to have it on a
+/// thirteenth of the area; a wrong sign has it on most of what is in contact.
+const AGAINST: f64 = 0.25;
+/// Traction outside the friction cone, in parts of traction and radius. What a coarse mesh leaves between the points at
+/// which a law holds was seen to be below a tenth; a term that loses its friction leaves nearly all.
+const OUTSIDE: f64 = 0.5;
+/// Displacements below this part of the extent of the mesh are rounding: positions are known no better.
+const UNMOVED: f64 = 1e-12;
+/// Contact forces below this part of the forces of the bodies are rounding.
+const UNPRESSED: f64 = 1e-9;
+
+/// What the law of a multiplier may leave at single points, in parts of the multiplier. At the nodes of a plane interface
+/// nothing is left; where it is this much, slip was seen to vary by about a hundredth with the parameter.
+const AVERAGE: f64 = 1e-4;
+/// The same in units of what Newton leaves of the equations.
+const UNSOLVED: f64 = 10.0;
+
+/// A condition with what was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhysicsCheck {
+    /// What is looked at: "equilibrium of uL, uR".
+    pub name: String,
+    /// What was found, relative.
+    pub value: f64,
+    /// What it may be.
+    pub limit: f64,
+    /// The numbers behind it, in words.
+    pub detail: String,
+}
+
+impl PhysicsCheck {
+    /// True if it holds; never for a number that is none.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.value <= self.limit
+    }
+}
+
+/// Whether forces balance at a state, reactions included: as far as Newton was asked to go.
+#[must_use]
+pub fn balance(state: Solved<'_>, tolerance: f64) -> Vec<PhysicsCheck> {
+    let mut out = Vec::new();
+    for group in displacement_groups(state.system) {
+        out.extend(equilibrium(state.system, &group, &state.residual.values, tolerance));
+    }
+    out.extend(action_and_reaction(state.system, state.u));
+    out
+}
+
+/// True if no force acts on the free dofs where all of them are zero, at what is prescribed in `u` now: then that is
+/// the solution.
+///
+/// # Errors
+/// [`TermError`] with its place.
+pub fn rests(system: &System, u: &[f64], form: &Form<'_>) -> Result<bool, TermError> {
+    let mut still = u.to_vec();
+    system.numbering.part_of_free(0.0, &mut still);
+    let residual = system.residual(&still, form)?.values;
+    let free = &system.numbering.free_dofs;
+    Ok(free.iter().all(|d| residual[*d as usize] == 0.0))
+}
+
+/// Fields of displacements by the bodies that meet: vectors of the space; along a line, any scalar could be one.
+fn displacement_groups(system: &System) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    let dim = system.mesh.dim();
+    for k in 0..system.fields.len() {
+        let f = &system.fields[k];
+        if dim < 2
+            || f.n_components != dim
+            || f.kind != FieldKind::Unknown
+            || system.range(k).is_none()
+            || f.n_nodes() < 2
+        {
+            continue;
+        }
+        match groups.iter_mut().find(|g| system.alike(g[0]) == system.alike(k)) {
+            Some(group) => group.push(k),
+            None => groups.push(vec![k]),
+        }
+    }
+    groups
+}
+
+fn names(system: &System, group: &[usize]) -> String {
+    group.iter().map(|k| system.fields[*k].name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+/// A part of a whole; not a number, which holds for no condition, where the whole is too large for one.
+fn share(part: f64, whole: f64) -> f64 {
+    if whole.is_finite() { part / whole } else { f64::NAN }
+}
+
+/// Loads against reactions: what the equations at the free nodes leave, summed, by component.
+fn equilibrium(system: &System, group: &[usize], residual: &[f64], tolerance: f64) -> Option<PhysicsCheck> {
+    let dim = system.mesh.dim();
+    let loads = system.constant_residual();
+    let is_fixed = |d: usize| system.numbering.free[d] == wfl_discrete::system::FIXED;
+    let part = |fixed: bool| {
+        let mut all: Vec<f64> =
+            residual.iter().enumerate().map(|(d, r)| if is_fixed(d) == fixed { *r } else { 0.0 }).collect();
+        system.numbering.frames.turn_back(&mut all);
+        all
+    };
+    let (held, free) = (part(true), part(false));
+    let (mut load, mut reaction, mut left) = (vec![0.0; dim], vec![0.0; dim], vec![0.0; dim]);
+    let mut size = 0.0;
+    for d in group.iter().filter_map(|k| system.range(*k)).flatten() {
+        let component = (d - system.range(system.field_of(d))?.start) % dim;
+        load[component] -= loads[d];
+        size += loads[d].abs();
+        reaction[component] += held[d];
+        size += held[d].abs();
+        left[component] += free[d];
+    }
+    if size == 0.0 {
+        return None;
+    }
+    let value = share(largest(left.iter().copied()), size);
+    let list = |v: &[f64]| v.iter().map(|x| format!("{x:.6e}")).collect::<Vec<_>>().join(", ");
+    Some(PhysicsCheck {
+        name: format!("equilibrium of {}", names(system, group)),
+        value,
+        limit: BALANCE.max(tolerance).min(LARGEST_BALANCE),
+        detail: format!("loads [{}], reactions [{}]", list(&load), list(&reaction)),
+    })
+}
+
+/// What a term on an interface does to one side it does to the other: it acts on no rigid translation of both.
+fn action_and_reaction(system: &System, u: &[f64]) -> Vec<PhysicsCheck> {
+    let displacements: Vec<usize> = displacement_groups(system).concat();
+    let both = |k: usize| {
+        let law = &system.terms[k].law;
+        let slots = || law.tests.iter().chain(&law.trials);
+        let sides = |side| slots().filter(|t| t.side == side).map(|t| t.field.index()).collect::<Vec<_>>();
+        let (here, there) = (sides(Side::Here), sides(Side::There));
+        let moves = |k: &usize| displacements.contains(k);
+        let pairs = here.iter().any(moves) && there.iter().any(moves);
+        pairs && system.terms[k].law.class > Class::Constant
+    };
+    let terms: Vec<usize> = (0..system.terms.len()).filter(|k| both(*k)).collect();
+    terms.into_iter().filter_map(|k| balance_of_term(system, k, u)).collect()
+}
+
+/// The forces of a term that come with the displacements, summed over both sides; loads written in it act on one.
+fn balance_of_term(system: &System, term: usize, u: &[f64]) -> Option<PhysicsCheck> {
+    let dim = system.mesh.dim();
+    let (mut loads, mut forces) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+    system.term_residual(term, &vec![0.0; u.len()], &mut loads).ok()?;
+    system.term_residual(term, u, &mut forces).ok()?;
+    let (mut sums, mut size) = (vec![0.0; dim], 0.0);
+    for range in displacement_groups(system).iter().flatten().filter_map(|f| system.range(*f)) {
+        for (n, d) in range.enumerate() {
+            sums[n % dim] += forces[d] - loads[d];
+            size += forces[d].abs() + loads[d].abs();
+        }
+    }
+    (size > 0.0).then(|| PhysicsCheck {
+        name: format!("action and reaction of `{}`", system.terms[term].law.name),
+        value: share(largest(sums.iter().copied()), size),
+        limit: BALANCE,
+        detail: "the forces on the two sides do not cancel: is the test function the jump of both?".to_owned(),
+    })
+}
+
+/// Overlap, sliding of sticking points, signs, friction cone, laws of multipliers; the equations hold to the relative
+/// residual `left`. Nothing where nothing has moved: what is left there is rounding.
+#[must_use]
+pub fn conditions(state: Solved<'_>, left: f64) -> Vec<PhysicsCheck> {
+    let (system, u) = (state.system, state.u);
+    let groups = displacement_groups(system);
+    let ranges = groups.iter().flatten().filter_map(|k| system.range(*k));
+    let largest = largest(ranges.flat_map(|r| u[r].iter().copied()));
+    let (low, high) = system.mesh.bounds();
+    let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+    let mut out = Vec::new();
+    if largest > UNMOVED * extent {
+        for (term, gaps) in contact_gaps(system, state.contact, u, largest) {
+            lengths(&mut out, term, &gaps, largest);
+            shares(&mut out, term, &gaps);
+        }
+    }
+    if groups.is_empty() || largest > UNMOVED * extent {
+        let defects = state.law_defects(UNPRESSED);
+        out.extend(defects.into_iter().map(|defect| law_at_points(defect, left)));
+    }
+    out
+}
+
+/// Lengths that should be zero, in parts of the largest displacement.
+fn lengths(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps, largest: f64) {
+    let mut add = |what: &str, length: f64, detail: String| {
+        let name = format!("{what} `{term}`");
+        out.push(PhysicsCheck { name, value: length / largest, limit: OVERLAP, detail });
+    };
+    add(
+        "penetration at",
+        gaps.penetration,
+        format!("the sides overlap by {:.3e}; the largest displacement is {largest:.3e}", gaps.penetration),
+    );
+    if gaps.drift > 0.0 {
+        add(
+            "sliding of sticking points at",
+            gaps.drift,
+            format!("points that stick have slid by {:.3e}; the largest displacement is {largest:.3e}", gaps.drift),
+        );
+    }
+}
+
+/// Parts of the area, or of the traction, that should be zero.
+fn shares(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps) {
+    let percent = |share: f64| format!("{:.2} %", 100.0 * share);
+    let mut add = |what: &str, share: Option<f64>, limit: f64, detail: &dyn Fn(f64) -> String| {
+        let name = format!("{what} `{term}`");
+        out.extend(share.map(|value| PhysicsCheck { name, value, limit, detail: detail(value) }));
+    };
+    add("pull of", gaps.pulled, AGAINST, &|s| {
+        format!(
+            "on {} of the area where the sides press on each other the force pulls: a wrong sign in the term?",
+            percent(s)
+        )
+    });
+    add("drive of", gaps.driven, AGAINST, &|s| {
+        format!(
+            "on {} of the area in contact friction drives the sliding it should resist: a wrong sign in the term?",
+            percent(s)
+        )
+    });
+    add("friction cone at", gaps.cone, OUTSIDE, &|s| {
+        format!(
+            "{} of the traction in contact, stress of the bodies or multiplier, lies outside the friction cone, on the              average over the area: smaller faces make it smaller where the law is that of friction",
+            percent(s)
+        )
+    });
+}
+
+/// The law of a multiplier at single points.
+fn law_at_points(defect: LawDefect, left: f64) -> PhysicsCheck {
+    PhysicsCheck {
+        name: format!("law of `{}` at the points", defect.multiplier),
+        value: defect.size,
+        limit: AVERAGE.max(UNSOLVED * left),
+        detail:
+            "it holds on the average over the faces of a node only, and the result depends on the parameter of the \
+                 augmentation: the faces of a node differ in their normals, or the points are not the nodes \
+                 (`quadrature ... vertex`); smaller faces make it smaller, another parameter shows what depends on it"
+                .to_owned(),
+    }
+}

@@ -1,0 +1,299 @@
+//! Why a tangent is singular, in words: the field that is left undetermined, the term that should determine it, the cure.
+//!
+//! The null space tells. An equation or an unknown that is zero is a matter of terms; motions of whole bodies are held by
+//! supports or by contact, and contact that holds nothing is open, slides, is zero or pulls; a null vector that has energy
+//! under a finer rule is one of quadrature; one in a field that no term couples with itself is one of a saddle point. No
+//! null vector at all is rounding. Promises: one cause, the first in that order.
+
+mod contact;
+mod finer;
+
+use nalgebra::DMatrix;
+use wfl_compiler::{Class, types::FieldKind};
+
+use super::{Examined, LooseMotions};
+use wfl_discrete::field::FieldSpace;
+use wfl_newton::Singular;
+use wfl_sparse::csr::Csr;
+use wfl_sparse::solve::{NullSpace, null_space};
+
+/// Rows of a scaled matrix this far apart leave nothing of the smaller ones to double precision.
+const FAR_APART: f64 = 1e13;
+/// A vector lies in a field if all but this part of its square does.
+const OUTSIDE: f64 = 1e-6;
+
+impl Examined<'_> {
+    /// Why the last tangent is singular; `u` is the state it belongs to. `None` where nothing can be said.
+    pub(crate) fn why_singular(&self, u: &[f64]) -> Option<Singular> {
+        let tangent = self.system.bulk().plus(&self.tangent.changing).ok()?;
+        let positions: Vec<[f64; 3]> = self
+            .system
+            .numbering
+            .free_dofs
+            .iter()
+            .map(|d| {
+                let (field, node, _) = self.system.numbering.describe(&self.system.fields, *d as usize);
+                self.system.fields[field].node_position(node)
+            })
+            .collect();
+        let space = null_space(&tangent, Some(&positions), rayon::current_num_threads())?;
+        if let Some(found) = self.empty_equations(&space) {
+            return Some(found);
+        }
+        if space.vectors.is_empty() {
+            return self.far_apart(&space);
+        }
+        let motions = self.loose_motions();
+        if !motions.is_empty() {
+            return Some(self.loose_bodies(&motions, u));
+        }
+        let pure = (0..self.system.fields.len()).find_map(|f| Some((f, self.pure(&space, f)?)));
+        match pure {
+            Some((field, vector)) => Some(self.one_field(field, &vector, &tangent, u)),
+            None => Some(self.several_fields(&space)),
+        }
+    }
+
+    /// The free numbers of a field.
+    fn free_of(&self, field: usize) -> Vec<usize> {
+        let Some(range) = self.system.range(field) else { return Vec::new() };
+        let all = self.system.numbering.free_dofs.iter().enumerate();
+        all.filter(|(_, d)| range.contains(&(**d as usize))).map(|(free, _)| free).collect()
+    }
+
+    /// The names of the terms that test a field: those on cells where there are any.
+    fn testing(&self, field: usize) -> Vec<String> {
+        let tests = |t: &&wfl_discrete::assemble::AssembledTerm| {
+            t.law.class > Class::Constant && t.law.tests.iter().any(|s| s.field.index() == field)
+        };
+        let on_cells = self.system.terms.iter().filter(tests).any(|t| t.on_cells());
+        let own = self.system.terms.iter().filter(tests).filter(|t| t.on_cells() == on_cells);
+        own.map(|t| format!("`{}`", t.law.name)).collect()
+    }
+
+    /// Fields with equations, or unknowns, that are zero.
+    fn empty_equations(&self, space: &NullSpace) -> Option<Singular> {
+        for (field, f) in self.system.fields.iter().enumerate() {
+            let free = self.free_of(field);
+            let empty = |sizes: &[f64]| free.iter().filter(|d| sizes[**d] == 0.0).count();
+            let (rows, columns) = (empty(&space.rows), empty(&space.columns));
+            if rows == 0 && columns == 0 {
+                continue;
+            }
+            let name = &f.name;
+            let terms = self.testing(field);
+            let of = |n: usize| if n == free.len() { "all".to_owned() } else { format!("{n} of {}", free.len()) };
+            let is_global = matches!(f.space, FieldSpace::Global);
+            let (what, help) = if rows > 0 && terms.is_empty() {
+                let word = if f.kind == FieldKind::Multiplier {
+                    "a multiplier needs a law"
+                } else {
+                    "an unknown needs an equation"
+                };
+                (
+                    format!("no term has `Test_{name}`: {word}"),
+                    format!("add a term with `Test_{name}` that says what `{name}` is"),
+                )
+            } else if rows > 0 && is_global {
+                let help = format!(
+                    "start from a state in which they act, e.g. `start {name} = 0.01`, or add a term with `Test_{name}`"
+                );
+                (
+                    format!(
+                        "the equation of `{name}` is empty: {} do not change with any unknown here",
+                        terms.join(", ")
+                    ),
+                    help,
+                )
+            } else if rows > 0 {
+                let help = "a coefficient that is zero there, or a law that is inactive: give it a value, or start from a state \
+                            in which it acts"
+                    .to_owned();
+                (
+                    format!(
+                        "{} no equation for `{name}` at {} of its unknowns",
+                        verb(&terms, "gives", "give"),
+                        of(rows)
+                    ),
+                    help,
+                )
+            } else {
+                let help = format!("add a term in which `{name}` acts on another unknown");
+                (format!("no equation reads `{name}` at {} of its unknowns", of(columns)), help)
+            };
+            let note = format!(
+                "rows of zeros in the tangent: {rows}, columns of zeros: {columns}, of {} for `{name}`",
+                free.len()
+            );
+            return Some(Singular { what, notes: vec![note], help, name: name.clone() });
+        }
+        None
+    }
+
+    /// Rounding, where the numbers of the tangent are far apart.
+    fn far_apart(&self, space: &NullSpace) -> Option<Singular> {
+        let (mut high, mut low) = ((0, 0.0f64), (0, f64::INFINITY));
+        for (free, size) in space.rows.iter().enumerate() {
+            let field = self.system.field_of(self.system.numbering.free_dofs[free] as usize);
+            if *size > high.1 {
+                high = (field, *size);
+            }
+            if *size < low.1 {
+                low = (field, *size);
+            }
+        }
+        if high.1 < FAR_APART * low.1 {
+            return None;
+        }
+        let name = self.system.fields[high.0].name.clone();
+        let what = format!(
+            "the tangent is not singular, but its equations are {:.0e} apart: rounding leaves nothing of the smaller ones",
+            high.1 / low.1
+        );
+        let note = format!(
+            "the largest are those of `{name}` ({:.0e}; {}), the smallest those of `{}` ({:.0e})",
+            high.1,
+            self.testing(high.0).join(", "),
+            self.system.fields[low.0].name,
+            low.1
+        );
+        let help = "write the law so that its derivatives keep one size, divided by the largest or solved for the argument of \
+                    its exponential or power, or take smaller steps"
+            .to_owned();
+        Some(Singular { what, notes: vec![note], help, name })
+    }
+
+    /// A null vector, by free number, that lies in one field.
+    fn pure(&self, space: &NullSpace, field: usize) -> Option<Vec<f64>> {
+        let free = self.free_of(field);
+        let n = space.scaled.len();
+        let mut part = DMatrix::<f64>::zeros(n, n);
+        for i in 0..n {
+            for j in 0..n {
+                part[(i, j)] = free.iter().map(|d| space.scaled[i][*d] * space.scaled[j][*d]).sum();
+            }
+        }
+        let eigen = part.symmetric_eigen();
+        let best = (0..n).max_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]))?;
+        (eigen.eigenvalues[best] > 1.0 - OUTSIDE).then(|| {
+            let weights = eigen.eigenvectors.column(best);
+            (0..space.vectors[0].len()).map(|d| (0..n).map(|k| weights[k] * space.vectors[k][d]).sum()).collect()
+        })
+    }
+
+    /// What leaves one field undetermined, where no equation is empty and no body is loose.
+    fn one_field(&self, field: usize, vector: &[f64], tangent: &Csr, u: &[f64]) -> Singular {
+        let (name, components) = (self.system.fields[field].name.clone(), self.system.fields[field].n_components);
+        let free = self.free_of(field);
+        let largest = free.iter().fold(0.0f64, |m, d| m.max(vector[*d].abs()));
+        let mean = free.iter().map(|d| vector[*d]).sum::<f64>() / (free.len().max(1)) as f64;
+        let is_constant = components == 1 && free.iter().all(|d| (vector[*d] - mean).abs() <= 1e-6 * largest);
+        let alone = free.iter().all(|d| {
+            let (columns, values) = tangent.row(*d);
+            let own = columns.iter().zip(values).filter(|(c, _)| free.binary_search(&(**c as usize)).is_ok());
+            own.into_iter().all(|(_, v)| *v == 0.0)
+        });
+        if let Some(found) = self.of_a_kind(field, vector, (is_constant, alone)) {
+            return found;
+        }
+        self.unseen(field, vector, u).unwrap_or_else(|| {
+            let terms = self.testing(field).join(", ");
+            Singular {
+                what: format!("nothing holds `{name}` in a motion that is no rigid one"),
+                notes: vec![format!(
+                    "{} nothing of it, largest at {}",
+                    verb(&self.testing(field), "resists", "resist"),
+                    self.places(vector)
+                )],
+                help: format!("the law of {terms} leaves a strain free: give it a stiffness, or prescribe that motion"),
+                name,
+            }
+        })
+    }
+
+    /// Forces that cancel, a field that is constant, one that no term couples with itself.
+    fn of_a_kind(&self, field: usize, vector: &[f64], (is_constant, alone): (bool, bool)) -> Option<Singular> {
+        let name = self.system.fields[field].name.clone();
+        if self.system.fields[field].kind == FieldKind::Multiplier {
+            return Some(Singular {
+                what: format!("forces of `{name}` that cancel are not determined"),
+                notes: vec![format!("its laws hold what is held already at {}", self.places(vector))],
+                help: "leave out what holds the same jump twice: a `fix`, another multiplier, or `crosspoints=keep`; or take \
+                       an element of lower degree for it"
+                    .to_owned(),
+                name,
+            });
+        }
+        if is_constant {
+            return Some(Singular {
+                what: format!("nothing holds `{name}`: it is known up to a constant"),
+                notes: vec![format!(
+                    "{} the same for `{name}` and `{name}` + 1",
+                    verb(&self.testing(field), "gives", "give")
+                )],
+                help: format!(
+                    "prescribe `{name}` at one node (`region pin = nodes where ...`, `fix {name} = 0 on pin`), or its mean"
+                ),
+                name,
+            });
+        }
+        if alone {
+            return Some(Singular {
+                what: format!("a part of `{name}` that alternates from node to node acts on nothing"),
+                notes: vec![
+                    "no term couples it with itself: a saddle point, whose elements must fit (inf-sup)".to_owned(),
+                ],
+                help: format!(
+                    "take a higher degree for the field that `{name}` acts on (Q2 with Q1), or add a stabilising term"
+                ),
+                name,
+            });
+        }
+        None
+    }
+
+    /// Where a vector is largest: "[0.5, 1]".
+    fn places(&self, vector: &[f64]) -> String {
+        let largest = (0..vector.len()).max_by(|a, b| vector[*a].abs().total_cmp(&vector[*b].abs()));
+        let Some(dof) = largest.and_then(|free| self.system.numbering.free_dofs.get(free)) else {
+            return String::new();
+        };
+        let (field, node, _) = self.system.numbering.describe(&self.system.fields, *dof as usize);
+        let x = self.system.fields[field].node_position(node);
+        let x: Vec<String> =
+            x.iter().take(self.system.mesh.dim()).map(|c| format!("{}", (c * 1e6).round() / 1e6)).collect();
+        format!("[{}]", x.join(", "))
+    }
+
+    /// Equations of several fields that depend on each other.
+    fn several_fields(&self, space: &NullSpace) -> Singular {
+        let share = |field: usize| -> f64 {
+            self.free_of(field).iter().map(|d| space.scaled.iter().map(|v| v[*d] * v[*d]).sum::<f64>()).sum()
+        };
+        let fields: Vec<usize> = (0..self.system.fields.len()).filter(|f| share(*f) > 1e-8).collect();
+        let names: Vec<String> = fields.iter().map(|f| format!("`{}`", self.system.fields[*f].name)).collect();
+        let terms: Vec<String> = {
+            let couples =
+                |t: &&wfl_discrete::assemble::AssembledTerm| t.coupled_fields().any(|f| fields.contains(&f.index()));
+            self.system.terms.iter().filter(couples).map(|t| format!("`{}`", t.law.name)).collect()
+        };
+        Singular {
+            what: format!("{} can change together without changing any equation", names.join(" and ")),
+            notes: vec![format!("the terms they are in: {}", terms.join(", "))],
+            help:
+                "their equations depend on each other: prescribe one of them, or add the equation that tells them apart"
+                    .to_owned(),
+            name: fields.first().map(|f| self.system.fields[*f].name.clone()).unwrap_or_default(),
+        }
+    }
+}
+
+/// "`a`, `b` give"
+fn verb(names: &[String], one: &str, several: &str) -> String {
+    format!("{} {}", names.join(", "), if names.len() == 1 { one } else { several })
+}
+
+/// The fields that move.
+fn listed(motions: &[LooseMotions]) -> Vec<String> {
+    motions.iter().flat_map(|m| m.fields.clone()).collect()
+}

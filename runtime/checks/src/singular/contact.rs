@@ -1,0 +1,220 @@
+//! Why contact does not hold a loose body: it is zero, it pulls, it is open, or it slides.
+
+use wfl_compiler::{Class, types::FieldKind};
+
+use super::{listed, verb};
+use crate::Examined;
+use crate::LooseMotions;
+use wfl_contact::ContactTerm;
+use wfl_discrete::assemble::AssembledTerm;
+use wfl_discrete::system::{ActiveSet, Branches, Form, Tangent};
+use wfl_newton::Singular;
+
+/// A force below this part of the largest is none.
+const NONE: f64 = 1e-9;
+
+/// Contact this many times as stiff as the bodies leaves fewer than four digits of their stiffness.
+const FAR_STIFFER: f64 = 1e12;
+
+/// What a contact term does for some fields at a state.
+struct Touching {
+    name: String,
+    /// Points open, slipping, sticking (or closed).
+    counts: [usize; 3],
+    has_friction: bool,
+}
+
+impl Examined<'_> {
+    /// Bodies that move as a whole, with what contact has to do with it.
+    pub(super) fn loose_bodies(&self, motions: &[LooseMotions], u: &[f64]) -> Singular {
+        let what: Vec<String> = motions.iter().map(ToString::to_string).collect();
+        let fields = listed(motions);
+        let mut found = Singular {
+            what: what.join("; "),
+            notes: Vec::new(),
+            help: "fix it, or press it against something that is held".to_owned(),
+            name: fields.first().cloned().unwrap_or_default(),
+        };
+        let own: Vec<usize> =
+            (0..self.system.fields.len()).filter(|k| fields.contains(&self.system.fields[*k].name)).collect();
+        let touching = self.touching(&own, u);
+        if touching.is_empty() {
+            let zero = self.terms_without_force();
+            if !zero.is_empty() {
+                let zero = verb(&zero, "gives no force", "give no force");
+                found.notes.push(format!("{zero} whatever moves: a coefficient is zero"));
+                found.help = "give the coefficient of that term a value, or fix the body".to_owned();
+            }
+            return found;
+        }
+        let tied_set = self.contact.tied(self.system, u);
+        let mut tied = self.system.new_tangent();
+        let is_tied = self.system.tangent(u, Branches::Frozen(&tied_set), &mut tied).is_ok();
+        if let Some(name) = is_tied.then(|| self.pulling(&own, &tied)).flatten() {
+            found
+                .notes
+                .push(format!("closed contact of `{name}` draws the sides together in place of holding them apart"));
+            found.help = format!("a wrong sign in `{name}`: its force must resist what closes the gap");
+            return found;
+        }
+        let left = is_tied.then(|| self.loose_when_tied(&fields, &tied)).flatten();
+        let ratio = tied.changing.max_abs() / self.system.bulk().max_abs();
+        if ratio.is_finite() && ratio > FAR_STIFFER {
+            let names: Vec<String> = touching.iter().map(|t| format!("`{}`", t.name)).collect();
+            let names = names.join(", ");
+            found.what = format!(
+                "the tangent of {names} is {ratio:.0e} times that of the bodies: rounding leaves next to nothing that holds \
+                 `{}`",
+                found.name
+            );
+            found.notes.push("the tangent is singular but for rounding".to_owned());
+            found.help =
+                format!("a smaller parameter in {names}: about the stiffness of the bodies over the size of a cell");
+            return found;
+        }
+        if let Some(left) = left {
+            if touching.iter().any(|t| t.has_friction) {
+                found.notes.push(format!("not even contact that is closed and sticks at all points holds it: {left}"));
+            } else {
+                let names: Vec<String> = touching.iter().map(|t| format!("`{}`", t.name)).collect();
+                found
+                    .notes
+                    .push(format!("{} holds it along the normal only: contact without friction", names.join(", ")));
+                found.help = "fix it along the surface, or give the contact friction".to_owned();
+            }
+            return found;
+        }
+        self.explain_state(&mut found, &touching, self.load_presses(&own, &tied_set, u));
+        found
+    }
+
+    /// Terms on faces that are zero whatever moves; loads may be.
+    fn terms_without_force(&self) -> Vec<String> {
+        let empty = |t: &&AssembledTerm| {
+            let is_load = t.law.name.starts_with("load") && t.law.name.contains(" of ");
+            let is_global = t.integrator.domain.groups.iter().any(|g| g.is_global);
+            !t.on_cells() && !is_global && !is_load && t.law.tests.is_empty()
+        };
+        self.system.terms.iter().filter(empty).map(|t| format!("`{}`", t.law.name)).collect()
+    }
+
+    fn acting_on<'a>(&'a self, own: &'a [usize]) -> impl Iterator<Item = &'a ContactTerm> + 'a {
+        let tests = |p: &&ContactTerm| {
+            let law = &self.system.terms[p.term].law;
+            !self.system.terms[p.term].on_cells() && law.tests.iter().any(|s| own.contains(&s.field.index()))
+        };
+        self.contact.terms().iter().filter(tests)
+    }
+
+    /// The contact terms on some fields with the state of their points at `u`.
+    fn touching(&self, own: &[usize], u: &[f64]) -> Vec<Touching> {
+        let Ok(residual) = self.system.residual(u, &Form::AS_WRITTEN) else { return Vec::new() };
+        let of = |p: &ContactTerm| {
+            let term = &self.system.terms[p.term];
+            let counts = term.contact_counts(&residual.branches[p.term])?;
+            Some(Touching { name: term.law.name.clone(), counts, has_friction: p.has_friction() })
+        };
+        self.acting_on(own).filter_map(of).collect()
+    }
+
+    /// The translations of some fields together, by free number.
+    fn translations(&self, own: &[usize]) -> Vec<Vec<f64>> {
+        let mut free = Vec::new();
+        (0..self.system.mesh.dim())
+            .map(|d| {
+                self.system.numbering.gather(&self.rigid(own, d), &mut free);
+                free.clone()
+            })
+            .collect()
+    }
+
+    /// The term whose closed contact drives the bodies as they are moved as a whole.
+    fn pulling(&self, own: &[usize], tied: &Tangent) -> Option<String> {
+        let translations = self.translations(own);
+        let mut met = vec![0.0; self.system.numbering.n_free()];
+        let mut energies = Vec::new();
+        for motion in &translations {
+            tied.changing.multiply(motion, &mut met, 1);
+            energies.push(motion.iter().zip(&met).map(|(a, b)| a * b).sum::<f64>());
+        }
+        let largest = energies.iter().fold(0.0f64, |m, e| m.max(e.abs()));
+        let drives = energies.iter().any(|e| *e < -NONE * largest);
+        drives.then(|| self.acting_on(own).next().map(|p| self.system.terms[p.term].law.name.clone())).flatten()
+    }
+
+    /// The motions in which the same bodies are loose with contact closed and sticking everywhere.
+    fn loose_when_tied(&self, fields: &[String], tied: &Tangent) -> Option<String> {
+        let tied = Examined { tangent: tied, ..*self }.loose_motions();
+        tied.iter().find(|m| m.fields.iter().any(|f| fields.contains(f))).map(ToString::to_string)
+    }
+
+    /// Open, sliding or pulled away.
+    fn explain_state(&self, found: &mut Singular, touching: &[Touching], presses: Option<bool>) {
+        let total = |k: usize| touching.iter().map(|t| t.counts[k]).sum::<usize>();
+        let names: Vec<String> = touching.iter().map(|t| format!("`{}`", t.name)).collect();
+        let names = names.join(", ");
+        let (open, slip, stick) = (total(0), total(1), total(2));
+        let friction = touching.iter().any(|t| t.has_friction);
+        if presses == Some(false) {
+            found.notes.push(format!("the load pulls it away from {names}: contact opens and holds nothing"));
+            found.help =
+                "hold the body by a `fix` or a spring, or turn the load: it must press the sides together".to_owned();
+        } else if friction && slip > 0 && stick == 0 {
+            found.notes.push(format!(
+                "it is pressed, but all {slip} points in contact of {names} slide: friction is exhausted ({open} points are open)"
+            ));
+            found.help =
+                "a larger friction coefficient, a smaller load along the surface, or a `fix` along it".to_owned();
+        } else if presses == Some(true) && friction {
+            found.notes.push(format!(
+                "the load presses it on {names}; in the last iterate {open} points are open, {slip} slide and {stick} stick: \
+                 friction does not hold the load along the surface"
+            ));
+            found.help =
+                "a larger friction coefficient, a smaller load along the surface, a `fix` along it, or smaller steps"
+                    .to_owned();
+        } else {
+            found.notes.push(format!("{names}: {open} points are open, {slip} slide, {stick} stick or are closed"));
+            found.help =
+                "fix it, or start from a state in which it is pressed: `start`, or a first step that moves it there"
+                    .to_owned();
+        }
+    }
+
+    /// Whether the resultant of the loads on some fields closes the gaps of their contact; `None` without a resultant.
+    fn load_presses(&self, own: &[usize], tied: &ActiveSet, u: &[f64]) -> Option<bool> {
+        let dim = self.system.mesh.dim();
+        let loads = self.system.constant_residual();
+        let mut force = vec![0.0; dim];
+        let mut size = 0.0f64;
+        for range in own.iter().filter_map(|k| self.system.range(*k)) {
+            for (n, d) in range.enumerate() {
+                force[n % dim] -= loads[d];
+                size += loads[d].abs();
+            }
+        }
+        let length = force.iter().fold(0.0f64, |m, f| m.hypot(*f));
+        if length <= NONE * size || length == 0.0 {
+            return None;
+        }
+        let (low, high) = self.system.mesh.bounds();
+        let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+        let mut moved = u.to_vec();
+        for range in own.iter().filter_map(|k| self.system.range(*k)) {
+            for (n, d) in range.enumerate() {
+                moved[d] += 1e-6 * extent * force[n % dim] / length;
+            }
+        }
+        let [from, to] = [u, &moved].map(|end| self.contact.states_on(self.system, end, tied));
+        let mut closing = 0.0;
+        for (k, term) in self.contact.terms().iter().enumerate() {
+            let law = &self.system.terms[term.term].law;
+            let acts = law.tests.iter().any(|s| own.contains(&s.field.index()));
+            if acts && law.class > Class::Constant {
+                closing += term.closing(&from[k], &to[k]);
+            }
+        }
+        let unknown = own.iter().all(|k| self.system.fields[*k].kind == FieldKind::Unknown);
+        (closing != 0.0 && unknown).then_some(closing > 0.0)
+    }
+}

@@ -1,0 +1,100 @@
+//! Motions that a quadrature rule does not see: the terms on cells again under finer rules.
+
+use std::sync::Arc;
+
+use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
+
+use crate::Examined;
+use wfl_discrete::assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots};
+use wfl_mesh::mesh::RegionSet;
+use wfl_mesh::quadrature::{rule, vertex};
+use wfl_newton::Singular;
+
+/// Energy above this part of what the same numbers without cancelling give is some.
+const SOME: f64 = 1e-6;
+/// Size of the motion whose forces are differenced, in parts of the extent of the mesh.
+const STEP: f64 = 1e-4;
+
+impl Examined<'_> {
+    /// A null vector, by free number, that has energy under a finer rule than that of the terms.
+    pub(super) fn unseen(&self, field: usize, vector: &[f64], u: &[f64]) -> Option<Singular> {
+        let f = &self.system.fields[field];
+        let on_it = |t: &&AssembledTerm| {
+            t.on_cells() && t.law.class > Class::Constant && t.law.tests.iter().any(|s| s.field.index() == field)
+        };
+        let terms: Vec<&AssembledTerm> = self.system.terms.iter().filter(on_it).collect();
+        let points = terms.iter().flat_map(|t| &t.integrator.domain.groups).map(|g| g.n_points()).max()?;
+        for degree in 1..=2 * f.degree() + 2 {
+            let finer: Option<Vec<AssembledTerm>> = terms.iter().map(|t| self.with_degree(t, degree)).collect();
+            let mut finer = finer?;
+            if !self.has_energy(&mut finer, vector, u)? {
+                continue;
+            }
+            let names: Vec<String> = terms.iter().map(|t| format!("`{}`", t.law.name)).collect();
+            let (names, name) = (names.join(", "), &f.name);
+            let dots = if points == 1 { "1 point".to_owned() } else { format!("{points} points") };
+            return Some(Singular {
+                what: format!("the quadrature rule does not see a motion of `{name}` (hourglass mode)"),
+                notes: vec![format!(
+                    "{names}: its strain is zero at the {dots} of each cell, but not at those of a rule of degree {degree}"
+                )],
+                help: format!("leave the `quadrature` statement of that region out, or raise it to degree {degree}"),
+                name: name.clone(),
+            });
+        }
+        None
+    }
+
+    /// A term on cells under a rule of some degree, interpreted.
+    fn with_degree(&self, term: &AssembledTerm, degree: usize) -> Option<AssembledTerm> {
+        let law = term.law.clone();
+        let cells = term.integrator.domain.groups.iter().flat_map(|g| g.here.cells.iter().copied()).collect();
+        let make = |kind| rule(kind, degree).unwrap_or_else(|_| vertex(kind));
+        let domain = Arc::new(Domain::new(&self.system.mesh, &RegionSet::Cells(cells), &make).ok()?);
+        let slots = LawSlots { inputs: &law.inputs, tests: &law.tests, trials: &law.trials };
+        let binding = Binding::new(&self.system.mesh, &domain, &self.system.fields, slots).ok()?;
+        let residual = InterpreterBackend.compile(&[&law.residual]).ok()?.pop()?;
+        let mut made = AssembledTerm::new(
+            law,
+            Integrator { domain, binding },
+            None,
+            residual,
+            None,
+            &self.system.numbering.starts,
+        );
+        let (time, increment) = self.system.step();
+        made.set_step(time, increment);
+        Some(made)
+    }
+
+    /// True if a motion from `u` meets forces.
+    fn has_energy(&self, terms: &mut [AssembledTerm], vector: &[f64], u: &[f64]) -> Option<bool> {
+        let (low, high) = self.system.mesh.bounds();
+        let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+        let largest = vector.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let step = STEP * extent / largest;
+        let mut moved = u.to_vec();
+        self.system.numbering.advance(u, vector, step, &mut moved);
+        let previous = self.system.previous_slices();
+        let (mut here, mut there) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+        let mut diagonal = vec![0.0; u.len()];
+        for (state, out) in [(u, &mut here), (moved.as_slice(), &mut there)] {
+            let current = self.system.slices(state);
+            let values = FieldValues { current: &current, previous: &previous };
+            for term in &mut *terms {
+                term.add_residual(&self.system.mesh, values, out).ok()?;
+            }
+        }
+        let current = self.system.slices(u);
+        let values = FieldValues { current: &current, previous: &previous };
+        let known = self.system.terms.iter().filter(|t| t.on_cells() && t.law.class > Class::Constant);
+        known.for_each(|t| t.add_diagonal(&self.system.mesh, values, &mut diagonal));
+        let (mut energy, mut scale) = (0.0, 0.0);
+        for d in 0..u.len() {
+            let motion = moved[d] - u[d];
+            energy += motion * (there[d] - here[d]);
+            scale += motion * motion * diagonal[d].abs();
+        }
+        Some(energy.abs() > SOME * scale)
+    }
+}

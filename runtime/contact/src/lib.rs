@@ -1,0 +1,409 @@
+//! Contact and friction: complementarity laws `t = P(x)` at integration points, their active set, and how far a step may
+//! go with it.
+//!
+//! A term with projections is solved in its frozen form (`compiler/src/pieces.rs`): each projection stays on a branch
+//! while the unknowns move, and the branches are chosen anew afterwards. Each projection keeps a value `t` at every
+//! integration point, that of its frozen branch at the present unknowns. The next branch is that of `t + c (x - t)`;
+//! `c` is the stiffness of the bodies over the slope of `x` in the displacement, so that the choice does not depend on
+//! the penalty, Nitsche or augmentation parameter in `x`. This is the primal-dual active set method (Alart and Curnier
+//! 1991; Hintermüller, Ito and Kunisch 2002).
+//!
+//! Promises: the state of contact is [`Contact`]; systems are read, never changed. Does not decide when an iteration
+//! stops or another method takes over: `newton` does.
+#![forbid(unsafe_code)]
+
+mod active_set;
+mod breakpoints;
+mod coercivity;
+mod conditions;
+mod coupling;
+mod flexibility;
+mod friction_work;
+mod projection_state;
+mod regularisation;
+mod scaling;
+mod term;
+
+pub use breakpoints::{Breakpoints, Ray};
+pub use coercivity::{Coercivity, coercivity, is_consistent};
+pub use conditions::{ContactGaps, contact_gaps};
+pub use coupling::{Friction, couplings, has_multiplier};
+pub use friction_work::{FrictionWork, friction_work};
+pub use projection_state::{ConvergedState, ProjectionState};
+pub use regularisation::{Complementarity, Regularisation};
+pub use term::{ContactParts, ContactTerm};
+use wfl_compiler::{Class, types::FieldKind};
+
+use wfl_discrete::assemble::FieldValues;
+use wfl_discrete::system::{ActiveSet, System};
+
+/// The first choices from a start without a past are made for whole entities.
+const CHOICES_BY_ENTITY: usize = 3;
+
+/// The contact laws of a scene and the state they are in.
+#[derive(Default)]
+pub struct Contact {
+    terms: Vec<ContactTerm>,
+    active: ActiveSet,
+    /// By term: what its projections were after the last iteration; empty at the start of a step.
+    states: Vec<ProjectionState>,
+    /// The last two converged states, the later one first: the next is extrapolated from them.
+    converged: Vec<ConvergedState>,
+    /// The active set belongs to a converged state; else it is chosen anew at the start of a step.
+    is_warm: bool,
+    complementarity: Complementarity,
+    time: f64,
+}
+
+impl Contact {
+    /// Laws without a state; `terms` in the order of the frozen terms of their system.
+    #[must_use]
+    pub fn new(terms: Vec<ContactTerm>) -> Self {
+        let mut this = Self { terms, ..Self::default() };
+        this.forget();
+        this
+    }
+
+    /// The terms with projections.
+    #[must_use]
+    pub fn terms(&self) -> &[ContactTerm] {
+        &self.terms
+    }
+
+    /// True for a scene without projections.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.terms.is_empty()
+    }
+
+    /// The branches that the projections are frozen on.
+    #[must_use]
+    pub fn active_set(&self) -> &ActiveSet {
+        &self.active
+    }
+
+    /// Goes back to open contact without a past.
+    pub fn forget(&mut self) {
+        self.active = ActiveSet { branch_data: self.terms.iter().map(ContactTerm::open).collect() };
+        self.states.clear();
+    }
+
+    /// Brings the laws to a step.
+    pub fn begin_step(&mut self, time: f64, increment: f64) {
+        self.time = time;
+        self.terms.iter_mut().for_each(|t| t.begin_step(time, increment));
+    }
+
+    /// Says whether the active set belongs to a converged state, which the next step starts from.
+    pub fn set_warm(&mut self, warm: bool) {
+        self.is_warm = warm;
+        if !warm {
+            self.converged.clear();
+        }
+    }
+
+    /// True if the active set belongs to a converged state.
+    #[must_use]
+    pub fn is_warm(&self) -> bool {
+        self.is_warm
+    }
+
+    /// Keeps what the projections are at a converged state, for the start of the next step.
+    pub fn accept(&mut self, system: &System, u: &[f64]) {
+        if self.terms.is_empty() {
+            return;
+        }
+        let states = self.read(system, u);
+        let on_trend = self.is_on_trend();
+        self.converged.truncate(1);
+        self.converged.insert(0, ConvergedState { time: self.time, on_trend, states });
+    }
+
+    /// True unless the active set of this state is nearer to that of the last state than to the extrapolated one.
+    fn is_on_trend(&self) -> bool {
+        let [last, before] = self.converged.as_slice() else { return true };
+        let Some(ahead) = last.extrapolated(before, self.time) else { return true };
+        let wrong = |states: &[ProjectionState]| -> usize {
+            let each = self.terms.iter().zip(states).zip(&self.active.branch_data);
+            let next = |term: &ContactTerm, state, data: &[f64]| term.next_branches(&self.complementarity, state, data);
+            each.map(|((term, state), data)| term.n_differing(&next(term, state, data), data)).sum()
+        };
+        wrong(&ahead) <= wrong(&last.states)
+    }
+
+    /// Chooses the active set of a step that goes on as the last two did. Where it does not, this costs an iteration.
+    fn extrapolate(&mut self) {
+        let [last, before] = self.converged.as_slice() else { return };
+        let Some(ahead) = last.extrapolated(before, self.time).filter(|_| last.on_trend) else { return };
+        self.complementarity.set_choices(0);
+        for ((term, ahead), data) in self.terms.iter().zip(&ahead).zip(&mut self.active.branch_data) {
+            *data = term.next_branches(&self.complementarity, ahead, data);
+        }
+    }
+
+    /// Holds all points closed and sticking, regularised as they are.
+    pub fn stick_everywhere(&mut self) {
+        self.states.clear();
+        for (term, data) in self.terms.iter().zip(&mut self.active.branch_data) {
+            term.stick_all(data);
+        }
+    }
+
+    /// Makes sure that there is an active set at the start of a step from `u`: that of the last converged state, else
+    /// that of the terms as written.
+    pub fn initialise(&mut self, system: &System, u: &[f64]) {
+        self.states.clear();
+        if self.is_warm {
+            self.extrapolate();
+            return;
+        }
+        self.fit(system, u);
+        // each side may move by the largest displacement that is known
+        let unknown = |f: &usize| system.fields[*f].kind == FieldKind::Unknown;
+        let known = (0..system.fields.len()).filter(unknown).filter_map(|f| system.range(f));
+        let moved = 2.0 * known.flatten().fold(0.0f64, |m, d| m.max(u[d].abs()));
+        self.active = self.chosen(system, u, |term, values, data| term.close_if_open(system, values, data, moved));
+    }
+
+    /// Fits the scaling of the laws to the stiffness of the bodies at `u`.
+    fn fit(&mut self, system: &System, u: &[f64]) {
+        let mut diagonal = vec![0.0; system.numbering.n_dofs];
+        let values = system.values_with(u, &self.active);
+        for term in system.terms.iter().filter(|t| t.law.class > Class::Constant && t.on_cells()) {
+            term.add_diagonal(&system.mesh, values.view(), &mut diagonal);
+        }
+        self.terms.iter_mut().for_each(|term| term.fit(system, values.view(), &diagonal));
+    }
+
+    /// Sets the friction of the laws; the active set stays as it is until it is chosen next.
+    pub fn set_friction(&mut self, factor: f64) {
+        self.complementarity.regularisation.friction = factor;
+    }
+
+    /// True if friction, stiffness and bounds of contact are those of the laws as written.
+    #[must_use]
+    pub fn is_as_written(&self) -> bool {
+        self.terms.is_empty() || self.complementarity.regularisation.is_as_written()
+    }
+
+    /// Sets the Duvaut-Lions overstress, in parts of the stiffness of the bodies; branches as they are.
+    pub fn set_overstress(&mut self, overstress: f64) {
+        if self.complementarity.regularisation.overstress != overstress {
+            self.complementarity.regularisation.overstress = overstress;
+            self.write_regularisation();
+        }
+    }
+
+    /// Makes contact compliant or rigid; branches as they are.
+    pub fn set_compliant(&mut self, compliant: bool) {
+        self.states.clear();
+        self.complementarity.regularisation.set_compliant(compliant);
+        self.write_regularisation();
+    }
+
+    fn write_regularisation(&mut self) {
+        for (term, data) in self.terms.iter().zip(&mut self.active.branch_data) {
+            term.write_regularisation(&self.complementarity.regularisation, data);
+        }
+    }
+
+    /// True if some law has a projection on a ball.
+    #[must_use]
+    pub fn has_friction(&self) -> bool {
+        self.terms.iter().any(ContactTerm::has_friction)
+    }
+
+    /// True if friction acts on faces.
+    #[must_use]
+    pub fn has_sliding(&self) -> bool {
+        self.terms.iter().any(ContactTerm::has_sliding)
+    }
+
+    /// The part of a full step to `u` after which the projections are nearer to their laws; exact where the bodies are
+    /// linear. The next choice of the active set starts from there. The first step is full, and so is one that is not
+    /// to be searched.
+    pub fn search(&mut self, system: &System, u: &[f64], searches: bool) -> f64 {
+        let to = self.read(system, u);
+        if self.states.is_empty() || !searches {
+            self.states = to;
+            return 1.0;
+        }
+        projection_state::search(&self.terms, &self.complementarity, &mut self.states, &to)
+    }
+
+    /// Freezes the branches of the terms as they are written at `u`.
+    pub fn freeze_as_written(&mut self, system: &System, u: &[f64]) {
+        self.states.clear();
+        self.active = self.chosen(system, u, |_, _, _| {});
+    }
+
+    /// The active set at `u` with all points closed and sticking: bodies that are tied together.
+    #[must_use]
+    pub fn tied(&self, system: &System, u: &[f64]) -> ActiveSet {
+        self.chosen(system, u, |term, _, data| term.stick_all(data))
+    }
+
+    /// The projections at the two ends of a line.
+    pub fn along(&self, system: &System, from: &[f64], to: &[f64]) -> [Vec<ProjectionState>; 2] {
+        [self.read(system, from), self.read(system, to)]
+    }
+
+    /// How far a ray goes before a breakpoint, at most to `end`, and the breakpoints there.
+    #[must_use]
+    pub fn next_breakpoints(&self, line: &[Vec<ProjectionState>; 2], sign: f64, end: f64) -> (f64, Breakpoints) {
+        let rays = line[0].iter().zip(&line[1]).map(|(from, to)| Ray { from, to, sign });
+        let data = self.active.branch_data.iter().map(Vec::as_slice);
+        let friction = self.complementarity.regularisation.friction;
+        breakpoints::next(self.terms.iter().zip(rays).zip(data), friction, end)
+    }
+
+    /// How fast the first of some breakpoints is passed along a line, `at` this part of it.
+    #[must_use]
+    pub fn passage(&self, line: &[Vec<ProjectionState>; 2], at: f64, breakpoints: &Breakpoints) -> f64 {
+        let Some((k, place)) = breakpoints.first() else { return 0.0 };
+        let ray = Ray { from: &line[0][*k], to: &line[1][*k], sign: 1.0 };
+        self.terms[*k].passage(ray, at, *place, self.complementarity.regularisation.friction)
+    }
+
+    /// Changes the branches at some breakpoints, and turns the directions of slip to the arguments at `u`.
+    pub fn cross(&mut self, system: &System, u: &[f64], breakpoints: &Breakpoints) {
+        for (k, place) in breakpoints {
+            self.terms[*k].cross(*place, &mut self.active.branch_data[*k]);
+        }
+        let states = self.read(system, u);
+        let friction = self.complementarity.regularisation.friction;
+        for ((term, state), data) in self.terms.iter().zip(&states).zip(&mut self.active.branch_data) {
+            term.turn_slip(state, data, friction);
+        }
+    }
+
+    fn read(&self, system: &System, u: &[f64]) -> Vec<ProjectionState> {
+        self.states_on(system, u, &self.active)
+    }
+
+    /// What the projections give at `u` on the branches of an active set, by term.
+    #[must_use]
+    pub fn states_on(&self, system: &System, u: &[f64], active: &ActiveSet) -> Vec<ProjectionState> {
+        let values = system.values_with(u, active);
+        self.terms.iter().map(|t| t.read(&system.mesh, values.view())).collect()
+    }
+
+    /// Chooses the active set that follows from the present one, for the `time`th time in this step.
+    ///
+    /// From a start without a past, all points of an entity choose the same at first where contact is stiff: else one
+    /// that sticks takes the load of those beside it, and slip gets on by a point an iteration.
+    pub fn update(&mut self, time: usize) -> Changes {
+        self.complementarity.set_choices(time);
+        let by_entity = !self.is_warm && time <= CHOICES_BY_ENTITY;
+        let mut changes = Changes::default();
+        for ((term, state), data) in self.terms.iter().zip(&self.states).zip(&mut self.active.branch_data) {
+            let mean = (by_entity && term.locks_entities()).then(|| term.averaged(state));
+            let next = term.next_branches(&self.complementarity, mean.as_ref().unwrap_or(state), data);
+            changes.changed += term.n_differing(data, &next);
+            changes.points += state.points().count();
+            *data = next;
+        }
+        changes
+    }
+
+    /// True if contact is stiff against the bodies: then making it compliant for a while helps.
+    #[must_use]
+    pub fn is_stiff(&self) -> bool {
+        self.terms.iter().any(ContactTerm::is_stiff)
+    }
+
+    /// True if contact over-constrains the bodies: it binds their stresses to its traction
+    /// ([`ContactTerm::is_over_constrained`]).
+    #[must_use]
+    pub fn is_over_constrained(&self) -> bool {
+        self.terms.iter().any(ContactTerm::is_over_constrained)
+    }
+
+    /// The largest stiffness of the bodies over a slope ([`ContactTerm::stiffness_ratio`]).
+    #[must_use]
+    pub fn stiffness_ratio(&self) -> f64 {
+        self.terms.iter().fold(0.0, |m, t| m.max(t.stiffness_ratio()))
+    }
+
+    /// The branches of the laws as they are written at `u`, changed by `change`.
+    fn chosen(
+        &self,
+        system: &System,
+        u: &[f64],
+        change: impl Fn(&ContactTerm, FieldValues<'_>, &mut [f64]),
+    ) -> ActiveSet {
+        let values = system.values_with(u, &self.active);
+        let friction = self.complementarity.regularisation.friction;
+        let one = |term: &ContactTerm| {
+            let mut data = term.as_written(system, values.view(), friction);
+            change(term, values.view(), &mut data);
+            data
+        };
+        ActiveSet { branch_data: self.terms.iter().map(one).collect() }
+    }
+
+    /// The numbers that the next step depends on beside the unknowns.
+    #[must_use]
+    pub fn memory(&self) -> ContactMemory {
+        ContactMemory {
+            warm: self.is_warm,
+            active: self.active.branch_data.clone(),
+            terms: self.terms.iter().map(|t| t.memory(&self.complementarity)).collect(),
+            converged: self.converged.iter().flat_map(ConvergedState::numbers).collect(),
+        }
+    }
+
+    /// Goes back to what was remembered. False, and nothing is changed, if that belongs to other laws.
+    #[must_use]
+    pub fn recall(&mut self, memory: &ContactMemory) -> bool {
+        let sizes = |data: &[Vec<f64>]| data.iter().map(Vec::len).collect::<Vec<_>>();
+        let converged: Option<Vec<ConvergedState>> = memory
+            .converged
+            .chunks(1 + 2 * self.terms.len())
+            .map(|numbers| ConvergedState::from_numbers(numbers, &self.terms))
+            .collect();
+        let own = |t: &ContactTerm| t.memory(&self.complementarity).len();
+        let fits = sizes(&memory.active) == sizes(&self.active.branch_data)
+            && memory.terms.len() == self.terms.len()
+            && self.terms.iter().zip(&memory.terms).all(|(t, m)| own(t) == m.len());
+        let Some(converged) = converged.filter(|_| fits) else { return false };
+        self.is_warm = memory.warm;
+        self.converged = converged;
+        self.active.branch_data.clone_from(&memory.active);
+        for (term, numbers) in self.terms.iter_mut().zip(&memory.terms) {
+            term.recall(numbers, &mut self.complementarity);
+        }
+        true
+    }
+}
+
+/// What a choice of the active set has changed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Changes {
+    /// Points whose branch is another one now.
+    pub changed: usize,
+    /// All points.
+    pub points: usize,
+}
+
+impl Changes {
+    /// The part of the points whose branch is another one now.
+    #[must_use]
+    pub fn share(self) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "a share of points")]
+        return self.changed as f64 / self.points.max(1) as f64;
+    }
+}
+
+/// What contact remembers from one step to the next.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ContactMemory {
+    /// Whether the active set belongs to a converged state.
+    pub warm: bool,
+    /// By term: its branch data.
+    pub active: Vec<Vec<f64>>,
+    /// By term: the numbers by which its branches are chosen.
+    pub terms: Vec<Vec<f64>>,
+    /// The last two converged states of the projections, one after the other ([`ConvergedState::numbers`]).
+    pub converged: Vec<Vec<f64>>,
+}

@@ -1,0 +1,234 @@
+//! What the projections give between two choices of the active set, and how far a step may go.
+//!
+//! A step with a frozen active set solves a problem of its own; its end (u, t) need not be nearer to the solution, and full
+//! steps can circle. With linear bodies every state between two ends is in equilibrium too, and argument, radius and
+//! value of each projection are linear along the step, so only the law of contact has to be looked at: the defect of
+//! t = P(t + c (x - t)) in the sum of squares. With c the stiffness of the bodies it measures an error in traction at
+//! equal weight for every gamma. Newton directions of it descend (Qi and Sun 1993), and a trial costs no assembly.
+//! Promises: pure functions of projection states. Does not decide what follows where nothing descends.
+
+use wfl_compiler::{Projection, ProjectionKind};
+
+use super::{Complementarity, ContactTerm};
+use wfl_discrete::assemble::FieldValues;
+use wfl_mesh::mesh::Mesh;
+
+/// A step is taken that reduces the defect by this part of its length.
+const SUFFICIENT: f64 = 1e-4;
+/// Longest way ahead in units of the last.
+const FURTHEST: f64 = 2.0;
+/// Halvings before the best of those tried is taken.
+const MAX_HALVINGS: i32 = 13;
+
+/// Arguments, radii and values of the projections of a term at its points.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ProjectionState {
+    /// Point by point, as the law of the projections lists them.
+    values: Vec<f64>,
+    /// By point: its weight in integrals.
+    weights: Vec<f64>,
+}
+
+impl ProjectionState {
+    /// What the law gives, point by point.
+    pub(crate) fn points(&self) -> impl Iterator<Item = &[f64]> {
+        let n = self.values.len().checked_div(self.weights.len()).unwrap_or(0).max(1);
+        self.values.chunks_exact(n)
+    }
+
+    /// What the projections would be if things went on as they did since `before`, for `part` of the time between.
+    fn extrapolated(&self, before: &Self, part: f64) -> Self {
+        let mut found = self.clone();
+        found.values.iter_mut().zip(&before.values).for_each(|(v, b)| *v += part * (*v - b));
+        found
+    }
+
+    /// Goes part of the way to `target`.
+    fn approach(&mut self, target: &Self, part: f64) {
+        self.values.iter_mut().zip(&target.values).for_each(|(v, t)| *v += part * (t - *v));
+    }
+}
+
+impl ContactTerm {
+    /// The mean of a state over each entity, at every point of it.
+    pub(super) fn averaged(&self, state: &ProjectionState) -> ProjectionState {
+        let mut found = state.clone();
+        let n = self.n_outputs();
+        let (mut values, mut weights) = (found.values.as_mut_slice(), state.weights.as_slice());
+        for group in &self.sampled.domain.groups {
+            for _ in 0..group.entities.len() {
+                let (own, others) = std::mem::take(&mut values).split_at_mut(group.n_points() * n);
+                let (parts, rest) = weights.split_at(group.n_points());
+                (values, weights) = (others, rest);
+                let total: f64 = parts.iter().sum();
+                if total <= 0.0 {
+                    continue;
+                }
+                for k in 0..n {
+                    let sum: f64 = parts.iter().zip(own.chunks_exact(n)).map(|(w, point)| w * point[k]).sum();
+                    own.chunks_exact_mut(n).for_each(|point| point[k] = sum / total);
+                }
+            }
+        }
+        found
+    }
+
+    /// Reads arguments, radii and values at a state on the branches of `values`.
+    pub(super) fn read(&self, mesh: &Mesh, values: FieldValues<'_>) -> ProjectionState {
+        let mut found = ProjectionState::default();
+        self.law.for_each_point(mesh, &self.sampled, values, |_, _, _, weight, out| {
+            found.values.extend_from_slice(out);
+            found.weights.push(weight);
+        });
+        found
+    }
+
+    /// By how much the arguments of the half-lines grow from one state to another, integrated: above 0 the sides close.
+    #[must_use]
+    pub fn closing(&self, from: &ProjectionState, to: &ProjectionState) -> f64 {
+        let mut total = 0.0;
+        for ((a, b), weight) in from.points().zip(to.points()).zip(&from.weights) {
+            for p in self.projections.iter().filter(|p| p.kind == ProjectionKind::HalfLine && p.acts) {
+                let entries = p.output..p.output + p.n;
+                total += weight.abs() * entries.map(|k| b[k] - a[k]).sum::<f64>();
+            }
+        }
+        total
+    }
+
+    /// The squared defect of the projections on the way from `from` to `to`, as an energy: traction squared over
+    /// stiffness, integrated.
+    fn defect(&self, law: &Complementarity, from: &ProjectionState, to: &ProjectionState, part: f64) -> f64 {
+        let mut total = 0.0;
+        let mut out = Vec::new();
+        for ((a, b), weight) in from.points().zip(to.points()).zip(&from.weights) {
+            out.clear();
+            out.extend(a.iter().zip(b).map(|(a, b)| a + part * (b - a)));
+            for (k, p) in self.projections.iter().enumerate() {
+                total += weight.abs() * self.scaling.flexibility(k) * self.squared_defect(k, p, law, &out);
+            }
+        }
+        total
+    }
+
+    fn squared_defect(&self, k: usize, p: &Projection, law: &Complementarity, out: &[f64]) -> f64 {
+        let ratio = self.scaling.ratio(k, law);
+        let left = 1.0 - self.scaling.compliance(k, law.regularisation.layer);
+        let x = &out[p.output..][..p.n];
+        match p.kind {
+            ProjectionKind::HalfLine => {
+                let t = &out[p.output + p.n..][..p.n];
+                t.iter().zip(x).map(|(t, x)| (t - (t + ratio * (left * x - t)).max(0.0)).powi(2)).sum()
+            }
+            ProjectionKind::Ball => {
+                let radius = (law.regularisation.friction * out[p.output + p.n]).max(0.0);
+                let t = &out[p.output + p.n + 1..][..p.n];
+                let along = |k: usize| t[k] + ratio * (left * x[k] - t[k]);
+                let length = (0..p.n).fold(0.0f64, |m, k| m.hypot(along(k)));
+                let scale = if length <= radius { 1.0 } else { radius / length };
+                (0..p.n).map(|k| (t[k] - scale * along(k)).powi(2)).sum()
+            }
+        }
+    }
+}
+
+/// A converged state: the step variable, and what the projections were, by term.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ConvergedState {
+    pub(super) time: f64,
+    /// It was as the two states before it extrapolate to: loads go on.
+    pub(super) on_trend: bool,
+    pub(super) states: Vec<ProjectionState>,
+}
+
+impl ConvergedState {
+    /// What to expect at `time` after this state and the one `before`. `None` where that is no later time, or so much
+    /// later that nothing can be said.
+    pub(super) fn extrapolated(&self, before: &Self, time: f64) -> Option<Vec<ProjectionState>> {
+        let part = (time - self.time) / (self.time - before.time);
+        let fits = part > 0.0 && part <= FURTHEST && self.states.len() == before.states.len();
+        fits.then(|| self.states.iter().zip(&before.states).map(|(a, b)| a.extrapolated(b, part)).collect())
+    }
+
+    /// All numbers: the time and whether it was on the trend, then values and weights by term.
+    #[must_use]
+    pub fn numbers(&self) -> Vec<Vec<f64>> {
+        let all = self.states.iter().flat_map(|w| [w.values.clone(), w.weights.clone()]);
+        std::iter::once(vec![self.time, f64::from(u8::from(self.on_trend))]).chain(all).collect()
+    }
+
+    /// The state with the numbers given by [`Self::numbers`]; `None` if they are not those of `terms`.
+    #[must_use]
+    pub fn from_numbers(numbers: &[Vec<f64>], terms: &[ContactTerm]) -> Option<Self> {
+        let (head, rest) = numbers.split_first()?;
+        let [time, on_trend] = head[..] else { return None };
+        let fits = |(pair, term): (&[Vec<f64>], &ContactTerm)| {
+            let (values, weights) = (&pair[0], &pair[1]);
+            let state = ProjectionState { values: values.clone(), weights: weights.clone() };
+            (weights.len() == term.n_points() && values.len() == weights.len() * term.n_outputs()).then_some(state)
+        };
+        if rest.len() != 2 * terms.len() {
+            return None;
+        }
+        let states: Option<Vec<ProjectionState>> = rest.chunks_exact(2).zip(terms).map(fits).collect();
+        Some(Self { time, on_trend: on_trend > 0.5, states: states? })
+    }
+}
+
+/// The part of a step of all `terms` that reduces their defect, and the projections there; `from` and `to` by term.
+pub(super) fn search(
+    terms: &[ContactTerm],
+    law: &Complementarity,
+    from: &mut [ProjectionState],
+    to: &[ProjectionState],
+) -> f64 {
+    let defect = |part: f64| {
+        let each = terms.iter().zip(from.iter().zip(to));
+        each.map(|(t, (a, b))| t.defect(law, a, b, part)).sum::<f64>().sqrt()
+    };
+    let start = defect(0.0);
+    let mut best = (f64::INFINITY, 1.0);
+    for halvings in 0..=MAX_HALVINGS {
+        let part = 0.5f64.powi(halvings);
+        let found = defect(part);
+        if found <= (1.0 - SUFFICIENT * part) * start {
+            best = (found, part);
+            break;
+        }
+        if found < best.0 {
+            best = (found, part);
+        }
+    }
+    from.iter_mut().zip(to).for_each(|(a, b)| a.approach(b, best.1));
+    best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn converged(time: f64, value: f64) -> ConvergedState {
+        ConvergedState {
+            time,
+            on_trend: true,
+            states: vec![ProjectionState { values: vec![value, -value], weights: vec![0.5] }],
+        }
+    }
+
+    #[test]
+    fn a_front_that_moves_is_expected_to_move_on() {
+        let (last, before) = (converged(3.0, 5.0), converged(1.0, 4.0));
+        let ahead = last.extrapolated(&before, 4.0).expect("half as far again");
+        assert_eq!(ahead[0].values, [5.5, -5.5]);
+        assert_eq!(last.extrapolated(&before, 7.0).map(|a| a[0].values[0]), Some(7.0));
+    }
+
+    #[test]
+    fn nothing_is_expected_backwards_at_once_or_far_away() {
+        let (last, before) = (converged(3.0, 5.0), converged(1.0, 4.0));
+        assert_eq!(last.extrapolated(&before, 2.0), None);
+        assert_eq!(last.extrapolated(&before, 7.1), None);
+        assert_eq!(last.extrapolated(&converged(3.0, 4.0), 4.0), None, "parts of a load are at one time");
+        assert_eq!(last.extrapolated(&ConvergedState { time: 1.0, on_trend: true, states: Vec::new() }, 4.0), None);
+    }
+}

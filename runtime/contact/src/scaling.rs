@@ -1,0 +1,154 @@
+//! The scaling of contact laws: how stiff the bodies are at the interface against the arguments of the projections.
+
+use wfl_compiler::{
+    interpret,
+    ir::LANES,
+    types::{FieldKind, FieldOp, InputSlot},
+};
+
+use super::{
+    Complementarity, ContactTerm, flexibility,
+    term::{STIFF, Scaling},
+};
+use wfl_discrete::assemble::{Bound, FieldValues, Workspace};
+use wfl_discrete::system::{FIXED, System};
+
+/// The stiffness that branches are chosen with, in units of the nodal stiffness over the area of an entity.
+/// Values from 0.1 to 3 serve alike (`docs/newton.md`).
+const STIFFNESS_FACTOR: f64 = 1.0;
+/// Where the nodal stiffness is more than this times what the bodies give way with to forces at random, some of their
+/// directions are locked (nearly incompressible, a body far softer than the other): what they give way with counts then,
+/// times a factor. In other bodies the ratio is from 2 to 40.
+const LOCKED: f64 = 100.0;
+const GIVING_WAY: f64 = 3.0;
+/// Points at which the slope of an argument is sampled.
+const SLOPE_POINTS: usize = 64;
+/// Change of the displacement for that slope, over the size of an entity.
+pub(super) const SLOPE_STEP: f64 = 1e-3;
+/// Contact without a multiplier binds the stresses of the bodies where the terms on faces are this many times as stiff as
+/// the bodies there while arguments are softer than the bodies by this factor.
+const STIFF_FACES: f64 = 10.0;
+const SOFT_ARGUMENTS: f64 = 100.0;
+/// Bounds of `c`.
+const RATIO_RANGE: (f64, f64) = (1e-13, 1e13);
+
+impl Scaling {
+    /// The stiffness of the bodies over the largest slope of an argument in the displacement.
+    pub(super) fn stiffness_ratio(&self) -> f64 {
+        let slope = self.slopes.iter().fold(0.0f64, |m, s| m.max(*s));
+        if slope > 0.0 { self.stiffness / slope } else { 0.0 }
+    }
+
+    /// `c` of projection `k` at the present choice, for its argument less what compliance takes.
+    pub(super) fn ratio(&self, k: usize, law: &Complementarity) -> f64 {
+        let ratio = match self.ratios[k] {
+            c if c < 1.0 => (c * law.growth).min(1.0),
+            c => (c / law.growth).max(1.0),
+        };
+        ratio / (1.0 - self.compliance(k, law.regularisation.layer))
+    }
+
+    /// The part of the argument of projection `k` that a compliant layer takes.
+    pub(super) fn compliance(&self, k: usize, layer: f64) -> f64 {
+        if self.slopes[k] > 0.0 { 1.0 / (1.0 + layer * self.ratios[k]) } else { 0.0 }
+    }
+
+    /// The part of the argument beyond its bound that overstress keeps in the value of projection `k`. What passes
+    /// between the sides is what the value lacks of the argument, over its slope.
+    pub(super) fn overstress(&self, k: usize, overstress: f64) -> f64 {
+        let viscous = overstress * self.stiffness;
+        if viscous > 0.0 && self.slopes[k] > 0.0 { viscous / (viscous + self.slopes[k]) } else { 0.0 }
+    }
+
+    /// Displacement by traction that `c` of projection `k` stands for; 1 where it does not depend on displacements.
+    pub(super) fn flexibility(&self, k: usize) -> f64 {
+        let stiffness = self.ratios[k] * self.slopes[k];
+        if stiffness > 0.0 { 1.0 / stiffness } else { 1.0 }
+    }
+}
+
+impl ContactTerm {
+    /// Fits `c` of each projection to the stiffness of the bodies: that of the linear terms, or the `diagonal` of the
+    /// cell terms, by dof.
+    pub(super) fn fit(&mut self, system: &System, values: FieldValues<'_>, diagonal: &[f64]) {
+        let (bulk, free) = (system.bulk(), &system.numbering.free);
+        let dofs = self.form(system).dofs();
+        let stiff: Vec<f64> = dofs.iter().map(|d| diagonal[*d as usize]).filter(|k| *k > 0.0).collect();
+        let (area, size) = self.entity_size(&system.mesh, values);
+        if stiff.is_empty() || area <= 0.0 {
+            return;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a mean")]
+        let mean = stiff.iter().sum::<f64>() / stiff.len() as f64;
+        let places: Vec<u32> = dofs.iter().map(|d| free[*d as usize]).filter(|f| *f != FIXED).collect();
+        let stiffness = match flexibility::stiffness(bulk, &places) {
+            Some(gives) if mean > LOCKED * gives => GIVING_WAY * gives,
+            _ => STIFFNESS_FACTOR * mean,
+        };
+        let stiffness = stiffness / area;
+        let slopes = self.slopes(system, values, SLOPE_STEP * size);
+        // without a multiplier the traction follows from displacements, and an argument is at least as stiff as it
+        let largest = if self.has_multiplier { RATIO_RANGE.1 } else { 1.0 };
+        let has_multiplier = self.has_multiplier;
+        let scaling = &mut self.scaling;
+        for (ratio, slope) in scaling.ratios.iter_mut().zip(&slopes) {
+            if *slope > 0.0 && stiffness.is_finite() {
+                *ratio = (stiffness / slope).clamp(RATIO_RANGE.0, largest);
+            }
+        }
+        scaling.is_stiff = has_multiplier || scaling.ratios.iter().any(|c| *c < STIFF);
+        scaling.slopes = slopes;
+        scaling.stiffness = if stiffness.is_finite() { stiffness } else { 0.0 };
+        let cells: f64 = dofs.iter().filter(|d| free[**d as usize] != FIXED).map(|d| diagonal[*d as usize]).sum();
+        let linear: f64 = places.iter().map(|f| bulk.get(*f as usize, *f as usize)).sum();
+        scaling.is_over_constrained =
+            largest == 1.0 && linear > STIFF_FACES * cells && scaling.stiffness_ratio() > SOFT_ARGUMENTS;
+    }
+
+    /// By projection: the largest change of its argument when one displacement changes by 1, median of some points.
+    pub(super) fn slopes(&self, system: &System, values: FieldValues<'_>, step: f64) -> Vec<f64> {
+        let law = &self.law.law;
+        let moving: Vec<usize> = (0..law.inputs.len())
+            .filter(|k| match law.inputs[*k] {
+                // branch data are numbered behind the fields
+                InputSlot::Field(b) if b.op == FieldOp::Value => {
+                    system.fields.get(b.field.index()).is_some_and(|f| f.kind == FieldKind::Unknown)
+                }
+                _ => false,
+            })
+            .collect();
+        let mut found: Vec<Vec<f64>> = vec![Vec::new(); self.projections.len()];
+        let bound = Bound { mesh: &system.mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
+        let mut workspace = Workspace::default();
+        let n_in = law.inputs.len();
+        let n_out = law.kernel.kernel().outputs.len();
+        let (mut scratch, mut base, mut changed) = (Vec::new(), vec![0.0; n_out], vec![0.0; n_out]);
+        for (g, group) in self.sampled.domain.groups.iter().enumerate() {
+            let stride = (group.n_batches() * group.n_points()).div_ceil(SLOPE_POINTS).max(1);
+            for at in (0..group.n_batches() * group.n_points()).step_by(stride) {
+                let (batch, q) = (at / group.n_points(), at % group.n_points());
+                workspace.prepare(bound, g, batch, values);
+                let mut inputs: Vec<f64> = (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES]).collect();
+                interpret(&law.kernel, self.law.uniforms(), &inputs, &mut scratch, &mut base);
+                let mut largest = vec![0.0f64; self.projections.len()];
+                for k in &moving {
+                    let kept = inputs[*k];
+                    inputs[*k] = kept + step;
+                    interpret(&law.kernel, self.law.uniforms(), &inputs, &mut scratch, &mut changed);
+                    inputs[*k] = kept;
+                    for (p, slot) in self.projections.iter().zip(&mut largest) {
+                        let change = (p.output..p.output + p.n).map(|o| (changed[o] - base[o]).abs() / step);
+                        *slot = change.fold(*slot, f64::max);
+                    }
+                }
+                found.iter_mut().zip(largest).for_each(|(list, x)| list.push(x));
+            }
+        }
+        found.into_iter().map(median).collect()
+    }
+}
+
+fn median(mut list: Vec<f64>) -> f64 {
+    list.sort_by(f64::total_cmp);
+    list.get(list.len() / 2).copied().unwrap_or(0.0)
+}

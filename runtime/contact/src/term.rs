@@ -1,0 +1,189 @@
+//! One term of contact: its projections, the law that reads them, and how they are scaled to the bodies.
+
+use wfl_compiler::{Projection, ProjectionKind, types::FieldKind};
+
+use super::Complementarity;
+use wfl_discrete::assemble::{AssembledTerm, FieldValues};
+use wfl_discrete::field::Field;
+use wfl_discrete::system::System;
+use wfl_discrete::value::{Sampled, Value};
+use wfl_mesh::mesh::Mesh;
+
+/// Below this `c` contact is stiff against the bodies.
+pub(super) const STIFF: f64 = 0.1;
+
+/// The projections of one term.
+pub struct ContactTerm {
+    /// Position of the term in the system.
+    pub term: usize,
+    /// Position of its frozen form among those of the system.
+    pub frozen: usize,
+    /// The number of the field of its branch data, behind those of the scene.
+    pub field: usize,
+    pub(super) projections: Vec<Projection>,
+    /// Branch data at an integration point.
+    pub(super) n_data: usize,
+    /// Arguments, radii and values of the projections.
+    pub(super) law: Value,
+    pub(super) sampled: Sampled,
+    /// It acts on a multiplier, or reads one.
+    pub(super) has_multiplier: bool,
+    pub(super) scaling: Scaling,
+}
+
+/// How the projections of a term are scaled to the stiffness of the bodies.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Scaling {
+    /// By projection: `c` of `t = P(t + c (x - t))`.
+    pub(super) ratios: Vec<f64>,
+    /// By projection: the slope of its argument in the displacement (stress by length).
+    pub(super) slopes: Vec<f64>,
+    /// The stiffness of the bodies, force by displacement and area; 0 until it is known.
+    pub(super) stiffness: f64,
+    /// Contact is so stiff against the bodies that making it compliant for a while helps.
+    pub(super) is_stiff: bool,
+    /// Contact is so soft as written, and its linear part so stiff, that it binds the stresses of the bodies.
+    pub(super) is_over_constrained: bool,
+}
+
+/// What a contact term is made of.
+pub struct ContactParts {
+    /// Position of the term in the system.
+    pub term: usize,
+    /// Position of its frozen form among those of the system.
+    pub frozen: usize,
+    /// The number of the field of its branch data.
+    pub field: usize,
+    /// Its projections, inner ones first.
+    pub projections: Vec<Projection>,
+    /// Branch data at an integration point.
+    pub n_data: usize,
+    /// Arguments, radii and values of the projections.
+    pub law: Value,
+    /// Where the law is read.
+    pub sampled: Sampled,
+}
+
+impl ContactTerm {
+    /// The projections of a term; `form` is its frozen form.
+    #[must_use]
+    pub fn new(parts: ContactParts, form: &AssembledTerm, fields: &[Field]) -> Self {
+        let ContactParts { term, frozen, field, projections, n_data, law, sampled } = parts;
+        let is_multiplier = |f: usize| fields[f].kind == FieldKind::Multiplier;
+        let scaling = Scaling {
+            ratios: vec![1.0; projections.len()],
+            slopes: vec![0.0; projections.len()],
+            ..Scaling::default()
+        };
+        let has_multiplier = form.coupled_fields().any(|f| is_multiplier(f.index()));
+        Self { term, frozen, field, projections, n_data, law, sampled, has_multiplier, scaling }
+    }
+
+    /// Sets the step variable and its increment.
+    pub(super) fn begin_step(&mut self, time: f64, increment: f64) {
+        self.law.set_step(time, increment);
+    }
+
+    /// The form of the term whose branches are frozen.
+    #[must_use]
+    pub fn form<'a>(&self, system: &'a System) -> &'a AssembledTerm {
+        &system.frozen()[self.frozen].form
+    }
+
+    /// The numbers that the choice of branches depends on, beside the branch data.
+    pub(super) fn memory(&self, complementarity: &Complementarity) -> Vec<f64> {
+        let s = &self.scaling;
+        let flags = [s.is_stiff, s.is_over_constrained].map(|f| f64::from(u8::from(f)));
+        let numbers = [s.stiffness, complementarity.growth, complementarity.regularisation.friction];
+        s.ratios.iter().chain(&s.slopes).copied().chain(numbers).chain(flags).collect()
+    }
+
+    /// Takes back numbers given by [`Self::memory`].
+    pub(super) fn recall(&mut self, memory: &[f64], complementarity: &mut Complementarity) {
+        let s = &mut self.scaling;
+        if let [fitted @ .., stiffness, growth, friction, stiff, over_constrained] = memory
+            && fitted.len() == 2 * s.ratios.len()
+        {
+            let (ratios, slopes) = fitted.split_at(s.ratios.len());
+            s.ratios.copy_from_slice(ratios);
+            s.slopes.copy_from_slice(slopes);
+            s.stiffness = *stiffness;
+            (complementarity.growth, complementarity.regularisation.friction) = (*growth, *friction);
+            (s.is_stiff, s.is_over_constrained) = (*stiff > 0.5, *over_constrained > 0.5);
+        }
+    }
+
+    /// True if some projection is on a ball.
+    #[must_use]
+    pub fn has_friction(&self) -> bool {
+        self.projections.iter().any(|p| p.kind == ProjectionKind::Ball)
+    }
+
+    /// True if a ball acts on faces: friction.
+    pub(super) fn has_sliding(&self) -> bool {
+        !self.on_cells() && self.projections.iter().any(|p| p.kind == ProjectionKind::Ball && p.acts)
+    }
+
+    /// True if the term is integrated over cells: its projections are no contact.
+    #[must_use]
+    pub fn on_cells(&self) -> bool {
+        self.sampled.domain.groups.iter().all(|g| g.tangents.is_none() && !g.is_global)
+    }
+
+    /// True if the sides are so stiff against each other that making contact compliant for a while helps.
+    pub(super) fn is_stiff(&self) -> bool {
+        self.scaling.is_stiff
+    }
+
+    /// True if contact is so soft as written, and its linear part so stiff, that it binds the stresses of the bodies to
+    /// its traction: Nitsche with theta = -1 far below E/h.
+    pub(super) fn is_over_constrained(&self) -> bool {
+        self.scaling.is_over_constrained
+    }
+
+    /// The stiffness of the bodies over the largest slope of an argument in the displacement.
+    pub(super) fn stiffness_ratio(&self) -> f64 {
+        self.scaling.stiffness_ratio()
+    }
+
+    /// True if the sides are so stiff against each other, without a multiplier, that one point that sticks holds its
+    /// entity.
+    pub(super) fn locks_entities(&self) -> bool {
+        !self.has_multiplier && self.scaling.ratios.iter().any(|c| *c < STIFF)
+    }
+
+    /// The law of the projections, where it is read, and the projections.
+    #[must_use]
+    pub fn law(&self) -> (&Value, &Sampled, &[Projection]) {
+        (&self.law, &self.sampled, &self.projections)
+    }
+
+    /// Branch data at an integration point.
+    #[must_use]
+    pub fn n_branch_data(&self) -> usize {
+        self.n_data
+    }
+
+    /// Numbers that the law gives at a point.
+    pub(super) fn n_outputs(&self) -> usize {
+        self.law.law.kernel.kernel().outputs.len()
+    }
+
+    pub(super) fn n_points(&self) -> usize {
+        self.sampled.domain.groups.iter().map(|g| g.entities.len() * g.n_points()).sum()
+    }
+
+    /// Mean measure of an entity and its length.
+    pub(super) fn entity_size(&self, mesh: &Mesh, values: FieldValues<'_>) -> (f64, f64) {
+        let mut total = 0.0;
+        self.law.for_each_point(mesh, &self.sampled, values, |_, _, _, weight, _| total += weight);
+        let domain = &self.sampled.domain;
+        let on_cells = domain.groups.iter().all(|g| g.tangents.is_none());
+        let dimension = if on_cells { domain.dim } else { domain.dim.saturating_sub(1).max(1) };
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let area = total / domain.n_entities.max(1) as f64;
+        #[expect(clippy::cast_precision_loss, reason = "1, 2 or 3")]
+        let size = area.powf(1.0 / dimension as f64);
+        (area, size)
+    }
+}

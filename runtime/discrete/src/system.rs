@@ -1,0 +1,504 @@
+//! The discrete problem of a scene: dofs, fixed values, assembled terms.
+//!
+//! Dofs of all unknown fields stand in one vector, field after field, node after node, component fastest. Terms are
+//! kept by class: constant ones are summed once per step, linear ones are a matrix assembled once (once per step if
+//! the step variable enters), only the others are assembled at each state. Fixed dofs keep their rows in residuals
+//! (their entries are reactions) and are left out of the systems that are solved.
+//!
+//! Promises: a residual or a tangent depends on its arguments, the step ([`System::begin_step`]) and the known fields
+//! alone. Knows no contact, no solver and no iteration.
+
+mod form;
+mod inspect;
+mod numbering;
+mod residual;
+mod tangent;
+
+use std::sync::Arc;
+
+pub use form::{ActiveSet, Branches, Form, LinearTerms, StateValues};
+pub use numbering::{FIXED, Numbering, Tie};
+pub use residual::Residual;
+use tangent::SceneAxes;
+pub use tangent::Tangent;
+use thiserror::Error;
+use wfl_compiler::{
+    Class,
+    types::{FieldKind, Side},
+};
+
+use crate::assemble::{AssembledTerm, TermError};
+use crate::field::Field;
+use crate::finite::{BadGiven, largest};
+use crate::frames::{Frame, Frames};
+use crate::pruning::Pruning;
+use wfl_host::memory::{TooMuchMemory, claim_numbers};
+use wfl_mesh::mesh::Mesh;
+use wfl_sparse::csr::{Csr, CsrError, Pattern, PatternBuilder, Restriction};
+
+/// Values that do not follow from the unknowns: known fields, and the past where a scene uses it.
+#[derive(Clone, Debug, Default)]
+pub struct Known {
+    /// Values of data, states and fields without terms, by field; empty for fields that are solved for.
+    pub data: Vec<Vec<f64>>,
+    /// The end of the previous step; `None` unless something reads it.
+    pub previous: Option<Past>,
+}
+
+/// The end of the previous step.
+#[derive(Clone, Debug, Default)]
+pub struct Past {
+    /// All unknowns.
+    pub unknowns: Vec<f64>,
+    /// As [`Known::data`], then.
+    pub data: Vec<Vec<f64>>,
+}
+
+impl Known {
+    /// What is known now, and the unknowns `u`, become the end of the previous step.
+    pub fn keep(&mut self, u: &[f64]) {
+        if let Some(past) = &mut self.previous {
+            past.unknowns.copy_from_slice(u);
+            past.data.clone_from(&self.data);
+        }
+    }
+}
+
+/// Raises terms of a class to terms of which nothing is known.
+fn forget(terms: &mut [AssembledTerm], class: Class) {
+    for term in terms.iter_mut().filter(|t| t.law.class == class) {
+        term.law.class = Class::Nonlinear;
+    }
+}
+
+/// A term whose branches are data: what takes the place of a term with projections while its active set is frozen.
+pub struct FrozenTerm {
+    /// Position of the term that it replaces.
+    pub term: usize,
+    /// The term that reads its branches; its branch data are a field behind those of the scene.
+    pub form: AssembledTerm,
+}
+
+/// The assembled problem.
+pub struct System {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// The fields.
+    pub fields: Vec<Field>,
+    /// The dofs.
+    pub numbering: Numbering,
+    /// Every term, loads included.
+    pub terms: Vec<AssembledTerm>,
+    /// Data and the past.
+    pub known: Known,
+    frozen: Vec<FrozenTerm>,
+    /// The step variable.
+    time: f64,
+    increment: f64,
+    linear: Option<Csr>,
+    bulk: Csr,
+    /// The pattern of the changing terms over the free dofs.
+    changing: Arc<Pattern>,
+    /// Where they are summed before they are rotated; `None` without local frames and dofs that follow others.
+    scene_axes: Option<SceneAxes>,
+    constant: Vec<f64>,
+    /// By field: the first field of those whose forces meet on interfaces.
+    meets: Vec<usize>,
+    /// What is done although the scene does not need it.
+    kept: Vec<Pruning>,
+}
+
+impl System {
+    /// A system over these terms; assembles nothing yet.
+    ///
+    /// # Errors
+    /// [`CsrError`] when the pattern does not fit the index types.
+    pub fn new(
+        mesh: Mesh,
+        fields: Vec<Field>,
+        numbering: Numbering,
+        terms: Vec<AssembledTerm>,
+        known: Known,
+    ) -> Result<Self, CsrError> {
+        let n_free = numbering.n_free();
+        let constant = vec![0.0; numbering.n_dofs];
+        let meets = meeting_fields(&fields, &terms);
+        let mut this = Self {
+            mesh,
+            fields,
+            numbering,
+            terms,
+            known,
+            frozen: Vec::new(),
+            time: 0.0,
+            increment: 0.0,
+            linear: None,
+            bulk: nothing(n_free),
+            changing: Arc::new(Pattern::empty(n_free, n_free)),
+            scene_axes: None,
+            constant,
+            meets,
+            kept: Vec::new(),
+        };
+        this.locate()?;
+        Ok(this)
+    }
+
+    /// Gives terms their frozen forms; their branch data are fields numbered behind those of the scene.
+    ///
+    /// # Errors
+    /// [`CsrError`] when the pattern does not fit the index types.
+    pub fn add_frozen(&mut self, frozen: Vec<FrozenTerm>) -> Result<(), CsrError> {
+        self.frozen = frozen;
+        self.locate()
+    }
+
+    /// The terms that have a frozen form.
+    #[must_use]
+    pub fn frozen(&self) -> &[FrozenTerm] {
+        &self.frozen
+    }
+
+    /// Finds where the changing terms stand in their matrix.
+    fn locate(&mut self) -> Result<(), CsrError> {
+        let numbering = &self.numbering;
+        let changes = |t: &&AssembledTerm| t.law.class >= Class::Nonlinear;
+        let all = self.terms.iter().filter(changes).chain(self.frozen.iter().map(|f| &f.form));
+        let axes = if numbering.frames.is_empty() && !numbering.has_ties() {
+            let free = pattern(all, numbering.n_free(), &numbering.frames, |d| numbering.free[d as usize])?;
+            self.changing = free.pattern().clone();
+            None
+        } else {
+            let axes = SceneAxes::new(all, numbering)?;
+            self.changing = axes.free_pattern().clone();
+            Some(axes)
+        };
+        let (pattern, rows) = match &axes {
+            Some(axes) => (axes.pattern(), &axes.rows),
+            None => (&self.changing, &numbering.free),
+        };
+        let frozen = self.frozen.iter_mut().map(|f| &mut f.form);
+        for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(frozen) {
+            term.locate(pattern, rows);
+        }
+        self.scene_axes = axes;
+        Ok(())
+    }
+
+    /// Does something although the scene does not need it, to measure what leaving it out saves; before [`Self::add_frozen`].
+    pub fn keep(&mut self, pruning: Pruning) {
+        self.kept.push(pruning);
+        match pruning {
+            Pruning::Constant if !self.is_linear() => forget(&mut self.terms, Class::Constant),
+            Pruning::Linear => forget(&mut self.terms, Class::Linear),
+            _ => {}
+        }
+    }
+
+    /// True unless the scene was prepared without this pruning.
+    #[must_use]
+    pub fn uses(&self, pruning: Pruning) -> bool {
+        !self.kept.contains(&pruning)
+    }
+
+    /// True if no term needs Newton.
+    #[must_use]
+    pub fn is_linear(&self) -> bool {
+        self.terms.iter().all(|t| t.law.class <= Class::Linear)
+    }
+
+    /// True if every tangent is symmetric.
+    #[must_use]
+    pub fn is_symmetric(&self) -> bool {
+        self.terms.iter().chain(self.frozen.iter().map(|f| &f.form)).all(|t| t.law.symmetric)
+    }
+
+    /// True if the linear terms are symmetric.
+    #[must_use]
+    pub fn bulk_is_symmetric(&self) -> bool {
+        self.terms.iter().filter(|t| t.law.class == Class::Linear).all(|t| t.law.symmetric)
+    }
+
+    /// The matrix of the linear terms over the free dofs.
+    #[must_use]
+    pub fn bulk(&self) -> &Csr {
+        &self.bulk
+    }
+
+    /// Number of free dofs that the changing terms touch, by row or by column.
+    #[must_use]
+    pub fn n_changing_dofs(&self) -> usize {
+        let mut is_touched = vec![false; self.numbering.n_free()];
+        for row in 0..is_touched.len() {
+            let columns = self.changing.row(row);
+            is_touched[row] |= !columns.is_empty();
+            columns.iter().for_each(|c| is_touched[*c as usize] = true);
+        }
+        is_touched.iter().filter(|t| **t).count()
+    }
+
+    /// True if every term is affine in the unknowns once its branches are frozen: then a full step solves the frozen
+    /// problem.
+    #[must_use]
+    pub fn is_affine_when_frozen(&self) -> bool {
+        let affine = |k: usize| self.frozen.iter().any(|f| f.term == k && f.form.law.class <= Class::Linear);
+        self.terms.iter().enumerate().all(|(k, t)| t.law.class <= Class::Linear || affine(k))
+    }
+
+    /// Brings the laws of all terms to a step; assembles nothing.
+    pub fn set_laws(&mut self, time: f64, increment: f64) {
+        (self.time, self.increment) = (time, increment);
+        let frozen = self.frozen.iter_mut().map(|f| &mut f.form);
+        self.terms.iter_mut().chain(frozen).for_each(|t| t.set_step(time, increment));
+    }
+
+    /// The step variable and its increment.
+    #[must_use]
+    pub fn step(&self) -> (f64, f64) {
+        (self.time, self.increment)
+    }
+
+    /// Begins a step: constant terms are summed, linear ones assembled where they are new. Returns true if the
+    /// matrix of the linear terms has changed.
+    ///
+    /// # Errors
+    /// [`SystemError`] with its place.
+    pub fn begin_step(&mut self, time: f64, increment: f64) -> Result<bool, SystemError> {
+        self.set_laws(time, increment);
+        let zero = vec![0.0; self.numbering.n_dofs];
+        let mut constant = vec![0.0; self.numbering.n_dofs];
+        let values = self.values(&zero);
+        for term in self.terms.iter().filter(|t| t.law.class <= Class::Linear) {
+            term.add_residual(&self.mesh, values.view(), &mut constant)?;
+        }
+        drop(values);
+        self.constant = constant;
+        let stale = self.linear.is_none()
+            || self.terms.iter().any(|t| t.law.class == Class::Linear && t.law.tangent_changes_with_step);
+        if stale {
+            self.assemble_linear(&zero)?;
+        }
+        Ok(stale)
+    }
+
+    /// Assembles the matrix of the linear terms, and its part over the free dofs.
+    fn assemble_linear(&mut self, zero: &[f64]) -> Result<(), SystemError> {
+        let n = self.numbering.n_dofs;
+        let frames = &self.numbering.frames;
+        let mut linear = pattern(self.terms.iter().filter(|t| t.law.class == Class::Linear), n, frames, |d| d)?;
+        let every_dof: Vec<u32> = (0..u32::try_from(n).expect("fewer than 2^32 dofs")).collect();
+        for k in 0..self.terms.len() {
+            if self.terms[k].law.class != Class::Linear {
+                continue;
+            }
+            self.terms[k].locate(linear.pattern(), &every_dof);
+            let added = self.terms[k].add_tangent(&self.mesh, self.values(zero).view(), linear.values_mut());
+            self.terms[k].forget();
+            added?;
+        }
+        let frames = &self.numbering.frames;
+        let map = Restriction::new(linear.pattern(), &self.numbering.equations(), self.numbering.n_free())?;
+        self.bulk = if frames.is_empty() {
+            map.apply(&linear)
+        } else {
+            let mut turned = linear.clone();
+            frames.turn_matrix(&mut turned, |d| d);
+            map.apply(&turned)
+        };
+        self.linear = Some(linear);
+        Ok(())
+    }
+
+    /// Takes dofs out of the system and lets others follow their leaders; `frames` are those of all nodes that have one.
+    ///
+    /// # Errors
+    /// [`CsrError`] when the pattern does not fit the index types.
+    pub fn leave_out(
+        &mut self,
+        dofs: impl IntoIterator<Item = usize>,
+        ties: Vec<Tie>,
+        frames: Vec<Frame>,
+    ) -> Result<(), CsrError> {
+        self.numbering.set_frames(frames);
+        self.numbering.fix(dofs);
+        self.numbering.tie(ties);
+        self.linear = None;
+        self.bulk = nothing(self.numbering.n_free());
+        self.locate()
+    }
+
+    /// The values of all fields at `u`.
+    #[must_use]
+    pub fn values<'a>(&'a self, u: &'a [f64]) -> StateValues<'a> {
+        StateValues { current: self.slices(u), previous: self.previous_slices() }
+    }
+
+    /// The values of all fields at `u`, and behind them the branch data of an active set.
+    #[must_use]
+    pub fn values_with<'a>(&'a self, u: &'a [f64], active: &'a ActiveSet) -> StateValues<'a> {
+        let mut values = self.values(u);
+        values.current.extend(active.branch_data.iter().map(Vec::as_slice));
+        values
+    }
+
+    /// The dofs of an unknown field.
+    #[must_use]
+    pub fn range(&self, field: usize) -> Option<std::ops::Range<usize>> {
+        self.numbering.starts[field].map(|start| start..start + self.fields[field].n_dofs())
+    }
+
+    /// By field: what relative residuals are relative to. For unknowns the largest nodal force of loads, linear or
+    /// nonlinear terms, of all fields that meet on an interface (a body that nothing touches has no force of its own);
+    /// for multipliers, whose equations balance inside one term, the size of what cancels: of [`Self::sizes`].
+    #[must_use]
+    pub fn scales(&self, here: &Residual, sizes: &[f64]) -> Vec<f64> {
+        let sizes = self.largest_by_field(sizes);
+        let mut forces = vec![0.0f64; self.fields.len()];
+        for (force, group) in here.forces.iter().zip(&self.meets) {
+            forces[*group] = largest([forces[*group], *force]);
+        }
+        (0..self.fields.len())
+            .map(|k| match self.fields[k].kind {
+                FieldKind::Multiplier => sizes[k],
+                _ => forces[self.meets[k]],
+            })
+            .collect()
+    }
+
+    /// By dof: |K| |u| of linear and changing terms, what rounding errors of the residual `here` at `u` are relative to.
+    #[must_use]
+    pub fn sizes(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
+        let mut out = here.linear_sizes.clone();
+        let mut sizes: Vec<f64> = u.iter().map(|x| x.abs()).collect();
+        self.numbering.frames.turn_sizes(&mut sizes);
+        for row in 0..self.numbering.n_free() {
+            let (columns, values) = tangent.changing.row(row);
+            let at = |c: u32| sizes[self.numbering.free_dofs[c as usize] as usize];
+            let size: f64 = columns.iter().zip(values).map(|(c, v)| v.abs() * at(*c)).sum();
+            out[self.numbering.free_dofs[row] as usize] += size;
+        }
+        out
+    }
+
+    /// By dof: what rounding leaves of a residual. Where linear terms are evaluated at their points only the others
+    /// count: what rounds there moves nothing.
+    #[must_use]
+    pub fn rounding(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
+        let mut sizes = self.sizes(u, here, tangent);
+        if here.linear == LinearTerms::AtPoints {
+            sizes.iter_mut().zip(&here.linear_sizes).for_each(|(s, linear)| *s -= linear);
+        }
+        sizes.iter_mut().for_each(|s| *s = f64::EPSILON * s.max(0.0));
+        sizes
+    }
+
+    /// Values of each field at the end of the previous step; empty unless something reads them.
+    #[must_use]
+    pub fn previous_slices(&self) -> Vec<&[f64]> {
+        match &self.known.previous {
+            Some(p) => field_slices(&self.fields, &self.numbering, &p.data, &p.unknowns),
+            None => Vec::new(),
+        }
+    }
+
+    /// Values of each field at `u`.
+    #[must_use]
+    pub fn slices<'a>(&'a self, u: &'a [f64]) -> Vec<&'a [f64]> {
+        field_slices(&self.fields, &self.numbering, &self.known.data, u)
+    }
+}
+
+fn field_slices<'a>(fields: &[Field], numbering: &Numbering, data: &'a [Vec<f64>], u: &'a [f64]) -> Vec<&'a [f64]> {
+    fields
+        .iter()
+        .enumerate()
+        .map(|(k, f)| match numbering.starts[k] {
+            Some(start) => &u[start..start + f.n_dofs()],
+            None => data[k].as_slice(),
+        })
+        .collect()
+}
+
+/// By field: the first of the fields whose test functions stand on opposite sides of one interface term, with equal
+/// shapes: displacements of bodies that push each other, whose forces have one unit and one size.
+fn meeting_fields(fields: &[Field], terms: &[AssembledTerm]) -> Vec<usize> {
+    let mut group: Vec<usize> = (0..fields.len()).collect();
+    for tests in terms.iter().map(|t| &t.law.tests) {
+        let side = |side: Side| tests.iter().filter(move |t| t.side == side).map(|t| t.field.index());
+        for here in side(Side::Here) {
+            for there in side(Side::There) {
+                let alike = fields[here].n_components == fields[there].n_components;
+                let (low, high) = (group[here].min(group[there]), group[here].max(group[there]));
+                let unknowns = [here, there].iter().all(|f| fields[*f].kind == FieldKind::Unknown);
+                if alike && unknowns && low < high {
+                    group.iter_mut().filter(|g| **g == high).for_each(|g| *g = low);
+                }
+            }
+        }
+    }
+    group
+}
+
+/// The pattern of some terms; `place` maps a dof to its row. Turned nodes come with all their dofs.
+fn pattern<'t>(
+    terms: impl Iterator<Item = &'t AssembledTerm>,
+    n: usize,
+    frames: &Frames,
+    place: impl Fn(u32) -> u32,
+) -> Result<Csr, CsrError> {
+    let mut builder = PatternBuilder::new(n, n);
+    let (mut rows, mut columns, mut complete) = (Vec::new(), Vec::new(), Vec::new());
+    for term in terms {
+        term.for_each_entity(|tests, trials| {
+            for (list, dofs) in [(&mut rows, tests), (&mut columns, trials)] {
+                frames.complete(dofs, &mut complete);
+                list.clear();
+                list.extend(complete.iter().map(|d| place(*d)).filter(|r| *r != FIXED));
+            }
+            if frames.is_empty() {
+                builder.add_coupling(&rows, &columns);
+            } else {
+                // turning a node mixes its rows and its columns, so each must hold what the other does
+                rows.extend(&columns);
+                rows.sort_unstable();
+                rows.dedup();
+                builder.add_element(&rows);
+            }
+        });
+    }
+    let pattern = builder.build_shared()?;
+    claim_numbers(pattern.n_entries() as u64, "the matrix")?;
+    Ok(Csr::zeros(pattern))
+}
+
+/// The matrix without entries.
+fn nothing(n: usize) -> Csr {
+    Csr::zeros(Arc::new(Pattern::empty(n, n)))
+}
+
+/// Why a step cannot be assembled.
+#[derive(Debug, Error)]
+pub enum SystemError {
+    /// A term gave a number that is not finite.
+    #[error(transparent)]
+    Term(#[from] TermError),
+    /// A pattern does not fit.
+    #[error(transparent)]
+    Structure(CsrError),
+    /// A value that the scene gives is not finite.
+    #[error(transparent)]
+    Given(#[from] Box<BadGiven>),
+    /// What is assembled does not fit into the memory.
+    #[error(transparent)]
+    TooMuchMemory(#[from] TooMuchMemory),
+}
+
+/// A need for memory is one kind of error, whoever had it.
+impl From<CsrError> for SystemError {
+    fn from(error: CsrError) -> Self {
+        match error {
+            CsrError::TooMuchMemory(need) => Self::TooMuchMemory(need),
+            other => Self::Structure(other),
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! The matrix of the terms that are not linear, at a state.
+
+use std::sync::Arc;
+
+use wfl_compiler::Class;
+
+use super::{ActiveSet, Branches, FIXED, Numbering, System, pattern};
+use crate::assemble::{AssembledTerm, TermError};
+use crate::frames::Frames;
+use wfl_sparse::csr::{Csr, CsrError, Pattern, Restriction};
+
+/// Where the changing terms are summed before they are rotated into local frames: their matrix in the axes of the scene
+/// over the free dofs, those that follow others, and all dofs of nodes with frames.
+pub(super) struct SceneAxes {
+    pattern: Arc<Pattern>,
+    /// By dof its row, or [`FIXED`].
+    pub(super) rows: Vec<u32>,
+    map: Restriction,
+}
+
+impl SceneAxes {
+    pub(super) fn new<'t>(
+        terms: impl Iterator<Item = &'t AssembledTerm>,
+        numbering: &Numbering,
+    ) -> Result<Self, CsrError> {
+        let equations = numbering.equations();
+        let (mut rows, mut targets) = (vec![FIXED; numbering.n_dofs], Vec::new());
+        for (dof, row) in rows.iter_mut().enumerate() {
+            if equations[dof] != FIXED || numbering.frames.of(dof).is_some() {
+                *row = u32::try_from(targets.len()).expect("fewer than 2^32 dofs");
+                targets.push(equations[dof]);
+            }
+        }
+        let matrix = pattern(terms, targets.len(), &numbering.frames, |d| rows[d as usize])?;
+        let map = Restriction::new(matrix.pattern(), &targets, numbering.n_free())?;
+        Ok(Self { pattern: matrix.pattern().clone(), rows, map })
+    }
+
+    pub(super) fn pattern(&self) -> &Arc<Pattern> {
+        &self.pattern
+    }
+
+    /// The pattern over the free dofs.
+    pub(super) fn free_pattern(&self) -> &Arc<Pattern> {
+        self.map.pattern()
+    }
+}
+
+/// The tangent of the changing terms over the free dofs; that of the linear terms is [`System::bulk`].
+#[derive(Clone, Debug)]
+pub struct Tangent {
+    /// The matrix.
+    pub changing: Csr,
+    /// In the axes of the scene, where local frames make that another one.
+    scene_axes: Option<Csr>,
+}
+
+impl System {
+    /// A tangent of zeros with the pattern of this system.
+    #[must_use]
+    pub fn new_tangent(&self) -> Tangent {
+        Tangent {
+            changing: Csr::zeros(self.changing.clone()),
+            scene_axes: self.scene_axes.as_ref().map(|s| Csr::zeros(s.pattern.clone())),
+        }
+    }
+
+    /// The pattern of the changing terms over the free dofs.
+    #[must_use]
+    pub fn changing_pattern(&self) -> &Arc<Pattern> {
+        &self.changing
+    }
+
+    /// Assembles the tangent of the changing terms at `u` into `out`, a tangent of this system.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place; `out` is zero then.
+    pub fn tangent(&self, u: &[f64], branches: Branches<'_>, out: &mut Tangent) -> Result<(), TermError> {
+        let matrix = out.scene_axes.as_mut().unwrap_or(&mut out.changing);
+        let result = self.add_tangents(u, branches, matrix);
+        if let (Some(turned), Some(axes)) = (&mut out.scene_axes, &self.scene_axes) {
+            self.numbering.frames.turn_matrix(turned, |d| axes.rows[d] as usize);
+            axes.map.apply_into(turned, out.changing.values_mut());
+        }
+        if result.is_err() {
+            // what was added before the error is no tangent, and no measure of rounding either
+            out.changing.values_mut().fill(0.0);
+        }
+        result
+    }
+
+    fn add_tangents(&self, u: &[f64], branches: Branches<'_>, matrix: &mut Csr) -> Result<(), TermError> {
+        let values = match branches {
+            Branches::AsWritten => self.values(u),
+            Branches::Frozen(active) => self.values_with(u, active),
+        };
+        let is_frozen = matches!(branches, Branches::Frozen(_));
+        let mut is_new = true;
+        for (k, term) in self.terms.iter().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear) {
+            let frozen = self.frozen.iter().find(|f| is_frozen && f.term == k);
+            let term = frozen.map_or(term, |f| &f.form);
+            match std::mem::take(&mut is_new) {
+                true => term.set_tangent(&self.mesh, values.view(), matrix.values_mut())?,
+                false => term.add_tangent(&self.mesh, values.view(), matrix.values_mut())?,
+            }
+        }
+        if is_new {
+            matrix.values_mut().fill(0.0);
+        }
+        Ok(())
+    }
+
+    /// The matrix of some terms over the dofs that have a number, without entries; a term with a frozen form counts as
+    /// that.
+    ///
+    /// # Errors
+    /// [`CsrError`] when the pattern does not fit the index types.
+    pub fn partial_matrix(&self, terms: &[usize], numbers: &[u32]) -> Result<Csr, CsrError> {
+        let n = numbers.iter().filter(|k| **k != FIXED).count();
+        let form = |k: usize| self.frozen.iter().find(|f| f.term == k).map_or(&self.terms[k], |f| &f.form);
+        pattern(terms.iter().map(|k| form(*k)), n, &Frames::default(), |d| numbers[d as usize])
+    }
+
+    /// Adds the tangents of some terms at `u` to a matrix of [`Self::partial_matrix`], on the branches of an active set
+    /// where they have a frozen form. Leaves them without a place in the tangent of the system: [`Self::leave_out`] finds
+    /// it again.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub fn add_partial_tangent(
+        &mut self,
+        terms: &[usize],
+        u: &[f64],
+        active: &ActiveSet,
+        numbers: &[u32],
+        matrix: &mut Csr,
+    ) -> Result<(), TermError> {
+        let shape = matrix.pattern().clone();
+        for k in terms {
+            self.form_mut(*k).locate(&shape, numbers);
+            let values = self.values_with(u, active);
+            let form = self.frozen.iter().find(|f| f.term == *k).map_or(&self.terms[*k], |f| &f.form);
+            let added = form.add_tangent(&self.mesh, values.view(), matrix.values_mut());
+            drop(values);
+            self.form_mut(*k).forget();
+            added?;
+        }
+        Ok(())
+    }
+
+    fn form_mut(&mut self, term: usize) -> &mut AssembledTerm {
+        match self.frozen.iter().position(|f| f.term == term) {
+            Some(k) => &mut self.frozen[k].form,
+            None => &mut self.terms[term],
+        }
+    }
+}

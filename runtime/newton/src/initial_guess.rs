@@ -1,0 +1,96 @@
+//! The state that a step begins with: a predictor, and a displaced start.
+//!
+//! Predictor: the linearised response to the Dirichlet increment. Prescribed displacements are written into the state
+//! before a step; where bodies are not linear, all of their motion is then in one layer of cells, far from any solution: a
+//! power law with exponent p needs (p - 1) ln(strain ratio) iterations to forget it. Here the whole body moves first, by
+//! the tangent of the state before: one linear solution. Promises: a start with a smaller residual, or none. Does not
+//! move anything in scenes whose bodies are linear, for which the first iteration does the same.
+//!
+//! Displaced start: some equations are singular where all unknowns are zero and nowhere else, such as
+//! |grad u|^(p-2) grad u. Promises: moves nothing but free dofs of fields on cells that are all zero, by a linear field of
+//! small slope, the same in every run. Does not decide whether a step needs it: [`super::solve_step`] does, and says so in
+//! the history.
+
+use wfl_compiler::{Class, types::FieldKind};
+
+use super::{LoadStep, NewtonError};
+use wfl_discrete::field::FieldSpace;
+use wfl_discrete::system::{Branches, FIXED, Form, System};
+
+/// Part of the motion by which the forces on the free dofs are differenced.
+const PART: f64 = 1e-6;
+/// What the solution may leave of the right-hand side.
+const LEFT: f64 = 1e-6;
+
+/// The state `u` with its free dofs moved along with what is prescribed, from the state `from` of the step before.
+/// `None` where nothing is moved, or where `from` has no tangent.
+///
+/// # Errors
+/// [`NewtonError::TooMuchMemory`]: a start without a prediction needs as much.
+pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Result<Option<Vec<f64>>, NewtonError> {
+    match linear_response(step, from, u) {
+        Err(NewtonError::TooMuchMemory(need)) => Err(NewtonError::TooMuchMemory(need)),
+        other => Ok(other.unwrap_or(None)),
+    }
+}
+
+fn linear_response(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Result<Option<Vec<f64>>, NewtonError> {
+    let system = step.system;
+    let bodies = system.terms.iter().any(|t| t.on_cells() && t.law.class >= Class::Nonlinear);
+    if !bodies || from == u || (0..u.len()).any(|d| system.numbering.free[d] != FIXED && from[d] != u[d]) {
+        return Ok(None);
+    }
+    let frozen = !step.contact.is_empty() && step.contact.is_warm();
+    let branches = if frozen { Branches::Frozen(step.contact.active_set()) } else { Branches::AsWritten };
+    let form = Form { branches, offset: step.offset, ..Form::AS_WRITTEN };
+    let part: Vec<f64> = from.iter().zip(u).map(|(a, b)| a + PART * (b - a)).collect();
+    let moved = system.residual(&part, &form)?.values;
+    let here = system.residual(from, &form)?.values;
+    step.assemble_tangent(from, frozen)?;
+    step.solver.update(system, step.tangent, step.contact.is_as_written())?;
+    let force: Vec<f64> = here.iter().zip(&moved).map(|(r, m)| -r - (m - r) / PART).collect();
+    let (mut rhs, mut direction) = (Vec::new(), Vec::new());
+    system.numbering.gather(&force, &mut rhs);
+    step.solver.solve(&rhs, &mut direction, LEFT)?;
+    let mut found = u.to_vec();
+    system.numbering.advance(u, &direction, 1.0, &mut found);
+    Ok(Some(found))
+}
+
+/// Slope of the displaced start, in units of the field over the extent of the mesh.
+const SLOPE: f64 = 1e-2;
+/// What sets the components and directions of the slope apart: the golden section, far from every ratio of small
+/// numbers.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// True if `u` is the state of rest and a term on cells is smooth and not linear in it.
+pub(super) fn may_be_degenerate(system: &System, u: &[f64]) -> bool {
+    let at_rest = system.numbering.free_dofs.iter().all(|d| u[*d as usize] == 0.0);
+    at_rest && system.terms.iter().any(|t| t.on_cells() && t.law.class == Class::Nonlinear)
+}
+
+/// Displaces the free dofs of the fields on cells. True if there are any.
+pub(super) fn displace(system: &System, u: &mut [f64]) -> bool {
+    let (low, high) = system.mesh.bounds();
+    let largest = u.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    let size = if largest > 0.0 { largest } else { 1.0 };
+    let mut moved = false;
+    for (k, field) in system.fields.iter().enumerate() {
+        let Some(range) = system.range(k) else { continue };
+        if field.kind != FieldKind::Unknown || !matches!(field.space, FieldSpace::Nodal(_)) {
+            continue;
+        }
+        for d in range.clone().filter(|d| system.numbering.free[*d] != FIXED) {
+            let (node, component) = ((d - range.start) / field.n_components, (d - range.start) % field.n_components);
+            let at = field.node_position(node);
+            let along = (0..3).filter(|c| high[*c] > low[*c]).map(|c| {
+                #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+                let part = ((component + 1) as f64 * GOLDEN + c as f64 * GOLDEN * GOLDEN).fract();
+                (0.5 + part) * (at[c] - low[c]) / (high[c] - low[c])
+            });
+            u[d] = SLOPE * size * along.sum::<f64>();
+            moved = true;
+        }
+    }
+    moved
+}

@@ -1,0 +1,240 @@
+//! The iterations of one attempt at a step.
+
+use std::time::Instant;
+
+use super::{
+    Evaluated, LoadStep, Method, NewtonError, StepHistory, Stop,
+    line_search::LineSearch,
+    load_step::{Done, Measured, Norm},
+    path_following::Path,
+    refinement,
+    schedule::{BUDGET_OF_PATHS, Schedule},
+};
+use wfl_discrete::system::LinearTerms;
+use wfl_sparse::solve::SolveError;
+
+/// What a linear solve may leave: part of the residual to come, part of the tolerance, and most of the residual at hand
+/// (forcing terms, Eisenstat and Walker 1996).
+const OF_THE_NEXT: f64 = 0.1;
+const OF_THE_TOLERANCE: f64 = 1e-3;
+pub(super) const LARGEST_FORCING: f64 = 1e-4;
+
+/// Where an attempt is.
+struct Attempt<'u> {
+    u: &'u mut [f64],
+    /// The state that it began with.
+    start: Vec<f64>,
+    here: Measured,
+    norm: Norm,
+    schedule: Schedule,
+    /// The path that is followed, in stages that follow one.
+    path: Option<Path>,
+    /// The best state so far, with its relative residual.
+    best: (f64, Vec<f64>),
+    direction: Vec<f64>,
+    history: StepHistory,
+}
+
+/// Solves a step from `u`, or from `predicted` where that is better.
+pub(super) fn iterate(
+    step: &mut LoadStep<'_>,
+    u: &mut [f64],
+    predicted: Option<Vec<f64>>,
+) -> Result<StepHistory, NewtonError> {
+    step.linear = LinearTerms::ByMatrix;
+    step.contact.set_overstress(0.0);
+    let begin = Instant::now();
+    let schedule = Schedule::new(step, u);
+    step.contact.set_compliant(schedule.method() == Method::Compliance);
+    let norm = Norm { weights: vec![1.0; step.system.fields.len()], frozen: schedule.freezes() };
+    let here = step.measure(u, &norm)?;
+    let mut history = StepHistory::default();
+    history.seconds.assemble += begin.elapsed().as_secs_f64();
+    step.record(&mut history, &here, Done { method: Method::Start, step: 1.0, changed: 0 });
+    let (best, start) = ((here.relative, u.to_vec()), Vec::new());
+    let mut attempt = Attempt { u, start, here, norm, schedule, path: None, best, direction: Vec::new(), history };
+    attempt.predict(step, predicted);
+    attempt.start = attempt.u.to_vec();
+    attempt.run(step)?;
+    Ok(attempt.history)
+}
+
+impl Attempt<'_> {
+    /// Goes to a predicted state that is better than the start.
+    fn predict(&mut self, step: &mut LoadStep<'_>, predicted: Option<Vec<f64>>) {
+        if let Some(state) = predicted
+            && let Ok(found) = step.measure(&state, &self.norm)
+            && found.norm < self.here.norm
+        {
+            self.u.copy_from_slice(&state);
+            self.here = found;
+            let done = Done { method: Method::Predictor, step: 1.0, changed: 0 };
+            step.record(&mut self.history, &self.here, done);
+        }
+        self.best = (self.here.relative, self.u.to_vec());
+    }
+
+    fn run(&mut self, step: &mut LoadStep<'_>) -> Result<(), NewtonError> {
+        let (mut room, mut room_of_paths) = (step.options.max_iterations, BUDGET_OF_PATHS);
+        let (mut before, mut left, mut number) = (None, false, 0);
+        while room > 0 {
+            number += 1;
+            // paths have a limit of their own
+            let rooms = if self.path.is_some() && room_of_paths > 0 { &mut room_of_paths } else { &mut room };
+            *rooms -= 1;
+            if let Some(stop) = self.confirmed(step)? {
+                return self.finish(step, stop);
+            }
+            self.prepare(step, std::mem::take(&mut left))?;
+            let forcing = forcing(self.here.relative, before, step.options.tolerance);
+            before = Some(self.here.relative);
+            match self.correct(step, forcing) {
+                Ok(followed) => self.advance(step, followed)?,
+                Err(error) => {
+                    self.leave(error, number)?;
+                    left = true;
+                }
+            }
+        }
+        let stop = self.confirmed(step)?;
+        self.history.stop = Some(stop.unwrap_or(Stop::MaxIterations));
+        Ok(())
+    }
+
+    /// Why the iteration stops here, if it does. A floor is that of the tangent at this state: the one before may have
+    /// been at a state far away, with a floor above every residual.
+    fn confirmed(&mut self, step: &mut LoadStep<'_>) -> Evaluated<Option<Stop>> {
+        let stop = self.here.stop(step.options);
+        if stop != Some(Stop::Floor) {
+            return Ok(stop);
+        }
+        step.assemble_tangent(self.u, self.norm.frozen)?;
+        self.here = step.measure(self.u, &self.norm)?;
+        Ok(self.here.stop(step.options))
+    }
+
+    /// Refines a state whose residual is rounding, where that helps.
+    fn finish(&mut self, step: &mut LoadStep<'_>, stop: Stop) -> Result<(), NewtonError> {
+        self.history.stop = Some(stop);
+        if stop == Stop::Floor && step.options.search && refinement::helps(step, self.u, &self.here) {
+            refinement::refine(step, self.u, &self.norm, &mut self.history)?;
+        }
+        Ok(())
+    }
+
+    /// Brings contact to the method of this iteration and assembles the tangent; `left` says that the last method was
+    /// left for an error.
+    fn prepare(&mut self, step: &mut LoadStep<'_>, left: bool) -> Result<(), NewtonError> {
+        let begin = Instant::now();
+        let is_new = self.schedule.next(&self.history) | left;
+        step.contact.set_friction(self.schedule.friction());
+        if is_new {
+            self.switch(step)?;
+        }
+        step.assemble_tangent(self.u, self.norm.frozen)?;
+        self.norm.weights = step.weights();
+        self.here.norm = step.weighted_norm(&self.here.residual, &self.norm.weights);
+        self.history.seconds.assemble += begin.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Makes contact ready for another method. A path is begun where one is to be followed.
+    fn switch(&mut self, step: &mut LoadStep<'_>) -> Result<(), NewtonError> {
+        let method = self.schedule.method();
+        self.path = None;
+        self.norm.frozen = method.freezes();
+        if method.is_path() {
+            step.contact.set_compliant(false);
+            step.contact.set_overstress(0.0);
+            if method == Method::PathFromStart {
+                self.u.copy_from_slice(&self.start);
+            }
+            step.contact.freeze_as_written(step.system, self.u);
+            let residual = step.system.residual(self.u, &step.form())?;
+            self.path = Some(Path::new(&residual.values));
+        } else {
+            if method.freezes() && !self.schedule.continues() {
+                step.contact.set_warm(false);
+                step.contact.initialise(step.system, self.u);
+            }
+            step.contact.set_overstress(0.0);
+            if method == Method::Overstress {
+                step.contact.stick_everywhere();
+            }
+            step.contact.set_compliant(method == Method::Compliance);
+        }
+        self.here = step.measure(self.u, &self.norm)?;
+        Ok(())
+    }
+
+    /// Follows the path, or finds a correction: then nothing is returned.
+    fn correct(&mut self, step: &mut LoadStep<'_>, forcing: f64) -> Result<Option<(f64, Measured)>, NewtonError> {
+        match &mut self.path {
+            Some(path) => path.advance(step, self.u, &self.here, &self.norm, &mut self.history).map(Some),
+            None => step.correct(&self.here.residual, forcing, &mut self.direction, &mut self.history).map(|()| None),
+        }
+    }
+
+    /// Goes on from the best state with another method after an error of the linear solver, if that may help: at the
+    /// start it is the scene that lacks something; on the way one state says little about the scene, and it is an error
+    /// only if each method meets one.
+    fn leave(&mut self, error: NewtonError, number: usize) -> Result<(), NewtonError> {
+        let singular = matches!(error, NewtonError::Solve(SolveError::Singular { .. }));
+        let on_the_way = number > 1 && (singular || self.path.is_some() && error.is_of_the_state());
+        if !on_the_way || !self.schedule.leave_singular() {
+            return Err(error);
+        }
+        self.u.copy_from_slice(&self.best.1);
+        Ok(())
+    }
+
+    /// Takes the step of this iteration; `followed` is where a path has led.
+    fn advance(&mut self, step: &mut LoadStep<'_>, followed: Option<(f64, Measured)>) -> Result<(), NewtonError> {
+        let begin = Instant::now();
+        let mut changed = 0;
+        let alpha = if let Some((part, next)) = followed {
+            self.here = next;
+            if self.path.as_ref().is_some_and(Path::is_lost) {
+                self.schedule.give_up();
+            }
+            part
+        } else {
+            let search = LineSearch {
+                direction: &self.direction,
+                norm: &self.norm,
+                method: self.schedule.method(),
+                undamped: self.schedule.is_undamped(),
+                before: self.here.norm,
+            };
+            let (alpha, next) = search.advance(step, self.u, &self.here)?;
+            self.here = next;
+            if self.norm.frozen && self.here.stop(step.options).is_none() {
+                changed = self.update_active_set(step, alpha)?;
+            }
+            alpha
+        };
+        self.history.seconds.assemble += begin.elapsed().as_secs_f64();
+        let done = Done { method: self.schedule.method(), step: alpha, changed };
+        step.record(&mut self.history, &self.here, done);
+        if self.here.relative < self.best.0 {
+            self.best = (self.here.relative, self.u.to_vec());
+        }
+        Ok(())
+    }
+
+    /// Chooses the active set that follows after a step of this length, and what is left of the residual with it.
+    fn update_active_set(&mut self, step: &mut LoadStep<'_>, alpha: f64) -> Evaluated<usize> {
+        let changes = step.contact.update(self.schedule.iterations());
+        self.schedule.hear(alpha, changes.share(), self.here.relative);
+        step.contact.set_overstress(self.schedule.overstress());
+        self.here.residual = step.system.frozen_residual(&self.here.written, self.u, step.contact.active_set())?;
+        Ok(changes.changed)
+    }
+}
+
+/// Part of the residual that a linear solve may leave: it must not show beside the next residual, which the speed of
+/// the last iteration foretells (Eisenstat and Walker 1996, choice 2), nor beside the tolerance.
+fn forcing(here: f64, before: Option<f64>, tolerance: f64) -> f64 {
+    let next = before.map_or(1.0, |before| (here / before) * (here / before));
+    (OF_THE_NEXT * next).max(OF_THE_TOLERANCE * tolerance / here).min(LARGEST_FORCING)
+}

@@ -1,0 +1,375 @@
+//! Which linear solver a scene gets, from the structure of its terms.
+//!
+//! - only linear terms: one matrix, factored when it changes (once, unless the step variable enters);
+//! - a symmetric linear bulk and nonlinear terms on few dofs (contact): the bulk is factored once, the nonlinear part
+//!   is condensed onto the dofs it touches;
+//! - anything else: the whole tangent each time.
+//!
+//! Symmetric matrices are tried as positive definite; where that fails the general solver takes over, with a note.
+
+use std::sync::Arc;
+
+use wfl_compiler::types::FieldKind;
+
+use wfl_discrete::pruning::Pruning;
+use wfl_discrete::system::{System, Tangent};
+use wfl_sparse::csr::{Csr, Pattern};
+use wfl_sparse::solve::{
+    CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, LinearSolver as Factor, Precision, SolveError, SolveReport,
+    SolverMemory, SolverOptions, Strategy as Method,
+};
+
+/// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
+const CONDENSE_BELOW: f64 = 0.6;
+
+enum Kind {
+    /// Matrix of the linear terms only.
+    Linear,
+    /// Bulk once, changing part condensed.
+    Condensed(Box<CheckedCondensed>),
+    /// Sum of both.
+    Full { pattern: Arc<Pattern>, bulk_positions: Vec<usize>, changing_positions: Vec<usize> },
+}
+
+/// The linear solver of a scene.
+pub struct LinearSolver {
+    kind: Kind,
+    solver: Option<Box<dyn Factor + Send>>,
+    symmetric: bool,
+    options: SolverOptions,
+    coordinates: Vec<[f64; 3]>,
+    factorisations: usize,
+    notes: Vec<String>,
+    /// Whether the determinant of the tied bodies is negative; that of the first tangent where that is tied.
+    tied_is_negative: Option<bool>,
+    starts_tied: bool,
+    /// A tangent of the scene as written had a determinant of the other sign.
+    has_met_other_sign: bool,
+}
+
+impl LinearSolver {
+    /// Chooses and prepares the solver; call after the first [`System::begin_step`].
+    ///
+    /// # Errors
+    /// [`SolveError`] when the bulk cannot be analysed.
+    pub fn new(system: &System, options: SolverOptions) -> Result<Self, SolveError> {
+        let coordinates = positions(system);
+        let mut this = Self {
+            kind: Kind::Linear,
+            solver: None,
+            symmetric: system.is_symmetric() && system.uses(Pruning::Symmetric),
+            options,
+            coordinates,
+            factorisations: 0,
+            notes: Vec::new(),
+            tied_is_negative: None,
+            starts_tied: true,
+            has_met_other_sign: false,
+        };
+        if !system.is_linear() {
+            this.choose_nonlinear(system)?;
+        }
+        Ok(this)
+    }
+
+    fn choose_nonlinear(&mut self, system: &System) -> Result<(), SolveError> {
+        if condenses(system) {
+            match CheckedCondensed::new(
+                system.bulk(),
+                system.changing_pattern(),
+                Some(&self.coordinates),
+                &if system.uses(Pruning::Forces) { facing(system, &self.coordinates) } else { Vec::new() },
+                self.options,
+            ) {
+                Ok(condensed) => {
+                    self.factorisations += 1;
+                    self.kind = Kind::Condensed(Box::new(condensed));
+                    return Ok(());
+                }
+                Err(SolveError::NotPositiveDefinite { .. } | SolveError::Singular { .. }) => {
+                    self.notes.push("the linear part away from the nonlinear terms is not positive definite: the whole tangent is factored each time".to_owned());
+                }
+                Err(e) => return Err(e),
+            }
+        }
+        let pattern = Arc::new(system.bulk().pattern().union(system.changing_pattern())?);
+        let positions = |part: &Pattern| part.positions_in(&pattern).expect("a part of the union");
+        let (bulk_positions, changing_positions) =
+            (positions(system.bulk().pattern()), positions(system.changing_pattern()));
+        self.kind = Kind::Full { pattern, bulk_positions, changing_positions };
+        Ok(())
+    }
+
+    /// The solver that a system asks for, in words; nothing is assembled for it. A linear part that turns out not
+    /// to be positive definite changes it.
+    #[must_use]
+    pub fn plan(system: &System) -> String {
+        let is_symmetric = system.is_symmetric() && system.uses(Pruning::Symmetric);
+        let (symmetric, method) = if is_symmetric { ("symmetric", "LLT") } else { ("unsymmetric", "LU") };
+        if system.is_linear() {
+            return format!("one linear system, {symmetric} ({method}), factored once");
+        }
+        if condenses(system) {
+            let touched = system.n_changing_dofs();
+            return format!(
+                "Newton; linear part factored once (LLT), the {touched} dofs of the nonlinear terms condensed"
+            );
+        }
+        format!("Newton; whole tangent, {symmetric} ({method}), factored each iteration")
+    }
+
+    /// The solver in words, with what was noticed while solving.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        let single =
+            matches!(&self.kind, Kind::Condensed(c) if matches!(c.strategy(), Method::Forces { single: true, .. }));
+        let double = "precision: double, no matrix of contact forces is factored in single precision here";
+        let missed = (self.options.precision == Precision::Mixed && !single).then_some(double);
+        let notes = self.notes.iter().map(String::as_str).chain(missed);
+        notes.fold(self.method(), |text, note| format!("{text}; {note}"))
+    }
+
+    fn method(&self) -> String {
+        match &self.kind {
+            Kind::Linear if self.symmetric => "one linear system, symmetric (LLT), factored once".to_owned(),
+            Kind::Linear => "one linear system, unsymmetric (LU), factored once".to_owned(),
+            Kind::Condensed(c) => format!("Newton; linear part factored once, {}", c.strategy()),
+            Kind::Full { .. } if self.symmetric => {
+                "Newton; whole tangent, symmetric (LLT), factored each iteration".to_owned()
+            }
+            Kind::Full { .. } => "Newton; whole tangent, unsymmetric (LU), factored each iteration".to_owned(),
+        }
+    }
+
+    /// Factorisations so far: of the bulk, of the whole tangent, and of the condensed part where that was truly made
+    /// anew; solutions with an older factor do not count.
+    #[must_use]
+    pub fn factorisations(&self) -> usize {
+        self.factorisations
+    }
+
+    /// The matrix of the linear terms has changed.
+    ///
+    /// # Errors
+    /// [`SolveError`] when the new bulk cannot be factored.
+    pub fn bulk_changed(&mut self, system: &System) -> Result<(), SolveError> {
+        match &self.kind {
+            Kind::Linear => self.factor(system.bulk()),
+            Kind::Condensed(_) => self.choose_nonlinear(system),
+            Kind::Full { .. } => Ok(()),
+        }
+    }
+
+    /// Takes over a tangent of `system`; `as_written` says that it is that of the laws as they are written.
+    ///
+    /// # Errors
+    /// [`SolveError`] when it cannot be factored.
+    pub fn update(&mut self, system: &System, tangent: &Tangent, as_written: bool) -> Result<(), SolveError> {
+        self.take(system, tangent)?;
+        if self.starts_tied && self.tied_is_negative.is_none() {
+            self.tied_is_negative = self.was_negative();
+        }
+        if let (Some(tied), Some(now)) = (self.tied_is_negative, self.was_negative()) {
+            self.has_met_other_sign |= tied != now && as_written;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, system: &System, tangent: &Tangent) -> Result<(), SolveError> {
+        match &mut self.kind {
+            Kind::Linear => Ok(()),
+            Kind::Condensed(c) => {
+                let outcome = c.update(&tangent.changing);
+                self.factorisations += c.take_factorisations();
+                outcome
+            }
+            Kind::Full { pattern, bulk_positions, changing_positions } => {
+                let mut sum = Csr::zeros(pattern.clone());
+                for (part, positions) in [(system.bulk(), &*bulk_positions), (&tangent.changing, &*changing_positions)]
+                {
+                    for (p, v) in positions.iter().zip(part.values()) {
+                        sum.values_mut()[*p] += v;
+                    }
+                }
+                self.factor(&sum)
+            }
+        }
+    }
+
+    fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
+        self.factorisations += 1;
+        if self.solver.is_none() {
+            self.solver = Some(self.fresh(matrix)?);
+        }
+        let first = self.solver.as_mut().expect("made above").factor(matrix);
+        match first {
+            Err(SolveError::NotPositiveDefinite { .. } | SolveError::NotSymmetric { .. }) if self.symmetric => {
+                self.symmetric = false;
+                self.notes.push("the tangent is symmetric but not positive definite: LU in place of LLT".to_owned());
+                let mut general = self.fresh(matrix)?;
+                general.factor(matrix)?;
+                self.solver = Some(general);
+                Ok(())
+            }
+            other => other,
+        }
+    }
+
+    fn fresh(&self, matrix: &Csr) -> Result<Box<dyn Factor + Send>, SolveError> {
+        let coordinates = Some(self.coordinates.as_slice());
+        Ok(if self.symmetric {
+            Box::new(CheckedLlt::new(matrix.pattern(), coordinates, self.options)?)
+        } else {
+            Box::new(CheckedLu::new(matrix.pattern(), coordinates, self.options)?)
+        })
+    }
+
+    /// What later solutions depend on beside the matrices that are still to come.
+    #[must_use]
+    pub fn memory(&self) -> SolverMemory {
+        let (symmetric, factorisations) = (self.symmetric, self.factorisations);
+        match &self.kind {
+            Kind::Condensed(c) => SolverMemory { symmetric, factorisations, ..c.memory() },
+            _ => SolverMemory { symmetric, factorisations, ..SolverMemory::default() },
+        }
+    }
+
+    /// Goes back to what was remembered of a solver of the same system. False if that does not fit.
+    ///
+    /// # Errors
+    /// [`SolveError`] when the matrix remembered cannot be factored.
+    pub fn recall(&mut self, memory: &SolverMemory, system: &System) -> Result<bool, SolveError> {
+        self.symmetric &= memory.symmetric;
+        self.factorisations = memory.factorisations;
+        if memory.factored.is_empty() {
+            return Ok(true);
+        }
+        let Kind::Condensed(condensed) = &mut self.kind else { return Ok(false) };
+        let fits = condensed.recall(system.changing_pattern(), memory);
+        // What is made again has been counted when it was made first.
+        condensed.take_factorisations();
+        fits
+    }
+
+    /// Whether the determinant of the tangent that was factored last is negative.
+    fn was_negative(&self) -> Option<bool> {
+        match &self.kind {
+            Kind::Condensed(c) => c.is_negative(),
+            _ => self.solver.as_ref().and_then(|solver| solver.is_negative()),
+        }
+    }
+
+    /// Says that the first tangent is not that of bodies tied together.
+    pub fn starts_elsewhere(&mut self) {
+        self.starts_tied = false;
+    }
+
+    /// Says whether the determinant of the bodies tied together is negative.
+    pub fn set_tied_sign(&mut self, is_negative: bool) {
+        self.tied_is_negative = Some(is_negative);
+    }
+
+    /// True if the determinant of the tangent that was factored last may have another sign than that of the tied bodies:
+    /// at no cost, and of a tangent that may be that of an iterate before.
+    pub fn may_have_turned(&self) -> bool {
+        self.was_negative().is_some_and(|now| self.tied_is_negative != Some(now))
+    }
+
+    /// True if a tangent of the scene as written had a determinant of another sign than that of the tied bodies since
+    /// this was last asked.
+    pub fn take_other_sign(&mut self) -> bool {
+        std::mem::take(&mut self.has_met_other_sign)
+    }
+
+    /// A solver of its own for the same system, which leaves this one as it is.
+    ///
+    /// # Errors
+    /// [`SolveError`] when the bulk cannot be analysed.
+    pub fn beside(&self, system: &System) -> Result<Self, SolveError> {
+        Self::new(system, self.options)
+    }
+
+    /// Whether the determinant of the present tangent of `system` is negative; `None` where the factor does not tell.
+    ///
+    /// # Errors
+    /// [`SolveError`] when it cannot be factored.
+    pub fn is_negative(&mut self, system: &System, tangent: &Tangent) -> Result<Option<bool>, SolveError> {
+        if let Kind::Condensed(c) = &mut self.kind {
+            return c.sign_with(&tangent.changing);
+        }
+        self.take(system, tangent)?;
+        Ok(self.was_negative())
+    }
+
+    /// An estimate of the condition number of the tangent last given, in the 1-norm; a handful of solutions.
+    ///
+    /// # Errors
+    /// [`SolveError`] before there is a tangent.
+    pub fn condition_estimate(&mut self) -> Result<f64, SolveError> {
+        match &mut self.kind {
+            Kind::Condensed(c) => {
+                let estimate = c.condition_estimate();
+                self.factorisations += c.take_factorisations();
+                estimate
+            }
+            _ => self.solver.as_mut().ok_or(SolveError::NotFactored)?.condition_estimate(),
+        }
+    }
+
+    /// Solves with the tangent last given; vectors over the free dofs. A true residual of no more than `tolerance` of
+    /// the right-hand side is good enough where iterations can make use of that; zero asks for all that can be had.
+    ///
+    /// # Errors
+    /// [`SolveError`]; a solution that comes back has passed the checks of `solve`.
+    pub fn solve(&mut self, rhs: &[f64], x: &mut Vec<f64>, tolerance: f64) -> Result<SolveReport, SolveError> {
+        x.clear();
+        x.resize(rhs.len(), 0.0);
+        match &mut self.kind {
+            Kind::Condensed(c) => {
+                let report = c.solve_to(rhs, x, tolerance);
+                self.factorisations += c.take_factorisations();
+                report
+            }
+            _ => self.solver.as_mut().ok_or(SolveError::NotFactored)?.solve(rhs, x),
+        }
+    }
+}
+
+/// Whether the condensed matrix is large enough that dofs which face each other share an unknown, and there are some.
+pub fn shares_forces(system: &System) -> bool {
+    let large = condenses(system) && system.n_changing_dofs() > DENSE_LIMIT && system.uses(Pruning::Forces);
+    large && !facing(system, &positions(system)).is_empty()
+}
+
+/// Where the free dofs are, in their order.
+fn positions(system: &System) -> Vec<[f64; 3]> {
+    let of = |d: &u32| {
+        let (field, node, _) = system.numbering.describe(&system.fields, *d as usize);
+        system.fields[field].node_position(node)
+    };
+    system.numbering.free_dofs.iter().map(of).collect()
+}
+
+/// Free dofs of unknown fields that are the only two of their component at one point: those that face each other across
+/// an interface.
+fn facing(system: &System, coordinates: &[[f64; 3]]) -> Vec<(u32, u32)> {
+    let mut keyed: Vec<([u64; 3], usize, usize, u32)> = Vec::new();
+    for (free, dof) in (0..).zip(&system.numbering.free_dofs) {
+        let (field, _, component) = system.numbering.describe(&system.fields, *dof as usize);
+        if system.fields[field].kind == FieldKind::Unknown {
+            // Adding zero takes the sign off a zero.
+            let place = coordinates[free as usize].map(|x| (x + 0.0).to_bits());
+            keyed.push((place, system.fields[field].n_components, component, free));
+        }
+    }
+    keyed.sort_unstable();
+    let alike = keyed.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2));
+    alike.filter(|group| group.len() == 2).map(|group| (group[0].3, group[1].3)).collect()
+}
+
+/// True if the nonlinear terms touch few dofs beside a symmetric linear part.
+pub fn condenses(system: &System) -> bool {
+    #[expect(clippy::cast_precision_loss, reason = "a ratio of counts")]
+    let few = (system.n_changing_dofs() as f64) < CONDENSE_BELOW * system.numbering.n_free() as f64;
+    few && system.bulk_is_symmetric() && system.uses(Pruning::Condense)
+}

@@ -1,0 +1,84 @@
+//! Corrections where the residual is rounding already: iterative refinement of the state.
+//!
+//! A residual as small as the rounding of `K u` says nothing more of the state where bodies give way a billion times
+//! easier in one direction than in another (long and thin cells): what rounds is the stiff part, what is wanted the
+//! soft one. There the linear terms are evaluated at their points ([`LinearTerms::AtPoints`]), which leaves errors that
+//! move nothing, and the same Newton steps go on until their corrections no longer shrink (Higham 2002, chapter 12, with
+//! the size of the corrections in place of the residual).
+//!
+//! Promises: the state whose correction was the smallest, and the size of that correction in the history. Does not
+//! refine where the tolerance was reached.
+
+use super::{
+    LoadStep, Method, NewtonError, StepHistory,
+    load_step::{Done, Measured, Norm},
+};
+use wfl_discrete::finite::largest;
+use wfl_discrete::system::LinearTerms;
+
+/// Most corrections.
+const MOST: usize = 20;
+/// Corrections that may pass without one of half the size of the smallest before.
+const PATIENCE: usize = 2;
+/// A correction so small is rounding of the unknowns themselves.
+const ENOUGH: f64 = 4.0 * f64::EPSILON;
+
+/// True if the residual at `u`, measured as `here`, is the rounding of the matrix of the linear terms.
+pub(super) fn helps(step: &LoadStep<'_>, u: &[f64], here: &Measured) -> bool {
+    let system = step.system;
+    let all = system.sizes(u, &here.written, step.tangent);
+    let (linear, scales) = (&here.written.linear_sizes, system.scales(&here.written, &all));
+    let fields = (0..system.fields.len()).filter_map(|k| Some((system.range(k)?, scales[k])));
+    let sizes = fields.filter(|(_, scale)| *scale > 0.0).flat_map(|(range, scale)| range.map(move |d| (d, scale)));
+    let largest = sizes.max_by(|a, b| (all[a.0] / a.1).total_cmp(&(all[b.0] / b.1)));
+    largest.is_some_and(|(d, _)| linear[d] > 0.5 * all[d])
+}
+
+/// Refines `u`; a state that cannot be improved stays as it is.
+///
+/// # Errors
+/// [`NewtonError`] where the equations cannot be evaluated at the state that is left.
+pub(super) fn refine(
+    step: &mut LoadStep<'_>,
+    u: &mut [f64],
+    norm: &Norm,
+    history: &mut StepHistory,
+) -> Result<(), NewtonError> {
+    step.linear = LinearTerms::AtPoints;
+    let (mut best, mut since) = ((f64::INFINITY, u.to_vec()), 0);
+    while history.refined < MOST && since < PATIENCE {
+        let Ok(size) = one(step, u, norm, history) else { break };
+        since = if size < 0.5 * best.0 { 0 } else { since + 1 };
+        if size < best.0 {
+            best = (size, u.to_vec());
+        }
+        if size <= step.options.tolerance.max(ENOUGH) {
+            break;
+        }
+    }
+    u.copy_from_slice(&best.1);
+    history.correction = best.0.is_finite().then_some(best.0);
+    Ok(())
+}
+
+/// One correction; its largest entry relative to the largest of its kind.
+fn one(step: &mut LoadStep<'_>, u: &mut [f64], norm: &Norm, history: &mut StepHistory) -> Result<f64, NewtonError> {
+    let start = u.to_vec();
+    let here = step.measure(u, norm)?;
+    step.assemble_tangent(u, norm.frozen)?;
+    let mut direction = Vec::new();
+    step.correct(&here.residual, 0.0, &mut direction, history)?;
+    let mut by_dof = vec![0.0; u.len()];
+    step.system.numbering.free_dofs.iter().zip(&direction).for_each(|(d, x)| by_dof[*d as usize] = *x);
+    let size = largest(step.system.relative_sizes(u, &by_dof).into_iter().map(|(_, size)| size));
+    step.go(&start, &direction, 1.0, u);
+    let next = step.measure(u, norm)?;
+    let mut changed = 0;
+    if norm.frozen {
+        step.contact.search(step.system, u, false);
+        changed = step.contact.update(history.iterations.len()).changed;
+    }
+    history.refined += 1;
+    step.record(history, &next, Done { method: Method::Refinement, step: 1.0, changed });
+    Ok(size)
+}

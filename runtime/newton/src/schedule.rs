@@ -1,0 +1,459 @@
+//! Which method a step uses, and when the next one takes over: one table.
+//!
+//! Each method is the best somewhere (`docs/newton.md`). A step goes through the stages that its traits select, from
+//! where it stands; a stage ends when its budget of iterations is spent or when it stalls. After the last one the first
+//! begins again. A step whose tangent becomes singular on the way (a body that only friction holds, with all of it
+//! slipping in an iterate) goes on with the next stage from its best state.
+
+use super::{Iteration, LoadStep, NewtonOptions, StepHistory, homotopy::Homotopy};
+use wfl_contact::Contact;
+use wfl_discrete::system::System;
+
+/// A method to get from one state to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// The state that a step begins with.
+    Start,
+    /// The linearised response to the prescribed increment.
+    Predictor,
+    /// Semismooth Newton with a frozen active set ([`wfl_contact`]), damped by the complementarity defect.
+    ActiveSet,
+    /// The same with a compliant layer between the sides: a few steps that find another active set to go on with.
+    Compliance,
+    /// The same from a start where all points stick, with traction that may exceed its bound (`homotopy`).
+    Overstress,
+    /// The same while friction grows from nothing to what is written.
+    LessFriction,
+    /// The same while friction shrinks from a multiple to what is written: what only friction holds stays held.
+    MoreFriction,
+    /// Piecewise linear path following from where the step stands.
+    Path,
+    /// The same from the start of the step.
+    PathFromStart,
+    /// Newton on the scene as it is written, damped by the norm of the residual.
+    Residual,
+    /// The same, damped by the norm of the simplified Newton correction.
+    Natural,
+    /// Corrections where the residual is rounding already.
+    Refinement,
+}
+
+impl Method {
+    /// The name in histories and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Predictor => "predictor",
+            Self::ActiveSet => "active set",
+            Self::Compliance => "compliance",
+            Self::Overstress => "overstress",
+            Self::LessFriction => "friction from below",
+            Self::MoreFriction => "friction from above",
+            Self::Path => "path",
+            Self::PathFromStart => "path from start",
+            Self::Residual => "residual",
+            Self::Natural => "natural test",
+            Self::Refinement => "refinement",
+        }
+    }
+
+    /// Its number in files.
+    #[must_use]
+    pub fn number(self) -> usize {
+        self as usize
+    }
+
+    /// The method with a number.
+    #[must_use]
+    pub fn from_number(number: usize) -> Option<Self> {
+        Self::ALL.get(number).copied()
+    }
+
+    const ALL: [Self; 12] = [
+        Self::Start,
+        Self::Predictor,
+        Self::ActiveSet,
+        Self::Compliance,
+        Self::Overstress,
+        Self::LessFriction,
+        Self::MoreFriction,
+        Self::Path,
+        Self::PathFromStart,
+        Self::Residual,
+        Self::Natural,
+        Self::Refinement,
+    ];
+
+    /// True if a piecewise linear path is followed.
+    pub(super) fn is_path(self) -> bool {
+        matches!(self, Self::Path | Self::PathFromStart)
+    }
+
+    /// True if the active set is frozen.
+    pub(super) fn freezes(self) -> bool {
+        !matches!(self, Self::Residual | Self::Natural | Self::Start | Self::Predictor | Self::Refinement)
+    }
+}
+
+/// What a step is like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Trait {
+    /// It has projections, and steps are searched.
+    Contact,
+    /// It starts from the active set of a converged state.
+    Warm,
+    /// Contact is stiff against the bodies.
+    Stiff,
+    /// Contact binds the stresses of the bodies.
+    OverConstrained,
+    /// A projection is on a ball.
+    Friction,
+    /// With a frozen active set the problem is affine.
+    Affine,
+}
+
+/// When a stage ends before its budget is spent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stall {
+    /// Not before.
+    Never,
+    /// After a full step that changed few points.
+    Settled,
+    /// Not even then while the residual gets smaller; at once where steps come to nothing or states come back.
+    NoProgress,
+    /// At once where most of the last steps are short and the residual does not fall.
+    ShortSteps,
+}
+
+/// A line of the schedule.
+#[derive(Clone, Copy, Debug)]
+struct Stage {
+    method: Method,
+    /// Iterations that may pass.
+    budget: usize,
+    stall: Stall,
+    /// Iterations at the beginning that are not damped: what the first active sets say of the laws is rough.
+    undamped: usize,
+    /// The traits that a step must have.
+    with: &'static [Trait],
+    /// The traits that it must not have.
+    without: &'static [Trait],
+}
+
+/// Parts in which friction is brought to what is written, and iterations for each but the last.
+pub(super) const FRICTION_PARTS: usize = 8;
+pub(super) const FRICTION_BUDGET: usize = 5;
+/// Breakpoints that a path may pass.
+const PATH_BUDGET: usize = 150;
+/// Breakpoints that all paths of an attempt may pass beside its iterations: as many paths as a schedule has.
+pub(super) const BUDGET_OF_PATHS: usize = 3 * PATH_BUDGET;
+/// Iterations in a row that may pass with short steps or without a smaller residual.
+const PATIENCE: usize = 6;
+
+/// A stage with defaults: no undamped iterations.
+const fn stage(
+    method: Method,
+    budget: usize,
+    stall: Stall,
+    with: &'static [Trait],
+    without: &'static [Trait],
+) -> Stage {
+    Stage { method, budget, stall, undamped: 0, with, without }
+}
+
+/// The schedule. Budgets were chosen on `docs/newton.md`; half or double of each changes its totals little.
+const SCHEDULE: &[Stage] = {
+    use Method as M;
+    use Trait::{Affine, Contact, Friction, OverConstrained, Stiff, Warm};
+    const ALL_OF_FRICTION: usize = FRICTION_PARTS * FRICTION_BUDGET + 10;
+    &[
+        stage(M::Overstress, 40, Stall::Never, &[Contact, OverConstrained], &[Warm]),
+        Stage { undamped: 5, ..stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact, OverConstrained, Warm], &[]) },
+        Stage {
+            undamped: 2,
+            ..stage(M::ActiveSet, 10, Stall::NoProgress, &[Contact, Stiff], &[Warm, OverConstrained])
+        },
+        stage(M::ActiveSet, 10, Stall::NoProgress, &[Contact, Stiff, OverConstrained], &[Warm]),
+        stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact, Stiff, Warm], &[OverConstrained]),
+        stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact], &[Stiff, OverConstrained]),
+        stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact, OverConstrained], &[Stiff, Warm]),
+        stage(M::Path, 20, Stall::Never, &[Contact, OverConstrained, Warm, Affine], &[]),
+        stage(M::Overstress, 40, Stall::Never, &[Contact, OverConstrained, Warm], &[]),
+        stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact, OverConstrained, Warm], &[]),
+        stage(M::Compliance, 8, Stall::Settled, &[Contact, Stiff], &[]),
+        stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact, Stiff], &[]),
+        stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Affine], &[]),
+        stage(M::PathFromStart, PATH_BUDGET, Stall::Never, &[Contact, Affine, Warm], &[]),
+        // before the searches on the residual, which take long and seldom help where active sets circle
+        stage(M::LessFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction], &[OverConstrained]),
+        stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Friction, Affine], &[OverConstrained]),
+        stage(M::Natural, 50, Stall::Never, &[Contact], &[Stiff]),
+        stage(M::Residual, PATIENCE, Stall::ShortSteps, &[], &[]),
+        stage(M::Natural, 50, Stall::Never, &[Contact, Stiff], &[]),
+        stage(M::Natural, 50, Stall::Never, &[], &[Contact]),
+        // but where contact binds stresses they do
+        stage(M::LessFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction, OverConstrained], &[]),
+        stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Friction, OverConstrained, Affine], &[]),
+        stage(M::MoreFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction], &[]),
+    ]
+};
+
+/// Of so many iterations in a row each steps less than this part where steps come to nothing.
+const STUCK: usize = 5;
+const NOTHING: f64 = 0.04;
+/// A state is met again if its branches are the same and its residual is, but for this part.
+const AGAIN: f64 = 1e-6;
+/// A stage may go on while the residual has halved in so many iterations.
+const PROGRESS: usize = 10;
+/// The part of the points whose change is small enough that an active set has settled.
+const FEW: f64 = 0.1;
+/// A step below this is short.
+const SHORT: f64 = 0.2;
+
+/// The schedule of a step, and where the step is in it.
+pub(super) struct Schedule {
+    stages: Vec<Stage>,
+    position: usize,
+    /// Iterations in the present stage, the present one included.
+    iterations: usize,
+    /// Stages whose tangent was singular.
+    singular: usize,
+    /// The last step was whole and changed few branches.
+    settled: bool,
+    homotopy: Homotopy,
+}
+
+impl Schedule {
+    /// The stages for a step from `u`; the active set is chosen.
+    pub(super) fn new(step: &mut LoadStep<'_>, u: &[f64]) -> Self {
+        let NewtonOptions { search, .. } = step.options;
+        let mut traits = Vec::new();
+        if search && !step.contact.is_empty() {
+            let warm = step.contact.is_warm();
+            step.contact.initialise(step.system, u);
+            traits = traits_of(step.system, step.contact, warm);
+        }
+        let mut stages: Vec<Stage> = selected(&traits).collect();
+        if !search || step.system.is_linear() {
+            stages.truncate(1);
+        }
+        let homotopy = Homotopy::new(step.contact.stiffness_ratio());
+        Self { stages, position: 0, iterations: 0, singular: 0, settled: false, homotopy }
+    }
+
+    fn stage(&self) -> Stage {
+        self.stages[self.position]
+    }
+
+    /// The method of the present iteration.
+    pub(super) fn method(&self) -> Method {
+        self.stage().method
+    }
+
+    /// True if the step of the present iteration is taken as it is: where contact binds stresses, an active set that is
+    /// wrong on the way costs less than short steps do.
+    pub(super) fn is_undamped(&self) -> bool {
+        self.method() == Method::Overstress || self.iterations <= self.stage().undamped
+    }
+
+    /// Overstress of the next active set, in parts of the stiffness of the bodies.
+    pub(super) fn overstress(&self) -> f64 {
+        if self.method() == Method::Overstress { self.homotopy.overstress() } else { 0.0 }
+    }
+
+    /// The factor on friction in the present iteration.
+    pub(super) fn friction(&self) -> f64 {
+        Homotopy::friction(self.method(), self.iterations)
+    }
+
+    /// True if the active set is frozen.
+    pub(super) fn freezes(&self) -> bool {
+        self.method().freezes()
+    }
+
+    /// Leaves a stage whose tangent is singular; false if that was so with each of them.
+    pub(super) fn leave_singular(&mut self) -> bool {
+        self.singular += 1;
+        if self.singular >= self.stages.len() {
+            return false;
+        }
+        self.go_on();
+        self.iterations = 0;
+        true
+    }
+
+    fn go_on(&mut self) {
+        self.position = (self.position + 1) % self.stages.len();
+        self.homotopy.restart();
+    }
+
+    /// Iterations in the present stage, this one included.
+    pub(super) fn iterations(&self) -> usize {
+        self.iterations
+    }
+
+    /// True if the present stage goes on with the active set of the one before.
+    pub(super) fn continues(&self) -> bool {
+        let before = self.position.checked_sub(1).map(|p| self.stages[p].method);
+        matches!(self.method(), Method::Compliance | Method::ActiveSet) && before.is_some_and(Method::freezes)
+    }
+
+    /// Leaves a stage that goes nowhere at the next iteration.
+    pub(super) fn give_up(&mut self) {
+        self.iterations = usize::MAX / 2;
+    }
+
+    /// Hears how the last step with a frozen active set went: its length, the part of the points that changed branches,
+    /// and the residual of the scene as written.
+    pub(super) fn hear(&mut self, step: f64, changed: f64, residual: f64) {
+        self.settled = step == 1.0 && changed <= FEW;
+        if self.method() == Method::Overstress {
+            self.homotopy.hear(changed, residual);
+        }
+    }
+
+    /// Counts an iteration; true if it is the first of another stage.
+    pub(super) fn next(&mut self, history: &StepHistory) -> bool {
+        self.iterations += 1;
+        if self.stages.len() < 2 || !self.is_over(history) {
+            return false;
+        }
+        self.go_on();
+        self.iterations = 1;
+        true
+    }
+
+    fn is_over(&self, history: &StepHistory) -> bool {
+        let Stage { budget, stall, .. } = self.stage();
+        let spent = self.iterations > budget;
+        match stall {
+            Stall::Never => spent,
+            Stall::Settled => spent || (self.iterations > 1 && self.settled),
+            Stall::NoProgress => (spent || self.is_stuck(history)) && !self.progresses(history),
+            Stall::ShortSteps => spent && steps_are_short(history),
+        }
+    }
+
+    /// The iterations of this stage so far.
+    fn own<'h>(&self, history: &'h StepHistory) -> &'h [Iteration] {
+        &history.iterations[history.iterations.len().saturating_sub(self.iterations)..]
+    }
+
+    /// True if the residual has become smaller in the last iterations than it ever was before.
+    fn progresses(&self, history: &StepHistory) -> bool {
+        let own = self.own(history);
+        let (before, last) = own.split_at(own.len().saturating_sub(PROGRESS));
+        !before.is_empty() && smallest(last) < 0.5 * smallest(before)
+    }
+
+    /// True if the last steps were next to nothing or came back to where one was before, and there is a path to go on
+    /// with.
+    fn is_stuck(&self, history: &StepHistory) -> bool {
+        let own = self.own(history);
+        let (Some((last, before)), true) = (own.split_last(), self.stages.iter().any(|s| s.method.is_path())) else {
+            return false;
+        };
+        let again = |i: &Iteration| {
+            i.fingerprint == last.fingerprint && (i.residual - last.residual).abs() < AGAIN * last.residual
+        };
+        let nothing = own.len() > STUCK && own[own.len() - STUCK..].iter().all(|i| i.step < NOTHING);
+        nothing || (own.len() > STUCK && before.iter().any(again))
+    }
+}
+
+fn traits_of(system: &System, contact: &Contact, warm: bool) -> Vec<Trait> {
+    let all = [
+        (Trait::Contact, true),
+        (Trait::Warm, warm),
+        (Trait::Stiff, contact.is_stiff()),
+        (Trait::OverConstrained, contact.is_over_constrained()),
+        (Trait::Friction, contact.has_friction()),
+        (Trait::Affine, system.is_affine_when_frozen()),
+    ];
+    all.into_iter().filter(|(_, holds)| *holds).map(|(t, _)| t).collect()
+}
+
+fn selected(traits: &[Trait]) -> impl Iterator<Item = Stage> + '_ {
+    let fits = |s: &&Stage| s.with.iter().all(|t| traits.contains(t)) && s.without.iter().all(|t| !traits.contains(t));
+    SCHEDULE.iter().filter(fits).copied()
+}
+
+/// True if most of the last steps are short and the residual has not halved in them.
+fn steps_are_short(history: &StepHistory) -> bool {
+    let last = &history.iterations[history.iterations.len().saturating_sub(PATIENCE + 1)..];
+    let (first, rest) = last.split_first().expect("iterations have passed");
+    let short = rest.iter().filter(|i| i.step < SHORT).count();
+    2 * short >= rest.len() && smallest(rest) > 0.5 * first.residual
+}
+
+fn smallest(list: &[Iteration]) -> f64 {
+    list.iter().fold(f64::INFINITY, |m, i| m.min(i.residual))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn methods(traits: &[Trait]) -> Vec<Method> {
+        selected(traits).map(|s| s.method).collect()
+    }
+
+    #[test]
+    fn a_scene_without_contact_is_damped_by_the_residual_first() {
+        assert_eq!(methods(&[]), [Method::Residual, Method::Natural]);
+    }
+
+    #[test]
+    fn every_stage_but_the_first_begins_with_another_method() {
+        use Method as M;
+        use Trait as T;
+        assert_eq!(methods(&[T::Contact]), [M::ActiveSet, M::Natural, M::Residual]);
+        assert_eq!(
+            methods(&[T::Contact, T::Stiff, T::Friction, T::Affine, T::Warm]),
+            [
+                M::ActiveSet,
+                M::Compliance,
+                M::ActiveSet,
+                M::Path,
+                M::PathFromStart,
+                M::LessFriction,
+                M::Path,
+                M::Residual,
+                M::Natural,
+                M::MoreFriction
+            ]
+        );
+        assert_eq!(
+            methods(&[T::Contact, T::OverConstrained, T::Friction, T::Affine, T::Warm]),
+            [
+                M::ActiveSet,
+                M::Path,
+                M::Overstress,
+                M::ActiveSet,
+                M::Path,
+                M::PathFromStart,
+                M::Natural,
+                M::Residual,
+                M::LessFriction,
+                M::Path,
+                M::MoreFriction
+            ]
+        );
+        assert_eq!(methods(&[T::Contact, T::OverConstrained, T::Stiff])[..2], [M::Overstress, M::ActiveSet]);
+    }
+
+    #[test]
+    fn a_step_with_contact_begins_with_one_active_set_stage_whatever_it_is_like() {
+        use Trait as T;
+        for bits in 0..32u32 {
+            let all = [T::Warm, T::Stiff, T::OverConstrained, T::Friction, T::Affine];
+            let mut traits = vec![T::Contact];
+            traits.extend(all.iter().enumerate().filter(|(k, _)| bits >> k & 1 == 1).map(|(_, t)| *t));
+            let found = methods(&traits);
+            let first = found.iter().position(|m| *m == Method::ActiveSet).expect("there is one");
+            assert!(first <= 1, "{traits:?}");
+            assert!(found.windows(2).all(|pair| pair[0] != pair[1]), "{traits:?}: {found:?}");
+        }
+    }
+}
