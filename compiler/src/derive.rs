@@ -9,10 +9,9 @@
 use std::collections::HashMap;
 
 use crate::{
-    graph::{ExprId, Function1, Graph, Leaf, Node},
+    graph::{ExprId, Function1, Graph, Leaf, Node, apply, times},
     ir::Compare,
     math::{MathFn1, MathFn2, MatrixFn},
-    ops::{apply, times},
 };
 
 /// What a leaf moves by: a tensor of the leaf's shape, or `None` when it stays.

@@ -14,9 +14,11 @@ use crate::{
 };
 
 mod node;
+mod shorthand;
 
 pub(crate) use node::{Arity, Depends, Function1};
 pub use node::{ExprId, Leaf, Node, Role};
+pub(crate) use shorthand::{apply, pow_components, times};
 
 #[derive(Clone, Debug)]
 struct Info {

@@ -39,7 +39,7 @@ pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};
 pub use law::{Class, Kink, KinkKind, Listing, Prologue, TermLaw, ValueLaw, run_prologue};
 pub use math::{MathFn1, MathFn2, MatrixFn};
-pub use ops::{OpDef, all as functions};
+pub use ops::{OpDef, all as functions, function_table};
 pub use pieces::{
     ArgumentSlope, BALL_NUMBERS, PiecesLaw, Projection, ProjectionKind, ScaledPart, Scaling, SlopesLaw, compile_pieces,
     scaling_parameters,

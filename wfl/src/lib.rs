@@ -22,6 +22,7 @@ mod foreign;
 mod idx;
 mod lost;
 mod macros;
+mod operators;
 mod parse;
 mod quote;
 mod render;

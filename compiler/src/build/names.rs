@@ -69,7 +69,7 @@ impl Builder<'_> {
     }
 
     pub(super) fn unknown_name<T>(&mut self, e: &Expr, name: &str) -> Option<T> {
-        if ops::NOT_SUPPORTED.contains(&name) {
+        if wfl::UNSUPPORTED.contains(&name) {
             let d =
                 Diagnostic::new("E801", format!("`{name}` is GWFL this program does not have")).help(in_place_of(name));
             return self.report(d, e, "");

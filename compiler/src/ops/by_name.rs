@@ -9,7 +9,12 @@ use crate::{
     build::{Builder, Call},
     derive::NoDerivative,
     graph::ExprId,
-    ops::{Entrywise, OpDef, all, find, formula::Formula, scalar::two_arguments},
+    ops::{
+        def::{Entrywise, OpDef},
+        formula::Formula,
+        scalar::two_arguments,
+        table::{all, find},
+    },
 };
 
 /// The name of the function and the argument (from 0) that a word `Derivative_...` means.

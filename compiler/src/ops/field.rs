@@ -9,90 +9,43 @@ use crate::{
     build::{Builder, Call},
     derive::derive,
     graph::{ExprId, Leaf, Node, Role},
-    ops::OpDef,
     types::{FieldId, FieldOp, PlaceKind, Side},
 };
 
-pub(super) const TABLE: &[OpDef] = &[
-    row!(
-        "Interpolate",
-        2,
-        2,
-        "Interpolate(u, neighbor_element)",
-        "a field, its gradient or its test function on the other side",
-        &[],
-        interpolate
-    ),
-    row!(
-        "Interpolate_filter",
-        2,
-        3,
-        "Interpolate_filter(neighbor_element, e, code)",
-        "e where the mapping found a point with that code (default: any but 0), 0 elsewhere; a neighbour always has code 1",
-        &[],
-        interpolate_filter
-    ),
-    row!(
-        "Grad",
-        1,
-        1,
-        "Grad(e)",
-        "symbolic gradient of an expression: one more index",
-        &["Grad(p*q).Grad_p", "Grad(sin(p)*u):B"],
-        |b, c| {
-            let (text, value) = b.argument(c, 0)?;
-            b.gradient(text, value)
-        }
-    ),
-    row!("Hess", 1, 1, "Hess(e)", "gradient of the gradient", &[], |b, c| {
-        let (text, value) = b.argument(c, 0)?;
-        let first = b.gradient(text, value)?;
-        b.gradient(text, first)
-    }),
-    row!("Div", 1, 1, "Div(e)", "trace of the gradient", &["Div(p*u)"], |b, c| {
-        let (text, value) = b.argument(c, 0)?;
-        let shape = b.graph.shape(value);
-        if shape.rank() == 0 || shape.size(shape.rank() - 1) != b.env.dim {
-            return b.bad_argument(c, 0, text, "as many components as space has dimensions", shape);
-        }
-        let grad = b.gradient(text, value)?;
-        Some(b.graph.trace(grad, shape.rank() - 1, shape.rank()))
-    }),
-    row!(
-        "Diff",
-        2,
-        3,
-        "Diff(e, u) or Diff(e, u, direction)",
-        "symbolic derivative in a field; without a direction along Test_u",
-        &["Diff(sin(u.w), u, w)", "Diff(p*p*p, p, q)"],
-        diff
-    ),
-    row!("qdim", 1, 1, "qdim(u)", "number of components of a field", &[], |b, c| {
-        let field = field_argument(b, c, 0)?;
-        #[expect(clippy::cast_precision_loss, reason = "field sizes are small")]
-        let n = b.env.fields[field.index()].shape.len() as f64;
-        Some(b.graph.number(n))
-    }),
-    row!("qdims", 1, 1, "qdims(u)", "sizes of a field", &[], |b, c| {
-        let field = field_argument(b, c, 0)?;
-        let sizes = b.env.fields[field.index()].shape.sizes();
-        #[expect(clippy::cast_precision_loss, reason = "field sizes are small")]
-        let values: Vec<f64> = if sizes.is_empty() { vec![1.0] } else { sizes.iter().map(|s| *s as f64).collect() };
-        Some(b.graph.constant(crate::types::Shape::vector(values.len()), &values))
-    }),
-    row!(
-        "Print",
-        1,
-        1,
-        "Print(e)",
-        "e itself; its values at the points of the term are shown after each step",
-        &[],
-        |b, c| {
-            let (_, value) = b.argument(c, 0)?;
-            Some(b.graph.print(value))
-        }
-    ),
-];
+/// `Hess(e)`.
+pub(super) fn hessian(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let (text, value) = b.argument(c, 0)?;
+    let first = b.gradient(text, value)?;
+    b.gradient(text, first)
+}
+
+/// `Div(e)`.
+pub(super) fn divergence(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let (text, value) = b.argument(c, 0)?;
+    let shape = b.graph.shape(value);
+    if shape.rank() == 0 || shape.size(shape.rank() - 1) != b.env.dim {
+        return b.bad_argument(c, 0, text, "as many components as space has dimensions", shape);
+    }
+    let grad = b.gradient(text, value)?;
+    Some(b.graph.trace(grad, shape.rank() - 1, shape.rank()))
+}
+
+/// `qdim(u)`.
+pub(super) fn number_of_components(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let field = field_argument(b, c, 0)?;
+    #[expect(clippy::cast_precision_loss, reason = "field sizes are small")]
+    let n = b.env.fields[field.index()].shape.len() as f64;
+    Some(b.graph.number(n))
+}
+
+/// `qdims(u)`.
+pub(super) fn sizes(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let field = field_argument(b, c, 0)?;
+    let sizes = b.env.fields[field.index()].shape.sizes();
+    #[expect(clippy::cast_precision_loss, reason = "field sizes are small")]
+    let values: Vec<f64> = if sizes.is_empty() { vec![1.0] } else { sizes.iter().map(|s| *s as f64).collect() };
+    Some(b.graph.constant(crate::types::Shape::vector(values.len()), &values))
+}
 
 fn field_argument(b: &mut Builder<'_>, c: &Call<'_>, k: usize) -> Option<FieldId> {
     let text = b.argument_text(c, k)?;
@@ -107,7 +60,7 @@ fn field_argument(b: &mut Builder<'_>, c: &Call<'_>, k: usize) -> Option<FieldId
     b.report(d, text, "not a field")
 }
 
-fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+pub(super) fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let word = b.argument_text(c, 0)?;
     let target = b.argument_text(c, 1)?;
     let image = reach(b, c, target, "second")?;
@@ -173,7 +126,7 @@ fn on_interface(b: &mut Builder<'_>, c: &Call<'_>) -> Option<()> {
     Some(())
 }
 
-fn interpolate_filter(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+pub(super) fn interpolate_filter(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let target = b.argument_text(c, 0)?;
     reach(b, c, target, "first")?;
     let (_, value) = b.argument(c, 1)?;
@@ -188,7 +141,7 @@ fn interpolate_filter(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     Some(if code == 1 { value } else { b.graph.zero(shape) })
 }
 
-fn diff(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+pub(super) fn diff(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let (text, value) = b.argument(c, 0)?;
     let variable = b.argument_text(c, 1)?;
     let ExprKind::Name(name) = &variable.kind else {

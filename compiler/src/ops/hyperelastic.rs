@@ -12,22 +12,22 @@ use wfl::Diagnostic;
 use crate::{
     build::{Builder, Call},
     derive::cofactor,
-    graph::{ExprId, Function1, Graph},
+    graph::{ExprId, Function1, Graph, times},
     math::{MathFn1, MathFn2},
-    ops::{OpDef, formula::Formula, tensor::product, times},
+    ops::{formula::Formula, tensor::product},
     types::Shape,
 };
 
 /// What a call asks of a law.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Wanted {
+pub(super) enum Wanted {
     Potential,
     Stress,
 }
 
 /// How a law is written.
 #[derive(Clone, Copy)]
-enum Law {
+pub(super) enum Law {
     /// lambda/2 tr(E)^2 + mu E:E, any dimension.
     SaintVenantKirchhoff,
     /// W of [i1, i2, i3] and the parameters.
@@ -38,93 +38,37 @@ enum Law {
     },
 }
 
-const BLATZ_KO: Law = Law::Invariants { potential: blatz_ko, three_d: true };
-const CIARLET_GEYMONAT: Law = Law::Invariants { potential: ciarlet_geymonat, three_d: false };
-const MOONEY: Law = Law::Invariants { potential: |g, i, p| mooney(g, i, p[0], Some(p[1]), None), three_d: true };
-const COMPRESSIBLE_MOONEY: Law =
+pub(super) const BLATZ_KO: Law = Law::Invariants { potential: blatz_ko, three_d: true };
+pub(super) const CIARLET_GEYMONAT: Law = Law::Invariants { potential: ciarlet_geymonat, three_d: false };
+pub(super) const MOONEY: Law =
+    Law::Invariants { potential: |g, i, p| mooney(g, i, p[0], Some(p[1]), None), three_d: true };
+pub(super) const COMPRESSIBLE_MOONEY: Law =
     Law::Invariants { potential: |g, i, p| mooney(g, i, p[0], Some(p[1]), Some(p[2])), three_d: true };
-const NEO: Law = Law::Invariants { potential: |g, i, p| mooney(g, i, p[0], None, None), three_d: true };
-const COMPRESSIBLE_NEO: Law =
+pub(super) const NEO: Law = Law::Invariants { potential: |g, i, p| mooney(g, i, p[0], None, None), three_d: true };
+pub(super) const COMPRESSIBLE_NEO: Law =
     Law::Invariants { potential: |g, i, p| mooney(g, i, p[0], None, Some(p[1])), three_d: true };
-const BONET: Law = Law::Invariants { potential: bonet, three_d: true };
-const CIARLET: Law = Law::Invariants { potential: ciarlet, three_d: true };
+pub(super) const BONET: Law = Law::Invariants { potential: bonet, three_d: true };
+pub(super) const CIARLET: Law = Law::Invariants { potential: ciarlet, three_d: true };
 
-macro_rules! laws {
-    ($($name:literal, $law:expr, $count:literal, $parameters:literal, $values:literal, $doc:literal;)*) => {
-        &[
-            OpDef {
-                name: "Right_Cauchy_Green", least: 1, most: 1, usage: "Right_Cauchy_Green(F)", doc: "F'F",
-                samples: &["Right_Cauchy_Green(A):B"],
-                build: |b, c| cauchy_green(b, c, |g, f, t| product(g, t, f)),
-                entrywise: None,
-            },
-            OpDef {
-                name: "Left_Cauchy_Green", least: 1, most: 1, usage: "Left_Cauchy_Green(F)", doc: "F F'",
-                samples: &["Left_Cauchy_Green(A):B"],
-                build: |b, c| cauchy_green(b, c, |g, f, t| product(g, f, t)),
-                entrywise: None,
-            },
-            OpDef {
-                name: "Green_Lagrangian", least: 1, most: 1, usage: "Green_Lagrangian(F)", doc: "(F'F - Id)/2",
-                samples: &["Green_Lagrangian(A):B"],
-                build: |b, c| cauchy_green(b, c, |g, f, t| {
-                    let square = product(g, t, f);
-                    let id = g.identity(g.shape(square).size(0));
-                    let strain = g.sub(square, id);
-                    times(g, 0.5, strain)
-                }),
-                entrywise: None,
-            },
-            OpDef {
-                name: "Cauchy_stress_from_PK2", least: 2, most: 2, usage: "Cauchy_stress_from_PK2(S, Grad_u)",
-                doc: "F S F'/Det(F) with F = Id + Grad_u",
-                samples: &["Cauchy_stress_from_PK2(B*p, 0.1*Grad_u):B", "Cauchy_stress_from_PK2(A*A', 0.1*Grad_u):B"],
-                build: cauchy_stress,
-                entrywise: None,
-            },
-            $(
-                laws!(@row "", $name, "_potential", Potential, false, $law, $count, $parameters, $values, $doc, "energy density of "),
-                laws!(@row "", $name, "_PK2", Stress, false, $law, $count, $parameters, $values, $doc, "second Piola-Kirchhoff stress of "),
-                laws!(@row "", $name, "_sigma", Stress, false, $law, $count, $parameters, $values, $doc, "second Piola-Kirchhoff stress of "),
-                laws!(@row "Plane_Strain_", $name, "_potential", Potential, true, $law, $count, $parameters, $values, $doc, "energy density in plane strain of "),
-                laws!(@row "Plane_Strain_", $name, "_PK2", Stress, true, $law, $count, $parameters, $values, $doc, "in-plane second Piola-Kirchhoff stress in plane strain of "),
-                laws!(@row "Plane_Strain_", $name, "_sigma", Stress, true, $law, $count, $parameters, $values, $doc, "in-plane second Piola-Kirchhoff stress in plane strain of "),
-            )*
-        ]
-    };
-    (@row $prefix:literal, $name:literal, $suffix:literal, $wanted:ident, $plane:literal, $law:expr, $count:literal, $parameters:literal, $values:literal, $doc:literal, $what:literal) => {
-        OpDef {
-            name: concat!($prefix, $name, $suffix),
-            least: 2,
-            most: 2,
-            usage: concat!($prefix, $name, $suffix, "(Grad_u, ", $parameters, ")"),
-            doc: concat!($what, $doc),
-            samples: &[concat!($prefix, $name, $suffix, "(0.1*Grad_u, ", $values, ")")],
-            build: |b, c| call(b, c, $law, $count, Wanted::$wanted, $plane),
-            entrywise: None,
-        }
-    };
-}
-
-pub(super) const TABLE: &[OpDef] = laws! {
-    "Saint_Venant_Kirchhoff", Law::SaintVenantKirchhoff, 2, "[lambda; mu]", "[1.3;0.8]", "lambda/2 Trace(E)^2 + mu E:E";
-    "Generalized_Blatz_Ko", BLATZ_KO, 5, "[a; b; c; d; n]", "[0.9;0.7;1.1;0.4;1.5]", "(a i1 + b sqrt(i3) + c i2/i3 + d)^n";
-    "Ciarlet_Geymonat", CIARLET_GEYMONAT, 3, "[lambda; mu; a]", "[1.3;0.8;0.3]", "a i1 + (mu/2 - a) i2 + (lambda/4 - mu/2 + a) i3 - (lambda/4 + mu/2) log i3, 0 at rest";
-    "Incompressible_Mooney_Rivlin", MOONEY, 2, "[c1; c2]", "[0.7;0.4]", "c1 (j1 - 3) + c2 (j2 - 3)";
-    "Compressible_Mooney_Rivlin", COMPRESSIBLE_MOONEY, 3, "[c1; c2; d1]", "[0.7;0.4;1.2]", "c1 (j1 - 3) + c2 (j2 - 3) + d1 (sqrt(i3) - 1)^2";
-    "Incompressible_Neo_Hookean", NEO, 1, "[c1]", "[0.7]", "c1 (j1 - 3)";
-    "Compressible_Neo_Hookean", COMPRESSIBLE_NEO, 2, "[c1; d1]", "[0.7;1.2]", "c1 (j1 - 3) + d1 (sqrt(i3) - 1)^2";
-    "Compressible_Neo_Hookean_Bonet", BONET, 2, "[lambda; mu]", "[1.3;0.8]", "mu/2 (i1 - 3 - log i3) + lambda/8 (log i3)^2";
-    "Compressible_Neo_Hookean_Ciarlet", CIARLET, 2, "[lambda; mu]", "[1.3;0.8]", "mu/2 (i1 - 3 - log i3) + lambda/4 (i3 - 1 - log i3)";
-};
-
-fn cauchy_green(b: &mut Builder<'_>, c: &Call<'_>, f: fn(&mut Graph, ExprId, ExprId) -> ExprId) -> Option<ExprId> {
+pub(super) fn cauchy_green(
+    b: &mut Builder<'_>,
+    c: &Call<'_>,
+    f: fn(&mut Graph, ExprId, ExprId) -> ExprId,
+) -> Option<ExprId> {
     let m = b.square_argument(c, 0, false)?;
     let t = b.graph.transpose(m);
     Some(f(&mut b.graph, m, t))
 }
 
-fn cauchy_stress(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+/// `Green_Lagrangian(F)`, from F and its transpose.
+pub(super) fn green_lagrangian(g: &mut Graph, f: ExprId, t: ExprId) -> ExprId {
+    let square = product(g, t, f);
+    let id = g.identity(g.shape(square).size(0));
+    let strain = g.sub(square, id);
+    times(g, 0.5, strain)
+}
+
+pub(super) fn cauchy_stress(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let stress = b.small_matrix(c);
     let grad = b.square_argument(c, 1, false);
     let (stress, grad) = (stress?, grad?);
@@ -148,7 +92,14 @@ fn deformation(g: &mut Graph, grad: ExprId) -> ExprId {
     g.add(id, grad)
 }
 
-fn call(b: &mut Builder<'_>, c: &Call<'_>, law: Law, count: usize, wanted: Wanted, plane: bool) -> Option<ExprId> {
+pub(super) fn law_of_gradient(
+    b: &mut Builder<'_>,
+    c: &Call<'_>,
+    law: Law,
+    count: usize,
+    wanted: Wanted,
+    plane: bool,
+) -> Option<ExprId> {
     let grad = b.small_matrix(c);
     let parameters = parameters(b, c, count);
     let (grad, parameters) = (grad?, parameters?);

@@ -6,87 +6,38 @@ use crate::{
     build::{Builder, Call},
     graph::{ExprId, Graph},
     ir::Compare,
-    ops::{OpDef, scalar::pos_part, tensor::deviator},
+    ops::{scalar::pos_part, tensor::deviator},
     types::Shape,
 };
 
-pub(super) const TABLE: &[OpDef] = &[
-    OpDef {
-        name: "Ball_projection",
-        least: 2,
-        most: 2,
-        usage: "Ball_projection(v, r)",
-        doc: "projection on the ball of radius r; 0 for r < 0; norm = r sticks, also at v = 0, r = 0",
-        samples: &[
-            "Ball_projection(u, 0.4).w",
-            "Ball_projection(u, 40).w",
-            "Ball_projection(u, 0.3+0.1*q).w",
-            "Ball_projection(Grad_u, 0.5):B",
-        ],
-        build: |b, c| {
-            let (_, v) = b.plain_argument(c, 0)?;
-            let r = b.scalar_argument(c, 1)?;
-            Some(b.graph.ball(v, r))
-        },
-        entrywise: None,
-    },
-    OpDef {
-        name: "Von_Mises_projection",
-        least: 2,
-        most: 2,
-        usage: "Von_Mises_projection(tau, s)",
-        doc: "the deviator projected on the ball of radius s, the mean kept; the tie is elastic",
-        samples: &["Von_Mises_projection(Grad_u, 0.5):B", "Von_Mises_projection(Grad_u, 50):B"],
-        build: |b, c| {
-            let m = b.square_argument(c, 0, false)?;
-            let r = b.scalar_argument(c, 1)?;
-            let g = &mut b.graph;
-            let dev = deviator(g, m);
-            let mean = g.sub(m, dev);
-            let projected = g.ball(dev, r);
-            Some(g.add(mean, projected))
-        },
-        entrywise: None,
-    },
-    OpDef {
-        name: "Transformed_unit_vector",
-        least: 2,
-        most: 2,
-        usage: "Transformed_unit_vector(Grad_u, n)",
-        doc: "the normal carried by the deformation: (Id + Grad_u)^-T n, normalised",
-        samples: &["Transformed_unit_vector(0.1*Grad_u, [3;4]/5).w"],
-        build: |b, c| {
-            let grad = b.small_matrix(c)?;
-            let (text, n) = b.plain_argument(c, 1)?;
-            let shape = b.graph.shape(n);
-            if shape != Shape::vector(b.graph.shape(grad).size(0)) {
-                return b.bad_argument(c, 1, text, "a vector as long as the matrix", shape);
-            }
-            let g = &mut b.graph;
-            let id = g.identity(shape.size(0));
-            let f = g.add(id, grad);
-            let inverse = g.inverse(f);
-            let carried = g.contract(n, inverse, &[(0, 0)]);
-            Some(g.unit(carried))
-        },
-        entrywise: None,
-    },
-    OpDef {
-        name: "Coulomb_friction_coupled_projection",
-        least: 6,
-        most: 6,
-        usage: "Coulomb_friction_coupled_projection(lambda, n, Vs, g, f, r)",
-        doc: "-pos_part(-(lambda.n + r g)) n plus the tangential part of lambda - r Vs projected on the ball of radius min(f3 + f1 pos_part(-(lambda.n + r g)), f2); ties are contact and stick",
-        samples: &[
-            "Coulomb_friction_coupled_projection(u, [0;1], w, p, [0.3], 1.5).[1;2]",
-            "Coulomb_friction_coupled_projection(u, [0;1], w, p-3, [0.3;0.8;0.1], 1.5).[1;2]",
-        ],
-        build: coulomb,
-        entrywise: None,
-    },
-];
+/// `Von_Mises_projection(tau, s)`.
+pub(super) fn von_mises(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let m = b.square_argument(c, 0, false)?;
+    let r = b.scalar_argument(c, 1)?;
+    let g = &mut b.graph;
+    let dev = deviator(g, m);
+    let mean = g.sub(m, dev);
+    let projected = g.ball(dev, r);
+    Some(g.add(mean, projected))
+}
 
-fn coulomb(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+/// `Transformed_unit_vector(Grad_u, n)`.
+pub(super) fn transformed_unit_vector(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let grad = b.small_matrix(c)?;
+    let (text, n) = b.plain_argument(c, 1)?;
+    let shape = b.graph.shape(n);
+    if shape != Shape::vector(b.graph.shape(grad).size(0)) {
+        return b.bad_argument(c, 1, text, "a vector as long as the matrix", shape);
+    }
+    let g = &mut b.graph;
+    let id = g.identity(shape.size(0));
+    let f = g.add(id, grad);
+    let inverse = g.inverse(f);
+    let carried = g.contract(n, inverse, &[(0, 0)]);
+    Some(g.unit(carried))
+}
+
+pub(super) fn coulomb(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let (text, lambda) = b.plain_argument(c, 0)?;
     let shape = b.graph.shape(lambda);
     if shape.rank() != 1 {

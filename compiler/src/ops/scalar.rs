@@ -2,131 +2,24 @@
 
 use crate::{
     build::{Builder, Call},
-    graph::{ExprId, Function1, Graph},
+    graph::{ExprId, Function1, Graph, times},
     ir::Compare,
-    math::{MathFn1, MathFn2},
-    ops::{Entrywise, OpDef, apply, pow_components, times},
+    math::MathFn2,
 };
 
-macro_rules! one {
-    ($name:literal, $doc:literal, $samples:expr, $f:expr) => {
-        OpDef {
-            name: $name,
-            least: 1,
-            most: 1,
-            usage: concat!($name, "(t)"),
-            doc: $doc,
-            samples: $samples,
-            build: |b, c| {
-                let (_, a) = b.plain_argument(c, 0)?;
-                let f: fn(&mut Graph, ExprId) -> ExprId = $f;
-                Some(f(&mut b.graph, a))
-            },
-            entrywise: Some(Entrywise::One($f)),
-        }
-    };
+/// `reg_pos_part(a, e)`.
+pub(super) fn regularised_pos_part(g: &mut Graph, a: ExprId, e: ExprId) -> ExprId {
+    let half = times(g, 0.5, e);
+    let far = g.sub(a, half);
+    let square = g.mul_components(a, a);
+    let double = times(g, 2.0, e);
+    let near = g.div_components(square, double);
+    let zero = g.zero(g.shape(a));
+    let positive = g.compare(Compare::Less, zero, a);
+    let inner = g.select(positive, near, zero);
+    let beyond = g.compare(Compare::LessEqual, e, a);
+    g.select(beyond, far, inner)
 }
-
-macro_rules! two {
-    ($name:literal, $doc:literal, $samples:expr, $f:expr) => {
-        OpDef {
-            name: $name,
-            least: 2,
-            most: 2,
-            usage: concat!($name, "(t, u)"),
-            doc: $doc,
-            samples: $samples,
-            build: |b, c| {
-                let (x, y) = two_arguments(b, c)?;
-                let f: fn(&mut Graph, ExprId, ExprId) -> ExprId = $f;
-                Some(f(&mut b.graph, x, y))
-            },
-            entrywise: Some(Entrywise::Two($f)),
-        }
-    };
-}
-
-/// Rows of `wfl/src/scalar_functions.rs` that the language has.
-macro_rules! table {
-    (@rows [$($rows:expr,)*]) => {
-        &[$($rows),*]
-    };
-    (@rows [$($rows:expr,)*] word $variant:ident $name:literal $doc:literal [$($sample:literal),*]
-        $form:ident($($value:tt)*); $($more:tt)*) => {
-        table!(@rows [
-            $($rows,)*
-            one!($name, $doc, &[$($sample),*], |g, a| apply(g, MathFn1::$variant, a)),
-        ] $($more)*)
-    };
-    (@rows [$($rows:expr,)*] inner $variant:ident $name:literal $doc:literal []
-        $form:ident($($value:tt)*); $($more:tt)*) => {
-        table!(@rows [$($rows,)*] $($more)*)
-    };
-    (word $($rows:tt)*) => {
-        table!(@rows [] word $($rows)*)
-    };
-}
-
-/// The smooth functions.
-pub(super) const SMOOTH: &[OpDef] = wfl::scalar_functions!(table);
-
-/// The others.
-pub(super) const TABLE: &[OpDef] = &[
-    one!("sqr", "t times t", &["sqr(p)", "sqr(u).w"], |g, a| g.mul_components(a, a)),
-    one!("sqrt", "square root; its derivative is infinite at 0", &["sqrt(4+p)"], |g, a| g.map(Function1::Sqrt, a)),
-    one!("Heaviside", "1 for t >= 0, else 0; derivative 0", &[], |g, a| step(g, a, 1.0, 0.0)),
-    one!("sign", "1 for t >= 0, else -1; derivative 0", &[], |g, a| step(g, a, 1.0, -1.0)),
-    one!("abs", "absolute value; derivative 1 at 0", &["abs(p)"], |g, a| {
-        let minus = g.neg(a);
-        by_sign(g, a, a, minus)
-    }),
-    one!("pos_part", "t for t >= 0, else 0; derivative 1 at 0", &["pos_part(p)", "pos_part(u).w"], pos_part),
-    one!("neg_part", "pos_part(-t), also at 0", &["neg_part(p)"], |g, a| {
-        let minus = g.neg(a);
-        pos_part(g, minus)
-    }),
-    one!("sqr_pos_part", "pos_part squared", &["sqr_pos_part(p)"], |g, a| square(g, a, 1.0)),
-    one!("half_sqr_pos_part", "half of pos_part squared: a potential", &["half_sqr_pos_part(p)"], |g, a| square(
-        g, a, 0.5
-    )),
-    one!("sqr_neg_part", "neg_part squared", &["sqr_neg_part(p)"], |g, a| {
-        let minus = g.neg(a);
-        square(g, minus, 1.0)
-    }),
-    one!("half_sqr_neg_part", "half of neg_part squared", &["half_sqr_neg_part(p)"], |g, a| {
-        let minus = g.neg(a);
-        square(g, minus, 0.5)
-    }),
-    two!("pow", "t to the u", &["pow(4+p, 1.7)", "pow(4+p, q)"], |g, a, b| {
-        if g.shape(a).rank() == 0 { power(g, a, b) } else { pow_components(g, a, b) }
-    }),
-    two!("atan2", "angle of the point (u, t)", &["atan2(p, 4+q)"], |g, a, b| g.map2(MathFn2::Atan2, a, b)),
-    two!("max", "the larger; of a tie the first", &["max(p, q)", "max(u, 0.1).w"], |g, a, b| {
-        let mask = g.compare(Compare::LessEqual, b, a);
-        g.select(mask, a, b)
-    }),
-    two!("min", "the smaller; of a tie the first", &["min(p, q)"], |g, a, b| {
-        let mask = g.compare(Compare::LessEqual, a, b);
-        g.select(mask, a, b)
-    }),
-    two!(
-        "reg_pos_part",
-        "pos_part with a parabola on [0, eps]",
-        &["reg_pos_part(p, 0.3)", "reg_pos_part(p, 2+q)"],
-        |g, a, e| {
-            let half = times(g, 0.5, e);
-            let far = g.sub(a, half);
-            let square = g.mul_components(a, a);
-            let double = times(g, 2.0, e);
-            let near = g.div_components(square, double);
-            let zero = g.zero(g.shape(a));
-            let positive = g.compare(Compare::Less, zero, a);
-            let inner = g.select(positive, near, zero);
-            let beyond = g.compare(Compare::LessEqual, e, a);
-            g.select(beyond, far, inner)
-        }
-    ),
-];
 
 pub(super) fn two_arguments(b: &mut Builder<'_>, c: &Call<'_>) -> Option<(ExprId, ExprId)> {
     let x = b.plain_argument(c, 0);
@@ -148,13 +41,13 @@ pub(super) fn pos_part(g: &mut Graph, a: ExprId) -> ExprId {
     by_sign(g, a, a, zero)
 }
 
-fn square(g: &mut Graph, a: ExprId, factor: f64) -> ExprId {
+pub(super) fn square(g: &mut Graph, a: ExprId, factor: f64) -> ExprId {
     let p = pos_part(g, a);
     let square = g.mul_components(p, p);
     times(g, factor, square)
 }
 
-fn step(g: &mut Graph, a: ExprId, above: f64, below: f64) -> ExprId {
+pub(super) fn step(g: &mut Graph, a: ExprId, above: f64, below: f64) -> ExprId {
     let shape = g.shape(a);
     let n = shape.len();
     let above = g.constant(shape, &vec![above; n]);

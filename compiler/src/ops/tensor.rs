@@ -4,154 +4,50 @@ use wfl::{Diagnostic, ast::Expr};
 
 use crate::{
     build::{Builder, Call},
-    graph::{ExprId, Graph},
+    graph::{ExprId, Graph, times},
     math::MatrixFn,
-    ops::{OpDef, times},
     types::{MAX_RANK, Shape},
 };
 
-pub(super) const TABLE: &[OpDef] = &[
-    row!("Id", 1, 1, "Id(n)", "identity matrix", &[], |b, c| {
-        let text = b.argument_text(c, 0)?;
-        let n = b.whole_number(text, "the size of `Id`")?;
-        if n == 0 || n > 100 {
-            let d = Diagnostic::new("E108", "the size of `Id` is 1 to 100");
-            return b.report(d, text, n.to_string());
-        }
-        Some(if n == 1 { b.graph.number(1.0) } else { b.graph.identity(n) })
-    }),
-    row!("Trace", 1, 1, "Trace(M)", "sum of the diagonal", &["Trace(Grad_u)"], |b, c| {
-        let m = b.square_argument(c, 0, true)?;
-        Some(b.graph.trace(m, 0, 1))
-    }),
-    row!("Deviator", 1, 1, "Deviator(M)", "M - Trace(M)/n Id", &["Deviator(Grad_u):B"], |b, c| {
-        let m = b.square_argument(c, 0, true)?;
-        Some(deviator(&mut b.graph, m))
-    }),
-    row!("Sym", 1, 1, "Sym(M)", "(M + M')/2", &["Sym(Grad_u):B"], |b, c| {
-        let m = b.square_argument(c, 0, true)?;
-        Some(symmetric(&mut b.graph, m))
-    }),
-    row!("Skew", 1, 1, "Skew(M)", "(M - M')/2", &["Skew(Grad_u):B"], |b, c| {
-        let m = b.square_argument(c, 0, true)?;
-        let t = b.graph.transpose(m);
-        let s = b.graph.sub(m, t);
-        Some(times(&mut b.graph, 0.5, s))
-    }),
-    row!("Norm", 1, 1, "Norm(v)", "Euclidean norm; derivative 0 at 0", &["Norm(u)", "Norm(Grad_u)"], |b, c| {
-        let (_, v) = b.plain_argument(c, 0)?;
-        Some(b.graph.norm(v))
-    }),
-    row!("Norm_sqr", 1, 1, "Norm_sqr(v)", "v:v", &["Norm_sqr(u)", "Norm_sqr(Grad_u)"], |b, c| {
-        let (_, v) = b.plain_argument(c, 0)?;
-        Some(b.graph.inner(v, v))
-    }),
-    row!("Normalized", 1, 1, "Normalized(v)", "v/|v|; value and derivative 0 at 0", &["Normalized(u).w"], |b, c| {
-        let (_, v) = b.plain_argument(c, 0)?;
-        Some(b.graph.unit(v))
-    }),
-    row!(
-        "Normalized_reg",
-        2,
-        2,
-        "Normalized_reg(v, eps)",
-        "v/sqrt(|v|^2 + eps^2)",
-        &["Normalized_reg(u, 0.3).w", "Normalized_reg(u, 2+q).w"],
-        |b, c| {
-            let (_, v) = b.plain_argument(c, 0)?;
-            let eps = b.scalar_argument(c, 1)?;
-            Some(regularised(&mut b.graph, v, eps))
-        }
-    ),
-    row!("Det", 1, 1, "Det(M)", "determinant", &["Det(A)"], |b, c| {
-        let m = b.small_matrix(c)?;
-        Some(b.graph.det(m))
-    }),
-    row!("Inv", 1, 1, "Inv(M)", "inverse matrix", &["Inv(A):B"], |b, c| {
-        let m = b.small_matrix(c)?;
-        Some(b.graph.inverse(m))
-    }),
-    row!("Expm", 1, 1, "Expm(M)", "matrix exponential", &["Expm(A):B"], |b, c| matrix_function(b, c, MatrixFn::Expm)),
-    row!("Logm", 1, 1, "Logm(M)", "principal matrix logarithm", &["Logm(A):B"], |b, c| matrix_function(
-        b,
-        c,
-        MatrixFn::Logm
-    )),
-    row!(
-        "Matrix_i2",
-        1,
-        1,
-        "Matrix_i2(M)",
-        "second invariant (Trace(M)^2 - Trace(M*M))/2",
-        &["Matrix_i2(A)"],
-        |b, c| {
-            let m = b.square_argument(c, 0, false)?;
-            Some(second_invariant(&mut b.graph, m))
-        }
-    ),
-    row!("Matrix_j1", 1, 1, "Matrix_j1(M)", "Trace(M) Det(M)^(-1/3)", &["Matrix_j1(A)"], |b, c| {
-        let m = b.small_matrix(c)?;
-        let trace = b.graph.trace(m, 0, 1);
-        Some(scaled_by_det(&mut b.graph, trace, m, -1.0 / 3.0))
-    }),
-    row!("Matrix_j2", 1, 1, "Matrix_j2(M)", "Matrix_i2(M) Det(M)^(-2/3)", &["Matrix_j2(A)"], |b, c| {
-        let m = b.small_matrix(c)?;
-        let i2 = second_invariant(&mut b.graph, m);
-        Some(scaled_by_det(&mut b.graph, i2, m, -2.0 / 3.0))
-    }),
-    row!(
-        "Reshape",
-        2,
-        11,
-        "Reshape(t, i, j, ...)",
-        "the same numbers, first index fastest, with new sizes",
-        &["Reshape(Grad_u, 4).[1;2;3;4]"],
-        reshape
-    ),
-    row!(
-        "Swap_indices",
-        3,
-        3,
-        "Swap_indices(t, i, j)",
-        "two indices exchanged",
-        &["Swap_indices(Grad_u,1,2):B"],
-        |b, c| {
-            let (text, t) = b.argument(c, 0)?;
-            let [i, j] = indices(b, c, t, [1, 2], text)?;
-            let mut perm: Vec<usize> = (0..b.graph.shape(t).rank()).collect();
-            perm.swap(i, j);
-            Some(b.graph.permute(t, &perm))
-        }
-    ),
-    row!(
-        "Index_move_last",
-        2,
-        2,
-        "Index_move_last(t, i)",
-        "index i moved to the end",
-        &["Index_move_last(Grad_u,1):B"],
-        |b, c| {
-            let (text, t) = b.argument(c, 0)?;
-            let [i] = indices(b, c, t, [1], text)?;
-            let mut perm: Vec<usize> = (0..b.graph.shape(t).rank()).filter(|k| *k != i).collect();
-            perm.push(i);
-            Some(b.graph.permute(t, &perm))
-        }
-    ),
-    row!(
-        "Contract",
-        3,
-        6,
-        "Contract(A, i, j), Contract(A, i, B, j) or Contract(A, i, j, B, k, l)",
-        "sum over pairs of indices",
-        &["Contract(Grad_u,1,2)", "Contract(Grad_u,1,u,1).w", "Contract(Grad_u,1,2,B,2,1)"],
-        contract
-    ),
-    row!("Cross_product", 2, 2, "Cross_product(v, w)", "vector product in 3-D", &[], cross),
-];
+/// `Id(n)`.
+pub(super) fn identity(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let text = b.argument_text(c, 0)?;
+    let n = b.whole_number(text, "the size of `Id`")?;
+    if n == 0 || n > 100 {
+        let d = Diagnostic::new("E108", "the size of `Id` is 1 to 100");
+        return b.report(d, text, n.to_string());
+    }
+    Some(if n == 1 { b.graph.number(1.0) } else { b.graph.identity(n) })
+}
+
+/// `Skew(M)`.
+pub(super) fn skew(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let m = b.square_argument(c, 0, true)?;
+    let t = b.graph.transpose(m);
+    let s = b.graph.sub(m, t);
+    Some(times(&mut b.graph, 0.5, s))
+}
+
+/// `Swap_indices(t, i, j)`.
+pub(super) fn swap_indices(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let (text, t) = b.argument(c, 0)?;
+    let [i, j] = indices(b, c, t, [1, 2], text)?;
+    let mut perm: Vec<usize> = (0..b.graph.shape(t).rank()).collect();
+    perm.swap(i, j);
+    Some(b.graph.permute(t, &perm))
+}
+
+/// `Index_move_last(t, i)`.
+pub(super) fn move_last(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    let (text, t) = b.argument(c, 0)?;
+    let [i] = indices(b, c, t, [1], text)?;
+    let mut perm: Vec<usize> = (0..b.graph.shape(t).rank()).filter(|k| *k != i).collect();
+    perm.push(i);
+    Some(b.graph.permute(t, &perm))
+}
 
 /// v/sqrt(|v|^2 + eps^2)
-fn regularised(g: &mut Graph, v: ExprId, eps: ExprId) -> ExprId {
+pub(super) fn regularised(g: &mut Graph, v: ExprId, eps: ExprId) -> ExprId {
     // the norm of (|v|, eps): safe against overflow like every norm
     let length = g.norm(v);
     let both = g.stack(Shape::vector(2), &[length, eps]);
@@ -182,7 +78,7 @@ pub(super) fn product(g: &mut Graph, a: ExprId, b: ExprId) -> ExprId {
     g.contract(a, b, &[(1, 0)])
 }
 
-fn second_invariant(g: &mut Graph, m: ExprId) -> ExprId {
+pub(super) fn second_invariant(g: &mut Graph, m: ExprId) -> ExprId {
     let trace = g.trace(m, 0, 1);
     let square = g.scale(trace, trace);
     let t = g.transpose(m);
@@ -199,7 +95,7 @@ pub(super) fn scaled_by_det(g: &mut Graph, value: ExprId, m: ExprId, power: f64)
     g.scale(factor, value)
 }
 
-fn matrix_function(b: &mut Builder<'_>, c: &Call<'_>, f: MatrixFn) -> Option<ExprId> {
+pub(super) fn matrix_function(b: &mut Builder<'_>, c: &Call<'_>, f: MatrixFn) -> Option<ExprId> {
     let m = b.square_argument(c, 0, false)?;
     let n = b.graph.shape(m).size(0);
     if n > 3 {
@@ -209,7 +105,7 @@ fn matrix_function(b: &mut Builder<'_>, c: &Call<'_>, f: MatrixFn) -> Option<Exp
     Some(b.graph.matrix(f, m))
 }
 
-fn reshape(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+pub(super) fn reshape(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let (text, t) = b.argument(c, 0)?;
     let mut sizes = Vec::new();
     for k in 1..c.args.len() {
@@ -254,7 +150,7 @@ fn indices<const N: usize>(
     Some(out)
 }
 
-fn contract(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+pub(super) fn contract(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let (ta, a) = b.argument(c, 0)?;
     let fits = |b: &mut Builder<'_>, x: usize, y: usize| {
         if x == y {
@@ -314,7 +210,7 @@ fn two_factors(b: &mut Builder<'_>, c: &Call<'_>, a: ExprId, other: ExprId) -> O
     Some(())
 }
 
-fn cross(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+pub(super) fn cross(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let (tv, v) = b.argument(c, 0)?;
     let (tw, w) = b.argument(c, 1)?;
     for (k, text, value) in [(0, tv, v), (1, tw, w)] {

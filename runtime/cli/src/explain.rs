@@ -3,7 +3,7 @@
 use std::{fmt::Write as _, process::ExitCode};
 
 use wfl::{LIBRARY, codes, nearest};
-use wfl_compiler::{OpDef, functions};
+use wfl_compiler::{function_table, functions};
 
 use crate::{
     args::ExplainArgs,
@@ -13,7 +13,7 @@ use crate::{
 
 pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
     if args.functions {
-        out(&table());
+        out(&function_table());
         return ExitCode::SUCCESS;
     }
     let Some(code) = args.code.as_deref().filter(|_| !args.list) else {
@@ -86,18 +86,6 @@ fn library_macro(name: &str) -> Option<String> {
         }
     }
     Some(text)
-}
-
-/// All functions as a table in Markdown, by name.
-fn table() -> String {
-    let mut all: Vec<&OpDef> = functions().collect();
-    all.sort_by_key(|op| (op.name.to_ascii_lowercase(), op.name));
-    let cell = |text: &str| text.replace('|', "\\|");
-    let mut text = "| function | what it is |\n|---|---|\n".to_owned();
-    for op in all {
-        let _ = writeln!(text, "| `{}` | {} |", cell(op.usage), cell(op.doc));
-    }
-    text
 }
 
 /// Lines of at most `width` characters where the words allow it.

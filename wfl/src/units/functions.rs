@@ -1,7 +1,7 @@
-//! What each built-in function does to units: one table.
+//! What each built-in function does to units, by its row.
 
 use super::unit::Ratio;
-use crate::scalar_functions::scalar_function_names;
+use crate::{operators::operator_rows, scalar_functions::scalar_function_names};
 
 /// How the unit of a call follows from those of its arguments.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,35 +39,22 @@ pub(super) enum Rule {
     Coulomb,
 }
 
+macro_rules! rules {
+    ($($kind:ident $name:literal $(($($call:tt)*))? $doc:literal $rule:ident $(($($of:tt)*))?, [$($sample:tt)*]
+        $formula:expr;)*) => {
+        /// The rule of each row of `operators.rs`.
+        const RULES: &[Rule] = &[$(Rule::$rule $(($($of)*))?),*];
+    };
+}
+
+crate::operators!(rules);
+
 /// The rule of a function of this language; `None` for other words.
 pub(super) fn rule(name: &str) -> Option<Rule> {
-    Some(match name {
-        "Contract" | "Cross_product" => Rule::Multiply,
-        "Deviator" | "Index_move_last" | "Interpolate" | "Norm" | "Print" | "Reshape" | "Skew" | "Swap_indices"
-        | "Sym" | "Trace" | "abs" | "neg_part" | "pos_part" => Rule::Keep,
-        "Heaviside" | "Id" | "Normalized" | "Transformed_unit_vector" | "qdim" | "qdims" | "sign" => Rule::Pure,
-        "Expm" | "Green_Lagrangian" | "Left_Cauchy_Green" | "Logm" | "Matrix_j1" | "Matrix_j2"
-        | "Right_Cauchy_Green" => Rule::NeedsPure,
-        _ if scalar_function_names().any(|scalar| scalar == name) => Rule::NeedsPure,
-        "Matrix_i2" | "Norm_sqr" | "half_sqr_neg_part" | "half_sqr_pos_part" | "sqr" | "sqr_neg_part"
-        | "sqr_pos_part" => Rule::Power(Ratio::whole(2)),
-        "Inv" => Rule::Power(Ratio::whole(-1)),
-        "sqrt" => Rule::Power(Ratio::new(1, 2)?),
-        "Ball_projection" | "Von_Mises_projection" | "max" | "min" | "reg_pos_part" => Rule::Same,
-        "Normalized_reg" | "atan2" => Rule::SameToPure,
-        "Det" => Rule::Det,
-        "pow" => Rule::Pow,
-        "Grad" | "Div" => Rule::Gradient(1),
-        "Hess" => Rule::Gradient(2),
-        "Diff" => Rule::Diff,
-        "Interpolate_filter" => Rule::Filter,
-        "Coulomb_friction_coupled_projection" => Rule::Coulomb,
-        "Cauchy_stress_from_PK2" => Rule::StressAndGradient,
-        _ if ["_sigma", "_PK2", "_potential"].iter().any(|end| name.ends_with(end)) && crate::is_function(name) => {
-            Rule::Law
-        }
-        _ => return None,
-    })
+    if scalar_function_names().any(|scalar| scalar == name) {
+        return Some(Rule::NeedsPure);
+    }
+    operator_rows().zip(RULES).find(|(words, _)| words.contains(&name)).map(|(_, rule)| *rule)
 }
 
 /// The argument and the function of `Derivative_2_pow`; `Derivative_sin` is by the first argument.

@@ -17,6 +17,7 @@ pub(super) struct Ratio {
 impl Ratio {
     pub(super) const ZERO: Ratio = Ratio { num: 0, den: 1 };
     pub(super) const ONE: Ratio = Ratio { num: 1, den: 1 };
+    pub(super) const HALF: Ratio = Ratio { num: 1, den: 2 };
 
     pub(super) const fn whole(num: i64) -> Ratio {
         Ratio { num, den: 1 }
