@@ -8,6 +8,7 @@
 //! Functions are in `dd/functions.rs`.
 
 mod functions;
+mod real;
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

@@ -9,8 +9,8 @@
 use std::collections::HashMap;
 
 use crate::{
+    compare::Compare,
     graph::{ExprId, Function1, Graph, Leaf, Node, apply, times},
-    ir::Compare,
     math::{MathFn1, MathFn2, MatrixFn},
 };
 

@@ -5,8 +5,8 @@
 use std::{collections::BTreeMap, fmt::Write as _};
 
 use crate::{
+    compare::Compare,
     graph::{ExprId, Function1, Graph, Leaf, Node, Role},
-    ir::Compare,
     math::{MathFn2, MatrixFn},
     types::{FieldOp, FieldSig, Side},
 };

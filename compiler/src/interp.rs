@@ -287,9 +287,9 @@ mod tests {
     use super::*;
     use crate::{
         dd::Dd,
+        dual::Dual,
         ir::Compare,
         math::{MathFn1, MathFn2},
-        real::Dual,
         verify::verify,
     };
     use wfl::{SourceId, Span};

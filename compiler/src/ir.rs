@@ -14,6 +14,7 @@ use std::fmt::Write as _;
 
 use wfl::{Span, ast::ExpansionId};
 
+pub use crate::compare::Compare;
 use crate::math::{MathFn1, MathFn2, MatrixFn};
 
 /// Points per block: the lanes of one AVX-512 register.
@@ -22,32 +23,6 @@ pub const LANES: usize = 8;
 wfl::define_index! {
     /// The result of one instruction of a kernel.
     Val,
-}
-
-/// Comparisons; all are false when an operand is not a number, except `NotEqual`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Compare {
-    /// `<`
-    Less,
-    /// `<=`
-    LessEqual,
-    /// `==`
-    Equal,
-    /// `!=`
-    NotEqual,
-}
-
-impl Compare {
-    /// The comparison of two numbers.
-    #[must_use]
-    pub fn holds(self, a: f64, b: f64) -> bool {
-        match self {
-            Compare::Less => a < b,
-            Compare::LessEqual => a <= b,
-            Compare::Equal => a == b,
-            Compare::NotEqual => a != b,
-        }
-    }
 }
 
 /// One instruction. Numbers and masks (results of comparisons) are distinct types; `verify.rs` checks them.

@@ -6,12 +6,15 @@
 
 pub mod backend;
 mod build;
+mod compare;
 mod constant;
 mod dd;
 mod degree;
 mod derive;
 pub mod display;
+mod dual;
 mod emitter;
+mod float;
 mod graph;
 mod interp;
 pub mod ir;
@@ -25,6 +28,7 @@ mod print;
 mod real;
 mod scalar;
 mod sign;
+mod sinc;
 mod symmetry;
 mod tangent_check;
 mod term;
@@ -35,6 +39,7 @@ pub use build::{Builder, Constant, DEPTH_LIMIT, Env, locate};
 pub use constant::{constant, without_fields};
 pub use dd::Dd;
 pub use degree::Degree;
+pub use dual::Dual;
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};
 pub use law::{Class, Kink, KinkKind, Listing, Prologue, TermLaw, ValueLaw, run_prologue};
@@ -45,7 +50,7 @@ pub use pieces::{
     scaling_parameters,
 };
 pub use print::{PrintLaw, compile_prints};
-pub use real::{Dual, Real};
+pub use real::Real;
 pub use symmetry::unit_normals;
 pub use tangent_check::{BlockCheck, EntryPlace, SlotGroup, TangentCheck, TangentSampling, check_tangent};
 pub use term::{LoadPart, TermSource, compile_condition, compile_term, compile_value};

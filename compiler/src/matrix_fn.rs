@@ -13,7 +13,7 @@
 //! It does not use symmetry: a symmetric argument gives a result that is symmetric up to rounding.
 
 use crate::{
-    ir::Compare,
+    compare::Compare,
     math::{MathFn1, MatrixFn},
     real::Real,
 };

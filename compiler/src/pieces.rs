@@ -29,8 +29,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     build::Env,
+    compare::Compare,
     graph::{ExprId, Graph, Leaf, Node, Role},
-    ir::Compare,
     law::{Listing, TermLaw, ValueLaw},
     ops::rebuild,
     term::{law_of, tangent_of, value_of},

@@ -4,8 +4,8 @@ use wfl::Diagnostic;
 
 use crate::{
     build::{Env, locate},
+    compare::Compare,
     graph::{ExprId, Function1, Graph, Node},
-    ir::Compare,
     law::Listing,
     math::MathFn1,
 };

@@ -10,7 +10,7 @@
 //! 4. The code writes through `outputs`, which is borrowed mutably, and to its own stack frame, nowhere else; it keeps
 //!    no pointer. A frame larger than a page is probed page by page, so that running out of stack meets the guard;
 //!    matrix functions write into stack slots of their size.
-//! 5. The functions it calls are the shims of `memory.rs`, with the signatures declared there; they do not unwind.
+//! 5. The functions it calls are the shims of `shim.rs`, with the signatures declared there; they do not unwind.
 //! 6. The memory that holds the code is owned by a [`CodeMemory`], which each kernel keeps alive by an `Arc`.
 //! 7. Code is never written again after it was finished, so that calls from several threads do not disturb each other.
 
@@ -21,7 +21,7 @@ use wfl_compiler::{
     ir::{LANES, VerifiedKernel},
 };
 
-use crate::{Target, memory::CodeMemory};
+use crate::{memory::CodeMemory, target::Target};
 
 /// `(uniforms, inputs, outputs, n_blocks)`, the signature of `emit::signature`.
 type Entry = unsafe extern "C" fn(*const f64, *const f64, *mut f64, usize);

@@ -23,7 +23,7 @@ use cranelift_codegen::{
 use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext};
 use wfl_compiler::ir::{Compare, Inst, Kernel, LANES, Val, VerifiedKernel};
 
-use crate::memory::Shim;
+use crate::shim::Shim;
 
 /// How many lanes one machine value holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

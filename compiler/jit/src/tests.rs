@@ -7,7 +7,11 @@ use wfl_compiler::{
     verify,
 };
 
-use crate::{JitBackend, Target, emit::Width, host_isa};
+use crate::{
+    JitBackend,
+    emit::Width,
+    target::{Target, host_isa},
+};
 
 /// A small deterministic generator (splitmix64).
 pub(crate) struct Random(pub(crate) u64);

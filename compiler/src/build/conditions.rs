@@ -7,8 +7,8 @@ use wfl::{
 
 use crate::{
     build::{Builder, operators::LONGEST_CHAIN},
+    compare::Compare,
     graph::{ExprId, Graph},
-    ir::Compare,
 };
 
 impl Builder<'_> {

@@ -2,7 +2,7 @@
 //! nodes small are the constructors of the graph.
 
 use crate::{
-    ir::Compare,
+    compare::Compare,
     math::{MathFn1, MathFn2, MatrixFn},
     types::{FieldId, FieldOp, Side},
 };

@@ -1,7 +1,7 @@
 //! Matrix functions against closed forms, double-double and dual numbers.
 
 use super::*;
-use crate::{dd::Dd, real::Dual};
+use crate::{dd::Dd, dual::Dual};
 
 fn eval<T: Real>(f: MatrixFn, n: usize, a: &[T]) -> Vec<T> {
     let mut out = vec![T::from_f64(0.0); f.n_results(n)];

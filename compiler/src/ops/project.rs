@@ -4,8 +4,8 @@ use wfl::Diagnostic;
 
 use crate::{
     build::{Builder, Call},
+    compare::Compare,
     graph::{ExprId, Graph},
-    ir::Compare,
     ops::{scalar::pos_part, tensor::deviator},
     types::Shape,
 };

@@ -2,8 +2,8 @@
 
 use crate::{
     build::{Builder, Call},
+    compare::Compare,
     graph::{ExprId, Function1, Graph, times},
-    ir::Compare,
     math::MathFn2,
 };
 

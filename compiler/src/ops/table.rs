@@ -17,8 +17,8 @@ use super::{
     },
 };
 use crate::{
+    compare::Compare,
     graph::{ExprId, Function1, Graph, apply, pow_components},
-    ir::Compare,
     math::{MathFn1, MathFn2, MatrixFn},
 };
 

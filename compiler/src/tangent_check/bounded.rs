@@ -4,10 +4,11 @@
 //! left out, and a branch that an error would turn is not seen.
 
 use crate::{
+    compare::Compare,
     dd::Dd,
-    ir::Compare,
+    dual::Dual,
     math::{MathFn1, MathFn2},
-    real::{Dual, Real},
+    real::Real,
 };
 
 /// A number with a bound of its error.
