@@ -28,15 +28,18 @@ impl Degree {
         (self.polynomial + if self.kinked { 2 } else { 0 }).min(LARGEST)
     }
 
-    fn join(self, o: Degree) -> Degree {
+    /// Of a sum.
+    fn sum(self, o: Degree) -> Degree {
         Degree { polynomial: self.polynomial.max(o.polynomial), kinked: self.kinked || o.kinked }
     }
 
-    fn times(self, o: Degree) -> Degree {
+    /// Of a product.
+    fn product(self, o: Degree) -> Degree {
         Degree { polynomial: self.polynomial + o.polynomial, kinked: self.kinked || o.kinked }
     }
 
-    fn through_function(self) -> Degree {
+    /// Of a function that is no polynomial.
+    fn composed(self) -> Degree {
         if self.polynomial == 0 { self } else { Degree { polynomial: self.polynomial + 2, ..self } }
     }
 }
@@ -44,17 +47,17 @@ impl Degree {
 /// The degree of an expression on cells that are tensor products or simplices.
 #[must_use]
 pub(crate) fn degree(graph: &Graph, root: ExprId, fields: &[FieldSig], tensor_cells: bool) -> Degree {
-    let mut known: Vec<Degree> = Vec::with_capacity(root.index() + 1);
+    let mut degrees: Vec<Degree> = Vec::with_capacity(root.index() + 1);
     for k in 0..=root.index() {
         let e = ExprId::new(k);
-        let of = |x: ExprId| known[x.index()];
+        let of = |x: ExprId| degrees[x.index()];
         let d = match graph.node(e) {
             Node::Const(_) => Degree::default(),
             Node::Leaf(leaf) => leaf_degree(*leaf, fields, tensor_cells),
             Node::Add(a, b) | Node::Sub(a, b) | Node::And(a, b) | Node::Or(a, b) | Node::Compare(_, a, b) => {
-                of(*a).join(of(*b))
+                of(*a).sum(of(*b))
             }
-            Node::InBall(a, b) => of(*a).join(of(*b)),
+            Node::InBall(a, b) => of(*a).sum(of(*b)),
             Node::Neg(a)
             | Node::Trace(a, ..)
             | Node::Permute(a, _)
@@ -62,27 +65,27 @@ pub(crate) fn degree(graph: &Graph, root: ExprId, fields: &[FieldSig], tensor_ce
             | Node::Pick(a, _)
             | Node::Not(a)
             | Node::Print(a) => of(*a),
-            Node::Scale(a, b) | Node::MulComponents(a, b) | Node::Contract(a, b, _) => of(*a).times(of(*b)),
-            Node::Divide(a, b) | Node::DivComponents(a, b) => of(*a).times(of(*b).through_function()),
-            Node::Stack(parts) => parts.iter().fold(Degree::default(), |d, p| d.join(of(*p))),
+            Node::Scale(a, b) | Node::MulComponents(a, b) | Node::Contract(a, b, _) => of(*a).product(of(*b)),
+            Node::Divide(a, b) | Node::DivComponents(a, b) => of(*a).product(of(*b).composed()),
+            Node::Stack(parts) => parts.iter().fold(Degree::default(), |d, p| d.sum(of(*p))),
             Node::Map(_, a) | Node::Matrix(_, a) | Node::Inverse(a) | Node::Norm(a) | Node::Unit(a) => {
-                of(*a).through_function()
+                of(*a).composed()
             }
-            Node::Map2(_, a, b) => of(*a).join(of(*b)).through_function(),
+            Node::Map2(_, a, b) => of(*a).sum(of(*b)).composed(),
             Node::Select(mask, a, b) => {
-                let d = of(*a).join(of(*b));
+                let d = of(*a).sum(of(*b));
                 Degree { kinked: d.kinked || graph.depends(*mask).unknown, ..d }
             }
             Node::Ball(v, r) | Node::BallRatio(v, r) => {
-                let moving = graph.depends(*v).unknown || graph.depends(*r).unknown;
-                let d = of(*v).join(of(*r));
-                Degree { kinked: d.kinked || moving, ..d }
+                let moves = graph.depends(*v).unknown || graph.depends(*r).unknown;
+                let d = of(*v).sum(of(*r));
+                Degree { kinked: d.kinked || moves, ..d }
             }
             Node::Det(a) => Degree { polynomial: of(*a).polynomial * graph.shape(*a).size(0), ..of(*a) },
         };
-        known.push(d);
+        degrees.push(d);
     }
-    known[root.index()]
+    degrees[root.index()]
 }
 
 fn leaf_degree(leaf: Leaf, fields: &[FieldSig], tensor_cells: bool) -> Degree {

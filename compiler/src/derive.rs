@@ -94,13 +94,10 @@ impl Rules<'_, '_> {
             }
             Node::Divide(a, s) => self.quotient(g, e, a, s, Graph::divide, Graph::scale),
             Node::DivComponents(a, b) => self.quotient(g, e, a, b, Graph::div_components, Graph::mul_components),
-            Node::Map(f, a) => match self.of(g, a)? {
-                None => Ok(None),
-                Some(da) => {
-                    let slope = function_derivative(g, f, a, e);
-                    Ok(Some(g.mul_components(slope, da)))
-                }
-            },
+            Node::Map(f, a) => Ok(self.of(g, a)?.map(|da| {
+                let slope = function_derivative(g, f, a, e);
+                g.mul_components(slope, da)
+            })),
             Node::Map2(f, a, b) => self.function2(g, e, f, a, b),
             Node::Select(mask, a, b) => {
                 let (da, db) = (self.of(g, a)?, self.of(g, b)?);
@@ -110,26 +107,14 @@ impl Rules<'_, '_> {
                 let n = g.unit(v);
                 g.inner(n, dv)
             })),
-            Node::Unit(v) => Ok(self.of(g, v)?.map(|dv| {
-                let norm = g.norm(v);
-                let turned = turn(g, v, dv);
-                let over = g.divide(turned, norm);
-                let zero = g.number(0.0);
-                let nonzero = g.compare(Compare::NotEqual, norm, zero);
-                let nothing = g.zero(g.shape(v));
-                g.select(nonzero, over, nothing)
-            })),
+            Node::Unit(v) => Ok(self.of(g, v)?.map(|dv| unit_derivative(g, v, dv))),
             Node::Ball(v, r) => self.ball(g, v, r),
             Node::BallRatio(v, r) => self.ball_ratio(g, e, v, r),
             Node::Det(a) => Ok(self.of(g, a)?.map(|da| {
                 let cofactor = cofactor(g, a);
                 g.inner(cofactor, da)
             })),
-            Node::Inverse(a) => Ok(self.of(g, a)?.map(|da| {
-                let first = g.contract(e, da, &[(1, 0)]);
-                let both = g.contract(first, e, &[(1, 0)]);
-                g.neg(both)
-            })),
+            Node::Inverse(a) => Ok(self.of(g, a)?.map(|da| inverse_derivative(g, e, da))),
             Node::Matrix(f, a) => self.matrix(g, e, f, a),
         }
     }
@@ -283,6 +268,24 @@ fn turn(g: &mut Graph, v: ExprId, dv: ExprId) -> ExprId {
     let along = g.inner(n, dv);
     let part = g.scale(along, n);
     g.sub(dv, part)
+}
+
+/// d(A^-1) = -A^-1 dA A^-1
+fn inverse_derivative(g: &mut Graph, inverse: ExprId, da: ExprId) -> ExprId {
+    let first = g.contract(inverse, da, &[(1, 0)]);
+    let both = g.contract(first, inverse, &[(1, 0)]);
+    g.neg(both)
+}
+
+/// (dv - e (e . dv))/|v|, 0 at 0
+fn unit_derivative(g: &mut Graph, v: ExprId, dv: ExprId) -> ExprId {
+    let norm = g.norm(v);
+    let turned = turn(g, v, dv);
+    let over = g.divide(turned, norm);
+    let zero = g.number(0.0);
+    let nonzero = g.compare(Compare::NotEqual, norm, zero);
+    let nothing = g.zero(g.shape(v));
+    g.select(nonzero, over, nothing)
 }
 
 /// The matrix of cofactors, d det(A)/dA: polynomial in the entries, right for singular matrices too.

@@ -111,27 +111,9 @@ impl Printer<'_> {
             Node::DivComponents(a, b) => self.two(*a, "./", *b, 2),
             Node::Contract(a, b, axes) => self.contract(*a, *b, axes),
             Node::Trace(a, 0, 1) if g.shape(*a).rank() == 2 => self.call("Trace", &[*a]),
-            Node::Trace(a, i, j) => (3, format!("Contract({}, {}, {})", self.text(*a, 0), i + 1, j + 1)),
-            Node::Permute(a, perm) if perm == &[1, 0] => (3, format!("{}'", self.text(*a, 3))),
-            Node::Permute(a, perm) => {
-                let list: Vec<String> = perm.iter().map(|p| (p + 1).to_string()).collect();
-                (3, format!("Permute({}, {})", self.text(*a, 0), list.join(", ")))
-            }
             Node::Reshape(a) if g.shape(e).rank() == 0 => self.bare(*a),
-            Node::Reshape(a) => {
-                let list: Vec<String> = g.shape(e).sizes().iter().map(usize::to_string).collect();
-                (3, format!("Reshape({}, {})", self.text(*a, 0), list.join(", ")))
-            }
-            Node::Pick(a, fixed) => {
-                let list: Vec<String> =
-                    fixed.iter().map(|f| f.map_or(":".to_owned(), |i| (i + 1).to_string())).collect();
-                (3, format!("{}({})", self.text(*a, 3), list.join(",")))
-            }
-            Node::Stack(parts) => {
-                let list: Vec<String> = parts.iter().map(|p| self.text(*p, 0)).collect();
-                let sizes: Vec<String> = g.shape(e).sizes().iter().map(usize::to_string).collect();
-                let flat = format!("[{}]", list.join("; "));
-                (3, if sizes.len() == 1 { flat } else { format!("Reshape({flat}, {})", sizes.join(", ")) })
+            Node::Trace(..) | Node::Permute(..) | Node::Reshape(_) | Node::Pick(..) | Node::Stack(_) => {
+                (3, self.rearranged(e))
             }
             Node::Map(Function1::Sqrt, a) => self.call("sqrt", &[*a]),
             Node::Map(Function1::Math(f), a) => self.call(f.name(), &[*a]),
@@ -166,6 +148,32 @@ impl Printer<'_> {
                 self.call(name, &[*a])
             }
             Node::Print(a) => self.call("Print", &[*a]),
+        }
+    }
+
+    /// Entries of a tensor in another arrangement.
+    fn rearranged(&self, e: ExprId) -> String {
+        let g = self.graph;
+        let sizes: Vec<String> = g.shape(e).sizes().iter().map(usize::to_string).collect();
+        match g.node(e) {
+            Node::Trace(a, i, j) => format!("Contract({}, {}, {})", self.text(*a, 0), i + 1, j + 1),
+            Node::Permute(a, perm) if perm == &[1, 0] => format!("{}'", self.text(*a, 3)),
+            Node::Permute(a, perm) => {
+                let list: Vec<String> = perm.iter().map(|p| (p + 1).to_string()).collect();
+                format!("Permute({}, {})", self.text(*a, 0), list.join(", "))
+            }
+            Node::Pick(a, fixed) => {
+                let list: Vec<String> =
+                    fixed.iter().map(|f| f.map_or(":".to_owned(), |i| (i + 1).to_string())).collect();
+                format!("{}({})", self.text(*a, 3), list.join(","))
+            }
+            Node::Stack(parts) => {
+                let list: Vec<String> = parts.iter().map(|p| self.text(*p, 0)).collect();
+                let flat = format!("[{}]", list.join("; "));
+                if sizes.len() == 1 { flat } else { format!("Reshape({flat}, {})", sizes.join(", ")) }
+            }
+            Node::Reshape(a) => format!("Reshape({}, {})", self.text(*a, 0), sizes.join(", ")),
+            _ => self.text(e, 0),
         }
     }
 

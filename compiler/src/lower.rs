@@ -106,13 +106,10 @@ impl<'g> Lowering<'g> {
         let g = self.graph;
         let shape = g.shape(e);
         match g.node(e).clone() {
-            Node::Const(bits) => bits
-                .iter()
-                .map(|b| {
-                    let v = self.scalars.constant(f64::from_bits(*b));
-                    self.scalars.form(v)
-                })
-                .collect(),
+            Node::Const(bits) => {
+                let values = bits.iter().map(|b| self.scalars.constant(f64::from_bits(*b))).collect();
+                self.plain(values)
+            }
             Node::Leaf(leaf) => self.leaf(leaf),
             Node::Add(a, b) => self.pairs(a, b, Scalars::form_add),
             Node::Sub(a, b) => self.pairs(a, b, Scalars::form_sub),
@@ -128,44 +125,13 @@ impl<'g> Lowering<'g> {
                 self.each(a, |g, x| g.div(x, s))
             }
             Node::MulComponents(a, b) => self.pairs(a, b, Scalars::form_mul),
-            Node::DivComponents(a, b) => {
-                let bottom = self.values(b);
-                let top = self.lower(a);
-                top.iter().zip(&bottom).map(|(x, y)| self.scalars.form_map(x, |g, x| g.div(x, *y))).collect()
-            }
+            Node::DivComponents(a, b) => self.quotients(a, b),
             Node::Contract(a, b, axes) => self.contract(a, b, &axes, shape),
             Node::Trace(a, i, j) => self.trace(a, usize::from(i), usize::from(j), shape),
-            Node::Permute(a, perm) => {
-                let inner = self.lower(a);
-                let from = g.shape(a);
-                (0..shape.len())
-                    .map(|q| {
-                        let idx = shape.indices(q);
-                        let mut source = vec![0; perm.len()];
-                        for (k, p) in perm.iter().enumerate() {
-                            source[usize::from(*p)] = idx[k];
-                        }
-                        inner[from.position(&source)].clone()
-                    })
-                    .collect()
-            }
-            Node::Pick(a, fixed) => {
-                let inner = self.lower(a);
-                let fixed: Vec<Option<usize>> = fixed.iter().map(|f| f.map(usize::from)).collect();
-                (0..shape.len()).map(|q| inner[picked_position(g.shape(a), shape, &fixed, q)].clone()).collect()
-            }
+            Node::Permute(a, perm) => self.permuted(a, &perm, shape),
+            Node::Pick(a, fixed) => self.picked(a, &fixed, shape),
             Node::Stack(parts) => parts.iter().map(|p| self.lower(*p).swap_remove(0)).collect(),
-            Node::Map(f, a) => {
-                let x = self.values(a);
-                let y = x
-                    .into_iter()
-                    .map(|x| match f {
-                        Function1::Sqrt => self.scalars.sqrt(x),
-                        Function1::Math(f) => self.scalars.call1(f, x),
-                    })
-                    .collect();
-                self.plain(y)
-            }
+            Node::Map(f, a) => self.mapped(f, a),
             Node::Map2(f, a, b) => {
                 let (x, y) = (self.values(a), self.values(b));
                 let z = x.into_iter().zip(y).map(|(x, y)| self.scalars.call2(f, x, y)).collect();
@@ -178,44 +144,90 @@ impl<'g> Lowering<'g> {
                     .map(|k| self.scalars.form_select(mask[if mask.len() == 1 { 0 } else { k }], &x[k], &y[k]))
                     .collect()
             }
-            Node::Norm(v) => {
-                let p = self.polar(v);
-                let norm = self.scalars.mul(p.largest, p.rho);
-                let zero = self.scalars.constant(0.0);
-                let norm = self.scalars.select(p.is_zero, zero, norm);
-                self.plain(vec![norm])
-            }
+            Node::Norm(v) => self.norm(v),
             Node::Unit(v) => {
                 let unit = self.polar(v).unit;
                 self.plain(unit)
             }
             Node::Ball(v, r) => self.ball(v, r),
-            Node::BallRatio(v, r) => {
-                let p = self.polar(v);
-                let r = self.scalar(r);
-                let s = &mut self.scalars;
-                let over = s.div(r, p.largest);
-                let ratio = s.div(over, p.rho);
-                let one = s.constant(1.0);
-                let zero = s.constant(0.0);
-                let small = s.compare(Compare::LessEqual, ratio, one);
-                let ratio = s.select(small, ratio, one);
-                let ratio = s.select(p.is_zero, zero, ratio);
-                self.plain(vec![ratio])
-            }
-            Node::Det(a) => {
-                let m = self.values(a);
-                let n = g.shape(a).size(0);
-                let all: Vec<usize> = (0..n).collect();
-                let det = self.determinant(&m, n, &all, &all);
-                self.plain(vec![det])
-            }
+            Node::BallRatio(v, r) => self.ball_ratio(v, r),
+            Node::Det(a) => self.det(a),
             Node::Inverse(a) => self.inverse(a),
             Node::Matrix(f, a) => self.matrix(f, a),
             Node::Compare(..) | Node::And(..) | Node::Or(..) | Node::Not(_) | Node::InBall(..) => {
                 panic!("masks are lowered by `mask`")
             }
         }
+    }
+
+    /// The entries of a tensor whose index k is index `perm[k]` of `a`.
+    fn permuted(&mut self, a: ExprId, perm: &[u8], shape: Shape) -> Vec<Form> {
+        let inner = self.lower(a);
+        let from = self.graph.shape(a);
+        let source = |q: usize| {
+            let mut source = vec![0; perm.len()];
+            for (index, p) in shape.indices(q).into_iter().zip(perm) {
+                source[usize::from(*p)] = index;
+            }
+            from.position(&source)
+        };
+        (0..shape.len()).map(|q| inner[source(q)].clone()).collect()
+    }
+
+    /// The entries of `a` where some indices are fixed.
+    fn picked(&mut self, a: ExprId, fixed: &[Option<u16>], shape: Shape) -> Vec<Form> {
+        let inner = self.lower(a);
+        let whole = self.graph.shape(a);
+        let fixed: Vec<Option<usize>> = fixed.iter().map(|f| f.map(usize::from)).collect();
+        (0..shape.len()).map(|q| inner[picked_position(whole, shape, &fixed, q)].clone()).collect()
+    }
+
+    /// A function of each entry.
+    fn mapped(&mut self, f: Function1, a: ExprId) -> Vec<Form> {
+        let x = self.values(a);
+        let one = |x| match f {
+            Function1::Sqrt => self.scalars.sqrt(x),
+            Function1::Math(f) => self.scalars.call1(f, x),
+        };
+        let values = x.into_iter().map(one).collect();
+        self.plain(values)
+    }
+
+    fn quotients(&mut self, a: ExprId, b: ExprId) -> Vec<Form> {
+        let bottom = self.values(b);
+        let top = self.lower(a);
+        top.iter().zip(&bottom).map(|(x, y)| self.scalars.form_map(x, |g, x| g.div(x, *y))).collect()
+    }
+
+    fn det(&mut self, a: ExprId) -> Vec<Form> {
+        let m = self.values(a);
+        let n = self.graph.shape(a).size(0);
+        let all: Vec<usize> = (0..n).collect();
+        let det = self.determinant(&m, n, &all, &all);
+        self.plain(vec![det])
+    }
+
+    fn norm(&mut self, v: ExprId) -> Vec<Form> {
+        let p = self.polar(v);
+        let norm = self.scalars.mul(p.largest, p.rho);
+        let zero = self.scalars.constant(0.0);
+        let norm = self.scalars.select(p.is_zero, zero, norm);
+        self.plain(vec![norm])
+    }
+
+    /// min(r over norm of v, 1), 0 where v is 0.
+    fn ball_ratio(&mut self, v: ExprId, r: ExprId) -> Vec<Form> {
+        let p = self.polar(v);
+        let r = self.scalar(r);
+        let s = &mut self.scalars;
+        let over = s.div(r, p.largest);
+        let ratio = s.div(over, p.rho);
+        let one = s.constant(1.0);
+        let zero = s.constant(0.0);
+        let small = s.compare(Compare::LessEqual, ratio, one);
+        let ratio = s.select(small, ratio, one);
+        let ratio = s.select(p.is_zero, zero, ratio);
+        self.plain(vec![ratio])
     }
 
     /// The entries of a mask.

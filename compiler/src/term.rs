@@ -264,15 +264,8 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
     let slots: Vec<InputSlot> = by_position(&lowering.slots.inputs);
     let uniform_slots: Vec<UniformSlot> = by_position(&lowering.slots.uniforms);
     let changes = changes(env.fields, &lowering.scalars, &slots);
-    let depends = |v: &Val| changes[v.index()];
-    let class = if pairs.values().any(|v| depends(v).unknown) {
-        if kinks.is_empty() { Class::Nonlinear } else { Class::Kinked }
-    } else if pairs.is_empty() && !fluxes.iter().any(|v| depends(v).unknown) {
-        Class::Constant
-    } else {
-        Class::Linear
-    };
-    let tangent_changes_with_step = pairs.values().any(|v| depends(v).step);
+    let class = class_of(&changes, &fluxes, &pairs, !kinks.is_empty());
+    let tangent_changes_with_step = pairs.values().any(|v| changes[v.index()].step);
 
     let mut emitter = Emitter::new(&lowering.scalars, slots.len());
     let residual_outputs: Vec<Val> = fluxes.iter().chain(&codes).copied().collect();
@@ -301,12 +294,20 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
         energy,
         listing,
     };
-    law.symmetric = listing_is_energy(&law) || is_symmetric(&law, &pairs);
+    law.symmetric = law.listing.energy.is_some() || is_symmetric(&law, &pairs);
     law
 }
 
-fn listing_is_energy(law: &TermLaw) -> bool {
-    law.listing.energy.is_some()
+/// How a term with these fluxes and entries depends on the unknowns.
+fn class_of(changes: &[Changes], fluxes: &[Val], entries: &BTreeMap<(u16, u16), Val>, has_kinks: bool) -> Class {
+    let moves = |v: &Val| changes[v.index()].unknown;
+    if entries.values().any(moves) {
+        if has_kinks { Class::Kinked } else { Class::Nonlinear }
+    } else if entries.is_empty() && !fluxes.iter().any(moves) {
+        Class::Constant
+    } else {
+        Class::Linear
+    }
 }
 
 /// Kinks of the residual that move with the unknowns, with their branch codes.

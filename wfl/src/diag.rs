@@ -148,7 +148,7 @@ pub fn one_per_cause(diagnostics: &[Diagnostic], sources: &SourceMap) -> (Vec<Di
             }
         }
     }
-    let told = kept.into_iter().map(|c| with_other_lines(c.first.clone(), (&c.others, c.more), sources)).collect();
+    let told = kept.into_iter().map(|c| with_other_lines(c.first.clone(), &c.others, c.more, sources)).collect();
     (told, by_code.into_iter().map(|(code, (_, more))| (code, more)).filter(|(_, more)| *more > 0).collect())
 }
 
@@ -175,7 +175,8 @@ fn same_cause(a: &Diagnostic, b: &Diagnostic) -> bool {
     of_word || a.is_error() && origin(a).is_some() && origin(a) == origin(b)
 }
 
-fn with_other_lines(d: Diagnostic, (more, further): (&[Span], usize), sources: &SourceMap) -> Diagnostic {
+/// The message with the lines of `more`, and how many `further` places there are.
+fn with_other_lines(d: Diagnostic, more: &[Span], further: usize, sources: &SourceMap) -> Diagnostic {
     /// Lines that are named.
     const NAMED: usize = 12;
     let first = d.labels.first().map(|l| (l.span.source, sources.line_column(l.span).0));

@@ -8,18 +8,16 @@ mod include;
 mod names;
 mod options;
 mod parts;
+mod statements;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
-    ast::{Cond, Expr, Ident, Item, ItemKind, OutputItem, QuadratureRule, RegionExpr, Target, TargetPart},
+    ast::{Cond, Expr, Ident, Item, ItemKind, OutputItem, RegionExpr, Target, TargetPart},
     diag::{Checked, Diagnostic},
     lost::Lost,
     macros::Expander,
-    script::{
-        Condition, Expect, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output, OutputQuantity, Param, Quadrature,
-        Region, ResolvedScript, Solver, Split, Start, StartKind, Steps, Term,
-    },
+    script::{Condition, MacroInfo, OutputQuantity, Region, ResolvedScript},
     source::{SourceId, SourceMap, Span},
     units::check_units,
     walk::{cond_children, each_name as names_of},
@@ -28,7 +26,6 @@ use crate::{
 use include::Includes;
 pub use include::{LIBRARY, Loader, NoFiles, Unloaded};
 use names::{Kind, Names};
-use parts::TransposeOption as _;
 
 /// A value given from outside, such as `gamma=1e4` on the command line.
 #[derive(Clone, Debug, PartialEq)]
@@ -199,135 +196,6 @@ impl<'d> Resolver<'d> {
         parts.iter().for_each(|e| self.note_words(e));
         self.known_words(&parts)?;
         Some(c)
-    }
-
-    fn item(&mut self, item: &'d Item) -> Option<()> {
-        let span = item.span;
-        // a word of the language keeps its meaning; the declaration is told where names are collected
-        if names::declared(item).is_some_and(|(_, name)| !self.names.values.contains_key(&name.name)) {
-            return None;
-        }
-        match &item.kind {
-            ItemKind::Version(_) | ItemKind::Use { .. } | ItemKind::Def(_) => {}
-            ItemKind::Mesh { source, map, options } => {
-                self.once(self.script.mesh.as_ref().map(|m| m.span), "mesh", span)?;
-                let source = self.mesh_source(source);
-                let map = self.optional(map.as_ref());
-                let options = self.options("mesh", options);
-                self.script.mesh = Some(MeshStmt { source: source?, map: map?, options: options?, span });
-            }
-            ItemKind::Region { name, region } => {
-                let region = self.region(region)?;
-                self.script.regions.push(Region { name: name.clone(), region, span });
-            }
-            ItemKind::Mapping { name, kind, options } => {
-                let kind = self.mapping(kind);
-                let options = self.options("mapping", options);
-                self.script.mappings.push(Mapping { name: name.clone(), kind: kind?, options: options?, span });
-            }
-            ItemKind::Param { name, value, unit, domain, text } => {
-                let value = self.expr(value);
-                let domain = domain.as_ref().map(|d| self.domain(d));
-                let (name, unit, text) = (name.clone(), unit.clone(), text.clone());
-                let domain = domain.transpose_option()?;
-                self.script.params.push(Param { name, value: value?, unit, domain, text, overridden: None, span });
-            }
-            ItemKind::Unknown { name, space } => self.field(name, space, Some(FieldKind::Unknown), span)?,
-            ItemKind::Multiplier { name, space, options } => {
-                let kind = self.multiplier(options);
-                self.field(name, space, kind, span)?;
-            }
-            ItemKind::Data { name, space, value } => {
-                let kind = self.data(value.as_ref());
-                self.field(name, space, kind, span)?;
-            }
-            ItemKind::State { name, space, update } => {
-                let kind = self.expr(update).map(|update| FieldKind::State { update });
-                self.field(name, space, kind, span)?;
-            }
-            ItemKind::Split(fields, places) => {
-                let needed = "only unknowns can be split";
-                let known = self.all_fields(fields, needed, |k| k == Kind::Unknown);
-                let (fields, places) = (fields.clone(), self.places(places, false));
-                known.and(places.map(|places| self.script.splits.push(Split { fields, places, span })))?;
-            }
-            ItemKind::Term { energy, name, places, defs, expr } => {
-                self.names.check_locals(defs, &mut self.diagnostics);
-                let places = self.places(places, true);
-                let expr = self.expander.expr_with(expr, defs)?;
-                self.note_words(&expr);
-                self.known_words(&[&expr])?;
-                let (energy, name) = (*energy, name.clone());
-                self.script.terms.push(Term { energy, name, places: places?, expr, span });
-            }
-            ItemKind::Fix { targets, value, places } => {
-                let fix = self.condition(targets, value, places, "fixed", span)?;
-                self.script.fixes.push(fix);
-            }
-            ItemKind::Load { targets, value, places } => {
-                let load = self.condition(targets, value, places, "loaded", span)?;
-                self.script.loads.push(load);
-            }
-            ItemKind::Start { field, value } => {
-                let needed = "only unknowns, multipliers and states have a first value";
-                let known =
-                    self.all_fields(std::slice::from_ref(field), needed, |k| k == Kind::State || is_solved_for(k));
-                let value = self.expr(value)?;
-                known?;
-                let kind = StartKind::Field { field: field.clone(), value };
-                self.script.starts.push(Start { kind, span });
-            }
-            ItemKind::StartFrom { path, path_span } => {
-                let kind = StartKind::File { path: path.clone(), path_span: *path_span };
-                self.script.starts.push(Start { kind, span });
-            }
-            ItemKind::Steps { variable, from, to, by, options } => {
-                self.once(self.script.steps.as_ref().map(|s| s.span), "steps", span)?;
-                let (from, to, by) = (self.expr(from), self.expr(to), self.expr(by));
-                let options = self.options("steps", options)?;
-                let variable = variable.clone();
-                self.script.steps = Some(Steps { variable, from: from?, to: to?, by: by?, options, span });
-            }
-            ItemKind::Solver { name, options } => {
-                self.once(self.script.solver.as_ref().map(|s| s.span), "solver", span)?;
-                let known = self.one_of("solver", name, SOLVERS);
-                let options = self.options("solver", options)?;
-                known?;
-                self.script.solver = Some(Solver { name: name.clone(), options, span });
-            }
-            ItemKind::Quadrature { places, rule } => {
-                let places = self.places(places, false);
-                let rule = match rule {
-                    QuadratureRule::Vertex => QuadratureRule::Vertex,
-                    QuadratureRule::Degree(e) => QuadratureRule::Degree(self.expr(e)?),
-                };
-                self.script.quadratures.push(Quadrature { places: places?, rule, span });
-            }
-            ItemKind::Measure { name, reduction, expr, places } => {
-                let places = self.places(places, true);
-                let expr = self.expr(expr)?;
-                let (name, reduction) = (name.clone(), *reduction);
-                self.script.measures.push(Measure { name, reduction, expr, places: places?, span });
-            }
-            ItemKind::Expect(condition) => {
-                let text = self.sources.snippet(condition.span).to_owned();
-                let condition = self.cond(condition)?;
-                self.script.expects.push(Expect { condition, text, span });
-            }
-            ItemKind::Output { format, file, every, items, along, options } => {
-                let known = self.one_of("output", format, FORMATS);
-                let items: Vec<_> = items.iter().map(|i| self.quantity(i)).collect();
-                let along = along.as_ref().map(|(a, b)| Some((self.expr(a)?, self.expr(b)?)));
-                let every = every.as_ref().map(|e| self.expr(e));
-                let options = self.options("output", options)?;
-                let every = every.transpose_option()?;
-                let (items, along) = (items.into_iter().collect::<Option<_>>()?, along.transpose_option()?);
-                known?;
-                let (format, file) = (format.clone(), file.clone());
-                self.script.outputs.push(Output { format, file, every, items, along, options, span });
-            }
-        }
-        Some(())
     }
 
     /// E424 for the second of a statement that stands once.

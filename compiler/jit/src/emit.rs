@@ -308,19 +308,22 @@ impl<'a, 'f> Body<'a, 'f> {
             Inst::Select(m, a, c) => self.select(*m, *a, *c),
             Inst::Call1(f, a) => self.call_lanes(Shim::One(*f), &[*a]),
             Inst::Call2(f, a, c) => self.call_lanes(Shim::Two(*f), &[*a, *c]),
-            Inst::Part(bundle, part) => {
-                let Emitted::Slot(slot) = self.emitted[bundle.index()] else {
-                    unreachable!("the verifier lets parts read bundles only")
-                };
-                let (pointer, ty) = (self.pointer(), self.width.number());
-                self.b.ins().stack_load(pointer, ty, slot, offset(*part as usize * self.width.lanes()))
-            }
+            Inst::Part(bundle, part) => self.part(*bundle, *part as usize),
             Inst::Matrix { function, n, entries } => {
                 let n = usize::from(*n);
                 return Emitted::Slot(self.matrix(Shim::Matrix(*function), n, function.n_results(n), entries));
             }
         };
         Emitted::Value(value)
+    }
+
+    /// One result of a matrix function.
+    fn part(&mut self, bundle: Val, part: usize) -> Value {
+        let Emitted::Slot(slot) = self.emitted[bundle.index()] else {
+            unreachable!("the verifier lets parts read bundles only")
+        };
+        let (pointer, ty) = (self.pointer(), self.width.number());
+        self.b.ins().stack_load(pointer, ty, slot, offset(part * self.width.lanes()))
     }
 
     /// The value of an operand; loads are made or made again here.

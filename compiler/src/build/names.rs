@@ -9,7 +9,7 @@ use crate::{
     build::Builder,
     graph::{ExprId, Leaf, Role},
     ops,
-    types::{FieldId, FieldKind, FieldOp, PlaceKind, Side},
+    types::{FieldId, FieldKind, FieldOp, PlaceKind, Shape, Side},
 };
 
 impl Builder<'_> {
@@ -116,19 +116,7 @@ impl Builder<'_> {
     /// `u`, `Grad_u`, `Div_Test_u`, `Previous_u`, `Dot_u`, ... on a side.
     pub(crate) fn field_word(&mut self, e: &Expr, name: &str, side: Side) -> Option<ExprId> {
         let word = FieldWord::split(name)?;
-        let Some(field) = self.field_id(word.field) else {
-            if word.has_prefix() && self.env.params.contains_key(word.field) {
-                let what = name.strip_suffix(word.field).unwrap_or(name).trim_end_matches('_').to_owned();
-                let d = if word.role == WordRole::Test || word.role == WordRole::Test2 {
-                    Diagnostic::new("E304", format!("`{}` is a param, it has no test function", word.field))
-                } else {
-                    Diagnostic::new("E106", format!("`{what}_` needs a field name, but `{}` is a param", word.field))
-                };
-                let text = if word.is_test() { "only unknowns and multipliers have one" } else { "" };
-                return self.report(d, e, text);
-            }
-            return self.unknown_name(e, name);
-        };
+        let Some(field) = self.field_id(word.field) else { return self.no_field(e, name, &word) };
         let sig = &self.env.fields[field.index()];
         if word.is_test() && !sig.is_unknown() {
             let kind = if sig.kind == FieldKind::State { "state" } else { "data" };
@@ -176,19 +164,38 @@ impl Builder<'_> {
             leaf = self.graph.divide(change, step);
         }
         if word.op == WordOp::Div {
-            let rank = shape.rank();
-            if rank == 0 && self.env.dim == 1 {
-                // on a line a scalar is a vector of one component
-                return Some(self.graph.entry(leaf, 0));
-            }
-            if rank == 0 || shape.size(rank - 1) != self.env.dim {
+            let Some(divergence) = self.divergence(leaf, shape) else {
                 let d = Diagnostic::new("E108", format!("`{name}` needs as many components as space has dimensions"));
                 let text = format!("`{}` is a {shape}, space has {} dimensions", word.field, self.env.dim);
                 return self.report(d, e, text);
-            }
-            return Some(self.graph.trace(leaf, rank - 1, rank));
+            };
+            return Some(divergence);
         }
         Some(leaf)
+    }
+
+    /// The trace of the gradient of a field of this shape, if it has one.
+    fn divergence(&mut self, gradient: ExprId, shape: Shape) -> Option<ExprId> {
+        let rank = shape.rank();
+        if rank == 0 {
+            // on a line a scalar is a vector of one component
+            return (self.env.dim == 1).then(|| self.graph.entry(gradient, 0));
+        }
+        (shape.size(rank - 1) == self.env.dim).then(|| self.graph.trace(gradient, rank - 1, rank))
+    }
+
+    /// A word that needs a field where there is none of that name.
+    fn no_field(&mut self, e: &Expr, name: &str, word: &FieldWord<'_>) -> Option<ExprId> {
+        if !word.has_prefix() || !self.env.params.contains_key(word.field) {
+            return self.unknown_name(e, name);
+        }
+        if word.is_test() {
+            let d = Diagnostic::new("E304", format!("`{}` is a param, it has no test function", word.field));
+            return self.report(d, e, "only unknowns and multipliers have one");
+        }
+        let what = name.strip_suffix(word.field).unwrap_or(name).trim_end_matches('_');
+        let d = Diagnostic::new("E106", format!("`{what}_` needs a field name, but `{}` is a param", word.field));
+        self.report(d, e, "")
     }
 
     fn lives_here(&mut self, e: &Expr, field: FieldId, side: Side) -> Option<()> {

@@ -28,26 +28,8 @@ impl Builder<'_> {
             let d = Diagnostic::new("E108", "the rows of a matrix must be of one length");
             return self.report(d, e, "");
         }
+        self.one_shape(&parts, rows)?;
         let inner = self.graph.shape(parts[0][0]);
-        for (row, texts) in parts.iter().zip(rows) {
-            for (p, text) in row.iter().zip(texts) {
-                let s = self.graph.shape(*p);
-                // a list beside a number is no entry, whatever its length; so it is in GetFEM
-                let is_list = |e: &Expr| matches!(e.kind, ExprKind::Tensor(_));
-                if is_list(text) != is_list(&rows[0][0]) && (s.is_scalar_like() || inner.is_scalar_like()) {
-                    let d = Diagnostic::new("E108", "the parts of an explicit tensor must be of one shape");
-                    return self.report(
-                        d,
-                        text,
-                        if is_list(text) { "a list beside numbers" } else { "a number beside lists" },
-                    );
-                }
-                if s != inner && !(s.is_scalar_like() && inner.is_scalar_like()) {
-                    let d = Diagnostic::new("E108", "the parts of an explicit tensor must be of one shape");
-                    return self.report(d, text, s.to_string());
-                }
-            }
-        }
         let (m, n) = (parts.len(), parts[0].len());
         // written by rows, stored with the first index fastest; one row and one column are both vectors
         let ordered: Vec<ExprId> = (0..n).flat_map(|j| (0..m).map(move |i| (i, j))).map(|(i, j)| parts[i][j]).collect();
@@ -77,6 +59,31 @@ impl Builder<'_> {
             }
         }
         Some(self.graph.stack(shape, &entries))
+    }
+
+    /// The parts of an explicit tensor are of one shape.
+    fn one_shape(&mut self, parts: &[Vec<ExprId>], rows: &[Vec<Expr>]) -> Option<()> {
+        let inner = self.graph.shape(parts[0][0]);
+        for (row, texts) in parts.iter().zip(rows) {
+            for (p, text) in row.iter().zip(texts) {
+                let s = self.graph.shape(*p);
+                // a list beside a number is no entry, whatever its length; so it is in GetFEM
+                let is_list = |e: &Expr| matches!(e.kind, ExprKind::Tensor(_));
+                if is_list(text) != is_list(&rows[0][0]) && (s.is_scalar_like() || inner.is_scalar_like()) {
+                    let d = Diagnostic::new("E108", "the parts of an explicit tensor must be of one shape");
+                    return self.report(
+                        d,
+                        text,
+                        if is_list(text) { "a list beside numbers" } else { "a number beside lists" },
+                    );
+                }
+                if s != inner && !(s.is_scalar_like() && inner.is_scalar_like()) {
+                    let d = Diagnostic::new("E108", "the parts of an explicit tensor must be of one shape");
+                    return self.report(d, text, s.to_string());
+                }
+            }
+        }
+        Some(())
     }
 
     fn one_arity(&mut self, e: &Expr, parts: &[ExprId]) -> Option<()> {

@@ -10,7 +10,7 @@ use pest::error::{Error, ErrorVariant, InputLocation};
 
 /// The diagnostic for a parse that failed on `masked`, which starts at byte `base` of the source.
 /// `statement` is false for a lone expression.
-pub(super) fn explain(error: &Error<Rule>, masked: &str, (base, id): (usize, SourceId), statement: bool) -> Diagnostic {
+pub(super) fn explain(error: &Error<Rule>, masked: &str, base: usize, id: SourceId, statement: bool) -> Diagnostic {
     let at = match error.location {
         InputLocation::Pos(p) | InputLocation::Span((p, _)) => p,
     };

@@ -4,6 +4,7 @@ use super::*;
 use crate::{
     parse::parse_expr,
     render::render,
+    script::FieldKind,
     testing::{Random, SCENES, codes, show, show_cond, tree, value},
 };
 
