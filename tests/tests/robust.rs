@@ -41,7 +41,7 @@ fn without_halving_the_same_step_fails_and_says_so() {
     let solved = exponential("steps t = 0 to 3 by 1 with halve=0", "100*t", 9);
     assert!(!solved.outcome.converged());
     assert_eq!(solved.outcome.steps.len(), 2, "the run stops at the step that failed");
-    assert!(solved.outcome.steps[1].attempts.is_empty());
+    assert!(solved.outcome.steps[1].parts().is_empty());
 }
 
 #[test]
@@ -50,7 +50,7 @@ fn the_load_of_a_first_step_grows_in_parts() {
     assert!(solved.outcome.converged());
     assert!((solved.measure(0, "reached") - 100f64.ln_1p()).abs() < 1e-9);
     assert!(solved.outcome.steps[0].attempts.iter().all(|a| a.path == Path::Load));
-    assert!(!solved.outcome.steps[0].attempts.is_empty());
+    assert!(!solved.outcome.steps[0].parts().is_empty());
 }
 
 /// A spring with exp(d) - 1 and a damper: each part is an implicit Euler step with its own increment, so the end of
@@ -204,7 +204,7 @@ fn inclined_faults_with_stiff_contact_agree_with_an_independent_program() {
                 assert!((found / value - 1.0).abs() < tolerance, "{slope} {method}: {name} {found} against {value}");
             }
             let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
-            assert!(solved.outcome.steps.iter().all(|s| s.attempts.is_empty()), "{counts:?}");
+            assert!(solved.outcome.steps.iter().all(|s| s.parts().is_empty()), "{counts:?}");
             // friction of 0.4 leaves one state
             assert!(solved.outcome.steps.iter().all(|s| s.others == Others::Unknown), "{method}");
             assert!(counts[0] <= 10 && counts[1..].iter().sum::<usize>() <= 12 * (counts.len() - 1), "{counts:?}");
@@ -228,7 +228,7 @@ fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
         let solved = solve(&examples(), text, &[], &params).expect("the scene is right");
         let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
         assert!(solved.outcome.converged() && counts.iter().all(|n| *n <= 60), "{method}: {counts:?}");
-        assert!(solved.outcome.steps.iter().all(|s| s.attempts.is_empty()), "{method}");
+        assert!(solved.outcome.steps.iter().all(|s| s.parts().is_empty()), "{method}");
         assert!(solved.outcome.warnings.iter().any(|(code, _)| *code == "W609"), "{:?}", solved.outcome.warnings);
         assert!(solved.outcome.steps.iter().any(|s| s.history.turns > 0), "{method}: no path turned round");
         let most = solved.outcome.steps.iter().map(|s| s.others).max();
@@ -282,7 +282,7 @@ fn nearly_incompressible_faults_need_no_more_iterations_than_others() {
                 solve(&examples(), locked(force, element), &[], &[("gamma", gamma)]).expect("the scene is right");
             assert!(solved.outcome.converged(), "{element} {force}");
             let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
-            assert!(solved.outcome.steps.iter().all(|s| s.attempts.is_empty()), "{counts:?}");
+            assert!(solved.outcome.steps.iter().all(|s| s.parts().is_empty()), "{counts:?}");
             (solved, counts)
         };
         let (stiff, _) = run(PENALTY, 1e10);
@@ -436,7 +436,7 @@ fn a_power_law_with_a_multiplier_is_solved_for_every_parameter_of_the_augmentati
         let solved = solve(&examples(), power_law_on_a_floor(p, gamma, ""), &[], &[]).expect("the scene is right");
         assert!(solved.outcome.converged(), "p = {p}, gamma = {gamma}");
         for (k, step) in solved.outcome.steps.iter().enumerate() {
-            assert!(step.attempts.is_empty(), "p = {p}, gamma = {gamma}: {:?}", step.attempts);
+            assert!(step.parts().is_empty(), "p = {p}, gamma = {gamma}: {:?}", step.attempts);
             let (found, exact) = (-solved.measure(k, "force"), force_of_the_floor(p, step.time));
             assert!((found - exact).abs() < 1e-6, "p = {p}, gamma = {gamma}, t = {}: {found}, {exact}", step.time);
         }

@@ -91,7 +91,12 @@ impl Progress for Terminal {
         }
         let contact = i.contact.map_or_else(String::new, |c| format!("  open {} slip {} stick {}", c[0], c[1], c[2]));
         let step = if i.step < 1.0 { format!("  step {}", i.step) } else { String::new() };
-        self.line(&format!("  {:>3}  residual {:.3e}{contact}{step}", i.number, i.residual));
+        let changed = if i.changed > 0 { format!("  changed {}", i.changed) } else { String::new() };
+        let method = i.method.name();
+        self.line(&format!(
+            "  {:>3}  {method:<12} residual {:.3e}  merit {:.3e}{contact}{changed}{step}",
+            i.number, i.residual, i.merit
+        ));
     }
 
     fn printed(&mut self, term: &str, _origin: Option<Origin>, x: [f64; 3], value: &[f64]) {
@@ -123,7 +128,7 @@ impl Progress for Terminal {
             self.line(&format!(
                 "t = {:<8} {:>2} iterations  residual {residual:.1e} ({word}){contact}",
                 step.time,
-                step.history.n_iterations()
+                step.iterations()
             ));
         }
     }
@@ -131,10 +136,10 @@ impl Progress for Terminal {
 
 /// A line about a step that one attempt did not solve.
 fn parts(step: &StepResult) -> Option<String> {
-    let solved: Vec<&Attempt> = step.attempts.iter().filter(|a| a.end == AttemptEnd::Converged).collect();
-    let failed = step.attempts.len() - solved.len();
-    let path = step.attempts.first()?.path;
-    let smallest = step.attempts.iter().map(|a| a.part.1 - a.part.0).fold(1.0, f64::min);
+    let solved: Vec<&Attempt> = step.parts().iter().filter(|a| a.end == AttemptEnd::Converged).collect();
+    let failed = step.parts().len() - solved.len();
+    let path = step.parts().first()?.path;
+    let smallest = step.parts().iter().map(|a| a.part.1 - a.part.0).fold(1.0, f64::min);
     let what = match path {
         Path::Steps => "the increment",
         Path::Load => "the load of this first step",

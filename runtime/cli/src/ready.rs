@@ -66,7 +66,9 @@ pub(crate) fn ready(
     parse_seconds: f64,
     started: Instant,
 ) -> Result<Ready, String> {
+    let begin = Instant::now();
     let found = before_run(loaded, scene);
+    let check_seconds = begin.elapsed().as_secs_f64();
     let refused = args.strict && found.iter().any(|d| d.code == "W503");
     loaded.messages.extend(found);
     if refused {
@@ -88,6 +90,7 @@ pub(crate) fn ready(
         precision: args.precision,
         version: VERSION.to_owned(),
         parse_seconds,
+        check_seconds,
         started,
         warnings: loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
         about: loaded.about(),

@@ -61,8 +61,6 @@ pub struct StepHistory {
     pub solves: Vec<SolveReport>,
     /// Why it ended.
     pub stop: Option<Stop>,
-    /// Where the time went.
-    pub seconds: Seconds,
     /// The equations are singular where all unknowns are zero, so the step began from a state displaced a little.
     pub displaced: bool,
     /// How often the path that led to the state turned round ([`super`]): between kinks the load went down, so that there
@@ -73,17 +71,6 @@ pub struct StepHistory {
     pub refined: usize,
     /// See [`Self::refined`].
     pub correction: Option<f64>,
-}
-
-/// Seconds spent in the parts of an iteration.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Seconds {
-    /// Residuals and tangents.
-    pub assemble: f64,
-    /// Factorisations.
-    pub factor: f64,
-    /// Solutions.
-    pub solve: f64,
 }
 
 impl StepHistory {
@@ -99,7 +86,7 @@ impl StepHistory {
         matches!(self.stop, Some(Stop::Tolerance | Stop::Floor | Stop::Given))
     }
 
-    /// Newton steps taken.
+    /// Iterations of the attempt that this history is of; what a step took is listed with its attempts.
     #[must_use]
     pub fn n_iterations(&self) -> usize {
         self.iterations.len().saturating_sub(1)

@@ -47,11 +47,11 @@ fn linear_response(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Result<O
     let moved = system.residual(&part, &form)?.values;
     let here = system.residual(from, &form)?.values;
     step.assemble_tangent(from, frozen)?;
-    step.solver.update(system, step.tangent, step.contact.is_as_written())?;
+    step.factor()?;
     let force: Vec<f64> = here.iter().zip(&moved).map(|(r, m)| -r - (m - r) / PART).collect();
     let (mut rhs, mut direction) = (Vec::new(), Vec::new());
     system.numbering.gather(&force, &mut rhs);
-    step.solver.solve(&rhs, &mut direction, LEFT)?;
+    step.solve(&rhs, &mut direction, LEFT)?;
     let mut found = u.to_vec();
     system.numbering.advance(u, &direction, 1.0, &mut found);
     Ok(Some(found))

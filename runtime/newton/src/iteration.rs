@@ -1,7 +1,5 @@
 //! The iterations of one attempt at a step.
 
-use std::time::Instant;
-
 use super::{
     Evaluated, LoadStep, Method, NewtonError, StepHistory, Stop,
     line_search::LineSearch,
@@ -43,13 +41,11 @@ pub(super) fn iterate(
 ) -> Result<StepHistory, NewtonError> {
     step.linear = LinearTerms::ByMatrix;
     step.contact.set_overstress(0.0);
-    let begin = Instant::now();
     let schedule = Schedule::new(step, u);
     step.contact.set_compliant(schedule.method() == Method::Compliance);
     let norm = Norm { weights: vec![1.0; step.system.fields.len()], frozen: schedule.freezes() };
     let here = step.measure(u, &norm)?;
     let mut history = StepHistory::default();
-    history.seconds.assemble += begin.elapsed().as_secs_f64();
     step.record(&mut history, &here, Done { method: Method::Start, step: 1.0, changed: 0 });
     let (best, start) = ((here.relative, u.to_vec()), Vec::new());
     let mut attempt = Attempt { u, start, here, norm, schedule, path: None, best, direction: Vec::new(), history };
@@ -125,7 +121,6 @@ impl Attempt<'_> {
     /// Brings contact to the method of this iteration and assembles the tangent; `left` says that the last method was
     /// left for an error.
     fn prepare(&mut self, step: &mut LoadStep<'_>, left: bool) -> Result<(), NewtonError> {
-        let begin = Instant::now();
         let is_new = self.schedule.next(&self.history) | left;
         step.contact.set_friction(self.schedule.friction());
         if is_new {
@@ -134,7 +129,6 @@ impl Attempt<'_> {
         step.assemble_tangent(self.u, self.norm.frozen)?;
         self.norm.weights = step.weights();
         self.here.norm = step.weighted_norm(&self.here.residual, &self.norm.weights);
-        self.history.seconds.assemble += begin.elapsed().as_secs_f64();
         Ok(())
     }
 
@@ -190,7 +184,6 @@ impl Attempt<'_> {
 
     /// Takes the step of this iteration; `followed` is where a path has led.
     fn advance(&mut self, step: &mut LoadStep<'_>, followed: Option<(f64, Measured)>) -> Result<(), NewtonError> {
-        let begin = Instant::now();
         let mut changed = 0;
         let alpha = if let Some((part, next)) = followed {
             self.here = next;
@@ -213,7 +206,6 @@ impl Attempt<'_> {
             }
             alpha
         };
-        self.history.seconds.assemble += begin.elapsed().as_secs_f64();
         let done = Done { method: self.schedule.method(), step: alpha, changed };
         step.record(&mut self.history, &self.here, done);
         if self.here.relative < self.best.0 {

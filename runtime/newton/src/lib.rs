@@ -21,9 +21,9 @@ mod refinement;
 mod schedule;
 
 pub use error::{NewtonError, Singular};
-pub use history::{Iteration, Seconds, StepHistory, Stop};
+pub use history::{Iteration, StepHistory, Stop};
 pub use linear_solver::{LinearSolver, condenses, shares_forces};
-pub use load_step::LoadStep;
+pub use load_step::{LoadStep, Spent};
 pub use schedule::Method;
 
 use wfl_discrete::assemble::TermError;

@@ -111,7 +111,7 @@ impl LineSearch<'_> {
         }
         let (mut rhs, mut correction) = (Vec::new(), Vec::new());
         step.system.numbering.gather(&found.residual, &mut rhs);
-        step.solver.solve(&rhs, &mut correction, LARGEST_FORCING)?;
+        step.solve(&rhs, &mut correction, LARGEST_FORCING)?;
         let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         Ok(norm(&correction) / norm(self.direction))
     }

@@ -9,6 +9,7 @@ use wfl_compiler::types::FieldKind;
 use wfl_contact::Contact;
 use wfl_discrete::finite::largest as largest_of;
 use wfl_discrete::system::{Branches, FIXED, Form, LinearTerms, Residual, System, Tangent};
+use wfl_sparse::solve::SolveReport;
 
 /// The rounding floor in units of roundoff times |K||u|.
 const FLOOR_FACTOR: f64 = 4.0;
@@ -31,6 +32,19 @@ pub struct LoadStep<'a> {
     pub options: NewtonOptions,
     /// What is told of each iteration.
     pub watch: &'a mut dyn Watch,
+    /// What was spent on the step so far, attempts that failed included.
+    pub spent: Spent,
+}
+
+/// What a step costs.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spent {
+    /// Linear systems that were solved: corrections, predictors, merits and paths.
+    pub linear_solves: usize,
+    /// Seconds of factorisations.
+    pub factor: f64,
+    /// Seconds of solutions with a factor.
+    pub solve: f64,
 }
 
 /// A residual with its measures.
@@ -177,17 +191,29 @@ impl LoadStep<'_> {
         direction: &mut Vec<f64>,
         history: &mut StepHistory,
     ) -> Result<(), NewtonError> {
-        let begin = Instant::now();
-        self.solver.update(self.system, self.tangent, self.contact.is_as_written())?;
-        history.seconds.factor += begin.elapsed().as_secs_f64();
-        let begin = Instant::now();
+        self.factor()?;
         let mut rhs = Vec::new();
         self.system.numbering.gather(residual, &mut rhs);
         rhs.iter_mut().for_each(|r| *r = -*r);
-        let report = self.solver.solve(&rhs, direction, unseen)?;
-        history.solves.push(report);
-        history.seconds.solve += begin.elapsed().as_secs_f64();
+        history.solves.push(self.solve(&rhs, direction, unseen)?);
         Ok(())
+    }
+
+    /// Hands the tangent to the linear solver.
+    pub(super) fn factor(&mut self) -> Result<(), NewtonError> {
+        let begin = Instant::now();
+        let result = self.solver.update(self.system, self.tangent, self.contact.is_as_written());
+        self.spent.factor += begin.elapsed().as_secs_f64();
+        Ok(result?)
+    }
+
+    /// Solves with the factor at hand, over the free dofs.
+    pub(super) fn solve(&mut self, rhs: &[f64], x: &mut Vec<f64>, unseen: f64) -> Result<SolveReport, NewtonError> {
+        let begin = Instant::now();
+        let result = self.solver.solve(rhs, x, unseen);
+        self.spent.solve += begin.elapsed().as_secs_f64();
+        self.spent.linear_solves += 1;
+        Ok(result?)
     }
 
     /// `u = start + alpha * direction`, the direction by free number.

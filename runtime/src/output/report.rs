@@ -193,15 +193,21 @@ pub struct Timings {
     pub compile: f64,
     /// Reading or generating the mesh.
     pub mesh: f64,
-    /// Residuals and tangents.
+    /// Looking at the scene before the run, and at each converged state.
+    #[serde(default)]
+    pub check: f64,
+    /// Residuals and tangents, and what contact does with them.
     pub assemble: f64,
     /// Factorisations.
     pub factor: f64,
     /// Solutions with a factorised system.
     pub solve: f64,
-    /// Writing results.
+    /// Measures, states and prints.
+    #[serde(default)]
+    pub measure: f64,
+    /// Writing results, as far as the run waits for it.
     pub write: f64,
-    /// From start to end; more than the sum of the others.
+    /// From start to end: the sum of the others but for about a hundredth.
     pub total: f64,
 }
 
@@ -394,8 +400,8 @@ mod tests {
             r#""fabric":[[1.0],[0.5]]},"#,
             r#""mesh":{"dim":2,"cells":8,"nodes":15,"kinds":{"quadrilateral":8},"source":"box"},"#,
             r#""dofs":30,"threads":2,"peak_memory_bytes":null,"#,
-            r#""timings":{"parse":0.0,"compile":0.0,"mesh":0.0,"assemble":0.0,"factor":0.0,"#,
-            r#""solve":0.0,"write":0.0,"total":0.0},"#,
+            r#""timings":{"parse":0.0,"compile":0.0,"mesh":0.0,"check":0.0,"assemble":0.0,"factor":0.0,"#,
+            r#""solve":0.0,"measure":0.0,"write":0.0,"total":0.0},"#,
             r#""steps":[{"t":0.1,"converged":true,"stop":"maxit","iterations":2,"#,
             r#""residual":[1.0,null,0.3333333333333333],"#,
             r#""contact":{"open":1,"slip":2,"stick":3},"measures":{"force":-5e-324}}],"#,

@@ -139,7 +139,7 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, identity: Hash) -> C
     w.count(run.stepper.level as usize);
     w.count(run.stepper.easy as usize);
     let c = run.clock;
-    w.numbers(&[c.assemble, c.factor, c.solve, c.write]);
+    w.numbers(&[c.assemble, c.factor, c.solve, c.write, c.check, c.measure]);
     Content { state: w.bytes, entry, at }
 }
 
@@ -227,8 +227,8 @@ fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Foun
         reference: Reference { values: r.numbers()?, groups: r.list(|r| r.list(Reader::small))?, whole: r.count()? },
     };
     let (level, easy) = (r.small()?, r.small()?);
-    let [assemble, factor, solve, write] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-    let clock = Clock { assemble, factor, solve, write };
+    let [assemble, factor, solve, write, check, measure] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let clock = Clock { assemble, factor, solve, write, check, measure };
     r.end()?;
     Ok(Found { steps, u, memory, solver, level, easy, clock, log })
 }

@@ -71,6 +71,8 @@ pub struct RunOptions {
     pub version: String,
     /// Seconds spent on parsing before.
     pub parse_seconds: f64,
+    /// Seconds spent on looking at the scene before.
+    pub check_seconds: f64,
     /// Start of the process.
     pub started: Instant,
     /// Warnings to keep in the report.
@@ -97,6 +99,7 @@ impl RunOptions {
             precision: Precision::Auto,
             version: String::new(),
             parse_seconds: 0.0,
+            check_seconds: 0.0,
             started,
             warnings: Vec::new(),
             about: About::default(),
@@ -136,7 +139,7 @@ pub struct StepResult {
     pub increment: f64,
     /// What Newton did in the last part.
     pub history: StepHistory,
-    /// Every attempt at a part of the step, where one was not enough.
+    /// Every attempt at a part of the step; none for a state that is given.
     pub attempts: Vec<Attempt>,
     /// What finite precision leaves of the unknowns, where a tangent was solved and the step converged.
     pub accuracy: Option<Accuracy>,
@@ -159,6 +162,18 @@ pub struct StepResult {
 }
 
 impl StepResult {
+    /// Linear systems that were solved for the step: predictors and attempts that came to nothing included.
+    #[must_use]
+    pub fn iterations(&self) -> usize {
+        self.attempts.iter().map(|a| a.iterations).sum()
+    }
+
+    /// The attempts where one was not enough.
+    #[must_use]
+    pub fn parts(&self) -> &[Attempt] {
+        if self.attempts.len() > 1 { &self.attempts } else { &[] }
+    }
+
     /// Iterations of the attempts that came to nothing; 0 where one attempt was enough.
     #[must_use]
     pub fn fruitless(&self) -> usize {
@@ -245,16 +260,13 @@ pub enum RunError {
     Checkpoint(#[from] CheckpointError),
 }
 
-/// Tells the iterations of an attempt, and counts them.
+/// Tells the iterations of an attempt.
 struct Forward<'p> {
     progress: &'p mut dyn Progress,
-    iterations: usize,
 }
 
 impl Watch for Forward<'_> {
     fn iteration(&mut self, iteration: &Iteration) {
-        // 0 is the start
-        self.iterations += usize::from(iteration.number > 0);
         self.progress.iteration(iteration);
     }
 }
@@ -277,6 +289,7 @@ pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress)
 }
 
 fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress) -> Result<Outcome, RunError> {
+    let begin = Instant::now();
     let dir = match &options.out {
         Some(path) => Some(OutputDir::open(path)?),
         None => None,
@@ -307,6 +320,7 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
             progress.resumed(run.steps.last());
         }
     }
+    run.clock.write += begin.elapsed().as_secs_f64();
     let ended = run.all_steps(scene, options, &mut files, progress);
     let done = run.steps.len() == scene.steps.values.len() && run.steps.iter().all(|s| s.history.converged());
     let finished = match ended {
@@ -347,6 +361,8 @@ struct Clock {
     factor: f64,
     solve: f64,
     write: f64,
+    check: f64,
+    measure: f64,
 }
 
 /// The state of a run between two steps.
@@ -491,12 +507,15 @@ impl Run {
         let (history, attempts) = (reached.history, reached.attempts);
         // the equations are those of the old states; a state that is given has nothing to judge
         let solved = history.converged() && history.stop != Some(Stop::Given);
+        let begin = Instant::now();
         let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
         let judged = judged.map_err(|error| wrap(self, scene, error.into()))?;
         let Judged { accuracy, checks, others, residual } = judged;
         let branches = if solved { residual.branches } else { self.branches(scene) };
         let before = before.filter(|_| solved);
         let friction = before.and_then(|before| friction_work(&scene.system, &scene.contact, &before, &self.u));
+        self.clock.check += begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
         self.stepper.renew(scene);
         let (u, increment) = (&self.u, reached.increment);
         let Scene { prints, system, measures: asked, .. } = &mut *scene;
@@ -522,6 +541,7 @@ impl Run {
         }
         bad_prints.into_iter().for_each(|bad| self.add_bad(bad));
         let state = self.u.clone();
+        self.clock.measure += begin.elapsed().as_secs_f64();
         Ok(StepResult {
             time,
             increment,

@@ -73,9 +73,11 @@ pub(super) fn report(
         parse: options.parse_seconds,
         compile: scene.times.compile,
         mesh: scene.times.mesh,
+        check: options.check_seconds + clock.check,
         assemble: clock.assemble,
         factor: clock.factor,
         solve: clock.solve,
+        measure: clock.measure,
         write: clock.write,
         total: options.started.elapsed().as_secs_f64(),
     };
@@ -204,7 +206,7 @@ fn step_report(step: &StepResult) -> StepReport {
             Some(Stop::Given) => output::Stop::Given,
             _ => output::Stop::Maxit,
         },
-        iterations: history.n_iterations() as u64,
+        iterations: step.iterations() as u64,
         floor: history.iterations.last().map(|i| Real(i.floor)),
         digits: step.accuracy.as_ref().map(|a| Real(a.digits())),
         residual: history.iterations.iter().map(|i| Real(i.residual)).collect(),
@@ -215,7 +217,7 @@ fn step_report(step: &StepResult) -> StepReport {
         }),
         friction_work: step.friction.map(|f| Real(f.taken)),
         measures,
-        attempts: step.attempts.iter().map(attempt_report).collect(),
+        attempts: step.parts().iter().map(attempt_report).collect(),
     }
 }
 

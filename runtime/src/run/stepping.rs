@@ -18,7 +18,7 @@ use thiserror::Error;
 
 use crate::{
     checks::explained,
-    newton::{LinearSolver, LoadStep, NewtonError, StepHistory, solve_step},
+    newton::{LinearSolver, LoadStep, NewtonError, Spent, StepHistory, solve_step},
     run::{Clock, Forward, Progress, memory::Memory},
     scene::Scene,
     solve::SolverOptions,
@@ -77,7 +77,7 @@ pub struct Attempt {
     pub path: Path,
     /// Start and end of the part; 0 is the start of the step, 1 its end.
     pub part: (f64, f64),
-    /// Newton iterations.
+    /// Linear systems that were solved in it, predictors included.
     pub iterations: usize,
     /// What came of it.
     pub end: AttemptEnd,
@@ -100,7 +100,7 @@ pub(super) struct Reached {
     pub(super) history: StepHistory,
     /// The last increment of the step variable.
     pub(super) increment: f64,
-    /// Every attempt, if there was more than one.
+    /// Every attempt.
     pub(super) attempts: Vec<Attempt>,
 }
 
@@ -129,8 +129,8 @@ pub(super) struct Stepper {
     /// Parts of this size that converged in a row.
     pub(super) easy: u32,
     solver_options: SolverOptions,
-    /// Iterations of the last attempt.
-    iterations: usize,
+    /// What the last attempt cost.
+    spent: Spent,
     /// The states after the last part that converged, not taken over yet.
     next_states: Vec<Vec<f64>>,
 }
@@ -144,7 +144,7 @@ impl Stepper {
             level: 0,
             easy: 0,
             solver_options,
-            iterations: 0,
+            spent: Spent::default(),
             next_states: Vec::new(),
         }
     }
@@ -219,7 +219,7 @@ impl Stepper {
                     if path == Path::Load && load.is_none() {
                         load = load_start(&scene.system, u);
                     }
-                    fruitless += self.iterations;
+                    fruitless += self.spent.linear_solves;
                     let patient = fruitless <= FRUITLESS * scene.newton.max_iterations;
                     let stuck = !patient || self.level == halve || (path == Path::Load && load.is_none());
                     if !stuck {
@@ -254,10 +254,7 @@ impl Stepper {
         }
     }
 
-    fn reached(&mut self, path: Path, history: StepHistory, increment: f64, mut attempts: Vec<Attempt>) -> Reached {
-        if attempts.len() == 1 {
-            attempts.clear();
-        }
+    fn reached(&mut self, path: Path, history: StepHistory, increment: f64, attempts: Vec<Attempt>) -> Reached {
         if path == Path::Load {
             // parts of a load say nothing about increments of the step variable
             (self.level, self.easy) = (0, 0);
@@ -274,7 +271,7 @@ impl Stepper {
         progress: &mut dyn Progress,
     ) -> Result<StepHistory, StepError> {
         let (time, increment) = (target.time, target.increment);
-        self.iterations = 0;
+        self.spent = Spent::default();
         self.prepare(scene, (time, increment), clock, progress)?;
         let from = u.to_vec();
         scene.prescribed.apply(time, increment, u).map_err(|bad| NewtonError::Given(Box::new(bad)))?;
@@ -283,7 +280,8 @@ impl Stepper {
             scene.system.numbering.part_of_prescribed(&start.u, s, u);
             offset.extend(start.residual.iter().map(|r| (s - 1.0) * r));
         }
-        let mut watch = Forward { progress, iterations: 0 };
+        let begin = Instant::now();
+        let mut watch = Forward { progress };
         let mut step = LoadStep {
             system: &scene.system,
             contact: &mut scene.contact,
@@ -293,16 +291,16 @@ impl Stepper {
             linear: LinearTerms::ByMatrix,
             options: scene.newton,
             watch: &mut watch,
+            spent: Spent::default(),
         };
         let result = solve_step(&mut step, &from, u);
-        self.linear = step.linear;
-        self.iterations = watch.iterations;
+        (self.linear, self.spent) = (step.linear, step.spent);
+        clock.factor += self.spent.factor;
+        clock.solve += self.spent.solve;
+        clock.assemble += begin.elapsed().as_secs_f64() - self.spent.factor - self.spent.solve;
         let history = result.map_err(|error| self.explained(scene, error, u))?;
         // whatever the method, a state that is written, measured or gone on from is finite
         scene.system.check_finite("value", u, u).map_err(NewtonError::from)?;
-        clock.assemble += history.seconds.assemble;
-        clock.factor += history.seconds.factor;
-        clock.solve += history.seconds.solve;
         // parts of a load lead to the first state, they are none themselves
         if history.converged() && target.load.is_none() {
             self.next_states = next_states(scene, time, increment, u)?;
@@ -317,11 +315,12 @@ impl Stepper {
         (position, end, whole): (u64, u64, u64),
         result: &Result<StepHistory, StepError>,
     ) -> Attempt {
-        let (iterations, end_of_it) = match result {
-            Ok(h) if h.converged() => (h.n_iterations(), AttemptEnd::Converged),
-            Ok(h) => (h.n_iterations(), AttemptEnd::NotConverged),
-            Err(e) => (self.iterations, AttemptEnd::Failed(e.to_string())),
+        let end_of_it = match result {
+            Ok(h) if h.converged() => AttemptEnd::Converged,
+            Ok(_) => AttemptEnd::NotConverged,
+            Err(e) => AttemptEnd::Failed(e.to_string()),
         };
+        let iterations = self.spent.linear_solves;
         Attempt { path, part: (part((position, whole)), part((end, whole))), iterations, end: end_of_it }
     }
 

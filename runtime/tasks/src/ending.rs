@@ -85,7 +85,7 @@ fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said>
         let mut text = format!(
             "error[E603]: step t = {} did not converge in {} iterations: residual {residual:.1e}\n",
             step.time,
-            step.history.n_iterations()
+            step.iterations()
         );
         if step.fruitless() > FRUITLESS * scene.newton.max_iterations {
             text += &format!(
@@ -213,7 +213,7 @@ pub fn summary(out: Option<&Path>, outcome: &Outcome) -> String {
     let report = &outcome.report;
     let mut text = String::new();
     let good = outcome.steps.iter().filter(|s| s.history.converged()).count();
-    let iterations: usize = outcome.steps.iter().map(|s| s.history.n_iterations()).sum();
+    let iterations: usize = outcome.steps.iter().map(|s| s.iterations()).sum();
     text += &format!(
         "{}: {} unknowns, {good} of {} steps converged, {iterations} iterations\n",
         report.scene,
@@ -234,8 +234,8 @@ pub fn summary(out: Option<&Path>, outcome: &Outcome) -> String {
         1e3 * t.compile
     );
     text += &format!(
-        "  time {:.3} s: mesh {:.3}, assemble {:.3}, factor {:.3}, solve {:.3}, write {:.3}\n",
-        t.total, t.mesh, t.assemble, t.factor, t.solve, t.write
+        "  time {:.3} s: mesh {:.3}, check {:.3}, assemble {:.3}, factor {:.3}, solve {:.3}, measure {:.3}, write {:.3}\n",
+        t.total, t.mesh, t.check, t.assemble, t.factor, t.solve, t.measure, t.write
     );
     if let Some(out) = out {
         text += &format!("  results in {}\n", out.display());

@@ -238,7 +238,7 @@ fn options(job: &Job<'_>) -> RunOptions {
 
 /// How a run ended; `doubt` is a warning from before.
 fn judge(outcome: &Outcome, doubt: Option<String>) -> Trial {
-    let iterations = outcome.steps.iter().map(|s| s.history.n_iterations()).sum();
+    let iterations = outcome.steps.iter().map(|s| s.iterations()).sum();
     let converged = outcome.steps.iter().filter(|s| s.history.converged());
     let steps = converged.clone().count();
     let mut finite = converged.flat_map(|s| s.state.iter().copied().chain(s.measures.iter().map(|m| m.1)));

@@ -28,7 +28,7 @@ pub struct Audit {
 /// A term without a finite value at one of the states.
 pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, String> {
     let reads_past = scene.system.known.previous.is_some() || !scene.states.is_empty();
-    if reads_past && steps.iter().any(|s| !s.attempts.is_empty()) {
+    if reads_past && steps.iter().any(|s| !s.parts().is_empty()) {
         return Ok(None);
     }
     let mut audit = Audit::default();

@@ -133,15 +133,11 @@ fn times(row: &mut Row, solved: &Solved) {
 fn costs(row: &mut Row, solved: &Solved) {
     let report = &solved.outcome.report;
     let steps = &solved.outcome.steps;
-    let newton = |s: &wfl_runtime::StepResult| {
-        let parts: usize = s.attempts.iter().map(|a| a.iterations).sum();
-        parts.max(s.history.n_iterations())
-    };
     row.set("solver", report.solver.clone().unwrap_or_default());
     row.number("dofs", report.dofs as f64);
     row.number("cells", report.mesh.cells as f64);
     row.number("steps", steps.len() as f64);
-    row.number("iterations", steps.iter().map(newton).sum::<usize>() as f64);
+    row.number("iterations", steps.iter().map(wfl_runtime::StepResult::iterations).sum::<usize>() as f64);
     row.number("factorisations", report.factorisations as f64);
     let residual = |s: &wfl_runtime::StepResult| s.history.iterations.last().map(|i| i.residual);
     if let Some(largest) = steps.iter().filter_map(residual).max_by(f64::total_cmp) {
