@@ -35,7 +35,7 @@ pub use savings::{SavingError, savings};
 pub use scene::{
     CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions,
     RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity,
-    contact_forms, n_files, prepare, prepare_keeping,
+    contact_forms, n_files, negative_bodies, prepare, prepare_keeping,
 };
 pub use solve::SolverMemory;
 pub use system::{

@@ -37,7 +37,7 @@ pub struct NegativeBody {
 }
 
 /// The fields whose terms on cells are not positive definite at the state without displacement, each with the most
-/// negative point that was looked at; call after the first [`System::begin_step`].
+/// negative point that was looked at; its laws at a step.
 #[must_use]
 pub fn negative_bodies(system: &System) -> Vec<NegativeBody> {
     let zero = vec![0.0; system.numbering.n_dofs];

@@ -2,25 +2,40 @@
 
 use super::Scene;
 use crate::{
+    checks::{self, NegativeBody},
     consistency::{self, ContactForm},
     contact::{Coercivity, coercivity as of_contact},
     system::{System, SystemError},
 };
 
 /// The parameter of each Nitsche term of a scene against the smallest for which the method is coercive, at its first
-/// step.
+/// step. Nothing is assembled.
 ///
 /// # Errors
-/// [`SystemError`] where a term or a known field has no finite value.
+/// [`SystemError`] where a known field has no finite value.
 pub fn coercivity(scene: &mut Scene) -> Result<Vec<Coercivity>, SystemError> {
+    begin_first_step(scene)?;
+    Ok(of_contact(&scene.system, &scene.contact))
+}
+
+/// The fields of a scene whose terms on cells are not positive definite, at its first step. Nothing is assembled.
+///
+/// # Errors
+/// [`SystemError`] where a known field has no finite value.
+pub fn negative_bodies(scene: &mut Scene) -> Result<Vec<NegativeBody>, SystemError> {
+    begin_first_step(scene)?;
+    Ok(checks::negative_bodies(&scene.system))
+}
+
+/// Brings known fields and laws to the first step.
+fn begin_first_step(scene: &mut Scene) -> Result<(), SystemError> {
     let values = &scene.steps.values;
     let time = values.first().copied().unwrap_or(0.0);
     let increment = values.get(1).map_or(0.0, |next| next - time);
     set_data(scene, time, increment)?;
-    // nothing is assembled that the run would not assemble; its first step does so again where that is needed
-    scene.system.begin_step(time, increment)?;
+    scene.system.set_laws(time, increment);
     scene.contact.begin_step(time, increment);
-    Ok(of_contact(&scene.system, &scene.contact))
+    Ok(())
 }
 
 /// Judges the contact terms of a scene, at its last step.

@@ -65,7 +65,7 @@ use crate::{
 
 use batch::Batch;
 pub use constraints::Prescribed;
-pub use data::{coercivity, contact_forms};
+pub use data::{coercivity, contact_forms, negative_bodies};
 pub(crate) use data::{node_positions, set_data};
 pub use held::Printed;
 pub use inputs::InputFile;

@@ -1,17 +1,14 @@
 //! W611 for bodies that are not positive definite.
 
 use wfl::Diagnostic;
-use wfl_runtime::{NegativeBody, Scene, checks::negative_bodies, coercivity, finite};
+use wfl_runtime::{NegativeBody, Scene, finite, negative_bodies};
 
 use crate::Loaded;
 
 /// W611 for each field whose terms on cells are not positive definite at the first step.
 pub(super) fn bodies(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
-    // brings the terms to the first step; where one has no finite value, the run itself says so with the place
-    if coercivity(scene).is_err() {
-        return Vec::new();
-    }
-    negative_bodies(&scene.system).iter().map(|body| told(loaded, body)).collect()
+    // where a known field has no finite value, the run itself says so with the place
+    negative_bodies(scene).unwrap_or_default().iter().map(|body| told(loaded, body)).collect()
 }
 
 fn told(loaded: &Loaded, body: &NegativeBody) -> Diagnostic {
