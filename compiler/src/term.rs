@@ -230,7 +230,10 @@ fn kink_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnostic> {
             && x != y
             && let Some(origin) = g.origin(e)
         {
-            let d = Diagnostic::new("W501", "a step in an unknown has derivative 0: Newton does not see it");
+            let d = Diagnostic::new(
+                "W501",
+                "a discontinuity in an unknown has derivative 0: Newton's method does not see it",
+            );
             out.push(locate(d, origin, env.expansions, "jumps where its argument changes sign"));
         }
     }

@@ -1,9 +1,9 @@
-//! Solutions of one scene compared: how far two runs are apart, quantity by quantity.
+//! Comparison of two solutions of one scene, quantity by quantity.
 //!
-//! Differences are relative, in norms over the points of the run that is compared with: `L2` and `H1` of all unknowns
-//! on cells, the outputs that live on contact faces (traction, slip, …) by name, measures of the last step by name.
-//! Promises that a point which the other mesh does not have is counted: with too many of them there is no number. Does
-//! not know which of two runs is better.
+//! Differences are relative, in norms over the points of the reference run: `L2` and `H1` of all unknowns on cells, the
+//! outputs on contact faces (traction, slip, …) by name, measures of the last step by name. Promises: a point that the
+//! other mesh does not have is counted; with too many of them there is no number. Does not know which of two runs is
+//! better.
 
 use wfl::{
     FieldKind, Output, OutputQuantity, ResolvedScript, Span,

@@ -1,11 +1,11 @@
-//! Knobs: what is changed in a scene before it is prepared. One mechanism for sweeps and for a wanted accuracy.
+//! Knobs: what is changed in a scene before it is prepared. One mechanism for sweeps and for a demanded accuracy.
 //!
 //! A knob that is a parameter of the scene replaces its value, as on the command line of `wfl run`. Others change
 //! statements: `h`, `refine` and `cells` the mesh, `degree` the unknowns on cells (multipliers stay as they are),
-//! `quadrature` the rule of the terms with kinks, `tol`, `max_iter` and `search` the iterations, `solver` how systems are
-//! solved, `threads` the number of threads, `precision` that of a factor, `no_prune` what is left out. Promises that a
-//! text that means nothing is refused before anything is run; does not judge whether the scene that comes out makes
-//! sense.
+//! `quadrature` the rule of the terms with kinks, `tol`, `max_iter` and `search` the iterations, `solver` how systems
+//! are solved, `threads` the number of threads, `precision` that of a factor, `no_prune` what is left out. Promises
+//! that a text that means nothing is refused before anything is run; does not judge whether the scene that comes out
+//! makes sense.
 
 use crate::{Pruning, newton::LARGEST_TOLERANCE, solve::Precision};
 use thiserror::Error;
@@ -143,7 +143,7 @@ pub fn tolerance(setting: &Setting) -> Option<f64> {
     number(&setting.iter().find(|(n, _)| n == "tol")?.1)
 }
 
-/// What a setting puts back that is left out otherwise: `no_prune` by name, `solver` by the way that is asked for.
+/// The optimisations that a setting turns off: `no_prune` by name, `solver` by the requested solver.
 ///
 /// # Errors
 /// [`KnobError::Value`] for a name that nothing has.
@@ -161,8 +161,8 @@ pub fn kept(setting: &Setting) -> Result<Vec<Pruning>, KnobError> {
             ("solver", "full") => list.push(Pruning::Condense),
             ("solver", _) => {
                 return Err(wrong(
-                    "auto, forces (what auto takes where sides face each other), condensed (contact onto the dofs it \
-                     touches) or full (the whole tangent each time)",
+                    "auto, forces (one contact force for each pair of facing dofs; what auto uses there), condensed \
+                     (Schur complement on the contact dofs) or full (the whole tangent in each iteration)",
                 ));
             }
             _ => {}

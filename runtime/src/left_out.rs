@@ -1,4 +1,4 @@
-//! What a scene does without, why, and what that saves. Reads only; what is left out was decided elsewhere.
+//! The optimisations that a scene allows, with their reasons. Reads only; they are decided elsewhere.
 
 use wfl_compiler::{Class, types::FieldKind};
 
@@ -26,7 +26,7 @@ impl Scene {
         let mut list = Vec::new();
         let mut push = |name: &str, why: String, switch| list.push(LeftOut { name: name.to_owned(), why, switch });
         for name in &self.unused_fields {
-            push(name, "field in no term: it has no dofs".to_owned(), None);
+            push(name, "a field in no term has no dofs".to_owned(), None);
         }
         for (name, why) in &self.idle {
             push(name, why.clone(), None);
@@ -35,26 +35,36 @@ impl Scene {
         let of = |class: Class| system.terms.iter().filter(|t| t.law.class == class).count();
         if of(Class::Constant) > 0 {
             let switch = (!system.is_linear()).then_some(Pruning::Constant);
-            push("loads in iterations", format!("{} terms without unknowns: once a step", of(Class::Constant)), switch);
+            push(
+                "constant terms once a step",
+                format!("{} terms without unknowns are summed once a load step", of(Class::Constant)),
+                switch,
+            );
         }
         if system.is_linear() {
-            push("Newton", "all terms are linear: one linear system".to_owned(), Some(Pruning::Linear));
+            let why = "all terms are linear: no Newton iterations".to_owned();
+            push("one linear solve", why, Some(Pruning::Linear));
         } else if of(Class::Linear) > 0 {
-            let why = format!("{} linear terms: assembled once for all iterations and steps", of(Class::Linear));
-            push("linear terms in iterations", why, Some(Pruning::Linear));
+            let why =
+                format!("{} linear terms are assembled once for all iterations and load steps", of(Class::Linear));
+            push("linear terms once", why, Some(Pruning::Linear));
         }
         if !system.is_linear() && condenses(system) {
             let (touched, free) = (system.n_changing_dofs(), system.numbering.n_free());
-            let why = format!("{touched} of {free} dofs have terms that are not linear: the rest is factored once");
-            push("factors of the linear part", why, Some(Pruning::Condense));
+            let why = format!("{touched} of {free} dofs have nonlinear terms: the others are eliminated once");
+            push("linear part factored once", why, Some(Pruning::Condense));
             if shares_forces(system) {
-                let why =
-                    "what pulls here pushes there: facing dofs share one unknown of the condensed matrix".to_owned();
-                push("second side of forces", why, Some(Pruning::Forces));
+                let why = "action equals reaction: each pair of facing dofs shares one unknown of the condensed matrix"
+                    .to_owned();
+                push("contact forces once a pair", why, Some(Pruning::Forces));
             }
         }
         if system.is_symmetric() && system.uses(Pruning::Symmetric) {
-            push("LU", "every tangent is symmetric: LLT".to_owned(), Some(Pruning::Symmetric));
+            push(
+                "LLT factorisation",
+                "every tangent is symmetric: LLT in place of LU".to_owned(),
+                Some(Pruning::Symmetric),
+            );
         }
         let degrees = |known: bool| {
             let of_class = system.terms.iter().filter(move |t| !known || t.law.class <= Class::Linear);
@@ -65,14 +75,15 @@ impl Scene {
             && system.uses(Pruning::Quadrature)
             && system.fields.iter().all(|f| f.kind != FieldKind::State)
         {
-            let why =
-                format!("linear terms take the degree of their own integrands, from {least}; the highest is {most}");
-            push("quadrature points", why, Some(Pruning::Quadrature));
+            let why = format!(
+                "linear terms are integrated with the degree of their own integrands, from {least}; the highest is {most}"
+            );
+            push("quadrature degrees by term", why, Some(Pruning::Quadrature));
         }
         for (name, value) in self.params.iter().filter(|p| p.1.values.iter().all(|x| *x == 0.0)) {
             if self.in_terms.contains(name) {
                 let zero = if value.shape.rank() == 0 { "0" } else { "zero" };
-                push(name, format!("`{name}` is {zero}: nothing that it multiplies is compiled"), None);
+                push(name, format!("`{name}` is {zero}: terms with this factor are not compiled"), None);
             }
         }
         if system.mesh.dim() < 3 {

@@ -1,6 +1,6 @@
 //! Meshes, spaces, assembly, solvers and output for WFL scenes.
 //!
-//! The door: [`prepare`] makes a problem of a resolved script with a kernel backend that the caller hands over,
+//! The door: [`prepare`] makes a problem of a resolved script with a kernel backend of the caller,
 //! [`run`] solves it. The whole runtime also works on the reference interpreter.
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! What leaving something out saves: the scene solved again with each switch turned, nothing written.
+//! Effect of the optimisations: the scene is solved again with each of them turned off, without output.
 
 use std::{path::Path, time::Instant};
 
@@ -15,21 +15,21 @@ use crate::{
 /// Why a saving could not be measured.
 #[derive(Debug, Error)]
 pub enum SavingError {
-    /// The scene has errors, which are told where it is prepared to be solved.
+    /// The scene has errors, which are reported when it is prepared.
     #[error("the scene cannot be prepared")]
     Scene,
     /// A run stopped.
-    #[error("without the pruning `{}`: {error}", .pruning.map_or("nothing", Pruning::name))]
+    #[error("without the optimisation `{}`: {error}", .pruning.map_or("nothing", Pruning::name))]
     Run {
-        /// The pruning that was turned off.
+        /// The optimisation that was turned off.
         pruning: Option<Pruning>,
         /// Why.
         error: RunError,
     },
 }
 
-/// Solves a scene as it is and with each of its prunings turned off, in turn and twice: the faster of two counts. `shape`
-/// is what else is changed in the scene before it is solved.
+/// Solves a scene as it is and with each of its optimisations turned off, in turn and twice: the faster of two counts.
+/// `shape` is what else is changed in the scene before it is solved.
 ///
 /// # Errors
 /// [`SavingError`].

@@ -40,7 +40,7 @@ fn the_scene_as_it_is_gives_no_warning() {
 fn friction_that_drives_is_noticed() {
     let edit = [("Ball_projection(Pt, fric*pos_part(Pn))", "(-Ball_projection(Pt, fric*pos_part(Pn)))")];
     let solved = changed("penalty.wfl", &edit, &[]);
-    assert!(warned(&solved, "drive of `contact`"), "{:?}", warnings(&solved));
+    assert!(warned(&solved, "friction along the slip at `contact`"), "{:?}", warnings(&solved));
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Multipliers at the ends of an interface: what cannot jump goes, what slides keeps its friction.
 //!
-//! Two blocks in a uniform state of stress: pressed and sheared across x = 0, with the displacement across the interface
-//! prescribed on both sides at its ends, where they can slide only. Traction and slip are uniform (closed form).
+//! Two blocks in a uniform state of stress: pressed and sheared across x = 0, with the displacement across the
+//! interface prescribed on both sides at its ends, where they can slide only. Traction and slip are uniform (closed
+//! form).
 
 use wfl_tests::{Attempt, attempt, examples};
 
@@ -69,13 +70,14 @@ fn uniform(multipliers: [&str; 3], slides: bool, edits: &[(&str, &str)]) -> Atte
     attempt(&examples(), text, &[], params)
 }
 
-/// A block that sticks and one that slides, with a multiplier of each kind: the closed form to rounding, and the message.
+/// A block that sticks and one that slides, with a multiplier of each kind: the closed form to rounding, and the
+/// message.
 #[test]
 fn friction_is_kept_where_the_normal_jump_is_prescribed() {
     for (multipliers, name) in [(VECTOR, "l"), (SCALARS, "ln")] {
         for slides in [false, true] {
             let tried = uniform(multipliers, slides, &[]);
-            let told = format!("at 2 nodes of `{name}` friction reads a component that has no jump to act on");
+            let told = format!("at 2 nodes of `{name}` friction depends on a component without a jump");
             assert!(tried.messages.contains("W404") && tried.messages.contains(&told), "{}", tried.messages);
             assert_eq!(tried.messages.matches("W404").count(), 1, "{}", tried.messages);
             let solved = tried.solved.expect("a solution");
@@ -119,7 +121,8 @@ fn only_the_component_that_cannot_jump_goes() {
     }
 }
 
-/// The same in axes that are turned by 30 degrees, the normal prescribed on a part of the interface: frames of their own.
+/// The same in axes that are turned by 30 degrees, the normal prescribed on a part of the interface: frames of their
+/// own.
 #[test]
 fn directions_that_are_no_axes_are_found() {
     let turned = |slides: bool| {
@@ -143,7 +146,7 @@ fn directions_that_are_no_axes_are_found() {
         uniform(VECTOR, slides, &edits)
     };
     let tried = turned(false);
-    assert!(tried.messages.contains("at 2 nodes of `l` friction reads"), "{}", tried.messages);
+    assert!(tried.messages.contains("at 2 nodes of `l` friction depends"), "{}", tried.messages);
     let solved = tried.solved.expect("a solution");
     for (measure, most) in [("uneven", 1e-12), ("normal", 1e-9), ("shear", 1e-9)] {
         assert!(solved.measure(0, measure) < most, "{measure}: {}", solved.measure(0, measure));

@@ -3,8 +3,10 @@
 //! A code is used for one kind of mistake and is never given a new meaning. Codes of later stages are here too.
 
 mod names;
+mod run;
 mod scene;
 mod syntax;
+mod warnings;
 
 /// What a code means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +35,7 @@ const fn page(
 
 /// All pages, errors first, by code.
 pub fn codes() -> impl Iterator<Item = &'static CodePage> {
-    syntax::PAGES.iter().chain(names::PAGES).chain(scene::PAGES)
+    syntax::PAGES.iter().chain(names::PAGES).chain(scene::PAGES).chain(run::PAGES).chain(warnings::PAGES)
 }
 
 /// The page of a code; letters may be small.

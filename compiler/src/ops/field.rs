@@ -107,9 +107,9 @@ fn reach(b: &mut Builder<'_>, c: &Call<'_>, target: &Expr, which: &str) -> Optio
         return b.report(d, target, "a `mapping` of the scene, or `neighbor_element`, the other side of an interface");
     };
     if *b.reached.get_or_insert(found) != found {
-        let d = Diagnostic::new("E215", "one term reaches two other places")
+        let d = Diagnostic::new("E215", "one term has two mappings")
             .help("write one term for each mapping: the terms of a scene are added");
-        return b.report(d, target, "the others in this term lead elsewhere");
+        return b.report(d, target, "the others in this term have another mapping");
     }
     b.graph.mapping = found;
     Some(found)

@@ -42,14 +42,16 @@ const SAMPLES: &[(&str, bool)] = &[
 
 const HEAD: &str = "# Wrong derivative rules
 
-Made by `WFL_WRITE=1 cargo test -p wfl-compiler wrong_rule`; without the variable the test compares.
+In short: the tangent check (`wfl verify`) detects every derivative rule of the compiler when its sign is wrong, although not in
+every expression that uses the rule. The largest relative deviation of the tangent is at least 0.1 with a wrong rule and
+below 1e-10 with the correct ones.
 
-One after the other each derivative rule of the compiler is given the wrong sign, the expressions that use it are
-compiled with it, and the tangent check (`wfl verify`) must see it. The operators of the language are made of these
-rules. `deviation` is the largest one of the tangent from the differences of the residual, over the largest entry;
-with the right rules it is below 1e-10. The expression shown is the one that deviates most.
+The test gives one rule after the other the wrong sign and compiles the expressions that use it. All operators of the
+language are composed of these rules. `deviation` is the largest difference between the tangent and difference quotients of
+the residual, divided by the largest entry; the expression shown is the one with the largest deviation. This page is
+written by `WFL_WRITE=1 cargo test -p wfl-compiler wrong_rule`; without the variable the test compares.
 
-| rule | used by | noticed by | best seen in | deviation |
+| rule | used by | detected in | expression | deviation |
 |---|---|---|---|---|
 ";
 

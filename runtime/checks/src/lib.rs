@@ -1,7 +1,7 @@
 //! What a converged state, or a tangent that is singular, says of a scene: balance, conditions of contact, digits,
 //! uniqueness, rigid motions.
 //!
-//! Promises: reads systems and states, changes neither. Does not decide whether a run goes on.
+//! Promises: reads systems and states, changes neither. Does not decide whether a run continues.
 #![forbid(unsafe_code)]
 
 pub mod consistency;

@@ -1,4 +1,4 @@
-//! What a solution must satisfy whatever the method: forces in balance, no overlap, no sliding where points stick.
+//! Conditions that a solution satisfies for every method: equilibrium, no penetration, no slip of sticking points.
 //!
 //! Promises: numbers relative to what is there (forces to forces, lengths to the largest displacement), found from
 //! terms and prescribed values alone. Does not judge the mesh.
@@ -16,17 +16,17 @@ use wfl_discrete::system::{Form, System};
 
 /// Out of balance by more than this part of the forces is more than rounding and the tolerance of Newton.
 const BALANCE: f64 = 1e-6;
-/// Forces out of balance by more than this are told whatever tolerance was asked for: fewer than three digits of them are
-/// right, as few as W605 tells of.
+/// Forces out of balance by more than this are reported for every tolerance: they have fewer than three correct digits,
+/// the limit of W605.
 const LARGEST_BALANCE: f64 = 1e-3;
-/// Overlap, or sliding at points that stick, in parts of the largest displacement: beyond it the law is no longer one of
-/// contact but of springs as soft as the bodies. A penalty of E/h leaves a tenth of the displacement of a body
+/// Overlap, or sliding at points that stick, in parts of the largest displacement: beyond it the law is no longer one
+/// of contact but of springs as soft as the bodies. A penalty of E/h leaves a tenth of the displacement of a body
 /// pressed by one cell's thickness, and less otherwise.
 const OVERLAP: f64 = 0.2;
 
-/// A force that has the wrong sign on more than this part of the area in contact is no matter of single points, at which
-/// a discretisation may be off: a sign is wrong in the term. Right scenes on four cells an edge were seen to have it on a
-/// thirteenth of the area; a wrong sign has it on most of what is in contact.
+/// A force that has the wrong sign on more than this part of the area in contact is no matter of single points, at
+/// which a discretisation may be off: a sign is wrong in the term. Right scenes on four cells an edge were seen to have
+/// it on a thirteenth of the area; a wrong sign has it on most of what is in contact.
 const AGAINST: f64 = 0.25;
 /// Traction outside the friction cone, in parts of traction and radius. What a coarse mesh leaves between the points at
 /// which a law holds was seen to be below a tenth; a term that loses its friction leaves nearly all.
@@ -36,8 +36,8 @@ const UNMOVED: f64 = 1e-12;
 /// Contact forces below this part of the forces of the bodies are rounding.
 const UNPRESSED: f64 = 1e-9;
 
-/// What the law of a multiplier may leave at single points, in parts of the multiplier. At the nodes of a plane interface
-/// nothing is left; where it is this much, slip was seen to vary by about a hundredth with the parameter.
+/// What the law of a multiplier may leave at single points, in parts of the multiplier. At the nodes of a plane
+/// interface nothing is left; where it is this much, slip was seen to vary by about a hundredth with the parameter.
 const AVERAGE: f64 = 1e-4;
 /// The same in units of what Newton leaves of the equations.
 const UNSOLVED: f64 = 10.0;
@@ -227,9 +227,9 @@ fn lengths(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps, largest:
     );
     if gaps.drift > 0.0 {
         add(
-            "sliding of sticking points at",
+            "slip of sticking points at",
             gaps.drift,
-            format!("points that stick have slid by {:.3e}; the largest displacement is {largest:.3e}", gaps.drift),
+            format!("sticking points have slipped by {:.3e}; the largest displacement is {largest:.3e}", gaps.drift),
         );
     }
 }
@@ -241,21 +241,15 @@ fn shares(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps) {
         let name = format!("{what} `{term}`");
         out.extend(share.map(|value| PhysicsCheck { name, value, limit, detail: detail(value) }));
     };
-    add("pull of", gaps.pulled, AGAINST, &|s| {
-        format!(
-            "on {} of the area where the sides press on each other the force pulls: a wrong sign in the term?",
-            percent(s)
-        )
+    add("tensile contact force at", gaps.pulled, AGAINST, &|s| {
+        format!("the force is tensile on {} of the closed area: a wrong sign in the term?", percent(s))
     });
-    add("drive of", gaps.driven, AGAINST, &|s| {
-        format!(
-            "on {} of the area in contact friction drives the sliding it should resist: a wrong sign in the term?",
-            percent(s)
-        )
+    add("friction along the slip at", gaps.driven, AGAINST, &|s| {
+        format!("friction drives the slip on {} of the contact area: a wrong sign in the term?", percent(s))
     });
-    add("friction cone at", gaps.cone, OUTSIDE, &|s| {
+    add("traction outside the friction cone at", gaps.cone, OUTSIDE, &|s| {
         format!(
-            "{} of the traction in contact, stress of the bodies or multiplier, lies outside the friction cone, on the              average over the area: smaller faces make it smaller where the law is that of friction",
+            "{} of the contact traction (stress of the bodies or multiplier) is outside the friction cone, averaged over the area: it falls with the size of the faces if the law is that of friction",
             percent(s)
         )
     });
@@ -268,9 +262,9 @@ fn law_at_points(defect: LawDefect, left: f64) -> PhysicsCheck {
         value: defect.size,
         limit: AVERAGE.max(UNSOLVED * left),
         detail:
-            "it holds on the average over the faces of a node only, and the result depends on the parameter of the \
-                 augmentation: the faces of a node differ in their normals, or the points are not the nodes \
-                 (`quadrature ... vertex`); smaller faces make it smaller, another parameter shows what depends on it"
+            "it holds only on average over the faces of a node, and the result depends on the augmentation parameter: \
+             the faces of a node have different normals, or the quadrature points are not the nodes (`quadrature ... \
+             vertex`); the effect falls with the size of the faces, and a run with another parameter shows it"
                 .to_owned(),
     }
 }

@@ -1,8 +1,9 @@
 //! Rigid motions that the tangent does not resist: what a singular system lacks, in words of mechanics.
 //!
-//! A motion r of a body is loose if K r vanishes but for rounding, and r at what is fixed. The motions of a field are three translations and three rotations
-//! (two and one in the plane), or a combination of them: small singular values of what these motions meet, taken from its
-//! triangular factor, because squares would hide the small ones beside the large. Promises: looks at the tangent only. Does not find mechanisms that are no rigid motions.
+//! A motion r of a body is loose if K r vanishes but for rounding, and r at what is fixed. The motions of a field are
+//! three translations and three rotations (two and one in the plane), or a combination of them: small singular values
+//! of what these motions meet, taken from its triangular factor, because squares would hide the small ones beside the
+//! large. Promises: looks at the tangent only. Does not find mechanisms that are no rigid motions.
 
 use std::fmt;
 
@@ -42,8 +43,8 @@ impl fmt::Display for LooseMotions {
         if !self.place.is_empty() {
             names = format!("the body of {names} {}", self.place);
         }
-        let motions = if total == 1 { "rigid motion" } else { "rigid motions" };
-        write!(f, "nothing holds {names} in {total} {motions} ({})", kinds.join(", "))
+        let motions = if total == 1 { "rigid body motion" } else { "rigid body motions" };
+        write!(f, "nothing prevents {total} {motions} of {names} ({})", kinds.join(", "))
     }
 }
 
@@ -145,8 +146,8 @@ impl Examined<'_> {
         (all > 0).then(|| LooseMotions { fields: names, place: String::new(), translations, rotations })
     }
 
-    /// Motion number `k` of some fields by dof, of length 1 at most: translations, then rotations about the centre of the
-    /// mesh.
+    /// Motion number `k` of some fields by dof, of length 1 at most: translations, then rotations about the centre of
+    /// the mesh.
     pub(super) fn rigid(&self, fields: &[usize], k: usize) -> Vec<f64> {
         let dim = self.system.mesh.dim();
         let (low, high) = self.system.mesh.bounds();

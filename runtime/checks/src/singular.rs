@@ -1,9 +1,10 @@
-//! Why a tangent is singular, in words: the field that is left undetermined, the term that should determine it, the cure.
+//! Why a tangent is singular, in words: the field that is not determined, the term that should determine it, the
+//! remedy.
 //!
-//! The null space tells. An equation or an unknown that is zero is a matter of terms; motions of whole bodies are held by
-//! supports or by contact, and contact that holds nothing is open, slides, is zero or pulls; a null vector that has energy
-//! under a finer rule is one of quadrature; one in a field that no term couples with itself is one of a saddle point. No
-//! null vector at all is rounding. Promises: one cause, the first in that order.
+//! The null space tells. An equation or an unknown that is zero is a matter of terms; motions of whole bodies are held
+//! by supports or by contact, and contact that holds nothing is open, slides, is zero or pulls; a null vector that has
+//! energy under a finer rule is one of quadrature; one in a field that no term couples with itself is one of a saddle
+//! point. No null vector at all is rounding. Promises: one cause, the first in that order.
 
 mod contact;
 mod finer;
@@ -106,7 +107,7 @@ impl Examined<'_> {
                     help,
                 )
             } else if rows > 0 {
-                let help = "a coefficient that is zero there, or a law that is inactive: give it a value, or start from a state \
+                let help = "a coefficient is zero there, or a law is inactive: give it a value, or start from a state \
                             in which it acts"
                     .to_owned();
                 (
@@ -119,12 +120,10 @@ impl Examined<'_> {
                 )
             } else {
                 let help = format!("add a term in which `{name}` acts on another unknown");
-                (format!("no equation reads `{name}` at {} of its unknowns", of(columns)), help)
+                (format!("no equation contains `{name}` at {} of its unknowns", of(columns)), help)
             };
-            let note = format!(
-                "rows of zeros in the tangent: {rows}, columns of zeros: {columns}, of {} for `{name}`",
-                free.len()
-            );
+            let note =
+                format!("zero rows of the tangent: {rows}, zero columns: {columns}, of {} for `{name}`", free.len());
             return Some(Singular { what, notes: vec![note], help, name: name.clone() });
         }
         None
@@ -147,7 +146,7 @@ impl Examined<'_> {
         }
         let name = self.system.fields[high.0].name.clone();
         let what = format!(
-            "the tangent is not singular, but its equations are {:.0e} apart: rounding leaves nothing of the smaller ones",
+            "the tangent is numerically singular: its equations differ by a factor of {:.0e}, and rounding removes the smaller ones",
             high.1 / low.1
         );
         let note = format!(
@@ -157,9 +156,10 @@ impl Examined<'_> {
             self.system.fields[low.0].name,
             low.1
         );
-        let help = "write the law so that its derivatives keep one size, divided by the largest or solved for the argument of \
-                    its exponential or power, or take smaller steps"
-            .to_owned();
+        let help =
+            "write the law such that its derivatives keep one magnitude: divide it by the largest one, or solve \
+                    it for the argument of its exponential or power; or use smaller load steps"
+                .to_owned();
         Some(Singular { what, notes: vec![note], help, name })
     }
 
@@ -199,13 +199,13 @@ impl Examined<'_> {
         self.unseen(field, vector, u).unwrap_or_else(|| {
             let terms = self.testing(field).join(", ");
             Singular {
-                what: format!("nothing holds `{name}` in a motion that is no rigid one"),
+                what: format!("`{name}` has a zero-energy mode that is no rigid body motion"),
                 notes: vec![format!(
-                    "{} nothing of it, largest at {}",
+                    "{} no part of it; it is largest at {}",
                     verb(&self.testing(field), "resists", "resist"),
                     self.places(vector)
                 )],
-                help: format!("the law of {terms} leaves a strain free: give it a stiffness, or prescribe that motion"),
+                help: format!("{terms} has no stiffness against some strain: add one, or prescribe that motion"),
                 name,
             }
         })
@@ -216,19 +216,22 @@ impl Examined<'_> {
         let name = self.system.fields[field].name.clone();
         if self.system.fields[field].kind == FieldKind::Multiplier {
             return Some(Singular {
-                what: format!("forces of `{name}` that cancel are not determined"),
-                notes: vec![format!("its laws hold what is held already at {}", self.places(vector))],
-                help: "leave out what holds the same jump twice: a `fix`, another multiplier, or `crosspoints=keep`; or take \
-                       an element of lower degree for it"
+                what: format!("the multiplier `{name}` is not unique: some of its forces cancel"),
+                notes: vec![format!(
+                    "its laws constrain a jump that is constrained already, at {}",
+                    self.places(vector)
+                )],
+                help: "remove the second constraint of that jump: a `fix`, another multiplier, or `crosspoints=keep`; \
+                       or use an element of lower degree for the multiplier"
                     .to_owned(),
                 name,
             });
         }
         if is_constant {
             return Some(Singular {
-                what: format!("nothing holds `{name}`: it is known up to a constant"),
+                what: format!("`{name}` is determined up to a constant only"),
                 notes: vec![format!(
-                    "{} the same for `{name}` and `{name}` + 1",
+                    "{} the same residual for `{name}` and `{name}` + 1",
                     verb(&self.testing(field), "gives", "give")
                 )],
                 help: format!(
@@ -239,12 +242,12 @@ impl Examined<'_> {
         }
         if alone {
             return Some(Singular {
-                what: format!("a part of `{name}` that alternates from node to node acts on nothing"),
+                what: format!("`{name}` has a spurious mode that alternates from node to node"),
                 notes: vec![
-                    "no term couples it with itself: a saddle point, whose elements must fit (inf-sup)".to_owned(),
+                    "no term couples it with itself: a saddle point problem, whose elements must satisfy the inf-sup condition".to_owned(),
                 ],
                 help: format!(
-                    "take a higher degree for the field that `{name}` acts on (Q2 with Q1), or add a stabilising term"
+                    "use a higher degree for the field that `{name}` acts on (Q2 with Q1), or add a stabilisation term"
                 ),
                 name,
             });
@@ -280,9 +283,8 @@ impl Examined<'_> {
         Singular {
             what: format!("{} can change together without changing any equation", names.join(" and ")),
             notes: vec![format!("the terms they are in: {}", terms.join(", "))],
-            help:
-                "their equations depend on each other: prescribe one of them, or add the equation that tells them apart"
-                    .to_owned(),
+            help: "their equations are linearly dependent: prescribe one of them, or add the missing equation"
+                .to_owned(),
             name: fields.first().map(|f| self.system.fields[*f].name.clone()).unwrap_or_default(),
         }
     }

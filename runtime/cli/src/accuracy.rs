@@ -24,10 +24,10 @@ use crate::{
     table::{Table, number},
 };
 
-/// The accuracy wanted was not reached.
+/// The demanded accuracy was not reached.
 const EXIT_ACCURACY: u8 = 4;
 
-/// What is asked for, on the command line or in the scene.
+/// The demand, on the command line or in the scene.
 pub(crate) fn demand(args: &RunArgs, scene: &Scene) -> Option<Demand> {
     let given = Given { error: args.accuracy, quantity: args.of.clone(), budget: args.budget };
     wfl_tasks::accuracy::demand(scene, given)
@@ -115,9 +115,9 @@ fn ended(args: &RunArgs, picked: &Picked, ready: &Ready) -> ExitCode {
     }
     let code = finish(loaded, &solved.scene, ready, &solved.outcome, Some(&setting_text(&record.picked)));
     if *mesh_of_file {
-        say("warning[W608]: the mesh comes from a file: its error is not known, and is not part of the accuracy\n  \
-             = note: tolerance and penalty are balanced for it\n  \
-             = help: a `mesh box` can be refined; or compare with a finer file by wfl sweep\n");
+        say("warning[W608]: the mesh comes from a file: its discretisation error is unknown and not part of the \
+             accuracy\n  = note: tolerance and penalty are set for the demanded accuracy\n  = help: a `mesh box` can \
+             be refined; or compare with a finer file by wfl sweep\n");
     }
     if record.reached || code != ExitCode::SUCCESS { code } else { ExitCode::from(EXIT_ACCURACY) }
 }
@@ -125,14 +125,14 @@ fn ended(args: &RunArgs, picked: &Picked, ready: &Ready) -> ExitCode {
 /// What was picked and why, in lines.
 fn told(record: &AccuracyRecord) -> String {
     let error = |e: f64| if e.is_finite() { format!("{e:.1e}") } else { "not known".to_owned() };
-    let mut table = Table::new("runs", &["setting", "unknowns", "time [s]", "error of the mesh"]);
-    for rung in &record.rungs {
-        let time = (1e4 * rung.seconds).round() / 1e4;
+    let mut table = Table::new("runs", &["setting", "unknowns", "time [s]", "discretisation error"]);
+    for trial in &record.trial_runs {
+        let time = (1e4 * trial.seconds).round() / 1e4;
         table.push(vec![
-            setting_text(&rung.setting).into(),
-            rung.dofs.into(),
+            setting_text(&trial.setting).into(),
+            trial.dofs.into(),
             number(time).into(),
-            if rung.error.0.is_finite() { error(rung.error.0).into() } else { "".into() },
+            if trial.error.0.is_finite() { error(trial.error.0).into() } else { "".into() },
         ]);
     }
     let mut text = format!(
@@ -166,11 +166,11 @@ pub(crate) fn table(loaded: &Loaded, scene: &Scene) -> Table {
     let Some((error, of)) = scene.accuracy.clone() else { return table };
     let ways = Ways::of(&loaded.script, scene);
     let degrees: Vec<String> = ways.degrees.iter().map(ToString::to_string).collect();
-    let mesh = if ways.refines() { "is picked" } else { "of a file: its error will not be known" };
+    let mesh = if ways.refines() { "is picked" } else { "from a file: its discretisation error is unknown" };
     let gamma = match ways.role {
         wfl_runtime::accuracy::Role::None => "as it is",
-        wfl_runtime::accuracy::Role::Consistent => "grows with the mesh",
-        wfl_runtime::accuracy::Role::Penalty => "a penalty: raised until its error is small",
+        wfl_runtime::accuracy::Role::Consistent => "scales with the cell size",
+        wfl_runtime::accuracy::Role::Penalty => "a penalty: increased until its error is small",
     };
     table.push(vec![number(error).into(), of.into(), degrees.join(", ").into(), mesh.into(), gamma.into()]);
     table

@@ -15,10 +15,10 @@ use wfl_runtime::{
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,
-    /// Most memory that may be taken, such as 4GB [default: that of the machine]
+    /// Memory limit, such as 4GB [default: the memory of the machine]
     #[arg(long, global = true, value_name = "SIZE", value_parser = memory)]
     pub(crate) memory: Option<u64>,
-    /// A folder that scenes may read from, too; else a scene reads its own folder and below (E217)
+    /// A further folder that scenes may read; by default a scene reads its own folder and below (E217)
     #[arg(long, global = true, value_name = "DIR")]
     pub(crate) allow_read: Vec<PathBuf>,
 }
@@ -42,31 +42,31 @@ pub(crate) enum Command {
     /// Solve a scene and write its results to out/<scene>/
     #[command(after_help = RUN_HELP)]
     Run(RunArgs),
-    /// A page about a run that has ended: maps, profiles, convergence, time
+    /// Write a page about a finished run: maps, profiles, convergence, time
     #[command(after_help = REPORT_HELP)]
     Report(ReportArgs),
-    /// Everything but solving: mesh, fields, terms, and the solver that follows
+    /// Check a scene without solving it: mesh, fields, terms, linear solver
     #[command(after_help = CHECK_HELP)]
     Check(CheckArgs),
-    /// Each parameter times and divided by 1e3 and 1e6 in turn: what is solved, what is refused, and why
+    /// Multiply and divide each parameter by 1e3 and 1e6 in turn: which values are solved, which are refused, and why
     #[command(after_help = EXTREMES_HELP)]
     Extremes(ExtremesArgs),
-    /// What the compiler makes of a scene
+    /// Show a stage of the compiler
     #[command(after_help = SHOW_HELP)]
     Show(ShowArgs),
-    /// Compare each term's tangent with high-precision differences of its residual, and try contact with bodies of constant
-    /// stress
+    /// Compare each tangent with high-precision differences of its residual, and test contact terms with bodies of
+    /// constant stress
     #[command(after_help = VERIFY_HELP)]
     Verify(VerifyArgs),
-    /// What the code of a message means, with an example; what a function does
+    /// Explain a message with an example, a function, or a macro of the library
     #[command(after_help = "Example:\n  wfl explain E103\n  wfl explain --list")]
     Explain(ExplainArgs),
-    /// Write files in their canonical form: comments and meaning are kept
+    /// Write files in canonical form; comments and meaning do not change
     #[command(
         after_help = "Examples:\n  wfl fmt scene.wfl\n  wfl fmt --check examples/fault/*.wfl    # exit code 1 if a file would change"
     )]
     Fmt(FmtArgs),
-    /// Run scenes over lists of settings: errors and costs in one table
+    /// Run scenes for lists of settings: errors and costs in one table
     #[command(after_help = SWEEP_HELP)]
     Sweep(SweepArgs),
     /// Turn an assembly string of a GetFEM script into statements of a scene
@@ -86,10 +86,10 @@ Examples:
   wfl run examples/fault/nitsche.wfl theta=-1 gamma=1e6 --out results -v";
 
 const EXTREMES_HELP: &str = "\
-Nothing is written but the table. Values outside the range that the scene declares for a parameter are told and not
-tried. A row says what became of a value: solved, solved with a warning or not as an `expect` of the scene wants it (with
-what its measures are), refused with which message, not converged, or out of time.
-Exit codes: 0 every value was solved, 1 error, or a run claims a solution that is none, 2 a value was refused, did not
+Nothing is written but the table. Values outside the declared range of a parameter are reported and
+not run. Each row has the outcome of one value: solved, solved with a warning or against an `expect` of the scene (with
+its measures), refused with a message, not converged, or out of time.
+Exit codes: 0 every value was solved, 1 error, or a run with a wrong solution, 2 a value was refused, did not
 converge or was out of time.
 
 Examples:
@@ -115,10 +115,10 @@ Examples:
   wfl show examples/fault/nitsche.wfl kinks";
 
 const VERIFY_HELP: &str = "\
-States are random: of every size, and close to each kink on both of its sides. Differences are taken in 31 digits, so
-that an error above 1e-7 of a block is an error of the tangent; the exit code is then 1. Machine code and interpreter
-are compared bit by bit at the same states. Terms of contact are tried with bodies of constant stress (docs/language.md):
-what they leave of the balance of forces, and the exit code 1 where they do not carry that stress.
+The test states are random, of every magnitude, and close to each kink on both sides. Differences are computed with 31
+digits, so a deviation above 1e-7 of a block is an error of the tangent; the exit code is then 1. Machine code and
+interpreter are compared bit by bit at the same states. Contact terms are tested with bodies of constant stress
+(docs/language.md): the table has their residuals, and the exit code is 1 if they do not balance that stress.
 
 Example:
   wfl verify examples/fault/nitsche.wfl --samples 200";
@@ -129,22 +129,23 @@ A knob is a parameter of the scenes, or one of
   refine=1/2,1,2     factor on the number of cells in each direction
   cells=8,[8,16]     the number of cells in each direction
   degree=1,2         degree of the unknowns on cells
-  quadrature=vertex,2,4   rule of the terms with kinks
+  quadrature=vertex,2,4   quadrature rule of the terms with kinks
   tol=1e-4,1e-8  max_iter=20  search=none  threads=1,2
-  precision=f64,f32+f64   of the factors of contact forces and bulk
-  solver=auto,condensed,full   auto: facing dofs share a force; condensed: contact onto its dofs; full: the whole tangent
-  no_prune=nothing,constant,linear,condense,forces,symmetric,quadrature   what is left out of a run, put back
+  precision=f64,f32+f64   of the factors of contact matrix and bulk
+  solver=auto,condensed,full   auto: one contact force a pair of dofs; condensed: Schur complement on the contact dofs;
+                               full: the whole tangent
+  no_prune=nothing,constant,linear,condense,forces,symmetric,quadrature   optimisations that are turned off
 Lists: a,b,c; a..b:log5 and a..b:lin5 have five values with both ends. Several scenes are several methods.
-Results in DIR: sweep.csv, a row a setting, also those that failed; sweep.html and an SVG file a plot, made from it
-alone. Rows that are there already are not run again.
+Results in DIR: sweep.csv with a row for each setting, failed ones included; sweep.html and an SVG file for each plot,
+made from this table. Rows that are already in the table are not run again.
 
 Examples:
   wfl sweep examples/fault/nitsche.wfl examples/fault/penalty.wfl refine=0.5,1 gamma=1e4..1e6:log3 --out trade
   wfl sweep examples/signorini/signorini.wfl n=8,16,32 degree=1,2 --reference exact";
 
 const IMPORT_HELP: &str = "\
-Declarations that the string does not hold (unknowns, parameters) are guessed and marked: look at each of them.
-What cannot be guessed is refused: transformations, multipliers, words of UFL. What is written compiles.
+Declarations that are not in the string (unknowns, parameters) are guessed and marked: check each of them.
+Transformations, multipliers and UFL names cannot be guessed and are refused. The result compiles.
 
 Examples:
   wfl import \"(2*mu*Sym(Grad_u) + lambda*Trace(Grad_u)*Id(3)):Grad_Test_u\"
@@ -163,7 +164,7 @@ pub(crate) struct SceneArgs {
 
 fn pruning(name: &str) -> Result<Pruning, String> {
     let known = || Pruning::ALL.map(Pruning::name).join(", ");
-    Pruning::named(name).ok_or_else(|| format!("nothing of that name is left out; known: {}", known()))
+    Pruning::named(name).ok_or_else(|| format!("no optimisation has that name; known: {}", known()))
 }
 
 fn precision(name: &str) -> Result<Precision, String> {
@@ -199,43 +200,43 @@ pub(crate) struct RunArgs {
     /// Directory of the results [default: out/<scene>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Go on where a run that was stopped left off; its last 0.1 s (on a slow disc twenty times what
-    /// a checkpoint takes) and the step it was in may be done again
+    /// Continue an interrupted run; the interrupted step and the last 0.1 s (on a slow disc twenty times the duration
+    /// of a checkpoint) may be repeated
     #[arg(long)]
     pub(crate) resume: bool,
-    /// The relative error wanted, such as 1e-3: mesh, degree, tolerance and penalty are picked for it
+    /// Demanded relative error, such as 1e-3: selects mesh, degree, tolerance and penalty
     #[arg(long, value_name = "ERROR", value_parser = accuracy, conflicts_with = "resume")]
     pub(crate) accuracy: Option<f64>,
-    /// What the accuracy is of: L2 or H1 of the unknowns, an output on contact faces, a measure [default: L2]
+    /// Quantity of the accuracy: L2 or H1 of the unknowns, an output on contact faces, a measure [default: L2]
     #[arg(long, value_name = "QUANTITY")]
     pub(crate) of: Option<String>,
-    /// Seconds that one run may take for the accuracy wanted; what would take longer is refused [default: 600]
+    /// Time limit of one run for the demanded accuracy, in seconds; a longer run is refused [default: 600]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub(crate) budget: Option<f64>,
-    /// Take a Nitsche parameter below its safe value (W503) for an error
+    /// Treat a Nitsche parameter below its coercivity bound (W503) as an error
     #[arg(long)]
     pub(crate) strict: bool,
     /// Threads of assembly and solver, 1 or more [default: all]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,
-    /// Precision of the factors of contact forces and bulk: f64, f32+f64 (factors in single, residuals in double
+    /// Precision of the factors of contact matrix and bulk: f64, f32+f64 (factors in single, residuals in double
     /// precision) or auto
     #[arg(long, value_name = "NAME", value_parser = precision, default_value = "auto")]
     pub(crate) precision: Precision,
-    /// Most Newton iterations in a step, in place of what the scene says; a path through the pieces of contact may pass
-    /// 150 kinks more
+    /// Most Newton iterations of an attempt, in place of the value of the scene; path following may pass 450 changes of
+    /// the active set in addition
     #[arg(long, value_name = "N")]
     pub(crate) max_iter: Option<NonZeroUsize>,
-    /// Do what the scene does not need, to measure what leaving it out saves; wfl check lists the names
+    /// Turn an optimisation off, to measure its effect; wfl check lists the names
     #[arg(long, value_name = "NAME", value_parser = pruning)]
     pub(crate) no_prune: Vec<Pruning>,
-    /// First measure what each part that the scene does without saves: solves it twice more for each, for the report
+    /// Measure the effect of each optimisation first, with two more solves for each; for the report
     #[arg(long, conflicts_with_all = ["no_prune", "accuracy"])]
     pub(crate) savings: bool,
-    /// Say nothing but errors
+    /// Print errors only
     #[arg(short, long, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
-    /// Show every iteration
+    /// Print every iteration
     #[arg(short, long)]
     pub(crate) verbose: bool,
     /// Run the point laws in the reference interpreter instead of machine code
@@ -249,20 +250,20 @@ pub(crate) struct SweepArgs {
     /// Scenes, .wfl files, and knobs with their values: gamma=1e4,1e6 h=0.5,0.25
     #[arg(value_name = "SCENE|KNOB=LIST")]
     pub(crate) words: Vec<String>,
-    /// What errors are taken against: `auto` (a finer run, of another scene if there are several), `exact` (`def exact`
-    /// in the scene), `none`, or a reference_1.json that another sweep left
+    /// Reference of the errors: `auto` (a finer run, of another scene if there are several), `exact` (`def exact` in
+    /// the scene), `none`, or a reference_1.json of another sweep
     #[arg(long, value_name = "auto|exact|none|FILE", default_value = "auto")]
     pub(crate) reference: String,
-    /// A knob of the finer run, in place of what `auto` takes: refine=2
+    /// A knob of the reference run, in place of the choice of `auto`: refine=2
     #[arg(long, value_name = "KNOB=VALUE")]
     pub(crate) reference_knob: Vec<String>,
-    /// Times each setting is run; the table has median, smallest and largest time
+    /// Number of runs of each setting; the table has median, smallest and largest time
     #[arg(long, value_name = "N", default_value = "1")]
     pub(crate) repeat: NonZeroUsize,
-    /// Runs made at once, each on one thread: the table then has errors, iterations and unknowns, but no times
+    /// Number of concurrent runs, each on one thread; the table then has errors, iterations and unknowns, but no times
     #[arg(long, value_name = "N", conflicts_with_all = ["repeat", "study", "plot"])]
     pub(crate) jobs: Option<NonZeroUsize>,
-    /// Run nothing: make sweep.html and the plots anew from the tables in the folders given
+    /// Run nothing: write sweep.html and the plots again from the tables in the given folders
     #[arg(long)]
     pub(crate) plot: bool,
     /// Run the study of the examples, from the root of the repository, and write DIR/trade.md with its figures
@@ -274,7 +275,7 @@ pub(crate) struct SweepArgs {
     /// Threads of assembly and solver, 1 or more [default: all]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,
-    /// Say nothing but errors
+    /// Print errors only
     #[arg(short, long)]
     pub(crate) quiet: bool,
 }
@@ -287,7 +288,7 @@ pub(crate) struct ExtremesArgs {
     /// Write the table to this file as comma-separated values
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
-    /// Seconds that each value may take [default: three times what the scene takes as written, and not less than 10]
+    /// Time limit of each value in seconds [default: three times the time of the scene as written, at least 10]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub(crate) limit: Option<f64>,
 }
@@ -301,7 +302,7 @@ pub(crate) struct ReportArgs {
     /// Steps of maps and profiles, by the value of the step variable [default: first, middle, last]
     #[arg(long, value_name = "T,T", value_delimiter = ',', allow_negative_numbers = true)]
     pub(crate) at: Vec<f64>,
-    /// Write each chart as an SVG file, too, to OUT/plots
+    /// Also write each chart as an SVG file to OUT/plots
     #[arg(long)]
     pub(crate) plots: bool,
 }
@@ -327,11 +328,11 @@ pub(crate) enum View {
     Tangent,
     /// The instructions of the point laws
     Ir,
-    /// What the code generator is given
+    /// The input of the code generator
     Clif,
-    /// The terms, a line each
+    /// The terms, one a line
     Terms,
-    /// The places where a term has no derivative, and the rule used there
+    /// The kinks of each term, with the generalised derivative used there
     Kinks,
 }
 

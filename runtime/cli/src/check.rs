@@ -281,7 +281,7 @@ fn outputs(loaded: &Loaded, scene: &Scene) -> Table {
         let items: Vec<Value> = o.items.iter().map(|i| i.name.clone().into()).collect();
         let found = made.iter().find(|m| (m.0, m.1) == (o.format.name.as_str(), &o.file));
         let files = found.map_or(0, |m| n_files(m.2, n_steps));
-        #[expect(clippy::cast_precision_loss, reason = "a size that is told with few digits")]
+        #[expect(clippy::cast_precision_loss, reason = "a size with few digits")]
         let size = found.map_or(0.0, |m| short((files * m.3) as f64 / 1e6));
         table.push(vec![o.format.name.clone().into(), o.file.clone().into(), items.into(), files.into(), size.into()]);
     }
@@ -298,14 +298,14 @@ fn system(scene: &Scene) -> Table {
 }
 
 fn left_out(loaded: &Loaded, scene: &Scene) -> Table {
-    let mut table = Table::new("left out", &["name", "why", "put back by"]);
+    let mut table = Table::new("optimisations", &["name", "why", "turned off by"]);
     for l in scene.left_out() {
         let switch = l.switch.map_or(Value::Null, |s| format!("--no-prune {}", s.name()).into());
         table.push(vec![l.name.into(), l.why.into(), switch]);
     }
     let own = |m: &&wfl::MacroInfo| !loaded.sources.get(m.head.source).name.starts_with("<library>");
     for m in loaded.script.macros.iter().filter(own).filter(|m| !m.used) {
-        table.push(vec![m.name.name.clone().into(), "def that nothing uses".into(), Value::Null]);
+        table.push(vec![m.name.name.clone().into(), "an unused def".into(), Value::Null]);
     }
     table
 }

@@ -23,7 +23,7 @@ pub(crate) fn table(loaded: &Loaded, scene: &Scene, forms: &[ContactForm]) -> Ta
 /// The rows of `wfl verify`: what each state leaves.
 pub(crate) fn states(loaded: &Loaded, scene: &Scene, forms: &[ContactForm]) -> [Table; 2] {
     let columns = ["terms", "state", "first body", "second body", "tested stress", "law"];
-    let mut states = Table::new("contact at constant stress (what is left of the equations, relative)", &columns);
+    let mut states = Table::new("contact at constant stress (relative residual)", &columns);
     let mut verdicts = Table::new("contact", &["terms", "on", "what it is"]);
     let short = |x: f64| if x == 0.0 { "0".to_owned() } else { format!("{x:.1e}") };
     for form in forms {

@@ -10,7 +10,7 @@ use crate::load::{print_all, say};
 /// The exit code of every error.
 pub(crate) const EXIT_ERROR: u8 = 1;
 
-/// Machine code, or the interpreter when asked for.
+/// Machine code, or the interpreter on request.
 pub(crate) fn backend(interpret: bool) -> Option<Box<dyn KernelBackend>> {
     if interpret {
         return Some(Box::new(InterpreterBackend));
@@ -24,8 +24,8 @@ pub(crate) fn backend(interpret: bool) -> Option<Box<dyn KernelBackend>> {
     }
 }
 
-/// Prepares a scene; what is in `keep` is done although it does not need it. Messages are printed here only when there is
-/// no scene.
+/// Prepares a scene; what is in `keep` is done although it does not need it. Messages are printed here only when there
+/// is no scene.
 pub(crate) fn prepare_scene(loaded: &mut Loaded, backend: &dyn KernelBackend, keep: &[Pruning]) -> Option<Scene> {
     let scene = loaded.prepare(backend, keep);
     if scene.is_none() {

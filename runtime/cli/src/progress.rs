@@ -1,5 +1,5 @@
-//! Progress on a terminal: a bar for the steps, a line a step, with `-v` a line an iteration, and a line every few seconds
-//! while nothing else is said.
+//! Progress on a terminal: a bar for the steps, a line a step, with `-v` a line an iteration, and a line every few
+//! seconds while nothing else is said.
 
 use std::io::IsTerminal;
 
@@ -52,8 +52,8 @@ impl Progress for Terminal {
     fn resumed(&mut self, last: Option<&StepResult>) {
         if self.loudness != Loudness::Quiet {
             self.line(&match last {
-                Some(step) => format!("goes on behind t = {}", step.time),
-                None => "there is no checkpoint of an earlier run: starts from the beginning".to_owned(),
+                Some(step) => format!("continues after t = {}", step.time),
+                None => "no checkpoint of an earlier run: starts from the beginning".to_owned(),
             });
         }
     }
@@ -142,11 +142,11 @@ fn parts(step: &StepResult) -> Option<String> {
     let smallest = step.parts().iter().map(|a| a.part.1 - a.part.0).fold(1.0, f64::min);
     let what = match path {
         Path::Steps => "the increment",
-        Path::Load => "the load of this first step",
+        Path::Load => "the load of the first step",
     };
     let done = if step.history.converged() { "solved" } else { "NOT solved" };
     Some(format!(
-        "t = {}: {done} in parts: {failed} attempts failed, {} parts converged, the smallest attempt was 1/{} of {what}",
+        "t = {}: {done} in smaller increments: {failed} attempts failed, {} increments converged, the smallest was 1/{} of {what}",
         step.time,
         solved.len(),
         (1.0 / smallest).round()

@@ -52,7 +52,7 @@ impl Ready {
     pub(crate) fn go(&mut self, scene: &mut Scene) -> Result<Outcome, RunError> {
         let mut terminal = Terminal::new(self.loudness);
         let several = scene.steps.values.len() > 1 && self.resumable;
-        let hint = if several { "the steps done are kept: the same command with --resume goes on" } else { "" };
+        let hint = if several { "the steps done are kept: the same command with --resume continues" } else { "" };
         let _tidied = self.options.out.clone().map(|folder| Tidied::new(folder, hint));
         wfl_runtime::run(scene, &self.options, &mut terminal)
     }
@@ -100,7 +100,7 @@ pub(crate) fn ready(
     Ok(Ready { options, loudness, resumable: true })
 }
 
-/// The results folder that is asked for, or the one that is named after the scene.
+/// The requested results folder, or the one that is named after the scene.
 pub(crate) fn folder(args: &RunArgs, loaded: &Loaded) -> Result<PathBuf, String> {
     if let Some(out) = &args.out {
         return Ok(out.clone());

@@ -48,7 +48,7 @@ fn made(args: &ReportArgs) -> Result<String, String> {
     let steps = &run.report().steps;
     let failed = steps.iter().filter(|s| !s.converged).count();
     if run.report().error.is_some() || failed > 0 {
-        said += "the run failed: the page begins with why\n";
+        said += "the run failed: the page begins with the reason\n";
     }
     Ok(said)
 }

@@ -92,7 +92,7 @@ fn may_write(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
     false
 }
 
-/// A run with what its savings are, if that is asked for.
+/// A run with the measured effect of its optimisations, on request.
 fn measured(args: &RunArgs, loaded: &Loaded, backend: &dyn KernelBackend, mut ready: Ready) -> Result<Ready, String> {
     if args.savings {
         let begin = Instant::now();
@@ -115,10 +115,10 @@ fn measured(args: &RunArgs, loaded: &Loaded, backend: &dyn KernelBackend, mut re
 fn savings_text(savings: &[Saving]) -> String {
     let line = |s: &Saving| {
         let name = s.pruning.name();
-        format!("without the pruning `{name}`: {:.2} times as long, measures move by {:.1e}\n", s.times, s.moved)
+        format!("without the optimisation `{name}`: {:.2} times as long, measures change by {:.1e}\n", s.times, s.moved)
     };
     if savings.is_empty() {
-        "nothing that has a switch is left out\n".to_owned()
+        "the scene uses no optimisation that can be turned off\n".to_owned()
     } else {
         savings.iter().map(line).collect()
     }

@@ -105,26 +105,26 @@ fn judge(name: &str, dim: usize, words: &[&str], cases: &[Case<'_>]) {
 
 const MISTAKES: &[Case<'_>] = &[
     (NITSCHE, "term stress on fault : -theta/gamma*trac(uL).trac(Test_uL)\n", "", Some("W508"), "term touch on fault"),
-    (NITSCHE, ": -theta/gamma", ": theta/gamma", Some("W508"), "is left where contact is closed"),
+    (NITSCHE, ": -theta/gamma", ": theta/gamma", Some("W508"), "remains where contact is closed"),
     (NITSCHE, "- theta*trac(Test_uL)\n", "+ theta*trac(Test_uL)\n", Some("W508"), "NOT consistent (W508)"),
     (
         NITSCHE,
         "- trac(uL).Normal",
         "+ trac(uL).Normal",
         Some("W507"),
-        "closed contact carries 0 on one side and 0 on the other",
+        "closed contact balances 0 on one side and 0 on the other",
     ),
-    (NITSCHE, "- tang(trac(uL))", "+ tang(trac(uL))", Some("W507"), "sticking contact carries -1.000"),
-    (NITSCHE, "= gamma*(jump", "= -gamma*(jump", Some("W510"), "push each other away where they are apart"),
-    (NITSCHE, "= gamma*tang", "= -gamma*tang", Some("W510"), "friction drives the sliding"),
-    (NITSCHE, "(Pn, Pt, fric", "(Pn, -Pt, fric", Some("W507"), "sticking contact carries -1.000"),
-    (NITSCHE, "fric*pos_part(Pn)", "fric*pos_part(-Pn)", Some("W510"), "friction acts where the sides are apart"),
+    (NITSCHE, "- tang(trac(uL))", "+ tang(trac(uL))", Some("W507"), "sticking contact balances -1.000"),
+    (NITSCHE, "= gamma*(jump", "= -gamma*(jump", Some("W510"), "repel each other across an open gap"),
+    (NITSCHE, "= gamma*tang", "= -gamma*tang", Some("W510"), "friction drives the slip"),
+    (NITSCHE, "(Pn, Pt, fric", "(Pn, -Pt, fric", Some("W507"), "sticking contact balances -1.000"),
+    (NITSCHE, "fric*pos_part(Pn)", "fric*pos_part(-Pn)", Some("W510"), "friction acts across an open gap"),
     (
         NITSCHE,
         "gamma*jump(Test_uL,Test_uR)",
         "gamma*Test_uL",
         Some("W507"),
-        "carries 1.000 on one side and 0 on the other",
+        "balances 1.000 on one side and 0 on the other",
     ),
 ];
 
@@ -169,14 +169,20 @@ fn mistakes_in_other_forms_are_seen() {
     let right = "term touchR on fault : 1/(2*gamma)*force(PR)";
     let one_side = &UNBIASED[..UNBIASED.find("term stressR").expect("a line")];
     let cases: &[Case<'_>] = &[
-        (one_side, "", "", Some("W507"), "closed contact carries 0.500"),
-        (UNBIASED, right, "term touchR on fault : -1/(2*gamma)*force(PR)", Some("W507"), "closed contact carries 0 on"),
+        (one_side, "", "", Some("W507"), "closed contact balances 0.500"),
+        (
+            UNBIASED,
+            right,
+            "term touchR on fault : -1/(2*gamma)*force(PR)",
+            Some("W507"),
+            "closed contact balances 0 on",
+        ),
         (UNBIASED, "term stressR on fault : -theta", "term stressR on fault : theta", Some("W508"), ""),
         (MEAN, "def mean = 0.5*trac(uL) + 0.5*other", "def mean = 0.5*trac(uL)", Some("W507"), ""),
-        (PENALTY, "= gamma*(jump", "= -gamma*(jump", Some("W510"), "forces grow where they are apart"),
-        (PENALTY, "= gamma*tang", "= -gamma*tang", Some("W510"), "friction drives the sliding"),
+        (PENALTY, "= gamma*(jump", "= -gamma*(jump", Some("W510"), "forces grow with an open gap"),
+        (PENALTY, "= gamma*tang", "= -gamma*tang", Some("W510"), "friction drives the slip"),
         (PENALTY, "jump(Test_uL,Test_uR)", "Test_uL", Some("W507"), "1.000 on one side and 0 on the other"),
-        (PENALTY, ": contact(", ": -contact(", Some("W510"), "pull each other the more they press"),
+        (PENALTY, ": contact(", ": -contact(", Some("W510"), "attract each other more as they are pressed"),
         (AUGMENTED, "(lambda + force)", "(lambda - force)", Some("W509"), "no multiplier satisfies"),
         (AUGMENTED, "- lambda.Normal", "+ lambda.Normal", Some("W509"), "no multiplier satisfies"),
         (AUGMENTED, "- tang(lambda)", "+ tang(lambda)", Some("W509"), "no multiplier satisfies"),
@@ -217,7 +223,7 @@ fn verify_fails_and_run_warns() {
     let verified = wfl("fails", "verify", 2, &wrong, &["--samples", "2"]);
     assert_eq!(verified.status.code(), Some(1));
     let text = String::from_utf8_lossy(&verified.stderr).into_owned();
-    assert!(text.contains("error: W507: the terms do not carry the stress of the bodies"), "{text}");
+    assert!(text.contains("error: W507: the contact terms do not balance the traction of the bodies"), "{text}");
     let held = "fix uL, uR = [0,0] on boundary\n";
     let ran = wfl(
         "warns",

@@ -140,7 +140,7 @@ fn a_finished_run_is_not_made_again() {
     let again = folder.run(&["--resume"]);
     assert!(again.status.success(), "{}", said(&again));
     let told = String::from_utf8_lossy(&again.stdout).into_owned();
-    assert!(told.contains("o: the run is finished, its 3 steps and files are whole"), "{told}");
+    assert!(told.contains("o: the run is finished; its 3 steps and files are complete"), "{told}");
     assert_eq!(folder.files("o"), before, "also the report and its times");
     // the manifest does not depend on threads
     assert!(folder.run_in("p", &["--threads", "3"]).status.success());
@@ -199,7 +199,7 @@ fn what_is_damaged_is_never_gone_on_from() {
         // what is missing is named, too
         for name in ["line_0000.csv", "bar_0000.vtu"] {
             fs::remove_file(folder.0.join("o").join(name)).expect("our own file");
-            refused(&folder.run(&[late, "--resume"]), "E715", &[name, "is gone"]);
+            refused(&folder.run(&[late, "--resume"]), "E715", &[name, "is missing"]);
             folder.write(&format!("o/{name}"), &whole[name]);
         }
         // without --resume the run starts from the beginning whatever is there, but for a manifest that is none
@@ -425,9 +425,9 @@ fn a_sweep_keeps_the_rows_of_what_it_reads_now() {
     assert_eq!(fluxes(), [1.0, 2.0]);
     folder.write("k.csv", table(4.0));
     let second = sweep("t");
-    assert!(said(&second).contains("2 runs, 0 of them in the table already"), "{}", said(&second));
+    assert!(said(&second).contains("2 runs, 0 of them already in the table"), "{}", said(&second));
     assert_eq!(fluxes(), [1.0, 2.0, 4.0, 8.0]);
-    assert!(said(&sweep("t")).contains("2 runs, 2 of them in the table already"));
+    assert!(said(&sweep("t")).contains("2 runs, 2 of them already in the table"));
     // a table that was changed is not gone on with
     let whole = fs::read_to_string(folder.0.join("t/sweep.csv")).expect("a table");
     folder.write("t/sweep.csv", whole.replacen(",ok,", ",OK,", 1));
@@ -465,7 +465,7 @@ fn a_reference_that_was_changed_is_noticed() {
     assert_eq!(fs::read_to_string(&file).expect("a reference"), whole);
     // of another text: a new reference, and a new row
     folder.edit("flux.wfl", "1 + x*x", "2 + x*x");
-    assert!(said(&sweep(&["--out", "t"])).contains("1 runs, 0 of them in the table already"));
+    assert!(said(&sweep(&["--out", "t"])).contains("1 runs, 0 of them already in the table"));
     assert_ne!(fs::read_to_string(&file).expect("a reference"), whole);
 }
 
@@ -521,7 +521,7 @@ fn an_interrupt_tidies_up_and_says_how_to_go_on() {
         assert!(killed.is_ok_and(|s| s.success()));
         let ended = child.wait_with_output().expect("our own child");
         assert_eq!(ended.status.signal(), Some(number), "{}", said(&ended));
-        let words = "interrupted: the steps done are kept: the same command with --resume goes on";
+        let words = "interrupted: the steps done are kept: the same command with --resume continues";
         assert!(said(&ended).contains(words), "{}", said(&ended));
         // the thread that writes may have begun another file in the last moment
         let left: Vec<String> = folder.files("o").into_keys().filter(|n| n.starts_with(".wfl-")).collect();

@@ -256,13 +256,13 @@ error[E402]: region `far` is empty
         "region bottom = faces where z == 0\nmultiplier lambda : vector on fault\nfix uL, uR = [0,0,0] on bottom\nterm contact on fault : lambda.jump(Test_uL,Test_uR) + jump(uL,uR).Test_lambda",
         &[],
         r#"
-warning[W404]: 5 nodes of `lambda` have no jump to act on and are dropped
+warning[W404]: 5 nodes of `lambda` have no jump and are dropped
   --> scene.wfl:21:12
    |
 21 | multiplier lambda : vector on fault
-   |            ^^^^^^ where the fields on both sides are fixed
+   |            ^^^^^^ the displacements of both sides are prescribed
    |
-   = note: kept, they make the system singular in stick; `with crosspoints=keep` keeps them
+   = note: they would make the system singular in stick; `with crosspoints=keep` keeps them
 "#,
     ),
     (
@@ -486,13 +486,13 @@ fn what_goes_wrong_in_a_run_is_told_at_its_place() {
             "fix uR(1) = 0 on east\nfix uR(2), uR(3) = 0 on east\nload uR = [1,0,0] on right",
         );
     let expected = "
-error[E403]: nothing holds `d` at the start: its row of the first tangent is zero
+error[E403]: `d` has no stiffness at the start: its row of the first tangent is zero
   --> scene.wfl:22:9
    |
 22 | unknown d : scalar global
    |         ^ every term with it is inactive
    |
-   = help: start from a touching state, e.g. `start d = 0.01`
+   = help: start from a state in contact, e.g. `start d = 0.01`
 ";
     let told = errors(&run("E403", &free, "run", &[]));
     assert!(told.contains(expected.trim()), "{told}");
@@ -505,14 +505,14 @@ start d = 1.3
 solver newton with search=none, max_iter=12
 ";
     let expected = "
-warning[W602]: the contact set goes in a circle
+warning[W602]: the active set cycles
  --> scene.wfl:3:23
   |
 3 | term law on global : (abs(d) + 1)*Test_d
-  |                       ^^^^^^ 1 point switches open/closed in turn since iteration 0
+  |                       ^^^^^^ 1 point switches open/closed alternately since iteration 0
   |
   = note: step t = 0; the residual alternates 1.0000, 1.0000
-  = help: solver newton with search=auto, or smaller steps: steps ... by a smaller step
+  = help: solver newton with search=auto, or smaller load steps: steps ... by a smaller value
 ";
     let output = run("W602", circle, "run", &[]);
     let told = errors(&output);

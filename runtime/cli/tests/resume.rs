@@ -136,7 +136,7 @@ fn a_checkpoint_of_something_else_is_refused() {
     edit(&setup, "cells [4,4,5] hex", "cells [4,4,4] hex");
     for cut in [0, 7, 31, 32, good.len() / 2, good.len() - 1] {
         std::fs::write(&file, &good[..cut]).expect("writable");
-        refused(&[], "not a whole checkpoint");
+        refused(&[], "not a complete checkpoint");
     }
     let mut flipped = good.clone();
     flipped[good.len() / 3] ^= 4;
@@ -149,7 +149,8 @@ fn a_checkpoint_of_something_else_is_refused() {
     refused(&[], "shorter than the checkpoint says");
     std::fs::write(&log, steps.iter().map(|b| b ^ 1).collect::<Vec<u8>>()).expect("writable");
     refused(&[], "not the one of the checkpoint");
-    // what a killed run wrote behind the last checkpoint is no damage: the run goes on to the step that cannot be solved
+    // what a killed run wrote behind the last checkpoint is no damage: the run goes on to the step that cannot be
+    // solved
     std::fs::write(&log, [&steps[..], b"torn"].concat()).expect("writable");
     let goes_on = said(&run(&scene, &out, &["--resume"]));
     assert!(goes_on.contains("E601") && !goes_on.contains("checkpoint"), "{goes_on}");
@@ -160,7 +161,7 @@ fn a_checkpoint_of_something_else_is_refused() {
     let step = std::fs::read_dir(&out).expect("results").filter_map(Result::ok).map(|e| e.path());
     let step = step.into_iter().find(|p| p.extension().is_some_and(|e| e == "vtu")).expect("a step file");
     std::fs::remove_file(&step).expect("our own file");
-    refused(&[], "is gone");
+    refused(&[], "is missing");
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! A tangent without an inverse, by its cause: for each the smallest scene with the words that name the cause, and a scene
-//! near it that is solved.
+//! A tangent without an inverse, by its cause: for each the smallest scene with the words that name the cause, and a
+//! scene near it that is solved.
 
 mod common;
 
@@ -23,7 +23,10 @@ fn cause(name: &str, text: &str, words: &[&str], cure: (&str, &str)) {
         assert!(said.contains(word), "{name} lacks {word:?}:\n{said}");
     }
     let rigid = words.iter().any(|w| w.contains("rigid"));
-    assert!(rigid || !said.contains("rigid motion (") && !said.contains("rigid motions ("), "{name}:\n{said}");
+    assert!(
+        rigid || !said.contains("rigid body motion (") && !said.contains("rigid body motions ("),
+        "{name}:\n{said}"
+    );
     assert!(text.contains(cure.0), "{name}: {}", cure.0);
     let (code, said) = run(&format!("{name}-cured"), &text.replace(cure.0, cure.1));
     assert!(code == 0 && !said.contains("E602"), "{name}, cured: {said}");
@@ -66,7 +69,7 @@ fn numbers_of_the_whole_scene_are_explained_by_their_equations() {
          term elastic on all : sigma(u):Grad_Test_u\n\
          term spring on east : (u(1) - a - b)*(Test_u(1) - Test_a - Test_b)\nfix u = [0.1,0] on west\n"
     );
-    let told = ["`a` and `b` can change together", "depend on each other"];
+    let told = ["`a` and `b` can change together", "linearly dependent"];
     cause(
         "two-numbers",
         &two,
@@ -106,17 +109,17 @@ fn a_pressure_that_alternates_or_is_constant_is_told_as_such() {
              fix v = [4*x*(1-x),0] on lid\nfix v = [0,0] on walls\nregion corner = nodes where x == 0 and y == 0\n{fixed}"
         )
     };
-    let told = ["a part of `p` that alternates", "saddle point", "higher degree"];
+    let told = ["`p` has a spurious mode that alternates", "saddle point", "higher degree"];
     cause(
         "checkerboard",
         &cavity("Q1", "fix p = 0 on corner\n"),
         &told,
         ("unknown v : vector Q1", "unknown v : vector Q2"),
     );
-    let told = ["nothing holds `p`: it is known up to a constant", "at one node"];
+    let told = ["`p` is determined up to a constant only", "at one node"];
     cause("constant", &cavity("Q2", "# none\n"), &told, ("# none\n", "fix p = 0 on corner\n"));
     let heat = format!("{SQUARE}unknown T : scalar\nterm flow on all : Grad_T.Grad_Test_T\nload T = 1 on all\n");
-    let told = ["nothing holds `T`: it is known up to a constant"];
+    let told = ["`T` is determined up to a constant only"];
     cause("heat", &heat, &told, ("load T = 1 on all", "load T = 1 on all\nfix T = 0 on west"));
 }
 
@@ -124,23 +127,23 @@ fn a_pressure_that_alternates_or_is_constant_is_told_as_such() {
 fn contact_that_holds_nothing_is_told_by_what_it_does() {
     let pressed = "load uR = [-0.01,-0.002] on east";
     let zero = blocks(CONTACT, pressed).replace("param gamma = 10", "param gamma = 0");
-    let told = ["nothing holds `uR` in 3 rigid motions", "`contact` gives no force whatever moves"];
+    let told = ["nothing prevents 3 rigid body motions of `uR`", "`contact` gives no force for any motion"];
     cause("gamma-0", &zero, &told, ("param gamma = 0", "param gamma = 10"));
     let flipped = blocks(&CONTACT.replace(": force.jump", ": -force.jump"), pressed);
-    let told = ["rigid motion", "`contact` draws the sides together", "wrong sign"];
+    let told = ["rigid body motion", "`contact` attracts the sides", "wrong sign"];
     cause("flipped", &flipped, &told, (": -force.jump", ": force.jump"));
     let pulled = blocks(CONTACT, "load uR = [0.01,0] on east");
-    let told = ["rigid motion", "the load pulls it away from `contact`"];
+    let told = ["rigid body motion", "the load pulls it away from `contact`"];
     cause("pulled", &pulled, &told, ("[0.01,0]", "[-0.01,0]"));
     let smooth = blocks(CONTACT, "load uR = [-0.01,0] on east").replace("param fric = 0.4", "param fric = 0");
-    let told = ["`uR` in 1 rigid motion (1 translation)", "holds it along the normal only"];
+    let told = ["1 rigid body motion of `uR` (1 translation)", "supports it in the normal direction only"];
     cause("smooth", &smooth, &told, ("param fric = 0\n", "param fric = 0.4\n"));
 }
 
 /// Pressed on a rough floor and pushed along it by more than friction holds.
 #[test]
 fn exhausted_friction_is_told() {
-    let told = ["nothing holds `u` in 1 rigid motion (1 translation)", "friction", "friction coefficient"];
+    let told = ["nothing prevents 1 rigid body motion of `u` (1 translation)", "friction", "friction coefficient"];
     cause("exhausted", &format!("param gamma = 1e3\n{ROUGH_FLOOR}"), &told, ("[8,-10]", "[1,-10]"));
 }
 
@@ -161,7 +164,7 @@ fn bodies_of_one_field_are_told_apart() {
                 def sigma(v) = Div_v*Id(2) + 2*Sym(Grad_v)\ndef jump(v) = v - Interpolate(v, neighbor_element)\n\
                 term elastic on all : sigma(u):Grad_Test_u\nterm glue on ab : 10*jump(u).jump(Test_u)\n\
                 fix u = [0,0] on west\nload u = [0.01,0] on all\n";
-    let told = ["nothing holds the body of `u` around [2.5, 0.5] in 3 rigid motions"];
+    let told = ["nothing prevents 3 rigid body motions of the body of `u` around [2.5, 0.5]"];
     cause("third-body", text, &told, ("term glue on ab", "term more on bc : 10*jump(u).jump(Test_u)\nterm glue on ab"));
 }
 
@@ -171,6 +174,6 @@ fn a_periodic_body_keeps_its_translations() {
                 multiplier l : vector on west\nmapping m = point [x + 1, y]\ndef sigma(v) = Div_v*Id(2) + 2*Sym(Grad_v)\n\
                 region pin = nodes where x == 0.5 and y == 0.5\nterm elastic on all : sigma(u):Grad_Test_u\n\
                 term tie on west : l.(Test_u - Interpolate(Test_u, m)) + (u - Interpolate(u, m) - [0.1,0]).Test_l\n# pin\n";
-    let told = ["nothing holds `u` in 2 rigid motions (2 translations)"];
+    let told = ["nothing prevents 2 rigid body motions of `u` (2 translations)"];
     cause("periodic", text, &told, ("# pin\n", "fix u = [0,0] on pin\n"));
 }

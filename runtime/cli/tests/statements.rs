@@ -105,11 +105,11 @@ const CASES: &[(&str, &str, &[&str])] = &[
     // first guesses, rules, terms, tears
     ("fix u = [x,0] on all\nstart u = [1,1]", "W411", &["`start u`", "by this statement"]),
     ("fix u = [0,0] on west\nstart u = [1,1]", "", &[]),
-    ("fix u = [0,0] on west\nstart u = [1,1]\nstart u = [2,1]", "E434", &["two first values"]),
+    ("fix u = [0,0] on west\nstart u = [1,1]\nstart u = [2,1]", "E434", &["two initial guesses"]),
     ("fix u = [0,0] on west\nquadrature on east degree 9", "W411", &["nothing is integrated", "`all`"]),
     ("fix u = [0,0] on west\nload u = [1,0] on east\nquadrature on east degree 9", "", &[]),
     ("fix u = [0,0] on west\nquadrature on all degree 4\nquadrature on all degree 6", "E434", &["`all`"]),
-    ("fix u = [0,0] on west\nterm none on all : 0*u.Test_u", "W411", &["zero whatever"]),
+    ("fix u = [0,0] on west\nterm none on all : 0*u.Test_u", "W411", &["zero for all"]),
     ("fix u = [0,0] on west\nterm off on all : k*u.Test_u", "", &[]),
     (
         "fix u = [0,0] on west\nregion up = cells where y > 0.5 and x > 0.5\nregion down = cells where y < 0.5\nregion slit = interface from up to down\nsplit u across slit",

@@ -115,7 +115,7 @@ fn rows_that_are_there_are_not_run_again() {
     assert!(wfl(&[&name, "nu=0.1,0.2", "--reference", "none", "-q"], &out).status.success());
     let first = rows(&out);
     let again = wfl(&[&name, "nu=0.1,0.2,0.3", "--reference", "none"], &out);
-    assert!(text(&again.stderr).contains("3 runs, 2 of them in the table already"), "{}", text(&again.stderr));
+    assert!(text(&again.stderr).contains("3 runs, 2 of them already in the table"), "{}", text(&again.stderr));
     let second = rows(&out);
     assert_eq!(second.len(), 3);
     assert_eq!(second[..2], first[..]);

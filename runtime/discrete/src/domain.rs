@@ -69,7 +69,7 @@ impl Group {
         self.weights.len()
     }
 
-    /// The side asked for.
+    /// The requested side.
     #[must_use]
     pub fn side(&self, side: wfl_compiler::types::Side) -> &GroupSide {
         match side {
@@ -155,7 +155,7 @@ impl Domain {
     }
 }
 
-/// A group without entities whose only point has weight 1, whatever the cell measures.
+/// A group without entities whose only point has weight 1, independent of the cell.
 fn one_point(here: GroupSide) -> Group {
     Group {
         entities: Vec::new(),

@@ -38,7 +38,7 @@ pub struct Field {
     pub space: FieldSpace,
 }
 
-/// A field that is asked for where it has no nodes.
+/// A field is evaluated where it has no nodes.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum FieldError {
     /// No cell or facet of the field here.
@@ -46,7 +46,7 @@ pub enum FieldError {
     NotHere {
         /// The field.
         field: String,
-        /// Where it was asked for.
+        /// Where it was evaluated.
         place: String,
     },
     /// A field that lives on facets has no gradient.
@@ -55,7 +55,7 @@ pub enum FieldError {
         /// The field.
         field: String,
     },
-    /// A field of integration points is asked for at other points.
+    /// A field of integration points is evaluated at other points.
     #[error("`{field}` lives at integration points, and the points used here are others")]
     OtherPoints {
         /// The field.

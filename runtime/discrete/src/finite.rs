@@ -1,8 +1,8 @@
-//! Numbers that must be finite, and how one that is not is told.
+//! Numbers that must be finite, and the message about one that is not.
 //!
-//! Values given by formulas of a scene (prescribed values, first guesses, known fields, mappings) enter the system through
-//! [`crate::Value::at_positions`] only, which gives [`NotFinite`] instead of such a number. States and residuals pass
-//! [`crate::system::System::residual`], which refuses them. Does not decide what a run does then.
+//! Values given by formulas of a scene (prescribed values, first guesses, known fields, mappings) enter the system
+//! through [`crate::Value::at_positions`] only, which gives [`NotFinite`] instead of such a number. States and
+//! residuals pass [`crate::system::System::residual`], which refuses them. Does not decide what a run does then.
 
 use thiserror::Error;
 use wfl::{Diagnostic, Span, ast::Expansions};
@@ -102,8 +102,8 @@ pub fn word(value: f64) -> &'static str {
     if value.is_nan() { "not a number" } else { "infinite" }
 }
 
-/// A diagnostic with the operation that made a number that is not finite. `at` says at which point; `given` is the place
-/// of the whole expression and its value, for a cause without a place.
+/// A diagnostic with the operation that made a number that is not finite. `at` says at which point; `given` is the
+/// place of the whole expression and its value, for a cause without a place.
 #[must_use]
 pub fn told(
     d: Diagnostic,

@@ -1,10 +1,9 @@
-//! Nodes whose equations are turned into a frame of their own.
+//! Local frames of nodes with a prescribed displacement in a direction that is not an axis.
 //!
-//! A displacement that is prescribed along a direction that is no axis is taken out of the system exactly: at its node
-//! the residual and the tangent are written in an orthonormal frame whose first axes are the prescribed directions,
-//! and those are left out. Displacements stay in the axes of the scene; only equations and corrections are turned. So
-//! dof `first + k` of such a node stands for component k in states and for axis k of the frame in residuals, tangents
-//! and corrections.
+//! At such a node the residual and the tangent are written in an orthonormal frame whose first axes are the prescribed
+//! directions, and those equations are removed, so the prescribed value is exact. Displacements stay in the axes of the
+//! scene; only equations and corrections are rotated. Dof `first + k` of such a node is component k in states, and axis
+//! k of the frame in residuals, tangents and corrections.
 
 use wfl_sparse::{
     csr::{Csr, Pattern},
@@ -74,7 +73,7 @@ impl Frames {
         }
     }
 
-    /// Turns sizes: an upper bound of the turned entries.
+    /// Rotates magnitudes: an upper bound of the rotated entries.
     pub fn turn_sizes(&self, v: &mut [f64]) {
         for frame in &self.list {
             let node = &mut v[frame.first..][..frame.axes.len()];
@@ -114,7 +113,7 @@ impl Frames {
         &self.list
     }
 
-    /// The dofs of an entity with all dofs of its turned nodes, each once: what they couple once turned.
+    /// The dofs of an entity with all dofs of its rotated nodes, each once: they are coupled after the rotation.
     pub fn complete(&self, dofs: &[u32], out: &mut Vec<u32>) {
         out.clear();
         out.extend_from_slice(dofs);
@@ -175,7 +174,7 @@ mod tests {
     use super::*;
     use wfl_sparse::csr::PatternBuilder;
 
-    /// Dofs 1 and 2 are a node, 0 and 3 stand alone; a turned matrix is Q K Q'.
+    /// Dofs 1 and 2 are a node, 0 and 3 are single; a rotated matrix is Q K Q'.
     #[test]
     fn a_turned_matrix_is_that_of_the_turned_basis() {
         let (c, s) = (0.8, 0.6);

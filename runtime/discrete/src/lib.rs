@@ -1,9 +1,10 @@
 //! From point laws on a mesh to vectors and matrices.
 //!
-//! [`space`] numbers nodes, [`domain`] holds the points of integration, [`field`] gives them components, [`assemble`] integrates compiled point laws over domains into
-//! residuals and tangents, [`value`] evaluates expressions, [`frames`] holds the local frames of prescribed directions.
-//! Promises sums in one fixed order for any number of threads, and that a number that is not finite is told with its
-//! place ([`finite`]). Does not solve, step, read scenes or write results.
+//! [`space`] numbers nodes, [`domain`] holds the points of integration, [`field`] gives them components, [`assemble`]
+//! integrates compiled point laws over domains into residuals and tangents, [`value`] evaluates expressions, [`frames`]
+//! holds the local frames of prescribed directions. Promises sums in one fixed order for any number of threads, and
+//! that a number that is not finite is reported with its place ([`finite`]). Does not solve, step, read scenes or write
+//! results.
 #![forbid(unsafe_code)]
 
 pub mod assemble;

@@ -1,8 +1,8 @@
-//! Values at integration points: one node a point, nothing between the points.
+//! Values at integration points: one node for each point, without interpolation.
 //!
-//! A field on such a space can be read where the same points are used again: the basis function of a point is 1 there
-//! and 0 at the others, so gathering and assembly work as for any field. It has no gradient. Asked for at other
-//! points (another rule, another place) it answers that it has no values there; it never interpolates.
+//! A field on such a space can be evaluated at the same points: the basis function of a point is 1 there and 0 at the
+//! others, so gathering and assembly work as for any field. It has no gradient. At other points (another rule, another
+//! region) it has no values.
 
 use std::collections::BTreeMap;
 

@@ -1,10 +1,10 @@
 //! Values at positions from a text file, and their transfer to the nodes of a field.
 //!
-//! The format: one line of column names, then one line of numbers a position, separated by commas. `x`, `y`, `z` are the
-//! position; the values of a field `u` stand in a column `u` or in `u_1`, `u_2`, ... (`u_11`, `u_21`, ... for a matrix,
-//! first index first), as `output csv` writes them. Empty entries and `nan` are no values; other columns are ignored;
-//! lines that begin with `#` are comments. Nothing is interpolated: a node takes the values of the position that is
-//! its own within [`SAME_PLACE`] of the mesh size, or the file does not fit.
+//! The format: one line of column names, then one line of numbers a position, separated by commas. `x`, `y`, `z` are
+//! the position; the values of a field `u` stand in a column `u` or in `u_1`, `u_2`, ... (`u_11`, `u_21`, ... for a
+//! matrix, first index first), as `output csv` writes them. Empty entries and `nan` are no values; other columns are
+//! ignored; lines that begin with `#` are comments. Nothing is interpolated: a node takes the values of the position
+//! that is its own within [`SAME_PLACE`] of the mesh size, or the file does not fit.
 
 use thiserror::Error;
 
@@ -138,7 +138,7 @@ impl PointValues {
         self.names.iter().any(own)
     }
 
-    /// Names of a file are not told, but for one that is nearly what was wanted.
+    /// Names of a file are not shown, except one that is close to the wanted name.
     fn without_column(&self, wanted: String) -> PointValuesError {
         let near = wfl::nearest(&wanted, self.names.iter().map(String::as_str));
         let near = near.map_or_else(String::new, |n| format!("; there is a `{n}`"));

@@ -1,4 +1,4 @@
-//! What a compiled law takes once per step: the step variable and its increment.
+//! Inputs of a compiled law for one load step: the step variable and its increment.
 
 use wfl_compiler::{Prologue, run_prologue, types::UniformSlot};
 

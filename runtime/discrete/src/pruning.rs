@@ -1,7 +1,7 @@
-//! Switches that put back what is left out because a scene does not need it.
+//! Switches that turn an optimisation off.
 //!
-//! A switch changes how a solution is found and not which: it exists so that the saving can be measured and the result
-//! compared. Does not decide anything: `System`, `Strategy` and the rules of integration ask.
+//! A switch changes how a solution is found, not the solution: it exists so that the effect can be measured and the
+//! results compared. Does not decide anything: assembly, linear solver selection and quadrature ask.
 
 /// Something that is left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 //!
 //! Promises: nodes exist only where the field lives; numbers follow first appearance in the order
 //! of the given cells or facets, so neighbours stay near; two cells that share an entity number its
-//! dofs alike, whatever their local orientation (dofs along an edge run from its vertex of lower
+//! dofs alike for any local orientation (dofs along an edge run from its vertex of lower
 //! number). Does not know components, values or constraints.
 
 mod split;
@@ -39,9 +39,9 @@ pub struct Space {
     position_of_facet: Vec<(FacetRef, u32)>,
     elements: Vec<Option<Element>>,
     numbering: Numbering,
-    /// Nodes that were torn and their copies, sorted; empty unless the space is split.
+    /// Nodes at the split and their copies, sorted; empty unless the space is split.
     copies: Vec<(u32, u32)>,
-    /// The faces it was torn along.
+    /// The faces along which it is split.
     torn: Vec<FacetRef>,
     torn_ids: BTreeSet<FacetId>,
 }
@@ -84,7 +84,7 @@ struct Context<'a> {
 
 impl Space {
     /// The space of `degree` on `cells` (each at most once): `P_k` on simplices, `Q_k` on tensor
-    /// cells. Degree 0 is discontinuous whatever `family` says.
+    /// cells. Degree 0 is discontinuous for every `family`.
     ///
     /// # Errors
     /// [`ElementError`] when a cell has no element of this degree.

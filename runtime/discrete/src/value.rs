@@ -1,4 +1,4 @@
-//! Expressions without test functions, evaluated: at positions, or at the points of a domain.
+//! Evaluation of expressions without test functions: at positions, or at the points of a domain.
 
 use std::sync::Arc;
 

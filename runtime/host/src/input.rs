@@ -1,8 +1,8 @@
-//! The one way to take a file from the disc: scenes and what they use, meshes, tables, checkpoints, results.
+//! Reads files from disc: scenes and the files they use, meshes, tables, checkpoints, results.
 //!
-//! Promises: only regular files are opened, so that a pipe or device cannot keep the program waiting or fill its
-//! memory; the size is asked for first and compared with the memory that is left; no more bytes than that are taken.
-//! Does not look into what is read; which files a scene may name, [`crate::reading`] says.
+//! Promises: only regular files are opened, so a pipe or device can neither block the program nor fill its memory; the
+//! size is compared with the available memory first, and no more bytes than that are read. Does not interpret the
+//! content; which files a scene may name is decided by [`crate::reading`].
 
 use std::{
     fs::{File, FileType, Metadata},

@@ -1,8 +1,8 @@
-//! What the runtime asks of the machine: memory and input files.
+//! What the runtime needs from the machine: memory and input files.
 //!
-//! Promises that a large need for memory is an error with its size before anything is allocated ([`memory`]), that only
-//! regular files of a known size are read ([`input`]), and that a scene reads only from folders it may ([`reading`]).
-//! Does not write files, and knows nothing of meshes, matrices and scenes.
+//! Promises: a large allocation that does not fit is an error with its size before anything is allocated ([`memory`]);
+//! only regular files of a known size are read ([`input`]); a scene reads only from allowed folders ([`reading`]). Does
+//! not write files, and knows nothing of meshes, matrices and scenes.
 #![forbid(unsafe_code)]
 
 pub mod input;

@@ -1,10 +1,10 @@
-//! How much memory the process may take, and whether a need fits into it.
+//! The memory limit of the process, and whether an allocation fits into it.
 //!
-//! The limit is one of the process, because its memory is. Two lines keep it. Every large need is asked for with
-//! [`claim`] or taken with [`zeros`]: a need that does not fit is an error with both numbers, nothing has been allocated
-//! by then. What is taken without asking, or more than was asked for, is seen by [`watch`], which a program starts once.
-//! Without a limit of the user it is the memory of the machine, of the control group (a container), or of the address
-//! space (`ulimit -v`), whichever is met first; where the system does not tell (other systems than Linux) there is none.
+//! Two mechanisms keep the limit. Every large allocation is announced with [`claim`] or made with [`zeros`]; one that
+//! does not fit is an error with both numbers before anything is allocated. Memory that was not announced is detected
+//! by [`watch`], which a program starts once. Without a limit of the user the limit is the memory of the machine, of
+//! the control group (a container) or of the address space (`ulimit -v`), whichever is smallest; on systems other than
+//! Linux there is none.
 
 mod limits;
 mod watch;

@@ -1,8 +1,8 @@
-//! The one door through which a scene reads files: meshes, data, first values, other scenes.
+//! Which files a scene may read: meshes, data, initial values, other scenes.
 //!
-//! A scene may come from a stranger. What it reads lies in its own folder or below, or in a folder that was allowed by
-//! name ([`allow`]); links are followed first. Anything else is refused before it is opened, so that no message can
-//! show it. How a file is opened and how much of it is taken, [`crate::input`] says.
+//! A scene may come from another author. It reads files in its own folder and below, or in a folder that was allowed by
+//! name ([`allow`]); links are resolved first. Any other file is refused before it is opened, so no message can show
+//! its content. How a file is opened and read is the task of [`crate::input`].
 
 use std::{
     io::ErrorKind,
@@ -61,8 +61,8 @@ impl ReadingError {
     }
 }
 
-/// The file that a text in `folder` calls `name`, if a scene in the folder `scene` may read it: its place with all links
-/// followed.
+/// The file that a text in `folder` calls `name`, if a scene in the folder `scene` may read it: its place with all
+/// links followed.
 ///
 /// # Errors
 /// [`ReadingError`]; a file outside is not looked at, not even whether it exists.

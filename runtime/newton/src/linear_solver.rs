@@ -87,7 +87,7 @@ impl LinearSolver {
                     return Ok(());
                 }
                 Err(SolveError::NotPositiveDefinite { .. } | SolveError::Singular { .. }) => {
-                    self.notes.push("the linear part away from the nonlinear terms is not positive definite: the whole tangent is factored each time".to_owned());
+                    self.notes.push("the linear part without the contact dofs is not positive definite: the whole tangent is factored in each iteration".to_owned());
                 }
                 Err(e) => return Err(e),
             }
@@ -112,10 +112,10 @@ impl LinearSolver {
         if condenses(system) {
             let touched = system.n_changing_dofs();
             return format!(
-                "Newton; linear part factored once (LLT), the {touched} dofs of the nonlinear terms condensed"
+                "Newton; linear part factored once (LLT), Schur complement on the {touched} dofs of the nonlinear terms"
             );
         }
-        format!("Newton; whole tangent, {symmetric} ({method}), factored each iteration")
+        format!("Newton; whole tangent, {symmetric} ({method}), factored in each iteration")
     }
 
     /// The solver in words, with what was noticed while solving.
@@ -123,7 +123,7 @@ impl LinearSolver {
     pub fn describe(&self) -> String {
         let single =
             matches!(&self.kind, Kind::Condensed(c) if matches!(c.strategy(), Method::Forces { single: true, .. }));
-        let double = "precision: double, no matrix of contact forces is factored in single precision here";
+        let double = "precision: double; this scene has no contact matrix that is factored in single precision";
         let missed = (self.options.precision == Precision::Mixed && !single).then_some(double);
         let notes = self.notes.iter().map(String::as_str).chain(missed);
         notes.fold(self.method(), |text, note| format!("{text}; {note}"))
@@ -135,9 +135,9 @@ impl LinearSolver {
             Kind::Linear => "one linear system, unsymmetric (LU), factored once".to_owned(),
             Kind::Condensed(c) => format!("Newton; linear part factored once, {}", c.strategy()),
             Kind::Full { .. } if self.symmetric => {
-                "Newton; whole tangent, symmetric (LLT), factored each iteration".to_owned()
+                "Newton; whole tangent, symmetric (LLT), factored in each iteration".to_owned()
             }
-            Kind::Full { .. } => "Newton; whole tangent, unsymmetric (LU), factored each iteration".to_owned(),
+            Kind::Full { .. } => "Newton; whole tangent, unsymmetric (LU), factored in each iteration".to_owned(),
         }
     }
 

@@ -46,9 +46,9 @@ pub(crate) fn sections(run: &RunFolder, chosen: &[usize]) -> Result<Vec<(Section
         sections.push((section, pictures.into_iter().chain(profiles).collect()));
     }
     if sections.is_empty() && run.report.steps.iter().any(|s| s.contact.is_some()) {
-        let text = "The run wrote no fields on an interface, so there are no maps of it. A statement such as\n\
-                    output vtk \"name\" : force as traction, tang(jump(uL,uR)) as slip\n\
-                    writes what lives on it, with the state of contact, at each step.";
+        let text = "The run wrote no fields on an interface, so there are no maps of it. A statement such as\noutput \
+                    vtk \"name\" : force as traction, tang(jump(uL,uR)) as slip\nwrites the fields on it, with the \
+                    contact state, at each step.";
         sections.push((Section::new("On the interface").text(text), Vec::new()));
     }
     Ok(sections)
@@ -90,9 +90,11 @@ fn in_words(shot: &Shot) -> String {
     let lines = |k: usize| format!("{} along {}", shot.surface.names[k], direction(shot.surface.along[k]));
     let along = (0..shot.surface.along.len()).map(lines).collect::<Vec<_>>().join(", ");
     if shot.surface.flat {
-        format!("Seen flat: {along}; \"across\" is the part of a vector along {across}, \"along\" the rest.")
+        format!(
+            "Plane view: {along}; \"across\" is the component of a vector along {across}, \"along\" the remaining part."
+        )
     } else {
-        format!("Curved, seen along its mean normal {across}: {along}.")
+        format!("Curved interface, seen along its mean normal {across}: {along}.")
     }
 }
 

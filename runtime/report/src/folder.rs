@@ -100,7 +100,7 @@ impl RunFolder {
         let own = dir.own_files();
         for name in &report.files {
             if !own.contains(name) || dir.verify(name)?.is_none() {
-                return Err(damaged(&folder.join(name), "it is gone"));
+                return Err(damaged(&folder.join(name), "it is missing"));
             }
         }
         let grids = series(folder, &report.files, ".vtu");

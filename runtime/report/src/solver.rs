@@ -42,9 +42,9 @@ pub(crate) fn summary(run: &RunFolder) -> Section {
 pub(crate) fn left_out(run: &RunFolder) -> Section {
     let list = &run.report.left_out;
     let measured = list.iter().any(|l| l.times.is_some());
-    let mut heads = vec!["what", "why", "put back by"];
+    let mut heads = vec!["what", "why", "turned off by"];
     if measured {
-        heads.extend(["times as long with it", "measures move by"]);
+        heads.extend(["ratio of times without it", "change of measures without it"]);
     }
     let mut table = Table::new(heads);
     for l in list {
@@ -54,7 +54,7 @@ pub(crate) fn left_out(run: &RunFolder) -> Section {
         }
         table.row(row);
     }
-    let section = Section::new("Left out");
+    let section = Section::new("Optimisations");
     if table.is_empty() { section } else { section.table(table) }
 }
 
@@ -72,7 +72,7 @@ fn failures(run: &RunFolder) -> Vec<String> {
         ));
     }
     let broken = run.report.checks.iter().filter(|(_, check)| !check.ok);
-    found.extend(broken.map(|(name, check)| format!("Does not hold: {name} (found {})", short(check.value.0))));
+    found.extend(broken.map(|(name, check)| format!("Violated: {name} (found {})", short(check.value.0))));
     let finite = |s: &StepReport| s.measures.iter().all(|(_, v)| v.0.is_finite());
     if run.report.steps.iter().any(|s| !finite(s)) {
         found.push("A measure is not a finite number at some step.".to_owned());
@@ -101,7 +101,7 @@ pub(crate) fn newton(run: &RunFolder) -> (Section, Vec<Picture>) {
     }
     let attempts = attempts(run);
     if !attempts.is_empty() {
-        section = section.text("Steps that were solved in parts:").table(attempts);
+        section = section.text("Load steps that were solved in smaller increments:").table(attempts);
     }
     (section, pictures)
 }
@@ -144,8 +144,7 @@ pub(crate) fn contact(run: &RunFolder) -> (Section, Vec<Picture>) {
     let facts = STATES.iter().zip(last).map(|((name, _), n)| (format!("{name} at the end"), format!("{n} points")));
     let mut section = Section::new("Contact").facts(facts);
     if counts.iter().all(|(_, n)| n[1] == 0) {
-        section =
-            section.text("No point slips at any step. In contact without friction, closed points count as stick.");
+        section = section.text("No point slips in any step. Without friction, closed points count as sticking.");
     }
     if counts.len() < 2 {
         return (section, Vec::new());
@@ -180,7 +179,7 @@ pub(crate) fn time(run: &RunFolder) -> (Section, Vec<Picture>) {
     };
     let all = parts.into_iter().chain([("rest", rest.max(0.0))]);
     let bars = all.map(|(name, s)| Bar::new(name, s).note(note(name, s)));
-    let picture = Picture::new("time", Chart::new("Where the time went").x("time [s]", Scale::Linear).bars(bars));
+    let picture = Picture::new("time", Chart::new("Time by part").x("time [s]", Scale::Linear).bars(bars));
     (Section::new("Time").chart(&picture.chart), vec![picture])
 }
 
@@ -190,7 +189,7 @@ pub(crate) fn checks(run: &RunFolder) -> Section {
     for (name, check) in run.report.checks.iter() {
         // an expectation of the scene holds or not; there is no number behind it
         let number = |x: f64| if name.starts_with("expect ") { String::new() } else { short(x) };
-        // an infinite tolerance is written as no number: the value is told and not judged
+        // an infinite tolerance is written as no number: the value is shown and not judged
         let (holds, allowed) = match (check.tolerance.0.is_finite(), check.ok) {
             (false, _) => ("", "any".to_owned()),
             (true, true) => ("yes", number(check.tolerance.0)),

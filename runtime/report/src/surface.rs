@@ -173,7 +173,7 @@ fn positive(a: Vector) -> Vector {
     if largest < 0.0 { a.map(|x| if x == 0.0 { 0.0 } else { -x }) } else { a }
 }
 
-/// The mean normal of facets, weighted by their areas; facets are turned to the side of the first.
+/// The mean normal of facets, weighted by their areas; facets are oriented to the side of the first.
 fn mean_normal(piece: &Piece) -> Option<Vector> {
     let mut sum = [0.0; 3];
     for cell in piece.cells.iter().filter(|c| c.len() > 2) {

@@ -1,6 +1,6 @@
-//! The maximum norm, for numbers that may not be finite.
+//! The maximum norm of vectors with possibly non-finite entries.
 //!
-//! Promises that what is not a number is never dropped. Does not decide what follows from such a norm.
+//! Promises: NaN is never dropped. Does not decide what follows from such a norm.
 
 /// The largest absolute value; not a number if one of the values is none (`f64::max` would drop it), 0 without values.
 #[must_use]

@@ -1,4 +1,4 @@
-//! What a climb ends with: the record of the run that was picked, and why, in words.
+//! The result of a search for a demanded accuracy: the record of the selected run, and the reasons in words.
 
 use super::{
     AccuracyRecord, Found, Other, Out, Role, Trials,
@@ -9,19 +9,19 @@ use crate::output::Real;
 
 impl<T: Trials> Search<'_, T> {
     /// The error of the mesh of a level of a view, safety included.
-    pub(super) fn found(mut self, ladder: usize, level: usize, views: &[View]) -> Result<Found<T::Run>, Out> {
-        let view = &views[ladder];
-        for (l, v) in self.ladders.iter().zip(views) {
+    pub(super) fn found(mut self, sequence: usize, level: usize, views: &[View]) -> Result<Found<T::Run>, Out> {
+        let view = &views[sequence];
+        for (l, v) in self.sequences.iter().zip(views) {
             for (one, error) in l.levels.iter().zip(&v.errors) {
-                for rung in self.rungs.iter_mut().filter(|r| r.setting == one.setting) {
-                    rung.error = Real(v.safety * error);
+                for trial in self.trial_runs.iter_mut().filter(|r| r.setting == one.setting) {
+                    trial.error = Real(v.safety * error);
                 }
             }
         }
         let mesh = view.safety * view.errors[level];
-        let others = self.others(ladder, level, view);
-        let why = self.why(ladder, level, views);
-        let one = self.ladders[ladder].levels.swap_remove(level);
+        let others = self.others(sequence, level, view);
+        let why = self.why(sequence, level, views);
+        let one = self.sequences[sequence].levels.swap_remove(level);
         let mut record = self.record(one.setting, why);
         record.mesh = Real(mesh);
         record.order = Real(view.order);
@@ -43,15 +43,15 @@ impl<T: Trials> Search<'_, T> {
             method: Real(self.method_error),
             estimate: Real(f64::NAN),
             reached: false,
-            rungs: std::mem::take(&mut self.rungs),
+            trial_runs: std::mem::take(&mut self.trial_runs),
             others: Vec::new(),
         }
     }
 
     /// Errors of the other quantities with the same order.
-    fn others(&mut self, ladder: usize, level: usize, view: &View) -> Vec<Other> {
-        let levels = &self.ladders[ladder].levels;
-        let Some(below) = self.below(ladder, level) else { return Vec::new() };
+    fn others(&mut self, sequence: usize, level: usize, view: &View) -> Vec<Other> {
+        let levels = &self.sequences[sequence].levels;
+        let Some(below) = self.below(sequence, level) else { return Vec::new() };
         let (coarse, fine) = (&levels[below], &levels[level]);
         let (from, to) = (coarse.fineness as f64, fine.fineness as f64);
         let list = self.trials.distances(&coarse.run, &fine.run);
@@ -63,25 +63,25 @@ impl<T: Trials> Search<'_, T> {
             .collect()
     }
 
-    fn why(&self, ladder: usize, level: usize, views: &[View]) -> Vec<String> {
+    fn why(&self, sequence: usize, level: usize, views: &[View]) -> Vec<String> {
         let mut why = Vec::new();
-        let (own, view) = (&self.ladders[ladder], &views[ladder]);
+        let (own, view) = (&self.sequences[sequence], &views[sequence]);
         let n = own.levels.len();
         why.push(format!(
-            "mesh: {n} meshes of degree {} show errors that fall with order {:.2}; the one picked is estimated at {:.1e}",
+            "mesh: on {n} meshes of degree {} the error falls with order {:.2}; the estimated error of the selected mesh is {:.1e}",
             own.degree,
             view.order,
             view.safety * view.errors[level]
         ));
-        for (other, v) in self.ladders.iter().zip(views).filter(|(l, _)| l.degree != own.degree) {
+        for (other, v) in self.sequences.iter().zip(views).filter(|(l, _)| l.degree != own.degree) {
             let Some((l, e)) = other.levels.last().zip(v.errors.last()).filter(|(_, e)| e.is_finite()) else {
                 let degree = other.degree;
-                why.push(format!("degree {degree}: to find out more about it would cost more than what was picked"));
+                why.push(format!("degree {degree}: further runs would cost more than the setting picked"));
                 continue;
             };
             let dofs = self.trials.cost(&l.run).dofs;
             why.push(format!(
-                "degree {}: its finest mesh here has {dofs} unknowns and an error of {:.1e}; more of them would cost more \
+                "degree {}: its finest mesh has {dofs} unknowns and an error of {:.1e}; a finer one would cost more \
                  than degree {}",
                 other.degree,
                 v.safety * e,
@@ -94,7 +94,7 @@ impl<T: Trials> Search<'_, T> {
 
     pub(super) fn why_of_parameters(&self) -> Vec<String> {
         let tol = format!(
-            "tol: {:.0e} adds {:.0e}, measured on a coarse mesh against {:.0e}",
+            "tol: {:.0e} adds an error of {:.0e}, measured on a coarse mesh against {:.0e}",
             self.tolerance,
             self.tolerance_error,
             TOLERANCES.start()
@@ -103,10 +103,10 @@ impl<T: Trials> Search<'_, T> {
         let method = match self.ways.role {
             Role::None => None,
             Role::Consistent => {
-                Some(format!("{name}: the method is consistent; its parameter keeps its proportion to the cells"))
+                Some(format!("{name}: the method is consistent; its parameter scales with the cell size"))
             }
             Role::Penalty => Some(format!(
-                "{name}: a penalty; {} times that of the scene adds {:.0e}, measured on a coarse mesh against ten times more",
+                "{name}: a penalty; {} times that of the scene adds an error of {:.0e}, measured on a coarse mesh against a ten times larger one",
                 self.stiffer, self.method_error
             )),
         };

@@ -1,11 +1,12 @@
-//! Orders and errors from the distances between the levels of a ladder. Formulas only.
+//! Orders of convergence and error estimates from the differences between the levels of a mesh sequence. Formulas only.
 
 /// No order below this is believed: a singular solution converges, however slowly.
 const LEAST_ORDER: f64 = 0.5;
-/// No order above this is believed, whatever the distances say: what converges faster is estimated too high, not too low.
+/// Largest order of convergence that is assumed: faster convergence gives an estimate that is too large, never too
+/// small.
 const MOST_ORDER: f64 = 2.0;
 
-/// One step of a ladder: fineness before and behind (cells along an edge, any unit) and the distance of the solutions.
+/// Two levels of a mesh sequence: their fineness (cells along an edge, any unit) and the distance of the solutions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Step {
     pub(super) from: f64,
@@ -68,7 +69,7 @@ pub(super) fn believed(order: f64, most: f64) -> f64 {
     if order.is_nan() { LEAST_ORDER } else { order.clamp(LEAST_ORDER, most.min(MOST_ORDER)) }
 }
 
-/// The smallest fineness with a wanted error, from one that is known.
+/// The smallest fineness with a demanded error, from a known one.
 pub(super) fn fineness_for(wanted: f64, (fineness, error): (f64, f64), order: f64) -> f64 {
     fineness * (error / wanted).powf(1.0 / order)
 }

@@ -1,11 +1,11 @@
-//! What a climb is given and what it ends with.
+//! Input and result of a search for a demanded accuracy.
 
 use thiserror::Error;
 
 use super::AccuracyRecord;
 use crate::knobs::Setting;
 
-/// The runs of a scene, as a climb needs them.
+/// The runs of a scene, as the search needs them.
 pub trait Trials {
     /// A run that came to its end.
     type Run;
@@ -46,7 +46,7 @@ pub struct Cost {
     pub whole: f64,
 }
 
-/// What a climb found.
+/// What the search found.
 #[derive(Debug)]
 pub struct Found<R> {
     /// The last run, made with everything the scene asks for.
@@ -74,7 +74,7 @@ pub enum Out {
     #[error(
         "an error of {asked:.1e} of {quantity} needs about {needed}, which takes about {seconds:.1} s: more than the \
          budget of {budget} s\n  = note: the best of {runs} runs is {best}, with an estimated error of {error:.1e}\n  \
-         = help: about {within:.1e} can be had within the budget; --budget SECONDS allows more"
+         = help: about {within:.1e} can be reached within the budget; --budget SECONDS allows more"
     )]
     OutOfReach {
         /// The demand.
@@ -99,8 +99,8 @@ pub enum Out {
     /// The estimates do not fall as they should.
     #[error(
         "no run with an error of {asked:.1e} of {quantity} was found in {runs} runs: the best is {best}, with an \
-         estimated error of {error:.1e}\n  = note: estimates do not fall as the mesh is refined\n  \
-         = help: wfl sweep shows how errors depend on each setting"
+         estimated error of {error:.1e}\n  = note: the estimates do not decrease as the mesh is refined\n  = help: wfl \
+         sweep shows how errors depend on each setting"
     )]
     Lost {
         /// The demand.

@@ -1,13 +1,13 @@
-//! What the report of a run keeps of a wanted accuracy.
+//! The part of the report about a demanded accuracy.
 
 use serde::{Deserialize, Serialize};
 
 use crate::output::Real;
 
-/// What was asked for, what was picked and why, and the error that is then estimated. Errors are relative.
+/// The demand, the selected setting with its reasons, and its estimated error. Errors are relative.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AccuracyRecord {
-    /// The error asked for.
+    /// The demanded error.
     pub asked: f64,
     /// The quantity whose error it is.
     pub quantity: String,
@@ -25,10 +25,10 @@ pub struct AccuracyRecord {
     pub method: Real,
     /// Estimated error of the run: the sum.
     pub estimate: Real,
-    /// Whether the estimate is at most what was asked for.
+    /// Whether the estimate is at most the demanded error.
     pub reached: bool,
     /// Every run that was made, in order.
-    pub rungs: Vec<Rung>,
+    pub trial_runs: Vec<TrialRun>,
     /// Estimates of the other quantities of the run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<Other>,
@@ -36,7 +36,7 @@ pub struct AccuracyRecord {
 
 /// One run on the way.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Rung {
+pub struct TrialRun {
     /// Knobs with their values.
     pub setting: Vec<(String, String)>,
     /// Unknowns of the system.

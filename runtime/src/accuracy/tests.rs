@@ -1,4 +1,4 @@
-//! The climb against errors and costs that are known: formulas take the place of runs.
+//! The search with known errors and costs: formulas replace the runs.
 
 use super::{
     Cost, Demand, Notice, Out, Role, Trials,

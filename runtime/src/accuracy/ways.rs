@@ -1,4 +1,4 @@
-//! What can be changed in a scene to make it more accurate or cheaper, and the settings that follow.
+//! What can be changed in a scene to make it more accurate or cheaper, and the resulting settings.
 
 use std::collections::BTreeSet;
 
@@ -17,7 +17,7 @@ use crate::{
     mesh::RegionSet,
 };
 
-/// Faces that a contact has at least: one face tells nothing.
+/// Least number of contact faces.
 const LEAST_FACES: f64 = 4.0;
 
 /// What the parameter of a method is to its error.
@@ -176,7 +176,7 @@ fn members(set: &RegionSet, dim: usize) -> (f64, i32) {
     }
 }
 
-/// The degrees that can be had, the scene's own, and whether that is only the scene's own. Spaces of several degrees or
+/// The possible degrees, the scene's own, and whether that is only the scene's own. Spaces of several degrees or
 /// with multipliers are pairs that are stable together; a rule at the vertices and states belong to their degree.
 fn degrees(script: &ResolvedScript, scene: &Scene, fixed_mesh: bool) -> (Vec<usize>, usize, bool) {
     let on_cells = |f: &&wfl::Field| matches!(f.kind, FieldKind::Unknown) && !matches!(f.space.place, Place::Global(_));

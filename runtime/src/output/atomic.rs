@@ -1,13 +1,12 @@
 //! The results folder and the one way to put a file into it.
 //!
 //! Promises: a folder has one writer at a time; a file is written under a temporary name in the same folder, flushed
-//! and renamed, so that its final name shows the former content or the whole new one, whenever the program is killed; only files that the
-//! manifest of the folder names are replaced or removed, and a link is never followed; a temporary file is removed when
-//! its writing fails, and those of a killed run by the next run.
-//! Against a power cut a file is synced before it is renamed ([`OutputDir::write_atomic`]), or with
-//! many others by [`OutputDir::sync`], which costs a fortieth of that.
-//! Does not promise that a rename survives a power cut (then the former content is found), and
-//! does not make folders inside the results folder.
+//! and renamed, so that its final name shows the former content or the whole new one, whenever the program is killed;
+//! only files that the manifest of the folder names are replaced or removed, and a link is never followed; a temporary
+//! file is removed when its writing fails, and those of a killed run by the next run. Against a power cut a file is
+//! synced before it is renamed ([`OutputDir::write_atomic`]), or with many others by [`OutputDir::sync`], which costs a
+//! fortieth of that. Does not promise that a rename survives a power cut (then the former content is found), and does
+//! not make folders inside the results folder.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Seek, Write};
@@ -35,7 +34,7 @@ pub struct OutputDir {
 #[derive(Debug, Default)]
 struct Books {
     manifest: Option<Manifest>,
-    /// The end of the manifest file, where lines are added; without it the file is written anew.
+    /// The end of the manifest file, where lines are added; without it the file is written again.
     journal: Option<File>,
     /// Files that the system may not have on the disc yet.
     unsynced: Vec<PathBuf>,
@@ -174,14 +173,14 @@ impl OutputDir {
         }
         files.push(self.path.join(MANIFEST_FILE));
         sync_all(&files)?;
-        // names of files are kept in the folder; systems that cannot open one keep them without being told
+        // names of files are kept in the folder; systems that cannot open one keep them anyway
         if let Ok(folder) = File::open(&self.path) {
             folder.sync_all().map_err(|source| OutputError::Write { file: self.path.clone(), source })?;
         }
         Ok(())
     }
 
-    /// The same for a file that tells itself whether it is whole: the manifest names it and nothing else.
+    /// The same for a file with a checksum of its own: the manifest names it and nothing else.
     ///
     /// # Errors
     /// Those of [`OutputDir::write_atomic`].
@@ -209,9 +208,9 @@ impl OutputDir {
         staged.commit()
     }
 
-    /// Writes `bytes` at place `at` of a file that checks itself and cuts off what was behind; the file is made if it is
-    /// not there or `at` is 0. It is on the disc after [`OutputDir::sync`], and an error or a kill may leave a part of
-    /// `bytes`: for files whose length is kept elsewhere.
+    /// Writes `bytes` at place `at` of a file that checks itself and cuts off what was behind; the file is made if it
+    /// is not there or `at` is 0. It is on the disc after [`OutputDir::sync`], and an error or a kill may leave a part
+    /// of `bytes`: for files whose length is kept elsewhere.
     ///
     /// # Errors
     /// Those of [`OutputDir::write_atomic`].
@@ -434,7 +433,7 @@ impl OutputDir {
     }
 
     fn remove_temporaries(&self) {
-        // Best effort: a leftover is invisible and cannot be taken for a result.
+        // Best effort: a leftover is invisible and does not count as a result.
         for name in self.names().unwrap_or_default() {
             if is_temporary(&name) {
                 drop(fs::remove_file(self.path.join(name)));

@@ -1,7 +1,7 @@
-//! A grid as the caller hands it over: pieces with nodes, cells and arrays.
+//! A grid from the caller: pieces with nodes, cells and arrays.
 //!
-//! Promises: cells lie flat in memory, in the order of VTK. Does not check while a grid is built:
-//! contradictions are found, with their place, before the first byte is written.
+//! Promises: cells lie flat in memory, in the order of VTK. Contradictions are not checked while a grid is built, but
+//! before the first byte is written, with their place.
 
 use super::{VtkCell, vtk_order};
 

@@ -1,7 +1,7 @@
-//! A number of 128 bits that tells contents apart.
+//! A number of 128 bits that identifies contents.
 //!
-//! Promises: the hash known as MurmurHash3_x64_128 (A. Appleby, public domain) with seed 0, in pieces of any length, on
-//! every machine the same. No protection against intent: who can write a file can also write its hash.
+//! Promises: the hash known as MurmurHash3_x64_128 (A. Appleby, public domain) with seed 0, for data in pieces of any
+//! length, the same on every machine. No protection against intent: whoever can write a file can also write its hash.
 
 use std::fmt;
 

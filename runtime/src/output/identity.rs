@@ -1,7 +1,7 @@
-//! What a run is: everything that its numbers follow from.
+//! The identity of a run: everything that determines its numbers.
 //!
-//! Promises: two runs of one identity give the same numbers. Threads, folders and the clock are no part of it. What
-//! differs between two identities can be told by name.
+//! Promises: two runs of one identity give the same numbers. Threads, folders and the clock are not part of it.
+//! Differences between two identities are reported by name.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! One writer a folder.
 //!
 //! Promises: while a [`Lock`] lives no other process gets one of the same folder, where the system can lock files; the
-//! system frees it when its process ends in whatever way, so that nothing is left that a person must remove. The file
+//! system releases it when its process ends in any way, so that nobody has to remove it. The file
 //! goes with the lock. Does not keep two systems apart that share a folder without shared locks.
 
 use std::{
@@ -63,7 +63,8 @@ impl Drop for Lock {
     }
 }
 
-/// Removes what this process would have removed from a folder had it not been interrupted: temporary files and the lock.
+/// Removes what this process would have removed from a folder had it not been interrupted: temporary files and the
+/// lock.
 pub fn abandon(folder: &Path) {
     let names =
         fs::read_dir(folder).into_iter().flatten().filter_map(|entry| entry.ok()?.file_name().into_string().ok());

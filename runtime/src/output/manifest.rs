@@ -1,9 +1,9 @@
-//! `manifest.json`: whose the files of a results folder are.
+//! `manifest.json`: which files of a results folder belong to the program.
 //!
 //! Promises: it names every file that the program wrote into the folder, with the sizes and hashes that it may have,
-//! and what was done to make them; a line that is damaged is noticed; what a killed process left is read. One line a
-//! file, so that a file is added by appending: the closing brackets come when the writer ends. A line is written before
-//! its file gets its name: a file that is not named here is not ours.
+//! and the identity of the run; a damaged line is detected; the manifest of a killed process can be read. It has one
+//! line for each file, so a file is added by appending, and the closing brackets follow when the writer ends. A line is
+//! written before its file gets its name: a file without a line does not belong to the program.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use super::{Hash, Identity, check_name};
 pub const MANIFEST_FILE: &str = "manifest.json";
 /// Grows when the layout changes.
 const FORMAT: u32 = 1;
-/// How the file begins: tells it from others of this name.
+/// How the file begins: distinguishes it from others of this name.
 const BEGINNING: &str = "{\"wfl_manifest\":";
 /// What stands before the hash of a line.
 const CHECK: &str = ",\"check\":\"";
@@ -70,8 +70,8 @@ pub(super) struct Content {
 /// What is known of a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Owned {
-    /// What it may hold, the latest last: a process that is killed while it replaces a file leaves the one or the other.
-    /// Empty for a file that checks itself.
+    /// What it may hold, the latest last: a process that is killed while it replaces a file leaves the one or the
+    /// other. Empty for a file that checks itself.
     pub(super) contents: Vec<Content>,
     /// An earlier run wrote it; this one has not replaced it yet.
     pub(super) former: bool,

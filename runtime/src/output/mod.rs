@@ -49,7 +49,7 @@ pub enum OutputError {
     /// The output folder, or a part of its path, exists and is not a folder.
     #[error("`{}` cannot be an output folder: `{}` is not a folder", path.display(), obstacle.display())]
     NotADirectory {
-        /// The folder asked for.
+        /// The requested folder.
         path: PathBuf,
         /// The part of the path that is in the way.
         obstacle: PathBuf,
@@ -57,7 +57,7 @@ pub enum OutputError {
     /// The output folder does not exist and cannot be made.
     #[error("cannot make the output folder `{}`: {source}", path.display())]
     CannotCreate {
-        /// The folder asked for.
+        /// The requested folder.
         path: PathBuf,
         /// What the system said.
         source: io::Error,
@@ -65,7 +65,7 @@ pub enum OutputError {
     /// The output folder exists, but no file can be made in it.
     #[error("the output folder `{}` is not writable: {source}", path.display())]
     NotWritable {
-        /// The folder asked for.
+        /// The requested folder.
         path: PathBuf,
         /// What the system said.
         source: io::Error,
@@ -73,7 +73,7 @@ pub enum OutputError {
     /// Another process is writing into the folder.
     #[error("`{}` is being written to by {by}", path.display())]
     InUse {
-        /// The folder asked for.
+        /// The requested folder.
         path: PathBuf,
         /// "process 1234".
         by: String,
@@ -81,7 +81,7 @@ pub enum OutputError {
     /// The folder holds something else.
     #[error("`{}` holds {holds}", path.display())]
     OtherKind {
-        /// The folder asked for.
+        /// The requested folder.
         path: PathBuf,
         /// What it holds, in words.
         holds: &'static str,

@@ -62,7 +62,7 @@ pub struct Report {
     /// the file if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub files: Vec<String>,
-    /// The accuracy that was asked for, what was picked and the error that is estimated; left out of the file if none
+    /// The demanded accuracy, the selected setting and its estimated error; omitted from the file if none
     /// was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<AccuracyRecord>,
@@ -321,7 +321,7 @@ impl Report {
     #[must_use]
     pub fn meaning(&self) -> Hash {
         let lasting = Report { timings: Timings::default(), threads: 0, peak_memory_bytes: None, ..self.clone() };
-        // a report is JSON whatever its numbers are
+        // a report is JSON for all numbers
         Hash::of(&serde_json::to_vec(&lasting).unwrap_or_default())
     }
 }

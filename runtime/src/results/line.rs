@@ -127,7 +127,7 @@ impl LineSample {
     }
 
     /// One row a point; not a number where an expression does not live.
-    /// `bad(name, value, position)` is told of expressions that live there and are not finite.
+    /// `bad(name, value, position)` receives expressions that are defined there and not finite.
     pub fn rows(
         &mut self,
         mesh: &Mesh,

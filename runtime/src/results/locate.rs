@@ -16,7 +16,7 @@ use crate::{
 pub struct Located {
     /// The region's entities that hold points, each with its points as rule of weight 1.
     pub domain: Arc<Domain>,
-    /// `points[group][q]`: which of the points asked for is point `q` of a group.
+    /// `points[group][q]`: which of the requested points is point `q` of a group.
     pub points: Vec<Vec<usize>>,
 }
 

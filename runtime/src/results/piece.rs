@@ -58,7 +58,7 @@ impl SampledPiece {
                 Space::on_facets(mesh, topology, &facets, degree, Family::Continuous)?
             }
         };
-        // a field that is torn shows its two sides
+        // a split field shows its two sides
         for field in fields {
             if let FieldSpace::Nodal(torn) = &field.space
                 && torn.is_split()

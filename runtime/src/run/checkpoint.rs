@@ -1,6 +1,6 @@
-//! The file from which a killed run goes on.
+//! The file from which a killed run continues.
 //!
-//! Promises: a run that goes on from it gives the same bits as one that was not stopped; a file of another
+//! Promises: a continued run gives the same bits as an uninterrupted one; a file of another
 //! run, and one that is cut short or damaged, is refused with the reason.
 //! The file is written after the results of its step, under a temporary name, and renamed: whenever a run is killed,
 //! results and checkpoint are whole. What was done in the steps since goes to the end of a second file, the log, before
@@ -50,7 +50,7 @@ pub enum CheckpointError {
         source: InputError,
     },
     /// The file is no checkpoint, is cut short or damaged.
-    #[error("`{}` is not a whole checkpoint ({what}); without --resume the run starts from the beginning", path.display())]
+    #[error("`{}` is not a complete checkpoint ({what}); without --resume the run starts from the beginning", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -70,7 +70,7 @@ pub enum CheckpointError {
     },
     /// A file of an earlier step is not there.
     #[error(
-        "the results in `{}` are not whole: `{name}` is gone; without --resume the run starts from the beginning",
+        "the results in `{}` are incomplete: `{name}` is missing; without --resume the run starts from the beginning",
         path.display()
     )]
     Gone {

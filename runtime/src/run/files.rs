@@ -1,8 +1,9 @@
 //! The files of a scene: one VTU and one CSV a step, as its `output` statements say.
 //!
-//! Promises: a step is written whole or not at all, steps in their order, and with a checkpoint the index names all that
-//! it knows of; what an earlier run left is removed only after the new one has succeeded. What goes into the files is collected first ([`collect`]), so that they can be written and
-//! synced while the next step is solved. Does not write the report.
+//! Promises: a step is written whole or not at all, steps in their order, and with a checkpoint the index names all
+//! that it knows of; what an earlier run left is removed only after the new one has succeeded. What goes into the files
+//! is collected first ([`collect`]), so that they can be written and synced while the next step is solved. Does not
+//! write the report.
 
 use std::{
     path::PathBuf,
@@ -147,7 +148,7 @@ pub(super) struct StepFiles {
     /// One list of pieces for each VTU output of the scene, if it has this step.
     grids: Vec<Option<Vec<Piece>>>,
     tables: Vec<Table>,
-    /// Where the run stands, in runs of several steps where the last checkpoint is old.
+    /// The checkpoint, in runs of several steps if the last one is old.
     pub(super) checkpoint: Option<checkpoint::Content>,
 }
 

@@ -1,7 +1,7 @@
-//! The results folder of a run: what the run is, whether it may begin there, and from what it may go on.
+//! The results folder of a run: the identity of the run, whether it may begin there, and whether it may continue.
 //!
-//! Promises: nothing is computed before it is known that every file of the run can be written under its name; a run goes
-//! on from results of its own only, and only from those that are what was written; else the message names what differs.
+//! Promises: nothing is computed before it is known that every file of the run can be written under its name; a run
+//! continues its own results only, and only unchanged ones; otherwise the message names the difference.
 
 use std::path::Path;
 
@@ -46,7 +46,7 @@ pub fn may_begin(scene: &Scene, out: &Path) -> Result<(), RunError> {
 pub(super) fn begin(scene: &Scene, identity: &Identity, dir: &OutputDir) -> Result<(), RunError> {
     spares_inputs(scene, dir)?;
     dir.begin(Kind::Run, identity, &files::plan(scene))?;
-    // of an earlier run: this one must not be taken for its continuation
+    // of an earlier run: this one does not continue it
     remove_checkpoint(dir)
 }
 
@@ -56,7 +56,7 @@ pub(super) fn go_on(scene: &Scene, dir: &OutputDir) -> Result<(), RunError> {
     Ok(dir.go_on(Kind::Run, &files::plan(scene))?)
 }
 
-/// From where a run goes on; `None` where it begins.
+/// Where a run continues; `None` at the beginning.
 pub(super) fn found(
     scene: &Scene,
     identity: &Identity,
@@ -75,7 +75,7 @@ pub(super) fn found(
     Ok(checkpoint::read(scene, identity.hash(), dir.path())?)
 }
 
-/// Removes what a run goes on from.
+/// Removes the checkpoint of a run.
 pub(super) fn remove_checkpoint(dir: &OutputDir) -> Result<(), RunError> {
     dir.remove(CHECKPOINT_FILE)?;
     Ok(dir.remove(checkpoint::LOG_FILE)?)

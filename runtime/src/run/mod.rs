@@ -42,8 +42,8 @@ use stepping::{Leg, StepError, Stepper};
 
 /// Steps that may wait for their files to be written before the solver waits too.
 const STEPS_TO_WRITE: usize = 1;
-/// A checkpoint is made after the first step that ends so long after the last one: what a kill costs at most, but for the
-/// step it meets. On a slow disc it is [`CHECKPOINT_SHARE`] times what the last checkpoint took.
+/// A checkpoint is made after the first step that ends so long after the last one: what a kill costs at most, but for
+/// the step it meets. On a slow disc it is [`CHECKPOINT_SHARE`] times what the last checkpoint took.
 const CHECKPOINT_EVERY: Duration = Duration::from_millis(100);
 /// Of the time of a run checkpoints take at most one part in so many.
 const CHECKPOINT_SHARE: u32 = 20;
@@ -109,11 +109,11 @@ impl RunOptions {
     }
 }
 
-/// What to tell while a run goes on.
+/// Events of a run.
 pub trait Progress: Send {
     /// The solver has been chosen.
     fn solver(&mut self, _description: &str) {}
-    /// Where the run goes on: behind the steps of a checkpoint (the last one given), or at the beginning for want of one.
+    /// Where the run continues: after the steps of a checkpoint (the last one given), or at the beginning without one.
     fn resumed(&mut self, _last: Option<&StepResult>) {}
     /// A step begins: its number from 0, how many there are, the step variable.
     fn step(&mut self, _number: usize, _count: usize, _time: f64) {}
@@ -408,7 +408,7 @@ impl Run {
         })
     }
 
-    /// Solves the steps that have not been done and hands over what is to be written; ends early, without an error of
+    /// Solves the remaining steps and sends what is to be written; ends early, without an error of
     /// its own, when the writer has ended.
     fn steps_to(
         &mut self,

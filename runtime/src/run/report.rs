@@ -1,4 +1,4 @@
-//! What a run did, as `report.json` keeps it.
+//! The contents of `report.json` from what a run did.
 
 use super::{Attempt, AttemptEnd, Others, Path, PhysicsCheck, Run, RunOptions, StepResult};
 use crate::{
@@ -107,7 +107,7 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
         out.push((
             "W605",
             format!(
-                "fewer than {FEW_DIGITS} digits of `{}` are right at t = {}: rounding alone changes it by about {:.0e} of its size",
+                "fewer than {FEW_DIGITS} correct digits of `{}` at t = {}: rounding alone changes it by about {:.0e} of its size",
                 a.field, step.time, a.error
             ),
         ));
@@ -115,10 +115,7 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
     if let Some(step) = steps.iter().find(|s| s.history.displaced) {
         out.push((
             "W607",
-            format!(
-                "at t = {} the equations are singular where all unknowns are zero: started from a displaced state",
-                step.time
-            ),
+            format!("at t = {} the tangent is singular at zero: started from a displaced state", step.time),
         ));
     }
     out.extend(energy_back(steps).map(|text| ("W615", text)));
@@ -130,8 +127,8 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
     out
 }
 
-/// Energy that friction gives back counts if it is this part of the most that it had taken in the run: where loads only grow
-/// but turn, a few thousandths come back.
+/// Energy that friction gives back counts if it is this part of the most that it had taken in the run: where loads only
+/// grow but turn, a few thousandths come back.
 const BACK: f64 = 0.1;
 /// It is rounding below this part of what it is summed from, and of the friction bound over the largest displacement.
 const CANCELLED: f64 = 1e-3;
@@ -154,8 +151,8 @@ fn energy_back(steps: &[StepResult]) -> Option<String> {
         let back = high - sum;
         if back > limit {
             return Some(format!(
-                "by t = {time} friction has given back the energy {back:.3e} of {high:.3e} that it took before: a law on the \
-                 total slip has no memory of the way; write its argument with the slip of the step, tang(jump(uL,uR) - \
+                "by t = {time} friction has returned the energy {back:.3e} of {high:.3e} that it had dissipated: a law \
+                 for the total slip has no memory; write its argument with the slip increment, tang(jump(uL,uR) - \
                  jump(Previous_uL,Previous_uR))"
             ));
         }
@@ -168,21 +165,21 @@ fn several(steps: &[StepResult]) -> Option<String> {
     let first = |others: Others| steps.iter().find(|s| s.others == others);
     if let Some(step) = first(Others::Proved) {
         return Some(format!(
-            "at t = {} the state is one of several: its tangent has a determinant of another sign than that of the bodies \
-             tied together, and such a state is never alone",
+            "at t = {} the solution is not unique: the determinant of its tangent has the opposite sign to that of the \
+             tied bodies, which proves that other solutions exist",
             step.time
         ));
     }
     if let Some(step) = steps.iter().find(|s| s.history.turns > 0) {
         return Some(format!(
-            "from t = {} on the state may be one of several: the path to it turned round {} times",
+            "from t = {} on the solution may not be unique: the load decreased on the path to it, with {} turning points",
             step.time, step.history.turns
         ));
     }
     first(Others::Possible).map(|step| {
         format!(
-            "from t = {} on the state may be one of several: a tangent on the way to it has a determinant of another sign \
-             than that of the bodies tied together, so that some loads have several states",
+            "from t = {} on the solution may not be unique: the determinant of a tangent during the iteration has the \
+             opposite sign to that of the tied bodies, so that some loads have several solutions",
             step.time
         )
     })

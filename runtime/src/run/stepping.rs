@@ -10,7 +10,7 @@
 //! A step whose attempts come to nothing for long is given up ([`FRUITLESS`]): what more parts may take is bounded.
 //!
 //! Promises: every attempt is listed; after a failure unknowns and memory are those of the last converged part.
-//! Does not write anything and does not decide whether a run goes on.
+//! Does not write anything and does not decide whether a run continues.
 
 use std::time::Instant;
 
@@ -83,7 +83,7 @@ pub struct Attempt {
     pub end: AttemptEnd,
 }
 
-/// A step asked for.
+/// A requested step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
     /// The value before; `None` for the first step.
@@ -299,7 +299,7 @@ impl Stepper {
         clock.solve += self.spent.solve;
         clock.assemble += begin.elapsed().as_secs_f64() - self.spent.factor - self.spent.solve;
         let history = result.map_err(|error| self.explained(scene, error, u))?;
-        // whatever the method, a state that is written, measured or gone on from is finite
+        // a state that is written, measured or continued is finite
         scene.system.check_finite("value", u, u).map_err(NewtonError::from)?;
         // parts of a load lead to the first state, they are none themselves
         if history.converged() && target.load.is_none() {

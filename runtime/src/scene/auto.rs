@@ -1,13 +1,13 @@
 //! `param gamma = auto`: the parameter of Nitsche's method from the elements at the interface.
 //!
-//! The scene is made with the value 1, which tells the factor between the param and the parameter of each term; the
+//! The scene is made with the value 1, which gives the factor between the param and the parameter of each term; the
 //! param then gets what [`crate::newton::Coercivity::usual`] asks for. That the value does what it should is checked.
 
 use wfl::{Diagnostic, Param, ResolvedScript, ast::ExprKind};
 
 use super::{Prepared, Scene, With, coercivity, prepare_as_written};
 
-/// Agreement of the parameter of a term with what was asked for, relative.
+/// Relative agreement of the parameter of a term with the requested value.
 const AGREEMENT: f64 = 1e-6;
 
 /// True if the value of a param is to be found.
@@ -28,7 +28,7 @@ pub(super) fn prepare(script: &ResolvedScript, with: With<'_>) -> Prepared {
     let Some(scene) = &mut trial.scene else { return trial };
     let wanted = gammas(scene).into_iter().map(|(gamma, usual)| usual / gamma).fold(0.0f64, f64::max);
     if !(wanted > 0.0 && wanted.is_finite()) {
-        return refused(&script.params[param], "no term has the stress of the elements in its projections");
+        return refused(&script.params[param], "no term has the stress of the bodies in its projections");
     }
     given.params[param].domain = domain;
     given.params[param].value.kind = ExprKind::Number(wanted);
@@ -43,12 +43,12 @@ pub(super) fn prepare(script: &ResolvedScript, with: With<'_>) -> Prepared {
 
 /// Parameter and usual value of each Nitsche term.
 fn gammas(scene: &mut Scene) -> Vec<(f64, f64)> {
-    // a term without a finite value has no parameter; the run tells its place
+    // a term without a finite value has no parameter; the run reports its place
     coercivity(scene).unwrap_or_default().iter().map(|c| (c.gamma, c.usual())).collect()
 }
 
 fn refused(param: &Param, why: &str) -> Prepared {
-    let d = Diagnostic::new("E417", format!("no value can be found for `{}`", param.name.name));
+    let d = Diagnostic::new("E417", format!("`auto` has no value for `{}`", param.name.name));
     let d = d.at(param.overridden.unwrap_or(param.value.span), why).note("give the value as a number");
     Prepared { scene: None, diagnostics: vec![d] }
 }

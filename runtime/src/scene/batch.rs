@@ -34,7 +34,7 @@ impl<'b> Batch<'b> {
         Self { backend, waiting: Mutex::new(Vec::new()) }
     }
 
-    /// Makes all kernels callable that have been asked for.
+    /// Makes all requested kernels callable.
     ///
     /// # Errors
     /// [`BackendError`] when the backend refuses one of them.

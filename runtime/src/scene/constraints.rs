@@ -1,7 +1,7 @@
 //! Prescribed values: which dofs `fix` takes out of the system.
 //!
-//! A normal component on faces that look along no axis is prescribed exactly: the equations of the node are turned into
-//! a frame of its normals ([`crate::frames`]).
+//! A normal component on faces that are not normal to an axis is prescribed exactly: the equations of the node are
+//! rotated to a frame of its normals ([`crate::frames`]).
 
 mod contradictions;
 
@@ -136,7 +136,7 @@ impl Prescribed {
         }
     }
 
-    /// The dofs that are taken out of the system; of a turned node those of its first axes.
+    /// The dofs that are removed from the system; of a node with a local frame those of its first axes.
     #[must_use]
     pub fn dofs(&self) -> BTreeSet<usize> {
         let tilted = self.tilted.iter().flat_map(|t| (0..t.numbers.len()).map(|k| t.frame.first + k));
@@ -166,8 +166,8 @@ impl Prescribed {
         plain.or_else(tilted).map(|fix| self.fixes[fix].statement)
     }
 
-    /// True if the displacement of the node whose dofs begin at `first` is prescribed along `direction`, by a frame of its
-    /// own.
+    /// True if the displacement of the node whose dofs begin at `first` is prescribed along `direction`, by a frame of
+    /// its own.
     pub(super) fn holds(&self, first: usize, direction: &[f64; 3]) -> bool {
         let Some(node) = self.tilted.iter().find(|t| t.frame.first == first) else { return false };
         let n = node.frame.axes.len();

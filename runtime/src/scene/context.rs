@@ -1,5 +1,5 @@
-//! What the scene knows beyond the compiler, added to its messages: where the nearest name is declared, where a field
-//! lives, and the word in the statement that chose the place.
+//! Additions of the scene to messages of the compiler: where the nearest name is declared, where a field is defined,
+//! and the word in the statement that selected the region.
 
 use wfl::{
     Diagnostic, FieldKind, Label, ResolvedScript, Span,

@@ -1,4 +1,4 @@
-//! Cells that no term reaches: a hole in the model that no equation would show.
+//! Cells without a term: a hole in the model that no equation would show.
 
 use wfl::{Diagnostic, MeshStmt, ast::OptionValue};
 

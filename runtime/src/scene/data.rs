@@ -1,4 +1,4 @@
-//! Known fields at a value of the step variable, and what a first step needs of them.
+//! Known fields at a value of the step variable, and what the first step needs of them.
 
 use super::Scene;
 use crate::{

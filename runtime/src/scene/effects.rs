@@ -1,9 +1,9 @@
-//! Statements that would change nothing, told: what a scene states takes part in the problem, or a message says why not.
+//! Messages about statements without effect.
 //!
-//! Each check asks the problem that was made, not the text: which dofs a `load` reaches and which of them are free, which
-//! of two prescribed values a node has, which rules have a law. What stands in the text only (names) is
-//! checked where names are known (W702). Silent where a statement takes part in some place: a load on a face of which an
-//! edge is fixed, a rule of several regions one of which has terms.
+//! Each check looks at the prepared problem, not at the text: which dofs a `load` reaches and which of them are free,
+//! which of two prescribed values a node has, which quadrature rules have a law. Names that occur in the text only are
+//! checked where names are resolved (W702). There is no message if a statement has an effect in some place: a load on a
+//! face of which an edge is fixed, a rule of several regions one of which has terms.
 
 use std::collections::BTreeSet;
 
@@ -114,7 +114,7 @@ impl Builder<'_> {
             };
             let d =
                 Diagnostic::new("W412", format!("a load on {what}, which is fixed on the whole of `{}`", law.place));
-            let d = d.at(load.span, "this force goes into the support and changes no unknown");
+            let d = d.at(load.span, "the support takes this force; no unknown changes");
             let by = prescribed.held_by(dof);
             self.diagnostics.push(by.into_iter().fold(d, |d, fix| d.at(fix, "fixed here")));
         }
@@ -161,14 +161,14 @@ impl Builder<'_> {
         for statement in script.quadratures.iter().filter(|q| Some(q.span) != own) {
             for place in &statement.places {
                 if let Some(first) = seen.iter().find(|p| p.name == place.name) {
-                    let d = Diagnostic::new("E434", format!("two rules of integration on `{}`", place.name));
+                    let d = Diagnostic::new("E434", format!("two quadrature rules on `{}`", place.name));
                     self.diagnostics.push(d.at(place.span, "").at(first.span, "the first one"));
                 }
                 seen.push(place);
             }
             if statement.places.iter().all(|p| !used.contains(p.name.as_str())) {
                 let names: Vec<String> = used.iter().map(|n| format!("`{n}`")).collect();
-                let d = Diagnostic::new("W411", "a rule of integration where nothing is integrated");
+                let d = Diagnostic::new("W411", "a quadrature rule where nothing is integrated");
                 let d = d.at(statement.span, "no term, load, measure or state stands on this region by that name");
                 self.diagnostics.push(d.help(format!("they stand on {}", names.join(", "))));
             }
@@ -182,8 +182,8 @@ impl Builder<'_> {
                 let field = self.fields.iter().find(|f| f.name == name.name);
                 let Some(FieldSpace::Nodal(space)) = field.map(|f| &f.space) else { continue };
                 if !space.torn().is_empty() && !space.is_split() {
-                    let d = Diagnostic::new("W411", format!("`split` tears no node of `{}`", name.name));
-                    let d = d.at(split.span, "all nodes of these faces are ends of the tear, which stay joined");
+                    let d = Diagnostic::new("W411", format!("`split` separates no node of `{}`", name.name));
+                    let d = d.at(split.span, "all nodes of these faces are ends of the crack, which stay joined");
                     self.diagnostics.push(d.help("more faces, or an element of degree 2, have nodes between the ends"));
                 }
             }
@@ -202,14 +202,14 @@ impl Builder<'_> {
                 switched_off |= self.params.get(name).is_some_and(|p| p.values.contains(&0.0));
             });
             if !switched_off {
-                let d = Diagnostic::new("W411", "a term that is zero whatever the unknowns are");
+                let d = Diagnostic::new("W411", "a term that is zero for all unknowns");
                 self.diagnostics.push(d.at(term.span, "its parts cancel, or have the factor 0"));
             }
         }
     }
 
-    /// Dofs of fields that are prescribed somewhere and stand in no term: with what is prescribed they stay what `start`
-    /// says. W414 where that is all that determines them.
+    /// Dofs of fields that are prescribed somewhere and stand in no term: with what is prescribed they stay what
+    /// `start` says. W414 where that is all that determines them.
     pub(super) fn undetermined(
         &mut self,
         used: &BTreeSet<usize>,
@@ -275,7 +275,7 @@ impl Builder<'_> {
         for statement in &script.starts {
             let StartKind::Field { field: name, .. } = &statement.kind else { continue };
             if let Some(first) = seen.iter().find(|f| f.name == name.name) {
-                let d = Diagnostic::new("E434", format!("two first values of `{}`", name.name));
+                let d = Diagnostic::new("E434", format!("two initial guesses of `{}`", name.name));
                 self.diagnostics.push(d.at(name.span, "").at(first.span, "the first one"));
             }
             seen.push(name);
@@ -283,7 +283,7 @@ impl Builder<'_> {
             let Some((k, start)) = k.and_then(|k| Some((k, numbering.starts[k]?))) else { continue };
             let own = start..start + self.fields[k].n_dofs();
             if !keeps_past && own.clone().all(|d| numbering.free[d] == FIXED) {
-                let d = Diagnostic::new("W411", format!("`start {}` changes nothing", name.name));
+                let d = Diagnostic::new("W411", format!("`start {}` has no effect", name.name));
                 let d = d.at(statement.span, "every value of the field is prescribed");
                 let by = own.clone().find_map(|dof| prescribed.held_by(dof));
                 self.diagnostics.push(by.into_iter().fold(d, |d, fix| d.at(fix, "by this statement")));
@@ -291,8 +291,8 @@ impl Builder<'_> {
         }
     }
 
-    /// W411 where every value of every unknown is prescribed, so that no term of the scene is used; silent where a
-    /// statement was told to have no effect, since that is the same cause.
+    /// W411 where every value of every unknown is prescribed, so that no term of the scene is used; no message where a
+    /// statement has a message already, since that is the same cause.
     pub(super) fn nothing_to_solve(&mut self, numbering: &Numbering, prescribed: &Prescribed) {
         let is_told = self.diagnostics.iter().any(|d| matches!(d.code, "W411" | "W412"));
         if numbering.n_dofs > 0 && numbering.n_free() == 0 && !is_told {
@@ -330,7 +330,8 @@ impl Builder<'_> {
         }
     }
 
-    /// Two values for one displacement: E432 where one statement is lost, W413 where regions overlap. Kernels must be callable.
+    /// Two values for one displacement: E432 where one statement is lost, W413 where regions overlap. Kernels must be
+    /// callable.
     pub(super) fn contradictions(&mut self, prescribed: &mut Prescribed, steps: &Steps, n_dofs: usize) {
         for found in prescribed.contradictions(&sampled(steps), n_dofs) {
             let d = self.contradiction(&found);
@@ -348,7 +349,7 @@ impl Builder<'_> {
         let time =
             self.script.steps.as_ref().map_or_else(String::new, |s| format!(", {} = {}", s.variable.name, found.time));
         let (code, text) = if found.lost {
-            ("E432", format!("two values for {what}: an earlier `fix` is lost to a later one"))
+            ("E432", format!("two values for {what}: a later `fix` replaces an earlier one"))
         } else {
             let nodes = if found.n_nodes == 1 { "1 node".to_owned() } else { format!("{} nodes", found.n_nodes) };
             ("W413", format!("two values for {what} at {nodes}: the later statement holds"))

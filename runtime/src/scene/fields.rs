@@ -91,7 +91,8 @@ fn field(
         }
         RegionSet::Nodes(_) => {
             diagnostics.push(
-                Diagnostic::new("E405", "a field lives on cells or faces, not on nodes").at(declared.space.span, ""),
+                Diagnostic::new("E405", "a field is defined on cells or faces, not on nodes")
+                    .at(declared.space.span, ""),
             );
             return None;
         }
@@ -133,7 +134,7 @@ fn state_points(
     match Domain::new(mesh, &set, &vertex) {
         Ok(domain) if !domain.groups.is_empty() => Some(PointSpace::new(mesh, &domain)),
         Ok(_) => {
-            let d = Diagnostic::new("E405", "a state lives on cells or faces, not on nodes");
+            let d = Diagnostic::new("E405", "a state is defined on cells or faces, not on nodes");
             diagnostics.push(d.at(declared.space.span, ""));
             None
         }
@@ -162,7 +163,7 @@ fn torn(
                 _ => Vec::new(),
             };
             if facets.is_empty() || facets.iter().any(|f| topology.opposite(*f).is_none()) {
-                let d = Diagnostic::new("E405", format!("`{}` cannot be torn across `{}`", field, place.name));
+                let d = Diagnostic::new("E405", format!("`{}` cannot be split across `{}`", field, place.name));
                 let d = d.help("region crack = interface from above to below & faces of below where y == 0");
                 diagnostics.push(d.at(place.span, "inner faces of the body are needed, all of them between two cells"));
                 continue;
@@ -173,11 +174,11 @@ fn torn(
     out
 }
 
-/// A field that `split` cannot tear, told at the statement.
+/// Message about a field that cannot be split, at the statement.
 fn untearable(script: &ResolvedScript, field: &str, space: &Space) -> Option<Diagnostic> {
     let text = match (space.support(), space.family()) {
-        (Support::Facets(_), _) => "it lives on faces: only fields of cells have two sides to tear",
-        (_, Family::Discontinuous) => "its element is discontinuous: it jumps over every face already",
+        (Support::Facets(_), _) => "it is defined on faces: only fields on cells can be split",
+        (_, Family::Discontinuous) => "its element is discontinuous across every face already",
         _ => return None,
     };
     let named = script.splits.iter().flat_map(|s| &s.fields).find(|f| f.name == field)?;

@@ -1,7 +1,7 @@
-//! Groups of a mesh file as regions: the names they get, and names that no group has.
+//! Groups of a mesh file as regions: their names in the scene, and undefined names.
 //!
-//! Promises: every group can be written in a scene, no group hides another one or a built-in region, and whatever is
-//! renamed or hidden is told (W407). Does not look at the members of a group.
+//! Promises: every group has a name in the scene, no group hides another one or a built-in region, and a renamed or
+//! hidden group gives a message (W407). Does not look at the members of a group.
 
 use wfl::{Diagnostic, REGIONS, ResolvedScript, Span, is_keyword, nearest};
 

@@ -1,14 +1,14 @@
-//! Multipliers without a jump to act on: where what is prescribed, or the mesh, leaves both sides no way to part.
+//! Multiplier components without a jump: prescribed values, or the mesh, leave the two sides no relative displacement.
 //!
-//! At a node the terms couple the components of a multiplier with displacements of that place: the rows of the jump. A
-//! direction of the multiplier that meets no free displacement there is idle; its equation says nothing. Such a direction
-//! is left out, unless a law reads it where the sides can still move another way: friction reads the normal traction at a
-//! node that can slide only. Then it follows the multiplier of the nearest node at which it is not idle, as the mortar
-//! method takes constants at the ends of an interface (Wohlmuth 2000), so that a uniform traction stays uniform.
+//! At a node the terms couple the components of a multiplier with displacements at that position: the rows of the jump.
+//! A direction of the multiplier without a free displacement there is idle; its equation is empty. Such a direction is
+//! dropped, unless a law depends on it where the sides can still move in another direction: friction needs the normal
+//! traction at a node that can only slide. Then it takes the value of the multiplier at the nearest node where it is
+//! not idle, as the mortar method uses constants at the ends of an interface (Wohlmuth 2000), so that a uniform
+//! traction stays uniform.
 //!
-//! Promises: directions are those of the tangents ([`Friction`]), whatever the multiplier counts as its components;
-//! nothing changes where no displacement of the place is prescribed. Does not decide what two multipliers share:
-//! `meeting.rs` does.
+//! Promises: directions follow from the tangents ([`Friction`]), independent of the components of the multiplier;
+//! nothing changes where no displacement is prescribed. Redundancy between two multipliers is the task of `meeting.rs`.
 
 mod directions;
 
@@ -42,7 +42,7 @@ struct Candidate {
     node: u32,
     /// First dof of the node.
     first: usize,
-    /// Dofs of displacements at the place, of all nodes that are not the end of a tear.
+    /// Dofs of displacements at the place, of all nodes that are not the end of a split.
     place: Vec<usize>,
     /// A field there is one on both sides.
     joined: bool,
@@ -262,31 +262,31 @@ impl Plan {
             let follow = count(&|_, (_, tied)| tied > 0);
             let name = &system.fields[field].name;
             if joined > 0 {
-                let why = "the two sides are one node there, the end of a tear: no jump to act on";
+                let why = "both sides share one node there, an end of the `split`: there is no jump";
                 idle.notes.push((format!("`{name}` at {}", nodes(joined)), why.to_owned()));
             }
-            let kept = "kept, they make the system singular in stick; `with crosspoints=keep` keeps them";
+            let kept = "they would make the system singular in stick; `with crosspoints=keep` keeps them";
             let mut warn = |text: String, note: &str, label: &str| {
                 diagnostics.push(Diagnostic::new("W404", text).note(note).at(declared.name.span, label));
             };
             if whole > 0 {
                 let (have, are) = if whole == 1 { ("has", "is") } else { ("have", "are") };
-                let text = format!("{} of `{name}` {have} no jump to act on and {are} dropped", nodes(whole));
-                warn(text, kept, "where the fields on both sides are fixed");
+                let text = format!("{} of `{name}` {have} no jump and {are} dropped", nodes(whole));
+                warn(text, kept, "the displacements of both sides are prescribed");
             }
             if part > 0 {
-                let text = format!("at {} of `{name}` a component has no jump to act on and is dropped", nodes(part));
-                warn(text, kept, "where the fields on both sides are fixed that way");
+                let text = format!("at {} of `{name}` a component has no jump and is dropped", nodes(part));
+                warn(text, kept, "that displacement of both sides is prescribed");
             }
             if follow > 0 {
                 let text = format!(
-                    "at {} of `{name}` friction reads a component that has no jump to act on: it follows the nearest node \
-                     that has one",
+                    "at {} of `{name}` friction depends on a component without a jump: it takes the value of the \
+                     nearest node that has one",
                     nodes(follow)
                 );
-                let note = "dropped, the friction there would be lost; kept, the system is singular; \
-                            `with crosspoints=keep` keeps it";
-                warn(text, note, "where the fields on both sides are fixed that way and can slide");
+                let note = "without it friction would be lost there; as an unknown it makes the system singular; `with \
+                            crosspoints=keep` keeps it";
+                warn(text, note, "the normal displacements of both sides are prescribed, and the sides can slide");
             }
         }
         idle
@@ -310,8 +310,8 @@ fn dof_along(first: usize, direction: &[f64], axes: Option<&Vec<Vec<f64>>>) -> O
 /// Unit vectors are one direction if their product is within this of 1.
 const ALIGNED: f64 = 1e-9;
 
-/// The dof that the direction of a candidate follows: of the nearest node of the field, over as few faces as possible, at
-/// which it is not idle.
+/// The dof that the direction of a candidate follows: of the nearest node of the field, over as few faces as possible,
+/// at which it is not idle.
 fn leader(
     system: &System,
     candidate: &Candidate,

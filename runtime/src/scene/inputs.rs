@@ -1,4 +1,4 @@
-//! The files that a scene reads beside its texts.
+//! The files that a scene reads in addition to its texts.
 
 use std::path::{Path, PathBuf};
 

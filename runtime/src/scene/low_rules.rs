@@ -1,4 +1,4 @@
-//! Rules that the scene asks for and that have fewer points than an element has nodes: some motions are not seen.
+//! Quadrature rules of the scene with fewer points than an element has nodes (hourglass modes).
 
 use wfl::{
     Diagnostic, ResolvedScript,
@@ -31,8 +31,8 @@ pub(super) fn check(
     let Some(group) = domain.groups.iter().find(short) else { return };
     let (points, nodes) = (group.n_points(), face_nodes(domain.dim, group, degree));
     let message = format!(
-        "the rule on `{}` has {points} points a face for the {nodes} nodes of degree {degree}: motions that vanish at \
-         the points feel no force",
+        "the rule on `{}` has {points} points a face for the {nodes} nodes of degree {degree}: displacements that \
+         vanish at the points cause no force",
         placed.place
     );
     let d = Diagnostic::new("W506", message).at(statement.span, "");

@@ -1,7 +1,7 @@
-//! Mappings: to each integration point another point of the mesh, where `Interpolate` reads fields.
+//! Mappings: for each integration point another point of the mesh, where `Interpolate` evaluates fields.
 //!
-//! The images are found once, on the mesh as it is: small sliding. So the tangents of what is read there are exact. A
-//! point without an image takes no part in the term; how many there are is told (W406), and none at all is an error.
+//! The images are computed once, on the initial mesh (small sliding), so the tangents of mapped values are exact. A
+//! point without an image is not integrated; W406 reports their number, and a term without any image is an error.
 
 use std::{collections::BTreeSet, sync::Arc};
 
@@ -27,7 +27,7 @@ use crate::{
     value::Value,
 };
 
-/// What is told of a mapping that moves with the unknowns or the step.
+/// Message about a mapping that depends on the unknowns or the step.
 const FIXED_IMAGES: &str =
     "a mapping depends on x, y, z only: images are found once, on the mesh as it is (small sliding)";
 
@@ -239,7 +239,7 @@ impl Mappings {
         }
         if lost > 0 {
             let d = Diagnostic::new("W406", format!("{lost} of {total} points have no image under `{}`", name.name));
-            diagnostics.push(d.at(span, "nothing acts there").at(name.span, "declared here"));
+            diagnostics.push(d.at(span, "the term is not integrated there").at(name.span, "declared here"));
         }
         Some(Arc::new(domain))
     }

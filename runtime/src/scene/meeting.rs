@@ -1,12 +1,12 @@
-//! Multipliers that meet: where two surfaces share a node of the fields they act on, each of them holds the same jump.
+//! Redundant multipliers: where two surfaces share a node of the fields they act on, both constrain the same jump.
 //!
-//! At a corner of a body that sticks on both of its faces two multipliers say that one node does not move: only the sum
-//! of their forces is known, and the tangent is singular. The one that is declared later is left out there. Its law goes
-//! on with a multiplier of zero, which for augmented contact is a penalty of stiffness gamma at that node. The same
+//! At a corner of a body that sticks on both of its faces two multipliers fix one node: only the sum of their forces is
+//! determined, and the tangent is singular. The multiplier that is declared later is dropped there. Its law remains
+//! with a multiplier of zero, which for the augmented Lagrangian is a penalty of stiffness gamma at that node. The same
 //! holds where three bodies meet in a line: of three jumps two are independent.
 //!
-//! Promises: leaves out nothing of a multiplier of one component (each says something of a direction of its own), of one
-//! whose laws hold no sliding, or of two on the same faces. Does not decide what is prescribed: `constraints.rs` does.
+//! Promises: drops nothing of a multiplier of one component (each constrains a direction of its own), of one whose laws
+//! do not constrain slip, or of two on the same faces. Prescribed values are the task of `constraints.rs`.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -57,8 +57,8 @@ impl Ties {
     }
 }
 
-/// The multiplier dofs to leave out, and a note for each multiplier that loses some. A component that is prescribed on all
-/// sides has no ends here.
+/// The multiplier dofs to leave out, and a note for each multiplier that loses some. A component that is prescribed on
+/// all sides has no ends here.
 pub(super) fn shared_multipliers(
     script: &ResolvedScript,
     (mesh, topology): (&Mesh, &Topology),
@@ -101,19 +101,22 @@ pub(super) fn shared_multipliers(
         seen.extend(around.values().flatten().map(|f| topology.facet_id(*f)));
         if nodes > 0 {
             let (words, is) = if nodes == 1 { ("1 node".to_owned(), "is") } else { (format!("{nodes} nodes"), "are") };
-            let text =
-                format!("{words} of `{}` {is} held by another multiplier already and {is} dropped", fields[k].name);
-            let note = "kept, only the sum of both forces is known in stick, and the system is singular; an augmented \
-                        law goes on there as a penalty of stiffness gamma; `with crosspoints=keep` keeps them";
+            let text = format!(
+                "{words} of `{}` {is} constrained by another multiplier already and {is} dropped",
+                fields[k].name
+            );
+            let note = "only the sum of both forces is determined in stick, and the system would be singular; an \
+                        augmented Lagrangian acts as a penalty of stiffness gamma there; `with crosspoints=keep` keeps \
+                        them";
             let d = Diagnostic::new("W404", text).note(note);
-            diagnostics.push(d.at(script.fields[k].name.span, "where its surface meets that of the other"));
+            diagnostics.push(d.at(script.fields[k].name.span, "its surface meets that of the other multiplier"));
         }
     }
     shared.sort_unstable();
     shared
 }
 
-/// True for a multiplier of several components whose laws can hold the whole jump.
+/// True for a multiplier of several components whose laws can constrain the whole jump.
 fn holds_a_jump(k: usize, fields: &[Field], laws: &[PlacedLaw]) -> bool {
     let slides = |law: &PlacedLaw| {
         law.pieces.as_ref().is_some_and(|p| p.projections.iter().all(|p| p.kind != ProjectionKind::Ball))

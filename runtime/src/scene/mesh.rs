@@ -56,10 +56,10 @@ pub(super) fn read(
                 let [a, b] = [a, b].map(|n| mesh.numbers().node(*n));
                 let d = Diagnostic::new(
                     "W405",
-                    format!("{} pairs of nodes of one body are at the same place and not joined", twins.len()),
+                    format!("{} pairs of nodes of one body have the same coordinates but are not joined", twins.len()),
                 );
                 let first = format!("the first pair: {a} at {a_at:?} and {b} at {b_at:?}");
-                diagnostics.push(d.at(*span, first).help("they tear the body there; join them in the mesh generator"));
+                diagnostics.push(d.at(*span, first).help("the body is torn there; merge them in the mesh generator"));
             }
             Some(mesh)
         }
@@ -327,7 +327,7 @@ pub(super) fn with_zeros(d: Diagnostic, found: usize, needed: usize) -> Diagnost
     d.help(format!("a vector is written with all its components: [{}]", vec!["0"; needed].join(",")))
 }
 
-/// What is told of a prescribed or nodal value that needs more than [`position_place`] has.
+/// Message about a prescribed or nodal value that needs more than [`position_place`] has.
 pub(super) const POSITIONS_ONLY: &str = "this value depends on x, y, z and the step variable only";
 
 /// A place where only positions are known.

@@ -1,6 +1,6 @@
-//! The parameter of the contact method of a scene: what scales the displacements in its projections, whatever its name.
+//! The parameter of the contact method of a scene: what scales the displacements in its projections, for any name.
 //!
-//! Found from the terms as they are compiled (`wfl_compiler::scaling_parameters`), when asked for. Promises: a parameter
+//! Found from the terms as they are compiled (`wfl_compiler::scaling_parameters`), on request. Promises: a parameter
 //! that a term on cells names is none, since it says what the bodies are made of. Does not know whether a stiffness
 //! stands for contact or for a real one-sided spring: a scene that computes a parameter keeps it out of this.
 

@@ -147,7 +147,7 @@ pub struct Scene {
     pub csv: Vec<CsvOutput>,
     /// Newton options.
     pub newton: NewtonOptions,
-    /// The relative error that is asked for, and the quantity whose error it is.
+    /// The demanded relative error, and its quantity.
     pub accuracy: Option<(f64, String)>,
     /// Parameters in order of declaration.
     pub params: Vec<(String, Constant)>,
@@ -229,7 +229,7 @@ fn prepare_as_written(script: &ResolvedScript, with: With<'_>) -> Prepared {
     Prepared { scene: if failed { None } else { scene }, diagnostics }
 }
 
-/// A mistake in a macro is told once, at its first use, however often the macro is used.
+/// A mistake in a macro gives one message, at its first use.
 fn once_per_place(diagnostics: &mut Vec<Diagnostic>) {
     let mut seen: HashSet<(&'static str, String, Vec<wfl::Span>)> = HashSet::new();
     diagnostics.retain(|d| {

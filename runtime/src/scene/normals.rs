@@ -27,7 +27,7 @@ pub(super) fn node_normals(
         let found = sides.into_iter().filter_map(|(side, sign)| Some((side?, sign, nodes_of(mesh, space, side?)?)));
         let mut own: Vec<u32> = Vec::new();
         for (side, sign, mut nodes) in found {
-            // of a torn field both sides have nodes, of others those of the first side are all
+            // of a split field both sides have nodes, of others the first side has all
             nodes.retain(|(node, _)| !own.contains(node));
             if nodes.is_empty() {
                 continue;

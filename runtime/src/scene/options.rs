@@ -28,14 +28,15 @@ pub struct Steps {
 
 /// Halvings where the scene does not say how many: the smallest part is then 1/32 of an increment.
 const DEFAULT_HALVE: u32 = 5;
-/// Most halvings that can be asked for.
+/// Largest number of halvings.
 const MAX_HALVE: f64 = 30.0;
 /// Most steps that are not asked about: memory and report keep about 2 kB of each, and as many files lie in a folder as
 /// it has steps.
 const MOST_STEPS: f64 = 1e5;
-/// Most steps that can be asked for: their values alone then take 0.8 GB.
+/// Largest number of steps: their values alone then take 0.8 GB.
 const MAX_STEPS: f64 = 1e8;
-/// Steps that miss the last value by this part of a step meet it: the quotient of three rounded numbers is not better known.
+/// Steps that miss the last value by this part of a step meet it: the quotient of three rounded numbers is not better
+/// known.
 const SAME_STEP: f64 = 1e-9;
 
 impl Builder<'_> {
@@ -54,14 +55,14 @@ impl Builder<'_> {
             .map(|(e, what)| constants::number(self.env, what, e, self.diagnostics));
         let (from, to, by) = (a?, b?, c?);
         let Some((count, left)) = whole_steps(from, to, by) else {
-            let d = Diagnostic::new("E413", format!("steps from {from} to {to} by {by} never arrive"));
+            let d = Diagnostic::new("E413", format!("steps from {from} to {to} by {by} do not reach the last value"));
             let d = if by * (to - from) < 0.0 { d.help(format!("by {}", -by)) } else { d };
             self.diagnostics.push(d.at(steps.by.span, ""));
             return None;
         };
         if rates && count == 0.0 && left.is_none() {
             let d = Diagnostic::new("E413", "a scene with rates needs two values of the step variable");
-            let text = "time starts at the first one; the state there is `start`, what follows is solved";
+            let text = "time starts at the first value with the state of `start`; the later values are solved";
             self.diagnostics.push(d.at(steps.span, text));
             return None;
         }
@@ -117,7 +118,7 @@ impl Builder<'_> {
         }
     }
 
-    /// What `solver` says: options of Newton, and the error that is asked for with its quantity.
+    /// What `solver` says: options of Newton, and the demanded error with its quantity.
     pub(super) fn solver_options(&mut self) -> (NewtonOptions, Option<(f64, String)>) {
         let mut options = NewtonOptions::default();
         let Some(solver) = &self.script.solver else { return (options, None) };
@@ -126,8 +127,8 @@ impl Builder<'_> {
             match (option.name.name.as_str(), self.option_number(option), word(option)) {
                 ("tol", Some(t), _) if (0.0..=LARGEST_TOLERANCE).contains(&t) => options.tolerance = t,
                 ("tol", Some(t), _) => {
-                    let d = Diagnostic::new("E440", format!("`tol` = {t} is no tolerance: it lies between 0 and 0.1"));
-                    let d = d.at(option.name.span, "the part of the forces that may be out of balance");
+                    let d = Diagnostic::new("E440", format!("`tol` = {t} is not allowed: it lies between 0 and 0.1"));
+                    let d = d.at(option.name.span, "the relative residual at which the iteration stops");
                     self.diagnostics.push(d.help("tol=1e-10, or leave it out"));
                 }
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
@@ -153,14 +154,15 @@ impl Builder<'_> {
         }
         let word = solver.options.iter().find(|o| o.name.name == "of");
         if let Some(word) = word.filter(|_| asked.is_none()) {
-            let d = Diagnostic::new("W411", "`of` says what an accuracy is of, and none is asked for");
-            self.diagnostics.push(d.at(word.name.span, "").help("accuracy=1e-3 beside it"));
+            let d = Diagnostic::new("W411", "`of` selects the quantity of an accuracy, and none is demanded");
+            self.diagnostics.push(d.at(word.name.span, "").help("add accuracy=1e-3"));
         }
         (options, asked.map(|error| (error, of)))
     }
 }
 
-/// How many whole steps there are, and the length of what is left behind them; `None` where steps lead away, or nowhere.
+/// How many whole steps there are, and the length of what is left behind them; `None` where steps lead away, or
+/// nowhere.
 fn whole_steps(from: f64, to: f64, by: f64) -> Option<(f64, Option<f64>)> {
     let count = (to - from) / by;
     if by == 0.0 || !count.is_finite() || count < -SAME_STEP {
@@ -179,7 +181,7 @@ fn short(x: f64) -> f64 {
     format!("{x:.5e}").parse().unwrap_or(x)
 }
 
-/// E430 for more steps than were asked for.
+/// E430 for more steps than allowed.
 fn too_many(steps: &wfl::Steps, (from, to, by): (f64, f64, f64), n_steps: f64, most: f64) -> Diagnostic {
     // 1e-7 and not 0.0000001
     let by = if by.abs() < 1e-4 { format!("{by:e}") } else { by.to_string() };
@@ -190,7 +192,7 @@ fn too_many(steps: &wfl::Steps, (from, to, by): (f64, f64, f64), n_steps: f64, m
     if n_steps > MAX_STEPS {
         return d.at(steps.by.span, "").help(format!("a scene has at most {MAX_STEPS:e} steps"));
     }
-    d.at(steps.by.span, "").help(format!("where they are meant: steps ... by {by} with most={n_steps}"))
+    d.at(steps.by.span, "").help(format!("to allow them: steps ... by {by} with most={n_steps}"))
 }
 
 fn word(option: &OptionItem) -> Option<&str> {

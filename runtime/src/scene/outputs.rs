@@ -1,9 +1,9 @@
 //! The `output` statements: which expression is sampled on which piece.
 //!
-//! Bodies are the cell sets on which unknowns live; an expression goes to every body where it makes sense. One that
-//! needs a face (`Normal`, the other side) goes to the faces that have terms. A plain field also goes to the faces of
-//! its side, so that the faces of a fault carry both displacements. What reads a state is known at integration points
-//! only: its mean over each cell is written.
+//! Bodies are the cell sets of the unknowns; an expression is written on every body where it is defined. One that needs
+//! a face (`Normal`, the other side) is written on the faces that have terms. A plain field is also written on the
+//! faces of its side, so that the faces of a fault carry both displacements. Quantities with a state are known at
+//! integration points only: their mean over each cell is written.
 
 use std::{cell::Cell, collections::BTreeSet, sync::Arc, time::Instant};
 
@@ -199,8 +199,8 @@ impl OutputMaker<'_> {
                 return found;
             }
         }
-        // where the fields live something else is wrong; else, of all the refusals, the one on the faces says most for an
-        // expression with Normal in it
+        // where the fields live something else is wrong; else, of all the refusals, the one on the faces says most for
+        // an expression with Normal in it
         let refusals = bodies.iter().chain(faces).filter_map(|t| self.try_compile(t, e).err());
         let elsewhere = |told: &Vec<Diagnostic>| told.iter().any(|d| NOT_HERE.contains(&d.code));
         let at_home = refusals.into_iter().find(|told| !elsewhere(told));
@@ -262,8 +262,8 @@ impl OutputMaker<'_> {
         Some(VtkOutput { file: output.file.clone(), every: self.every(output)?, pieces })
     }
 
-    /// E435 for a line of which nothing is sampled, W415 for one with points outside the mesh or a quantity that lives on no
-    /// point of it.
+    /// E435 for a line of which nothing is sampled, W415 for one with points outside the mesh or a quantity that lives
+    /// on no point of it.
     fn outside(&mut self, output: &wfl::Output, line: &LineSample) {
         let Some((from, to)) = &output.along else { return };
         let span = from.span.to(to.span);

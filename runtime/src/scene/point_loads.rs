@@ -1,8 +1,8 @@
 //! `load u = F on r` where `r` is a region of nodes: a force at each of its nodes.
 //!
-//! Each node is a point of weight 1 in one of the cells that hold it, so the value is read at the node and the
-//! force meets the dofs of that node alone. A node that `u` does not have, or has several times (at a split), is an
-//! error: which part of the force it should get is not said.
+//! Each node is a point of weight 1 in one of the cells that contain it, so the value is evaluated at the node and the
+//! force acts on the dofs of that node only. A node that `u` does not have, or has several times (at a split), is an
+//! error.
 
 use std::sync::Arc;
 
@@ -102,11 +102,8 @@ impl TermMaker<'_> {
             return Err((what, "nodes of a body alone: region tip = nodes of left where x == 0"));
         }
         if !torn.is_empty() {
-            let what = format!(
-                "`split` gives `{}` two sides at {}: which one is pulled is not said",
-                field.name,
-                place(&torn)
-            );
+            let what =
+                format!("`split` gives `{}` two nodes at {}: the load does not say which", field.name, place(&torn));
             return Err((what, faces));
         }
         Ok(Domain::at_nodes(self.mesh, space, &own))

@@ -1,4 +1,4 @@
-//! Values that are no terms: first guesses, given fields, measures.
+//! Values that are not terms: initial guesses, given fields, measures.
 
 use wfl::{DataValue, Diagnostic, Span, StartKind, ast::Reduction, at_expr};
 use wfl_compiler::{compile_value, types::FieldKind, without_fields};

@@ -1,4 +1,4 @@
-//! Regions by name: picked by position, interfaces, groups of a mesh file, and their combinations.
+//! Regions by name: selected by position, interfaces, groups of a mesh file, and their combinations.
 
 use std::collections::BTreeMap;
 
@@ -134,7 +134,7 @@ impl RegionMaker<'_> {
         });
         seen.sort_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()));
         seen.dedup();
-        // the corners of a face may differ in the coordinate: one is wanted that a whole face has
+        // the corners of a face may differ in the coordinate: a value of a whole face is needed
         let best = seen
             .into_iter()
             .take(CANDIDATES)
@@ -177,7 +177,7 @@ impl RegionMaker<'_> {
         }
     }
 
-    /// A region that is made already; every name that is none has been told.
+    /// A region that exists already; unknown names have a message.
     fn lookup(&self, name: &Ident) -> Option<&NamedRegion> {
         self.regions.get(&name.name)
     }

@@ -1,7 +1,8 @@
-//! What can still be said of a scene that cannot be made: the statements that no message speaks of yet are compiled on
-//! places that allow every field, so shapes, names and test functions of all statements are checked in one run.
+//! Further messages about a scene that cannot be prepared: statements without a message so far are compiled on regions
+//! that allow every field, so shapes, names and test functions of all statements are checked in one run.
 //!
-//! Needs the dimension and no mesh. Promises no follow-up messages: what depends on a broken declaration is left alone.
+//! Needs the dimension and no mesh. Promises no follow-up messages: whatever depends on a broken declaration is
+//! skipped.
 
 use std::collections::BTreeMap;
 
@@ -150,7 +151,7 @@ struct Rest<'a> {
 }
 
 impl Rest<'_> {
-    /// True if a message speaks of this statement already.
+    /// True if this statement has a message already.
     fn told(&self, span: Span) -> bool {
         let inside = |s: Span| s.source == span.source && span.start <= s.start && s.end <= span.end;
         self.told.iter().any(|d| d.is_error() && d.labels.iter().any(|l| inside(l.span)))

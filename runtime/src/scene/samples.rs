@@ -1,8 +1,8 @@
 //! Expressions of a scene at points, to compare runs: at the integration points of the scene's own mesh, or at points
-//! that another run chose.
+//! of another run.
 //!
-//! An expression is taken on every body where it makes sense, else on the faces of the terms with kinks (contact), else
-//! on all faces with terms. Compiled when asked for: a run that is not compared pays nothing. Does not judge.
+//! An expression is evaluated on every body where it is defined, else on the faces of the terms with kinks (contact),
+//! else on all faces with terms. It is compiled on demand, so a run that is not compared has no cost. Does not judge.
 
 use std::{cell::Cell, sync::Arc};
 
@@ -165,7 +165,7 @@ impl Scene {
     }
 }
 
-/// A domain, and which of the points asked for its points are.
+/// A domain, and which of the requested points its points are.
 type Found = (Arc<Domain>, Option<Arc<Vec<Vec<usize>>>>);
 
 /// Points that were found before: most expressions of a home are taken at the same ones.

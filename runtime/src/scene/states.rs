@@ -1,8 +1,8 @@
-//! Fields at integration points that are renewed when a step has converged.
+//! Fields at integration points that are updated when a step has converged.
 //!
-//! Within a step a state is what the last step left; its update is an expression of that and of the new solution.
-//! A state has values at the points of one rule, so all places whose terms read it get one rule: the largest degree
-//! among them, or what `quadrature` says for one of them. Nothing is interpolated between points.
+//! Within a step a state has the value of the last step; its update is an expression of that value and of the new
+//! solution. A state has values at the points of one rule, so all terms that contain it share one rule: the largest
+//! degree among them, or that of `quadrature` for one of them. Nothing is interpolated between points.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -127,10 +127,9 @@ impl Builder<'_> {
                 .collect();
             if let Some(pair) = said.windows(2).find(|pair| pair[0].1 != pair[1].1) {
                 let names: Vec<&str> = shared.states.iter().map(|k| self.fields[*k].name.as_str()).collect();
-                let d =
-                    Diagnostic::new("E411", format!("two rules for the points of the state `{}`", names.join("`, `")));
-                let d = d.at(pair[1].0.span, "these places read it too");
-                self.diagnostics.push(d.at(pair[0].0.span, "one rule serves all places that read a state"));
+                let d = Diagnostic::new("E411", format!("two quadrature rules for the state `{}`", names.join("`, `")));
+                let d = d.at(pair[1].0.span, "these terms contain it too");
+                self.diagnostics.push(d.at(pair[0].0.span, "all terms with a state share one rule"));
                 continue;
             }
             let largest =
@@ -182,7 +181,7 @@ pub(super) fn states_read<'i>(fields: &'i [Field], inputs: &'i [InputSlot]) -> i
         InputSlot::Field(b) | InputSlot::Previous(b) => Some(b.field.index()),
         _ => None,
     };
-    // the guides of held pieces are numbered behind the fields
+    // the branch data of frozen terms are numbered after the fields
     let is_state = |k: &usize| fields.get(*k).is_some_and(|f| f.kind == FieldKind::State && f.is_at_points());
     inputs.iter().filter_map(field).filter(is_state)
 }

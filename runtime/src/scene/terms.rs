@@ -1,4 +1,4 @@
-//! Terms and loads compiled on their places; one quadrature rule a region.
+//! Terms and loads compiled on their regions; one quadrature rule for each region.
 
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -27,7 +27,7 @@ use crate::{
 /// A compiled term with its place, before kernels and dofs.
 pub(super) struct PlacedLaw {
     pub(super) law: TermLaw,
-    /// The same term with the pieces of its projections held.
+    /// The same term in its frozen form.
     pub(super) pieces: Option<PiecesLaw>,
     /// What it prints.
     pub(super) prints: Vec<PrintLaw>,
@@ -117,7 +117,7 @@ impl TermMaker<'_> {
         }
     }
 
-    /// What a place is; `None` after a message. Regions that failed earlier are silent.
+    /// What a place is; `None` after a message. Regions that failed earlier give no further message.
     pub(super) fn place(&mut self, place: &Ident) -> Option<(PlaceSig, Option<RegionSet>)> {
         if place.name == "global" {
             return Some((global_place(self.fields.len()), None));

@@ -1,4 +1,4 @@
-//! A wanted accuracy: the runs that a climb asks for, and the setting that came out of them.
+//! A demanded accuracy: the runs of the search, and the selected setting.
 //!
 //! Runs on the way are those of a sweep; the last one is a whole run with its files, which the caller makes
 //! ([`WholeRun`]). What is picked, and why, is decided by the runtime.
@@ -27,7 +27,7 @@ use crate::{
     setting_text,
 };
 
-/// The region of a term may differ from that of the scene's own mesh by this part of the error wanted.
+/// The region of a term may differ from that of the scene's own mesh by this part of the demanded error.
 const SLACK: f64 = 0.1;
 /// Degree to which norms are exact that are told as `about`.
 const ROUGH_DEGREE: usize = 2;
@@ -75,7 +75,7 @@ pub trait WholeRun {
     fn folder(&self) -> Option<PathBuf>;
 }
 
-/// What an accuracy is wanted of.
+/// The quantity of a demanded accuracy.
 pub struct Job<'a> {
     /// The scene.
     pub file: &'a Path,
@@ -151,8 +151,8 @@ fn has_quantity(known: &Known, name: &str) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "the scene has no quantity `{name}` whose error could be told\n  = help: L2 and H1 are those of all unknowns, \
-         others are the outputs on contact faces and the measures of the scene: {}",
+        "the scene has no quantity `{name}` whose error can be estimated\n  = help: L2 and H1 are norms of all \
+         unknowns; other quantities are the outputs on contact faces and the measures of the scene: {}",
         list.join(", ")
     ))
 }
@@ -229,7 +229,7 @@ impl Lab<'_> {
             ..AccuracyRecord::default()
         });
         Some(match rewrite(&folder, &report) {
-            Ok(()) => format!("{} holds a run on the way, which is not accurate enough\n", folder.display()),
+            Ok(()) => format!("{} has an intermediate run, which is not accurate enough\n", folder.display()),
             Err(error) => told_of_folder(&error),
         })
     }
@@ -316,7 +316,7 @@ impl Trials for Lab<'_> {
             let tight = Trials::run(self, setting, fineness, false)?;
             return self.distance(run, &tight);
         }
-        // the same problem goes on from where it stopped
+        // the same problem continues from where it stopped
         let starts = run.solved.starts();
         let scene = &mut run.solved.scene;
         let tight = knobs::tolerance(setting).unwrap_or(scene.newton.tolerance);
@@ -350,7 +350,7 @@ fn free(report: &Report) -> Vec<String> {
     let part = 100.0 * t.assemble / (t.compile + t.mesh + t.assemble + t.factor + t.solve + t.write);
     let rule = part.is_finite().then(|| {
         format!(
-            "quadrature: that of the terms; a coarser one could save a part of the {part:.0} % that assembling takes"
+            "quadrature: that of the terms; a coarser one could save a part of the {part:.0} % of the time for assembly"
         )
     });
     solver.chain(rule).collect()

@@ -1,7 +1,7 @@
 //! What is said of a run that has ended, or that stopped, and what it ended as.
 //!
-//! Promises that a run counts as done only if every step converged, every measure is finite and every expectation of the
-//! scene holds. Does not print.
+//! Promises that a run counts as done only if every step converged, every measure is finite and every expectation of
+//! the scene holds. Does not print.
 
 use std::path::Path;
 
@@ -89,15 +89,14 @@ fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said>
         );
         if step.fruitless() > FRUITLESS * scene.newton.max_iterations {
             text += &format!(
-                "  = note: {} attempts came to nothing after {} iterations in all, more than {FRUITLESS} times max_iter: smaller parts were not tried\n",
+                "  = note: {} attempts failed after {} iterations in total, more than {FRUITLESS} times max_iter: smaller increments were not tried\n",
                 step.attempts.iter().filter(|a| a.end != AttemptEnd::Converged).count(),
                 step.fruitless()
             );
         }
         if is_below(loaded) {
-            text +=
-                "  = note: a Nitsche parameter is below its smallest safe value (W503): there need not be a solution\n";
-            text += "  = help: raise it to the value given there, or take theta = -1\n";
+            text += "  = note: a Nitsche parameter is below its coercivity bound (W503): a solution need not exist\n";
+            text += "  = help: raise it to the value given there, or use theta = -1\n";
         }
         said.push(Said::Text(text));
     }
@@ -114,9 +113,9 @@ fn not_as_expected(scene: &Scene, outcome: &Outcome, picked: Option<&str>) -> Ve
         match picked {
             Some(setting) => d
                 .note(format!(
-                    "judged with {setting}, which was picked for the accuracy, not with the scene's own mesh"
+                    "evaluated with {setting}, which was picked for the accuracy, not on the mesh of the scene"
                 ))
-                .help("where it holds numbers of that mesh, judge it without the accuracy: wfl run without --accuracy"),
+                .help("if it contains numbers of that mesh, run without --accuracy"),
             None => d,
         }
     };
@@ -145,7 +144,7 @@ pub fn nothing_left(folder: &Path, report: &Report) -> String {
         1 => "step".to_owned(),
         n => format!("{n} steps"),
     };
-    format!("{}: the run is finished, its {steps} and files are whole: nothing is left to do\n", folder.display())
+    format!("{}: the run is finished; its {steps} and files are complete\n", folder.display())
 }
 
 /// The measures that are not finite.
@@ -184,12 +183,12 @@ fn circle(loaded: &Loaded, scene: &Scene, step: &StepResult) -> Option<Diagnosti
     let moved: Vec<&str> = (0..3).filter(|k| a[*k] != b[*k]).map(|k| words[k]).collect();
     let n = (0..3).map(|k| a[k].abs_diff(b[k])).max().unwrap_or(0);
     let who = match n {
-        0 => "points change places".to_owned(),
+        0 => "points change their state".to_owned(),
         1 => format!("1 point switches {}", moved.join("/")),
         _ => format!("{n} points switch {}", moved.join("/")),
     };
-    let text = format!("{who} in turn since iteration {first}");
-    let d = Diagnostic::new("W602", "the contact set goes in a circle");
+    let text = format!("{who} alternately since iteration {first}");
+    let d = Diagnostic::new("W602", "the active set cycles");
     let d = d.note(format!(
         "step t = {}; the residual alternates {:.4}, {:.4}",
         step.time, last[1].residual, last[2].residual
@@ -198,7 +197,7 @@ fn circle(loaded: &Loaded, scene: &Scene, step: &StepResult) -> Option<Diagnosti
     let help = if is_below(loaded) {
         "raise gamma to the value of W503".to_owned()
     } else {
-        format!("{search}smaller steps: steps ... by a smaller step")
+        format!("{search}smaller load steps: steps ... by a smaller value")
     };
     let d = d.help(help);
     Some(match kink.origin {
@@ -250,7 +249,7 @@ fn quality(outcome: &Outcome) -> String {
     if let (Some(a), Some(i)) = (&step.accuracy, step.history.iterations.last()) {
         let stop = step.history.stop.map_or("", |s| s.word());
         text += &format!(
-            "  at t = {}: residual {:.1e} ({stop}; rounding leaves {:.1e}), {:.0} digits\n",
+            "  at t = {}: residual {:.1e} ({stop}; rounding floor {:.1e}), about {:.0} correct digits\n",
             step.time,
             i.residual,
             i.floor,
@@ -259,7 +258,7 @@ fn quality(outcome: &Outcome) -> String {
     }
     let works: Vec<f64> = outcome.steps.iter().filter_map(|s| Some(s.friction?.taken)).collect();
     if !works.is_empty() {
-        text += &format!("  energy that friction took: {:.6e}\n", works.iter().sum::<f64>());
+        text += &format!("  energy dissipated by friction: {:.6e}\n", works.iter().sum::<f64>());
     }
     for check in &step.checks {
         let mark = if check.holds() { "" } else { "  NOT within its limit" };
@@ -289,13 +288,13 @@ fn newton_stopped(loaded: &Loaded, scene: &Scene, time: f64, inner: &NewtonError
         NewtonError::Solve(SolveError::Singular { mode, .. }) => {
             let names = moving_fields(scene, mode.dofs_above(0.1).as_slice());
             Said::Text(format!(
-                "error[E602]: step t = {time}: nothing holds {names}\n  = note: the tangent is singular: {inner}\n  = help: fix it, or press it against something that is held\n"
+                "error[E602]: step t = {time}: nothing supports {names}\n  = note: the tangent is singular: {inner}\n  = help: prescribe a displacement of it, or press it against a supported body\n"
             ))
         }
         NewtonError::Solve(SolveError::VanishingPivot { dof, .. }) => {
             let names = u32::try_from(*dof).map_or_else(|_| "the scene".to_owned(), |d| moving_fields(scene, &[d]));
             Said::Text(format!(
-                "error[E602]: step t = {time}: next to nothing holds {names}{}\n  = note: the tangent is singular but for rounding: {inner}\n  = help: a body that slides as a whole, or contact that is far stiffer than it: fix it, press it against something that is held, or take a smaller gamma\n",
+                "error[E602]: step t = {time}: almost no stiffness supports {names}{}\n  = note: the tangent is numerically singular: {inner}\n  = help: a body slides as a whole, or its contact is far stiffer than it: prescribe a displacement of it, press it against a supported body, or use a smaller gamma\n",
                 place_of(scene, *dof)
             ))
         }
@@ -339,10 +338,12 @@ fn held_by_nothing(loaded: &Loaded, scene: &Scene, dofs: &[u32]) -> Option<Diagn
     if !matches!(declared.space.place, wfl::ast::Place::Global(_)) {
         return None;
     }
-    let d =
-        Diagnostic::new("E403", format!("nothing holds `{name}` at the start: its row of the first tangent is zero"));
+    let d = Diagnostic::new(
+        "E403",
+        format!("`{name}` has no stiffness at the start: its row of the first tangent is zero"),
+    );
     let d = d.at(declared.name.span, "every term with it is inactive");
-    Some(d.help(format!("start from a touching state, e.g. `start {name} = 0.01`")))
+    Some(d.help(format!("start from a state in contact, e.g. `start {name} = 0.01`")))
 }
 
 /// " at [1, 0]" for a free dof.

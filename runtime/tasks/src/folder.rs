@@ -19,7 +19,7 @@ pub fn told(error: &OutputError) -> String {
         OutputError::Input { .. } => ("E716", "give the output another name, or write elsewhere: --out DIR"),
         OutputError::Write { .. } => (
             "E717",
-            "what is there is whole: make room and go on, wfl run with --resume; wfl sweep keeps its rows, too",
+            "files written so far are complete: free some space and continue, wfl run with --resume; wfl sweep keeps its rows, too",
         ),
         OutputError::NotADirectory { .. }
         | OutputError::CannotCreate { .. }
@@ -36,9 +36,9 @@ pub fn told(error: &OutputError) -> String {
 #[must_use]
 pub fn told_of_resuming(error: &CheckpointError) -> String {
     let (code, help) = match error {
-        CheckpointError::Other { .. } => ("E714", "put back what differs, or write elsewhere: --out DIR"),
+        CheckpointError::Other { .. } => ("E714", "restore what differs, or write elsewhere: --out DIR"),
         CheckpointError::Read { .. } | CheckpointError::Damaged { .. } | CheckpointError::Gone { .. } => {
-            ("E715", "put back the file, or run without --resume")
+            ("E715", "restore the file, or run without --resume")
         }
     };
     format!("error[{code}]: {error}\n  = help: {help}\n")

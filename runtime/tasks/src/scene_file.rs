@@ -171,8 +171,8 @@ pub fn read_scene(scene: &Path, overrides: &[String], command: &str, more: &str)
     Ok(Loaded { script, sources, messages: diagnostics, folder, name, knobs: Vec::new() })
 }
 
-/// Reads a scene with parameters and the knobs of statements: what a sweep or a wanted accuracy picked can be run again as
-/// it is written there. A word whose name is a parameter of the scene is that parameter.
+/// Reads a scene with parameters and the knobs of statements: the setting of a sweep or a demanded accuracy can be run
+/// again as it is written there. A word whose name is a parameter of the scene is that parameter.
 ///
 /// # Errors
 /// As [`read_scene`], and where a knob means nothing for the scene.

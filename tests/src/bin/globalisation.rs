@@ -165,69 +165,74 @@ fn solve_all(fault: &Fault, method: &Method, gamma: f64) -> Row {
     }
 }
 
-const HOW: &str = "Made by `cargo run --release -p wfl-tests --bin globalisation > docs/newton.md`. The tables count iterations to the default
-tolerance 1e-10 over 20 load steps, with E = 25000 and friction 0.4. Symmetric Nitsche (theta = 1) starts at its
+const HOW: &str = "Made by `cargo run --release -p wfl-tests --bin globalisation > docs/newton.md`. The tables count iterations to the
+default tolerance 1e-10 over 20 load steps, with E = 25000 and friction 0.4. Symmetric Nitsche (theta = 1) starts at its
 coercivity bound.
 
 ## How a load step is solved
 
 The equations of contact are piecewise smooth, and undamped Newton steps may cycle between active sets. A load step
-therefore uses the methods below, in this order. A method that makes no progress is replaced by the next one, which starts
-from the current state.
+therefore uses the methods below. A method that makes no progress is replaced by the next one, which starts from the
+current state. The exact order, with the budget of each method, is the table in `runtime/newton/src/schedule.rs`; the
+names in parentheses are those of the table and of histories.
 
-1. **Active-set iteration.** Each projection t = P(x) of the scene (`pos_part`, `Ball_projection`) is replaced by
-   t = P(t + c (x - t)), which is equivalent for every c > 0. The value t is stored at each integration point and
-   eliminated there. The factor c is chosen such that c dx/du is the stiffness of the bodies. The choice of the active set
-   then does not depend on gamma, and a slipping point first sticks before it slips in the opposite direction.
-   The first load step starts with all points in contact and sticking. If contact is stiff, the first three active
-   sets are chosen face by face, because a sticking point unloads its neighbours, and the first two steps are undamped.
-   Later load steps start from an active set that is extrapolated from the last two.
+1. **Active-set iteration** (`active set`). Each projection t = P(x) of the scene (`pos_part`, `Ball_projection`) is
+   replaced by t = P(t + c (x - t)), which is equivalent for every c > 0. The value t is stored at each integration
+   point and eliminated there. The factor c is chosen such that c dx/du is the stiffness of the bodies. The choice of
+   the active set then does not depend on gamma, and a slipping point first sticks before it slips in the opposite
+   direction. The first load step starts with all points in contact and sticking. If contact is stiff, the first three
+   active sets are chosen face by face, because a sticking point unloads its neighbours, and the first two steps are
+   undamped. Later load steps start from an active set that is extrapolated from the last two.
 2. **Line search on the complementarity defect.** The merit function is the sum of squares of t - P(t + c (x - t)),
    weighted as an energy. With linear bodies every state along the step is in equilibrium, and x, t and the friction
    bound are linear in the step length; a trial therefore needs no assembly. The step is halved until the merit function
    decreases. Without this line search and without method 3 the active sets cycle where a stiff fault opens
    (`tests/tests/robust.rs` has such scenes).
-3. **Compliance regularisation.** It begins if contact is stiff compared with the bodies and ten iterations made no progress
-   (25 in later load steps). An elastic layer of 0.3 times the stiffness of the bodies is put between the sides. It is
-   removed after a few iterations, once few points change their state; the active set found this way is the new start.
-4. **Piecewise-linear path following**, with linear bodies. It begins if the steps become very short or a state
-   recurs, first from the current state, then from the start of the load step. With the residual R there, the state
-   follows A(u) = (1 - s) R from one change of the active set to the next (Lemke 1965, Katzenelson 1965, Eaves 1976).
-   Where the determinant of the tangent changes its sign, s decreases; a line search ends at such a point. If s
-   has decreased on the path, the solution may not be unique (W609).
-5. **Friction continuation from zero.** The friction bound grows from zero to its value, with methods 1 and 2.
-6. **Backtracking on the residual norm.** Multiplier equations are weighted to units of force.
-7. **Natural monotonicity test** (Deuflhard). Backtracking on the norm of the simplified Newton correction.
-8. **Friction continuation from above.** The friction bound falls from a multiple to its value.
+3. **Compliance regularisation** (`compliance`). It begins if contact is stiff compared with the bodies and ten
+   iterations made no progress (25 in later load steps). An elastic layer of 0.3 times the stiffness of the bodies is
+   put between the sides. It is removed after a few iterations, once few points change their state; the active set found
+   this way is the new start.
+4. **Piecewise-linear path following** (`path`, `path from start`), with linear bodies. It begins if the steps become
+   very short or a state recurs, first from the current state, then from the start of the load step. With the residual R
+   there, the state follows A(u) = (1 - s) R from one change of the active set to the next (Lemke 1965, Katzenelson
+   1965, Eaves 1976). Where the determinant of the tangent changes its sign, s decreases; a line search ends at such a
+   point. If s has decreased on the path, the solution may not be unique (W609).
+5. **Friction continuation from zero** (`friction from below`). The friction bound grows from zero to its value, with
+   methods 1 and 2.
+6. **Backtracking on the residual norm** (`residual`). Multiplier equations are weighted to units of force.
+7. **Natural monotonicity test** (`natural test`; Deuflhard). Backtracking on the norm of the simplified Newton
+   correction; before method 6 if contact is not stiff.
+8. **Friction continuation from above** (`friction from above`). The friction bound falls from a multiple to its value.
 
-**Stiffness of the bodies.** It is the mean of their matrix diagonal at the contact nodes. If that is a hundred times the
-stiffness against random forces there, the latter is used: nearly incompressible bodies, or one body that is far softer
-than the other.
+**Stiffness of the bodies.** It is the mean of their matrix diagonal at the contact nodes. If that is a hundred times
+the stiffness against random forces there, the latter is used: nearly incompressible bodies, or one body that is far
+softer than the other.
 
-**Over-constrained contact.** With theta = -1 and gamma far below E/h, contact ties the stresses of the bodies to
-its traction. A face then has more points that may slip than its stresses have degrees of freedom, and active sets chosen
+**Over-constrained contact.** With theta = -1 and gamma far below E/h, contact ties the stresses of the bodies to its
+traction. A face then has more points that may slip than its stresses have degrees of freedom, and active sets chosen
 point by point cycle. Such contact is recognised by two ratios: the arguments of the projections are a hundred times
-softer than the bodies, and the linear part of the contact terms is ten times as stiff as the bodies.
-The first load step then uses a Duvaut-Lions regularisation (overstress): t = p + w (x - p), where p is the
-projection of x. The weight w goes from nearly 1 to 0, the faster the fewer points change their state.
-Later load steps try five undamped steps and a path of 20 changes of the active set first.
+softer than the bodies, and the linear part of the contact terms is ten times as stiff as the bodies. The first load
+step then uses a Duvaut-Lions regularisation (`overstress`): t = p + w (x - p), where p is the projection of x. The
+weight w goes from nearly 1 to 0, the faster the fewer points change their state. Later load steps try five undamped
+steps and a path of 20 changes of the active set first.
 
-**Nonlinear bodies.** A load step starts with a predictor: the linearised response to the Dirichlet increment, with the
-tangent of the last load step. A critical-point line search follows each correction to the minimum of the energy along
-it. For |grad u|^(p-2) grad u a correction may be thousands of times too long or p - 1 times too short, and the residual
-norm grows before the energy does. With multipliers the energy is evaluated with the multipliers at the end of the correction.
-The line search on the complementarity defect is used only where a step has left less than a tenth of the residual of
-the active-set equations.
+**Nonlinear bodies.** A load step starts with a predictor (`predictor`): the linearised response to the Dirichlet
+increment, with the tangent of the last load step. A critical-point line search follows each correction to the minimum
+of the energy along it. For |grad u|^(p-2) grad u a correction may be thousands of times too long or p - 1 times too
+short, and the residual norm grows before the energy does. With multipliers the energy is evaluated with the multipliers
+at the end of the correction. The line search on the complementarity defect is used only where a step has left less than
+a tenth of the residual of the active-set equations.
 
-**Rounding.** If the residual is the rounding error of the product of matrix and state, the linear terms are
-evaluated at their integration points and the state is improved by iterative refinement.
+**Rounding.** If the residual is the rounding error of the product of matrix and state, the linear terms are evaluated
+at their integration points and the state is improved by iterative refinement (`refinement`).
 
 ## Variants that were tested and rejected
 
 - A layer of a tenth, three times or ten times the stiffness of the bodies: more iterations.
 - At most three to five halvings of a step: fewer iterations on faults, failure with nearly incompressible bodies.
-- The best of all trial steps in place of the first that decreases the merit function, eight undamped steps in every scene,
-  points that stick when they close, the next method after two short steps, a larger c for theta = -1 far below E/h.
+- The best of all trial steps in place of the first that decreases the merit function, eight undamped steps in every
+  scene, points that stick when they close, the next method after two short steps, a larger c for theta = -1 far below
+  E/h.
 - A layer from the first iteration: 31 iterations in place of 8 on the fault inclined by 10 degrees.
 - An active set extrapolated from three load steps in place of two: 15 iterations in place of 10 at gamma = 1e3 E/h.
 - For theta = -1 far below E/h, sixteen undamped steps at first cycle; a gamma that falls by factors of ten takes more

@@ -1,4 +1,5 @@
-//! X28, X29, X31 to X34, X38 to X40, X43: mesh files as users damage them. The messages themselves stand in `mesh_errors`.
+//! X28, X29, X31 to X34, X38 to X40, X43: mesh files as users damage them. The messages themselves stand in
+//! `mesh_errors`.
 
 use super::{Benchmark, Case, Tolerance, common::or_failed};
 use crate::{
@@ -14,11 +15,11 @@ const OUTCOME: &str = "one error with element or node, no result";
 
 /// The benchmarks of this file.
 pub(super) const BENCHMARKS: &[Benchmark] = &[
-    row("X28", "elements inside out or folded", OUTCOME, inverted),
-    row("X29", "elements without volume, faces without area", OUTCOME, flat),
-    row("X31", "two nodes of a body at one place", "a warning with their number; the torn body moves more", torn),
+    row("X28", "inverted or folded elements", OUTCOME, inverted),
+    row("X29", "elements of zero volume, faces of zero area", OUTCOME, flat),
+    row("X31", "duplicate nodes in one body", "a warning with their number; the torn body moves more", torn),
     row("X32", "a node of no element", "the same bits without it", unused),
-    row("X33", "coordinates that are no numbers", OUTCOME, no_numbers),
+    row("X33", "coordinates that are not numbers", OUTCOME, no_numbers),
     row("X34", "an element of a node that is missing", OUTCOME, missing),
     row("X38", "an empty region in a term", OUTCOME, empty),
     row("X39", "names misspelt", "an error with the place and the nearest name", misspelt),

@@ -11,7 +11,7 @@ use crate::{Solved, examples, solve};
 pub(super) const BENCHMARKS: &[Benchmark] = &[
     Benchmark {
         id: "B4",
-        title: "the fault with only the left block held: equilibrium of the right one up to the friction limit",
+        title: "the fault with only the left block fixed: equilibrium of the right one up to the friction limit",
         origin: "equilibrium: Fn = -48, Fty = 0, Ftz = -4 t for t <= 4.8, none above",
         slow: false,
         open: None,
@@ -71,7 +71,7 @@ pub(super) fn sliding() -> Vec<Case> {
                 let claimed = hanging(method, t).is_ok_and(|s| s.outcome.converged());
                 Case::new(format!("t = {t}")).require(!claimed, "claims a solution where there is none")
             });
-            merged(&format!("{method}, beyond the limit: no solution is claimed"), cases.to_vec())
+            merged(&format!("{method}, beyond the limit: no solution is reported"), cases.to_vec())
         })
         .to_vec()
 }

@@ -28,7 +28,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
     },
     Benchmark {
         id: "B11",
-        title: "Cattaneo-Mindlin: part that sticks under a shear force",
+        title: "Cattaneo-Mindlin: stick zone under a shear force",
         origin: "closed form c/a = sqrt(1 - Q/(F P))",
         slow: false,
         open: None,

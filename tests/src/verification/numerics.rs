@@ -40,7 +40,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
     },
     Benchmark {
         id: "X57",
-        title: "factor of the contact forces in single precision, residuals in double precision",
+        title: "factor of the contact matrix in single precision, residuals in double precision",
         origin: "the same run in double precision, gamma h/E = 1e-4 to 1e4: 1e-11 of the largest displacement",
         slow: false,
         open: None,

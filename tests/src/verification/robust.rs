@@ -23,10 +23,10 @@ const OUTCOME: &str = "an error that says why, no result";
 
 /// The benchmarks of this file.
 pub(super) const BENCHMARKS: &[Benchmark] = &[
-    row("X1", "gamma = 1e-8 E/h is warned of", "a message with the number", tiny_gamma),
+    row("X1", "gamma = 1e-8 E/h gives a warning", "a message with the number", tiny_gamma),
     row(
         "X4",
-        "gamma = 1e14 E/h and more: the digits are estimated, fewer than 3 are warned of",
+        "gamma = 1e14 E/h and more: correct digits are estimated, fewer than 3 give a warning",
         "a message with the number",
         few_digits,
     ),
@@ -38,8 +38,8 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
     ),
     row("X49", "one load step instead of many", "the result of many steps", one_step),
     row("X50", "the limit of iterations is reached", OUTCOME, too_few_iterations),
-    row("X52", "a folder of results that cannot be", OUTCOME, no_folder),
-    row("X53", "stopped in the middle, then resumed", "the run that was not stopped", resumed),
+    row("X52", "a results folder that cannot be created", OUTCOME, no_folder),
+    row("X53", "interrupted, then resumed", "the uninterrupted run", resumed),
     row("X54", "a checkpoint that is truncated, or of another scene or mesh", OUTCOME, wrong_checkpoint),
 ];
 
@@ -302,7 +302,7 @@ fn wrong_checkpoint() -> Vec<Case> {
     };
     let ready = start() && std::fs::read(&file).is_ok_and(|b| std::fs::write(&file, &b[..b.len() / 2]).is_ok());
     let truncated = run_in(folder.0.clone(), true, "[4,4,4]", 1, &mut Quiet);
-    let mut cases = vec![refused("truncated", "not a whole checkpoint", ready, truncated)];
+    let mut cases = vec![refused("truncated", "not a complete checkpoint", ready, truncated)];
     let ready = start();
     cases.push(refused(
         "of another text",

@@ -60,7 +60,7 @@ fn check(what: &str, path: &Path) -> Result<Case, String> {
         let d = vector(&mut random, &scene.system, &sizes);
         let mut best: Vec<(String, f64)> = Vec::new();
         for step in STEPS {
-            let found = errors(&mut scene.system, &u, &d, step)?;
+            let found = errors(&scene.system, &u, &d, step)?;
             if best.is_empty() {
                 best = found;
             } else {

@@ -244,7 +244,7 @@ impl State {
             let told = solved.outcome.steps[0].accuracy.as_ref().map_or(f64::INFINITY, |a| a.digits());
             let right = -error.max(1e-16).log10();
             Case::new(what)
-                .compare("digits told less those that are right", told - right, OPTIMISM, Tolerance::AtMost)
+                .compare("estimated digits minus correct digits", told - right, OPTIMISM, Tolerance::AtMost)
                 .compare("error of the displacement", error, tolerance, Tolerance::AtMost)
                 .compare("pressure", solved.measure(0, "pressure"), p, Tolerance::Absolute(1e2 * tolerance * p))
                 .compare("shear stress", shear, tau, Tolerance::Absolute(1e2 * tolerance * p))

@@ -13,24 +13,24 @@ pub(super) const PAGES: &[CodePage] = &[
     ),
     page(
         "E202",
-        "a field that does not live here",
-        "A term on an interface is integrated from its first side, and only fields of that side have a value there; \
-         the other side is reached by Interpolate(u, neighbor_element). A field on some cells has no value on others, \
-         and a term on `global` sees single numbers only.",
+        "a field that is not defined here",
+        "A term on an interface is integrated over the faces of its first side, and only fields of that side have a \
+         value there; the other side is reached by Interpolate(u, neighbor_element). A field on some cells has no \
+         value on others, and a term on `global` contains single numbers only.",
         "term contact on fault : pos_part(Pn)*(uR.Normal)",
         "term contact on fault : pos_part(Pn)*(Interpolate(Test_uR, neighbor_element).Normal)",
     ),
     page(
         "E203",
         "no neighbour here",
-        "neighbor_element is the element across a face inside the mesh. A face of the outer boundary has none. An \
-         interface region consists of faces with two sides.",
+        "neighbor_element is the element across an inner face of the mesh. A face of the outer boundary has none. The \
+         faces of an interface region have two sides.",
         "term glue on west : Interpolate(u, neighbor_element).Test_u",
         "term glue on fault : (uL - Interpolate(uR, neighbor_element)).Test_uL",
     ),
     page(
         "E204",
-        "a normal away from faces",
+        "a normal outside faces",
         "Normal is the outward unit normal of a face; inside a cell there is none. Put the term on a region of faces.",
         "term t on all : (sigma(u)*Normal).Test_u",
         "term t on west : (sigma(u)*Normal).Test_u",
@@ -38,14 +38,14 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E205",
         "a coordinate that does not exist",
-        "A mesh in the plane has x and y, a mesh on a line has x alone.",
+        "A mesh in the plane has x and y, a mesh on a line has only x.",
         "mesh box [0,0] to [1,1] cells [4,4] quad\nunknown p : scalar\nterm t on all : z*Test_p\nfix u = [0,0] on west",
         "mesh box [0,0] to [1,1] cells [4,4] quad\nunknown p : scalar\nterm t on all : y*Test_p\nfix u = [0,0] on west",
     ),
     page(
         "E206",
         "time without steps",
-        "t, timestep, Previous_u and Dot_u have a meaning only if the scene goes through steps.",
+        "t, timestep, Previous_u and Dot_u are defined only in a scene with `steps`.",
         "load u = [0,0,-t] on west",
         "load u = [0,0,-t] on west\nsteps t = 0 to 1 by 0.1",
     ),
@@ -73,9 +73,9 @@ pub(super) const PAGES: &[CodePage] = &[
     ),
     page(
         "E210",
-        "a built-in word as a name",
-        "Functions, constants such as pi and Normal, coordinates, and words that start with Grad_, Test_ and the like \
-         have a meaning of their own and cannot be declared.",
+        "a built-in name",
+        "Functions, constants such as pi and Normal, coordinates, and names that start with Grad_, Test_ and the like \
+         have a fixed meaning and cannot be declared.",
         "param Normal = 1",
         "param stiffness = 1",
     ),
@@ -105,16 +105,16 @@ pub(super) const PAGES: &[CodePage] = &[
     ),
     page(
         "E214",
-        "files that use each other in a circle",
-        "A file that uses a file that uses the first one has no beginning. Move what both need into a third file.",
+        "files that include each other",
+        "Two files include each other by `use`, directly or through others. Move what both need into a third file.",
         "use \"scene.wfl\"",
         "param c = 1",
     ),
     page(
         "E215",
-        "one term that reaches two other places",
-        "All `Interpolate` of a term lead to one other place: the neighbour, or the images of one mapping. The terms of \
-         a scene are added, so each mapping can have its own.",
+        "one term with two mappings",
+        "All `Interpolate` of a term refer to one other place: the neighbour, or the image under one mapping. The \
+         terms of a scene are added, so each mapping can have its own.",
         "mapping m = point [1 - x, y, z]\nmapping n = point [x, 1 - y, z]\n\
          term tie on left : (Interpolate(u, m) - Interpolate(u, n)).Test_u",
         "mapping m = point [1 - x, y, z]\nmapping n = point [x, 1 - y, z]\n\
@@ -133,9 +133,9 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E217",
         "a file outside the folder of the scene",
-        "A scene reads files in its own folder and below: by `use`, `mesh file`, `data` and `start from`, and links are \
-         followed before this is decided. So a scene of somebody else cannot look at the rest of a computer. A folder \
-         beside it is allowed on the command line: wfl run scene.wfl --allow-read ../meshes.",
+        "A scene reads files in its own folder and below: by `use`, `mesh file`, `data` and `start from`; links are \
+         resolved first. A scene from another author can therefore not read the rest of the computer. Another folder \
+         is allowed on the command line: wfl run scene.wfl --allow-read ../meshes.",
         "use \"../laws/friction.wfl\"",
         "param c = 1",
     ),
@@ -150,15 +150,15 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E301",
         "a term that is not linear in the test functions",
-        "Each summand of a term holds one test function, once. In a residual the other factor is the unknown itself.",
+        "Each summand of a term contains one test function, once. In a residual the other factor is the unknown.",
         "term stress on fault : sigma(Test_uL):Grad_Test_uL",
         "term stress on fault : sigma(uL):Grad_Test_uL",
     ),
     page(
         "E302",
         "a part of a term without a test function",
-        "Every summand of a term needs a test function. A potential that is to be minimised has none and is written \
-         with `energy`.",
+        "Every summand of a term needs a test function. A potential to be minimised has none and is written with \
+         `energy`.",
         "term contact on fault : pos_part(Pn)*(Test_uL.Normal) + pos_part(Pn)",
         "term contact on fault : pos_part(Pn)*(Test_uL.Normal)",
     ),

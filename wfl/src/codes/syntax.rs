@@ -6,8 +6,8 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E101",
         "a sum of different shapes",
-        "The parts of a sum must have one shape: a scalar cannot be added to a vector. Often a `.` binds tighter than \
-         the `-` beside it: a - b.n is a - (b.n). Only a literal 0 fits every shape.",
+        "All summands must have the same shape: a scalar cannot be added to a vector. Often `.` binds more tightly \
+         than `-`: a - b.n is a - (b.n). Only a literal 0 fits every shape.",
         "measure un = mean(uL - Interpolate(uR, neighbor_element).Normal) on fault",
         "measure un = mean((uL - Interpolate(uR, neighbor_element)).Normal) on fault",
     ),
@@ -46,8 +46,8 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E106",
         "a name is needed",
-        "Grad_v, Test_v, Div_v and Interpolate(v, m) make a new name out of v, so where v is the parameter of a macro \
-         the argument must be the name of a field (or of its test function), not an expression. A linear macro can be \
+        "Grad_v, Test_v, Div_v and Interpolate(v, m) make a new name from v. Where v is the parameter of a macro, the \
+         argument must be the name of a field (or of its test function), not an expression. A linear macro can be \
          multiplied outside: 2*sigma(u).",
         "term elastic on all : sigma(2*u):Grad_Test_u",
         "term elastic on all : 2*sigma(u):Grad_Test_u",
@@ -101,17 +101,16 @@ pub(super) const PAGES: &[CodePage] = &[
     ),
     page(
         "E113",
-        "something else was expected here",
-        "The statement cannot be read past this place. The message lists what could have stood there. A product is \
-         always written with a sign: 2*x, not 2x.",
+        "unexpected text",
+        "The statement cannot be read past this place. The message lists what may stand there. A product is always \
+         written with a sign: 2*x, not 2x.",
         "def twice = 2gamma",
         "def twice = 2*gamma",
     ),
     page(
         "E114",
         "brackets that do not match",
-        "Every ( [ { is closed by its own partner inside the same statement. The mark stands at the bracket that has \
-         none.",
+        "Every ( [ { is closed by its own partner in the same statement. The mark is at the bracket without a partner.",
         "def a = (gamma + 1",
         "def a = (gamma + 1)",
     ),
@@ -149,7 +148,7 @@ pub(super) const PAGES: &[CodePage] = &[
     ),
     page(
         "E119",
-        "nested too deep",
+        "nesting that is too deep",
         "Expressions nest at most 200 deep as written and 256 deep after macros are expanded. Give parts of the \
          expression a name with `def`, or shorten a chain of macros.",
         "def a = f(f(f(f(gamma))))",
@@ -180,24 +179,23 @@ pub(super) const PAGES: &[CodePage] = &[
     ),
     page(
         "E123",
-        "something defined by itself",
-        "A macro, or a region, uses itself, directly or by way of others, so it has no value. The note shows the \
-         circle.",
+        "a circular definition",
+        "A macro or a region uses itself, directly or through others, so it has no value. The note shows the circle.",
         "def a = 2*b\ndef b = a + 1",
         "def a = 2*b\ndef b = gamma + 1",
     ),
     page(
         "E124",
-        "macros that expand to too much",
-        "All macro uses of a scene together may copy a million parts. A macro that uses another one twice doubles it, \
-         and so does the next: twenty such levels make a million.",
+        "macros with too large an expansion",
+        "All macro uses of a scene together may expand to a million parts. A macro that uses another one twice doubles \
+         it, and so does the next: twenty such levels make a million.",
         "def a1 = a0 + a0*a0",
         "def a1 = a0 + sqr(a0)",
     ),
     page(
         "E125",
         "a text that is too long",
-        "A scene may have 4 MiB. Tables of numbers belong into files of their own.",
+        "A scene may have 4 MiB. Tables of numbers belong in files of their own.",
         "data table : scalar = 1 + 2 + 3",
         "data table : scalar = 6",
     ),

@@ -1,17 +1,17 @@
 //! Whether the terms of a contact interface carry the stress of the bodies: formulations checked, not only tangents.
 //!
-//! Take bodies of constant stress that meet at a face with normal n (out of the first), with traction t on the first and
-//! -t on the second. Integrated by parts, the terms of the bodies leave t.v on the face for every test function v of the
-//! first, -t.v for the second. The terms of the interface give there a force F.v, a part S:Grad_v and laws L.m of
-//! multipliers m. The equations of both together, with test functions that vanish away from the face, are met on every
-//! mesh if at each point
+//! Take bodies of constant stress that meet at a face with normal n (out of the first), with traction t on the first
+//! and -t on the second. Integrated by parts, the terms of the bodies leave t.v on the face for every test function v
+//! of the first, -t.v for the second. The terms of the interface give there a force F.v, a part S:Grad_v and laws L.m
+//! of multipliers m. The equations of both together, with test functions that vanish away from the face, are met on
+//! every mesh if at each point
 //!
 //! ```text
 //! t + F1 = 0,   -t + F2 = 0,   S1 = S2 = 0,   L = 0
 //! ```
 //!
-//! for every state that satisfies the conditions of contact (p > 0 a pressure, d a direction in the face, r the friction
-//! bound at that state, s > 0, multipliers whatever satisfies the most):
+//! for every state that satisfies the conditions of contact (p > 0 a pressure, d a direction in the face, r the
+//! friction bound at that state, s > 0, multipliers that satisfy the most equations):
 //!
 //! ```text
 //! closed    t = -p n            no gap
@@ -21,18 +21,19 @@
 //! ```
 //!
 //! What is left is measured in parts of p (S and L in parts of their size nearby). A consistent method leaves rounding,
-//! below 1e-4 (1e-14 without initial gaps), whatever its parameter. A method whose projections read neither stresses nor multipliers is a penalty: it
-//! leaves all of t, and satisfies the equations with an overlap p/k, k its stiffness: its error is of order 1/k. A method
-//! that reads them means to carry them: more than 1e-2 left is a mistake, of the size of the stress itself on every mesh
-//! and for every parameter (with it the overlap is of order p/gamma, too, but the order of convergence of the method is
-//! lost). Between the two nothing is said: laws that are linearised differ by the strain of these states, 1e-3.
+//! below 1e-4 (1e-14 without initial gaps), whatever its parameter. A method whose projections read neither stresses
+//! nor multipliers is a penalty: it leaves all of t, and satisfies the equations with an overlap p/k, k its stiffness:
+//! its error is of order 1/k. A method that reads them means to carry them: more than 1e-2 left is a mistake, of the
+//! size of the stress itself on every mesh and for every parameter (with it the overlap is of order p/gamma, too, but
+//! the order of convergence of the method is lost). Between the two nothing is said: laws that are linearised differ by
+//! the strain of these states, 1e-3.
 //!
 //! The variant of Nitsche's method follows from its tangent where contact is closed: with F depending on the gradients
 //! by C and S on the displacements by theta C', theta = 1 is symmetric, 0 incomplete, -1 skew-symmetric.
 //!
-//! Judged are terms on faces with a half line that acts (`pos_part`) on a displacement. Nothing is asked of names. Loads on
-//! the same faces, bodies with a memory, properties that vary inside cells, forces across an open gap (cohesion) are
-//! not judged, with the reason.
+//! Judged are terms on faces with a half line that acts (`pos_part`) on a displacement. Nothing is asked of names.
+//! Loads on the same faces, bodies with a memory, properties that vary inside cells, forces across an open gap
+//! (cohesion) are not judged, with the reason.
 
 mod place;
 mod solve;
@@ -153,7 +154,7 @@ fn closes(piece: &ContactTerm) -> bool {
     piece.law().2.iter().any(|p| p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts)
 }
 
-/// Of verdicts at several places the one that is told.
+/// Of the verdicts at several points the one that is reported.
 fn rank(verdict: &Verdict) -> usize {
     match verdict {
         Verdict::Consistent => 0,
@@ -217,8 +218,7 @@ struct Judge<'a, 'p> {
     form: &'a mut ContactForm,
 }
 
-const NOT_FINITE: Unjudged =
-    Unjudged("a law is not finite at the states that are tried, or the bodies cannot have their stress");
+const NOT_FINITE: Unjudged = Unjudged("a law is not finite at the test states, or the bodies cannot have that stress");
 const ACROSS: Unjudged = Unjudged("forces act across an open gap (cohesion or a load)");
 
 fn times(v: &Vector, by: f64) -> Vector {
@@ -236,7 +236,7 @@ impl Judge<'_, '_> {
 
     fn verdict(&mut self) -> Result<Verdict, Unjudged> {
         let place = self.place;
-        let sizes = place.sizes().ok_or(Unjudged("no projection closes as the bodies come together"))?;
+        let sizes = place.sizes().ok_or(Unjudged("no projection becomes active as the bodies approach"))?;
         let normal = place.normal;
         let open = self.open(&sizes)?;
         let pressed = times(&normal, -sizes.pressure);
@@ -259,9 +259,9 @@ impl Judge<'_, '_> {
         }
         if let Open::Grows(pushes) = open {
             return Ok(Verdict::Wrong(Mistake::Direction(if pushes {
-                "the sides push each other away where they are apart, the more the wider the gap"
+                "the sides repel each other across an open gap, more as the gap grows"
             } else {
-                "the sides pull each other where they are apart, the more the wider the gap"
+                "the sides attract each other across an open gap, more as the gap grows"
             })));
         }
         let wrong = self.friction(&sizes, [0.0; 3])?;
@@ -311,9 +311,9 @@ impl Judge<'_, '_> {
                 let wrong = self.friction(sizes, times(&place.normal, overlap))?;
                 Ok(wrong.unwrap_or(Verdict::Penalty(sizes.pressure / overlap)))
             }
-            (None, Some((gap, _)), Open::Grows(_)) if gap < 0.0 => Ok(Verdict::Wrong(Mistake::Direction(
-                "nothing holds the sides where they press on each other, and forces grow where they are apart",
-            ))),
+            (None, Some((gap, _)), Open::Grows(_)) if gap < 0.0 => {
+                Ok(Verdict::Wrong(Mistake::Direction("no force resists penetration, and forces grow with an open gap")))
+            }
             (None, _, Open::Nothing) => Ok(Verdict::Wrong(self.unheld(sizes, closed).ok_or(NOT_FINITE)?)),
             _ => Err(ACROSS),
         }
@@ -325,7 +325,7 @@ impl Judge<'_, '_> {
         state.bodies[0].value = plus(&state.bodies[0].value, &times(&self.place.normal, sizes.length()));
         let force = self.place.fluxes(&state)?.force.map(|f| dot(&f, &self.place.normal) / sizes.pressure);
         if force[0] < -MISTAKE {
-            return Some(Mistake::Direction("the sides pull each other the more they press on each other"));
+            return Some(Mistake::Direction("the sides attract each other more as they are pressed"));
         }
         let there = self.place.has_two_bodies().then_some(-force[1]);
         Some(Mistake::Balance { state: "closed", carried: [Some(force[0]), there] })
@@ -390,7 +390,7 @@ impl Judge<'_, '_> {
         if radius <= 0.0 {
             let wrong = place.radius(&apart.state).0 > 0.0;
             return Ok(wrong.then_some(Verdict::Wrong(Mistake::Direction(
-                "friction acts where the sides are apart, and none does where they press on each other",
+                "friction acts across an open gap, and not in closed contact",
             ))));
         }
         if let Some(wrong) = self.sticking(sizes, (&overlap, &along, radius))? {
@@ -410,9 +410,9 @@ impl Judge<'_, '_> {
             self.keep("slipping", left);
         } else if leaves(1.0)?.largest() <= MISTAKE {
             self.keep("slipping", left);
-            return Ok(Some(Verdict::Wrong(Mistake::Direction("friction drives the sliding that it should resist"))));
+            return Ok(Some(Verdict::Wrong(Mistake::Direction("friction drives the slip that it should resist"))));
         } else {
-            self.form.unsaid = Some("slipping is not judged: other forces act along the faces".to_owned());
+            self.form.unsaid = Some("slip is not tested: other tangential forces act on the faces".to_owned());
         }
         Ok(None)
     }
@@ -437,11 +437,11 @@ impl Judge<'_, '_> {
         let (state, left) = place.best(sizes, &trial, true, &start).ok_or(NOT_FINITE)?;
         let moved = plus(&state.bodies[0].value, &times(&trial.state.bodies[0].value, -1.0));
         if left.largest() > MISTAKE {
-            self.form.unsaid = Some("sticking is not judged: other forces act along the faces".to_owned());
+            self.form.unsaid = Some("stick is not tested: other tangential forces act on the faces".to_owned());
             return Ok(None);
         }
         self.keep("sticking", left);
         let drives = dot(&moved, &shear) > 0.0;
-        Ok(drives.then_some(Verdict::Wrong(Mistake::Direction("friction drives the sliding that it should resist"))))
+        Ok(drives.then_some(Verdict::Wrong(Mistake::Direction("friction drives the slip that it should resist"))))
     }
 }

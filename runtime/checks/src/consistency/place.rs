@@ -1,7 +1,7 @@
-//! A point of a contact interface with the laws of all terms there, to be asked about any state of the two bodies.
+//! A point of a contact interface with the laws of all its terms, evaluated for any state of the two bodies.
 //!
-//! Positions, normals and known fields are those of the mesh; what a state says replaces the unknowns. Promises: pure
-//! functions of the state. Does not judge.
+//! Positions, normals and known fields are those of the mesh; the state replaces the unknowns. Promises: pure functions
+//! of the state. Does not judge.
 
 use std::collections::BTreeMap;
 
@@ -133,7 +133,7 @@ struct Finder<'a> {
 /// An entry of the displacement, or of its gradient, of a body.
 type Number = (usize, u16);
 
-/// An entity of a domain and how it is turned.
+/// An entity of a domain and its orientation.
 struct Entity {
     group: usize,
     entity: usize,
@@ -294,11 +294,11 @@ impl<'a> Finder<'a> {
         for (k, slot) in first.slots.iter().enumerate() {
             let (InputSlot::Field(b) | InputSlot::Previous(b)) = slot else { continue };
             match self.system.fields[b.field.index()].kind {
-                FieldKind::State => return Err("a body has a memory (state)".to_owned()),
+                FieldKind::State => return Err("a body has a state".to_owned()),
                 FieldKind::Data => {
                     let size = points.iter().fold(0.0f64, |m, p| m.max(p.inputs[k].abs()));
                     if points.iter().any(|p| (p.inputs[k] - first.inputs[k]).abs() > VARIES * size) {
-                        return Err("what a body is made of varies inside its cells".to_owned());
+                        return Err("the material varies inside cells".to_owned());
                     }
                 }
                 _ => {}
@@ -334,7 +334,7 @@ fn roles(system: &System, interface: &[Law<'_>], watched: &[Watched<'_>]) -> Res
         }
     }
     if displacement[0].is_none() {
-        return Err("the projections read no displacement".to_owned());
+        return Err("the projections do not depend on displacements".to_owned());
     }
     let mut multipliers: Vec<(usize, usize, usize)> = Vec::new();
     let mut n = 0;

@@ -1,4 +1,4 @@
-//! States of contact at a point, and what the equations leave of them.
+//! Contact states at a point, and the residuals of the equations there.
 
 use nalgebra::{DMatrix, DVector};
 use wfl_compiler::ProjectionKind;
@@ -7,7 +7,7 @@ use super::place::{Fluxes, Place, State, Vector};
 
 /// Strain of the bodies in the states that are tried: small beside 1 for laws of finite strain.
 const STRAIN: f64 = 1e-3;
-/// Steps to a state that satisfies the equations; they are linear but for the choice of pieces.
+/// Steps to a state that satisfies the equations; they are linear up to the choice of the active set.
 const STEPS: usize = 12;
 /// What is differentiated, in parts of the sizes of a state.
 const PART: f64 = 1e-6;
@@ -27,14 +27,14 @@ pub(super) struct Sizes {
     pub(super) slope: f64,
     /// A motion of both bodies together.
     shift: f64,
-    /// The largest of what is tested with stresses, and of the laws of multipliers, where the bodies press on each other,
-    /// pull, are apart or overlap.
+    /// The largest of what is tested with stresses, and of the laws of multipliers, where the bodies press on each
+    /// other, pull, are apart or overlap.
     stress: f64,
     law: f64,
 }
 
 impl Sizes {
-    /// The displacement that the law answers with the pressure.
+    /// The displacement for which the law gives the pressure.
     pub(super) fn length(&self) -> f64 {
         self.pressure / self.slope.abs()
     }

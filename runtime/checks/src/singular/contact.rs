@@ -32,7 +32,7 @@ impl Examined<'_> {
         let mut found = Singular {
             what: what.join("; "),
             notes: Vec::new(),
-            help: "fix it, or press it against something that is held".to_owned(),
+            help: "prescribe a displacement of it, or press it against a supported body".to_owned(),
             name: fields.first().cloned().unwrap_or_default(),
         };
         let own: Vec<usize> =
@@ -42,7 +42,7 @@ impl Examined<'_> {
             let zero = self.terms_without_force();
             if !zero.is_empty() {
                 let zero = verb(&zero, "gives no force", "give no force");
-                found.notes.push(format!("{zero} whatever moves: a coefficient is zero"));
+                found.notes.push(format!("{zero} for any motion: a coefficient is zero"));
                 found.help = "give the coefficient of that term a value, or fix the body".to_owned();
             }
             return found;
@@ -51,9 +51,7 @@ impl Examined<'_> {
         let mut tied = self.system.new_tangent();
         let is_tied = self.system.tangent(u, Branches::Frozen(&tied_set), &mut tied).is_ok();
         if let Some(name) = is_tied.then(|| self.pulling(&own, &tied)).flatten() {
-            found
-                .notes
-                .push(format!("closed contact of `{name}` draws the sides together in place of holding them apart"));
+            found.notes.push(format!("closed contact of `{name}` attracts the sides instead of repelling them"));
             found.help = format!("a wrong sign in `{name}`: its force must resist what closes the gap");
             return found;
         }
@@ -63,24 +61,23 @@ impl Examined<'_> {
             let names: Vec<String> = touching.iter().map(|t| format!("`{}`", t.name)).collect();
             let names = names.join(", ");
             found.what = format!(
-                "the tangent of {names} is {ratio:.0e} times that of the bodies: rounding leaves next to nothing that holds \
-                 `{}`",
+                "the tangent of {names} is {ratio:.0e} times that of the bodies: rounding removes the stiffness that \
+                 supports `{}`",
                 found.name
             );
-            found.notes.push("the tangent is singular but for rounding".to_owned());
+            found.notes.push("the tangent is numerically singular".to_owned());
             found.help =
                 format!("a smaller parameter in {names}: about the stiffness of the bodies over the size of a cell");
             return found;
         }
         if let Some(left) = left {
             if touching.iter().any(|t| t.has_friction) {
-                found.notes.push(format!("not even contact that is closed and sticks at all points holds it: {left}"));
+                found.notes.push(format!("even if all points of the contact stick: {left}"));
             } else {
                 let names: Vec<String> = touching.iter().map(|t| format!("`{}`", t.name)).collect();
-                found
-                    .notes
-                    .push(format!("{} holds it along the normal only: contact without friction", names.join(", ")));
-                found.help = "fix it along the surface, or give the contact friction".to_owned();
+                let what = "supports it in the normal direction only: contact without friction";
+                found.notes.push(format!("{} {what}", names.join(", ")));
+                found.help = "prescribe its tangential displacement, or add friction to the contact".to_owned();
             }
             return found;
         }
@@ -156,27 +153,29 @@ impl Examined<'_> {
         let (open, slip, stick) = (total(0), total(1), total(2));
         let friction = touching.iter().any(|t| t.has_friction);
         if presses == Some(false) {
-            found.notes.push(format!("the load pulls it away from {names}: contact opens and holds nothing"));
+            found.notes.push(format!("the load pulls it away from {names}: the contact opens"));
             found.help =
-                "hold the body by a `fix` or a spring, or turn the load: it must press the sides together".to_owned();
+                "support the body by a `fix` or a spring, or reverse the load: it must press the sides together"
+                    .to_owned();
         } else if friction && slip > 0 && stick == 0 {
             found.notes.push(format!(
-                "it is pressed, but all {slip} points in contact of {names} slide: friction is exhausted ({open} points are open)"
+                "it is pressed, but all {slip} closed points of {names} slip: the friction bound is reached everywhere ({open} points are open)"
             ));
             found.help =
-                "a larger friction coefficient, a smaller load along the surface, or a `fix` along it".to_owned();
+                "a larger friction coefficient, a smaller tangential load, or a `fix` in the tangential direction"
+                    .to_owned();
         } else if presses == Some(true) && friction {
             found.notes.push(format!(
-                "the load presses it on {names}; in the last iterate {open} points are open, {slip} slide and {stick} stick: \
-                 friction does not hold the load along the surface"
+                "the load presses it on {names}; in the last iterate {open} points are open, {slip} slip and {stick} \
+                 stick: friction does not balance the tangential load"
             ));
             found.help =
-                "a larger friction coefficient, a smaller load along the surface, a `fix` along it, or smaller steps"
+                "a larger friction coefficient, a smaller tangential load, a `fix` in the tangential direction, or smaller load steps"
                     .to_owned();
         } else {
-            found.notes.push(format!("{names}: {open} points are open, {slip} slide, {stick} stick or are closed"));
+            found.notes.push(format!("{names}: {open} points are open, {slip} slip, {stick} stick or are closed"));
             found.help =
-                "fix it, or start from a state in which it is pressed: `start`, or a first step that moves it there"
+                "prescribe a displacement of it, or start from a state in contact: `start`, or a first load step that closes the gap"
                     .to_owned();
         }
     }

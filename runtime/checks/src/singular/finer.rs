@@ -34,7 +34,7 @@ impl Examined<'_> {
             let (names, name) = (names.join(", "), &f.name);
             let dots = if points == 1 { "1 point".to_owned() } else { format!("{points} points") };
             return Some(Singular {
-                what: format!("the quadrature rule does not see a motion of `{name}` (hourglass mode)"),
+                what: format!("`{name}` has an hourglass mode: the quadrature rule is of too low degree"),
                 notes: vec![format!(
                     "{names}: its strain is zero at the {dots} of each cell, but not at those of a rule of degree {degree}"
                 )],

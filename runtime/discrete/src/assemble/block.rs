@@ -1,6 +1,6 @@
-//! The part of a local tangent that belongs to one test component and one trial component, and its product in registers.
+//! The block of a local tangent for one test component and one trial component, and its product in registers.
 //!
-//! Does not know where entries come from: fluxes are handed over.
+//! Fluxes are arguments; how they are computed is not known here.
 
 use pulp::Simd;
 

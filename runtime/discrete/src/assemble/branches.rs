@@ -1,4 +1,4 @@
-//! How many points are on which branch of the kinks of a term, and whether any changed its branch.
+//! Number of points on each branch of the kinks of a term, and whether a branch has changed.
 
 /// How many points are on which branch of the kinks of a term.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,7 +1,7 @@
-//! The entries of a tangent law, each once: what the kernel of assembly computes and what is known without it.
+//! The distinct entries of a tangent law: those that the assembly kernel computes, and those that are known without it.
 //!
-//! Of a symmetric law one triangle is computed. Entries that are the same number stand once. Entries that are the same
-//! at all points (constants, numbers of the step) need no kernel at all.
+//! Of a symmetric law one triangle is computed. Equal entries are stored once. Entries that are the same at all points
+//! (constants, numbers of the step) need no kernel.
 
 use std::collections::BTreeMap;
 

@@ -22,7 +22,7 @@ use wfl_mesh::mesh::Mesh;
 /// Values of all fields by [`wfl_compiler::types::FieldId`]: `values[node * n_components + component]`.
 #[derive(Clone, Copy, Debug)]
 pub struct FieldValues<'a> {
-    /// At the state asked for.
+    /// At the requested state.
     pub current: &'a [&'a [f64]],
     /// At the end of the previous step; empty unless the scene uses the past.
     pub previous: &'a [&'a [f64]],

@@ -1,9 +1,8 @@
-//! Whose rows of a matrix are whose, and when each is cleared.
+//! Ownership of matrix rows, and when each row is cleared.
 //!
-//! Every thread gets the values of its own rows and no others, as a few stretches of the matrix, so that it adds to them
-//! with the vectors of the processor. A matrix made anew is not cleared as a whole: each thread clears a few rows just
-//! before the first batch that adds to one of them, and the additions find them in the caches. Made once for a pattern
-//! and a number of threads.
+//! Every thread receives the values of its own rows only, as a few ranges of the matrix, and adds to them with vector
+//! instructions. A matrix is not cleared as a whole: each thread clears a few rows just before the first batch that
+//! adds to one of them, so the additions find them in the cache. Made once for a pattern and a number of threads.
 
 use crate::assemble::shares::{Shares, Touched};
 use rayon::prelude::*;
@@ -38,7 +37,7 @@ impl Own<'_, '_> {
     }
 }
 
-/// So many values are cleared at once, at least: short stretches one by one leave the processor waiting for memory.
+/// So many values are cleared at once, at least: short ranges one by one make the processor wait for memory.
 const AT_ONCE: usize = 4096;
 
 /// What one thread clears.
@@ -53,7 +52,7 @@ struct Clears {
 /// How the values of a matrix are shared out.
 #[derive(Debug)]
 pub(super) struct Rows {
-    /// Where stretches end, and who has them.
+    /// Ends of the ranges, and their owners.
     ends: Vec<(usize, u16)>,
     clears: Vec<Clears>,
 }
@@ -72,7 +71,8 @@ impl Rows {
         Self { ends, clears }
     }
 
-    /// Clears what thread `me` adds to for the first time in its batch `duty`; with the number of its batches, the rest.
+    /// Clears what thread `me` adds to for the first time in its batch `duty`; with the number of its batches, the
+    /// rest.
     pub(super) fn clear(&self, me: usize, duty: usize, own: &mut Own<'_, '_>) {
         let clears = &self.clears[me];
         let first = if duty == 0 { 0 } else { clears.until[duty - 1] };
@@ -104,7 +104,7 @@ impl Rows {
     }
 }
 
-/// Where stretches of values end and who has them, and the owner of each row. A row that nobody adds to goes with the
+/// Ends of the ranges of values and their owners, and the owner of each row. A row that nobody adds to goes with the
 /// one before, and so does an empty one: it must not part the values of the rows beside it, which are cleared together.
 fn stretches(starts: &[usize], owner: impl Fn(usize) -> Option<u16>) -> (Vec<(usize, u16)>, Vec<u16>) {
     let (mut ends, mut owners) = (Vec::<(usize, u16)>::new(), Vec::with_capacity(starts.len()));

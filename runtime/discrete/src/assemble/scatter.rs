@@ -5,9 +5,9 @@
 //! pair of nodes tell all places, a tenth of one place per entry, so that adding reads little besides the matrix.
 //! Entities where that does not hold (next to fixed dofs) keep a list of places.
 //!
-//! A batch is added a few rows at a time: their entries are put side by side, then each entity adds its numbers. Threads
-//! add to rows of their own ([`crate::assemble::rows`]). Of symmetric laws one half is added where that is enough
-//! ([`halves`]).
+//! A batch is added a few rows at a time: their entries are put side by side, then each entity adds its numbers.
+//! Threads add to rows of their own ([`crate::assemble::rows`]). Of symmetric laws one half is added where that is
+//! enough ([`halves`]).
 
 mod halves;
 
@@ -94,8 +94,8 @@ pub(super) struct Scatter {
 }
 
 impl Scatter {
-    /// The entries of a group, nowhere yet. `sources` tells where (test, trial) stands in the local tangent, `zero` is
-    /// a place there that holds zero.
+    /// The entries of a group, without places yet. `sources` says where (test, trial) stands in the local tangent,
+    /// `zero` is a place there that holds zero.
     pub(super) fn new(binding: &GroupBinding, sources: &[u32], zero: usize) -> Self {
         let n = binding.n_dofs();
         let zero = u32::try_from(zero).expect("small local matrices");

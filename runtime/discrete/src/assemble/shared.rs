@@ -1,7 +1,7 @@
-//! Vectors that several threads add to, each thread to numbers of its own ([`crate::assemble::shares`]).
+//! Vectors to which several threads add, each thread to its own entries ([`crate::assemble::shares`]).
 //!
-//! They are seen as atomic numbers, read and written without order, which costs nothing and keeps a mistake from being
-//! undefined.
+//! The entries are atomic numbers with relaxed order, which costs nothing and keeps an error from being undefined
+//! behaviour.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 

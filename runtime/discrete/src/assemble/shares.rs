@@ -1,9 +1,9 @@
-//! Who computes what when several threads assemble.
+//! Distribution of work when several threads assemble.
 //!
 //! Every dof has one owner, the thread that adds everything to its row. A thread computes the batches that touch its
-//! rows, in the order of the domain; a batch whose rows have several owners is computed by each of them. So every sum is
-//! taken in the order of the domain whatever the number of threads, and no thread waits for another. Owners change from
-//! block to block of dofs only, so that the rows of a thread make a few stretches of a matrix.
+//! rows, in the order of the domain; a batch whose rows have several owners is computed by each of them. So every sum
+//! has the order of the domain for any number of threads, and no thread waits for another. Ownership changes only
+//! between blocks of dofs, so the rows of a thread form a few ranges of a matrix.
 
 use crate::{
     assemble::binding::Binding,
@@ -77,8 +77,8 @@ impl Shares {
     }
 }
 
-/// By batch: a thread that computes it. Groups lie side by side in space, so each is divided among all threads; those of
-/// few batches are dealt out one after another.
+/// By batch: a thread that computes it. Groups lie side by side in space, so each is divided among all threads; those
+/// of few batches are dealt out one after another.
 fn homes(domain: &Domain, binding: &Binding, n: usize) -> Vec<u16> {
     let cost = |g: usize| domain.groups[g].n_points() * binding.groups[g].n_dofs().pow(2);
     let size = |g: usize| domain.groups[g].n_batches();

@@ -82,7 +82,7 @@ struct Kept {
     shares: Option<Arc<Shares>>,
     /// Of the located pattern.
     rows: Option<Arc<Rows>>,
-    /// Of the located pattern, once a matrix is made anew.
+    /// Of the located pattern, once a matrix is filled again.
     halves: Option<Arc<Halves>>,
 }
 
@@ -378,7 +378,7 @@ impl AssembledTerm {
         self.tangent_into(mesh, values, matrix, false)
     }
 
-    /// Makes the matrix the tangent, whatever its values were, zero where the term does not act. Otherwise as
+    /// Makes the matrix the tangent, for any earlier values, zero where the term does not act. Otherwise as
     /// [`Self::add_tangent`]; quicker than to clear the matrix and add.
     ///
     /// # Errors
@@ -462,7 +462,7 @@ impl AssembledTerm {
             .clone()
     }
 
-    /// The same with the rows of the located matrix, and with its halves if it is made anew.
+    /// The same with the rows of the located matrix, and with its halves if it is filled again.
     fn shared_rows(&self, is_new: bool) -> (Arc<Shares>, Arc<Rows>, Option<Arc<Halves>>) {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let shares = self.shares(&mut kept);

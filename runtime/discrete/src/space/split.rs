@@ -1,8 +1,7 @@
-//! A space torn along inner faces: nodes there get one copy for each side.
+//! A space that is split along inner faces: nodes there get one copy for each side.
 //!
-//! Around a node the cells that hold it fall into groups that hang together through faces that are not torn. Each
-//! group gets a node of its own: at the end of a tear there is one group (the field stays continuous), along it two,
-//! where tears cross four.
+//! The cells around a node form groups that are connected through faces without a split. Each group gets its own node:
+//! one at the end of a crack (the field stays continuous), two along it, four where cracks cross.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -38,19 +37,19 @@ impl Space {
         self.torn_ids.extend(torn);
     }
 
-    /// True if the space was torn along this face.
+    /// True if the space is split along this face.
     #[must_use]
     pub fn is_torn_along(&self, facet: FacetId) -> bool {
         self.torn_ids.contains(&facet)
     }
 
-    /// The faces the space was torn along.
+    /// The faces along which the space is split.
     #[must_use]
     pub fn torn(&self) -> &[FacetRef] {
         &self.torn
     }
 
-    /// True if the space was torn.
+    /// True if the space is split.
     #[must_use]
     pub fn is_split(&self) -> bool {
         !self.copies.is_empty()
@@ -80,7 +79,7 @@ impl Space {
         holders
     }
 
-    /// The positions in groups that hang together through faces that are not torn, in order of their first members.
+    /// The positions in groups that are connected through faces without a split, in the order of their first members.
     fn groups(&self, topology: &Topology, torn: &BTreeSet<FacetId>, positions: &[usize]) -> Vec<Vec<usize>> {
         let Support::Cells(cells) = &self.support else { return Vec::new() };
         let mut open: BTreeSet<usize> = positions.iter().copied().collect();

@@ -181,7 +181,7 @@ fn corners_of_a_part_are_found_by_mesh_node() {
     assert_eq!(space.position_of_cell(CellId::new(0)), None);
 }
 
-/// Four quadrilaterals around the origin, torn along the part x < 0 of the line y = 0, then also along x = 0.
+/// Four quadrilaterals around the origin, split along the part x < 0 of the line y = 0, then also along x = 0.
 #[test]
 fn a_torn_space_has_one_node_a_side() {
     let mesh = generate_box([-1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [2, 2, 1], 2, BoxShape::Quadrilateral).expect("a box");
@@ -209,7 +209,7 @@ fn a_torn_space_has_one_node_a_side() {
     assert_eq!(space(2, &half).n_nodes(), 25 + 2);
     // four nodes at the crossing, two at each end
     assert_eq!(space(1, &cross).n_nodes(), 16);
-    // one tear ends on another: three nodes at the origin, two at each of the three ends
+    // one split ends on another: three nodes at the origin, two at each of the three ends
     let tee = on(&|x| x[1].abs() < 1e-12 || x[1] > 0.0);
     assert_eq!((tee.len(), space(1, &tee).n_nodes()), (3, 9 + 2 + 3));
     assert_eq!(space(2, &cross).n_nodes(), 36);

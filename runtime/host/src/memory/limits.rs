@@ -1,4 +1,4 @@
-//! What the system says of the memory of this process and of its limits.
+//! The memory of this process and its limits, as the operating system reports them.
 
 use std::sync::OnceLock;
 

@@ -1,8 +1,8 @@
-//! The second line of the limit: a thread that looks at the memory of the process while it works.
+//! A thread that watches the memory of the process while it works.
 //!
-//! Estimates may be too small, and small things are not asked for. The thread looks as often as memory can grow: the
-//! process cannot be much above its limit before this is seen. It costs one look (30 microseconds) a tenth of a second
-//! while the limit is far, a thousand in a second when it is close.
+//! Estimates may be too small, and small allocations are not announced. The thread checks as often as memory can grow,
+//! so the process exceeds its limit only briefly. One check takes 30 microseconds; there are ten a second far from the
+//! limit and a thousand a second close to it.
 
 use std::{
     sync::{PoisonError, atomic::Ordering},

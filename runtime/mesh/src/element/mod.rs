@@ -34,9 +34,9 @@ pub enum ElementError {
     /// The degree is above the highest one of this cell.
     #[error("no Lagrange element of degree {degree} on a {kind}, the highest is {highest}")]
     DegreeTooHigh {
-        /// Cell asked for.
+        /// Requested cell.
         kind: CellKind,
-        /// Degree asked for.
+        /// Requested degree.
         degree: usize,
         /// Highest degree there is.
         highest: usize,
@@ -54,7 +54,7 @@ pub struct Element {
 }
 
 impl Element {
-    /// The Lagrange element of `degree` on `kind`; degree 0 is one constant, whatever the family.
+    /// The Lagrange element of `degree` on `kind`; degree 0 is one constant in every family.
     ///
     /// # Errors
     /// [`ElementError::DegreeTooHigh`].

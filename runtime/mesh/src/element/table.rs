@@ -1,4 +1,4 @@
-//! What the families of elements have in common: where dofs sit, and tables of basis functions.
+//! Common parts of the element families: positions of the dofs, and tables of basis functions.
 
 use crate::cell::CellKind;
 
@@ -38,7 +38,7 @@ pub(super) struct Lattice {
     pub(super) places: Vec<[u8; 4]>,
 }
 
-/// Basis functions tabulated at points. Arrays that were not asked for are empty.
+/// Basis functions tabulated at points. Arrays that were not requested are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     /// Number of points.

@@ -1,4 +1,4 @@
-//! What can be wrong with a mesh or odd about it, with the numbers that a message needs.
+//! Errors and warnings about a mesh, with the numbers that a message needs.
 //!
 //! Cells and nodes of a file have the numbers of the file; others are counted from 0, as everywhere in the program.
 
@@ -42,9 +42,9 @@ pub enum MeshError {
     /// Dimension or order outside what is supported.
     #[error("a mesh of dimension {dim} and order {order} is not supported (1 to 3, 1 or 2)")]
     Unsupported {
-        /// Dimension asked for.
+        /// Requested dimension.
         dim: usize,
-        /// Order asked for.
+        /// Requested order.
         order: usize,
     },
     /// A cell does not have the dimension of the mesh.

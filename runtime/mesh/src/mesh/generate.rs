@@ -72,7 +72,7 @@ pub enum MapError<E> {
 /// # Errors
 /// [`MeshError::BadBox`] when `size` is not positive or far too small.
 pub fn cells_for_size(from: [f64; 3], to: [f64; 3], size: f64, dim: usize) -> Result<[usize; 3], MeshError> {
-    /// Part of a cell that is taken for rounding in `length / size`.
+    /// Part of a cell that counts as rounding in `length / size`.
     const SLACK: f64 = 1e-9;
     let mut cells = [1; 3];
     for axis in 0..dim.min(3) {

@@ -1,8 +1,7 @@
-//! Where a point lies: in which cell, nearest to which point of which facets, hit by which ray.
+//! Point location: the cell of a point, the closest point on facets, the intersection of a ray with facets.
 //!
-//! Promises: of several cells or facets that are equally good the first in the given order is taken, so results do not
-//! depend on anything but the mesh. Searches on facets are exact for straight and flat ones; on curved ones an iteration
-//! finds the foot point. Does not know fields.
+//! Promises: among equally good cells or facets the first in the given order is taken, so results depend on the mesh
+//! only. Searches are exact on plane facets; on curved ones an iteration finds the closest point. Does not know fields.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
@@ -309,7 +308,8 @@ impl FacetFinder {
         self.first_nearest(mesh, x, reach, |side| side.crossing(x, n))
     }
 
-    /// Of what `candidate` finds on each facet (reference coordinates and distance from `x`), the nearest within `reach`.
+    /// Of what `candidate` finds on each facet (reference coordinates and distance from `x`), the nearest within
+    /// `reach`.
     fn first_nearest(
         &self,
         mesh: &Mesh,

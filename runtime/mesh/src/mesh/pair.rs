@@ -1,9 +1,8 @@
-//! Two facets at the same place: which vertex is which, and finding such pairs by geometry.
+//! Facets at the same position: the correspondence of their vertices, and the search for such pairs.
 //!
-//! Promises: tolerances are relative to the size of the facets concerned; a pairing is reported
-//! as an orientation key, the position of the vertex correspondence in the fixed
-//! table [`facet_correspondences`] of the facet kind. Does not treat facets that overlap without matching
-//! other than by an error.
+//! Promises: tolerances are relative to the size of the facets; a pairing is reported as an orientation key, the
+//! position of the vertex correspondence in the fixed table [`facet_correspondences`] of the facet kind. Facets that
+//! overlap without matching are an error.
 
 use super::{
     Mesh,
@@ -181,7 +180,7 @@ pub(super) fn pair_by_geometry(
     Ok(pairs)
 }
 
-/// True when two facets look at each other from a small distance and one's centre lies in the
+/// True when two facets face each other at a small distance and one's centre lies in the
 /// other.
 fn facing(mesh: &Mesh, here: &Candidate, there: &Candidate) -> bool {
     // flat cells: the outer faces of two bodies are near each other in parts of their width
@@ -213,7 +212,7 @@ fn inside(mesh: &Mesh, facet: &Candidate, x: [f64; 3]) -> bool {
     (0..loop_order.len()).all(|i| {
         let edge = difference(corner(i + 1), corner(i));
         let towards = cross(facet.normal, edge);
-        // The in-plane normal of the edge, turned towards the centre of the facet.
+        // The in-plane normal of the edge, pointing to the centre of the facet.
         let scale = dot(towards, difference(facet.centre, corner(i)));
         let depth = dot(towards, difference(x, corner(i)));
         depth * scale.signum() > BORDER * facet.size * norm(towards)

@@ -1,7 +1,6 @@
-//! Finding points near a point: a uniform grid as a sorted list of occupied boxes.
+//! Search for points near a point: a uniform grid as a sorted list of occupied boxes.
 //!
-//! Promises: the order of the answers depends only on the input. Does not adapt to strongly graded
-//! clouds: the box is chosen for a uniform one.
+//! Promises: the order of the results depends only on the input. Does not adapt to strongly graded point clouds.
 
 /// Points sorted into boxes of a uniform grid.
 pub(super) struct PointGrid<'a> {

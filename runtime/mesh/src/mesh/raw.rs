@@ -1,4 +1,4 @@
-//! A mesh as a reader or generator finds it, and the memory that it will take.
+//! An unchecked mesh from a reader or generator, and the memory that it will need.
 //!
 //! Nothing is checked here: [`Mesh::from_raw`](super::Mesh::from_raw) does that.
 

@@ -1,8 +1,8 @@
-//! Regions: sorted sets of cells, facets, interface facets or nodes, and how they are picked.
+//! Regions: sorted sets of cells, facets, interface facets or nodes, and their selection.
 //!
-//! Promises: every set is sorted without repetition. A facet of a set has a side: seen from two
-//! cells it is two members. `here` of an interface facet is the cell of the first region.
-//! Does not know names or the language; conditions come in as closures.
+//! Promises: every set is sorted without repetition. A facet of a set has a side; a facet seen from both of its cells
+//! is two members. `here` of an interface facet is the cell of the first region. Does not know names or the language;
+//! conditions are closures.
 
 use super::{
     Mesh,

@@ -1,8 +1,8 @@
-//! Unique facets and edges of a mesh and which cells share them.
+//! Unique facets and edges of a mesh, and the cells that share them.
 //!
-//! Promises: numbers follow first appearance in cell order; `here` of a facet is its cell of
-//! lower number. Works by bucketing on the lowest vertex, no hashing. Edges are built on request.
-//! Does not know geometry: entities are equal when their vertices are.
+//! Promises: numbers follow first appearance in cell order; `here` of a facet is its cell of lower number. Entities are
+//! sorted into buckets by their lowest vertex, without hashing. Edges are built on request. Does not know geometry:
+//! entities are equal when their vertices are.
 
 use std::sync::OnceLock;
 
@@ -21,7 +21,7 @@ pub struct Facet {
     pub there: Option<FacetRef>,
 }
 
-/// Facets of a mesh, and its edges once asked for.
+/// Facets of a mesh, and its edges on request.
 #[derive(Debug)]
 pub struct Topology {
     facets: Vec<Facet>,

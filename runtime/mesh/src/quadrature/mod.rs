@@ -32,7 +32,7 @@ pub enum QuadratureError {
     /// No nodal rule with positive weights.
     #[error("no nodal rule of degree {degree} with positive weights on a {kind}; use `degree n`")]
     NoNodalRule {
-        /// Cell asked for.
+        /// Requested cell.
         kind: CellKind,
         /// Degree of the element.
         degree: usize,

@@ -1,8 +1,8 @@
-//! The wrapper around every solver: finite values, true residual, refinement, and the class of a failure.
+//! The wrapper around every solver: finite values, backward-error check, iterative refinement, class of a failure.
 //!
-//! Promises: what is returned as a solution has a backward error below the limit, measured with the matrix itself and
-//! not with its factor; a failure is one of the classes of [`SolveError`], with dofs in the caller's numbering.
-//! What is small, large and singular is defined in `judge`.
+//! Promises: a returned solution has a backward error below the limit, measured with the matrix itself and not with its
+//! factor; a failure is one of the classes of [`SolveError`], with dofs in the caller's numbering. The limits are
+//! defined in `judge`.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use super::sweep::Form;
 use super::{LinearSolver, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
 
-/// A relative pivot below this calls for a look at the null space.
+/// Below this relative pivot the null space is examined.
 const SUSPICIOUS_PIVOT: f64 = 1e-9;
 /// Shift, relative to the diagonal, with which a matrix without a factor is looked at.
 const SHIFT: f64 = 1e-9;
@@ -43,7 +43,7 @@ impl From<(f64, u32)> for Pivot {
     }
 }
 
-/// A solver before its answers are looked at.
+/// A solver whose solutions are not checked yet.
 pub(super) trait Factorization {
     /// Whether half of the matrix is never read.
     const NEEDS_SYMMETRY: bool;
@@ -71,7 +71,7 @@ pub(super) trait Factorization {
     }
 }
 
-/// Any factorisation with its answers checked.
+/// A factorisation with checked solutions.
 pub(super) struct Checked<F> {
     factorization: F,
     judge: Judge,

@@ -2,8 +2,8 @@
 //!
 //! K is factored once wherever C cannot reach. Only the rest is factored again when C changes, in one of three ways:
 //!
-//! - forces ([`forces`]): K stands alone, C is `J M` with few columns in J, and a dense matrix of that size is factored,
-//!   or of the size of the rows of M that have changed since it last was;
+//! - forces ([`forces`]): K stands alone, C is `J M` with few columns in J, and a dense matrix of that size is
+//!   factored, or of the size of the rows of M that have changed since it last was;
 //! - dense: with I the dofs that C does not touch and G those that it does, `S0 = K_GG - K_GI K_II⁻¹ K_IG` is kept as a
 //!   dense matrix and `S = S0 + C` is factored by LU with partial pivoting (Cholesky when C is symmetric and that
 //!   succeeds);
@@ -12,7 +12,7 @@
 //!
 //! When C changes a little, the old factor M of `K + C_old` still serves. With `D = C - C_old` and P the part of M⁻¹ on
 //! G, `x = M⁻¹ (b + w)` where w lives on G and solves `(1 + D P) w = -D M⁻¹ b`: a few GMRES iterations, each of which
-//! costs one pass over the changing part of the factor. They stop early, and M is made anew, once that would be
+//! costs one pass over the changing part of the factor. They stop early, and M is factored again, once that is
 //! cheaper. All decisions follow from operation counts and iterates, never from a clock.
 //!
 //! Promises: as `checked`, with the residual of `K + C` itself.
@@ -155,8 +155,9 @@ enum State {
 
 impl CheckedCondensed {
     /// Analyses and factors the constant part. `changing` (n x n) is the pattern in which the changing part may have
-    /// entries; `coordinates`, one point (any length unit) a dof, make the ordering good. `pairs` are dofs that face each
-    /// other across an interface: where their rows of the changing part turn out to be opposite they share a force.
+    /// entries; `coordinates`, one point (any length unit) a dof, make the ordering good. `pairs` are dofs that face
+    /// each other across an interface: where their rows of the changing part turn out to be opposite they share a
+    /// force.
     ///
     /// # Errors
     /// [`SolveError::Shape`] for sizes that do not fit, [`SolveError::NonFiniteMatrix`], [`SolveError::NotSymmetric`],
@@ -249,8 +250,8 @@ impl CheckedCondensed {
     ///
     /// # Errors
     /// [`SolveError::OutsidePattern`] for an entry outside the pattern given at the start,
-    /// [`SolveError::NonFiniteMatrix`], [`SolveError::Singular`], [`SolveError::TooMuchMemory`]; the solver then holds no
-    /// matrix.
+    /// [`SolveError::NonFiniteMatrix`], [`SolveError::Singular`], [`SolveError::TooMuchMemory`]; the solver then holds
+    /// no matrix.
     pub fn update(&mut self, changing: &Csr) -> Result<(), SolveError> {
         let before = self.state;
         self.state = State::Empty;
@@ -504,8 +505,8 @@ impl CheckedCondensed {
         self.judge.solve(&parts, &mut |x| engine.solve(Form::Plain, x), rhs, x, tolerance)
     }
 
-    /// Solves with a stale factor, or one of single precision, in at most so many iterations; their number, and a report
-    /// when that was good enough.
+    /// Solves with a stale factor, or one of single precision, in at most so many iterations; their number, and a
+    /// report when that was good enough.
     fn iterate(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64, allowed: usize) -> (usize, Option<SolveReport>) {
         let (engine, gmres, difference, dofs) = (&mut self.engine, &mut self.gmres, &self.difference, &self.dofs);
         let smallest = self.judge.options().iteration_tolerance;

@@ -1,9 +1,8 @@
 //! Dense LU with partial pivoting, and dense Cholesky, through faer, in double or single precision.
 //!
-//! Promises: right-hand sides and sums are of double precision whatever the factor is of; columns and rows are scaled
-//! by powers of two first; memory is kept; the smallest pivot relative to its column is reported with its unknown, and
-//! a vanishing one is an error.
-//! Does not look at residuals: `checked` does.
+//! Promises: right-hand sides and sums are of double precision for both precisions of the factor; columns and rows are
+//! scaled by powers of two first; memory is kept; the smallest pivot relative to its column is reported with its
+//! unknown, and a vanishing one is an error. Does not check residuals: `checked` does.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};

@@ -1,8 +1,8 @@
 //! General sparse LU with partial pivoting over the whole matrix, through faer (column ordering COLAMD).
 //!
-//! The robust and slow method: it is used where pivots from within a front do not suffice. faer reports neither
-//! singular matrices nor some of its own failures, so: panics are caught, rows and columns are scaled first, and every
-//! caller looks at the true residual.
+//! This is the robust and slow method, used where pivots from within a front do not suffice. faer reports neither
+//! singular matrices nor some of its own failures. Therefore panics are caught, rows and columns are scaled first, and
+//! every caller checks the true residual.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;

@@ -10,7 +10,7 @@
 //!
 //! Promises: a second factorisation on the same structure reuses all memory; the same bytes for any number of threads;
 //! reports the smallest pivot relative to its column, and its dof.
-//! Because pivots come from F11 alone this is not backward stable for every matrix: `checked` looks at the true
+//! Because pivots come from F11 alone this is not backward stable for every matrix: `checked` tests the true
 //! residual, and a vanishing pivot is an error here, to be answered with another method.
 
 use faer::dyn_stack::{MemBuffer, MemStack};

@@ -1,9 +1,9 @@
-//! Measures solutions: backward errors, iterative refinement, null vectors, condition numbers.
+//! Backward-error checks, iterative refinement, null vectors, condition numbers.
 //!
-//! Promises: residuals are those of the matrix itself, in double-double where they are corrected with.
-//! A matrix counts as singular when a vector v is found with `‖S A v‖ < 64 ε ‖S⁻¹ v‖` (maximum norms), where S scales A
-//! to a unit diagonal: no digit of that pivot is left in double precision.
-//! Does not know how systems are solved: a solver is a function that overwrites a vector.
+//! Promises: residuals are those of the matrix itself, in double-double where they are used for corrections. A matrix
+//! counts as singular when a vector v is found with `‖S A v‖ < 64 ε ‖S⁻¹ v‖` (maximum norms), where S scales A to a
+//! unit diagonal: no digit of that pivot is left in double precision. Does not know how systems are solved: a solver is
+//! a function that overwrites a vector.
 
 use super::scaling::symmetric_scale;
 use super::sweep::Form;
@@ -13,7 +13,7 @@ use crate::norm::largest;
 
 /// See the module documentation.
 const SINGULAR: f64 = 64.0 * f64::EPSILON;
-/// Growth `‖A‖ ‖x‖ / ‖b‖` above which a solution calls for a look at the null space.
+/// Growth `‖A‖ ‖x‖ / ‖b‖` above which the null space is examined.
 const SUSPICIOUS_GROWTH: f64 = 1e12;
 /// Steps of inverse iteration.
 const INVERSE_ITERATIONS: usize = 3;

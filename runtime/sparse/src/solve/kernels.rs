@@ -1,9 +1,9 @@
-//! Dense triangular sweeps with one vector, over the panels of the fronts.
+//! Dense triangular solves with one right-hand side, over the panels of the fronts.
 //!
-//! A panel is (k + r) x k by columns: a k x k triangle above an r x k rectangle. Its numbers may be of single precision;
-//! vectors and sums are of double precision. Sums run in one fixed order, several columns or lanes at a time so that the
-//! compiler vectorises them; each sweep is compiled for every width of vectors, and the widest one that the processor has
-//! is taken. Operations and their order are the same in all.
+//! A panel is (k + r) x k by columns: a k x k triangle above an r x k rectangle. Its numbers may have single precision;
+//! vectors and sums have double precision. Sums have one fixed order, several columns or lanes at a time so that the
+//! compiler vectorises them. Each kernel is compiled for every vector width, and the widest one of the processor is
+//! used. Operations and their order are the same in all.
 //!
 //! Does not factor and does not check pivots.
 
@@ -263,7 +263,7 @@ pub(super) fn upper_transposed_sweep<T: Stored>(panel: &[T], m: usize, x: &mut [
 pub(super) const TOGETHER: usize = 3;
 const HELD: usize = 3;
 
-/// `targets[r] = Σ factors[k][r] answers[k]`; targets without room are left out.
+/// `targets[r] = Σ factors[k][r] answers[k]`; targets without room are skipped.
 pub(super) fn combine<T: Stored>(factors: &[[T; TOGETHER]], answers: &[&[T]], targets: [&mut [T]; TOGETHER]) {
     Arch::new().dispatch(Combine { factors, answers, targets });
 }

@@ -2,7 +2,7 @@
 //!
 //! Promises: a restart begins with the true residual `‖b - A x‖₂`; fixed order of all sums; memory kept
 //! between solves; the number of iterations whether or not they converged.
-//! Has no preconditioner of its own: the operator comes with it. Does not judge the answer: `checked` does.
+//! Has no preconditioner of its own: the operator comes with it. Does not check the solution: `checked` does.
 
 use super::kernels::dot;
 
@@ -52,8 +52,8 @@ impl Gmres {
         Self { restart, basis: Vec::new(), hessenberg: Vec::new(), rotations: Vec::new(), reduced: Vec::new() }
     }
 
-    /// Solves from x = 0; `multiply(x, y)` sets y = A x. What the recursion calls converged is: who uses the answer looks
-    /// at its true residual, and that of a restart is one.
+    /// Solves from x = 0; `multiply(x, y)` sets y = A x. What the recursion calls converged is: who uses the answer
+    /// looks at its true residual, and that of a restart is one.
     pub(super) fn solve(
         &mut self,
         multiply: &mut dyn FnMut(&[f64], &mut [f64]),
@@ -77,7 +77,7 @@ impl Gmres {
             iterations += self.cycle(multiply, size, limits, limits.max_iterations - iterations);
             self.add_correction(iterations - before, x);
             let reached = self.reduced[iterations - before].abs();
-            // A direction that A sends to nothing reduces nothing, whatever the recursion says.
+            // A direction in the null space of A reduces nothing, although the recursion may claim it.
             let is_singular = self.hessenberg.last().and_then(|column| column.last()) == Some(&0.0);
             if reached <= limits.target && !is_singular {
                 return Outcome { iterations, converged: true };

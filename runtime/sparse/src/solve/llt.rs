@@ -2,7 +2,7 @@
 //!
 //! Promises: one analysis, any number of factorisations without new memory; a matrix that is not positive definite is
 //! refused with the dof and the pivot at which this was seen.
-//! Reads the lower half of the reordered matrix only. Does not look at residuals: `checked` does.
+//! Reads the lower half of the reordered matrix only. Does not check residuals: `checked` does.
 
 use std::sync::Arc;
 

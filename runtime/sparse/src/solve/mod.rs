@@ -1,7 +1,7 @@
 //! Linear solvers.
 //!
-//! The door is [`CheckedCondensed`] for a constant symmetric bulk with a part that changes, [`CheckedLlt`] for symmetric
-//! positive definite matrices, [`CheckedLu`] for the rest, [`CheckedDense`] for small ones. All of them are
+//! The door is [`CheckedCondensed`] for a constant symmetric bulk with a part that changes, [`CheckedLlt`] for
+//! symmetric positive definite matrices, [`CheckedLu`] for the rest, [`CheckedDense`] for small ones. All of them are
 //! [`LinearSolver`]s.
 //!
 //! Promises: a solution is returned only with a small true residual; everything else is a typed error that names dofs
@@ -99,8 +99,8 @@ impl Default for SolverOptions {
 /// What is known about a solution.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SolveReport {
-    /// Backward error `‖b - A x‖ / (‖A‖ ‖x‖ + ‖b‖)` in maximum norms: the larger of that of the matrix as it is and that
-    /// of the matrix scaled to a unit diagonal.
+    /// Backward error `‖b - A x‖ / (‖A‖ ‖x‖ + ‖b‖)` in maximum norms: the larger of that of the matrix as it is and
+    /// that of the matrix scaled to a unit diagonal.
     pub relative_residual: f64,
     /// Largest `|b - A x|_i / (|A| |x| + |b|)_i` over the rows (Oettli and Prager 1964).
     pub componentwise_residual: f64,
@@ -225,7 +225,7 @@ pub enum SolveError {
     ResidualTooLarge {
         /// Backward error reached.
         relative: f64,
-        /// Backward error asked for.
+        /// Requested backward error.
         limit: f64,
     },
     /// A size that no index can name.
@@ -283,8 +283,8 @@ pub trait LinearSolver {
     /// As [`LinearSolver::solve`].
     fn condition_estimate(&mut self) -> Result<f64, SolveError>;
 
-    /// Whether the determinant of the matrix factored last is negative, by its pivots. `None` without a factor, or where
-    /// the factor does not tell.
+    /// Whether the determinant of the matrix factored last is negative, by its pivots. `None` without a factor, or
+    /// where the factor does not tell.
     fn is_negative(&self) -> Option<bool>;
 }
 

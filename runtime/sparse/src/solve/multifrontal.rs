@@ -202,7 +202,7 @@ impl Multifrontal {
             let each = plan.tasks.iter().zip(&mut self.workspaces).zip(panels);
             each.map(|((task, workspace), panels)| run(task, workspace, panels)).collect()
         };
-        // The first failure in the order of elimination, whatever thread met one first.
+        // The first failure in the order of elimination, for any order of the threads.
         outcomes.into_iter().collect()
     }
 
@@ -411,8 +411,8 @@ pub(super) fn shorten(stack: &mut Vec<f64>, length: usize) {
     }
 }
 
-/// Numbers that the stacks hold at most: every task keeps the contribution of its root, and so many tasks at a time have
-/// a whole stack.
+/// Numbers that the stacks hold at most: every task keeps the contribution of its root, and so many tasks at a time
+/// have a whole stack.
 pub(super) fn stacks(tasks: impl Iterator<Item = StackSizes>, top: usize, threads: usize) -> usize {
     let (mut kept, mut rest) = (0, Vec::new());
     for task in tasks {

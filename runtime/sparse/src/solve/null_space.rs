@@ -1,10 +1,10 @@
-//! The null space of a matrix that could not be factored: what a singular system leaves undetermined, to be named.
+//! The null space of a singular matrix, for messages.
 //!
-//! Rows and columns are scaled so that their largest entries are 1 (Ruiz 2001), which no difference of units survives: what
-//! is singular then is singular, and what is not was lost to rounding. With B the scaled matrix, inverse iteration on
-//! `BᵀB + δ² 1` finds directions of small `|B v|` whatever the symmetry of B; their sizes are taken from `B V` itself, so
-//! that nothing is lost in the squares. Promises: vectors that are orthonormal in scaled unknowns. A matrix too large to be
-//! squared gives none. Used where a run ends, never on the way.
+//! Rows and columns are scaled so that their largest entries are 1 (Ruiz 2001), which removes differences of units: a
+//! matrix that is singular then is singular, otherwise the smaller entries were lost to rounding. With B the scaled
+//! matrix, inverse iteration on `BᵀB + δ² 1` finds directions of small `|B v|` for any symmetry of B. Their sizes are
+//! taken from `B V` itself, so that the square does not lose digits. Promises: vectors that are orthonormal in scaled
+//! unknowns; none for a matrix that is too large to be squared. Used only when a run ends.
 
 use nalgebra::DMatrix;
 
@@ -154,8 +154,8 @@ fn orthonormal(vectors: &mut [Vec<f64>]) {
     }
 }
 
-/// The triangular factor R (n x n) of a matrix given by its n columns of one length (Gram and Schmidt, one column after the
-/// other).
+/// The triangular factor R (n x n) of a matrix given by its n columns of one length (Gram and Schmidt, one column after
+/// the other).
 #[must_use]
 pub fn triangular(mut columns: Vec<Vec<f64>>) -> DMatrix<f64> {
     let n = columns.len();
@@ -199,7 +199,7 @@ mod tests {
         assert!(v[0].abs() < 1e-9 * v[2].abs() && (v[2] - v[3]).abs() < 1e-9 * v[2].abs(), "{v:?}");
     }
 
-    /// Rows 1e30 apart are no null space, an equation that is zero is one whatever its column holds.
+    /// Rows of sizes 1e30 apart are no null space; a zero equation is one for any column.
     #[test]
     fn rows_far_apart_are_not_singular() {
         let matrix = Csr::from_triplets(2, 2, &[(0, 0, 1e30), (0, 1, 1.0), (1, 0, 1.0), (1, 1, 1.0)]).unwrap();

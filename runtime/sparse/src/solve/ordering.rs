@@ -7,7 +7,7 @@
 //! With coordinates: nested dissection of the node graph by recursive coordinate bisection (George 1973), separators
 //! found on the graph so that hanging or long-range couplings are seen, approximate minimum degree in the leaves.
 //! Without: approximate minimum degree on the graph of rows with equal structure.
-//! Does not look at values.
+//! Does not use values.
 
 use faer::sparse::linalg::amd;
 

@@ -1,8 +1,7 @@
-//! Solves with the fronts of a factorisation: a forward sweep up the tree and a backward sweep down.
+//! Triangular solves with the fronts of a factorisation: forward up the tree, backward down.
 //!
 //! Promises: no allocation; the same bytes for any number of threads, because independent subtrees write disjoint
-//! ranges and hand their contributions up in one fixed order.
-//! Knows two kinds of front, Cholesky and LU, and may meet both in one tree.
+//! ranges and pass their contributions upwards in one fixed order. Handles Cholesky and LU fronts, also in one tree.
 
 use rayon::prelude::*;
 

@@ -1,4 +1,4 @@
-//! Every solver against every kind of system: the right answer or the right error.
+//! Every solver against every kind of system: the right solution or the right error.
 
 use std::sync::Arc;
 

@@ -100,7 +100,7 @@ impl<'b> Reader<'b> {
     }
 }
 
-/// FNV-1a of 64 bits (Fowler, Noll and Vo): tells changed files apart, is no protection against intent.
+/// FNV-1a of 64 bits (Fowler, Noll and Vo): detects changed files, is no protection against intent.
 pub(super) fn hash(bytes: &[u8]) -> u64 {
     hash_on(HASH_OF_NOTHING, bytes)
 }

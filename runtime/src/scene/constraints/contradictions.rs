@@ -1,7 +1,7 @@
-//! Two `fix` statements that say different things of one displacement.
+//! Two `fix` statements with different values of one displacement.
 //!
-//! A later statement holds, and [`Prescribed`] lists what it overrules. Whether that matters is asked at steps of the run:
-//! equal values are no contradiction, and neither is a value that one statement gives with the step variable.
+//! The later statement holds, and [`Prescribed`] lists what it replaces. The values are compared at steps of the run:
+//! equal values are no contradiction, and neither is a value that one statement prescribes with the step variable.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -52,7 +52,7 @@ impl Prescribed {
         let mut differ: BTreeMap<(usize, usize, usize), BTreeSet<usize>> = BTreeMap::new();
         let mut u = vec![0.0; n_dofs];
         for (time, increment) in steps {
-            // a value that is not finite is told where it is used
+            // a value that is not finite is reported where it is used
             let Ok(values) = self.numbers(*time, *increment) else { continue };
             self.write(&values, &mut u);
             let largest: Vec<f64> = values.iter().map(|v| v.iter().fold(0.0, |m: f64, x| m.max(x.abs()))).collect();

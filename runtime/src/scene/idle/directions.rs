@@ -1,7 +1,8 @@
-//! The directions of a multiplier at one node: which of them act on a displacement, which of the others a law reads.
+//! The directions of a multiplier at one node: which of them act on a displacement, and which of the others a law
+//! depends on.
 //!
-//! Promises: directions are orthonormal; axes of the multiplier where these will do, so that no node is turned without
-//! need.
+//! Promises: directions are orthonormal; they are axes of the multiplier where possible, so that no node is rotated
+//! needlessly.
 
 use nalgebra::DMatrix;
 
@@ -58,7 +59,7 @@ impl Node {
     }
 }
 
-/// The columns of free dofs, turned into the frames of their nodes.
+/// The columns of free dofs, rotated to the local frames of their nodes.
 fn free_columns(system: &System, place: &[usize], own: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let is_free = |d: usize| system.numbering.free[d] != FIXED;
     let turned = |dof: usize| -> Vec<f64> {

@@ -40,7 +40,7 @@ pub fn words(loaded: &Loaded, scene: &Scene, form: &ContactForm) -> String {
     };
     match &form.verdict {
         Verdict::Consistent => format!("consistent; {kind}"),
-        Verdict::Nearly(left) => format!("consistent but for {left:.0e}; {kind}"),
+        Verdict::Nearly(left) => format!("consistent up to {left:.0e}; {kind}"),
         Verdict::Penalty(stiffness) => {
             let name = param_of(loaded, scene, *stiffness);
             let name = name.unwrap_or_else(|| format!("{stiffness:.4e}"));
@@ -71,10 +71,10 @@ fn code(mistake: &Mistake) -> &'static str {
 
 fn title(mistake: &Mistake) -> &'static str {
     match mistake {
-        Mistake::Balance { .. } => "the terms do not carry the stress of the bodies",
-        Mistake::Stress { .. } => "what is tested with the stress of the test function does not cancel",
-        Mistake::Law { .. } => "no multiplier satisfies its law and the balance of forces together",
-        Mistake::Direction(_) => "forces of contact act the wrong way round",
+        Mistake::Balance { .. } => "the contact terms do not balance the traction of the bodies",
+        Mistake::Stress { .. } => "the terms tested with the stress of the test function do not cancel",
+        Mistake::Law { .. } => "no multiplier satisfies both its law and equilibrium",
+        Mistake::Direction(_) => "contact forces have the wrong sign",
     }
 }
 
@@ -93,8 +93,10 @@ fn warning(loaded: &Loaded, form: &ContactForm, mistake: &Mistake) -> Diagnostic
     let named = |name: &String| loaded.script.terms.iter().find(|t| t.name.as_ref().is_some_and(|n| n.name == *name));
     let label = match mistake {
         Mistake::Balance { state, carried } => carried_words(state, *carried),
-        Mistake::Stress { left } => format!("{:.0} % of it is left where contact is closed", 100.0 * left),
-        Mistake::Law { left } => format!("{:.0} % of the law is left where contact is closed", 100.0 * left),
+        Mistake::Stress { left } => format!("a residual of {:.0} % remains where contact is closed", 100.0 * left),
+        Mistake::Law { left } => {
+            format!("a residual of {:.0} % of the law remains where contact is closed", 100.0 * left)
+        }
         Mistake::Direction(what) => (*what).to_owned(),
     };
     let d = match form.terms.iter().filter_map(named).next_back() {
@@ -105,8 +107,8 @@ fn warning(loaded: &Loaded, form: &ContactForm, mistake: &Mistake) -> Diagnostic
         [_] => String::new(),
         many => format!(" (all terms there together: {})", many.join(", ")),
     };
-    let tried = "tried at one point of the faces with bodies of constant stress";
-    let d = d.note(format!("{tried}{together}; wfl verify shows what each state leaves"));
+    let tried = "tested at one point of the faces with bodies of constant stress";
+    let d = d.note(format!("{tried}{together}; wfl verify shows the residual of each state"));
     match mistake {
         Mistake::Balance { .. } => d.help(
             "look at the signs of the traction and the jump in the projections, and at the jump of the test functions: in \
@@ -130,5 +132,5 @@ fn carried_words(state: &str, carried: [Option<f64>; 2]) -> String {
         _ => "another part".to_owned(),
     };
     let what = if state == "closed" { "stress" } else { "shear" };
-    format!("{state} contact carries {of} of the {what} of the bodies: it should be 1")
+    format!("{state} contact balances {of} of the {what} of the bodies; it should be 1")
 }

@@ -24,6 +24,6 @@ fn told(loaded: &Loaded, body: &NegativeBody) -> Diagnostic {
         Some(term) => d.at(term.expr.span, text),
         None => d.note(format!("{text} ({})", body.terms.join(", "))),
     };
-    d.note("a body gives energy when it is deformed so: what is solved is no equilibrium of it")
-        .help("the signs of terms and parameters; an elastic body has E > 0 and -1 < nu < 0.5, a conductor k > 0")
+    d.note("such a deformation releases energy: the solution is no stable equilibrium")
+        .help("check the signs of terms and parameters; an elastic body has E > 0 and -1 < nu < 0.5, a conductor k > 0")
 }

@@ -27,8 +27,8 @@ fn told(loaded: &Loaded, scene: &Scene, c: &Coercivity) -> Option<Diagnostic> {
         (
             Diagnostic::new("W503", format!("theta = {} needs a larger gamma on this mesh", c.theta)),
             format!("smallest safe value here: {:.4e}", c.smallest()),
-            "below it the problem is not coercive and Newton may fail; theta = 0 needs a quarter of what theta = 1 needs, \
-             theta = -1 nothing",
+            "below it the problem is not coercive, and Newton's method may fail; theta = 0 needs a quarter of the \
+             value for theta = 1, theta = -1 has no bound",
         )
     } else if !c.is_usual() {
         (

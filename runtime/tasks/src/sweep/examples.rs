@@ -1,7 +1,7 @@
 //! The study of the examples, run from the root of the repository, as one page with figures.
 //!
 //! The sweeps are those of [`PARTS`]; their tables stay in `out/study`, so that a study that was stopped goes on. The
-//! page has what the tables say: the cheapest setting for a wanted error, the fronts, what costs nothing, what failed.
+//! page has what the tables say: the cheapest setting for a demanded error, the Pareto fronts, failed runs.
 
 use std::{
     num::NonZeroUsize,
@@ -303,7 +303,7 @@ fn own_errors(rows: &[Row]) -> String {
     if list.is_empty() { String::new() } else { format!("\nEstimated errors of the reference: {}.\n", list.join(", ")) }
 }
 
-/// The front of a quantity, with the source of each error.
+/// The Pareto front of a quantity, with the source of each error.
 fn front_of(rows: &[Row], quantity: &str) -> String {
     let all = points(rows, quantity);
     let mut text = format!("\nPareto front, {}:\n\n", page::title(quantity));

@@ -1,5 +1,5 @@
-//! What a table of runs says: the front of cheapest settings, the cheapest one for a wanted error, and where the error
-//! of a run comes from. Reads rows only.
+//! Evaluation of a table of runs: the Pareto front, the cheapest setting for a demanded error, and the main source of
+//! the error of a run. Reads rows only.
 
 use wfl_runtime::compare::MEASURE;
 

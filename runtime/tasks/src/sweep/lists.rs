@@ -1,7 +1,7 @@
 //! Lists of values of a knob, and every combination of them.
 //!
 //! `a,b,c` is a list, `a..b:log5` has five values at equal ratios, `a..b:lin5` five at equal distances. A comma inside
-//! brackets belongs to the value. Values are kept as texts: what is written in the table is what was asked for.
+//! brackets belongs to the value. Values are kept as texts, as they were requested.
 
 use thiserror::Error;
 use wfl_runtime::knobs::number;

@@ -1,12 +1,13 @@
 //! Sweeps: scenes over lists of settings, their errors and costs in one table.
 //!
 //! Every run is made in this process with a fresh state, one at a time: times are those of a machine that does nothing
-//! else. Several at once ([`Job::jobs`]) are not timed. A setting that fails stays in the table with its message and time.
-//! A table that is there already is gone on with: its rows are not run again as long as everything that their scene
-//! reads, its reference and the version of the program are the same.
+//! else. Several at once ([`Job::jobs`]) are not timed. A setting that fails stays in the table with its message and
+//! time. A table that is there already is gone on with: its rows are not run again as long as everything that their
+//! scene reads, its reference and the version of the program are the same.
 //!
-//! `lists` reads the words, knobs of the runtime change scenes, `bench` runs a setting, `reference` gives errors, `plan`
-//! orders the runs, `rows` makes a row of each, `table` keeps the rows; `front` and `page` read nothing but these.
+//! `lists` reads the words, knobs of the runtime change scenes, `bench` runs a setting, `reference` gives errors,
+//! `plan` orders the runs, `rows` makes a row of each, `table` keeps the rows; `front` and `page` read nothing but
+//! these.
 
 mod clock;
 mod examples;
@@ -92,7 +93,7 @@ pub fn sweep(job: &Job<'_>) -> Result<(), String> {
     let mut methods = methods(&scenes, &knobs, job.backend)?;
     let dir = OutputDir::open(&job.out).map_err(|e| told_later(&e))?;
     dir.go_on(Kind::Sweep, &plan(&methods)).map_err(|e| told_later(&e))?;
-    let _tidied = job.listener.writing(&job.out, "the rows made are kept: the same command goes on");
+    let _tidied = job.listener.writing(&job.out, "finished rows are kept: the same command continues");
     let mut sweep = Sweep {
         job,
         knobs: &knobs,
@@ -120,7 +121,7 @@ fn plan(methods: &[Method]) -> Plan {
 /// The rows of earlier sweeps, if the table is what they wrote.
 fn kept_rows(dir: &OutputDir) -> Result<Vec<Row>, String> {
     let changed = |e: OutputError| {
-        let help = "its rows are not gone on with: move it away, or write elsewhere: --out DIR; wfl sweep --plot makes its page";
+        let help = "its rows cannot be continued: move it away, or write elsewhere: --out DIR; wfl sweep --plot makes its page";
         format!("[E715]: {e}\n  = help: {help}")
     };
     match dir.verify(table::TABLE_FILE).map_err(changed)? {

@@ -201,7 +201,7 @@ fn seconds(row: &Row) -> String {
     row.value("time").map_or_else(String::new, |t| format!("{t:.3}"))
 }
 
-/// The same tables in Markdown, for a study: wanted errors and fronts; nothing where no error is known.
+/// The same tables in Markdown, for a study: demanded errors and Pareto fronts; nothing where no error is known.
 pub(super) fn markdown(rows: &[Row]) -> String {
     let (fields, measures) = quantities(rows);
     let head = "| quantity | demanded error | cheapest setting | time [s] | error |\n|---|---|---|---|---|\n";

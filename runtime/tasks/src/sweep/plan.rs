@@ -46,7 +46,7 @@ impl Sweep<'_> {
         }
         plan.retain(|p| self.rows.iter().all(|r| r.text("key") != p.key));
         let all = methods.len() * settings.len();
-        self.job.listener.progress(&format!("{} runs, {} of them in the table already", all, all - plan.len()));
+        self.job.listener.progress(&format!("{} runs, {} of them already in the table", all, all - plan.len()));
         let before = std::mem::take(&mut self.rows);
         let mut made: Vec<Option<Row>> = plan.iter().map(|_| None).collect();
         let mut clock = Clock::new(plan.iter().map(|p| (p.method, p.setting)));
@@ -73,7 +73,7 @@ impl Sweep<'_> {
         let bad = self.rows.iter().filter(|r| r.text("status") != "ok").count();
         let page = self.job.out.join(page::PAGE_FILE);
         self.job.listener.result(&page::markdown(&self.rows));
-        let told = format!("\n{} rows, {bad} of them failures; {}\n", self.rows.len(), page.display());
+        let told = format!("\n{} rows, {bad} failed; {}\n", self.rows.len(), page.display());
         self.job.listener.result(&told);
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! One row of a sweep: a setting run as often as asked for, its errors, times and costs.
+//! One row of a sweep: the repeated runs of a setting, its errors, times and costs.
 
 use wfl_runtime::{
     compare::{Solved, measures},
@@ -12,7 +12,7 @@ use crate::{
 };
 
 impl Sweep<'_> {
-    /// What tells a row from others: scene with its text, setting, repetitions and reference.
+    /// What identifies a row: scene with its text, setting, repetitions and reference.
     pub(super) fn key(&self, method: &Method, setting: &Setting) -> String {
         let reference = method.reference.map(|k| &self.references[k]);
         let reference = reference.map_or("none".to_owned(), |r| format!("{} {}", r.what, r.identity));
@@ -21,7 +21,7 @@ impl Sweep<'_> {
         format!("{} {identity} | {} | {n} | {reference}", method.path.display(), setting_text(setting))
     }
 
-    /// Runs a setting as often as asked for.
+    /// Runs a setting as often as requested.
     pub(super) fn row(&self, planned: &Planned<'_>) -> Row {
         let Planned { method, setting, key, .. } = planned;
         machine::forget_peak_memory();
@@ -101,7 +101,7 @@ fn status(run: &Run, errors: Option<&Result<Vec<(String, f64)>, String>>) -> (&'
     match (&run.status, errors) {
         (Status::Failed(why), _) => ("failed", why.clone()),
         (Status::NotConverged(why), _) => ("not converged", why.clone()),
-        (Status::Ok, Some(Err(why))) => ("failed", format!("solved, but it cannot be compared: {why}")),
+        (Status::Ok, Some(Err(why))) => ("failed", format!("solved, but not comparable: {why}")),
         (Status::Ok, errors) => {
             let measures = run.solved.as_ref().map(measures).unwrap_or_default();
             let errors = errors.and_then(|e| e.as_ref().ok()).into_iter().flatten();

@@ -1,12 +1,12 @@
 //! One half of a symmetric tangent.
 //!
-//! Of a symmetric law, what an entity adds for two nodes (j, i) is what it adds for (i, j), transposed, to the last bit.
-//! In a matrix made anew each pair of nodes is added once, in the rows of the node that stands first; after the last
-//! batch that adds there the sums are copied to the other place, while both are in the nearest cache: two thirds of the
-//! additions or less. A batch whose rows have several owners adds all pairs, entity after entity as the others do, so
-//! that every number is the same sum for any number of threads. Holds where all components of all nodes are coupled,
-//! two or three of them, and the rows of a node follow one another; does not know other tangents, whose pairs are all
-//! added.
+//! Of a symmetric law, what an entity adds for two nodes (j, i) is what it adds for (i, j), transposed, to the last
+//! bit. In a newly filled matrix each pair of nodes is added once, in the rows of the node that stands first; after the
+//! last batch that adds there the sums are copied to the other place, while both are in the nearest cache: two thirds
+//! of the additions or less. A batch whose rows have several owners adds all pairs, entity after entity as the others
+//! do, so that every number is the same sum for any number of threads. Holds where all components of all nodes are
+//! coupled, two or three of them, and the rows of a node follow one another; does not know other tangents, whose pairs
+//! are all added.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! A term on one entity or at one point, for looks at single elements. Not for assembly: slow.
+//! A term on one entity or at one point, for checks of single elements. Not for assembly: slow.
 
 use std::ops::ControlFlow;
 
@@ -30,7 +30,7 @@ pub struct PointTangent {
 }
 
 impl AssembledTerm {
-    /// The tangent on the first entity whose owning side is asked for: its global dofs and the matrix, row by row. Dofs
+    /// The tangent on the first entity, for its owning side: its global dofs and the matrix, row by row. Dofs
     /// of known fields are left out. `None` if there is no such entity.
     #[must_use]
     pub fn local_tangent(

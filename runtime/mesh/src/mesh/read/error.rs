@@ -1,4 +1,4 @@
-//! What can be wrong with a mesh file, with its place there.
+//! Errors in a mesh file, with their place.
 
 use crate::mesh::error::MeshError;
 

@@ -1,5 +1,5 @@
-//! What both Gmsh formats share: header, physical names, element types, and the way from numbered
-//! nodes and elements to a [`RawMesh`].
+//! Common parts of both Gmsh formats: header, physical names, element types, and the conversion of numbered nodes and
+//! elements to a [`RawMesh`].
 
 use std::collections::BTreeMap;
 
@@ -90,8 +90,8 @@ pub(super) fn version(bytes: &[u8]) -> Option<String> {
     None
 }
 
-/// The mesh of a file of any version: reads the sections that all versions write alike and gives the others, whose names
-/// are already read, to `read`.
+/// The mesh of a file of any version: reads the sections that all versions write alike and gives the others, whose
+/// names are already read, to `read`.
 pub(super) fn parse(
     bytes: &[u8],
     mut read: impl FnMut(&[u8], &mut Cursor<'_>, &mut Contents) -> Result<(), ReadError>,
@@ -334,7 +334,7 @@ fn add_lower(block: &Block, dim: usize, map: &NodeMap, groups: &mut Groups) -> R
         }
         for group in &block.groups {
             if kind.dim() + 1 == dim {
-                // Corners come first in Gmsh's lists, whatever the order.
+                // Corners come first in Gmsh's lists, for every order.
                 let corner = |i: usize| nodes[if i < kind.n_vertices() { i } else { 0 }];
                 let mut vertices = std::array::from_fn(corner);
                 if kind == CellKind::Quadrilateral {

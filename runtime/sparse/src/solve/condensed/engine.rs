@@ -1,7 +1,7 @@
-//! The factor of a condensed system: the constant part, and the part that is factored again.
+//! The factor of a condensed system: a constant part, and a part that is factored again.
 //!
-//! Promises: the constant part is factored when the engine is made and never again; factoring and solving reuse all
-//! memory. Knows nothing of residuals and older matrices.
+//! Promises: the constant part is factored once, when the engine is made; factoring and solving reuse all memory. Does
+//! not know residuals and earlier matrices.
 
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ const SMALLEST_SINGLE: f64 = 1e-4;
 /// Never more iterations than this: the basis is kept.
 pub(super) const MAX_ITERATIONS: usize = 60;
 /// Smallest pivot of the bulk relative to its diagonal with which it can stand alone: with a smaller one the forces
-/// that hold a body would cancel in the answers.
+/// that hold a body would cancel in the flexibility.
 const SMALLEST_ALONE: f64 = 1e-8;
 
 /// The factor.
@@ -115,7 +115,7 @@ impl EngineContext<'_> {
         let (bulk, is_bare) = alone(self.bulk)?;
         let symbolic = Symbolic::new(bulk.pattern(), self.coordinates, &[])?;
         let n_forces = Forces::count(self.changing, self.pairs);
-        // the answers of the changing dofs, and the matrix that is factored
+        // the flexibility of the changing dofs, and the matrix that is factored
         symbolic.claim(|_| false, self.dofs.len() * n_forces + n_forces * n_forces)?;
         let mut constant = whole_factor(&symbolic, &bulk, self.threads)?;
         let constant_pivot = smallest_pivot(&constant, &symbolic, &bulk);

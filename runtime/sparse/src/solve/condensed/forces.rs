@@ -12,11 +12,11 @@
 //! its own unknown w: its equation is the row of C as it stands. V is computed once.
 //!
 //! An older factor of `1 + M V` still serves as preconditioner of GMRES, with the exact product by V and the new M. In
-//! single precision all is: the factor of the bulk, V and the factor of `1 + M V`. GMRES then takes products with V from
-//! the factor of the bulk, whose own rounding the caller corrects by true residuals.
+//! single precision all is: the factor of the bulk, V and the factor of `1 + M V`. GMRES then takes products with V
+//! from the factor of the bulk, whose own rounding the caller corrects by true residuals.
 //!
 //! Promises: the same bytes for any number of threads; memory is kept. K must be positive definite without C.
-//! Does not look at residuals: the judge of the caller does.
+//! Does not check residuals: the caller does.
 
 use std::sync::Arc;
 
@@ -137,8 +137,8 @@ impl Forces {
         })
     }
 
-    /// Says whether the factor of the bulk is of single precision, and with it V and the factor of `1 + M V`. A change of
-    /// that loses both.
+    /// Says whether the factor of the bulk is of single precision, and with it V and the factor of `1 + M V`. A change
+    /// of that loses both.
     pub(super) fn set_single(&mut self, single: bool) {
         if self.single != single {
             self.single = single;
@@ -150,7 +150,7 @@ impl Forces {
         self.single
     }
 
-    /// Whether the values of the changing part are at hand, and answers to forces.
+    /// Whether the values of the changing part are available, and the flexibility.
     pub(super) fn is_connected(&self) -> bool {
         self.connected.is_some()
     }
@@ -198,7 +198,7 @@ impl Forces {
         self.connected.as_mut().is_some_and(|connected| connected.small.forget())
     }
 
-    /// First dofs of facing ones whose rows have turned out not to be opposite.
+    /// First dofs of facing pairs whose rows are not opposite.
     pub(super) fn apart(&self) -> &[u32] {
         &self.apart
     }

@@ -1,7 +1,7 @@
-//! What some unknowns answer to many unit loads: columns of `K⁻¹` restricted to rows.
+//! The flexibility of some dofs: columns of `K⁻¹` for many unit loads, restricted to rows.
 //!
-//! Promises: the same bytes for any number of threads; work on the fronts above the loads and the answers alone.
-//! Loads that are near each other in the order of elimination share their fronts: the caller sorts them so.
+//! Promises: the same bytes for any number of threads; work only on the fronts above the loads and the rows. Loads that
+//! are close in the elimination order share their fronts: the caller sorts them accordingly.
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
@@ -19,7 +19,7 @@ use wfl_host::memory::zeros;
 
 /// Loads that go through the fronts together: enough for the dense kernels, few enough for the cache.
 const BLOCK: usize = 64;
-/// Blocks whose answers are kept before they are sorted in. Fixed, so that memory is bounded for any number of threads.
+/// Blocks whose results are kept before they are sorted in. Fixed, so that memory is bounded for any number of threads.
 const WAVE: usize = 8;
 
 /// A unit load on a dof, and an opposite one on another (or [`NONE`]).
@@ -39,9 +39,9 @@ pub(super) struct Base<'a> {
 
 impl Base<'_> {
     /// Answers of `rows` (dofs) to the loads, `rows x loads` by rows, times the power of two that comes with them: it
-    /// brings the largest answers to the first loads to 1, so that single precision can hold them.
+    /// scales the largest results of the first loads to 1, within the range of single precision.
     ///
-    /// All in the precision that the factor is of, which must be that of the answers.
+    /// All in the precision of the factor, which must be that of the results.
     pub(super) fn responses<T: Number>(
         &self,
         loads: &[Load],

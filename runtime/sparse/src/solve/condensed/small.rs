@@ -1,10 +1,10 @@
-//! The dense matrix `1 + M V` of the forces, in double or single precision.
+//! The capacitance matrix `1 + M V` of the Woodbury solver, in double or single precision.
 //!
-//! From one matrix to the next few rows of M change: those where points slide or open. A factor of an earlier matrix, the
-//! reference, then serves on, and only a matrix as large as the number of changed rows is factored ([`Update`]).
+//! Between two matrices few rows of M change: those of points that slip or open. The factor of an earlier matrix, the
+//! reference, remains in use, and only a matrix of the number of changed rows is factored ([`Update`]).
 //!
-//! Promises: right-hand sides are of double precision; the same bytes for any number of threads; memory is kept.
-//! Does not know of forces and bodies: M is given by rows, V by its values.
+//! Promises: right-hand sides have double precision; the same bytes for any number of threads; memory is kept. Does not
+//! know contact and bodies: M is given by rows, V by its values.
 
 use rayon::prelude::*;
 
@@ -101,7 +101,8 @@ enum Next {
 }
 
 impl<T: Number> Small<T> {
-    /// A system of `n` unknowns, with V (`read x loads`) and the power of two that its values have been multiplied with.
+    /// A system of `n` unknowns, with V (`read x loads`) and the power of two that its values have been multiplied
+    /// with.
     pub(super) fn new((values, scale): (Vec<T>, f64), n: usize, threads: usize) -> Result<Self, SolveError> {
         let dense = Dense::new(n, threads)?;
         Ok(Self { v: Answers { values, scale }, dense, reference: Vec::new(), update: None, whole: 0, threads })

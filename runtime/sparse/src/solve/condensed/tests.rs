@@ -246,8 +246,8 @@ fn solve_with_multipliers(problem: &ElasticBox, has_forces: bool) {
     }
 }
 
-/// A saddle point of n unknowns and m conditions has n positive and m negative eigenvalues; a condition that is given up
-/// for a multiplier that is known takes the sign of its diagonal instead.
+/// A saddle point of n unknowns and m conditions has n positive and m negative eigenvalues; a condition that is given
+/// up for a multiplier that is known takes the sign of its diagonal instead.
 #[test]
 fn the_sign_of_the_determinant_is_that_of_its_inertia() {
     for (fix_high, cells) in [(false, 3), (true, 3), (true, 4)] {
@@ -299,7 +299,7 @@ fn the_sign_of_the_determinant_is_that_of_its_inertia() {
 fn sliding(problem: &ElasticBox, kind: Contact, step: usize, slips: impl Fn(usize) -> bool) -> Csr {
     let mut sticking = problem.contact(kind, 50.0, |_, _| true);
     let slipping = problem.contact(kind, 50.0, move |face, c| c == 0 || !slips(face));
-    // Where points slide the matrix goes on changing.
+    // Where points slip the matrix keeps changing.
     let values = sticking.values_mut().iter_mut().zip(slipping.values());
     values.filter(|(stick, slip)| stick != slip).for_each(|(stick, slip)| *stick = slip * (1.0 + 1e-3 * step as f64));
     sticking

@@ -8,8 +8,8 @@
 //! (A + E D V)⁻¹ b = A⁻¹ (b - E S⁻¹ D V A⁻¹ b)
 //! ```
 //!
-//! W has a column a changed row and is kept: rows that change again cost nothing but a new S, which is as small as their
-//! number. V stands here for answers to forces and, for a dof without stiffness, minus its own value.
+//! W has a column a changed row and is kept: rows that change again cost nothing but a new S, which is as small as
+//! their number. V is the flexibility and, for a dof without stiffness, minus its own value.
 //!
 //! Promises: the same bytes for any number of threads; what is not finite is refused.
 //! Does not decide when a reference has served its time: its owner does.

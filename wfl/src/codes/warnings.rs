@@ -1,0 +1,300 @@
+//! W4: the scene. W5: formulations. W6: the run. W7: leftovers.
+
+use super::{CodePage, page};
+
+pub(super) const PAGES: &[CodePage] = &[
+    page(
+        "W404",
+        "multiplier components without a jump",
+        "A multiplier component is dropped where it would make the system singular: prescribed values leave no jump \
+         for it, or at the edge of two surfaces another multiplier constrains the same jump. Components that can jump \
+         are kept. Where the sides can still slide and friction needs the normal traction, the traction of the nearest \
+         node where it is determined is used. An augmented Lagrangian acts as a penalty of stiffness gamma at dropped \
+         nodes. `with crosspoints=keep` keeps all components. Nodes at the end of a crack, where both sides are one \
+         node, give no warning: `wfl check` counts them.",
+        "multiplier l : vector on fault\nfix uL, uR = [0,0,0] on boundary\n\
+         term glue on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l",
+        "multiplier l : vector on fault with crosspoints=keep\nfix uL, uR = [0,0,0] on boundary\n\
+         term glue on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l",
+    ),
+    page(
+        "W405",
+        "duplicate nodes in one body",
+        "Two different nodes of cells of one body have the same coordinates: the body is torn there. Mesh generators \
+         leave such pairs where volumes were not fused. They are not merged automatically.",
+        "mesh file \"torn.msh\"",
+        "mesh file \"fused.msh\"",
+    ),
+    page(
+        "W406",
+        "points without an image",
+        "Some points of a term have no image under its mapping. The term is not integrated there.",
+        "mapping m = point [x + 0.5, y, z]\nmeasure r = max(Norm(Interpolate(u, m))) on all",
+        "mapping m = point [x + 0.5, y, z]\nmeasure r = max(Norm(Interpolate(u, m))) on left",
+    ),
+    page(
+        "W407",
+        "a renamed group of the mesh file",
+        "The name of the group is built in, used by a group of another dimension, or declared by the scene. The \
+         message gives its name in the scene; another name in the mesh generator avoids the conflict.",
+        "mesh file \"blocks.msh\"\nregion left = cells where x < 0",
+        "mesh file \"blocks.msh\"\nregion near = cells where x < 0",
+    ),
+    page(
+        "W410",
+        "a last step that is shorter than the others",
+        "The last value of `steps` is met exactly. If the increment does not divide the interval, the last step is \
+         shorter. Another increment makes all steps equal.",
+        "steps t = 0 to 1 by 0.3",
+        "steps t = 0 to 1 by 0.25",
+    ),
+    page(
+        "W411",
+        "a statement without effect",
+        "The statement does not change any result: a quadrature rule where nothing is integrated, a term that is zero, \
+         an initial guess where every value is prescribed, steps whose variable is not used. Often the name or the \
+         region is a wrong one.",
+        "quadrature on west degree 9",
+        "quadrature on all degree 9",
+    ),
+    page(
+        "W412",
+        "a load on prescribed displacements",
+        "The load acts on displacements that are prescribed on its whole region: the support takes it, and no unknown \
+         changes. A load on a partly free region gives no warning.",
+        "load u(1) = 1 on west",
+        "region east = faces where x == 1\nload u(1) = 1 on east",
+    ),
+    page(
+        "W413",
+        "different prescribed values at common nodes",
+        "The regions of two `fix` statements overlap, and their values differ at the common nodes. There the later \
+         statement holds. Equal values give no warning.",
+        "region floor = faces where z == 0\nfix u = [0,0,0] on west\nfix u(3) = 0.1 on floor",
+        "region lid = faces where x == 1\nfix u = [0,0,0] on west\nfix u(3) = 0.1 on lid",
+    ),
+    page(
+        "W414",
+        "an unknown that no term determines",
+        "No term contains the unknown, often because a parameter that multiplies all of them is 0. Prescribed values \
+         hold; all other values keep what `start` says, or 0, also in measures and outputs.",
+        "unknown v : scalar\nparam k = 0\nterm heat on all : k*Grad_v.Grad_Test_v\nfix v = 7 on west\nmeasure top = max(v) on all",
+        "unknown v : scalar\nparam k = 1\nterm heat on all : k*Grad_v.Grad_Test_v\nfix v = 7 on west\nmeasure top = max(v) on all",
+    ),
+    page(
+        "W415",
+        "points of a line outside the bodies",
+        "A line of `output csv` leaves the mesh, or passes through no body where one of its quantities is defined. The \
+         file has `nan` there.",
+        "output csv \"line\" : u along [0,0,0] to [1.5,0,0]",
+        "output csv \"line\" : u along [0,0,0] to [1,0,0]",
+    ),
+    page(
+        "W416",
+        "free nodes between fixed ones",
+        "A region of nodes consists of mesh nodes. A field of degree 2 or more has further nodes on edges and faces. A \
+         `fix` on the region leaves those free, and the body deforms there. A region of faces includes them.",
+        "unknown u : vector Q2\nregion side = nodes where x == 1\nfix u(1) = 0 on side",
+        "unknown u : vector Q2\nregion side = faces where x == 1\nfix u(1) = 0 on side",
+    ),
+    page(
+        "W501",
+        "a discontinuous term without a derivative",
+        "Heaviside and sign have derivative 0. A term that depends on an unknown only through them looks constant to \
+         Newton's method. A product with the argument, such as pos_part, has a derivative.",
+        "term t on fault : Heaviside(Pn)*(Test_uL.Normal)",
+        "term t on fault : pos_part(Pn)*(Test_uL.Normal)",
+    ),
+    page(
+        "W502",
+        "a radius that may be negative",
+        "Ball_projection with a negative radius gives 0. If the radius changes its sign with the contact pressure, \
+         write its positive part.",
+        "term t on fault : Ball_projection(uL, fric*Pn).Test_uL",
+        "term t on fault : Ball_projection(uL, fric*pos_part(Pn)).Test_uL",
+    ),
+    page(
+        "W503",
+        "a Nitsche parameter below its coercivity bound",
+        "Below (1+theta)^2/4 times the trace constant of the elements the problem is not coercive, and Newton's method \
+         may fail. The message has the smallest safe value on this mesh.",
+        "param gamma = 1e3",
+        "param gamma = 1e6",
+    ),
+    page(
+        "W504",
+        "a Nitsche parameter out of proportion",
+        "The parameter is far below or far above E/h of the cells at the interface: digits of the pressure or of the \
+         jump are lost to rounding. The message has the usual value on this mesh.",
+        "param gamma = 1e-6",
+        "param gamma = 1e6",
+    ),
+    page(
+        "W505",
+        "terms of different units in one equation",
+        "The sum of all terms with one test function is zero, so all integrated terms have the same unit. A term on \
+         faces has a unit with one length less than a term on cells.",
+        "param k = 1 [N/mm^4]\nparam p = 2 [N/mm]\nunknown u : vector [mm]\nterm base on all : k*u.Test_u\n\
+         term push on west : p*(Normal.Test_u)",
+        "param k = 1 [N/mm^4]\nparam p = 2 [N/mm^2]\nunknown u : vector [mm]\nterm base on all : k*u.Test_u\n\
+         term push on west : p*(Normal.Test_u)",
+    ),
+    page(
+        "W506",
+        "a quadrature rule with fewer points than a face has nodes",
+        "The degree in `quadrature` gives fewer points on a face than the unknowns have nodes. Displacements that \
+         vanish at these points cause no force of the term: contact does not resist them, and the tangent may be \
+         singular. Without the statement the degree follows from the terms.",
+        "unknown uL : vector Q2 on left\nquadrature on fault degree 1\n\
+         term tie on fault : gamma*jump(uL,uR).jump(Test_uL,Test_uR)",
+        "unknown uL : vector Q2 on left\nquadrature on fault degree 4\n\
+         term tie on fault : gamma*jump(uL,uR).jump(Test_uL,Test_uR)",
+    ),
+    page(
+        "W507",
+        "contact terms that do not balance the traction of the bodies",
+        "The contact terms were tested at a point of the faces with bodies of constant stress: no gap, pressed and \
+         sheared within the friction bound. A consistent method, whose projections contain stresses or multipliers, \
+         reproduces the traction of the bodies on each side for every parameter. These terms reproduce another part of \
+         it. Possible causes: a traction or a jump with the wrong sign, the traction of the other side, a test \
+         function on one side only, or one half of a form that has two. The discrete solution converges slowly, or to \
+         the solution of another problem.",
+        "def Pn = gamma*(jump(uL,uR).Normal) + trac(uL).Normal",
+        "def Pn = gamma*(jump(uL,uR).Normal) - trac(uL).Normal",
+    ),
+    page(
+        "W508",
+        "theta terms of Nitsche's method that do not cancel",
+        "In closed contact the terms tested with the stress of the test function cancel: the linear term, -theta/gamma \
+         times the traction, and the contribution of the projections. Here one is missing or has a wrong sign or \
+         factor. The exact solution does not satisfy such a form.",
+        "def Ptheta = gamma*jump(Test_uL,Test_uR) + theta*trac(Test_uL)",
+        "def Ptheta = gamma*jump(Test_uL,Test_uR) - theta*trac(Test_uL)",
+    ),
+    page(
+        "W509",
+        "a multiplier whose law contradicts equilibrium",
+        "In closed contact the multiplier that balances the stress of the bodies does not satisfy its own equation, \
+         and no other value satisfies both. The multiplier has a wrong sign in the projections, in the force or in its \
+         equation.",
+        "term law on fault : -1/gamma*(lambda - force).Test_lambda",
+        "term law on fault : -1/gamma*(lambda + force).Test_lambda",
+    ),
+    page(
+        "W510",
+        "contact forces with the wrong sign",
+        "The contact terms were tested at a point of the faces with bodies of constant stress, open and sliding. The \
+         terms transmit a force across an open gap that grows with the gap, or friction drives the slip. A jump or a \
+         projection has the wrong sign.",
+        "def Pn = -gamma*(jump(uL,uR).Normal) - trac(uL).Normal",
+        "def Pn = gamma*(jump(uL,uR).Normal) - trac(uL).Normal",
+    ),
+    page(
+        "W602",
+        "a cycle of active sets",
+        "Newton's method met the same active set again at the same load: some points alternate between stick and slip, \
+         or between open and closed. A line search or smaller load steps break the cycle.",
+        "solver newton with search=none",
+        "solver newton with search=auto",
+    ),
+    page(
+        "W605",
+        "a result with few correct digits",
+        "Rounding alone changes the unknowns by more than a thousandth of their size: the tangent is ill-conditioned. \
+         Usually a penalty or Nitsche parameter is far above E/h, or a material is nearly incompressible. The report \
+         has the estimated correct digits of each load step.",
+        "param gamma = 1e20",
+        "param gamma = 1e6",
+    ),
+    page(
+        "W606",
+        "a mechanical condition that does not hold",
+        "A converged state violates a condition that every solution satisfies; the message has the worst load step, \
+         the value and its limit. Loads and reactions balance, and the forces on both sides of an interface are equal \
+         (limit 1e-6 of the forces); otherwise a term is wrong. Bodies in contact do not overlap, and sticking points \
+         have not slipped (0.2 of the largest displacement); a larger penalty, Nitsche's method or a multiplier \
+         improves this. Contact forces are compressive, and friction opposes the slip (on all but 0.25 of the contact \
+         area); otherwise a sign is wrong. Tractions lie in the friction cone (limit 0.5; between the points where the \
+         law holds they leave it by an amount that falls with the cell size). The law of a multiplier holds at every \
+         point, and the result does not depend on its parameter, if the quadrature points are the nodes (`quadrature \
+         ... vertex`, elements of degree 1) and all faces of a node have one normal. On a curved interface that slides \
+         this is impossible: smaller faces reduce the error, and a run with another parameter shows its size. Nothing \
+         is checked where nothing has moved, because only rounding is left.",
+        "param gamma = 1e3",
+        "param gamma = 1e6",
+    ),
+    page(
+        "W607",
+        "a singular tangent at the initial state",
+        "The tangent at zero is singular or not finite, as for a p-Laplacian. The load step started from a linear \
+         field of small slope instead. If there are several solutions, `start` selects one.",
+        "term law on all : Norm_sqr(Grad_u)*(Grad_u:Grad_Test_u)\nload u = [0,0,-1] on all",
+        "term law on all : Norm_sqr(Grad_u)*(Grad_u:Grad_Test_u)\nload u = [0,0,-1] on all\nstart u = [0, 0, -0.001*x]",
+    ),
+    page(
+        "W608",
+        "an accuracy without an estimate of the discretisation error",
+        "The mesh comes from a file and cannot be refined, so its discretisation error is not estimated. Tolerance and \
+         penalty are set for the demanded accuracy; the exit code says that the accuracy is not confirmed.",
+        "mesh file \"body.msh\"\nsolver newton with accuracy=1e-2",
+        "mesh box [0,0,0] to [1,1,1] cells [2,2,2] hex\nsolver newton with accuracy=1e-2",
+    ),
+    page(
+        "W609",
+        "the solution may not be unique",
+        "A load step may have several solutions: friction with a large coefficient or a wedged body, and Nitsche's \
+         method with gamma far below E/h. There are three indications. Piecewise-linear path following reached the \
+         state on a path on which the load also decreased. A tangent during the iteration had a determinant of the \
+         opposite sign to that of the tied bodies: some loads then have several solutions, though perhaps not this \
+         one. Or the tangent at the solution itself has such a determinant, which proves that other states satisfy the \
+         same equations. The load steps decide which solution is found. Smaller load steps follow the loading history \
+         more closely; another method or a larger parameter shows what depends on the choice.",
+        "param fric = 5\nsteps t = 0 to 10 by 1",
+        "param fric = 5\nsteps t = 0 to 10 by 0.1",
+    ),
+    page(
+        "W610",
+        "a result that is not finite",
+        "A quantity of a result file, or a printed one, is infinite or undefined at a point. The file has nan or inf \
+         there; the message has the first place.",
+        "output vtk \"out\" : 1/u(1) as a",
+        "output vtk \"out\" : u(1) as a",
+    ),
+    page(
+        "W611",
+        "a body that is not positive definite",
+        "The terms of a field on cells have a negative stiffness in some direction: E below 0, a Poisson number \
+         outside -1 to 0.5, a diffusivity below 0, or a term with the wrong sign. The stiffness is computed from the \
+         sum of the terms at points of the cells, whatever the parameters are called. Such a body releases energy when \
+         it is deformed, and the solution is no equilibrium of it. A field that shares terms on cells with another \
+         unknown (a pressure) may be indefinite and is not judged.",
+        "param E = -1000",
+        "param E = 1000",
+    ),
+    page(
+        "W612",
+        "a projection radius that is negative at every point",
+        "The radius of a projection on a ball is a negative number. The projection then gives 0 for every argument: \
+         friction or plasticity is lost. A radius of 0 means no friction; a negative one is a wrong sign.",
+        "def t = Ball_projection(u, -0.4)",
+        "def t = Ball_projection(u, 0.4)",
+    ),
+    page(
+        "W615",
+        "friction that does not dissipate energy",
+        "Friction dissipates energy. In the load step named, the friction forces as a whole returned energy instead. \
+         The usual cause is a law for the total slip: it is valid for increasing loads, and when the loads decrease it \
+         drives the slip back. A law for the slip increment, written with `Previous_u`, has a memory. The report has \
+         the dissipated energy of each step (friction_work).",
+        "def Pt = gamma*tang(jump(uL,uR)) - tang(trac(uL))",
+        "def Pt = gamma*tang(jump(uL,uR) - jump(Previous_uL,Previous_uR)) - tang(trac(uL))",
+    ),
+    page(
+        "W702",
+        "declared but not needed",
+        "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \
+         for a misspelt name.",
+        "param rho = 2700",
+        "param rho = 2700\nterm weight on all : rho*9.81*Test_u(3)",
+    ),
+];
