@@ -4,6 +4,7 @@
 //! and values that share their [`Pattern`] so that a matrix can be filled again without a new structure.
 //! Does not solve, factor or order; see `solve`.
 
+mod error;
 mod pattern;
 
 use std::sync::Arc;
@@ -11,45 +12,13 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::{index::NONE, norm::largest};
+pub use error::CsrError;
 pub use pattern::{Pattern, PatternBuilder};
-use wfl_host::memory::TooMuchMemory;
 
 /// Rows handled by one parallel task of a product.
 const ROWS_PER_TASK: usize = 1024;
 /// Below this number of entries a product costs less than waking a second thread.
 const PARALLEL_ENTRIES: usize = 100_000;
-
-/// What can be wrong with the structure or the shape of a sparse matrix.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum CsrError {
-    /// The arrays do not describe a matrix.
-    #[error("row {row}: {what}")]
-    Structure {
-        /// Row (or dof) at which it was seen.
-        row: usize,
-        /// What is wrong.
-        what: &'static str,
-    },
-    /// Two shapes that must agree do not.
-    #[error("{what}: expected {} x {}, found {} x {}", expected.0, expected.1, found.0, found.1)]
-    Shape {
-        /// The operation.
-        what: &'static str,
-        /// Rows and columns that were needed.
-        expected: (usize, usize),
-        /// Rows and columns that were found.
-        found: (usize, usize),
-    },
-    /// More rows or columns than 32-bit indices can name.
-    #[error("{size} rows or columns do not fit 32-bit indices")]
-    TooLarge {
-        /// The offending size.
-        size: usize,
-    },
-    /// The matrix does not fit into the memory.
-    #[error(transparent)]
-    TooMuchMemory(#[from] TooMuchMemory),
-}
 
 /// A sparse matrix: a shared [`Pattern`] and one value for each of its entries.
 #[derive(Debug, Clone, PartialEq)]

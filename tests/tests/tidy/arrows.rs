@@ -113,7 +113,7 @@ const OWNERS: &[(&str, &[&str])] = &[
     ("libm", &["compiler/src/", "wfl/src/scalar_functions.rs"]),
     ("signal_hook", &["runtime/cli/src/interrupt.rs"]),
     ("faer", &["runtime/sparse/src/solve/"]),
-    ("pulp", &["runtime/discrete/src/assemble/", "runtime/sparse/src/solve/kernels.rs"]),
+    ("pulp", &["runtime/discrete/src/assemble/", "runtime/sparse/src/solve/kernels"]),
     ("zerocopy", &["runtime/discrete/src/assemble/"]),
     ("criterion", &["runtime/benches/"]),
     ("clap", &["runtime/cli/"]),

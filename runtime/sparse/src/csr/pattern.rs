@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use super::CsrError;
+use super::error::CsrError;
 use wfl_host::memory::grow;
 
 /// Structure of a sparse matrix in compressed row form.

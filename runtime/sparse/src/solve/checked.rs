@@ -7,124 +7,47 @@
 use std::sync::Arc;
 
 use super::dense::{Dense, Kind};
+use super::factorization::{Factorization, Pivot};
 use super::judge::{Judge, inverse_norm_estimate};
 use super::llt::Llt;
 use super::lu::SparseLu;
+use super::on_pattern::OnPattern;
 use super::sweep::Form;
 use super::{LinearSolver, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
 
-/// Below this relative pivot the null space is examined.
-const SUSPICIOUS_PIVOT: f64 = 1e-9;
 /// Shift, relative to the diagonal, with which a matrix without a factor is looked at.
 const SHIFT: f64 = 1e-9;
 /// Relative asymmetry that rounding in assembly explains.
 const ASYMMETRY: f64 = 1e-10;
 
-/// What a factorisation says about its smallest pivot.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Pivot {
-    ratio: f64,
-}
-
-impl Pivot {
-    pub(super) const HEALTHY: Pivot = Pivot { ratio: 1.0 };
-    pub(super) const UNKNOWN: Pivot = Pivot { ratio: 0.0 };
-
-    /// Whether the null space must be looked at.
-    pub(super) fn is_suspicious(self) -> bool {
-        self.ratio.is_nan() || self.ratio < SUSPICIOUS_PIVOT
-    }
-}
-
-impl From<(f64, u32)> for Pivot {
-    fn from((ratio, _): (f64, u32)) -> Self {
-        Pivot { ratio }
-    }
-}
-
-/// A solver whose solutions are not checked yet.
-pub(super) trait Factorization {
-    /// Whether half of the matrix is never read.
-    const NEEDS_SYMMETRY: bool;
-
-    /// The analysed pattern.
-    fn pattern(&self) -> &Arc<Pattern>;
-
-    /// Factors a matrix on exactly that pattern.
-    fn factor(&mut self, matrix: &Csr) -> Result<Pivot, SolveError>;
-
-    /// Solves in place with the last factor.
-    fn solve(&mut self, form: Form, x: &mut [f64]);
-
-    /// Whether the determinant of the matrix factored last is negative; `None` where the factor does not tell.
-    fn is_negative(&self) -> Option<bool>;
-
-    /// Turns to a more robust method for the same matrix; false when there is none.
-    fn retry(&mut self, _matrix: &Csr) -> Result<bool, SolveError> {
-        Ok(false)
-    }
-
-    /// After a failed factorisation: the error with what can be added to it, and a candidate for a null vector.
-    fn null_vector_at(&mut self, _matrix: &Csr, error: &SolveError) -> (SolveError, Option<Vec<f64>>) {
-        (error.clone(), None)
-    }
-}
-
-/// A factorisation with checked solutions.
+/// Any factorisation with its answers checked.
 pub(super) struct Checked<F> {
     factorization: F,
     judge: Judge,
     /// The matrix last factored, on the analysed pattern.
-    matrix: Csr,
-    /// For a narrower pattern seen last: where its entries go.
-    narrower: Option<(Arc<Pattern>, Vec<usize>)>,
+    matrix: OnPattern,
     is_factored: bool,
     null_space_is_clear: bool,
 }
 
 impl<F: Factorization> Checked<F> {
     pub(super) fn new(factorization: F, options: SolverOptions) -> Self {
-        let matrix = Csr::zeros(Arc::clone(factorization.pattern()));
-        let judge = Judge::new(matrix.n_rows(), options);
-        Self { factorization, judge, matrix, narrower: None, is_factored: false, null_space_is_clear: false }
-    }
-
-    /// Copies a matrix onto the analysed pattern.
-    fn take(&mut self, matrix: &Csr) -> Result<(), SolveError> {
-        let wanted = self.matrix.pattern();
-        if Arc::ptr_eq(wanted, matrix.pattern()) || **wanted == **matrix.pattern() {
-            self.matrix.values_mut().copy_from_slice(matrix.values());
-            return Ok(());
-        }
-        let n = self.matrix.n_rows();
-        if (matrix.n_rows(), matrix.n_cols()) != (n, n) {
-            let found = if matrix.n_rows() == n { matrix.n_cols() } else { matrix.n_rows() };
-            return Err(SolveError::Shape { what: "rows and columns of the matrix", expected: n, found });
-        }
-        let is_known = matches!(&self.narrower, Some((pattern, _)) if Arc::ptr_eq(pattern, matrix.pattern()));
-        if !is_known {
-            let places = matrix.pattern().positions_in(wanted).ok_or_else(|| outside(matrix.pattern(), wanted))?;
-            self.narrower = Some((Arc::clone(matrix.pattern()), places));
-        }
-        let (_, places) = self.narrower.as_ref().expect("it is known or has just been found");
-        self.matrix.values_mut().fill(0.0);
-        for (&place, value) in places.iter().zip(matrix.values()) {
-            self.matrix.values_mut()[place] = *value;
-        }
-        Ok(())
+        let matrix = OnPattern::new(factorization.pattern());
+        let judge = Judge::new(matrix.matrix.n_rows(), options);
+        Self { factorization, judge, matrix, is_factored: false, null_space_is_clear: false }
     }
 
     /// The class of a failed factorisation.
     fn classify(&mut self, error: SolveError) -> SolveError {
-        let (error, candidate) = self.factorization.null_vector_at(&self.matrix, &error);
+        let (error, candidate) = self.factorization.null_vector_at(&self.matrix.matrix, &error);
         if let Some(vector) = candidate {
-            return self.judge.as_singular(&[&self.matrix], vector).unwrap_or(error);
+            return self.judge.as_singular(&[&self.matrix.matrix], vector).unwrap_or(error);
         }
         if !matches!(error, SolveError::VanishingPivot { .. }) {
             return error;
         }
-        explain_singular(&mut self.judge, &self.matrix, None, error)
+        explain_singular(&mut self.judge, &self.matrix.matrix, None, error)
     }
 
     /// Inverse iteration with the factor, once for each factor.
@@ -134,7 +57,7 @@ impl<F: Factorization> Checked<F> {
         }
         let factorization = &mut self.factorization;
         let solver = &mut |x: &mut [f64]| factorization.solve(Form::Plain, x);
-        match self.judge.find_null_vector(&[&self.matrix], solver) {
+        match self.judge.find_null_vector(&[&self.matrix.matrix], solver) {
             Some(error) => {
                 self.is_factored = false;
                 Err(error)
@@ -196,18 +119,6 @@ pub(super) fn explain_bulk(
     explain().err().unwrap_or(error)
 }
 
-/// The first entry that a pattern lacks.
-pub(super) fn outside(pattern: &Pattern, wanted: &Pattern) -> SolveError {
-    for row in 0..pattern.n_rows() {
-        for &column in pattern.row(row) {
-            if wanted.position(row, column as usize).is_none() {
-                return SolveError::OutsidePattern { row, column: column as usize };
-            }
-        }
-    }
-    SolveError::Internal { what: "comparison of patterns" }
-}
-
 /// Refuses a matrix whose halves differ by more than rounding.
 pub(super) fn check_symmetry(matrix: &Csr) -> Result<(), SolveError> {
     if matrix.is_symmetric(ASYMMETRY) {
@@ -231,12 +142,12 @@ impl<F: Factorization> LinearSolver for Checked<F> {
     fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
         self.is_factored = false;
         self.null_space_is_clear = false;
-        self.take(matrix)?;
-        self.judge.look_at(&[&self.matrix])?;
+        self.matrix.take(matrix)?;
+        self.judge.look_at(&[&self.matrix.matrix])?;
         if F::NEEDS_SYMMETRY {
-            check_symmetry(&self.matrix)?;
+            check_symmetry(&self.matrix.matrix)?;
         }
-        match self.factorization.factor(&self.matrix) {
+        match self.factorization.factor(&self.matrix.matrix) {
             Ok(pivot) => {
                 self.is_factored = true;
                 if pivot.is_suspicious() { self.check_null_space() } else { Ok(()) }
@@ -251,7 +162,7 @@ impl<F: Factorization> LinearSolver for Checked<F> {
         }
         self.judge.check_rhs(rhs, x)?;
         let factorization = &mut self.factorization;
-        let matrix = [&self.matrix];
+        let matrix = [&self.matrix.matrix];
         let first = self.judge.solve(&matrix, &mut |x| factorization.solve(Form::Plain, x), rhs, x, 0.0);
         match first {
             Ok(report) => {
@@ -262,13 +173,18 @@ impl<F: Factorization> LinearSolver for Checked<F> {
             }
             Err(error @ SolveError::ResidualTooLarge { .. }) => {
                 self.check_null_space()?;
-                if !self.factorization.retry(&self.matrix)? {
+                if !self.factorization.retry(&self.matrix.matrix)? {
                     return Err(error);
                 }
                 self.null_space_is_clear = false;
                 let factorization = &mut self.factorization;
-                let mut report =
-                    self.judge.solve(&[&self.matrix], &mut |x| factorization.solve(Form::Plain, x), rhs, x, 0.0)?;
+                let mut report = self.judge.solve(
+                    &[&self.matrix.matrix],
+                    &mut |x| factorization.solve(Form::Plain, x),
+                    rhs,
+                    x,
+                    0.0,
+                )?;
                 report.refactored = true;
                 Ok(report)
             }
@@ -281,8 +197,8 @@ impl<F: Factorization> LinearSolver for Checked<F> {
             return Err(SolveError::NotFactored);
         }
         let factorization = &mut self.factorization;
-        let inverse = inverse_norm_estimate(self.matrix.n_rows(), &mut |form, x| factorization.solve(form, x));
-        Ok(inverse * self.matrix.norm_1())
+        let inverse = inverse_norm_estimate(self.matrix.matrix.n_rows(), &mut |form, x| factorization.solve(form, x));
+        Ok(inverse * self.matrix.matrix.norm_1())
     }
 
     fn is_negative(&self) -> Option<bool> {

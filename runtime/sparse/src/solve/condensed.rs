@@ -22,6 +22,7 @@ mod door;
 mod engine;
 mod forces;
 mod response;
+mod rows;
 mod small;
 #[cfg(test)]
 mod tests;
@@ -30,10 +31,11 @@ mod update;
 use std::sync::Arc;
 
 use super::SolverMemory;
-use super::checked::{check_symmetry, explain_bulk, explain_singular, outside};
+use super::checked::{check_symmetry, explain_bulk, explain_singular};
 use super::dense::Kind;
 use super::judge::Judge;
 use super::krylov::{Gmres, Limits};
+use super::on_pattern::OnPattern;
 use super::sweep::Form;
 use super::{Precision, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
@@ -118,7 +120,7 @@ fn choose(n_changing: usize, n_forces: usize) -> Strategy {
 /// regular.
 pub struct CheckedCondensed {
     bulk: Csr,
-    changing: Csr,
+    changing: OnPattern,
     /// Dofs that the changing part touches, increasing.
     dofs: Vec<u32>,
     coordinates: Option<Vec<[f64; 3]>>,
@@ -134,8 +136,6 @@ pub struct CheckedCondensed {
     difference: Csr,
     /// Values of the changing part in the factor.
     factored: Vec<f64>,
-    /// For a narrower pattern seen last: where its entries go.
-    narrower: Option<(Arc<Pattern>, Vec<usize>)>,
     gmres: Gmres,
     state: State,
     /// Whether the fresh factor has been searched for a null vector.
@@ -219,14 +219,13 @@ impl CheckedCondensed {
             difference: Csr::zeros(Arc::new(on_dofs(changing, &dofs)?)),
             factored: Vec::new(),
             bulk: bulk.clone(),
-            changing: Csr::zeros(Arc::clone(changing)),
+            changing: OnPattern::new(changing),
             coordinates: coordinates.map(<[_]>::to_vec),
             dofs,
             engine,
             spent: 0,
             factorisations: 0,
             judge,
-            narrower: None,
             gmres: Gmres::new(MAX_ITERATIONS),
             state: State::Empty,
             null_space_is_clear: false,
@@ -255,10 +254,10 @@ impl CheckedCondensed {
     pub fn update(&mut self, changing: &Csr) -> Result<(), SolveError> {
         let before = self.state;
         self.state = State::Empty;
-        self.take(changing)?;
-        self.judge.look_at(&[&self.bulk, &self.changing])?;
-        let is_useless = self.engine.take(&self.changing)? || before == State::Empty;
-        if !is_useless && self.factored == self.changing.values() {
+        self.changing.take(changing)?;
+        self.judge.look_at(&[&self.bulk, &self.changing.matrix])?;
+        let is_useless = self.engine.take(&self.changing.matrix)? || before == State::Empty;
+        if !is_useless && self.factored == self.changing.matrix.values() {
             self.state = State::Fresh;
             return Ok(());
         }
@@ -267,7 +266,7 @@ impl CheckedCondensed {
             return self.refactor();
         }
         for ((value, new), old) in
-            self.difference.values_mut().iter_mut().zip(self.changing.values()).zip(&self.factored)
+            self.difference.values_mut().iter_mut().zip(self.changing.matrix.values()).zip(&self.factored)
         {
             *value = new - old;
         }
@@ -323,30 +322,6 @@ impl CheckedCondensed {
         Ok(true)
     }
 
-    /// Copies the changing part onto its pattern.
-    fn take(&mut self, matrix: &Csr) -> Result<(), SolveError> {
-        let wanted = self.changing.pattern();
-        if Arc::ptr_eq(wanted, matrix.pattern()) || **wanted == **matrix.pattern() {
-            self.changing.values_mut().copy_from_slice(matrix.values());
-            return Ok(());
-        }
-        let n = self.bulk.n_rows();
-        if (matrix.n_rows(), matrix.n_cols()) != (n, n) {
-            let found = if matrix.n_rows() == n { matrix.n_cols() } else { matrix.n_rows() };
-            return Err(SolveError::Shape { what: "rows and columns of the matrix", expected: n, found });
-        }
-        if !matches!(&self.narrower, Some((pattern, _)) if Arc::ptr_eq(pattern, matrix.pattern())) {
-            let places = matrix.pattern().positions_in(wanted).ok_or_else(|| outside(matrix.pattern(), wanted))?;
-            self.narrower = Some((Arc::clone(matrix.pattern()), places));
-        }
-        let (_, places) = self.narrower.as_ref().expect("it is known or has just been found");
-        self.changing.values_mut().fill(0.0);
-        for (&place, value) in places.iter().zip(matrix.values()) {
-            self.changing.values_mut()[place] = *value;
-        }
-        Ok(())
-    }
-
     /// Makes the factor that of the matrix.
     fn refactor(&mut self) -> Result<(), SolveError> {
         self.state = State::Empty;
@@ -354,14 +329,14 @@ impl CheckedCondensed {
         self.factorisations += 1;
         self.null_space_is_clear = false;
         let kind = if self.is_symmetric() { Kind::Symmetric } else { Kind::General };
-        let mut outcome = self.engine.factor(&self.bulk, &self.changing, kind);
+        let mut outcome = self.engine.factor(&self.bulk, &self.changing.matrix, kind);
         if matches!(outcome, Err(SolveError::VanishingPivot { .. })) && self.rescue()? {
-            outcome = self.engine.factor(&self.bulk, &self.changing, kind);
+            outcome = self.engine.factor(&self.bulk, &self.changing.matrix, kind);
         }
         let pivot = match outcome {
             Ok(pivot) => pivot,
             Err(error @ SolveError::VanishingPivot { .. }) => {
-                let sum = self.bulk.plus(&self.changing)?;
+                let sum = self.bulk.plus(&self.changing.matrix)?;
                 let coordinates = self.coordinates.as_deref();
                 return Err(explain_singular(&mut self.judge, &sum, coordinates, error));
             }
@@ -371,14 +346,14 @@ impl CheckedCondensed {
             self.check_null_space()?;
         }
         self.factored.clear();
-        self.factored.extend_from_slice(self.changing.values());
+        self.factored.extend_from_slice(self.changing.matrix.values());
         self.state = State::Fresh;
         Ok(())
     }
 
     fn is_symmetric(&self) -> bool {
-        let values = self.changing.values();
-        let bound = ASYMMETRY * self.changing.max_abs();
+        let values = self.changing.matrix.values();
+        let bound = ASYMMETRY * self.changing.matrix.max_abs();
         let across = |mirror: &Vec<usize>| {
             values.iter().zip(mirror).all(|(value, &place)| (value - values[place]).abs() <= bound)
         };
@@ -393,7 +368,7 @@ impl CheckedCondensed {
         }
         let context = EngineContext {
             bulk: &self.bulk,
-            changing: self.changing.pattern(),
+            changing: self.changing.matrix.pattern(),
             dofs: &self.dofs,
             coordinates: self.coordinates.as_deref(),
             pairs: &[],
@@ -410,7 +385,7 @@ impl CheckedCondensed {
         }
         let (engine, judge) = (&mut self.engine, &mut self.judge);
         let solver = &mut |x: &mut [f64]| engine.solve(Form::Plain, x);
-        match judge.find_null_vector(&[&self.bulk, &self.changing], solver) {
+        match judge.find_null_vector(&[&self.bulk, &self.changing.matrix], solver) {
             Some(error) => {
                 self.state = State::Empty;
                 Err(error)
@@ -501,7 +476,7 @@ impl CheckedCondensed {
 
     fn solve_fresh(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
         let engine = &mut self.engine;
-        let parts = [&self.bulk, &self.changing];
+        let parts = [&self.bulk, &self.changing.matrix];
         self.judge.solve(&parts, &mut |x| engine.solve(Form::Plain, x), rhs, x, tolerance)
     }
 
@@ -550,7 +525,7 @@ impl CheckedCondensed {
                 b.fill(f64::NAN);
             }
         };
-        let parts = [&self.bulk, &self.changing];
+        let parts = [&self.bulk, &self.changing.matrix];
         let outcome = self.judge.solve(&parts, &mut solver, rhs, x, tolerance);
         let has_grown = outcome.is_ok() && self.judge.has_grown(rhs, x);
         (iterations, outcome.ok().filter(|_| converged && !has_grown))

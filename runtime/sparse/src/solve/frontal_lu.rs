@@ -22,8 +22,9 @@ use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
 use super::SolveError;
+use super::contributions::{Contributions, Extent, StackSizes, shorten, stacks};
 use super::dense::is_odd;
-use super::multifrontal::{Multifrontal, StackSizes, shorten, stacks};
+use super::multifrontal::Multifrontal;
 use super::sweep::FrontFactor;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
 use crate::csr::Pattern;
@@ -65,8 +66,7 @@ struct Workspace {
     /// Numbers on the stack, at most.
     size: usize,
     memory: MemBuffer,
-    waiting: Vec<(u32, usize)>,
-    end: usize,
+    waiting: Contributions,
     inverse: Vec<u32>,
     largest_in_column: Vec<f64>,
     /// Smallest pivot relative to its column, and its place in the order of elimination.
@@ -135,8 +135,10 @@ impl FrontalLu {
     /// Takes the memory for the fronts in `members`, which holds every front above a member.
     pub(super) fn new(symbolic: &Symbolic, members: Vec<bool>, threads: usize) -> Result<Self, SolveError> {
         let plan = symbolic.plan(members, |front| 2.0 * symbolic.operations(front));
-        let extents: Vec<Extent> = plan.tasks.iter().map(|task| Extent::new(symbolic, plan.fronts_of(task))).collect();
-        let of_top = Extent::new(symbolic, plan.top.iter().copied());
+        let extent =
+            |fronts: &mut dyn Iterator<Item = u32>| Extent::new(symbolic, fronts, |k, r| (k + r) * r, |r| r * r);
+        let extents: Vec<Extent> = plan.tasks.iter().map(|task| extent(&mut plan.fronts_of(task))).collect();
+        let of_top = extent(&mut plan.top.iter().copied());
         let (mut starts, mut pivot_starts) = (vec![0], vec![0]);
         for front in 0..symbolic.n_fronts() {
             let (k, r) = if plan.members[front] { symbolic.sizes(front) } else { (0, 0) };
@@ -241,39 +243,9 @@ impl FrontalLu {
     }
 }
 
-/// The size of a workspace.
-struct Extent {
-    /// Numbers on the stack, at most.
-    stack: usize,
-    /// Contributions that wait, at most.
-    depth: usize,
-    /// Columns of the largest front.
-    largest: usize,
-}
-
-impl Extent {
-    /// That of these fronts in this order.
-    fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32>) -> Self {
-        let (mut end, mut stack, mut depth, mut largest) = (0usize, 0usize, 0, 0);
-        let mut waiting: Vec<(u32, usize)> = Vec::new();
-        for front in fronts {
-            let (k, r) = symbolic.sizes(front as usize);
-            largest = largest.max(k);
-            stack = stack.max(end + (k + r) * r);
-            while waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front) {
-                end = waiting.pop().expect("it has just been seen").1;
-            }
-            waiting.push((front, end));
-            depth = depth.max(waiting.len());
-            end += r * r;
-        }
-        Self { stack, depth, largest }
-    }
-}
-
 impl Workspace {
     fn new(extent: Extent) -> Result<Self, SolveError> {
-        let Extent { stack, depth, largest } = extent;
+        let Extent { stack, depth, columns: largest, .. } = extent;
         let scratch = lu_in_place_scratch::<u32, f64>(largest, largest, Par::Seq, Default::default());
         let memory = MemBuffer::try_new(scratch)
             .map_err(|_| refused_by_the_system(None, "work space of a sparse factorisation"))?;
@@ -281,8 +253,7 @@ impl Workspace {
             stack: Vec::new(),
             size: stack,
             memory,
-            waiting: Vec::with_capacity(depth),
-            end: 0,
+            waiting: Contributions::with_capacity(depth),
             inverse: vec![0; largest],
             largest_in_column: vec![0.0; largest],
             smallest: (1.0, 0),
@@ -292,7 +263,6 @@ impl Workspace {
     /// Takes the memory for a factorisation.
     fn open(&mut self) -> Result<(), SolveError> {
         self.waiting.clear();
-        self.end = 0;
         self.smallest = (1.0, 0);
         Ok(lengthen(&mut self.stack, self.size, "the contributions of a sparse factorisation")?)
     }
@@ -309,7 +279,7 @@ impl Workspace {
         let (k, r) = symbolic.sizes(front);
         let m = k + r;
         let (panel, upper) = values.split_at_mut(k * m);
-        let (below, free) = self.stack.split_at_mut(self.end);
+        let (below, free) = self.stack.split_at_mut(self.waiting.end());
         let trailing = &mut free[..m * r];
         trailing.fill(0.0);
         for part in context.parts {
@@ -325,8 +295,8 @@ impl Workspace {
                 continue;
             }
             let size = places.len() * places.len();
-            let contribution = match self.waiting.iter().rev().find(|(other, _)| *other as usize == child) {
-                Some(&(_, start)) => &below[start..start + size],
+            let contribution = match self.waiting.start_of(child as u32) {
+                Some(start) => &below[start..start + size],
                 None => {
                     &context.tasks[context.plan.task_of(child as u32).expect("children are done first")].stack[..size]
                 }
@@ -363,19 +333,14 @@ impl Workspace {
     /// Moves the lower part of the front, m x r by columns at the end of the stack, over the children's contributions.
     fn keep_contribution(&mut self, symbolic: &Symbolic, front: usize) {
         let (k, r) = symbolic.sizes(front);
-        let mut start = self.end;
-        while self.waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front as u32) {
-            start = self.waiting.pop().expect("it has just been seen").1;
-        }
+        let (start, end) = (self.waiting.take_children(symbolic, front), self.waiting.end());
         for column in 0..r {
-            let source = self.end + column * (k + r) + k;
+            let source = end + column * (k + r) + k;
             self.stack.copy_within(source..source + r, start + column * r);
         }
-        if symbolic.parents[front] != INTERFACE {
-            self.waiting.push((front as u32, start));
-            self.end = start + r * r;
-        } else {
-            self.end = start;
+        self.waiting.push(front, start, r * r);
+        if symbolic.parents[front] == INTERFACE {
+            self.waiting.pop();
         }
     }
 }

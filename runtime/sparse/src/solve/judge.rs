@@ -146,21 +146,6 @@ impl Judge {
             return Ok(SolveReport::default());
         }
         solver(x);
-        self.refine(parts, solver, rhs, x, tolerance)
-    }
-
-    /// Measures and refines a solution.
-    ///
-    /// # Errors
-    /// As [`Judge::solve`].
-    fn refine(
-        &mut self,
-        parts: &[&Csr],
-        solver: &mut dyn FnMut(&mut [f64]),
-        rhs: &[f64],
-        x: &mut [f64],
-        tolerance: f64,
-    ) -> Result<SolveReport, SolveError> {
         let limit = self.options.residual_limit;
         let mut measure = self.measure(parts, rhs, x);
         let mut refinements = 0;

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use super::SolveError;
-use super::checked::{Factorization, Pivot};
+use super::factorization::{Factorization, Pivot};
 use super::multifrontal::Multifrontal;
 use super::sweep::{Form, FrontFactor, Sweep};
 use super::symbolic::Symbolic;

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use super::SolveError;
-use super::checked::{Factorization, Pivot};
+use super::factorization::{Factorization, Pivot};
 use super::faer_lu::FaerLu;
 use super::frontal_lu::{EntryMap, FrontalLu, Part};
 use super::sweep::{Form, Sweep};

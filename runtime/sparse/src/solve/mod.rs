@@ -11,7 +11,9 @@
 
 mod checked;
 mod condensed;
+mod contributions;
 mod dense;
+mod factorization;
 mod faer_lu;
 mod frontal_lu;
 mod judge;
@@ -22,6 +24,7 @@ mod lu;
 mod memory;
 mod multifrontal;
 mod null_space;
+mod on_pattern;
 mod ordering;
 #[cfg(test)]
 mod problems;

@@ -23,6 +23,7 @@ use faer::{Accum, MatMut, Par};
 use rayon::prelude::*;
 
 use super::SolveError;
+use super::contributions::{Contributions, Extent, StackSizes, shorten, stacks};
 use super::scaling::power_of_two;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
 use wfl_host::memory::{claim_numbers, lengthen, refused_by_the_system, zeros};
@@ -62,20 +63,7 @@ struct Workspace {
     /// Numbers on the stack, at most.
     size: usize,
     memory: MemBuffer,
-    /// Front and start of each waiting contribution.
-    waiting: Vec<(u32, usize)>,
-    /// End of the last of them.
-    end: usize,
-}
-
-/// The size of a workspace.
-struct Extent {
-    /// Numbers on the stack, at most.
-    stack: usize,
-    /// Contributions that wait, at most.
-    depth: usize,
-    /// Columns of the largest front.
-    largest: usize,
+    waiting: Contributions,
 }
 
 /// What every front of one factorisation needs.
@@ -92,8 +80,10 @@ impl Multifrontal {
     /// Takes the memory for the fronts in `members`, which holds every front below a member.
     pub(super) fn new(symbolic: &Symbolic, members: Vec<bool>, threads: usize) -> Result<Self, SolveError> {
         let plan = symbolic.plan(members, |front| symbolic.operations(front));
-        let extents: Vec<Extent> = plan.tasks.iter().map(|task| Extent::new(symbolic, plan.fronts_of(task))).collect();
-        let of_top = Extent::new(symbolic, plan.top.iter().copied());
+        let square = |r: usize| r * r;
+        let extent = |fronts: &mut dyn Iterator<Item = u32>| Extent::new(symbolic, fronts, |_, r| square(r), square);
+        let extents: Vec<Extent> = plan.tasks.iter().map(|task| extent(&mut plan.fronts_of(task))).collect();
+        let of_top = extent(&mut plan.top.iter().copied());
         let mut panels = vec![0];
         for front in 0..symbolic.n_fronts() {
             let (k, r) = symbolic.sizes(front);
@@ -102,7 +92,7 @@ impl Multifrontal {
         let threads = super::worthwhile_threads(threads, plan.cost);
         let sizes = |(task, extent): (&Task, &Extent)| StackSizes {
             whole: extent.stack,
-            root: square(symbolic, task.root as usize),
+            root: square(symbolic.sizes(task.root as usize).1),
         };
         let stacks = stacks(plan.tasks.iter().zip(&extents).map(sizes), of_top.stack, threads);
         claim_numbers((panels[symbolic.n_fronts()] + stacks) as u64, "the factor of the matrix")?;
@@ -151,8 +141,8 @@ impl Multifrontal {
         let (workspace, start) = match self.plan.task_of(front as u32) {
             Some(task) => (&self.workspaces[task], 0),
             None => {
-                let place = self.top.waiting.binary_search_by_key(&(front as u32), |&(other, _)| other);
-                (&self.top, self.top.waiting[place.expect("contributions outside the plan wait")].1)
+                let start = self.top.waiting.start_of(front as u32);
+                (&self.top, start.expect("contributions outside the plan wait"))
             }
         };
         &workspace.stack[start..start + square(symbolic, front)]
@@ -248,7 +238,7 @@ impl Multifrontal {
     /// Gives back the memory that only a further factorisation needs, and the contributions with it.
     pub(super) fn finish(&mut self) {
         for workspace in self.workspaces.iter_mut().chain([&mut self.top]) {
-            workspace.clear();
+            workspace.waiting.clear();
             workspace.stack = Vec::new();
         }
     }
@@ -282,56 +272,24 @@ impl Panel<'_> {
     }
 }
 
-impl Extent {
-    /// That of these fronts in this order.
-    fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32>) -> Self {
-        let (mut end, mut stack, mut depth, mut largest) = (0usize, 0usize, 0, 0);
-        let mut waiting: Vec<(u32, usize)> = Vec::new();
-        for front in fronts {
-            let size = square(symbolic, front as usize);
-            largest = largest.max(symbolic.sizes(front as usize).0);
-            stack = stack.max(end + size);
-            while waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front) {
-                end = waiting.pop().expect("it has just been seen").1;
-            }
-            waiting.push((front, end));
-            depth = depth.max(waiting.len());
-            end += size;
-            // Contributions to the interface are taken at once.
-            if symbolic.parents[front as usize] == INTERFACE {
-                end = waiting.pop().expect("it has just been pushed").1;
-            }
-        }
-        Self { stack, depth, largest }
-    }
-}
-
 impl Workspace {
     fn new(extent: Extent) -> Result<Self, SolveError> {
-        let scratch = cholesky_in_place_scratch::<f64>(extent.largest, Par::Seq, Default::default());
+        let scratch = cholesky_in_place_scratch::<f64>(extent.columns, Par::Seq, Default::default());
         let memory = MemBuffer::try_new(scratch)
             .map_err(|_| refused_by_the_system(None, "work space of a sparse factorisation"))?;
-        let waiting = Vec::with_capacity(extent.depth);
-        Ok(Self { stack: Vec::new(), size: extent.stack, memory, waiting, end: 0 })
-    }
-
-    fn clear(&mut self) {
-        self.waiting.clear();
-        self.end = 0;
+        let waiting = Contributions::with_capacity(extent.depth);
+        Ok(Self { stack: Vec::new(), size: extent.stack, memory, waiting })
     }
 
     /// Takes the memory for a factorisation.
     fn open(&mut self) -> Result<(), SolveError> {
-        self.clear();
+        self.waiting.clear();
         Ok(lengthen(&mut self.stack, self.size, "the contributions of a sparse factorisation")?)
     }
 
     /// Takes the last contribution off the stack; it stays readable until the next front.
     fn pop(&mut self) -> &[f64] {
-        let (_, start) = self.waiting.pop().expect("a front has been pushed");
-        let contribution = &self.stack[start..self.end];
-        self.end = start;
-        contribution
+        &self.stack[self.waiting.pop()]
     }
 
     fn factor_subtree(
@@ -354,13 +312,13 @@ impl Workspace {
     fn factor_front(&mut self, context: &Context<'_>, front: usize, panel: &mut [f64]) -> Result<(), SolveError> {
         let symbolic = context.symbolic;
         let (k, r) = symbolic.sizes(front);
-        let (below, free) = self.stack.split_at_mut(self.end);
+        let (below, free) = self.stack.split_at_mut(self.waiting.end());
         let own = &mut free[..r * r];
         let waiting = &self.waiting;
         let children = || {
             symbolic.children_of(front).iter().map(|&child| {
-                let contribution = match waiting.iter().rev().find(|(other, _)| *other == child) {
-                    Some(&(_, start)) => &below[start..start + square(symbolic, child as usize)],
+                let contribution = match waiting.start_of(child) {
+                    Some(start) => &below[start..start + square(symbolic, child as usize)],
                     None => context.finished(child),
                 };
                 (contribution, symbolic.places_of(child as usize))
@@ -378,15 +336,11 @@ impl Workspace {
         for (contribution, places) in children() {
             add_to_rows(contribution, places, own, k, r);
         }
-        let mut start = self.end;
-        while self.waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front as u32) {
-            start = self.waiting.pop().expect("it has just been seen").1;
+        let (start, end) = (self.waiting.take_children(symbolic, front), self.waiting.end());
+        if start < end {
+            self.stack.copy_within(end..end + r * r, start);
         }
-        if start < self.end {
-            self.stack.copy_within(self.end..self.end + r * r, start);
-        }
-        self.waiting.push((front as u32, start));
-        self.end = start + r * r;
+        self.waiting.push(front, start, r * r);
         Ok(())
     }
 }
@@ -397,38 +351,6 @@ impl Context<'_> {
         let task = self.plan.task_of(root).expect("children are done first");
         &self.tasks[task].stack[..square(self.symbolic, root as usize)]
     }
-}
-
-/// Numbers of a stack above which what is not needed any more is given back: below, asking for it again costs more than
-/// it saves.
-const KEPT: usize = 1 << 17;
-
-/// Leaves so many numbers of a stack.
-pub(super) fn shorten(stack: &mut Vec<f64>, length: usize) {
-    if stack.len() > KEPT && stack.len() > length {
-        stack.truncate(length);
-        stack.shrink_to_fit();
-    }
-}
-
-/// Numbers that the stacks hold at most: every task keeps the contribution of its root, and so many tasks at a time
-/// have a whole stack.
-pub(super) fn stacks(tasks: impl Iterator<Item = StackSizes>, top: usize, threads: usize) -> usize {
-    let (mut kept, mut rest) = (0, Vec::new());
-    for task in tasks {
-        kept += task.root;
-        rest.push(task.whole.saturating_sub(task.root));
-    }
-    rest.sort_unstable_by(|a, b| b.cmp(a));
-    kept + rest.iter().take(threads.max(1)).sum::<usize>().max(top)
-}
-
-/// Numbers on the stack of a task.
-pub(super) struct StackSizes {
-    /// At most.
-    pub(super) whole: usize,
-    /// At its end.
-    pub(super) root: usize,
 }
 
 /// Number of values of the contribution of a front.

@@ -8,7 +8,7 @@
 
 use nalgebra::DMatrix;
 
-use super::checked::Factorization;
+use super::factorization::Factorization;
 use super::llt::Llt;
 use super::sweep::Form;
 use crate::csr::{Csr, PatternBuilder};

@@ -1,6 +1,7 @@
 //! Generated systems for the tests of this folder: elasticity on a box of hexahedra with trilinear shape functions.
 
 use crate::csr::{Csr, PatternBuilder};
+use crate::index::NONE;
 use std::sync::Arc;
 
 /// A box of hexahedra with three displacements a node, optionally cut into two by an interface at a plane of nodes.
@@ -31,91 +32,111 @@ pub(super) struct BoxOptions {
     pub(super) fix_high: bool,
 }
 
-impl ElasticBox {
-    pub(super) fn new(options: &BoxOptions) -> Self {
+/// The nodes of a box, layer by layer along the first axis.
+struct Nodes {
+    /// Numbers of cells along the second and the third axis.
+    cells: [usize; 2],
+    /// First dofs, [`NONE`] where a node is fixed.
+    number: Vec<u32>,
+    coordinates: Vec<[f64; 3]>,
+    h: f64,
+}
+
+impl Nodes {
+    fn new(options: &BoxOptions) -> Self {
         let [nx, ny, nz] = options.cells;
         let layers = nx + 1 + usize::from(options.cut.is_some());
-        // A node layer is (plane, copy): the copy there of the cut plane comes one later.
-        let layer_of = |cell: usize, upper: usize| {
-            let shift = usize::from(options.cut.is_some_and(|cut| cell >= cut));
-            cell + upper + shift
-        };
         let plane_of = |layer: usize| match options.cut {
             Some(cut) if layer > cut => layer - 1,
             _ => layer,
         };
         let fixed = |layer: usize| (options.fix_low && layer == 0) || (options.fix_high && layer == layers - 1);
-        let mut number = vec![u32::MAX; layers * (ny + 1) * (nz + 1)];
-        let mut coordinates = Vec::new();
+        let (mut number, mut coordinates) = (Vec::new(), Vec::new());
         let h = 1.0 / ny as f64;
-        let at = |layer: usize, j: usize, k: usize| (layer * (ny + 1) + j) * (nz + 1) + k;
         for layer in 0..layers {
             for j in 0..=ny {
                 for k in 0..=nz {
-                    if !fixed(layer) {
-                        number[at(layer, j, k)] = coordinates.len() as u32;
-                        let point = [plane_of(layer) as f64 * h, j as f64 * h, k as f64 * h];
-                        coordinates.extend([point; 3]);
+                    if fixed(layer) {
+                        number.push(NONE);
+                        continue;
                     }
+                    number.push(coordinates.len() as u32);
+                    coordinates.extend([[plane_of(layer) as f64 * h, j as f64 * h, k as f64 * h]; 3]);
                 }
             }
         }
-        let n = coordinates.len();
+        Self { cells: [ny, nz], number, coordinates, h }
+    }
+
+    fn first_dof(&self, layer: usize, j: usize, k: usize) -> u32 {
+        let [ny, nz] = self.cells;
+        self.number[(layer * (ny + 1) + j) * (nz + 1) + k]
+    }
+
+    /// Equal components at equal points of the two sides of a cut.
+    fn pairs(&self, cut: usize) -> Vec<(u32, u32)> {
+        let [ny, nz] = self.cells;
+        let places = (0..=ny).flat_map(|j| (0..=nz).map(move |k| (j, k)));
+        let of_node = |(j, k)| [0, 1, 2].map(|c| (self.first_dof(cut, j, k) + c, self.first_dof(cut + 1, j, k) + c));
+        places.flat_map(of_node).collect()
+    }
+
+    /// First dofs around the faces of a cut, as [`ElasticBox::faces`].
+    fn faces(&self, cut: usize) -> Vec<[u32; 16]> {
+        let [ny, nz] = self.cells;
+        let layers = [cut, cut + 1, cut - 1, cut + 2];
+        let node = |j: usize, k: usize, at: usize| self.first_dof(layers[at / 4], j + (at & 1), k + ((at >> 1) & 1));
+        let places = (0..ny).flat_map(|j| (0..nz).map(move |k| (j, k)));
+        places.map(|(j, k)| std::array::from_fn(|at| node(j, k, at))).collect()
+    }
+}
+
+/// The sum of the element matrices over cells given by the first dofs of their nodes.
+fn assembled(elements: &[[u32; 8]], n: usize, h: f64) -> Csr {
+    let mut builder = PatternBuilder::new(n, n);
+    let dofs = |nodes: &[u32; 8]| -> Vec<(usize, u32)> {
+        (0..24).filter(|&l| nodes[l / 3] != NONE).map(|l| (l, nodes[l / 3] + (l % 3) as u32)).collect()
+    };
+    for nodes in elements {
+        builder.add_element(&dofs(nodes).iter().map(|&(_, dof)| dof).collect::<Vec<_>>());
+    }
+    let mut matrix = Csr::zeros(Arc::new(builder.build().unwrap()));
+    let local = stiffness(h);
+    for nodes in elements {
+        let list = dofs(nodes);
+        for &(a, row) in &list {
+            for &(b, column) in &list {
+                assert!(matrix.add_to(row as usize, column as usize, local[a][b]));
+            }
+        }
+    }
+    matrix
+}
+
+impl ElasticBox {
+    pub(super) fn new(options: &BoxOptions) -> Self {
+        let [nx, ny, nz] = options.cells;
+        let nodes = Nodes::new(options);
+        // the side there of the cut stands one layer later
+        let layer_of = |cell: usize, upper: usize| {
+            let shift = usize::from(options.cut.is_some_and(|cut| cell >= cut));
+            cell + upper + shift
+        };
         let mut elements = Vec::new();
         for i in 0..nx {
             for j in 0..ny {
                 for k in 0..nz {
-                    let mut nodes = [0u32; 8];
-                    for (corner, node) in nodes.iter_mut().enumerate() {
-                        let (a, b, c) = (corner & 1, (corner >> 1) & 1, corner >> 2);
-                        *node = number[at(layer_of(i, a), j + b, k + c)];
-                    }
-                    elements.push(nodes);
+                    let corner = |c: usize| nodes.first_dof(layer_of(i, c & 1), j + ((c >> 1) & 1), k + (c >> 2));
+                    elements.push(std::array::from_fn(corner));
                 }
             }
         }
-        let mut builder = PatternBuilder::new(n, n);
-        let dofs = |nodes: &[u32; 8]| -> Vec<(usize, u32)> {
-            (0..24).filter(|&l| nodes[l / 3] != u32::MAX).map(|l| (l, nodes[l / 3] + (l % 3) as u32)).collect()
-        };
-        for nodes in &elements {
-            builder.add_element(&dofs(nodes).iter().map(|&(_, dof)| dof).collect::<Vec<_>>());
-        }
-        let mut matrix = Csr::zeros(Arc::new(builder.build().unwrap()));
-        let local = stiffness(h);
-        for nodes in &elements {
-            let list = dofs(nodes);
-            for &(a, row) in &list {
-                for &(b, column) in &list {
-                    assert!(matrix.add_to(row as usize, column as usize, local[a][b]));
-                }
-            }
-        }
-        let mut pairs = Vec::new();
-        if let Some(cut) = options.cut {
-            for j in 0..=ny {
-                for k in 0..=nz {
-                    for c in 0..3 {
-                        pairs.push((number[at(cut, j, k)] + c, number[at(cut + 1, j, k)] + c));
-                    }
-                }
-            }
-        }
+        let matrix = assembled(&elements, nodes.coordinates.len(), nodes.h);
+        let pairs = options.cut.map_or(Vec::new(), |cut| nodes.pairs(cut));
         let mut interface: Vec<u32> = pairs.iter().flat_map(|&(here, there)| [here, there]).collect();
         interface.sort_unstable();
-        let mut faces = Vec::new();
-        if let Some(cut) = options.cut {
-            for (j, k) in (0..ny).flat_map(|j| (0..nz).map(move |k| (j, k))) {
-                let mut face = [0; 16];
-                for (group, layer) in [cut, cut + 1, cut - 1, cut + 2].into_iter().enumerate() {
-                    for corner in 0..4 {
-                        face[group * 4 + corner] = number[at(layer, j + (corner & 1), k + (corner >> 1))];
-                    }
-                }
-                faces.push(face);
-            }
-        }
-        Self { matrix, coordinates, interface, pairs, faces, h }
+        let faces = options.cut.map_or(Vec::new(), |cut| nodes.faces(cut));
+        Self { matrix, coordinates: nodes.coordinates, interface, pairs, faces, h: nodes.h }
     }
 
     pub(super) fn n(&self) -> usize {

@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 
+use super::contributions::{Contributions, Extent};
 use super::kernels::{
     Diagonal, lower_sweep, lower_transposed_sweep, subtract_product, subtract_transposed_product, upper_sweep,
     upper_transposed_sweep,
@@ -67,8 +68,7 @@ struct Top {
 
 struct Workspace {
     stack: Vec<f64>,
-    waiting: Vec<(u32, usize)>,
-    end: usize,
+    waiting: Contributions,
     /// The pivots, or the rows, of one front.
     front: Vec<f64>,
 }
@@ -158,7 +158,7 @@ impl Sweep {
         let (plan, columns) = (&self.plan, &self.columns);
         let parts = plan.split(&mut self.ordered, |front| columns[front]);
         let run = |workspace: &mut Workspace, (task, x): (&Task, &mut [f64])| {
-            workspace.clear();
+            workspace.waiting.clear();
             let offset = columns[task.first as usize];
             for front in plan.fronts_of(task).map(|front| front as usize) {
                 let own = &mut x[columns[front] - offset..columns[front + 1] - offset];
@@ -179,7 +179,7 @@ impl Sweep {
             &workspaces[task].stack[..symbolic.sizes(child as usize).1]
         };
         let run = |Top { fronts, workspace }: &mut Top, (offset, x): (usize, &mut [f64])| {
-            workspace.clear();
+            workspace.waiting.clear();
             for front in fronts.iter().map(|&front| front as usize) {
                 let own = &mut x[columns[front] - offset..columns[front + 1] - offset];
                 workspace.forward_front(symbolic, front, factor(front), form, own, finished);
@@ -268,35 +268,13 @@ impl Top {
 
 impl Workspace {
     fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32>) -> Self {
-        let (mut end, mut peak, mut depth, mut largest) = (0usize, 0usize, 0, 0);
-        let mut waiting: Vec<(u32, usize)> = Vec::new();
-        for front in fronts {
-            let (k, r) = symbolic.sizes(front as usize);
-            largest = largest.max(k).max(r);
-            peak = peak.max(end + r);
-            while waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front) {
-                end = waiting.pop().expect("it has just been seen").1;
-            }
-            waiting.push((front, end));
-            depth = depth.max(waiting.len());
-            end += r;
-            if symbolic.parents[front as usize] == INTERFACE {
-                end = waiting.pop().expect("it has just been pushed").1;
-            }
-        }
-        Self { stack: vec![0.0; peak], waiting: Vec::with_capacity(depth), end: 0, front: vec![0.0; largest] }
-    }
-
-    fn clear(&mut self) {
-        self.waiting.clear();
-        self.end = 0;
+        let Extent { stack, depth, columns, rows } = Extent::new(symbolic, fronts, |_, r| r, |r| r);
+        let (stack, front) = (vec![0.0; stack], vec![0.0; columns.max(rows)]);
+        Self { stack, waiting: Contributions::with_capacity(depth), front }
     }
 
     fn pop(&mut self) -> &[f64] {
-        let (_, start) = self.waiting.pop().expect("a front has been pushed");
-        let contribution = &self.stack[start..self.end];
-        self.end = start;
-        contribution
+        &self.stack[self.waiting.pop()]
     }
 
     /// Adds what the children left, eliminates the columns of the front, leaves what its rows get.
@@ -310,12 +288,12 @@ impl Workspace {
         finished: impl Fn(u32) -> &'c [f64],
     ) {
         let (k, r) = symbolic.sizes(front);
-        let (below, free) = self.stack.split_at_mut(self.end);
+        let (below, free) = self.stack.split_at_mut(self.waiting.end());
         let own = &mut free[..r];
         own.fill(0.0);
         for &child in symbolic.children_of(front) {
-            let contribution = match self.waiting.iter().rev().find(|(other, _)| *other == child) {
-                Some(&(_, start)) => &below[start..start + symbolic.sizes(child as usize).1],
+            let contribution = match self.waiting.start_of(child) {
+                Some(start) => &below[start..start + symbolic.sizes(child as usize).1],
                 None => finished(child),
             };
             for (&place, value) in symbolic.places_of(child as usize).iter().zip(contribution) {
@@ -339,15 +317,11 @@ impl Workspace {
                 subtract_transposed_product(upper, x, own);
             }
         }
-        let mut start = self.end;
-        while self.waiting.last().is_some_and(|&(child, _)| symbolic.parents[child as usize] == front as u32) {
-            start = self.waiting.pop().expect("it has just been seen").1;
+        let (start, end) = (self.waiting.take_children(symbolic, front), self.waiting.end());
+        if start < end {
+            self.stack.copy_within(end..end + r, start);
         }
-        if start < self.end {
-            self.stack.copy_within(self.end..self.end + r, start);
-        }
-        self.waiting.push((front as u32, start));
-        self.end = start + r;
+        self.waiting.push(front, start, r);
     }
 
     /// Finds the unknowns of the front from those of its rows.

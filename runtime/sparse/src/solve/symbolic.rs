@@ -150,6 +150,21 @@ impl Symbolic {
         self.rows_of(front).binary_search(&place).ok().map(|row| end - first + row as u32)
     }
 
+    /// Fronts that own one of the dofs, and all above them.
+    pub(super) fn fronts_above(&self, dofs: &[u32]) -> Vec<bool> {
+        let mut members = vec![false; self.n_fronts()];
+        for &dof in dofs {
+            let place = self.ordering.inverse()[dof as usize];
+            members[self.columns.partition_point(|&column| column <= place) - 1] = true;
+        }
+        for front in 0..members.len() {
+            if members[front] && self.parents[front] != INTERFACE {
+                members[self.parents[front] as usize] = true;
+            }
+        }
+        members
+    }
+
     /// Multiplications of the Cholesky factorisation of one front.
     pub(super) fn operations(&self, front: usize) -> f64 {
         let (k, r) = self.sizes(front);

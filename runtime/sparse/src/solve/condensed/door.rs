@@ -39,7 +39,7 @@ impl LinearSolver for CheckedCondensed {
         }
         let engine = &mut self.engine;
         let inverse = inverse_norm_estimate(self.bulk.n_rows(), &mut |form, x| engine.solve(form, x));
-        Ok(inverse * self.bulk.plus(&self.changing)?.norm_1())
+        Ok(inverse * self.bulk.plus(&self.changing.matrix)?.norm_1())
     }
 
     fn is_negative(&self) -> Option<bool> {

@@ -5,13 +5,13 @@
 
 use std::sync::Arc;
 
-use super::super::checked::Pivot;
 use super::super::dense::{Dense, Kind};
+use super::super::factorization::Pivot;
 use super::super::frontal_lu::{EntryMap, FrontalLu, Part};
 use super::super::krylov::{Gmres, Limits, Outcome};
 use super::super::multifrontal::Multifrontal;
 use super::super::sweep::{Form, FrontFactor, Sweep};
-use super::super::symbolic::{INTERFACE, Symbolic};
+use super::super::symbolic::Symbolic;
 use super::super::{Precision, SolveError};
 use super::forces::{Bulk, Forces, Inner, Scaled};
 use crate::csr::{Csr, Pattern};
@@ -146,7 +146,7 @@ impl EngineContext<'_> {
         let symbolic = Symbolic::new(&pattern, self.coordinates, &[])?;
         // The values of the bulk are read through the map of the wider pattern.
         let bulk = on_wider_pattern(self.bulk, pattern);
-        let members = above(&symbolic, self.dofs);
+        let members = symbolic.fronts_above(self.dofs);
         symbolic.claim(|front| members[front], 0)?;
         let mut constant =
             Multifrontal::new(&symbolic, members.iter().map(|&changes| !changes).collect(), self.threads)?;
@@ -378,19 +378,4 @@ fn on_wider_pattern(matrix: &Csr, pattern: Pattern) -> Csr {
         wider.values_mut()[place] = *value;
     }
     wider
-}
-
-/// Fronts that own one of the dofs, and all above them.
-pub(super) fn above(symbolic: &Symbolic, dofs: &[u32]) -> Vec<bool> {
-    let mut members = vec![false; symbolic.n_fronts()];
-    for &dof in dofs {
-        let place = symbolic.ordering.inverse()[dof as usize];
-        members[symbolic.columns.partition_point(|&column| column <= place) - 1] = true;
-    }
-    for front in 0..members.len() {
-        if members[front] && symbolic.parents[front] != INTERFACE {
-            members[symbolic.parents[front] as usize] = true;
-        }
-    }
-    members
 }

@@ -26,9 +26,9 @@ use super::super::krylov::{Gmres, Limits, Outcome};
 use super::super::multifrontal::Multifrontal;
 use super::super::sweep::{Form, FrontFactor, Sweep};
 use super::super::symbolic::Symbolic;
-use super::engine::above;
 use super::response::{Base, Load};
-use super::small::{Reference, Rows, Small, SmallSystem};
+use super::rows::Rows;
+use super::small::{Reference, Small, SmallSystem};
 use crate::csr::{Csr, Pattern};
 use crate::index::NONE;
 
@@ -253,7 +253,7 @@ impl Forces {
         self.n_loads = self.loads.len();
         self.loads.sort_by_key(|load| symbolic.ordering.inverse()[load.here as usize]);
         let dofs: Vec<u32> = (0..changing.n_rows() as u32).filter(|dof| self.place[*dof as usize] != NONE).collect();
-        let members = above(symbolic, &dofs);
+        let members = symbolic.fronts_above(&dofs);
         let values = |front: usize| {
             let (k, r) = symbolic.sizes(front);
             (k * (k + r)) as f64

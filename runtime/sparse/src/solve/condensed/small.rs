@@ -6,40 +6,20 @@
 //! Promises: right-hand sides have double precision; the same bytes for any number of threads; memory is kept. Does not
 //! know contact and bodies: M is given by rows, V by its values.
 
-use rayon::prelude::*;
-
 use super::super::SolveError;
 use super::super::dense::{Dense, Kind, Number};
-use super::super::kernels::{TOGETHER, combine, product_by_rows};
+use super::super::kernels::product_by_rows;
 use super::super::sweep::Form;
-use super::update::{Answers, Update};
-use crate::csr::Csr;
+use super::rows::{Answers, PARALLEL_VALUES, Rows, SHARE, Source, fill_products, other, share};
+use super::update::{LARGEST_PART, Update};
 
-/// Values of V from which a product is shared among threads, and rows in one share.
-const PARALLEL_VALUES: usize = 1 << 20;
-const SHARE: usize = 128;
-/// Of all rows, those that may have changed for the reference to serve on.
-pub(super) const LARGEST_PART: f64 = 0.6;
+/// Rows of the dense matrix that are filled together.
+const FILL_ROWS: usize = 48;
 /// Numbers that differ by so many roundoffs of the largest of their row are the same.
 const SAME: f64 = 4.0;
 /// Smallest pivot, relative to its column, with which the changed rows are accepted; and in roundoffs.
 const SMALLEST_UPDATED: f64 = 1e-6;
 const SMALLEST_IN_ROUNDOFFS: f64 = 1e4;
-/// Rows and columns of the dense matrix that are filled together: what they read of V stays in the cache.
-const FILL_ROWS: usize = 48;
-const FILL_COLUMNS: usize = 480;
-
-/// M by rows, and where its columns stand: by dof a row of V, or behind the last one a dof without stiffness.
-#[derive(Clone, Copy)]
-pub(super) struct Rows<'a> {
-    pub(super) m: &'a Csr,
-    pub(super) place: &'a [u32],
-    /// Rows of V.
-    pub(super) n_read: usize,
-    /// Columns of V; the first of the unknowns.
-    pub(super) n_loads: usize,
-}
-
 /// See the module documentation; of one of two precisions.
 pub(super) trait SmallSystem: Send {
     /// Factors the matrix of these rows, from the factor at hand where that is cheaper; the smallest pivot relative to
@@ -259,28 +239,6 @@ impl<T: Number> SmallSystem for Small<T> {
     }
 }
 
-/// What a system is solved with where its transposed has been factored.
-pub(super) fn other(form: Form) -> Form {
-    match form {
-        Form::Plain => Form::Transposed,
-        Form::Transposed => Form::Plain,
-    }
-}
-
-/// Does something to each chunk, with its number.
-pub(super) fn share<T: Send>(
-    threads: usize,
-    values: &mut [T],
-    chunk: usize,
-    work: impl Fn((usize, &mut [T])) + Sync + Send,
-) {
-    if threads > 1 {
-        values.par_chunks_mut(chunk).enumerate().for_each(work);
-    } else {
-        values.chunks_mut(chunk).enumerate().for_each(work);
-    }
-}
-
 /// What of a row of `1 + M V` does not come from V.
 fn fill_rest<T: Number>(rows: Rows<'_>, row: usize, out: &mut [T]) {
     let bare = &mut out[rows.n_loads..];
@@ -292,63 +250,5 @@ fn fill_rest<T: Number>(rows: Rows<'_>, row: usize, out: &mut [T]) {
     }
     if row < rows.n_loads {
         out[row] = T::nearest(out[row].wide() + 1.0);
-    }
-}
-
-/// Rows that products are made of.
-#[derive(Clone, Copy)]
-pub(super) struct Source<'a, T> {
-    /// By rows.
-    pub(super) values: &'a [T],
-    /// What the rows of dofs with stiffness have been multiplied with.
-    pub(super) scale: f64,
-    pub(super) width: usize,
-    /// Numbers from one row to the next.
-    pub(super) stride: usize,
-    /// The rows there are; what M reads behind them is left out.
-    pub(super) n_rows: usize,
-}
-
-/// Rows of the product of M with a source, those of M from `first` on, into the beginnings of the rows of `out`, which
-/// have `stride` numbers. Neighbouring rows that read the same dofs (the components of a node) are made together: each
-/// value of the source is loaded once for all.
-pub(super) fn fill_products<T: Number>(
-    rows: Rows<'_>,
-    Source { values: v, scale, width, stride: step, n_rows }: Source<'_, T>,
-    first: usize,
-    (out, stride): (&mut [T], usize),
-) {
-    let Rows { m, place, n_read, .. } = rows;
-    let last = first + out.len() / stride;
-    let mut starts = vec![first];
-    for row in first + 1..last {
-        let group = starts[starts.len() - 1];
-        if row - group == TOGETHER || m.row(row).0 != m.row(group).0 {
-            starts.push(row);
-        }
-    }
-    starts.push(last);
-    let (mut factors, mut answers) = (Vec::new(), Vec::new());
-    for columns in (0..width).step_by(FILL_COLUMNS).map(|column| column..width.min(column + FILL_COLUMNS)) {
-        for group in starts.windows(2) {
-            factors.clear();
-            answers.clear();
-            for (k, &column) in m.row(group[0]).0.iter().enumerate() {
-                let at = place[column as usize] as usize;
-                let mut all = [T::nearest(0.0); TOGETHER];
-                let unit = if at < n_read { scale } else { 1.0 };
-                (group[0]..group[1])
-                    .zip(&mut all)
-                    .for_each(|(row, factor)| *factor = T::nearest(m.row(row).1[k] / unit));
-                if at < n_rows && all.iter().any(|factor| factor.wide() != 0.0) {
-                    factors.push(all);
-                    answers.push(&v[at * step..][columns.clone()]);
-                }
-            }
-            let mut targets = out[(group[0] - first) * stride..(group[1] - first) * stride].chunks_exact_mut(stride);
-            let targets: [&mut [T]; TOGETHER] =
-                std::array::from_fn(|_| targets.next().map_or(&mut [][..], |row| &mut row[columns.clone()]));
-            combine(&factors, &answers, targets);
-        }
     }
 }

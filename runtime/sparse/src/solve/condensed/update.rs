@@ -22,21 +22,14 @@ use super::super::SolveError;
 use super::super::dense::{Dense, Kind, Number};
 use super::super::kernels::product_by_rows;
 use super::super::sweep::Form;
-use super::small::{LARGEST_PART, Rows, Source, fill_products, other, share};
+use super::rows::{Answers, PARALLEL_VALUES, Rows, SHARE, Source, fill_products, other, share};
 use crate::csr::{Csr, Pattern};
 use wfl_host::memory::zeros;
 
 /// Rows of S that one thread fills at a time.
 const FILL_ROWS: usize = 12;
-/// Rows of V in one share of a product, and values of V from which threads share it.
-const SHARE: usize = 128;
-const PARALLEL_VALUES: usize = 1 << 20;
-
-/// V, `read x loads` by rows, with the power of two that its values have been multiplied with.
-pub(super) struct Answers<T> {
-    pub(super) values: Vec<T>,
-    pub(super) scale: f64,
-}
+/// Of all rows, those that may have changed for the reference to serve on.
+pub(super) const LARGEST_PART: f64 = 0.6;
 
 /// See the module documentation.
 pub(super) struct Update<T: Number> {

@@ -1,0 +1,61 @@
+//! What the checks need of a factorisation, whatever its method.
+//!
+//! Does not look at residuals: `checked` does.
+
+use std::sync::Arc;
+
+use super::SolveError;
+use super::sweep::Form;
+use crate::csr::{Csr, Pattern};
+
+/// A relative pivot below this calls for a look at the null space.
+const SUSPICIOUS_PIVOT: f64 = 1e-9;
+/// What a factorisation says about its smallest pivot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pivot {
+    ratio: f64,
+}
+
+impl Pivot {
+    pub(super) const HEALTHY: Pivot = Pivot { ratio: 1.0 };
+    pub(super) const UNKNOWN: Pivot = Pivot { ratio: 0.0 };
+
+    /// Whether the null space must be looked at.
+    pub(super) fn is_suspicious(self) -> bool {
+        self.ratio.is_nan() || self.ratio < SUSPICIOUS_PIVOT
+    }
+}
+
+impl From<(f64, u32)> for Pivot {
+    fn from((ratio, _): (f64, u32)) -> Self {
+        Pivot { ratio }
+    }
+}
+
+/// A solver before its answers are looked at.
+pub(super) trait Factorization {
+    /// Whether half of the matrix is never read.
+    const NEEDS_SYMMETRY: bool;
+
+    /// The analysed pattern.
+    fn pattern(&self) -> &Arc<Pattern>;
+
+    /// Factors a matrix on exactly that pattern.
+    fn factor(&mut self, matrix: &Csr) -> Result<Pivot, SolveError>;
+
+    /// Solves in place with the last factor.
+    fn solve(&mut self, form: Form, x: &mut [f64]);
+
+    /// Whether the determinant of the matrix factored last is negative; `None` where the factor does not tell.
+    fn is_negative(&self) -> Option<bool>;
+
+    /// Turns to a more robust method for the same matrix; false when there is none.
+    fn retry(&mut self, _matrix: &Csr) -> Result<bool, SolveError> {
+        Ok(false)
+    }
+
+    /// After a failed factorisation: the error with what can be added to it, and a candidate for a null vector.
+    fn null_vector_at(&mut self, _matrix: &Csr, error: &SolveError) -> (SolveError, Option<Vec<f64>>) {
+        (error.clone(), None)
+    }
+}
