@@ -15,8 +15,8 @@ use wfl_discrete::pruning::Pruning;
 use wfl_discrete::system::{System, Tangent};
 use wfl_sparse::csr::{Csr, Pattern};
 use wfl_sparse::solve::{
-    CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, LinearSolver as Factor, Precision, SolveError, SolveReport,
-    SolverMemory, SolverOptions, Strategy as Method,
+    CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, LinearSolver as Factor, Precision,
+    SolveError, SolveReport, SolverMemory, SolverOptions,
 };
 
 /// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
@@ -121,9 +121,8 @@ impl LinearSolver {
     /// The solver in words, with what was noticed while solving.
     #[must_use]
     pub fn describe(&self) -> String {
-        let single =
-            matches!(&self.kind, Kind::Condensed(c) if matches!(c.strategy(), Method::Forces { single: true, .. }));
-        let double = "precision: double; this scene has no contact matrix that is factored in single precision";
+        let single = matches!(&self.kind, Kind::Condensed(c) if matches!(c.elimination(), Method::Woodbury { single: true, .. }));
+        let double = "precision: double, no matrix of contact forces is factored in single precision here";
         let missed = (self.options.precision == Precision::Mixed && !single).then_some(double);
         let notes = self.notes.iter().map(String::as_str).chain(missed);
         notes.fold(self.method(), |text, note| format!("{text}; {note}"))
@@ -133,7 +132,7 @@ impl LinearSolver {
         match &self.kind {
             Kind::Linear if self.symmetric => "one linear system, symmetric (LLT), factored once".to_owned(),
             Kind::Linear => "one linear system, unsymmetric (LU), factored once".to_owned(),
-            Kind::Condensed(c) => format!("Newton; linear part factored once, {}", c.strategy()),
+            Kind::Condensed(c) => format!("Newton; linear part factored once, {}", c.elimination()),
             Kind::Full { .. } if self.symmetric => {
                 "Newton; whole tangent, symmetric (LLT), factored in each iteration".to_owned()
             }

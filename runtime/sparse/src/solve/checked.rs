@@ -1,18 +1,18 @@
 //! The wrapper around every solver: finite values, backward-error check, iterative refinement, class of a failure.
 //!
-//! Promises: a returned solution has a backward error below the limit, measured with the matrix itself and not with its
-//! factor; a failure is one of the classes of [`SolveError`], with dofs in the caller's numbering. The limits are
-//! defined in `judge`.
+//! Promises: what is returned as a solution has a backward error below the limit, measured with the matrix itself and
+//! not with its factor; a failure is one of the classes of [`SolveError`], with dofs in the caller's numbering.
+//! What is small, large and singular is defined in `backward_error`.
 
 use std::sync::Arc;
 
+use super::backward_error::{BackwardErrorCheck, inverse_norm_estimate};
 use super::dense::{Dense, Kind};
 use super::factorization::{Factorization, Pivot};
-use super::judge::{Judge, inverse_norm_estimate};
 use super::llt::Llt;
 use super::lu::SparseLu;
 use super::on_pattern::OnPattern;
-use super::sweep::Form;
+use super::triangular_solve::Transpose;
 use super::{LinearSolver, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
 
@@ -21,10 +21,10 @@ const SHIFT: f64 = 1e-9;
 /// Relative asymmetry that rounding in assembly explains.
 const ASYMMETRY: f64 = 1e-10;
 
-/// Any factorisation with its answers checked.
+/// Any factorisation with its solutions checked.
 pub(super) struct Checked<F> {
     factorization: F,
-    judge: Judge,
+    check: BackwardErrorCheck,
     /// The matrix last factored, on the analysed pattern.
     matrix: OnPattern,
     is_factored: bool,
@@ -34,20 +34,20 @@ pub(super) struct Checked<F> {
 impl<F: Factorization> Checked<F> {
     pub(super) fn new(factorization: F, options: SolverOptions) -> Self {
         let matrix = OnPattern::new(factorization.pattern());
-        let judge = Judge::new(matrix.matrix.n_rows(), options);
-        Self { factorization, judge, matrix, is_factored: false, null_space_is_clear: false }
+        let check = BackwardErrorCheck::new(matrix.matrix.n_rows(), options);
+        Self { factorization, check, matrix, is_factored: false, null_space_is_clear: false }
     }
 
     /// The class of a failed factorisation.
     fn classify(&mut self, error: SolveError) -> SolveError {
         let (error, candidate) = self.factorization.null_vector_at(&self.matrix.matrix, &error);
         if let Some(vector) = candidate {
-            return self.judge.as_singular(&[&self.matrix.matrix], vector).unwrap_or(error);
+            return self.check.as_singular(&[&self.matrix.matrix], vector).unwrap_or(error);
         }
         if !matches!(error, SolveError::VanishingPivot { .. }) {
             return error;
         }
-        explain_singular(&mut self.judge, &self.matrix.matrix, None, error)
+        explain_singular(&mut self.check, &self.matrix.matrix, None, error)
     }
 
     /// Inverse iteration with the factor, once for each factor.
@@ -56,8 +56,8 @@ impl<F: Factorization> Checked<F> {
             return Ok(());
         }
         let factorization = &mut self.factorization;
-        let solver = &mut |x: &mut [f64]| factorization.solve(Form::Plain, x);
-        match self.judge.find_null_vector(&[&self.matrix.matrix], solver) {
+        let solver = &mut |x: &mut [f64]| factorization.solve(Transpose::No, x);
+        match self.check.find_null_vector(&[&self.matrix.matrix], solver) {
             Some(error) => {
                 self.is_factored = false;
                 Err(error)
@@ -73,22 +73,22 @@ impl<F: Factorization> Checked<F> {
 /// Looks for a null vector of a matrix that could not be factored, with the factor of a slightly shifted one, which
 /// serves this search alone. The error that says that the matrix is singular, or the one given.
 pub(super) fn explain_singular(
-    judge: &mut Judge,
+    check: &mut BackwardErrorCheck,
     matrix: &Csr,
     coordinates: Option<&[[f64; 3]]>,
     error: SolveError,
 ) -> SolveError {
-    let scale = judge.scale().iter().zip(0..);
+    let scale = check.scale().iter().zip(0..);
     let shifts: Vec<_> = scale.map(|(scale, dof)| (dof, dof, SHIFT / (scale * scale))).collect();
     let shifted = Csr::from_triplets(matrix.n_rows(), matrix.n_rows(), &shifts).and_then(|shift| matrix.plus(&shift));
     let Ok(shifted) = shifted else { return error };
-    let Ok(mut solver) = SparseLu::analyze(shifted.pattern(), coordinates, judge.options().threads) else {
+    let Ok(mut solver) = SparseLu::analyze(shifted.pattern(), coordinates, check.options().threads) else {
         return error;
     };
     if solver.factor(&shifted).is_err() {
         return error;
     }
-    judge.find_null_vector(&[matrix], &mut |x| solver.solve(Form::Plain, x)).unwrap_or(error)
+    check.find_null_vector(&[matrix], &mut |x| solver.solve(Transpose::No, x)).unwrap_or(error)
 }
 
 /// The class of a bulk that is not positive definite with these dofs held fixed.
@@ -143,7 +143,7 @@ impl<F: Factorization> LinearSolver for Checked<F> {
         self.is_factored = false;
         self.null_space_is_clear = false;
         self.matrix.take(matrix)?;
-        self.judge.look_at(&[&self.matrix.matrix])?;
+        self.check.set_matrix(&[&self.matrix.matrix])?;
         if F::NEEDS_SYMMETRY {
             check_symmetry(&self.matrix.matrix)?;
         }
@@ -160,13 +160,13 @@ impl<F: Factorization> LinearSolver for Checked<F> {
         if !self.is_factored {
             return Err(SolveError::NotFactored);
         }
-        self.judge.check_rhs(rhs, x)?;
+        self.check.check_rhs(rhs, x)?;
         let factorization = &mut self.factorization;
         let matrix = [&self.matrix.matrix];
-        let first = self.judge.solve(&matrix, &mut |x| factorization.solve(Form::Plain, x), rhs, x, 0.0);
+        let first = self.check.solve(&matrix, &mut |x| factorization.solve(Transpose::No, x), rhs, x, 0.0);
         match first {
             Ok(report) => {
-                if self.judge.has_grown(rhs, x) {
+                if self.check.has_grown(rhs, x) {
                     self.check_null_space()?;
                 }
                 Ok(report)
@@ -178,9 +178,9 @@ impl<F: Factorization> LinearSolver for Checked<F> {
                 }
                 self.null_space_is_clear = false;
                 let factorization = &mut self.factorization;
-                let mut report = self.judge.solve(
+                let mut report = self.check.solve(
                     &[&self.matrix.matrix],
-                    &mut |x| factorization.solve(Form::Plain, x),
+                    &mut |x| factorization.solve(Transpose::No, x),
                     rhs,
                     x,
                     0.0,
@@ -197,7 +197,8 @@ impl<F: Factorization> LinearSolver for Checked<F> {
             return Err(SolveError::NotFactored);
         }
         let factorization = &mut self.factorization;
-        let inverse = inverse_norm_estimate(self.matrix.matrix.n_rows(), &mut |form, x| factorization.solve(form, x));
+        let inverse =
+            inverse_norm_estimate(self.matrix.matrix.n_rows(), &mut |transpose, x| factorization.solve(transpose, x));
         Ok(inverse * self.matrix.matrix.norm_1())
     }
 
@@ -233,8 +234,8 @@ impl Factorization for DenseOfSparse {
         self.dense.factor(Kind::General, fill).map(|(ratio, dof)| Pivot::from((ratio, dof as u32)))
     }
 
-    fn solve(&mut self, form: Form, x: &mut [f64]) {
-        self.dense.solve(form, x);
+    fn solve(&mut self, transpose: Transpose, x: &mut [f64]) {
+        self.dense.solve(transpose, x);
     }
 
     fn is_negative(&self) -> Option<bool> {

@@ -2,8 +2,8 @@
 //!
 //! K is factored once wherever C cannot reach. Only the rest is factored again when C changes, in one of three ways:
 //!
-//! - forces ([`forces`]): K stands alone, C is `J M` with few columns in J, and a dense matrix of that size is
-//!   factored, or of the size of the rows of M that have changed since it last was;
+//! - Woodbury ([`woodbury`]): K stands alone, C is `J M` with few columns in J, and the capacitance matrix `1 + M K⁻¹ J`
+//!   is factored, or a matrix of the size of the rows of M that have changed since it last was;
 //! - dense: with I the dofs that C does not touch and G those that it does, `S0 = K_GG - K_GI K_II⁻¹ K_IG` is kept as a
 //!   dense matrix and `S = S0 + C` is factored by LU with partial pivoting (Cholesky when C is symmetric and that
 //!   succeeds);
@@ -18,51 +18,51 @@
 //! Promises: as `checked`, with the residual of `K + C` itself.
 //! Does not find out what changes: the caller says so.
 
-mod door;
+mod capacitance;
 mod engine;
-mod forces;
-mod response;
+mod flexibility;
 mod rows;
-mod small;
+mod solver;
 #[cfg(test)]
 mod tests;
 mod update;
+mod woodbury;
 
 use std::sync::Arc;
 
 use super::SolverMemory;
+use super::backward_error::BackwardErrorCheck;
 use super::checked::{check_symmetry, explain_bulk, explain_singular};
 use super::dense::Kind;
-use super::judge::Judge;
 use super::krylov::{Gmres, Limits};
 use super::on_pattern::OnPattern;
-use super::sweep::Form;
+use super::triangular_solve::Transpose;
 use super::{Precision, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
+pub use capacitance::Reference;
 use engine::{Engine, EngineContext, MAX_ITERATIONS, Method};
-use forces::Forces;
-pub use small::Reference;
+use woodbury::Woodbury;
 
 /// Up to this many changing dofs their matrix is dense.
 pub const DENSE_LIMIT: usize = 600;
 /// Largest dense matrix that stands in when pivots from within fronts do not suffice.
 const DENSE_RESCUE_LIMIT: usize = 12_000;
-/// Up to this many forces the dense matrix that belongs to them is cheaper than fronts.
-const FORCES_LIMIT: usize = 7_000;
+/// Up to this many forces their capacitance matrix is cheaper than fronts.
+const WOODBURY_LIMIT: usize = 7_000;
 /// Iterations that a fresh factor of single precision may need for one solution before it is given up.
 const SINGLE_ITERATIONS: usize = 40;
-/// Iterations before their rate is judged.
+/// Iterations before their rate is looked at.
 const TRIAL_ITERATIONS: usize = 10;
-/// Iterations aim at this part of the tolerance, because their norm is not quite that of the judge.
+/// Iterations aim at this part of the tolerance, because their norm is not quite that of the backward-error check.
 const WITHIN: f64 = 0.3;
 /// Relative asymmetry up to which the changing part counts as symmetric.
 const ASYMMETRY: f64 = 1e-14;
 
 /// How the changing part is solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Strategy {
-    /// One dense matrix of the forces that change.
-    Forces {
+pub enum Elimination {
+    /// The capacitance matrix of the forces that change (Woodbury).
+    Woodbury {
         /// Number of changing dofs.
         n_changing: usize,
         /// Number of forces: facing dofs share one.
@@ -82,35 +82,35 @@ pub enum Strategy {
     },
 }
 
-impl std::fmt::Display for Strategy {
+impl std::fmt::Display for Elimination {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Strategy::Forces { n_changing, n_forces, single } => {
+            Elimination::Woodbury { n_changing, n_forces, single } => {
                 let precision = if *single { ", factors of single precision" } else { "" };
                 write!(
                     f,
-                    "constant bulk factored once, dense matrix of the {n_forces} forces on {n_changing} changing \
+                    "constant bulk factored once, dense matrix of the {n_forces} woodbury on {n_changing} changing \
                      dofs{precision}"
                 )
             }
-            Strategy::Dense { n_changing } => {
+            Elimination::Dense { n_changing } => {
                 write!(f, "constant bulk factored once, dense matrix of {n_changing} changing dofs")
             }
-            Strategy::Fronts { n_changing } => {
+            Elimination::Fronts { n_changing } => {
                 write!(f, "constant bulk factored once, sparse LU of the fronts with {n_changing} changing dofs")
             }
         }
     }
 }
 
-/// The one place where the method is chosen; forces give way to fronts where the bulk cannot stand alone.
-fn choose(n_changing: usize, n_forces: usize) -> Strategy {
+/// The one place where the elimination is chosen; Woodbury gives way to fronts where the bulk cannot stand alone.
+fn choose(n_changing: usize, n_forces: usize) -> Elimination {
     if n_changing <= DENSE_LIMIT {
-        Strategy::Dense { n_changing }
-    } else if n_forces <= FORCES_LIMIT {
-        Strategy::Forces { n_changing, n_forces, single: false }
+        Elimination::Dense { n_changing }
+    } else if n_forces <= WOODBURY_LIMIT {
+        Elimination::Woodbury { n_changing, n_forces, single: false }
     } else {
-        Strategy::Fronts { n_changing }
+        Elimination::Fronts { n_changing }
     }
 }
 
@@ -129,7 +129,7 @@ pub struct CheckedCondensed {
     spent: usize,
     /// Factors made and not yet reported.
     factorisations: usize,
-    judge: Judge,
+    check: BackwardErrorCheck,
     /// For each entry of the changing part the entry across the diagonal.
     mirror: Option<Vec<usize>>,
     /// The changing part, less the one in the factor, on the changing dofs.
@@ -173,14 +173,14 @@ impl CheckedCondensed {
         Self::with_choice(bulk, changing, coordinates, pairs, options, choose)
     }
 
-    /// As [`CheckedCondensed::new`], the method chosen by the caller.
+    /// As [`CheckedCondensed::new`], the elimination chosen by the caller.
     pub(super) fn with_choice(
         bulk: &Csr,
         changing: &Arc<Pattern>,
         coordinates: Option<&[[f64; 3]]>,
         pairs: &[(u32, u32)],
         options: SolverOptions,
-        choose: impl Fn(usize, usize) -> Strategy,
+        choose: impl Fn(usize, usize) -> Elimination,
     ) -> Result<Self, SolveError> {
         let n = bulk.n_rows();
         let sizes = [("columns of the bulk", bulk.n_cols()), ("rows of the changing part", changing.n_rows())];
@@ -196,13 +196,13 @@ impl CheckedCondensed {
         let dofs = touched(changing);
         let (threads, precision) = (options.threads, options.precision);
         let context = EngineContext { bulk, changing, dofs: &dofs, coordinates, pairs, threads, precision };
-        let engine = match choose(dofs.len(), Forces::count(changing, pairs)) {
-            Strategy::Forces { .. } => match context.forces() {
+        let engine = match choose(dofs.len(), Woodbury::count(changing, pairs)) {
+            Elimination::Woodbury { .. } => match context.woodbury() {
                 Err(SolveError::NotPositiveDefinite { .. }) => context.fronts(),
                 other => other,
             },
-            Strategy::Dense { .. } => context.dense(),
-            Strategy::Fronts { .. } => context.fronts(),
+            Elimination::Dense { .. } => context.dense(),
+            Elimination::Fronts { .. } => context.fronts(),
         };
         let engine = match engine {
             Ok(engine) => engine,
@@ -212,8 +212,8 @@ impl CheckedCondensed {
             Err(error) => return Err(error),
         };
         let (transposed, sources) = changing.transpose();
-        let mut judge = Judge::new(n, options);
-        judge.keep(bulk);
+        let mut check = BackwardErrorCheck::new(n, options);
+        check.set_constant_part(bulk);
         Ok(Self {
             mirror: (transposed == **changing).then_some(sources),
             difference: Csr::zeros(Arc::new(on_dofs(changing, &dofs)?)),
@@ -225,7 +225,7 @@ impl CheckedCondensed {
             engine,
             spent: 0,
             factorisations: 0,
-            judge,
+            check,
             gmres: Gmres::new(MAX_ITERATIONS),
             state: State::Empty,
             null_space_is_clear: false,
@@ -233,14 +233,14 @@ impl CheckedCondensed {
     }
 
     /// How the changing part is solved.
-    pub fn strategy(&self) -> Strategy {
+    pub fn elimination(&self) -> Elimination {
         let n_changing = self.dofs.len();
         match &self.engine.method {
-            Method::Forces(forces) => {
-                Strategy::Forces { n_changing, n_forces: forces.n_forces(), single: forces.is_single() }
+            Method::Woodbury(woodbury) => {
+                Elimination::Woodbury { n_changing, n_forces: woodbury.n_forces(), single: woodbury.is_single() }
             }
-            Method::Dense { .. } => Strategy::Dense { n_changing },
-            Method::Fronts { .. } => Strategy::Fronts { n_changing },
+            Method::Dense { .. } => Elimination::Dense { n_changing },
+            Method::Fronts { .. } => Elimination::Fronts { n_changing },
         }
     }
 
@@ -255,7 +255,7 @@ impl CheckedCondensed {
         let before = self.state;
         self.state = State::Empty;
         self.changing.take(changing)?;
-        self.judge.look_at(&[&self.bulk, &self.changing.matrix])?;
+        self.check.set_matrix(&[&self.bulk, &self.changing.matrix])?;
         let is_useless = self.engine.take(&self.changing.matrix)? || before == State::Empty;
         if !is_useless && self.factored == self.changing.matrix.values() {
             self.state = State::Fresh;
@@ -286,10 +286,10 @@ impl CheckedCondensed {
             memory.factored.clone_from(&self.factored);
         }
         match &self.engine.method {
-            Method::Forces(forces) => {
-                memory.apart = forces.apart().to_vec();
-                memory.single = forces.is_single();
-                memory.reference = forces.reference();
+            Method::Woodbury(woodbury) => {
+                memory.apart = woodbury.apart().to_vec();
+                memory.single = woodbury.is_single();
+                memory.reference = woodbury.reference();
             }
             Method::Dense { .. } => memory.dense = true,
             Method::Fronts { .. } => {}
@@ -311,11 +311,11 @@ impl CheckedCondensed {
         if memory.dense {
             self.rescue()?;
         }
-        if let Method::Forces(forces) = &mut self.engine.method {
-            forces.part(&memory.apart);
-            forces.remember(memory.reference.clone());
+        if let Method::Woodbury(woodbury) = &mut self.engine.method {
+            woodbury.part(&memory.apart);
+            woodbury.remember(memory.reference.clone());
         }
-        self.engine.set_single(memory.single && self.judge.options().precision != Precision::Double, &self.bulk)?;
+        self.engine.set_single(memory.single && self.check.options().precision != Precision::Double, &self.bulk)?;
         self.state = State::Empty;
         self.update(&changing)?;
         self.spent = memory.spent;
@@ -338,7 +338,7 @@ impl CheckedCondensed {
             Err(error @ SolveError::VanishingPivot { .. }) => {
                 let sum = self.bulk.plus(&self.changing.matrix)?;
                 let coordinates = self.coordinates.as_deref();
-                return Err(explain_singular(&mut self.judge, &sum, coordinates, error));
+                return Err(explain_singular(&mut self.check, &sum, coordinates, error));
             }
             Err(error) => return Err(error),
         };
@@ -372,8 +372,8 @@ impl CheckedCondensed {
             dofs: &self.dofs,
             coordinates: self.coordinates.as_deref(),
             pairs: &[],
-            threads: self.judge.options().threads,
-            precision: self.judge.options().precision,
+            threads: self.check.options().threads,
+            precision: self.check.options().precision,
         };
         self.engine = context.dense()?;
         Ok(true)
@@ -383,9 +383,9 @@ impl CheckedCondensed {
         if self.null_space_is_clear {
             return Ok(());
         }
-        let (engine, judge) = (&mut self.engine, &mut self.judge);
-        let solver = &mut |x: &mut [f64]| engine.solve(Form::Plain, x);
-        match judge.find_null_vector(&[&self.bulk, &self.changing.matrix], solver) {
+        let (engine, check) = (&mut self.engine, &mut self.check);
+        let solver = &mut |x: &mut [f64]| engine.solve(Transpose::No, x);
+        match check.find_null_vector(&[&self.bulk, &self.changing.matrix], solver) {
             Some(error) => {
                 self.state = State::Empty;
                 Err(error)
@@ -414,7 +414,7 @@ impl CheckedCondensed {
         if self.state == State::Empty {
             return Err(SolveError::NotFactored);
         }
-        self.judge.check_rhs(rhs, x)?;
+        self.check.check_rhs(rhs, x)?;
         let mut krylov_iterations = 0;
         let mut refactored = false;
         if self.state == State::Stale {
@@ -462,7 +462,7 @@ impl CheckedCondensed {
             }
         }
         let report = report?;
-        if self.judge.has_grown(rhs, x) {
+        if self.check.has_grown(rhs, x) {
             self.check_null_space()?;
         }
         Ok(SolveReport { krylov_iterations, refactored, ..report })
@@ -471,23 +471,23 @@ impl CheckedCondensed {
     /// Solves with a factor of single precision and true residuals; a report when that was good enough.
     fn solve_single(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Option<SolveReport> {
         let report = self.solve_fresh(rhs, x, tolerance).ok()?;
-        (self.judge.is_satisfied(tolerance) && !self.judge.has_grown(rhs, x)).then_some(report)
+        (self.check.is_satisfied(tolerance) && !self.check.has_grown(rhs, x)).then_some(report)
     }
 
     fn solve_fresh(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
         let engine = &mut self.engine;
         let parts = [&self.bulk, &self.changing.matrix];
-        self.judge.solve(&parts, &mut |x| engine.solve(Form::Plain, x), rhs, x, tolerance)
+        self.check.solve(&parts, &mut |x| engine.solve(Transpose::No, x), rhs, x, tolerance)
     }
 
     /// Solves with a stale factor, or one of single precision, in at most so many iterations; their number, and a
     /// report when that was good enough.
     fn iterate(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64, allowed: usize) -> (usize, Option<SolveReport>) {
         let (engine, gmres, difference, dofs) = (&mut self.engine, &mut self.gmres, &self.difference, &self.dofs);
-        let smallest = self.judge.options().iteration_tolerance;
-        let wanted = WITHIN * tolerance * self.judge.scaled_norm(rhs);
+        let smallest = self.check.options().iteration_tolerance;
+        let wanted = WITHIN * tolerance * self.check.scaled_norm(rhs);
         let trial_iterations = TRIAL_ITERATIONS;
-        let scale = self.judge.scale().to_vec();
+        let scale = self.check.scale().to_vec();
         let (mut iterations, mut converged) = (0, true);
         let mut on_dofs = vec![0.0; dofs.len()];
         let mut start = vec![0.0; dofs.len()];
@@ -503,7 +503,7 @@ impl CheckedCondensed {
             }
             let target = (WITHIN * tolerance).max(smallest) * b.iter().map(|value| value * value).sum::<f64>().sqrt();
             let mut first = b.to_vec();
-            engine.solve(Form::Plain, &mut first);
+            engine.solve(Transpose::No, &mut first);
             on_dofs.iter_mut().zip(dofs).for_each(|(value, &dof)| *value = first[dof as usize]);
             difference.multiply(&on_dofs, &mut start, 1);
             start.iter_mut().for_each(|value| *value = -*value);
@@ -520,14 +520,14 @@ impl CheckedCondensed {
             converged &= outcome.converged;
             if outcome.converged {
                 dofs.iter().zip(&w).for_each(|(&dof, w)| b[dof as usize] += w);
-                engine.solve(Form::Plain, b);
+                engine.solve(Transpose::No, b);
             } else {
                 b.fill(f64::NAN);
             }
         };
         let parts = [&self.bulk, &self.changing.matrix];
-        let outcome = self.judge.solve(&parts, &mut solver, rhs, x, tolerance);
-        let has_grown = outcome.is_ok() && self.judge.has_grown(rhs, x);
+        let outcome = self.check.solve(&parts, &mut solver, rhs, x, tolerance);
+        let has_grown = outcome.is_ok() && self.check.has_grown(rhs, x);
         (iterations, outcome.ok().filter(|_| converged && !has_grown))
     }
 }

@@ -13,11 +13,11 @@ use faer::{MatMut, MatRef, Par};
 
 use super::SolveError;
 use super::kernels::{
-    Diagonal, Stored, enlarge, largest_of_products, lower_sweep, lower_transposed_sweep, scale_by, upper_sweep,
-    upper_transposed_sweep,
+    Diagonal, Stored, enlarge, largest_of_products, lower_solve, lower_transposed_solve, scale_by, upper_solve,
+    upper_transposed_solve,
 };
 use super::multifrontal::{Multifrontal, Panel};
-use super::sweep::Form;
+use super::triangular_solve::Transpose;
 use wfl_host::memory::{refused_by_the_system, zeros};
 
 /// A pivot below so many roundoffs of its column is as good as zero.
@@ -209,28 +209,28 @@ impl<T: Number> Dense<T> {
     ///
     /// # Panics
     /// Without a successful factorisation.
-    pub(super) fn solve(&mut self, form: Form, x: &mut [f64]) {
+    pub(super) fn solve(&mut self, transpose: Transpose, x: &mut [f64]) {
         let n = self.n;
-        match (self.state, form) {
+        match (self.state, transpose) {
             (State::Empty, _) => panic!("a dense factor is used before it exists"),
             (State::Cholesky, _) => {
-                lower_sweep(&self.values, Diagonal::Stored, x, &mut []);
-                lower_transposed_sweep(&self.values, Diagonal::Stored, x, &[]);
+                lower_solve(&self.values, Diagonal::Stored, x, &mut []);
+                lower_transposed_solve(&self.values, Diagonal::Stored, x, &[]);
             }
-            (State::Lu, Form::Plain) => {
+            (State::Lu, Transpose::No) => {
                 for (value, &row) in self.work.iter_mut().zip(&self.pivots) {
                     *value = x[row as usize] * self.row_scale[row as usize];
                 }
-                lower_sweep(&self.values, Diagonal::Unit, &mut self.work, &mut []);
-                upper_sweep(&self.values, n, &mut self.work);
+                lower_solve(&self.values, Diagonal::Unit, &mut self.work, &mut []);
+                upper_solve(&self.values, n, &mut self.work);
                 for ((out, value), scale) in x.iter_mut().zip(&self.work).zip(&self.column_scale) {
                     *out = value * scale;
                 }
             }
-            (State::Lu, Form::Transposed) => {
+            (State::Lu, Transpose::Yes) => {
                 x.iter_mut().zip(&self.column_scale).for_each(|(value, scale)| *value *= scale);
-                upper_transposed_sweep(&self.values, n, x);
-                lower_transposed_sweep(&self.values, Diagonal::Unit, x, &[]);
+                upper_transposed_solve(&self.values, n, x);
+                lower_transposed_solve(&self.values, Diagonal::Unit, x, &[]);
                 self.work.copy_from_slice(x);
                 for (&value, &row) in self.work.iter().zip(&self.pivots) {
                     x[row as usize] = value * self.row_scale[row as usize];
@@ -319,13 +319,13 @@ mod tests {
             let a: Vec<f64> = (0..n * n).map(|at| entry(at % n, at / n) * size(at % n)).collect();
             let mut dense = Dense::new(n, 1).unwrap();
             dense.factor(Kind::General, |values| values.copy_from_slice(&a)).unwrap();
-            for form in [Form::Plain, Form::Transposed] {
-                let at = |i: usize, j: usize| if form == Form::Plain { a[j * n + i] } else { a[i * n + j] };
-                let wanted = |j: usize| (1.0 + j as f64) / if form == Form::Plain { 1.0 } else { size(j) };
+            for transpose in [Transpose::No, Transpose::Yes] {
+                let at = |i: usize, j: usize| if transpose == Transpose::No { a[j * n + i] } else { a[i * n + j] };
+                let wanted = |j: usize| (1.0 + j as f64) / if transpose == Transpose::No { 1.0 } else { size(j) };
                 let mut x: Vec<f64> = (0..n).map(|i| (0..n).map(|j| at(i, j) * wanted(j)).sum()).collect();
-                dense.solve(form, &mut x);
+                dense.solve(transpose, &mut x);
                 for (j, value) in x.iter().enumerate() {
-                    assert!((value / wanted(j) - 1.0).abs() < 1e-8 * n as f64, "{n} {form:?} {x:?}");
+                    assert!((value / wanted(j) - 1.0).abs() < 1e-8 * n as f64, "{n} {transpose:?} {x:?}");
                 }
             }
         }
@@ -337,12 +337,12 @@ mod tests {
         dense.factor(Kind::Symmetric, |values| values.copy_from_slice(&[0.0, 1.0, f64::NAN, 0.0])).unwrap();
         assert_eq!(dense.state, State::Lu);
         let mut x = [3.0, 4.0];
-        dense.solve(Form::Plain, &mut x);
+        dense.solve(Transpose::No, &mut x);
         assert_eq!(x, [4.0, 3.0]);
         dense.factor(Kind::Symmetric, |values| values.copy_from_slice(&[4.0, 2.0, f64::NAN, 5.0])).unwrap();
         assert_eq!(dense.state, State::Cholesky);
         let mut x = [8.0, 8.0];
-        dense.solve(Form::Plain, &mut x);
+        dense.solve(Transpose::No, &mut x);
         assert!((x[0] - 1.5).abs() + (x[1] - 1.0).abs() < 1e-15);
     }
 

@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use super::SolveError;
-use super::sweep::Form;
+use super::triangular_solve::Transpose;
 use crate::csr::{Csr, Pattern};
 
 /// A relative pivot below this calls for a look at the null space.
@@ -32,7 +32,7 @@ impl From<(f64, u32)> for Pivot {
     }
 }
 
-/// A solver before its answers are looked at.
+/// A factorisation whose solutions are not checked yet.
 pub(super) trait Factorization {
     /// Whether half of the matrix is never read.
     const NEEDS_SYMMETRY: bool;
@@ -44,7 +44,7 @@ pub(super) trait Factorization {
     fn factor(&mut self, matrix: &Csr) -> Result<Pivot, SolveError>;
 
     /// Solves in place with the last factor.
-    fn solve(&mut self, form: Form, x: &mut [f64]);
+    fn solve(&mut self, transpose: Transpose, x: &mut [f64]);
 
     /// Whether the determinant of the matrix factored last is negative; `None` where the factor does not tell.
     fn is_negative(&self) -> Option<bool>;

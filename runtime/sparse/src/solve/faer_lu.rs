@@ -16,7 +16,7 @@ use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 
 use super::SolveError;
 use super::scaling::equilibration;
-use super::sweep::Form;
+use super::triangular_solve::Transpose;
 use crate::csr::{Csr, Pattern};
 use wfl_host::memory::refused_by_the_system;
 
@@ -81,19 +81,19 @@ impl FaerLu {
     ///
     /// # Panics
     /// Without a successful factorisation.
-    pub(super) fn solve(&mut self, form: Form, x: &mut [f64]) {
+    pub(super) fn solve(&mut self, transpose: Transpose, x: &mut [f64]) {
         let factor = self.factor.as_ref().expect("a factor is used after it was made");
-        let (before, after) = match form {
-            Form::Plain => (&self.row_scale, &self.column_scale),
-            Form::Transposed => (&self.column_scale, &self.row_scale),
+        let (before, after) = match transpose {
+            Transpose::No => (&self.row_scale, &self.column_scale),
+            Transpose::Yes => (&self.column_scale, &self.row_scale),
         };
         x.iter_mut().zip(before).for_each(|(value, scale)| *value *= scale);
         let n = x.len();
         let outcome = catch_unwind(AssertUnwindSafe(|| {
             let vector = MatMut::from_column_major_slice_mut(&mut *x, n, 1);
-            match form {
-                Form::Plain => factor.solve_in_place_with_conj(Conj::No, vector),
-                Form::Transposed => factor.solve_transpose_in_place_with_conj(Conj::No, vector),
+            match transpose {
+                Transpose::No => factor.solve_in_place_with_conj(Conj::No, vector),
+                Transpose::Yes => factor.solve_transpose_in_place_with_conj(Conj::No, vector),
             }
         }));
         if outcome.is_err() {

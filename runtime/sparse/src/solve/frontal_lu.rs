@@ -25,8 +25,8 @@ use super::SolveError;
 use super::contributions::{Contributions, Extent, StackSizes, shorten, stacks};
 use super::dense::is_odd;
 use super::multifrontal::Multifrontal;
-use super::sweep::FrontFactor;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
+use super::triangular_solve::FrontFactor;
 use crate::csr::Pattern;
 use wfl_host::memory::{claim_numbers, lengthen, refused_by_the_system, zeros};
 
@@ -309,12 +309,12 @@ impl Workspace {
         let inverse = &mut self.inverse[..k];
         let par = super::parallelism(context.threads, 2.0 * symbolic.operations(front));
         eliminate(panel, upper, trailing, pivots, inverse, par, &mut self.memory);
-        self.judge_pivots(symbolic, front, panel)?;
+        self.check_pivots(symbolic, front, panel)?;
         self.keep_contribution(symbolic, front);
         Ok(())
     }
 
-    fn judge_pivots(&mut self, symbolic: &Symbolic, front: usize, panel: &[f64]) -> Result<(), SolveError> {
+    fn check_pivots(&mut self, symbolic: &Symbolic, front: usize, panel: &[f64]) -> Result<(), SolveError> {
         let (k, r) = symbolic.sizes(front);
         for column in 0..k {
             let ratio = panel[column * (k + r) + column].abs() / self.largest_in_column[column];

@@ -1,9 +1,9 @@
-//! Dense triangular solves with one right-hand side, over the panels of the fronts.
+//! Dense triangular solves with one vector, over the panels of the fronts.
 //!
-//! A panel is (k + r) x k by columns: a k x k triangle above an r x k rectangle. Its numbers may have single precision;
-//! vectors and sums have double precision. Sums have one fixed order, several columns or lanes at a time so that the
-//! compiler vectorises them. Each kernel is compiled for every vector width, and the widest one of the processor is
-//! used. Operations and their order are the same in all.
+//! A panel is (k + r) x k by columns: a k x k triangle above an r x k rectangle. Its numbers may be of single precision;
+//! vectors and sums are of double precision. Sums run in one fixed order, several columns or lanes at a time so that the
+//! compiler vectorises them; each solve is compiled for every width of vectors, and the widest one that the processor has
+//! is taken. Operations and their order are the same in all.
 //!
 //! Does not factor and does not check pivots.
 
@@ -133,28 +133,28 @@ pub(super) fn scale_by<T: Stored>(a: &mut [T], scale: &[f64], factor: f64) {
 }
 
 /// Solves `T x = b` with the lower triangle of a panel and subtracts the rectangle times x from `below`.
-pub(super) fn lower_sweep<T: Stored>(panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &mut [f64]) {
+pub(super) fn lower_solve<T: Stored>(panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &mut [f64]) {
     struct Operation<'a, T>(&'a [T], Diagonal, &'a mut [f64], &'a mut [f64]);
-    widest!(Operation, simd, |panel, diagonal, x, below| lower_sweep_in(simd, panel, diagonal, x, below));
+    widest!(Operation, simd, |panel, diagonal, x, below| lower_solve_in(simd, panel, diagonal, x, below));
     Arch::new().dispatch(Operation(panel, diagonal, x, below));
 }
 
 /// Solves `Tᵀ x = b - Rᵀ below` with the lower triangle T and the rectangle R of a panel.
-pub(super) fn lower_transposed_sweep<T: Stored>(panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &[f64]) {
+pub(super) fn lower_transposed_solve<T: Stored>(panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &[f64]) {
     struct Operation<'a, T>(&'a [T], Diagonal, &'a mut [f64], &'a [f64]);
-    widest!(Operation, simd, |panel, diagonal, x, below| lower_transposed_sweep_in(simd, panel, diagonal, x, below));
+    widest!(Operation, simd, |panel, diagonal, x, below| lower_transposed_solve_in(simd, panel, diagonal, x, below));
     Arch::new().dispatch(Operation(panel, diagonal, x, below));
 }
 
 /// Solves `U x = b` with the upper triangle of the top of a panel with m rows.
-pub(super) fn upper_sweep<T: Stored>(panel: &[T], m: usize, x: &mut [f64]) {
+pub(super) fn upper_solve<T: Stored>(panel: &[T], m: usize, x: &mut [f64]) {
     struct Operation<'a, T>(&'a [T], usize, &'a mut [f64]);
-    widest!(Operation, simd, |panel, m, x| upper_sweep_in(simd, panel, m, x));
+    widest!(Operation, simd, |panel, m, x| upper_solve_in(simd, panel, m, x));
     Arch::new().dispatch(Operation(panel, m, x));
 }
 
 /// Solves `Uᵀ x = b` with the upper triangle of the top of a panel with m rows.
-pub(super) fn upper_transposed_sweep<T: Stored>(panel: &[T], m: usize, x: &mut [f64]) {
+pub(super) fn upper_transposed_solve<T: Stored>(panel: &[T], m: usize, x: &mut [f64]) {
     struct Operation<'a, T>(&'a [T], usize, &'a mut [f64]);
     widest!(Operation, simd, |panel, m, x| {
         let k = x.len();
@@ -183,14 +183,14 @@ pub(super) fn upper_transposed_sweep<T: Stored>(panel: &[T], m: usize, x: &mut [
 pub(super) const TOGETHER: usize = 3;
 const HELD: usize = 3;
 
-/// `targets[r] = Σ factors[k][r] answers[k]`; targets without room are skipped.
-pub(super) fn combine<T: Stored>(factors: &[[T; TOGETHER]], answers: &[&[T]], targets: [&mut [T]; TOGETHER]) {
-    Arch::new().dispatch(Combine { factors, answers, targets });
+/// `targets[r] = Σ factors[k][r] vectors[k]`; targets without room are left out.
+pub(super) fn combine<T: Stored>(factors: &[[T; TOGETHER]], vectors: &[&[T]], targets: [&mut [T]; TOGETHER]) {
+    Arch::new().dispatch(Combine { factors, vectors, targets });
 }
 
 struct Combine<'a, T> {
     factors: &'a [[T; TOGETHER]],
-    answers: &'a [&'a [T]],
+    vectors: &'a [&'a [T]],
     targets: [&'a mut [T]; TOGETHER],
 }
 
@@ -207,22 +207,22 @@ impl<T: Stored> WithSimd for Combine<'_, T> {
             let held = HELD.min(n_vectors - first);
             let mut sums = [[zero; HELD]; TOGETHER];
             if held == HELD {
-                for (factors, answers) in self.factors.iter().zip(self.answers) {
-                    let answers = &T::vectors::<S>(answers).0[first..first + HELD];
+                for (factors, vectors) in self.factors.iter().zip(self.vectors) {
+                    let vectors = &T::vectors::<S>(vectors).0[first..first + HELD];
                     for r in 0..TOGETHER {
                         let factor = T::splat(simd, factors[r]);
                         for v in 0..HELD {
-                            sums[r][v] = T::fused(simd, sums[r][v], factor, answers[v]);
+                            sums[r][v] = T::fused(simd, sums[r][v], factor, vectors[v]);
                         }
                     }
                 }
             } else {
-                for (factors, answers) in self.factors.iter().zip(self.answers) {
-                    let answers = &T::vectors::<S>(answers).0[first..first + held];
+                for (factors, vectors) in self.factors.iter().zip(self.vectors) {
+                    let vectors = &T::vectors::<S>(vectors).0[first..first + held];
                     for r in 0..TOGETHER {
                         let factor = T::splat(simd, factors[r]);
                         for v in 0..held {
-                            sums[r][v] = T::fused(simd, sums[r][v], factor, answers[v]);
+                            sums[r][v] = T::fused(simd, sums[r][v], factor, vectors[v]);
                         }
                     }
                 }
@@ -235,8 +235,8 @@ impl<T: Stored> WithSimd for Combine<'_, T> {
         let rest = T::vectors::<S>(self.targets[0]).1.len();
         for column in n - rest..n {
             for (r, target) in self.targets.iter_mut().enumerate().filter(|(_, target)| !target.is_empty()) {
-                let products = self.factors.iter().zip(self.answers);
-                let sum: f64 = products.map(|(factors, answers)| factors[r].wide() * answers[column].wide()).sum();
+                let products = self.factors.iter().zip(self.vectors);
+                let sum: f64 = products.map(|(factors, vectors)| factors[r].wide() * vectors[column].wide()).sum();
                 target[column] = T::nearest(sum);
             }
         }
@@ -336,7 +336,7 @@ fn folded<T: Stored>(s: &[f64; LANES], a: &[T], b: &[f64]) -> f64 {
 }
 
 #[inline(always)]
-fn lower_sweep_in<S: Simd, T: Stored>(simd: S, panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &mut [f64]) {
+fn lower_solve_in<S: Simd, T: Stored>(simd: S, panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &mut [f64]) {
     let (k, r) = (x.len(), below.len());
     let m = k + r;
     // Four columns at a time: their small triangle first, then the rows below all of them in one pass.
@@ -392,7 +392,7 @@ fn dot_four<S: Simd, T: Stored>(simd: S, c: [&[T]; 4], b: &[f64]) -> [f64; 4] {
 }
 
 #[inline(always)]
-fn lower_transposed_sweep_in<S: Simd, T: Stored>(
+fn lower_transposed_solve_in<S: Simd, T: Stored>(
     simd: S,
     panel: &[T],
     diagonal: Diagonal,
@@ -412,7 +412,7 @@ fn lower_transposed_sweep_in<S: Simd, T: Stored>(
     for (x, column) in rest.iter_mut().zip(panel[n_whole * m..].chunks_exact(m.max(1))) {
         *x -= dot_in(simd, &column[k..], below);
     }
-    // Four columns at a time, as in the sweep down.
+    // Four columns at a time, as in the solve with the lower triangle.
     let mut end = k;
     while end >= 4 {
         let first = end - 4;
@@ -435,7 +435,7 @@ fn lower_transposed_sweep_in<S: Simd, T: Stored>(
 }
 
 #[inline(always)]
-fn upper_sweep_in<S: Simd, T: Stored>(simd: S, panel: &[T], m: usize, x: &mut [f64]) {
+fn upper_solve_in<S: Simd, T: Stored>(simd: S, panel: &[T], m: usize, x: &mut [f64]) {
     let mut end = x.len();
     // Four columns at a time, as above.
     while end >= 4 {
@@ -500,7 +500,7 @@ mod tests {
                     };
                     let mut x: Vec<f64> = (0..k).map(|i| (0..k).map(|j| lower(i, j) * wanted[j]).sum()).collect();
                     let mut y = below.clone();
-                    lower_sweep(&panel, diagonal, &mut x, &mut y);
+                    lower_solve(&panel, diagonal, &mut x, &mut y);
                     close(&x, &wanted);
                     let reduced: Vec<f64> =
                         (0..r).map(|i| below[i] - (0..k).map(|j| at(k + i, j) * wanted[j]).sum::<f64>()).collect();
@@ -511,14 +511,14 @@ mod tests {
                                 + (0..r).map(|i| at(k + i, j) * below[i]).sum::<f64>()
                         })
                         .collect();
-                    lower_transposed_sweep(&panel, diagonal, &mut x, &below);
+                    lower_transposed_solve(&panel, diagonal, &mut x, &below);
                     close(&x, &wanted);
                 }
                 let mut x: Vec<f64> = (0..k).map(|i| (i..k).map(|j| at(i, j) * wanted[j]).sum()).collect();
-                upper_sweep(&panel, m, &mut x);
+                upper_solve(&panel, m, &mut x);
                 close(&x, &wanted);
                 let mut x: Vec<f64> = (0..k).map(|j| (0..=j).map(|i| at(i, j) * wanted[i]).sum()).collect();
-                upper_transposed_sweep(&panel, m, &mut x);
+                upper_transposed_solve(&panel, m, &mut x);
                 close(&x, &wanted);
                 let mut y = below.clone();
                 let rectangle = numbers(r * k, 3);

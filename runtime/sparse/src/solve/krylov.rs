@@ -52,8 +52,8 @@ impl Gmres {
         Self { restart, basis: Vec::new(), hessenberg: Vec::new(), rotations: Vec::new(), reduced: Vec::new() }
     }
 
-    /// Solves from x = 0; `multiply(x, y)` sets y = A x. What the recursion calls converged is: who uses the answer
-    /// looks at its true residual, and that of a restart is one.
+    /// Solves from x = 0; `multiply(x, y)` sets y = A x. What the recursion calls converged is: who uses the solution looks
+    /// at its true residual, and that of a restart is one.
     pub(super) fn solve(
         &mut self,
         multiply: &mut dyn FnMut(&[f64], &mut [f64]),

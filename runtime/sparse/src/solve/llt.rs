@@ -9,8 +9,8 @@ use std::sync::Arc;
 use super::SolveError;
 use super::factorization::{Factorization, Pivot};
 use super::multifrontal::Multifrontal;
-use super::sweep::{Form, FrontFactor, Sweep};
 use super::symbolic::Symbolic;
+use super::triangular_solve::{FrontFactor, Transpose, TriangularSolve};
 use crate::csr::{Csr, Pattern};
 
 /// A reusable sparse Cholesky factorisation.
@@ -18,7 +18,7 @@ pub(super) struct Llt {
     pattern: Arc<Pattern>,
     symbolic: Symbolic,
     numeric: Multifrontal,
-    sweep: Sweep,
+    triangular: TriangularSolve,
 }
 
 impl Llt {
@@ -31,8 +31,8 @@ impl Llt {
         let symbolic = Symbolic::new(pattern, coordinates, &[])?;
         symbolic.claim(|_| false, 0)?;
         let numeric = Multifrontal::new(&symbolic, vec![true; symbolic.n_fronts()], threads)?;
-        let sweep = Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], threads);
-        Ok(Self { pattern: Arc::clone(pattern), symbolic, numeric, sweep })
+        let triangular = TriangularSolve::new(&symbolic, vec![true; symbolic.n_fronts()], threads);
+        Ok(Self { pattern: Arc::clone(pattern), symbolic, numeric, triangular })
     }
 
     /// The pivot at a dof, given that everything before it is positive definite: the rest of the matrix is replaced by
@@ -57,7 +57,7 @@ impl Llt {
         }
         self.numeric.factor(&self.symbolic, leading.values(), &mut []).ok()?;
         let mut vector: Vec<f64> = coupling.iter().map(|value| -value).collect();
-        Factorization::solve(self, Form::Plain, &mut vector);
+        Factorization::solve(self, Transpose::No, &mut vector);
         let pivot = matrix.get(dof, dof) + coupling.iter().zip(&vector).map(|(a, v)| a * v).sum::<f64>();
         vector[dof] = 1.0;
         vector.iter().all(|value| value.is_finite()).then_some((pivot, vector))
@@ -77,10 +77,10 @@ impl Factorization for Llt {
         Ok(self.numeric.smallest_pivot_ratio(&self.symbolic, &diagonal).map_or(Pivot::HEALTHY, Pivot::from))
     }
 
-    fn solve(&mut self, form: Form, x: &mut [f64]) {
+    fn solve(&mut self, transpose: Transpose, x: &mut [f64]) {
         let numeric = &self.numeric;
         let factor = |front| FrontFactor::Cholesky { panel: numeric.panel(front) };
-        self.sweep.solve(&self.symbolic, factor, form, |_| {}, x);
+        self.triangular.solve(&self.symbolic, factor, transpose, |_| {}, x);
     }
 
     fn is_negative(&self) -> Option<bool> {

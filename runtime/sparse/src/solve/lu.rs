@@ -2,7 +2,7 @@
 //!
 //! Promises: the fast method is tried first for every new matrix; a vanishing pivot, or a residual that refinement
 //! does not repair, leads to the robust one. Which one is used depends on the matrix alone.
-//! Does not judge solutions: `checked` does, and asks for the other method.
+//! Does not check solutions: `checked` does, and asks for the other method.
 
 use std::sync::Arc;
 
@@ -10,8 +10,8 @@ use super::SolveError;
 use super::factorization::{Factorization, Pivot};
 use super::faer_lu::FaerLu;
 use super::frontal_lu::{EntryMap, FrontalLu, Part};
-use super::sweep::{Form, Sweep};
 use super::symbolic::Symbolic;
+use super::triangular_solve::{Transpose, TriangularSolve};
 use crate::csr::{Csr, Pattern};
 
 /// A pivot smaller than this part of its column makes the result of the fast method worthless.
@@ -23,7 +23,7 @@ pub(super) struct SparseLu {
     symbolic: Symbolic,
     map: EntryMap,
     fronts: FrontalLu,
-    sweep: Sweep,
+    triangular: TriangularSolve,
     robust: Option<Box<FaerLu>>,
     uses_robust: bool,
 }
@@ -42,9 +42,9 @@ impl SparseLu {
         let members = vec![true; symbolic.n_fronts()];
         let map = EntryMap::new(&symbolic, &members, pattern, true).expect("the structure was made for this pattern");
         let fronts = FrontalLu::new(&symbolic, members, threads)?;
-        let sweep = Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], threads);
+        let triangular = TriangularSolve::new(&symbolic, vec![true; symbolic.n_fronts()], threads);
         let pattern = Arc::clone(pattern);
-        Ok(Self { pattern, symbolic, map, fronts, sweep, robust: None, uses_robust: false })
+        Ok(Self { pattern, symbolic, map, fronts, triangular, robust: None, uses_robust: false })
     }
 
     fn factor_robust(&mut self, matrix: &Csr) -> Result<(), SolveError> {
@@ -76,12 +76,12 @@ impl Factorization for SparseLu {
         }
     }
 
-    fn solve(&mut self, form: Form, x: &mut [f64]) {
+    fn solve(&mut self, transpose: Transpose, x: &mut [f64]) {
         match &mut self.robust {
-            Some(robust) if self.uses_robust => robust.solve(form, x),
+            Some(robust) if self.uses_robust => robust.solve(transpose, x),
             _ => {
                 let (fronts, symbolic) = (&self.fronts, &self.symbolic);
-                self.sweep.solve(symbolic, |front| fronts.front(symbolic, front), form, |_| {}, x);
+                self.triangular.solve(symbolic, |front| fronts.front(symbolic, front), transpose, |_| {}, x);
             }
         }
     }

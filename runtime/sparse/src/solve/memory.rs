@@ -19,8 +19,8 @@ pub struct SolverMemory {
     pub spent: usize,
     /// Free dofs that do not share a force with their facing dof.
     pub apart: Vec<u32>,
-    /// Whether the factors of the bulk and of the matrix of the forces are of single precision.
+    /// Whether the factors of the bulk and of the capacitance matrix are of single precision.
     pub single: bool,
-    /// What the factor of the forces was made from.
+    /// What the factor of the capacitance matrix was made from.
     pub reference: Reference,
 }

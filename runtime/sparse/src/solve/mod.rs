@@ -9,6 +9,7 @@
 //! factorisations. No number is ever added to a diagonal to hide a singular matrix.
 //! Does not assemble, number dofs or apply boundary conditions. Threads come from rayon's current pool.
 
+mod backward_error;
 mod checked;
 mod condensed;
 mod contributions;
@@ -16,7 +17,6 @@ mod dense;
 mod factorization;
 mod faer_lu;
 mod frontal_lu;
-mod judge;
 mod kernels;
 mod krylov;
 mod llt;
@@ -29,13 +29,13 @@ mod ordering;
 #[cfg(test)]
 mod problems;
 mod scaling;
-mod sweep;
 mod symbolic;
 #[cfg(test)]
 mod tests;
+mod triangular_solve;
 
 pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
-pub use condensed::{CheckedCondensed, DENSE_LIMIT, Reference, Strategy};
+pub use condensed::{CheckedCondensed, DENSE_LIMIT, Elimination, Reference};
 pub use memory::SolverMemory;
 pub use null_space::{NullSpace, null_space, triangular};
 pub use ordering::{Ordering, order};
@@ -43,8 +43,8 @@ pub use ordering::{Ordering, order};
 use crate::csr::{Csr, CsrError};
 use wfl_host::memory::TooMuchMemory;
 
-/// Precision of the factors of a bulk that stands alone and of the dense matrix of the contact forces. Residuals and
-/// results are of double precision in all cases, and every solution is judged by its true residual.
+/// Precision of the factors of a bulk that stands alone and of the capacitance matrix of the contact forces. Residuals and
+/// results are of double precision in all cases, and every solution is checked by its true residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Precision {
     /// Mixed where that is faster.
@@ -68,7 +68,7 @@ impl Precision {
     }
 }
 
-/// How a system is solved and judged.
+/// How a system is solved and checked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverOptions {
     /// Threads to use, from rayon's current pool. Does not change any result.
@@ -82,7 +82,7 @@ pub struct SolverOptions {
     /// Refine until it stops helping, with residuals in double-double: the solution is then exact to rounding as long
     /// as the condition number is below about 1e15. Otherwise refinement starts only when it is needed.
     pub extended_residual: bool,
-    /// Of the factors of bulk and forces.
+    /// Of the factors of the bulk and of the capacitance matrix.
     pub precision: Precision,
 }
 

@@ -7,7 +7,7 @@
 //! [K_GI K_GG] = [L_GI   1  ] [      S    ]     S = K_GG - K_GI K_II⁻¹ K_IG
 //! ```
 //!
-//! the factorisation gives L_II, L_GI and the dense S in one sweep over the fronts of [`Symbolic`]; dense work goes to
+//! the factorisation gives L_II, L_GI and the dense S in one pass over the fronts of [`Symbolic`]; dense work goes to
 //! faer's kernels. Independent subtrees run in parallel.
 //!
 //! Promises: a second factorisation reuses all memory; the same bytes for any number of threads; a matrix that is not
@@ -42,7 +42,7 @@ pub(super) struct Multifrontal {
 /// The panels of all fronts (those that take no part stay zero).
 enum Values {
     Double(Vec<f64>),
-    /// For sweeps alone.
+    /// For triangular solves alone.
     Single {
         rounded: Vec<f32>,
         /// What they have been multiplied with, a power of two.
@@ -120,7 +120,7 @@ impl Multifrontal {
     }
 
     /// Rounds the factor to single precision, with its largest pivot brought to about 1: half the memory, and half the
-    /// time of a sweep.
+    /// time of a triangular solve.
     pub(super) fn narrow(&mut self, symbolic: &Symbolic) -> Result<(), SolveError> {
         let Values::Double(values) = &self.values else { return Ok(()) };
         let mut largest = 0.0f64;

@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 
 use super::factorization::Factorization;
 use super::llt::Llt;
-use super::sweep::Form;
+use super::triangular_solve::Transpose;
 use crate::csr::{Csr, PatternBuilder};
 
 /// Vectors that are looked for at once.
@@ -58,7 +58,7 @@ pub fn null_space(matrix: &Csr, coordinates: Option<&[[f64; 3]]>, threads: usize
     let start = |k: usize, dof: usize| ((dof * (2 * k + 1) + k + 1) as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
     let mut vectors: Vec<Vec<f64>> = (0..count).map(|k| (0..n).map(|dof| start(k, dof)).collect()).collect();
     for _ in 0..ITERATIONS {
-        vectors.iter_mut().for_each(|v| solver.solve(Form::Plain, v));
+        vectors.iter_mut().for_each(|v| solver.solve(Transpose::No, v));
         orthonormal(&mut vectors);
     }
     let met: Vec<Vec<f64>> = vectors

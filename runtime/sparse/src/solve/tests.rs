@@ -12,18 +12,18 @@ type Build = fn(&Csr, SolverOptions) -> Result<Box<dyn LinearSolver>, SolveError
 const GENERAL: [(&str, Build); 5] = [
     ("lu", |a, options| Ok(Box::new(CheckedLu::new(a.pattern(), None, options)?))),
     ("dense", |a, options| Ok(Box::new(CheckedDense::new(a.pattern(), options)?))),
-    ("condensed dense", |a, options| condensed(a, options, |n_changing, _| Strategy::Dense { n_changing })),
+    ("condensed dense", |a, options| condensed(a, options, |n_changing, _| Elimination::Dense { n_changing })),
     ("condensed forces", |a, options| {
-        condensed(a, options, |n_changing, n_forces| Strategy::Forces { n_changing, n_forces, single: false })
+        condensed(a, options, |n_changing, n_forces| Elimination::Woodbury { n_changing, n_forces, single: false })
     }),
-    ("condensed fronts", |a, options| condensed(a, options, |n_changing, _| Strategy::Fronts { n_changing })),
+    ("condensed fronts", |a, options| condensed(a, options, |n_changing, _| Elimination::Fronts { n_changing })),
 ];
 
 /// Nothing is constant: everything changes.
 fn condensed(
     a: &Csr,
     options: SolverOptions,
-    choose: fn(usize, usize) -> Strategy,
+    choose: fn(usize, usize) -> Elimination,
 ) -> Result<Box<dyn LinearSolver>, SolveError> {
     let empty = Csr::zeros(Arc::new(Pattern::empty(a.n_rows(), a.n_cols())));
     Ok(Box::new(CheckedCondensed::with_choice(&empty, a.pattern(), None, &[], options, choose)?))
@@ -290,7 +290,7 @@ fn the_smallest_systems_work() {
 
 #[test]
 fn threads_and_repetition_do_not_change_a_byte() {
-    // Large enough for parallel tasks, parallel kernels and parallel sweeps.
+    // Large enough for parallel tasks, parallel kernels and parallel triangular solves.
     let options = BoxOptions { cells: [12, 12, 12], cut: None, fix_low: true, fix_high: false };
     let problem = ElasticBox::new(&options);
     let a = &problem.matrix;

@@ -10,21 +10,21 @@ use super::super::factorization::Pivot;
 use super::super::frontal_lu::{EntryMap, FrontalLu, Part};
 use super::super::krylov::{Gmres, Limits, Outcome};
 use super::super::multifrontal::Multifrontal;
-use super::super::sweep::{Form, FrontFactor, Sweep};
 use super::super::symbolic::Symbolic;
+use super::super::triangular_solve::{FrontFactor, Transpose, TriangularSolve};
 use super::super::{Precision, SolveError};
-use super::forces::{Bulk, Forces, Inner, Scaled};
+use super::woodbury::{Bulk, Inner, Scaled, Woodbury};
 use crate::csr::{Csr, Pattern};
 use wfl_host::memory::zeros;
 
 /// Smallest pivot of the fronts, relative to its column, that is accepted.
 const SMALLEST_PIVOT: f64 = 1e-11;
-/// Multiplications that a factorisation makes while a sweep loads one value: from the cache, and from memory.
+/// Multiplications that a factorisation makes while a triangular solve loads one value: from the cache, and from memory.
 const OPERATIONS_PER_CACHED_VALUE: f64 = 16.0;
 const OPERATIONS_PER_VALUE: f64 = 36.0;
 /// Number of values that a cache holds.
 const CACHED_VALUES: f64 = 4e6;
-/// Forces: with fewer iterations a trial is not worth the sweeps over the bulk that it costs where it fails.
+/// Woodbury: with fewer iterations a trial is not worth the solves with the bulk that it costs where it fails.
 const FEWEST_ITERATIONS: f64 = 14.0;
 /// From this number of forces on a factor of single precision saves more than its iterations cost.
 const SINGLE_FROM: usize = 1200;
@@ -42,12 +42,12 @@ pub(super) struct Engine {
     constant: Multifrontal,
     /// Smallest relative pivot of the constant part.
     constant_pivot: f64,
-    sweep: Sweep,
+    triangular: TriangularSolve,
     pub(super) method: Method,
 }
 
 pub(super) enum Method {
-    Forces(Box<Forces>),
+    Woodbury(Box<Woodbury>),
     Dense {
         /// S0, full, by columns.
         base: Vec<f64>,
@@ -62,8 +62,8 @@ pub(super) enum Method {
         fronts: Box<FrontalLu>,
         bulk_map: EntryMap,
         changing_map: EntryMap,
-        /// Sweep over the changing fronts alone.
-        reduced: Box<Sweep>,
+        /// Triangular solves over the changing fronts alone.
+        reduced: Box<TriangularSolve>,
         work: Vec<f64>,
     },
 }
@@ -101,7 +101,7 @@ impl EngineContext<'_> {
         let order = self.dofs.iter().map(|&dof| place(dof)).collect();
         let dense = Dense::new(n, self.threads)?;
         Ok(Engine {
-            sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
+            triangular: TriangularSolve::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
             constant_pivot: smallest_pivot(&constant, &symbolic, self.bulk),
             constant,
             symbolic,
@@ -111,32 +111,32 @@ impl EngineContext<'_> {
 
     /// # Errors
     /// Also [`SolveError::NotPositiveDefinite`] when the bulk can hardly stand alone.
-    pub(super) fn forces(&self) -> Result<Engine, SolveError> {
+    pub(super) fn woodbury(&self) -> Result<Engine, SolveError> {
         let (bulk, is_bare) = alone(self.bulk)?;
         let symbolic = Symbolic::new(bulk.pattern(), self.coordinates, &[])?;
-        let n_forces = Forces::count(self.changing, self.pairs);
-        // the flexibility of the changing dofs, and the matrix that is factored
+        let n_forces = Woodbury::count(self.changing, self.pairs);
+        // the flexibility of the changing dofs, and the capacitance matrix
         symbolic.claim(|_| false, self.dofs.len() * n_forces + n_forces * n_forces)?;
         let mut constant = whole_factor(&symbolic, &bulk, self.threads)?;
         let constant_pivot = smallest_pivot(&constant, &symbolic, &bulk);
         if constant_pivot < SMALLEST_ALONE {
             return Err(SolveError::NotPositiveDefinite { dof: 0, pivot: constant_pivot });
         }
-        let mut forces = Forces::new(self.changing, self.dofs, self.pairs, is_bare, self.threads)?;
+        let mut woodbury = Woodbury::new(self.changing, self.dofs, self.pairs, is_bare, self.threads)?;
         let single = match self.precision {
-            Precision::Auto => forces.n_forces() >= SINGLE_FROM,
+            Precision::Auto => woodbury.n_forces() >= SINGLE_FROM,
             Precision::Double => false,
             Precision::Mixed => true,
         };
         if single && constant_pivot >= SMALLEST_SINGLE {
-            forces.set_single(true);
+            woodbury.set_single(true);
             constant.narrow(&symbolic)?;
         }
         Ok(Engine {
-            sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
+            triangular: TriangularSolve::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
             constant_pivot,
             constant,
-            method: Method::Forces(Box::new(forces)),
+            method: Method::Woodbury(Box::new(woodbury)),
             symbolic,
         })
     }
@@ -156,14 +156,14 @@ impl EngineContext<'_> {
         };
         let (bulk_map, changing_map) = (map(self.bulk.pattern(), false), map(self.changing, true));
         Ok(Engine {
-            sweep: Sweep::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
+            triangular: TriangularSolve::new(&symbolic, vec![true; symbolic.n_fronts()], self.threads),
             constant_pivot: smallest_pivot(&constant, &symbolic, self.bulk),
             constant,
             method: Method::Fronts {
                 fronts: Box::new(FrontalLu::new(&symbolic, members.clone(), self.threads)?),
                 bulk_map,
                 changing_map,
-                reduced: Box::new(Sweep::new(&symbolic, members, self.threads)),
+                reduced: Box::new(TriangularSolve::new(&symbolic, members, self.threads)),
                 work: vec![0.0; self.bulk.n_rows()],
             },
             symbolic,
@@ -175,34 +175,35 @@ impl Engine {
     /// Takes over the values of the changing part; true if an older factor is of no use with them.
     pub(super) fn take(&mut self, changing: &Csr) -> Result<bool, SolveError> {
         match &mut self.method {
-            Method::Forces(forces) => forces.take(&self.symbolic, &self.constant, changing),
+            Method::Woodbury(woodbury) => woodbury.take(&self.symbolic, &self.constant, changing),
             _ => Ok(false),
         }
     }
 
     /// Whether solutions with the factor need iterations because it is of single precision.
     pub(super) fn is_single(&self) -> bool {
-        matches!(&self.method, Method::Forces(forces) if forces.is_single())
+        matches!(&self.method, Method::Woodbury(woodbury) if woodbury.is_single())
     }
 
-    /// Chooses the precision of the factors of bulk and forces; where that changes, the latter is lost.
+    /// Chooses the precision of the factors of the bulk and of the capacitance matrix; where that changes, the latter is
+    /// lost.
     pub(super) fn set_single(&mut self, single: bool, bulk: &Csr) -> Result<(), SolveError> {
-        let Method::Forces(forces) = &mut self.method else { return Ok(()) };
-        if forces.is_single() == single {
+        let Method::Woodbury(woodbury) = &mut self.method else { return Ok(()) };
+        if woodbury.is_single() == single {
             return Ok(());
         }
-        forces.set_single(single);
+        woodbury.set_single(single);
         if single {
             return self.constant.narrow(&self.symbolic);
         }
-        self.constant = whole_factor(&self.symbolic, &alone(bulk)?.0, forces.threads())?;
+        self.constant = whole_factor(&self.symbolic, &alone(bulk)?.0, woodbury.threads())?;
         Ok(())
     }
 
     /// Has the next factor made from nothing; whether the one at hand was made from an earlier one.
     pub(super) fn forget(&mut self) -> bool {
         match &mut self.method {
-            Method::Forces(forces) => forces.forget(),
+            Method::Woodbury(woodbury) => woodbury.forget(),
             _ => false,
         }
     }
@@ -211,11 +212,11 @@ impl Engine {
     pub(super) fn factor(&mut self, bulk: &Csr, changing: &Csr, kind: Kind) -> Result<Pivot, SolveError> {
         let is_single = self.is_single();
         let (ratio, _) = match &mut self.method {
-            Method::Forces(forces) => {
-                if !forces.is_connected() {
-                    forces.take(&self.symbolic, &self.constant, changing)?;
+            Method::Woodbury(woodbury) => {
+                if !woodbury.is_connected() {
+                    woodbury.take(&self.symbolic, &self.constant, changing)?;
                 }
-                match forces.factor() {
+                match woodbury.factor() {
                     Ok((ratio, _)) | Err(SolveError::VanishingPivot { ratio, .. })
                         if is_single && (ratio.is_nan() || ratio < SMALLEST_SINGLE) =>
                     {
@@ -252,35 +253,35 @@ impl Engine {
     /// Whether the determinant of the matrix factored last is negative. What stays constant is positive definite.
     pub(super) fn is_negative(&self) -> bool {
         match &self.method {
-            Method::Forces(forces) => forces.is_negative(),
+            Method::Woodbury(woodbury) => woodbury.is_negative(),
             Method::Dense { dense, .. } => dense.is_negative(),
             Method::Fronts { fronts, .. } => fronts.is_negative(&self.symbolic),
         }
     }
 
     /// Solves in place, by dof.
-    pub(super) fn solve(&mut self, form: Form, x: &mut [f64]) {
+    pub(super) fn solve(&mut self, transpose: Transpose, x: &mut [f64]) {
         let (symbolic, constant) = (&self.symbolic, &self.constant);
         let cholesky = |front: usize| FrontFactor::Cholesky { panel: constant.panel(front) };
         match &mut self.method {
-            Method::Forces(forces) => {
-                let bulk = Bulk { symbolic, factor: constant, sweep: &mut self.sweep };
-                match form {
-                    Form::Plain => {
-                        forces.solve(bulk, x, Inner::Fresh);
+            Method::Woodbury(woodbury) => {
+                let bulk = Bulk { symbolic, factor: constant, triangular: &mut self.triangular };
+                match transpose {
+                    Transpose::No => {
+                        woodbury.solve(bulk, x, Inner::Fresh);
                     }
-                    Form::Transposed => forces.solve_transposed(bulk, x),
+                    Transpose::Yes => woodbury.solve_transposed(bulk, x),
                 }
             }
             Method::Dense { dense, .. } => {
-                self.sweep.solve(symbolic, cholesky, form, |interface| dense.solve(form, interface), x);
+                self.triangular.solve(symbolic, cholesky, transpose, |interface| dense.solve(transpose, interface), x);
             }
             Method::Fronts { fronts, .. } => {
                 let fronts = &**fronts;
                 let factor = |front: usize| {
                     if fronts.members()[front] { fronts.front(symbolic, front) } else { cholesky(front) }
                 };
-                self.sweep.solve(symbolic, factor, form, |_| {}, x);
+                self.triangular.solve(symbolic, factor, transpose, |_| {}, x);
             }
         }
     }
@@ -294,25 +295,25 @@ impl Engine {
         limits: Limits,
         scale: &[f64],
     ) -> Option<Outcome> {
-        let Method::Forces(forces) = &mut self.method else { return None };
-        let bulk = Bulk { symbolic: &self.symbolic, factor: &self.constant, sweep: &mut self.sweep };
-        Some(forces.solve(bulk, x, Inner::Stale(Scaled { gmres, limits, scale })))
+        let Method::Woodbury(woodbury) = &mut self.method else { return None };
+        let bulk = Bulk { symbolic: &self.symbolic, factor: &self.constant, triangular: &mut self.triangular };
+        Some(woodbury.solve(bulk, x, Inner::Stale(Scaled { gmres, limits, scale })))
     }
 
     /// Solves with a right-hand side on the changing dofs, for the changing dofs.
     pub(super) fn solve_changing(&mut self, dofs: &[u32], x: &mut [f64]) {
         match &mut self.method {
-            Method::Forces(_) => unreachable!("forces iterate by themselves"),
+            Method::Woodbury(_) => unreachable!("the Woodbury solver iterates by itself"),
             Method::Dense { dense, order, work, .. } => {
                 order.iter().zip(&*x).for_each(|(&place, value)| work[place as usize] = *value);
-                dense.solve(Form::Plain, work);
+                dense.solve(Transpose::No, work);
                 order.iter().zip(x).for_each(|(&place, value)| *value = work[place as usize]);
             }
             Method::Fronts { fronts, reduced, work, .. } => {
                 let (fronts, symbolic) = (&**fronts, &self.symbolic);
                 work.fill(0.0);
                 dofs.iter().zip(&*x).for_each(|(&dof, value)| work[dof as usize] = *value);
-                reduced.solve(symbolic, |front| fronts.front(symbolic, front), Form::Plain, |_| {}, work);
+                reduced.solve(symbolic, |front| fronts.front(symbolic, front), Transpose::No, |_| {}, work);
                 dofs.iter().zip(x).for_each(|(&dof, value)| *value = work[dof as usize]);
             }
         }
@@ -321,7 +322,7 @@ impl Engine {
     /// Iterations that cost less than a new factor; none where a trial is not worth it.
     pub(super) fn worthwhile_iterations(&self) -> usize {
         let (operations, values) = match &self.method {
-            Method::Forces(forces) => forces.costs(),
+            Method::Woodbury(woodbury) => woodbury.costs(),
             Method::Dense { order, .. } => {
                 let n = order.len() as f64;
                 (n * n * n / 3.0, n * n)
@@ -335,7 +336,7 @@ impl Engine {
         };
         let per_value = if values <= CACHED_VALUES { OPERATIONS_PER_CACHED_VALUE } else { OPERATIONS_PER_VALUE };
         let iterations = operations / (per_value * values).max(1.0);
-        if matches!(self.method, Method::Forces(_)) && iterations < FEWEST_ITERATIONS {
+        if matches!(self.method, Method::Woodbury(_)) && iterations < FEWEST_ITERATIONS {
             return 0;
         }
         (iterations as usize).min(MAX_ITERATIONS)

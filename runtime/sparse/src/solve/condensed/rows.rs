@@ -6,7 +6,6 @@ use rayon::prelude::*;
 
 use super::super::dense::Number;
 use super::super::kernels::{TOGETHER, combine};
-use super::super::sweep::Form;
 use crate::csr::Csr;
 
 /// Values of V from which a product is shared among threads, and rows in one share.
@@ -26,18 +25,10 @@ pub(super) struct Rows<'a> {
     pub(super) n_loads: usize,
 }
 
-/// V, `read x loads` by rows, with the power of two that its values have been multiplied with.
-pub(super) struct Answers<T> {
+/// The flexibility V, `read x loads` by rows, with the power of two that its values have been multiplied with.
+pub(super) struct Flexibility<T> {
     pub(super) values: Vec<T>,
     pub(super) scale: f64,
-}
-
-/// What a system is solved with where its transposed has been factored.
-pub(super) fn other(form: Form) -> Form {
-    match form {
-        Form::Plain => Form::Transposed,
-        Form::Transposed => Form::Plain,
-    }
 }
 
 /// Does something to each chunk, with its number.
@@ -87,11 +78,11 @@ pub(super) fn fill_products<T: Number>(
         }
     }
     starts.push(last);
-    let (mut factors, mut answers) = (Vec::new(), Vec::new());
+    let (mut factors, mut vectors) = (Vec::new(), Vec::new());
     for columns in (0..width).step_by(FILL_COLUMNS).map(|column| column..width.min(column + FILL_COLUMNS)) {
         for group in starts.windows(2) {
             factors.clear();
-            answers.clear();
+            vectors.clear();
             for (k, &column) in m.row(group[0]).0.iter().enumerate() {
                 let at = place[column as usize] as usize;
                 let mut all = [T::nearest(0.0); TOGETHER];
@@ -101,13 +92,13 @@ pub(super) fn fill_products<T: Number>(
                     .for_each(|(row, factor)| *factor = T::nearest(m.row(row).1[k] / unit));
                 if at < n_rows && all.iter().any(|factor| factor.wide() != 0.0) {
                     factors.push(all);
-                    answers.push(&v[at * step..][columns.clone()]);
+                    vectors.push(&v[at * step..][columns.clone()]);
                 }
             }
             let mut targets = out[(group[0] - first) * stride..(group[1] - first) * stride].chunks_exact_mut(stride);
             let targets: [&mut [T]; TOGETHER] =
                 std::array::from_fn(|_| targets.next().map_or(&mut [][..], |row| &mut row[columns.clone()]));
-            combine(&factors, &answers, targets);
+            combine(&factors, &vectors, targets);
         }
     }
 }

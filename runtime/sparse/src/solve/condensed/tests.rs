@@ -5,12 +5,12 @@ use super::super::{CheckedLu, LinearSolver};
 use super::*;
 
 /// A method from the numbers of changing dofs and of forces.
-type Choice = fn(usize, usize) -> Strategy;
+type Choice = fn(usize, usize) -> Elimination;
 
-const DENSE: Choice = |n_changing, _| Strategy::Dense { n_changing };
-const FRONTS: Choice = |n_changing, _| Strategy::Fronts { n_changing };
-const FORCES: Choice = |n_changing, n_forces| Strategy::Forces { n_changing, n_forces, single: false };
-/// All methods, that of the forces in both precisions.
+const DENSE: Choice = |n_changing, _| Elimination::Dense { n_changing };
+const FRONTS: Choice = |n_changing, _| Elimination::Fronts { n_changing };
+const FORCES: Choice = |n_changing, n_forces| Elimination::Woodbury { n_changing, n_forces, single: false };
+/// All methods, Woodbury in both precisions.
 const METHODS: [(Choice, Precision); 4] =
     [(DENSE, Precision::Auto), (FRONTS, Precision::Auto), (FORCES, Precision::Double), (FORCES, Precision::Mixed)];
 
@@ -178,7 +178,7 @@ fn a_bulk_that_nothing_holds_is_refused_at_once() {
 
 #[test]
 fn multipliers_without_bulk_are_solved() {
-    // Held on one side alone a body cannot stand alone, and there is no matrix of the forces.
+    // Held on one side alone a body cannot stand alone, and there is no capacitance matrix.
     for fix_high in [false, true] {
         let options = BoxOptions { cells: [4, 4, 4], cut: Some(2), fix_low: true, fix_high };
         solve_with_multipliers(&ElasticBox::new(&options), fix_high);
@@ -238,11 +238,11 @@ fn solve_with_multipliers(problem: &ElasticBox, has_forces: bool) {
         let condition = solver.condition_estimate().unwrap();
         assert!((condition / fresh.condition_estimate().unwrap() - 1.0).abs() < 1e-3);
         let (mut transposed, mut wanted) = (b.clone(), b.clone());
-        solver.engine.solve(Form::Transposed, &mut transposed);
-        fresh.engine.solve(Form::Transposed, &mut wanted);
+        solver.engine.solve(Transpose::Yes, &mut transposed);
+        fresh.engine.solve(Transpose::Yes, &mut wanted);
         close(&transposed, &wanted, if precision == Precision::Mixed { 1e-4 } else { 1e-9 });
         let is_update = !solver.memory().reference.groups.is_empty();
-        assert!(is_update == (has_forces && matches!(solver.strategy(), Strategy::Forces { .. })));
+        assert!(is_update == (has_forces && matches!(solver.elimination(), Elimination::Woodbury { .. })));
     }
 }
 
@@ -294,7 +294,7 @@ fn the_sign_of_the_determinant_is_that_of_its_inertia() {
     }
 }
 
-/// Both bodies stand alone, so that there is a matrix of the forces; its rows at the faces `slip(face)` change with the
+/// Both bodies stand alone, so that there is a capacitance matrix; its rows at the faces `slip(face)` change with the
 /// step.
 fn sliding(problem: &ElasticBox, kind: Contact, step: usize, slips: impl Fn(usize) -> bool) -> Csr {
     let mut sticking = problem.contact(kind, 50.0, |_, _| true);
@@ -370,10 +370,11 @@ fn entries_outside_the_pattern_are_refused() {
 
 #[test]
 fn a_factor_of_single_precision_gives_the_same_solutions() {
-    // Both bodies stand alone: otherwise there is no matrix of the forces.
+    // Both bodies stand alone: otherwise there is no capacitance matrix.
     let problem = ElasticBox::new(&BoxOptions { cells: [4, 5, 5], cut: Some(2), fix_low: true, fix_high: true });
     let b = load(problem.n());
-    let is_single = |solver: &CheckedCondensed| matches!(solver.strategy(), Strategy::Forces { single: true, .. });
+    let is_single =
+        |solver: &CheckedCondensed| matches!(solver.elimination(), Elimination::Woodbury { single: true, .. });
     // With the last unit of stress no number of the matrix and of its inverse is one of single precision.
     for (kind, gamma, unit) in [
         (Contact::Penalty, 1e-3, 1.0),

@@ -8,8 +8,8 @@
 //! (A + E D V)⁻¹ b = A⁻¹ (b - E S⁻¹ D V A⁻¹ b)
 //! ```
 //!
-//! W has a column a changed row and is kept: rows that change again cost nothing but a new S, which is as small as
-//! their number. V is the flexibility and, for a dof without stiffness, minus its own value.
+//! W has a column a changed row and is kept: rows that change again cost nothing but a new S, which is as small as their
+//! number. V stands here for the flexibility and, for a dof without stiffness, for minus its own value.
 //!
 //! Promises: the same bytes for any number of threads; what is not finite is refused.
 //! Does not decide when a reference has served its time: its owner does.
@@ -21,8 +21,8 @@ use std::sync::Arc;
 use super::super::SolveError;
 use super::super::dense::{Dense, Kind, Number};
 use super::super::kernels::product_by_rows;
-use super::super::sweep::Form;
-use super::rows::{Answers, PARALLEL_VALUES, Rows, SHARE, Source, fill_products, other, share};
+use super::super::triangular_solve::Transpose;
+use super::rows::{Flexibility, PARALLEL_VALUES, Rows, SHARE, Source, fill_products, share};
 use crate::csr::{Csr, Pattern};
 use wfl_host::memory::zeros;
 
@@ -96,7 +96,7 @@ impl<T: Number> Update<T> {
     pub(super) fn extend(
         &mut self,
         rows: Rows<'_>,
-        v: &Answers<T>,
+        v: &Flexibility<T>,
         reference: &mut Dense<T>,
         new: &[u32],
         threads: usize,
@@ -104,19 +104,19 @@ impl<T: Number> Update<T> {
         let n = rows.m.n_rows();
         let (n_read, n_loads, old, k) = (rows.n_read, rows.n_loads, self.changed.len(), new.len());
         let n_places = n_read + n - n_loads;
-        let mut solved = zeros::<T>(n * k, "answers of changed rows")?;
+        let mut solved = zeros::<T>(n * k, "the flexibility of changed rows")?;
         for (column, &row) in solved.chunks_exact_mut(n).zip(new) {
             column[row as usize] = T::nearest(1.0);
         }
         reference.solve_transposed_columns(&mut solved);
-        let mut added = zeros::<T>(n_read * k, "answers of changed rows")?;
+        let mut added = zeros::<T>(n_read * k, "the flexibility of changed rows")?;
         let par = super::super::parallelism(threads, (n_read * n_loads) as f64 * k as f64);
         let forces = MatRef::from_column_major_slice(&solved, n, k).subrows(0, n_loads);
-        let answers = MatRef::from_row_major_slice(&v.values, n_read, n_loads);
+        let flexibility = MatRef::from_row_major_slice(&v.values, n_read, n_loads);
         let target = MatMut::from_row_major_slice_mut(&mut added, n_read, k);
-        matmul(target, Accum::Replace, answers, forces, T::nearest(1.0), par);
+        matmul(target, Accum::Replace, flexibility, forces, T::nearest(1.0), par);
         if solved.iter().chain(&added).any(|value| !value.wide().is_finite()) {
-            return Err(SolveError::Internal { what: "answers of changed rows" });
+            return Err(SolveError::Internal { what: "the flexibility of changed rows" });
         }
         self.make_room(n_places, old, old + k)?;
         for (place, target) in self.columns.chunks_exact_mut(self.stride).enumerate() {
@@ -144,7 +144,7 @@ impl<T: Number> Update<T> {
         }
         let most = (LARGEST_PART * self.is_changed.len() as f64) as usize;
         let stride = (needed + needed / 2).min(most).max(needed);
-        let mut columns = zeros::<T>(n_places * stride, "answers of changed rows")?;
+        let mut columns = zeros::<T>(n_places * stride, "the flexibility of changed rows")?;
         for (target, source) in columns.chunks_exact_mut(stride).zip(self.columns.chunks_exact(self.stride.max(1))) {
             target[..old].copy_from_slice(&source[..old]);
         }
@@ -205,56 +205,56 @@ impl<T: Number> Update<T> {
     /// Solves in place.
     pub(super) fn solve(
         &mut self,
-        form: Form,
-        v: &Answers<T>,
+        transpose: Transpose,
+        v: &Flexibility<T>,
         reference: &mut Dense<T>,
         b: &mut [f64],
         threads: usize,
     ) {
         let mut w = b.to_vec();
-        reference.solve(other(form), &mut w);
-        match form {
-            Form::Plain => {
+        reference.solve(transpose.flipped(), &mut w);
+        match transpose {
+            Transpose::No => {
                 self.multiply(v, &w, threads);
                 let entries = self.places.iter().map(|&place| self.product[place as usize]);
                 let terms: Vec<f64> = self.difference.values().iter().zip(entries).map(|(d, x)| d * x).collect();
                 let starts = self.difference.pattern().row_starts();
                 let mut z: Vec<f64> = starts.windows(2).map(|range| terms[range[0]..range[1]].iter().sum()).collect();
-                self.inner.solve(Form::Transposed, &mut z);
+                self.inner.solve(Transpose::Yes, &mut z);
                 self.changed.iter().zip(&z).for_each(|(&row, z)| b[row as usize] -= z);
             }
-            Form::Transposed => {
+            Transpose::Yes => {
                 let mut z: Vec<f64> = self.changed.iter().map(|&row| w[row as usize]).collect();
-                self.inner.solve(Form::Plain, &mut z);
+                self.inner.solve(Transpose::No, &mut z);
                 self.multiply_transposed(v, &z, b);
             }
         }
-        reference.solve(other(form), b);
+        reference.solve(transpose.flipped(), b);
     }
 
     /// `product = V w` where D reads it.
-    fn multiply(&mut self, v: &Answers<T>, w: &[f64], threads: usize) {
+    fn multiply(&mut self, v: &Flexibility<T>, w: &[f64], threads: usize) {
         let n = self.n_loads;
         let (read, bare) = self.product.split_at_mut(self.n_read);
-        bare.iter_mut().zip(&w[n..]).for_each(|(answer, w)| *answer = -w);
-        let mut answers = vec![0.0; self.read.len()];
+        bare.iter_mut().zip(&w[n..]).for_each(|(value, w)| *value = -w);
+        let mut products = vec![0.0; self.read.len()];
         let places = &self.read;
-        let work = |(share, mut answers): (usize, &mut [f64])| {
-            let places = &places[share * SHARE..][..answers.len()];
+        let work = |(share, mut products): (usize, &mut [f64])| {
+            let places = &places[share * SHARE..][..products.len()];
             // Rows that lie one behind the other are taken together.
             for run in places.chunk_by(|a, b| a + 1 == *b) {
-                let (own, rest) = answers.split_at_mut(run.len());
+                let (own, rest) = products.split_at_mut(run.len());
                 product_by_rows(&v.values[run[0] as usize * n..][..run.len() * n], &w[..n], own);
-                answers = rest;
+                products = rest;
             }
         };
         let threads = if places.len() * n > PARALLEL_VALUES { threads } else { 1 };
-        share(threads, &mut answers, SHARE, work);
-        places.iter().zip(&answers).for_each(|(&place, answer)| read[place as usize] = answer / v.scale);
+        share(threads, &mut products, SHARE, work);
+        places.iter().zip(&products).for_each(|(&place, product)| read[place as usize] = product / v.scale);
     }
 
     /// `b = b - (D V)ᵀ z`.
-    fn multiply_transposed(&mut self, v: &Answers<T>, z: &[f64], b: &mut [f64]) {
+    fn multiply_transposed(&mut self, v: &Flexibility<T>, z: &[f64], b: &mut [f64]) {
         let n = self.n_loads;
         self.product.fill(0.0);
         let starts = self.difference.pattern().row_starts();

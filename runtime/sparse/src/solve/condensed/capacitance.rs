@@ -1,4 +1,4 @@
-//! The capacitance matrix `1 + M V` of the Woodbury solver, in double or single precision.
+//! The capacitance matrix `1 + M V` of a low-rank update, in double or single precision.
 //!
 //! Between two matrices few rows of M change: those of points that slip or open. The factor of an earlier matrix, the
 //! reference, remains in use, and only a matrix of the number of changed rows is factored ([`Update`]).
@@ -9,8 +9,8 @@
 use super::super::SolveError;
 use super::super::dense::{Dense, Kind, Number};
 use super::super::kernels::product_by_rows;
-use super::super::sweep::Form;
-use super::rows::{Answers, PARALLEL_VALUES, Rows, SHARE, Source, fill_products, other, share};
+use super::super::triangular_solve::Transpose;
+use super::rows::{Flexibility, PARALLEL_VALUES, Rows, SHARE, Source, fill_products, share};
 use super::update::{LARGEST_PART, Update};
 
 /// Rows of the dense matrix that are filled together.
@@ -21,16 +21,16 @@ const SAME: f64 = 4.0;
 const SMALLEST_UPDATED: f64 = 1e-6;
 const SMALLEST_IN_ROUNDOFFS: f64 = 1e4;
 /// See the module documentation; of one of two precisions.
-pub(super) trait SmallSystem: Send {
+pub(super) trait CapacitanceMatrix: Send {
     /// Factors the matrix of these rows, from the factor at hand where that is cheaper; the smallest pivot relative to
     /// its column, and its unknown.
     fn factor(&mut self, rows: Rows<'_>) -> Result<(f64, usize), SolveError>;
 
     /// Solves in place with the last factor.
-    fn solve(&mut self, form: Form, w: &mut [f64]);
+    fn solve(&mut self, transpose: Transpose, w: &mut [f64]);
 
-    /// `read = V loads`; false where V is of single precision and nothing has been done.
-    fn answers(&self, loads: &[f64], read: &mut [f64]) -> bool;
+    /// `read = V loads`, for the rows of V; false where V is of single precision and nothing has been done.
+    fn multiply_flexibility(&self, loads: &[f64], read: &mut [f64]) -> bool;
 
     /// Whether the determinant of the matrix factored last is negative.
     fn is_negative(&self) -> bool;
@@ -60,9 +60,9 @@ pub struct Reference {
 }
 
 /// See the module documentation.
-pub(super) struct Small<T: Number> {
+pub(super) struct Capacitance<T: Number> {
     /// V.
-    v: Answers<T>,
+    v: Flexibility<T>,
     /// Factor of `(1 + M V)ᵀ` for the M of `reference`.
     dense: Dense<T>,
     reference: Vec<f64>,
@@ -80,12 +80,11 @@ enum Next {
     Update(Vec<u32>),
 }
 
-impl<T: Number> Small<T> {
-    /// A system of `n` unknowns, with V (`read x loads`) and the power of two that its values have been multiplied
-    /// with.
+impl<T: Number> Capacitance<T> {
+    /// A system of `n` unknowns, with V (`read x loads`) and the power of two that its values have been multiplied with.
     pub(super) fn new((values, scale): (Vec<T>, f64), n: usize, threads: usize) -> Result<Self, SolveError> {
         let dense = Dense::new(n, threads)?;
-        Ok(Self { v: Answers { values, scale }, dense, reference: Vec::new(), update: None, whole: 0, threads })
+        Ok(Self { v: Flexibility { values, scale }, dense, reference: Vec::new(), update: None, whole: 0, threads })
     }
 
     /// Multiplications of a whole factor.
@@ -164,7 +163,7 @@ impl<T: Number> Small<T> {
     }
 }
 
-impl<T: Number> SmallSystem for Small<T> {
+impl<T: Number> CapacitanceMatrix for Capacitance<T> {
     fn factor(&mut self, rows: Rows<'_>) -> Result<(f64, usize), SolveError> {
         if let (Next::Update(new), _) = self.plan(rows) {
             match self.factor_update(rows, &new) {
@@ -180,14 +179,14 @@ impl<T: Number> SmallSystem for Small<T> {
         self.factor_whole(rows)
     }
 
-    fn solve(&mut self, form: Form, w: &mut [f64]) {
+    fn solve(&mut self, transpose: Transpose, w: &mut [f64]) {
         match &mut self.update {
-            Some(update) => update.solve(form, &self.v, &mut self.dense, w, self.threads),
-            None => self.dense.solve(other(form), w),
+            Some(update) => update.solve(transpose, &self.v, &mut self.dense, w, self.threads),
+            None => self.dense.solve(transpose.flipped(), w),
         }
     }
 
-    fn answers(&self, loads: &[f64], read: &mut [f64]) -> bool {
+    fn multiply_flexibility(&self, loads: &[f64], read: &mut [f64]) -> bool {
         if T::ROUNDOFF > f64::EPSILON {
             return false;
         }

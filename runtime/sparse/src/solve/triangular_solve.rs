@@ -1,4 +1,4 @@
-//! Triangular solves with the fronts of a factorisation: forward up the tree, backward down.
+//! Triangular solves with the fronts of a factorisation: forward substitution up the tree, backward substitution down.
 //!
 //! Promises: no allocation; the same bytes for any number of threads, because independent subtrees write disjoint
 //! ranges and pass their contributions upwards in one fixed order. Handles Cholesky and LU fronts, also in one tree.
@@ -7,13 +7,13 @@ use rayon::prelude::*;
 
 use super::contributions::{Contributions, Extent};
 use super::kernels::{
-    Diagonal, lower_sweep, lower_transposed_sweep, subtract_product, subtract_transposed_product, upper_sweep,
-    upper_transposed_sweep,
+    Diagonal, lower_solve, lower_transposed_solve, subtract_product, subtract_transposed_product, upper_solve,
+    upper_transposed_solve,
 };
 use super::multifrontal::Panel;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
 
-/// Below this number of values of the factor, a sweep costs less than waking threads.
+/// Below this number of values of the factor, a triangular solve costs less than waking threads.
 const PARALLEL_VALUES: f64 = 5e5;
 
 /// The factor of one front.
@@ -38,15 +38,25 @@ pub(super) enum FrontFactor<'a> {
 
 /// Which system is solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Form {
+pub(super) enum Transpose {
     /// `A x = b`.
-    Plain,
+    No,
     /// `Aᵀ x = b`.
-    Transposed,
+    Yes,
 }
 
-/// Work space of the sweeps over all fronts of a structure.
-pub(super) struct Sweep {
+impl Transpose {
+    /// What a system is solved with where its transposed has been factored.
+    pub(super) fn flipped(self) -> Self {
+        match self {
+            Self::No => Self::Yes,
+            Self::Yes => Self::No,
+        }
+    }
+}
+
+/// Work space of the substitutions over all fronts of a structure.
+pub(super) struct TriangularSolve {
     plan: Plan,
     columns: Vec<usize>,
     workspaces: Vec<Workspace>,
@@ -73,7 +83,7 @@ struct Workspace {
     front: Vec<f64>,
 }
 
-impl Sweep {
+impl TriangularSolve {
     /// Work space for the fronts in `members`: all of them, or every front above some.
     pub(super) fn new(symbolic: &Symbolic, members: Vec<bool>, threads: usize) -> Self {
         let cost = |front: usize| {
@@ -95,31 +105,31 @@ impl Sweep {
         }
     }
 
-    /// Solves in place; `x` is by dof. Between the sweeps `interface` solves for the unknowns that were not eliminated.
+    /// Solves in place; `x` is by dof. Between the substitutions `interface` solves for the unknowns that were not eliminated.
     /// Where not all fronts are members, the right-hand side must vanish on the others, and the solution is found on
     /// the members alone.
     pub(super) fn solve<'f>(
         &mut self,
         symbolic: &Symbolic,
         factor: impl Fn(usize) -> FrontFactor<'f> + Sync,
-        form: Form,
+        transpose: Transpose,
         interface: impl FnOnce(&mut [f64]),
         x: &mut [f64],
     ) {
         for (value, &dof) in self.ordered.iter_mut().zip(symbolic.ordering.forward()) {
             *value = x[dof as usize];
         }
-        self.forward(symbolic, &factor, form);
+        self.forward(symbolic, &factor, transpose);
         interface(&mut self.ordered[symbolic.n_eliminated()..]);
-        self.backward(symbolic, &factor, form);
+        self.backward(symbolic, &factor, transpose);
         for (value, &dof) in self.ordered.iter().zip(symbolic.ordering.forward()) {
             x[dof as usize] = *value;
         }
     }
 
-    /// Gathers a right-hand side, by dof, and sweeps it up a Cholesky factor; where not all fronts are members it must
+    /// Forward substitution with a Cholesky factor, from a right-hand side by dof; where not all fronts are members it must
     /// vanish on the others.
-    pub(super) fn rise<'f>(
+    pub(super) fn substitute_forward<'f>(
         &mut self,
         symbolic: &Symbolic,
         factor: impl Fn(usize) -> FrontFactor<'f> + Sync,
@@ -128,33 +138,38 @@ impl Sweep {
         for (value, &dof) in self.ordered.iter_mut().zip(symbolic.ordering.forward()) {
             *value = b[dof as usize];
         }
-        self.forward(symbolic, &factor, Form::Plain);
+        self.forward(symbolic, &factor, Transpose::No);
     }
 
-    /// Starts from what another sweep has risen to.
-    pub(super) fn copy(&mut self, risen: &Sweep) {
-        self.ordered.copy_from_slice(&risen.ordered);
+    /// Starts from the forward substitution of another.
+    pub(super) fn copy_forward(&mut self, other: &TriangularSolve) {
+        self.ordered.copy_from_slice(&other.ordered);
     }
 
-    /// Adds what another sweep has risen to.
-    pub(super) fn add(&mut self, risen: &Sweep) {
-        self.ordered.iter_mut().zip(&risen.ordered).for_each(|(value, other)| *value += other);
+    /// Adds the forward substitution of another.
+    pub(super) fn add_forward(&mut self, forward: &TriangularSolve) {
+        self.ordered.iter_mut().zip(&forward.ordered).for_each(|(value, other)| *value += other);
     }
 
-    /// Sweeps down from there. The solution comes by dof, on the members alone.
-    pub(super) fn descend<'f>(
+    /// Backward substitution from there. The solution comes by dof, on the members alone.
+    pub(super) fn substitute_backward<'f>(
         &mut self,
         symbolic: &Symbolic,
         factor: impl Fn(usize) -> FrontFactor<'f> + Sync,
         x: &mut [f64],
     ) {
-        self.backward(symbolic, &factor, Form::Plain);
+        self.backward(symbolic, &factor, Transpose::No);
         for (value, &dof) in self.ordered.iter().zip(symbolic.ordering.forward()) {
             x[dof as usize] = *value;
         }
     }
 
-    fn forward<'f>(&mut self, symbolic: &Symbolic, factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync), form: Form) {
+    fn forward<'f>(
+        &mut self,
+        symbolic: &Symbolic,
+        factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync),
+        transpose: Transpose,
+    ) {
         let (plan, columns) = (&self.plan, &self.columns);
         let parts = plan.split(&mut self.ordered, |front| columns[front]);
         let run = |workspace: &mut Workspace, (task, x): (&Task, &mut [f64])| {
@@ -162,7 +177,7 @@ impl Sweep {
             let offset = columns[task.first as usize];
             for front in plan.fronts_of(task).map(|front| front as usize) {
                 let own = &mut x[columns[front] - offset..columns[front + 1] - offset];
-                workspace.forward_front(symbolic, front, factor(front), form, own, |child| {
+                workspace.forward_front(symbolic, front, factor(front), transpose, own, |child| {
                     assert!(!plan.members[child as usize], "children are done first");
                     &[]
                 });
@@ -182,7 +197,7 @@ impl Sweep {
             workspace.waiting.clear();
             for front in fronts.iter().map(|&front| front as usize) {
                 let own = &mut x[columns[front] - offset..columns[front + 1] - offset];
-                workspace.forward_front(symbolic, front, factor(front), form, own, finished);
+                workspace.forward_front(symbolic, front, factor(front), transpose, own, finished);
             }
         };
         let parts = split_by_tree(&self.tops, columns, fronts);
@@ -203,7 +218,12 @@ impl Sweep {
         }
     }
 
-    fn backward<'f>(&mut self, symbolic: &Symbolic, factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync), form: Form) {
+    fn backward<'f>(
+        &mut self,
+        symbolic: &Symbolic,
+        factor: &(impl Fn(usize) -> FrontFactor<'f> + Sync),
+        transpose: Transpose,
+    ) {
         let (plan, columns) = (&self.plan, &self.columns);
         let (fronts, interface) = self.ordered.split_at_mut(symbolic.n_eliminated());
         let interface = &*interface;
@@ -214,7 +234,7 @@ impl Sweep {
                 let offset = columns[front + 1];
                 let read =
                     |row: usize| if row < n_eliminated { above[row - offset] } else { interface[row - n_eliminated] };
-                workspace.backward_front(symbolic, front, factor(front), form, own, read);
+                workspace.backward_front(symbolic, front, factor(front), transpose, own, read);
             }
         };
         let parts = split_by_tree(&self.tops, columns, fronts);
@@ -228,7 +248,7 @@ impl Sweep {
                 let (own, above) = x[columns[front] - begin..].split_at_mut(columns[front + 1] - columns[front]);
                 let offset = columns[front + 1];
                 let read = |row: usize| if row < end { above[row - offset] } else { shared[row] };
-                workspace.backward_front(symbolic, front, factor(front), form, own, read);
+                workspace.backward_front(symbolic, front, factor(front), transpose, own, read);
             }
         };
         each(self.parallel, &mut self.workspaces, plan.tasks.iter().zip(parts).collect(), run);
@@ -283,7 +303,7 @@ impl Workspace {
         symbolic: &Symbolic,
         front: usize,
         factor: FrontFactor<'_>,
-        form: Form,
+        transpose: Transpose,
         x: &mut [f64],
         finished: impl Fn(u32) -> &'c [f64],
     ) {
@@ -301,19 +321,19 @@ impl Workspace {
                 *(if place < k { &mut x[place] } else { &mut own[place - k] }) += value;
             }
         }
-        match (factor, form) {
-            (FrontFactor::Cholesky { panel: Panel::Double(l) }, _) => lower_sweep(l, Diagonal::Stored, x, own),
-            (FrontFactor::Cholesky { panel: Panel::Single(l) }, _) => lower_sweep(l, Diagonal::Stored, x, own),
-            (FrontFactor::Lu { panel, pivots, .. }, Form::Plain) => {
+        match (factor, transpose) {
+            (FrontFactor::Cholesky { panel: Panel::Double(l) }, _) => lower_solve(l, Diagonal::Stored, x, own),
+            (FrontFactor::Cholesky { panel: Panel::Single(l) }, _) => lower_solve(l, Diagonal::Stored, x, own),
+            (FrontFactor::Lu { panel, pivots, .. }, Transpose::No) => {
                 let permuted = &mut self.front[..k];
                 for (value, &row) in permuted.iter_mut().zip(pivots) {
                     *value = x[row as usize];
                 }
                 x.copy_from_slice(permuted);
-                lower_sweep(panel, Diagonal::Unit, x, own);
+                lower_solve(panel, Diagonal::Unit, x, own);
             }
-            (FrontFactor::Lu { panel, upper, .. }, Form::Transposed) => {
-                upper_transposed_sweep(panel, k + r, x);
+            (FrontFactor::Lu { panel, upper, .. }, Transpose::Yes) => {
+                upper_transposed_solve(panel, k + r, x);
                 subtract_transposed_product(upper, x, own);
             }
         }
@@ -330,7 +350,7 @@ impl Workspace {
         symbolic: &Symbolic,
         front: usize,
         factor: FrontFactor<'_>,
-        form: Form,
+        transpose: Transpose,
         x: &mut [f64],
         read: impl Fn(usize) -> f64,
     ) {
@@ -339,19 +359,19 @@ impl Workspace {
         for (value, &row) in rows.iter_mut().zip(symbolic.rows_of(front)) {
             *value = read(row as usize);
         }
-        match (factor, form) {
+        match (factor, transpose) {
             (FrontFactor::Cholesky { panel: Panel::Double(l) }, _) => {
-                lower_transposed_sweep(l, Diagonal::Stored, x, rows);
+                lower_transposed_solve(l, Diagonal::Stored, x, rows);
             }
             (FrontFactor::Cholesky { panel: Panel::Single(l) }, _) => {
-                lower_transposed_sweep(l, Diagonal::Stored, x, rows);
+                lower_transposed_solve(l, Diagonal::Stored, x, rows);
             }
-            (FrontFactor::Lu { panel, upper, .. }, Form::Plain) => {
+            (FrontFactor::Lu { panel, upper, .. }, Transpose::No) => {
                 subtract_product(upper, rows, x);
-                upper_sweep(panel, k + r, x);
+                upper_solve(panel, k + r, x);
             }
-            (FrontFactor::Lu { panel, pivots, .. }, Form::Transposed) => {
-                lower_transposed_sweep(panel, Diagonal::Unit, x, rows);
+            (FrontFactor::Lu { panel, pivots, .. }, Transpose::Yes) => {
+                lower_transposed_solve(panel, Diagonal::Unit, x, rows);
                 let permuted = &mut self.front[..k];
                 for (&value, &row) in x.iter().zip(pivots) {
                     permuted[row as usize] = value;

@@ -1,7 +1,7 @@
-//! The flexibility of some dofs: columns of `K⁻¹` for many unit loads, restricted to rows.
+//! The flexibility: displacements of some dofs under many unit loads, columns of `K⁻¹` restricted to rows.
 //!
-//! Promises: the same bytes for any number of threads; work only on the fronts above the loads and the rows. Loads that
-//! are close in the elimination order share their fronts: the caller sorts them accordingly.
+//! Promises: the same bytes for any number of threads; work on the fronts above loads and displacements alone.
+//! Loads that are near each other in the order of elimination share their fronts: the caller sorts them so.
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
@@ -19,7 +19,7 @@ use wfl_host::memory::zeros;
 
 /// Loads that go through the fronts together: enough for the dense kernels, few enough for the cache.
 const BLOCK: usize = 64;
-/// Blocks whose results are kept before they are sorted in. Fixed, so that memory is bounded for any number of threads.
+/// Blocks whose displacements are kept before they are sorted in. Fixed, so that memory is bounded for any number of threads.
 const WAVE: usize = 8;
 
 /// A unit load on a dof, and an opposite one on another (or [`NONE`]).
@@ -30,19 +30,19 @@ pub(super) struct Load {
 }
 
 /// The factored matrix and the fronts that matter.
-pub(super) struct Base<'a> {
+pub(super) struct FactoredBulk<'a> {
     pub(super) symbolic: &'a Symbolic,
     pub(super) factor: &'a Multifrontal,
-    /// Fronts that own a loaded or an answering dof, and all above them.
+    /// Fronts that own a loaded dof or one whose displacement is wanted, and all above them.
     pub(super) members: &'a [bool],
 }
 
-impl Base<'_> {
-    /// Answers of `rows` (dofs) to the loads, `rows x loads` by rows, times the power of two that comes with them: it
-    /// scales the largest results of the first loads to 1, within the range of single precision.
+impl FactoredBulk<'_> {
+    /// Displacements of `rows` (dofs) under the loads, `rows x loads` by rows, times the power of two that comes with them:
+    /// it brings the largest of the first loads to 1, so that single precision can hold them.
     ///
-    /// All in the precision of the factor, which must be that of the results.
-    pub(super) fn responses<T: Number>(
+    /// All in the precision that the factor is of, which must be that of the displacements.
+    pub(super) fn flexibility<T: Number>(
         &self,
         loads: &[Load],
         rows: &[u32],
@@ -50,7 +50,7 @@ impl Base<'_> {
     ) -> Result<(Vec<T>, f64), SolveError> {
         let n = loads.len();
         let mut scale = 1.0;
-        let mut answers = zeros(rows.len() * n, "answers of the dofs that change")?;
+        let mut displacements = zeros(rows.len() * n, "the flexibility of the dofs that change")?;
         let blocks: Vec<&[Load]> = loads.chunks(BLOCK).collect();
         let mut first = 0;
         for wave in blocks.chunks(WAVE) {
@@ -63,16 +63,16 @@ impl Base<'_> {
             }
             for (part, block) in parts.iter().zip(wave) {
                 for (row, values) in part.chunks_exact(block.len()).enumerate() {
-                    let answers = &mut answers[row * n + first..][..block.len()];
-                    answers
+                    let displacements = &mut displacements[row * n + first..][..block.len()];
+                    displacements
                         .iter_mut()
                         .zip(values)
-                        .for_each(|(answer, value)| *answer = T::nearest(value.wide() * scale));
+                        .for_each(|(displacement, value)| *displacement = T::nearest(value.wide() * scale));
                 }
                 first += block.len();
             }
         }
-        Ok((answers, scale / self.factor.scale()))
+        Ok((displacements, scale / self.factor.scale()))
     }
 
     fn block<T: Number>(&self, loads: &[Load], rows: &[u32]) -> Vec<T> {

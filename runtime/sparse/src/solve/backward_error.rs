@@ -6,7 +6,7 @@
 //! a function that overwrites a vector.
 
 use super::scaling::symmetric_scale;
-use super::sweep::Form;
+use super::triangular_solve::Transpose;
 use super::{NullVector, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, residual_and_size, residual_compensated};
 use crate::norm::largest;
@@ -27,7 +27,7 @@ fn absolute_sums(part: &Csr) -> Vec<f64> {
 }
 
 /// Measures solutions of `(A + B + ...) x = b`.
-pub(super) struct Judge {
+pub(super) struct BackwardErrorCheck {
     options: SolverOptions,
     residual: Vec<f64>,
     magnitude: Vec<f64>,
@@ -38,7 +38,7 @@ pub(super) struct Judge {
     scale: Vec<f64>,
     /// Row sums of magnitudes and diagonal of a first part that never changes.
     constant: Option<(Vec<f64>, Vec<f64>)>,
-    /// Of the solution judged last.
+    /// Of the solution checked last.
     last: Measure,
 }
 
@@ -51,7 +51,7 @@ struct Measure {
     left: f64,
 }
 
-impl Judge {
+impl BackwardErrorCheck {
     pub(super) fn new(n: usize, options: SolverOptions) -> Self {
         let zeros = || vec![0.0; n];
         Self {
@@ -70,13 +70,13 @@ impl Judge {
         &self.options
     }
 
-    /// Scale of each unknown to a unit diagonal of the matrix looked at last.
+    /// Scale of each unknown to a unit diagonal of the matrix set last.
     pub(super) fn scale(&self) -> &[f64] {
         &self.scale
     }
 
-    /// Says that the first part of every matrix looked at from now on is this one.
-    pub(super) fn keep(&mut self, part: &Csr) {
+    /// Says that the first part of every matrix set from now on is this one.
+    pub(super) fn set_constant_part(&mut self, part: &Csr) {
         self.constant = Some((absolute_sums(part), (0..part.n_rows()).map(|dof| part.get(dof, dof)).collect()));
     }
 
@@ -84,7 +84,7 @@ impl Judge {
     ///
     /// # Errors
     /// [`SolveError::NonFiniteMatrix`]; [`SolveError::Singular`] for a row without entries.
-    pub(super) fn look_at(&mut self, parts: &[&Csr]) -> Result<(), SolveError> {
+    pub(super) fn set_matrix(&mut self, parts: &[&Csr]) -> Result<(), SolveError> {
         self.row_sums.fill(0.0);
         let mut diagonal = vec![0.0; self.row_sums.len()];
         let mut add = |sums: &[f64], entries: &mut dyn Iterator<Item = f64>| {
@@ -183,7 +183,7 @@ impl Judge {
         })
     }
 
-    /// Whether the solution judged last leaves no more than `tolerance` of its right-hand side, or as little as a
+    /// Whether the solution checked last leaves no more than `tolerance` of its right-hand side, or as little as a
     /// factor of double precision does.
     pub(super) fn is_satisfied(&self, tolerance: f64) -> bool {
         self.last.left <= tolerance || self.last.relative <= GOOD_RESIDUAL
@@ -274,7 +274,7 @@ impl Judge {
 }
 
 /// The 1-norm of the inverse, estimated (Hager 1984, Higham 1988, algorithm 4.1).
-pub(super) fn inverse_norm_estimate(n: usize, solver: &mut dyn FnMut(Form, &mut [f64])) -> f64 {
+pub(super) fn inverse_norm_estimate(n: usize, solver: &mut dyn FnMut(Transpose, &mut [f64])) -> f64 {
     if n == 0 {
         return 0.0;
     }
@@ -284,14 +284,14 @@ pub(super) fn inverse_norm_estimate(n: usize, solver: &mut dyn FnMut(Form, &mut 
     let mut place = usize::MAX;
     for _ in 0..5 {
         let mut y = x.clone();
-        solver(Form::Plain, &mut y);
+        solver(Transpose::No, &mut y);
         let size = norm_1(&y);
         if size <= best {
             break;
         }
         best = size;
         let mut z: Vec<f64> = y.iter().map(|&value| if value < 0.0 { -1.0 } else { 1.0 }).collect();
-        solver(Form::Transposed, &mut z);
+        solver(Transpose::Yes, &mut z);
         let largest = (0..n).fold(0, |at, i| if z[i].abs() > z[at].abs() { i } else { at });
         if largest == place || z[largest].abs() <= z.iter().zip(&x).map(|(z, x)| z * x).sum::<f64>() {
             break;
@@ -303,6 +303,6 @@ pub(super) fn inverse_norm_estimate(n: usize, solver: &mut dyn FnMut(Form, &mut 
     // A second start that no cancellation is likely to fool.
     let sign = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
     let mut y: Vec<f64> = (0..n).map(|i| sign(i) * (1.0 + i as f64 / (n.max(2) - 1) as f64)).collect();
-    solver(Form::Plain, &mut y);
+    solver(Transpose::No, &mut y);
     best.max(2.0 * norm_1(&y) / (3.0 * n as f64))
 }

@@ -1,14 +1,14 @@
-//! The changing part as forces between bodies.
+//! The Woodbury solver: the changing part as a low-rank update by forces between bodies.
 //!
 //! The rows of the changing part C are forces. Rows of facing dofs are opposite (what pulls here pushes there), so with
-//! one column of J for each such pair, or single row, `C = J M` where M holds one row of C each. Once
+//! one column of J for each such pair, or single row, `C = J M` where M holds one row of C each. Once the flexibility
 //! `V = K⁻¹ J` is known on the dofs that C reads,
 //!
 //! ```text
 //! (K + J M) x = b      x = K⁻¹ (b - J w)      (1 + M V) w = M K⁻¹ b
 //! ```
 //!
-//! and only the small dense matrix `1 + M V` changes with C. A dof without any stiffness of its own (a multiplier) is
+//! and only the capacitance matrix `1 + M V`, small and dense, changes with C (Sherman, Morrison, Woodbury). A dof without any stiffness of its own (a multiplier) is
 //! its own unknown w: its equation is the row of C as it stands. V is computed once.
 //!
 //! An older factor of `1 + M V` still serves as preconditioner of GMRES, with the exact product by V and the new M. In
@@ -16,7 +16,7 @@
 //! from the factor of the bulk, whose own rounding the caller corrects by true residuals.
 //!
 //! Promises: the same bytes for any number of threads; memory is kept. K must be positive definite without C.
-//! Does not check residuals: the caller does.
+//! Does not look at residuals: the backward-error check of the caller does.
 
 use std::sync::Arc;
 
@@ -24,11 +24,11 @@ use super::super::SolveError;
 use super::super::kernels::dot;
 use super::super::krylov::{Gmres, Limits, Outcome};
 use super::super::multifrontal::Multifrontal;
-use super::super::sweep::{Form, FrontFactor, Sweep};
 use super::super::symbolic::Symbolic;
-use super::response::{Base, Load};
+use super::super::triangular_solve::{FrontFactor, Transpose, TriangularSolve};
+use super::capacitance::{Capacitance, CapacitanceMatrix, Reference};
+use super::flexibility::{FactoredBulk, Load};
 use super::rows::Rows;
-use super::small::{Reference, Small, SmallSystem};
 use crate::csr::{Csr, Pattern};
 use crate::index::NONE;
 
@@ -38,7 +38,7 @@ const ROUNDING: f64 = 1e-15;
 const OPPOSITE: f64 = 1e-12;
 
 /// See the module documentation.
-pub(super) struct Forces {
+pub(super) struct Woodbury {
     threads: usize,
     /// Dofs whose rows may be opposite; only those that are not yet seen to differ.
     pairs: Vec<(u32, u32)>,
@@ -57,7 +57,7 @@ pub(super) struct Forces {
     /// M, `(loads + bare) x dofs`, and where its values stand in C.
     rows: Csr,
     sources: Vec<usize>,
-    answers: Vec<f64>,
+    displacements: Vec<f64>,
     /// What belongs to one choice of the loads; none before the first values of C.
     connected: Option<Connected>,
     /// Values of the factor of the bulk on the fronts that C can reach.
@@ -71,9 +71,9 @@ pub(super) struct Forces {
 /// What belongs to one choice of the loads.
 struct Connected {
     /// V and the factor of `1 + M V`.
-    small: Box<dyn SmallSystem>,
-    /// Sweep over the fronts that C can reach.
-    reduced: Sweep,
+    capacitance: Box<dyn CapacitanceMatrix>,
+    /// Triangular solves over the fronts that C can reach.
+    reduced: TriangularSolve,
 }
 
 /// The factored bulk.
@@ -81,10 +81,10 @@ pub(super) struct Bulk<'a> {
     pub(super) symbolic: &'a Symbolic,
     pub(super) factor: &'a Multifrontal,
     /// Over all fronts.
-    pub(super) sweep: &'a mut Sweep,
+    pub(super) triangular: &'a mut TriangularSolve,
 }
 
-/// How the system in the forces is solved.
+/// How the system of the capacitance matrix is solved.
 pub(super) enum Inner<'a> {
     /// With a factor of this matrix.
     Fresh,
@@ -101,7 +101,7 @@ pub(super) struct Scaled<'a> {
     pub(super) scale: &'a [f64],
 }
 
-impl Forces {
+impl Woodbury {
     /// For changing parts with this pattern; `pairs` are facing dofs, `is_bare` says by dof what has no stiffness.
     pub(super) fn new(
         changing: &Pattern,
@@ -120,7 +120,7 @@ impl Forces {
         Ok(Self {
             threads,
             apart: Vec::new(),
-            answers: vec![0.0; dofs.len()],
+            displacements: vec![0.0; dofs.len()],
             is_bare,
             n_loads,
             loads: Vec::new(),
@@ -150,7 +150,7 @@ impl Forces {
         self.single
     }
 
-    /// Whether the values of the changing part are available, and the flexibility.
+    /// Whether the values of the changing part are at hand, and the flexibility.
     pub(super) fn is_connected(&self) -> bool {
         self.connected.is_some()
     }
@@ -174,13 +174,13 @@ impl Forces {
     /// Multiplications of the next factor, and values read by one product with V and the factor.
     pub(super) fn costs(&self) -> (f64, f64) {
         let n = self.n_forces() as f64;
-        let operations = self.connected.as_ref().map_or(0.0, |connected| connected.small.operations(self.rows()));
-        let responses = self.read.len() as f64 * self.loads.len() as f64;
+        let operations = self.connected.as_ref().map_or(0.0, |connected| connected.capacitance.operations(self.rows()));
+        let flexibility = self.read.len() as f64 * self.loads.len() as f64;
         if self.single {
             // Twice as many numbers of half the size at once; V is not read, but the factor of the bulk.
             return (operations / 2.0, self.reduced_values + n * n / 2.0);
         }
-        (operations, responses + n * n)
+        (operations, flexibility + n * n)
     }
 
     /// Starts the next factor from what one of an earlier solver was made from.
@@ -190,12 +190,12 @@ impl Forces {
 
     /// What the factor at hand was made from.
     pub(super) fn reference(&self) -> Reference {
-        self.connected.as_ref().map(|connected| connected.small.memory()).unwrap_or_default()
+        self.connected.as_ref().map(|connected| connected.capacitance.memory()).unwrap_or_default()
     }
 
     /// Has the next factor made from nothing; whether the one at hand was not.
     pub(super) fn forget(&mut self) -> bool {
-        self.connected.as_mut().is_some_and(|connected| connected.small.forget())
+        self.connected.as_mut().is_some_and(|connected| connected.capacitance.forget())
     }
 
     /// First dofs of facing pairs whose rows are not opposite.
@@ -259,15 +259,24 @@ impl Forces {
             (k * (k + r)) as f64
         };
         self.reduced_values = (0..members.len()).filter(|&front| members[front]).map(values).sum();
-        let base = Base { symbolic, factor, members: &members };
+        let base = FactoredBulk { symbolic, factor, members: &members };
         let n = self.n_forces();
-        let small: Box<dyn SmallSystem> = if self.single {
-            Box::new(Small::<f32>::new(base.responses(&self.loads, &self.read, self.threads)?, n, self.threads)?)
+        let capacitance: Box<dyn CapacitanceMatrix> = if self.single {
+            Box::new(Capacitance::<f32>::new(
+                base.flexibility(&self.loads, &self.read, self.threads)?,
+                n,
+                self.threads,
+            )?)
         } else {
-            Box::new(Small::<f64>::new(base.responses(&self.loads, &self.read, self.threads)?, n, self.threads)?)
+            Box::new(Capacitance::<f64>::new(
+                base.flexibility(&self.loads, &self.read, self.threads)?,
+                n,
+                self.threads,
+            )?)
         };
         self.take_rows(changing)?;
-        self.connected = Some(Connected { small, reduced: Sweep::new(symbolic, members, self.threads) });
+        self.connected =
+            Some(Connected { capacitance, reduced: TriangularSolve::new(symbolic, members, self.threads) });
         Ok(())
     }
 
@@ -291,18 +300,18 @@ impl Forces {
     pub(super) fn factor(&mut self) -> Result<(f64, usize), SolveError> {
         let remembered = self.remembered.take();
         let rows = Rows { m: &self.rows, place: &self.place, n_read: self.read.len(), n_loads: self.loads.len() };
-        let small = &mut self.connected.as_mut().expect("the changing part has been taken").small;
+        let capacitance = &mut self.connected.as_mut().expect("the changing part has been taken").capacitance;
         match remembered {
-            Some(reference) => small.recall(rows, &reference),
-            None => small.factor(rows),
+            Some(reference) => capacitance.recall(rows, &reference),
+            None => capacitance.factor(rows),
         }
     }
 
     /// Whether the determinant of K + C is negative: it is that of K times that of `1 + M V`, in which the rows of dofs
     /// without stiffness have the other sign. K is positive definite.
     pub(super) fn is_negative(&self) -> bool {
-        let small = self.connected.as_ref().is_some_and(|connected| connected.small.is_negative());
-        small != (self.bare.len() % 2 == 1)
+        let capacitance = self.connected.as_ref().is_some_and(|connected| connected.capacitance.is_negative());
+        capacitance != (self.bare.len() % 2 == 1)
     }
 
     /// M, and where its columns stand.
@@ -317,60 +326,60 @@ impl Forces {
 
     /// Solves with the changing part taken last, in place, by dof. Iterations say whether they converged.
     pub(super) fn solve(&mut self, bulk: Bulk<'_>, x: &mut [f64], inner: Inner<'_>) -> Outcome {
-        let Bulk { symbolic, factor, sweep } = bulk;
+        let Bulk { symbolic, factor, triangular } = bulk;
         let panels = |front: usize| FrontFactor::Cholesky { panel: factor.panel(front) };
         let own: Vec<f64> = self.bare.iter().map(|&dof| std::mem::take(&mut x[dof as usize])).collect();
         let scale = factor.scale();
         x.iter_mut().for_each(|value| *value *= scale);
-        // Down only to what C reads, then up only with the forces.
-        sweep.rise(symbolic, panels, x);
+        // Backward only to what C reads, then forward only with the forces.
+        triangular.substitute_forward(symbolic, panels, x);
         let reduced = &mut self.connected().reduced;
-        reduced.copy(sweep);
-        reduced.descend(symbolic, panels, x);
+        reduced.copy_forward(triangular);
+        reduced.substitute_backward(symbolic, panels, x);
         let mut w = vec![0.0; self.rows.n_rows()];
         self.rows.multiply(x, &mut w, 1);
         let n_loads = self.loads.len();
         w[n_loads..].iter_mut().zip(&own).for_each(|(w, load)| *w -= load);
         let outcome = match inner {
             Inner::Fresh => {
-                self.connected().small.solve(Form::Plain, &mut w);
+                self.connected().capacitance.solve(Transpose::No, &mut w);
                 Outcome { iterations: 0, converged: true }
             }
             Inner::Stale(scaled) => self.iterate((symbolic, scale), panels, &mut w, scaled),
         };
         if !outcome.converged {
-            // The caller makes a new factor: no sweep for what nobody wants.
+            // The caller makes a new factor: no solve for what nobody wants.
             x.fill(f64::NAN);
             return outcome;
         }
         x.fill(0.0);
         add_loads(&self.loads, &w, -scale, x);
         let reduced = &mut self.connected().reduced;
-        reduced.rise(symbolic, panels, x);
-        sweep.add(reduced);
-        sweep.descend(symbolic, panels, x);
+        reduced.substitute_forward(symbolic, panels, x);
+        triangular.add_forward(reduced);
+        triangular.substitute_backward(symbolic, panels, x);
         self.bare.iter().zip(&w[n_loads..]).for_each(|(&dof, value)| x[dof as usize] = *value);
         outcome
     }
 
     /// Solves the transposed system in place, by dof: `(1 + M V)ᵀ v = Jᵀ K⁻¹ b` and `x = K⁻¹ (b - Mᵀ v)`.
     pub(super) fn solve_transposed(&mut self, bulk: Bulk<'_>, x: &mut [f64]) {
-        let Bulk { symbolic, factor, sweep } = bulk;
+        let Bulk { symbolic, factor, triangular } = bulk;
         let panels = |front: usize| FrontFactor::Cholesky { panel: factor.panel(front) };
         let own: Vec<f64> = self.bare.iter().map(|&dof| std::mem::take(&mut x[dof as usize])).collect();
         let loads = x.to_vec();
         x.iter_mut().for_each(|value| *value *= factor.scale());
-        sweep.rise(symbolic, panels, x);
-        sweep.descend(symbolic, panels, x);
+        triangular.substitute_forward(symbolic, panels, x);
+        triangular.substitute_backward(symbolic, panels, x);
         let at = |dof: u32| if dof == NONE { 0.0 } else { x[dof as usize] };
         let jumps = self.loads.iter().map(|load| at(load.here) - at(load.there));
         let mut v: Vec<f64> = jumps.chain(own.iter().map(|load| -load)).collect();
-        self.connected().small.solve(Form::Transposed, &mut v);
+        self.connected().capacitance.solve(Transpose::Yes, &mut v);
         let mut forces = vec![0.0; x.len()];
         self.rows.multiply_transposed_add(&v, &mut forces);
         x.iter_mut().zip(&loads).zip(&forces).for_each(|((x, load), force)| *x = (load - force) * factor.scale());
-        sweep.rise(symbolic, panels, x);
-        sweep.descend(symbolic, panels, x);
+        triangular.substitute_forward(symbolic, panels, x);
+        triangular.substitute_backward(symbolic, panels, x);
         let bare_values = &v[self.loads.len()..];
         self.bare.iter().zip(bare_values).for_each(|(&dof, value)| x[dof as usize] = *value);
     }
@@ -389,25 +398,26 @@ impl Forces {
         let scale: Vec<f64> = dofs.map(|dof| scale[dof as usize]).collect();
         let rhs: Vec<f64> = w.iter().zip(&scale).map(|(w, s)| w * s).collect();
         let target = limits.target.max(ROUNDING * dot(&rhs, &rhs).sqrt());
-        let Connected { small, reduced } = self.connected.as_mut().expect("the changing part has been taken");
-        let (answers, rows, place, read) = (&mut self.answers, &self.rows, &self.place, &self.read);
+        let Connected { capacitance, reduced } = self.connected.as_mut().expect("the changing part has been taken");
+        let (displacements, rows, place, read) = (&mut self.displacements, &self.rows, &self.place, &self.read);
         let loads = &self.loads;
         let mut x = vec![0.0; if self.single { place.len() } else { 0 }];
         let mut multiply = |z: &[f64], out: &mut [f64]| {
             w.iter_mut().zip(z).zip(&scale).for_each(|((w, z), s)| *w = z / s);
-            small.solve(Form::Plain, w);
-            let (of_read, of_bare) = answers.split_at_mut(read.len());
-            if !small.answers(&w[..n_loads], of_read) {
+            capacitance.solve(Transpose::No, w);
+            let (of_read, of_bare) = displacements.split_at_mut(read.len());
+            if !capacitance.multiply_flexibility(&w[..n_loads], of_read) {
                 x.fill(0.0);
                 add_loads(loads, w, of_bulk, &mut x);
-                reduced.rise(symbolic, &panels, &x);
-                reduced.descend(symbolic, &panels, &mut x);
-                of_read.iter_mut().zip(read).for_each(|(answer, &dof)| *answer = x[dof as usize]);
+                reduced.substitute_forward(symbolic, &panels, &x);
+                reduced.substitute_backward(symbolic, &panels, &mut x);
+                of_read.iter_mut().zip(read).for_each(|(value, &dof)| *value = x[dof as usize]);
             }
-            of_bare.iter_mut().zip(&w[n_loads..]).for_each(|(answer, w)| *answer = -w);
+            of_bare.iter_mut().zip(&w[n_loads..]).for_each(|(value, w)| *value = -w);
             for (row, out) in out.iter_mut().enumerate() {
                 let (columns, values) = rows.row(row);
-                let sum: f64 = columns.iter().zip(values).map(|(&c, v)| v * answers[place[c as usize] as usize]).sum();
+                let sum: f64 =
+                    columns.iter().zip(values).map(|(&c, v)| v * displacements[place[c as usize] as usize]).sum();
                 let identity = if row < n_loads { w[row] } else { 0.0 };
                 *out = (identity + sum) * scale[row];
             }
@@ -415,7 +425,7 @@ impl Forces {
         let mut z = vec![0.0; rhs.len()];
         let outcome = gmres.solve(&mut multiply, &rhs, &mut z, Limits { target, ..limits });
         w.iter_mut().zip(&z).zip(&scale).for_each(|((w, z), s)| *w = z / s);
-        small.solve(Form::Plain, w);
+        capacitance.solve(Transpose::No, w);
         outcome
     }
 }

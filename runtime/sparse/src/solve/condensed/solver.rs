@@ -4,7 +4,7 @@
 
 use super::{CheckedCondensed, State};
 use crate::csr::Csr;
-use crate::solve::judge::inverse_norm_estimate;
+use crate::solve::backward_error::inverse_norm_estimate;
 use crate::solve::{LinearSolver, SolveError, SolveReport};
 
 impl CheckedCondensed {
@@ -38,7 +38,7 @@ impl LinearSolver for CheckedCondensed {
             State::Fresh => {}
         }
         let engine = &mut self.engine;
-        let inverse = inverse_norm_estimate(self.bulk.n_rows(), &mut |form, x| engine.solve(form, x));
+        let inverse = inverse_norm_estimate(self.bulk.n_rows(), &mut |transpose, x| engine.solve(transpose, x));
         Ok(inverse * self.bulk.plus(&self.changing.matrix)?.norm_1())
     }
 
