@@ -38,7 +38,18 @@ pub(super) struct TangentPlan {
     n_integrals: usize,
 }
 
-type Component = (usize, usize);
+/// A component of a basis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Component {
+    basis: usize,
+    component: usize,
+}
+
+impl Component {
+    fn of(place: &SlotPlace) -> Self {
+        Self { basis: place.basis, component: place.component }
+    }
+}
 
 impl TangentPlan {
     pub(super) fn new(binding: &Binding, g: usize, entries: &Entries) -> Self {
@@ -53,11 +64,10 @@ impl TangentPlan {
             integrals: Vec::new(),
             n_integrals: 0,
         };
-        let component = |p: &SlotPlace| (p.basis, p.component);
         let mut pairs: Vec<(Component, Component)> = entries
             .list
             .iter()
-            .map(|(t, s, _)| (component(&binding.tests[*t]), component(&binding.trials[*s])))
+            .map(|(t, s, _)| (Component::of(&binding.tests[*t]), Component::of(&binding.trials[*s])))
             .collect();
         pairs.sort_unstable();
         pairs.dedup();
@@ -85,16 +95,13 @@ impl TangentPlan {
         binding: &Binding,
         group: &GroupBinding,
         entries: &Entries,
-        (rb, a): Component,
-        (cb, b): Component,
+        row: Component,
+        column: Component,
     ) {
-        let is_of = |p: &SlotPlace, basis: usize, component: usize| p.basis == basis && p.component == component;
-        let here: Vec<(usize, usize, usize)> = entries
-            .list
-            .iter()
-            .filter(|(t, s, _)| is_of(&binding.tests[*t], rb, a) && is_of(&binding.trials[*s], cb, b))
-            .copied()
-            .collect();
+        let is_here = |(test, trial, _): &&(usize, usize, usize)| {
+            Component::of(&binding.tests[*test]) == row && Component::of(&binding.trials[*trial]) == column
+        };
+        let here: Vec<(usize, usize, usize)> = entries.list.iter().filter(is_here).copied().collect();
         let values_only =
             |mut places: &mut dyn Iterator<Item = &SlotPlace>| (&mut places).all(|p| p.op == FieldOp::Value);
         let rows_on_support = values_only(&mut here.iter().map(|(t, _, _)| &binding.tests[*t]));
@@ -113,27 +120,29 @@ impl TangentPlan {
                     .collect(),
             })
             .collect();
-        let (row_nodes, column_nodes) =
-            (group.bases[rb].functions(rows_on_support), group.bases[cb].functions(columns_on_support));
+        let (row_nodes, column_nodes) = (
+            group.bases[row.basis].functions(rows_on_support),
+            group.bases[column.basis].functions(columns_on_support),
+        );
         let (n_tests, n_trials) = (row_nodes.len(), column_nodes.len());
         if n_tests == 0 || n_trials == 0 {
             return;
         }
-        let is_triangle = entries.symmetric && (rb, a) == (cb, b) && rows_on_support == columns_on_support;
+        let is_triangle = entries.symmetric && row == column && rows_on_support == columns_on_support;
         let n_dofs = group.n_dofs();
-        for (i, row) in row_nodes.iter().enumerate() {
-            for (j, column) in column_nodes.iter().enumerate() {
-                let row = group.bases[rb].dof(*row, a);
-                let column = group.bases[cb].dof(*column, b);
+        for (i, test) in row_nodes.iter().enumerate() {
+            for (j, trial) in column_nodes.iter().enumerate() {
+                let test = group.bases[row.basis].dof(*test, row.component);
+                let trial = group.bases[column.basis].dof(*trial, column.component);
                 let (i, j) = if is_triangle { (i.min(j), i.max(j)) } else { (i, j) };
                 let source = u32::try_from(self.n_local + i * n_trials + j).expect("small local matrices");
-                self.sources[row * n_dofs + column] = source;
+                self.sources[test * n_dofs + trial] = source;
                 if entries.symmetric {
-                    self.sources[column * n_dofs + row] = source;
+                    self.sources[trial * n_dofs + test] = source;
                 }
             }
         }
-        let n_points = group.bases[cb].table.n_points;
+        let n_points = group.bases[column.basis].table.n_points;
         self.flux = self.flux.max(rows.len() * n_points * n_trials);
         self.blocks.push(Block { rows, n_tests, n_trials, start: self.n_local, is_triangle, sum: Vec::new() });
         self.n_local += n_tests * n_trials;
@@ -145,10 +154,11 @@ pub(super) fn tangent(
     workspace: &mut Workspace,
     plan: &TangentPlan,
     entries: &Entries,
-    group: (&Group, &GroupBinding),
+    group: &Group,
+    binding: &GroupBinding,
     uniforms: &[f64],
 ) -> bool {
-    let n_points = group.0.n_points();
+    let n_points = group.n_points();
     workspace.coefficients.resize(n_points * plan.n_coefficients, ZERO);
     workspace.integrals.resize(plan.n_integrals, ZERO);
     if workspace.flux.len() < plan.flux {
@@ -163,7 +173,7 @@ pub(super) fn tangent(
         n_points,
         weights: &workspace.weights,
         outputs: &workspace.outputs,
-        values: &group.1.values,
+        values: &binding.values,
         derivatives: &workspace.derivatives,
         coefficients: &mut workspace.coefficients,
         flux: &mut workspace.flux,

@@ -67,7 +67,7 @@ impl Rows {
         }
         let owner = |row: usize| shares.owner.get(dof_of[row] as usize).copied().filter(|o| usize::from(*o) < n);
         let (ends, owners) = stretches(pattern.row_starts(), owner);
-        let clears = (0..n).map(|me| Clears::new(pattern, free, (me, &owners), shares, touched)).collect();
+        let clears = (0..n).map(|me| Clears::new(pattern, free, me, &owners, shares, touched)).collect();
         Self { ends, clears }
     }
 
@@ -121,13 +121,7 @@ fn stretches(starts: &[usize], owner: impl Fn(usize) -> Option<u16>) -> (Vec<(us
 }
 
 impl Clears {
-    fn new(
-        pattern: &Pattern,
-        free: &[u32],
-        (me, owners): (usize, &[u16]),
-        shares: &Shares,
-        touched: &Touched<'_>,
-    ) -> Self {
+    fn new(pattern: &Pattern, free: &[u32], me: usize, owners: &[u16], shares: &Shares, touched: &Touched<'_>) -> Self {
         let duties = &shares.duties[me];
         let mine = |row: usize| usize::from(owners[row]) == me;
         let starts = pattern.row_starts();

@@ -440,8 +440,8 @@ impl AssembledTerm {
         if let Some(kernel) = &self.tangent {
             self.call(&**kernel, workspace, g, self.entries.n_outputs);
         }
-        let group = (&self.integrator.domain.groups[g], &self.integrator.binding.groups[g]);
-        contract::tangent(workspace, &self.plans[g], &self.entries, group, &self.uniforms)
+        let (group, binding) = (&self.integrator.domain.groups[g], &self.integrator.binding.groups[g]);
+        contract::tangent(workspace, &self.plans[g], &self.entries, group, binding, &self.uniforms)
     }
 
     /// Entities of a batch.

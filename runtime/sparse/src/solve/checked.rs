@@ -231,7 +231,7 @@ impl Factorization for DenseOfSparse {
                 }
             }
         };
-        self.dense.factor(Kind::General, fill).map(|(ratio, dof)| Pivot::from((ratio, dof as u32)))
+        self.dense.factor(Kind::General, fill).map(|(ratio, _)| Pivot::of(ratio))
     }
 
     fn solve(&mut self, transpose: Transpose, x: &mut [f64]) {

@@ -20,15 +20,14 @@ impl Pivot {
     pub(super) const HEALTHY: Pivot = Pivot { ratio: 1.0 };
     pub(super) const UNKNOWN: Pivot = Pivot { ratio: 0.0 };
 
+    /// The smallest one relative to its column.
+    pub(super) fn of(ratio: f64) -> Self {
+        Self { ratio }
+    }
+
     /// Whether the null space must be looked at.
     pub(super) fn is_suspicious(self) -> bool {
         self.ratio.is_nan() || self.ratio < SUSPICIOUS_PIVOT
-    }
-}
-
-impl From<(f64, u32)> for Pivot {
-    fn from((ratio, _): (f64, u32)) -> Self {
-        Pivot { ratio }
     }
 }
 

@@ -74,7 +74,8 @@ impl Factorization for Llt {
     fn factor(&mut self, matrix: &Csr) -> Result<Pivot, SolveError> {
         self.numeric.factor(&self.symbolic, matrix.values(), &mut [])?;
         let diagonal: Vec<f64> = (0..matrix.n_rows()).map(|dof| matrix.get(dof, dof)).collect();
-        Ok(self.numeric.smallest_pivot_ratio(&self.symbolic, &diagonal).map_or(Pivot::HEALTHY, Pivot::from))
+        let smallest = self.numeric.smallest_pivot_ratio(&self.symbolic, &diagonal);
+        Ok(smallest.map_or(Pivot::HEALTHY, |(ratio, _)| Pivot::of(ratio)))
     }
 
     fn solve(&mut self, transpose: Transpose, x: &mut [f64]) {

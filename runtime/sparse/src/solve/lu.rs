@@ -67,7 +67,7 @@ impl Factorization for SparseLu {
         self.uses_robust = false;
         let parts = [Part { map: &self.map, values: matrix.values() }];
         match self.fronts.factor(&self.symbolic, &parts, None) {
-            Ok((ratio, dof)) if ratio > SMALLEST_PIVOT => Ok(Pivot::from((ratio, dof))),
+            Ok((ratio, _)) if ratio > SMALLEST_PIVOT => Ok(Pivot::of(ratio)),
             Ok(_) | Err(SolveError::VanishingPivot { .. }) => {
                 // The robust method says nothing about its pivots, so the matrix stays under suspicion.
                 self.factor_robust(matrix).map(|()| Pivot::UNKNOWN)

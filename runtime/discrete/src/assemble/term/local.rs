@@ -50,8 +50,8 @@ impl AssembledTerm {
         if let Some(kernel) = &self.tangent {
             self.call(&**kernel, &mut workspace, g, self.entries.n_outputs);
         }
-        let group = (&self.integrator.domain.groups[g], &self.integrator.binding.groups[g]);
-        contract::tangent(&mut workspace, &self.plans[g], &self.entries, group, &self.uniforms);
+        let (group, binding) = (&self.integrator.domain.groups[g], &self.integrator.binding.groups[g]);
+        contract::tangent(&mut workspace, &self.plans[g], &self.entries, group, binding, &self.uniforms);
         let n = self.integrator.binding.groups[g].n_dofs();
         let dofs = &self.dofs[g][entity * n..][..n];
         let known: Vec<usize> = (0..n).filter(|k| dofs[*k] != NONE).collect();

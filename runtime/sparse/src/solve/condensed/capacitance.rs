@@ -82,9 +82,9 @@ enum Next {
 
 impl<T: Number> Capacitance<T> {
     /// A system of `n` unknowns, with V (`read x loads`) and the power of two that its values have been multiplied with.
-    pub(super) fn new((values, scale): (Vec<T>, f64), n: usize, threads: usize) -> Result<Self, SolveError> {
+    pub(super) fn new(v: Flexibility<T>, n: usize, threads: usize) -> Result<Self, SolveError> {
         let dense = Dense::new(n, threads)?;
-        Ok(Self { v: Flexibility { values, scale }, dense, reference: Vec::new(), update: None, whole: 0, threads })
+        Ok(Self { v, dense, reference: Vec::new(), update: None, whole: 0, threads })
     }
 
     /// Multiplications of a whole factor.
@@ -141,7 +141,7 @@ impl<T: Number> Capacitance<T> {
         };
         let fill_share = |(share, out): (usize, &mut [T])| {
             let first = share * FILL_ROWS;
-            fill_products(rows, v, first, (out, n));
+            fill_products(rows, v, first, out, n);
             for (row, out) in (first..).zip(out.chunks_exact_mut(n)) {
                 fill_rest(rows, row, out);
             }

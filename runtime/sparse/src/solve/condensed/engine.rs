@@ -247,7 +247,7 @@ impl Engine {
                 (ratio, dof as usize)
             }
         };
-        Ok(Pivot::from((ratio.min(self.constant_pivot), 0)))
+        Ok(Pivot::of(ratio.min(self.constant_pivot)))
     }
 
     /// Whether the determinant of the matrix factored last is negative. What stays constant is positive definite.

@@ -14,6 +14,7 @@ use super::super::dense::Number;
 use super::super::multifrontal::Multifrontal;
 use super::super::scaling::power_of_two;
 use super::super::symbolic::{INTERFACE, Symbolic};
+use super::rows::Flexibility;
 use crate::index::NONE;
 use wfl_host::memory::zeros;
 
@@ -47,7 +48,7 @@ impl FactoredBulk<'_> {
         loads: &[Load],
         rows: &[u32],
         threads: usize,
-    ) -> Result<(Vec<T>, f64), SolveError> {
+    ) -> Result<Flexibility<T>, SolveError> {
         let n = loads.len();
         let mut scale = 1.0;
         let mut displacements = zeros(rows.len() * n, "the flexibility of the dofs that change")?;
@@ -72,7 +73,7 @@ impl FactoredBulk<'_> {
                 first += block.len();
             }
         }
-        Ok((displacements, scale / self.factor.scale()))
+        Ok(Flexibility { values: displacements, scale: scale / self.factor.scale() })
     }
 
     fn block<T: Number>(&self, loads: &[Load], rows: &[u32]) -> Vec<T> {

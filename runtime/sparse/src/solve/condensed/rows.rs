@@ -66,7 +66,8 @@ pub(super) fn fill_products<T: Number>(
     rows: Rows<'_>,
     Source { values: v, scale, width, stride: step, n_rows }: Source<'_, T>,
     first: usize,
-    (out, stride): (&mut [T], usize),
+    out: &mut [T],
+    stride: usize,
 ) {
     let Rows { m, place, n_read, .. } = rows;
     let last = first + out.len() / stride;

@@ -187,7 +187,7 @@ impl<T: Number> Update<T> {
         let changed = Rows { m: &self.difference, ..rows };
         let fill_share = |(share, out): (usize, &mut [T])| {
             let first = share * FILL_ROWS;
-            fill_products(changed, source, first, (out, n));
+            fill_products(changed, source, first, out, n);
             for (row, out) in (first..).zip(out.chunks_exact_mut(n)) {
                 out[row] = T::nearest(out[row].wide() + 1.0);
             }

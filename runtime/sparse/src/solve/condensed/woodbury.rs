@@ -345,7 +345,7 @@ impl Woodbury {
                 self.connected().capacitance.solve(Transpose::No, &mut w);
                 Outcome { iterations: 0, converged: true }
             }
-            Inner::Stale(scaled) => self.iterate((symbolic, scale), panels, &mut w, scaled),
+            Inner::Stale(scaled) => self.iterate(symbolic, scale, panels, &mut w, scaled),
         };
         if !outcome.converged {
             // The caller makes a new factor: no solve for what nobody wants.
@@ -388,7 +388,8 @@ impl Woodbury {
     /// precision, products with it come from the factor of the bulk: rounded, but with sums of double precision.
     fn iterate<'f>(
         &mut self,
-        (symbolic, of_bulk): (&Symbolic, f64),
+        symbolic: &Symbolic,
+        bulk_scale: f64,
         panels: impl Fn(usize) -> FrontFactor<'f> + Sync,
         w: &mut [f64],
         Scaled { gmres, limits, scale }: Scaled<'_>,
@@ -408,7 +409,7 @@ impl Woodbury {
             let (of_read, of_bare) = displacements.split_at_mut(read.len());
             if !capacitance.multiply_flexibility(&w[..n_loads], of_read) {
                 x.fill(0.0);
-                add_loads(loads, w, of_bulk, &mut x);
+                add_loads(loads, w, bulk_scale, &mut x);
                 reduced.substitute_forward(symbolic, &panels, &x);
                 reduced.substitute_backward(symbolic, &panels, &mut x);
                 of_read.iter_mut().zip(read).for_each(|(value, &dof)| *value = x[dof as usize]);
