@@ -94,7 +94,7 @@ impl RunFolder {
         let text = bytes(&file)?;
         let report: Report =
             serde_json::from_slice(&text).map_err(|source| ReportError::Json { file: file.clone(), source })?;
-        if !dir.has_report(&report) {
+        if !report.is_in(&dir) {
             return Err(damaged(&file, "its content is not what was written"));
         }
         let own = dir.own_files();

@@ -18,7 +18,7 @@ use super::files::{check_file, fill, read_manifest, sync_all};
 use super::lock::Lock;
 use super::manifest::{Content, Kind, MANIFEST_FILE, Manifest, Owned, State, line};
 use super::names::{Plan, check_name, is_temporary, step_of, temporary_name};
-use super::{Hash, Identity, OutputError, REPORT_FILE, Report};
+use super::{Hash, Identity, OutputError};
 
 /// A folder that results can be written to. Writability was checked when it was opened.
 #[derive(Debug)]
@@ -246,12 +246,12 @@ impl OutputDir {
         check_file(&self.path.join(name), &contents)
     }
 
-    /// Whether the report in the folder says what this writer's report said; `false` if it has written none.
+    /// Whether this writer has written a file with this content.
     #[must_use]
-    pub fn has_report(&self, report: &Report) -> bool {
+    pub fn has_written(&self, name: &str, content: Hash) -> bool {
         let books = self.books();
-        let owned = books.manifest.as_ref().and_then(|m| m.files.get(REPORT_FILE)).filter(|f| !f.former);
-        owned.is_some_and(|f| f.contents.iter().any(|c| c.hash == report.meaning()))
+        let owned = books.manifest.as_ref().and_then(|m| m.files.get(name)).filter(|f| !f.former);
+        owned.is_some_and(|f| f.contents.iter().any(|c| c.hash == content))
     }
 
     /// Names of the files of this writer, in order.

@@ -16,6 +16,7 @@ mod lock;
 mod manifest;
 mod names;
 mod ordered;
+mod real;
 mod report;
 #[cfg(test)]
 mod scratch;
@@ -32,8 +33,9 @@ pub use lock::abandon;
 pub use manifest::{Kind, MANIFEST_FILE, State};
 pub use names::{Plan, check_name, step_name};
 pub use ordered::OrderedMap;
+pub use real::Real;
 pub use report::{
-    About, AttemptReport, Check, ContactCounts, LeftOutReport, MeshReport, ParameterValue, REPORT_FILE, Real, Report,
+    About, AttemptReport, Check, ContactCounts, LeftOutReport, MeshReport, ParameterValue, REPORT_FILE, Report,
     SceneText, StepReport, Stop, Timings, peak_memory_bytes, write_report,
 };
 pub use series::Series;

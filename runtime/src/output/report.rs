@@ -9,9 +9,9 @@
 
 use std::path::PathBuf;
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
-use super::{Hash, OrderedMap, OutputDir, OutputError};
+use super::{Hash, OrderedMap, OutputDir, OutputError, Real};
 use crate::accuracy::AccuracyRecord;
 
 /// The name of the report in the output folder.
@@ -111,30 +111,6 @@ pub struct SceneText {
     pub name: String,
     /// What it holds.
     pub text: String,
-}
-
-/// A number that may be NaN or infinite: then `null` in JSON, which is read as NaN.
-#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
-pub struct Real(pub f64);
-
-impl From<f64> for Real {
-    fn from(number: f64) -> Self {
-        Real(number)
-    }
-}
-
-impl Serialize for Real {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let Real(number) = *self;
-        number.is_finite().then_some(number).serialize(serializer)
-    }
-}
-
-impl<'de> Deserialize<'de> for Real {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let number = Option::<f64>::deserialize(deserializer)?;
-        Ok(Real(number.unwrap_or(f64::NAN)))
-    }
 }
 
 /// The value of a parameter.
@@ -323,6 +299,12 @@ impl Report {
         let lasting = Report { timings: Timings::default(), threads: 0, peak_memory_bytes: None, ..self.clone() };
         // a report is JSON for all numbers
         Hash::of(&serde_json::to_vec(&lasting).unwrap_or_default())
+    }
+
+    /// Whether the report in the folder says what this one says and was written by this writer.
+    #[must_use]
+    pub fn is_in(&self, dir: &OutputDir) -> bool {
+        dir.has_written(REPORT_FILE, self.meaning())
     }
 }
 

@@ -107,7 +107,7 @@ pub fn finished(scene: &Scene, options: &RunOptions) -> Result<Option<Report>, R
     let read = read_input(&file, InputKind::Results).map_err(|e| e.to_string());
     let report = read.and_then(|bytes| serde_json::from_slice::<Report>(&bytes).map_err(|e| e.to_string()));
     let report = report.map_err(|what| OutputError::Damaged { file: file.clone(), what })?;
-    if !dir.has_report(&report) {
+    if !report.is_in(&dir) {
         return Err(OutputError::Damaged { file, what: "its content is not what was written".to_owned() }.into());
     }
     Ok(Some(report))

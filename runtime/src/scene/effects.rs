@@ -8,7 +8,7 @@
 use std::collections::BTreeSet;
 
 use wfl::{
-    Diagnostic, FieldKind as Declared, Span, StartKind,
+    Diagnostic, FieldKind as Declared, StartKind,
     ast::{Ident, Place},
     split_prefixes,
 };
@@ -381,13 +381,4 @@ fn component_name(field: &Field, component: usize) -> String {
 /// Six digits of a number.
 fn short(x: f64) -> f64 {
     format!("{x:.5e}").parse().unwrap_or(x)
-}
-
-/// Where a load is written and what it pulls.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Loaded {
-    pub(super) field: usize,
-    pub(super) span: Span,
-    /// `load u.Normal`
-    pub(super) normal: bool,
 }

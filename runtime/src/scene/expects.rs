@@ -3,14 +3,50 @@
 use std::collections::BTreeMap;
 
 use wfl::{
-    Span,
+    Diagnostic, Expect, Span,
     ast::{Cond, CondKind, Expr, ExprKind},
 };
-use wfl_compiler::{Constant, Env, constant, types::Shape};
+use wfl_compiler::{Constant, Env, compile_condition, constant, interpret, run_prologue, types::Shape};
 
 use super::Scene;
 
 impl Scene {
+    /// The `expect` conditions with measures at their last values: the condition and whether it holds; `None` for
+    /// one that cannot be evaluated.
+    #[must_use]
+    pub fn expectations(&self, measures: &[(String, f64)]) -> (Vec<(Expect, Option<bool>)>, Vec<Diagnostic>) {
+        let params = self.with_measures(measures);
+        let env = self.bare(&params);
+        let place = super::fields::global_place(0);
+        let mut diagnostics = Vec::new();
+        let mut out = Vec::new();
+        for expect in &self.env.expects {
+            let law = compile_condition(&env, &place, "expect", &expect.condition);
+            diagnostics.extend(law.diagnostics);
+            let known = self.operands_are_finite(&env, &expect.condition);
+            let holds = law.value.filter(|l| l.inputs.is_empty() && known).map(|law| {
+                let mut value = [0.0];
+                interpret(&law.kernel, &run_prologue(&law.prologue, &[]), &[], &mut Vec::new(), &mut value);
+                value[0] == 1.0
+            });
+            out.push((expect.clone(), holds));
+        }
+        (out, diagnostics)
+    }
+
+    /// True if everything a condition compares is finite: with a number that is none, `not (m > 5)` would hold.
+    fn operands_are_finite(&self, env: &Env<'_>, condition: &Cond) -> bool {
+        let finite = |e: &Expr| {
+            let found = constant(env, "expect", e).value;
+            found.is_none_or(|c| c.values.iter().all(|v| v.is_finite()))
+        };
+        match &condition.kind {
+            CondKind::Compare(first, rest) => finite(first) && rest.iter().all(|(_, e)| finite(e)),
+            CondKind::And(parts) | CondKind::Or(parts) => parts.iter().all(|c| self.operands_are_finite(env, c)),
+            CondKind::Not(inner) => self.operands_are_finite(env, inner),
+        }
+    }
+
     /// What stands on the sides of the comparisons of a condition, with measures at their last values, in the order of the
     /// text; what is a number as written is left out.
     #[must_use]

@@ -5,7 +5,7 @@
 
 use wfl::{Diagnostic, REGIONS, ResolvedScript, Span, is_keyword, nearest};
 
-use crate::{mesh::Group, scene::regions::Regions};
+use crate::mesh::Group;
 
 /// Names shown in a message before it says how many more there are.
 const SHOWN: usize = 12;
@@ -60,10 +60,10 @@ fn word(name: &str) -> String {
 pub(super) fn unknown(
     script: &ResolvedScript,
     groups: &[String],
-    regions: &Regions,
+    is_region: &dyn Fn(&str) -> bool,
     diagnostics: &mut Vec<Diagnostic>,
 ) {
-    for name in script.groups.iter().filter(|g| !regions.contains_key(&g.name)) {
+    for name in script.groups.iter().filter(|g| !is_region(&g.name)) {
         let declared = script.regions.iter().map(|r| &r.name.name);
         let known = groups.iter().chain(declared).map(String::as_str).chain(["all", "boundary"]);
         let text = nearest(&name.name, known).map_or(String::new(), |near| format!("did you mean `{near}`?"));

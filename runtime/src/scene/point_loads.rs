@@ -15,13 +15,13 @@ use wfl_compiler::{
     types::{FieldId, FieldKind, PlaceSig},
 };
 
-use super::terms::{PlacedLaw, TermMaker, component};
+use super::terms::{Loaded, PlacedLaw, TermMaker, component};
 use crate::{
     assemble::Domain,
     element::Family,
     field::{Field, FieldSpace},
     mesh::{NodeId, RegionSet},
-    scene::{effects::Loaded, fields::global_place},
+    scene::fields::global_place,
     space::Support,
 };
 

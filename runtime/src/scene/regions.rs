@@ -100,7 +100,8 @@ impl RegionMaker<'_> {
                 Err(e) => self.diagnostics.push(Diagnostic::new("E410", e.to_string()).at(file, "")),
             }
         }
-        groups::unknown(self.script, &names, &self.regions, self.diagnostics);
+        let is_region = |name: &str| self.regions.contains_key(name);
+        groups::unknown(self.script, &names, &is_region, self.diagnostics);
     }
 
     fn empty(&mut self, name: &Ident, region: &RegionExpr) {

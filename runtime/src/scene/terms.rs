@@ -18,11 +18,19 @@ use crate::{
     quadrature::{Rule, nodal, rule, vertex},
     scene::{
         constants::number,
-        effects::Loaded,
         fields::{global_place, place_sig},
         regions::{NamedRegion, Regions},
     },
 };
+
+/// Where a load is written and what it pulls.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Loaded {
+    pub(super) field: usize,
+    pub(super) span: Span,
+    /// `load u.Normal`
+    pub(super) normal: bool,
+}
 
 /// A compiled term with its place, before kernels and dofs.
 pub(super) struct PlacedLaw {

@@ -1,0 +1,190 @@
+//! Compiled laws on their points: kernels, quadrature points and bindings of every term, and the terms of contact.
+//! Does not compile expressions and does not number unknowns.
+
+use std::sync::Arc;
+
+use wfl::{Diagnostic, Span};
+use wfl_compiler::{
+    Class, TermLaw,
+    backend::{KernelBackend, PointKernel},
+    ir::VerifiedKernel,
+    types::FieldKind,
+};
+
+use super::{
+    TermSummary,
+    build::Builder,
+    held::Frozen,
+    low_rules,
+    mappings::fields_there,
+    outputs::facet_support,
+    terms::{PlacedLaw, RuleChoice, Rules, domain},
+};
+use crate::{
+    assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots, tangent_kernel},
+    contact::ContactTerm,
+    mesh::RegionSet,
+    pruning::Pruning,
+    system::{FrozenTerm, Numbering},
+};
+
+/// The terms of a scene, made.
+pub(super) struct Assembled {
+    pub(super) terms: Vec<AssembledTerm>,
+    pub(super) summaries: Vec<TermSummary>,
+    pub(super) contact: Vec<(FrozenTerm, ContactTerm)>,
+}
+
+/// Where a law is integrated: the name, the entities, and the mapping it reads through with the fields it reads there.
+type Place = (String, Option<RegionSet>, Option<(usize, Vec<usize>)>);
+
+/// The points of places that were made.
+type Domains = Vec<((Place, RuleChoice), Arc<Domain>)>;
+
+/// The compiled kernels of one law.
+struct Kernels {
+    residual: Box<dyn PointKernel>,
+    tangent: Option<Box<dyn PointKernel>>,
+    /// Residual and tangent with frozen active set.
+    frozen: Option<(Box<dyn PointKernel>, Option<Box<dyn PointKernel>>)>,
+}
+
+impl Builder<'_> {
+    /// All terms; `None` after an error.
+    pub(super) fn assemble_terms(
+        &mut self,
+        laws: Vec<PlacedLaw>,
+        rules: &Rules,
+        numbering: &Numbering,
+    ) -> Option<Assembled> {
+        let highest = laws.iter().map(|l| l.law.degree.rule()).max().unwrap_or(0);
+        let kernels = self.kernels(&laws)?;
+        // an exact rule gives the same with more points; states have values at the points of their region's rule
+        let raised = self.keep.contains(&Pruning::Quadrature) && self.fields.iter().all(|f| f.kind != FieldKind::State);
+        let least = |law: &TermLaw| if raised && law.class <= Class::Linear { highest } else { 0 };
+        let mut domains = Domains::new();
+        let mut made = Assembled { terms: Vec::new(), summaries: Vec::new(), contact: Vec::new() };
+        let mut complete = true;
+        for (placed, kernels) in laws.into_iter().zip(kernels) {
+            let choice = match rules.get(&placed.place).copied().unwrap_or(RuleChoice::Degree(1)) {
+                RuleChoice::Degree(degree) => RuleChoice::Degree(degree.max(least(&placed.law))),
+                nodes @ RuleChoice::Vertex => nodes,
+            };
+            let choice = if placed.at_nodes.is_some() { RuleChoice::Vertex } else { choice };
+            let Some(domain) = self.domain_of(&placed, choice, &mut domains) else {
+                complete = false;
+                continue;
+            };
+            low_rules::check(self.script, &placed, &domain, &self.fields, self.diagnostics);
+            let slots = LawSlots { inputs: &placed.law.inputs, tests: &placed.law.tests, trials: &placed.law.trials };
+            match Binding::new(&self.mesh, &domain, &self.fields, slots) {
+                Ok(binding) => {
+                    made.summaries.push(summary(&placed, choice, &domain));
+                    self.add_term(placed, kernels, Integrator { domain, binding }, numbering, &mut made);
+                }
+                Err(e) => {
+                    self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(placed.span, ""));
+                    complete = false;
+                }
+            }
+        }
+        complete.then_some(made)
+    }
+
+    /// The kernels of all laws, compiled at once; `None` after a message.
+    fn kernels(&mut self, laws: &[PlacedLaw]) -> Option<Vec<Kernels>> {
+        let tangents: Vec<[Option<VerifiedKernel>; 2]> = laws
+            .iter()
+            .map(|l| [tangent_kernel(&l.law), l.pieces.as_ref().and_then(|p| tangent_kernel(&p.law))])
+            .collect();
+        let kernels: Vec<&VerifiedKernel> = laws
+            .iter()
+            .zip(&tangents)
+            .flat_map(|(l, [tangent, frozen])| {
+                let residual = l.pieces.as_ref().map(|p| &p.law.residual);
+                std::iter::once(&l.law.residual).chain(tangent).chain(residual).chain(frozen)
+            })
+            .collect();
+        let mut compiled = match self.batch.compile(&kernels) {
+            Ok(compiled) => compiled.into_iter(),
+            Err(e) => {
+                self.diagnostics.push(Diagnostic::new("E609", e.to_string()));
+                return None;
+            }
+        };
+        let mut all = Vec::with_capacity(laws.len());
+        for (law, [tangent, frozen_tangent]) in laws.iter().zip(&tangents) {
+            let residual = compiled.next()?;
+            let tangent = tangent.as_ref().and_then(|_| compiled.next());
+            let frozen = match law.pieces {
+                Some(_) => Some((compiled.next()?, frozen_tangent.as_ref().and_then(|_| compiled.next()))),
+                None => None,
+            };
+            all.push(Kernels { residual, tangent, frozen });
+        }
+        Some(all)
+    }
+
+    /// A term with what it prints and, where it has projections, its law of contact.
+    fn add_term(
+        &mut self,
+        placed: PlacedLaw,
+        kernels: Kernels,
+        integrator: Integrator,
+        numbering: &Numbering,
+        made: &mut Assembled,
+    ) {
+        let place = placed.set.as_ref().and_then(facet_support);
+        for print in placed.prints {
+            match self.print(print, &placed.law.name, &integrator.domain) {
+                Ok(made) => self.prints.push(made),
+                Err(e) => self.diagnostics.push(Diagnostic::new("E609", e)),
+            }
+        }
+        if let (Some(law), Some(kernels)) = (placed.pieces, kernels.frozen) {
+            let frozen = Frozen { term: made.terms.len(), position: made.contact.len() };
+            match self.freeze(law, kernels, &integrator.domain, frozen, numbering) {
+                Ok(contact) => made.contact.push(contact),
+                Err(e) => self.diagnostics.push(Diagnostic::new("E609", e)),
+            }
+        }
+        let Kernels { residual, tangent, .. } = kernels;
+        made.terms.push(AssembledTerm::new(placed.law, integrator, place, residual, tangent, &numbering.starts));
+    }
+
+    /// The points of a law, shared with laws on the same place with the same rule; `None` after a message.
+    fn domain_of(&mut self, placed: &PlacedLaw, choice: RuleChoice, known: &mut Domains) -> Option<Arc<Domain>> {
+        let law = &placed.law;
+        let there = fields_there(&law.inputs, law.tests.iter().chain(&law.trials));
+        let mapping = law.listing.graph.mapping.map(|m| (m, there));
+        let place = ((placed.place.clone(), placed.set.clone(), mapping), choice);
+        let shared = known.iter().find(|d| d.0 == place).map(|d| d.1.clone());
+        placed.at_nodes.clone().or(shared).or_else(|| {
+            let made = self.domain(&place.0, choice, placed.span)?;
+            known.push((place, made.clone()));
+            Some(made)
+        })
+    }
+
+    /// The points of a place, with images where a mapping is read through; `None` after a message.
+    pub(super) fn domain(&mut self, place: &Place, choice: RuleChoice, span: Span) -> Option<Arc<Domain>> {
+        let (_, set, mapping) = place;
+        let base = domain(&self.mesh, &self.fields, set.as_ref(), choice, span, self.diagnostics)?;
+        match mapping {
+            None => Some(base),
+            Some(at) => self.mappings.domain(at, &self.mesh, &self.fields, &base, span, self.diagnostics),
+        }
+    }
+}
+
+fn summary(placed: &PlacedLaw, choice: RuleChoice, domain: &Domain) -> TermSummary {
+    TermSummary {
+        name: placed.law.name.clone(),
+        place: placed.place.clone(),
+        class: placed.law.class,
+        symmetric: placed.law.symmetric,
+        rule: choice,
+        n_points: domain.groups.iter().map(|g| g.weights.len()).max().unwrap_or(0),
+        instructions: (placed.law.residual.kernel().insts.len(), placed.law.tangent.kernel().insts.len()),
+    }
+}

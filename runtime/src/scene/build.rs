@@ -1,0 +1,483 @@
+//! The stages between a script and its problem: mesh, regions, fields and mappings; laws; numbering and prescribed values;
+//! steps, options and values; outputs; the system.
+//!
+//! Every stage tells all its problems. The order of the stages is the order of their messages.
+
+use std::{
+    cell::Cell,
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+    time::Instant,
+};
+
+use wfl::{Diagnostic, Lost, ResolvedScript};
+use wfl_compiler::{
+    Constant, Env,
+    backend::KernelBackend,
+    types::{FieldKind, FieldSig, InputSlot, UniformSlot},
+};
+
+use super::{
+    CsvOutput, Given, InputFile, Measure, OwnedEnv, PrepareTimes, Prescribed, Printed, Regions, Scene, StateUpdate,
+    Steps, VtkOutput, With, assemble::Assembled, batch::Batch, constants, constraints, coverage, fields, idle,
+    mappings, meeting, mesh, outputs, regions, rest, states, terms,
+};
+use crate::{
+    contact::{Contact, ContactTerm},
+    csr::CsrError,
+    field::Field,
+    mesh::{Mesh, Topology},
+    newton::NewtonOptions,
+    pruning::Pruning,
+    results::SampledPiece,
+    system::{FrozenTerm, Known, Numbering, Past, System},
+};
+
+/// What is found while a scene is made, also where it cannot be.
+pub(super) struct Findings {
+    pub(super) diagnostics: Vec<Diagnostic>,
+    /// Names that were to be declared and are not known: what uses them is not to blame.
+    pub(super) lost: Lost,
+    /// The dimension of the space, once it is known.
+    pub(super) dim: Option<usize>,
+}
+
+/// Makes the problem of a script.
+pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Findings) -> Option<Scene> {
+    let begin = Instant::now();
+    let With { folder, backend, keep } = with;
+    let mut inputs = Vec::new();
+    let read = mesh::read(script, folder, &mut inputs, &mut found.diagnostics);
+    let params = constants::parameters(script, mesh::dimension(script, read.as_ref()), &mut found.diagnostics);
+    for param in script.params.iter().filter(|p| !params.contains_key(&p.name.name)) {
+        found.lost.add(&param.name.name);
+    }
+    let mesh = mesh::mesh(script, read, &params, backend, &mut found.diagnostics)?;
+    found.dim = Some(mesh.dim());
+    let topology = topology(script, &mesh, found)?;
+    let regions = regions_of(script, &mesh, &topology, &params, backend, found);
+    let bare = Env { dim: mesh.dim(), ..constants::bare_env(script, mesh.dim(), &params) };
+    let diagnostics = &mut found.diagnostics;
+    let fields::Fields { fields, sigs } = fields::fields(script, &bare, &mesh, &topology, &regions, diagnostics)?;
+    let made = mappings::MappingMaker {
+        script,
+        env: &Env { fields: &sigs, ..bare },
+        mesh: &mesh,
+        regions: &regions,
+        fields: &fields,
+        backend,
+        diagnostics: &mut *diagnostics,
+    }
+    .make();
+    for mapping in script.mappings.iter().filter(|m| made.sigs.iter().all(|s| s.name != m.name.name)) {
+        found.lost.add(&mapping.name.name);
+    }
+    let mesh_time = begin.elapsed().as_secs_f64();
+    let variable = script.steps.as_ref().map(|s| s.variable.name.clone());
+    let env = Env { fields: &sigs, mappings: &made.sigs, step_variable: variable.as_deref(), ..bare };
+    let batch = Batch::new(backend);
+    Builder {
+        script,
+        folder,
+        env: &env,
+        mesh,
+        topology,
+        regions,
+        fields,
+        mappings: &made,
+        sigs: &sigs,
+        batch: &batch,
+        diagnostics,
+        params: &params,
+        mesh_time,
+        prints: Vec::new(),
+        inputs,
+        keep,
+    }
+    .build()
+}
+
+fn topology(script: &ResolvedScript, mesh: &Mesh, found: &mut Findings) -> Option<Topology> {
+    match Topology::new(mesh) {
+        Ok(topology) => Some(topology),
+        Err(e) => {
+            found.diagnostics.push(mesh::mesh_error(&e, script.mesh.as_ref()?.span));
+            None
+        }
+    }
+}
+
+/// The regions; names of regions that cannot be made are lost.
+fn regions_of(
+    script: &ResolvedScript,
+    mesh: &Mesh,
+    topology: &Topology,
+    params: &BTreeMap<String, Constant>,
+    backend: &dyn KernelBackend,
+    found: &mut Findings,
+) -> Regions {
+    let diagnostics = &mut found.diagnostics;
+    let regions =
+        regions::RegionMaker { script, mesh, topology, params, backend, diagnostics, regions: Regions::new() }.make();
+    let named = script.regions.iter().map(|r| &r.name).chain(&script.groups);
+    for name in named.filter(|n| !regions.contains_key(&n.name)) {
+        found.lost.add(&name.name);
+    }
+    regions
+}
+
+/// A matrix that cannot be made.
+fn structure_error(script: &ResolvedScript, error: CsrError) -> Diagnostic {
+    match (error, &script.mesh) {
+        (CsrError::TooMuchMemory(need), Some(statement)) => mesh::too_much_memory(&need, statement.span),
+        (error, _) => Diagnostic::new("E412", error.to_string()),
+    }
+}
+
+/// Words in the expressions of terms.
+fn names_in_terms(script: &ResolvedScript) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    for term in &script.terms {
+        wfl::each_name(&term.expr, &mut |n| {
+            names.insert(n.to_owned());
+        });
+    }
+    names
+}
+
+/// A scene that is being made.
+pub(super) struct Builder<'a> {
+    pub(super) script: &'a ResolvedScript,
+    pub(super) folder: &'a Path,
+    pub(super) env: &'a Env<'a>,
+    pub(super) mesh: Mesh,
+    pub(super) topology: Topology,
+    pub(super) regions: Regions,
+    pub(super) fields: Vec<Field>,
+    pub(super) mappings: &'a mappings::Mappings,
+    pub(super) sigs: &'a [FieldSig],
+    pub(super) batch: &'a Batch<'a>,
+    pub(super) diagnostics: &'a mut Vec<Diagnostic>,
+    pub(super) params: &'a BTreeMap<String, Constant>,
+    pub(super) mesh_time: f64,
+    pub(super) prints: Vec<Printed>,
+    pub(super) inputs: Vec<InputFile>,
+    pub(super) keep: &'a [Pruning],
+}
+
+/// The unknowns: which dofs there are, which of them are prescribed, and the terms on them.
+struct Numbered {
+    numbering: Numbering,
+    prescribed: Prescribed,
+    states: Vec<StateUpdate>,
+    /// Fields that terms use.
+    used: BTreeSet<usize>,
+    /// Whether laws read the increment of the step variable.
+    rates: bool,
+    /// Whether laws read the end of the previous step.
+    reads_past: bool,
+    /// None after an error.
+    assembled: Option<Assembled>,
+}
+
+/// What a run is given beside the system.
+struct Values {
+    steps: Option<Steps>,
+    newton: NewtonOptions,
+    accuracy: Option<(f64, String)>,
+    starts: Vec<(usize, Given)>,
+    data: Vec<(usize, Given)>,
+    measures: Vec<Measure>,
+}
+
+/// What is written.
+struct Outputs {
+    vtk: Vec<VtkOutput>,
+    csv: Vec<CsvOutput>,
+    /// Seconds spent on their laws.
+    law_seconds: f64,
+}
+
+impl Builder<'_> {
+    fn build(mut self) -> Option<Scene> {
+        let begin = Instant::now();
+        let (laws, renewed, rules) = self.laws();
+        coverage::check(self.script.mesh.as_ref(), &self.mesh, &laws, self.diagnostics);
+        let compile_terms = begin.elapsed().as_secs_f64();
+
+        let begin = Instant::now();
+        let numbered = self.numbered(laws, renewed, &rules);
+        let mesh_time = self.mesh_time + begin.elapsed().as_secs_f64();
+
+        let begin = Instant::now();
+        let values = self.values(numbered.rates, &rules);
+        if numbered.assembled.is_none() || self.diagnostics.iter().any(Diagnostic::is_error) {
+            self.outputs(&rules);
+            return None;
+        }
+        let compile_values = begin.elapsed().as_secs_f64();
+
+        let begin = Instant::now();
+        let outputs = self.outputs(&rules);
+        let mesh = mesh_time + begin.elapsed().as_secs_f64() - outputs.law_seconds;
+
+        let begin = Instant::now();
+        if let Err(e) = self.batch.finish() {
+            self.diagnostics.push(Diagnostic::new("E609", e.to_string()));
+        }
+        let compile = compile_terms + compile_values + outputs.law_seconds + begin.elapsed().as_secs_f64();
+        if self.diagnostics.iter().any(Diagnostic::is_error) {
+            return None;
+        }
+        self.scene(numbered, values, outputs, PrepareTimes { compile, mesh })
+    }
+
+    fn numbered(
+        &mut self,
+        laws: Vec<terms::PlacedLaw>,
+        renewed: Vec<states::StateLaw>,
+        rules: &terms::Rules,
+    ) -> Numbered {
+        let used: BTreeSet<usize> = laws.iter().flat_map(|l| used_fields(&l.law)).collect();
+        let (rates, reads_past) = histories(&laws, &renewed);
+        let states = self.state_updates(renewed, rules);
+        let mut numbering = self.numbering(&used);
+        let prescribed = self.constraints(&mut numbering, &laws, &used);
+        let broken = !self.script.lost.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error);
+        if !broken {
+            self.effects(&laws, &prescribed, &numbering);
+            self.read_but_in_no_term(&numbering);
+        }
+        let assembled = if broken { None } else { self.assemble_terms(laws, rules, &numbering) };
+        Numbered { numbering, prescribed, states, used, rates, reads_past, assembled }
+    }
+
+    fn values(&mut self, rates: bool, rules: &terms::Rules) -> Values {
+        let steps = self.steps(rates);
+        let (newton, accuracy) = self.solver_options();
+        let starts = self.starts();
+        let data = self.data();
+        let measures = self.measures(rules);
+        rest::expects(self.script, self.params, self.env.dim, self.diagnostics);
+        Values { steps, newton, accuracy, starts, data, measures }
+    }
+
+    /// The problem, of parts without errors.
+    fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
+        let Numbered { numbering, mut prescribed, states, used, rates, reads_past, assembled } = numbered;
+        let Values { steps, newton, accuracy, starts, data, measures } = values;
+        let Outputs { vtk, csv, .. } = outputs;
+        let Assembled { terms, summaries, contact } = assembled?;
+        let reads_past = reads_past
+            || measures.iter().any(Measure::reads_past)
+            || vtk.iter().flat_map(|v| &v.pieces).any(SampledPiece::reads_past)
+            || csv.iter().any(|c| c.line.reads_past());
+        let steps = steps?;
+        self.statements_without_effect(&numbering, &mut prescribed, &steps, reads_past || rates)?;
+        let known = nothing_known(&self.fields, &numbering, reads_past);
+        let unused_fields = self.unused_fields(&used, &numbering);
+        let env = self.owned_env();
+        let made = System::new(self.mesh, self.fields, numbering, terms, known)
+            .and_then(|system| with_contact(system, contact, self.keep, within(&steps)))
+            .and_then(|(mut system, contact)| {
+                let idle = idle::leave_out(self.script, &self.topology, &mut system, &contact, self.diagnostics)?;
+                Ok((system, contact, idle))
+            });
+        let (system, contact, idle) = match made {
+            Ok(made) => made,
+            Err(e) => {
+                self.diagnostics.push(structure_error(self.script, e));
+                return None;
+            }
+        };
+        let params = self.script.params.iter();
+        let params = params.filter_map(|p| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone())));
+        Some(Scene {
+            system,
+            contact,
+            topology: self.topology,
+            regions: self.regions,
+            steps,
+            prescribed,
+            starts,
+            data,
+            states,
+            measures,
+            prints: self.prints,
+            vtk,
+            csv,
+            newton,
+            accuracy,
+            params: params.collect(),
+            terms: summaries,
+            sigs: self.sigs.to_vec(),
+            times,
+            unused_fields,
+            inputs: self.inputs,
+            idle: idle.notes,
+            in_terms: names_in_terms(self.script),
+            env,
+        })
+    }
+
+    /// What conditions need when a run has ended.
+    fn owned_env(&self) -> OwnedEnv {
+        OwnedEnv {
+            params: self.params.clone(),
+            mappings: self.env.mappings.to_vec(),
+            expansions: self.script.expansions.clone(),
+            expects: self.script.expects.clone(),
+            dim: self.env.dim,
+        }
+    }
+
+    /// Dofs of the unknowns that a term uses; a field that is prescribed has its values although its terms are gone.
+    fn numbering(&self, used: &BTreeSet<usize>) -> Numbering {
+        let known_kind = |f: &Field| matches!(f.kind, FieldKind::Unknown | FieldKind::Multiplier);
+        let position = |f: &Field| self.fields.iter().position(|g| g.name == f.name).unwrap_or(usize::MAX);
+        let stated = |f: &Field| self.script.fixes.iter().flat_map(|c| &c.targets).any(|t| t.field.name == f.name);
+        Numbering::new(&self.fields, |f| known_kind(f) && (used.contains(&position(f)) || stated(f)))
+    }
+
+    /// Fields that nothing uses: no term, no prescribed value.
+    fn unused_fields(&self, used: &BTreeSet<usize>, numbering: &Numbering) -> Vec<String> {
+        let left_out =
+            |k: &usize| !used.contains(k) && numbering.starts[*k].is_none() && self.fields[*k].kind != FieldKind::State;
+        (0..self.fields.len()).filter(left_out).map(|k| self.fields[k].name.clone()).collect()
+    }
+
+    /// Tells of first values, steps and prescribed values that change nothing; `None` if one of them is an error.
+    fn statements_without_effect(
+        &mut self,
+        numbering: &Numbering,
+        prescribed: &mut Prescribed,
+        steps: &Steps,
+        has_past: bool,
+    ) -> Option<()> {
+        self.idle_starts(numbering, prescribed, has_past);
+        self.idle_steps(steps, has_past);
+        self.contradictions(prescribed, steps, numbering.n_dofs);
+        self.nothing_to_solve(numbering, prescribed);
+        (!self.diagnostics.iter().any(Diagnostic::is_error)).then_some(())
+    }
+
+    pub(super) fn term_maker(&mut self) -> terms::TermMaker<'_> {
+        terms::TermMaker {
+            script: self.script,
+            env: self.env,
+            mesh: &self.mesh,
+            regions: &self.regions,
+            fields: &self.fields,
+            diagnostics: &mut *self.diagnostics,
+        }
+    }
+
+    /// What terms and updates of states are compiled to, and the rules of their places.
+    fn laws(&mut self) -> (Vec<terms::PlacedLaw>, Vec<states::StateLaw>, terms::Rules) {
+        let mut maker = self.term_maker();
+        let laws = maker.make();
+        let mut rules = maker.rules(&laws);
+        let renewed = self.state_laws();
+        self.share_rules(&laws, &renewed, &mut rules);
+        (laws, renewed, rules)
+    }
+
+    /// Files and line samples.
+    fn outputs(&mut self, rules: &terms::Rules) -> Outputs {
+        let mut maker = outputs::OutputMaker {
+            script: self.script,
+            env: self.env,
+            mesh: &self.mesh,
+            topology: &self.topology,
+            regions: &self.regions,
+            fields: &self.fields,
+            rules,
+            backend: self.batch,
+            diagnostics: &mut *self.diagnostics,
+            law_seconds: Cell::new(0.0),
+        };
+        let (vtk, csv) = outputs::outputs(&mut maker);
+        Outputs { vtk, csv, law_seconds: maker.law_seconds.get() }
+    }
+
+    fn constraints(
+        &mut self,
+        numbering: &mut Numbering,
+        laws: &[terms::PlacedLaw],
+        used: &BTreeSet<usize>,
+    ) -> Prescribed {
+        let prescribed = constraints::ConstraintMaker {
+            script: self.script,
+            env: self.env,
+            mesh: &self.mesh,
+            topology: &self.topology,
+            regions: &self.regions,
+            fields: &self.fields,
+            numbering: &*numbering,
+            backend: self.batch,
+            diagnostics: &mut *self.diagnostics,
+        }
+        .make();
+        let (fixed, components) = (prescribed.dofs(), prescribed.components());
+        numbering.set_frames(prescribed.frames());
+        let shared = meeting::shared_multipliers(
+            self.script,
+            (&self.mesh, &self.topology),
+            (&self.fields, numbering),
+            &components,
+            laws,
+            self.diagnostics,
+        );
+        let undetermined = self.undetermined(used, numbering, &fixed);
+        numbering.fix(fixed.into_iter().chain(shared).chain(undetermined));
+        prescribed
+    }
+}
+
+/// Contact on a system; `at` is the step in which multipliers are looked at.
+fn with_contact(
+    mut system: System,
+    contact: Vec<(FrozenTerm, ContactTerm)>,
+    keep: &[Pruning],
+    at: f64,
+) -> Result<(System, Contact), CsrError> {
+    keep.iter().for_each(|pruning| system.keep(*pruning));
+    let (frozen, contact): (Vec<FrozenTerm>, Vec<ContactTerm>) = contact.into_iter().unzip();
+    system.add_frozen(frozen)?;
+    let mut contact = Contact::new(contact);
+    system.set_laws(at, 1.0);
+    contact.begin_step(at, 1.0);
+    Ok((system, contact))
+}
+
+/// A value of the step variable between the first and the last, where little vanishes that does at an end.
+fn within(steps: &Steps) -> f64 {
+    let (first, last) = (steps.values.first().copied().unwrap_or(0.0), steps.values.last().copied().unwrap_or(0.0));
+    first + 0.618 * (last - first)
+}
+
+fn used_fields(law: &wfl_compiler::TermLaw) -> Vec<usize> {
+    let inputs = law.inputs.iter().filter_map(|s| match s {
+        InputSlot::Field(b) | InputSlot::Previous(b) => Some(b.field.index()),
+        _ => None,
+    });
+    law.tests.iter().chain(&law.trials).map(|s| s.field.index()).chain(inputs).collect()
+}
+
+/// Whether terms or updates of states read the increment, and whether they read the end of the previous step.
+fn histories(laws: &[terms::PlacedLaw], renewed: &[states::StateLaw]) -> (bool, bool) {
+    let timed = |slots: &[UniformSlot]| slots.contains(&UniformSlot::TimeStep);
+    let past = |inputs: &[InputSlot]| inputs.iter().any(|s| matches!(s, InputSlot::Previous(_)));
+    let rates =
+        laws.iter().any(|l| timed(&l.law.prologue.slots)) || renewed.iter().any(|r| timed(&r.law.prologue.slots));
+    (rates, laws.iter().any(|l| past(&l.law.inputs)) || renewed.iter().any(|r| past(&r.law.inputs)))
+}
+
+/// Zero in all fields that are not solved for, now and in the past where something reads it.
+fn nothing_known(fields: &[Field], numbering: &Numbering, reads_past: bool) -> Known {
+    let solved = |k: usize| numbering.starts[k].is_some();
+    let values = |(k, f): (usize, &Field)| if solved(k) { Vec::new() } else { vec![0.0; f.n_dofs()] };
+    let data: Vec<Vec<f64>> = fields.iter().enumerate().map(values).collect();
+    let previous = reads_past.then(|| Past { unknowns: vec![0.0; numbering.n_dofs], data: data.clone() });
+    Known { data, previous }
+}
