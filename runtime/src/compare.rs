@@ -14,7 +14,7 @@ use wfl_compiler::backend::KernelBackend;
 use crate::{
     Outcome, SampleAt, Samples, Scene,
     field::{Field, FieldSpace},
-    scene::Given,
+    scene::{Given, StateAt},
     space::Support,
 };
 
@@ -50,11 +50,11 @@ impl Solved {
     /// The solution of the last step as first guesses of a run of the same scene on the same mesh.
     #[must_use]
     pub fn starts(&self) -> Vec<(usize, Given)> {
-        let Some((_, _, state)) = state(self) else { return Vec::new() };
+        let Some(StateAt { unknowns, .. }) = state(self) else { return Vec::new() };
         let system = &self.scene.system;
         let of = |(k, f): (usize, &Field)| {
             let first = system.numbering.starts[k]?;
-            Some((k, Given::Values(state[first..first + f.n_dofs()].to_vec())))
+            Some((k, Given::Values(unknowns[first..first + f.n_dofs()].to_vec())))
         };
         system.fields.iter().enumerate().filter_map(of).collect()
     }
@@ -89,8 +89,8 @@ pub fn items(run: &Solved) -> impl Iterator<Item = &OutputQuantity> {
 }
 
 /// The state of the last step.
-fn state(run: &Solved) -> Option<(f64, f64, &[f64])> {
-    run.outcome.steps.last().map(|s| (s.time, s.increment, s.state.as_slice()))
+fn state(run: &Solved) -> Option<StateAt<'_>> {
+    run.outcome.steps.last().map(|s| StateAt { time: s.time, increment: s.increment, unknowns: &s.state })
 }
 
 /// Unknowns, their gradients and the outputs on contact faces.
@@ -182,16 +182,22 @@ impl Sum {
     }
 }
 
-/// What two runs are compared by: samples and measures.
-pub type Compared<'a> = (&'a [Samples], &'a [(String, f64)]);
+/// What two runs are compared by.
+#[derive(Clone, Copy, Debug)]
+pub struct Compared<'a> {
+    /// Quantities at points.
+    pub samples: &'a [Samples],
+    /// Measures of the last step.
+    pub measures: &'a [(String, f64)],
+}
 
 /// Relative differences from a reference by quantity; not a number where too many points were not found. A measure with
 /// the name of an output is called `measure NAME`.
 #[must_use]
-pub fn differences((found, measures): Compared<'_>, (like, like_measures): Compared<'_>) -> Vec<(String, f64)> {
+pub fn differences(found: Compared<'_>, reference: Compared<'_>) -> Vec<(String, f64)> {
     let mut sums: Vec<(String, Sum)> = Vec::new();
-    for like in like {
-        let Some(samples) = found.iter().find(|s| s.name == like.name && s.home == like.home) else { continue };
+    for like in reference.samples {
+        let Some(samples) = found.samples.iter().find(|s| s.name == like.name && s.home == like.home) else { continue };
         let quantity = quantity(&like.name);
         let at = sums.iter().position(|s| s.0 == quantity).unwrap_or_else(|| {
             sums.push((quantity.to_owned(), Sum::default()));
@@ -201,8 +207,8 @@ pub fn differences((found, measures): Compared<'_>, (like, like_measures): Compa
     }
     let mut out: Vec<(String, f64)> =
         sums.into_iter().filter(|s| s.1.norm > 0.0).map(|(name, sum)| (name, sum.relative())).collect();
-    for (name, value) in measures {
-        if let Some((_, at)) = like_measures.iter().find(|m| m.0 == *name).filter(|m| m.1 != 0.0) {
+    for (name, value) in found.measures {
+        if let Some((_, at)) = reference.measures.iter().find(|m| m.0 == *name).filter(|m| m.1 != 0.0) {
             let taken = out.iter().any(|o| o.0 == *name);
             let name = if taken { format!("{MEASURE}{name}") } else { name.clone() };
             out.push((name, (value - at).abs() / at.abs()));
@@ -223,7 +229,8 @@ mod tests {
             [Samples { components: 1, ..one }]
         };
         let measures = |value: f64| [("slip".to_owned(), value), ("other".to_owned(), value)];
-        let found = differences((&samples(3.0), &measures(5.0)), (&samples(2.0), &measures(4.0)));
+        let found = Compared { samples: &samples(3.0), measures: &measures(5.0) };
+        let found = differences(found, Compared { samples: &samples(2.0), measures: &measures(4.0) });
         let expected = [("slip", 0.5), ("measure slip", 0.25), ("other", 0.25)];
         assert_eq!(found, expected.map(|(n, d)| (n.to_owned(), d)));
     }

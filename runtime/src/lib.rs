@@ -34,7 +34,7 @@ pub use run::{
 pub use savings::{SavingError, savings};
 pub use scene::{
     CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions,
-    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateUpdate, Steps, TermSummary, VtkOutput, coercivity,
+    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateAt, StateUpdate, Steps, TermSummary, VtkOutput, coercivity,
     contact_forms, n_files, negative_bodies, prepare, prepare_keeping,
 };
 pub use solve::SolverMemory;

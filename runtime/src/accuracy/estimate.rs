@@ -59,9 +59,16 @@ impl Norm {
     }
 }
 
+/// The error that is known of a fineness.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Known {
+    pub(super) fineness: f64,
+    pub(super) error: f64,
+}
+
 /// The order by which an error falls from one fineness to another.
-pub(super) fn order_of_errors((from, coarse): (f64, f64), (to, fine): (f64, f64)) -> f64 {
-    (coarse / fine).ln() / (to / from).ln()
+pub(super) fn order_of_errors(coarse: Known, fine: Known) -> f64 {
+    (coarse.error / fine.error).ln() / (fine.fineness / coarse.fineness).ln()
 }
 
 /// An order that is believed; `most` is what the elements can give at best.
@@ -70,6 +77,6 @@ pub(super) fn believed(order: f64, most: f64) -> f64 {
 }
 
 /// The smallest fineness with a demanded error, from a known one.
-pub(super) fn fineness_for(wanted: f64, (fineness, error): (f64, f64), order: f64) -> f64 {
-    fineness * (error / wanted).powf(1.0 / order)
+pub(super) fn fineness_for(wanted: f64, known: Known, order: f64) -> f64 {
+    known.fineness * (known.error / wanted).powf(1.0 / order)
 }

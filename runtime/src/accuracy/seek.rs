@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     Cost, Demand, Found, Notice, Out, Role, TrialRun, Trials, Ways,
-    estimate::{Norm, Step, believed, fineness_for, order_of_errors},
+    estimate::{Known, Norm, Step, believed, fineness_for, order_of_errors},
     ways::{words, work},
 };
 use crate::{knobs::Setting, output::Real};
@@ -451,8 +451,8 @@ impl<T: Trials> Search<'_, T> {
         }
         let (far, near) = (self.distance((0, coarse), (top, best))?, self.distance((0, n - 1), (top, best))?);
         let errors = [far, near].map(|d| self.norm().total(d, 0.5 * near));
-        let at = |k: usize| self.sequences[0].levels[k].fineness as f64;
-        Ok(Some(order_of_errors((at(coarse), errors[0]), (at(n - 1), errors[1]))))
+        let at = |k: usize, error: f64| Known { fineness: self.sequences[0].levels[k].fineness as f64, error };
+        Ok(Some(order_of_errors(at(coarse, errors[0]), at(n - 1, errors[1]))))
     }
 
     fn work(&self, sequence: usize, dofs: f64) -> f64 {
@@ -485,7 +485,7 @@ impl<T: Trials> Search<'_, T> {
                 list.push(choice(sequence.levels[level].fineness, Some(level)));
                 continue;
             }
-            let known = (finest.fineness as f64, *view.errors.last()?);
+            let known = Known { fineness: finest.fineness as f64, error: *view.errors.last()? };
             let wanted = fineness_for(AIM * allowed / view.safety, known, view.order).ceil();
             if wanted.is_finite() {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and 1e9")]

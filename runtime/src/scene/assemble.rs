@@ -16,7 +16,7 @@ use super::{
     build::Builder,
     held::Frozen,
     low_rules,
-    mappings::fields_there,
+    mappings::{Through, fields_there},
     outputs::facet_support,
     terms::{PlacedLaw, RuleChoice, Rules, domain},
 };
@@ -36,7 +36,7 @@ pub(super) struct Assembled {
 }
 
 /// Where a law is integrated: the name, the entities, and the mapping it reads through with the fields it reads there.
-type Place = (String, Option<RegionSet>, Option<(usize, Vec<usize>)>);
+pub(super) type Place = (String, Option<RegionSet>, Option<Through>);
 
 /// The points of places that were made.
 type Domains = Vec<((Place, RuleChoice), Arc<Domain>)>;
@@ -156,7 +156,7 @@ impl Builder<'_> {
     fn domain_of(&mut self, placed: &PlacedLaw, choice: RuleChoice, known: &mut Domains) -> Option<Arc<Domain>> {
         let law = &placed.law;
         let there = fields_there(&law.inputs, law.tests.iter().chain(&law.trials));
-        let mapping = law.listing.graph.mapping.map(|m| (m, there));
+        let mapping = law.listing.graph.mapping.map(|mapping| Through { mapping, there });
         let place = ((placed.place.clone(), placed.set.clone(), mapping), choice);
         let shared = known.iter().find(|d| d.0 == place).map(|d| d.1.clone());
         placed.at_nodes.clone().or(shared).or_else(|| {

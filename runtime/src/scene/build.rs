@@ -420,14 +420,16 @@ impl Builder<'_> {
         .make();
         let (fixed, components) = (prescribed.dofs(), prescribed.components());
         numbering.set_frames(prescribed.frames());
-        let shared = meeting::shared_multipliers(
-            self.script,
-            (&self.mesh, &self.topology),
-            (&self.fields, numbering),
-            &components,
+        let multipliers = meeting::Multipliers {
+            script: self.script,
+            mesh: &self.mesh,
+            topology: &self.topology,
+            fields: &self.fields,
+            numbering,
+            fixed: &components,
             laws,
-            self.diagnostics,
-        );
+        };
+        let shared = meeting::shared_multipliers(&multipliers, self.diagnostics);
         let undetermined = self.undetermined(used, numbering, &fixed);
         numbering.fix(fixed.into_iter().chain(shared).chain(undetermined));
         prescribed

@@ -462,17 +462,18 @@ pub(super) fn extent(mesh: &Mesh) -> f64 {
     (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]))
 }
 
-/// The nodes of a space on some facets that stand at `x`, in a mesh of the extent `scale`.
-pub(super) fn at_place(
-    mesh: &Mesh,
-    topology: &Topology,
-    space: &Space,
-    facets: &[FacetRef],
-    (x, scale): ([f64; 3], f64),
-) -> Vec<u32> {
+/// A point, and the extent of the mesh: what stands there is as near to it as rounding allows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spot {
+    pub(super) x: [f64; 3],
+    pub(super) extent: f64,
+}
+
+/// The nodes of a space on some facets that stand at a point.
+pub(super) fn at_place(mesh: &Mesh, topology: &Topology, space: &Space, facets: &[FacetRef], spot: Spot) -> Vec<u32> {
     let at_x = |node: &u32| {
         let y = space.node_coordinates()[*node as usize];
-        (0..3).all(|d| (x[d] - y[d]).abs() <= SAME_PLACE * scale)
+        (0..3).all(|d| (spot.x[d] - y[d]).abs() <= SAME_PLACE * spot.extent)
     };
     space.nodes_on_facets(mesh, topology, facets).into_iter().filter(at_x).collect()
 }

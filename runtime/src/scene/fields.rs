@@ -61,12 +61,7 @@ fn field(
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<(Field, FieldSig)> {
     let name = declared.name.name.clone();
-    let kind = match &declared.kind {
-        Declared::Unknown => FieldKind::Unknown,
-        Declared::Multiplier { .. } => FieldKind::Multiplier,
-        Declared::Data { .. } => FieldKind::Data,
-        Declared::State { .. } => FieldKind::State,
-    };
+    let kind = kind(&declared.kind);
     let shape = shape(&declared.space.rank, env, diagnostics)?;
     if let Place::Global(_) = declared.space.place {
         let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Global };
@@ -115,6 +110,15 @@ fn field(
             diagnostics.push(Diagnostic::new("E406", e.to_string()).at(declared.space.span, ""));
             None
         }
+    }
+}
+
+fn kind(declared: &Declared) -> FieldKind {
+    match declared {
+        Declared::Unknown => FieldKind::Unknown,
+        Declared::Multiplier { .. } => FieldKind::Multiplier,
+        Declared::Data { .. } => FieldKind::Data,
+        Declared::State { .. } => FieldKind::State,
     }
 }
 

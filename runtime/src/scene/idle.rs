@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use wfl::{Diagnostic, FieldKind as Declared, ResolvedScript};
 use wfl_compiler::types::{FieldKind, Side};
 
-use super::constraints::{at_place, extent};
+use super::constraints::{Spot, at_place, extent};
 use crate::{
     contact::{Contact, Friction, couplings, has_multiplier},
     csr::{Csr, CsrError},
@@ -90,7 +90,7 @@ fn candidates(script: &ResolvedScript, topology: &Topology, system: &System) -> 
         for (node, facets) in facets_of_nodes(space) {
             let first = range.start + node as usize * system.fields[field].n_components;
             let x = space.node_coordinates()[node as usize];
-            let (mut place, joined) = partners.at(topology, system, &facets, (x, scale));
+            let (mut place, joined) = partners.at(topology, system, &facets, Spot { x, extent: scale });
             place.extend(partners.images(first));
             let is_bound = |d: &usize| system.numbering.free[*d] == FIXED || system.numbering.frames.of(*d).is_some();
             if place.iter().any(is_bound) || (joined && place.is_empty()) {
@@ -150,13 +150,7 @@ impl Partners {
 
     /// The dofs of the unknowns that stand at a place on both sides of these facets, and whether a field has one node
     /// there for both, which is then left out.
-    fn at(
-        &self,
-        topology: &Topology,
-        system: &System,
-        facets: &[FacetRef],
-        near: ([f64; 3], f64),
-    ) -> (Vec<usize>, bool) {
+    fn at(&self, topology: &Topology, system: &System, facets: &[FacetRef], near: Spot) -> (Vec<usize>, bool) {
         let mut around = facets.to_vec();
         around.extend(facets.iter().filter_map(|f| topology.opposite(*f)));
         let (mut place, mut joined) = (Vec::new(), false);
@@ -226,7 +220,7 @@ impl Plan {
             }
             for direction in &split.tied {
                 let follower = dof_along(candidate.first, direction, axes.get(&candidate.first));
-                let leader = leader(system, candidate, direction, (&by_node, &splits), &mut axes);
+                let leader = leader(system, candidate, direction, &by_node, &splits, &mut axes);
                 match (follower, leader) {
                     (Some(follower), Some(leader)) => {
                         plan.ties.push(Tie { follower, leader });
@@ -316,7 +310,8 @@ fn leader(
     system: &System,
     candidate: &Candidate,
     direction: &[f64],
-    (by_node, splits): (&BTreeMap<(usize, u32), usize>, &[Split]),
+    by_node: &BTreeMap<(usize, u32), usize>,
+    splits: &[Split],
     axes: &mut BTreeMap<usize, Vec<Vec<f64>>>,
 ) -> Option<usize> {
     let FieldSpace::Nodal(space) = &system.fields[candidate.field].space else { return None };

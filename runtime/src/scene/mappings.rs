@@ -181,23 +181,30 @@ pub(super) fn fields_there<'s>(inputs: &[InputSlot], others: impl IntoIterator<I
     fields
 }
 
+/// The mapping that a law reads through, and the fields that it reads at the images.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Through {
+    pub(super) mapping: usize,
+    pub(super) there: Vec<usize>,
+}
+
 impl Mappings {
-    /// The domain of a law through mapping `m`: the points of `base` with their images, found where the fields `there`
-    /// live that the law reads at the images; `None` after a message.
+    /// The domain of a law through a mapping: the points of `base` with their images, found where the fields live that the
+    /// law reads there; `None` after a message.
     pub(super) fn domain(
         &self,
-        (m, there): &(usize, Vec<usize>),
+        through: &Through,
         mesh: &Mesh,
         fields: &[Field],
         base: &Domain,
         span: Span,
         diagnostics: &mut Vec<Diagnostic>,
     ) -> Option<Arc<Domain>> {
-        let (name, search) = &self.list[*m];
+        let (name, search) = &self.list[through.mapping];
         let (domain, lost) = match search {
             Search::Position(value, formula) => {
                 let homes: Vec<&Field> =
-                    there.iter().filter_map(|k| fields.get(*k)).filter(|f| !is_global(f)).collect();
+                    through.there.iter().filter_map(|k| fields.get(*k)).filter(|f| !is_global(f)).collect();
                 let cells: Vec<CellId> = mesh.cells().filter(|c| homes.iter().all(|f| f.lives_in_cell(*c))).collect();
                 let finder = CellFinder::new(mesh, &cells);
                 let mut bad = None;

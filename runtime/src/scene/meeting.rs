@@ -14,7 +14,7 @@ use wfl::{Diagnostic, FieldKind as Declared, ResolvedScript};
 use wfl_compiler::{ProjectionKind, types::FieldKind};
 
 use super::{
-    constraints::{at_place, extent},
+    constraints::{Spot, at_place, extent},
     idle::facets_of_nodes,
     terms::PlacedLaw,
 };
@@ -47,37 +47,43 @@ impl Ties {
         at
     }
 
-    fn are_tied(&mut self, (a, b): (End, End)) -> bool {
+    fn are_tied(&mut self, a: End, b: End) -> bool {
         self.root(a) == self.root(b)
     }
 
-    fn tie(&mut self, (a, b): (End, End)) {
+    fn tie(&mut self, a: End, b: End) {
         let (a, b) = (self.root(a), self.root(b));
         self.above[a] = b;
     }
 }
 
-/// The multiplier dofs to leave out, and a note for each multiplier that loses some. A component that is prescribed on
-/// all sides has no ends here.
-pub(super) fn shared_multipliers(
-    script: &ResolvedScript,
-    (mesh, topology): (&Mesh, &Topology),
-    (fields, numbering): (&[Field], &Numbering),
-    fixed: &BTreeSet<usize>,
-    laws: &[PlacedLaw],
-    diagnostics: &mut Vec<Diagnostic>,
-) -> Vec<usize> {
+/// The multipliers of a scene, and what they may meet on.
+pub(super) struct Multipliers<'a> {
+    pub(super) script: &'a ResolvedScript,
+    pub(super) mesh: &'a Mesh,
+    pub(super) topology: &'a Topology,
+    pub(super) fields: &'a [Field],
+    pub(super) numbering: &'a Numbering,
+    /// Components that are prescribed.
+    pub(super) fixed: &'a BTreeSet<usize>,
+    pub(super) laws: &'a [PlacedLaw],
+}
+
+/// The multiplier dofs to leave out, and a note for each multiplier that loses some. A component that is prescribed on all
+/// sides has no ends here.
+pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Diagnostic>) -> Vec<usize> {
+    let Multipliers { script, topology, fields, numbering, laws, .. } = *on;
     let holding: Vec<usize> = (0..fields.len()).filter(|k| holds_a_jump(*k, fields, laws)).collect();
     if holding.len() < 2 {
         return Vec::new();
     }
-    let scale = extent(mesh);
+    let extent = extent(on.mesh);
     let (mut ties, mut seen, mut shared) = (Ties::default(), BTreeSet::<FacetId>::new(), Vec::new());
     for k in holding {
         let (Some(start), FieldSpace::Nodal(space)) = (numbering.starts[k], &fields[k].space) else { continue };
         let around = facets_of_nodes(space);
         let keeps = matches!(script.fields[k].kind, Declared::Multiplier { keep_crosspoints: true });
-        let jump = Jump { mesh, topology, fields, numbering, fixed, scale, acts_on: partners(k, fields, laws) };
+        let jump = Jump { on, extent, acts_on: partners(k, fields, laws) };
         let n = fields[k].n_components;
         let mut nodes = 0;
         for (node, facets) in &around {
@@ -89,11 +95,11 @@ pub(super) fn shared_multipliers(
                 if ends.is_empty() {
                     continue;
                 }
-                if !keeps && apart && ends.iter().all(|e| ties.are_tied(*e)) {
+                if !keeps && apart && ends.iter().all(|e| ties.are_tied(e.0, e.1)) {
                     shared.push(dof);
                     loses = true;
                 } else {
-                    ends.into_iter().for_each(|e| ties.tie(e));
+                    ends.into_iter().for_each(|(a, b)| ties.tie(a, b));
                 }
             }
             nodes += usize::from(loses);
@@ -138,13 +144,9 @@ fn partners(k: usize, fields: &[Field], laws: &[PlacedLaw]) -> BTreeSet<usize> {
 
 /// What a multiplier at a node acts on.
 struct Jump<'a> {
-    mesh: &'a Mesh,
-    topology: &'a Topology,
-    fields: &'a [Field],
-    numbering: &'a Numbering,
-    fixed: &'a BTreeSet<usize>,
-    /// Extent of the mesh.
-    scale: f64,
+    on: &'a Multipliers<'a>,
+    /// Of the mesh.
+    extent: f64,
     acts_on: BTreeSet<usize>,
 }
 
@@ -154,7 +156,7 @@ impl Jump<'_> {
         let mut found = BTreeSet::new();
         for facet in facets {
             let here = self.at(x, *facet, c);
-            let there = self.topology.opposite(*facet).map(|f| self.at(x, f, c)).filter(|list| !list.is_empty());
+            let there = self.on.topology.opposite(*facet).map(|f| self.at(x, f, c)).filter(|list| !list.is_empty());
             let there = there.unwrap_or_else(|| vec![None]);
             found.extend(here.iter().flat_map(|h| there.iter().map(|t| (*h, *t))).filter(|(h, t)| h != t));
         }
@@ -163,12 +165,14 @@ impl Jump<'_> {
 
     fn at(&self, x: [f64; 3], facet: FacetRef, c: usize) -> Vec<End> {
         let mut ends = Vec::new();
+        let spot = Spot { x, extent: self.extent };
         for k in &self.acts_on {
-            let (FieldSpace::Nodal(space), Some(start)) = (&self.fields[*k].space, self.numbering.starts[*k]) else {
+            let (FieldSpace::Nodal(space), Some(start)) = (&self.on.fields[*k].space, self.on.numbering.starts[*k])
+            else {
                 continue;
             };
-            for node in at_place(self.mesh, self.topology, space, &[facet], (x, self.scale)) {
-                let is_fixed = self.fixed.contains(&(start + node as usize * self.fields[*k].n_components + c));
+            for node in at_place(self.on.mesh, self.on.topology, space, &[facet], spot) {
+                let is_fixed = self.on.fixed.contains(&(start + node as usize * self.on.fields[*k].n_components + c));
                 ends.push(if is_fixed { None } else { Some((*k, node, c)) });
             }
         }

@@ -68,7 +68,7 @@ pub(crate) use outputs::is_written;
 pub use outputs::{CsvOutput, VtkOutput, n_files};
 pub use quantities::Given;
 pub use regions::{NamedRegion, Regions};
-pub use samples::{SampleAt, Samples};
+pub use samples::{SampleAt, Samples, StateAt};
 pub use states::StateUpdate;
 pub use terms::RuleChoice;
 

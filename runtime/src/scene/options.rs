@@ -43,13 +43,8 @@ impl Builder<'_> {
     /// The values of the step variable; `rates` if something reads them.
     pub(super) fn steps(&mut self, rates: bool) -> Option<Steps> {
         let Some(steps) = &self.script.steps else {
-            return Some(Steps {
-                variable: None,
-                values: vec![0.0],
-                go_on: false,
-                halve: DEFAULT_HALVE,
-                from_start: false,
-            });
+            let values = vec![0.0];
+            return Some(Steps { variable: None, values, go_on: false, halve: DEFAULT_HALVE, from_start: false });
         };
         let [a, b, c] = [(&steps.from, "the first value"), (&steps.to, "the last value"), (&steps.by, "the step")]
             .map(|(e, what)| constants::number(self.env, what, e, self.diagnostics));
@@ -82,7 +77,7 @@ impl Builder<'_> {
         }
         let n_steps = count + 1.0 + f64::from(u8::from(left.is_some()));
         if n_steps > most {
-            self.diagnostics.push(too_many(steps, (from, to, by), n_steps, most));
+            self.diagnostics.push(too_many(steps, from, to, by, n_steps, most));
             return None;
         }
         if let Some(left) = left {
@@ -182,7 +177,7 @@ fn short(x: f64) -> f64 {
 }
 
 /// E430 for more steps than allowed.
-fn too_many(steps: &wfl::Steps, (from, to, by): (f64, f64, f64), n_steps: f64, most: f64) -> Diagnostic {
+fn too_many(steps: &wfl::Steps, from: f64, to: f64, by: f64, n_steps: f64, most: f64) -> Diagnostic {
     // 1e-7 and not 0.0000001
     let by = if by.abs() < 1e-4 { format!("{by:e}") } else { by.to_string() };
     let d = Diagnostic::new("E430", format!("{n_steps} steps from {from} to {to} by {by}, at most {most} are allowed"));

@@ -30,7 +30,9 @@ impl TermMaker<'_> {
     pub(super) fn point_load(
         &mut self,
         load: &wfl::Condition,
-        (name, target, place): (&str, &wfl::ast::Target, &Ident),
+        name: &str,
+        target: &wfl::ast::Target,
+        place: &Ident,
         nodes: &[NodeId],
         out: &mut Vec<PlacedLaw>,
     ) {

@@ -182,7 +182,7 @@ impl Builder<'_> {
                 // the rule of the terms there, so that measured forces are those that act and states are met
                 let choice = rules.get(&place.name).copied().unwrap_or(RuleChoice::Degree(law.degree.rule()));
                 let there = mappings::fields_there(&law.inputs, []);
-                let at = (place.name.clone(), set, law.mapping.map(|m| (m, there)));
+                let at = (place.name.clone(), set, law.mapping.map(|mapping| mappings::Through { mapping, there }));
                 let Some(domain) = self.domain(&at, choice, measure.expr.span) else { continue };
                 match Value::new(law, self.batch) {
                     Ok(value) => match value.bind(&self.mesh, domain, &self.fields) {

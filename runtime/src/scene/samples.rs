@@ -49,6 +49,24 @@ pub enum SampleAt<'a> {
     Points(&'a [Samples]),
 }
 
+/// A state in which expressions are sampled.
+#[derive(Clone, Copy, Debug)]
+pub struct StateAt<'a> {
+    /// The step variable.
+    pub time: f64,
+    /// Its last increment.
+    pub increment: f64,
+    /// Values of all dofs.
+    pub unknowns: &'a [f64],
+}
+
+/// One expression in one home.
+struct Wanted<'s, 'a> {
+    name: &'s str,
+    home: &'s str,
+    at: SampleAt<'a>,
+}
+
 impl Scene {
     /// How the box of its mesh is divided; `None` for a mesh from a file.
     #[must_use]
@@ -56,15 +74,14 @@ impl Scene {
         super::mesh::box_of(script, &self.env.params)
     }
 
-    /// Expressions at a state `u` of all dofs, with the step variable and its last increment. Messages tell of those
-    /// that have no home.
+    /// Expressions at a state. Messages tell of those that have no home.
     pub fn samples(
         &self,
         script: &ResolvedScript,
         backend: &dyn KernelBackend,
         expressions: &[(String, Expr)],
         at: SampleAt<'_>,
-        (time, increment, u): (f64, f64, &[f64]),
+        state: StateAt<'_>,
     ) -> (Vec<Samples>, Vec<Diagnostic>) {
         let mut diagnostics = Vec::new();
         let env = Env {
@@ -101,8 +118,9 @@ impl Scene {
         for (name, expression) in expressions {
             for (target, law) in maker.homes(&bodies, &faces, expression) {
                 let made = Value::new(law, backend).map_err(|e| e.to_string()).and_then(|mut value| {
-                    value.set_step(time, increment);
-                    self.sample((name, &home(target, &bodies)), target, &value, (at, &mut places), u)
+                    value.set_step(state.time, state.increment);
+                    let wanted = Wanted { name, home: &home(target, &bodies), at };
+                    self.sample(wanted, target, &value, &mut places, state.unknowns)
                 });
                 match made {
                     Ok(samples) => out.extend(samples),
@@ -116,12 +134,13 @@ impl Scene {
 
     fn sample<'a>(
         &self,
-        (name, home): (&str, &str),
+        wanted: Wanted<'_, 'a>,
         target: &Target,
         value: &Value,
-        (at, places): (SampleAt<'a>, &mut Places<'a>),
+        places: &mut Places<'a>,
         u: &[f64],
     ) -> Result<Option<Samples>, String> {
+        let Wanted { name, home, at } = wanted;
         let mesh = &self.system.mesh;
         let region: RegionSet = target.support.region();
         let mut samples = Samples {

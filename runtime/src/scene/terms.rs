@@ -154,7 +154,7 @@ impl TermMaker<'_> {
         let field = &self.fields[position];
         let name = format!("load{} of {} on {}", k + 1, target.field.name, place.name);
         if let RegionSet::Nodes(nodes) = &region.set {
-            self.point_load(load, (&name, target, place), nodes, out);
+            self.point_load(load, &name, target, place, nodes, out);
             return;
         }
         let set = restricted(field, &region.set);

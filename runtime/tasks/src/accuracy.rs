@@ -14,7 +14,7 @@ use wfl_runtime::{
     accuracy::{
         AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Notice, Out, Trials, Ways, seek,
     },
-    compare::{MEASURE, NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
+    compare::{Compared, MEASURE, NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
     knobs::{self, Setting},
     output::{OutputDir, OutputError, Real, Report, write_report},
 };
@@ -308,7 +308,8 @@ impl Trials for Lab<'_> {
         let quantity = self.job.demand.quantity.as_str();
         let own = from.samples.as_deref().unwrap_or_default();
         let there = sampled_if(&run.solved, Self::SAMPLER, SampleAt::Points(own), &|name| name == quantity)?;
-        self.of_quantity(&differences((&there, &measures(&run.solved)), (own, &measures(&from.solved))))
+        let found = Compared { samples: &there, measures: &measures(&run.solved) };
+        self.of_quantity(&differences(found, Compared { samples: own, measures: &measures(&from.solved) }))
     }
 
     fn tighter(&mut self, run: &mut Trial, setting: &Setting, fineness: usize) -> Result<f64, String> {
@@ -330,14 +331,16 @@ impl Trials for Lab<'_> {
         run.solved.outcome = outcome;
         let (tight, tight_measures) = tight?;
         let own = run.samples.as_deref().unwrap_or_default();
-        self.of_quantity(&differences((own, &measures(&run.solved)), (&tight, &tight_measures)))
+        let found = Compared { samples: own, measures: &measures(&run.solved) };
+        self.of_quantity(&differences(found, Compared { samples: &tight, measures: &tight_measures }))
     }
 
     fn distances(&mut self, run: &Trial, from: &Trial) -> Vec<(String, f64)> {
         // at the points of the coarser run, which are fewer: these errors are told as `about`
         let list = sampled(&run.solved, Self::SAMPLER, SampleAt::Own(ROUGH_DEGREE)).and_then(|own| {
             let there = sampled(&from.solved, Self::SAMPLER, SampleAt::Points(&own))?;
-            Ok(differences((&there, &measures(&from.solved)), (&own, &measures(&run.solved))))
+            let found = Compared { samples: &there, measures: &measures(&from.solved) };
+            Ok(differences(found, Compared { samples: &own, measures: &measures(&run.solved) }))
         });
         list.unwrap_or_default()
     }

@@ -16,7 +16,9 @@ use wfl::{
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     SampleAt, Samples,
-    compare::{EXACT_OUTPUT, NORM_DEGREE, Solved, differences, items, measures, name, sampled, take, unknowns},
+    compare::{
+        Compared, EXACT_OUTPUT, NORM_DEGREE, Solved, differences, items, measures, name, sampled, take, unknowns,
+    },
     input::InputKind,
     knobs::{Setting, number},
     output::{Hash, OutputDir},
@@ -61,7 +63,11 @@ impl Reference {
             return exact_errors(run, backend);
         }
         let samples = sampled(run, backend, SampleAt::Points(&self.samples))?;
-        Ok(differences((&samples, &measures(run)), (&self.samples, &self.measures)))
+        Ok(differences(Compared { samples: &samples, measures: &measures(run) }, self.compared()))
+    }
+
+    fn compared(&self) -> Compared<'_> {
+        Compared { samples: &self.samples, measures: &self.measures }
     }
 
     /// Its own error of a quantity, if it is known.
@@ -129,7 +135,8 @@ pub(super) fn finer(bench: &Bench<'_>, path: &Path, known: &Known, setting: &Set
     let mut steps: Vec<Vec<(String, f64)>> = Vec::new();
     for pair in levels.windows(2) {
         let at = |run: &Solved| sampled(run, bench.backend, SampleAt::Points(&reference.samples));
-        steps.push(differences((&at(&pair[1])?, &measures(&pair[1])), (&at(&pair[0])?, &measures(&pair[0]))));
+        let coarse = Compared { samples: &at(&pair[1])?, measures: &measures(&pair[1]) };
+        steps.push(differences(coarse, Compared { samples: &at(&pair[0])?, measures: &measures(&pair[0]) }));
     }
     reference.own = richardson(&steps);
     Ok(reference)
@@ -155,7 +162,7 @@ pub(super) fn compare(references: &mut [Reference]) {
     if positions(one) != positions(other) {
         return;
     }
-    let apart = differences((&one.samples, &one.measures), (&other.samples, &other.measures));
+    let apart = differences(one.compared(), other.compared());
     for reference in [one, other] {
         for (name, own) in &mut reference.own {
             let distance = apart.iter().find(|a| a.0 == *name).map_or(0.0, |a| a.1);
