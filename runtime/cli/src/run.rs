@@ -30,18 +30,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
         return ExitCode::from(EXIT_ERROR);
     };
     if let Some(demand) = accuracy::demand(args, &scene) {
-        if !loaded.knobs.is_empty() {
-            say("error: mesh, degree and tolerance are picked for the accuracy: they cannot be given, too\n");
-            return ExitCode::from(EXIT_ERROR);
-        }
-        // on the command line these exclude each other; the scene may ask for an accuracy, too
-        if args.savings || args.resume {
-            say(
-                "error: a scene that asks for an accuracy is run on several meshes: --savings and --resume do not go with it\n",
-            );
-            return ExitCode::from(EXIT_ERROR);
-        }
-        if !may_write(args, &loaded, &scene) {
+        if !may_pick(args, &loaded, &scene) {
             return ExitCode::from(EXIT_ERROR);
         }
         drop(preparing);
@@ -80,6 +69,22 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
             ExitCode::from(EXIT_ERROR)
         }
     }
+}
+
+/// Whether a setting can be picked for an accuracy; says why not.
+fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
+    if !loaded.knobs.is_empty() {
+        say("error: mesh, degree and tolerance are picked for the accuracy: they cannot be given, too\n");
+        return false;
+    }
+    // on the command line these exclude each other; the scene may ask for an accuracy, too
+    if args.savings || args.resume {
+        say(
+            "error: a scene that asks for an accuracy is run on several meshes: --savings and --resume do not go with it\n",
+        );
+        return false;
+    }
+    may_write(args, loaded, scene)
 }
 
 /// Whether the results can be written, looked at before other runs are made for this one; says why not.

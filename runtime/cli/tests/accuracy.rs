@@ -169,7 +169,7 @@ fn wrong_values_are_refused() {
 
 /// The relative error of what was picked against a finer run of another scene of the same problem, made by a sweep: the
 /// penalty as the scene has it is no reference for a stiffer one.
-fn error_of_picked(scene: &str, report: &Value, quantity: &str, (other, finer): (&str, &[&str]), out: &Path) -> f64 {
+fn error_of_picked(scene: &str, report: &Value, quantity: &str, other: &str, finer: &[&str], out: &Path) -> f64 {
     let place = out.join("finer").display().to_string();
     let mut words = vec!["sweep", other, "-q", "--out", &place];
     for knob in finer {
@@ -199,7 +199,7 @@ fn the_true_error_of_fault_and_crack_is_at_most_what_was_asked_for() {
             let out = folder(&format!("fault_{asked}"));
             let (said, code, report) = run(scene, &["--accuracy", asked], &out);
             assert_eq!(code, Some(0), "{said}");
-            let truth = error_of_picked(scene, &report, "L2", ("fault/nitsche.wfl", &finer), &out);
+            let truth = error_of_picked(scene, &report, "L2", "fault/nitsche.wfl", &finer, &out);
             let asked: f64 = asked.parse().expect("a number");
             assert!(truth <= asked && truth >= 0.1 * asked, "{scene} {asked}: true error {truth}\n{said}");
         }
@@ -210,7 +210,7 @@ fn the_true_error_of_fault_and_crack_is_at_most_what_was_asked_for() {
         let (said, code, report) = run("crack/compression.wfl", &words, &out);
         assert!(code == Some(0) || code == Some(3), "{said}");
         let finer = ["degree=2", "refine=2", "tol=1e-9"];
-        let truth = error_of_picked("crack/compression.wfl", &report, "slip", ("crack/compression.wfl", &finer), &out);
+        let truth = error_of_picked("crack/compression.wfl", &report, "slip", "crack/compression.wfl", &finer, &out);
         let asked: f64 = asked.parse().expect("a number");
         assert!(truth <= asked, "crack {asked}: true error {truth}\n{said}");
     }

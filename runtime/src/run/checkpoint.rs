@@ -330,37 +330,13 @@ fn step(w: &mut Writer, s: &StepResult) {
 
 fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
     let [time, increment] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-    let iterations = r.list(|r| {
-        let number = r.count()?;
-        let [residual, floor, step, merit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-        let method = Method::from_number(r.count()?).ok_or(Unreadable)?;
-        let changed = r.count()?;
-        let known = r.flag()?;
-        let counts = [r.count()?, r.count()?, r.count()?];
-        let contact = known.then_some(counts);
-        Ok(Iteration { number, residual, floor, step, method, merit, changed, contact, fingerprint: r.word()? })
-    })?;
-    let solves = r.list(|r| {
-        let [relative_residual, componentwise_residual] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-        let (refinements, krylov_iterations, refactored) = (r.count()?, r.count()?, r.flag()?);
-        Ok(SolveReport { relative_residual, componentwise_residual, refinements, krylov_iterations, refactored })
-    })?;
-    let stop = match r.count()? {
-        0 => None,
-        1 => Some(Stop::Tolerance),
-        2 => Some(Stop::Floor),
-        3 => Some(Stop::MaxIterations),
-        4 => Some(Stop::Given),
-        _ => return Err(Unreadable),
-    };
-    let (displaced, turns) = (r.flag()?, r.count()?);
+    let history = read_history(r)?;
     let others = match r.count()? {
         0 => Others::Unknown,
         1 => Others::Possible,
         2 => Others::Proved,
         _ => return Err(Unreadable),
     };
-    let history = StepHistory { iterations, solves, stop, displaced, turns, ..StepHistory::default() };
     let attempts = r.list(read_attempt)?;
     let accuracy = r.list(|r| {
         let [error] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
@@ -398,6 +374,34 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         branches,
         state,
     })
+}
+
+fn read_history(r: &mut Reader<'_>) -> Result<StepHistory, Unreadable> {
+    let iterations = r.list(|r| {
+        let number = r.count()?;
+        let [residual, floor, step, merit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        let method = Method::from_number(r.count()?).ok_or(Unreadable)?;
+        let changed = r.count()?;
+        let known = r.flag()?;
+        let counts = [r.count()?, r.count()?, r.count()?];
+        let contact = known.then_some(counts);
+        Ok(Iteration { number, residual, floor, step, method, merit, changed, contact, fingerprint: r.word()? })
+    })?;
+    let solves = r.list(|r| {
+        let [relative_residual, componentwise_residual] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        let (refinements, krylov_iterations, refactored) = (r.count()?, r.count()?, r.flag()?);
+        Ok(SolveReport { relative_residual, componentwise_residual, refinements, krylov_iterations, refactored })
+    })?;
+    let stop = match r.count()? {
+        0 => None,
+        1 => Some(Stop::Tolerance),
+        2 => Some(Stop::Floor),
+        3 => Some(Stop::MaxIterations),
+        4 => Some(Stop::Given),
+        _ => return Err(Unreadable),
+    };
+    let (displaced, turns) = (r.flag()?, r.count()?);
+    Ok(StepHistory { iterations, solves, stop, displaced, turns, ..StepHistory::default() })
 }
 
 fn attempt(w: &mut Writer, a: &Attempt) {

@@ -8,7 +8,9 @@ mod checkpoint;
 mod files;
 mod folder;
 mod memory;
+mod quantities;
 mod report;
+mod resuming;
 mod stepping;
 
 use std::{
@@ -307,18 +309,7 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
         bad: Vec::new(),
     };
     if let Some(dir) = &dir {
-        let found = if options.resume { folder::found(scene, &identity, dir)? } else { None };
-        match found {
-            Some(found) => {
-                run.go_on_from(found, scene, dir, progress)?;
-                files.go_on_from(scene, &run.steps, dir)?;
-                folder::go_on(scene, dir)?;
-            }
-            None => folder::begin(scene, &identity, dir)?,
-        }
-        if options.resume {
-            progress.resumed(run.steps.last());
-        }
+        run.take_up(scene, options, &identity, &mut files, dir, progress)?;
     }
     run.clock.write += begin.elapsed().as_secs_f64();
     let ended = run.all_steps(scene, options, &mut files, progress);
@@ -450,34 +441,6 @@ impl Run {
         Ok(())
     }
 
-    /// Takes over what a checkpoint kept: the next step then finds everything as it was.
-    fn go_on_from(
-        &mut self,
-        found: checkpoint::Found,
-        scene: &mut Scene,
-        dir: &OutputDir,
-        progress: &mut dyn Progress,
-    ) -> Result<(), RunError> {
-        let misfit =
-            || CheckpointError::Damaged { path: dir.path().join(CHECKPOINT_FILE), what: "it does not fit the scene" };
-        let Some(last) = found.steps.last() else { return Ok(()) };
-        if found.u.len() != self.u.len() || found.steps.len() > scene.steps.values.len() {
-            return Err(misfit().into());
-        }
-        let wrap = |error: NewtonError| RunError::Newton { step: found.steps.len() - 1, time: last.time, error };
-        self.clock = found.clock;
-        self.stepper.prepare(scene, (last.time, last.increment), &mut self.clock, progress).map_err(wrap)?;
-        let solver = self.stepper.solver.as_mut().expect("prepared above");
-        let fits = solver.recall(&found.solver, &scene.system).map_err(|e| wrap(e.into()))?;
-        solver.starts_elsewhere();
-        if !(fits && self.stepper.recall(scene, &found.memory)) {
-            return Err(misfit().into());
-        }
-        (self.stepper.level, self.stepper.easy) = (found.level, found.easy);
-        (self.u, self.steps, self.log) = (found.u, found.steps, found.log);
-        Ok(())
-    }
-
     fn step(
         &mut self,
         scene: &mut Scene,
@@ -517,29 +480,9 @@ impl Run {
         self.clock.check += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
         self.stepper.renew(scene);
-        let (u, increment) = (&self.u, reached.increment);
-        let Scene { prints, system, measures: asked, .. } = &mut *scene;
-        let (mut measures, mut bad_measures) = (Vec::with_capacity(asked.len()), Vec::new());
-        for measure in asked {
-            let value = measure.evaluate(system, time, increment, u);
-            if !value.is_finite() {
-                bad_measures.push(measure.bad(value, system, u));
-            }
-            measures.push((measure.name.clone(), value));
-        }
-        let mut bad_prints = Vec::new();
-        for print in prints {
-            let (term, origin) = (print.term.clone(), print.origin);
-            let mut bad = None;
-            print.for_each(system, time, increment, u, |x, value| {
-                bad = bad.or_else(|| value.iter().find(|v| !v.is_finite()).map(|v| (*v, x)));
-                progress.printed(&term, origin, x, value);
-            });
-            if let Some((value, position)) = bad {
-                bad_prints.push(BadOutput { what: format!("`Print` in `{term}`"), time, value, position });
-            }
-        }
-        bad_prints.into_iter().for_each(|bad| self.add_bad(bad));
+        let increment = reached.increment;
+        let (measures, bad_measures) = self.measures(scene, time, increment);
+        self.print(scene, time, increment, progress);
         let state = self.u.clone();
         self.clock.measure += begin.elapsed().as_secs_f64();
         Ok(StepResult {

@@ -3,6 +3,7 @@
 use super::{Attempt, AttemptEnd, Others, Path, PhysicsCheck, Run, RunOptions, StepResult};
 use crate::{
     left_out::LeftOut,
+    mesh::Mesh,
     newton::{LinearSolver, Stop},
     output::{
         self, AttemptReport, Check, ContactCounts, LeftOutReport, MeshReport, OrderedMap, ParameterValue, Real, Report,
@@ -39,20 +40,7 @@ pub(super) fn report(
         };
         report.parameters.insert(name.clone(), shown);
     }
-    let mesh = &scene.system.mesh;
-    let mut kinds: OrderedMap<u64> = OrderedMap::default();
-    for kind in mesh.kinds() {
-        let name = kind.to_string();
-        let count = kinds.get(&name).copied().unwrap_or(0);
-        kinds.insert(name, count + 1);
-    }
-    report.mesh = MeshReport {
-        dim: mesh.dim() as u64,
-        cells: mesh.n_cells() as u64,
-        nodes: mesh.n_nodes() as u64,
-        kinds,
-        ..MeshReport::default()
-    };
+    report.mesh = mesh_report(&scene.system.mesh);
     for (k, field) in scene.system.fields.iter().enumerate() {
         if let Some(range) = scene.system.range(k) {
             let free = range.filter(|d| scene.system.numbering.free[*d] != crate::system::FIXED).count();
@@ -82,6 +70,22 @@ pub(super) fn report(
         total: options.started.elapsed().as_secs_f64(),
     };
     report
+}
+
+fn mesh_report(mesh: &Mesh) -> MeshReport {
+    let mut kinds: OrderedMap<u64> = OrderedMap::default();
+    for kind in mesh.kinds() {
+        let name = kind.to_string();
+        let count = kinds.get(&name).copied().unwrap_or(0);
+        kinds.insert(name, count + 1);
+    }
+    MeshReport {
+        dim: mesh.dim() as u64,
+        cells: mesh.n_cells() as u64,
+        nodes: mesh.n_nodes() as u64,
+        kinds,
+        ..MeshReport::default()
+    }
 }
 
 /// Of each condition the step at which it holds least, in the order of their first appearance.

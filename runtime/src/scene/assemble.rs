@@ -12,8 +12,7 @@ use wfl_compiler::{
 };
 
 use super::{
-    TermSummary,
-    build::Builder,
+    Builder, TermSummary,
     held::Frozen,
     low_rules,
     mappings::{Through, fields_there},
@@ -41,12 +40,14 @@ pub(super) type Place = (String, Option<RegionSet>, Option<Through>);
 /// The points of places that were made.
 type Domains = Vec<((Place, RuleChoice), Arc<Domain>)>;
 
+/// Residual and tangent.
+type Pair = (Box<dyn PointKernel>, Option<Box<dyn PointKernel>>);
+
 /// The compiled kernels of one law.
 struct Kernels {
-    residual: Box<dyn PointKernel>,
-    tangent: Option<Box<dyn PointKernel>>,
-    /// Residual and tangent with frozen active set.
-    frozen: Option<(Box<dyn PointKernel>, Option<Box<dyn PointKernel>>)>,
+    as_written: Pair,
+    /// With frozen active set.
+    frozen: Option<Pair>,
 }
 
 impl Builder<'_> {
@@ -114,13 +115,12 @@ impl Builder<'_> {
         };
         let mut all = Vec::with_capacity(laws.len());
         for (law, [tangent, frozen_tangent]) in laws.iter().zip(&tangents) {
-            let residual = compiled.next()?;
-            let tangent = tangent.as_ref().and_then(|_| compiled.next());
+            let as_written = (compiled.next()?, tangent.as_ref().and_then(|_| compiled.next()));
             let frozen = match law.pieces {
                 Some(_) => Some((compiled.next()?, frozen_tangent.as_ref().and_then(|_| compiled.next()))),
                 None => None,
             };
-            all.push(Kernels { residual, tangent, frozen });
+            all.push(Kernels { as_written, frozen });
         }
         Some(all)
     }
@@ -148,7 +148,7 @@ impl Builder<'_> {
                 Err(e) => self.diagnostics.push(Diagnostic::new("E609", e)),
             }
         }
-        let Kernels { residual, tangent, .. } = kernels;
+        let (residual, tangent) = kernels.as_written;
         made.terms.push(AssembledTerm::new(placed.law, integrator, place, residual, tangent, &numbering.starts));
     }
 

@@ -6,7 +6,6 @@
 use std::{
     cell::Cell,
     collections::{BTreeMap, BTreeSet},
-    path::Path,
     time::Instant,
 };
 
@@ -14,13 +13,13 @@ use wfl::{Diagnostic, Lost, ResolvedScript};
 use wfl_compiler::{
     Constant, Env,
     backend::KernelBackend,
-    types::{FieldKind, FieldSig, InputSlot, UniformSlot},
+    types::{FieldKind, InputSlot, UniformSlot},
 };
 
 use super::{
-    CsvOutput, Given, InputFile, Measure, OwnedEnv, PrepareTimes, Prescribed, Printed, Regions, Scene, StateUpdate,
-    Steps, VtkOutput, With, assemble::Assembled, batch::Batch, constants, constraints, coverage, fields, idle,
-    mappings, meeting, mesh, outputs, regions, rest, states, terms,
+    Builder, CsvOutput, Given, Measure, OwnedEnv, PrepareTimes, Prescribed, Regions, Scene, StateUpdate, Steps,
+    VtkOutput, With, assemble::Assembled, batch::Batch, constants, constraints, coverage, fields, idle, mappings,
+    meeting, mesh, outputs, regions, rest, states, terms,
 };
 use crate::{
     contact::{Contact, ContactTerm},
@@ -143,26 +142,6 @@ fn names_in_terms(script: &ResolvedScript) -> BTreeSet<String> {
         });
     }
     names
-}
-
-/// A scene that is being made.
-pub(super) struct Builder<'a> {
-    pub(super) script: &'a ResolvedScript,
-    pub(super) folder: &'a Path,
-    pub(super) env: &'a Env<'a>,
-    pub(super) mesh: Mesh,
-    pub(super) topology: Topology,
-    pub(super) regions: Regions,
-    pub(super) fields: Vec<Field>,
-    pub(super) mappings: &'a mappings::Mappings,
-    pub(super) sigs: &'a [FieldSig],
-    pub(super) batch: &'a Batch<'a>,
-    pub(super) diagnostics: &'a mut Vec<Diagnostic>,
-    pub(super) params: &'a BTreeMap<String, Constant>,
-    pub(super) mesh_time: f64,
-    pub(super) prints: Vec<Printed>,
-    pub(super) inputs: Vec<InputFile>,
-    pub(super) keep: &'a [Pruning],
 }
 
 /// The unknowns: which dofs there are, which of them are prescribed, and the terms on them.

@@ -36,27 +36,29 @@ mod states;
 mod terms;
 
 use std::{
-    collections::{BTreeSet, HashSet},
+    collections::{BTreeMap, BTreeSet, HashSet},
     path::Path,
 };
 
 use wfl::{Diagnostic, ResolvedScript, ast::Reduction};
 use wfl_compiler::{
-    Class, Constant,
+    Class, Constant, Env,
     backend::KernelBackend,
     types::{FieldSig, MappingSig},
 };
 
 use crate::{
     contact::Contact,
-    mesh::Topology,
+    field::Field,
+    mesh::{Mesh, Topology},
     newton::NewtonOptions,
     pruning::Pruning,
     system::System,
     value::{Sampled, Value},
 };
 
-use build::{Builder, Findings};
+use batch::Batch;
+use build::Findings;
 pub use constraints::Prescribed;
 pub use data::{coercivity, contact_forms, negative_bodies};
 pub(crate) use data::{node_positions, set_data};
@@ -163,11 +165,31 @@ pub struct Scene {
 
 /// What is needed to compile more expressions after preparation (`expect`).
 struct OwnedEnv {
-    params: std::collections::BTreeMap<String, Constant>,
+    params: BTreeMap<String, Constant>,
     mappings: Vec<MappingSig>,
     expansions: wfl::ast::Expansions,
     expects: Vec<wfl::Expect>,
     dim: usize,
+}
+
+/// A scene that is being made: what its stages share. Each stage is in a file of its own.
+struct Builder<'a> {
+    script: &'a ResolvedScript,
+    folder: &'a Path,
+    env: &'a Env<'a>,
+    mesh: Mesh,
+    topology: Topology,
+    regions: Regions,
+    fields: Vec<Field>,
+    mappings: &'a mappings::Mappings,
+    sigs: &'a [FieldSig],
+    batch: &'a Batch<'a>,
+    diagnostics: &'a mut Vec<Diagnostic>,
+    params: &'a BTreeMap<String, Constant>,
+    mesh_time: f64,
+    prints: Vec<Printed>,
+    inputs: Vec<InputFile>,
+    keep: &'a [Pruning],
 }
 
 /// A scene and every message; no scene after an error.

@@ -5,6 +5,7 @@
 //! wrong answer or takes longer than [`SLOW`] is printed with its number, and the program ends with code 1.
 
 use std::{
+    ops::Range,
     panic::{AssertUnwindSafe, catch_unwind},
     path::Path,
     process::ExitCode,
@@ -181,13 +182,13 @@ impl Tally {
     }
 }
 
-/// Inputs `first..first + count` and the files that belong to them.
-fn work(worker: usize, next: &AtomicU64, (first, count): (u64, u64), seeds: &[Seed], files: &Files) -> Tally {
+/// The inputs of these numbers and the files that belong to them.
+fn work(worker: usize, next: &AtomicU64, numbers: Range<u64>, seeds: &[Seed], files: &Files) -> Tally {
     let folder = std::env::temp_dir().join(format!("wfl-fuzz-{}-{worker}", std::process::id()));
     let mut tally = Tally::default();
     loop {
         let number = next.fetch_add(1, Ordering::Relaxed);
-        if number >= first + count {
+        if number >= numbers.end {
             break;
         }
         RUNNING[worker].store(number, Ordering::Relaxed);
@@ -196,7 +197,7 @@ fn work(worker: usize, next: &AtomicU64, (first, count): (u64, u64), seeds: &[Se
             tally.file(number / FILES, files, &folder);
         }
         if (number + 1).is_multiple_of(1_000_000) {
-            eprintln!("{} inputs", number + 1 - first);
+            eprintln!("{} inputs", number + 1 - numbers.start);
         }
     }
     RUNNING[worker].store(u64::MAX, Ordering::Relaxed);
@@ -247,7 +248,7 @@ fn main() -> ExitCode {
     let whole = std::thread::scope(|scope| {
         let one = |worker: usize| {
             let (next, seeds, files) = (&next, &seeds, &files);
-            let body = move || work(worker, next, (first, count), seeds, files);
+            let body = move || work(worker, next, first..first + count, seeds, files);
             std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, body)
         };
         let workers: Vec<_> = (0..WORKERS).map(one).collect();

@@ -56,7 +56,7 @@ const BLOCKS: [(&str, &str, &str); 4] = [
     ("Q2 block 14", "[14,14,14] hex", "vector Q2"),
 ];
 
-fn block((_, cells, unknown): (&str, &str, &str)) -> String {
+fn block(cells: &str, unknown: &str) -> String {
     format!(
         "wfl 1\nmesh box [0,0,0] to [1,1,1] cells {cells}\nregion west = faces where x == 0\nunknown u : {unknown}\n\
          term bulk on all : (Id(3)*Trace(Grad_u) + Grad_u + Grad_u'):Grad_Test_u\nfix u = [0,0,0] on west\nload u = [0,0,-1] on all\n"
@@ -127,7 +127,7 @@ fn all(program: &Path, folder: &Path) -> std::io::Result<bool> {
     let mut scenes: Vec<(String, PathBuf, &[&str])> = Vec::new();
     for one in BLOCKS {
         let file = folder.join(format!("{}.wfl", one.0.replace(' ', "_")));
-        std::fs::write(&file, block(one))?;
+        std::fs::write(&file, block(one.1, one.2))?;
         scenes.push((one.0.to_owned(), file, &[]));
     }
     for (name, settings) in SCENES {

@@ -1,6 +1,6 @@
 //! No circle among the files of a crate: the paths that one file takes from another, read as text.
 //!
-//! An arrow runs from a file to the file that defines what a path names, through re-exports. Naming alone is no arrow:
+//! An arrow runs from a file to the file that defines what a path names, through re-exports and the `use` of other modules. Naming alone is no arrow:
 //! `mod`, `pub use`, and what a part takes from the modules that it lies in (their words are its own). Calls of methods
 //! have no path and are not seen. Tests inside a file do not count.
 
@@ -215,8 +215,8 @@ impl Files {
         }
         let (module, rest) = path.split_at(n);
         let name = rest.first()?;
-        let again = self.uses.get(module)?.iter().filter(|u| u.public && depth > 0);
-        for reexport in again {
+        // what a module takes for itself names things for its parts, too
+        for reexport in self.uses.get(module)?.iter().filter(|_| depth > 0) {
             let Some(absolute) = self.absolute(&module.to_vec(), &reexport.path) else { continue };
             if reexport.name == *name {
                 return self.definer(&[absolute.as_slice(), &rest[1..]].concat(), depth - 1);
