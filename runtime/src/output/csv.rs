@@ -10,30 +10,6 @@ use std::path::PathBuf;
 
 use super::{OutputDir, OutputError};
 
-/// One entry of a table that also holds text.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum CsvField<'a> {
-    /// A number.
-    Number(f64),
-    /// A count.
-    Count(u64),
-    /// A text.
-    Text(&'a str),
-    /// No value: nothing between the commas.
-    Empty,
-}
-
-impl CsvField<'_> {
-    fn write(&self, out: &mut dyn Write) -> io::Result<()> {
-        match self {
-            CsvField::Number(number) => write!(out, "{number:?}"),
-            CsvField::Count(count) => write!(out, "{count}"),
-            CsvField::Text(text) => write_text(out, text),
-            CsvField::Empty => Ok(()),
-        }
-    }
-}
-
 /// Writes a table of numbers into the file `name` (with its `.csv`) and returns its path.
 /// Every row has one number for each column. It is on the disc after [`OutputDir::sync`].
 ///
@@ -46,40 +22,15 @@ pub fn write_csv<C: AsRef<str>, R: AsRef<[f64]>>(
     columns: &[C],
     rows: &[R],
 ) -> Result<PathBuf, OutputError> {
-    let rows = rows.iter().map(AsRef::as_ref);
-    write_rows(dir, name, columns, rows, |out, number| CsvField::Number(*number).write(out))
-}
-
-/// [`write_csv`] with counts, texts and empty entries beside numbers.
-///
-/// # Errors
-/// As [`write_csv`].
-pub fn write_csv_fields<'a, C: AsRef<str>, R: AsRef<[CsvField<'a>]>>(
-    dir: &OutputDir,
-    name: &str,
-    columns: &[C],
-    rows: &[R],
-) -> Result<PathBuf, OutputError> {
-    let rows = rows.iter().map(AsRef::as_ref);
-    write_rows(dir, name, columns, rows, |out, field| field.write(out))
-}
-
-fn write_rows<'r, T: 'r, C: AsRef<str>>(
-    dir: &OutputDir,
-    name: &str,
-    columns: &[C],
-    rows: impl Iterator<Item = &'r [T]> + Clone,
-    write_entry: impl Fn(&mut dyn Write, &T) -> io::Result<()>,
-) -> Result<PathBuf, OutputError> {
     let expected = columns.len();
-    let mut lengths = rows.clone().map(<[T]>::len).enumerate();
+    let mut lengths = rows.iter().map(|row| row.as_ref().len()).enumerate();
     if let Some((row, found)) = lengths.find(|&(_, found)| found != expected) {
         return Err(OutputError::RowLength { file: dir.path().join(name), row, expected, found });
     }
     dir.write_unsynced(name, |out| {
         write_line(out, columns, |out, column| write_text(out, column.as_ref()))?;
         for row in rows {
-            write_line(out, row, &write_entry)?;
+            write_line(out, row.as_ref(), |out, number| write!(out, "{number:?}"))?;
         }
         Ok(())
     })
@@ -148,18 +99,6 @@ mod tests {
              0.5,1.0,NaN,inf,-inf,-0.0\n\
              1e21,1e-7,0.30000000000000004,3.0,0.0,2.0\n"
         );
-    }
-
-    #[test]
-    fn rows_with_text_and_gaps() {
-        let scratch = Scratch::new();
-        let dir = OutputDir::create(scratch.path()).unwrap();
-        let rows = [
-            [CsvField::Text("a,b"), CsvField::Count(u64::MAX), CsvField::Number(2.0)],
-            [CsvField::Text("floor"), CsvField::Count(0), CsvField::Empty],
-        ];
-        write_csv_fields(&dir, "r.csv", &["stop", "dofs", "error"], &rows).unwrap();
-        assert_eq!(scratch.read("r.csv"), "stop,dofs,error\n\"a,b\",18446744073709551615,2.0\nfloor,0,\n");
     }
 
     #[test]

@@ -25,7 +25,7 @@ mod vtk_cell;
 mod vtu;
 
 pub use atomic::OutputDir;
-pub use csv::{CsvField, write_csv, write_csv_fields};
+pub use csv::write_csv;
 pub use grid::{Array, Cells, Piece, VtuError};
 pub use hash::{Hash, Hasher};
 pub use identity::Identity;

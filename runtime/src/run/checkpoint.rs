@@ -358,8 +358,6 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         let [value] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
         Ok((name, value))
     })?;
-    let state = Vec::new();
-    let (bad_measures, branches) = (Vec::new(), Vec::new());
     Ok(StepResult {
         time,
         increment,
@@ -370,9 +368,7 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         friction,
         others,
         measures,
-        bad_measures,
-        branches,
-        state,
+        ..StepResult::default()
     })
 }
 

@@ -133,7 +133,7 @@ pub struct Quiet;
 impl Progress for Quiet {}
 
 /// One step of a run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct StepResult {
     /// The step variable.
     pub time: f64,

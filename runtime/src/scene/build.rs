@@ -17,7 +17,7 @@ use wfl_compiler::{
 };
 
 use super::{
-    Builder, CsvOutput, Given, Measure, OwnedEnv, PrepareTimes, Prescribed, Regions, Scene, StateUpdate, Steps,
+    Builder, CsvOutput, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Regions, Scene, StateUpdate, Steps,
     VtkOutput, With, assemble::Assembled, batch::Batch, constants, constraints, coverage, fields, idle, mappings,
     meeting, mesh, outputs, regions, rest, states, terms,
 };
@@ -58,12 +58,9 @@ pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Finding
     let bare = Env { dim: mesh.dim(), ..constants::bare_env(script, mesh.dim(), &params) };
     let diagnostics = &mut found.diagnostics;
     let fields::Fields { fields, sigs } = fields::fields(script, &bare, &mesh, &topology, &regions, diagnostics)?;
+    let known = Env { fields: &sigs, ..bare };
     let made = mappings::MappingMaker {
-        script,
-        env: &Env { fields: &sigs, ..bare },
-        mesh: &mesh,
-        regions: &regions,
-        fields: &fields,
+        parts: Parts { script, env: &known, mesh: &mesh, topology: &topology, regions: &regions, fields: &fields },
         backend,
         diagnostics: &mut *diagnostics,
     }
@@ -340,15 +337,22 @@ impl Builder<'_> {
         (!self.diagnostics.iter().any(Diagnostic::is_error)).then_some(())
     }
 
-    pub(super) fn term_maker(&mut self) -> terms::TermMaker<'_> {
-        terms::TermMaker {
+    /// What statements are read with, and where their messages go.
+    fn parts(&mut self) -> (Parts<'_>, &mut Vec<Diagnostic>) {
+        let parts = Parts {
             script: self.script,
             env: self.env,
             mesh: &self.mesh,
+            topology: &self.topology,
             regions: &self.regions,
             fields: &self.fields,
-            diagnostics: &mut *self.diagnostics,
-        }
+        };
+        (parts, &mut *self.diagnostics)
+    }
+
+    pub(super) fn term_maker(&mut self) -> terms::TermMaker<'_> {
+        let (parts, diagnostics) = self.parts();
+        terms::TermMaker { parts, diagnostics }
     }
 
     /// What terms and updates of states are compiled to, and the rules of their places.
@@ -363,18 +367,9 @@ impl Builder<'_> {
 
     /// Files and line samples.
     fn outputs(&mut self, rules: &terms::Rules) -> Outputs {
-        let mut maker = outputs::OutputMaker {
-            script: self.script,
-            env: self.env,
-            mesh: &self.mesh,
-            topology: &self.topology,
-            regions: &self.regions,
-            fields: &self.fields,
-            rules,
-            backend: self.batch,
-            diagnostics: &mut *self.diagnostics,
-            law_seconds: Cell::new(0.0),
-        };
+        let backend = self.batch;
+        let (parts, diagnostics) = self.parts();
+        let mut maker = outputs::OutputMaker { parts, rules, backend, diagnostics, law_seconds: Cell::new(0.0) };
         let (vtk, csv) = outputs::outputs(&mut maker);
         Outputs { vtk, csv, law_seconds: maker.law_seconds.get() }
     }
@@ -385,18 +380,9 @@ impl Builder<'_> {
         laws: &[terms::PlacedLaw],
         used: &BTreeSet<usize>,
     ) -> Prescribed {
-        let prescribed = constraints::ConstraintMaker {
-            script: self.script,
-            env: self.env,
-            mesh: &self.mesh,
-            topology: &self.topology,
-            regions: &self.regions,
-            fields: &self.fields,
-            numbering: &*numbering,
-            backend: self.batch,
-            diagnostics: &mut *self.diagnostics,
-        }
-        .make();
+        let backend = self.batch;
+        let (parts, diagnostics) = self.parts();
+        let prescribed = constraints::ConstraintMaker { parts, numbering: &*numbering, backend, diagnostics }.make();
         let (fixed, components) = (prescribed.dofs(), prescribed.components());
         numbering.set_frames(prescribed.frames());
         let multipliers = meeting::Multipliers {

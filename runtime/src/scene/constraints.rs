@@ -8,21 +8,21 @@ mod contradictions;
 use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{
-    Diagnostic, ResolvedScript, Span,
+    Diagnostic, Span,
     ast::{Expr, Target, TargetPart},
     at_expr,
 };
 use wfl_compiler::{Env, backend::KernelBackend, compile_value, types::Shape, without_fields};
 
 use crate::{
-    field::{Field, FieldSpace},
+    field::FieldSpace,
     finite::BadGiven,
     frames::Frame,
     mesh::{CellId, FacetRef, Mesh, RegionSet, Topology},
     scene::{
+        Parts,
         mesh::{POSITIONS_ONLY, position_place, with_zeros},
         normals::node_normals,
-        regions::Regions,
         terms::component,
     },
     space::Space,
@@ -277,12 +277,7 @@ const INDEPENDENT: f64 = 1e-6;
 const ALIGNED: f64 = 1e-9;
 
 pub(super) struct ConstraintMaker<'a> {
-    pub(super) script: &'a ResolvedScript,
-    pub(super) env: &'a Env<'a>,
-    pub(super) mesh: &'a Mesh,
-    pub(super) topology: &'a Topology,
-    pub(super) regions: &'a Regions,
-    pub(super) fields: &'a [Field],
+    pub(super) parts: Parts<'a>,
     pub(super) numbering: &'a Numbering,
     pub(super) backend: &'a dyn KernelBackend,
     pub(super) diagnostics: &'a mut Vec<Diagnostic>,
@@ -292,7 +287,7 @@ impl ConstraintMaker<'_> {
     /// The `fix` statements.
     pub(super) fn make(&mut self) -> Prescribed {
         let (mut fixes, mut conditions) = (Vec::new(), Vec::new());
-        for fix in &self.script.fixes {
+        for fix in &self.parts.script.fixes {
             for target in &fix.targets {
                 for place in &fix.places {
                     if let Some((made, list)) = self.one(target, fix, place, fixes.len()) {
@@ -312,18 +307,18 @@ impl ConstraintMaker<'_> {
         place: &wfl::ast::Ident,
         number: usize,
     ) -> Option<(Fix, Vec<Condition>)> {
-        let position = self.fields.iter().position(|f| f.name == target.field.name)?;
-        let field = &self.fields[position];
+        let position = self.parts.fields.iter().position(|f| f.name == target.field.name)?;
+        let field = &self.parts.fields[position];
         let start = self.numbering.starts[position]?;
         let nodes = if place.name == "global" {
             vec![0]
         } else {
-            let region = self.regions.get(&place.name)?;
-            field.nodes_in(self.mesh, self.topology, &region.set)
+            let region = self.parts.regions.get(&place.name)?;
+            field.nodes_in(self.parts.mesh, self.parts.topology, &region.set)
         };
         if nodes.is_empty() {
             let d = Diagnostic::new("E401", format!("`fix {}` meets no node of `{}`", field.name, field.name));
-            let region = &self.regions[&place.name];
+            let region = &self.parts.regions[&place.name];
             let text = self.elsewhere(&place.name, &region.set, &field.name);
             self.diagnostics.push(d.at(place.span, text));
             return None;
@@ -334,7 +329,7 @@ impl ConstraintMaker<'_> {
         let along: Vec<Vec<(Along, usize, f64)>> = match &target.part {
             TargetPart::Whole => vec![(0..n).map(|c| (Along::Component(c), c, 1.0)).collect(); nodes.len()],
             TargetPart::Component(e) => {
-                let c = component(self.env, e, field, self.diagnostics)?;
+                let c = component(self.parts.env, e, field, self.diagnostics)?;
                 vec![vec![(Along::Component(c), 0, 1.0)]; nodes.len()]
             }
             TargetPart::Normal => self.along_normals(target, place, position, &nodes)?,
@@ -367,8 +362,8 @@ impl ConstraintMaker<'_> {
             RegionSet::Nodes(_) => None,
         };
         // the first declared body that holds all of them
-        let owner = self.script.regions.iter().find(|r| {
-            let body = self.regions.get(&r.name.name).map(|n| &n.set);
+        let owner = self.parts.script.regions.iter().find(|r| {
+            let body = self.parts.regions.get(&r.name.name).map(|n| &n.set);
             let (Some(RegionSet::Cells(body)), Some(cells)) = (body, &cells) else { return false };
             cells.iter().all(|c| body.contains(c)) && r.name.name != name
         });
@@ -376,7 +371,7 @@ impl ConstraintMaker<'_> {
             || format!("none of {count} touches {field}"),
             |r| format!("{count} belong to `{}`", r.name.name),
         );
-        let declared = self.script.fields.iter().find(|f| f.name.name == field);
+        let declared = self.parts.script.fields.iter().find(|f| f.name.name == field);
         match declared.map(|f| &f.space.place) {
             Some(wfl::ast::Place::On(list)) => {
                 let list: Vec<String> = list.iter().map(|r| format!("`{}`", r.name)).collect();
@@ -387,11 +382,11 @@ impl ConstraintMaker<'_> {
     }
 
     fn value(&mut self, e: &Expr, entries: usize) -> Option<Value> {
-        let place = position_place(self.fields.len());
-        let law = compile_value(self.env, &place, "a prescribed value", e);
+        let place = position_place(self.parts.fields.len());
+        let law = compile_value(self.parts.env, &place, "a prescribed value", e);
         self.diagnostics.extend(law.diagnostics.into_iter().map(|d| without_fields(d, "E407", POSITIONS_ONLY)));
         let law = law.value?;
-        if let Some(d) = wrong_size(self.env, e, law.shape, entries) {
+        if let Some(d) = wrong_size(self.parts.env, e, law.shape, entries) {
             self.diagnostics.push(d);
             return None;
         }
@@ -416,7 +411,7 @@ impl ConstraintMaker<'_> {
         position: usize,
         nodes: &[u32],
     ) -> Option<Vec<Vec<(Along, usize, f64)>>> {
-        let facets: Vec<FacetRef> = match &self.regions.get(&place.name)?.set {
+        let facets: Vec<FacetRef> = match &self.parts.regions.get(&place.name)?.set {
             RegionSet::Facets(f) => f.clone(),
             RegionSet::Interface(i) => i.iter().map(|p| p.here).collect(),
             other => {
@@ -425,7 +420,7 @@ impl ConstraintMaker<'_> {
                 return None;
             }
         };
-        let (field, dim) = (&self.fields[position], self.mesh.dim());
+        let (field, dim) = (&self.parts.fields[position], self.parts.mesh.dim());
         if field.n_components != dim {
             let d = Diagnostic::new("E108", format!("`{}` has no normal component", field.name));
             let text = format!("it has {} components, space has {dim} dimensions", field.n_components);
@@ -433,7 +428,7 @@ impl ConstraintMaker<'_> {
             return None;
         }
         let FieldSpace::Nodal(space) = &field.space else { return None };
-        let normals = node_normals(self.mesh, self.topology, space, &facets);
+        let normals = node_normals(self.parts.mesh, self.parts.topology, space, &facets);
         let along = |normal: &[f64; 3]| match (0..dim).find(|k| (normal[*k].abs() - 1.0).abs() < ALIGNED) {
             Some(k) => (Along::Component(k), 0, normal[k].signum()),
             None => (Along::Direction(*normal), 0, 1.0),

@@ -6,11 +6,10 @@
 use std::{collections::BTreeSet, sync::Arc};
 
 use wfl::{
-    Diagnostic, ResolvedScript, Span,
+    Diagnostic, Span,
     ast::{Expansions, Expr, Ident, MappingKind},
 };
 use wfl_compiler::{
-    Env,
     backend::KernelBackend,
     compile_value,
     types::{BasisSlot, InputSlot, MappingSig, Side},
@@ -22,7 +21,7 @@ use crate::{
     field::{Field, FieldSpace},
     finite::BadGiven,
     mesh::{CellFinder, CellId, FacetFinder, FacetRef, Mesh, RegionSet},
-    scene::{constants::number, mesh::position_place, regions::Regions},
+    scene::{Parts, constants::number, mesh::position_place},
     space::Support,
     value::Value,
 };
@@ -50,11 +49,7 @@ pub(super) struct Mappings {
 
 /// What mappings are made from.
 pub(super) struct MappingMaker<'a> {
-    pub(super) script: &'a ResolvedScript,
-    pub(super) env: &'a Env<'a>,
-    pub(super) mesh: &'a Mesh,
-    pub(super) regions: &'a Regions,
-    pub(super) fields: &'a [Field],
+    pub(super) parts: Parts<'a>,
     pub(super) backend: &'a dyn KernelBackend,
     pub(super) diagnostics: &'a mut Vec<Diagnostic>,
 }
@@ -62,8 +57,8 @@ pub(super) struct MappingMaker<'a> {
 impl MappingMaker<'_> {
     /// All mappings, without those that have a message.
     pub(super) fn make(mut self) -> Mappings {
-        let mut made = Mappings { expansions: self.script.expansions.clone(), ..Mappings::default() };
-        for mapping in &self.script.mappings {
+        let mut made = Mappings { expansions: self.parts.script.expansions.clone(), ..Mappings::default() };
+        for mapping in &self.parts.script.mappings {
             let search = match &mapping.kind {
                 MappingKind::Point(e) => self.position(e),
                 MappingKind::Search { raytrace, from, onto, within } => {
@@ -75,7 +70,7 @@ impl MappingMaker<'_> {
             made.sigs.push(match &search {
                 Search::Position(..) => MappingSig {
                     description: format!("`{name}` leads to points inside cells"),
-                    there: self.fields.iter().map(|f| is_global(f) || cells_of(f).is_some()).collect(),
+                    there: self.parts.fields.iter().map(|f| is_global(f) || cells_of(f).is_some()).collect(),
                     has_normal: false,
                     name,
                 },
@@ -84,6 +79,7 @@ impl MappingMaker<'_> {
                     MappingSig {
                         description: format!("`{name}` leads to {} faces", finder.facets().len()),
                         there: self
+                            .parts
                             .fields
                             .iter()
                             .map(|f| is_global(f) || (cells_of(f).is_some() && inside(f)))
@@ -99,14 +95,14 @@ impl MappingMaker<'_> {
     }
 
     fn position(&mut self, e: &Expr) -> Option<Search> {
-        let place = position_place(self.fields.len());
-        let law = compile_value(self.env, &place, "a mapping", e);
+        let place = position_place(self.parts.fields.len());
+        let law = compile_value(self.parts.env, &place, "a mapping", e);
         self.diagnostics.extend(law.diagnostics.into_iter().map(|d| without_fields(d, "E407", FIXED_IMAGES)));
         let law = law.value?;
-        let dim = self.mesh.dim();
+        let dim = self.parts.mesh.dim();
         if law.shape.len() != dim {
             let d = Diagnostic::new("E108", format!("a mapping gives {dim} coordinates here, found a {}", law.shape));
-            self.diagnostics.push(wfl::at_expr(d, e, self.env.expansions, law.shape.to_string()));
+            self.diagnostics.push(wfl::at_expr(d, e, self.parts.env.expansions, law.shape.to_string()));
             return None;
         }
         match Value::new(law, self.backend) {
@@ -127,7 +123,7 @@ impl MappingMaker<'_> {
         let reach = match within {
             None => f64::INFINITY,
             Some(e) => {
-                let d = number(self.env, "a distance", e, self.diagnostics)?;
+                let d = number(self.parts.env, "a distance", e, self.diagnostics)?;
                 if d < 0.0 || d.is_nan() {
                     let m = Diagnostic::new("E419", format!("nothing is within a distance of {d}"));
                     self.diagnostics.push(m.at(e.span, ""));
@@ -137,11 +133,11 @@ impl MappingMaker<'_> {
             }
         };
         let from = from.into_iter().collect();
-        Some(Search::Facets { raytrace, from, finder: FacetFinder::new(self.mesh, &onto), reach })
+        Some(Search::Facets { raytrace, from, finder: FacetFinder::new(self.parts.mesh, &onto), reach })
     }
 
     fn facets(&mut self, name: &Ident) -> Option<Vec<FacetRef>> {
-        match &self.regions.get(&name.name)?.set {
+        match &self.parts.regions.get(&name.name)?.set {
             RegionSet::Facets(f) => Some(f.clone()),
             RegionSet::Interface(i) => Some(i.iter().map(|p| p.here).collect()),
             other => {

@@ -172,6 +172,17 @@ struct OwnedEnv {
     dim: usize,
 }
 
+/// The parts of a scene that its statements are read with.
+#[derive(Clone, Copy)]
+struct Parts<'a> {
+    script: &'a ResolvedScript,
+    env: &'a Env<'a>,
+    mesh: &'a Mesh,
+    topology: &'a Topology,
+    regions: &'a Regions,
+    fields: &'a [Field],
+}
+
 /// A scene that is being made: what its stages share. Each stage is in a file of its own.
 struct Builder<'a> {
     script: &'a ResolvedScript,

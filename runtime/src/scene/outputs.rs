@@ -8,22 +8,23 @@
 use std::{cell::Cell, collections::BTreeSet, sync::Arc, time::Instant};
 
 use wfl::{
-    Diagnostic, ResolvedScript, Span,
+    Diagnostic, Span,
     ast::{Expr, ExprKind, OptionValue},
 };
-use wfl_compiler::{Env, ValueLaw, backend::KernelBackend, compile_value, types::PlaceSig};
+use wfl_compiler::{ValueLaw, backend::KernelBackend, compile_value, types::PlaceSig};
 
 use crate::{
     assemble::Domain,
     field::{Field, FieldSpace},
-    mesh::{CellId, Mesh, RegionSet, SupportSet, Topology},
+    mesh::{CellId, RegionSet, SupportSet},
     output::{OutputError, check_name, step_name},
     results::{LineSample, Located, SampledPiece},
     scene::{
+        Parts,
         constants::{number, numbers},
         fields::place_sig,
         mappings::refused,
-        regions::{NamedRegion, Regions},
+        regions::NamedRegion,
         states::states_read,
         terms::{RuleChoice, Rules, domain},
     },
@@ -80,12 +81,7 @@ pub(crate) fn is_written(step: usize, every: usize, n_steps: usize) -> bool {
 }
 
 pub(super) struct OutputMaker<'a> {
-    pub(super) script: &'a ResolvedScript,
-    pub(super) env: &'a Env<'a>,
-    pub(super) mesh: &'a Mesh,
-    pub(super) topology: &'a Topology,
-    pub(super) regions: &'a Regions,
-    pub(super) fields: &'a [Field],
+    pub(super) parts: Parts<'a>,
     pub(super) rules: &'a Rules,
     pub(super) backend: &'a dyn KernelBackend,
     pub(super) diagnostics: &'a mut Vec<Diagnostic>,
@@ -112,7 +108,7 @@ pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> (Vec<VtkOutput>, Vec<CsvOu
     maker.names();
     let bodies = maker.bodies();
     let faces = maker.faces();
-    for output in &maker.script.outputs {
+    for output in &maker.parts.script.outputs {
         maker.check_file(output);
         match output.format.name.as_str() {
             "vtk" => vtk.extend(maker.vtk(output, &bodies, &faces)),
@@ -129,13 +125,13 @@ pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> (Vec<VtkOutput>, Vec<CsvOu
 impl OutputMaker<'_> {
     fn target(&self, name: &str, set: RegionSet, support: SupportSet) -> Target {
         let region = NamedRegion { set, span: None, here_name: None };
-        Target { sig: place_sig(name, &region, self.mesh, self.fields), support }
+        Target { sig: place_sig(name, &region, self.parts.mesh, self.parts.fields), support }
     }
 
     /// The distinct cell sets on which fields live.
     pub(super) fn bodies(&self) -> Vec<Target> {
         let mut sets: Vec<Vec<CellId>> = Vec::new();
-        for field in self.fields {
+        for field in self.parts.fields {
             let mut cells = match &field.space {
                 FieldSpace::Nodal(space) => match space.support() {
                     Support::Cells(cells) => cells.clone(),
@@ -157,9 +153,9 @@ impl OutputMaker<'_> {
     /// The interfaces and facet regions that have terms.
     pub(super) fn faces(&self) -> Vec<Target> {
         let mut out: Vec<Target> = Vec::new();
-        for term in &self.script.terms {
+        for term in &self.parts.script.terms {
             for place in &term.places {
-                let Some(region) = self.regions.get(&place.name) else { continue };
+                let Some(region) = self.parts.regions.get(&place.name) else { continue };
                 let Some(support) = facet_support(&region.set) else { continue };
                 if out.iter().all(|t| t.support != support) {
                     out.push(self.target(&place.name, region.set.clone(), support));
@@ -171,7 +167,7 @@ impl OutputMaker<'_> {
 
     fn try_compile(&self, target: &Target, e: &Expr) -> Result<ValueLaw, Vec<Diagnostic>> {
         let begin = Instant::now();
-        let compiled = compile_value(self.env, &target.sig, "output", e);
+        let compiled = compile_value(self.parts.env, &target.sig, "output", e);
         self.law_seconds.set(self.law_seconds.get() + begin.elapsed().as_secs_f64());
         match compiled.value {
             Some(law) if !compiled.diagnostics.iter().any(Diagnostic::is_error) => Ok(law),
@@ -240,7 +236,7 @@ impl OutputMaker<'_> {
             self.diagnostics.push(d.at(option.name.span, "points are those of a line: use `output csv`"));
             return None;
         }
-        let degree = self.fields.iter().map(Field::degree).max().unwrap_or(1).clamp(1, 2);
+        let degree = self.parts.fields.iter().map(Field::degree).max().unwrap_or(1).clamp(1, 2);
         let mut pieces: Vec<(SupportSet, SampledPiece)> = Vec::new();
         for item in &output.items {
             let name = item.name.clone();
@@ -274,20 +270,20 @@ impl OutputMaker<'_> {
                 "E435",
                 format!("no point of the line of `{}` is in a body of its quantities", output.file),
             );
-            let (low, high) = self.mesh.bounds();
-            let dim = self.mesh.dim();
+            let (low, high) = self.parts.mesh.bounds();
+            let dim = self.parts.mesh.dim();
             self.diagnostics.push(d.at(span, format!("the mesh spans {:?} to {:?}", &low[..dim], &high[..dim])));
             return;
         }
         let missing: Vec<[f64; 3]> = line.points().iter().zip(&found).filter(|(_, f)| !**f).map(|(x, _)| *x).collect();
-        let all: Vec<CellId> = if missing.is_empty() { Vec::new() } else { self.mesh.cells().collect() };
-        let inside = Located::in_cells(self.mesh, &all, &missing);
+        let all: Vec<CellId> = if missing.is_empty() { Vec::new() } else { self.parts.mesh.cells().collect() };
+        let inside = Located::in_cells(self.parts.mesh, &all, &missing);
         let outside = missing.len() - inside.points.iter().map(Vec::len).sum::<usize>();
         if outside > 0 {
             let held: BTreeSet<usize> = inside.points.iter().flatten().copied().collect();
             let first = (0..missing.len()).find(|k| !held.contains(k)).map_or([0.0; 3], |k| missing[k]);
             let d = Diagnostic::new("W415", format!("{outside} of {n} points of a line lie outside the mesh"));
-            let text = format!("`nan` there, the first at {:?}", &first[..self.mesh.dim()]);
+            let text = format!("`nan` there, the first at {:?}", &first[..self.parts.mesh.dim()]);
             self.diagnostics.push(d.at(span, text));
         }
         for name in line.nowhere() {
@@ -300,7 +296,7 @@ impl OutputMaker<'_> {
     /// E433 for files of one name, also where only the case of letters tells them apart: some systems have one file for
     /// both; and for two quantities of one name in a file.
     fn names(&mut self) {
-        let outputs = &self.script.outputs;
+        let outputs = &self.parts.script.outputs;
         for (k, output) in outputs.iter().enumerate() {
             let name = (output.format.name.as_str(), output.file.to_lowercase());
             let same = |o: &&wfl::Output| (o.format.name.as_str(), o.file.to_lowercase()) == name;
@@ -322,7 +318,7 @@ impl OutputMaker<'_> {
     /// The number behind `every`; `None` after a message.
     fn every(&mut self, output: &wfl::Output) -> Option<usize> {
         let Some(e) = &output.every else { return Some(1) };
-        let n = number(self.env, "a number of steps", e, self.diagnostics)?;
+        let n = number(self.parts.env, "a number of steps", e, self.diagnostics)?;
         if n.fract() != 0.0 || !(1.0..=MAX_EVERY).contains(&n) {
             let d = Diagnostic::new("E414", format!("`every` takes a whole number from 1, found {n}"));
             self.diagnostics.push(d.at(e.span, "`every 10` writes each tenth step, and the last one"));
@@ -358,7 +354,13 @@ impl OutputMaker<'_> {
         }
         let position = match pieces.iter().position(|(s, _)| *s == target.support) {
             Some(p) => p,
-            None => match SampledPiece::new(self.mesh, self.topology, self.fields, &target.support, degree) {
+            None => match SampledPiece::new(
+                self.parts.mesh,
+                self.parts.topology,
+                self.parts.fields,
+                &target.support,
+                degree,
+            ) {
                 Ok(piece) => {
                     pieces.push((target.support.clone(), piece));
                     pieces.len() - 1
@@ -369,7 +371,7 @@ impl OutputMaker<'_> {
                 }
             },
         };
-        let state = states_read(self.fields, &law.inputs).next();
+        let state = states_read(self.parts.fields, &law.inputs).next();
         let points = match state.map(|k| self.points_of(k, &target.support, span)) {
             Some(None) => return,
             Some(domain) => domain,
@@ -378,8 +380,8 @@ impl OutputMaker<'_> {
         let added = Value::new(law, self.backend).map_err(|e| e.to_string()).and_then(|v| {
             let (piece, name) = (&mut pieces[position].1, name.to_owned());
             match points {
-                Some(domain) => piece.add_means(self.mesh, self.fields, name, v, domain),
-                None => piece.add(self.mesh, self.fields, name, v),
+                Some(domain) => piece.add_means(self.parts.mesh, self.parts.fields, name, v, domain),
+                None => piece.add(self.parts.mesh, self.parts.fields, name, v),
             }
             .map_err(|e| e.to_string())
         });
@@ -390,12 +392,12 @@ impl OutputMaker<'_> {
 
     /// The integration points of a state on a piece.
     fn points_of(&mut self, state: usize, support: &SupportSet, span: Span) -> Option<Arc<Domain>> {
-        let places = match &self.script.fields[state].space.place {
+        let places = match &self.parts.script.fields[state].space.place {
             wfl::ast::Place::On(list) => list.iter().map(|p| p.name.as_str()).collect(),
             _ => vec!["all"],
         };
         let choice = places.iter().find_map(|p| self.rules.get(*p)).copied().unwrap_or(RuleChoice::Degree(1));
-        domain(self.mesh, self.fields, Some(&support.region()), choice, span, self.diagnostics)
+        domain(self.parts.mesh, self.parts.fields, Some(&support.region()), choice, span, self.diagnostics)
     }
 
     fn csv(&mut self, output: &wfl::Output, bodies: &[Target]) -> Option<CsvOutput> {
@@ -404,10 +406,11 @@ impl OutputMaker<'_> {
             self.diagnostics.push(d.at(output.format.span, ""));
             return None;
         };
-        let a = numbers(self.env, "the start of the line", from, self.diagnostics)?;
-        let b = numbers(self.env, "the end of the line", to, self.diagnostics)?;
-        if a.len() != self.mesh.dim() || b.len() != self.mesh.dim() {
-            let d = Diagnostic::new("E108", format!("the ends of a line have {} coordinates here", self.mesh.dim()));
+        let a = numbers(self.parts.env, "the start of the line", from, self.diagnostics)?;
+        let b = numbers(self.parts.env, "the end of the line", to, self.diagnostics)?;
+        if a.len() != self.parts.mesh.dim() || b.len() != self.parts.mesh.dim() {
+            let d =
+                Diagnostic::new("E108", format!("the ends of a line have {} coordinates here", self.parts.mesh.dim()));
             self.diagnostics.push(d.at(to.span, ""));
             return None;
         }
@@ -415,7 +418,7 @@ impl OutputMaker<'_> {
         for option in &output.options {
             match (&option.value, option.name.name.as_str()) {
                 (Some(OptionValue::Expr(e)), "points") => {
-                    n = number(self.env, "a number of points", e, self.diagnostics)?
+                    n = number(self.parts.env, "a number of points", e, self.diagnostics)?
                 }
                 (_, name) => {
                     let d = Diagnostic::new("E414", format!("option `{name}` is not understood here"));
@@ -430,7 +433,7 @@ impl OutputMaker<'_> {
         }
         let point = |v: &[f64]| [0, 1, 2].map(|d| v.get(d).copied().unwrap_or(0.0));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
-        let mut line = LineSample::new(self.mesh, point(&a), point(&b), n as usize);
+        let mut line = LineSample::new(self.parts.mesh, point(&a), point(&b), n as usize);
         for item in &output.items {
             let name = item.name.clone();
             for (target, law) in self.homes(bodies, &[], &item.expr) {
@@ -439,9 +442,9 @@ impl OutputMaker<'_> {
                     self.diagnostics.push(d);
                     continue;
                 }
-                let added = Value::new(law, self.backend)
-                    .map_err(|e| e.to_string())
-                    .and_then(|v| line.add(self.mesh, self.fields, name.clone(), v, cells).map_err(|e| e.to_string()));
+                let added = Value::new(law, self.backend).map_err(|e| e.to_string()).and_then(|v| {
+                    line.add(self.parts.mesh, self.parts.fields, name.clone(), v, cells).map_err(|e| e.to_string())
+                });
                 if let Err(text) = added {
                     self.diagnostics.push(Diagnostic::new("E416", text).at(item.expr.span, ""));
                 }

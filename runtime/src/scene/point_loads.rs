@@ -36,11 +36,11 @@ impl TermMaker<'_> {
         nodes: &[NodeId],
         out: &mut Vec<PlacedLaw>,
     ) {
-        let Some(position) = self.fields.iter().position(|f| f.name == target.field.name) else { return };
-        let field = &self.fields[position];
+        let Some(position) = self.parts.fields.iter().position(|f| f.name == target.field.name) else { return };
+        let field = &self.parts.fields[position];
         let part = match &target.part {
             TargetPart::Whole => LoadPart::Whole,
-            TargetPart::Component(e) => match component(self.env, e, field, self.diagnostics) {
+            TargetPart::Component(e) => match component(self.parts.env, e, field, self.diagnostics) {
                 Some(c) => LoadPart::Component(c),
                 None => return,
             },
@@ -60,7 +60,7 @@ impl TermMaker<'_> {
         };
         let source = TermSource::Load { value: &load.value, field: FieldId::new(position), part };
         let description = format!("a region of {} nodes", nodes.len());
-        let sig = PlaceSig { name: place.name.clone(), description, ..global_place(self.fields.len()) };
+        let sig = PlaceSig { name: place.name.clone(), description, ..global_place(self.parts.fields.len()) };
         let before = out.len();
         self.push(&sig, name, source, Some(RegionSet::Nodes(nodes.to_vec())), load.span, out);
         for law in &mut out[before..] {
@@ -92,7 +92,7 @@ impl TermMaker<'_> {
                 _ => torn.push(*node),
             }
         }
-        let place = |list: &[NodeId]| format!("{:?}", &self.mesh.node(list[0])[..self.mesh.dim()]);
+        let place = |list: &[NodeId]| format!("{:?}", &self.parts.mesh.node(list[0])[..self.parts.mesh.dim()]);
         if !missing.is_empty() {
             let what = format!(
                 "`{}` has no node at {} of its {} nodes, the first at {}",
@@ -108,6 +108,6 @@ impl TermMaker<'_> {
                 format!("`split` gives `{}` two nodes at {}: the load does not say which", field.name, place(&torn));
             return Err((what, faces));
         }
-        Ok(Domain::at_nodes(self.mesh, space, &own))
+        Ok(Domain::at_nodes(self.parts.mesh, space, &own))
     }
 }

@@ -11,7 +11,7 @@ use wfl::{Diagnostic, ResolvedScript, ast::Expr};
 use wfl_compiler::{Class, Env, backend::KernelBackend};
 
 use super::{
-    Scene, SceneBox,
+    Parts, Scene, SceneBox,
     outputs::{OutputMaker, Target},
     terms::Rules,
 };
@@ -94,12 +94,14 @@ impl Scene {
             equal_within: 0.0,
         };
         let mut maker = OutputMaker {
-            script,
-            env: &env,
-            mesh: &self.system.mesh,
-            topology: &self.topology,
-            regions: &self.regions,
-            fields: &self.system.fields,
+            parts: Parts {
+                script,
+                env: &env,
+                mesh: &self.system.mesh,
+                topology: &self.topology,
+                regions: &self.regions,
+                fields: &self.system.fields,
+            },
             rules: &Rules::new(),
             backend,
             diagnostics: &mut diagnostics,

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use wfl::{
-    Diagnostic, ResolvedScript, Span,
+    Diagnostic, Span,
     ast::{Ident, QuadratureRule, TargetPart},
 };
 use wfl_compiler::{
@@ -17,9 +17,10 @@ use crate::{
     mesh::{CellKind, Mesh, RegionSet},
     quadrature::{Rule, nodal, rule, vertex},
     scene::{
+        Parts,
         constants::number,
         fields::{global_place, place_sig},
-        regions::{NamedRegion, Regions},
+        regions::NamedRegion,
     },
 };
 
@@ -65,11 +66,7 @@ pub enum RuleChoice {
 const MAX_DEGREE: f64 = 60.0;
 
 pub(super) struct TermMaker<'a> {
-    pub(super) script: &'a ResolvedScript,
-    pub(super) env: &'a Env<'a>,
-    pub(super) mesh: &'a Mesh,
-    pub(super) regions: &'a Regions,
-    pub(super) fields: &'a [Field],
+    pub(super) parts: Parts<'a>,
     pub(super) diagnostics: &'a mut Vec<Diagnostic>,
 }
 
@@ -77,12 +74,19 @@ impl TermMaker<'_> {
     /// All terms and loads of the scene.
     pub(super) fn make(&mut self) -> Vec<PlacedLaw> {
         let mut out = Vec::new();
-        for (k, term) in self.script.terms.iter().enumerate() {
+        for (k, term) in self.parts.script.terms.iter().enumerate() {
             for place in &term.places {
                 let Some((sig, set)) = self.place(place) else { continue };
                 let mut name = term.name.as_ref().map_or_else(|| format!("term{}", k + 1), |n| n.name.clone());
                 if term.places.len() > 1
-                    || self.script.terms.iter().filter(|t| t.name.as_ref().is_some_and(|n| n.name == name)).count() > 1
+                    || self
+                        .parts
+                        .script
+                        .terms
+                        .iter()
+                        .filter(|t| t.name.as_ref().is_some_and(|n| n.name == name))
+                        .count()
+                        > 1
                 {
                     name = format!("{name} on {}", place.name);
                 }
@@ -91,7 +95,7 @@ impl TermMaker<'_> {
                 self.push(&sig, &name, source, set, term.span, &mut out);
             }
         }
-        for (k, load) in self.script.loads.iter().enumerate() {
+        for (k, load) in self.parts.script.loads.iter().enumerate() {
             for target in &load.targets {
                 for place in &load.places {
                     self.load(k, load, target, place, &mut out);
@@ -110,17 +114,17 @@ impl TermMaker<'_> {
         span: Span,
         out: &mut Vec<PlacedLaw>,
     ) {
-        let compiled = compile_term(self.env, sig, name, source);
+        let compiled = compile_term(self.parts.env, sig, name, source);
         for d in compiled.diagnostics {
             if !self.diagnostics.contains(&d) {
                 self.diagnostics.push(d);
             }
         }
         if let Some(law) = compiled.value {
-            let guides = FieldId::new(self.fields.len() + out.iter().filter(|l| l.pieces.is_some()).count());
+            let guides = FieldId::new(self.parts.fields.len() + out.iter().filter(|l| l.pieces.is_some()).count());
             let kinked = law.class == Class::Kinked;
-            let pieces = if kinked { compile_pieces(self.env, sig, name, &law.listing, guides) } else { None };
-            let prints = compile_prints(self.env, sig, name, &law.listing);
+            let pieces = if kinked { compile_pieces(self.parts.env, sig, name, &law.listing, guides) } else { None };
+            let prints = compile_prints(self.parts.env, sig, name, &law.listing);
             out.push(PlacedLaw { law, pieces, prints, place: sig.name.clone(), set, at_nodes: None, load: None, span });
         }
     }
@@ -128,9 +132,9 @@ impl TermMaker<'_> {
     /// What a place is; `None` after a message. Regions that failed earlier give no further message.
     pub(super) fn place(&mut self, place: &Ident) -> Option<(PlaceSig, Option<RegionSet>)> {
         if place.name == "global" {
-            return Some((global_place(self.fields.len()), None));
+            return Some((global_place(self.parts.fields.len()), None));
         }
-        let region = self.regions.get(&place.name)?;
+        let region = self.parts.regions.get(&place.name)?;
         if let RegionSet::Nodes(_) = region.set {
             let d =
                 Diagnostic::new("E405", format!("nothing can be integrated over `{}`, a region of nodes", place.name));
@@ -138,7 +142,7 @@ impl TermMaker<'_> {
             self.diagnostics.push(d.help("a force at nodes is a load: load u = [0,-1] on the region"));
             return None;
         }
-        Some((place_sig(&place.name, region, self.mesh, self.fields), Some(region.set.clone())))
+        Some((place_sig(&place.name, region, self.parts.mesh, self.parts.fields), Some(region.set.clone())))
     }
 
     fn load(
@@ -149,9 +153,9 @@ impl TermMaker<'_> {
         place: &Ident,
         out: &mut Vec<PlacedLaw>,
     ) {
-        let Some(position) = self.fields.iter().position(|f| f.name == target.field.name) else { return };
-        let Some(region) = self.regions.get(&place.name) else { return };
-        let field = &self.fields[position];
+        let Some(position) = self.parts.fields.iter().position(|f| f.name == target.field.name) else { return };
+        let Some(region) = self.parts.regions.get(&place.name) else { return };
+        let field = &self.parts.fields[position];
         let name = format!("load{} of {} on {}", k + 1, target.field.name, place.name);
         if let RegionSet::Nodes(nodes) = &region.set {
             self.point_load(load, &name, target, place, nodes, out);
@@ -169,11 +173,11 @@ impl TermMaker<'_> {
             return;
         }
         let named = NamedRegion { set: set.clone(), ..region.clone() };
-        let sig = place_sig(&place.name, &named, self.mesh, self.fields);
+        let sig = place_sig(&place.name, &named, self.parts.mesh, self.parts.fields);
         let part = match &target.part {
             TargetPart::Whole => LoadPart::Whole,
             TargetPart::Normal => LoadPart::Normal,
-            TargetPart::Component(e) => match component(self.env, e, field, self.diagnostics) {
+            TargetPart::Component(e) => match component(self.parts.env, e, field, self.diagnostics) {
                 Some(c) => LoadPart::Component(c),
                 None => return,
             },
@@ -195,11 +199,11 @@ impl TermMaker<'_> {
                 *d = (*d).max(degree);
             }
         }
-        for statement in &self.script.quadratures {
+        for statement in &self.parts.script.quadratures {
             let choice = match &statement.rule {
                 QuadratureRule::Vertex => Some(RuleChoice::Vertex),
-                QuadratureRule::Degree(e) => {
-                    number(self.env, "the degree of a rule", e, self.diagnostics).and_then(|d| {
+                QuadratureRule::Degree(e) => number(self.parts.env, "the degree of a rule", e, self.diagnostics)
+                    .and_then(|d| {
                         #[expect(
                             clippy::cast_possible_truncation,
                             clippy::cast_sign_loss,
@@ -216,8 +220,7 @@ impl TermMaker<'_> {
                         );
                         self.diagnostics.push(m.at(e.span, ""));
                         None
-                    })
-                }
+                    }),
             };
             let Some(choice) = choice else { continue };
             for place in &statement.places {
