@@ -10,9 +10,9 @@ const LONG_FILES: &[(&str, &str)] = &[];
 
 /// Functions of more than [`FUNCTION_LIMIT`] lines, with the reason.
 const LONG_FUNCTIONS: &[(&str, &str, &str)] = &[
-    ("compiler/src/lower.rs", "entries", "one match over all nodes; its arms call functions"),
+    ("wfl/src/parse/characters.rs", "ascii_for", "a table of characters"),
+    ("wfl/src/parse/statement.rs", "is_token", "a list of tokens"),
     ("wfl/src/parse/tests.rs", "usual_slips_have_messages_of_their_own", "a table of slips and messages"),
-    ("wfl/src/resolve.rs", "item", "one match over all statements; its arms call functions"),
 ];
 
 /// Files that are too long and are still to be split. The list only shrinks.
@@ -27,13 +27,7 @@ const FILES_LEFT: &[&str] = &[
 /// What is still to be mended in a file: functions that are too long, and functions that take a tuple without a name. The
 /// list only shrinks.
 const FUNCTIONS_LEFT: &[(&str, usize, usize)] = &[
-    ("compiler/jit/src/emit.rs", 1, 0),
     ("compiler/jit/src/tests.rs", 1, 0),
-    ("compiler/src/build/names.rs", 1, 0),
-    ("compiler/src/build/parts.rs", 1, 0),
-    ("compiler/src/derive.rs", 1, 0),
-    ("compiler/src/display.rs", 1, 0),
-    ("compiler/src/term.rs", 1, 0),
     ("runtime/checks/src/consistency/mod.rs", 0, 1),
     ("runtime/checks/src/consistency/place.rs", 0, 2),
     ("runtime/checks/src/definite.rs", 0, 1),
@@ -47,10 +41,6 @@ const FUNCTIONS_LEFT: &[(&str, usize, usize)] = &[
     ("runtime/src/run/mod.rs", 2, 0),
     ("runtime/src/run/report.rs", 1, 0),
     ("runtime/src/run/stepping.rs", 1, 4),
-    ("wfl/src/diag.rs", 0, 1),
-    ("wfl/src/parse/characters.rs", 1, 0),
-    ("wfl/src/parse/slip.rs", 0, 1),
-    ("wfl/src/parse/statement.rs", 1, 0),
 ];
 
 #[test]
