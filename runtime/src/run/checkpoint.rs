@@ -330,46 +330,35 @@ fn step(w: &mut Writer, s: &StepResult) {
 
 fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
     let [time, increment] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-    let history = read_history(r)?;
-    let others = match r.count()? {
+    let mut step = StepResult { time, increment, history: read_history(r)?, ..StepResult::default() };
+    step.others = match r.count()? {
         0 => Others::Unknown,
         1 => Others::Possible,
         2 => Others::Proved,
         _ => return Err(Unreadable),
     };
-    let attempts = r.list(read_attempt)?;
+    step.attempts = r.list(read_attempt)?;
     let accuracy = r.list(|r| {
         let [error] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
         Ok(Accuracy { error, field: r.text()? })
     })?;
-    let checks = r.list(|r| {
+    step.accuracy = accuracy.into_iter().next();
+    step.checks = r.list(|r| {
         let name = r.text()?;
         let [value, limit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
         Ok(PhysicsCheck { name, value, limit, detail: r.text()? })
     })?;
-    let accuracy = accuracy.into_iter().next();
     let friction = r.list(|r| {
         let [taken, size, bound] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
         Ok(FrictionWork { taken, size, bound })
     })?;
-    let friction = friction.into_iter().next();
-    let measures = r.list(|r| {
+    step.friction = friction.into_iter().next();
+    step.measures = r.list(|r| {
         let name = r.text()?;
         let [value] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
         Ok((name, value))
     })?;
-    Ok(StepResult {
-        time,
-        increment,
-        history,
-        attempts,
-        accuracy,
-        checks,
-        friction,
-        others,
-        measures,
-        ..StepResult::default()
-    })
+    Ok(step)
 }
 
 fn read_history(r: &mut Reader<'_>) -> Result<StepHistory, Unreadable> {
