@@ -9,7 +9,8 @@
 
 use crate::{
     diag::Checked,
-    parse::{is_keyword, parse},
+    keywords::is_keyword,
+    parse::parse,
     source::{SourceId, SourceMap},
 };
 

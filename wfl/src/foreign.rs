@@ -334,7 +334,7 @@ fn prefixes_of(text: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{is_function, parse::is_keyword};
+    use crate::{is_function, keywords::is_keyword};
 
     #[test]
     fn no_word_of_the_language_is_called_foreign() {

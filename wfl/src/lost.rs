@@ -5,7 +5,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::{diag::Diagnostic, parse::STATEMENTS};
+use crate::{diag::Diagnostic, keywords::STATEMENTS};
 
 /// Names whose declarations have errors of their own.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

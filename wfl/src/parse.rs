@@ -29,66 +29,6 @@ pub const NESTING_LIMIT: usize = 200;
 /// Longest accepted text in bytes: a scene is written by hand, tables of numbers belong into files of their own.
 pub const TEXT_LIMIT: usize = 4 << 20;
 
-/// Words a statement starts with, in column 1.
-pub const STATEMENTS: &[&str] = &[
-    "use",
-    "mesh",
-    "region",
-    "mapping",
-    "param",
-    "unknown",
-    "multiplier",
-    "data",
-    "state",
-    "split",
-    "def",
-    "term",
-    "energy",
-    "fix",
-    "load",
-    "start",
-    "steps",
-    "solver",
-    "quadrature",
-    "measure",
-    "output",
-    "expect",
-];
-
-/// Words inside statements; like [`STATEMENTS`] they cannot be names.
-pub const KEYWORDS: &[&str] = &[
-    "Def",
-    "cells",
-    "faces",
-    "nodes",
-    "interface",
-    "on",
-    "in",
-    "from",
-    "to",
-    "by",
-    "onto",
-    "of",
-    "where",
-    "with",
-    "as",
-    "along",
-    "within",
-    "degree",
-    "and",
-    "or",
-    "not",
-    "if",
-    "then",
-    "else",
-];
-
-/// True for words that no scene may use as a name because the grammar needs them.
-#[must_use]
-pub fn is_keyword(word: &str) -> bool {
-    STATEMENTS.contains(&word) || KEYWORDS.contains(&word)
-}
-
 /// The grammar; its rules are seen by the children of this module only.
 #[derive(pest_derive::Parser)]
 #[grammar = "wfl.pest"]

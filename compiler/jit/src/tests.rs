@@ -78,78 +78,122 @@ pub(crate) fn random_kernel(
     let mut insts: Vec<Inst> = (0..n_inputs as u32).map(Inst::Input).collect();
     insts.extend((0..3).map(Inst::Uniform));
     insts.extend([0.0, -1.5, 1e-3].map(Inst::Const));
-    let mut numbers: Vec<Val> = (0..insts.len()).map(Val::new).collect();
-    let mut masks: Vec<Val> = Vec::new();
-    while insts.len() < n {
-        let x = |random: &mut Random| {
-            let from = if random.below(8) == 0 { 0 } else { numbers.len().saturating_sub(mix.window) };
-            numbers[from + random.below(numbers.len() - from)]
-        };
-        let at = Val::new(insts.len());
-        let (a, b) = (x(random), x(random));
-        let dice = random.below(100);
-        let inst = if dice < mix.calls {
-            if random.below(6) == 0 {
-                Inst::Call2(MathFn2::ALL[random.below(2)], a, b)
-            } else {
-                Inst::Call1(MathFn1::ALL[random.below(MathFn1::ALL.len())], a)
-            }
-        } else if dice < mix.calls + mix.matrices {
-            let (function, n) = (MatrixFn::ALL[random.below(4)], 1 + random.below(3));
-            let entries = (0..n * n).map(|_| x(random)).collect();
-            insts.push(Inst::Matrix { function, n: n as u8, entries });
-            let part = random.below(function.n_results(n)) as u32;
-            numbers.push(Val::new(insts.len()));
-            insts.push(Inst::Part(at, part));
-            continue;
-        } else {
-            match random.below(16) {
-                0..=2 => Inst::Add(a, b),
-                3..=4 => Inst::Sub(a, b),
-                5..=8 => Inst::Mul(a, b),
-                9 => Inst::Div(a, b),
-                10 => Inst::Neg(a),
-                11 => Inst::Abs(a),
-                12 => Inst::Sqrt(a),
-                13 => {
-                    let op = [Compare::Less, Compare::LessEqual, Compare::Equal, Compare::NotEqual][random.below(4)];
-                    // Minimum and maximum have instructions of their own: make them often.
-                    if op == Compare::Less && random.below(2) == 0 {
-                        insts.push(Inst::Compare(op, a, b));
-                        numbers.push(Val::new(insts.len()));
-                        insts.push(if random.below(2) == 0 { Inst::Select(at, a, b) } else { Inst::Select(at, b, a) });
-                        continue;
-                    }
-                    masks.push(at);
-                    insts.push(Inst::Compare(op, a, b));
-                    continue;
-                }
-                14 if !masks.is_empty() => {
-                    let (m, k) = (masks[random.below(masks.len())], masks[random.below(masks.len())]);
-                    masks.push(at);
-                    insts.push([Inst::And(m, k), Inst::Or(m, k), Inst::Not(m)][random.below(3)].clone());
-                    continue;
-                }
-                _ if !masks.is_empty() => Inst::Select(masks[masks.len() - 1 - random.below(masks.len().min(5))], a, b),
-                _ => Inst::Const(random.ordinary()),
-            }
-        };
-        let last = numbers.len();
-        numbers.push(at);
-        insts.push(inst);
-        if random.below(3) == 0 {
-            // Keep to numbers of ordinary size, else all outputs of a long kernel are NaN.
-            let next = |k: usize| Val::new(at.index() + k);
-            numbers[last] = next(4);
-            insts.extend([Inst::Abs(at), Inst::Const(3.0), Inst::Compare(Compare::Less, next(1), next(2))]);
-            insts.push(Inst::Select(next(3), at, Val::new(random.below(n_inputs))));
+    let numbers: Vec<Val> = (0..insts.len()).map(Val::new).collect();
+    let mut code = RandomCode { random, mix, insts, numbers, masks: Vec::new() };
+    while code.insts.len() < n {
+        if let Some(inst) = code.instruction() {
+            code.number(inst, n_inputs);
         }
     }
+    let RandomCode { random, insts, numbers, .. } = code;
     let tail = numbers.len().saturating_sub(n / 2).min(numbers.len() - 1);
     let outputs = (0..n_outputs).map(|_| numbers[tail + random.below(numbers.len() - tail)]).collect();
     let kernel =
         Kernel { name: "random".into(), n_inputs, n_uniforms: 3, origins: vec![None; insts.len()], insts, outputs };
     verify(kernel).unwrap()
+}
+
+/// A kernel that is being drawn.
+struct RandomCode<'r> {
+    random: &'r mut Random,
+    mix: Mix,
+    insts: Vec<Inst>,
+    /// Results that are numbers, and those that are masks.
+    numbers: Vec<Val>,
+    masks: Vec<Val>,
+}
+
+impl RandomCode<'_> {
+    fn operand(&mut self) -> Val {
+        let n = self.numbers.len();
+        let from = if self.random.below(8) == 0 { 0 } else { n.saturating_sub(self.mix.window) };
+        self.numbers[from + self.random.below(n - from)]
+    }
+
+    /// The next instruction that gives a number; `None` if others were added.
+    fn instruction(&mut self) -> Option<Inst> {
+        let (a, b) = (self.operand(), self.operand());
+        let dice = self.random.below(100);
+        if dice < self.mix.calls {
+            return Some(if self.random.below(6) == 0 {
+                Inst::Call2(MathFn2::ALL[self.random.below(2)], a, b)
+            } else {
+                Inst::Call1(MathFn1::ALL[self.random.below(MathFn1::ALL.len())], a)
+            });
+        }
+        if dice < self.mix.calls + self.mix.matrices {
+            self.matrix();
+            return None;
+        }
+        Some(match self.random.below(16) {
+            0..=2 => Inst::Add(a, b),
+            3..=4 => Inst::Sub(a, b),
+            5..=8 => Inst::Mul(a, b),
+            9 => Inst::Div(a, b),
+            10 => Inst::Neg(a),
+            11 => Inst::Abs(a),
+            12 => Inst::Sqrt(a),
+            13 => {
+                self.comparison(a, b);
+                return None;
+            }
+            14 if !self.masks.is_empty() => {
+                let (m, k) = (self.mask(), self.mask());
+                self.masks.push(Val::new(self.insts.len()));
+                self.insts.push([Inst::And(m, k), Inst::Or(m, k), Inst::Not(m)][self.random.below(3)].clone());
+                return None;
+            }
+            _ if !self.masks.is_empty() => {
+                let n = self.masks.len();
+                Inst::Select(self.masks[n - 1 - self.random.below(n.min(5))], a, b)
+            }
+            _ => Inst::Const(self.random.ordinary()),
+        })
+    }
+
+    fn mask(&mut self) -> Val {
+        self.masks[self.random.below(self.masks.len())]
+    }
+
+    /// A matrix function and one of its results.
+    fn matrix(&mut self) {
+        let at = Val::new(self.insts.len());
+        let (function, n) = (MatrixFn::ALL[self.random.below(4)], 1 + self.random.below(3));
+        let entries = (0..n * n).map(|_| self.operand()).collect();
+        self.insts.push(Inst::Matrix { function, n: n as u8, entries });
+        let part = self.random.below(function.n_results(n)) as u32;
+        self.numbers.push(Val::new(self.insts.len()));
+        self.insts.push(Inst::Part(at, part));
+    }
+
+    /// A mask, or a minimum or maximum: these have instructions of their own, so they are made often.
+    fn comparison(&mut self, a: Val, b: Val) {
+        let at = Val::new(self.insts.len());
+        let op = [Compare::Less, Compare::LessEqual, Compare::Equal, Compare::NotEqual][self.random.below(4)];
+        self.insts.push(Inst::Compare(op, a, b));
+        if op == Compare::Less && self.random.below(2) == 0 {
+            self.numbers.push(Val::new(self.insts.len()));
+            let smaller = self.random.below(2) == 0;
+            self.insts.push(if smaller { Inst::Select(at, a, b) } else { Inst::Select(at, b, a) });
+        } else {
+            self.masks.push(at);
+        }
+    }
+
+    /// Adds an instruction that gives a number.
+    fn number(&mut self, inst: Inst, n_inputs: usize) {
+        let at = Val::new(self.insts.len());
+        let last = self.numbers.len();
+        self.numbers.push(at);
+        self.insts.push(inst);
+        if self.random.below(3) == 0 {
+            // Keep to numbers of ordinary size, else all outputs of a long kernel are NaN.
+            let next = |k: usize| Val::new(at.index() + k);
+            self.numbers[last] = next(4);
+            self.insts.extend([Inst::Abs(at), Inst::Const(3.0), Inst::Compare(Compare::Less, next(1), next(2))]);
+            self.insts.push(Inst::Select(next(3), at, Val::new(self.random.below(n_inputs))));
+        }
+    }
 }
 
 fn backend(width: Width, settings: &[(&str, &str)]) -> JitBackend {

@@ -1,6 +1,9 @@
 //! What people type out of habit from other languages and from paper, where the grammar alone would name the wrong cause.
 
-use super::{Pair, Rule, slip::Slip};
+use super::{
+    Pair, Rule,
+    slip::{CHOICE, Slip},
+};
 use crate::{
     diag::Diagnostic,
     foreign::{foreign, form},
@@ -8,9 +11,6 @@ use crate::{
     units::is_unit,
     words::is_function,
 };
-
-/// The form of a choice.
-pub(super) const CHOICE: &str = "if condition then a else b";
 
 /// E128 for the semicolons behind statements, the first marked: one message for all of a file.
 pub(super) fn semicolons(ended: &[Span]) -> Option<Diagnostic> {

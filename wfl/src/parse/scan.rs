@@ -2,13 +2,14 @@
 //! operators. Gives the text of a statement with comments blanked out, byte for byte in place.
 
 use super::{
-    KEYWORDS, NESTING_LIMIT, Parsed, STATEMENTS, TEXT_LIMIT,
+    NESTING_LIMIT, Parsed, TEXT_LIMIT,
     characters::{ascii_for, character_name},
     span_at,
 };
 use crate::{
     diag::{Diagnostic, nearest},
     foreign::{foreign, foreign_statement},
+    keywords::{KEYWORDS, STATEMENTS},
     source::{SourceId, Span},
 };
 

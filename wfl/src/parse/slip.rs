@@ -1,9 +1,10 @@
 //! What pest says about a failed parse, turned into a message: which slip it is, where, and what to type instead.
 
-use super::{Rule, habits::CHOICE, is_keyword, scan::called, span_at};
+use super::{Rule, scan::called, span_at};
 use crate::{
     diag::{Diagnostic, nearest},
     foreign::{foreign, form},
+    keywords::{STATEMENTS, is_keyword},
     source::SourceId,
 };
 use pest::error::{Error, ErrorVariant, InputLocation};
@@ -21,6 +22,9 @@ pub(super) fn explain(error: &Error<Rule>, masked: &str, base: usize, id: Source
     let at = at + masked[at..].len() - masked[at..].trim_start().len();
     Slip { masked, base, id, at, expected: positives, statement }.diagnostic()
 }
+
+/// The form of a choice between two values.
+pub(super) const CHOICE: &str = "if condition then a else b";
 
 pub(super) struct Slip<'s> {
     pub(super) masked: &'s str,
@@ -132,7 +136,7 @@ impl Slip<'_> {
 
     /// A keyword where an expression or a name has to stand.
     fn keyword(&self, found: &str) -> Diagnostic {
-        if self.starts_line() && super::STATEMENTS.contains(&found) {
+        if self.starts_line() && STATEMENTS.contains(&found) {
             return self.indented_statement(found);
         }
         if found == "if" {
@@ -182,7 +186,7 @@ impl Slip<'_> {
     }
 
     fn after_the_end(&self, found: &str) -> Diagnostic {
-        if self.starts_line() && super::STATEMENTS.contains(&found) {
+        if self.starts_line() && STATEMENTS.contains(&found) {
             return self.indented_statement(found);
         }
         let d = Diagnostic::new("E117", format!("`{found}` stands after the end of the statement"));

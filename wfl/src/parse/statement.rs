@@ -1,7 +1,7 @@
 //! Pairs of the grammar to statements of the syntax tree.
 
 use super::{
-    Pair, Parsed, Rule, habits, is_keyword, slip, span_at,
+    Pair, Parsed, Rule, habits, slip, span_at,
     terminal::{box_shape, entity, rank, reduction, region_op},
 };
 use crate::{
@@ -10,6 +10,7 @@ use crate::{
         OutputItem, Place, QuadratureRule, RegionExpr, Space, Target, TargetPart, Unit,
     },
     diag::Diagnostic,
+    keywords::is_keyword,
     source::{SourceId, Span},
 };
 
@@ -41,73 +42,76 @@ impl<'i> Parts<'i> {
 }
 
 /// Words and signs that say nothing beyond the rule they stand in.
-fn is_token(pair: &Pair<'_>) -> bool {
+const TOKENS: &[Rule] = {
     use Rule as R;
-    matches!(
-        pair.as_rule(),
-        R::EOI
-            | R::k_wfl
-            | R::k_use
-            | R::k_mesh
-            | R::k_box
-            | R::k_cells
-            | R::k_size
-            | R::k_file
-            | R::k_map
-            | R::k_region
-            | R::k_iface
-            | R::k_mapping
-            | R::k_point
-            | R::k_param
-            | R::k_unknown
-            | R::k_mult
-            | R::k_data
-            | R::k_state
-            | R::k_split
-            | R::k_across
-            | R::k_def
-            | R::k_Def
-            | R::k_term
-            | R::k_energy
-            | R::k_fix
-            | R::k_load
-            | R::k_start
-            | R::k_steps
-            | R::k_solver
-            | R::k_quad
-            | R::k_measure
-            | R::k_expect
-            | R::k_output
-            | R::k_Normal
-            | R::k_on
-            | R::k_in
-            | R::k_from
-            | R::k_to
-            | R::k_by
-            | R::k_onto
-            | R::k_of
-            | R::k_where
-            | R::k_with
-            | R::k_as
-            | R::k_along
-            | R::k_within
-            | R::k_degree
-            | R::k_every
-            | R::k_if
-            | R::k_then
-            | R::k_else
-            | R::t_eq
-            | R::t_assign
-            | R::t_colon
-            | R::t_comma
-            | R::t_semi
-            | R::t_open
-            | R::t_close
-            | R::t_row_end
-            | R::t_set_end
-            | R::t_range
-            | R::t_dot
-    )
+    &[
+        R::EOI,
+        R::k_wfl,
+        R::k_use,
+        R::k_mesh,
+        R::k_box,
+        R::k_cells,
+        R::k_size,
+        R::k_file,
+        R::k_map,
+        R::k_region,
+        R::k_iface,
+        R::k_mapping,
+        R::k_point,
+        R::k_param,
+        R::k_unknown,
+        R::k_mult,
+        R::k_data,
+        R::k_state,
+        R::k_split,
+        R::k_across,
+        R::k_def,
+        R::k_Def,
+        R::k_term,
+        R::k_energy,
+        R::k_fix,
+        R::k_load,
+        R::k_start,
+        R::k_steps,
+        R::k_solver,
+        R::k_quad,
+        R::k_measure,
+        R::k_expect,
+        R::k_output,
+        R::k_Normal,
+        R::k_on,
+        R::k_in,
+        R::k_from,
+        R::k_to,
+        R::k_by,
+        R::k_onto,
+        R::k_of,
+        R::k_where,
+        R::k_with,
+        R::k_as,
+        R::k_along,
+        R::k_within,
+        R::k_degree,
+        R::k_every,
+        R::k_if,
+        R::k_then,
+        R::k_else,
+        R::t_eq,
+        R::t_assign,
+        R::t_colon,
+        R::t_comma,
+        R::t_semi,
+        R::t_open,
+        R::t_close,
+        R::t_row_end,
+        R::t_set_end,
+        R::t_range,
+        R::t_dot,
+    ]
+};
+
+fn is_token(pair: &Pair<'_>) -> bool {
+    TOKENS.contains(&pair.as_rule())
 }
 
 impl Reader<'_> {

@@ -1,6 +1,7 @@
 use super::*;
 use crate::{
     ast::{Item, ItemKind, OptionValue, Place, Rank},
+    keywords::{KEYWORDS, STATEMENTS},
     source::SourceMap,
     testing::{GWFL, SCENES, codes, show, tree},
 };

@@ -15,7 +15,7 @@ use crate::{
 use super::{
     functions::{Rule, derivative, rule},
     scene::Scene,
-    unit::{Ratio, Symbol, Unit},
+    unit::{Ratio, Symbol, Unit, factor_text},
     value::Value,
 };
 
@@ -426,18 +426,6 @@ pub(super) fn scale_note(d: Diagnostic, left: &Unit, right: &Unit) -> Diagnostic
         }
         _ => d,
     }
-}
-
-/// Ten to a power, in six digits.
-pub(super) fn factor_text(log: f64) -> String {
-    let factor = 10_f64.powf(log);
-    if !(1e-3..1e5).contains(&factor) {
-        let text = format!("{factor:.5e}");
-        let (digits, power) = text.split_once('e').unwrap_or((&text, "0"));
-        return format!("{}e{power}", digits.trim_end_matches('0').trim_end_matches('.'));
-    }
-    let text = format!("{factor:.6}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 fn argument(a: &Argument) -> Option<&Expr> {

@@ -207,7 +207,7 @@ impl Unit {
         let short = if self.weight() <= 2.0 || self.is_open() { None } else { self.shorter() };
         let shown = short.as_ref().unwrap_or(self);
         match self.size().filter(|s| !self.is_open() && !s.has_dimension() && shown.weight() > 3.0) {
-            Some(size) => format!("pure number times {}", super::eval::factor_text(size.log_scale)),
+            Some(size) => format!("pure number times {}", factor_text(size.log_scale)),
             None => shown.spelled(),
         }
     }
@@ -315,6 +315,18 @@ const QUANTITIES: &[([i64; DIMENSIONS], &str)] = &[
     ([0, 0, 0, -1, 0, 0, 0], "a thermal expansion"),
     ([1, 1, -3, -1, 0, 0, 0], "a heat conductivity"),
 ];
+
+/// Ten to a power, in six digits.
+pub(super) fn factor_text(log: f64) -> String {
+    let factor = 10_f64.powf(log);
+    if !(1e-3..1e5).contains(&factor) {
+        let text = format!("{factor:.5e}");
+        let (digits, power) = text.split_once('e').unwrap_or((&text, "0"));
+        return format!("{}e{power}", digits.trim_end_matches('0').trim_end_matches('.'));
+    }
+    let text = format!("{factor:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
 
 #[cfg(test)]
 mod tests {
