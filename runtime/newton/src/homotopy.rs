@@ -8,11 +8,11 @@
 //! own. From a start where all stick w goes from nearly 1 to 0. Promises: pure functions of what is heard. Does not decide when
 //! to give up: `newton/schedule.rs` does.
 
-use super::{
-    Method,
-    schedule::{FRICTION_BUDGET, FRICTION_PARTS},
-};
+use super::method::Method;
 
+/// Parts in which friction is brought to what is written, and iterations for each but the last.
+pub(super) const FRICTION_PARTS: usize = 8;
+pub(super) const FRICTION_BUDGET: usize = 5;
 /// What friction begins with above what is written, in units of it.
 const MORE_FRICTION: f64 = 7.0;
 /// Overstress at first, in parts of the stiffness of the bodies.

@@ -2,7 +2,7 @@
 
 use super::{
     Evaluated, LoadStep, Method, NewtonError, StepHistory, Stop,
-    line_search::LineSearch,
+    line_search::{LARGEST_FORCING, LineSearch},
     load_step::{Done, Measured, Norm},
     path_following::Path,
     refinement,
@@ -11,11 +11,10 @@ use super::{
 use wfl_discrete::system::LinearTerms;
 use wfl_sparse::solve::SolveError;
 
-/// What a linear solve may leave: part of the residual to come, part of the tolerance, and most of the residual at hand
-/// (forcing terms, Eisenstat and Walker 1996).
+/// What a linear solve may leave: part of the residual to come, and part of the tolerance (forcing terms, Eisenstat and
+/// Walker 1996).
 const OF_THE_NEXT: f64 = 0.1;
 const OF_THE_TOLERANCE: f64 = 1e-3;
-pub(super) const LARGEST_FORCING: f64 = 1e-4;
 
 /// Where an attempt is.
 struct Attempt<'u> {

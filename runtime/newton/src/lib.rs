@@ -16,6 +16,7 @@ mod iteration;
 mod line_search;
 mod linear_solver;
 mod load_step;
+mod method;
 mod path_following;
 mod refinement;
 mod schedule;
@@ -24,7 +25,7 @@ pub use error::{NewtonError, Singular};
 pub use history::{Iteration, StepHistory, Stop};
 pub use linear_solver::{LinearSolver, condenses, shares_forces};
 pub use load_step::{LoadStep, Spent};
-pub use schedule::Method;
+pub use method::Method;
 
 use wfl_discrete::assemble::TermError;
 

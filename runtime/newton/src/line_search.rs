@@ -5,10 +5,11 @@
 use super::{
     LoadStep, Method, NewtonError,
     critical_point::{self, CriticalPoint},
-    iteration::LARGEST_FORCING,
     load_step::{Measured, Norm},
 };
 
+/// Most of the residual at hand that a linear solve may leave.
+pub(super) const LARGEST_FORCING: f64 = 1e-4;
 /// Halvings of a step before the best one seen is taken.
 const MAX_HALVINGS: usize = 10;
 /// A step to a state that is not finite is cut by this, down to the shortest.

@@ -5,96 +5,15 @@
 //! begins again. A step whose tangent becomes singular on the way (a body that only friction holds, with all of it
 //! slipping in an iterate) goes on with the next stage from its best state.
 
-use super::{Iteration, LoadStep, NewtonOptions, StepHistory, homotopy::Homotopy};
+use super::{
+    NewtonOptions,
+    history::{Iteration, StepHistory},
+    homotopy::{FRICTION_BUDGET, FRICTION_PARTS, Homotopy},
+    load_step::LoadStep,
+    method::Method,
+};
 use wfl_contact::Contact;
 use wfl_discrete::system::System;
-
-/// A method to get from one state to the next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
-    /// The state that a step begins with.
-    Start,
-    /// The linearised response to the prescribed increment.
-    Predictor,
-    /// Semismooth Newton with a frozen active set ([`wfl_contact`]), damped by the complementarity defect.
-    ActiveSet,
-    /// The same with a compliant layer between the sides: a few steps that find another active set to go on with.
-    Compliance,
-    /// The same from a start where all points stick, with traction that may exceed its bound (`homotopy`).
-    Overstress,
-    /// The same while friction grows from nothing to what is written.
-    LessFriction,
-    /// The same while friction shrinks from a multiple to what is written: what only friction holds stays held.
-    MoreFriction,
-    /// Piecewise linear path following from where the step stands.
-    Path,
-    /// The same from the start of the step.
-    PathFromStart,
-    /// Newton on the scene as it is written, damped by the norm of the residual.
-    Residual,
-    /// The same, damped by the norm of the simplified Newton correction.
-    Natural,
-    /// Corrections where the residual is rounding already.
-    Refinement,
-}
-
-impl Method {
-    /// The name in histories and reports.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Start => "start",
-            Self::Predictor => "predictor",
-            Self::ActiveSet => "active set",
-            Self::Compliance => "compliance",
-            Self::Overstress => "overstress",
-            Self::LessFriction => "friction from below",
-            Self::MoreFriction => "friction from above",
-            Self::Path => "path",
-            Self::PathFromStart => "path from start",
-            Self::Residual => "residual",
-            Self::Natural => "natural test",
-            Self::Refinement => "refinement",
-        }
-    }
-
-    /// Its number in files.
-    #[must_use]
-    pub fn number(self) -> usize {
-        self as usize
-    }
-
-    /// The method with a number.
-    #[must_use]
-    pub fn from_number(number: usize) -> Option<Self> {
-        Self::ALL.get(number).copied()
-    }
-
-    const ALL: [Self; 12] = [
-        Self::Start,
-        Self::Predictor,
-        Self::ActiveSet,
-        Self::Compliance,
-        Self::Overstress,
-        Self::LessFriction,
-        Self::MoreFriction,
-        Self::Path,
-        Self::PathFromStart,
-        Self::Residual,
-        Self::Natural,
-        Self::Refinement,
-    ];
-
-    /// True if a piecewise linear path is followed.
-    pub(super) fn is_path(self) -> bool {
-        matches!(self, Self::Path | Self::PathFromStart)
-    }
-
-    /// True if the active set is frozen.
-    pub(super) fn freezes(self) -> bool {
-        !matches!(self, Self::Residual | Self::Natural | Self::Start | Self::Predictor | Self::Refinement)
-    }
-}
 
 /// What a step is like.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,9 +60,6 @@ struct Stage {
     without: &'static [Trait],
 }
 
-/// Parts in which friction is brought to what is written, and iterations for each but the last.
-pub(super) const FRICTION_PARTS: usize = 8;
-pub(super) const FRICTION_BUDGET: usize = 5;
 /// Breakpoints that a path may pass.
 const PATH_BUDGET: usize = 150;
 /// Breakpoints that all paths of an attempt may pass beside its iterations: as many paths as a schedule has.

@@ -94,6 +94,13 @@ pub(super) struct Leg {
     pub(super) first_increment: f64,
 }
 
+/// The step variable and its increment.
+#[derive(Clone, Copy)]
+pub(super) struct StepTime {
+    pub(super) time: f64,
+    pub(super) increment: f64,
+}
+
 /// How a step ended.
 pub(super) struct Reached {
     /// The attempt that reached the end, or of those that failed the one at the whole step.
@@ -172,76 +179,81 @@ impl Stepper {
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
-        let path = if leg.from.is_some() { Path::Steps } else { Path::Load };
-        let halve = if scene.system.is_linear() { 0 } else { scene.steps.halve };
-        let whole = 1u64 << halve;
-        let mut position = 0;
-        let mut load: Option<LoadStart> = None;
-        let mut attempts = Vec::new();
-        let mut failed_whole = None;
-        // what the parts before the last one have to tell
-        let (mut turns, mut displaced) = (0, false);
-        let mut fruitless = 0;
-        self.level = self.level.min(halve);
+        let mut parts = Parts::new(leg, if scene.system.is_linear() { 0 } else { scene.steps.halve });
+        self.level = self.level.min(parts.halve);
         begin(scene, leg, u)?;
         let known_before = scene.system.known.clone();
         loop {
-            let end = position + (whole >> self.level);
+            let span = parts.next(self.level);
             let before = (u.to_vec(), self.memory(scene));
-            let target = target(leg, (position, end, whole), load.as_ref());
+            let target = parts.target(span);
             let increment = target.increment;
             let result = self.attempt(scene, u, &target, clock, progress);
-            attempts.push(self.listed(path, (position, end, whole), &result));
+            parts.list(span, &result, self.spent);
             match result {
-                Ok(mut history) if history.converged() => {
-                    position = end;
-                    turns += history.turns;
-                    history.turns = turns;
-                    displaced |= history.displaced;
-                    history.displaced = displaced;
-                    self.grow(whole, position);
-                    if position == whole {
-                        return Ok(self.reached(path, history, increment, attempts));
+                Ok(history) if history.converged() => {
+                    let history = parts.pass(span, history);
+                    self.grow(parts.whole, parts.position);
+                    if parts.position == parts.whole {
+                        return Ok(self.reached(parts, history, increment));
                     }
-                    if path == Path::Steps {
+                    if parts.path == Path::Steps {
                         self.renew(scene);
                         scene.system.known.keep(u);
                     }
                 }
                 Err(StepError::Newton(error @ NewtonError::TooMuchMemory(_))) => return Err(error.into()),
                 failed => {
-                    if position == 0 && end == whole {
-                        failed_whole = Some((failed, u.to_vec()));
-                    }
+                    parts.keep_whole(span, failed, u);
                     u.copy_from_slice(&before.0);
                     let known = self.recall(scene, &before.1);
                     debug_assert!(known, "the memory is that of this system");
-                    if path == Path::Load && load.is_none() {
-                        load = load_start(&scene.system, u);
+                    if !self.halves(scene, &mut parts, u) {
+                        scene.system.known = known_before;
+                        return self.give_up(scene, u, parts, clock, progress);
                     }
-                    fruitless += self.spent.linear_solves;
-                    let patient = fruitless <= FRUITLESS * scene.newton.max_iterations;
-                    let stuck = !patient || self.level == halve || (path == Path::Load && load.is_none());
-                    if !stuck {
-                        self.level += 1;
-                        self.easy = 0;
-                        continue;
-                    }
-                    self.level = 0;
-                    scene.system.known = known_before;
-                    let (result, state) = match failed_whole {
-                        Some(failed) => failed,
-                        None => {
-                            let result = self.attempt(scene, u, &target_whole(leg), clock, progress);
-                            attempts.push(self.listed(path, (0, whole, whole), &result));
-                            (result, u.to_vec())
-                        }
-                    };
-                    u.copy_from_slice(&state);
-                    return result.map(|history| self.reached(path, history, increment, attempts));
                 }
             }
         }
+    }
+
+    /// Halves the increment after an attempt that came to nothing; false where that is not to be tried.
+    fn halves(&mut self, scene: &Scene, parts: &mut Parts, u: &[f64]) -> bool {
+        if parts.path == Path::Load && parts.load.is_none() {
+            parts.load = load_start(&scene.system, u);
+        }
+        parts.fruitless += self.spent.linear_solves;
+        let patient = parts.fruitless <= FRUITLESS * scene.newton.max_iterations;
+        if !patient || self.level == parts.halve || (parts.path == Path::Load && parts.load.is_none()) {
+            return false;
+        }
+        self.level += 1;
+        self.easy = 0;
+        true
+    }
+
+    /// The attempt at the whole step is what is told of a step that was not solved.
+    fn give_up(
+        &mut self,
+        scene: &mut Scene,
+        u: &mut [f64],
+        mut parts: Parts,
+        clock: &mut Clock,
+        progress: &mut dyn Progress,
+    ) -> Result<Reached, StepError> {
+        self.level = 0;
+        let target = parts.target(parts.all());
+        let increment = target.increment;
+        let (result, state) = match parts.failed_whole.take() {
+            Some(failed) => failed,
+            None => {
+                let result = self.attempt(scene, u, &target, clock, progress);
+                parts.list(parts.all(), &result, self.spent);
+                (result, u.to_vec())
+            }
+        };
+        u.copy_from_slice(&state);
+        result.map(|history| self.reached(parts, history, increment))
     }
 
     /// Doubles the increment where enough parts have converged and the doubled part would not pass the end.
@@ -254,12 +266,12 @@ impl Stepper {
         }
     }
 
-    fn reached(&mut self, path: Path, history: StepHistory, increment: f64, attempts: Vec<Attempt>) -> Reached {
-        if path == Path::Load {
+    fn reached(&mut self, parts: Parts, history: StepHistory, increment: f64) -> Reached {
+        if parts.path == Path::Load {
             // parts of a load say nothing about increments of the step variable
             (self.level, self.easy) = (0, 0);
         }
-        Reached { history, increment, attempts }
+        Reached { history, increment, attempts: parts.attempts }
     }
 
     fn attempt(
@@ -272,7 +284,7 @@ impl Stepper {
     ) -> Result<StepHistory, StepError> {
         let (time, increment) = (target.time, target.increment);
         self.spent = Spent::default();
-        self.prepare(scene, (time, increment), clock, progress)?;
+        self.prepare(scene, StepTime { time, increment }, clock, progress)?;
         let from = u.to_vec();
         scene.prescribed.apply(time, increment, u).map_err(|bad| NewtonError::Given(Box::new(bad)))?;
         let mut offset = Vec::new();
@@ -308,22 +320,6 @@ impl Stepper {
         Ok(history)
     }
 
-    /// The last attempt in the list of all.
-    fn listed(
-        &self,
-        path: Path,
-        (position, end, whole): (u64, u64, u64),
-        result: &Result<StepHistory, StepError>,
-    ) -> Attempt {
-        let end_of_it = match result {
-            Ok(h) if h.converged() => AttemptEnd::Converged,
-            Ok(_) => AttemptEnd::NotConverged,
-            Err(e) => AttemptEnd::Failed(e.to_string()),
-        };
-        let iterations = self.spent.linear_solves;
-        Attempt { path, part: (part((position, whole)), part((end, whole))), iterations, end: end_of_it }
-    }
-
     /// An error of the linear solver with its reason, where the tangent is singular.
     pub(super) fn explained(&self, scene: &Scene, error: NewtonError, u: &[f64]) -> NewtonError {
         match &self.tangent {
@@ -349,7 +345,7 @@ impl Stepper {
         progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
         begin(scene, leg, u)?;
-        self.prepare(scene, (leg.to, leg.first_increment), clock, progress)?;
+        self.prepare(scene, StepTime { time: leg.to, increment: leg.first_increment }, clock, progress)?;
         Ok(Reached { history: StepHistory::given(), increment: leg.first_increment, attempts: Vec::new() })
     }
 
@@ -357,10 +353,11 @@ impl Stepper {
     pub(super) fn prepare(
         &mut self,
         scene: &mut Scene,
-        (time, increment): (f64, f64),
+        at: StepTime,
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<(), NewtonError> {
+        let StepTime { time, increment } = at;
         super::set_data(scene, time, increment)?;
         let begin = Instant::now();
         let changed = scene.system.begin_step(time, increment)?;
@@ -428,24 +425,104 @@ fn load_start(system: &System, u: &[f64]) -> Option<LoadStart> {
     Some(LoadStart { u: u.to_vec(), residual })
 }
 
-fn part((at, whole): (u64, u64)) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "powers of two up to 2^30")]
-    return at as f64 / whole as f64;
+/// A part of a step, in units of the smallest one that is allowed.
+#[derive(Clone, Copy)]
+struct Span {
+    from: u64,
+    to: u64,
 }
 
-fn target<'a>(leg: Leg, (position, end, whole): (u64, u64, u64), load: Option<&'a LoadStart>) -> Target<'a> {
-    let Some(from) = leg.from else {
-        let load = if end == whole { None } else { load.map(|l| (l, part((end, whole)))) };
-        return Target { time: leg.to, increment: leg.first_increment, load };
-    };
-    let at = |k: u64| match k {
-        0 => from,
-        k if k == whole => leg.to,
-        k => from + part((k, whole)) * (leg.to - from),
-    };
-    Target { time: at(end), increment: at(end) - at(position), load: None }
+/// A step on its way through its parts.
+struct Parts {
+    leg: Leg,
+    path: Path,
+    /// The smallest part is 2^-halve of the step, which is `whole` of them.
+    halve: u32,
+    whole: u64,
+    /// What is done.
+    position: u64,
+    /// What a load path starts from, as soon as one is needed.
+    load: Option<LoadStart>,
+    attempts: Vec<Attempt>,
+    /// The attempt at the whole step, if it came to nothing, with the state it left.
+    failed_whole: Option<(Result<StepHistory, StepError>, Vec<f64>)>,
+    /// What the parts before the last one have to tell.
+    turns: usize,
+    displaced: bool,
+    /// Iterations of attempts that came to nothing.
+    fruitless: usize,
 }
 
-fn target_whole(leg: Leg) -> Target<'static> {
-    target(leg, (0, 1, 1), None)
+impl Parts {
+    fn new(leg: Leg, halve: u32) -> Self {
+        Self {
+            leg,
+            path: if leg.from.is_some() { Path::Steps } else { Path::Load },
+            halve,
+            whole: 1u64 << halve,
+            position: 0,
+            load: None,
+            attempts: Vec::new(),
+            failed_whole: None,
+            turns: 0,
+            displaced: false,
+            fruitless: 0,
+        }
+    }
+
+    fn next(&self, level: u32) -> Span {
+        Span { from: self.position, to: self.position + (self.whole >> level) }
+    }
+
+    fn all(&self) -> Span {
+        Span { from: 0, to: self.whole }
+    }
+
+    fn list(&mut self, span: Span, result: &Result<StepHistory, StepError>, spent: Spent) {
+        let end = match result {
+            Ok(h) if h.converged() => AttemptEnd::Converged,
+            Ok(_) => AttemptEnd::NotConverged,
+            Err(e) => AttemptEnd::Failed(e.to_string()),
+        };
+        let part = (self.part(span.from), self.part(span.to));
+        self.attempts.push(Attempt { path: self.path, part, iterations: spent.linear_solves, end });
+    }
+
+    /// A part is done; its history tells of the parts before, too.
+    fn pass(&mut self, span: Span, mut history: StepHistory) -> StepHistory {
+        self.position = span.to;
+        self.turns += history.turns;
+        history.turns = self.turns;
+        self.displaced |= history.displaced;
+        history.displaced = self.displaced;
+        history
+    }
+
+    /// Keeps an attempt at the whole step that came to nothing.
+    fn keep_whole(&mut self, span: Span, failed: Result<StepHistory, StepError>, u: &[f64]) {
+        if span.from == 0 && span.to == self.whole {
+            self.failed_whole = Some((failed, u.to_vec()));
+        }
+    }
+
+    /// A number of smallest parts as a part of the step.
+    fn part(&self, at: u64) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "powers of two up to 2^30")]
+        return at as f64 / self.whole as f64;
+    }
+
+    fn target(&self, span: Span) -> Target<'_> {
+        let leg = self.leg;
+        let Some(from) = leg.from else {
+            let load = if span.to == self.whole { None } else { self.load.as_ref() };
+            let load = load.map(|l| (l, self.part(span.to)));
+            return Target { time: leg.to, increment: leg.first_increment, load };
+        };
+        let at = |k: u64| match k {
+            0 => from,
+            k if k == self.whole => leg.to,
+            k => from + self.part(k) * (leg.to - from),
+        };
+        Target { time: at(span.to), increment: at(span.to) - at(span.from), load: None }
+    }
 }
