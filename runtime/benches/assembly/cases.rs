@@ -4,7 +4,7 @@ use wfl::{Loader, SourceId};
 use wfl_compiler::TermLaw;
 use wfl_runtime::{
     Scene, System,
-    assemble::FieldValues,
+    assemble::{BranchCounts, FieldValues},
     csr::{Csr, PatternBuilder},
 };
 
@@ -91,6 +91,7 @@ pub(crate) struct Problem {
     scene: Scene,
     matrix: Csr,
     residual: Vec<f64>,
+    branches: BranchCounts,
     state: Vec<f64>,
 }
 
@@ -108,7 +109,7 @@ impl Problem {
         system.terms[0].set_step(0.0, 0.0);
         // small displacements that differ from node to node, both signs of the gap
         let state = (0..n).map(|k| 1e-3 * ((k * 7919 % 1000) as f64 / 1000.0 - 0.5)).collect();
-        Ok(Self { scene, matrix, residual: vec![0.0; n], state })
+        Ok(Self { scene, matrix, residual: vec![0.0; n], branches: BranchCounts::default(), state })
     }
 
     /// Entities of the term.
@@ -130,7 +131,7 @@ impl Problem {
         let mut fields = [&self.state[..]; MOST_FIELDS];
         let values = FieldValues { current: slices(&self.scene.system, &self.state, &mut fields), previous: &[] };
         let System { mesh, terms, .. } = &mut self.scene.system;
-        terms[0].add_residual(mesh, values, &mut self.residual).map(|_| ()).map_err(|e| e.to_string())
+        terms[0].add_residual_to(mesh, values, &mut self.residual, &mut self.branches).map_err(|e| e.to_string())
     }
 
     /// Sum of the magnitudes of the matrix, to compare builds with each other.

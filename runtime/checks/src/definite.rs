@@ -56,8 +56,13 @@ struct Bodies<'a> {
 impl Bodies<'_> {
     fn negative_body(&self, field: usize, values: FieldValues<'_>) -> Option<NegativeBody> {
         let on_cells = |t: &&AssembledTerm| t.on_cells() && t.law.class > Class::Constant;
-        let terms: Vec<&AssembledTerm> =
-            self.system.terms.iter().filter(on_cells).filter(|t| pairs(t).any(|p| is_stiffness(field, p))).collect();
+        let terms: Vec<&AssembledTerm> = self
+            .system
+            .terms
+            .iter()
+            .filter(on_cells)
+            .filter(|t| pairs(t).any(|(t, s)| is_stiffness(field, t, s)))
+            .collect();
         if terms.iter().any(|t| !t.law.symmetric) {
             return None;
         }
@@ -94,7 +99,7 @@ impl Bodies<'_> {
             };
             names.push(term.law.name.clone());
             position.get_or_insert(at);
-            for (test, trial, value) in entries.into_iter().filter(|(t, s, _)| is_stiffness(field, (*t, *s))) {
+            for (test, trial, value) in entries.into_iter().filter(|(t, s, _)| is_stiffness(field, *t, *s)) {
                 matrix[(usize::from(test.entry), usize::from(trial.entry))] += value;
             }
         }
@@ -119,7 +124,7 @@ fn pairs(term: &AssembledTerm) -> impl Iterator<Item = (BasisSlot, BasisSlot)> +
 }
 
 /// True for gradients of the field on both sides.
-fn is_stiffness(field: usize, (test, trial): (BasisSlot, BasisSlot)) -> bool {
+fn is_stiffness(field: usize, test: BasisSlot, trial: BasisSlot) -> bool {
     [test, trial].iter().all(|slot| slot.field.index() == field && slot.op == FieldOp::Grad)
 }
 

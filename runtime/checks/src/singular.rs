@@ -193,7 +193,7 @@ impl Examined<'_> {
             let own = columns.iter().zip(values).filter(|(c, _)| free.binary_search(&(**c as usize)).is_ok());
             own.into_iter().all(|(_, v)| *v == 0.0)
         });
-        if let Some(found) = self.of_a_kind(field, vector, (is_constant, alone)) {
+        if let Some(found) = self.of_a_kind(field, vector, is_constant, alone) {
             return found;
         }
         self.unseen(field, vector, u).unwrap_or_else(|| {
@@ -212,7 +212,7 @@ impl Examined<'_> {
     }
 
     /// Forces that cancel, a field that is constant, one that no term couples with itself.
-    fn of_a_kind(&self, field: usize, vector: &[f64], (is_constant, alone): (bool, bool)) -> Option<Singular> {
+    fn of_a_kind(&self, field: usize, vector: &[f64], is_constant: bool, alone: bool) -> Option<Singular> {
         let name = self.system.fields[field].name.clone();
         if self.system.fields[field].kind == FieldKind::Multiplier {
             return Some(Singular {

@@ -144,7 +144,8 @@ impl Probe<'_> {
     }
 
     /// How far the centre of the cell is from that of the facet.
-    fn height(&self, (g, entity): Place) -> f64 {
+    fn height(&self, place: Place) -> f64 {
+        let (g, entity) = place;
         let here = &self.term.sampled.domain.groups[g].here;
         let (a, b) =
             (self.system.mesh.centroid(here.cells[entity]), self.system.mesh.facet_centroid(here.facets[entity]));
@@ -280,7 +281,7 @@ impl Probe<'_> {
         dofs.sort_unstable();
         dofs.dedup();
         let mut sum = DMatrix::zeros(dofs.len(), dofs.len());
-        blocks.iter().for_each(|b| add(&mut sum, &dofs, b));
+        blocks.iter().for_each(|(local, values)| add(&mut sum, &dofs, local, values));
         (dofs, sum)
     }
 
@@ -328,7 +329,8 @@ impl Probe<'_> {
 
     /// The arguments of the projections at the points of a facet for given values of the fields, displacements left out
     /// of them.
-    fn stresses(&self, (g, entity): Place, current: &[&[f64]]) -> Stresses {
+    fn stresses(&self, place: Place, current: &[&[f64]]) -> Stresses {
+        let (g, entity) = place;
         let p = self.term;
         let bound = Bound { mesh: &self.system.mesh, domain: &p.sampled.domain, binding: &p.sampled.binding };
         let mut workspace = Workspace::default();
@@ -356,7 +358,8 @@ impl Probe<'_> {
     }
 
     /// The slope of the first half line in the displacement of one side.
-    fn slope(&self, (g, entity): Place) -> Option<f64> {
+    fn slope(&self, place: Place) -> Option<f64> {
+        let (g, entity) = place;
         let p = self.term;
         let half = p.projections.iter().find(|pr| pr.kind == ProjectionKind::HalfLine && pr.n == 1)?;
         let bound = Bound { mesh: &self.system.mesh, domain: &p.sampled.domain, binding: &p.sampled.binding };
@@ -410,7 +413,7 @@ struct Gradients {
 }
 
 /// Adds a local matrix where both dofs are known.
-fn add(sum: &mut DMatrix<f64>, dofs: &[u32], (local, values): &(Vec<u32>, Vec<f64>)) {
+fn add(sum: &mut DMatrix<f64>, dofs: &[u32], local: &[u32], values: &[f64]) {
     let place: Vec<Option<usize>> = local.iter().map(|d| dofs.binary_search(d).ok()).collect();
     for (i, row) in place.iter().enumerate() {
         for (j, column) in place.iter().enumerate() {

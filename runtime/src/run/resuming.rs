@@ -1,6 +1,9 @@
 //! A run begins in its folder, or goes on from the checkpoint there. Decides nothing about the folder: `folder` does.
 
-use super::{CHECKPOINT_FILE, CheckpointError, Progress, Run, RunError, RunOptions, checkpoint, files::Files, folder};
+use super::{
+    CHECKPOINT_FILE, CheckpointError, Progress, Run, RunError, RunOptions, checkpoint, files::Files, folder,
+    stepping::StepTime,
+};
 use crate::{
     newton::NewtonError,
     output::{Identity, OutputDir},
@@ -49,7 +52,8 @@ impl Run {
         }
         let wrap = |error: NewtonError| RunError::Newton { step: found.steps.len() - 1, time: last.time, error };
         self.clock = found.clock;
-        self.stepper.prepare(scene, (last.time, last.increment), &mut self.clock, progress).map_err(wrap)?;
+        let at = StepTime { time: last.time, increment: last.increment };
+        self.stepper.prepare(scene, at, &mut self.clock, progress).map_err(wrap)?;
         let solver = self.stepper.solver.as_mut().expect("prepared above");
         let fits = solver.recall(&found.solver, &scene.system).map_err(|e| wrap(e.into()))?;
         solver.starts_elsewhere();

@@ -242,9 +242,10 @@ impl Stepper {
         progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
         self.level = 0;
+        let failed = parts.failed_whole.take();
         let target = parts.target(parts.all());
         let increment = target.increment;
-        let (result, state) = match parts.failed_whole.take() {
+        let (result, state) = match failed {
             Some(failed) => failed,
             None => {
                 let result = self.attempt(scene, u, &target, clock, progress);

@@ -82,8 +82,12 @@ fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said>
     for step in outcome.steps.iter().filter(|s| !s.history.converged()) {
         said.extend(circle(loaded, scene, step).map(Said::Message));
         let residual = step.history.iterations.last().map_or(f64::NAN, |i| i.residual);
+        let attempts = match step.parts().len() {
+            0 => String::new(),
+            n => format!(" ({n} attempts)"),
+        };
         let mut text = format!(
-            "error[E603]: step t = {} did not converge in {} iterations: residual {residual:.1e}\n",
+            "error[E603]: step t = {} did not converge in {} iterations{attempts}: residual {residual:.1e}\n",
             step.time,
             step.iterations()
         );

@@ -184,7 +184,7 @@ fn at_place(interface: At<'_>, piece: &ContactTerm, at: (usize, usize), seen: &m
         states: Vec::new(),
         unsaid: None,
     };
-    match Place::new(interface, piece, at) {
+    match Place::new(interface, piece, at.0, at.1) {
         Ok(place) => {
             let terms = place.terms();
             form.terms = terms.iter().map(|t| system.terms[*t].law.name.clone()).collect();
@@ -393,7 +393,7 @@ impl Judge<'_, '_> {
                 "friction acts across an open gap, and not in closed contact",
             ))));
         }
-        if let Some(wrong) = self.sticking(sizes, (&overlap, &along, radius))? {
+        if let Some(wrong) = self.sticking(sizes, &overlap, &along, radius)? {
             return Ok(Some(wrong));
         }
         let slide = times(&along, SLIP * radius / sizes.slope.abs());
@@ -420,7 +420,9 @@ impl Judge<'_, '_> {
     fn sticking(
         &mut self,
         sizes: &Sizes,
-        (overlap, along, radius): (&Vector, &Vector, f64),
+        overlap: &Vector,
+        along: &Vector,
+        radius: f64,
     ) -> Result<Option<Verdict>, Unjudged> {
         let place = self.place;
         let shear = times(along, 0.5 * radius);

@@ -221,8 +221,10 @@ impl<'a> Finder<'a> {
     fn reader(
         &self,
         bound: Bound<'_>,
-        (at, q): (&Entity, usize),
-        (slots, uniforms): (&'a [InputSlot], &'a [f64]),
+        at: &Entity,
+        q: usize,
+        slots: &'a [InputSlot],
+        uniforms: &'a [f64],
     ) -> Reader<'a> {
         let mut workspace = Workspace::default();
         workspace.prepare(bound, at.group, at.entity / LANES, self.values);
@@ -242,7 +244,7 @@ impl<'a> Finder<'a> {
         let law = |(term, t): (usize, &'a AssembledTerm)| {
             let (domain, binding) = (&*t.integrator.domain, &t.integrator.binding);
             let at = self.locate(domain, binding)?;
-            let reader = self.reader(self.bound(domain, binding), (&at, 0), (&t.law.inputs, t.uniforms()));
+            let reader = self.reader(self.bound(domain, binding), &at, 0, &t.law.inputs, t.uniforms());
             let is_load = t.law.class == Class::Constant;
             Some(Law { term, kernel: &t.law.residual, law: &t.law, is_load, reader })
         };
@@ -254,7 +256,7 @@ impl<'a> Finder<'a> {
             let (watch, sampled, projections) = p.law();
             let at = self.locate(&sampled.domain, &sampled.binding)?;
             let bound = self.bound(&sampled.domain, &sampled.binding);
-            let reader = self.reader(bound, (&at, 0), (&watch.law.inputs, watch.uniforms()));
+            let reader = self.reader(bound, &at, 0, &watch.law.inputs, watch.uniforms());
             Some(Watched { kernel: &watch.law.kernel, reader, projections, guides: (p.field, p.n_branch_data()) })
         };
         self.contact.terms().iter().filter(|p| !p.on_cells()).filter_map(watch).collect()
@@ -279,7 +281,7 @@ impl<'a> Finder<'a> {
             }
             let at = Entity { group, entity, turned: body == 1 };
             let all: Vec<Reader<'a>> = (0..domain.groups[group].n_points())
-                .map(|q| self.reader(self.bound(domain, binding), (&at, q), (&t.law.inputs, t.uniforms())))
+                .map(|q| self.reader(self.bound(domain, binding), &at, q, &t.law.inputs, t.uniforms()))
                 .collect();
             self.same_everywhere(&all)?;
             let Some(reader) = all.into_iter().next() else { continue };
@@ -352,7 +354,7 @@ fn roles(system: &System, interface: &[Law<'_>], watched: &[Watched<'_>]) -> Res
 impl<'a> Place<'a> {
     /// The laws at the last point of entity `at` of the domain of a term with projections; an error is why they cannot
     /// be judged.
-    pub(super) fn new(at: At<'a>, piece: &'a ContactTerm, (g, entity): (usize, usize)) -> Result<Self, String> {
+    pub(super) fn new(at: At<'a>, piece: &'a ContactTerm, g: usize, entity: usize) -> Result<Self, String> {
         let At { system, contact, values } = at;
         let (_, sampled, _) = piece.law();
         let (mesh, domain): (&Mesh, &Domain) = (&system.mesh, &sampled.domain);

@@ -12,10 +12,6 @@ pub struct BranchCounts {
 }
 
 impl BranchCounts {
-    pub(super) fn new(n_kinks: usize) -> Self {
-        Self { kinks: vec![[0; 3]; n_kinks], ..Self::default() }
-    }
-
     pub(super) fn clear(&mut self, n_kinks: usize) {
         self.kinks.clear();
         self.kinks.resize(n_kinks, [0; 3]);

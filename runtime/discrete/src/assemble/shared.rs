@@ -12,6 +12,11 @@ pub(super) fn shared(values: &mut [f64]) -> &[AtomicU64] {
     <[AtomicU64]>::mut_from_bytes(values.as_mut_bytes()).expect("on 64-bit machines both have the same alignment")
 }
 
+/// Words that several threads write, each word from one thread.
+pub(super) fn shared_words(values: &mut [u64]) -> &[AtomicU64] {
+    <[AtomicU64]>::mut_from_bytes(values.as_mut_bytes()).expect("on 64-bit machines both have the same alignment")
+}
+
 /// `cell += value`; no other thread may write this cell meanwhile.
 #[inline(always)]
 pub(super) fn add(cell: &AtomicU64, value: f64) {

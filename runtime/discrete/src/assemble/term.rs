@@ -33,7 +33,7 @@ use crate::{
         evaluate::{Bound, FieldValues, Workspace},
         rows::{Own, Rows},
         scatter::{Halves, Scatter},
-        shared::{add, shared},
+        shared::{add, shared, shared_words},
         shares::{Duty, Shares, Touched},
     },
     finite::BadState,
@@ -295,10 +295,29 @@ impl AssembledTerm {
         values: FieldValues<'_>,
         out: &mut [f64],
     ) -> Result<BranchCounts, TermError> {
+        let mut branches = BranchCounts::default();
+        self.add_residual_to(mesh, values, out, &mut branches)?;
+        Ok(branches)
+    }
+
+    /// The same with branches that are written where some were before: allocates nothing then.
+    ///
+    /// # Errors
+    /// [`TermError::NonFinite`] with the place.
+    pub fn add_residual_to(
+        &self,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        out: &mut [f64],
+        branches: &mut BranchCounts,
+    ) -> Result<(), TermError> {
         let n_entities = if self.contact_kink().is_some() { self.integrator.domain.n_entities } else { 0 };
-        let mut by_entity: Vec<AtomicU64> = Vec::new();
-        by_entity.resize_with(n_entities, AtomicU64::default);
-        let total = Mutex::new(BranchCounts::new(self.law.kinks.len()));
+        let mut by_entity = std::mem::take(&mut branches.by_entity);
+        by_entity.clear();
+        by_entity.resize(n_entities, 0);
+        let states = shared_words(&mut by_entity);
+        branches.clear(self.law.kinks.len());
+        let total = Mutex::new(&mut *branches);
         let finite = AtomicBool::new(true);
         let out = shared(out);
         self.share_out(|workspace, duties, owns| {
@@ -309,16 +328,14 @@ impl AssembledTerm {
                     finite.store(false, Ordering::Relaxed);
                 }
                 if duty.counts {
-                    self.count(workspace, duty, &mut branches, &by_entity);
+                    self.count(workspace, duty, &mut branches, states);
                 }
             }
             total.lock().unwrap_or_else(PoisonError::into_inner).add(&branches);
             workspace.branches = branches;
         });
-        let mut branches = total.into_inner().unwrap_or_else(PoisonError::into_inner);
-        branches.by_entity = by_entity.into_iter().map(AtomicU64::into_inner).collect();
-        self.result(finite.into_inner(), mesh, values, &self.law.residual)?;
-        Ok(branches)
+        branches.by_entity = by_entity;
+        self.result(finite.into_inner(), mesh, values, &self.law.residual)
     }
 
     fn result(
