@@ -187,7 +187,7 @@ measure mean_u = integral(u(1) + 3*u(2)) on all
     assert!(!tied.messages.contains("W404"), "{}", tied.messages);
     let tied = tied.solved.expect("a solution");
     let ends = tied.scene.left_out().into_iter().find(|l| l.name == "`l` at 2 nodes").expect("the ends of the tear");
-    assert!(ends.why.contains("the two sides are one node there"), "{}", ends.why);
+    assert!(ends.why.contains("both sides share one node there"), "{}", ends.why);
     assert!(measure(&tied, "open") < 1e-14);
     // tied all along, the body is the one without a tear
     let whole = text.replace("split u across crack\n", "").replace("multiplier l : vector on crack\n", "");

@@ -70,7 +70,7 @@ fn run_prints_a_summary_and_is_quiet_otherwise() {
     // what was asked for and cannot be is told
     let single = wfl(&folder.0, &["run", "rod.wfl", "--precision", "f32+f64", "--out", "single"]);
     let report = std::fs::read_to_string(folder.0.join("single/report.json")).expect("a report");
-    assert!(report.contains("no contact matrix that is factored in single precision"), "{}{report}", single.err);
+    assert!(report.contains("no matrix of contact forces is factored in single precision"), "{}{report}", single.err);
     let verbose = wfl(&folder.0, &["run", "rod.wfl", "-v", "--threads", "1"]);
     assert!(verbose.err.contains("solver: one linear system") && verbose.err.contains("residual"), "{}", verbose.err);
 }
