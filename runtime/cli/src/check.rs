@@ -9,6 +9,7 @@ use wfl::{
 };
 use wfl_compiler::types::FieldKind;
 use wfl_runtime::{
+    newton::planned_stages,
     FIXED, LinearSolver, RuleChoice, Scene, contact_forms,
     element::Family,
     field::FieldSpace,
@@ -60,7 +61,7 @@ fn tables(loaded: &Loaded, scene: &Scene, parse: f64) -> Vec<Table> {
         vec![mesh(scene), quality(scene), regions(loaded, scene), fields(loaded, scene), parameters(loaded, scene)];
     list.push(units(loaded));
     list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded, scene)]);
-    list.extend([system(scene), left_out(loaded, scene), times(scene, parse)]);
+    list.extend([system(scene), schedule(scene), left_out(loaded, scene), times(scene, parse)]);
     list
 }
 
@@ -294,6 +295,15 @@ fn system(scene: &Scene) -> Table {
     let free = numbering.n_free();
     let solver = LinearSolver::plan(&scene.system);
     table.push(vec![numbering.n_dofs.into(), (numbering.n_dofs - free).into(), free.into(), solver.into()]);
+    table
+}
+
+/// The methods that a load step may come to, in their order.
+fn schedule(scene: &Scene) -> Table {
+    let mut table = Table::new("newton", &["method", "iterations", "steps"]);
+    for stage in planned_stages(&scene.system, &scene.contact, scene.newton) {
+        table.push(vec![stage.method.name().into(), stage.iterations.into(), stage.when.into()]);
+    }
     table
 }
 

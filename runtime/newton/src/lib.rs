@@ -26,6 +26,7 @@ pub use history::{Iteration, StepHistory, Stop};
 pub use linear_solver::{LinearSolver, condenses, shares_forces};
 pub use load_step::{LoadStep, Spent};
 pub use method::Method;
+pub use schedule::{PlannedStage, planned_stages};
 
 use wfl_discrete::assemble::TermError;
 

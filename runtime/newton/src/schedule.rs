@@ -32,6 +32,23 @@ enum Trait {
     Affine,
 }
 
+impl Trait {
+    /// True if all steps of a scene have it or none.
+    fn is_of_the_scene(self) -> bool {
+        matches!(self, Self::Contact | Self::Friction | Self::Affine)
+    }
+
+    /// What a step with it is like, and one without; `None` for a trait of the scene.
+    fn condition(self) -> Option<(&'static str, &'static str)> {
+        match self {
+            Self::Warm => Some(("after a converged step", "without a converged step before")),
+            Self::Stiff => Some(("stiff contact", "contact not stiff")),
+            Self::OverConstrained => Some(("contact binds the stresses", "contact leaves the stresses free")),
+            Self::Contact | Self::Friction | Self::Affine => None,
+        }
+    }
+}
+
 /// When a stage ends before its budget is spent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stall {
@@ -126,6 +143,45 @@ const PROGRESS: usize = 10;
 const FEW: f64 = 0.1;
 /// A step below this is short.
 const SHORT: f64 = 0.2;
+
+/// A stage of the schedule of a scene, in words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PlannedStage {
+    /// The method.
+    pub method: Method,
+    /// Iterations before the next stage begins, unless the stage ends earlier.
+    pub iterations: usize,
+    /// The steps that come to it; empty for all.
+    pub when: String,
+}
+
+/// The stages that the steps of a scene may go through, in their order. Whether contact is stiff is known when a step
+/// begins, so it stays a condition. Empty for a linear scene.
+#[must_use]
+pub fn planned_stages(system: &System, contact: &Contact, options: NewtonOptions) -> Vec<PlannedStage> {
+    if system.is_linear() {
+        return Vec::new();
+    }
+    if !options.search {
+        return planned(&[]).into_iter().take(1).collect();
+    }
+    let known = traits_of(system, contact, false).into_iter();
+    let known: Vec<Trait> = known.filter(|t| t.is_of_the_scene() && (*t != Trait::Contact || !contact.is_empty())).collect();
+    planned(&known)
+}
+
+fn planned(known: &[Trait]) -> Vec<PlannedStage> {
+    let fits = |s: &&Stage| {
+        s.with.iter().all(|t| !t.is_of_the_scene() || known.contains(t)) && s.without.iter().all(|t| !known.contains(t))
+    };
+    let words = |s: &Stage| {
+        let with = s.with.iter().filter_map(|t| Some(t.condition()?.0));
+        let without = s.without.iter().filter_map(|t| Some(t.condition()?.1));
+        with.chain(without).collect::<Vec<_>>().join(", ")
+    };
+    let of = |s: &Stage| PlannedStage { method: s.method, iterations: s.budget, when: words(s) };
+    SCHEDULE.iter().filter(fits).map(of).collect()
+}
 
 /// The schedule of a step, and where the step is in it.
 pub(super) struct Schedule {
@@ -313,6 +369,16 @@ mod tests {
 
     fn methods(traits: &[Trait]) -> Vec<Method> {
         selected(traits).map(|s| s.method).collect()
+    }
+
+    #[test]
+    fn the_plan_of_a_scene_names_what_is_known_when_a_step_begins_only() {
+        let smooth: Vec<Method> = planned(&[]).into_iter().map(|s| s.method).collect();
+        assert_eq!(smooth, [Method::Residual, Method::Natural]);
+        let friction = planned(&[Trait::Contact, Trait::Friction, Trait::Affine]);
+        let compliance = friction.iter().find(|s| s.method == Method::Compliance).expect("it may come to that");
+        assert_eq!((compliance.when.as_str(), compliance.iterations), ("stiff contact", 8));
+        assert!(planned(&[Trait::Contact]).iter().all(|s| !s.method.is_path() && s.method != Method::LessFriction));
     }
 
     #[test]
