@@ -9,12 +9,12 @@ use wfl::{
 };
 use wfl_compiler::types::FieldKind;
 use wfl_runtime::{
-    newton::planned_stages,
     FIXED, LinearSolver, RuleChoice, Scene, contact_forms,
     element::Family,
     field::FieldSpace,
     mesh::{self, RegionSet},
     n_files,
+    newton::planned_stages,
 };
 use wfl_tasks::{Loaded, advice::contact::warnings};
 

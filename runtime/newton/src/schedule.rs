@@ -166,7 +166,8 @@ pub fn planned_stages(system: &System, contact: &Contact, options: NewtonOptions
         return planned(&[]).into_iter().take(1).collect();
     }
     let known = traits_of(system, contact, false).into_iter();
-    let known: Vec<Trait> = known.filter(|t| t.is_of_the_scene() && (*t != Trait::Contact || !contact.is_empty())).collect();
+    let known: Vec<Trait> =
+        known.filter(|t| t.is_of_the_scene() && (*t != Trait::Contact || !contact.is_empty())).collect();
     planned(&known)
 }
 
