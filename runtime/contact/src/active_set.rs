@@ -130,7 +130,7 @@ impl ContactTerm {
 
     /// The branches that follow from those of `data`.
     pub(super) fn next_branches(&self, law: &Complementarity, state: &ProjectionState, data: &[f64]) -> Vec<f64> {
-        let mut next = data.to_vec();
+        let (mut next, mut x) = (data.to_vec(), Vec::new());
         for (data, out) in next.chunks_exact_mut(self.n_data).zip(state.points()) {
             for (k, p) in self.projections.iter().enumerate() {
                 let choice = Choice {
@@ -139,7 +139,7 @@ impl ContactTerm {
                     overstress: self.scaling.overstress(k, law.regularisation.overstress),
                     friction: law.regularisation.friction,
                 };
-                choice.apply(p, out, data);
+                choice.apply(p, out, &mut x, data);
             }
         }
         next
@@ -147,10 +147,10 @@ impl ContactTerm {
 
     /// The branches of the projections as they are written, whose inner ones are on those of `data`.
     fn written_branches(&self, state: &ProjectionState, data: &[f64], friction: f64) -> Vec<f64> {
-        let mut next = data.to_vec();
+        let (mut next, mut x) = (data.to_vec(), Vec::new());
         for (data, out) in next.chunks_exact_mut(self.n_data).zip(state.points()) {
             for p in &self.projections {
-                Choice::as_written(friction).apply(p, out, data);
+                Choice::as_written(friction).apply(p, out, &mut x, data);
             }
         }
         next
@@ -174,9 +174,10 @@ impl Choice {
         Self { ratio: None, compliance: 0.0, overstress: 0.0, friction }
     }
 
-    /// Writes the branch data of a projection at a point where its law gives `out`.
-    fn apply(&self, p: &Projection, out: &[f64], data: &mut [f64]) {
-        let x: Vec<f64> = out[p.output..][..p.n].iter().map(|x| (1.0 - self.compliance) * x).collect();
+    /// Writes the branch data of a projection at a point where its law gives `out`; `x` has room for its argument.
+    fn apply(&self, p: &Projection, out: &[f64], x: &mut Vec<f64>, data: &mut [f64]) {
+        x.clear();
+        x.extend(out[p.output..][..p.n].iter().map(|x| (1.0 - self.compliance) * x));
         match p.kind {
             ProjectionKind::HalfLine => {
                 let t = &out[p.output + p.n..][..p.n];
@@ -191,7 +192,7 @@ impl Choice {
                 let radius = self.friction * out[p.output + p.n];
                 let t = if self.ratio.is_some() { &out[p.output + p.n + 1..][..p.n] } else { &x[..] };
                 let data = &mut data[p.guide..][..BALL_NUMBERS + p.n];
-                ball(&x, t, radius, self.ratio.unwrap_or(1.0), data);
+                ball(x, t, radius, self.ratio.unwrap_or(1.0), data);
                 data[2] = self.friction;
                 data[3] = self.compliance;
                 data[4] = self.overstress;
