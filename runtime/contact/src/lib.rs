@@ -313,13 +313,13 @@ impl Contact {
     }
 
     /// True if contact over-constrains the bodies: it binds their stresses to its traction
-    /// ([`ContactTerm::is_over_constrained`]).
+    /// (theta = -1 far below E/h).
     #[must_use]
     pub fn is_over_constrained(&self) -> bool {
         self.terms.iter().any(ContactTerm::is_over_constrained)
     }
 
-    /// The largest stiffness of the bodies over a slope ([`ContactTerm::stiffness_ratio`]).
+    /// The largest stiffness of the bodies over a slope.
     #[must_use]
     pub fn stiffness_ratio(&self) -> f64 {
         self.terms.iter().fold(0.0, |m, t| m.max(t.stiffness_ratio()))

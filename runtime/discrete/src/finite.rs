@@ -1,7 +1,7 @@
 //! Numbers that must be finite, and the message about one that is not.
 //!
 //! Values given by formulas of a scene (prescribed values, first guesses, known fields, mappings) enter the system
-//! through [`crate::Value::at_positions`] only, which gives [`NotFinite`] instead of such a number. States and
+//! through [`crate::value::Value::at_positions`] only, which gives [`NotFinite`] instead of such a number. States and
 //! residuals pass [`crate::system::System::residual`], which refuses them. Does not decide what a run does then.
 
 use thiserror::Error;

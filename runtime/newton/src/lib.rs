@@ -1,10 +1,10 @@
 //! Newton's method on the assembled problem: exact tangents, damping by a merit function, honest stopping.
 //!
-//! The residual of each field is measured relative to its own scale ([`System::scales`]). An iteration stops at the
-//! tolerance, or at the rounding floor (a multiple of the unit roundoff times |K||u|) and says which. There are three
-//! mechanisms: damped semismooth Newton steps with a choice of merit (`line_search`, `critical_point`), one homotopy in
-//! the regularised law of contact (`homotopy`), and piecewise linear path following (`path_following`). Which of them a
-//! step uses, and when the next takes over, stands in one table (`schedule`).
+//! The residual of each field is measured relative to its own scale ([`wfl_discrete::system::System::scales`]). An
+//! iteration stops at the tolerance, or at the rounding floor (a multiple of the unit roundoff times |K||u|) and says
+//! which. There are three mechanisms: damped semismooth Newton steps with a choice of merit (`line_search`,
+//! `critical_point`), one homotopy in the regularised law of contact (`homotopy`), and piecewise linear path following
+//! (`path_following`). Which of them a step uses, and when the next takes over, stands in one table (`schedule`).
 #![forbid(unsafe_code)]
 
 mod critical_point;

@@ -137,7 +137,7 @@ fn summary(rows: &[Row]) -> String {
     format!(
         "In short: {solved} of {} combinations of method, gamma and fault converge in all load steps ({steps} in total), with\n\
          gamma h/E from 1e-4 to 2e3. The first load step takes at most {first} iterations. The most iterations of any load \
-         step are\n{}. All rows together take {} iterations.",
+         step are\n{}.\nAll rows together take {} iterations.",
         rows.len(),
         methods.join(", "),
         rows.iter().flat_map(|r| &r.counts).sum::<usize>()
