@@ -63,14 +63,14 @@ fn field(
     let name = declared.name.name.clone();
     let kind = kind(&declared.kind);
     let shape = shape(&declared.space.rank, env, diagnostics)?;
-    if let Place::Global(_) = declared.space.place {
-        let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Global };
-        return Some((field, FieldSig { name, shape, degree: 0, kind, global: true }));
-    }
-    if kind == FieldKind::State {
-        let space = state_points(declared, mesh, regions, diagnostics)?;
-        let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Points(space) };
-        return Some((field, FieldSig { name, shape, degree: 0, kind, global: false }));
+    let global = matches!(declared.space.place, Place::Global(_));
+    if global || kind == FieldKind::State {
+        let space = match global {
+            true => FieldSpace::Global,
+            false => FieldSpace::Points(state_points(declared, mesh, regions, diagnostics)?),
+        };
+        let field = Field { name: name.clone(), kind, n_components: shape.len(), space };
+        return Some((field, FieldSig { name, shape, degree: 0, kind, global }));
     }
     let (degree, family) = match &declared.space.element {
         None => (1, Family::Continuous),
@@ -85,10 +85,8 @@ fn field(
             Space::on_facets(mesh, topology, &facets, degree, family)
         }
         RegionSet::Nodes(_) => {
-            diagnostics.push(
-                Diagnostic::new("E405", "a field is defined on cells or faces, not on nodes")
-                    .at(declared.space.span, ""),
-            );
+            let d = Diagnostic::new("E405", "a field is defined on cells or faces, not on nodes");
+            diagnostics.push(d.at(declared.space.span, ""));
             return None;
         }
     };
@@ -96,11 +94,11 @@ fn field(
         Ok(mut space) => {
             // all tears at once: where one ends on another, three nodes are needed
             let facets = torn(script, &name, topology, regions, diagnostics);
+            if let Some(d) = untearable(script, &name, &space).filter(|_| !facets.is_empty()) {
+                diagnostics.push(d);
+                return None;
+            }
             if !facets.is_empty() {
-                if let Some(d) = untearable(script, &name, &space) {
-                    diagnostics.push(d);
-                    return None;
-                }
                 space.split(topology, &facets);
             }
             let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Nodal(space) };
