@@ -17,6 +17,10 @@ use crate::{
     mesh::RegionSet,
 };
 
+/// What a scene calls the parameter of a penalty method. A penalty changes the solution, and a stiffness of another name
+/// may be that of a real one-sided spring: to raise it would solve another problem. A consistent method needs no name,
+/// because its solution does not depend on the parameter.
+const PENALTY: &str = "gamma";
 /// Least number of contact faces.
 const LEAST_FACES: f64 = 4.0;
 
@@ -102,7 +106,11 @@ impl Ways {
         let plain = given.is_some_and(|p| matches!(p.value.kind, ExprKind::Number(_)));
         let value = scene.params.iter().find(|p| p.0 == name).and_then(|p| p.1.values.first().copied());
         let Some(value) = value.filter(|_| plain) else { return };
-        self.role = if is_consistent(&scene.system, &scene.contact) { Role::Consistent } else { Role::Penalty };
+        self.role = match is_consistent(&scene.system, &scene.contact) {
+            true => Role::Consistent,
+            false if name == PENALTY => Role::Penalty,
+            false => return,
+        };
         (self.parameter, self.value) = (name, value);
     }
 

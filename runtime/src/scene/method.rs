@@ -2,7 +2,7 @@
 //!
 //! Found from the terms as they are compiled (`wfl_compiler::scaling_parameters`), on request. Promises: a parameter
 //! that a term on cells names is none, since it says what the bodies are made of. Does not know whether a stiffness
-//! stands for contact or for a real one-sided spring: a scene that computes a parameter keeps it out of this.
+//! stands for contact or for a real one-sided spring: who changes the solution by it must ask for more than this.
 
 use std::collections::BTreeSet;
 
@@ -73,8 +73,13 @@ fn scaling(env: &Env<'_>, place: &PlaceSig, source: TermSource<'_>) -> Vec<BTree
 mod tests {
     use std::path::Path;
 
-    use wfl::{NoFiles, SourceMap, resolve};
+    use wfl::{NoFiles, ResolvedScript, SourceMap, resolve};
     use wfl_compiler::InterpreterBackend;
+
+    use crate::{
+        Scene,
+        accuracy::{Role, Ways},
+    };
 
     const BLOCK: &str = "wfl 1
 param E = 100
@@ -90,14 +95,35 @@ fix u(1) = 0 on top
 load u = [0,-1] on top
 ";
 
+    fn role(terms: &str) -> Role {
+        let (script, scene) = prepared(terms);
+        Ways::of(&script, &scene).role
+    }
+
+    #[test]
+    fn a_stiffness_of_another_name_is_not_taken_for_a_penalty() {
+        let law =
+            |name: &str| format!("param {name} = 300\nterm law on floor : pos_part({name}*u.Normal)*(Test_u.Normal)");
+        assert_eq!(role(&law("gamma")), Role::Penalty);
+        assert_eq!(role(&law("k_spring")), Role::None);
+        // the solution of a consistent method does not depend on its parameter, whatever its name
+        let nitsche = "term contact on floor : pos_part(slope*u.Normal - (stress(u)*Normal).Normal)*(Test_u.Normal)";
+        assert_eq!(role(nitsche), Role::Consistent);
+    }
+
     fn parameter(terms: &str) -> Option<String> {
+        let (script, scene) = prepared(terms);
+        scene.method_parameter(&script)
+    }
+
+    fn prepared(terms: &str) -> (ResolvedScript, Scene) {
         let mut sources = SourceMap::new();
         let main = sources.add("scene.wfl", format!("{BLOCK}{terms}"));
         let script = resolve(&mut sources, main, &mut NoFiles, &[]);
         let script = script.value.unwrap_or_else(|| panic!("{:?}", script.diagnostics));
         let made = crate::prepare(&script, Path::new("."), &InterpreterBackend);
         let scene = made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics));
-        scene.method_parameter(&script)
+        (script, scene)
     }
 
     #[test]
