@@ -25,6 +25,7 @@ mod matrix_fn;
 mod ops;
 mod pieces;
 mod print;
+mod random;
 mod real;
 mod scalar;
 mod sign;

@@ -10,7 +10,7 @@
 //!
 //! Here the projections are found and the term is compiled a second time with each of them replaced by its held
 //! piece, an affine function of its argument whose numbers (*guides*) are inputs; the runtime fills them in
-//! (`runtime/src/newton/pieces.rs`). A converged state solves the term as written: only the path to it changes.
+//! (`runtime/contact`). A converged state solves the term as written: only the path to it changes.
 //!
 //! Pieces, of `x' = (1 - d) x`: half-line, entry by entry: `p = m ? x' : 0`. Ball: `p = s ? x' : f a e + k (x' - e (e.x'))`.
 //! The factor `f` on the radius is 1 but for continuation in the friction; `d` is 0 but while contact is soft: with

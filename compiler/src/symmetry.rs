@@ -9,6 +9,7 @@ use crate::{
     interp::interpret,
     ir::Val,
     law::TermLaw,
+    random::Random,
     types::{BasisSlot, InputSlot},
 };
 
@@ -38,15 +39,8 @@ const SYMMETRY_SAMPLES: usize = 24;
 const SYMMETRY_TOLERANCE: f64 = 1e-11;
 
 fn sampled_symmetric(law: &TermLaw, mirror: &BTreeMap<usize, usize>) -> bool {
-    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
-    let mut random = move || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        #[expect(clippy::cast_precision_loss, reason = "53 random bits")]
-        let unit = (state >> 11) as f64 / (1u64 << 53) as f64;
-        2.0 * unit - 1.0
-    };
+    let mut generator = Random::new(0);
+    let mut random = move || generator.next();
     let kernel = law.tangent.kernel();
     let mut values = Vec::new();
     let mut outputs = vec![0.0; kernel.outputs.len()];

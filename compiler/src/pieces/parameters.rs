@@ -24,6 +24,7 @@ use crate::{
     interp::interpret,
     law::{Listing, ValueLaw},
     lower::Lowering,
+    random::Random,
     real::Real,
     symmetry::unit_normals,
     term::{TermSource, listing_of, tangent_of, values_law},
@@ -184,15 +185,8 @@ impl Symbolic {
 
     /// The outputs at a random state; the parameter is near its value, or near 1 if that is 0.
     fn sample(&self, law: &ValueLaw, value: f64, sample: u64) -> Vec<Dd> {
-        let mut state = 0x9e37_79b9_7f4a_7c15_u64 ^ (sample << 32);
-        let mut random = || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            #[expect(clippy::cast_precision_loss, reason = "53 random bits")]
-            let unit = (state >> 11) as f64 / (1u64 << 53) as f64;
-            2.0 * unit - 1.0
-        };
+        let mut generator = Random::new(sample);
+        let mut random = || generator.next();
         random();
         let parameter = if value == 0.0 { 1.0 } else { value } * 2f64.powf(random());
         let mut inputs: Vec<f64> = law.inputs.iter().map(|_| random()).collect();
