@@ -360,6 +360,21 @@ fn a_step_that_does_not_converge_is_marked() {
     assert_eq!(report["steps"][0]["stop"], "maxit");
 }
 
+/// Bodies that are not linear, whose attempts and predictors once stood in no time.
+#[test]
+fn times_add_up_to_the_whole() {
+    let folder = Folder::new("times");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/hyperelastic/contact.wfl");
+    let output = folder.wfl(&["run", scene, "cells=[4,4,4]", "fric=0.3", "--out", "out/scene"]);
+    assert_eq!(code(&output), 0, "{}", said(&output));
+    let times = folder.report("out/scene")["timings"].clone();
+    let of = |(name, value): (&String, &Value)| (name != "total").then(|| value.as_f64().expect("seconds"));
+    let parts: f64 = times.as_object().expect("names").iter().filter_map(of).sum();
+    let part = parts / times["total"].as_f64().expect("seconds");
+    // what is missing are milliseconds of start-up, whatever the run takes; nothing is counted twice
+    assert!((0.85..=1.0).contains(&part), "{part}: {times}");
+}
+
 #[test]
 fn an_expectation_that_does_not_hold_fails_the_run() {
     let folder = Folder::new("expect");

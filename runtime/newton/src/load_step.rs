@@ -39,6 +39,8 @@ pub struct LoadStep<'a> {
 /// What a step costs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spent {
+    /// Newton iterations: those that are listed, the start aside.
+    pub iterations: usize,
     /// Linear systems that were solved: corrections, predictors, merits and paths.
     pub linear_solves: usize,
     /// Seconds of factorisations.
@@ -236,6 +238,7 @@ impl LoadStep<'_> {
             contact,
             fingerprint,
         };
+        self.spent.iterations += usize::from(number > 0);
         self.watch.iteration(&iteration);
         history.iterations.push(iteration);
     }

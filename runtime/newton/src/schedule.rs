@@ -95,7 +95,7 @@ const fn stage(
     Stage { method, budget, stall, undamped: 0, with, without }
 }
 
-/// The schedule. Budgets were chosen on `docs/newton.md`; half or double of each changes its totals little.
+/// The schedule. `docs/newton.md` has what it does.
 const SCHEDULE: &[Stage] = {
     use Method as M;
     use Trait::{Affine, Contact, Friction, OverConstrained, Stiff, Warm};

@@ -183,7 +183,8 @@ pub struct Timings {
     pub measure: f64,
     /// Writing results, as far as the run waits for it.
     pub write: f64,
-    /// From start to end: the sum of the others but for about a hundredth.
+    /// From start to end of this process: the sum of the others and some milliseconds of start-up. The others include
+    /// what was spent before a run was resumed.
     pub total: f64,
 }
 

@@ -393,6 +393,7 @@ fn attempt(w: &mut Writer, a: &Attempt) {
     w.flag(a.path == Path::Load);
     w.numbers(&[a.part.0, a.part.1]);
     w.count(a.iterations);
+    w.count(a.linear_solves);
     let (kind, why) = match &a.end {
         AttemptEnd::Converged => (0, ""),
         AttemptEnd::NotConverged => (1, ""),
@@ -405,7 +406,7 @@ fn attempt(w: &mut Writer, a: &Attempt) {
 fn read_attempt(r: &mut Reader<'_>) -> Result<Attempt, Unreadable> {
     let path = if r.flag()? { Path::Load } else { Path::Steps };
     let [from, to] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-    let iterations = r.count()?;
+    let (iterations, linear_solves) = (r.count()?, r.count()?);
     let (kind, why) = (r.count()?, r.text()?);
     let end = match kind {
         0 => AttemptEnd::Converged,
@@ -413,5 +414,5 @@ fn read_attempt(r: &mut Reader<'_>) -> Result<Attempt, Unreadable> {
         2 => AttemptEnd::Failed(why),
         _ => return Err(Unreadable),
     };
-    Ok(Attempt { path, part: (from, to), iterations, end })
+    Ok(Attempt { path, part: (from, to), iterations, linear_solves, end })
 }

@@ -167,7 +167,7 @@ impl StepResult {
     /// Linear systems that were solved for the step: predictors and attempts that came to nothing included.
     #[must_use]
     pub fn iterations(&self) -> usize {
-        self.attempts.iter().map(|a| a.iterations).sum()
+        self.attempts.iter().map(|a| a.linear_solves).sum()
     }
 
     /// The attempts where one was not enough.
@@ -176,7 +176,8 @@ impl StepResult {
         if self.attempts.len() > 1 { &self.attempts } else { &[] }
     }
 
-    /// Iterations of the attempts that came to nothing; 0 where one attempt was enough.
+    /// Newton iterations of the attempts that came to nothing, which [`FRUITLESS`] limits; 0 where one attempt was
+    /// enough.
     #[must_use]
     pub fn fruitless(&self) -> usize {
         self.attempts.iter().filter(|a| a.end != AttemptEnd::Converged).map(|a| a.iterations).sum()
@@ -308,10 +309,11 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
         identity: identity.hash(),
         bad: Vec::new(),
     };
+    let opening = begin.elapsed().as_secs_f64();
     if let Some(dir) = &dir {
         run.take_up(scene, options, &identity, &mut files, dir, progress)?;
     }
-    run.clock.write += begin.elapsed().as_secs_f64();
+    run.clock.write += opening;
     let ended = run.all_steps(scene, options, &mut files, progress);
     let done = run.steps.len() == scene.steps.values.len() && run.steps.iter().all(|s| s.history.converged());
     let finished = match ended {

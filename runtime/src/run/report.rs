@@ -235,7 +235,7 @@ fn attempt_report(attempt: &Attempt) -> AttemptReport {
         },
         from: attempt.part.0,
         to: attempt.part.1,
-        iterations: attempt.iterations as u64,
+        iterations: attempt.linear_solves as u64,
         converged,
         error,
     }

@@ -77,8 +77,10 @@ pub struct Attempt {
     pub path: Path,
     /// Start and end of the part; 0 is the start of the step, 1 its end.
     pub part: (f64, f64),
-    /// Linear systems that were solved in it, predictors included.
+    /// Newton iterations.
     pub iterations: usize,
+    /// Linear systems that were solved in it: a breakpoint of a path takes up to two, a predictor one.
+    pub linear_solves: usize,
     /// What came of it.
     pub end: AttemptEnd,
 }
@@ -222,7 +224,7 @@ impl Stepper {
         if parts.path == Path::Load && parts.load.is_none() {
             parts.load = load_start(&scene.system, u);
         }
-        parts.fruitless += self.spent.linear_solves;
+        parts.fruitless += self.spent.iterations;
         let patient = parts.fruitless <= FRUITLESS * scene.newton.max_iterations;
         if !patient || self.level == parts.halve || (parts.path == Path::Load && parts.load.is_none()) {
             return false;
@@ -486,7 +488,8 @@ impl Parts {
             Err(e) => AttemptEnd::Failed(e.to_string()),
         };
         let part = (self.part(span.from), self.part(span.to));
-        self.attempts.push(Attempt { path: self.path, part, iterations: spent.linear_solves, end });
+        let Spent { iterations, linear_solves, .. } = spent;
+        self.attempts.push(Attempt { path: self.path, part, iterations, linear_solves, end });
     }
 
     /// A part is done; its history tells of the parts before, too.
