@@ -19,7 +19,7 @@ pub fn constant(env: &Env<'_>, what: &str, expr: &Expr) -> Checked<Constant> {
         kind: PlaceKind::Global,
         here: vec![false; env.fields.len()],
         there: vec![false; env.fields.len()],
-        tensor_cells: false,
+        entities: Vec::new(),
         description: "no place".to_owned(),
         here_name: None,
     };

@@ -279,7 +279,7 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
     let (residual, tangent, energy, prologue) = emitter.finish(residual, tangent, energy, uniform_slots, name);
 
     let root = listing.residual.unwrap_or(listing.tangent);
-    let degree = degree(&g, root, env.fields, place.tensor_cells);
+    let degree = degree(&g, root, env.fields, place);
     let mut law = TermLaw {
         name: name.to_owned(),
         class,
@@ -423,7 +423,7 @@ fn compile_built(
 pub(crate) fn value_of(env: &Env<'_>, place: &PlaceSig, name: &str, g: Graph, root: ExprId) -> ValueLaw {
     let mut lowering = Lowering::new(&g);
     let outputs = lowering.values(root);
-    let degree = degree(&g, root, env.fields, place.tensor_cells);
+    let degree = degree(&g, root, env.fields, place);
     values_law(env.fields, name, lowering, &outputs, g.shape(root), degree)
 }
 

@@ -227,6 +227,30 @@ pub enum PlaceKind {
     Global,
 }
 
+/// The shape of the cells or faces that integrals are taken over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct EntityGeometry {
+    /// The cells are tensor products of lines, whose gradients keep the full degree; else simplices.
+    pub tensor: bool,
+    /// Dimension of the cells or faces themselves.
+    pub dim: usize,
+    /// Degree of the map from the reference entity, in each variable on tensor products; 0 if it is affine.
+    pub order: usize,
+}
+
+impl EntityGeometry {
+    /// Degree of the determinant of the map on cells, of the normal times the measure on faces; `degree.rs` has the
+    /// derivation.
+    #[must_use]
+    pub fn measure_degree(self) -> usize {
+        match (self.order, self.tensor) {
+            (0, _) => 0,
+            (order, true) => (order * self.dim).saturating_sub(1),
+            (order, false) => (order - 1) * self.dim,
+        }
+    }
+}
+
 /// A place as the compiler knows it.
 #[derive(Clone, Debug)]
 pub struct PlaceSig {
@@ -238,8 +262,8 @@ pub struct PlaceSig {
     pub here: Vec<bool>,
     /// One entry per field: it lives on the side `There`.
     pub there: Vec<bool>,
-    /// True if tensor-product cells occur, whose gradients keep the full degree.
-    pub tensor_cells: bool,
+    /// The shapes of its cells or faces, each once, for the degree of quadrature rules.
+    pub entities: Vec<EntityGeometry>,
     /// What it is in words, for messages: `32 facets of the outer boundary`.
     pub description: String,
     /// Name of the cell region on the side `Here` of an interface, for messages.

@@ -23,7 +23,7 @@ pub use wfl_mesh::{element, mesh, quadrature};
 pub use wfl_newton as newton;
 pub use wfl_sparse::{csr, solve};
 
-pub use checks::{Accuracy, LooseMotions, NegativeBody, Others, PhysicsCheck};
+pub use checks::{Accuracy, Hourglass, LooseMotions, NegativeBody, Others, PhysicsCheck};
 pub use left_out::LeftOut;
 pub use newton::{LinearSolver, Singular};
 pub use pruning::{Pruning, Saving};
@@ -35,7 +35,7 @@ pub use savings::{SavingError, savings};
 pub use scene::{
     CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions,
     RuleChoice, SampleAt, Samples, Scene, SceneBox, StateAt, StateUpdate, Steps, TermSummary, VtkOutput, coercivity,
-    contact_forms, n_files, negative_bodies, prepare, prepare_keeping,
+    contact_forms, hourglasses, n_files, negative_bodies, prepare, prepare_keeping,
 };
 pub use solve::SolverMemory;
 pub use system::{

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use wfl::{Diagnostic, Expander, NoFiles, SourceMap, format, parse_gwfl, render, resolve};
 use wfl_compiler::{
     Constant, Env, TermSource, compile_term,
-    types::{FieldKind, FieldSig, PlaceKind, PlaceSig, Shape},
+    types::{EntityGeometry, FieldKind, FieldSig, PlaceKind, PlaceSig, Shape},
 };
 
 /// A small source of pseudo-random numbers (splitmix64); the same seed gives the same inputs on every machine.
@@ -433,7 +433,7 @@ pub fn run_expression(text: &str, choice: usize) {
         kind,
         here: vec![kind != PlaceKind::Global; fields.len()],
         there: vec![kind == PlaceKind::Interface; fields.len()],
-        tensor_cells: choice.is_multiple_of(2),
+        entities: vec![EntityGeometry { tensor: choice.is_multiple_of(2), dim: 1 + choice % 3, order: choice / 2 % 3 }],
         description: "a region of the fuzzer".to_owned(),
         here_name: None,
     };

@@ -50,7 +50,7 @@ fn place() -> PlaceSig {
         kind: PlaceKind::Interface,
         here: vec![true, false, true, true],
         there: vec![false, true, false, false],
-        tensor_cells: false,
+        entities: Vec::new(),
         description: "an interface".to_owned(),
         here_name: None,
     }

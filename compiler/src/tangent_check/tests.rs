@@ -25,7 +25,7 @@ pub(super) fn law(text: &str, energy: bool) -> TermLaw {
         kind: if energy { PlaceKind::Cells } else { PlaceKind::Facets },
         here: vec![true; 2],
         there: vec![false; 2],
-        tensor_cells: false,
+        entities: Vec::new(),
         description: "a place".to_owned(),
         here_name: None,
     };

@@ -7,6 +7,7 @@
 pub mod consistency;
 mod definite;
 mod digits;
+mod hourglass;
 mod multiplier_law;
 mod physics;
 mod rigid_motions;
@@ -15,6 +16,7 @@ mod uniqueness;
 
 pub use definite::{NegativeBody, negative_bodies};
 pub use digits::{Accuracy, digits};
+pub use hourglass::{Hourglass, hourglasses};
 pub use physics::{PhysicsCheck, balance, conditions, rests};
 pub use rigid_motions::LooseMotions;
 pub use uniqueness::{Others, others};

@@ -8,6 +8,7 @@
 
 mod contact;
 mod finer;
+pub(crate) use finer::with_rule;
 
 use nalgebra::DMatrix;
 use wfl_compiler::{Class, types::FieldKind};

@@ -16,7 +16,10 @@ use wfl_runtime::{
     n_files,
     newton::planned_stages,
 };
-use wfl_tasks::{Loaded, advice::contact::warnings};
+use wfl_tasks::{
+    Loaded,
+    advice::{contact::warnings, hourglass},
+};
 
 use crate::{
     accuracy,
@@ -34,6 +37,7 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
     let parse = started.elapsed().as_secs_f64();
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
     let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
+    loaded.messages.extend(hourglass::rules(&loaded, &mut scene));
     let forms = contact_forms(&mut scene);
     loaded.messages.extend(warnings(&loaded, &forms));
     print_all(&loaded.messages, &loaded.sources);
@@ -210,7 +214,7 @@ fn parameters(loaded: &Loaded, scene: &Scene) -> Table {
 
 /// The classes and kernels of all terms; also the view `terms` of `wfl show`.
 pub(crate) fn terms(scene: &Scene) -> Table {
-    let columns = ["name", "on", "class", "symmetric", "kinks", "rule", "points", "residual", "tangent"];
+    let columns = ["name", "on", "class", "symmetric", "kinks", "rule", "points", "why", "residual", "tangent"];
     let mut table = Table::new("terms", &columns);
     for (summary, term) in scene.terms.iter().zip(&scene.system.terms) {
         let rule = match summary.rule {
@@ -225,6 +229,7 @@ pub(crate) fn terms(scene: &Scene) -> Table {
             term.law.kinks.len().into(),
             rule.into(),
             summary.n_points.into(),
+            summary.why.clone().into(),
             summary.instructions.0.into(),
             summary.instructions.1.into(),
         ]);

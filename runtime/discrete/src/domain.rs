@@ -4,9 +4,9 @@
 //! one orientation towards the neighbour) have the same reference points, so basis tables are made once a group;
 //! entities of a group are processed [`LANES`] at a time. Weights are those of the reference entity.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use wfl_compiler::ir::LANES;
+use wfl_compiler::{ir::LANES, types::EntityGeometry};
 
 use crate::space::{Space, Support};
 use wfl_mesh::{
@@ -14,6 +14,28 @@ use wfl_mesh::{
     mesh::{CellId, CellKind, FacetRef, Image, Mesh, MeshError, RegionSet, neighbour_points},
     quadrature::{Rule, facet_points},
 };
+
+/// The shapes of the entities of a region, each once, sorted: what the degree of their quadrature rule depends on.
+#[must_use]
+pub fn entity_geometries(mesh: &Mesh, region: &RegionSet) -> Vec<EntityGeometry> {
+    let of_cell = |cell: CellId| EntityGeometry {
+        tensor: !mesh.kind(cell).is_simplex(),
+        dim: mesh.dim(),
+        order: mesh.map_order(cell),
+    };
+    let of_facet = |facet: FacetRef| EntityGeometry {
+        dim: mesh.dim() - 1,
+        order: mesh.facet_map_order(facet),
+        ..of_cell(facet.cell)
+    };
+    let shapes: BTreeSet<EntityGeometry> = match region {
+        RegionSet::Cells(cells) => cells.iter().map(|c| of_cell(*c)).collect(),
+        RegionSet::Facets(facets) => facets.iter().map(|f| of_facet(*f)).collect(),
+        RegionSet::Interface(pairs) => pairs.iter().map(|p| of_facet(p.here)).collect(),
+        RegionSet::Nodes(_) => BTreeSet::new(),
+    };
+    shapes.into_iter().collect()
+}
 
 /// One side of a group: cells with the same reference points.
 #[derive(Clone, Debug)]

@@ -1,7 +1,7 @@
 //! Compiled laws on their points: kernels, quadrature points and bindings of every term, and the terms of contact.
 //! Does not compile expressions and does not number unknowns.
 
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 
 use wfl::{Diagnostic, Span};
 use wfl_compiler::{
@@ -62,7 +62,9 @@ impl Builder<'_> {
         let kernels = self.kernels(&laws)?;
         // an exact rule gives the same with more points; states have values at the points of their region's rule
         let raised = self.keep.contains(&Pruning::Quadrature) && self.fields.iter().all(|f| f.kind != FieldKind::State);
-        let least = |law: &TermLaw| if raised && law.class <= Class::Linear { highest } else { 0 };
+        let least =
+            |law: &TermLaw| if raised && law.class <= Class::Linear && law.degree.is_exact() { highest } else { 0 };
+        let reasons = self.reasons(&laws);
         let mut domains = Domains::new();
         let mut made = Assembled { terms: Vec::new(), summaries: Vec::new(), contact: Vec::new() };
         let mut complete = true;
@@ -80,7 +82,8 @@ impl Builder<'_> {
             let slots = LawSlots { inputs: &placed.law.inputs, tests: &placed.law.tests, trials: &placed.law.trials };
             match Binding::new(&self.mesh, &domain, &self.fields, slots) {
                 Ok(binding) => {
-                    made.summaries.push(summary(&placed, choice, &domain));
+                    let why = why(&placed, choice, &reasons);
+                    made.summaries.push(summary(&placed, choice, why, &domain));
                     self.add_term(placed, kernels, Integrator { domain, binding }, numbering, &mut made);
                 }
                 Err(e) => {
@@ -90,6 +93,22 @@ impl Builder<'_> {
             }
         }
         complete.then_some(made)
+    }
+
+    /// By region: that a statement gives its rule, or the term that asks for the highest degree.
+    fn reasons(&self, laws: &[PlacedLaw]) -> Reasons {
+        let mut reasons = Reasons::new();
+        for law in laws {
+            let (degree, name) = (law.law.degree.rule(), law.law.name.clone());
+            let slot = reasons.entry(law.place.clone()).or_insert_with(|| Reason::Term(degree, name.clone()));
+            if matches!(slot, Reason::Term(known, _) if *known < degree) {
+                *slot = Reason::Term(degree, name);
+            }
+        }
+        for place in self.script.quadratures.iter().flat_map(|q| &q.places) {
+            reasons.insert(place.name.clone(), Reason::Given);
+        }
+        reasons
     }
 
     /// The kernels of all laws, compiled at once; `None` after a message.
@@ -177,13 +196,39 @@ impl Builder<'_> {
     }
 }
 
-fn summary(placed: &PlacedLaw, choice: RuleChoice, domain: &Domain) -> TermSummary {
+/// Why a region has its rule.
+enum Reason {
+    /// A statement says so.
+    Given,
+    /// The highest degree, and the term that asks for it.
+    Term(usize, String),
+}
+
+/// By region.
+type Reasons = BTreeMap<String, Reason>;
+
+/// Why a term has its rule, in words.
+fn why(placed: &PlacedLaw, choice: RuleChoice, reasons: &Reasons) -> String {
+    let own = placed.law.degree;
+    match (choice, reasons.get(&placed.place)) {
+        _ if placed.at_nodes.is_some() => "at nodes".to_owned(),
+        (_, Some(Reason::Given)) => "given".to_owned(),
+        (RuleChoice::Degree(degree), _) if degree == own.rule() => own.why().to_owned(),
+        (RuleChoice::Degree(degree), Some(Reason::Term(highest, name))) if degree == *highest => {
+            format!("that of `{name}`")
+        }
+        _ => "shared with other terms".to_owned(),
+    }
+}
+
+fn summary(placed: &PlacedLaw, choice: RuleChoice, why: String, domain: &Domain) -> TermSummary {
     TermSummary {
         name: placed.law.name.clone(),
         place: placed.place.clone(),
         class: placed.law.class,
         symmetric: placed.law.symmetric,
         rule: choice,
+        why,
         n_points: domain.groups.iter().map(|g| g.weights.len()).max().unwrap_or(0),
         instructions: (placed.law.residual.kernel().insts.len(), placed.law.tangent.kernel().insts.len()),
     }

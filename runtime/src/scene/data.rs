@@ -2,7 +2,7 @@
 
 use super::Scene;
 use crate::{
-    checks::{self, NegativeBody},
+    checks::{self, Hourglass, NegativeBody},
     consistency::{self, ContactForm},
     contact::{Coercivity, coercivity as of_contact},
     system::{System, SystemError},
@@ -25,6 +25,16 @@ pub fn coercivity(scene: &mut Scene) -> Result<Vec<Coercivity>, SystemError> {
 pub fn negative_bodies(scene: &mut Scene) -> Result<Vec<NegativeBody>, SystemError> {
     begin_first_step(scene)?;
     Ok(checks::negative_bodies(&scene.system))
+}
+
+/// The kinds of cells on which the terms at these positions leave deformations without stiffness because of their rule,
+/// at the first step of a scene. Nothing is assembled but single cells.
+///
+/// # Errors
+/// [`SystemError`] where a known field has no finite value.
+pub fn hourglasses(scene: &mut Scene, given: &[usize]) -> Result<Vec<Hourglass>, SystemError> {
+    begin_first_step(scene)?;
+    Ok(checks::hourglasses(&scene.system, given))
 }
 
 /// Brings known fields and laws to the first step.

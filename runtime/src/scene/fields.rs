@@ -10,7 +10,7 @@ use wfl_compiler::{
 };
 
 use crate::{
-    assemble::Domain,
+    assemble::{Domain, entity_geometries},
     element::Family,
     field::{Field, FieldSpace},
     mesh::{FacetRef, Mesh, RegionSet, Topology},
@@ -291,7 +291,7 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
         kind,
         here,
         there,
-        tensor_cells: mesh.kinds().iter().any(|k| !k.is_simplex()),
+        entities: entity_geometries(mesh, &region.set),
         description,
         here_name: region.here_name.clone(),
     }
@@ -304,7 +304,7 @@ pub(super) fn global_place(n_fields: usize) -> PlaceSig {
         kind: PlaceKind::Global,
         here: vec![false; n_fields],
         there: vec![false; n_fields],
-        tensor_cells: false,
+        entities: Vec::new(),
         description: "no place: numbers and global unknowns".to_owned(),
         here_name: None,
     }

@@ -337,7 +337,7 @@ pub(super) fn position_place(n_fields: usize) -> PlaceSig {
         kind: PlaceKind::Cells,
         here: vec![false; n_fields],
         there: vec![false; n_fields],
-        tensor_cells: true,
+        entities: Vec::new(),
         description: "a set of positions".to_owned(),
         here_name: None,
     }

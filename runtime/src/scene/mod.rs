@@ -60,7 +60,7 @@ use crate::{
 use batch::Batch;
 use build::Findings;
 pub use constraints::Prescribed;
-pub use data::{coercivity, contact_forms, negative_bodies};
+pub use data::{coercivity, contact_forms, hourglasses, negative_bodies};
 pub(crate) use data::{node_positions, set_data};
 pub use held::Printed;
 pub use inputs::InputFile;
@@ -106,6 +106,8 @@ pub struct TermSummary {
     pub symmetric: bool,
     /// The rule of its region.
     pub rule: RuleChoice,
+    /// Why it is that rule.
+    pub why: String,
     /// Points of that rule in the largest group.
     pub n_points: usize,
     /// Instructions of its residual and tangent kernels.

@@ -1,9 +1,9 @@
 //! Values that are not terms: initial guesses, given fields, measures.
 
 use wfl::{DataValue, Diagnostic, Span, StartKind, ast::Reduction, at_expr};
-use wfl_compiler::{compile_value, types::FieldKind, without_fields};
+use wfl_compiler::{ValueLaw, compile_value, types::FieldKind, without_fields};
 
-use super::{Builder, InputFile, Measure, RuleChoice, mappings, mesh, mesh::unread, terms};
+use super::{Builder, InputFile, Measure, RuleChoice, mappings, mesh, mesh::unread, states::states_read, terms};
 use crate::{
     assemble::FieldValues,
     finite::{BadGiven, BadMeasure},
@@ -164,6 +164,20 @@ impl Builder<'_> {
         out
     }
 
+    /// The rule of the terms on the place, so that measured forces are those that act and states are met; a higher one for
+    /// the integral of a polynomial that this rule does not integrate exactly.
+    fn rule_of_measure(&self, measure: &wfl::Measure, law: &ValueLaw, place: &str, rules: &terms::Rules) -> RuleChoice {
+        let own = law.degree.rule();
+        let given = self.script.quadratures.iter().flat_map(|q| &q.places).any(|p| p.name == place);
+        let summed = matches!(measure.reduction, Reduction::Integral | Reduction::Mean);
+        let free = !given && summed && law.degree.is_exact() && states_read(&self.fields, &law.inputs).next().is_none();
+        match rules.get(place).copied() {
+            Some(RuleChoice::Degree(degree)) if free => RuleChoice::Degree(degree.max(own)),
+            Some(choice) => choice,
+            None => RuleChoice::Degree(own),
+        }
+    }
+
     pub(super) fn measures(&mut self, rules: &terms::Rules) -> Vec<Measure> {
         let mut out = Vec::new();
         for measure in &self.script.measures {
@@ -179,8 +193,7 @@ impl Builder<'_> {
                     self.diagnostics.push(at_expr(d, &measure.expr, self.env.expansions, law.shape.to_string()));
                     continue;
                 }
-                // the rule of the terms there, so that measured forces are those that act and states are met
-                let choice = rules.get(&place.name).copied().unwrap_or(RuleChoice::Degree(law.degree.rule()));
+                let choice = self.rule_of_measure(measure, &law, &place.name, rules);
                 let there = mappings::fields_there(&law.inputs, []);
                 let at = (place.name.clone(), set, law.mapping.map(|mapping| mappings::Through { mapping, there }));
                 let Some(domain) = self.domain(&at, choice, measure.expr.span) else { continue };

@@ -182,7 +182,7 @@ impl Rest<'_> {
             kind,
             here: vec![true; n],
             there: vec![kind == PlaceKind::Interface; n],
-            tensor_cells: true,
+            entities: Vec::new(),
             description: description.to_owned(),
             here_name: None,
         })

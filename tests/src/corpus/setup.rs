@@ -9,7 +9,7 @@ use wfl_compiler::{
 };
 
 use wfl_runtime::{
-    assemble::{Binding, Bound, Domain, FieldValues, LawSlots, Workspace},
+    assemble::{Binding, Bound, Domain, FieldValues, LawSlots, Workspace, entity_geometries},
     element::Family,
     field::{Field, FieldSpace},
     mesh::{CellId, CellKind, FacetRef, InterfaceFacet, Mesh, RawMesh, RegionSet, Topology},
@@ -171,7 +171,7 @@ fn place(mesh: &Mesh, region: &RegionSet) -> PlaceSig {
         kind,
         here: Vec::new(),
         there: Vec::new(),
-        tensor_cells: mesh.kinds().iter().any(|k| !k.is_simplex()),
+        entities: entity_geometries(mesh, region),
         description,
         here_name: None,
     }

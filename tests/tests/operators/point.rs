@@ -62,7 +62,7 @@ pub(crate) fn compile_on(text: &str, dim: usize, what: As, kind: PlaceKind) -> R
         kind,
         here: vec![true; FIELDS.len()],
         there: vec![kind == PlaceKind::Interface; FIELDS.len()],
-        tensor_cells: false,
+        entities: Vec::new(),
         description: "a region of the test".to_owned(),
         here_name: None,
     };

@@ -190,6 +190,17 @@ pub(super) const PAGES: &[CodePage] = &[
         "def Pn = gamma*(jump(uL,uR).Normal) - trac(uL).Normal",
     ),
     page(
+        "W511",
+        "a quadrature rule that leaves hourglass modes",
+        "The degree in `quadrature` gives so few points in a cell that some deformations have no strain at any of them, \
+         and so no stiffness. The tangent of one cell has fewer nonzero singular values than under a finer rule. If \
+         nothing else holds these deformations the system is singular; if it is regular, they may still be large and \
+         alternate from cell to cell. The message has the least degree without them. Without the statement the degree \
+         follows from the terms.",
+        "unknown u : vector Q2\nterm body on all : Sym(Grad_u):Grad_Test_u\nquadrature on all degree 3",
+        "unknown u : vector Q2\nterm body on all : Sym(Grad_u):Grad_Test_u\nquadrature on all degree 4",
+    ),
+    page(
         "W602",
         "a cycle of active sets",
         "Newton's method met the same active set again at the same load: some points alternate between stick and slip, \

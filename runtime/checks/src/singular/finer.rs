@@ -5,8 +5,9 @@ use std::sync::Arc;
 use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
 
 use crate::Examined;
-use wfl_discrete::assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots};
-use wfl_mesh::mesh::RegionSet;
+use wfl_discrete::assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots, tangent_kernel};
+use wfl_discrete::system::System;
+use wfl_mesh::mesh::{CellId, RegionSet};
 use wfl_mesh::quadrature::{rule, vertex};
 use wfl_newton::Singular;
 
@@ -27,6 +28,10 @@ impl Examined<'_> {
         for degree in 1..=2 * f.degree() + 2 {
             let finer: Option<Vec<AssembledTerm>> = terms.iter().map(|t| self.with_degree(t, degree)).collect();
             let mut finer = finer?;
+            // a rule with fewer points may see this vector, and not see others
+            if finer.iter().flat_map(|t| &t.integrator.domain.groups).any(|g| g.n_points() <= points) {
+                continue;
+            }
             if !self.has_energy(&mut finer, vector, u)? {
                 continue;
             }
@@ -47,24 +52,8 @@ impl Examined<'_> {
 
     /// A term on cells under a rule of some degree, interpreted.
     fn with_degree(&self, term: &AssembledTerm, degree: usize) -> Option<AssembledTerm> {
-        let law = term.law.clone();
         let cells = term.integrator.domain.groups.iter().flat_map(|g| g.here.cells.iter().copied()).collect();
-        let make = |kind| rule(kind, degree).unwrap_or_else(|_| vertex(kind));
-        let domain = Arc::new(Domain::new(&self.system.mesh, &RegionSet::Cells(cells), &make).ok()?);
-        let slots = LawSlots { inputs: &law.inputs, tests: &law.tests, trials: &law.trials };
-        let binding = Binding::new(&self.system.mesh, &domain, &self.system.fields, slots).ok()?;
-        let residual = InterpreterBackend.compile(&[&law.residual]).ok()?.pop()?;
-        let mut made = AssembledTerm::new(
-            law,
-            Integrator { domain, binding },
-            None,
-            residual,
-            None,
-            &self.system.numbering.starts,
-        );
-        let (time, increment) = self.system.step();
-        made.set_step(time, increment);
-        Some(made)
+        with_rule(self.system, term, cells, degree)
     }
 
     /// True if a motion from `u` meets forces.
@@ -97,4 +86,29 @@ impl Examined<'_> {
         }
         Some(energy.abs() > SOME * scale)
     }
+}
+
+/// A term on some cells under a rule of some degree, interpreted, at the step of the system. `None` where there is no such
+/// rule, or where the term reads states, which have values at the points of their own rule alone.
+pub(crate) fn with_rule(
+    system: &System,
+    term: &AssembledTerm,
+    cells: Vec<CellId>,
+    degree: usize,
+) -> Option<AssembledTerm> {
+    let law = term.law.clone();
+    let make = |kind| rule(kind, degree).unwrap_or_else(|_| vertex(kind));
+    let domain = Arc::new(Domain::new(&system.mesh, &RegionSet::Cells(cells), &make).ok()?);
+    let slots = LawSlots { inputs: &law.inputs, tests: &law.tests, trials: &law.trials };
+    let binding = Binding::new(&system.mesh, &domain, &system.fields, slots).ok()?;
+    let residual = InterpreterBackend.compile(&[&law.residual]).ok()?.pop()?;
+    let tangent = match tangent_kernel(&law) {
+        Some(kernel) => Some(InterpreterBackend.compile(&[&kernel]).ok()?.pop()?),
+        None => None,
+    };
+    let integrator = Integrator { domain, binding };
+    let mut made = AssembledTerm::new(law, integrator, None, residual, tangent, &system.numbering.starts);
+    let (time, increment) = system.step();
+    made.set_step(time, increment);
+    Some(made)
 }

@@ -9,6 +9,7 @@ mod error;
 mod generate;
 mod index;
 mod locate;
+mod map_order;
 mod pair;
 mod points;
 mod quality;
@@ -31,6 +32,8 @@ pub use region::{
     pick_nodes,
 };
 pub use topology::{EdgeTable, Facet, Topology};
+
+use std::sync::OnceLock;
 
 use crate::{
     element::{Element, Family, Table},
@@ -62,6 +65,8 @@ pub struct Mesh {
     numbers: FileNumbers,
     warnings: MeshWarnings,
     geometry: Vec<KindGeometry>,
+    /// Degree of the map of every cell, once somebody has asked.
+    map_orders: OnceLock<Vec<u8>>,
 }
 
 impl Mesh {
@@ -103,6 +108,7 @@ impl Mesh {
             numbers: raw.numbers,
             warnings: MeshWarnings::default(),
             geometry,
+            map_orders: OnceLock::new(),
         }
     }
 
