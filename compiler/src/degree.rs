@@ -6,11 +6,12 @@
 //! **Polynomials** are integrated exactly, up to degree 12.
 //!
 //! **Functions that are no polynomials** (a determinant in a logarithm, an inverse, a quotient) become exact with no
-//! rule. What is to be resolved is their linear part: the integrand of a linear law of the same fields and one degree
-//! more. With `p` the largest degree of a field (or gradient) in it and `q` that of the test function, the degree is
-//! `p + q + 1`, `2p + 1` as a rule; without a test function (a measure) a quadratic quantity is resolved. Functions of
-//! the coordinates alone count one degree more, because no element has smoothed them. `docs/quadrature.md` has what
-//! that costs and what it leaves.
+//! rule. With `p` the largest degree of a field (or gradient) in it and `q` that of the test function, a linear law of
+//! the same fields has degree `p + q`. On tensor products one degree more is taken, on simplices `p` more, so that the
+//! quadratic part of the law is resolved, too: `2p + 1` and `3p` as a rule. (In one variable a tensor product has the
+//! most of its terms below the degree `p`; `3p` would cost (3/2)^3 as much there.) Without a test function (a measure) a
+//! quadratic quantity takes the place of the linear law. Functions of the coordinates alone count one degree more, because
+//! no element has smoothed them. `docs/quadrature.md` has what these rules cost and what they leave.
 //!
 //! **Kinks** that depend on the unknowns add 2 once: where the contact set cuts a facet no rule is exact.
 //!
@@ -59,8 +60,6 @@ pub struct Degree {
 const LARGEST: usize = 12;
 /// What kinks add.
 const KINK: i32 = 2;
-/// What a function that is no polynomial needs beyond its linear part.
-const ROUGH: i32 = 1;
 
 impl Degree {
     /// The degree the quadrature rule should have.
@@ -82,7 +81,7 @@ impl Degree {
         match (self.kinked, self.rough, self.quotient, self.raised) {
             (true, ..) => "kinks: 2 more",
             (_, true, _, true) => "not a polynomial; constant gradients exact",
-            (_, true, ..) => "2p + 1: not a polynomial",
+            (_, true, ..) => "not a polynomial: 2p + 1, or 3p on simplices",
             (_, _, true, _) => "constant gradients exact",
             (.., true) => "exact, with the measure",
             _ => "exact",
@@ -191,10 +190,11 @@ impl Estimate {
     }
 
     /// The degree on affine entities; `tested` if it multiplies a test function.
-    fn affine(&self, tested: bool) -> i32 {
+    fn affine(&self, tested: bool, entity: EntityGeometry) -> i32 {
         let kink = if self.kinked { KINK } else { 0 };
         let linear = if tested { self.leaf + self.test } else { self.whole.min(2 * self.leaf) };
-        let rough = if self.rough { linear + ROUGH.max(kink) } else { 0 };
+        let beyond = if entity.tensor { 1 } else { self.leaf };
+        let rough = if self.rough { linear + beyond.max(kink) } else { 0 };
         rough.max(self.exact(2) + kink)
     }
 }
@@ -229,7 +229,7 @@ fn degree_on(graph: &Graph, root: ExprId, fields: &[FieldSig], entity: EntityGeo
     let of = |view: View| estimate(graph, root, fields, entity, view);
     let affine = of(View::Affine);
     let arity = graph.arity(root);
-    let flat = affine.affine(arity.test || arity.trial);
+    let flat = affine.affine(arity.test || arity.trial, entity);
     let on_cells = kind == PlaceKind::Cells;
     let (mut rule, mut quotient) = (flat, false);
     if entity.order > 0 {

@@ -245,6 +245,29 @@ const AUGMENTED: &str = "multiplier l : vector on fault\ndef Pn = gamma*(jump(uL
     def force = pos_part(Pn)*Normal + Ball_projection(Pt, 5*pos_part(Pn))\n\
     term law on fault : -1/gamma*(l + force).Test_l\nterm contact on fault : force.jump(Test_uL,Test_uR)\n";
 
+/// Nitsche's method between two halves of a cube of curved cells, over an interface that is not plane.
+#[test]
+fn a_constant_pressure_passes_through_contact_of_cells_of_second_order() {
+    for (shape, element, name) in [
+        (BoxShape::Triangle, "P2", "triangles"),
+        (BoxShape::Quadrilateral, "Q2", "quadrilaterals"),
+        (BoxShape::Tetrahedron, "P2", "tetrahedra"),
+        (BoxShape::Hexahedron, "Q2", "hexahedra"),
+    ] {
+        let dim = shape.kind().dim();
+        let folder = Folder::with(&format!("contact-{name}"), &curved(shape, 2));
+        let none = if dim == 3 { "[0,0,0]" } else { "[0,0]" };
+        let text = blocks(dim, "tri", "x", "x < 0.5", &NITSCHE.replace("theta", "0"), none);
+        let (_, rest) = text.split_once('\n').expect("the line of the mesh");
+        let text = format!("mesh file \"body.msh\"\n{rest}")
+            .replace("x == -1", "x == 0")
+            .replace("vector on", &format!("vector {element} on"));
+        let solved = solve(&folder.0, text, &[], &[]).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert!(solved.outcome.converged(), "{name}");
+        is_exact(name, &solved);
+    }
+}
+
 /// A plane interface divided into faces that are no parallelograms, and an interface that is not plane.
 const FLAT: &str = "[x*(1 + 0.1*sin(3*y + 4*z)*(1 - abs(x))), y + 0.1*sin(4*y + 5*z), z + 0.1*sin(3*y - 4*z)]";
 const FLAT_2D: &str = "[x*(1 + 0.1*sin(3*y)*(1 - abs(x))), y + 0.1*sin(4*x)]";
@@ -306,7 +329,7 @@ fn parallelepipeds_have_the_rules_of_boxes_and_skew_hexahedra_those_of_their_map
 }
 
 #[test]
-fn a_law_that_is_no_polynomial_gets_one_degree_more_than_a_linear_one() {
+fn a_law_that_is_no_polynomial_gets_2p_plus_1_and_3p_on_simplices() {
     let scene = |cells: &str, element: &str| {
         format!(
             "mesh box [0,0,0] to [1,1,1] cells [2,2,2] {cells}\nregion floor = faces where z == 0\n\
@@ -316,7 +339,7 @@ fn a_law_that_is_no_polynomial_gets_one_degree_more_than_a_linear_one() {
         )
     };
     for (cells, element, body, contact) in
-        [("hex", "Q1", 3, 4), ("hex", "Q2", 5, 6), ("tet", "P1", 0, 4), ("tet", "P2", 3, 6)]
+        [("hex", "Q1", 3, 4), ("hex", "Q2", 5, 6), ("tet", "P1", 0, 4), ("tet", "P2", 3, 6), ("tet", "P3", 6, 9)]
     {
         let found: Vec<RuleChoice> = degrees(&scene(cells, element)).into_iter().map(|d| d.1).collect();
         assert_eq!(found, [body, contact].map(RuleChoice::Degree), "{element}");

@@ -9,7 +9,7 @@ use std::{io::Write as _, path::Path};
 use wfl_runtime::{RuleChoice, TermSummary};
 use wfl_tests::{Solved, solve};
 
-/// A rule that leaves nothing: two more points a direction do not change ten digits.
+/// Far above every degree that is tried on bulk; where kinks cut facets, no rule is exact.
 const REFERENCE: usize = 15;
 
 struct Case {
@@ -178,5 +178,6 @@ no rule. The question is how much a rule leaves of the solution beside what the 
 A neo-Hookean unit block (mu = 80, lambda = 120) is clamped at the floor and its lid moved by 0.15 sideways and 0.15
 down; in the cases of contact it stands on the floor with Nitsche's method (theta = 0) and friction 0.2, and the rule of
 the floor alone is varied. `rule`: relative difference to the same mesh under a rule of degree 15. `mesh`: relative
-difference to a mesh with twice as many cells a side under that rule. Displacements are compared at the vertices.
+difference to a mesh with twice as many cells a side under that rule. Displacements are compared at the vertices. In
+contact the rule of the reference has an error of its own, because kinks cut the facets: below 1e-4 the rows are no order.
 ";
