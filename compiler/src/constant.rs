@@ -22,6 +22,7 @@ pub fn constant(env: &Env<'_>, what: &str, expr: &Expr) -> Checked<Constant> {
         entities: Vec::new(),
         description: "no place".to_owned(),
         here_name: None,
+        inside: false,
     };
     let law = compile_value(env, &nowhere, what, expr);
     let known = format!("{what} must be a number known before the run");

@@ -268,6 +268,8 @@ pub struct PlaceSig {
     pub description: String,
     /// Name of the cell region on the side `Here` of an interface, for messages.
     pub here_name: Option<String>,
+    /// Faces with one side that have cells on both, for messages: an interface along them exists.
+    pub inside: bool,
 }
 
 /// A mapping as the compiler knows it: to each point of a place another point, where fields can be read.

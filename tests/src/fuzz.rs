@@ -108,6 +108,7 @@ const WORDS: &[&str] = &[
     "vtk",
     "csv",
     "along",
+    "towards",
     "as",
     "use",
     "wfl",
@@ -436,6 +437,7 @@ pub fn run_expression(text: &str, choice: usize) {
         entities: vec![EntityGeometry { tensor: choice.is_multiple_of(2), dim: 1 + choice % 3, order: choice / 2 % 3 }],
         description: "a region of the fuzzer".to_owned(),
         here_name: None,
+        inside: false,
     };
     let source = if (choice / 12).is_multiple_of(3) { TermSource::Energy(&expr) } else { TermSource::Residual(&expr) };
     let compiled = compile_term(&env, &place, "fuzz", source);

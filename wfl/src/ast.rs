@@ -101,6 +101,15 @@ pub enum RegionExpr {
         /// The whole phrase.
         span: Span,
     },
+    /// `interface along s towards v`
+    Along {
+        /// Faces inside a body.
+        surface: Ident,
+        /// Where `Normal` points; without it the shape of the surface says.
+        towards: Option<Expr>,
+        /// The whole phrase.
+        span: Span,
+    },
     /// `faces of s where c`
     Picked {
         /// Cells, faces or nodes.

@@ -336,6 +336,10 @@ mod tests {
             ("unknown u:vector (3)P2 on a,b [mm]", "unknown u : vector(3) P2 on a, b [mm]"),
             ("state s:scalar:=s+1", "state s : scalar := s + 1"),
             ("region r=a+b-(c&d)", "region r = a + b - (c & d)"),
+            (
+                "region r=interface along s towards [ 0,1 ]-(c&d)",
+                "region r = interface along s towards [0,1] - (c & d)",
+            ),
             ("fix u(1),v . Normal=0 on a", "fix u(1), v.Normal = 0 on a"),
             ("def s = Sym Grad_u (1 , :)", "def s = Sym Grad_u(1, :)"),
             ("mapping m = point(x)", "mapping m = point (x)"),

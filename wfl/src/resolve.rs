@@ -353,6 +353,7 @@ fn parts_of(region: &RegionExpr) -> Vec<&str> {
     match region {
         RegionExpr::Name(name) => vec![&name.name],
         RegionExpr::Interface { from, to, .. } => vec![&from.name, &to.name],
+        RegionExpr::Along { surface, .. } => vec![&surface.name],
         RegionExpr::Picked { of, .. } => of.iter().map(|o| o.name.as_str()).collect(),
         RegionExpr::Combine(first, rest) => {
             let mut parts = parts_of(first);

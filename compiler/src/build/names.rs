@@ -306,7 +306,7 @@ fn root(name: &str) -> &str {
 /// What to write in place of a word of GWFL that is left out.
 fn in_place_of(name: &str) -> &'static str {
     if name.starts_with("Xfem") {
-        return "a crack that follows faces: region crack = interface from above to below";
+        return "a crack that follows faces: region crack = interface along s, and: split u across crack";
     }
     "`wfl explain E801` lists what is left out and what to write in its place"
 }

@@ -118,8 +118,11 @@ fn reach(b: &mut Builder<'_>, c: &Call<'_>, target: &Expr, which: &str) -> Optio
 /// `neighbor_element` needs two sides.
 fn on_interface(b: &mut Builder<'_>, c: &Call<'_>) -> Option<()> {
     if b.place.kind != PlaceKind::Interface {
-        let d = Diagnostic::new("E203", "`neighbor_element` has no neighbour here")
-            .help("an interface region has two sides: region fault = interface from left to right");
+        let d = Diagnostic::new("E203", "`neighbor_element` has no neighbour here");
+        let d = d.help(match b.place.inside {
+            true => format!("an interface has two sides: region two_sided = interface along {}", b.place.name),
+            false => "an interface region has two sides: region fault = interface from left to right".to_owned(),
+        });
         let d = d.note(format!("`{}` is {}", b.place.name, b.place.description));
         return b.report(d, c.expr, "needs a region of inner faces");
     }

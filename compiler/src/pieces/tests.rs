@@ -53,6 +53,7 @@ fn place() -> PlaceSig {
         entities: Vec::new(),
         description: "an interface".to_owned(),
         here_name: None,
+        inside: false,
     }
 }
 

@@ -28,6 +28,7 @@ pub(super) fn law(text: &str, energy: bool) -> TermLaw {
         entities: Vec::new(),
         description: "a place".to_owned(),
         here_name: None,
+        inside: false,
     };
     let env = Env {
         dim: 2,

@@ -1,6 +1,10 @@
 //! `wfl check`: everything but solving.
 
-use std::{collections::BTreeMap, process::ExitCode, time::Instant};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    process::ExitCode,
+    time::Instant,
+};
 
 use serde_json::{Map, Value, json};
 use wfl::{
@@ -12,7 +16,7 @@ use wfl_runtime::{
     FIXED, LinearSolver, RuleChoice, Scene, contact_forms,
     element::Family,
     field::FieldSpace,
-    mesh::{self, RegionSet},
+    mesh::{self, FacetId, RegionSet},
     n_files,
     newton::planned_stages,
 };
@@ -61,8 +65,8 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
 }
 
 fn tables(loaded: &Loaded, scene: &Scene, parse: f64) -> Vec<Table> {
-    let mut list =
-        vec![mesh(scene), quality(scene), regions(loaded, scene), fields(loaded, scene), parameters(loaded, scene)];
+    let mut list = vec![mesh(scene), quality(scene), regions(loaded, scene)];
+    list.extend([interfaces(scene), fields(loaded, scene), parameters(loaded, scene)]);
     list.push(units(loaded));
     list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded, scene)]);
     list.extend([system(scene), schedule(scene), left_out(loaded, scene), times(scene, parse)]);
@@ -150,6 +154,65 @@ fn regions(loaded: &Loaded, scene: &Scene) -> Table {
         ]);
     }
     table
+}
+
+/// Sheets shown of one interface; of more their number is told.
+const SHEETS_SHOWN: usize = 12;
+
+/// Where `Normal` points on each connected sheet of the declared interfaces, and where fields stay joined.
+fn interfaces(scene: &Scene) -> Table {
+    let columns = ["name", "sheet", "faces", "measure", "mean normal", "from", "to", "front nodes"];
+    let mut table = Table::new("interfaces", &columns);
+    let mesh = &scene.system.mesh;
+    let mut list: Vec<_> = scene.regions.iter().filter(|(_, r)| r.span.is_some()).collect();
+    list.sort_by_key(|(_, r)| r.span.map(|s| (s.source.index(), s.start)));
+    let torn = torn(scene);
+    for (name, region) in list {
+        let RegionSet::Interface(pairs) = &region.set else { continue };
+        let sheets = mesh::sheets_of(mesh, pairs);
+        if sheets.len() > SHEETS_SHOWN {
+            let area = short(sheets.iter().map(|s| s.area).sum());
+            let number = format!("{} sheets", sheets.len());
+            let mut row = vec![name.clone().into(), number.into(), pairs.len().into(), area.into()];
+            row.resize(columns.len(), Value::Null);
+            table.push(row);
+            continue;
+        }
+        for (k, sheet) in sheets.iter().enumerate() {
+            let vector = |x: [f64; 3]| Value::from(x[..mesh.dim()].iter().map(|c| short(*c)).collect::<Vec<_>>());
+            let vertices = sheet.facets.iter().flat_map(|f| mesh.facet_vertices(f.here).vertices().to_vec());
+            let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+            for x in vertices.map(|v| mesh.node(v)) {
+                low = std::array::from_fn(|i| x[i].min(low[i]));
+                high = std::array::from_fn(|i| x[i].max(high[i]));
+            }
+            let is_torn = sheet.facets.iter().all(|f| torn.contains(&scene.topology.facet_id(f.here)));
+            let front = is_torn.then(|| mesh::front_nodes(mesh, &scene.topology, &sheet.facets, &torn).len());
+            table.push(vec![
+                name.clone().into(),
+                (k + 1).into(),
+                sheet.facets.len().into(),
+                short(sheet.area).into(),
+                vector(sheet.mean_normal.map(|c| if c.abs() < NO_DIGITS { 0.0 } else { c })),
+                vector(low),
+                vector(high),
+                front.map_or(Value::Null, Value::from),
+            ]);
+        }
+    }
+    table
+}
+
+/// Components of a mean unit normal below this are rounding.
+const NO_DIGITS: f64 = 1e-12;
+
+/// The faces along which some field is split.
+fn torn(scene: &Scene) -> BTreeSet<FacetId> {
+    let spaces = scene.system.fields.iter().filter_map(|f| match &f.space {
+        FieldSpace::Nodal(space) => Some(space),
+        _ => None,
+    });
+    spaces.flat_map(|space| space.torn().iter().map(|f| scene.topology.facet_id(*f))).collect()
 }
 
 fn kind_word(kind: FieldKind) -> &'static str {

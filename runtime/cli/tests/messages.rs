@@ -299,7 +299,7 @@ error[E801]: `Xfem_plus` is GWFL this program does not have
 20 | term jump on fault : Xfem_plus(uL).Test_uL
    |                      ^^^^^^^^^
    |
-   = help: a crack that follows faces: region crack = interface from above to below
+   = help: a crack that follows faces: region crack = interface along s, and: split u across crack
 "#,
     ),
     (

@@ -288,6 +288,7 @@ fn made_of(region: &RegionExpr, used: &mut BTreeSet<String>) {
     match region {
         RegionExpr::Name(name) => drop(used.insert(name.name.clone())),
         RegionExpr::Interface { from, to, .. } => used.extend([from.name.clone(), to.name.clone()]),
+        RegionExpr::Along { surface, .. } => drop(used.insert(surface.name.clone())),
         RegionExpr::Picked { of, .. } => used.extend(of.iter().map(|o| o.name.clone())),
         RegionExpr::Combine(first, rest) => {
             made_of(first, used);

@@ -166,7 +166,7 @@ fn torn(
             };
             if facets.is_empty() || facets.iter().any(|f| topology.opposite(*f).is_none()) {
                 let d = Diagnostic::new("E405", format!("`{}` cannot be split across `{}`", field, place.name));
-                let d = d.help("region crack = interface from above to below & faces of below where y == 0");
+                let d = d.help("region crack = interface along s, where s is a surface inside the body");
                 diagnostics.push(d.at(place.span, "inner faces of the body are needed, all of them between two cells"));
                 continue;
             }
@@ -273,7 +273,10 @@ pub(super) fn support(
 pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &[Field]) -> PlaceSig {
     let (kind, description) = match &region.set {
         RegionSet::Cells(c) => (PlaceKind::Cells, format!("a region of {} cells", c.len())),
-        RegionSet::Facets(f) => (PlaceKind::Facets, format!("{} faces with one side", f.len())),
+        RegionSet::Facets(f) => match region.inside {
+            true => (PlaceKind::Facets, format!("{} faces inside the mesh, seen from one side", f.len())),
+            false => (PlaceKind::Facets, format!("{} faces with one side", f.len())),
+        },
         RegionSet::Interface(i) => (PlaceKind::Interface, format!("an interface of {} faces", i.len())),
         RegionSet::Nodes(n) => (PlaceKind::Global, format!("a region of {} nodes", n.len())),
     };
@@ -294,6 +297,7 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
         entities: entity_geometries(mesh, &region.set),
         description,
         here_name: region.here_name.clone(),
+        inside: region.inside,
     }
 }
 
@@ -307,5 +311,6 @@ pub(super) fn global_place(n_fields: usize) -> PlaceSig {
         entities: Vec::new(),
         description: "no place: numbers and global unknowns".to_owned(),
         here_name: None,
+        inside: false,
     }
 }

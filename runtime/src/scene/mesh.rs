@@ -340,6 +340,7 @@ pub(super) fn position_place(n_fields: usize) -> PlaceSig {
         entities: Vec::new(),
         description: "a set of positions".to_owned(),
         here_name: None,
+        inside: false,
     }
 }
 

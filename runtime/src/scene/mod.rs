@@ -33,6 +33,7 @@ mod regions;
 mod rest;
 mod samples;
 mod states;
+mod surfaces;
 mod terms;
 
 use std::{

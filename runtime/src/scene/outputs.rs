@@ -124,7 +124,7 @@ pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> (Vec<VtkOutput>, Vec<CsvOu
 
 impl OutputMaker<'_> {
     fn target(&self, name: &str, set: RegionSet, support: SupportSet) -> Target {
-        let region = NamedRegion { set, span: None, here_name: None };
+        let region = NamedRegion { set, span: None, here_name: None, inside: false };
         Target { sig: place_sig(name, &region, self.parts.mesh, self.parts.fields), support }
     }
 

@@ -17,6 +17,7 @@ use crate::{
         constants::{bare_env, number},
         groups,
         mesh::position_place,
+        surfaces::Along,
     },
     value::Value,
 };
@@ -42,6 +43,8 @@ pub struct NamedRegion {
     pub span: Option<Span>,
     /// The cell region on the owning side of an interface.
     pub here_name: Option<String>,
+    /// Faces with a cell on both sides: an `interface along` them exists.
+    pub inside: bool,
 }
 
 /// All regions of a scene.
@@ -60,7 +63,7 @@ pub(super) struct RegionMaker<'a> {
 impl RegionMaker<'_> {
     /// Makes every region of the scene.
     pub(super) fn make(mut self) -> Regions {
-        let plain = |set| NamedRegion { set, span: None, here_name: None };
+        let plain = |set| NamedRegion { set, span: None, here_name: None, inside: false };
         self.regions.insert("all".to_owned(), plain(RegionSet::Cells(self.mesh.cells().collect())));
         self.regions.insert("boundary".to_owned(), plain(RegionSet::Facets(outer_boundary(self.topology))));
         if names_interior(self.script) {
@@ -82,7 +85,8 @@ impl RegionMaker<'_> {
                 self.empty(&region.name, &region.region);
                 continue;
             }
-            let named = NamedRegion { set, span: Some(region.span), here_name };
+            let inside = self.is_inside(&set);
+            let named = NamedRegion { set, span: Some(region.span), here_name, inside };
             self.regions.insert(region.name.name.clone(), named);
         }
         self.regions
@@ -95,13 +99,19 @@ impl RegionMaker<'_> {
         for (group, name) in self.mesh.groups().iter().zip(&names) {
             match RegionSet::from_group(self.mesh, self.topology, group) {
                 Ok(set) => {
-                    self.regions.insert(name.clone(), NamedRegion { set, span: None, here_name: None });
+                    let inside = self.is_inside(&set);
+                    self.regions.insert(name.clone(), NamedRegion { set, span: None, here_name: None, inside });
                 }
                 Err(e) => self.diagnostics.push(Diagnostic::new("E410", e.to_string()).at(file, "")),
             }
         }
         let is_region = |name: &str| self.regions.contains_key(name);
         groups::unknown(self.script, &names, &is_region, self.diagnostics);
+    }
+
+    /// True for faces that all lie between two cells.
+    fn is_inside(&self, set: &RegionSet) -> bool {
+        matches!(set, RegionSet::Facets(faces) if faces.iter().all(|f| self.topology.opposite(*f).is_some()))
     }
 
     fn empty(&mut self, name: &Ident, region: &RegionExpr) {
@@ -191,6 +201,11 @@ impl RegionMaker<'_> {
                 let made = interface(self.mesh, self.topology, &a?, &b?);
                 self.checked(made, *span)
             }
+            RegionExpr::Along { surface, towards, span } => {
+                let set = self.lookup(surface)?.set.clone();
+                let Self { script, mesh, topology, params, ref mut diagnostics, .. } = *self;
+                Along { script, mesh, topology, params, diagnostics }.make(&set, surface, towards.as_ref(), *span)
+            }
             RegionExpr::Picked { entity, of, condition, span } => {
                 self.picked(*entity, of.as_ref(), condition.as_ref(), *span)
             }
@@ -214,7 +229,13 @@ impl RegionMaker<'_> {
         match made {
             Ok(set) => Some(set),
             Err(e) => {
-                self.diagnostics.push(Diagnostic::new("E405", e.to_string()).at(span, ""));
+                let d = Diagnostic::new("E405", e.to_string()).at(span, "");
+                self.diagnostics.push(match e {
+                    RegionError::Overlap { .. } => d.help(
+                        "of faces inside one body: interface along s, where s is a surface of the mesh file or other faces",
+                    ),
+                    _ => d,
+                });
                 None
             }
         }

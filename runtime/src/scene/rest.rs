@@ -130,7 +130,7 @@ fn kind_of(script: &ResolvedScript, name: &str) -> Option<PlaceKind> {
             Some(RegionExpr::Picked { entity: EntityKind::Cells, .. }) => return Some(PlaceKind::Cells),
             Some(RegionExpr::Picked { entity: EntityKind::Faces, .. }) => return Some(PlaceKind::Facets),
             Some(RegionExpr::Picked { entity: EntityKind::Nodes, .. }) => return None,
-            Some(RegionExpr::Interface { .. }) | None => return Some(PlaceKind::Interface),
+            Some(RegionExpr::Interface { .. } | RegionExpr::Along { .. }) | None => return Some(PlaceKind::Interface),
             Some(RegionExpr::Name(n)) if n.name == "all" => return Some(PlaceKind::Cells),
             Some(RegionExpr::Name(n)) if n.name == "boundary" => return Some(PlaceKind::Facets),
             Some(RegionExpr::Name(n)) if n.name != name => {
@@ -185,6 +185,7 @@ impl Rest<'_> {
             entities: Vec::new(),
             description: description.to_owned(),
             here_name: None,
+            inside: false,
         })
     }
 

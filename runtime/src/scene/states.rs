@@ -110,7 +110,8 @@ impl Builder<'_> {
             [one] => self.regions.get(*one)?.here_name.clone(),
             _ => None,
         };
-        let region = NamedRegion { set: set.clone(), span: None, here_name };
+        let inside = names.iter().all(|name| self.regions.get(*name).is_some_and(|r| r.inside));
+        let region = NamedRegion { set: set.clone(), span: None, here_name, inside };
         Some((place_sig(&names.join(", "), &region, &self.mesh, &self.fields), Some(set)))
     }
 

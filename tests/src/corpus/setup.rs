@@ -174,6 +174,7 @@ fn place(mesh: &Mesh, region: &RegionSet) -> PlaceSig {
         entities: entity_geometries(mesh, region),
         description,
         here_name: None,
+        inside: false,
     }
 }
 

@@ -65,6 +65,7 @@ pub(crate) fn compile_on(text: &str, dim: usize, what: As, kind: PlaceKind) -> R
         entities: Vec::new(),
         description: "a region of the test".to_owned(),
         here_name: None,
+        inside: false,
     };
     let source = if what == As::Energy { TermSource::Energy(&expr) } else { TermSource::Residual(&expr) };
     let checked = compile_term(&env, &place, "sample", source);

@@ -24,7 +24,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "E203",
         "no neighbour here",
         "neighbor_element is the element across an inner face of the mesh. A face of the outer boundary has none. The \
-         faces of an interface region have two sides.",
+         faces of an interface region have two sides: `interface from a to b` between two regions of cells, `interface \
+         along s` where the surface s lies inside one body.",
         "term glue on west : Interpolate(u, neighbor_element).Test_u",
         "term glue on fault : (uL - Interpolate(uR, neighbor_element)).Test_uL",
     ),

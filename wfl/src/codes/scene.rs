@@ -30,7 +30,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "E405",
         "a region of the wrong kind",
         "Terms are integrated over cells or faces, fields are defined on cells or faces, and an interface lies between \
-         two regions of cells. A region of nodes can only be fixed and loaded.",
+         two regions of cells, or along faces inside the mesh. A region of nodes can only be fixed and loaded.",
         "region corner = nodes where x == 0 and y == 0\nterm t on corner : u.Test_u",
         "region side = faces where x == 0\nterm t on side : u.Test_u",
     ),
@@ -233,6 +233,26 @@ pub(super) const PAGES: &[CodePage] = &[
          would be `nan`.",
         "output csv \"line\" : u along [2,0,0] to [3,0,0]",
         "output csv \"line\" : u along [0,0,0] to [1,0,0]",
+    ),
+    page(
+        "E436",
+        "a surface with one side",
+        "`interface along s` needs two sides. A way round this surface leads from one of its sides to the other, as on a \
+         Moebius strip, so no choice of the normal is continuous. Divide it into surfaces that can be oriented, with an \
+         interface along each. Branches are no such case: where three or more faces meet at an edge, the surface is \
+         divided there by itself.",
+        "region crack = interface along strip",
+        "region one = interface along first_half\nregion two = interface along second_half",
+    ),
+    page(
+        "E437",
+        "a direction that chooses no side",
+        "Of `interface along s towards v`, Normal points to the side where its scalar product with v, integrated over \
+         each connected sheet of s, is positive. Here this integral is zero: v is zero, or lies along the sheet. The \
+         direction may depend on the position; without `towards`, the largest component of the mean normal of a sheet \
+         is positive, and normals of a closed sheet point outwards.",
+        "region crack = interface along fault towards [0,1,0]",
+        "region crack = interface along fault towards [1,0,0]",
     ),
     page(
         "E440",

@@ -285,7 +285,8 @@ fn contextual(rule: Rule) -> &'static [&'static str] {
         Rule::k_where | Rule::pick_where => &["where"],
         Rule::k_with | Rule::options => &["with"],
         Rule::k_as => &["as"],
-        Rule::k_along | Rule::along => &["along"],
+        Rule::k_along | Rule::along | Rule::surface => &["along"],
+        Rule::k_towards => &["towards"],
         Rule::k_every | Rule::every => &["every"],
         Rule::k_within => &["within"],
         Rule::k_degree | Rule::quad_degree => &["degree"],
@@ -319,6 +320,7 @@ fn describe(rule: Rule) -> Vec<String> {
         | Rule::range
         | Rule::outitem
         | Rule::count
+        | Rule::direction
         | Rule::slice => "an expression",
         Rule::infix | Rule::call | Rule::transpose => "an operator",
         Rule::ident

@@ -90,6 +90,7 @@ const TOKENS: &[Rule] = {
         R::k_with,
         R::k_as,
         R::k_along,
+        R::k_towards,
         R::k_within,
         R::k_degree,
         R::k_every,
@@ -258,6 +259,12 @@ impl Reader<'_> {
                 Ok(if rest.is_empty() { first } else { RegionExpr::Combine(Box::new(first), rest) })
             }
             Rule::interface => {
+                if let Some(surface) = p.take(Rule::surface) {
+                    let mut p = self.open(surface);
+                    let surface = self.ident(&p.next());
+                    let towards = p.take(Rule::direction).map(|d| self.value(d)).transpose()?;
+                    return Ok(RegionExpr::Along { surface, towards, span });
+                }
                 Ok(RegionExpr::Interface { from: self.ident(&p.next()), to: self.ident(&p.next()), span })
             }
             Rule::picked => Ok(RegionExpr::Picked {

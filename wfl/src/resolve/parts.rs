@@ -39,6 +39,10 @@ impl Resolver<'_> {
                 let (from, to) = (self.place(from, false), self.place(to, false));
                 RegionExpr::Interface { from: from?, to: to?, span: *span }
             }
+            RegionExpr::Along { surface, towards, span } => {
+                let (surface, towards) = (self.place(surface, false), self.optional(towards.as_ref()));
+                RegionExpr::Along { surface: surface?, towards: towards?, span: *span }
+            }
             RegionExpr::Picked { entity, of, condition, span } => {
                 let of = of.as_ref().map(|o| self.place(o, false));
                 let condition = condition.as_ref().map(|c| self.cond(c));

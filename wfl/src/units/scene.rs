@@ -233,7 +233,7 @@ fn box_dimension(from: &Expr, to: &Expr, division: &BoxDivision) -> Option<i64> 
 fn kind_of(region: &RegionExpr, kinds: &BTreeMap<&str, EntityKind>) -> Option<EntityKind> {
     match region {
         RegionExpr::Name(name) => kinds.get(name.name.as_str()).copied(),
-        RegionExpr::Interface { .. } => Some(EntityKind::Faces),
+        RegionExpr::Interface { .. } | RegionExpr::Along { .. } => Some(EntityKind::Faces),
         RegionExpr::Picked { entity, .. } => Some(*entity),
         RegionExpr::Combine(first, rest) => {
             kind_of(first, kinds).or_else(|| rest.iter().find_map(|(_, r)| kind_of(r, kinds)))

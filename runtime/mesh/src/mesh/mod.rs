@@ -16,6 +16,7 @@ mod quality;
 mod raw;
 pub mod read;
 mod region;
+mod sheet;
 mod topology;
 
 pub use crate::cell::{CellKind, FacetMap, LocalFacet, facet_correspondences};
@@ -31,6 +32,7 @@ pub use region::{
     RegionError, RegionKind, RegionSet, SupportSet, boundary_of, interface, outer_boundary, pick_cells, pick_facets,
     pick_nodes,
 };
+pub use sheet::{Sheet, SheetError, both_sides, front_nodes, oriented_sheets, sheets_of};
 pub use topology::{EdgeTable, Facet, Topology};
 
 use std::sync::OnceLock;

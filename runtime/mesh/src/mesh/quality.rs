@@ -11,7 +11,7 @@ use crate::{
     cell::CellKind,
     element::Table,
     quadrature::{self, Rule},
-    vector::{cross, determinant, distance, norm},
+    vector::{cross, determinant, distance, dot, norm},
 };
 
 /// Extremes over all cells.
@@ -67,6 +67,48 @@ pub fn cell_volumes(mesh: &Mesh, cells: &[CellId]) -> Vec<f64> {
 /// Area (length; 1 for points) of each of `facets`.
 #[must_use]
 pub fn facet_measures(mesh: &Mesh, facets: &[FacetRef]) -> Vec<f64> {
+    over_facets(mesh, facets, &|_, tangents, kind| match kind.dim() {
+        0 => [1.0, 0.0, 0.0],
+        1 => [norm(tangents[0]), 0.0, 0.0],
+        _ => [norm(cross(tangents[0], tangents[1])), 0.0, 0.0],
+    })
+    .into_iter()
+    .map(|[measure, ..]| measure)
+    .collect()
+}
+
+/// Integral of the outward unit normal over each of `facets`: on a plane facet the normal times the area.
+#[must_use]
+pub(crate) fn facet_vectors(mesh: &Mesh, facets: &[FacetRef]) -> Vec<[f64; 3]> {
+    over_facets(mesh, facets, &|facet, tangents, kind| {
+        let vector = match kind.dim() {
+            0 => [1.0, 0.0, 0.0],
+            1 => [tangents[0][1], -tangents[0][0], 0.0],
+            _ => cross(tangents[0], tangents[1]),
+        };
+        if turns_left(mesh, *facet) { vector } else { vector.map(|c| -c) }
+    })
+}
+
+/// True if the vertices of a facet turn to the left when it is seen from outside its cell (in two dimensions: the cell
+/// is on the left of the way from the first vertex to the second). Every cell of a mesh is oriented like its reference
+/// cell.
+pub(crate) fn turns_left(mesh: &Mesh, facet: FacetRef) -> bool {
+    let kind = mesh.kind(facet.cell);
+    let local = usize::from(facet.local);
+    let (normal, [s, r]) = (kind.facet_normal(local), kind.facet_map(local).tangents);
+    match mesh.dim() {
+        1 => normal[0] > 0.0,
+        2 => normal[0] * s[1] - normal[1] * s[0] > 0.0,
+        _ => dot(normal, cross(s, r)) > 0.0,
+    }
+}
+
+/// What is integrated over a facet: of the facet, the tangents of its map and its kind.
+type Density<'a> = dyn Fn(&FacetRef, [[f64; 3]; 2], CellKind) -> [f64; 3] + 'a;
+
+/// Integral over each facet of what `density` makes of the tangents of its map from the facet parameters.
+fn over_facets(mesh: &Mesh, facets: &[FacetRef], density: &Density<'_>) -> Vec<[f64; 3]> {
     let tables = CellKind::ALL.map(|kind| {
         let degree = match (kind.is_simplex(), mesh.order()) {
             (true, 1) => 1,
@@ -74,20 +116,26 @@ pub fn facet_measures(mesh: &Mesh, facets: &[FacetRef]) -> Vec<f64> {
         };
         sampled(mesh, kind, degree)
     });
-    let measure = |facet: &FacetRef| -> f64 {
+    let integral = |facet: &FacetRef| {
         let kind = mesh.facet_kind(*facet);
         let sampled = &tables[kind.index()];
         let closure = mesh.geometry_element(mesh.kind(facet.cell)).facet_closure(facet.local as usize);
         let nodes = mesh.cell_nodes(facet.cell);
         let x = |dof: usize| mesh.node(nodes[closure[dof]]);
-        let weights = sampled.rule.weights.iter().enumerate();
-        weights.map(|(point, weight)| weight * stretch(kind, &sampled.table, point, &x)).sum()
+        let mut sum = [0.0; 3];
+        for (point, weight) in sampled.rule.weights.iter().enumerate() {
+            let value = density(facet, tangents(&sampled.table, point, &x), kind);
+            for (total, part) in sum.iter_mut().zip(value) {
+                *total += weight * part;
+            }
+        }
+        sum
     };
-    facets.iter().map(measure).collect()
+    facets.iter().map(integral).collect()
 }
 
-/// Area of the image of a unit of facet parameters.
-fn stretch(kind: CellKind, table: &Table, point: usize, x: &dyn Fn(usize) -> [f64; 3]) -> f64 {
+/// Derivatives of the position by the facet parameters.
+fn tangents(table: &Table, point: usize, x: &dyn Fn(usize) -> [f64; 3]) -> [[f64; 3]; 2] {
     let mut tangents = [[0.0; 3]; 2];
     for dof in 0..table.n_dofs {
         let position = x(dof);
@@ -98,11 +146,7 @@ fn stretch(kind: CellKind, table: &Table, point: usize, x: &dyn Fn(usize) -> [f6
             }
         }
     }
-    match kind.dim() {
-        0 => 1.0,
-        1 => norm(tangents[0]),
-        _ => norm(cross(tangents[0], tangents[1])),
-    }
+    tangents
 }
 
 /// Height of the cell of each facet over that facet, the `h` of penalty terms: `c V / A` with the

@@ -207,7 +207,7 @@ impl RegionSet {
     }
 }
 
-fn sorted<T: Ord>(mut members: Vec<T>) -> Vec<T> {
+pub(super) fn sorted<T: Ord>(mut members: Vec<T>) -> Vec<T> {
     members.sort_unstable();
     members.dedup();
     members

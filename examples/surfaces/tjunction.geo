@@ -1,0 +1,50 @@
+// A T of two cracks in a slab: the main crack is z = 0, |x| < 1, the branch x = 0, -1 < z < 0; lengths in m
+// made into tjunction.msh by: gmsh -3 tjunction.geo -format msh22 -bin
+W = 6;   // half width of the slab
+D = 0.5; // its thickness, one layer of cells
+Point(1) = {-W, 0, -W};
+Point(2) = {0, 0, -W};
+Point(3) = {W, 0, -W};
+Point(4) = {W, 0, 0};
+Point(5) = {W, 0, W};
+Point(6) = {-W, 0, W};
+Point(7) = {-W, 0, 0};
+Point(8) = {-1, 0, 0};
+Point(9) = {0, 0, 0};
+Point(10) = {1, 0, 0};
+Point(11) = {0, 0, -1};
+Line(1) = {1, 2};
+Line(2) = {2, 3};
+Line(3) = {3, 4};
+Line(4) = {4, 5};
+Line(5) = {5, 6};
+Line(6) = {6, 7};
+Line(7) = {7, 1};
+Line(8) = {7, 8};
+Line(9) = {8, 9};
+Line(10) = {9, 10};
+Line(11) = {10, 4};
+Line(12) = {9, 11};
+Line(13) = {11, 2};
+Curve Loop(1) = {1, -13, -12, -9, -8, 7};
+Plane Surface(1) = {1};
+Curve Loop(2) = {2, 3, -11, -10, 12, 13};
+Plane Surface(2) = {2};
+Curve Loop(3) = {8, 9, 10, 11, 4, 5, 6};
+Plane Surface(3) = {3};
+// cells grow in proportion to their distance from the fronts and the junction
+Field[1] = Distance;
+Field[1].PointsList = {8, 9, 10, 11};
+Field[2] = MathEval;
+Field[2].F = "0.012 + 0.35*F1";
+Background Field = 2;
+Mesh.MeshSizeExtendFromBoundary = 0;
+Mesh.MeshSizeFromPoints = 0;
+left[] = Extrude {0, D, 0} { Surface{1}; Layers{1}; };
+right[] = Extrude {0, D, 0} { Surface{2}; Layers{1}; };
+above[] = Extrude {0, D, 0} { Surface{3}; Layers{1}; };
+// an extrusion gives the opposite face, the body, and the sides in the order of the loop; all three are one body
+Physical Volume("rock") = {left[1], right[1], above[1]};
+Physical Surface("sheets") = {above[3], above[4], left[4]};
+Physical Surface("front_side") = {1, 2, 3};
+Physical Surface("back_side") = {left[0], right[0], above[0]};
