@@ -310,7 +310,7 @@ error[E601]: an infinite number in the residual of `friction`
   --> scene.wfl:20:26
    |
 20 | term friction on fault : log(Norm(jump(uL,uR)))*(Test_uL.Normal)
-   |                          ^^^^^^^^^^^^^^^^^^^^^^ log(0) is -inf at position [0.5, 0.017358, 0.017358], entity 0 of the region, point 0, step t = 0
+   |                          ^^^^^^^^^^^^^^^^^^^^^^ log(0) is -inf at position [0.5, 0.052831, 0.052831], entity 0 of the region, point 0, step t = 0
    |
    = help: a logarithm needs a positive argument; log(1 + v) is finite at 0
 "#,
