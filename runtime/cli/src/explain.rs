@@ -1,4 +1,5 @@
-//! `wfl explain`: the page of a message, of a function of the language, or of a macro of the library.
+//! `wfl explain`: the page of a message, of a function of the language, of a macro of the library, or of a word of
+//! regions that needs more than a line.
 
 use std::{fmt::Write as _, process::ExitCode};
 
@@ -32,9 +33,20 @@ pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
         out(&page);
         return ExitCode::SUCCESS;
     }
+    if let Some((_, usage, text)) = PHRASES.iter().find(|(word, ..)| *word == code) {
+        out(&format!("{usage}\n\n{}\n", wrapped(text, 96)));
+        return ExitCode::SUCCESS;
+    }
     let Some(page) = wfl::explain(code) else {
         let macros = library_macros().map(|m| m.name);
-        let near = nearest(code, codes().map(|p| p.code).chain(functions().map(|op| op.name)).chain(macros));
+        let near = nearest(
+            code,
+            codes()
+                .map(|p| p.code)
+                .chain(functions().map(|op| op.name))
+                .chain(macros)
+                .chain(PHRASES.iter().map(|p| p.0)),
+        );
         let near = near.map_or_else(String::new, |n| format!("; the nearest is {n}"));
         say(&format!(
             "error: no message has the code `{code}`, and no function or macro of the library that name{near}\n  \
@@ -53,6 +65,32 @@ pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
     ));
     ExitCode::SUCCESS
 }
+
+/// Words of regions and splits: how they are written, and what they mean.
+const PHRASES: &[(&str, &str, &str)] = &[
+    (
+        "interface",
+        "region f = interface from a to b\nregion f = interface along s\nregion f = interface along s towards [0,0,1]",
+        "Faces with two sides. Integrals are taken from the side `here`, whose outward normal is Normal: plain names are \
+         values there, Interpolate(u, neighbor_element) is the value on the side `there`. `from a to b` are the faces \
+         between two regions of cells, `here` in a. `along s` are faces inside a body, say a surface of a mesh file (a \
+         line in two dimensions), plane or curved: `here` lies on one side all over each connected sheet. `towards v` \
+         chooses the side on which the integral of Normal.v is positive; v may depend on the position. Without it, the \
+         largest component of the mean normal is positive (the first of equal ones), and normals of a closed sheet \
+         point outwards. Where three or more faces meet at an edge the surface is divided into sheets. A surface with \
+         one side, as a Moebius strip has, is E436. `wfl check` shows the sheets. A field is continuous across an \
+         interface inside its region until it is split: split u across f.",
+    ),
+    (
+        "split",
+        "split u across f",
+        "The field u may jump across the faces f, which lie inside the region of u. Each node of f gets one value for \
+         each group of cells around it that hangs together without crossing f: two along a crack, also where it meets \
+         the outer boundary; one at the front, where it ends inside the body; three where a T joins. All splits of a \
+         field are made together. u - Interpolate(u, neighbor_element) is the jump on an interface; `wfl explain \
+         interface` says how to declare one.",
+    ),
+];
 
 /// A macro of the library.
 struct LibraryMacro {

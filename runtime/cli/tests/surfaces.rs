@@ -62,3 +62,13 @@ fn help_for_faces_inside_a_body_names_the_interface_along_them() {
     let text = said(&folder, "check s.wfl", "region crack = interface along slit toward [1,0]");
     assert!(text.contains("towards"), "{text}");
 }
+
+#[test]
+fn interfaces_and_splits_are_explained() {
+    let folder = Folder::new("explained");
+    for (word, part) in [("interface", "interface along s towards [0,0,1]"), ("split", "one at the front")] {
+        let output = folder.wfl(&["explain", word]);
+        let text = String::from_utf8_lossy(&output.stdout).replace('\n', " ");
+        assert!(output.status.success() && text.contains(part), "{word}: {text}");
+    }
+}
