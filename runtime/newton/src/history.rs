@@ -55,7 +55,7 @@ pub struct Iteration {
 /// One load step.
 #[derive(Clone, Debug, Default)]
 pub struct StepHistory {
-    /// The start and each iteration.
+    /// The start, where it can be measured, and each iteration.
     pub iterations: Vec<Iteration>,
     /// Reports of the linear solver.
     pub solves: Vec<SolveReport>,
@@ -89,7 +89,7 @@ impl StepHistory {
     /// Iterations of the attempt that this history is of; what a step took is listed with its attempts.
     #[must_use]
     pub fn n_iterations(&self) -> usize {
-        self.iterations.len().saturating_sub(1)
+        self.iterations.last().map_or(0, |last| last.number)
     }
 
     /// Iterations after which the branches were those of two iterations before, with no smaller residual: a cycle.

@@ -1,10 +1,10 @@
 //! The state that a step begins with: a predictor, and a displaced start.
 //!
-//! Predictor: the linearised response to the Dirichlet increment. Prescribed displacements are written into the state
-//! before a step; where bodies are not linear, all of their motion is then in one layer of cells, far from any solution: a
-//! power law with exponent p needs (p - 1) ln(strain ratio) iterations to forget it. Here the whole body moves first, by
-//! the tangent of the state before: one linear solution. Promises: a start with a smaller residual, or none. Does not
-//! move anything in scenes whose bodies are linear, for which the first iteration does the same.
+//! Predictor: the linearised response to the Dirichlet increment, which is the first Newton correction of a step.
+//! Written into the state, prescribed displacements would all be in one layer of cells, far from any solution: cells
+//! there turn inside out, and a power law with exponent p needs (p - 1) ln(strain ratio) iterations to forget it. Here
+//! the whole body moves, by the tangent of the state before. Promises: a start with a smaller residual, or none. Does
+//! not move anything in scenes whose bodies are linear, for which the first iteration does the same.
 //!
 //! Displaced start: some equations are singular where all unknowns are zero and nowhere else, such as
 //! |grad u|^(p-2) grad u. Promises: moves nothing but free dofs of fields on cells that are all zero, by a linear field of
@@ -22,39 +22,73 @@ const PART: f64 = 1e-6;
 /// What the solution may leave of the right-hand side.
 const LEFT: f64 = 1e-6;
 
-/// The state `u` with its free dofs moved along with what is prescribed, from the state `from` of the step before.
-/// `None` where nothing is moved, or where `from` has no tangent.
+/// Least part of a correction that is worth a tangent of its own: where less than this can be evaluated, smaller
+/// increments serve better.
+const SHORTEST: f64 = 1.0 / 8.0;
+
+/// The state that the first corrections of a step lead to: from the state `from` of the step before towards the prescribed
+/// values in `u`, which are part of the correction. Where the equations cannot be evaluated at its end (a cell turns
+/// inside out) a part of it is taken, prescribed values included, and the next one carries the rest. `None` where nothing
+/// is moved, or where no such state is found.
 ///
 /// # Errors
 /// [`NewtonError::TooMuchMemory`]: a start without a prediction needs as much.
 pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Result<Option<Vec<f64>>, NewtonError> {
-    match linear_response(step, from, u) {
-        Err(NewtonError::TooMuchMemory(need)) => Err(NewtonError::TooMuchMemory(need)),
-        other => Ok(other.unwrap_or(None)),
-    }
-}
-
-fn linear_response(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Result<Option<Vec<f64>>, NewtonError> {
     let system = step.system;
     let bodies = system.terms.iter().any(|t| t.on_cells() && t.law.class >= Class::Nonlinear);
     if !bodies || from == u || (0..u.len()).any(|d| system.numbering.free[d] != FIXED && from[d] != u[d]) {
         return Ok(None);
     }
+    let mut at = from.to_vec();
+    let mut left: Vec<f64> = from.iter().zip(u).map(|(a, b)| b - a).collect();
+    for _ in 0..step.options.max_iterations {
+        let correction = match linear_response(step, &at, &left) {
+            Err(NewtonError::TooMuchMemory(need)) => return Err(NewtonError::TooMuchMemory(need)),
+            Err(_) => return Ok(None),
+            Ok(correction) => correction,
+        };
+        let Some((part, state)) = longest(step, &at, &correction) else { return Ok(None) };
+        if part == 1.0 {
+            return Ok(Some(state));
+        }
+        at = state;
+        left.iter_mut().for_each(|d| *d *= 1.0 - part);
+    }
+    Ok(None)
+}
+
+/// The largest part of a correction, halved from all of it, at whose end the equations can be evaluated.
+fn longest(step: &LoadStep<'_>, at: &[f64], correction: &[f64]) -> Option<(f64, Vec<f64>)> {
+    let mut part = 1.0;
+    while part >= SHORTEST {
+        let state: Vec<f64> = at.iter().zip(correction).map(|(a, c)| a + part * c).collect();
+        if step.system.residual(&state, &step.form()).is_ok() {
+            return Some((part, state));
+        }
+        part *= 0.5;
+    }
+    None
+}
+
+/// The Newton correction at the state `at`, by dof: that of the residual at hand and of the prescribed motion `given`,
+/// which is part of it.
+fn linear_response(step: &mut LoadStep<'_>, at: &[f64], given: &[f64]) -> Result<Vec<f64>, NewtonError> {
+    let system = step.system;
     let frozen = !step.contact.is_empty() && step.contact.is_warm();
     let branches = if frozen { Branches::Frozen(step.contact.active_set()) } else { Branches::AsWritten };
     let form = Form { branches, offset: step.offset, ..Form::AS_WRITTEN };
-    let part: Vec<f64> = from.iter().zip(u).map(|(a, b)| a + PART * (b - a)).collect();
-    let moved = system.residual(&part, &form)?.values;
-    let here = system.residual(from, &form)?.values;
-    step.assemble_tangent(from, frozen)?;
+    let moved: Vec<f64> = at.iter().zip(given).map(|(a, g)| a + PART * g).collect();
+    let there = system.residual(&moved, &form)?.values;
+    let here = system.residual(at, &form)?.values;
+    step.assemble_tangent(at, frozen)?;
     step.factor()?;
-    let force: Vec<f64> = here.iter().zip(&moved).map(|(r, m)| -r - (m - r) / PART).collect();
+    let force: Vec<f64> = here.iter().zip(&there).map(|(r, t)| -r - (t - r) / PART).collect();
     let (mut rhs, mut direction) = (Vec::new(), Vec::new());
     system.numbering.gather(&force, &mut rhs);
     step.solve(&rhs, &mut direction, LEFT)?;
-    let mut found = u.to_vec();
-    system.numbering.advance(u, &direction, 1.0, &mut found);
-    Ok(Some(found))
+    let mut correction = vec![0.0; at.len()];
+    system.numbering.advance(given, &direction, 1.0, &mut correction);
+    Ok(correction)
 }
 
 /// Slope of the displaced start, in units of the field over the extent of the mesh.

@@ -36,39 +36,46 @@ struct Attempt<'u> {
 pub(super) fn iterate(
     step: &mut LoadStep<'_>,
     u: &mut [f64],
-    predicted: Option<Vec<f64>>,
+    predicted: Option<&[f64]>,
 ) -> Result<StepHistory, NewtonError> {
     step.linear = LinearTerms::ByMatrix;
     step.contact.set_overstress(0.0);
     let schedule = Schedule::new(step, u);
     step.contact.set_compliant(schedule.method() == Method::Compliance);
     let norm = Norm { weights: vec![1.0; step.system.fields.len()], frozen: schedule.freezes() };
-    let here = step.measure(u, &norm)?;
     let mut history = StepHistory::default();
-    step.record(&mut history, &here, Done { method: Method::Start, step: 1.0, changed: 0 });
-    let (best, start) = ((here.relative, u.to_vec()), Vec::new());
+    let here = begin(step, u, predicted, &norm, &mut history)?;
+    let (best, start) = ((here.relative, u.to_vec()), u.to_vec());
     let mut attempt = Attempt { u, start, here, norm, schedule, path: None, best, direction: Vec::new(), history };
-    attempt.predict(step, predicted);
-    attempt.start = attempt.u.to_vec();
     attempt.run(step)?;
     Ok(attempt.history)
 }
 
-impl Attempt<'_> {
-    /// Goes to a predicted state that is better than the start.
-    fn predict(&mut self, step: &mut LoadStep<'_>, predicted: Option<Vec<f64>>) {
-        if let Some(state) = predicted
-            && let Ok(found) = step.measure(&state, &self.norm)
-            && found.norm < self.here.norm
-        {
-            self.u.copy_from_slice(&state);
-            self.here = found;
-            let done = Done { method: Method::Predictor, step: 1.0, changed: 0 };
-            step.record(&mut self.history, &self.here, done);
-        }
-        self.best = (self.here.relative, self.u.to_vec());
+/// Goes to the better one of the states `u` and `predicted`. Prescribed values are written into one layer of cells of `u`,
+/// which may turn them inside out: then the prediction alone can be measured.
+fn begin(
+    step: &mut LoadStep<'_>,
+    u: &mut [f64],
+    predicted: Option<&[f64]>,
+    norm: &Norm,
+    history: &mut StepHistory,
+) -> Result<Measured, NewtonError> {
+    let mut start = step.measure(u, norm);
+    if let Ok(here) = &start {
+        step.record(history, here, Done { method: Method::Start, step: 1.0, changed: 0 });
     }
+    if let Some(state) = predicted
+        && let Ok(found) = step.measure(state, norm)
+        && start.as_ref().map_or(true, |here| found.norm < here.norm)
+    {
+        u.copy_from_slice(state);
+        step.record(history, &found, Done { method: Method::Predictor, step: 1.0, changed: 0 });
+        start = Ok(found);
+    }
+    Ok(start?)
+}
 
+impl Attempt<'_> {
     fn run(&mut self, step: &mut LoadStep<'_>) -> Result<(), NewtonError> {
         let (mut room, mut room_of_paths) = (step.options.max_iterations, BUDGET_OF_PATHS);
         let (mut before, mut left, mut number) = (None, false, 0);

@@ -3,7 +3,8 @@
 //! - only linear terms: one matrix, factored when it changes (once, unless the step variable enters);
 //! - a symmetric linear bulk and nonlinear terms on few dofs (contact): the bulk is factored once, the nonlinear part
 //!   is condensed onto the dofs it touches;
-//! - anything else: the whole tangent each time.
+//! - anything else: the whole tangent, factored anew where Krylov iterations with the factor of an earlier one would cost
+//!   more.
 //!
 //! Symmetric matrices are tried as positive definite; where that fails the general solver takes over, with a note.
 
@@ -15,8 +16,8 @@ use wfl_discrete::pruning::Pruning;
 use wfl_discrete::system::{System, Tangent};
 use wfl_sparse::csr::{Csr, Pattern};
 use wfl_sparse::solve::{
-    CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, LinearSolver as Factor, Precision,
-    SolveError, SolveReport, SolverMemory, SolverOptions,
+    CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, Kept, LinearSolver as Factor,
+    Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
 };
 
 /// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
@@ -87,7 +88,7 @@ impl LinearSolver {
                     return Ok(());
                 }
                 Err(SolveError::NotPositiveDefinite { .. } | SolveError::Singular { .. }) => {
-                    self.notes.push("the linear part without the contact dofs is not positive definite: the whole tangent is factored in each iteration".to_owned());
+                    self.notes.push("the linear part without the contact dofs is not positive definite: the whole tangent is factored where an older factor does not serve".to_owned());
                 }
                 Err(e) => return Err(e),
             }
@@ -115,7 +116,7 @@ impl LinearSolver {
                 "Newton; linear part factored once (LLT), Schur complement on the {touched} dofs of the nonlinear terms"
             );
         }
-        format!("Newton; whole tangent, {symmetric} ({method}), factored in each iteration")
+        format!("Newton; whole tangent, {symmetric} ({method}), factored where an older factor does not serve")
     }
 
     /// The solver in words, with what was noticed while solving.
@@ -134,9 +135,11 @@ impl LinearSolver {
             Kind::Linear => "one linear system, unsymmetric (LU), factored once".to_owned(),
             Kind::Condensed(c) => format!("Newton; linear part factored once, {}", c.elimination()),
             Kind::Full { .. } if self.symmetric => {
-                "Newton; whole tangent, symmetric (LLT), factored in each iteration".to_owned()
+                "Newton; whole tangent, symmetric (LLT), factored where an older factor does not serve".to_owned()
             }
-            Kind::Full { .. } => "Newton; whole tangent, unsymmetric (LU), factored in each iteration".to_owned(),
+            Kind::Full { .. } => {
+                "Newton; whole tangent, unsymmetric (LU), factored where an older factor does not serve".to_owned()
+            }
         }
     }
 
@@ -190,8 +193,23 @@ impl LinearSolver {
                         sum.values_mut()[*p] += v;
                     }
                 }
+                let keeps = !system.is_affine_when_frozen();
+                if keeps
+                    && let Some(solver) = &mut self.solver
+                    && solver.keep_factor(&sum)?
+                {
+                    return Ok(());
+                }
                 self.factor(&sum)
             }
+        }
+    }
+
+    /// The next tangent gets a factor of its own. Done at the start of an attempt, so that a run that is resumed there goes
+    /// on bit by bit.
+    pub fn expire(&mut self) {
+        if let Some(solver) = &mut self.solver {
+            solver.expire();
         }
     }
 
@@ -329,7 +347,17 @@ impl LinearSolver {
                 self.factorisations += c.take_factorisations();
                 report
             }
-            _ => self.solver.as_mut().ok_or(SolveError::NotFactored)?.solve(rhs, x),
+            _ => {
+                let solver = self.solver.as_mut().ok_or(SolveError::NotFactored)?;
+                let matrix = match solver.solve_with_kept(rhs, x, tolerance)? {
+                    Kept::Solved(report) => return Ok(report),
+                    Kept::None => return solver.solve(rhs, x),
+                    Kept::Useless(matrix) => matrix.clone(),
+                };
+                self.factor(&matrix)?;
+                let report = self.solver.as_mut().ok_or(SolveError::NotFactored)?.solve(rhs, x)?;
+                Ok(SolveReport { refactored: true, ..report })
+            }
         }
     }
 }

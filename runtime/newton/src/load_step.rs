@@ -226,7 +226,9 @@ impl LoadStep<'_> {
     /// Lists an iteration and tells it.
     pub(super) fn record(&mut self, history: &mut StepHistory, here: &Measured, done: Done) {
         let (contact, fingerprint) = branches(self.system, &here.written);
-        let number = history.iterations.len();
+        // without a start that could be measured the list begins with the first correction
+        let first = usize::from(done.method != Method::Start);
+        let number = history.iterations.last().map_or(first, |last| last.number + 1);
         let iteration = Iteration {
             number,
             residual: here.relative,

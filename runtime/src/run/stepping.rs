@@ -381,6 +381,7 @@ impl Stepper {
                 self.solver = Some(made);
             }
             Some(mut old) => {
+                old.expire();
                 if changed {
                     old.bulk_changed(&scene.system)?;
                 }

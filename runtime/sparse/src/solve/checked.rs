@@ -11,9 +11,10 @@ use super::dense::{Dense, Kind};
 use super::factorization::{Factorization, Pivot};
 use super::llt::Llt;
 use super::lu::SparseLu;
+use super::older_factor::OlderFactor;
 use super::on_pattern::OnPattern;
 use super::triangular_solve::Transpose;
-use super::{LinearSolver, SolveError, SolveReport, SolverOptions};
+use super::{Kept, LinearSolver, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
 
 /// Shift, relative to the diagonal, with which a matrix without a factor is looked at.
@@ -25,9 +26,12 @@ const ASYMMETRY: f64 = 1e-10;
 pub(super) struct Checked<F> {
     factorization: F,
     check: BackwardErrorCheck,
-    /// The matrix last factored, on the analysed pattern.
+    /// The matrix to solve with, on the analysed pattern.
     matrix: OnPattern,
     is_factored: bool,
+    /// The factor is that of an earlier matrix.
+    is_older: bool,
+    older: OlderFactor,
     null_space_is_clear: bool,
 }
 
@@ -35,7 +39,15 @@ impl<F: Factorization> Checked<F> {
     pub(super) fn new(factorization: F, options: SolverOptions) -> Self {
         let matrix = OnPattern::new(factorization.pattern());
         let check = BackwardErrorCheck::new(matrix.matrix.n_rows(), options);
-        Self { factorization, check, matrix, is_factored: false, null_space_is_clear: false }
+        Self {
+            factorization,
+            check,
+            matrix,
+            is_factored: false,
+            is_older: false,
+            older: OlderFactor::new(),
+            null_space_is_clear: false,
+        }
     }
 
     /// The class of a failed factorisation.
@@ -140,7 +152,8 @@ pub(super) fn check_symmetry(matrix: &Csr) -> Result<(), SolveError> {
 
 impl<F: Factorization> LinearSolver for Checked<F> {
     fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
-        self.is_factored = false;
+        (self.is_factored, self.is_older) = (false, false);
+        self.older.set_worn(false);
         self.null_space_is_clear = false;
         self.matrix.take(matrix)?;
         self.check.set_matrix(&[&self.matrix.matrix])?;
@@ -156,8 +169,37 @@ impl<F: Factorization> LinearSolver for Checked<F> {
         }
     }
 
+    fn keep_factor(&mut self, matrix: &Csr) -> Result<bool, SolveError> {
+        if !(self.is_factored && self.older.serves(&self.factorization)) {
+            return Ok(false);
+        }
+        self.matrix.take(matrix)?;
+        self.check.set_matrix(&[&self.matrix.matrix])?;
+        if F::NEEDS_SYMMETRY {
+            check_symmetry(&self.matrix.matrix)?;
+        }
+        self.is_older = true;
+        Ok(true)
+    }
+
+    fn expire(&mut self) {
+        self.older.set_worn(true);
+    }
+
+    fn solve_with_kept(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<Kept<'_>, SolveError> {
+        if !(self.is_factored && self.is_older) {
+            return Ok(Kept::None);
+        }
+        self.check.check_rhs(rhs, x)?;
+        let (factorization, matrix) = (&mut self.factorization, &self.matrix.matrix);
+        match self.older.solve(factorization, matrix, &mut self.check, rhs, x, tolerance) {
+            Some(report) => Ok(Kept::Solved(report)),
+            None => Ok(Kept::Useless(&self.matrix.matrix)),
+        }
+    }
+
     fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError> {
-        if !self.is_factored {
+        if !self.is_factored || self.is_older {
             return Err(SolveError::NotFactored);
         }
         self.check.check_rhs(rhs, x)?;
@@ -203,7 +245,7 @@ impl<F: Factorization> LinearSolver for Checked<F> {
     }
 
     fn is_negative(&self) -> Option<bool> {
-        self.factorization.is_negative().filter(|_| self.is_factored)
+        self.factorization.is_negative().filter(|_| self.is_factored && !self.is_older)
     }
 }
 
@@ -257,6 +299,18 @@ macro_rules! checked_door {
 
             fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError> {
                 self.inner.solve(rhs, x)
+            }
+
+            fn keep_factor(&mut self, matrix: &Csr) -> Result<bool, SolveError> {
+                self.inner.keep_factor(matrix)
+            }
+
+            fn expire(&mut self) {
+                self.inner.expire();
+            }
+
+            fn solve_with_kept(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<Kept<'_>, SolveError> {
+                self.inner.solve_with_kept(rhs, x, tolerance)
             }
 
             fn condition_estimate(&mut self) -> Result<f64, SolveError> {

@@ -48,6 +48,12 @@ pub(super) trait Factorization {
     /// Whether the determinant of the matrix factored last is negative; `None` where the factor does not tell.
     fn is_negative(&self) -> Option<bool>;
 
+    /// Krylov iterations with this factor that cost as much as a new factor, in the multiplications of one and the values
+    /// that are loaded for the other; none where that is not known.
+    fn worthwhile_iterations(&self) -> usize {
+        0
+    }
+
     /// Turns to a more robust method for the same matrix; false when there is none.
     fn retry(&mut self, _matrix: &Csr) -> Result<bool, SolveError> {
         Ok(false)

@@ -84,6 +84,10 @@ impl Factorization for Llt {
         self.triangular.solve(&self.symbolic, factor, transpose, |_| {}, x);
     }
 
+    fn worthwhile_iterations(&self) -> usize {
+        self.symbolic.worthwhile_iterations(false)
+    }
+
     fn is_negative(&self) -> Option<bool> {
         Some(false)
     }

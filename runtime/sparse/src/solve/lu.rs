@@ -86,6 +86,10 @@ impl Factorization for SparseLu {
         }
     }
 
+    fn worthwhile_iterations(&self) -> usize {
+        if self.uses_robust { 0 } else { self.symbolic.worthwhile_iterations(true) }
+    }
+
     fn is_negative(&self) -> Option<bool> {
         (!self.uses_robust).then(|| self.fronts.is_negative(&self.symbolic))
     }

@@ -24,6 +24,7 @@ mod lu;
 mod memory;
 mod multifrontal;
 mod null_space;
+mod older_factor;
 mod on_pattern;
 mod ordering;
 #[cfg(test)]
@@ -264,6 +265,16 @@ impl From<CsrError> for SolveError {
     }
 }
 
+/// What a factor of an earlier matrix came to.
+pub enum Kept<'a> {
+    /// No such factor is in use.
+    None,
+    /// A solution that has passed the checks.
+    Solved(SolveReport),
+    /// Nothing: this is the matrix to factor.
+    Useless(&'a Csr),
+}
+
 /// A solver of `A x = b` for matrices of one pattern.
 pub trait LinearSolver {
     /// Factors a matrix; its entries must lie inside the analysed pattern.
@@ -278,6 +289,27 @@ pub trait LinearSolver {
     /// [`SolveError::NotFactored`] before a successful [`LinearSolver::factor`]; otherwise any error that says why no
     /// solution with a small true residual was found. `x` is then unspecified.
     fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError>;
+
+    /// Takes a matrix and keeps the factor of an earlier one, if solutions with that cost less than a factor of this. False
+    /// where the matrix is to be factored. Solutions then come from [`LinearSolver::solve_with_kept`].
+    ///
+    /// # Errors
+    /// As [`LinearSolver::factor`].
+    fn keep_factor(&mut self, _matrix: &Csr) -> Result<bool, SolveError> {
+        Ok(false)
+    }
+
+    /// The next matrix is to be factored.
+    fn expire(&mut self) {}
+
+    /// Solves `A x = rhs` with the factor of an earlier matrix and Krylov iterations, to a true residual of no more than
+    /// `tolerance` of the right-hand side (2-norms of scaled equations).
+    ///
+    /// # Errors
+    /// Those about the right-hand side.
+    fn solve_with_kept(&mut self, _rhs: &[f64], _x: &mut [f64], _tolerance: f64) -> Result<Kept<'_>, SolveError> {
+        Ok(Kept::None)
+    }
 
     /// An estimate from below of the condition number `‖A‖ ‖A⁻¹‖` in the 1-norm (Hager 1984, Higham 1988): a handful of
     /// solves, usually right within a factor of three.

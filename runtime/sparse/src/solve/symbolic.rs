@@ -14,6 +14,7 @@ use faer::sparse::linalg::SymbolicSupernodalParams;
 use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 
 use super::SolveError;
+use super::krylov::worthwhile_iterations;
 use super::ordering::{Ordering, order};
 use crate::csr::Pattern;
 use wfl_host::memory::{claim, claim_numbers, refused_by_the_system};
@@ -170,6 +171,18 @@ impl Symbolic {
         let (k, r) = self.sizes(front);
         let (k, r) = (k as f64, r as f64);
         k * k * k / 6.0 + k * k * r / 2.0 + k * r * r / 2.0
+    }
+
+    /// Krylov iterations with a whole factor that cost as much as the factor; by LU with `is_general`, else by LLT.
+    pub(super) fn worthwhile_iterations(&self, is_general: bool) -> usize {
+        let times = if is_general { 2.0 } else { 1.0 };
+        let operations: f64 = (0..self.n_fronts()).map(|front| times * self.operations(front)).sum();
+        // LLT: forward and backward substitution load the same values
+        let values = (0..self.n_fronts()).map(|front| {
+            let (k, r) = self.sizes(front);
+            (if is_general { k * (k + 2 * r) } else { 2 * k * (k + r) }) as f64
+        });
+        worthwhile_iterations(operations, values.sum()) as usize
     }
 
     /// Asks for the memory of all factors before any of it is taken: fronts with `is_general` are factored by LU, and
