@@ -486,3 +486,44 @@ fn contact_that_binds_stresses_settles_from_rest() {
         }
     }
 }
+
+/// A neo-Hookean block of unit size between clamped ends that come nearer by `t`.
+fn clamped(cells: &str, element: &str, steps: &str) -> String {
+    format!(
+        "param E = 10\nparam nu = 0.3\ndef mu = E/(2*(1 + nu))\ndef lambda = E*nu/((1 + nu)*(1 - 2*nu))\n\
+         mesh box [0,0,0] to [1,1,1] cells {cells} tet\nregion bottom = faces where z == 0\n\
+         region top = faces where z == 1\nunknown u : vector {element}\n{steps}\ndef F = Id(3) + Grad_u\n\
+         def P = mu*(F - Inv(F)') + lambda*log(Det(F))*Inv(F)'\nterm elastic on all : P:Grad_Test_u\n\
+         quadrature on all degree 4\nfix u = [0,0,0] on bottom\nfix u = [0,0,-t] on top\n\
+         measure work = integral(mu/2*(F:F - 3 - 2*log(Det(F))) + lambda/2*log(Det(F))^2) on all\n\
+         measure pressure = mean(-P(3,3)) on all\n"
+    )
+}
+
+/// Prescribed displacements larger than a cell turn cells inside out where they are written into the state; as part of
+/// the first correction they do not.
+#[test]
+fn prescribed_increments_beyond_the_size_of_a_cell_need_no_smaller_parts() {
+    let solved = solve(&examples(), clamped("[3,3,12]", "P2", "steps t = 0.1 to 0.2 by 0.1"), &[], &[]).unwrap();
+    assert!(solved.outcome.converged());
+    for step in &solved.outcome.steps {
+        assert!(step.parts().is_empty(), "{:?}", step.attempts);
+        assert!(step.iterations() <= 5, "{}", step.iterations());
+    }
+    // the energy is a function of the state alone: its growth is the work of the ends, which Simpson's rule gives
+    let fine = solve(&examples(), clamped("[3,3,12]", "P2", "steps t = 0.1 to 0.2 by 0.05"), &[], &[]).unwrap();
+    let forces: Vec<f64> = (0..3).map(|k| fine.measure(k, "pressure")).collect();
+    let work = 0.1 / 6.0 * (forces[0] + 4.0 * forces[1] + forces[2]);
+    let gained = solved.measure(1, "work") - solved.measure(0, "work");
+    assert!((gained / work - 1.0).abs() < 1e-4, "{gained} {work}");
+}
+
+/// An increment whose first correction turns cells inside out, too: parts of it are taken.
+#[test]
+fn a_correction_that_cannot_be_evaluated_is_shortened() {
+    let whole = solve(&examples(), clamped("[2,2,6]", "P1", "steps t = 0.6 to 0.6 by 1"), &[], &[]).unwrap();
+    let parts = solve(&examples(), clamped("[2,2,6]", "P1", "steps t = 0.1 to 0.6 by 0.1"), &[], &[]).unwrap();
+    assert!(whole.outcome.converged() && whole.outcome.steps[0].parts().is_empty());
+    let (one, other) = (whole.measure(0, "work"), parts.measure(5, "work"));
+    assert!((one / other - 1.0).abs() < 1e-9, "{one} {other}");
+}

@@ -156,8 +156,8 @@ Examples:
 pub(crate) struct SceneArgs {
     /// The scene, a .wfl file
     pub(crate) scene: PathBuf,
-    /// Parameters to replace: gamma=1e6 theta=-1; for wfl run also knobs of a sweep: refine=2 cells=[4,8] h=0.1
-    /// degree=2 tol=1e-6
+    /// Parameters to replace: gamma=1e6 theta=-1; for wfl run, check and verify also knobs of a sweep: refine=2
+    /// cells=[4,8] h=0.1 degree=2 tol=1e-6
     #[arg(value_name = "NAME=VALUE")]
     pub(crate) overrides: Vec<String>,
 }

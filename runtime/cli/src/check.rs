@@ -29,13 +29,13 @@ use crate::{
     accuracy,
     args::CheckArgs,
     contact,
-    load::{load, out, print_all},
+    load::{load_with_knobs, out, print_all},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     table::{Table, number},
 };
 
 pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
-    let Some(mut loaded) = load(&args.scene.scene, &args.scene.overrides, "check") else {
+    let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "check") else {
         return ExitCode::from(EXIT_ERROR);
     };
     let parse = started.elapsed().as_secs_f64();

@@ -13,13 +13,13 @@ use wfl_tasks::{
 use crate::{
     args::VerifyArgs,
     contact,
-    load::{load, out, print_all, say},
+    load::{load_with_knobs, out, print_all, say},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     table::Table,
 };
 
 pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
-    let Some(mut loaded) = load(&args.scene.scene, &args.scene.overrides, "verify") else {
+    let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "verify") else {
         return ExitCode::from(EXIT_ERROR);
     };
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };

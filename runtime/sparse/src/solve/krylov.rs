@@ -6,17 +6,6 @@
 
 use super::kernels::dot;
 
-/// Multiplications that a factorisation makes while a triangular solve loads one value: from the cache, and from memory.
-const OPERATIONS_PER_CACHED_VALUE: f64 = 16.0;
-const OPERATIONS_PER_VALUE: f64 = 36.0;
-/// Number of values that a cache holds.
-const CACHED_VALUES: f64 = 4e6;
-/// Iterations that cost as much as a factorisation of so many multiplications, if each loads so many values of a factor.
-pub(super) fn worthwhile_iterations(operations: f64, values: f64) -> f64 {
-    let per_value = if values <= CACHED_VALUES { OPERATIONS_PER_CACHED_VALUE } else { OPERATIONS_PER_VALUE };
-    operations / (per_value * values).max(1.0)
-}
-
 /// What an iteration did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Outcome {

@@ -394,3 +394,48 @@ fn a_pattern_must_be_square() {
         assert!(matches!(outcome, Some(SolveError::Shape { .. })), "{outcome:?}");
     }
 }
+
+/// A box with the stiffness of each dof changed by up to `part` of itself.
+fn changed(a: &Csr, part: f64) -> Csr {
+    let diagonal: Vec<_> = (0..a.n_rows())
+        .map(|dof| (dof as u32, dof as u32, part * ((dof * 7 % 13) as f64 / 12.0) * a.get(dof, dof)))
+        .collect();
+    a.plus(&Csr::from_triplets(a.n_rows(), a.n_rows(), &diagonal).unwrap()).unwrap()
+}
+
+#[test]
+fn the_factor_of_a_near_matrix_solves_to_the_tolerance_and_that_of_another_one_says_that_it_does_not() {
+    let problem = ElasticBox::new(&BoxOptions { cells: [14, 14, 14], cut: None, fix_low: true, fix_high: false });
+    let (a, points) = (&problem.matrix, Some(&problem.coordinates[..]));
+    let options = SolverOptions::default();
+    let doors: [Box<dyn LinearSolver>; 2] = [
+        Box::new(CheckedLlt::new(a.pattern(), points, options).unwrap()),
+        Box::new(CheckedLu::new(a.pattern(), points, options).unwrap()),
+    ];
+    for mut solver in doors {
+        let near = changed(a, 0.05);
+        let solution = wanted(a.n_rows());
+        let b = times(&near, &solution);
+        let mut x = vec![0.0; b.len()];
+        assert!(!solver.keep_factor(&near).unwrap(), "there is no factor yet");
+        solver.factor(a).unwrap();
+        assert!(solver.keep_factor(&near).unwrap());
+        assert!(
+            matches!(solver.solve(&b, &mut x), Err(SolveError::NotFactored)),
+            "the factor is not that of the matrix"
+        );
+        let Ok(Kept::Solved(report)) = solver.solve_with_kept(&b, &mut x, 1e-10) else { panic!("a near matrix") };
+        assert!((1..30).contains(&report.krylov_iterations), "{report:?}");
+        let left = times(&near, &x).iter().zip(&b).map(|(y, b)| (y - b).powi(2)).sum::<f64>().sqrt();
+        assert!(left <= 1e-9 * b.iter().map(|b| b * b).sum::<f64>().sqrt(), "{left:e}");
+
+        solver.factor(a).unwrap();
+        let far = changed(a, 1e4);
+        assert!(solver.keep_factor(&far).unwrap());
+        assert!(matches!(solver.solve_with_kept(&b, &mut x, 1e-10), Ok(Kept::Useless(matrix)) if *matrix == far));
+        assert!(!solver.keep_factor(&near).unwrap(), "a factor that came to nothing is not tried again");
+        solver.factor(a).unwrap();
+        solver.expire();
+        assert!(!solver.keep_factor(&near).unwrap());
+    }
+}

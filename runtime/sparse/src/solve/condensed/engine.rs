@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::super::dense::{Dense, Kind};
 use super::super::factorization::Pivot;
 use super::super::frontal_lu::{EntryMap, FrontalLu, Part};
-use super::super::krylov::{Gmres, Limits, Outcome, worthwhile_iterations};
+use super::super::krylov::{Gmres, Limits, Outcome};
 use super::super::multifrontal::Multifrontal;
 use super::super::symbolic::Symbolic;
 use super::super::triangular_solve::{FrontFactor, Transpose, TriangularSolve};
@@ -19,6 +19,11 @@ use wfl_host::memory::zeros;
 
 /// Smallest pivot of the fronts, relative to its column, that is accepted.
 const SMALLEST_PIVOT: f64 = 1e-11;
+/// Multiplications that a factorisation makes while a triangular solve loads one value: from the cache, and from memory.
+const OPERATIONS_PER_CACHED_VALUE: f64 = 16.0;
+const OPERATIONS_PER_VALUE: f64 = 36.0;
+/// Number of values that a cache holds.
+const CACHED_VALUES: f64 = 4e6;
 /// Woodbury: with fewer iterations a trial is not worth the solves with the bulk that it costs where it fails.
 const FEWEST_ITERATIONS: f64 = 14.0;
 /// From this number of forces on a factor of single precision saves more than its iterations cost.
@@ -329,7 +334,8 @@ impl Engine {
                 (operations, sizes.map(|(k, r)| (k * (k + 2 * r)) as f64).sum())
             }
         };
-        let iterations = worthwhile_iterations(operations, values);
+        let per_value = if values <= CACHED_VALUES { OPERATIONS_PER_CACHED_VALUE } else { OPERATIONS_PER_VALUE };
+        let iterations = operations / (per_value * values).max(1.0);
         if matches!(self.method, Method::Woodbury(_)) && iterations < FEWEST_ITERATIONS {
             return 0;
         }
