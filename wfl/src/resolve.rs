@@ -43,7 +43,7 @@ pub const OPTIONS: &[(&str, &[&str])] = &[
     ("mesh", &["idle_cells"]),
     ("multiplier", &["crosspoints"]),
     ("steps", &["halve", "most", "on_fail"]),
-    ("solver", &["accuracy", "max_iter", "of", "search", "tol"]),
+    ("solver", &["accuracy", "amg", "cg", "direct", "max_iter", "of", "search", "tol"]),
     ("output", &["points"]),
 ];
 

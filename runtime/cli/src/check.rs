@@ -361,7 +361,7 @@ fn system(scene: &Scene) -> Table {
     let numbering = &scene.system.numbering;
     let mut table = Table::new("system", &["dofs", "fixed", "free", "solver"]);
     let free = numbering.n_free();
-    let solver = LinearSolver::plan(&scene.system);
+    let solver = LinearSolver::plan(&scene.system, scene.newton.linear, scene.steps.values.len());
     table.push(vec![numbering.n_dofs.into(), (numbering.n_dofs - free).into(), free.into(), solver.into()]);
     table
 }

@@ -10,6 +10,7 @@
 
 mod form;
 mod inspect;
+mod node_layout;
 mod numbering;
 mod residual;
 mod tangent;
@@ -96,7 +97,7 @@ pub struct System {
     time: f64,
     increment: f64,
     linear: Option<Csr>,
-    bulk: Csr,
+    bulk: Arc<Csr>,
     /// The pattern of the changing terms over the free dofs.
     changing: Arc<Pattern>,
     /// Where they are summed before they are rotated; `None` without local frames and dofs that follow others.
@@ -133,7 +134,7 @@ impl System {
             time: 0.0,
             increment: 0.0,
             linear: None,
-            bulk: nothing(n_free),
+            bulk: Arc::new(nothing(n_free)),
             changing: Arc::new(Pattern::empty(n_free, n_free)),
             scene_axes: None,
             constant,
@@ -225,6 +226,12 @@ impl System {
         &self.bulk
     }
 
+    /// The same to keep, without a copy.
+    #[must_use]
+    pub fn shared_bulk(&self) -> Arc<Csr> {
+        Arc::clone(&self.bulk)
+    }
+
     /// Number of free dofs that the changing terms touch, by row or by column.
     #[must_use]
     pub fn n_changing_dofs(&self) -> usize {
@@ -298,13 +305,13 @@ impl System {
         }
         let frames = &self.numbering.frames;
         let map = Restriction::new(linear.pattern(), &self.numbering.equations(), self.numbering.n_free())?;
-        self.bulk = if frames.is_empty() {
+        self.bulk = Arc::new(if frames.is_empty() {
             map.apply(&linear)
         } else {
             let mut turned = linear.clone();
             frames.turn_matrix(&mut turned, |d| d);
             map.apply(&turned)
-        };
+        });
         self.linear = Some(linear);
         Ok(())
     }
@@ -323,7 +330,7 @@ impl System {
         self.numbering.fix(dofs);
         self.numbering.tie(ties);
         self.linear = None;
-        self.bulk = nothing(self.numbering.n_free());
+        self.bulk = Arc::new(nothing(self.numbering.n_free()));
         self.locate()
     }
 

@@ -88,7 +88,11 @@ impl Attempt<'_> {
                 return self.finish(step, stop);
             }
             self.prepare(step, std::mem::take(&mut left))?;
-            let forcing = forcing(self.here.relative, before, step.options.tolerance);
+            let forcing = match step.system.is_linear() {
+                // no other iteration need follow
+                true => OF_THE_TOLERANCE * step.options.tolerance / self.here.relative,
+                false => forcing(self.here.relative, before, step.options.tolerance),
+            };
             before = Some(self.here.relative);
             match self.correct(step, forcing) {
                 Ok(followed) => self.advance(step, followed)?,

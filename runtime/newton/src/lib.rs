@@ -13,6 +13,7 @@ mod history;
 mod homotopy;
 mod initial_guess;
 mod iteration;
+mod iterative;
 mod line_search;
 mod linear_solver;
 mod load_step;
@@ -23,12 +24,14 @@ mod schedule;
 
 pub use error::{NewtonError, Singular};
 pub use history::{Iteration, StepHistory, Stop};
+pub use iterative::obstacle;
 pub use linear_solver::{LinearSolver, condenses, shares_forces};
 pub use load_step::{LoadStep, Spent};
 pub use method::Method;
 pub use schedule::{PlannedStage, planned_stages};
 
 use wfl_discrete::assemble::TermError;
+use wfl_sparse::solve::LinearMethod;
 
 /// When an iteration stops and how it searches.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +42,8 @@ pub struct NewtonOptions {
     pub max_iterations: usize,
     /// Line search on; off takes every full step.
     pub search: bool,
+    /// How the system of a linear scene is solved.
+    pub linear: LinearMethod,
 }
 
 /// The largest relative tolerance that can be asked for: where a tenth of the forces is out of balance nothing is solved.
@@ -49,7 +54,7 @@ pub const DEFAULT_TOLERANCE: f64 = 1e-10;
 
 impl Default for NewtonOptions {
     fn default() -> Self {
-        Self { tolerance: DEFAULT_TOLERANCE, max_iterations: 150, search: true }
+        Self { tolerance: DEFAULT_TOLERANCE, max_iterations: 150, search: true, linear: LinearMethod::Auto }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Which linear solver a scene gets, from the structure of its terms.
 //!
-//! - only linear terms: one matrix, factored when it changes (once, unless the step variable enters);
+//! - only linear terms: one matrix, factored when it changes (once, unless the step variable enters), or where that is
+//!   cheaper solved by conjugate gradients with multigrid (`iterative`);
 //! - a symmetric linear bulk and nonlinear terms on few dofs (contact): the bulk is factored once, the nonlinear part
 //!   is condensed onto the dofs it touches;
 //! - anything else: the whole tangent, factored anew where Krylov iterations with the factor of an earlier one would cost
@@ -10,14 +11,15 @@
 
 use std::sync::Arc;
 
+use super::iterative::{self, Iterative};
 use wfl_compiler::types::FieldKind;
 
 use wfl_discrete::pruning::Pruning;
 use wfl_discrete::system::{System, Tangent};
 use wfl_sparse::csr::{Csr, Pattern};
 use wfl_sparse::solve::{
-    CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, Kept, LinearSolver as Factor,
-    Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
+    CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, Kept, LinearMethod,
+    LinearSolver as Factor, Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
 };
 
 /// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
@@ -36,6 +38,10 @@ enum Kind {
 pub struct LinearSolver {
     kind: Kind,
     solver: Option<Box<dyn Factor + Send>>,
+    /// In place of a factor.
+    iterative: Option<Iterative>,
+    /// The matrix that it solves with, kept for the factor that takes its place where it fails.
+    matrix: Option<Arc<Csr>>,
     symmetric: bool,
     options: SolverOptions,
     coordinates: Vec<[f64; 3]>,
@@ -58,6 +64,8 @@ impl LinearSolver {
         let mut this = Self {
             kind: Kind::Linear,
             solver: None,
+            iterative: None,
+            matrix: None,
             symmetric: system.is_symmetric() && system.uses(Pruning::Symmetric),
             options,
             coordinates,
@@ -104,7 +112,10 @@ impl LinearSolver {
     /// The solver that a system asks for, in words; nothing is assembled for it. A linear part that turns out not
     /// to be positive definite changes it.
     #[must_use]
-    pub fn plan(system: &System) -> String {
+    pub fn plan(system: &System, method: LinearMethod, solutions: usize) -> String {
+        if let Some(text) = iterative::plan(system, method, solutions) {
+            return text;
+        }
         let is_symmetric = system.is_symmetric() && system.uses(Pruning::Symmetric);
         let (symmetric, method) = if is_symmetric { ("symmetric", "LLT") } else { ("unsymmetric", "LU") };
         if system.is_linear() {
@@ -130,6 +141,9 @@ impl LinearSolver {
     }
 
     fn method(&self) -> String {
+        if let Some(iterative) = &self.iterative {
+            return iterative.describe();
+        }
         match &self.kind {
             Kind::Linear if self.symmetric => "one linear system, symmetric (LLT), factored once".to_owned(),
             Kind::Linear => "one linear system, unsymmetric (LU), factored once".to_owned(),
@@ -156,10 +170,46 @@ impl LinearSolver {
     /// [`SolveError`] when the new bulk cannot be factored.
     pub fn bulk_changed(&mut self, system: &System) -> Result<(), SolveError> {
         match &self.kind {
-            Kind::Linear => self.factor(system.bulk()),
+            Kind::Linear => self.solve_one_matrix(system),
             Kind::Condensed(_) => self.choose_nonlinear(system),
             Kind::Full { .. } => Ok(()),
         }
+    }
+
+    /// Prepares for the one matrix of a linear scene.
+    fn solve_one_matrix(&mut self, system: &System) -> Result<(), SolveError> {
+        (self.iterative, self.matrix) = (None, None);
+        let SolverOptions { method, solutions, .. } = self.options;
+        if self.symmetric && iterative::is_chosen(system, method, solutions) {
+            match self.iterate(system) {
+                Err(error @ (SolveError::NotPositiveDefinite { .. } | SolveError::NotSymmetric { .. })) => {
+                    self.note_factor(&error);
+                }
+                other => return other,
+            }
+        }
+        match self.factor(system.bulk()) {
+            Err(need @ SolveError::TooMuchMemory(_)) if method == LinearMethod::Auto && self.symmetric => {
+                self.solver = None;
+                self.notes.push(format!("no factor fits into the memory: {}", iterative::NAME));
+                self.iterate(system).map_err(|_| need)
+            }
+            other => other,
+        }
+    }
+
+    fn iterate(&mut self, system: &System) -> Result<(), SolveError> {
+        let layout = iterative::layout(system).map_err(|_| SolveError::NotFactored)?;
+        let matrix = system.shared_bulk();
+        self.iterative = Some(Iterative::new(layout, Arc::clone(&matrix), self.options)?);
+        self.matrix = Some(matrix);
+        self.solver = None;
+        Ok(())
+    }
+
+    /// Says why a factor takes the place of the iteration.
+    fn note_factor(&mut self, error: &SolveError) {
+        self.notes.push(format!("a factor in place of {}: {error}", iterative::NAME));
     }
 
     /// Takes over a tangent of `system`; `as_written` says that it is that of the laws as they are written.
@@ -272,6 +322,8 @@ impl LinearSolver {
     fn was_negative(&self) -> Option<bool> {
         match &self.kind {
             Kind::Condensed(c) => c.is_negative(),
+            // conjugate gradients have met no direction of negative energy
+            _ if self.iterative.is_some() => Some(false),
             _ => self.solver.as_ref().and_then(|solver| solver.is_negative()),
         }
     }
@@ -329,7 +381,10 @@ impl LinearSolver {
                 self.factorisations += c.take_factorisations();
                 estimate
             }
-            _ => self.solver.as_mut().ok_or(SolveError::NotFactored)?.condition_estimate(),
+            _ => match &mut self.iterative {
+                Some(iterative) => iterative.solver().condition_estimate(),
+                None => self.solver.as_mut().ok_or(SolveError::NotFactored)?.condition_estimate(),
+            },
         }
     }
 
@@ -347,6 +402,7 @@ impl LinearSolver {
                 self.factorisations += c.take_factorisations();
                 report
             }
+            _ if self.iterative.is_some() => self.solve_by_iteration(rhs, x, tolerance),
             _ => {
                 let solver = self.solver.as_mut().ok_or(SolveError::NotFactored)?;
                 let matrix = match solver.solve_with_kept(rhs, x, tolerance)? {
@@ -359,6 +415,24 @@ impl LinearSolver {
                 Ok(SolveReport { refactored: true, ..report })
             }
         }
+    }
+
+    /// Conjugate gradients; a factor where they do not get to their end.
+    fn solve_by_iteration(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
+        let Some(iterative) = &mut self.iterative else { return Err(SolveError::NotFactored) };
+        let error = match iterative.solver().solve_to(rhs, x, tolerance) {
+            Err(
+                error @ (SolveError::NotPositiveDefinite { .. }
+                | SolveError::TooManyIterations { .. }
+                | SolveError::ResidualTooLarge { .. }),
+            ) => error,
+            other => return other,
+        };
+        let Some(matrix) = self.matrix.take() else { return Err(error) };
+        self.note_factor(&error);
+        self.iterative = None;
+        self.factor(&matrix)?;
+        self.solver.as_mut().ok_or(SolveError::NotFactored)?.solve(rhs, x)
     }
 }
 

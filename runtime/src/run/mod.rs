@@ -299,10 +299,9 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
     };
     let identity = folder::identity(scene, options);
     let mut files = Files::new(scene, dir.as_ref());
-    let solver = SolverOptions { threads: options.threads, precision: options.precision, ..SolverOptions::default() };
     let mut run = Run {
         u: start(scene).map_err(|bad| RunError::Start(Box::new(bad)))?,
-        stepper: Stepper::new(solver),
+        stepper: Stepper::new(solver_options(scene, options)),
         steps: Vec::new(),
         clock: Clock::default(),
         log: Log::default(),
@@ -345,6 +344,16 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
     }
     finished?;
     Ok(Outcome { steps: run.steps, report, files: written, expectations, diagnostics, warnings })
+}
+
+fn solver_options(scene: &Scene, options: &RunOptions) -> SolverOptions {
+    SolverOptions {
+        threads: options.threads,
+        precision: options.precision,
+        method: scene.newton.linear,
+        solutions: scene.steps.values.len(),
+        ..SolverOptions::default()
+    }
 }
 
 /// Seconds by what they were spent on.

@@ -19,7 +19,7 @@ use wfl_compiler::{
 use super::{
     Builder, CsvOutput, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Regions, Scene, StateUpdate, Steps,
     VtkOutput, With, assemble::Assembled, batch::Batch, constants, constraints, coverage, fields, idle, mappings,
-    meeting, mesh, outputs, regions, rest, states, terms,
+    meeting, mesh, options, outputs, regions, rest, states, terms,
 };
 use crate::{
     contact::{Contact, ContactTerm},
@@ -266,6 +266,10 @@ impl Builder<'_> {
                 return None;
             }
         };
+        if let Some(unfit) = options::unfit_iteration(self.script, &system) {
+            self.diagnostics.push(unfit);
+            return None;
+        }
         let params = self.script.params.iter();
         let params = params.filter_map(|p| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone())));
         Some(Scene {

@@ -8,7 +8,9 @@ use wfl::{
 use super::{Builder, constants};
 use crate::{
     accuracy::{DEFAULT_QUANTITY, LARGEST, SMALLEST, is_accuracy},
-    newton::{LARGEST_TOLERANCE, NewtonOptions},
+    newton::{LARGEST_TOLERANCE, NewtonOptions, obstacle},
+    solve::LinearMethod,
+    system::System,
 };
 
 /// Load or time steps.
@@ -118,6 +120,7 @@ impl Builder<'_> {
         let mut options = NewtonOptions::default();
         let Some(solver) = &self.script.solver else { return (options, None) };
         let (mut asked, mut of) = (None, DEFAULT_QUANTITY.to_owned());
+        let (mut iterative, mut multigrid, mut direct) = (None, None, None);
         for option in &solver.options {
             match (option.name.name.as_str(), self.option_number(option), word(option)) {
                 ("tol", Some(t), _) if (0.0..=LARGEST_TOLERANCE).contains(&t) => options.tolerance = t,
@@ -132,6 +135,9 @@ impl Builder<'_> {
                 }
                 ("accuracy", Some(e), _) if is_accuracy(e) => asked = Some(e),
                 ("of", _, Some(quantity)) => of = quantity.to_owned(),
+                ("cg", None, None) if option.value.is_none() => iterative = Some(option),
+                ("amg", None, None) if option.value.is_none() => multigrid = Some(option),
+                ("direct", None, None) if option.value.is_none() => direct = Some(option),
                 ("search", _, Some("auto")) => options.search = true,
                 ("search", _, Some("none")) => options.search = false,
                 ("accuracy", _, _) => {
@@ -142,11 +148,13 @@ impl Builder<'_> {
                     self.diagnostics.push(d.at(option.name.span, "such as accuracy=1e-3"));
                 }
                 (name, _, _) => {
-                    let known = "tol=1e-10, max_iter=50, search=auto, search=none, accuracy=1e-3, of=L2";
+                    let known =
+                        "tol=1e-10, max_iter=50, search=auto, search=none, accuracy=1e-3, of=L2, direct, cg, amg";
                     self.bad_option(option, name, known);
                 }
             }
         }
+        options.linear = self.linear_method(iterative, multigrid, direct);
         let word = solver.options.iter().find(|o| o.name.name == "of");
         if let Some(word) = word.filter(|_| asked.is_none()) {
             let d = Diagnostic::new("W411", "`of` selects the quantity of an accuracy, and none is demanded");
@@ -154,6 +162,38 @@ impl Builder<'_> {
         }
         (options, asked.map(|error| (error, of)))
     }
+}
+
+impl Builder<'_> {
+    /// What `cg`, `amg` and `direct` ask for.
+    fn linear_method(
+        &mut self,
+        iterative: Option<&OptionItem>,
+        multigrid: Option<&OptionItem>,
+        direct: Option<&OptionItem>,
+    ) -> LinearMethod {
+        if let (Some(direct), Some(other)) = (direct, iterative.or(multigrid)) {
+            let d = Diagnostic::new("E414", format!("`direct` and `{}` exclude each other", other.name.name));
+            self.diagnostics.push(d.at(other.name.span, "an iteration").at(direct.name.span, "a factor"));
+        }
+        if let (None, Some(multigrid)) = (iterative, multigrid) {
+            let d = Diagnostic::new("E414", "`amg` is the preconditioner of `cg`, which is not named");
+            self.diagnostics.push(d.at(multigrid.name.span, "").help("cg, amg"));
+        }
+        match (direct, iterative) {
+            (Some(_), _) => LinearMethod::Direct,
+            (None, Some(_)) => LinearMethod::Iterative,
+            (None, None) => LinearMethod::Auto,
+        }
+    }
+}
+
+/// E442 where the iteration that is asked for cannot be used.
+pub(super) fn unfit_iteration(script: &wfl::ResolvedScript, system: &System) -> Option<Diagnostic> {
+    let word = script.solver.iter().flat_map(|s| &s.options).find(|o| o.name.name == "cg")?;
+    let d = Diagnostic::new("E442", format!("`cg` cannot be used here: {}", obstacle(system)?));
+    let text = "conjugate gradients need one symmetric positive definite matrix";
+    Some(d.at(word.name.span, text).help("leave `cg` out, or write `direct`"))
 }
 
 /// How many whole steps there are, and the length of what is left behind them; `None` where steps lead away, or

@@ -272,6 +272,16 @@ pub(super) const PAGES: &[CodePage] = &[
         "def a = x^3",
     ),
     page(
+        "E442",
+        "an iteration that the scene does not allow",
+        "`cg` solves by conjugate gradients, preconditioned by multigrid (`amg`). They need a linear scene with one \
+         symmetric positive definite matrix: no multipliers, no terms that are not symmetric, no unknowns that follow \
+         others, and the same number of components, at most three, in all fields that are solved for. The message says \
+         what stands against it. Without `cg` the scene gets a factor, which serves every matrix.",
+        "solver linear with cg, amg  # ... in a scene with `term wind on all : (c.Grad_p)*Test_p`",
+        "solver linear with direct",
+    ),
+    page(
         "E501",
         "units that do not match",
         "Both sides of a sum must have the same unit. Units are checked as soon as a param, field or datum has one. A \

@@ -10,6 +10,10 @@ pub(crate) const FLOW: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\nregion 
 const MESH: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\n";
 const TERM: &str = "term flow on all : Grad_p.Grad_Test_p\n";
 
+/// What makes the matrix of a flow unsymmetric.
+const WIND: &str = "term wind on all : [1,0].Grad_p*Test_p\n";
+const ITERATION: &str = "solver linear with cg, amg\n";
+
 /// Two squares side by side, from Gmsh: `left` and `right`, the lines `west`, `east` and `seam`.
 pub(crate) const PLATE: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n5\n1 1 \"west\"\n1 2 \"east\"\n1 3 \"seam\"\n\
     2 4 \"left\"\n2 5 \"right\"\n$EndPhysicalNames\n$Nodes\n6\n1 0 0 0\n2 1 0 0\n3 2 0 0\n4 0 1 0\n5 1 1 0\n6 2 1 0\n\
@@ -102,6 +106,7 @@ pub(crate) fn pairs() -> Vec<Pair> {
             format!("{FLOW}region half = cells where x < 0.5\n").replace(TERM, &TERM.replace("all", "half")),
         )
         .near("x < 0.5", "x < 1.5"),
+        Pair::new("E442", format!("{FLOW}{WIND}{ITERATION}")).near(WIND, ""),
         Pair::new("E441", measured(&chained(11_000))).near(&measured(&chained(11_000)), &measured(&chained(500))),
         Pair::new("W404", MULTIPLIER).near("fix uL, uR =", "fix uL ="),
         Pair::new("W405", ON_PLATE).file("plate.msh", torn()).file("whole.msh", PLATE).near("plate.msh", "whole.msh"),

@@ -183,6 +183,30 @@ impl BackwardErrorCheck {
         })
     }
 
+    /// Measures a solution that came from elsewhere; as [`Self::solve`] without refinement.
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    pub(super) fn judge(
+        &mut self,
+        parts: &[&Csr],
+        rhs: &[f64],
+        x: &[f64],
+        tolerance: f64,
+    ) -> Result<SolveReport, SolveError> {
+        let limit = self.options.residual_limit;
+        let measure = self.measure(parts, rhs, x);
+        self.last = measure;
+        if measure.relative.is_nan() || measure.relative > limit && measure.left > tolerance {
+            return Err(SolveError::ResidualTooLarge { relative: measure.relative, limit });
+        }
+        Ok(SolveReport {
+            relative_residual: measure.relative,
+            componentwise_residual: measure.componentwise,
+            ..SolveReport::default()
+        })
+    }
+
     /// Whether the solution checked last leaves no more than `tolerance` of its right-hand side, or as little as a
     /// factor of double precision does.
     pub(super) fn is_satisfied(&self, tolerance: f64) -> bool {

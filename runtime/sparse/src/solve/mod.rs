@@ -1,7 +1,7 @@
 //! Linear solvers.
 //!
 //! The door is [`CheckedCondensed`] for a constant symmetric bulk with a part that changes, [`CheckedLlt`] for
-//! symmetric positive definite matrices, [`CheckedLu`] for the rest, [`CheckedDense`] for small ones. All of them are
+//! symmetric positive definite matrices, [`CheckedMultigrid`] for those that are too large for a factor, [`CheckedLu`] for the rest, [`CheckedDense`] for small ones. All of them are
 //! [`LinearSolver`]s.
 //!
 //! Promises: a solution is returned only with a small true residual; everything else is a typed error that names dofs
@@ -23,6 +23,7 @@ mod llt;
 mod lu;
 mod memory;
 mod multifrontal;
+mod multigrid;
 mod null_space;
 mod older_factor;
 mod on_pattern;
@@ -38,6 +39,7 @@ mod triangular_solve;
 pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
 pub use condensed::{CheckedCondensed, DENSE_LIMIT, Elimination, Reference};
 pub use memory::SolverMemory;
+pub use multigrid::{CheckedMultigrid, Interpolation, NearNullSpace, NodeLayout};
 pub use null_space::{NullSpace, null_space, triangular};
 pub use ordering::{Ordering, order};
 
@@ -69,6 +71,18 @@ impl Precision {
     }
 }
 
+/// How a system with one symmetric matrix is solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LinearMethod {
+    /// As it costs least.
+    #[default]
+    Auto,
+    /// With a factor.
+    Direct,
+    /// By conjugate gradients with multigrid.
+    Iterative,
+}
+
 /// How a system is solved and checked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverOptions {
@@ -85,6 +99,10 @@ pub struct SolverOptions {
     pub extended_residual: bool,
     /// Of the factors of the bulk and of the capacitance matrix.
     pub precision: Precision,
+    /// Of systems with one matrix.
+    pub method: LinearMethod,
+    /// Right-hand sides that are expected for one matrix: a factor pays by their number.
+    pub solutions: usize,
 }
 
 impl Default for SolverOptions {
@@ -96,6 +114,8 @@ impl Default for SolverOptions {
             max_refinements: 5,
             extended_residual: false,
             precision: Precision::Auto,
+            method: LinearMethod::Auto,
+            solutions: 1,
         }
     }
 }
@@ -110,7 +130,7 @@ pub struct SolveReport {
     pub componentwise_residual: f64,
     /// Steps of iterative refinement that were made.
     pub refinements: usize,
-    /// Krylov iterations that were made with an older factor.
+    /// Krylov iterations that were made, with an older factor or with a preconditioner.
     pub krylov_iterations: usize,
     /// Whether the matrix was factored during this solve.
     pub refactored: bool,
@@ -231,6 +251,19 @@ pub enum SolveError {
         relative: f64,
         /// Requested backward error.
         limit: f64,
+    },
+    /// An iteration does not get to its end.
+    #[error(
+        "{iterations} iterations of conjugate gradients leave an error of {reached:.1e} of the solution, more than \
+         {wanted:.1e}"
+    )]
+    TooManyIterations {
+        /// Iterations that were made.
+        iterations: usize,
+        /// Estimated error, in the norm of energy, relative to the solution.
+        reached: f64,
+        /// What was wanted.
+        wanted: f64,
     },
     /// A size that no index can name.
     #[error("{what} has more than 2^31 entries")]

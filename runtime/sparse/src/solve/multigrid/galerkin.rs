@@ -1,0 +1,182 @@
+//! The matrix of a coarser level: `Pᵀ A P`.
+//!
+//! Row by row of the result: what its column of P takes from the rows of A is gathered first, then multiplied by the
+//! rows of P. Only columns at or above the diagonal are computed, the rest is mirrored. Sums are of double precision:
+//! the softest motions of thin bodies are far below the rounding of single precision.
+//!
+//! Promises: exactly symmetric; the same bits for any number of threads.
+
+use rayon::prelude::*;
+
+use super::blocks::{Blocks, RowBuffer, Rows, Transfer};
+use crate::index::NONE;
+
+/// Rows of the result in one task of a thread.
+const ROWS: usize = 32;
+
+/// What one thread needs.
+struct Workspace {
+    buffer: RowBuffer,
+    /// By fine node its place in `fine`, by coarse node in `coarse`.
+    slot_of_fine: Vec<u32>,
+    slot_of_coarse: Vec<u32>,
+    fine: Vec<u32>,
+    coarse: Vec<u32>,
+    /// Of `Pᵀ A`, a block for each of `fine`.
+    gathered: Vec<f64>,
+    /// Of the result, a block for each of `coarse`.
+    row: Vec<f64>,
+}
+
+/// A part of the rows of the result, at or above the diagonal.
+type Part = (Vec<usize>, Vec<u32>, Vec<f64>);
+
+/// `Pᵀ A P`. A coarse unknown that no fine one follows keeps an equation `x = 0`.
+pub(super) fn galerkin(a: &dyn Rows, p: &Transfer<f64>) -> Blocks<f64> {
+    let (n_fine, n_coarse) = (a.n_nodes(), p.down.n_cols);
+    let size = p.down.shape[1];
+    let workspace = || Workspace {
+        buffer: RowBuffer::default(),
+        slot_of_fine: vec![NONE; n_fine],
+        slot_of_coarse: vec![NONE; n_coarse],
+        fine: Vec::new(),
+        coarse: Vec::new(),
+        gathered: Vec::new(),
+        row: Vec::new(),
+    };
+    let part = |workspace: &mut Workspace, chunk: usize| -> Part {
+        let mut part = (Vec::new(), Vec::new(), Vec::new());
+        for row in chunk * ROWS..((chunk + 1) * ROWS).min(n_coarse) {
+            match p.down.shape {
+                [1, 1] => coarse_row::<1, 1>(a, p, row, workspace),
+                [2, 2] => coarse_row::<2, 2>(a, p, row, workspace),
+                [2, 3] => coarse_row::<2, 3>(a, p, row, workspace),
+                [3, 3] => coarse_row::<3, 3>(a, p, row, workspace),
+                [3, 6] => coarse_row::<3, 6>(a, p, row, workspace),
+                [6, 6] => coarse_row::<6, 6>(a, p, row, workspace),
+                _ => unreachable!("blocks have one, two, three or six rows"),
+            }
+            let mut order: Vec<usize> = (0..workspace.coarse.len()).collect();
+            order.sort_unstable_by_key(|k| workspace.coarse[*k]);
+            part.0.push(order.len());
+            for k in order {
+                part.1.push(workspace.coarse[k]);
+                part.2.extend_from_slice(&workspace.row[k * size * size..][..size * size]);
+            }
+        }
+        part
+    };
+    let parts: Vec<Part> = (0..n_coarse.div_ceil(ROWS)).into_par_iter().map_init(workspace, part).collect();
+    mirrored(&parts, n_coarse, size)
+}
+
+/// Fills `row` of the workspace, at and above the diagonal.
+fn coarse_row<const B: usize, const K: usize>(a: &dyn Rows, p: &Transfer<f64>, row: usize, workspace: &mut Workspace) {
+    let Workspace { buffer, slot_of_fine, slot_of_coarse, fine, coarse, gathered, row: result } = workspace;
+    fine.clear();
+    coarse.clear();
+    gathered.clear();
+    result.clear();
+    for [i, place] in p.column(row) {
+        let block = p.down.block(*place as usize).as_chunks::<K>().0;
+        let (columns, values) = a.row(*i as usize, buffer);
+        for (j, entries) in columns.iter().zip(values.as_chunks::<B>().0.chunks_exact(B)) {
+            let slot = &mut slot_of_fine[*j as usize];
+            if *slot == NONE {
+                *slot = fine.len() as u32;
+                fine.push(*j);
+                gathered.resize(gathered.len() + B * K, 0.0);
+            }
+            // blocks by rows of A's columns, so that the inner loop runs over the modes
+            let sum = &mut gathered[*slot as usize * B * K..][..B * K];
+            for (entries, p) in entries.iter().zip(block) {
+                for (sum, entry) in sum.as_chunks_mut::<K>().0.iter_mut().zip(entries) {
+                    for (sum, p) in sum.iter_mut().zip(p) {
+                        *sum += entry * p;
+                    }
+                }
+            }
+        }
+    }
+    for (j, gathered) in fine.iter().zip(gathered.as_chunks::<K>().0.chunks_exact(B)) {
+        slot_of_fine[*j as usize] = NONE;
+        let (columns, values) = p.down.row_of(*j as usize);
+        for (other, block) in columns.iter().zip(values.as_chunks::<K>().0.chunks_exact(B)) {
+            if (*other as usize) < row {
+                continue;
+            }
+            let slot = &mut slot_of_coarse[*other as usize];
+            if *slot == NONE {
+                *slot = coarse.len() as u32;
+                coarse.push(*other);
+                result.resize(result.len() + K * K, 0.0);
+            }
+            let sum = result[*slot as usize * K * K..][..K * K].as_chunks_mut::<K>().0;
+            for (gathered, p) in gathered.iter().zip(block) {
+                for (sum, factor) in sum.iter_mut().zip(gathered) {
+                    for (sum, p) in sum.iter_mut().zip(p) {
+                        *sum += factor * p;
+                    }
+                }
+            }
+        }
+    }
+    coarse.iter().for_each(|other| slot_of_coarse[*other as usize] = NONE);
+}
+
+/// The whole matrix from its part at and above the diagonal.
+fn mirrored(parts: &[Part], n: usize, size: usize) -> Blocks<f64> {
+    let area = size * size;
+    let mut starts = vec![0usize; n + 1];
+    for_each_upper(parts, area, |row, column, _| {
+        starts[row + 1] += 1;
+        if column != row {
+            starts[column + 1] += 1;
+        }
+    });
+    for row in 0..n {
+        starts[row + 1] += starts[row];
+    }
+    let mut next = starts.clone();
+    let mut columns = vec![0u32; starts[n]];
+    let mut values = vec![0.0; starts[n] * area];
+    // rows come in order, so the mirrored entries of a row come before its own, both with increasing columns
+    for_each_upper(parts, area, |row, column, block| {
+        let place = next[row];
+        next[row] += 1;
+        columns[place] = column as u32;
+        let own = &mut values[place * area..][..area];
+        if column != row {
+            own.copy_from_slice(block);
+            let place = next[column];
+            next[column] += 1;
+            columns[place] = row as u32;
+            let other = &mut values[place * area..][..area];
+            (0..area).for_each(|k| other[k % size * size + k / size] = block[k]);
+            return;
+        }
+        for i in 0..size {
+            for j in 0..size {
+                own[i * size + j] = 0.5 * (block[i * size + j] + block[j * size + i]);
+            }
+            if own[i * size + i] == 0.0 {
+                own[i * size + i] = 1.0;
+            }
+        }
+    });
+    Blocks { shape: [size, size], n_cols: n, starts, columns, values }
+}
+
+fn for_each_upper(parts: &[Part], area: usize, mut f: impl FnMut(usize, usize, &[f64])) {
+    let mut row = 0;
+    for (counts, columns, values) in parts {
+        let mut at = 0;
+        for count in counts {
+            for k in at..at + count {
+                f(row, columns[k] as usize, &values[k * area..][..area]);
+            }
+            at += count;
+            row += 1;
+        }
+    }
+}

@@ -1,0 +1,28 @@
+//! Conjugate gradients with a multigrid preconditioner, for matrices that are symmetric and positive definite and too
+//! large to factor.
+//!
+//! Elements of degree 2 and above get their first coarser level from elements of degree 1 on the same cells (p-multigrid);
+//! all others come from smoothed aggregation with the rigid motions of bodies (Vanek, Mandel and Brezina 1996). Work and
+//! memory grow as the number of unknowns does.
+//!
+//! `solver` is the door, `hierarchy` makes the levels and goes through them, `level` smooths, `aggregate`,
+//! `prolongation` and `galerkin` make a coarser level, `blocks` and `nodes` hold matrices by nodes.
+//!
+//! Promises: the same bits for any number of threads; a solution only with a small true residual. Does not know meshes and
+//! forms: which unknowns belong to a node, where nodes are and how elements of degree 1 move them is told by plain numbers
+//! ([`NodeLayout`]).
+
+mod aggregate;
+mod blocks;
+mod conjugate_gradients;
+mod galerkin;
+mod hierarchy;
+mod level;
+mod nodes;
+mod prolongation;
+mod solver;
+#[cfg(test)]
+mod tests;
+
+pub use nodes::{Interpolation, NearNullSpace, NodeLayout};
+pub use solver::CheckedMultigrid;

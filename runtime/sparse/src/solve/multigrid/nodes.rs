@@ -1,0 +1,236 @@
+//! What the preconditioner is told of the unknowns, and the matrix seen as blocks of nodes.
+//!
+//! Promises: no finite elements here; points, components and weights are plain numbers. A component of a node that is
+//! not solved for stays in its block as an equation `x = 0` of its own.
+
+use super::blocks::{RowBuffer, Rows};
+use crate::csr::Csr;
+use crate::index::NONE;
+use crate::solve::SolveError;
+
+/// Motions that hardly any energy belongs to, of which every coarser level must be capable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NearNullSpace {
+    /// Constants of each component.
+    Constants,
+    /// Translations and rotations of a body in as many dimensions as a node has components (2 or 3).
+    RigidBody,
+}
+
+/// The value of a node follows from those of others: `u = Σ weight u(node)` in the axes of the scene.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Interpolation {
+    /// By node where its list begins, and the end of the last one.
+    pub starts: Vec<usize>,
+    /// A node of the coarser level and its weight. Nodes of that level are those of the lists; each stands in its own
+    /// list alone, with weight 1.
+    pub weights: Vec<(u32, f64)>,
+}
+
+/// The unknowns of a matrix, node by node.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NodeLayout {
+    /// Unknowns of a node: 1, 2 or 3.
+    pub components: usize,
+    /// By row of the matrix: node times components plus component, increasing; [`NONE`] for a row that is not solved for.
+    pub places: Vec<u32>,
+    /// By node: its point (any unit of length).
+    pub points: Vec<[f64; 3]>,
+    /// What every level is capable of.
+    pub modes: NearNullSpace,
+    /// Nodes whose components are along axes of their own, increasing, with these axes: of components, orthonormal.
+    pub frames: Vec<(u32, Vec<Vec<f64>>)>,
+    /// The first coarser level where it is known: elements of degree 1 on the same cells.
+    pub interpolation: Option<Interpolation>,
+}
+
+impl NodeLayout {
+    /// Checks that the layout fits a matrix.
+    ///
+    /// # Errors
+    /// [`SolveError::Shape`].
+    pub(super) fn check(&self, matrix: &Csr) -> Result<(), SolveError> {
+        let shape = |what, expected, found| Err(SolveError::Shape { what, expected, found });
+        if self.places.len() != matrix.n_rows() {
+            return shape("places of the rows of a matrix", matrix.n_rows(), self.places.len());
+        }
+        if matrix.n_cols() != matrix.n_rows() {
+            return shape("columns of a square matrix", matrix.n_rows(), matrix.n_cols());
+        }
+        if !(1..=3).contains(&self.components) {
+            return shape("components of a node, at most", 3, self.components);
+        }
+        let used = self.places.iter().filter(|place| **place != NONE);
+        let end = self.points.len() * self.components;
+        if let Some(place) = used.clone().find(|place| **place as usize >= end) {
+            return shape("places of nodes, below", end, *place as usize);
+        }
+        let is_increasing = used.clone().zip(used.skip(1)).all(|(a, b)| a < b);
+        if is_increasing { Ok(()) } else { shape("increasing places of nodes", 1, 0) }
+    }
+
+    /// Number of vectors that span the near null space.
+    pub(super) fn n_modes(&self) -> usize {
+        match (self.modes, self.components) {
+            (NearNullSpace::RigidBody, 2) => 3,
+            (NearNullSpace::RigidBody, 3) => 6,
+            _ => self.components,
+        }
+    }
+
+    /// By node a matrix of components by modes, row by row: its part of each mode, zero where it is not solved for.
+    /// Points are taken from their centre and in units of the size of the body, so that all modes have one size.
+    pub(super) fn mode_values(&self) -> Vec<f64> {
+        let (b, k) = (self.components, self.n_modes());
+        let (centre, size) = self.extent();
+        let mut values = vec![0.0; self.points.len() * b * k];
+        for (point, mode) in self.points.iter().zip(values.chunks_exact_mut(b * k)) {
+            let x = [0, 1, 2].map(|d| (point[d] - centre[d]) / size);
+            (0..b).for_each(|c| mode[c * k + c] = 1.0);
+            match k {
+                3 if b == 2 => {
+                    mode[2] = -x[1];
+                    mode[k + 2] = x[0];
+                }
+                6 => {
+                    (mode[k + 3], mode[2 * k + 3]) = (-x[2], x[1]);
+                    (mode[4], mode[2 * k + 4]) = (x[2], -x[0]);
+                    (mode[5], mode[k + 5]) = (-x[1], x[0]);
+                }
+                _ => {}
+            }
+        }
+        for (node, axes) in &self.frames {
+            let mode = &mut values[*node as usize * b * k..][..b * k];
+            let turned: Vec<f64> =
+                axes.iter().flat_map(|axis| (0..k).map(|m| (0..b).map(|c| axis[c] * mode[c * k + m]).sum())).collect();
+            mode.copy_from_slice(&turned);
+        }
+        for (place, is_solved) in self.solved().iter().enumerate() {
+            if !is_solved {
+                values[place * k..][..k].fill(0.0);
+            }
+        }
+        values
+    }
+
+    /// By place whether it is solved for.
+    pub(super) fn solved(&self) -> Vec<bool> {
+        let mut solved = vec![false; self.points.len() * self.components];
+        self.places.iter().filter(|place| **place != NONE).for_each(|place| solved[*place as usize] = true);
+        solved
+    }
+
+    /// Centre of all points and largest distance along an axis from it.
+    fn extent(&self) -> ([f64; 3], f64) {
+        let n = self.points.len().max(1) as f64;
+        let centre = [0, 1, 2].map(|d| self.points.iter().map(|p| p[d] / n).sum::<f64>());
+        let far = self.points.iter().flat_map(|p| [0, 1, 2].map(|d| (p[d] - centre[d]).abs()));
+        let size = far.fold(0.0, f64::max);
+        (centre, if size > 0.0 { size } else { 1.0 })
+    }
+}
+
+/// A matrix of single entries, seen as blocks of nodes and times a power of two.
+pub(super) struct NodeRows<'a> {
+    matrix: &'a Csr,
+    size: usize,
+    /// By row of the matrix.
+    places: &'a [u32],
+    /// By place the row of the matrix, or [`NONE`].
+    rows: Vec<u32>,
+    /// Makes the largest entry about 1, so that numbers of single precision hold all.
+    scale: f64,
+}
+
+impl<'a> NodeRows<'a> {
+    pub(super) fn new(matrix: &'a Csr, layout: &'a NodeLayout) -> Self {
+        let mut rows = vec![NONE; layout.points.len() * layout.components];
+        for (row, place) in layout.places.iter().enumerate().filter(|(_, place)| **place != NONE) {
+            rows[*place as usize] = row as u32;
+        }
+        let largest = matrix.max_abs();
+        let scale = if largest > 0.0 && largest.is_finite() { (-largest.log2().round()).exp2() } else { 1.0 };
+        Self { matrix, size: layout.components, places: &layout.places, rows, scale }
+    }
+
+    /// What entries are multiplied by.
+    pub(super) fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// Columns of blocks of a node, and those of its first row alone.
+    fn columns(&self, node: usize, columns: &mut Vec<u32>) {
+        columns.clear();
+        let mut is_first = true;
+        for row in &self.rows[node * self.size..][..self.size] {
+            if *row == NONE {
+                continue;
+            }
+            let mut at = 0;
+            for column in self.matrix.row(*row as usize).0 {
+                let place = self.places[*column as usize];
+                if place == NONE {
+                    continue;
+                }
+                let other = place / self.size as u32;
+                if is_first {
+                    if columns.last() != Some(&other) {
+                        columns.push(other);
+                    }
+                    continue;
+                }
+                while at < columns.len() && columns[at] < other {
+                    at += 1;
+                }
+                if columns.get(at) != Some(&other) {
+                    columns.insert(at, other);
+                }
+            }
+            is_first = false;
+        }
+        if let Err(at) = columns.binary_search(&(node as u32)) {
+            columns.insert(at, node as u32);
+        }
+    }
+}
+
+impl Rows for NodeRows<'_> {
+    fn size(&self) -> usize {
+        self.size
+    }
+
+    fn n_nodes(&self) -> usize {
+        self.rows.len() / self.size
+    }
+
+    fn row<'a>(&'a self, node: usize, buffer: &'a mut RowBuffer) -> (&'a [u32], &'a [f64]) {
+        let size = self.size;
+        self.columns(node, &mut buffer.columns);
+        buffer.values.clear();
+        buffer.values.resize(buffer.columns.len() * size * size, 0.0);
+        for component in 0..size {
+            let row = self.rows[node * size + component];
+            let mut at = 0;
+            if row == NONE {
+                let own = buffer.columns.binary_search(&(node as u32)).expect("a node has a block of its own");
+                buffer.values[(own * size + component) * size + component] = 1.0;
+                continue;
+            }
+            let (columns, values) = self.matrix.row(row as usize);
+            for (column, value) in columns.iter().zip(values) {
+                let place = self.places[*column as usize];
+                if place == NONE {
+                    continue;
+                }
+                let other = place / size as u32;
+                while buffer.columns[at] < other {
+                    at += 1;
+                }
+                let along = place as usize - other as usize * size;
+                buffer.values[(at * size + component) * size + along] = self.scale * value;
+            }
+        }
+        (&buffer.columns, &buffer.values)
+    }
+}

@@ -1,0 +1,213 @@
+//! Conjugate gradients with the multigrid preconditioner, wrapped as every solver is: with the true residual.
+//!
+//! Promises: what comes back as a solution has a backward error below the limit, measured with the matrix itself. A
+//! matrix that is singular is told apart from one that is not positive definite.
+
+use std::sync::Arc;
+
+use super::super::backward_error::{BackwardErrorCheck, inverse_norm_estimate};
+use super::super::checked::check_symmetry;
+use super::super::{LinearSolver, SolveError, SolveReport, SolverOptions};
+use super::conjugate_gradients::{ConjugateGradients, Ending, Outcome};
+use super::hierarchy::Hierarchy;
+use super::level::dot;
+use super::nodes::{NodeLayout, NodeRows};
+use crate::csr::Csr;
+use crate::index::NONE;
+use crate::norm::largest;
+
+/// Energy norm of the error that is left, relative to the solution: a hundredth of the relative residual at which
+/// Newton's iteration ends by default, so that measures agree with those of a factor to 1e-10.
+const ERROR: f64 = 1e-12;
+/// Most iterations of one solution. A factor is worth more than several hundred cycles wherever it fits.
+const MOST: usize = 600;
+/// Times that a solution is continued from its true residual.
+const RESTARTS: usize = 3;
+/// A true residual that differs by this part from that of the recursion is a new start.
+const DRIFT: f64 = 0.5;
+/// Error of a solution for what is left of another one, and of those that estimate a condition number.
+const ROUGH: f64 = 1e-2;
+
+/// Solver for large sparse symmetric positive definite matrices whose unknowns belong to nodes.
+pub struct CheckedMultigrid {
+    layout: NodeLayout,
+    check: BackwardErrorCheck,
+    loaded: Option<Loaded>,
+    iteration: ConjugateGradients,
+}
+
+/// A matrix with its levels.
+struct Loaded {
+    matrix: Arc<Csr>,
+    threads: usize,
+    hierarchy: Hierarchy,
+    /// What the matrix was multiplied by in the levels.
+    scale: f64,
+    b: Vec<f32>,
+    x: Vec<f32>,
+}
+
+impl Loaded {
+    fn multiply(&self, x: &[f64], y: &mut [f64]) {
+        self.matrix.multiply(x, y, self.threads);
+    }
+
+    /// `z` = one cycle for the residual `r`.
+    fn precondition(&mut self, places: &[u32], r: &[f64], z: &mut [f64]) {
+        let size = largest(r.iter().copied());
+        if !(size > 0.0 && size.is_finite()) {
+            z.fill(0.0);
+            return;
+        }
+        for (place, r) in places.iter().zip(r).filter(|(place, _)| **place != NONE) {
+            self.b[*place as usize] = (r / size) as f32;
+        }
+        self.hierarchy.cycle(&self.b, &mut self.x);
+        let factor = size * self.scale;
+        for (place, z) in places.iter().zip(z) {
+            *z = if *place == NONE { 0.0 } else { factor * f64::from(self.x[*place as usize]) };
+        }
+    }
+}
+
+impl CheckedMultigrid {
+    /// Prepares for matrices with this layout; the levels are made with the matrix.
+    pub fn new(layout: NodeLayout, options: SolverOptions) -> Self {
+        let check = BackwardErrorCheck::new(layout.places.len(), options);
+        Self { layout, check, loaded: None, iteration: ConjugateGradients::default() }
+    }
+
+    /// Number of unknowns by level, the finest first; empty without a matrix.
+    pub fn level_sizes(&self) -> &[usize] {
+        self.loaded.as_ref().map_or(&[], |loaded| loaded.hierarchy.sizes())
+    }
+
+    /// Bytes of all levels.
+    pub fn bytes(&self) -> usize {
+        self.loaded.as_ref().map_or(0, |loaded| loaded.hierarchy.bytes())
+    }
+
+    /// As [`LinearSolver::factor`], without a copy of the matrix.
+    ///
+    /// # Errors
+    /// As [`LinearSolver::factor`].
+    pub fn take(&mut self, matrix: Arc<Csr>) -> Result<(), SolveError> {
+        self.loaded = None;
+        self.layout.check(&matrix)?;
+        self.check.set_matrix(&[&matrix])?;
+        check_symmetry(&matrix)?;
+        let rows = NodeRows::new(&matrix, &self.layout);
+        let hierarchy = Hierarchy::new(&rows, &self.layout)?;
+        let scale = rows.scale();
+        let zeros = || vec![0.0f32; self.layout.points.len() * self.layout.components];
+        let (b, x) = (zeros(), zeros());
+        let mut loaded = Loaded { threads: self.check.options().threads, matrix, hierarchy, scale, b, x };
+        self.look_for_null_vector(&mut loaded)?;
+        self.loaded = Some(loaded);
+        Ok(())
+    }
+
+    /// The error for a matrix whose coarsest level looks singular, if it is singular itself.
+    fn look_for_null_vector(&mut self, loaded: &mut Loaded) -> Result<(), SolveError> {
+        let Some(motion) = loaded.hierarchy.take_softest_motion() else { return Ok(()) };
+        let of = |place: &u32| if *place == NONE { 0.0 } else { motion[*place as usize] };
+        let motion = self.layout.places.iter().map(of).collect();
+        match self.check.as_singular(&[&loaded.matrix], motion) {
+            Some(error) => Err(error),
+            None => loaded.hierarchy.trust(),
+        }
+    }
+
+    fn iterate(&mut self, loaded: &mut Loaded, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Outcome {
+        let places = &self.layout.places;
+        let cell = std::cell::RefCell::new(loaded);
+        let mut multiply = |x: &[f64], y: &mut [f64]| cell.borrow().multiply(x, y);
+        let mut precondition = |r: &[f64], z: &mut [f64]| cell.borrow_mut().precondition(places, r, z);
+        self.iteration.solve(&mut multiply, &mut precondition, rhs, x, tolerance, MOST)
+    }
+
+    /// As [`LinearSolver::solve`], but an error of `tolerance` (energy norm, relative) is good enough.
+    ///
+    /// # Errors
+    /// As [`LinearSolver::solve`]; [`SolveError::NotPositiveDefinite`] or [`SolveError::TooManyIterations`] where the
+    /// iteration showed that a factor is needed.
+    pub fn solve_to(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
+        let Some(mut loaded) = self.loaded.take() else { return Err(SolveError::NotFactored) };
+        let result = self.solve_with(&mut loaded, rhs, x, tolerance.max(ERROR));
+        self.loaded = Some(loaded);
+        result
+    }
+
+    fn solve_with(
+        &mut self,
+        loaded: &mut Loaded,
+        rhs: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+    ) -> Result<SolveReport, SolveError> {
+        self.check.check_rhs(rhs, x)?;
+        x.fill(0.0);
+        if rhs.iter().all(|value| *value == 0.0) {
+            return Ok(SolveReport::default());
+        }
+        let (mut iterations, mut wanted, mut left) = (0, tolerance, rhs.to_vec());
+        let (mut part, mut product) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        let mut before = norm(rhs);
+        for round in 0..=RESTARTS {
+            let outcome = self.iterate(loaded, &left, &mut part, wanted);
+            iterations += outcome.iterations;
+            match outcome.ending {
+                Ending::Converged => {}
+                Ending::TooSlow => {
+                    return Err(SolveError::TooManyIterations { iterations, reached: outcome.error, wanted });
+                }
+                Ending::NotPositiveDefinite => {
+                    return Err(SolveError::NotPositiveDefinite { dof: 0, pivot: f64::NAN });
+                }
+            }
+            x.iter_mut().zip(&part).for_each(|(x, part)| *x += part);
+            loaded.multiply(x, &mut product);
+            left.iter_mut().zip(rhs).zip(&product).for_each(|((left, b), product)| *left = b - product);
+            let now = norm(&left);
+            let has_drifted = now > (1.0 + DRIFT) * norm(self.iteration.residual()) && now <= DRIFT * before;
+            let report = self.check.judge(&[&loaded.matrix], rhs, x, tolerance);
+            // rounding in the recursion, or an error that the preconditioner hides: on from the true residual
+            if round == RESTARTS || now == 0.0 || !has_drifted && report.is_ok() {
+                return report.map(|report| SolveReport { krylov_iterations: iterations, ..report });
+            }
+            (before, wanted) = (now, ROUGH);
+        }
+        Err(SolveError::NotFactored)
+    }
+}
+
+fn norm(r: &[f64]) -> f64 {
+    dot(r, r).sqrt()
+}
+
+impl LinearSolver for CheckedMultigrid {
+    fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
+        self.take(Arc::new(matrix.clone()))
+    }
+
+    fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError> {
+        self.solve_to(rhs, x, ERROR)
+    }
+
+    fn condition_estimate(&mut self) -> Result<f64, SolveError> {
+        let Some(mut loaded) = self.loaded.take() else { return Err(SolveError::NotFactored) };
+        let n = loaded.matrix.n_rows();
+        let mut solver = |_, x: &mut [f64]| {
+            let rhs = x.to_vec();
+            self.iterate(&mut loaded, &rhs, x, ROUGH);
+        };
+        let inverse = inverse_norm_estimate(n, &mut solver);
+        let estimate = inverse * loaded.matrix.norm_1();
+        self.loaded = Some(loaded);
+        Ok(estimate)
+    }
+
+    fn is_negative(&self) -> Option<bool> {
+        self.loaded.as_ref().map(|_| false)
+    }
+}
