@@ -72,8 +72,10 @@ pub struct TermLaw {
     pub class: Class,
     /// The tangent is symmetric under exchange of test and trial function.
     pub symmetric: bool,
-    /// The tangent changes with the step variable, the previous step, data or state.
-    pub tangent_changes_with_step: bool,
+    /// The tangent reads numbers that are the same at all points, such as the step variable and its increment.
+    pub tangent_has_uniforms: bool,
+    /// The tangent reads data, states or the previous step.
+    pub tangent_reads_known: bool,
     /// Degree estimate for the quadrature.
     pub degree: Degree,
     /// What the kernels read at a point, by input slot.

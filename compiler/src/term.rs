@@ -268,7 +268,7 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
     let uniform_slots: Vec<UniformSlot> = by_position(&lowering.slots.uniforms);
     let changes = changes(env.fields, &lowering.scalars, &slots);
     let class = class_of(&changes, &fluxes, &pairs, !kinks.is_empty());
-    let tangent_changes_with_step = pairs.values().any(|v| changes[v.index()].step);
+    let tangent_has = |what: fn(&Changes) -> bool| pairs.values().any(|v| what(&changes[v.index()]));
 
     let mut emitter = Emitter::new(&lowering.scalars, slots.len());
     let residual_outputs: Vec<Val> = fluxes.iter().chain(&codes).copied().collect();
@@ -284,7 +284,8 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
         name: name.to_owned(),
         class,
         symmetric: false,
-        tangent_changes_with_step,
+        tangent_has_uniforms: tangent_has(|c| c.uniforms),
+        tangent_reads_known: tangent_has(|c| c.known),
         degree,
         inputs: slots,
         prologue,
@@ -357,7 +358,10 @@ fn by_position<T: Copy>(map: &BTreeMap<T, usize>) -> Vec<T> {
 #[derive(Clone, Copy, Default)]
 struct Changes {
     unknown: bool,
-    step: bool,
+    /// Data, states, the previous step.
+    known: bool,
+    /// The step variable and what is computed from it alone.
+    uniforms: bool,
 }
 
 /// For each scalar what it changes with.
@@ -366,16 +370,19 @@ fn changes(fields: &[FieldSig], scalars: &Scalars, slots: &[InputSlot]) -> Vec<C
     for inst in &scalars.insts {
         let mut c = match inst {
             Inst::Input(s) => match slots[*s as usize] {
-                InputSlot::Field(b) if fields[b.field.index()].is_unknown() => Changes { unknown: true, step: false },
-                InputSlot::Field(_) | InputSlot::Previous(_) => Changes { unknown: false, step: true },
+                InputSlot::Field(b) if fields[b.field.index()].is_unknown() => {
+                    Changes { unknown: true, ..Changes::default() }
+                }
+                InputSlot::Field(_) | InputSlot::Previous(_) => Changes { known: true, ..Changes::default() },
                 _ => Changes::default(),
             },
-            Inst::Uniform(_) => Changes { unknown: false, step: true },
+            Inst::Uniform(_) => Changes { uniforms: true, ..Changes::default() },
             _ => Changes::default(),
         };
         inst.for_each_operand(|v| {
             c.unknown |= out[v.index()].unknown;
-            c.step |= out[v.index()].step;
+            c.known |= out[v.index()].known;
+            c.uniforms |= out[v.index()].uniforms;
         });
         out.push(c);
     }
@@ -439,7 +446,7 @@ pub(crate) fn values_law(
     let inputs = by_position(&lowering.slots.inputs);
     let slots = by_position(&lowering.slots.uniforms);
     let changes = changes(fields, &lowering.scalars, &inputs);
-    let changes_with_step = outputs.iter().any(|v| changes[v.index()].step);
+    let changes_with_step = outputs.iter().map(|v| changes[v.index()]).any(|c| c.known || c.uniforms);
     let mut emitter = Emitter::new(&lowering.scalars, inputs.len());
     let mut kernel = emitter.kernel(name, outputs);
     kernel.n_uniforms = emitter.order.len();

@@ -527,3 +527,29 @@ fn a_correction_that_cannot_be_evaluated_is_shortened() {
     let (one, other) = (whole.measure(0, "work"), parts.measure(5, "work"));
     assert!((one / other - 1.0).abs() < 1e-9, "{one} {other}");
 }
+
+/// Values such as 0.1 + 0.1 + 0.1 are off by rounding; their increments are taken as equal, so that the matrix of a scene
+/// with rates is assembled and factored once.
+#[test]
+fn equal_steps_of_a_linear_scene_with_rates_share_one_factor() {
+    let text = |steps: &str| {
+        format!(
+            "mesh box [0] to [1] cells [8] segment\nunknown u : scalar\nstart u = sin(pi*x)\n\
+             term storage on all : Dot_u*Test_u\nterm flux on all : Grad_u.Grad_Test_u\nfix u = 0 on boundary\n\
+             steps t = {steps}\nmeasure heat = integral(u) on all\n"
+        )
+    };
+    let factors = |steps: &str| {
+        let solved = solve(&examples(), text(steps), &[], &[]).unwrap();
+        (solved.outcome.report.factorisations, solved.measure(solved.outcome.steps.len() - 1, "heat"))
+    };
+    let (once, heat) = factors("0 to 1 by 0.1");
+    assert_eq!(once, 1);
+    // the linear elements divide the sine by 1 + L dt in each step
+    let h = 1.0f64 / 8.0;
+    let c = (std::f64::consts::PI * h).cos();
+    let l = 6.0 / (h * h) * (1.0 - c) / (2.0 + c);
+    let wanted = h / (std::f64::consts::PI * h / 2.0).tan() * (1.0 + 0.1 * l).powi(-10);
+    assert!((heat / wanted - 1.0).abs() < 1e-12, "{heat} {wanted}");
+    assert_eq!(factors("0 to 1 by 0.3").0, 2, "the last increment is shorter");
+}

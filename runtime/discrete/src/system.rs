@@ -97,6 +97,8 @@ pub struct System {
     time: f64,
     increment: f64,
     linear: Option<Csr>,
+    /// By linear term: the uniforms that the matrix was assembled with.
+    linear_uniforms: Vec<Vec<f64>>,
     bulk: Arc<Csr>,
     /// The pattern of the changing terms over the free dofs.
     changing: Arc<Pattern>,
@@ -134,6 +136,7 @@ impl System {
             time: 0.0,
             increment: 0.0,
             linear: None,
+            linear_uniforms: Vec::new(),
             bulk: Arc::new(nothing(n_free)),
             changing: Arc::new(Pattern::empty(n_free, n_free)),
             scene_axes: None,
@@ -280,19 +283,38 @@ impl System {
         }
         drop(values);
         self.constant = constant;
-        let stale = self.linear.is_none()
-            || self.terms.iter().any(|t| t.law.class == Class::Linear && t.law.tangent_changes_with_step);
+        let stale = self.linear_is_stale();
         if stale {
             self.assemble_linear(&zero)?;
+            self.linear_uniforms = self.linear_terms().map(|t| t.uniforms().to_vec()).collect();
         }
         Ok(stale)
+    }
+
+    /// Whether the matrix of the linear terms is not that of the present step.
+    fn linear_is_stale(&self) -> bool {
+        let changed = |(term, uniforms): (&AssembledTerm, &Vec<f64>)| {
+            let law = &term.law;
+            law.tangent_reads_known || law.tangent_has_uniforms && term.uniforms() != uniforms
+        };
+        self.linear.is_none() || self.linear_terms().zip(&self.linear_uniforms).any(changed)
+    }
+
+    fn linear_terms(&self) -> impl Iterator<Item = &AssembledTerm> {
+        self.terms.iter().filter(|t| t.law.class == Class::Linear)
     }
 
     /// Assembles the matrix of the linear terms, and its part over the free dofs.
     fn assemble_linear(&mut self, zero: &[f64]) -> Result<(), SystemError> {
         let n = self.numbering.n_dofs;
         let frames = &self.numbering.frames;
-        let mut linear = pattern(self.terms.iter().filter(|t| t.law.class == Class::Linear), n, frames, |d| d)?;
+        let mut linear = match self.linear.take() {
+            Some(mut before) => {
+                before.values_mut().fill(0.0);
+                before
+            }
+            None => pattern(self.linear_terms(), n, frames, |d| d)?,
+        };
         let every_dof: Vec<u32> = (0..u32::try_from(n).expect("fewer than 2^32 dofs")).collect();
         for k in 0..self.terms.len() {
             if self.terms[k].law.class != Class::Linear {

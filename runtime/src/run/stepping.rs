@@ -96,6 +96,16 @@ pub(super) struct Leg {
     pub(super) first_increment: f64,
 }
 
+impl Leg {
+    /// The increment from the value before. Values of equal steps differ by rounding from those of exact ones; their
+    /// increments are the same number, so that matrices made with it stay.
+    fn increment(&self, from: f64) -> f64 {
+        let rounding = 2.0 * f64::EPSILON * from.abs().max(self.to.abs());
+        let increment = self.to - from;
+        if (increment - self.first_increment).abs() <= rounding { self.first_increment } else { increment }
+    }
+}
+
 /// The step variable and its increment.
 #[derive(Clone, Copy)]
 pub(super) struct StepTime {
@@ -528,6 +538,7 @@ impl Parts {
             k if k == self.whole => leg.to,
             k => from + self.part(k) * (leg.to - from),
         };
-        Target { time: at(span.to), increment: at(span.to) - at(span.from), load: None }
+        let increment = (self.part(span.to) - self.part(span.from)) * leg.increment(from);
+        Target { time: at(span.to), increment, load: None }
     }
 }
