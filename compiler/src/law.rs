@@ -7,7 +7,7 @@ use crate::{
     graph::{ExprId, Graph},
     interp::interpret,
     ir::{Origin, VerifiedKernel},
-    types::{BasisSlot, InputSlot, Shape, UniformSlot},
+    types::{BasisSlot, FieldId, InputSlot, Shape, UniformSlot},
 };
 
 /// How a term depends on the unknowns; each class has its own treatment in assembly and solver.
@@ -113,6 +113,15 @@ pub struct Listing {
     pub tangent: ExprId,
 }
 
+/// A difference of values on the two sides of a face that is zero where fields have the same unknowns on both sides.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ValueJump {
+    /// The fields that must have the same unknowns on both sides for it to be zero, sorted.
+    pub fields: Vec<FieldId>,
+    /// Where it is written.
+    pub origin: Option<Origin>,
+}
+
 /// A compiled expression without test functions.
 #[derive(Clone, Debug)]
 pub struct ValueLaw {
@@ -130,6 +139,8 @@ pub struct ValueLaw {
     pub changes_with_step: bool,
     /// The mapping it reads through.
     pub mapping: Option<usize>,
+    /// Differences of values of the same field on both sides.
+    pub jumps: Vec<ValueJump>,
 }
 
 /// The uniforms of a law for these values of its prologue's slots.

@@ -18,6 +18,7 @@ mod float;
 mod graph;
 mod interp;
 pub mod ir;
+mod jumps;
 mod law;
 mod lower;
 mod math;
@@ -43,7 +44,7 @@ pub use degree::Degree;
 pub use dual::Dual;
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};
-pub use law::{Class, Kink, KinkKind, Listing, Prologue, TermLaw, ValueLaw, run_prologue};
+pub use law::{Class, Kink, KinkKind, Listing, Prologue, TermLaw, ValueJump, ValueLaw, run_prologue};
 pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions, function_table};
 pub use pieces::{

@@ -19,6 +19,7 @@ use crate::{
     emitter::{Emitter, accepted},
     graph::{Arity, ExprId, Graph, Leaf, Node, Role},
     ir::{Inst, Val},
+    jumps::value_jumps,
     law::{Class, Kink, KinkKind, Listing, TermLaw, ValueLaw},
     lower::Lowering,
     scalar::{NO_SLOT, Scalars},
@@ -431,7 +432,8 @@ pub(crate) fn value_of(env: &Env<'_>, place: &PlaceSig, name: &str, g: Graph, ro
     let mut lowering = Lowering::new(&g);
     let outputs = lowering.values(root);
     let degree = degree(&g, root, env.fields, place);
-    values_law(env.fields, name, lowering, &outputs, g.shape(root), degree)
+    let law = values_law(env.fields, name, lowering, &outputs, g.shape(root), degree);
+    ValueLaw { jumps: value_jumps(&g, root), ..law }
 }
 
 /// The law whose outputs are some scalars of a lowering.
@@ -452,5 +454,14 @@ pub(crate) fn values_law(
     kernel.n_uniforms = emitter.order.len();
     let prologue = emitter.prologue(slots, name);
     let mapping = lowering.mapping();
-    ValueLaw { shape, inputs, prologue, kernel: accepted(kernel), degree, changes_with_step, mapping }
+    ValueLaw {
+        shape,
+        inputs,
+        prologue,
+        kernel: accepted(kernel),
+        degree,
+        changes_with_step,
+        mapping,
+        jumps: Vec::new(),
+    }
 }

@@ -72,3 +72,67 @@ fn interfaces_and_splits_are_explained() {
         assert!(output.status.success() && text.contains(part), "{word}: {text}");
     }
 }
+
+/// A pressure in the slit, whose field is not split.
+const PRESSED: &str = "region crack = interface along slit\nterm open on crack : -2*(Normal.jump(Test_u))";
+
+#[test]
+fn a_forgotten_split_is_told_with_field_region_place_and_remedy() {
+    let folder = Folder::new("forgotten");
+    let text = said(&folder, "run s.wfl", &format!("{PRESSED}\nmeasure gap = max(-jump(u).Normal) on crack"));
+    assert!(text.contains("warning[W417]: the jump of `u` over `crack` is zero"), "{text}");
+    assert!(
+        text.contains("in this use of `jump`") && text.contains("one value on both sides of all 3 faces"),
+        "{text}"
+    );
+    assert!(text.contains("here, too") && text.matches("W417").count() == 1, "term and measure in one message: {text}");
+    assert!(text.contains("help: split u across crack"), "{text}");
+    let text = said(&folder, "run s.wfl", &format!("{PRESSED}\nsplit u across crack"));
+    assert!(!text.contains("W417"), "{text}");
+}
+
+#[test]
+fn differences_of_the_values_on_both_sides_are_found_however_they_are_written() {
+    let folder = Folder::new("written");
+    let there = |v: &str| format!("Interpolate({v}, neighbor_element)");
+    let (u, test) = (there("u"), there("Test_u"));
+    for term in [
+        format!("term open on crack : Normal.Test_u - Normal.{test}"),
+        format!("term open on crack : 3*(0.5*{test}(1) - Test_u(1)/2)"),
+        format!("term open on crack : pos_part(1 - u(2) + Norm(Normal) + {u}(2))*Test_u(2)"),
+        format!("energy open on crack : 0.5*Norm_sqr(2*u - 2*{u})"),
+        format!("measure gap = max(abs((x*u - x*{u})(1))) on crack"),
+        format!("term mean on crack : (u + {u}).Test_u\noutput vtk \"gap\" : {u} - u as gap"),
+        format!("def E(v) = Sym(Grad_v)\nterm n on crack : -(E(u)*Normal).(Test_u - {test})"),
+    ] {
+        let text = said(&folder, "check s.wfl", &format!("region crack = interface along slit\n{term}"));
+        assert!(text.contains("W417") && text.contains("over `crack` is zero"), "{term}: {text}");
+    }
+}
+
+#[test]
+fn jumps_of_gradients_and_of_fields_with_two_values_give_no_warning() {
+    let folder = Folder::new("two-valued");
+    let mean = "(0.5*(u + Interpolate(u, neighbor_element)))";
+    let slopes = "(Grad_Test_u - Interpolate(Grad_Test_u, neighbor_element))";
+    for lines in [
+        format!("term smooth on interior : element_size*(Grad_u - Interpolate(Grad_u, neighbor_element)):{slopes}"),
+        format!("term mean on crack : ({mean}).Test_u\nmeasure m = max({mean}.Normal) on crack"),
+        "unknown v : scalar DQ1\nterm v on all : v*Test_v\nterm e on interior : jump(v)*jump(Test_v)".to_owned(),
+        "unknown v : scalar DQ0\nterm v on all : v*Test_v\nterm e on interior : jump(v)*jump(Test_v)".to_owned(),
+        "region right = all - west\nunknown a : scalar on west\nunknown b : scalar on right\n\
+         region seam = interface from west to right\nterm a on west : a*Test_a\nterm b on right : b*Test_b\n\
+         term s on seam : (a - Interpolate(b, neighbor_element))*Test_a"
+            .to_owned(),
+        // one part of the faces is split
+        "region part = faces of west where x == 2 and y >= 2\nsplit u across part\n\
+         term open on crack : Normal.jump(Test_u)"
+            .to_owned(),
+        "param k = 0\nterm off on crack : k*(Normal.jump(Test_u))".to_owned(),
+        "data h : scalar DP0 = x\nterm w on crack : (h - Interpolate(h, neighbor_element))*Test_u(1)".to_owned(),
+        "mapping m = point [4 - x, y]\nmeasure d = max(abs(u(1) - Interpolate(u, m)(1))) on crack".to_owned(),
+    ] {
+        let text = said(&folder, "check s.wfl", &format!("region crack = interface along slit\n{lines}"));
+        assert!(!text.contains("W417") && !text.contains("error"), "{lines}: {text}");
+    }
+}

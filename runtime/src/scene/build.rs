@@ -342,7 +342,7 @@ impl Builder<'_> {
     }
 
     /// What statements are read with, and where their messages go.
-    fn parts(&mut self) -> (Parts<'_>, &mut Vec<Diagnostic>) {
+    pub(super) fn parts(&mut self) -> (Parts<'_>, &mut Vec<Diagnostic>) {
         let parts = Parts {
             script: self.script,
             env: self.env,

@@ -17,6 +17,7 @@ use wfl_compiler::types::FieldOp;
 use super::{
     Builder,
     constraints::{Contradiction, Prescribed},
+    jumps,
     normals::node_normals,
     options::Steps,
     terms::PlacedLaw,
@@ -40,6 +41,7 @@ impl Builder<'_> {
         self.idle_rules(laws);
         self.idle_splits();
         self.zero_terms(laws);
+        self.jumps_of_one_value(laws);
         self.free_between_fixed();
     }
 
@@ -204,6 +206,16 @@ impl Builder<'_> {
             if !switched_off {
                 let d = Diagnostic::new("W411", "a term that is zero for all unknowns");
                 self.diagnostics.push(d.at(term.span, "its parts cancel, or have the factor 0"));
+            }
+        }
+    }
+
+    /// W417 for jumps in terms of fields that have one value on both sides.
+    fn jumps_of_one_value(&mut self, laws: &[PlacedLaw]) {
+        let (parts, diagnostics) = self.parts();
+        for law in laws {
+            if let Some(set) = &law.set {
+                jumps::check(parts, &law.place, set, &law.law.listing.value_jumps(), diagnostics);
             }
         }
     }

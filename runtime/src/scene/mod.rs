@@ -19,6 +19,7 @@ mod groups;
 mod held;
 mod idle;
 mod inputs;
+mod jumps;
 mod low_rules;
 mod mappings;
 mod meeting;

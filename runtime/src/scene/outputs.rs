@@ -23,6 +23,7 @@ use crate::{
         Parts,
         constants::{number, numbers},
         fields::place_sig,
+        jumps,
         mappings::refused,
         regions::NamedRegion,
         states::states_read,
@@ -352,6 +353,7 @@ impl OutputMaker<'_> {
             self.diagnostics.push(d);
             return;
         }
+        jumps::check(self.parts, &target.sig.name, &target.support.region(), &law.jumps, self.diagnostics);
         let position = match pieces.iter().position(|(s, _)| *s == target.support) {
             Some(p) => p,
             None => match SampledPiece::new(

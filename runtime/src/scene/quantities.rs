@@ -3,7 +3,7 @@
 use wfl::{DataValue, Diagnostic, Span, StartKind, ast::Reduction, at_expr};
 use wfl_compiler::{ValueLaw, compile_value, types::FieldKind, without_fields};
 
-use super::{Builder, InputFile, Measure, RuleChoice, mappings, mesh, mesh::unread, states::states_read, terms};
+use super::{Builder, InputFile, Measure, RuleChoice, jumps, mappings, mesh, mesh::unread, states::states_read, terms};
 use crate::{
     assemble::FieldValues,
     finite::{BadGiven, BadMeasure},
@@ -192,6 +192,10 @@ impl Builder<'_> {
                     let d = d.help("one number at each point: a component v(1), v.Normal, or Norm(v)");
                     self.diagnostics.push(at_expr(d, &measure.expr, self.env.expansions, law.shape.to_string()));
                     continue;
+                }
+                if let Some(set) = &set {
+                    let (parts, diagnostics) = self.parts();
+                    jumps::check(parts, &place.name, set, &law.jumps, diagnostics);
                 }
                 let choice = self.rule_of_measure(measure, &law, &place.name, rules);
                 let there = mappings::fields_there(&law.inputs, []);

@@ -98,6 +98,16 @@ pub(super) const PAGES: &[CodePage] = &[
         "unknown u : vector Q2\nregion side = faces where x == 1\nfix u(1) = 0 on side",
     ),
     page(
+        "W417",
+        "a jump of a field that has one value",
+        "The term, measure or output has the difference of the values on both sides of faces, and the field has the same \
+         unknowns on both sides of all of them: the difference is zero for every state, a pressure on the crack does \
+         nothing, and contact never opens. Usually `split` is missing. A field with a discontinuous element and two \
+         fields that meet at the faces jump without it; gradients jump across every face.",
+        "term spring on fault : gamma*jump(u,u).jump(Test_u,Test_u)",
+        "split u across fault\nterm spring on fault : gamma*jump(u,u).jump(Test_u,Test_u)",
+    ),
+    page(
         "W501",
         "a discontinuous term without a derivative",
         "Heaviside and sign have derivative 0. A term that depends on an unknown only through them looks constant to \
