@@ -13,6 +13,7 @@ use super::blocks::{ROWS_PER_TASK, RowBuffer, Rows};
 use crate::index::NONE;
 
 /// Groups of nodes.
+#[derive(Debug, Clone)]
 pub(super) struct Aggregates {
     /// By node its group, or [`NONE`]: a node without strong couplings is left to the smoother.
     pub(super) of: Vec<u32>,
@@ -67,15 +68,55 @@ impl Strong {
         Self { starts, list }
     }
 
+    /// Couplings of groups: the strongest of those of their nodes.
+    fn of_groups(&self, groups: &Aggregates) -> Self {
+        let mut pairs: Vec<(u32, u32, f32)> = Vec::new();
+        for (node, group) in groups.of.iter().enumerate().filter(|(_, group)| **group != NONE) {
+            let others = self.of(node).iter().map(|(other, strength)| (groups.of[*other as usize], *strength));
+            pairs.extend(others.filter(|(g, _)| *g != NONE && g != group).map(|(g, strength)| (*group, g, strength)));
+        }
+        pairs.sort_unstable_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(b.2.total_cmp(&a.2)));
+        pairs.dedup_by_key(|pair| (pair.0, pair.1));
+        let mut starts = vec![0; groups.count + 1];
+        pairs.iter().for_each(|pair| starts[pair.0 as usize + 1] += 1);
+        (0..groups.count).for_each(|group| starts[group + 1] += starts[group]);
+        Self { starts, list: pairs.iter().map(|pair| (pair.1, pair.2)).collect() }
+    }
+
     fn of(&self, node: usize) -> &[(u32, f32)] {
         &self.list[self.starts[node]..self.starts[node + 1]]
     }
 }
 
-/// Groups the nodes of a matrix.
-pub(super) fn aggregates(matrix: &dyn Rows, threshold: f64) -> Aggregates {
-    let strong = Strong::new(matrix, threshold);
-    let n = matrix.n_nodes();
+/// Groups the nodes of a matrix in no more than `most` groups, where groups of groups can do that: a node that is coupled
+/// along a line alone has few neighbours.
+pub(super) fn aggregates(matrix: &dyn Rows, threshold: f64, most: usize) -> Aggregates {
+    let mut strong = Strong::new(matrix, threshold);
+    let mut groups = grouped(&strong);
+    // what the nodes of the present graph, which are groups themselves after the first round, belong to
+    let mut layer = groups.clone();
+    while groups.count > most {
+        strong = strong.of_groups(&layer);
+        let mut larger = grouped(&strong);
+        let before = layer.count;
+        // a group without strong couplings to others stays what it is
+        for group in larger.of.iter_mut().filter(|group| **group == NONE) {
+            *group = larger.count as u32;
+            larger.count += 1;
+        }
+        if larger.count == before {
+            break;
+        }
+        groups.of.iter_mut().filter(|group| **group != NONE).for_each(|group| *group = larger.of[*group as usize]);
+        groups.count = larger.count;
+        layer = larger;
+    }
+    groups
+}
+
+/// Groups the nodes of a graph.
+fn grouped(strong: &Strong) -> Aggregates {
+    let n = strong.starts.len() - 1;
     let (mut of, mut count) = (vec![NONE; n], 0u32);
     // whole neighbourhoods that touch no group
     for node in 0..n {

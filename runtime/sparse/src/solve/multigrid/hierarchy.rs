@@ -27,6 +27,9 @@ const WEAK: f64 = 0.25;
 /// A coarser level with more than this part of the unknowns does not pay: the matrix is factored then.
 const SHRINKS: f64 = 0.7;
 
+/// Unknowns of a coarser level for each of the finer one, at most, where groups can be made that large: cells that are thin
+/// in one direction couple nodes along lines, three to a group, and six motions of each are no fewer unknowns.
+const LARGEST_SHARE: f64 = 0.3;
 /// Part of the diagonal that is added to a coarsest matrix that looks singular, to look for its null vector: little, so
 /// that inverse iteration converges at once.
 const SHIFT: f64 = 1e-9;
@@ -151,10 +154,11 @@ impl Hierarchy {
         let level = Level::new(Blocks::<f32>::rounded(matrix)?, &inverse);
         let modes = layout.mode_values();
         let mut threshold = WEAK;
+        let most = |a: &dyn Rows| (LARGEST_SHARE * (a.n_nodes() * a.size()) as f64 / k as f64) as usize;
         let coarsened = match &layout.interpolation {
             Some(given) => interpolated(layout, given, &modes, k),
             None => {
-                let groups = aggregates(matrix, threshold);
+                let groups = aggregates(matrix, threshold, most(matrix));
                 threshold *= 0.5;
                 smoothed(matrix, &groups, &modes, k, &inverse, level.largest)
             }
@@ -165,7 +169,7 @@ impl Hierarchy {
         let (mut middle, mut coarsest) = (Vec::new(), None);
         while coarsest.is_none() {
             sizes.push(a.n_unknowns());
-            let groups = aggregates(&a, threshold);
+            let groups = aggregates(&a, threshold, most(&a));
             threshold *= 0.5;
             let shrinks = groups.count > 0 && (groups.count * k) as f64 <= SHRINKS * a.n_unknowns() as f64;
             if a.n_unknowns() <= COARSEST || !shrinks {
