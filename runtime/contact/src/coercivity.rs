@@ -12,14 +12,16 @@
 //!
 //! Sufficient, not necessary. Facets are sampled where there are many: evenly, and the thinnest cells on top.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use nalgebra::{DMatrix, SymmetricEigen};
 use wfl_compiler::{
-    Class, ProjectionKind, interpret,
+    ArgumentSlope, Class, ProjectionKind, interpret,
     ir::LANES,
-    types::{BasisSlot, FieldOp, InputSlot, Side},
+    types::{BasisSlot, FieldId, FieldOp, InputSlot, Side},
 };
 
-use super::{Contact, ContactTerm};
+use super::{Contact, ContactTerm, slopes::is_displacement};
 use wfl_discrete::assemble::{Bound, FieldValues, Group, Workspace};
 use wfl_discrete::field::Field;
 use wfl_discrete::system::System;
@@ -34,8 +36,6 @@ const USUAL: std::ops::RangeInclusive<f64> = 1e-5..=1e6;
 const RIGID: f64 = 1e-11;
 /// Numbers that differ by less, relative, differ by rounding.
 const SAME: f64 = 1e-9;
-/// Step of the gradients, relative: laws that are linear in them are exact for any.
-const STRAIN: f64 = 1e-6;
 
 /// The parameter of a Nitsche term against the smallest safe one.
 #[derive(Clone, Debug, PartialEq)]
@@ -162,7 +162,7 @@ impl Probe<'_> {
         if dofs.is_empty() {
             return None;
         }
-        let (traction, gradients) = self.traction(place, &dofs)?;
+        let (traction, gradients) = self.traction(place, &dofs);
         let gamma = self.slope(place)?;
         let (trace, theta) = (largest(&bulk, &traction)?, self.theta(place)?);
         let lost = |closed: bool| {
@@ -180,7 +180,7 @@ impl Probe<'_> {
     }
 
     /// The tangent of the facet terms by slots: of the contact term where it is closed and sticks, if `closed`, and of the
-    /// linear terms. Slots of gradients are those that the projections read.
+    /// linear terms.
     fn slots(&self, place: Place, closed: bool) -> Vec<((BasisSlot, BasisSlot), f64)> {
         let p = self.term;
         let mut tied = p.open();
@@ -209,10 +209,10 @@ impl Probe<'_> {
         found
     }
 
-    /// The gradients that the projections read, in their order.
+    /// The gradients that the arguments of the projections change with.
     fn gradient_slots(&self) -> Vec<BasisSlot> {
-        let slots = self.term.law.law.inputs.iter().filter(|slot| is_stress(&self.system.fields, slot, None));
-        slots.filter_map(|slot| if let InputSlot::Field(b) = slot { Some(*b) } else { None }).collect()
+        let slots = self.term.slopes.list().iter().map(|s| s.slot).filter(|slot| slot.op != FieldOp::Value);
+        slots.collect::<BTreeSet<_>>().into_iter().collect()
     }
 
     /// What gradients take of the form at most: N of the module.
@@ -286,109 +286,92 @@ impl Probe<'_> {
     }
 
     /// The form `|s(v)|^2` on the facet over these dofs, and the gradients at its points.
-    fn traction(&self, place: Place, dofs: &[u32]) -> Option<(DMatrix<f64>, Vec<Gradients>)> {
-        let base = self.stresses(place, self.zero.current);
-        let (points, weights) = (base.values.len(), base.weights);
-        let n = base.values.first()?.len();
-        let mut columns = Vec::with_capacity(dofs.len());
-        let rows = base.gradients.first()?.len();
-        let gradients = |weight: &f64| Gradients { weight: *weight, columns: DMatrix::zeros(rows, dofs.len()) };
-        let mut gradients: Vec<Gradients> = weights.iter().map(gradients).collect();
-        let mut copy: Option<(usize, Vec<f64>)> = None;
-        for (column, dof) in dofs.iter().enumerate() {
-            let field = (0..self.system.fields.len())
-                .rfind(|k| self.system.numbering.starts[*k].is_some_and(|s| s <= *dof as usize))?;
-            let place_in_field = *dof as usize - self.system.numbering.starts[field]?;
-            let (_, values) = match &mut copy {
-                Some(kept) if kept.0 == field => kept,
-                other => other.insert((field, self.zero.current[field].to_vec())),
-            };
-            let before = *values.get(place_in_field)?;
-            values[place_in_field] = before + STRAIN;
-            let mut current = self.zero.current.to_vec();
-            current[field] = values;
-            let moved = self.stresses(place, &current);
-            values[place_in_field] = before;
-            for (q, at) in gradients.iter_mut().enumerate() {
-                for k in 0..rows {
-                    at.columns[(k, column)] = (moved.gradients[q][k] - base.gradients[q][k]) / STRAIN;
-                }
-            }
-            let change = (0..points).flat_map(|q| (0..n).map(move |k| (q, k)));
-            columns.push(
-                change
-                    .map(|(q, k)| weights[q].sqrt() * (moved.values[q][k] - base.values[q][k]) / STRAIN)
-                    .collect::<Vec<f64>>(),
-            );
+    fn traction(&self, place: Place, dofs: &[u32]) -> (DMatrix<f64>, Vec<Gradients>) {
+        let gradients = self.gradients(place, dofs);
+        let mut form = DMatrix::zeros(dofs.len(), dofs.len());
+        for (at, slopes) in gradients.iter().zip(self.stress_slopes(place)) {
+            let stresses = slopes * &at.columns;
+            form += at.weight * stresses.tr_mul(&stresses);
         }
-        let form = DMatrix::from_fn(dofs.len(), dofs.len(), |i, j| {
-            columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum()
-        });
-        Some((form, gradients))
+        (form, gradients)
     }
 
-    /// The arguments of the projections at the points of a facet for given values of the fields, displacements left out
-    /// of them.
-    fn stresses(&self, place: Place, current: &[&[f64]]) -> Stresses {
+    /// The gradients that a unit of each dof makes at the points of a facet.
+    fn gradients(&self, place: Place, dofs: &[u32]) -> Vec<Gradients> {
         let (g, entity) = place;
-        let p = self.term;
-        let bound = Bound { mesh: &self.system.mesh, domain: &p.sampled.domain, binding: &p.sampled.binding };
+        let (p, slots) = (self.term, self.gradient_slots());
+        let inputs = &p.law.law.inputs;
+        let read = |slot: &BasisSlot| inputs.iter().position(|input| *input == InputSlot::Field(*slot));
+        let rows: Vec<(usize, usize)> =
+            slots.iter().enumerate().filter_map(|(row, slot)| Some((row, read(slot)?))).collect();
+        let n_points = p.sampled.domain.groups[g].n_points();
+        let none = |_| Gradients { weight: 0.0, columns: DMatrix::zeros(slots.len(), dofs.len()) };
+        let mut found: Vec<Gradients> = (0..n_points).map(none).collect();
         let mut workspace = Workspace::default();
-        let (batch, lane) = (entity / LANES, entity % LANES);
-        workspace.prepare(bound, g, batch, FieldValues { current, ..self.zero });
-        let law = &p.law.law;
-        let (mut scratch, mut out) = (Vec::new(), vec![0.0; law.kernel.kernel().outputs.len()]);
-        let mut found = Stresses { values: Vec::new(), gradients: Vec::new(), weights: Vec::new() };
-        for q in 0..p.sampled.domain.groups[g].n_points() {
-            let inputs: Vec<f64> = (law.inputs.iter().enumerate())
-                .map(|(s, slot)| match slot {
-                    InputSlot::Field(b) if b.op == FieldOp::Value && b.field.index() < self.system.fields.len() => 0.0,
-                    _ => workspace.inputs[(q * law.inputs.len() + s) * LANES + lane],
-                })
-                .collect();
-            interpret(&law.kernel, p.law.uniforms(), &inputs, &mut scratch, &mut out);
-            // the whole traction: along the normal from half lines, across it from balls
-            let entries = p.projections.iter().flat_map(|pr| out[pr.output..pr.output + pr.n].to_vec()).collect();
-            found.values.push(entries);
-            let read = law.inputs.iter().zip(&inputs).filter(|(slot, _)| is_stress(&self.system.fields, slot, None));
-            found.gradients.push(read.map(|(_, x)| *x).collect());
-            found.weights.push(workspace.weight(q)[lane]);
+        let mut unit: Vec<Vec<f64>> = self.zero.current.iter().map(|values| values.to_vec()).collect();
+        for (column, dof) in dofs.iter().enumerate() {
+            let starts = self.system.numbering.starts.iter().take(self.system.fields.len()).enumerate();
+            let before = starts.filter_map(|(field, start)| Some((field, (*dof as usize).checked_sub((*start)?)?)));
+            let Some((field, node)) = before.last() else { continue };
+            let kept = std::mem::replace(&mut unit[field][node], 1.0);
+            let current: Vec<&[f64]> = unit.iter().map(Vec::as_slice).collect();
+            workspace.prepare(self.bound(), g, entity / LANES, FieldValues { current: &current, ..self.zero });
+            unit[field][node] = kept;
+            for (q, at) in found.iter_mut().enumerate() {
+                let inputs = p.point_inputs(&workspace, q, entity % LANES);
+                rows.iter().for_each(|(row, input)| at.columns[(*row, column)] = inputs[*input]);
+                at.weight = workspace.weight(q)[entity % LANES];
+            }
         }
         found
     }
 
-    /// The slope of the first half line in the displacement of one side.
-    fn slope(&self, place: Place) -> Option<f64> {
+    /// At each point of a facet: the derivatives of the arguments of all projections with respect to the gradients, the
+    /// whole traction: along the normal from half lines, across it from balls.
+    fn stress_slopes(&self, place: Place) -> Vec<DMatrix<f64>> {
+        let gradients = self.gradient_slots();
+        let first = |projection: usize| self.term.projections[..projection].iter().map(|p| p.n).sum::<usize>();
+        let n = first(self.term.projections.len());
+        let of = |slopes: Vec<f64>| {
+            let mut found = DMatrix::zeros(n, gradients.len());
+            for (slope, x) in self.term.slopes.list().iter().zip(slopes) {
+                if let Some(column) = gradients.iter().position(|g| *g == slope.slot) {
+                    found[(first(slope.projection) + slope.entry, column)] = x;
+                }
+            }
+            found
+        };
+        self.slopes(place).into_iter().map(of).collect()
+    }
+
+    /// The derivatives of the arguments at the points of a facet.
+    fn slopes(&self, place: Place) -> Vec<Vec<f64>> {
         let (g, entity) = place;
         let p = self.term;
-        let half = p.projections.iter().find(|pr| pr.kind == ProjectionKind::HalfLine && pr.n == 1)?;
-        let bound = Bound { mesh: &self.system.mesh, domain: &p.sampled.domain, binding: &p.sampled.binding };
         let mut workspace = Workspace::default();
-        workspace.prepare(bound, g, entity / LANES, self.zero);
-        let law = &p.law.law;
-        let mut inputs: Vec<f64> =
-            (0..law.inputs.len()).map(|s| workspace.inputs[s * LANES + entity % LANES]).collect();
-        let (mut scratch, mut out) = (Vec::new(), vec![0.0; law.kernel.kernel().outputs.len()]);
-        interpret(&law.kernel, p.law.uniforms(), &inputs, &mut scratch, &mut out);
-        let base = out[half.output];
-        let mut sides: Vec<((usize, Side), f64)> = Vec::new();
-        for (s, slot) in law.inputs.iter().enumerate() {
-            let InputSlot::Field(b) = slot else { continue };
-            if b.op != FieldOp::Value || b.field.index() >= self.system.fields.len() {
-                continue;
-            }
-            let kept = inputs[s];
-            inputs[s] = kept + STRAIN;
-            interpret(&law.kernel, p.law.uniforms(), &inputs, &mut scratch, &mut out);
-            inputs[s] = kept;
-            let slope = (out[half.output] - base) / STRAIN;
-            let key = (b.field.index(), b.side);
-            match sides.iter_mut().find(|(k, _)| *k == key) {
-                Some((_, total)) => *total = total.hypot(slope),
-                None => sides.push((key, slope.abs())),
+        workspace.prepare(self.bound(), g, entity / LANES, self.zero);
+        let n_points = p.sampled.domain.groups[g].n_points();
+        (0..n_points).map(|q| p.slopes.at_point(&p.point_inputs(&workspace, q, entity % LANES))).collect()
+    }
+
+    fn bound(&self) -> Bound<'_> {
+        let sampled = &self.term.sampled;
+        Bound { mesh: &self.system.mesh, domain: &sampled.domain, binding: &sampled.binding }
+    }
+
+    /// The slope of the first half line in the displacement of one side.
+    fn slope(&self, place: Place) -> Option<f64> {
+        let p = self.term;
+        let half = p.projections.iter().position(|pr| pr.kind == ProjectionKind::HalfLine && pr.n == 1)?;
+        let slopes = self.slopes(place).into_iter().next()?;
+        let mut sides: BTreeMap<(FieldId, Side), f64> = BTreeMap::new();
+        for (at, ArgumentSlope { slot, .. }) in p.slopes.of_projection(half) {
+            if is_displacement(&self.system.fields, slot) {
+                let total = sides.entry((slot.field, slot.side)).or_default();
+                *total = total.hypot(slopes[at]);
             }
         }
-        sides.iter().map(|(_, s)| *s).max_by(f64::total_cmp).filter(|s| *s > 0.0)
+        sides.into_values().max_by(f64::total_cmp).filter(|s| *s > 0.0)
     }
 }
 
@@ -396,14 +379,6 @@ impl Probe<'_> {
 fn is_stress(fields: &[Field], slot: &InputSlot, side: Option<Side>) -> bool {
     matches!(slot, InputSlot::Field(b)
         if b.op != FieldOp::Value && b.field.index() < fields.len() && side.is_none_or(|s| s == b.side))
-}
-
-/// Traction at the points of a facet and the weights of the points.
-struct Stresses {
-    values: Vec<Vec<f64>>,
-    /// The gradients that the projections read.
-    gradients: Vec<Vec<f64>>,
-    weights: Vec<f64>,
 }
 
 /// The gradients at a point that a unit of each dof makes.

@@ -6,13 +6,15 @@
 //! tractions outside the cone are known without knowing the method. Lengths are exact for normals along an axis, and
 //! too large by at most the root of the dimension otherwise, because the slope is that of one component.
 
+use std::collections::BTreeMap;
+
 use wfl_compiler::{
-    Projection, ProjectionKind, interpret_lanes,
+    ProjectionKind, interpret_lanes,
     ir::LANES,
     types::{FieldKind, FieldOp, InputSlot},
 };
 
-use super::{Contact, ContactTerm, scaling::SLOPE_STEP};
+use super::{Contact, ContactTerm, slopes::is_displacement};
 use wfl_discrete::assemble::{Bound, FieldValues, Workspace};
 use wfl_discrete::field::Field;
 use wfl_discrete::system::System;
@@ -105,11 +107,12 @@ impl Violations {
     }
 }
 
-/// What the force of a term does at a point.
-struct PointForce<'a> {
-    flux: &'a [f64],
-    /// Inputs of the law that are displacements, with their test slots.
-    moves: &'a [(usize, usize)],
+/// A displacement that the argument of a projection depends on.
+struct Motion {
+    /// The slot of its test function.
+    test: usize,
+    /// The derivatives of the argument with respect to it: the position of the value, and the entry of the argument.
+    slopes: Vec<(usize, usize)>,
 }
 
 /// What each contact law leaves of gaps and friction cones at `u`, whose largest displacement is `moved`, with the name
@@ -131,18 +134,18 @@ impl ContactTerm {
         let mut current: Vec<&[f64]> = values.current.to_vec();
         current[self.field] = &data;
         let values = FieldValues { current: &current, ..values };
-        let (_, size) = self.entity_size(mesh, values);
-        let slopes = self.slopes(system, values, SLOPE_STEP * size);
+        let largest = self.largest_slopes(system, values);
         let mut fluxes = Vec::new();
         let term = &system.terms[self.term];
         term.for_each_flux(mesh, values, |flux, weight| fluxes.push((flux.to_vec(), weight)));
         let mut fluxes = fluxes.iter();
-        let moves = self.moves(system);
+        let motions = self.motions(system);
         let mut found = Violations { moved, ..Violations::default() };
-        self.arguments(system, values, SLOPE_STEP * size, |full, gap, probe| {
+        self.arguments(system, values, |full, gap, slopes| {
             let Some((flux, weight)) = fluxes.next() else { return };
-            let force = PointForce { flux, moves: &moves };
-            for (p, slope) in self.projections.iter().zip(&slopes).filter(|(_, s)| **s > 0.0) {
+            let each = self.projections.iter().zip(&largest).zip(&motions);
+            for ((p, slope), motions) in each.filter(|((_, s), _)| **s > 0.0) {
+                let mut works_along = |direction: &[f64]| works_along(flux, motions, direction, &slopes());
                 let at = Point {
                     x: &full[p.output..][..p.n],
                     gap: &gap[p.output..][..p.n],
@@ -153,12 +156,10 @@ impl ContactTerm {
                     // a part of a friction bound is no gap
                     ProjectionKind::HalfLine if !p.acts => {}
                     ProjectionKind::HalfLine => {
-                        found.add_normal(&at, p.n == 1 && at.x[0] > 0.0, || force.works_along(p, &[1.0], probe));
+                        found.add_normal(&at, p.n == 1 && at.x[0] > 0.0, || works_along(&[1.0]));
                     }
                     ProjectionKind::Ball => {
-                        found.add_tangential(&at, full[p.output + p.n], |direction| {
-                            force.works_along(p, direction, probe)
-                        });
+                        found.add_tangential(&at, full[p.output + p.n], works_along);
                     }
                 }
             }
@@ -174,7 +175,11 @@ impl ContactTerm {
 
     /// True if the force of a term acts on displacements, so that it can be judged by what it does to them.
     fn acts_on_displacements(&self, system: &System) -> bool {
-        !self.moves(system).is_empty()
+        let tests = &system.terms[self.term].law.tests;
+        self.law.law.inputs.iter().any(|slot| match slot {
+            InputSlot::Field(b) => is_displacement(&system.fields, b) && tests.contains(b),
+            _ => false,
+        })
     }
 
     /// True if the projections read more than displacements: gradients or multipliers.
@@ -182,28 +187,30 @@ impl ContactTerm {
         self.law.law.inputs.iter().any(|slot| is_traction(fields, slot))
     }
 
-    /// Inputs of the law that are displacements, with the test slot of the term whose flux is the force on them.
-    fn moves(&self, system: &System) -> Vec<(usize, usize)> {
+    /// By projection: the displacements that its argument depends on and that the force of the term acts on.
+    fn motions(&self, system: &System) -> Vec<Vec<Motion>> {
         let tests = &system.terms[self.term].law.tests;
-        let slots = self.law.law.inputs.iter().enumerate();
-        slots
-            .filter_map(|(s, slot)| match slot {
-                InputSlot::Field(b) if b.op == FieldOp::Value && !is_traction(&system.fields, slot) => {
-                    Some((s, tests.iter().position(|t| t == b)?))
+        let of = |projection: usize| {
+            let mut motions: BTreeMap<usize, Vec<(usize, usize)>> = BTreeMap::new();
+            for (at, slope) in self.slopes.of_projection(projection) {
+                if is_displacement(&system.fields, &slope.slot)
+                    && let Some(test) = tests.iter().position(|t| *t == slope.slot)
+                {
+                    motions.entry(test).or_default().push((at, slope.entry));
                 }
-                _ => None,
-            })
-            .collect()
+            }
+            motions.into_iter().map(|(test, slopes)| Motion { test, slopes }).collect()
+        };
+        (0..self.projections.len()).map(of).collect()
     }
 
-    /// What the law gives at every point: as they are, without gradients and multipliers, and the latter after a
-    /// change of one input by `step`, ahead or behind.
+    /// Calls `f` at every point with what the law gives there, with the same without gradients and multipliers, and
+    /// with a function for the derivatives of the arguments.
     fn arguments(
         &self,
         system: &System,
         values: FieldValues<'_>,
-        step: f64,
-        mut f: impl FnMut(&[f64], &[f64], &mut dyn FnMut(usize, bool) -> Vec<f64>),
+        mut f: impl FnMut(&[f64], &[f64], &mut dyn FnMut() -> Vec<f64>),
     ) {
         let law = &self.law.law;
         let traction: Vec<bool> = law.inputs.iter().map(|s| is_traction(&system.fields, s)).collect();
@@ -222,26 +229,16 @@ impl ContactTerm {
                 let points = workspace.inputs.as_chunks::<LANES>().0.chunks_exact(n_in.max(1)).take(group.n_points());
                 let mut points: Vec<Outputs> = points
                     .map(|inputs| {
-                        let full = outputs(inputs);
-                        let mut inputs = inputs.to_vec();
-                        let tractions = inputs.iter_mut().zip(&traction).filter(|(_, t)| **t);
+                        let mut without = inputs.to_vec();
+                        let tractions = without.iter_mut().zip(&traction).filter(|(_, t)| **t);
                         tractions.for_each(|(x, _)| *x = [0.0; LANES]);
-                        Outputs { full, gap: outputs(&inputs), inputs, changed: vec![[None, None]; n_in] }
+                        Outputs { inputs, full: outputs(inputs), gap: outputs(&without), slopes: None }
                     })
                     .collect();
                 for lane in 0..LANES.min(group.entities.len() - batch * LANES) {
                     let own = |all: &[[f64; LANES]]| -> Vec<f64> { all.iter().map(|values| values[lane]).collect() };
-                    for Outputs { full, gap, inputs, changed } in &mut points {
-                        f(&own(full), &own(gap), &mut |slot, ahead| {
-                            let known = changed[slot][usize::from(ahead)].get_or_insert_with(|| {
-                                let kept = inputs[slot];
-                                inputs[slot] = kept.map(|x| if ahead { x + step } else { x - step });
-                                let found = outputs(inputs);
-                                inputs[slot] = kept;
-                                found
-                            });
-                            own(known)
-                        });
+                    for Outputs { inputs, full, gap, slopes } in &mut points {
+                        f(&own(full), &own(gap), &mut || own(slopes.get_or_insert_with(|| self.slopes.at(inputs))));
                     }
                 }
             }
@@ -250,28 +247,25 @@ impl ContactTerm {
 }
 
 /// What the law gives at one point of all entities of a batch.
-struct Outputs {
+struct Outputs<'a> {
+    inputs: &'a [[f64; LANES]],
     full: Vec<[f64; LANES]>,
-    gap: Vec<[f64; LANES]>,
     /// Without gradients and multipliers.
-    inputs: Vec<[f64; LANES]>,
-    /// After a change of an input, behind and ahead, as soon as somebody has asked for it.
-    changed: Vec<[Option<Vec<[f64; LANES]>>; 2]>,
+    gap: Vec<[f64; LANES]>,
+    /// The derivatives of the arguments, as soon as somebody has asked for them.
+    slopes: Option<Vec<[f64; LANES]>>,
 }
 
-impl PointForce<'_> {
-    /// True if the force works as the argument `p` moves along `direction`, in place of resisting.
-    fn works_along(&self, p: &Projection, direction: &[f64], probe: &mut dyn FnMut(usize, bool) -> Vec<f64>) -> bool {
-        let (mut resisted, mut size) = (0.0f64, 0.0f64);
-        for (slot, test) in self.moves {
-            let (ahead, behind) = (probe(*slot, true), probe(*slot, false));
-            let along = |v: &[f64]| v[p.output..][..p.n].iter().zip(direction).map(|(a, b)| a * b).sum::<f64>();
-            let work = self.flux[*test] * (along(&ahead) - along(&behind));
-            resisted += work;
-            size += work.abs();
-        }
-        resisted < -SIGNLESS * size
+/// True if a force works as an argument moves along `direction`, in place of resisting.
+fn works_along(flux: &[f64], motions: &[Motion], direction: &[f64], slopes: &[f64]) -> bool {
+    let (mut resisted, mut size) = (0.0f64, 0.0f64);
+    for Motion { test, slopes: places } in motions {
+        let along: f64 = places.iter().map(|(at, entry)| direction[*entry] * slopes[*at]).sum();
+        let work = flux[*test] * along;
+        resisted += work;
+        size += work.abs();
     }
+    resisted < -SIGNLESS * size
 }
 
 /// True for what is no displacement: a gradient or a multiplier of the scene.

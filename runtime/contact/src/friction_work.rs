@@ -9,13 +9,9 @@
 //! are elastic in a penalty method, and give back what they have stored. Does not judge.
 
 use nalgebra::{DMatrix, DVector};
-use wfl_compiler::{
-    ProjectionKind, interpret, interpret_lanes,
-    ir::LANES,
-    types::{FieldKind, FieldOp, InputSlot},
-};
+use wfl_compiler::{Projection, ProjectionKind, interpret_lanes, ir::LANES, types::InputSlot};
 
-use super::{Contact, ContactTerm, scaling::SLOPE_STEP};
+use super::{Contact, ContactTerm, slopes::is_displacement};
 use wfl_discrete::assemble::{Bound, FieldValues, Workspace};
 use wfl_discrete::system::System;
 
@@ -53,16 +49,15 @@ impl ContactTerm {
     /// The work of friction from the state `before` to `now`; both have room for the branch data of this term. `None`
     /// for a term without friction.
     fn friction_work(&self, system: &System, now: FieldValues<'_>, before: FieldValues<'_>) -> Option<FrictionWork> {
-        let ball = self.projections.iter().find(|p| p.kind == ProjectionKind::Ball && p.acts)?;
+        let is_friction = |p: &Projection| p.kind == ProjectionKind::Ball && p.acts;
+        let (position, ball) = self.projections.iter().enumerate().find(|(_, p)| is_friction(p))?;
         if self.on_cells() {
             return None;
         }
         let (mesh, fields, term) = (&system.mesh, &system.fields, &system.terms[self.term]);
-        let (_, size) = self.entity_size(mesh, now);
         let moves: Vec<(usize, usize)> = (self.law.law.inputs.iter().enumerate())
             .filter_map(|(s, slot)| match slot {
-                InputSlot::Field(b) if b.op == FieldOp::Value => {
-                    fields.get(b.field.index()).filter(|f| f.kind == FieldKind::Unknown)?;
+                InputSlot::Field(b) if is_displacement(fields, b) => {
                     Some((s, term.law.tests.iter().position(|t| t == b)?))
                 }
                 _ => None,
@@ -78,7 +73,13 @@ impl ContactTerm {
             r > 0.0 && x.iter().fold(0.0f64, |m, x| m.hypot(*x)) > r
         };
         let (mut work, mut at, mut largest) = (FrictionWork::default(), 0, 0.0f64);
-        let mut found = vec![0.0; self.law.law.kernel.kernel().outputs.len()];
+        // the derivatives of the argument: where their value is found, row and column
+        let places: Vec<[usize; 3]> = (self.slopes.of_projection(position))
+            .filter_map(|(at, s)| {
+                let moved = |(input, _): &(usize, usize)| self.law.law.inputs[*input] == InputSlot::Field(s.slot);
+                Some([at, s.entry, moves.iter().position(moved)?])
+            })
+            .collect();
         term.for_each_flux(mesh, now, |flux, weight| {
             let (Some(end), Some(start)) = (ends.get(at), starts.get(at)) else { return };
             at += 1;
@@ -89,14 +90,8 @@ impl ContactTerm {
                 DVector::from_iterator(moves.len(), moves.iter().map(|(s, _)| end.inputs[*s] - start.inputs[*s]));
             let force = DVector::from_iterator(moves.len(), moves.iter().map(|(_, test)| flux[*test]));
             let mut slope = DMatrix::zeros(ball.n, moves.len());
-            for (column, (s, _)) in moves.iter().enumerate() {
-                let mut inputs = end.inputs.clone();
-                inputs[*s] += SLOPE_STEP * size;
-                interpret(&self.law.law.kernel, self.law.uniforms(), &inputs, &mut Vec::new(), &mut found);
-                for i in 0..ball.n {
-                    slope[(i, column)] = found[ball.output + i] - end.outputs[ball.output + i];
-                }
-            }
+            let slopes = self.slopes.at_point(&end.inputs);
+            places.iter().for_each(|[at, row, column]| slope[(*row, *column)] = slopes[*at]);
             largest = moves.iter().fold(largest, |m, (s, _)| m.max(end.inputs[*s].abs()));
             if slope.iter().any(|x| !x.is_finite()) {
                 return;

@@ -22,6 +22,7 @@ mod friction_work;
 mod projection_state;
 mod regularisation;
 mod scaling;
+mod slopes;
 mod term;
 
 pub use breakpoints::{Breakpoints, Ray};

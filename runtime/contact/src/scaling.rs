@@ -1,13 +1,10 @@
 //! The scaling of contact laws: how stiff the bodies are at the interface against the arguments of the projections.
 
-use wfl_compiler::{
-    interpret,
-    ir::LANES,
-    types::{FieldKind, FieldOp, InputSlot},
-};
+use wfl_compiler::ir::LANES;
 
 use super::{
     Complementarity, ContactTerm, flexibility,
+    slopes::is_displacement,
     term::{STIFF, Scaling},
 };
 use wfl_discrete::assemble::{Bound, FieldValues, Workspace};
@@ -21,10 +18,8 @@ const STIFFNESS_FACTOR: f64 = 1.0;
 /// times a factor. In other bodies the ratio is from 2 to 40.
 const LOCKED: f64 = 100.0;
 const GIVING_WAY: f64 = 3.0;
-/// Points at which the slope of an argument is sampled.
+/// Points at which the slopes of arguments are sampled.
 const SLOPE_POINTS: usize = 64;
-/// Change of the displacement for that slope, over the size of an entity.
-pub(super) const SLOPE_STEP: f64 = 1e-3;
 /// Contact without a multiplier binds the stresses of the bodies where the terms on faces are this many times as stiff as
 /// the bodies there while arguments are softer than the bodies by this factor.
 const STIFF_FACES: f64 = 10.0;
@@ -74,7 +69,7 @@ impl ContactTerm {
         let (bulk, free) = (system.bulk(), &system.numbering.free);
         let dofs = self.form(system).dofs();
         let stiff: Vec<f64> = dofs.iter().map(|d| diagonal[*d as usize]).filter(|k| *k > 0.0).collect();
-        let (area, size) = self.entity_size(&system.mesh, values);
+        let area = self.entity_area(&system.mesh, values);
         if stiff.is_empty() || area <= 0.0 {
             return;
         }
@@ -86,7 +81,7 @@ impl ContactTerm {
             _ => STIFFNESS_FACTOR * mean,
         };
         let stiffness = stiffness / area;
-        let slopes = self.slopes(system, values, SLOPE_STEP * size);
+        let slopes = self.largest_slopes(system, values);
         // without a multiplier the traction follows from displacements, and an argument is at least as stiff as it
         let largest = if self.has_multiplier { RATIO_RANGE.1 } else { 1.0 };
         let has_multiplier = self.has_multiplier;
@@ -105,46 +100,36 @@ impl ContactTerm {
             largest == 1.0 && linear > STIFF_FACES * cells && scaling.stiffness_ratio() > SOFT_ARGUMENTS;
     }
 
-    /// By projection: the largest change of its argument when one displacement changes by 1, median of some points.
-    pub(super) fn slopes(&self, system: &System, values: FieldValues<'_>, step: f64) -> Vec<f64> {
-        let law = &self.law.law;
-        let moving: Vec<usize> = (0..law.inputs.len())
-            .filter(|k| match law.inputs[*k] {
-                // branch data are numbered behind the fields
-                InputSlot::Field(b) if b.op == FieldOp::Value => {
-                    system.fields.get(b.field.index()).is_some_and(|f| f.kind == FieldKind::Unknown)
-                }
-                _ => false,
-            })
+    /// By projection: the largest derivative of its argument with respect to a component of a displacement, median of
+    /// some points.
+    pub(super) fn largest_slopes(&self, system: &System, values: FieldValues<'_>) -> Vec<f64> {
+        let moving: Vec<(usize, usize)> = (self.slopes.list().iter().enumerate())
+            .filter(|(_, s)| is_displacement(&system.fields, &s.slot))
+            .map(|(at, s)| (at, s.projection))
             .collect();
         let mut found: Vec<Vec<f64>> = vec![Vec::new(); self.projections.len()];
         let bound = Bound { mesh: &system.mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
         let mut workspace = Workspace::default();
-        let n_in = law.inputs.len();
-        let n_out = law.kernel.kernel().outputs.len();
-        let (mut scratch, mut base, mut changed) = (Vec::new(), vec![0.0; n_out], vec![0.0; n_out]);
         for (g, group) in self.sampled.domain.groups.iter().enumerate() {
             let stride = (group.n_batches() * group.n_points()).div_ceil(SLOPE_POINTS).max(1);
             for at in (0..group.n_batches() * group.n_points()).step_by(stride) {
                 let (batch, q) = (at / group.n_points(), at % group.n_points());
                 workspace.prepare(bound, g, batch, values);
-                let mut inputs: Vec<f64> = (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES]).collect();
-                interpret(&law.kernel, self.law.uniforms(), &inputs, &mut scratch, &mut base);
+                let slopes = self.slopes.at_point(&self.point_inputs(&workspace, q, 0));
                 let mut largest = vec![0.0f64; self.projections.len()];
-                for k in &moving {
-                    let kept = inputs[*k];
-                    inputs[*k] = kept + step;
-                    interpret(&law.kernel, self.law.uniforms(), &inputs, &mut scratch, &mut changed);
-                    inputs[*k] = kept;
-                    for (p, slot) in self.projections.iter().zip(&mut largest) {
-                        let change = (p.output..p.output + p.n).map(|o| (changed[o] - base[o]).abs() / step);
-                        *slot = change.fold(*slot, f64::max);
-                    }
+                for (at, projection) in &moving {
+                    largest[*projection] = largest[*projection].max(slopes[*at].abs());
                 }
                 found.iter_mut().zip(largest).for_each(|(list, x)| list.push(x));
             }
         }
         found.into_iter().map(median).collect()
+    }
+
+    /// What the law reads at a point of a prepared batch.
+    pub(super) fn point_inputs(&self, workspace: &Workspace, q: usize, lane: usize) -> Vec<f64> {
+        let n = self.law.law.inputs.len();
+        (0..n).map(|s| workspace.inputs[(q * n + s) * LANES + lane]).collect()
     }
 }
 

@@ -1,8 +1,8 @@
 //! One term of contact: its projections, the law that reads them, and how they are scaled to the bodies.
 
-use wfl_compiler::{Projection, ProjectionKind, types::FieldKind};
+use wfl_compiler::{Projection, ProjectionKind, SlopesLaw, types::FieldKind};
 
-use super::Complementarity;
+use super::{Complementarity, slopes::ArgumentSlopes};
 use wfl_discrete::assemble::{AssembledTerm, FieldValues};
 use wfl_discrete::field::Field;
 use wfl_discrete::system::System;
@@ -25,6 +25,8 @@ pub struct ContactTerm {
     pub(super) n_data: usize,
     /// Arguments, radii and values of the projections.
     pub(super) law: Value,
+    /// The derivatives of the arguments.
+    pub(super) slopes: ArgumentSlopes,
     pub(super) sampled: Sampled,
     /// It acts on a multiplier, or reads one.
     pub(super) has_multiplier: bool,
@@ -60,6 +62,8 @@ pub struct ContactParts {
     pub n_data: usize,
     /// Arguments, radii and values of the projections.
     pub law: Value,
+    /// The derivatives of the arguments; `None` if no argument changes with the unknowns.
+    pub slopes: Option<SlopesLaw>,
     /// Where the law is read.
     pub sampled: Sampled,
 }
@@ -68,20 +72,22 @@ impl ContactTerm {
     /// The projections of a term; `form` is its frozen form.
     #[must_use]
     pub fn new(parts: ContactParts, form: &AssembledTerm, fields: &[Field]) -> Self {
-        let ContactParts { term, frozen, field, projections, n_data, law, sampled } = parts;
+        let ContactParts { term, frozen, field, projections, n_data, law, slopes, sampled } = parts;
         let is_multiplier = |f: usize| fields[f].kind == FieldKind::Multiplier;
         let scaling = Scaling {
             ratios: vec![1.0; projections.len()],
             slopes: vec![0.0; projections.len()],
             ..Scaling::default()
         };
+        let slopes = ArgumentSlopes::new(slopes);
         let has_multiplier = form.coupled_fields().any(|f| is_multiplier(f.index()));
-        Self { term, frozen, field, projections, n_data, law, sampled, has_multiplier, scaling }
+        Self { term, frozen, field, projections, n_data, law, slopes, sampled, has_multiplier, scaling }
     }
 
     /// Sets the step variable and its increment.
     pub(super) fn begin_step(&mut self, time: f64, increment: f64) {
         self.law.set_step(time, increment);
+        self.slopes.set_step(time, increment);
     }
 
     /// The form of the term whose branches are frozen.
@@ -173,17 +179,12 @@ impl ContactTerm {
         self.sampled.domain.groups.iter().map(|g| g.entities.len() * g.n_points()).sum()
     }
 
-    /// Mean measure of an entity and its length.
-    pub(super) fn entity_size(&self, mesh: &Mesh, values: FieldValues<'_>) -> (f64, f64) {
+    /// Mean measure of an entity.
+    pub(super) fn entity_area(&self, mesh: &Mesh, values: FieldValues<'_>) -> f64 {
         let mut total = 0.0;
         self.law.for_each_point(mesh, &self.sampled, values, |_, _, _, weight, _| total += weight);
-        let domain = &self.sampled.domain;
-        let on_cells = domain.groups.iter().all(|g| g.tangents.is_none());
-        let dimension = if on_cells { domain.dim } else { domain.dim.saturating_sub(1).max(1) };
         #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let area = total / domain.n_entities.max(1) as f64;
-        #[expect(clippy::cast_precision_loss, reason = "1, 2 or 3")]
-        let size = area.powf(1.0 / dimension as f64);
-        (area, size)
+        let entities = self.sampled.domain.n_entities.max(1) as f64;
+        total / entities
     }
 }

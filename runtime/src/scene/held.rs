@@ -77,6 +77,7 @@ impl Builder<'_> {
         let slots = LawSlots { inputs: &law.law.inputs, tests: &law.law.tests, trials: &law.law.trials };
         let binding = Binding::new(&self.mesh, domain, &fields, slots).map_err(|e| e.to_string())?;
         let integrator = Integrator { domain: domain.clone(), binding };
+        let slopes = law.slopes();
         let watch = Value::new(law.watch, self.batch).map_err(|e| e.to_string())?;
         let sampled = watch.bind(&self.mesh, domain.clone(), &fields).map_err(|e| e.to_string())?;
         let form = AssembledTerm::new(law.law, integrator, None, kernels.0, kernels.1, &starts);
@@ -87,6 +88,7 @@ impl Builder<'_> {
             projections: law.projections,
             n_data: law.n_guides,
             law: watch,
+            slopes,
             sampled,
         };
         let contact = ContactTerm::new(parts, &form, &self.fields);
