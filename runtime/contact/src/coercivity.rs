@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, SymmetricEigen};
 use wfl_compiler::{
-    ArgumentSlope, Class, ProjectionKind, interpret,
+    ArgumentSlope, Class, Dd, ProjectionKind, Real, interpret,
     ir::LANES,
     types::{BasisSlot, FieldId, FieldOp, InputSlot, Side},
 };
@@ -180,8 +180,8 @@ impl Probe<'_> {
     }
 
     /// The tangent of the facet terms by slots: of the contact term where it is closed and sticks, if `closed`, and of the
-    /// linear terms.
-    fn slots(&self, place: Place, closed: bool) -> Vec<((BasisSlot, BasisSlot), f64)> {
+    /// linear terms, in double-double arithmetic.
+    fn slots(&self, place: Place, closed: bool) -> Vec<((BasisSlot, BasisSlot), Dd)> {
         let p = self.term;
         let mut tied = p.open();
         p.stick_all(&mut tied);
@@ -199,10 +199,11 @@ impl Probe<'_> {
             let mut workspace = Workspace::default();
             workspace.prepare(Bound { mesh: &self.system.mesh, domain, binding }, g, entity / LANES, values);
             let law = &term.law;
-            let inputs: Vec<f64> =
-                (0..law.inputs.len()).map(|s| workspace.inputs[s * LANES + entity % LANES]).collect();
-            let mut out = vec![0.0; law.tangent.kernel().outputs.len()];
-            interpret(&law.tangent, term.uniforms(), &inputs, &mut Vec::new(), &mut out);
+            let input = |s: usize| Dd::from_f64(workspace.inputs[s * LANES + entity % LANES]);
+            let inputs: Vec<Dd> = (0..law.inputs.len()).map(input).collect();
+            let uniforms: Vec<Dd> = term.uniforms().iter().map(|x| Dd::from_f64(*x)).collect();
+            let mut out = vec![Dd::ZERO; law.tangent.kernel().outputs.len()];
+            interpret(&law.tangent, &uniforms, &inputs, &mut Vec::new(), &mut out);
             let entries = law.entries.iter().zip(&out[law.tests.len()..]);
             found.extend(entries.map(|((i, j), x)| ((law.tests[usize::from(*i)], law.trials[usize::from(*j)]), *x)));
         }
@@ -230,6 +231,7 @@ impl Probe<'_> {
         let value = |s: &BasisSlot| values.iter().position(|v| v == s);
         let gradient = |s: &BasisSlot| gradients.iter().position(|g| g == s);
         for ((a, b), x) in &entries {
+            let x = (*x).to_f64();
             match (value(a), value(b), gradient(a), gradient(b)) {
                 (Some(i), Some(j), ..) => {
                     stiffness[(i, j)] += 0.5 * x;
@@ -254,19 +256,20 @@ impl Probe<'_> {
         Some(0.25 * mixed.transpose() * inverse * &mixed - own)
     }
 
-    /// What is tested with gradients in parts of how forces depend on them.
+    /// What is tested with gradients in parts of how forces depend on them. The derivatives are multiplied out in
+    /// double-double arithmetic, so that a number of the scene comes out as it is written.
     fn theta(&self, place: Place) -> Option<f64> {
         let entries = self.slots(place, true);
-        let (mut product, mut square) = (0.0, 0.0);
+        let (mut product, mut square) = (Dd::ZERO, Dd::ZERO);
         for ((a, b), force) in entries.iter().filter(|((a, b), _)| a.op == FieldOp::Value && b.op != FieldOp::Value) {
-            let facing = entries.iter().filter(|(pair, _)| *pair == (*b, *a)).map(|(_, x)| x);
-            product += force * facing.sum::<f64>();
-            square += force * force;
+            for (_, facing) in entries.iter().filter(|(pair, _)| *pair == (*b, *a)) {
+                product = product + *force * *facing;
+            }
+            square = square + *force * *force;
         }
-        // a sum of products is a whole number but for rounding
-        let theta: f64 = if square > 0.0 { product / square } else { 0.0 };
-        let whole = theta.round() + 0.0;
-        theta.is_finite().then_some(if (theta - whole).abs() < SAME { whole } else { theta })
+        let theta = if square.to_f64() > 0.0 { (product / square).to_f64() } else { 0.0 };
+        // no negative zero
+        theta.is_finite().then_some(theta + 0.0)
     }
 
     /// Dofs of some cells and the tangent of the cell terms on them, at the state without displacement.

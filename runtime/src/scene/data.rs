@@ -78,3 +78,49 @@ pub(crate) fn node_positions(system: &System, field: usize) -> Vec<[f64; 3]> {
     let f = &system.fields[field];
     (0..f.n_nodes()).map(|n| f.node_position(n)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use wfl::{NoFiles, SourceMap, resolve};
+    use wfl_compiler::InterpreterBackend;
+
+    use super::coercivity;
+
+    #[test]
+    fn the_variant_of_nitsches_method_and_its_parameter_come_out_as_they_are_written() {
+        for (young, gamma) in [("100", "300"), ("97.3", "123.457"), ("2.1e11", "1e13/7"), ("1/3", "0.7")] {
+            for theta in ["1", "0", "-1", "0.3"] {
+                let text = format!(
+                    "wfl 1
+param E = {young}
+param gamma = {gamma}
+param theta = {theta}
+mesh box [0,0] to [1,1] cells [2,2] quad
+region floor = faces where y == 0
+region top = faces where y == 1
+unknown u : vector
+def stress(v) = E*Sym(Grad_v) + 0.3*E*Trace(Grad_v)*Id(2)
+def pn(v) = (stress(v)*Normal).Normal
+term elastic on all : stress(u):Grad_Test_u
+term consistent on floor : -theta/gamma*pn(u)*pn(Test_u)
+term contact on floor : 1/gamma*pos_part(gamma*u.Normal - pn(u))*(gamma*Test_u.Normal - theta*pn(Test_u))
+fix u(1) = 0 on top
+load u = [0,-1] on top
+"
+                );
+                let mut sources = SourceMap::new();
+                let main = sources.add("scene.wfl", text);
+                let script = resolve(&mut sources, main, &mut NoFiles, &[]);
+                let script = script.value.unwrap_or_else(|| panic!("{:?}", script.diagnostics));
+                let made = crate::prepare(&script, Path::new("."), &InterpreterBackend);
+                let mut scene = made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics));
+                let value = |name: &str| scene.params.iter().find(|p| p.0 == name).unwrap().1.values[0];
+                let (gamma, theta) = (value("gamma"), value("theta"));
+                let found = coercivity(&mut scene).unwrap();
+                assert_eq!(found.iter().map(|c| (c.theta, c.gamma)).collect::<Vec<_>>(), [(theta, gamma)]);
+            }
+        }
+    }
+}
