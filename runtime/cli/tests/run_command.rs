@@ -263,7 +263,9 @@ fn a_need_above_the_memory_allowed_is_told_before_it_is_taken() {
     // 17 GB of numbers in the mesh; and a mesh that is small beside its factor
     let huge = "wfl 1\nmesh box [0,0,0] to [1,1,1] cells [500,500,500] hex\nunknown u : scalar\nterm on all : Grad_u.Grad_Test_u\nfix u = x on boundary\n";
     folder.write("huge.wfl", huge);
-    folder.write("factor.wfl", huge.replace("500,500,500", "24,24,24"));
+    let factor = huge.replace("500,500,500", "24,24,24");
+    folder.write("factor.wfl", &format!("{factor}solver linear with direct\n"));
+    folder.write("chosen.wfl", &factor);
     for (scene, limit, words) in
         [("huge.wfl", "2GB", "the mesh needs about"), ("factor.wfl", "60MB", "the factor of the matrix needs about")]
     {
@@ -283,6 +285,10 @@ fn a_need_above_the_memory_allowed_is_told_before_it_is_taken() {
     for part in ["error[E606]", "huge.wfl:2:", "the limit is 2.0 GB", "--memory 16GB"] {
         assert!(message.contains(part), "`{part}` is missing in\n{message}");
     }
+    // not asked for, a factor that does not fit gives way to iterations
+    let chosen = folder.wfl(&["run", "chosen.wfl", "-v", "--memory", "60MB"]);
+    let told = format!("{}{}", said(&chosen), String::from_utf8_lossy(&chosen.stdout));
+    assert!(told.contains("conjugate gradients") && code(&chosen) == 0, "{told}");
     assert!(said(&folder.wfl(&["run", "factor.wfl", "--memory", "much"])).contains("a size with its unit"));
     assert_eq!(code(&folder.wfl(&["run", "factor.wfl", "--memory", "1GB"])), 0);
 }

@@ -405,7 +405,7 @@ fn changed(a: &Csr, part: f64) -> Csr {
 
 #[test]
 fn the_factor_of_a_near_matrix_solves_to_the_tolerance_and_that_of_another_one_says_that_it_does_not() {
-    let problem = ElasticBox::new(&BoxOptions { cells: [14, 14, 14], cut: None, fix_low: true, fix_high: false });
+    let problem = ElasticBox::new(&BoxOptions { cells: [18, 18, 18], cut: None, fix_low: true, fix_high: false });
     let (a, points) = (&problem.matrix, Some(&problem.coordinates[..]));
     let options = SolverOptions::default();
     let doors: [Box<dyn LinearSolver>; 2] = [
@@ -413,7 +413,8 @@ fn the_factor_of_a_near_matrix_solves_to_the_tolerance_and_that_of_another_one_s
         Box::new(CheckedLu::new(a.pattern(), points, options).unwrap()),
     ];
     for mut solver in doors {
-        let near = changed(a, 0.05);
+        // small beside the lowest eigenvalues, too
+        let near = changed(a, 5e-4);
         let solution = wanted(a.n_rows());
         let b = times(&near, &solution);
         let mut x = vec![0.0; b.len()];
@@ -424,10 +425,10 @@ fn the_factor_of_a_near_matrix_solves_to_the_tolerance_and_that_of_another_one_s
             matches!(solver.solve(&b, &mut x), Err(SolveError::NotFactored)),
             "the factor is not that of the matrix"
         );
-        let Ok(Kept::Solved(report)) = solver.solve_with_kept(&b, &mut x, 1e-10) else { panic!("a near matrix") };
-        assert!((1..30).contains(&report.krylov_iterations), "{report:?}");
+        let Ok(Kept::Solved(report)) = solver.solve_with_kept(&b, &mut x, 1e-6) else { panic!("a near matrix") };
+        assert!((1..15).contains(&report.krylov_iterations), "{report:?}");
         let left = times(&near, &x).iter().zip(&b).map(|(y, b)| (y - b).powi(2)).sum::<f64>().sqrt();
-        assert!(left <= 1e-9 * b.iter().map(|b| b * b).sum::<f64>().sqrt(), "{left:e}");
+        assert!(left <= 1e-5 * b.iter().map(|b| b * b).sum::<f64>().sqrt(), "{left:e}");
 
         solver.factor(a).unwrap();
         let far = changed(a, 1e4);
