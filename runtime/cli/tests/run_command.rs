@@ -264,7 +264,7 @@ fn a_need_above_the_memory_allowed_is_told_before_it_is_taken() {
     let huge = "wfl 1\nmesh box [0,0,0] to [1,1,1] cells [500,500,500] hex\nunknown u : scalar\nterm on all : Grad_u.Grad_Test_u\nfix u = x on boundary\n";
     folder.write("huge.wfl", huge);
     let factor = huge.replace("500,500,500", "24,24,24");
-    folder.write("factor.wfl", &format!("{factor}solver linear with direct\n"));
+    folder.write("factor.wfl", format!("{factor}solver linear with direct\n"));
     folder.write("chosen.wfl", &factor);
     for (scene, limit, words) in
         [("huge.wfl", "2GB", "the mesh needs about"), ("factor.wfl", "60MB", "the factor of the matrix needs about")]

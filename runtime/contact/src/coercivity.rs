@@ -314,8 +314,8 @@ impl Probe<'_> {
         let mut unit: Vec<Vec<f64>> = self.zero.current.iter().map(|values| values.to_vec()).collect();
         for (column, dof) in dofs.iter().enumerate() {
             let starts = self.system.numbering.starts.iter().take(self.system.fields.len()).enumerate();
-            let before = starts.filter_map(|(field, start)| Some((field, (*dof as usize).checked_sub((*start)?)?)));
-            let Some((field, node)) = before.last() else { continue };
+            let mut before = starts.filter_map(|(field, start)| Some((field, (*dof as usize).checked_sub((*start)?)?)));
+            let Some((field, node)) = before.next_back() else { continue };
             let kept = std::mem::replace(&mut unit[field][node], 1.0);
             let current: Vec<&[f64]> = unit.iter().map(Vec::as_slice).collect();
             workspace.prepare(self.bound(), g, entity / LANES, FieldValues { current: &current, ..self.zero });
