@@ -1,6 +1,6 @@
 //! A run that does not give up: steps in parts, and what is said of them.
 
-use wfl_runtime::{AttemptEnd, Others, Path};
+use wfl_runtime::{AttemptEnd, Others, Path, newton::Method};
 use wfl_tests::{Solved, attempt, examples, solve};
 
 /// exp(d) - 1 = load: a Newton step from 0 goes to d = load, and only about 1 back in each iteration, so that large
@@ -518,13 +518,21 @@ fn prescribed_increments_beyond_the_size_of_a_cell_need_no_smaller_parts() {
     assert!((gained / work - 1.0).abs() < 1e-4, "{gained} {work}");
 }
 
-/// An increment whose first correction turns cells inside out, too: parts of it are taken.
+/// An increment whose first correction turns cells inside out, too: parts of it are taken, and all of them are counted.
 #[test]
 fn a_correction_that_cannot_be_evaluated_is_shortened() {
-    let whole = solve(&examples(), clamped("[2,2,6]", "P1", "steps t = 0.6 to 0.6 by 1"), &[], &[]).unwrap();
-    let parts = solve(&examples(), clamped("[2,2,6]", "P1", "steps t = 0.1 to 0.6 by 0.1"), &[], &[]).unwrap();
-    assert!(whole.outcome.converged() && whole.outcome.steps[0].parts().is_empty());
-    let (one, other) = (whole.measure(0, "work"), parts.measure(5, "work"));
+    let solve = |steps: &str| solve(&examples(), clamped("[2,2,6]", "P1", steps), &[], &[]).unwrap();
+    let whole = solve("steps t = 0.95 to 0.95 by 1");
+    let step = &whole.outcome.steps[0];
+    assert!(whole.outcome.converged() && step.parts().is_empty());
+    let first = &step.history.iterations[0];
+    assert!(
+        first.method == Method::Predictor && first.number > 1,
+        "the first correction has been taken whole: {first:?}"
+    );
+    assert_eq!(step.history.n_iterations(), step.iterations());
+    let parts = solve("steps t = 0.15 to 0.95 by 0.1");
+    let (one, other) = (whole.measure(0, "work"), parts.measure(8, "work"));
     assert!((one / other - 1.0).abs() < 1e-9, "{one} {other}");
 }
 

@@ -26,6 +26,14 @@ const LEFT: f64 = 1e-6;
 /// increments serve better.
 const SHORTEST: f64 = 1.0 / 8.0;
 
+/// Where the first corrections of a step lead to.
+pub(super) struct Predicted {
+    /// With the prescribed values.
+    pub(super) state: Vec<f64>,
+    /// How many there were.
+    pub(super) corrections: usize,
+}
+
 /// The state that the first corrections of a step lead to: from the state `from` of the step before towards the prescribed
 /// values in `u`, which are part of the correction. Where the equations cannot be evaluated at its end (a cell turns
 /// inside out) a part of it is taken, prescribed values included, and the next one carries the rest. `None` where nothing
@@ -33,7 +41,7 @@ const SHORTEST: f64 = 1.0 / 8.0;
 ///
 /// # Errors
 /// [`NewtonError::TooMuchMemory`]: a start without a prediction needs as much.
-pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Result<Option<Vec<f64>>, NewtonError> {
+pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Result<Option<Predicted>, NewtonError> {
     let system = step.system;
     let bodies = system.terms.iter().any(|t| t.on_cells() && t.law.class >= Class::Nonlinear);
     if !bodies || from == u || (0..u.len()).any(|d| system.numbering.free[d] != FIXED && from[d] != u[d]) {
@@ -41,7 +49,7 @@ pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Resul
     }
     let mut at = from.to_vec();
     let mut left: Vec<f64> = from.iter().zip(u).map(|(a, b)| b - a).collect();
-    for _ in 0..step.options.max_iterations {
+    for corrections in 1..=step.options.max_iterations {
         let correction = match linear_response(step, &at, &left) {
             Err(NewtonError::TooMuchMemory(need)) => return Err(NewtonError::TooMuchMemory(need)),
             Err(_) => return Ok(None),
@@ -49,7 +57,7 @@ pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Resul
         };
         let Some((part, state)) = longest(step, &at, &correction) else { return Ok(None) };
         if part == 1.0 {
-            return Ok(Some(state));
+            return Ok(Some(Predicted { state, corrections }));
         }
         at = state;
         left.iter_mut().for_each(|d| *d *= 1.0 - part);

@@ -2,6 +2,7 @@
 
 use super::{
     Evaluated, LoadStep, Method, NewtonError, StepHistory, Stop,
+    initial_guess::Predicted,
     line_search::{LARGEST_FORCING, LineSearch},
     load_step::{Done, Measured, Norm},
     path_following::Path,
@@ -36,7 +37,7 @@ struct Attempt<'u> {
 pub(super) fn iterate(
     step: &mut LoadStep<'_>,
     u: &mut [f64],
-    predicted: Option<&[f64]>,
+    predicted: Option<&Predicted>,
 ) -> Result<StepHistory, NewtonError> {
     step.linear = LinearTerms::ByMatrix;
     step.contact.set_overstress(0.0);
@@ -56,20 +57,21 @@ pub(super) fn iterate(
 fn begin(
     step: &mut LoadStep<'_>,
     u: &mut [f64],
-    predicted: Option<&[f64]>,
+    predicted: Option<&Predicted>,
     norm: &Norm,
     history: &mut StepHistory,
 ) -> Result<Measured, NewtonError> {
     let mut start = step.measure(u, norm);
     if let Ok(here) = &start {
-        step.record(history, here, Done { method: Method::Start, step: 1.0, changed: 0 });
+        step.record(history, here, Done { method: Method::Start, step: 1.0, changed: 0, corrections: 0 });
     }
-    if let Some(state) = predicted
+    if let Some(Predicted { state, corrections }) = predicted
         && let Ok(found) = step.measure(state, norm)
         && start.as_ref().map_or(true, |here| found.norm < here.norm)
     {
         u.copy_from_slice(state);
-        step.record(history, &found, Done { method: Method::Predictor, step: 1.0, changed: 0 });
+        let done = Done { method: Method::Predictor, step: 1.0, changed: 0, corrections: *corrections };
+        step.record(history, &found, done);
         start = Ok(found);
     }
     Ok(start?)
@@ -216,7 +218,7 @@ impl Attempt<'_> {
             }
             alpha
         };
-        let done = Done { method: self.schedule.method(), step: alpha, changed };
+        let done = Done { method: self.schedule.method(), step: alpha, changed, corrections: 1 };
         step.record(&mut self.history, &self.here, done);
         if self.here.relative < self.best.0 {
             self.best = (self.here.relative, self.u.to_vec());

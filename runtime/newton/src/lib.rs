@@ -82,7 +82,7 @@ pub fn solve_step(step: &mut LoadStep<'_>, from: &[f64], u: &mut [f64]) -> Resul
     let degenerate = initial_guess::may_be_degenerate(step.system, u);
     let rest = u.to_vec();
     let predicted = if step.options.search { initial_guess::predict(step, from, u)? } else { None };
-    let mut result = iteration::iterate(step, u, predicted.as_deref());
+    let mut result = iteration::iterate(step, u, predicted.as_ref());
     if degenerate && result.as_ref().is_err_and(NewtonError::is_of_the_state) {
         u.copy_from_slice(&rest);
         if initial_guess::displace(step.system, u) {

@@ -226,9 +226,7 @@ impl LoadStep<'_> {
     /// Lists an iteration and tells it.
     pub(super) fn record(&mut self, history: &mut StepHistory, here: &Measured, done: Done) {
         let (contact, fingerprint) = branches(self.system, &here.written);
-        // without a start that could be measured the list begins with the first correction
-        let first = usize::from(done.method != Method::Start);
-        let number = history.iterations.last().map_or(first, |last| last.number + 1);
+        let number = history.iterations.last().map_or(0, |last| last.number) + done.corrections;
         let iteration = Iteration {
             number,
             residual: here.relative,
@@ -240,7 +238,7 @@ impl LoadStep<'_> {
             contact,
             fingerprint,
         };
-        self.spent.iterations += usize::from(number > 0);
+        self.spent.iterations += done.corrections;
         self.watch.iteration(&iteration);
         history.iterations.push(iteration);
     }
@@ -254,6 +252,8 @@ pub(super) struct Done {
     pub(super) step: f64,
     /// Points whose branch in the active set is another one now.
     pub(super) changed: usize,
+    /// Corrections that it took: none to a start, one to an iteration; a predictor may take more.
+    pub(super) corrections: usize,
 }
 
 /// Unit of rounding of some unknowns, relative to the largest: numbers below 1e-308 have fewer digits.

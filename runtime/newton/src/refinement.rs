@@ -79,6 +79,6 @@ fn one(step: &mut LoadStep<'_>, u: &mut [f64], norm: &Norm, history: &mut StepHi
         changed = step.contact.update(history.iterations.len()).changed;
     }
     history.refined += 1;
-    step.record(history, &next, Done { method: Method::Refinement, step: 1.0, changed });
+    step.record(history, &next, Done { method: Method::Refinement, step: 1.0, changed, corrections: 1 });
     Ok(size)
 }

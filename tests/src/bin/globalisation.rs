@@ -221,11 +221,11 @@ steps and a path of 20 changes of the active set first.
 
 **Nonlinear bodies.** A load step starts with a predictor (`predictor`): the linearised response to the Dirichlet
 increment, with the tangent of the last load step. Where the equations cannot be evaluated at its end (a cell turns
-inside out) a part of it is taken, and the next correction carries the rest. A critical-point line search follows each correction to the minimum
-of the energy along it. For |grad u|^(p-2) grad u a correction may be thousands of times too long or p - 1 times too
-short, and the residual norm grows before the energy does. With multipliers the energy is evaluated with the multipliers
-at the end of the correction. The line search on the complementarity defect is used only where a step has left less than
-a tenth of the residual of the active-set equations.
+inside out) a part of it is taken, and the next correction carries the rest. A critical-point line search follows each
+correction to the minimum of the energy along it. For |grad u|^(p-2) grad u a correction may be thousands of times too
+long or p - 1 times too short, and the residual norm grows before the energy does. With multipliers the energy is
+evaluated with the multipliers at the end of the correction. The line search on the complementarity defect is used only
+where a step has left less than a tenth of the residual of the active-set equations.
 
 **Rounding.** If the residual is the rounding error of the product of matrix and state, the linear terms are evaluated
 at their integration points and the state is improved by iterative refinement (`refinement`).
