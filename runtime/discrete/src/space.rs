@@ -3,7 +3,7 @@
 //! Promises: nodes exist only where the field lives; numbers follow first appearance in the order
 //! of the given cells or facets, so neighbours stay near; two cells that share an entity number its
 //! dofs alike for any local orientation (dofs along an edge run from its vertex of lower
-//! number). Does not know components, values or constraints.
+//! number, those inside a quadrilateral from its lowest vertex, first towards the lower neighbour). Does not know components, values or constraints.
 
 mod split;
 
@@ -403,11 +403,15 @@ impl Context<'_> {
         match entity {
             DofEntity::Vertex(vertex) => single(Entity::Vertex(vertices[vertex].index())),
             DofEntity::Interior(index) => DofKey { entity: Entity::Own, index, count: inside(element) },
-            DofEntity::Facet { facet, index } => DofKey {
-                entity: Entity::Facet(self.topology.cell_facets(cell)[facet].index()),
-                index,
-                count: inner_dofs(kind.facets()[facet].kind, element.degree()),
-            },
+            DofEntity::Facet { facet, index } => {
+                let local = kind.facets()[facet];
+                let corners: Vec<NodeId> = local.vertices.iter().map(|v| vertices[*v]).collect();
+                DofKey {
+                    entity: Entity::Facet(self.topology.cell_facets(cell)[facet].index()),
+                    index: inside_facet(local.kind, &corners, index, along),
+                    count: inner_dofs(local.kind, element.degree()),
+                }
+            }
             DofEntity::Edge { edge, index } => {
                 let ends = kind.edges()[edge].map(|v| vertices[v]);
                 // In two dimensions an edge is a facet and carries its number.
@@ -441,18 +445,11 @@ impl Context<'_> {
                     count: along,
                 }
             }
-            DofEntity::Interior(index) | DofEntity::Facet { index, .. } => {
-                let index = if element.kind() == CellKind::Segment {
-                    oriented([vertices[0], vertices[1]], index, along)
-                } else {
-                    index
-                };
-                DofKey {
-                    entity: Entity::Facet(self.topology.facet_id(facet).index()),
-                    index,
-                    count: inner_dofs(element.kind(), element.degree()),
-                }
-            }
+            DofEntity::Interior(index) | DofEntity::Facet { index, .. } => DofKey {
+                entity: Entity::Facet(self.topology.facet_id(facet).index()),
+                index: inside_facet(element.kind(), &vertices[..element.kind().n_vertices()], index, along),
+                count: inner_dofs(element.kind(), element.degree()),
+            },
         }
     }
 }
@@ -464,6 +461,21 @@ fn single(entity: Entity) -> DofKey {
 /// Place along an edge counted from its vertex of lower number.
 fn oriented(ends: [NodeId; 2], index: usize, count: usize) -> usize {
     if ends[0] < ends[1] { index } else { count - 1 - index }
+}
+
+/// Place inside a facet, the same from the cells on both sides: `index` is that in the facet's own parameters, `along` the
+/// number of dofs inside an edge.
+fn inside_facet(kind: CellKind, corners: &[NodeId], index: usize, along: usize) -> usize {
+    match kind {
+        CellKind::Segment => oriented([corners[0], corners[1]], index, along),
+        CellKind::Quadrilateral => {
+            let first = (0..4).min_by_key(|k| corners[*k]).unwrap_or(0);
+            let from = |far: bool, place: usize| if far { along - 1 - place } else { place };
+            let [x, y] = [from(first & 1 == 1, index % along), from(first & 2 == 2, index / along)];
+            if corners[first ^ 1] < corners[first ^ 2] { x + y * along } else { y + x * along }
+        }
+        _ => index,
+    }
 }
 
 fn inside(element: &Element) -> usize {

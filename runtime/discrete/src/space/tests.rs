@@ -6,9 +6,9 @@ use wfl_mesh::mesh::{
 const SHAPES: [(usize, BoxShape, usize); 5] = [
     (1, BoxShape::Segment, 3),
     (2, BoxShape::Triangle, 3),
-    (2, BoxShape::Quadrilateral, 2),
+    (2, BoxShape::Quadrilateral, 3),
     (3, BoxShape::Tetrahedron, 3),
-    (3, BoxShape::Hexahedron, 2),
+    (3, BoxShape::Hexahedron, 3),
 ];
 
 fn unit(dim: usize, shape: BoxShape, n: usize) -> (Mesh, Topology) {

@@ -1,6 +1,6 @@
 //! Lagrange elements on the reference cells: local dofs, where they sit, and their basis tables.
 //!
-//! Promises: `P_0` to `P_3` on point, segment, triangle and tetrahedron, `Q_0` to `Q_2` on
+//! Promises: `P_0` to `P_3` on point, segment, triangle and tetrahedron, `Q_0` to `Q_3` on
 //! quadrilateral and hexahedron, every one nodal at [`Element::points`].
 //! Local order. Simplices: vertices, then the dofs of each edge from its first to its second local
 //! vertex, then one dof of each facet of a tetrahedron (degree 3), then the interior. Tensor cells:
@@ -16,8 +16,8 @@ pub use table::{DofEntity, Table};
 
 use table::Lattice;
 
-/// Highest degree on simplices and on tensor cells.
-pub const MAX_DEGREE: [usize; 2] = [3, 2];
+/// Highest degree on every cell.
+pub const MAX_DEGREE: usize = 3;
 
 /// Whether neighbouring cells share the dofs on their common entities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -59,7 +59,7 @@ impl Element {
     /// # Errors
     /// [`ElementError::DegreeTooHigh`].
     pub fn lagrange(kind: CellKind, degree: usize, family: Family) -> Result<Self, ElementError> {
-        let highest = MAX_DEGREE[usize::from(!kind.is_simplex())];
+        let highest = MAX_DEGREE;
         if degree > highest {
             return Err(ElementError::DegreeTooHigh { kind, degree, highest });
         }
@@ -98,10 +98,7 @@ impl Element {
     /// Every supported (cell, degree).
     #[must_use]
     pub fn registry() -> Vec<(CellKind, usize)> {
-        CellKind::ALL
-            .into_iter()
-            .flat_map(|kind| (0..=MAX_DEGREE[usize::from(!kind.is_simplex())]).map(move |degree| (kind, degree)))
-            .collect()
+        CellKind::ALL.into_iter().flat_map(|kind| (0..=MAX_DEGREE).map(move |degree| (kind, degree))).collect()
     }
 
     /// Cell of the element.

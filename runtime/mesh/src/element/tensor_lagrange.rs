@@ -7,17 +7,17 @@
 use super::table::{DofEntity, Jet, Lattice, Table, product};
 use crate::cell::CellKind;
 
-/// Places (units of `1 / degree`) and entities of the dofs, `degree` 1 or 2.
+/// Places (units of `1 / degree`) and entities of the dofs, `degree` from 1 to 3.
 pub(super) fn dofs(kind: CellKind, degree: usize) -> (Vec<[u8; 4]>, Vec<DofEntity>) {
     let (dim, n) = (kind.dim(), degree + 1);
-    let k = u8::try_from(degree).expect("degrees are at most 2");
+    let k = u8::try_from(degree).expect("degrees are at most 3");
     let mut places = Vec::new();
     let mut entities = Vec::new();
     for position in 0..n.pow(dim as u32) {
         let mut place = [0; 4];
         let mut rest = position;
         for part in place.iter_mut().take(dim) {
-            *part = u8::try_from(rest % n).expect("below 3");
+            *part = u8::try_from(rest % n).expect("below 4");
             rest /= n;
         }
         places.push(place);
@@ -26,7 +26,8 @@ pub(super) fn dofs(kind: CellKind, degree: usize) -> (Vec<[u8; 4]>, Vec<DofEntit
     (places, entities)
 }
 
-/// The entity whose vertices are those that agree with `place` wherever it touches the border.
+/// The entity whose vertices are those that agree with `place` wherever it touches the border, and the place inside it:
+/// lexicographic in the directions along it, which are those of its own parameters.
 fn entity(kind: CellKind, k: u8, place: &[u8; 4]) -> DofEntity {
     let dim = kind.dim();
     let fits = |vertex: &usize| {
@@ -41,12 +42,14 @@ fn entity(kind: CellKind, k: u8, place: &[u8; 4]) -> DofEntity {
     if around.len() == 1 {
         return DofEntity::Vertex(around[0]);
     }
+    let inside = place[..dim].iter().rev().filter(|part| **part > 0 && **part < k);
+    let index = inside.fold(0, |index, part| index * usize::from(k - 1) + usize::from(part - 1));
     if let Some(edge) = kind.edges().iter().position(|e| e[..] == around[..]) {
-        return DofEntity::Edge { edge, index: 0 };
+        return DofEntity::Edge { edge, index };
     }
     match kind.facets().iter().position(|f| f.vertices == around) {
-        Some(facet) => DofEntity::Facet { facet, index: 0 },
-        None => DofEntity::Interior(0),
+        Some(facet) => DofEntity::Facet { facet, index },
+        None => DofEntity::Interior(index),
     }
 }
 
