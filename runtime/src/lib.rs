@@ -19,7 +19,7 @@ pub use wfl_contact as contact;
 use wfl_discrete::value;
 pub use wfl_discrete::{assemble, field, finite, frames, point_space, point_values, pruning, space, system};
 pub use wfl_host::{input, memory, reading};
-pub use wfl_mesh::{element, mesh, quadrature};
+pub use wfl_mesh::{element, mesh, quadrature, refine};
 pub use wfl_newton as newton;
 pub use wfl_sparse::{csr, solve};
 
@@ -33,9 +33,9 @@ pub use run::{
 };
 pub use savings::{SavingError, savings};
 pub use scene::{
-    CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Regions,
+    CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions,
     RuleChoice, SampleAt, Samples, Scene, SceneBox, StateAt, StateUpdate, Steps, TermSummary, VtkOutput, coercivity,
-    contact_forms, hourglasses, n_files, negative_bodies, prepare, prepare_keeping,
+    contact_forms, hourglasses, n_files, negative_bodies, prepare, prepare_keeping, prepare_refined,
 };
 pub use solve::SolverMemory;
 pub use system::{

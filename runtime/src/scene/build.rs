@@ -44,14 +44,15 @@ pub(super) struct Findings {
 /// Makes the problem of a script.
 pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Findings) -> Option<Scene> {
     let begin = Instant::now();
-    let With { folder, backend, keep } = with;
+    let With { folder, backend, keep, rounds } = with;
     let mut inputs = Vec::new();
     let read = mesh::read(script, folder, &mut inputs, &mut found.diagnostics);
     let params = constants::parameters(script, mesh::dimension(script, read.as_ref()), &mut found.diagnostics);
     for param in script.params.iter().filter(|p| !params.contains_key(&p.name.name)) {
         found.lost.add(&param.name.name);
     }
-    let mesh = mesh::mesh(script, read, &params, backend, &mut found.diagnostics)?;
+    let made = mesh::MeshMaker { script, params: &params, backend, diagnostics: &mut found.diagnostics };
+    let (mesh, refined) = made.make(read, rounds)?;
     found.dim = Some(mesh.dim());
     let topology = topology(script, &mesh, found)?;
     let regions = regions_of(script, &mesh, &topology, &params, backend, found);
@@ -77,6 +78,7 @@ pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Finding
         folder,
         env: &env,
         mesh,
+        refined,
         topology,
         regions,
         fields,
@@ -241,8 +243,7 @@ impl Builder<'_> {
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
         let Numbered { numbering, mut prescribed, states, used, rates, reads_past, assembled } = numbered;
-        let Values { steps, newton, accuracy, starts, data, measures } = values;
-        let Outputs { vtk, csv, .. } = outputs;
+        let (Values { steps, newton, accuracy, starts, data, measures }, Outputs { vtk, csv, .. }) = (values, outputs);
         let Assembled { terms, summaries, contact } = assembled?;
         let reads_past = reads_past
             || measures.iter().any(Measure::reads_past)
@@ -293,6 +294,7 @@ impl Builder<'_> {
             sigs: self.sigs.to_vec(),
             times,
             unused_fields,
+            refined: self.refined,
             inputs: self.inputs,
             idle: idle.notes,
             in_terms: names_in_terms(self.script),

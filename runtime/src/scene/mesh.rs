@@ -114,26 +114,79 @@ pub(super) fn dimension(script: &ResolvedScript, read: Option<&Mesh>) -> usize {
     }
 }
 
-/// Makes the mesh; problems go to `diagnostics`.
-pub(super) fn mesh(
-    script: &ResolvedScript,
-    read: Option<Mesh>,
-    params: &BTreeMap<String, Constant>,
-    backend: &dyn KernelBackend,
-    diagnostics: &mut Vec<Diagnostic>,
-) -> Option<Mesh> {
-    let statement = script.mesh.as_ref()?;
-    let mesh = match &statement.source {
-        MeshSource::Box { from, to, division, shape } => {
-            let env = bare_env(script, dimension(script, None), params);
-            generated(&env, statement, from, to, division, *shape, diagnostics)?
-        }
-        MeshSource::File { .. } => read?,
-    };
-    match &statement.map {
-        None => Some(mesh),
-        Some(map) => mapped(script, params, mesh, map, backend, diagnostics),
+/// Makes the mesh of a scene; problems go to `diagnostics`.
+pub(super) struct MeshMaker<'a> {
+    pub(super) script: &'a ResolvedScript,
+    pub(super) params: &'a BTreeMap<String, Constant>,
+    pub(super) backend: &'a dyn KernelBackend,
+    pub(super) diagnostics: &'a mut Vec<Diagnostic>,
+}
+
+impl MeshMaker<'_> {
+    /// The mesh as it was generated or read, and the map of its nodes; `None` after a message.
+    pub(super) fn unmoved(&mut self, read: Option<Mesh>) -> Option<(Mesh, Option<NodeMap>)> {
+        let statement = self.script.mesh.as_ref()?;
+        let mesh = match &statement.source {
+            MeshSource::Box { from, to, division, shape } => {
+                let env = bare_env(self.script, dimension(self.script, None), self.params);
+                generated(&env, statement, from, to, division, *shape, self.diagnostics)?
+            }
+            MeshSource::File { .. } => read?,
+        };
+        let map = match &statement.map {
+            None => None,
+            Some(map) => Some(self.map(mesh.dim(), map)?),
+        };
+        Some((mesh, map))
     }
+
+    /// The map of the nodes of a mesh of dimension `dim`.
+    fn map(&mut self, dim: usize, map: &Expr) -> Option<NodeMap> {
+        let env = bare_env(self.script, dim, self.params);
+        let law = compile_value(&env, &position_place(0), "the map of the mesh", map);
+        self.diagnostics.extend(law.diagnostics);
+        let law = law.value?;
+        if law.shape.len() != dim {
+            let d =
+                Diagnostic::new("E108", format!("the map of a mesh gives {dim} coordinates, found a {}", law.shape));
+            self.diagnostics.push(wfl::at_expr(d, map, env.expansions, ""));
+            return None;
+        }
+        match Value::new(law, self.backend) {
+            Ok(value) => Some(NodeMap { value, span: map.span }),
+            Err(e) => {
+                self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(map.span, ""));
+                None
+            }
+        }
+    }
+
+    /// The mesh with its nodes where the map takes them.
+    pub(super) fn moved(&mut self, mesh: Mesh, map: Option<&NodeMap>) -> Option<Mesh> {
+        let Some(NodeMap { value, span }) = map else { return Some(mesh) };
+        let moved = map_nodes(mesh, |x| -> Result<[f64; 3], NotFinite> {
+            let y = value.at_positions(&[x])?;
+            Ok([0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0)))
+        });
+        match moved {
+            Ok(mesh) => Some(mesh),
+            Err(MapError::Mesh(e)) => {
+                self.diagnostics.push(mesh_error(&e, *span));
+                None
+            }
+            Err(MapError::Map(at)) => {
+                let bad = BadGiven { what: "the map of the mesh".to_owned(), span: *span, at: Box::new(at) };
+                self.diagnostics.push(bad.diagnostic(&self.script.expansions, None));
+                None
+            }
+        }
+    }
+}
+
+/// Where the nodes of a mesh go.
+pub(super) struct NodeMap {
+    value: Value,
+    span: Span,
 }
 
 fn generated(
@@ -273,49 +326,6 @@ fn box_shape(shape: ast::BoxShape) -> BoxShape {
         ast::BoxShape::Quad => BoxShape::Quadrilateral,
         ast::BoxShape::Tet => BoxShape::Tetrahedron,
         ast::BoxShape::Hex => BoxShape::Hexahedron,
-    }
-}
-
-fn mapped(
-    script: &ResolvedScript,
-    params: &BTreeMap<String, Constant>,
-    mesh: Mesh,
-    map: &Expr,
-    backend: &dyn KernelBackend,
-    diagnostics: &mut Vec<Diagnostic>,
-) -> Option<Mesh> {
-    let dim = mesh.dim();
-    let env = bare_env(script, dim, params);
-    let law = compile_value(&env, &position_place(0), "the map of the mesh", map);
-    diagnostics.extend(law.diagnostics);
-    let law = law.value?;
-    if law.shape.len() != dim {
-        let d = Diagnostic::new("E108", format!("the map of a mesh gives {dim} coordinates, found a {}", law.shape));
-        diagnostics.push(wfl::at_expr(d, map, env.expansions, ""));
-        return None;
-    }
-    let value = match Value::new(law, backend) {
-        Ok(v) => v,
-        Err(e) => {
-            diagnostics.push(Diagnostic::new("E609", e.to_string()).at(map.span, ""));
-            return None;
-        }
-    };
-    let moved = map_nodes(mesh, |x| -> Result<[f64; 3], NotFinite> {
-        let y = value.at_positions(&[x])?;
-        Ok([0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0)))
-    });
-    match moved {
-        Ok(mesh) => Some(mesh),
-        Err(MapError::Mesh(e)) => {
-            diagnostics.push(mesh_error(&e, map.span));
-            None
-        }
-        Err(MapError::Map(at)) => {
-            let bad = BadGiven { what: "the map of the mesh".to_owned(), span: map.span, at: Box::new(at) };
-            diagnostics.push(bad.diagnostic(&script.expansions, None));
-            None
-        }
     }
 }
 

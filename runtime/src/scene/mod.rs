@@ -30,6 +30,7 @@ mod options;
 mod outputs;
 mod point_loads;
 mod quantities;
+mod refined;
 mod regions;
 mod rest;
 mod samples;
@@ -55,6 +56,7 @@ use crate::{
     mesh::{Mesh, Topology},
     newton::NewtonOptions,
     pruning::Pruning,
+    refine::Mark,
     system::System,
     value::{Sampled, Value},
 };
@@ -71,6 +73,7 @@ pub use options::Steps;
 pub(crate) use outputs::is_written;
 pub use outputs::{CsvOutput, VtkOutput, n_files};
 pub use quantities::Given;
+pub use refined::Refined;
 pub use regions::{NamedRegion, Regions};
 pub use samples::{SampleAt, Samples, StateAt};
 pub use states::StateUpdate;
@@ -158,6 +161,8 @@ pub struct Scene {
     pub times: PrepareTimes,
     /// Fields that no term uses.
     pub unused_fields: Vec<String>,
+    /// How its mesh was refined; `None` if it was not.
+    pub refined: Option<Refined>,
     /// The files that were read for it.
     pub inputs: Vec<InputFile>,
     /// Multipliers that have nodes without a jump by the mesh alone, and why.
@@ -193,6 +198,7 @@ struct Builder<'a> {
     folder: &'a Path,
     env: &'a Env<'a>,
     mesh: Mesh,
+    refined: Option<Refined>,
     topology: Topology,
     regions: Regions,
     fields: Vec<Field>,
@@ -230,7 +236,24 @@ pub fn prepare_keeping(
     backend: &dyn KernelBackend,
     keep: &[Pruning],
 ) -> Prepared {
-    let with = With { folder, backend, keep };
+    prepare_refined(script, folder, backend, keep, &[])
+}
+
+/// [`prepare_keeping`], and the mesh is refined before anything is made on it: `rounds[k]` names cells of the mesh that
+/// the scene's own `refine` statements and the rounds before leave. Regions, interfaces, splits and the map of the mesh
+/// are those of the refined mesh; [`Scene::refined`] leads from its cells back.
+///
+/// # Panics
+/// If a mark is of no cell of the mesh of its round.
+#[must_use]
+pub fn prepare_refined(
+    script: &ResolvedScript,
+    folder: &Path,
+    backend: &dyn KernelBackend,
+    keep: &[Pruning],
+    rounds: &[Vec<Mark>],
+) -> Prepared {
+    let with = With { folder, backend, keep, rounds };
     if script.params.iter().any(auto::is_auto) {
         return auto::prepare(script, with);
     }
@@ -243,6 +266,7 @@ struct With<'a> {
     folder: &'a Path,
     backend: &'a dyn KernelBackend,
     keep: &'a [Pruning],
+    rounds: &'a [Vec<Mark>],
 }
 
 fn prepare_as_written(script: &ResolvedScript, with: With<'_>) -> Prepared {

@@ -40,6 +40,15 @@ impl Mesh {
         mesh.warnings = warnings(&mesh);
         Ok(mesh)
     }
+
+    /// Checks a refined mesh and takes it over: `warnings` are those of the mesh it was made of, whose nodes it has.
+    pub(crate) fn from_refined(raw: RawMesh, warnings: MeshWarnings) -> Result<Mesh, MeshError> {
+        let starts = structure(&raw)?;
+        let mut mesh = Mesh::assemble(raw, starts);
+        jacobians(&mesh)?;
+        mesh.warnings = warnings;
+        Ok(mesh)
+    }
 }
 
 /// Node numbers, counts, finite coordinates; returns the start of each cell in the connectivity.
@@ -123,7 +132,10 @@ fn groups(raw: &RawMesh) -> Result<(), MeshError> {
                 let complete = facets.iter().all(|f| f.vertices().iter().all(node_exists));
                 ("facet", complete)
             }
-            GroupEntities::Nodes(nodes) => ("node", nodes.iter().all(node_exists)),
+            GroupEntities::Nodes { nodes, edges } => {
+                let complete = nodes.iter().chain(edges.as_flattened()).all(node_exists);
+                ("node", complete)
+            }
         };
         if !complete {
             let group = group.name.clone();

@@ -25,9 +25,11 @@ pub use error::{CellName, DUPLICATE_TOLERANCE, MeshError, MeshWarnings, NodeName
 pub use generate::{BoxShape, MapError, cells_for_size, generate_box, map_nodes};
 pub use index::{CellId, EdgeId, FacetId, FacetRef, InterfaceFacet, NodeId};
 pub use locate::{CellFinder, FacetFinder, Image};
+pub(crate) use pair::coincident_nodes;
 pub use pair::{neighbour_points, orientation};
 pub use quality::{QualitySummary, cell_volumes, element_sizes, facet_heights, facet_measures, summary};
 pub use raw::{FileNumbers, Group, GroupEntities, GroupFacet, RawMesh};
+pub(crate) use raw::{cell_bytes, node_bytes};
 pub use region::{
     RegionError, RegionKind, RegionSet, SupportSet, boundary_of, interface, outer_boundary, pick_cells, pick_facets,
     pick_nodes,

@@ -180,6 +180,34 @@ pub(super) fn pair_by_geometry(
     Ok(pairs)
 }
 
+/// Vertices of matching `facets` at the same place that are different nodes, as pairs.
+pub(crate) fn coincident_nodes(mesh: &Mesh, facets: &[FacetRef]) -> Vec<(NodeId, NodeId)> {
+    let centres: Vec<[f64; 3]> = facets.iter().map(|f| mesh.facet_centroid(*f)).collect();
+    let members: Vec<u32> = (0..facets.len() as u32).collect();
+    let grid = PointGrid::new(&centres, &members, mesh.dim().max(2) - 1);
+    let mut pairs = Vec::new();
+    for (k, here) in facets.iter().enumerate() {
+        let reach = within(mesh, *here, facet_size(mesh, *here));
+        grid.near(centres[k], reach, |member, _| {
+            let there = facets[member as usize];
+            // of two faces that differ a little in size, the larger one finds the other
+            if member as usize == k || orientation(mesh, *here, there).is_err() {
+                return;
+            }
+            let (ours, theirs) = (mesh.facet_vertices(*here), mesh.facet_vertices(there));
+            for vertex in ours.vertices() {
+                let other = theirs.vertices()[nearest(mesh, *vertex, theirs.vertices()).0 as usize];
+                if other != *vertex {
+                    pairs.push((*vertex.min(&other), *vertex.max(&other)));
+                }
+            }
+        });
+    }
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
 /// True when two facets face each other at a small distance and one's centre lies in the
 /// other.
 fn facing(mesh: &Mesh, here: &Candidate, there: &Candidate) -> bool {

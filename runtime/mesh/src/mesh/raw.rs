@@ -33,7 +33,12 @@ pub enum GroupEntities {
     /// Facets.
     Facets(Vec<GroupFacet>),
     /// Nodes: the group was of points, or of curves in three dimensions.
-    Nodes(Vec<NodeId>),
+    Nodes {
+        /// The nodes.
+        nodes: Vec<NodeId>,
+        /// Vertices of the edges of the curves; empty for points.
+        edges: Vec<[NodeId; 2]>,
+    },
 }
 
 /// A named set of entities that came with the mesh.
@@ -93,14 +98,14 @@ impl FileNumbers {
 }
 
 /// Bytes that nodes take while a mesh is made: positions, and lists by node.
-pub(super) fn node_bytes(nodes: u64) -> u64 {
+pub(crate) fn node_bytes(nodes: u64) -> u64 {
     (24 + 8) * nodes
 }
 
 /// Bytes that a cell takes while a mesh and its facets are made: its nodes; for each of its facets key, entry, slot and
 /// partner, whose place the numbered facets take afterwards. Within 6 % of what boxes of 125,000 cubes and of 750,000
 /// tetrahedra take.
-pub(super) fn cell_bytes(kind: CellKind) -> u64 {
+pub(crate) fn cell_bytes(kind: CellKind) -> u64 {
     let (nodes, facets) = (kind.n_vertices() as u64, kind.facets().len() as u64);
     8 * nodes + 16 + (16 + 16 + 8 + 4) * facets
 }

@@ -191,7 +191,7 @@ impl RegionSet {
     pub fn from_group(mesh: &Mesh, topology: &Topology, group: &Group) -> Result<Self, RegionError> {
         Ok(match &group.entities {
             GroupEntities::Cells(cells) => RegionSet::Cells(sorted(cells.clone())),
-            GroupEntities::Nodes(nodes) => RegionSet::Nodes(sorted(nodes.clone())),
+            GroupEntities::Nodes { nodes, .. } => RegionSet::Nodes(sorted(nodes.clone())),
             GroupEntities::Facets(facets) => {
                 let find = |f: &super::GroupFacet| topology.find_facet(mesh, f.vertices());
                 let found: Vec<FacetRef> = facets.iter().filter_map(find).map(|id| topology.facet(id).here).collect();

@@ -300,7 +300,15 @@ impl Contents {
 struct Groups {
     cells: BTreeMap<i64, Vec<CellId>>,
     facets: BTreeMap<i64, Vec<GroupFacet>>,
-    nodes: BTreeMap<(usize, i64), Vec<NodeId>>,
+    nodes: BTreeMap<(usize, i64), Points>,
+}
+
+/// Members of a group of points or curves.
+#[derive(Default)]
+struct Points {
+    nodes: Vec<NodeId>,
+    /// Ends of the edges of curves.
+    edges: Vec<[NodeId; 2]>,
 }
 
 fn resolve(map: &NodeMap, element: u64, node: u64) -> Result<u32, ReadError> {
@@ -344,7 +352,10 @@ fn add_lower(block: &Block, dim: usize, map: &NodeMap, groups: &mut Groups) -> R
                 facets.push(GroupFacet { kind, vertices });
             } else {
                 let members = groups.nodes.entry((kind.dim(), *group)).or_default();
-                members.extend_from_slice(&nodes[..n]);
+                members.nodes.extend_from_slice(&nodes[..n]);
+                if kind == CellKind::Segment {
+                    members.edges.push([nodes[0], nodes[1]]);
+                }
             }
         }
     }
@@ -417,8 +428,9 @@ impl Groups {
         for (tag, facets) in self.facets {
             groups.push(group(dim - 1, tag, GroupEntities::Facets(unique(facets))));
         }
-        for ((dim, tag), nodes) in self.nodes {
-            groups.push(group(dim, tag, GroupEntities::Nodes(unique(nodes))));
+        for ((dim, tag), points) in self.nodes {
+            let entities = GroupEntities::Nodes { nodes: unique(points.nodes), edges: unique(points.edges) };
+            groups.push(group(dim, tag, entities));
         }
         groups
     }
