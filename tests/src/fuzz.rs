@@ -96,6 +96,8 @@ const WORDS: &[&str] = &[
     "with",
     "solver",
     "newton",
+    "refine",
+    "times",
     "quadrature",
     "degree",
     "vertex",

@@ -285,6 +285,8 @@ pub enum ItemKind {
         /// `with …`
         options: Vec<OptionItem>,
     },
+    /// `refine on r where c times n along x, y`
+    Refine(Refine),
     /// `region r = …`
     Region {
         /// Its name.
@@ -452,6 +454,19 @@ pub enum ItemKind {
         /// `with …`
         options: Vec<OptionItem>,
     },
+}
+
+/// Which cells are refined, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refine {
+    /// `on r, s`: cells of these regions, or at their faces and nodes; every cell where it is empty.
+    pub places: Vec<Ident>,
+    /// `where c`: cells whose centre or a vertex meets it.
+    pub condition: Option<Cond>,
+    /// `times n`: rounds, 1 if it is absent.
+    pub times: Option<Expr>,
+    /// `along x, y`: directions of a box; all where it is empty.
+    pub along: Vec<Ident>,
 }
 
 /// How a mapping finds its point.

@@ -78,7 +78,7 @@ impl<'t> Line<'t> {
 
 /// True if a `.` behind this token is an operator even in front of a digit.
 fn ends_value(token: &str) -> bool {
-    let introduces = is_keyword(token) || ["wfl", "box", "file", "size", "map", "point"].contains(&token);
+    let introduces = is_keyword(token) || ["wfl", "box", "file", "size", "map", "point", "times"].contains(&token);
     let last = token.as_bytes().last().copied().unwrap_or(b' ');
     !introduces && (last.is_ascii_alphanumeric() || matches!(last, b'_' | b')' | b']' | b'\''))
 }
@@ -340,6 +340,7 @@ mod tests {
                 "region r=interface along s towards [ 0,1 ]-(c&d)",
                 "region r = interface along s towards [0,1] - (c & d)",
             ),
+            ("refine on a,b where x<.1 times 2 along x ,y", "refine on a, b where x < .1 times 2 along x, y"),
             ("fix u(1),v . Normal=0 on a", "fix u(1), v.Normal = 0 on a"),
             ("def s = Sym Grad_u (1 , :)", "def s = Sym Grad_u(1, :)"),
             ("mapping m = point(x)", "mapping m = point (x)"),

@@ -246,6 +246,7 @@ const FORMS: &[(&str, &str)] = &[
     ("wfl", "wfl 1"),
     ("use", "use \"file.wfl\""),
     ("mesh", "mesh box [0,0] to [1,1] cells [8,8] quad, or mesh file \"part.msh\""),
+    ("refine", "refine where sqrt(x^2 + y^2) < 0.1 times 3, or refine on region times 2"),
     ("region", "region name = faces where x == 0, or interface from a to b, or p + q"),
     ("mapping", "mapping name = project from faces onto other_faces"),
     ("param", "param name = value [unit] in low..high \"text\""),

@@ -4,6 +4,7 @@
 pub const STATEMENTS: &[&str] = &[
     "use",
     "mesh",
+    "refine",
     "region",
     "mapping",
     "param",

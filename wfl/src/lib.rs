@@ -50,7 +50,7 @@ pub use render::{at_expr, render, visible};
 pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SOLVERS, Unloaded, resolve};
 pub use script::{
     Condition, DataValue, Expect, Field, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output, OutputQuantity,
-    Param, Quadrature, Region, ResolvedScript, Solver, Split, Start, StartKind, Steps, Term,
+    Param, Quadrature, Refinement, Region, ResolvedScript, Solver, Split, Start, StartKind, Steps, Term,
 };
 pub use source::{Source, SourceId, SourceMap, Span};
 pub use units::{UnitOf, check_units, unit_report};

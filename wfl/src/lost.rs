@@ -16,7 +16,7 @@ pub struct Lost {
 
 /// Statements that declare nothing.
 const DECLARE_NOTHING: &[&str] =
-    &["split", "term", "energy", "fix", "load", "start", "solver", "quadrature", "output", "expect", "wfl"];
+    &["refine", "split", "term", "energy", "fix", "load", "start", "solver", "quadrature", "output", "expect", "wfl"];
 
 impl Lost {
     /// True if no declaration is broken.

@@ -97,6 +97,7 @@ fn empty(main: SourceId) -> ResolvedScript {
     ResolvedScript {
         main,
         mesh: None,
+        refinements: Vec::new(),
         params: Vec::new(),
         regions: Vec::new(),
         mappings: Vec::new(),

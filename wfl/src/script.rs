@@ -4,7 +4,7 @@
 
 use crate::{
     ast::{Cond, Domain, Expansions, Expr, Ident, MappingKind, MeshSource, OptionItem, QuadratureRule, Reduction},
-    ast::{RegionExpr, Space, Target, Unit},
+    ast::{Refine, RegionExpr, Space, Target, Unit},
     diag::Diagnostic,
     lost::Lost,
     source::{SourceId, SourceMap, Span},
@@ -17,6 +17,8 @@ pub struct ResolvedScript {
     pub main: SourceId,
     /// The mesh; absent only beside errors.
     pub mesh: Option<MeshStmt>,
+    /// Refinements of the mesh, one after the other.
+    pub refinements: Vec<Refinement>,
     /// Parameters.
     pub params: Vec<Param>,
     /// Regions, sorted so that a region stands behind those it is made of.
@@ -67,6 +69,15 @@ pub struct MeshStmt {
     pub map: Option<Expr>,
     /// Options.
     pub options: Vec<OptionItem>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `refine ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refinement {
+    /// Which cells, and how.
+    pub what: Refine,
     /// The statement.
     pub span: Span,
 }

@@ -65,7 +65,9 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
 }
 
 fn tables(loaded: &Loaded, scene: &Scene, parse: f64) -> Vec<Table> {
-    let mut list = vec![mesh(scene), quality(scene), regions(loaded, scene)];
+    let mut list = vec![mesh(scene)];
+    list.extend(refinements(loaded, scene));
+    list.extend([quality(scene), regions(loaded, scene)]);
     list.extend([interfaces(scene), fields(loaded, scene), parameters(loaded, scene)]);
     list.push(units(loaded));
     list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded, scene)]);
@@ -99,6 +101,18 @@ fn mesh(scene: &Scene) -> Table {
         ]);
     }
     table
+}
+
+/// The `refine` statements, with the cells before and after each.
+fn refinements(loaded: &Loaded, scene: &Scene) -> Option<Table> {
+    let refined = scene.refined.as_ref().filter(|r| !r.statements.is_empty())?;
+    let mut table = Table::new("refinements", &["statement", "cells before", "cells after"]);
+    let mut before = refined.cells_before;
+    for (span, after) in &refined.statements {
+        table.push(vec![line(loaded, *span), before.into(), (*after).into()]);
+        before = *after;
+    }
+    Some(table)
 }
 
 /// What the mesh is like, and what is odd about it.

@@ -82,6 +82,15 @@ const PHRASES: &[(&str, &str, &str)] = &[
          interface inside its region until it is split: split u across f.",
     ),
     (
+        "refine",
+        "refine where sqrt(x^2 + y^2) < 0.1 times 3\nrefine on r times 2\nrefine on r where z > 0 times 2 along x, y",
+        "The size of the cells is halved `times` times, where the condition holds at the centre or a vertex of a cell, in \
+         the cells of the regions, or at their faces and nodes. The mesh is refined before regions, interfaces, splits \
+         and the map of the mesh are made on it. Triangles and tetrahedra are bisected; quadrilaterals and hexahedra are \
+         divided in whole layers, through the opposite edges to the boundary, on a box in the directions behind `along` \
+         only. `wfl check` shows the cells before and after.",
+    ),
+    (
         "split",
         "split u across f",
         "The field u may jump across the faces f, which lie inside the region of u. Each node of f gets one value for \

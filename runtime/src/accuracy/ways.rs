@@ -261,6 +261,7 @@ fn drop_regions(script: &mut ResolvedScript) {
     script.measures.iter().for_each(|m| add(&m.places));
     script.quadratures.iter().for_each(|q| add(&q.places));
     script.splits.iter().for_each(|s| add(&s.places));
+    script.refinements.iter().for_each(|r| add(&r.what.places));
     for field in &script.fields {
         if let Place::On(places) = &field.space.place {
             add(places);

@@ -55,7 +55,8 @@ pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Finding
     let (mesh, refined) = made.make(read, rounds)?;
     found.dim = Some(mesh.dim());
     let topology = topology(script, &mesh, found)?;
-    let regions = regions_of(script, &mesh, &topology, &params, backend, found);
+    let smallest = refined.as_ref().map_or(f64::INFINITY, |r| r.smallest);
+    let regions = regions_of(script, &mesh, &topology, &params, backend, smallest, found);
     let bare = Env { dim: mesh.dim(), ..constants::bare_env(script, mesh.dim(), &params) };
     let diagnostics = &mut found.diagnostics;
     let fields::Fields { fields, sigs } = fields::fields(script, &bare, &mesh, &topology, &regions, diagnostics)?;
@@ -112,11 +113,12 @@ fn regions_of(
     topology: &Topology,
     params: &BTreeMap<String, Constant>,
     backend: &dyn KernelBackend,
+    smallest: f64,
     found: &mut Findings,
 ) -> Regions {
-    let diagnostics = &mut found.diagnostics;
-    let regions =
-        regions::RegionMaker { script, mesh, topology, params, backend, diagnostics, regions: Regions::new() }.make();
+    let (diagnostics, regions) = (&mut found.diagnostics, Regions::new());
+    let maker = regions::RegionMaker { script, mesh, topology, params, backend, smallest, diagnostics, regions };
+    let regions = maker.make();
     let named = script.regions.iter().map(|r| &r.name).chain(&script.groups);
     for name in named.filter(|n| !regions.contains_key(&n.name)) {
         found.lost.add(&name.name);

@@ -7,6 +7,7 @@ mod assemble;
 mod auto;
 mod batch;
 mod build;
+mod conditions;
 mod constants;
 mod constraints;
 mod context;

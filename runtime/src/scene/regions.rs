@@ -6,7 +6,7 @@ use wfl::{
     Diagnostic, ResolvedScript, Span,
     ast::{CmpOp, Cond, CondKind, EntityKind, ExprKind, Ident, RegionExpr, RegionOp},
 };
-use wfl_compiler::{Constant, Env, InterpreterBackend, backend::KernelBackend, compile_condition};
+use wfl_compiler::{Constant, backend::KernelBackend};
 
 use crate::{
     mesh::{
@@ -14,22 +14,13 @@ use crate::{
         pick_cells, pick_facets, pick_nodes,
     },
     scene::{
+        conditions::{ConditionMaker, holds, not_a_number},
         constants::{bare_env, number},
         groups,
-        mesh::position_place,
         surfaces::Along,
     },
     value::Value,
 };
-
-/// `==` on coordinates means within this part of the mesh size.
-const EQUAL_WITHIN: f64 = 1e-9;
-
-/// ... and within this part of the coordinates themselves, which far from the origin are coarser than that.
-const ROUNDING: f64 = 8.0 * f64::EPSILON;
-
-/// Meshes of fewer cells are looked through by the interpreter.
-const FEW_CELLS: usize = 2000;
 
 /// Coordinates that are tried to name the nearest members of an empty region.
 const CANDIDATES: usize = 20;
@@ -56,6 +47,8 @@ pub(super) struct RegionMaker<'a> {
     pub(super) topology: &'a Topology,
     pub(super) params: &'a BTreeMap<String, Constant>,
     pub(super) backend: &'a dyn KernelBackend,
+    /// As in [`ConditionMaker`].
+    pub(super) smallest: f64,
     pub(super) diagnostics: &'a mut Vec<Diagnostic>,
     pub(super) regions: Regions,
 }
@@ -251,20 +244,17 @@ impl RegionMaker<'_> {
             None => None,
         };
         let mut bad: Option<[f64; 3]> = None;
-        let mut holds = |x: [f64; 3]| -> Result<bool, std::convert::Infallible> {
+        let mut picks = |x: [f64; 3]| -> Result<bool, std::convert::Infallible> {
             let Some(value) = &condition else { return Ok(true) };
-            match value.at_positions(&[x]) {
-                Ok(v) if !value.compares_nan_at(x) => Ok(v[0] == 1.0),
-                _ => {
-                    bad = Some(x);
-                    Ok(false)
-                }
+            let holds = holds(value, x);
+            if holds.is_none() {
+                bad = Some(x);
             }
+            Ok(holds == Some(true))
         };
-        let set = self.pick(entity, cells.as_deref(), &mut holds);
+        let set = self.pick(entity, cells.as_deref(), &mut picks);
         if let Some(x) = bad {
-            let d = Diagnostic::new("E601", format!("not a number in this condition at x = {x:?}"));
-            self.diagnostics.push(d.at(span, ""));
+            self.diagnostics.push(not_a_number(x, span));
             return None;
         }
         match set {
@@ -293,35 +283,8 @@ impl RegionMaker<'_> {
     }
 
     fn condition(&mut self, cond: &Cond) -> Option<Value> {
-        let (low, high) = self.mesh.bounds();
-        let size = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
-        let far = (0..3).fold(0.0f64, |m, d| m.max(low[d].abs()).max(high[d].abs()));
-        let env = Env {
-            dim: self.mesh.dim(),
-            fields: &[],
-            mappings: &[],
-            params: self.params,
-            expansions: &self.script.expansions,
-            step_variable: None,
-            equal_within: EQUAL_WITHIN * size + ROUNDING * far,
-        };
-        let law = compile_condition(&env, &position_place(0), "a condition", cond);
-        self.diagnostics.extend(law.diagnostics);
-        // a kernel of machine code costs as much as the interpreter does for thousands of positions
-        let few = self.mesh.n_cells() < FEW_CELLS;
-        let backend: &dyn KernelBackend = if few { &InterpreterBackend } else { self.backend };
-        match Value::new(law.value?, backend) {
-            Ok(v) if v.reads_positions_only() => Some(v),
-            Ok(_) => {
-                let d = Diagnostic::new("E405", "a region is picked by position only");
-                self.diagnostics.push(d.at(cond.span, ""));
-                None
-            }
-            Err(e) => {
-                self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(cond.span, ""));
-                None
-            }
-        }
+        let Self { script, mesh, params, backend, smallest, .. } = *self;
+        ConditionMaker { script, mesh, params, backend, smallest }.make(cond, self.diagnostics)
     }
 }
 
@@ -333,7 +296,8 @@ fn names_interior(script: &ResolvedScript) -> bool {
         script.fields.iter().any(|f| matches!(&f.space.place, wfl::ast::Place::On(list) if list.iter().any(is)));
     let places = script.terms.iter().map(|t| &t.places);
     let places = places.chain(script.loads.iter().map(|l| &l.places)).chain(script.measures.iter().map(|m| &m.places));
-    in_regions || in_fields || places.into_iter().flatten().any(is)
+    let in_refinements = script.refinements.iter().flat_map(|r| &r.what.places).any(is);
+    in_regions || in_refinements || in_fields || places.into_iter().flatten().any(is)
 }
 
 fn mentions_interior(region: &RegionExpr) -> bool {

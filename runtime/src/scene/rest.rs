@@ -220,6 +220,13 @@ impl Rest<'_> {
                 }
             }
         }
+        for (span, condition) in
+            self.script.refinements.iter().filter_map(|r| Some((r.span, r.what.condition.as_ref()?)))
+        {
+            if !self.told(span) {
+                self.add(compile_condition(self.env, &place, "a condition", condition).diagnostics);
+            }
+        }
         let starts = self.script.starts.iter().filter_map(|s| match &s.kind {
             StartKind::Field { value, .. } => Some((s.span, value)),
             StartKind::File { .. } => None,

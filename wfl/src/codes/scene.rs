@@ -282,6 +282,15 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver linear with direct",
     ),
     page(
+        "E443",
+        "a refinement that cannot be made",
+        "`times` is a whole number of rounds, 0 or more. `along x, y` divides the cells of a box in these directions \
+         only: segments, quadrilaterals and hexahedra. Triangles and tetrahedra are bisected and have no directions, and \
+         the cells of a mesh file have no common ones.",
+        "refine where x < 0.5 times 1.5",
+        "refine where x < 0.5 times 2 along x",
+    ),
+    page(
         "E501",
         "units that do not match",
         "Both sides of a sum must have the same unit. Units are checked as soon as a param, field or datum has one. A \

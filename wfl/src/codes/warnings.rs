@@ -108,6 +108,15 @@ pub(super) const PAGES: &[CodePage] = &[
         "split u across fault\nterm spring on fault : gamma*jump(u,u).jump(Test_u,Test_u)",
     ),
     page(
+        "W418",
+        "a refinement that changes nothing",
+        "No cell of the mesh has its centre or a vertex where the condition of `refine` holds, or none lies at its \
+         regions. The condition is that of the mesh after its `map`; a region smaller than a cell is met where it has a \
+         vertex. `wfl check` shows the cells before and after each `refine`.",
+        "refine where x > 2 times 3",
+        "refine where x > 0.9 times 3",
+    ),
+    page(
         "W501",
         "a discontinuous term without a derivative",
         "Heaviside and sign have derivative 0. A term that depends on an unknown only through them looks constant to \

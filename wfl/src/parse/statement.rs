@@ -7,7 +7,7 @@ use super::{
 use crate::{
     ast::{
         BoxDivision, Domain, Expr, Ident, Item, ItemKind, MacroDef, MappingKind, MeshSource, OptionItem, OptionValue,
-        OutputItem, Place, QuadratureRule, RegionExpr, Space, Target, TargetPart, Unit,
+        OutputItem, Place, QuadratureRule, Refine, RegionExpr, Space, Target, TargetPart, Unit,
     },
     diag::Diagnostic,
     keywords::is_keyword,
@@ -55,6 +55,8 @@ const TOKENS: &[Rule] = {
         R::k_file,
         R::k_map,
         R::k_region,
+        R::k_refine,
+        R::k_times,
         R::k_iface,
         R::k_mapping,
         R::k_point,
@@ -175,6 +177,7 @@ impl Reader<'_> {
             Rule::version => ItemKind::Version(self.number(&p.next())?),
             Rule::include => ItemKind::Use { path: self.text(&p.next()) },
             Rule::mesh => self.mesh(p)?,
+            Rule::refine => self.refine(p)?,
             Rule::region => ItemKind::Region { name: self.name(&p.next())?, region: self.region(p.next())? },
             Rule::mapping => ItemKind::Mapping {
                 name: self.name(&p.next())?,
@@ -244,6 +247,16 @@ impl Reader<'_> {
         let division = if by_cells { BoxDivision::Cells(size) } else { BoxDivision::Size(size) };
         let shape = p.take(Rule::shape).map(|s| (box_shape(s.as_str()), self.span(&s)));
         Ok(MeshSource::Box { from, to, division, shape })
+    }
+
+    fn refine(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
+        let places = p.take(Rule::refine_on).map(|on| self.places(self.only(on)));
+        Ok(ItemKind::Refine(Refine {
+            places: places.unwrap_or_default(),
+            condition: p.take(Rule::pick_where).map(|w| self.cond(self.only(w))).transpose()?,
+            times: p.take(Rule::refine_times).map(|t| self.value(self.only(t))).transpose()?,
+            along: p.take(Rule::refine_along).map(|a| self.places(a)).unwrap_or_default(),
+        }))
     }
 
     fn region(&self, pair: Pair<'_>) -> Parsed<RegionExpr> {

@@ -139,6 +139,21 @@ fn statements_carry_what_they_say() {
 }
 
 #[test]
+fn a_refinement_has_places_a_condition_rounds_and_directions_in_this_order() {
+    let text = "refine where x^2 < 1 times 2*n along x, y\nrefine on a, b times 3\nrefine on a where y > 0\nrefine times 2\n\
+        refine where x < 1 along x times 2\n";
+    let (found, codes) = items(text);
+    assert_eq!((found.len(), codes.as_str()), (3, "E113 E117"));
+    let ItemKind::Refine(first) = &found[0].kind else { panic!("{:?}", found[0]) };
+    assert!(first.places.is_empty() && first.condition.is_some());
+    assert_eq!(first.times.as_ref().map(show).as_deref(), Some("(2 * n)"));
+    assert_eq!(first.along.iter().map(|a| a.name.as_str()).collect::<Vec<_>>(), ["x", "y"]);
+    let ItemKind::Refine(second) = &found[1].kind else { panic!("{:?}", found[1]) };
+    assert_eq!((second.places.len(), second.condition.is_none(), second.along.len()), (2, true, 0));
+    assert!(matches!(&found[2].kind, ItemKind::Refine(r) if r.times.is_none() && r.places.len() == 1));
+}
+
+#[test]
 fn spans_hold_exactly_the_text_of_their_node() {
     fn check(sources: &SourceMap, e: &crate::ast::Expr) {
         assert_eq!(tree(sources.snippet(e.span)), show(e));

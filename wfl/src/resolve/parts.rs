@@ -3,7 +3,7 @@
 use super::Resolver;
 use crate::{
     ast::{BoxDivision, Domain, Expr, ExprKind, Ident, MappingKind, MeshSource, OptionItem, OptionValue, Place, Rank},
-    ast::{RegionExpr, Space},
+    ast::{Refine, RegionExpr, Space},
     diag::Diagnostic,
     script::{DataValue, Field, FieldKind},
     source::Span,
@@ -29,6 +29,18 @@ impl Resolver<'_> {
                 },
                 shape: *shape,
             },
+        })
+    }
+
+    pub(super) fn refine(&mut self, what: &Refine) -> Option<Refine> {
+        let places = self.places(&what.places, false);
+        let condition = what.condition.as_ref().map(|c| self.cond(c));
+        let times = self.optional(what.times.as_ref());
+        Some(Refine {
+            places: places?,
+            condition: condition.transpose_option()?,
+            times: times?,
+            along: what.along.clone(),
         })
     }
 

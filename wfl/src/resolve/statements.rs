@@ -4,8 +4,8 @@ use super::{FORMATS, Resolver, SOLVERS, is_solved_for, names, names::Kind, parts
 use crate::{
     ast::{Item, ItemKind, QuadratureRule},
     script::{
-        Expect, FieldKind, Mapping, Measure, MeshStmt, Output, Param, Quadrature, Region, Solver, Split, Start,
-        StartKind, Steps, Term,
+        Expect, FieldKind, Mapping, Measure, MeshStmt, Output, Param, Quadrature, Refinement, Region, Solver, Split,
+        Start, StartKind, Steps, Term,
     },
     source::Span,
 };
@@ -20,7 +20,7 @@ impl<'d> Resolver<'d> {
         let kind = &item.kind;
         match kind {
             K::Version(_) | K::Use { .. } | K::Def(_) => Some(()),
-            K::Mesh { .. } | K::Region { .. } | K::Mapping { .. } | K::Param { .. } => {
+            K::Mesh { .. } | K::Refine(_) | K::Region { .. } | K::Mapping { .. } | K::Param { .. } => {
                 self.declaration(kind, item.span)
             }
             K::Unknown { .. } | K::Multiplier { .. } | K::Data { .. } | K::State { .. } | K::Split(..) => {
@@ -43,6 +43,10 @@ impl<'d> Resolver<'d> {
                 let map = self.optional(map.as_ref());
                 let options = self.options("mesh", options);
                 self.script.mesh = Some(MeshStmt { source: source?, map: map?, options: options?, span });
+            }
+            ItemKind::Refine(what) => {
+                let what = self.refine(what)?;
+                self.script.refinements.push(Refinement { what, span });
             }
             ItemKind::Region { name, region } => {
                 let region = self.region(region)?;

@@ -109,6 +109,8 @@ fn a_correct_scene_says_nothing_and_each_slip_says_its_own() {
         ("region e = faces", &[("W702", "e")]),
         ("unknown v : scalar", &[("W702", "v")]),
         ("data d : scalar = 2", &[("W702", "d")]),
+        ("refine on west where x < 1 times 2 along x", &[]),
+        ("refine on there times k", &[("E201", "there")]),
         ("split u across west", &[]),
         ("split k across west", &[("E212", "k")]),
         ("quadrature on west vertex\nmeasure m = mean(u(1)) on west\nstart u = [0,0]\nstart from \"old\"", &[]),
