@@ -11,7 +11,7 @@ use wfl_runtime::{
     refine::{Axes, Mark},
     run,
 };
-use wfl_tests::examples;
+use wfl_tests::{examples, solve};
 
 /// No file beside the scene.
 struct Alone;
@@ -158,4 +158,41 @@ fn the_way_back_of_a_scene_has_one_part_for_each_round() {
     let refined = made.refined.expect("it was refined");
     assert_eq!((refined.cells_before, refined.rounds.len()), (4, 3));
     assert_eq!(refined.rounds.iter().map(|r| r.n_cells()).collect::<Vec<_>>(), [6, 6, 8]);
+}
+
+#[test]
+fn contact_on_a_refined_fault_has_matching_faces_and_converges() {
+    let folder = examples().join("fault");
+    let text = std::fs::read_to_string(folder.join("nitsche.wfl")).expect("the example");
+    let text = text.lines().filter(|l| !l.starts_with("output")).collect::<Vec<_>>().join("\n");
+    for (cells, refine) in [
+        ("cells [2, 4, 4] tet", "refine on fault where z > 2"),
+        ("cells [2, 4, 4] tet", "refine where abs(x) < 0.1 and z < 1 times 2"),
+        ("cells [4, 4, 4] hex", "refine where abs(x) < 0.1 times 2 along x"),
+    ] {
+        let edits = [
+            ("cells [8, 8, 8] hex", cells.to_owned()),
+            ("region left ", format!("{refine}\nregion left ")),
+            ("0 to 9.5 by 0.5", "0 to 8 by 4".to_owned()),
+        ];
+        let solved = solve(&folder, text.clone(), &edits, &[]).unwrap_or_else(|e| panic!("{refine}: {e}"));
+        assert!(solved.outcome.converged(), "{refine}");
+        let refined = solved.scene.refined.as_ref().expect("it was refined");
+        assert!(refined.statements[0].1 > refined.cells_before, "{refine}");
+        let mesh = &solved.scene.system.mesh;
+        let RegionSet::Interface(pairs) = &solved.scene.regions["fault"].set else { panic!("an interface") };
+        let sides = [pairs.iter().map(|p| p.here).collect::<Vec<_>>(), pairs.iter().map(|p| p.there).collect()];
+        for side in &sides {
+            let area: f64 = facet_measures(mesh, side).iter().sum();
+            assert!((area - 16.0).abs() < 1e-12, "{refine}: {area}");
+        }
+        for pair in pairs {
+            let vertices = [pair.here, pair.there].map(|f| {
+                let mut nodes = mesh.facet_vertices(f).vertices().to_vec();
+                nodes.sort_unstable();
+                nodes
+            });
+            assert_eq!(vertices[0], vertices[1], "{refine}");
+        }
+    }
 }

@@ -18,7 +18,10 @@ use crate::{
     finite::{BadGiven, NotFinite},
     input::{InputError, InputKind},
     memory::TooMuchMemory,
-    mesh::{BoxShape, MapError, Mesh, MeshError, cells_for_size, generate_box, map_nodes, read::ReadError},
+    mesh::{
+        BoxShape, MapError, Mesh, MeshError, MeshWarnings, cells_for_size, generate_box, map_nodes, map_refined,
+        read::ReadError,
+    },
     output::Hash,
     reading::{self, ReadingError},
     scene::{
@@ -161,13 +164,17 @@ impl MeshMaker<'_> {
         }
     }
 
-    /// The mesh with its nodes where the map takes them.
-    pub(super) fn moved(&mut self, mesh: Mesh, map: Option<&NodeMap>) -> Option<Mesh> {
+    /// The mesh with its nodes where the map takes them; one that was refined has the `warnings` of the moved mesh before.
+    pub(super) fn moved(&mut self, mesh: Mesh, map: Option<&NodeMap>, warnings: Option<&MeshWarnings>) -> Option<Mesh> {
         let Some(NodeMap { value, span }) = map else { return Some(mesh) };
-        let moved = map_nodes(mesh, |x| -> Result<[f64; 3], NotFinite> {
+        let place = |x| -> Result<[f64; 3], NotFinite> {
             let y = value.at_positions(&[x])?;
             Ok([0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0)))
-        });
+        };
+        let moved = match warnings {
+            None => map_nodes(mesh, place),
+            Some(warnings) => map_refined(mesh, warnings, place),
+        };
         match moved {
             Ok(mesh) => Some(mesh),
             Err(MapError::Mesh(e)) => {

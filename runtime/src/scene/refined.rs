@@ -14,7 +14,7 @@ use super::{
     regions::{RegionMaker, Regions},
 };
 use crate::{
-    mesh::{CellId, FacetRef, Mesh, MeshError, RegionSet, Topology, summary},
+    mesh::{CellId, FacetRef, Mesh, MeshError, MeshWarnings, RegionSet, Topology, summary},
     refine::{Axes, Descent, Mark, Refiner},
 };
 
@@ -37,22 +37,23 @@ impl MeshMaker<'_> {
         let (mesh, map) = self.unmoved(read)?;
         let script = self.script;
         if rounds.is_empty() && script.refinements.is_empty() {
-            return Some((self.moved(mesh, map.as_ref())?, None));
+            return Some((self.moved(mesh, map.as_ref(), None)?, None));
         }
         let mesh_span = script.mesh.as_ref()?.span;
-        let (cells_before, shape) = (mesh.n_cells(), self.moved(mesh.clone(), map.as_ref())?);
+        let (cells_before, shape) = (mesh.n_cells(), self.moved(mesh.clone(), map.as_ref(), None)?);
+        let warnings = shape.warnings().clone();
         let mut refiner = self.checked(Refiner::new(mesh, &shape), mesh_span)?;
         drop(shape);
         let (mut statements, mut descents) = (Vec::new(), Vec::with_capacity(rounds.len()));
         for refinement in &script.refinements {
-            self.statement(refinement, &mut refiner, map.as_ref())?;
+            self.statement(refinement, &mut refiner, map.as_ref(), &warnings)?;
             statements.push((refinement.span, refiner.mesh().n_cells()));
         }
         for marks in rounds {
             let descent = refiner.refine(marks);
             descents.push(self.checked(descent, mesh_span)?);
         }
-        let mesh = self.moved(refiner.into_mesh(), map.as_ref())?;
+        let mesh = self.moved(refiner.into_mesh(), map.as_ref(), Some(&warnings))?;
         let smallest = summary(&mesh).min_size;
         Some((mesh, Some(Refined { cells_before, statements, rounds: descents, smallest })))
     }
@@ -62,7 +63,13 @@ impl MeshMaker<'_> {
     }
 
     /// All rounds of a statement.
-    fn statement(&mut self, refinement: &Refinement, refiner: &mut Refiner, map: Option<&NodeMap>) -> Option<()> {
+    fn statement(
+        &mut self,
+        refinement: &Refinement,
+        refiner: &mut Refiner,
+        map: Option<&NodeMap>,
+        warnings: &MeshWarnings,
+    ) -> Option<()> {
         let times = self.times(refinement, refiner.mesh().dim())?;
         let axes = self.axes(refinement, refiner.mesh())?;
         let mut round = 0;
@@ -71,7 +78,7 @@ impl MeshMaker<'_> {
             let shape = match map {
                 None => refiner.mesh(),
                 Some(_) => {
-                    moved = self.moved(refiner.mesh().clone(), map)?;
+                    moved = self.moved(refiner.mesh().clone(), map, Some(warnings))?;
                     &moved
                 }
             };

@@ -5,7 +5,7 @@
 
 use super::{
     Mesh,
-    error::MeshError,
+    error::{MeshError, MeshWarnings},
     raw::{RawMesh, cell_bytes, node_bytes},
 };
 use crate::cell::CellKind;
@@ -182,10 +182,27 @@ fn connectivity(counts: [usize; 3], dim: usize, shape: BoxShape) -> Vec<u32> {
 ///
 /// # Errors
 /// The first error of the map, or what [`Mesh::from_raw`] finds in the moved mesh.
-pub fn map_nodes<E>(mesh: Mesh, mut map: impl FnMut([f64; 3]) -> Result<[f64; 3], E>) -> Result<Mesh, MapError<E>> {
+pub fn map_nodes<E>(mesh: Mesh, map: impl FnMut([f64; 3]) -> Result<[f64; 3], E>) -> Result<Mesh, MapError<E>> {
+    Ok(Mesh::from_raw(moved(mesh, map)?)?)
+}
+
+/// As [`map_nodes`], of a refined mesh: `warnings` are those of the moved mesh before it was refined. Nodes that lie on
+/// each other are not looked for again, which would take long where cells crowd.
+///
+/// # Errors
+/// As [`map_nodes`].
+pub fn map_refined<E>(
+    mesh: Mesh,
+    warnings: &MeshWarnings,
+    map: impl FnMut([f64; 3]) -> Result<[f64; 3], E>,
+) -> Result<Mesh, MapError<E>> {
+    Ok(Mesh::from_refined(moved(mesh, map)?, warnings.clone())?)
+}
+
+fn moved<E>(mesh: Mesh, mut map: impl FnMut([f64; 3]) -> Result<[f64; 3], E>) -> Result<RawMesh, MapError<E>> {
     let mut raw = mesh.into_raw();
     for node in &mut raw.nodes {
         *node = map(*node).map_err(MapError::Map)?;
     }
-    Ok(Mesh::from_raw(raw)?)
+    Ok(raw)
 }

@@ -22,7 +22,7 @@ mod topology;
 pub use crate::cell::{CellKind, FacetMap, LocalFacet, facet_correspondences};
 pub use crate::vector::determinant;
 pub use error::{CellName, DUPLICATE_TOLERANCE, MeshError, MeshWarnings, NodeName};
-pub use generate::{BoxShape, MapError, cells_for_size, generate_box, map_nodes};
+pub use generate::{BoxShape, MapError, cells_for_size, generate_box, map_nodes, map_refined};
 pub use index::{CellId, EdgeId, FacetId, FacetRef, InterfaceFacet, NodeId};
 pub use locate::{CellFinder, FacetFinder, Image};
 pub(crate) use pair::coincident_nodes;
