@@ -7,6 +7,8 @@
 //! With coordinates: nested dissection of the node graph by recursive coordinate bisection (George 1973), separators
 //! found on the graph so that hanging or long-range couplings are seen, approximate minimum degree in the leaves.
 //! Without: approximate minimum degree on the graph of rows with equal structure.
+//! Dofs without an entry on the diagonal (pressures, multipliers) come last in their leaf and in their separator: what
+//! is eliminated before gives them a pivot (de Niet and Wubs 2009).
 //! Does not use values.
 
 use faer::sparse::linalg::amd;
@@ -90,17 +92,20 @@ pub fn order(pattern: &Pattern, coordinates: Option<&[[f64; 3]]>, last: &[u32]) 
         symmetric = pattern.union(&pattern.transpose().0)?;
         &symmetric
     };
+    let is_bare: Vec<bool> = (0..n).map(|dof| pattern.position(dof, dof).is_none()).collect();
     let nodes = match points {
-        Some(points) => Nodes::by_coordinates(points, &is_last),
+        Some(points) => Nodes::by_coordinates(points, &is_last, &is_bare),
         None => Nodes::by_structure(pattern, &is_last),
     };
     let graph = Graph::new(pattern, &nodes);
+    let bare = (0..nodes.len() as u32).map(|node| is_bare[nodes.dofs(node)[0] as usize]).collect();
     let (mut first, mut end): (Vec<u32>, Vec<u32>) =
         (0..nodes.len() as u32).partition(|&node| !is_last[nodes.dofs(node)[0] as usize]);
     let centres: Option<Vec<[f64; 3]>> =
         points.map(|points| (0..nodes.len() as u32).map(|node| points[nodes.dofs(node)[0] as usize]).collect());
+    let mut dissection =
+        Dissection { graph: &graph, centres: centres.as_deref(), bare, part: vec![OUTSIDE; graph.len()] };
     for part in [&mut first, &mut end] {
-        let mut dissection = Dissection::new(&graph, centres.as_deref());
         dissection.order(part)?;
     }
     let n_first = first.iter().map(|&node| nodes.dofs(node).len()).sum();
@@ -123,7 +128,7 @@ impl Nodes {
         &self.dofs[self.starts[node as usize]..self.starts[node as usize + 1]]
     }
 
-    fn by_coordinates(points: &[[f64; 3]], is_last: &[bool]) -> Self {
+    fn by_coordinates(points: &[[f64; 3]], is_last: &[bool], is_bare: &[bool]) -> Self {
         let extent = (0..3)
             .map(|axis| {
                 let values = || points.iter().map(|point| point[axis]);
@@ -133,7 +138,7 @@ impl Nodes {
         let unit = if extent > 0.0 { extent * NODE_TOLERANCE } else { 1.0 };
         let key = |dof: u32| {
             let point = points[dof as usize];
-            (is_last[dof as usize], point.map(|x| (x / unit).round() as i64))
+            (is_last[dof as usize], point.map(|x| (x / unit).round() as i64), is_bare[dof as usize])
         };
         let mut keyed: Vec<_> = (0..points.len() as u32).map(|dof| (key(dof), dof)).collect();
         keyed.sort_unstable();
@@ -209,6 +214,8 @@ impl Graph {
 struct Dissection<'a> {
     graph: &'a Graph,
     centres: Option<&'a [[f64; 3]]>,
+    /// By node: no entry on the diagonal.
+    bare: Vec<bool>,
     /// Which part a node is in while one set is split (see the constants below), or its number in a leaf.
     part: Vec<u32>,
 }
@@ -218,11 +225,7 @@ const LOWER: u32 = 0;
 const UPPER: u32 = 1;
 const SEPARATOR: u32 = 2;
 
-impl<'a> Dissection<'a> {
-    fn new(graph: &'a Graph, centres: Option<&'a [[f64; 3]]>) -> Self {
-        Self { graph, centres, part: vec![OUTSIDE; graph.len()] }
-    }
-
+impl Dissection<'_> {
     /// Reorders a set of nodes in place.
     fn order(&mut self, nodes: &mut [u32]) -> Result<(), SolveError> {
         // An explicit stack: the depth of the recursion must not depend on the mesh.
@@ -234,14 +237,24 @@ impl<'a> Dissection<'a> {
                     Some((n_lower, n_upper)) => {
                         open.push((begin, begin + n_lower));
                         open.push((begin + n_lower, begin + n_lower + n_upper));
-                        // The separator stays as it is: its front is dense in any order.
+                        // The front of the separator is dense in any order.
+                        self.bare_last(&mut set[n_lower + n_upper..]);
                     }
                     None => self.minimum_degree(set)?,
                 },
-                _ => self.minimum_degree(set)?,
+                Some(_) => {
+                    self.minimum_degree(set)?;
+                    self.bare_last(set);
+                }
+                None => self.minimum_degree(set)?,
             }
         }
         Ok(())
+    }
+
+    /// Nodes without an entry on the diagonal behind the others.
+    fn bare_last(&self, set: &mut [u32]) {
+        set.sort_by_key(|&node| self.bare[node as usize]);
     }
 
     /// Sorts a set into lower part, upper part, separator; the sizes of the first two. `None` when no cut helps.
