@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use super::symbolic::{INTERFACE, Symbolic};
+use super::symbolic::{Batch, INTERFACE, Plan, Symbolic};
 
 /// Contributions of fronts whose parent has not come yet.
 pub(super) struct Contributions {
@@ -72,21 +72,16 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// That of these fronts in this order. A front of k columns and r rows below them needs `room(k, r)` numbers on the
-    /// stack and leaves `left(r)` of them.
-    pub(super) fn new(
-        symbolic: &Symbolic,
-        fronts: impl Iterator<Item = u32>,
-        room: impl Fn(usize, usize) -> usize,
-        left: impl Fn(usize) -> usize,
-    ) -> Self {
+    /// That of these fronts in this order. A front of r rows below its columns needs `left(r)` numbers on the stack and
+    /// leaves them.
+    pub(super) fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32>, left: impl Fn(usize) -> usize) -> Self {
         let mut contributions = Contributions::with_capacity(0);
         let mut extent = Self { stack: 0, depth: 0, columns: 0, rows: 0 };
         for front in fronts.map(|front| front as usize) {
             let (k, r) = symbolic.sizes(front);
             extent.columns = extent.columns.max(k);
             extent.rows = extent.rows.max(r);
-            extent.stack = extent.stack.max(contributions.end + room(k, r));
+            extent.stack = extent.stack.max(contributions.end + left(r));
             let start = contributions.take_children(symbolic, front);
             contributions.push(front, start, left(r));
             extent.depth = extent.depth.max(contributions.waiting.len());
@@ -111,22 +106,48 @@ pub(super) fn shorten(stack: &mut Vec<f64>, length: usize) {
     }
 }
 
-/// Numbers that the stacks hold at most: every task keeps the contribution of its root, and so many tasks at a time have
-/// a whole stack.
-pub(super) fn stacks(tasks: impl Iterator<Item = StackSizes>, top: usize, threads: usize) -> usize {
-    let (mut kept, mut rest) = (0, Vec::new());
-    for task in tasks {
-        kept += task.root;
-        rest.push(task.whole.saturating_sub(task.root));
-    }
-    rest.sort_unstable_by(|a, b| b.cmp(a));
-    kept + rest.iter().take(threads.max(1)).sum::<usize>().max(top)
+/// What memory is asked for.
+pub(super) const WHAT: &str = "the contributions of a sparse factorisation";
+
+/// Gives a stack back that nobody reads any more.
+pub(super) fn give_back(stack: &mut Vec<f64>) {
+    shorten(stack, 0);
 }
 
-/// Numbers on the stack of a task.
-pub(super) struct StackSizes {
-    /// At most.
-    pub(super) whole: usize,
-    /// At its end.
-    pub(super) root: usize,
+/// Numbers that the stacks hold at most while the batches of a plan are done: those of so many tasks at a time, the
+/// contributions of their roots until a front takes them up, and the stack of the fronts above. `whole` is by task;
+/// `left(r)` as in [`Extent::new`].
+pub(super) fn stacks(
+    symbolic: &Symbolic,
+    plan: &Plan,
+    batches: &[Batch],
+    threads: usize,
+    whole: &[usize],
+    left: impl Fn(usize) -> usize,
+) -> usize {
+    let left = |front: u32| left(symbolic.sizes(front as usize).1);
+    // a small stack stays as it is
+    let kept = |task: usize| if whole[task] > KEPT { left(plan.tasks[task].root) } else { whole[task] };
+    let freed = |task: usize| if kept(task) > KEPT { kept(task) } else { 0 };
+    let (mut waiting, mut most) = (0, 0);
+    let mut above = Contributions::with_capacity(0);
+    for batch in batches.iter().cloned() {
+        let mut rest: Vec<usize> = batch.tasks.clone().map(|task| whole[task] - kept(task)).collect();
+        rest.sort_unstable_by(|a, b| b.cmp(a));
+        waiting += batch.tasks.clone().map(kept).sum::<usize>();
+        most = most.max(waiting + above.end + rest.iter().take(threads.max(1)).sum::<usize>());
+        for &front in &plan.top[batch.top] {
+            most = most.max(waiting + above.end + left(front));
+            let start = above.take_children(symbolic, front as usize);
+            let tasks = symbolic.children_of(front as usize).iter().filter_map(|&child| plan.task_of(child));
+            waiting -= tasks.map(freed).sum::<usize>();
+            above.push(front as usize, start, left(front));
+            if symbolic.parents[front as usize] == INTERFACE {
+                above.pop();
+            }
+        }
+        let done = batch.tasks.filter(|&task| symbolic.parents[plan.tasks[task].root as usize] == INTERFACE);
+        waiting -= done.map(freed).sum::<usize>();
+    }
+    most
 }

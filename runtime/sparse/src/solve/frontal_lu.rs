@@ -13,19 +13,22 @@
 //! Because pivots come from F11 alone this is not backward stable for every matrix: `checked` tests the true
 //! residual, and a vanishing pivot is an error here, to be answered with another method.
 
+use std::ops::Range;
+
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratch};
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_unit_lower_triangular_in_place};
 use faer::prelude::{Reborrow, ReborrowMut};
-use faer::{Accum, MatMut, MatRef, Par};
+use faer::{Accum, MatMut, Par};
 use rayon::prelude::*;
 
 use super::SolveError;
-use super::contributions::{Contributions, Extent, StackSizes, shorten, stacks};
+use super::contributions::{Contributions, Extent, WHAT, give_back, shorten, stacks};
 use super::dense::is_odd;
 use super::multifrontal::Multifrontal;
-use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
+use super::packed;
+use super::symbolic::{Batch, INTERFACE, Plan, Symbolic, Task};
 use super::triangular_solve::FrontFactor;
 use crate::csr::Pattern;
 use wfl_host::memory::{claim_numbers, lengthen, refused_by_the_system, zeros};
@@ -36,6 +39,7 @@ const VANISHING_PIVOT: f64 = 1e-15;
 /// LU factors of the members of a plan.
 pub(super) struct FrontalLu {
     plan: Plan,
+    batches: Vec<Batch>,
     values: Vec<f64>,
     /// Start of the values of each front (panel, then upper part), and the end.
     starts: Vec<usize>,
@@ -69,6 +73,8 @@ struct Workspace {
     waiting: Contributions,
     inverse: Vec<u32>,
     largest_in_column: Vec<f64>,
+    /// A column of the eliminated part of a front.
+    column: Vec<f64>,
     /// Smallest pivot relative to its column, and its place in the order of elimination.
     smallest: (f64, u32),
 }
@@ -135,8 +141,8 @@ impl FrontalLu {
     /// Takes the memory for the fronts in `members`, which holds every front above a member.
     pub(super) fn new(symbolic: &Symbolic, members: Vec<bool>, threads: usize) -> Result<Self, SolveError> {
         let plan = symbolic.plan(members, |front| 2.0 * symbolic.operations(front));
-        let extent =
-            |fronts: &mut dyn Iterator<Item = u32>| Extent::new(symbolic, fronts, |k, r| (k + r) * r, |r| r * r);
+        let square = |r: usize| r * r;
+        let extent = |fronts: &mut dyn Iterator<Item = u32>| Extent::new(symbolic, fronts, square);
         let extents: Vec<Extent> = plan.tasks.iter().map(|task| extent(&mut plan.fronts_of(task))).collect();
         let of_top = extent(&mut plan.top.iter().copied());
         let (mut starts, mut pivot_starts) = (vec![0], vec![0]);
@@ -146,16 +152,15 @@ impl FrontalLu {
             pivot_starts.push(pivot_starts[front] + k);
         }
         let threads = super::worthwhile_threads(threads, plan.cost);
-        let root = |task: &Task| symbolic.sizes(task.root as usize).1.pow(2);
-        let sizes = plan.tasks.iter().zip(&extents);
-        let sizes = sizes.map(|(task, extent)| StackSizes { whole: extent.stack, root: root(task) });
-        let stacks = stacks(sizes, of_top.stack, threads);
+        let whole: Vec<usize> = extents.iter().map(|extent| extent.stack).collect();
+        let batches = plan.batches(symbolic, threads, square);
+        let stacks = stacks(symbolic, &plan, &batches, threads, &whole, square);
         claim_numbers((starts[symbolic.n_fronts()] + stacks) as u64, "the factor of the matrix")?;
         let workspaces = extents.into_iter().map(Workspace::new).collect::<Result<_, _>>()?;
         let top = Workspace::new(of_top)?;
         let values = zeros(starts[symbolic.n_fronts()], "the factor of the matrix")?;
         let pivots = vec![0; pivot_starts[symbolic.n_fronts()]];
-        Ok(Self { plan, values, starts, pivots, pivot_starts, workspaces, top, threads })
+        Ok(Self { plan, batches, values, starts, pivots, pivot_starts, workspaces, top, threads })
     }
 
     /// Whether the determinant over the fronts of the plan is negative; pivots are exchanged within fronts only.
@@ -193,15 +198,10 @@ impl FrontalLu {
         constant: Option<&Multifrontal>,
     ) -> Result<(f64, u32), SolveError> {
         self.values.fill(0.0);
-        self.factor_tasks(symbolic, parts, constant)?;
-        let threads = self.threads;
-        let context = Context { symbolic, plan: &self.plan, parts, constant, tasks: &self.workspaces, threads };
-        self.top.open()?;
-        for &front in &self.plan.top {
-            let front = front as usize;
-            let values = &mut self.values[self.starts[front]..self.starts[front + 1]];
-            let pivots = &mut self.pivots[self.pivot_starts[front]..self.pivot_starts[front + 1]];
-            self.top.factor_front(&context, front, values, pivots)?;
+        self.top.clear();
+        for batch in self.batches.clone() {
+            self.factor_tasks(symbolic, parts, constant, batch.tasks)?;
+            self.factor_top(symbolic, parts, constant, batch.top)?;
         }
         let all = self.workspaces.iter().chain(std::iter::once(&self.top)).map(|workspace| workspace.smallest);
         let (ratio, place) = all.fold((1.0, 0), |least, one| if one.0 < least.0 { one } else { least });
@@ -213,13 +213,15 @@ impl FrontalLu {
         symbolic: &Symbolic,
         parts: &[Part<'_>],
         constant: Option<&Multifrontal>,
+        tasks: Range<usize>,
     ) -> Result<(), SolveError> {
         let (plan, starts, pivot_starts) = (&self.plan, &self.starts, &self.pivot_starts);
-        let values = plan.split(&mut self.values, |front| starts[front]);
-        let pivots = plan.split(&mut self.pivots, |front| pivot_starts[front]);
+        let values = plan.split(&mut self.values, tasks.clone(), |front| starts[front]);
+        let pivots = plan.split(&mut self.pivots, tasks.clone(), |front| pivot_starts[front]);
         let context = Context { symbolic, plan, parts, constant, tasks: &[], threads: 1 };
         let run = |task: &Task, workspace: &mut Workspace, values: &mut [f64], pivots: &mut [u32]| {
-            workspace.open()?;
+            workspace.clear();
+            lengthen(&mut workspace.stack, workspace.size, WHAT)?;
             let (offset, pivot_offset) = (starts[task.first as usize], pivot_starts[task.first as usize]);
             for front in plan.fronts_of(task).map(|front| front as usize) {
                 let values = &mut values[starts[front] - offset..starts[front + 1] - offset];
@@ -229,17 +231,42 @@ impl FrontalLu {
             shorten(&mut workspace.stack, symbolic.sizes(task.root as usize).1.pow(2));
             Ok(())
         };
+        let (tasks, workspaces) = (&plan.tasks[tasks.clone()], &mut self.workspaces[tasks]);
         let outcomes: Vec<Result<(), SolveError>> = if self.threads > 1 {
-            (plan.tasks.par_iter(), self.workspaces.par_iter_mut(), values, pivots)
+            (tasks.par_iter(), workspaces.par_iter_mut(), values, pivots)
                 .into_par_iter()
                 .with_max_len(1)
                 .map(|(task, workspace, values, pivots)| run(task, workspace, values, pivots))
                 .collect()
         } else {
-            let each = plan.tasks.iter().zip(&mut self.workspaces).zip(values).zip(pivots);
+            let each = tasks.iter().zip(workspaces).zip(values).zip(pivots);
             each.map(|(((task, workspace), values), pivots)| run(task, workspace, values, pivots)).collect()
         };
         outcomes.into_iter().collect()
+    }
+
+    /// Eliminates fronts above the tasks.
+    fn factor_top(
+        &mut self,
+        symbolic: &Symbolic,
+        parts: &[Part<'_>],
+        constant: Option<&Multifrontal>,
+        fronts: Range<usize>,
+    ) -> Result<(), SolveError> {
+        let Self { plan, values, starts, pivots, pivot_starts, workspaces, top, threads, .. } = self;
+        for front in plan.top[fronts].iter().map(|&front| front as usize) {
+            let values = &mut values[starts[front]..starts[front + 1]];
+            let pivots = &mut pivots[pivot_starts[front]..pivot_starts[front + 1]];
+            let need = top.waiting.end() + symbolic.sizes(front).1.pow(2);
+            lengthen(&mut top.stack, need, WHAT)?;
+            let context = Context { symbolic, plan, parts, constant, tasks: workspaces, threads: *threads };
+            top.factor_front(&context, front, values, pivots)?;
+            for task in symbolic.children_of(front).iter().filter_map(|&child| plan.task_of(child)) {
+                give_back(&mut workspaces[task].stack);
+            }
+            shorten(&mut top.stack, top.waiting.end());
+        }
+        Ok(())
     }
 }
 
@@ -256,15 +283,15 @@ impl Workspace {
             waiting: Contributions::with_capacity(depth),
             inverse: vec![0; largest],
             largest_in_column: vec![0.0; largest],
+            column: vec![0.0; largest],
             smallest: (1.0, 0),
         })
     }
 
-    /// Takes the memory for a factorisation.
-    fn open(&mut self) -> Result<(), SolveError> {
+    /// Forgets the factorisation before.
+    fn clear(&mut self) {
         self.waiting.clear();
         self.smallest = (1.0, 0);
-        Ok(lengthen(&mut self.stack, self.size, "the contributions of a sparse factorisation")?)
     }
 
     /// Assembles and eliminates one front; its contribution replaces those of its children on the stack.
@@ -277,21 +304,20 @@ impl Workspace {
     ) -> Result<(), SolveError> {
         let symbolic = context.symbolic;
         let (k, r) = symbolic.sizes(front);
-        let m = k + r;
-        let (panel, upper) = values.split_at_mut(k * m);
+        let (panel, upper) = values.split_at_mut(k * (k + r));
         let (below, free) = self.stack.split_at_mut(self.waiting.end());
-        let trailing = &mut free[..m * r];
-        trailing.fill(0.0);
+        let own = &mut free[..r * r];
+        own.fill(0.0);
+        let mut target = Front { panel, upper, own, k, r };
         for part in context.parts {
             for entry in part.map.of(front) {
-                let (row, column) = (entry.row as usize, entry.column as usize);
-                *place(panel, trailing, k, m, row, column) += part.values[entry.source as usize];
+                *target.entry(entry.row as usize, entry.column as usize) += part.values[entry.source as usize];
             }
         }
         for &child in symbolic.children_of(front) {
             let (child, places) = (child as usize, symbolic.places_of(child as usize));
             if let Some(constant) = context.constant.filter(|_| !context.plan.members[child]) {
-                add_symmetric(constant.contribution(symbolic, child), places, panel, trailing, k);
+                target.add_symmetric(constant.contribution(symbolic, child), places);
                 continue;
             }
             let size = places.len() * places.len();
@@ -301,14 +327,14 @@ impl Workspace {
                     &context.tasks[context.plan.task_of(child as u32).expect("children are done first")].stack[..size]
                 }
             };
-            add_general(contribution, places, panel, trailing, k);
+            target.add_general(contribution, places);
         }
-        for (largest, column) in self.largest_in_column.iter_mut().zip(panel.chunks_exact(m)) {
+        let m = k + r;
+        for (largest, column) in self.largest_in_column.iter_mut().zip(target.panel.chunks_exact(m)) {
             *largest = column.iter().fold(0.0, |largest, value| value.abs().max(largest));
         }
-        let inverse = &mut self.inverse[..k];
         let par = super::parallelism(context.threads, 2.0 * symbolic.operations(front));
-        eliminate(panel, upper, trailing, pivots, inverse, par, &mut self.memory);
+        target.eliminate(pivots, &mut self.inverse[..k], &mut self.column[..k], par, &mut self.memory);
         self.check_pivots(symbolic, front, panel)?;
         self.keep_contribution(symbolic, front);
         Ok(())
@@ -330,13 +356,12 @@ impl Workspace {
         Ok(())
     }
 
-    /// Moves the lower part of the front, m x r by columns at the end of the stack, over the children's contributions.
+    /// Moves the contribution of the front from the end of the stack over those of its children.
     fn keep_contribution(&mut self, symbolic: &Symbolic, front: usize) {
-        let (k, r) = symbolic.sizes(front);
+        let r = symbolic.sizes(front).1;
         let (start, end) = (self.waiting.take_children(symbolic, front), self.waiting.end());
-        for column in 0..r {
-            let source = end + column * (k + r) + k;
-            self.stack.copy_within(source..source + r, start + column * r);
+        if start < end {
+            self.stack.copy_within(end..end + r * r, start);
         }
         self.waiting.push(front, start, r * r);
         if symbolic.parents[front] == INTERFACE {
@@ -345,80 +370,85 @@ impl Workspace {
     }
 }
 
-/// Entry (row, column) of a front that is stored as its panel and the columns after it.
-fn place<'a>(
+/// A front with k columns to eliminate and r rows below, each part by columns.
+struct Front<'a> {
+    /// F11 above F21, (k + r) x k.
     panel: &'a mut [f64],
-    trailing: &'a mut [f64],
+    /// F12, k x r.
+    upper: &'a mut [f64],
+    /// F22, r x r.
+    own: &'a mut [f64],
     k: usize,
-    m: usize,
-    row: usize,
-    column: usize,
-) -> &'a mut f64 {
-    if column < k { &mut panel[column * m + row] } else { &mut trailing[(column - k) * m + row] }
+    r: usize,
 }
 
-/// The column of a front that is stored as its panel and the columns after it.
-fn front_column<'a>(panel: &'a mut [f64], trailing: &'a mut [f64], k: usize, m: usize, column: usize) -> &'a mut [f64] {
-    if column < k {
-        &mut panel[column * m..(column + 1) * m]
-    } else {
-        &mut trailing[(column - k) * m..(column - k + 1) * m]
+impl Front<'_> {
+    fn entry(&mut self, row: usize, column: usize) -> &mut f64 {
+        let Self { k, r, .. } = *self;
+        match (row.checked_sub(k), column.checked_sub(k)) {
+            (_, None) => &mut self.panel[column * (k + r) + row],
+            (None, Some(column)) => &mut self.upper[column * k + row],
+            (Some(row), Some(column)) => &mut self.own[column * r + row],
+        }
     }
-}
 
-/// Adds a full contribution, by columns.
-fn add_general(contribution: &[f64], places: &[u32], panel: &mut [f64], trailing: &mut [f64], k: usize) {
-    let (size, m) = (places.len(), panel.len() / k);
-    for (column, &target) in places.iter().enumerate() {
-        let target = front_column(panel, trailing, k, m, target as usize);
-        for (&row, value) in places.iter().zip(&contribution[column * size..(column + 1) * size]) {
-            target[row as usize] += value;
+    /// Adds a full contribution, by columns; `places` increase.
+    fn add_general(&mut self, contribution: &[f64], places: &[u32]) {
+        let Self { k, r, .. } = *self;
+        let (size, n_eliminated) = (places.len(), places.partition_point(|&place| (place as usize) < k));
+        let (first, rest) = places.split_at(n_eliminated);
+        for (&column, source) in places.iter().zip(contribution.chunks_exact(size.max(1))) {
+            let column = column as usize;
+            if column < k {
+                let target = &mut self.panel[column * (k + r)..(column + 1) * (k + r)];
+                places.iter().zip(source).for_each(|(&row, value)| target[row as usize] += value);
+                continue;
+            }
+            let (above, below) = source.split_at(n_eliminated);
+            let target = &mut self.upper[(column - k) * k..(column - k + 1) * k];
+            first.iter().zip(above).for_each(|(&row, value)| target[row as usize] += value);
+            let target = &mut self.own[(column - k) * r..(column - k + 1) * r];
+            rest.iter().zip(below).for_each(|(&row, value)| target[row as usize - k] += value);
         }
     }
-}
 
-/// Adds a symmetric contribution of which the lower half is given.
-fn add_symmetric(contribution: &[f64], places: &[u32], panel: &mut [f64], trailing: &mut [f64], k: usize) {
-    let (size, m) = (places.len(), panel.len() / k);
-    for (column, &target) in places.iter().enumerate() {
-        let values = &contribution[column * size + column..(column + 1) * size];
-        let here = front_column(panel, trailing, k, m, target as usize);
-        for (&row, value) in places[column..].iter().zip(values) {
-            here[row as usize] += value;
-        }
-        for (&row, value) in places[column + 1..].iter().zip(&values[1..]) {
-            *place(panel, trailing, k, m, target as usize, row as usize) += value;
+    /// Adds a symmetric contribution of which the lower half is given, as in [`packed`].
+    fn add_symmetric(&mut self, contribution: &[f64], places: &[u32]) {
+        for (column, &target) in places.iter().enumerate() {
+            let values = &contribution[packed::column(places.len(), column)];
+            for (&row, value) in places[column..].iter().zip(values) {
+                *self.entry(row as usize, target as usize) += value;
+            }
+            for (&row, value) in places[column + 1..].iter().zip(&values[1..]) {
+                *self.entry(target as usize, row as usize) += value;
+            }
         }
     }
-}
 
-/// LU of the panel, then the upper part into `upper` and the contribution into the lower rows of `trailing`.
-fn eliminate(
-    panel: &mut [f64],
-    upper: &mut [f64],
-    trailing: &mut [f64],
-    pivots: &mut [u32],
-    inverse: &mut [u32],
-    par: Par,
-    memory: &mut MemBuffer,
-) {
-    let k = pivots.len();
-    let m = panel.len() / k;
-    let r = m - k;
-    let (mut top, mut bottom) = MatMut::from_column_major_slice_mut(panel, m, k).split_at_row_mut(k);
-    lu_in_place(top.rb_mut(), pivots, inverse, par, MemStack::new(memory), Default::default());
-    if r == 0 {
-        return;
-    }
-    for (column, target) in upper.chunks_exact_mut(k).enumerate() {
-        let source = &trailing[column * m..column * m + k];
-        for (value, &row) in target.iter_mut().zip(pivots.iter()) {
-            *value = source[row as usize];
+    /// LU of the panel, then the upper part, then the contribution. `column` holds k numbers for a while.
+    fn eliminate(
+        &mut self,
+        pivots: &mut [u32],
+        inverse: &mut [u32],
+        column: &mut [f64],
+        par: Par,
+        memory: &mut MemBuffer,
+    ) {
+        let Self { k, r, .. } = *self;
+        let (mut top, mut bottom) = MatMut::from_column_major_slice_mut(self.panel, k + r, k).split_at_row_mut(k);
+        lu_in_place(top.rb_mut(), pivots, inverse, par, MemStack::new(memory), Default::default());
+        if r == 0 {
+            return;
         }
+        for target in self.upper.chunks_exact_mut(k) {
+            column.copy_from_slice(target);
+            target.iter_mut().zip(pivots.iter()).for_each(|(value, &row)| *value = column[row as usize]);
+        }
+        let mut upper = MatMut::from_column_major_slice_mut(self.upper, k, r);
+        solve_unit_lower_triangular_in_place(top.rb(), upper.rb_mut(), par);
+        // L21 U11 = F21, transposed to a lower triangle.
+        solve_lower_triangular_in_place(top.rb().transpose(), bottom.rb_mut().transpose_mut(), par);
+        let own = MatMut::from_column_major_slice_mut(self.own, r, r);
+        matmul(own, Accum::Add, bottom.rb(), upper.rb(), -1.0, par);
     }
-    solve_unit_lower_triangular_in_place(top.rb(), MatMut::from_column_major_slice_mut(upper, k, r), par);
-    // L21 U11 = F21, transposed to a lower triangle.
-    solve_lower_triangular_in_place(top.rb().transpose(), bottom.rb_mut().transpose_mut(), par);
-    let (_, contribution) = MatMut::from_column_major_slice_mut(trailing, m, r).split_at_row_mut(k);
-    matmul(contribution, Accum::Add, bottom.rb(), MatRef::from_column_major_slice(upper, k, r), -1.0, par);
 }

@@ -29,7 +29,6 @@ impl Llt {
         threads: usize,
     ) -> Result<Self, SolveError> {
         let symbolic = Symbolic::new(pattern, coordinates, &[])?;
-        symbolic.claim(|_| false, 0)?;
         let numeric = Multifrontal::new(&symbolic, vec![true; symbolic.n_fronts()], threads)?;
         let triangular = TriangularSolve::new(&symbolic, vec![true; symbolic.n_fronts()], threads);
         Ok(Self { pattern: Arc::clone(pattern), symbolic, numeric, triangular })

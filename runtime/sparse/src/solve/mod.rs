@@ -28,6 +28,7 @@ mod null_space;
 mod older_factor;
 mod on_pattern;
 mod ordering;
+mod packed;
 #[cfg(test)]
 mod problems;
 mod scaling;

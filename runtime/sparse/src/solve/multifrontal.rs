@@ -14,8 +14,11 @@
 //! positive definite is refused with the dof at which this was seen, in the caller's numbering.
 //! Reads one half of the matrix and checks neither symmetry nor finiteness nor condition: `checked` does.
 
+use std::ops::Range;
+
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::{Reborrow, ReborrowMut};
@@ -23,14 +26,16 @@ use faer::{Accum, MatMut, Par};
 use rayon::prelude::*;
 
 use super::SolveError;
-use super::contributions::{Contributions, Extent, StackSizes, shorten, stacks};
+use super::contributions::{Contributions, Extent, WHAT, give_back, shorten, stacks};
+use super::packed;
 use super::scaling::power_of_two;
-use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
+use super::symbolic::{Batch, INTERFACE, Plan, Symbolic, Task};
 use wfl_host::memory::{claim_numbers, lengthen, refused_by_the_system, zeros};
 
 /// A factorisation of the members of a plan: everything before the interface, or all fronts that never change.
 pub(super) struct Multifrontal {
     plan: Plan,
+    batches: Vec<Batch>,
     values: Values,
     /// Start of each panel in the values, and the end.
     panels: Vec<usize>,
@@ -80,8 +85,7 @@ impl Multifrontal {
     /// Takes the memory for the fronts in `members`, which holds every front below a member.
     pub(super) fn new(symbolic: &Symbolic, members: Vec<bool>, threads: usize) -> Result<Self, SolveError> {
         let plan = symbolic.plan(members, |front| symbolic.operations(front));
-        let square = |r: usize| r * r;
-        let extent = |fronts: &mut dyn Iterator<Item = u32>| Extent::new(symbolic, fronts, |_, r| square(r), square);
+        let extent = |fronts: &mut dyn Iterator<Item = u32>| Extent::new(symbolic, fronts, packed::length);
         let extents: Vec<Extent> = plan.tasks.iter().map(|task| extent(&mut plan.fronts_of(task))).collect();
         let of_top = extent(&mut plan.top.iter().copied());
         let mut panels = vec![0];
@@ -90,16 +94,14 @@ impl Multifrontal {
             panels.push(panels[front] + if plan.members[front] { k * (k + r) } else { 0 });
         }
         let threads = super::worthwhile_threads(threads, plan.cost);
-        let sizes = |(task, extent): (&Task, &Extent)| StackSizes {
-            whole: extent.stack,
-            root: square(symbolic.sizes(task.root as usize).1),
-        };
-        let stacks = stacks(plan.tasks.iter().zip(&extents).map(sizes), of_top.stack, threads);
+        let whole: Vec<usize> = extents.iter().map(|extent| extent.stack).collect();
+        let batches = plan.batches(symbolic, threads, packed::length);
+        let stacks = stacks(symbolic, &plan, &batches, threads, &whole, packed::length);
         claim_numbers((panels[symbolic.n_fronts()] + stacks) as u64, "the factor of the matrix")?;
         let workspaces = extents.into_iter().map(Workspace::new).collect::<Result<_, _>>()?;
         let top = Workspace::new(of_top)?;
         let values = Values::Double(zeros(panels[symbolic.n_fronts()], "the factor of the matrix")?);
-        Ok(Self { plan, values, panels, workspaces, top, threads })
+        Ok(Self { plan, batches, values, panels, workspaces, top, threads })
     }
 
     /// The panel of a member.
@@ -136,7 +138,7 @@ impl Multifrontal {
         Ok(())
     }
 
-    /// The contribution of a member whose parent takes no part: rows x rows by columns, lower half.
+    /// The contribution of a member whose parent takes no part: rows x rows, lower half as in [`packed`].
     pub(super) fn contribution(&self, symbolic: &Symbolic, front: usize) -> &[f64] {
         let (workspace, start) = match self.plan.task_of(front as u32) {
             Some(task) => (&self.workspaces[task], 0),
@@ -145,7 +147,7 @@ impl Multifrontal {
                 (&self.top, start.expect("contributions outside the plan wait"))
             }
         };
-        &workspace.stack[start..start + square(symbolic, front)]
+        &workspace.stack[start..start + left_by(symbolic, front)]
     }
 
     /// Factors the matrix with these values. `interface` receives S by columns, lower half only; its length is the
@@ -161,11 +163,12 @@ impl Multifrontal {
         let Values::Double(values) = &mut self.values else { panic!("a factor that was rounded is not made again") };
         let mut values = std::mem::take(values);
         values.fill(0.0);
-        let mut outcome = self.factor_tasks(symbolic, matrix_values, &mut values);
-        if outcome.is_ok() {
-            scatter_interface(symbolic, matrix_values, interface);
-            outcome = self.factor_top(symbolic, matrix_values, &mut values, interface);
-        }
+        scatter_interface(symbolic, matrix_values, interface);
+        self.top.waiting.clear();
+        let outcome = self.batches.clone().into_iter().try_for_each(|batch| {
+            self.factor_tasks(symbolic, matrix_values, &mut values, batch.tasks.clone())?;
+            self.factor_top(symbolic, matrix_values, &mut values, interface, batch)
+        });
         self.values = Values::Double(values);
         outcome
     }
@@ -175,63 +178,74 @@ impl Multifrontal {
         symbolic: &Symbolic,
         matrix_values: &[f64],
         values: &mut [f64],
+        tasks: Range<usize>,
     ) -> Result<(), SolveError> {
         let (plan, starts) = (&self.plan, &self.panels);
-        let panels = plan.split(values, |front| starts[front]);
+        let panels = plan.split(values, tasks.clone(), |front| starts[front]);
         let context = Context { symbolic, plan, matrix_values, tasks: &[], threads: 1 };
         let run = |task: &Task, workspace: &mut Workspace, panels: &mut [f64]| {
-            workspace.factor_subtree(&context, task, starts, panels)
+            workspace.waiting.clear();
+            lengthen(&mut workspace.stack, workspace.size, WHAT)?;
+            workspace.factor_subtree(&context, task, starts, panels)?;
+            shorten(&mut workspace.stack, left_by(symbolic, task.root as usize));
+            Ok(())
         };
+        let (tasks, workspaces) = (&plan.tasks[tasks.clone()], &mut self.workspaces[tasks]);
         let outcomes: Vec<Result<(), SolveError>> = if self.threads > 1 {
-            (plan.tasks.par_iter(), self.workspaces.par_iter_mut(), panels)
+            (tasks.par_iter(), workspaces.par_iter_mut(), panels)
                 .into_par_iter()
                 .with_max_len(1)
                 .map(|(task, workspace, panels)| run(task, workspace, panels))
                 .collect()
         } else {
-            let each = plan.tasks.iter().zip(&mut self.workspaces).zip(panels);
+            let each = tasks.iter().zip(workspaces).zip(panels);
             each.map(|((task, workspace), panels)| run(task, workspace, panels)).collect()
         };
         // The first failure in the order of elimination, for any order of the threads.
         outcomes.into_iter().collect()
     }
 
-    /// Eliminates the fronts above the tasks and adds everything that reaches the interface, in one fixed order.
+    /// Eliminates the fronts above the tasks of a batch and adds everything that reaches the interface, in the order of
+    /// the fronts, whatever the batches.
     fn factor_top(
         &mut self,
         symbolic: &Symbolic,
         matrix_values: &[f64],
         values: &mut [f64],
         interface: &mut [f64],
+        batch: Batch,
     ) -> Result<(), SolveError> {
-        let plan = &self.plan;
-        let threads = self.threads;
-        let context = Context { symbolic, plan, matrix_values, tasks: &self.workspaces, threads };
+        let Self { plan, panels, workspaces, top, .. } = self;
         let n_interface = symbolic.n_interface();
-        let mut tasks = plan.tasks.iter().zip(&self.workspaces).peekable();
-        let add_task = |task: &Task, workspace: &Workspace, interface: &mut [f64]| {
-            let root = task.root as usize;
+        let mut tasks = batch.tasks.peekable();
+        let add_task = |task: usize, workspaces: &mut [Workspace], interface: &mut [f64]| {
+            let root = plan.tasks[task].root as usize;
             if symbolic.parents[root] == INTERFACE {
-                let contribution = &workspace.stack[..square(symbolic, root)];
+                let contribution = &workspaces[task].stack[..left_by(symbolic, root)];
                 add_to_interface(contribution, symbolic.places_of(root), interface, n_interface);
+                give_back(&mut workspaces[task].stack);
             }
         };
-        self.top.open()?;
-        for &front in &plan.top {
-            while let Some((task, workspace)) = tasks.next_if(|(task, _)| task.root < front) {
-                add_task(task, workspace, interface);
+        for &front in &plan.top[batch.top] {
+            while let Some(task) = tasks.next_if(|&task| plan.tasks[task].root < front) {
+                add_task(task, workspaces, interface);
             }
             let front = front as usize;
-            let panel = &mut values[self.panels[front]..self.panels[front + 1]];
-            self.top.factor_front(&context, front, panel)?;
+            let panel = &mut values[panels[front]..panels[front + 1]];
+            let context = Context { symbolic, plan, matrix_values, tasks: workspaces, threads: self.threads };
+            let need = top.waiting.end() + left_by(symbolic, front);
+            lengthen(&mut top.stack, need, WHAT)?;
+            top.factor_front(&context, front, panel)?;
+            for task in symbolic.children_of(front).iter().filter_map(|&child| plan.task_of(child)) {
+                give_back(&mut workspaces[task].stack);
+            }
             if symbolic.parents[front] == INTERFACE {
-                let contribution = self.top.pop();
+                let contribution = top.pop();
                 add_to_interface(contribution, symbolic.places_of(front), interface, n_interface);
             }
+            shorten(&mut top.stack, top.waiting.end());
         }
-        for (task, workspace) in tasks {
-            add_task(task, workspace, interface);
-        }
+        tasks.for_each(|task| add_task(task, workspaces, interface));
         Ok(())
     }
 
@@ -281,12 +295,6 @@ impl Workspace {
         Ok(Self { stack: Vec::new(), size: extent.stack, memory, waiting })
     }
 
-    /// Takes the memory for a factorisation.
-    fn open(&mut self) -> Result<(), SolveError> {
-        self.waiting.clear();
-        Ok(lengthen(&mut self.stack, self.size, "the contributions of a sparse factorisation")?)
-    }
-
     /// Takes the last contribution off the stack; it stays readable until the next front.
     fn pop(&mut self) -> &[f64] {
         &self.stack[self.waiting.pop()]
@@ -299,12 +307,10 @@ impl Workspace {
         starts: &[usize],
         panels: &mut [f64],
     ) -> Result<(), SolveError> {
-        self.open()?;
         let offset = starts[task.first as usize];
         for front in context.plan.fronts_of(task).map(|front| front as usize) {
             self.factor_front(context, front, &mut panels[starts[front] - offset..starts[front + 1] - offset])?;
         }
-        shorten(&mut self.stack, square(context.symbolic, task.root as usize));
         Ok(())
     }
 
@@ -313,12 +319,13 @@ impl Workspace {
         let symbolic = context.symbolic;
         let (k, r) = symbolic.sizes(front);
         let (below, free) = self.stack.split_at_mut(self.waiting.end());
-        let own = &mut free[..r * r];
+        let left = packed::length(r);
+        let own = &mut free[..left];
         let waiting = &self.waiting;
         let children = || {
             symbolic.children_of(front).iter().map(|&child| {
                 let contribution = match waiting.start_of(child) {
-                    Some(start) => &below[start..start + square(symbolic, child as usize)],
+                    Some(start) => &below[start..start + left_by(symbolic, child as usize)],
                     None => context.finished(child),
                 };
                 (contribution, symbolic.places_of(child as usize))
@@ -334,13 +341,13 @@ impl Workspace {
             SolveError::NotPositiveDefinite { dof: dof as usize, pivot: f64::NAN }
         })?;
         for (contribution, places) in children() {
-            add_to_rows(contribution, places, own, k, r);
+            add_to_rows(contribution, places, own, k, |column| packed::column(r, column));
         }
         let (start, end) = (self.waiting.take_children(symbolic, front), self.waiting.end());
         if start < end {
-            self.stack.copy_within(end..end + r * r, start);
+            self.stack.copy_within(end..end + left, start);
         }
-        self.waiting.push(front, start, r * r);
+        self.waiting.push(front, start, left);
         Ok(())
     }
 }
@@ -349,14 +356,13 @@ impl Context<'_> {
     /// The contribution of the root of a finished task.
     fn finished(&self, root: u32) -> &[f64] {
         let task = self.plan.task_of(root).expect("children are done first");
-        &self.tasks[task].stack[..square(self.symbolic, root as usize)]
+        &self.tasks[task].stack[..left_by(self.symbolic, root as usize)]
     }
 }
 
-/// Number of values of the contribution of a front.
-fn square(symbolic: &Symbolic, front: usize) -> usize {
-    let rows = symbolic.sizes(front).1;
-    rows * rows
+/// Number of values of the contribution that a front leaves.
+fn left_by(symbolic: &Symbolic, front: usize) -> usize {
+    packed::length(symbolic.sizes(front).1)
 }
 
 /// Adds the entries of the matrix in the columns of a front to its zeroed panel.
@@ -381,8 +387,8 @@ fn scatter_front(symbolic: &Symbolic, front: usize, matrix_values: &[f64], panel
     }
 }
 
-/// Cholesky of the columns of a front; `own` becomes the lower half of minus the product of the rows below. An error is
-/// the column whose pivot is not positive.
+/// Cholesky of the columns of a front; `own` becomes the lower half, as in [`packed`], of minus the product of the rows
+/// below. An error is the column whose pivot is not positive.
 fn eliminate(panel: &mut [f64], own: &mut [f64], k: usize, par: Par, memory: &mut MemBuffer) -> Result<(), usize> {
     let m = panel.len() / k;
     let (mut top, mut bottom) = MatMut::from_column_major_slice_mut(panel, m, k).split_at_row_mut(k);
@@ -393,17 +399,25 @@ fn eliminate(panel: &mut [f64], own: &mut [f64], k: usize, par: Par, memory: &mu
         return Ok(());
     }
     solve_lower_triangular_in_place(top.rb(), bottom.rb_mut().transpose_mut(), par);
-    triangular::matmul(
-        MatMut::from_column_major_slice_mut(own, m - k, m - k),
-        BlockStructure::TriangularLower,
-        Accum::Replace,
-        bottom.rb(),
-        BlockStructure::Rectangular,
-        bottom.rb().transpose(),
-        BlockStructure::Rectangular,
-        -1.0,
-        par,
-    );
+    for block in packed::blocks(m - k) {
+        let target = MatMut::from_column_major_slice_mut(&mut own[block.range()], block.rows, block.columns);
+        let (diagonal, rest) = target.split_at_row_mut(block.columns);
+        let (beside, below) = bottom.rb().split_at_row(block.first).1.split_at_row(block.columns);
+        triangular::matmul(
+            diagonal,
+            BlockStructure::TriangularLower,
+            Accum::Replace,
+            beside,
+            BlockStructure::Rectangular,
+            beside.transpose(),
+            BlockStructure::Rectangular,
+            -1.0,
+            par,
+        );
+        if below.nrows() > 0 {
+            matmul(rest, Accum::Replace, below, beside.transpose(), -1.0, par);
+        }
+    }
     Ok(())
 }
 
@@ -413,23 +427,24 @@ fn add_to_columns(contribution: &[f64], places: &[u32], panel: &mut [f64], k: us
     let size = places.len();
     for (column, &place) in places.iter().enumerate().take_while(|&(_, &place)| (place as usize) < k) {
         let target = &mut panel[place as usize * m..(place as usize + 1) * m];
-        let source = &contribution[column * size + column..(column + 1) * size];
+        let source = &contribution[packed::column(size, column)];
         for (&row, value) in places[column..].iter().zip(source) {
             target[row as usize] += value;
         }
     }
 }
 
-/// Adds the remaining columns of a child's contribution to the contribution of the parent (r x r).
-fn add_to_rows(contribution: &[f64], places: &[u32], own: &mut [f64], k: usize, r: usize) {
+/// Adds the remaining columns of a child's contribution to those of the parent; `lies` says where one of them lies, from
+/// its diagonal down.
+fn add_to_rows(contribution: &[f64], places: &[u32], own: &mut [f64], k: usize, lies: impl Fn(usize) -> Range<usize>) {
     let size = places.len();
     let first = places.partition_point(|&place| (place as usize) < k);
     for column in first..size {
-        let place = places[column] as usize - k;
-        let target = &mut own[place * r..(place + 1) * r];
-        let source = &contribution[column * size + column..(column + 1) * size];
+        let place = places[column] as usize;
+        let target = &mut own[lies(place - k)];
+        let source = &contribution[packed::column(size, column)];
         for (&row, value) in places[column..].iter().zip(source) {
-            target[row as usize - k] += value;
+            target[row as usize - place] += value;
         }
     }
 }
@@ -448,7 +463,7 @@ fn scatter_interface(symbolic: &Symbolic, matrix_values: &[f64], interface: &mut
 
 /// Adds a contribution to the dense matrix of the interface, lower half.
 fn add_to_interface(contribution: &[f64], places: &[u32], interface: &mut [f64], n: usize) {
-    add_to_rows(contribution, places, interface, 0, n);
+    add_to_rows(contribution, places, interface, 0, |column| column * (n + 1)..(column + 1) * n);
 }
 
 #[cfg(test)]

@@ -8,6 +8,8 @@
 //! tasks depends on the structure alone, never on the number of threads.
 //! Does not hold values.
 
+use std::ops::Range;
+
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::SymbolicSupernodalParams;
@@ -23,6 +25,8 @@ use wfl_host::memory::{claim, claim_numbers, refused_by_the_system};
 const RELAXATION: &[(usize, f64)] = &[(4, 1.0), (16, 0.8), (48, 0.1), (usize::MAX, 0.05)];
 /// Aim of the split into independent tasks: none has more than this part of all operations.
 const TASK_SHARE: f64 = 1.0 / 16.0;
+/// Numbers that may wait for the fronts above: below, sharing out all tasks at once counts more than 8 MB.
+const WAITING: usize = 1 << 20;
 /// Multiplications that a whole factorisation makes while a triangular solve loads one value. Measured on neo-Hookean boxes
 /// (LLT of 43,125 unknowns of P2: 9, LU of 26,460 of Q1: 9, one thread): fronts are far below the peak of a processor.
 const OPERATIONS_PER_VALUE: f64 = 9.0;
@@ -68,12 +72,23 @@ pub(super) struct Plan {
 }
 
 /// One independent subtree.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Task {
     /// First front; the subtree is the members among `first..=root`.
     pub(super) first: u32,
     /// Its root.
     pub(super) root: u32,
+    /// Cost of its members.
+    pub(super) cost: f64,
+}
+
+/// Subtrees that follow each other, and the fronts above them that can be eliminated before the next ones.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Batch {
+    /// Among the tasks of the plan.
+    pub(super) tasks: Range<usize>,
+    /// Among the fronts above.
+    pub(super) top: Range<usize>,
 }
 
 impl Symbolic {
@@ -140,7 +155,7 @@ impl Symbolic {
     }
 
     /// Places of the lower half of one column in `lower_rows` and `lower_sources`.
-    pub(super) fn lower_entries(&self, column: usize) -> std::ops::Range<usize> {
+    pub(super) fn lower_entries(&self, column: usize) -> Range<usize> {
         self.lower_starts[column] as usize..self.lower_starts[column + 1] as usize
     }
 
@@ -275,7 +290,7 @@ impl Symbolic {
                 top.push(front as u32);
                 open.extend(children().map(|&child| child as usize));
             } else {
-                tasks.push(Task { first: first[front], root: front as u32 });
+                tasks.push(Task { first: first[front], root: front as u32, cost: costs[front] });
             }
         }
         top.sort_unstable();
@@ -301,6 +316,29 @@ impl Plan {
         trees
     }
 
+    /// The order in which tasks and the fronts above them are done: all tasks first, or, where the contributions of their
+    /// roots (`left(r)` numbers each for r rows) are large, as few at a time as keep so many threads busy.
+    pub(super) fn batches(&self, symbolic: &Symbolic, threads: usize, left: impl Fn(usize) -> usize) -> Vec<Batch> {
+        let waiting: usize = self.tasks.iter().map(|task| left(symbolic.sizes(task.root as usize).1)).sum();
+        // as the largest tasks together, so that no thread waits for long
+        let enough = match threads {
+            _ if waiting <= WAITING => f64::INFINITY,
+            0 | 1 => 0.0,
+            _ => threads as f64 * TASK_SHARE * self.cost,
+        };
+        let (mut batches, mut begin, mut top, mut cost) = (Vec::new(), 0, 0, 0.0);
+        for (number, task) in self.tasks.iter().enumerate() {
+            cost += task.cost;
+            let next = self.tasks.get(number + 1).map_or(u32::MAX, |task| task.first);
+            let end = self.top.partition_point(|&front| front < next);
+            if cost >= enough || number + 1 == self.tasks.len() {
+                batches.push(Batch { tasks: begin..number + 1, top: top..end });
+                (begin, top, cost) = (number + 1, end, 0.0);
+            }
+        }
+        batches
+    }
+
     /// Members of a task, increasing.
     pub(super) fn fronts_of(&self, task: &Task) -> impl DoubleEndedIterator<Item = u32> + Clone + use<'_> {
         (task.first..=task.root).filter(|&front| self.members[front as usize])
@@ -311,11 +349,16 @@ impl Plan {
         self.tasks.binary_search_by_key(&root, |task| task.root).ok()
     }
 
-    /// The part of a buffer that belongs to each task; `start` is the first place of a front (or of the end).
-    pub(super) fn split<'a, T>(&self, mut buffer: &'a mut [T], start: impl Fn(usize) -> usize) -> Vec<&'a mut [T]> {
+    /// The part of a buffer that belongs to each of some tasks; `start` is the first place of a front (or of the end).
+    pub(super) fn split<'a, T>(
+        &self,
+        mut buffer: &'a mut [T],
+        tasks: Range<usize>,
+        start: impl Fn(usize) -> usize,
+    ) -> Vec<&'a mut [T]> {
         let mut done = 0;
-        let mut parts = Vec::with_capacity(self.tasks.len());
-        for task in &self.tasks {
+        let mut parts = Vec::with_capacity(tasks.len());
+        for task in &self.tasks[tasks] {
             let (first, end) = (start(task.first as usize), start(task.root as usize + 1));
             let (part, rest) = buffer.split_at_mut(first - done).1.split_at_mut(end - first);
             parts.push(part);

@@ -171,7 +171,7 @@ impl TriangularSolve {
         transpose: Transpose,
     ) {
         let (plan, columns) = (&self.plan, &self.columns);
-        let parts = plan.split(&mut self.ordered, |front| columns[front]);
+        let parts = plan.split(&mut self.ordered, 0..plan.tasks.len(), |front| columns[front]);
         let run = |workspace: &mut Workspace, (task, x): (&Task, &mut [f64])| {
             workspace.waiting.clear();
             let offset = columns[task.first as usize];
@@ -241,7 +241,7 @@ impl TriangularSolve {
         each(self.parallel, &mut self.tops, parts, run);
         self.shared.copy_from_slice(&self.ordered);
         let shared = &self.shared;
-        let parts = plan.split(&mut self.ordered, |front| columns[front]);
+        let parts = plan.split(&mut self.ordered, 0..plan.tasks.len(), |front| columns[front]);
         let run = |workspace: &mut Workspace, (task, x): (&Task, &mut [f64])| {
             let (begin, end) = (columns[task.first as usize], columns[task.root as usize + 1]);
             for front in plan.fronts_of(task).rev().map(|front| front as usize) {
@@ -288,7 +288,7 @@ impl Top {
 
 impl Workspace {
     fn new(symbolic: &Symbolic, fronts: impl Iterator<Item = u32>) -> Self {
-        let Extent { stack, depth, columns, rows } = Extent::new(symbolic, fronts, |_, r| r, |r| r);
+        let Extent { stack, depth, columns, rows } = Extent::new(symbolic, fronts, |r| r);
         let (stack, front) = (vec![0.0; stack], vec![0.0; columns.max(rows)]);
         Self { stack, waiting: Contributions::with_capacity(depth), front }
     }
