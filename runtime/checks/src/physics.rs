@@ -198,16 +198,19 @@ pub fn conditions(state: Solved<'_>, left: f64) -> Vec<PhysicsCheck> {
     let groups = displacement_groups(system);
     let ranges = groups.iter().flatten().filter_map(|k| system.range(*k));
     let largest = largest(ranges.flat_map(|r| u[r].iter().copied()));
-    let (low, high) = system.mesh.bounds();
-    let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+    let extent = || {
+        let (low, high) = system.mesh.bounds();
+        (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]))
+    };
+    let has_moved = largest > 0.0 && largest > UNMOVED * extent();
     let mut out = Vec::new();
-    if largest > UNMOVED * extent {
+    if has_moved {
         for (term, gaps) in contact_gaps(system, state.contact, u, largest) {
             lengths(&mut out, term, &gaps, largest);
             shares(&mut out, term, &gaps);
         }
     }
-    if groups.is_empty() || largest > UNMOVED * extent {
+    if groups.is_empty() || has_moved {
         let defects = state.law_defects(UNPRESSED);
         out.extend(defects.into_iter().map(|defect| law_at_points(defect, left)));
     }

@@ -25,7 +25,7 @@ pub use tangent::Tangent;
 use thiserror::Error;
 use wfl_compiler::{
     Class,
-    types::{FieldKind, Side},
+    types::{FieldKind, InputSlot, Side},
 };
 
 use crate::assemble::{AssembledTerm, TermError};
@@ -72,6 +72,14 @@ fn forget(terms: &mut [AssembledTerm], class: Class) {
     }
 }
 
+/// What terms give at the state zero where neither known fields nor the past enter.
+struct Steady {
+    /// By such term: the uniforms that it was evaluated with.
+    uniforms: Vec<Vec<f64>>,
+    /// Their sum by dof.
+    sum: Vec<f64>,
+}
+
 /// A term whose branches are data: what takes the place of a term with projections while its active set is frozen.
 pub struct FrozenTerm {
     /// Position of the term that it replaces.
@@ -105,6 +113,8 @@ pub struct System {
     /// Where they are summed before they are rotated; `None` without local frames and dofs that follow others.
     scene_axes: Option<SceneAxes>,
     constant: Vec<f64>,
+    /// What of it stays from step to step.
+    steady: Option<Steady>,
     /// By field: the first field of those whose forces meet on interfaces.
     meets: Vec<usize>,
     /// What is done although the scene does not need it.
@@ -141,6 +151,7 @@ impl System {
             changing: Arc::new(Pattern::empty(n_free, n_free)),
             scene_axes: None,
             constant,
+            steady: None,
             meets,
             kept: Vec::new(),
         };
@@ -276,19 +287,44 @@ impl System {
     pub fn begin_step(&mut self, time: f64, increment: f64) -> Result<bool, SystemError> {
         self.set_laws(time, increment);
         let zero = vec![0.0; self.numbering.n_dofs];
-        let mut constant = vec![0.0; self.numbering.n_dofs];
-        let values = self.values(&zero);
-        for term in self.terms.iter().filter(|t| t.law.class <= Class::Linear) {
-            term.add_residual(&self.mesh, values.view(), &mut constant)?;
-        }
-        drop(values);
-        self.constant = constant;
+        let before = self.steady.take();
+        let at_zero = |out: &mut Vec<f64>, steady: bool| {
+            let values = self.values(&zero);
+            let mut terms = self.affine_terms().filter(|t| self.is_steady(t) == steady);
+            terms.try_for_each(|term| term.add_residual(&self.mesh, values.view(), out).map(drop))
+        };
+        let uniforms: Vec<Vec<f64>> =
+            self.affine_terms().filter(|t| self.is_steady(t)).map(|t| t.uniforms().to_vec()).collect();
+        let steady = match before {
+            Some(before) if before.uniforms == uniforms => before,
+            _ => {
+                let mut sum = zero.clone();
+                at_zero(&mut sum, true)?;
+                Steady { uniforms, sum }
+            }
+        };
+        let mut constant = steady.sum.clone();
+        at_zero(&mut constant, false)?;
+        (self.constant, self.steady) = (constant, Some(steady));
         let stale = self.linear_is_stale();
         if stale {
             self.assemble_linear(&zero)?;
             self.linear_uniforms = self.linear_terms().map(|t| t.uniforms().to_vec()).collect();
         }
         Ok(stale)
+    }
+
+    fn affine_terms(&self) -> impl Iterator<Item = &AssembledTerm> {
+        self.terms.iter().filter(|t| t.law.class <= Class::Linear)
+    }
+
+    /// Whether what a term gives at the state zero depends on its uniforms alone.
+    fn is_steady(&self, term: &AssembledTerm) -> bool {
+        term.law.inputs.iter().all(|input| match input {
+            InputSlot::Previous(_) => false,
+            InputSlot::Field(slot) => self.numbering.starts[slot.field.index()].is_some(),
+            _ => true,
+        })
     }
 
     /// Whether the matrix of the linear terms is not that of the present step.
@@ -351,7 +387,7 @@ impl System {
         self.numbering.set_frames(frames);
         self.numbering.fix(dofs);
         self.numbering.tie(ties);
-        self.linear = None;
+        (self.linear, self.steady) = (None, None);
         self.bulk = Arc::new(nothing(self.numbering.n_free()));
         self.locate()
     }
@@ -398,6 +434,9 @@ impl System {
     #[must_use]
     pub fn sizes(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
         let mut out = here.linear_sizes.clone();
+        if tangent.changing.values().is_empty() {
+            return out;
+        }
         let mut sizes: Vec<f64> = u.iter().map(|x| x.abs()).collect();
         self.numbering.frames.turn_sizes(&mut sizes);
         for row in 0..self.numbering.n_free() {

@@ -152,6 +152,13 @@ pub(super) struct StepFiles {
     pub(super) checkpoint: Option<checkpoint::Content>,
 }
 
+impl StepFiles {
+    /// True if no file has anything of this step.
+    pub(super) fn is_empty(&self) -> bool {
+        self.grids.iter().all(Option::is_none) && self.tables.is_empty() && self.checkpoint.is_none()
+    }
+}
+
 struct Table {
     name: String,
     columns: Vec<String>,

@@ -443,7 +443,7 @@ impl Run {
                 step.checkpoint = Some(checkpoint::pack(self, &mut log, scene, self.identity));
                 self.log = log;
             }
-            let taken = writer.send(step).is_ok();
+            let taken = step.is_empty() || writer.send(step).is_ok();
             self.clock.write += begin.elapsed().as_secs_f64();
             if !taken {
                 break;

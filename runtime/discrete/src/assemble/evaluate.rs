@@ -121,13 +121,14 @@ impl Workspace {
                 let Some(field) = all.get(basis.field.index()) else { continue };
                 let nc = basis.n_components;
                 let store = &mut store[basis.offset..][..basis.n_dofs()];
-                for l in 0..LANES {
+                let entities: [&[u32]; LANES] = std::array::from_fn(|l| {
                     let entity = (batch * LANES + l).min(last);
-                    let nodes = &basis.nodes[entity * basis.n_nodes..][..basis.n_nodes];
-                    for (slots, node) in store.chunks_exact_mut(nc).zip(nodes) {
-                        for (slot, value) in slots.iter_mut().zip(&field[*node as usize * nc..][..nc]) {
-                            slot[l] = *value;
-                        }
+                    &basis.nodes[entity * basis.n_nodes..][..basis.n_nodes]
+                });
+                for (k, slots) in store.chunks_exact_mut(nc).enumerate() {
+                    let places = entities.map(|nodes| nodes[k] as usize * nc);
+                    for (component, slot) in slots.iter_mut().enumerate() {
+                        *slot = Lanes(places.map(|place| field[place + component]));
                     }
                 }
             }

@@ -24,16 +24,11 @@ pub(super) fn gather_nodes(mesh: &Mesh, side: &GroupSide, batch: usize, nodes: &
     let first = batch * LANES;
     let last = side.cells.len() - 1;
     let n = side.geometry.n_dofs;
-    nodes.clear();
     nodes.resize(n, [ZERO; 3]);
-    for l in 0..LANES {
-        let cell = side.cells[(first + l).min(last)];
-        for (node, slot) in mesh.cell_nodes(cell).iter().zip(nodes.iter_mut()) {
-            let x = mesh.node(*node);
-            for d in 0..3 {
-                slot[d][l] = x[d];
-            }
-        }
+    let cells: [_; LANES] = std::array::from_fn(|l| &mesh.cell_nodes(side.cells[(first + l).min(last)])[..n]);
+    for (k, slot) in nodes.iter_mut().enumerate() {
+        let points = cells.map(|cell| mesh.node(cell[k]));
+        *slot = std::array::from_fn(|d| Lanes(points.map(|x| x[d])));
     }
 }
 

@@ -44,21 +44,9 @@ impl System {
             *size += offset.abs();
         }
         self.add_linear(u, form, &mut out, &mut sum)?;
-        let mut rest = vec![0.0; out.len()];
-        let mut with_frozen = vec![0.0; if self.frozen.is_empty() { 0 } else { out.len() }];
-        let values = self.values(u);
         sum.branches.resize_with(self.terms.len(), BranchCounts::default);
-        for (k, term) in self.terms.iter().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear) {
-            let target = if self.frozen.iter().any(|f| f.term == k) { &mut with_frozen } else { &mut rest };
-            sum.branches[k] = term.add_residual(&self.mesh, values.view(), target)?;
-        }
-        if !self.frozen.is_empty() {
-            sum.without_frozen.extend(out.iter().zip(&rest).map(|(a, b)| a + b));
-            rest.iter_mut().zip(&with_frozen).for_each(|(a, b)| *a += b);
-        }
-        self.grow(&mut sum.forces, &rest);
-        for (slot, r) in out.iter_mut().zip(&rest) {
-            *slot += r;
+        if !self.is_linear() {
+            self.add_changing(u, &mut out, &mut sum)?;
         }
         self.numbering.turn(&mut out);
         self.numbering.turn_sizes(&mut sum.linear_sizes);
@@ -108,6 +96,27 @@ impl System {
         let values = self.values(u);
         for term in self.terms.iter().filter(|t| t.law.class <= Class::Linear) {
             term.add_residual(&self.mesh, values.view(), out)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the terms that are neither constant nor linear to `out`, which holds the others (by dof, in the axes of the
+    /// scene).
+    fn add_changing(&self, u: &[f64], out: &mut [f64], sum: &mut Residual) -> Result<(), TermError> {
+        let mut rest = vec![0.0; out.len()];
+        let mut with_frozen = vec![0.0; if self.frozen.is_empty() { 0 } else { out.len() }];
+        let values = self.values(u);
+        for (k, term) in self.terms.iter().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear) {
+            let target = if self.frozen.iter().any(|f| f.term == k) { &mut with_frozen } else { &mut rest };
+            sum.branches[k] = term.add_residual(&self.mesh, values.view(), target)?;
+        }
+        if !self.frozen.is_empty() {
+            sum.without_frozen.extend(out.iter().zip(&rest).map(|(a, b)| a + b));
+            rest.iter_mut().zip(&with_frozen).for_each(|(a, b)| *a += b);
+        }
+        self.grow(&mut sum.forces, &rest);
+        for (slot, r) in out.iter_mut().zip(&rest) {
+            *slot += r;
         }
         Ok(())
     }
