@@ -128,36 +128,102 @@ fn a_limit_on_addresses_is_told() {
     }
 }
 
+/// What the process may be above its limit: memory that grows within a millisecond.
+#[cfg(target_os = "linux")]
+const ABOVE: u64 = 12_000_000;
+
+/// What the program takes by itself: no limit is below it.
+#[cfg(target_os = "linux")]
+const PROGRAM: u64 = 32_000_000;
+
+/// How a command ended: exit code, most bytes in memory, standard error.
+#[cfg(target_os = "linux")]
+fn watched(folder: &Folder, args: &[&str]) -> (Option<i32>, u64, String) {
+    let mut command = folder.command(args);
+    let mut child = command.stderr(std::process::Stdio::piped()).spawn().expect("the command starts");
+    let (mut peak, status) = (0, format!("/proc/{}/status", child.id()));
+    let code = loop {
+        let text = std::fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse::<u64>().ok());
+        peak = peak.max(line.unwrap_or(0) * 1024);
+        if let Some(status) = child.try_wait().expect("a child") {
+            break status.code();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    };
+    (code, peak, std::io::read_to_string(child.stderr.take().expect("piped")).expect("text"))
+}
+
 /// What no estimate foresees is seen while it is taken: the memory of the process stays at its limit.
 #[cfg(target_os = "linux")]
 #[test]
 fn the_limit_holds_for_what_is_not_asked_for() {
-    /// What the process may be above its limit: memory that grows within a millisecond.
-    const ABOVE: u64 = 12_000_000;
     let folder = Folder::new("watched");
     let limit = 60_000_000;
     for (name, cells, degree) in [("first", "[40,40,40] tet", ""), ("second", "[16,16,16] tet", " P2")] {
         let text = STRETCHED.replace("[10,10,10] tet", cells).replace(": vector", &format!(": vector{degree}"));
         folder.write("scene.wfl", text);
-        let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
-        command.args(["run", "scene.wfl", "--memory", "60MB", "--threads", "1"]).current_dir(&folder.0);
-        let mut child = command.stderr(std::process::Stdio::piped()).spawn().expect("the command starts");
-        let (mut peak, status) = (0, format!("/proc/{}/status", child.id()));
-        let code = loop {
-            let text = std::fs::read_to_string(&status).unwrap_or_default();
-            let line =
-                text.lines().find_map(|l| l.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse::<u64>().ok());
-            peak = peak.max(line.unwrap_or(0) * 1024);
-            if let Some(status) = child.try_wait().expect("a child") {
-                break status.code();
-            }
-            std::thread::sleep(std::time::Duration::from_millis(1));
-        };
-        let told = std::io::read_to_string(child.stderr.take().expect("piped")).expect("text");
+        let (code, peak, told) = watched(&folder, &["run", "scene.wfl", "--memory", "60MB", "--threads", "1"]);
         assert_eq!(code, Some(1), "{name}: {told}");
         assert!(told.contains("error[E606]"), "{name}: {told}");
         assert!(peak <= limit + ABOVE, "{name}: {peak} bytes: {told}");
     }
+}
+
+/// Examples of all kinds at sizes where the matrices count, with what is set for them.
+#[cfg(target_os = "linux")]
+const KINDS: [(&str, &[&str]); 20] = [
+    ("elasticity/block", &["cells=[8,8,8]"]),
+    ("elasticity/block", &["cells=[14,14,14]"]),
+    ("elasticity/cook", &["refine=6"]),
+    ("heat/heat", &["h=2e-5"]),
+    ("poisson/poisson", &["refine=5"]),
+    ("dg/poisson", &["cells=[60,60]"]),
+    ("stokes/stokes", &["cells=[96,48]"]),
+    ("plaplace/plaplace", &["cells=[150,150]"]),
+    ("plasticity/perzyna", &["cells=[10,10,10]"]),
+    ("creep/maxwell", &["cells=[100,100]"]),
+    ("hyperelastic/contact", &["cells=[14,14,14]", "fric=0.3"]),
+    ("hyperelastic/shear", &["n=60"]),
+    ("fault/nitsche", &["cells=[8,16,16]"]),
+    ("fault/augmented_lagrangian", &["cells=[8,16,16]"]),
+    ("fault/penalty", &["cells=[8,16,16]"]),
+    ("signorini/signorini", &["refine=6"]),
+    ("hertz/sphere", &["n=8"]),
+    ("crack/compression", &["refine=2"]),
+    ("surfaces/penny", &[]),
+    ("friction/tresca", &["refine=5"]),
+];
+
+/// Whatever is solved, the process stays within its limit: it gets by with less, or says what is too large.
+#[cfg(target_os = "linux")]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+#[test]
+fn the_limit_is_kept_by_scenes_of_all_kinds() {
+    let folder = Folder::new("limits");
+    let examples = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
+    let (mut refused, mut foreseen) = (0, 0);
+    for (name, settings) in KINDS {
+        let scene = examples.join(format!("{name}.wfl"));
+        let scene = scene.to_str().expect("a path in UTF-8");
+        let free: Vec<&str> = ["run", scene, "-q", "--threads", "2"].iter().chain(settings).copied().collect();
+        let (code, needed, told) = watched(&folder, &free);
+        // an expectation may be one for the size of the example
+        assert!(matches!(code, Some(0 | 3)) && needed > 40_000_000, "{name}: {needed} bytes: {told}");
+        for percent in [90, 60] {
+            let limit = (needed * percent / 100).max(PROGRAM);
+            let given = format!("{limit}B");
+            let (code, peak, told) = watched(&folder, &[&free[..], &["--memory", &given]].concat());
+            assert!(peak <= limit + ABOVE, "{name}, {percent} % of {needed} bytes: {peak} bytes: {told}");
+            if code == Some(1) {
+                refused += 1;
+                foreseen += usize::from(!told.contains("more than was foreseen"));
+                assert!(told.contains("error[E606]"), "{name}, {percent} %: {told}");
+            }
+        }
+    }
+    // the watch is there for the rest: lists and assembly of plane scenes, which have small factors
+    assert!(refused > 10 && 2 * foreseen > refused, "{foreseen} of {refused} refusals were foreseen");
 }
 
 #[test]

@@ -40,6 +40,8 @@ impl Iterative {
     /// # Errors
     /// [`SolveError`]: not positive definite, singular, or too large.
     pub(super) fn new(layout: NodeLayout, matrix: Arc<Csr>, options: SolverOptions) -> Result<Self, SolveError> {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
+        claim(iteration(matrix.n_rows(), 0).bytes as u64, "the levels of multigrid")?;
         let mut solver = CheckedMultigrid::new(layout, options);
         solver.take(matrix)?;
         Ok(Self { solver })
