@@ -23,7 +23,7 @@ pub use wfl_mesh::{element, mesh, quadrature, refine};
 pub use wfl_newton as newton;
 pub use wfl_sparse::{csr, solve};
 
-pub use checks::{Accuracy, Hourglass, LooseMotions, NegativeBody, Others, PhysicsCheck};
+pub use checks::{Accuracy, CoarseLoad, Hourglass, LockedBody, LooseMotions, NegativeBody, Others, PhysicsCheck};
 pub use left_out::LeftOut;
 pub use newton::{LinearSolver, Singular};
 pub use pruning::{Pruning, Saving};
@@ -34,8 +34,9 @@ pub use run::{
 pub use savings::{SavingError, savings};
 pub use scene::{
     CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions,
-    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateAt, StateUpdate, Steps, TermSummary, VtkOutput, coercivity,
-    contact_forms, hourglasses, n_files, negative_bodies, prepare, prepare_keeping, prepare_refined,
+    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateAt, StateUpdate, Steps, TermSummary, VtkOutput, coarse_loads,
+    coercivity, contact_forms, hourglasses, locked_bodies, n_files, negative_bodies, prepare, prepare_keeping,
+    prepare_refined,
 };
 pub use solve::SolverMemory;
 pub use system::{

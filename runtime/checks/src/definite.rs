@@ -55,19 +55,12 @@ struct Bodies<'a> {
 
 impl Bodies<'_> {
     fn negative_body(&self, field: usize, values: FieldValues<'_>) -> Option<NegativeBody> {
-        let on_cells = |t: &&AssembledTerm| t.on_cells() && t.law.class > Class::Constant;
-        let terms: Vec<&AssembledTerm> = self
-            .system
-            .terms
-            .iter()
-            .filter(on_cells)
-            .filter(|t| pairs(t).any(|(t, s)| is_stiffness(field, t, s)))
-            .collect();
+        let terms = stiff_terms(self.system, field);
         if terms.iter().any(|t| !t.law.symmetric) {
             return None;
         }
         let mixed = |(t, s): (BasisSlot, BasisSlot)| (t.field.index() == field) != (s.field.index() == field);
-        let saddle = self.system.terms.iter().filter(on_cells).any(|t| pairs(t).any(mixed));
+        let saddle = self.system.terms.iter().filter(acts_on_cells).any(|t| pairs(t).any(mixed));
         let mut worst: Option<NegativeBody> = None;
         for cell in terms.iter().flat_map(|t| sampled_cells(t)) {
             let Some(found) = self.at_cell(field, &terms, cell, values) else { continue };
@@ -89,32 +82,61 @@ impl Bodies<'_> {
         cell: CellId,
         values: FieldValues<'_>,
     ) -> Option<NegativeBody> {
-        let n = self.system.fields[field].n_components * self.system.mesh.dim();
-        let mut matrix = DMatrix::<f64>::zeros(n, n);
-        let (mut names, mut position) = (Vec::new(), None);
-        for term in terms {
-            let Some(PointTangent { entries, position: at }) = term.point_tangent(&self.system.mesh, values, cell)
-            else {
-                continue;
-            };
-            names.push(term.law.name.clone());
-            position.get_or_insert(at);
-            for (test, trial, value) in entries.into_iter().filter(|(t, s, _)| is_stiffness(field, *t, *s)) {
-                matrix[(usize::from(test.entry), usize::from(trial.entry))] += value;
-            }
-        }
-        if matrix.iter().any(|x| !x.is_finite()) {
-            return None;
-        }
+        let PointStiffness { matrix, terms, position } = stiffness(self.system, field, terms, cell, values)?;
         let eigenvalues = SymmetricEigen::new(0.5 * (&matrix + matrix.transpose())).eigenvalues;
         Some(NegativeBody {
             field: self.system.fields[field].name.clone(),
-            terms: names,
+            terms,
             smallest: eigenvalues.min(),
             largest: eigenvalues.max(),
-            position: position?,
+            position,
         })
     }
+}
+
+/// The tangent of the terms of a field at a point, gradients against gradients.
+pub(crate) struct PointStiffness {
+    /// Over the entries of the gradient, the first index fastest (force by gradient and area).
+    pub(crate) matrix: DMatrix<f64>,
+    /// The terms that act there, by name.
+    pub(crate) terms: Vec<String>,
+    /// Where.
+    pub(crate) position: [f64; 3],
+}
+
+/// The stiffness at the first point of a cell; `None` where it is not finite or no term acts.
+pub(crate) fn stiffness(
+    system: &System,
+    field: usize,
+    terms: &[&AssembledTerm],
+    cell: CellId,
+    values: FieldValues<'_>,
+) -> Option<PointStiffness> {
+    let n = system.fields[field].n_components * system.mesh.dim();
+    let mut matrix = DMatrix::<f64>::zeros(n, n);
+    let (mut names, mut position) = (Vec::new(), None);
+    for term in terms {
+        let Some(PointTangent { entries, position: at }) = term.point_tangent(&system.mesh, values, cell) else {
+            continue;
+        };
+        names.push(term.law.name.clone());
+        position.get_or_insert(at);
+        for (test, trial, value) in entries.into_iter().filter(|(t, s, _)| is_stiffness(field, *t, *s)) {
+            matrix[(usize::from(test.entry), usize::from(trial.entry))] += value;
+        }
+    }
+    let position = position.filter(|_| matrix.iter().all(|x| x.is_finite()))?;
+    Some(PointStiffness { matrix, terms: names, position })
+}
+
+/// The terms on cells that resist gradients of a field.
+pub(crate) fn stiff_terms(system: &System, field: usize) -> Vec<&AssembledTerm> {
+    let stiff = |t: &&AssembledTerm| pairs(t).any(|(t, s)| is_stiffness(field, t, s));
+    system.terms.iter().filter(acts_on_cells).filter(stiff).collect()
+}
+
+fn acts_on_cells(term: &&AssembledTerm) -> bool {
+    term.on_cells() && term.law.class > Class::Constant
 }
 
 /// The pairs of slots that the tangent of a term couples.
@@ -128,7 +150,8 @@ fn is_stiffness(field: usize, test: BasisSlot, trial: BasisSlot) -> bool {
     [test, trial].iter().all(|slot| slot.field.index() == field && slot.op == FieldOp::Grad)
 }
 
-fn sampled_cells(term: &AssembledTerm) -> Vec<CellId> {
+/// Cells of a term, spread evenly over it.
+pub(crate) fn sampled_cells(term: &AssembledTerm) -> Vec<CellId> {
     let groups = &term.integrator.domain.groups;
     let all: usize = groups.iter().map(|g| g.here.cells.len()).sum();
     let stride = all.div_ceil(CELLS).max(1);

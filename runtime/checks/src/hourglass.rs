@@ -10,7 +10,7 @@ use wfl_discrete::{
     assemble::{AssembledTerm, FieldValues},
     system::System,
 };
-use wfl_mesh::mesh::{CellId, CellKind};
+use wfl_mesh::mesh::{CellId, CellKind, RegionSet};
 
 use crate::singular::with_rule;
 
@@ -60,7 +60,12 @@ fn on_kind(system: &System, given: &[usize], kind: CellKind) -> Option<Hourglass
         for (k, term) in system.terms.iter().enumerate().filter(|(_, t)| stiff(t)) {
             match degree.filter(|_| ruled(k)) {
                 Some(degree) if acts(term, cell) => {
-                    sum.add(system, &with_rule(system, term, vec![cell], degree)?, values.view(), cell);
+                    sum.add(
+                        system,
+                        &with_rule(system, term, &RegionSet::Cells(vec![cell]), degree)?,
+                        values.view(),
+                        cell,
+                    );
                 }
                 _ => sum.add(system, term, values.view(), cell),
             }

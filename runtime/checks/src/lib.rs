@@ -8,17 +8,23 @@ pub mod consistency;
 mod definite;
 mod digits;
 mod hourglass;
+mod load_rules;
+mod locking;
 mod multiplier_law;
 mod physics;
 mod rigid_motions;
 mod singular;
+mod turned;
 mod uniqueness;
 
 pub use definite::{NegativeBody, negative_bodies};
 pub use digits::{Accuracy, digits};
 pub use hourglass::{Hourglass, hourglasses};
-pub use physics::{PhysicsCheck, balance, conditions, rests};
+pub use load_rules::{CoarseLoad, coarse_loads};
+pub use locking::{LockedBody, locked_bodies};
+pub use physics::{Conditions, NarrowZone, PhysicsCheck, balance, conditions, rests};
 pub use rigid_motions::LooseMotions;
+pub use turned::{TurnedCells, turned_cells};
 pub use uniqueness::{Others, others};
 
 use wfl_contact::Contact;

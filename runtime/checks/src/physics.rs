@@ -9,7 +9,7 @@ use wfl_compiler::{
 };
 
 use super::{Solved, multiplier_law::LawDefect};
-use wfl_contact::{ContactGaps, contact_gaps};
+use wfl_contact::{ContactGaps, PressedFaces, contact_gaps};
 use wfl_discrete::assemble::TermError;
 use wfl_discrete::finite::largest;
 use wfl_discrete::system::{Form, System};
@@ -61,6 +61,24 @@ impl PhysicsCheck {
     pub fn holds(&self) -> bool {
         self.value <= self.limit
     }
+}
+
+/// A zone of contact that covers no face of its term.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NarrowZone {
+    /// The term.
+    pub term: String,
+    /// Its faces.
+    pub faces: PressedFaces,
+}
+
+/// What [`conditions`] found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Conditions {
+    /// What should be zero.
+    pub checks: Vec<PhysicsCheck>,
+    /// What the mesh does not resolve.
+    pub narrow: Vec<NarrowZone>,
 }
 
 /// Whether forces balance at a state, reactions included: as far as Newton was asked to go.
@@ -193,7 +211,7 @@ fn balance_of_term(system: &System, term: usize, u: &[f64]) -> Option<PhysicsChe
 /// Overlap, sliding of sticking points, signs, friction cone, laws of multipliers; the equations hold to the relative
 /// residual `left`. Nothing where nothing has moved: what is left there is rounding.
 #[must_use]
-pub fn conditions(state: Solved<'_>, left: f64) -> Vec<PhysicsCheck> {
+pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
     let (system, u) = (state.system, state.u);
     let groups = displacement_groups(system);
     let ranges = groups.iter().flatten().filter_map(|k| system.range(*k));
@@ -203,9 +221,12 @@ pub fn conditions(state: Solved<'_>, left: f64) -> Vec<PhysicsCheck> {
         (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]))
     };
     let has_moved = largest > 0.0 && largest > UNMOVED * extent();
-    let mut out = Vec::new();
+    let (mut out, mut narrow) = (Vec::new(), Vec::new());
     if has_moved {
         for (term, gaps) in contact_gaps(system, state.contact, u, largest) {
+            if gaps.pressed.are_too_large() {
+                narrow.push(NarrowZone { term: term.to_owned(), faces: gaps.pressed });
+            }
             lengths(&mut out, term, &gaps, largest);
             shares(&mut out, term, &gaps);
         }
@@ -214,7 +235,7 @@ pub fn conditions(state: Solved<'_>, left: f64) -> Vec<PhysicsCheck> {
         let defects = state.law_defects(UNPRESSED);
         out.extend(defects.into_iter().map(|defect| law_at_points(defect, left)));
     }
-    out
+    Conditions { checks: out, narrow }
 }
 
 /// Lengths that should be zero, in parts of the largest displacement.

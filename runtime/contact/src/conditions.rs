@@ -35,13 +35,34 @@ pub struct ContactGaps {
     pub pulled: Option<f64>,
     /// The part of the area in contact on which friction drives what it should resist; `None` without contact.
     pub driven: Option<f64>,
+    /// The faces on which the sides press on each other.
+    pub pressed: PressedFaces,
+}
+
+/// Faces by how many of their points press.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PressedFaces {
+    /// With a point that presses.
+    pub some: usize,
+    /// With no other points.
+    pub whole: usize,
+    /// All faces of the term.
+    pub of: usize,
+}
+
+impl PressedFaces {
+    /// True if the zone of contact covers no face: its size and its pressures are those of the points of a rule.
+    #[must_use]
+    pub fn are_too_large(&self) -> bool {
+        self.some > 0 && self.whole == 0
+    }
 }
 
 /// Work below this part of what it is if every component of a force resists has no sign.
 const SIGNLESS: f64 = 1e-6;
 /// The factor on friction of the law as it is written.
 const AS_WRITTEN: f64 = 1.0;
-/// A motion below this part of the largest displacement has no direction.
+/// A motion below this part of the largest displacement has no direction, and an overlap that the law resists is none.
 const STILL: f64 = 1e-9;
 
 /// An integral, and the part of it that is looked for.
@@ -107,6 +128,36 @@ impl Violations {
     }
 }
 
+/// Counts the faces that press, point after point.
+struct FaceCount<I> {
+    /// The points of each face.
+    sizes: I,
+    /// Points of the present face that are to come, and those that have come and press or do not.
+    left: usize,
+    pressing: usize,
+    open: usize,
+    pressed: PressedFaces,
+}
+
+impl<I: Iterator<Item = usize>> FaceCount<I> {
+    fn new(sizes: I) -> Self {
+        Self { sizes, left: 0, pressing: 0, open: 0, pressed: PressedFaces::default() }
+    }
+
+    fn add_point(&mut self, presses: bool) {
+        if self.left == 0 {
+            (self.left, self.pressing, self.open) = (self.sizes.next().unwrap_or(1), 0, 0);
+        }
+        *if presses { &mut self.pressing } else { &mut self.open } += 1;
+        self.left -= 1;
+        if self.left == 0 {
+            self.pressed.of += 1;
+            self.pressed.some += usize::from(self.pressing > 0);
+            self.pressed.whole += usize::from(self.pressing > 0 && self.open == 0);
+        }
+    }
+}
+
 /// A displacement that the argument of a projection depends on.
 struct Motion {
     /// The slot of its test function.
@@ -141,8 +192,11 @@ impl ContactTerm {
         let mut fluxes = fluxes.iter();
         let motions = self.motions(system);
         let mut found = Violations { moved, ..Violations::default() };
+        let groups = &self.sampled.domain.groups;
+        let mut faces = FaceCount::new(groups.iter().flat_map(|g| g.entities.iter().map(|_| g.n_points())));
         self.arguments(system, values, |full, gap, slopes| {
             let Some((flux, weight)) = fluxes.next() else { return };
+            let mut presses = false;
             let each = self.projections.iter().zip(&largest).zip(&motions);
             for ((p, slope), motions) in each.filter(|((_, s), _)| **s > 0.0) {
                 let mut works_along = |direction: &[f64]| works_along(flux, motions, direction, &slopes());
@@ -156,6 +210,7 @@ impl ContactTerm {
                     // a part of a friction bound is no gap
                     ProjectionKind::HalfLine if !p.acts => {}
                     ProjectionKind::HalfLine => {
+                        presses |= p.n == 1 && at.x[0] > STILL * moved * slope;
                         found.add_normal(&at, p.n == 1 && at.x[0] > 0.0, || works_along(&[1.0]));
                     }
                     ProjectionKind::Ball => {
@@ -163,8 +218,10 @@ impl ContactTerm {
                     }
                 }
             }
+            faces.add_point(presses);
         });
         ContactGaps {
+            pressed: faces.pressed,
             penetration: found.penetration,
             drift: found.drift,
             pulled: found.pulled.value(),

@@ -27,7 +27,7 @@ mod term;
 
 pub use breakpoints::{Breakpoints, Ray};
 pub use coercivity::{Coercivity, coercivity, is_consistent};
-pub use conditions::{ContactGaps, contact_gaps};
+pub use conditions::{ContactGaps, PressedFaces, contact_gaps};
 pub use coupling::{Friction, couplings, has_multiplier};
 pub use friction_work::{FrictionWork, friction_work};
 pub use projection_state::{ConvergedState, ProjectionState};

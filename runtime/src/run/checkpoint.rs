@@ -18,7 +18,8 @@ use thiserror::Error;
 
 use super::{Attempt, AttemptEnd, Clock, Path, Run, RunError, StepResult, memory::Memory};
 use crate::{
-    checks::{Accuracy, Others, PhysicsCheck},
+    assemble::NegativeVolumes,
+    checks::{Accuracy, Others, PhysicsCheck, TurnedCells},
     contact::{ContactMemory, FrictionWork},
     input::{InputError, InputKind, read_input},
     newton::{Iteration, LinearSolver, Method, StepHistory, Stop},
@@ -34,7 +35,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 10;
+const FORMAT: u64 = 11;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -319,6 +320,15 @@ fn step(w: &mut Writer, s: &StepResult) {
         w.numbers(&[c.value, c.limit]);
         w.text(&c.detail);
     }
+    w.count(s.turned.len());
+    for TurnedCells { term, field, volumes } in &s.turned {
+        w.text(term);
+        w.text(field);
+        w.count(volumes.n_cells);
+        w.count(volumes.of);
+        let [x, y, z] = volumes.position;
+        w.numbers(&[volumes.smallest, x, y, z]);
+    }
     w.count(usize::from(s.friction.is_some()));
     s.friction.iter().for_each(|f| w.numbers(&[f.taken, f.size, f.bound]));
     w.count(s.measures.len());
@@ -347,6 +357,12 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         let name = r.text()?;
         let [value, limit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
         Ok(PhysicsCheck { name, value, limit, detail: r.text()? })
+    })?;
+    step.turned = r.list(|r| {
+        let (term, field, n_cells, of) = (r.text()?, r.text()?, r.count()?, r.count()?);
+        let [smallest, x, y, z] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        let volumes = NegativeVolumes { n_cells, of, smallest, position: [x, y, z] };
+        Ok(TurnedCells { term, field, volumes })
     })?;
     let friction = r.list(|r| {
         let [taken, size, bound] = *r.numbers()?.as_slice() else { return Err(Unreadable) };

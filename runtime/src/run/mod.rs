@@ -28,7 +28,7 @@ use wfl_compiler::ir::Origin;
 
 use crate::{
     assemble::BranchCounts,
-    checks::{self, Accuracy, Others, PhysicsCheck, Solved},
+    checks::{self, Accuracy, NarrowZone, Others, PhysicsCheck, Solved, TurnedCells},
     contact::{FrictionWork, friction_work},
     finite::{BadGiven, BadMeasure, BadOutput},
     newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
@@ -40,7 +40,7 @@ use crate::{
 };
 use checkpoint::Log;
 use files::{CheckpointCost, Files, StepFiles};
-use stepping::{Leg, StepError, Stepper};
+use stepping::{Leg, Reached, StepError, Stepper};
 
 /// Steps that may wait for their files to be written before the solver waits too.
 const STEPS_TO_WRITE: usize = 1;
@@ -147,6 +147,10 @@ pub struct StepResult {
     pub accuracy: Option<Accuracy>,
     /// Conditions of mechanics at a converged state.
     pub checks: Vec<PhysicsCheck>,
+    /// Cells of bodies of finite strain that turned inside out, by term.
+    pub turned: Vec<TurnedCells>,
+    /// Zones of contact that cover no face; empty for a step that another process did.
+    pub narrow: Vec<NarrowZone>,
     /// Energy that friction took from the motion in this step (force times length), negative where it gave some back;
     /// `None` without friction.
     pub friction: Option<FrictionWork>,
@@ -216,6 +220,12 @@ impl Outcome {
             }
         }
         out
+    }
+
+    /// What there is to say of cells that turned inside out, with the name of their term, each term once.
+    #[must_use]
+    pub fn turned(&self) -> Vec<(String, String)> {
+        report::turned(&self.steps).map(|(t, cells)| (report::turned_text(t, cells), cells.term.clone())).collect()
     }
 
     /// True if every step converged.
@@ -477,21 +487,19 @@ impl Run {
                 RunError::State { step: number, time, state, value, position }
             }
         };
-        let reached = reached.map_err(|error| wrap(self, scene, error))?;
-        let (history, attempts) = (reached.history, reached.attempts);
+        let Reached { history, increment, attempts } = reached.map_err(|error| wrap(self, scene, error))?;
         // the equations are those of the old states; a state that is given has nothing to judge
         let solved = history.converged() && history.stop != Some(Stop::Given);
         let begin = Instant::now();
         let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
         let judged = judged.map_err(|error| wrap(self, scene, error.into()))?;
-        let Judged { accuracy, checks, others, residual } = judged;
+        let Judged { accuracy, checks, turned, narrow, others, residual } = judged;
         let branches = if solved { residual.branches } else { self.branches(scene) };
         let before = before.filter(|_| solved);
         let friction = before.and_then(|before| friction_work(&scene.system, &scene.contact, &before, &self.u));
         self.clock.check += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
         self.stepper.renew(scene);
-        let increment = reached.increment;
         let (measures, bad_measures) = self.measures(scene, time, increment);
         self.print(scene, time, increment, progress);
         let state = self.u.clone();
@@ -503,6 +511,8 @@ impl Run {
             attempts,
             accuracy,
             checks,
+            turned,
+            narrow,
             friction,
             others,
             measures,
@@ -542,7 +552,8 @@ impl Run {
         let (accuracy, conditions) =
             rayon::join(|| checks::digits(state, solver, history.correction), || checks::conditions(state, left));
         let mut found = checks::balance(state, scene.newton.tolerance);
-        found.extend(conditions);
+        found.extend(conditions.checks);
+        let (narrow, turned) = (conditions.narrow, checks::turned_cells(system, &self.u));
         let others = checks::others(system, contact, solver, &self.u, known)?;
         let doubtful =
             accuracy.as_ref().is_some_and(|a| a.digits() < report::FEW_DIGITS) || found.iter().any(|c| !c.holds());
@@ -550,7 +561,7 @@ impl Run {
             // what differs from zero is rounding, and so is every number made of it
             return Ok(Judged { others, residual, ..Judged::default() });
         }
-        Ok(Judged { accuracy, checks: found, others, residual })
+        Ok(Judged { accuracy, checks: found, turned, narrow, others, residual })
     }
 }
 
@@ -559,6 +570,8 @@ impl Run {
 struct Judged {
     accuracy: Option<Accuracy>,
     checks: Vec<PhysicsCheck>,
+    turned: Vec<TurnedCells>,
+    narrow: Vec<NarrowZone>,
     others: Others,
     /// The residual there.
     residual: Residual,

@@ -2,6 +2,8 @@
 
 use super::{Attempt, AttemptEnd, Others, Path, PhysicsCheck, Run, RunOptions, StepResult};
 use crate::{
+    checks::{NarrowZone, TurnedCells},
+    finite,
     left_out::LeftOut,
     mesh::Mesh,
     newton::{LinearSolver, Stop},
@@ -122,6 +124,8 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
             format!("at t = {} the tangent is singular at zero: started from a displaced state", step.time),
         ));
     }
+    out.extend(turned(steps).map(|(time, cells)| ("W616", turned_text(time, cells))));
+    out.extend(narrow(steps).map(|text| ("W617", text)));
     out.extend(energy_back(steps).map(|text| ("W615", text)));
     out.extend(several(steps).map(|text| ("W609", text)));
     for (time, check) in worst_checks(steps).into_iter().filter(|(_, c)| !c.holds()) {
@@ -129,6 +133,38 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
         out.push(("W606", format!("{name}: {value:.1e} at t = {time}, at most {limit:.0e} expected; {detail}")));
     }
     out
+}
+
+/// By term the first step in which cells turned inside out.
+pub(crate) fn turned(steps: &[StepResult]) -> impl Iterator<Item = (f64, &TurnedCells)> {
+    let all = || steps.iter().flat_map(|s| s.turned.iter().map(|cells| (s.time, cells)));
+    let is_first = move |at: usize, cells: &TurnedCells| all().take(at).all(|(_, c)| c.term != cells.term);
+    all().enumerate().filter(move |(at, (_, cells))| is_first(*at, cells)).map(|(_, found)| found)
+}
+
+/// What is said of cells that turned.
+pub(crate) fn turned_text(time: f64, cells: &TurnedCells) -> String {
+    let TurnedCells { term, field, volumes } = cells;
+    format!(
+        "at t = {time} {} of the {} cells of `{term}` are turned inside out: the determinant of Id + Grad_{field} is {:.3e} \
+         at {}",
+        volumes.n_cells,
+        volumes.of,
+        volumes.smallest,
+        finite::position(volumes.position)
+    )
+}
+
+/// The zones of contact of the last step that cover no face.
+fn narrow(steps: &[StepResult]) -> impl Iterator<Item = String> {
+    let zones = steps.last().into_iter().flat_map(|s| s.narrow.iter().map(|zone| (s.time, zone)));
+    zones.map(|(time, NarrowZone { term, faces })| {
+        format!(
+            "at t = {time} `{term}` presses at points of {} of its {} faces, and on none of them at all points: size and \
+             pressures of so small a zone of contact are those of the quadrature rule; smaller faces there resolve it",
+            faces.some, faces.of
+        )
+    })
 }
 
 /// Energy that friction gives back counts if it is this part of the most that it had taken in the run: where loads only

@@ -1,8 +1,10 @@
 //! Known fields at a value of the step variable, and what the first step needs of them.
 
-use super::Scene;
+use wfl_compiler::Class;
+
+use super::{RuleChoice, Scene};
 use crate::{
-    checks::{self, Hourglass, NegativeBody},
+    checks::{self, CoarseLoad, Hourglass, LockedBody, NegativeBody},
     consistency::{self, ContactForm},
     contact::{Coercivity, coercivity as of_contact},
     system::{System, SystemError},
@@ -25,6 +27,49 @@ pub fn coercivity(scene: &mut Scene) -> Result<Vec<Coercivity>, SystemError> {
 pub fn negative_bodies(scene: &mut Scene) -> Result<Vec<NegativeBody>, SystemError> {
     begin_first_step(scene)?;
     Ok(checks::negative_bodies(&scene.system))
+}
+
+/// The displacements of a scene whose bodies are nearly incompressible on elements of degree 1, at its first step. Nothing
+/// is assembled.
+///
+/// # Errors
+/// [`SystemError`] where a known field has no finite value.
+pub fn locked_bodies(scene: &mut Scene) -> Result<Vec<LockedBody>, SystemError> {
+    begin_first_step(scene)?;
+    Ok(checks::locked_bodies(&scene.system))
+}
+
+/// The loads of a scene that their quadrature rules do not resolve, each at the first of three steps where it is so: one in
+/// the middle, the last and the first. Loads that are integrated exactly are not looked at.
+///
+/// # Errors
+/// [`SystemError`] where a known field has no finite value.
+pub fn coarse_loads(scene: &mut Scene) -> Result<Vec<CoarseLoad>, SystemError> {
+    let mut ruled: Vec<(usize, usize)> = scene
+        .terms
+        .iter()
+        .enumerate()
+        .filter_map(|(k, t)| match t.rule {
+            RuleChoice::Degree(degree) if t.class == Class::Constant => Some((k, degree)),
+            _ => None,
+        })
+        .collect();
+    let values = scene.steps.values.clone();
+    let last = values.len().saturating_sub(1);
+    let mut found: Vec<CoarseLoad> = Vec::new();
+    for at in [last.div_ceil(2), last, 0] {
+        if ruled.is_empty() {
+            break;
+        }
+        let time = values.get(at).copied().unwrap_or(0.0);
+        let increment = values.get(1).map_or(0.0, |next| next - values[0]);
+        set_data(scene, time, increment)?;
+        scene.system.set_laws(time, increment);
+        found.extend(checks::coarse_loads(&scene.system, &ruled));
+        ruled.retain(|(term, _)| found.iter().all(|f| f.term != *term));
+    }
+    found.sort_by_key(|f| f.term);
+    Ok(found)
 }
 
 /// The kinds of cells on which the terms at these positions leave deformations without stiffness because of their rule,

@@ -44,7 +44,7 @@ use std::{
     path::Path,
 };
 
-use wfl::{Diagnostic, ResolvedScript, ast::Reduction};
+use wfl::{Diagnostic, ResolvedScript, Span, ast::Reduction};
 use wfl_compiler::{
     Class, Constant, Env,
     backend::KernelBackend,
@@ -65,7 +65,7 @@ use crate::{
 use batch::Batch;
 use build::Findings;
 pub use constraints::Prescribed;
-pub use data::{coercivity, contact_forms, hourglasses, negative_bodies};
+pub use data::{coarse_loads, coercivity, contact_forms, hourglasses, locked_bodies, negative_bodies};
 pub(crate) use data::{node_positions, set_data};
 pub use held::Printed;
 pub use inputs::InputFile;
@@ -104,6 +104,8 @@ pub struct PrepareTimes {
 pub struct TermSummary {
     /// Its name.
     pub name: String,
+    /// Its statement.
+    pub span: Span,
     /// Its region.
     pub place: String,
     /// How it depends on the unknowns.

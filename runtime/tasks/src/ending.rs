@@ -62,8 +62,11 @@ pub struct Ended {
 #[must_use]
 pub fn judged(loaded: &Loaded, scene: &Scene, outcome: &Outcome, picked: Option<&str>) -> Ended {
     let fresh = outcome.diagnostics.iter().filter(|d| !loaded.messages.contains(d)).cloned().collect();
-    let warnings = outcome.warnings.iter().map(|(code, text)| Said::Text(format!("warning[{code}]: {text}\n")));
+    // that of cells turned inside out has a place in the text
+    let texts = outcome.warnings.iter().filter(|(code, _)| *code != "W616");
+    let warnings = texts.map(|(code, text)| Said::Text(format!("warning[{code}]: {text}\n")));
     let mut ended = Ended { ending: Ending::Done, messages: fresh, said: warnings.collect() };
+    ended.said.extend(turned(scene, outcome));
     let why = [
         (Ending::NotConverged, not_converged(loaded, scene, outcome)),
         (Ending::NotFinite, not_finite(loaded, outcome)),
@@ -74,6 +77,23 @@ pub fn judged(loaded: &Loaded, scene: &Scene, outcome: &Outcome, picked: Option<
         ended.said.extend(said);
     }
     ended
+}
+
+/// W616 at each term some of whose cells turned inside out.
+fn turned(scene: &Scene, outcome: &Outcome) -> Vec<Said> {
+    let told = |(text, term): (String, String)| {
+        let d = Diagnostic::new("W616", text);
+        let place = scene.terms.iter().find(|t| t.name == term);
+        let d = match place {
+            Some(term) => d.at(term.span, "this law has a stress at negative volumes, and no body is in such a state"),
+            None => d,
+        };
+        Said::Message(d.help(
+            "smaller load steps; a law with log(Det(Id + Grad_u)), which keeps cells from turning; smaller cells where \
+             they turn",
+        ))
+    };
+    outcome.turned().into_iter().map(told).collect()
 }
 
 /// Why steps did not converge; empty where all did.

@@ -1,7 +1,8 @@
 //! An independent assembly of the statements of a scene, at the states that a run found: on the interpreter, with every
 //! term at every state, on one thread.
 
-use wfl_runtime::{FIXED, Form, Scene, StepResult, System};
+use wfl_compiler::types::FieldKind;
+use wfl_runtime::{FIXED, Form, Scene, StepResult, System, assemble::AssembledTerm};
 
 use crate::fuzz::Random;
 
@@ -13,7 +14,8 @@ const BESIDE: f64 = 1e-3;
 /// What an audit found, each the worst of all steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Audit {
-    /// Largest free entry of the residual over the largest entry of a term in the equations of its field.
+    /// Largest free entry of the residual over the largest entry of a term in the equations of its field, or of one that it
+    /// meets on an interface: a body that nothing touches has no force of its own.
     pub residual: f64,
     /// Largest distance of a prescribed value from what the statements say, over the largest of the field's values.
     pub prescribed: f64,
@@ -102,7 +104,8 @@ fn residual(scene: &mut Scene, u: &[f64]) -> Result<f64, String> {
     }
     let rounding = rounding(system, u, &all)?;
     let mut worst = 0.0f64;
-    for (field, size) in sizes.iter().enumerate() {
+    for field in 0..sizes.len() {
+        let size = (0..sizes.len()).filter(|k| meet(system, *k, field)).fold(0.0f64, |m, k| m.max(sizes[k]));
         let range = system.range(field).unwrap_or(0..0);
         let free = range.filter(|d| system.numbering.free[*d] != FIXED).map(|d| all[d].abs());
         let largest = free.fold(0.0f64, |m, r| if r.is_nan() { f64::INFINITY } else { m.max(r) });
@@ -111,6 +114,15 @@ fn residual(scene: &mut Scene, u: &[f64]) -> Result<f64, String> {
         }
     }
     Ok(worst)
+}
+
+/// True for one field twice, and for unknowns of one shape that a term tests together: bodies that meet.
+fn meet(system: &System, a: usize, b: usize) -> bool {
+    let of = |k: usize| &system.fields[k];
+    let alike =
+        of(a).kind == of(b).kind && of(a).kind == FieldKind::Unknown && of(a).n_components == of(b).n_components;
+    let tests = |term: &AssembledTerm, k: usize| term.law.tests.iter().any(|slot| slot.field.index() == k);
+    a == b || alike && system.terms.iter().any(|t| tests(t, a) && tests(t, b))
 }
 
 /// What rounding may leave: a part of what the forces change by where each unknown changes by the size of all.

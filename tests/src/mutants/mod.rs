@@ -16,7 +16,9 @@ pub use took_part::idle_statements;
 use wfl::{Diagnostic, NoFiles, SourceMap, resolve};
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_jit::JitBackend;
-use wfl_runtime::{Outcome, Prepared, Pruning, Quiet, RuleChoice, RunOptions, prepare_keeping, run};
+use wfl_runtime::{
+    Outcome, Prepared, Pruning, Quiet, RuleChoice, RunOptions, Scene, coarse_loads, locked_bodies, prepare_keeping, run,
+};
 
 use crate::fuzz::Random;
 
@@ -30,6 +32,8 @@ const SAME: f64 = 1e-9;
 const FINER: f64 = 0.5;
 /// What the degree of a rule is raised by.
 const MORE: usize = 4;
+/// The warning that numbers are those of a quadrature rule: all else is judged.
+const RULE_DECIDES: &str = "W617";
 /// Steps of a mutant, at most; more are a longer run and not another one.
 const STEPS: usize = 6;
 
@@ -89,6 +93,9 @@ pub fn judge(mutant: &Mutant, out: Option<PathBuf>) -> Verdict {
     if let Some(d) = told.first() {
         return Verdict::Warned(d.code.to_owned());
     }
+    if let Some(code) = told_before(&mut scene) {
+        return Verdict::Warned(code.to_owned());
+    }
     let rules: Vec<(String, RuleChoice)> = scene.terms.iter().map(|t| (t.place.clone(), t.rule)).collect();
     let options = RunOptions { out: out.clone(), keep_states: true, ..RunOptions::without_files(2, Instant::now()) };
     let outcome = match run(&mut scene, &options, &mut Quiet) {
@@ -98,15 +105,30 @@ pub fn judge(mutant: &Mutant, out: Option<PathBuf>) -> Verdict {
     if !outcome.converged() {
         return Verdict::NotConverged;
     }
-    if let Some((code, _)) = outcome.warnings.first() {
+    if let Some((code, _)) = outcome.warnings.iter().find(|(code, _)| *code != RULE_DECIDES) {
         return Verdict::Warned((*code).to_owned());
+    }
+    // a measure that is no number is an error of the command, with the measure and the place
+    let bad = outcome.bad_measures();
+    if !bad.is_empty() && bad.iter().all(|(_, name, _, place)| place.is_some_and(|p| p.name == *name)) {
+        return Verdict::Refused("E611".to_owned());
     }
     let mut wrong = not_finite(&outcome, out.as_ref());
     wrong.extend(not_the_same(mutant, &outcome));
-    wrong.extend(not_under_a_finer_rule(mutant, &outcome, &rules));
+    if outcome.warnings.is_empty() {
+        wrong.extend(not_under_a_finer_rule(mutant, &outcome, &rules));
+    }
     let idle = idle_statements(mutant, &outcome.steps);
     wrong.extend(idle.into_iter().filter(|i| !unused.iter().any(|d| i.ends_with(stated(mutant, d)))));
     if wrong.is_empty() { Verdict::Agreed } else { Verdict::Disagrees(wrong) }
+}
+
+/// What the command says of a prepared scene about the size of its numbers, before a run.
+fn told_before(scene: &mut Scene) -> Option<&'static str> {
+    if coarse_loads(scene).is_ok_and(|loads| !loads.is_empty()) {
+        return Some("W512");
+    }
+    locked_bodies(scene).is_ok_and(|bodies| !bodies.is_empty()).then_some("W513")
 }
 
 /// The statement that a message points at.
@@ -132,8 +154,11 @@ fn not_finite(outcome: &Outcome, out: Option<&PathBuf>) -> Vec<String> {
     }
     for file in outcome.files.iter().filter(|f| out.is_some() && f.extension().is_some_and(|e| e == "csv")) {
         let text = std::fs::read_to_string(file).unwrap_or_default();
-        let is_finite = |cell: &str| cell.trim().parse().is_ok_and(f64::is_finite);
-        if text.lines().skip(1).flat_map(|l| l.split(',')).any(|cell| !is_finite(cell)) {
+        let rows: Vec<Vec<f64>> = text.lines().skip(1).map(numbers).collect();
+        // a quantity has a value in its own body, and `nan` in others on the line
+        let lives = |column: usize| rows.iter().any(|row| row[column].is_finite());
+        let columns = rows.first().map_or(0, Vec::len);
+        if rows.iter().flatten().any(|cell| cell.is_infinite()) || !(0..columns).all(lives) {
             wrong.push(format!("{} has cells that are no finite numbers", file.display()));
         }
     }
@@ -144,6 +169,11 @@ fn not_finite(outcome: &Outcome, out: Option<&PathBuf>) -> Vec<String> {
         wrong.push("a file was written twice".to_owned());
     }
     wrong
+}
+
+/// The cells of a row; infinite for what is no number and not `nan`.
+fn numbers(row: &str) -> Vec<f64> {
+    row.split(',').map(|cell| cell.trim().parse().unwrap_or(f64::INFINITY)).collect()
 }
 
 /// The same statements on the interpreter, without what is left out of a run, on one thread.

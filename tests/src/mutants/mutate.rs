@@ -54,15 +54,13 @@ impl Mutant {
     }
 }
 
-/// The examples, each in its small form, in the order of their paths; those of `surfaces` have meshes in files of tens of
-/// thousands of unknowns, which have no small form.
+/// The examples, each in its small form, in the order of their paths.
 ///
 /// # Panics
 /// If they cannot be read.
 #[must_use]
 pub fn seeds() -> Vec<Seed> {
-    let small_ones = scene_files().into_iter().filter(|path| !path.components().any(|c| c.as_os_str() == "surfaces"));
-    let made = small_ones.map(|path| {
+    let made = scene_files().into_iter().map(|path| {
         let folder = path.parent().expect("examples are in folders").to_path_buf();
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let text = std::fs::read_to_string(&path).expect("examples can be read");

@@ -220,6 +220,27 @@ pub(super) const PAGES: &[CodePage] = &[
         "unknown u : vector Q2\nterm body on all : Sym(Grad_u):Grad_Test_u\nquadrature on all degree 4",
     ),
     page(
+        "W512",
+        "a load that its quadrature rule does not resolve",
+        "A rule of a higher degree changes the nodal forces of the load by more than a tenth: the load has a peak \
+         between the points, jumps inside cells, or a pole at an edge. Displacements are wrong by about the same part. \
+         The message has the step and the node where the change is the largest. Smaller cells, region borders along \
+         the jump, or a higher degree in `quadrature` resolve what has an integral; 1/x at an edge has none.",
+        "region top = faces where y == 1\nload u = [0,-1/x] on top",
+        "region top = faces where y == 1\nload u = [0,-1/(1 + x)] on top",
+    ),
+    page(
+        "W513",
+        "a nearly incompressible body on elements of degree 1",
+        "The body resists changes of volume like one with a Poisson number above 0.495, and its elements have degree 1. \
+         Such elements lock: hardly a deformation of them keeps the volume of every cell, so displacements are too small \
+         and pressures alternate from cell to cell. The stiffness is computed from the sum of the terms at points of \
+         the cells, whatever the parameters are called. Elements of degree 2 hardly lock; a pressure as an unknown of \
+         its own, of a lower degree than the displacement, does not at all.",
+        "term body on all : 1e4*Div_u*Div_Test_u + Sym(Grad_u):Grad_Test_u\nunknown u : vector",
+        "term body on all : 1e4*Div_u*Div_Test_u + Sym(Grad_u):Grad_Test_u\nunknown u : vector Q2",
+    ),
+    page(
         "W602",
         "a cycle of active sets",
         "Newton's method met the same active set again at the same load: some points alternate between stick and slip, \
@@ -318,6 +339,28 @@ pub(super) const PAGES: &[CodePage] = &[
          the dissipated energy of each step (friction_work).",
         "def Pt = gamma*tang(jump(uL,uR)) - tang(trac(uL))",
         "def Pt = gamma*tang(jump(uL,uR) - jump(Previous_uL,Previous_uR)) - tang(trac(uL))",
+    ),
+    page(
+        "W616",
+        "cells turned inside out",
+        "A load step ended with cells in which the determinant of the deformation gradient, Id + Grad_u, is not positive \
+         at a point of the rule: no body can be in such a state, although the equations hold. Laws with a finite stress \
+         at negative volumes allow it: Saint-Venant-Kirchhoff, and volumetric energies such as (J - 1)^2. The message has \
+         the first such step, the number of cells, the smallest determinant and its place. Laws of finite strain are \
+         recognised by what they do, however they are written: a rotation of the deformed body turns its stress. Laws \
+         whose stress is not finite there, with log(J), keep cells from turning and cost nothing. Points between those \
+         of the rule are not looked at, and bodies along a line are not judged.",
+        "def F = Id(2) + Grad_u\ndef E = 0.5*(F'*F - Id(2))\nterm body on all : (F*(10*Trace(E)*Id(2) + 20*E)):Grad_Test_u",
+        "def F = Id(2) + Grad_u\nterm body on all : (10*(F - Inv(F)') + 10*log(Det(F))*Inv(F)'):Grad_Test_u",
+    ),
+    page(
+        "W617",
+        "a zone of contact that covers no face",
+        "At the end of the run the sides of a contact term press on each other at points of some faces, but on no face at \
+         all of its points. The size of such a zone, and the pressures in it, are those of the quadrature rule and not \
+         of the bodies; the total force may still be right. Smaller faces resolve the zone.",
+        "mesh box [0,-5] to [5,0] cells [6,6] quad",
+        "mesh box [0,-5] to [5,0] cells [60,60] quad",
     ),
     page(
         "W702",

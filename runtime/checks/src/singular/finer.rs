@@ -7,7 +7,7 @@ use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
 use crate::Examined;
 use wfl_discrete::assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots, tangent_kernel};
 use wfl_discrete::system::System;
-use wfl_mesh::mesh::{CellId, RegionSet};
+use wfl_mesh::mesh::RegionSet;
 use wfl_mesh::quadrature::{rule, vertex};
 use wfl_newton::Singular;
 
@@ -53,7 +53,7 @@ impl Examined<'_> {
     /// A term on cells under a rule of some degree, interpreted.
     fn with_degree(&self, term: &AssembledTerm, degree: usize) -> Option<AssembledTerm> {
         let cells = term.integrator.domain.groups.iter().flat_map(|g| g.here.cells.iter().copied()).collect();
-        with_rule(self.system, term, cells, degree)
+        with_rule(self.system, term, &RegionSet::Cells(cells), degree)
     }
 
     /// True if a motion from `u` meets forces.
@@ -88,17 +88,17 @@ impl Examined<'_> {
     }
 }
 
-/// A term on some cells under a rule of some degree, interpreted, at the step of the system. `None` where there is no such
+/// A term on a region under a rule of some degree, interpreted, at the step of the system. `None` where there is no such
 /// rule, or where the term reads states, which have values at the points of their own rule alone.
 pub(crate) fn with_rule(
     system: &System,
     term: &AssembledTerm,
-    cells: Vec<CellId>,
+    region: &RegionSet,
     degree: usize,
 ) -> Option<AssembledTerm> {
     let law = term.law.clone();
     let make = |kind| rule(kind, degree).unwrap_or_else(|_| vertex(kind));
-    let domain = Arc::new(Domain::new(&system.mesh, &RegionSet::Cells(cells), &make).ok()?);
+    let domain = Arc::new(Domain::new(&system.mesh, region, &make).ok()?);
     let slots = LawSlots { inputs: &law.inputs, tests: &law.tests, trials: &law.trials };
     let binding = Binding::new(&system.mesh, &domain, &system.fields, slots).ok()?;
     let residual = InterpreterBackend.compile(&[&law.residual]).ok()?.pop()?;

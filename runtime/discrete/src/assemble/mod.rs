@@ -25,4 +25,8 @@ pub use branches::BranchCounts;
 pub use entries::tangent_kernel;
 pub use evaluate::{Bound, FieldValues, Workspace};
 pub use simd::Lanes;
-pub use term::{AssembledTerm, Integrator, NonFinitePlace, PointTangent, TermError};
+pub use term::{
+    AssembledTerm, Integrator, NonFinitePlace, TermError,
+    gradients::{Gradient, NegativeVolumes},
+    local::PointTangent,
+};

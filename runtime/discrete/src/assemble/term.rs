@@ -4,8 +4,8 @@
 //! sums are the same for any number of threads. After the first assembly nothing is allocated. A number that is not
 //! finite stops the assembly with its place.
 
-mod local;
-pub use local::PointTangent;
+pub(super) mod gradients;
+pub(super) mod local;
 
 use std::sync::{
     Arc, Mutex, PoisonError,

@@ -1,11 +1,13 @@
 //! What is said of a scene before it is run: formulations of contact that carry no stress, Nitsche parameters below their
-//! safe value, bodies that are not positive definite, quadrature rules with too few points.
+//! safe value, bodies that are not positive definite or lock, quadrature rules with too few points.
 //!
 //! The numbers are those of the runtime; here they become messages at their places. Does not change the scene.
 
 pub mod contact;
 mod definite;
 pub mod hourglass;
+mod load_rules;
+mod locking;
 mod nitsche;
 
 use wfl::Diagnostic;
@@ -21,6 +23,8 @@ pub fn before_run(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
     let mut found = nitsche::parameters(loaded, scene);
     found.extend(definite::bodies(loaded, scene));
     found.extend(hourglass::rules(loaded, scene));
+    found.extend(load_rules::loads(scene));
+    found.extend(locking::bodies(scene));
     found.extend(contact::warnings(loaded, &contact_forms(scene)));
     found
 }

@@ -1,0 +1,96 @@
+//! Loads that their quadrature rule does not resolve: their nodal forces under a rule of a higher degree.
+//!
+//! A load is a formula of the position (and of known fields). Where it is no polynomial that the rule integrates exactly, a
+//! rule with more points says how far the nodal forces are from the integral: a peak between the points, a jump inside a
+//! facet, a pole at an edge such as 1/x, whose integral does not even exist. Looks at terms without unknowns alone, at the
+//! step of the system; loads that their rule integrates exactly cost nothing.
+
+use wfl_compiler::Class;
+use wfl_discrete::{
+    assemble::{AssembledTerm, Domain},
+    system::{FIXED, System},
+};
+use wfl_mesh::mesh::{InterfaceFacet, RegionSet};
+
+use crate::singular::with_rule;
+
+/// What the degree of a rule is raised by.
+const MORE: usize = 4;
+/// The part of the nodal forces that a finer rule may move without a word. A jump of the load inside one of ten facets
+/// moves half a facet at most, a twentieth; elastic displacements are wrong by the same part as the forces.
+const MOVED: f64 = 0.1;
+
+/// A load whose nodal forces a finer rule moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoarseLoad {
+    /// The position of its term.
+    pub term: usize,
+    /// The degree of the finer rule.
+    pub degree: usize,
+    /// By how much that moves the nodal forces: the sum of the sizes of the changes over that of the forces.
+    pub share: f64,
+    /// The step variable.
+    pub time: f64,
+    /// The node where the change is the largest.
+    pub position: [f64; 3],
+}
+
+/// Of the terms at these positions with the degrees of their rules, the loads that they do not resolve.
+#[must_use]
+pub fn coarse_loads(system: &System, ruled: &[(usize, usize)]) -> Vec<CoarseLoad> {
+    ruled.iter().filter_map(|(term, degree)| coarse_load(system, *term, *degree)).collect()
+}
+
+fn coarse_load(system: &System, term: usize, degree: usize) -> Option<CoarseLoad> {
+    let load = &system.terms[term];
+    let law = &load.law;
+    let is_exact = law.degree.is_exact() && law.degree.rule() <= degree;
+    if law.class != Class::Constant || law.tests.is_empty() || is_exact {
+        return None;
+    }
+    // a term through a mapping has points where others have none
+    let region = region(&load.integrator.domain).filter(|_| law.listing.graph.mapping.is_none())?;
+    let degree = degree.max(law.degree.rule()) + MORE;
+    let finer = with_rule(system, load, &region, degree)?;
+    let zero = vec![0.0; system.numbering.n_dofs];
+    let forces = |term: &AssembledTerm| {
+        let mut out = vec![0.0; zero.len()];
+        // where the load has no finite value the run itself says so with the place
+        term.add_residual(&system.mesh, system.values(&zero).view(), &mut out).ok().map(|_| out)
+    };
+    let (own, fine) = (forces(load)?, forces(&finer)?);
+    let (mut moved, mut size, mut worst) = (0.0, 0.0, (0.0f64, 0));
+    for dof in (0..zero.len()).filter(|d| system.numbering.free[*d] != FIXED) {
+        let change = (fine[dof] - own[dof]).abs();
+        moved += change;
+        size += fine[dof].abs().max(own[dof].abs());
+        if change > worst.0 {
+            worst = (change, dof);
+        }
+    }
+    let field = system.field_of(worst.1);
+    let node = (worst.1 - system.range(field)?.start) / system.fields[field].n_components;
+    let position = system.fields[field].node_position(node);
+    let (share, time) = (moved / size, system.step().0);
+    (share > MOVED).then_some(CoarseLoad { term, degree, share, time, position })
+}
+
+/// The region of a domain; `None` for loads at nodes and on `global`.
+fn region(domain: &Domain) -> Option<RegionSet> {
+    let groups = &domain.groups;
+    if groups.iter().any(|g| g.is_global) {
+        return None;
+    }
+    if groups.iter().all(|g| g.tangents.is_none()) {
+        return Some(RegionSet::Cells(groups.iter().flat_map(|g| g.here.cells.iter().copied()).collect()));
+    }
+    if groups.iter().all(|g| g.there.is_none()) {
+        return Some(RegionSet::Facets(groups.iter().flat_map(|g| g.here.facets.iter().copied()).collect()));
+    }
+    let mut pairs = Vec::new();
+    for group in groups {
+        let sides = group.here.facets.iter().zip(&group.there.as_ref()?.facets);
+        pairs.extend(sides.map(|(here, there)| InterfaceFacet { here: *here, there: *there }));
+    }
+    Some(RegionSet::Interface(pairs))
+}

@@ -1,0 +1,33 @@
+//! W512 for loads that their quadrature rules do not resolve.
+
+use wfl::Diagnostic;
+use wfl_runtime::{CoarseLoad, RuleChoice, Scene, coarse_loads, finite};
+
+/// W512 for each load whose nodal forces a rule with more points moves.
+pub(super) fn loads(scene: &mut Scene) -> Vec<Diagnostic> {
+    // where a known field has no finite value, the run itself says so with the place
+    let found = coarse_loads(scene).unwrap_or_default();
+    found.iter().map(|load| told(scene, load)).collect()
+}
+
+fn told(scene: &Scene, load: &CoarseLoad) -> Diagnostic {
+    let term = &scene.terms[load.term];
+    let own = match term.rule {
+        RuleChoice::Degree(degree) => format!("degree {degree}"),
+        RuleChoice::Vertex => "vertex".to_owned(),
+    };
+    let step = if scene.steps.values.len() > 1 { format!(" at t = {}", load.time) } else { String::new() };
+    let text = format!(
+        "degree {} moves its nodal forces by {:.0} %{step}, most at {}",
+        load.degree,
+        100.0 * load.share,
+        finite::position(load.position)
+    );
+    Diagnostic::new("W512", format!("the rule on `{}` ({own}) does not resolve this load", term.place))
+        .at(term.span, text)
+        .help(format!(
+            "smaller cells there, or quadrature on {} with a higher degree; a pole such as 1/x has no integral, and no \
+             rule helps",
+            term.place
+        ))
+}

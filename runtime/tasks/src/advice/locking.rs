@@ -1,0 +1,29 @@
+//! W513 for nearly incompressible bodies on elements of degree 1.
+
+use wfl::Diagnostic;
+use wfl_runtime::{LockedBody, Scene, finite, locked_bodies};
+
+/// W513 for each displacement of degree 1 whose body is nearly incompressible at the first step.
+pub(super) fn bodies(scene: &mut Scene) -> Vec<Diagnostic> {
+    // where a known field has no finite value, the run itself says so with the place
+    let found = locked_bodies(scene).unwrap_or_default();
+    found.iter().map(|body| told(scene, body)).collect()
+}
+
+fn told(scene: &Scene, body: &LockedBody) -> Diagnostic {
+    let message = format!("`{}` is nearly incompressible, on elements of degree 1", body.field);
+    let text = format!(
+        "as stiff against changes of volume as a body with lambda/mu = {:.3e} at {}",
+        body.ratio,
+        finite::position(body.position)
+    );
+    let d = Diagnostic::new("W513", message);
+    let d = match scene.terms.iter().find(|t| body.terms.contains(&t.name)) {
+        Some(term) => d.at(term.span, text),
+        None => d.note(text),
+    };
+    d.note("such elements lock: displacements are too small, and pressures alternate from cell to cell").help(format!(
+        "unknown {} : vector P2 or Q2, or a pressure as an unknown of its own with Div(u) - p/lambda = 0",
+        body.field
+    ))
+}
