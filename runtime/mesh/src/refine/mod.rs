@@ -1,6 +1,6 @@
 //! Local refinement of a mesh that stays conforming.
 //!
-//! Segments are halved, triangles and tetrahedra bisected ([`labels`]), quadrilaterals and hexahedra divided in whole
+//! Segments are halved, triangles and tetrahedra bisected (labels.rs), quadrilaterals and hexahedra divided in whole
 //! layers: a node in the middle of an edge asks for one on the opposite edge, and so on to the boundary. Promises: every
 //! inner face has two cells with the same vertices; faces of two bodies that matched do so afterwards; the number of
 //! shapes of the parts of a cell is bounded; groups of a file come along; a curved cell of order 2 keeps its shape. The
