@@ -139,9 +139,10 @@ mod tests {
         (Csr::from_triplets(points.len(), points.len(), &triplets).unwrap(), points)
     }
 
+    /// Few enough nodes for one leaf of the ordering, in which pressures stand behind all velocities.
     #[test]
-    fn pressures_have_pivots_within_the_fronts() {
-        let (matrix, points) = flow(20);
+    fn pressures_of_a_leaf_have_pivots_within_the_fronts() {
+        let (matrix, points) = flow(2);
         let mut solver = SparseLu::analyze(matrix.pattern(), Some(&points), 1).unwrap();
         assert!(!solver.factor(&matrix).unwrap().is_suspicious() && !solver.uses_robust);
         let wanted: Vec<f64> = (0..points.len()).map(|dof| 1.0 + (dof % 7) as f64).collect();
