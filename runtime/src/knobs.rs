@@ -1,7 +1,7 @@
 //! Knobs: what is changed in a scene before it is prepared. One mechanism for sweeps and for a demanded accuracy.
 //!
 //! A knob that is a parameter of the scene replaces its value, as on the command line of `wfl run`. Others change
-//! statements: `h`, `refine` and `cells` the mesh, `degree` the unknowns on cells (multipliers stay as they are),
+//! statements: `h`, `refine` and `cells` the mesh, `degree` the unknowns on cells (multipliers stay as they are), `marks` the refinement of the mesh,
 //! `quadrature` the rule of the terms with kinks, `tol`, `max_iter` and `search` the iterations, `solver` how systems
 //! are solved, `threads` the number of threads, `precision` that of a factor, `no_prune` what is left out. Promises
 //! that a text that means nothing is refused before anything is run; does not judge whether the scene that comes out
@@ -21,11 +21,12 @@ use wfl::{
 pub type Setting = [(String, String)];
 
 /// Knobs that are no parameters of a scene.
-pub const KNOWN: [&str; 12] = [
+pub const KNOWN: [&str; 13] = [
     "h",
     "refine",
     "cells",
     "degree",
+    MARKS,
     "quadrature",
     "tol",
     "max_iter",
@@ -36,8 +37,15 @@ pub const KNOWN: [&str; 12] = [
     "no_prune",
 ];
 
+/// Raises the degree of every field on cells or faces that is solved for, and of every rule that is given: what errors are
+/// estimated with. Not for the command line; behind `degree`.
+pub const RICHER: &str = "richer";
+
 /// Knobs that change the statements of a scene and nothing else: what a run can be given beside parameters.
-pub const OF_STATEMENTS: [&str; 5] = ["h", "refine", "cells", "degree", "tol"];
+pub const OF_STATEMENTS: [&str; 6] = ["h", "refine", "cells", "degree", "tol", MARKS];
+
+/// The report of a run with a demanded accuracy, whose refinement of the mesh is taken. Who reads the scene reads it, too.
+pub const MARKS: &str = "marks";
 
 /// A knob that a scene cannot have.
 #[derive(Debug, Error, PartialEq, Eq)]
@@ -94,8 +102,10 @@ pub fn apply(
                 divide(script, name, &counts)?;
             }
             "refine" => mesh(script, name, None, positive(value).ok_or_else(|| wrong("a factor above 0"))?)?,
+            RICHER => richer(script).ok_or_else(|| wrong("1"))?,
             "degree" => degree(script, value).ok_or_else(|| wrong("1, 2, 3, …"))?,
             "quadrature" => quadrature(script, value, kinked).ok_or_else(|| wrong("vertex or a degree"))?,
+            MARKS => {}
             "tol" if number(value).is_none_or(|t| !(0.0..=LARGEST_TOLERANCE).contains(&t)) => {
                 return Err(wrong("a number from 0 to 0.1"));
             }
@@ -231,12 +241,41 @@ fn mesh(script: &mut ResolvedScript, name: &str, size: Option<f64>, refine: f64)
     Ok(())
 }
 
-fn degree(script: &mut ResolvedScript, value: &str) -> Option<()> {
-    let degree: usize = value.parse().ok().filter(|d| *d > 0)?;
-    let simplices = matches!(
+/// Whether the cells of a box are simplices.
+fn has_simplices(script: &ResolvedScript) -> bool {
+    matches!(
         script.mesh.as_ref().map(|m| &m.source),
         Some(MeshSource::Box { shape: Some((BoxShape::Tri | BoxShape::Tet, _)), .. })
-    );
+    )
+}
+
+fn richer(script: &mut ResolvedScript) -> Option<()> {
+    let simplices = has_simplices(script);
+    for field in &mut script.fields {
+        let solved = matches!(field.kind, wfl::FieldKind::Unknown | wfl::FieldKind::Multiplier { .. });
+        if !solved || matches!(field.space.place, Place::Global(_)) {
+            continue;
+        }
+        let written = field.space.element.as_ref().map_or(if simplices { "P1" } else { "Q1" }, |e| e.name.as_str());
+        let family = written.trim_end_matches(|c: char| c.is_ascii_digit());
+        let degree: usize = written.strip_prefix(family)?.parse().ok()?;
+        field.space.element = Some(Ident { name: format!("{family}{}", degree + 1), span: field.space.span });
+    }
+    for given in &mut script.quadratures {
+        if let QuadratureRule::Degree(e) = &mut given.rule {
+            let kind = ExprKind::Sum(vec![(false, e.clone()), (false, plain(MORE_DEGREES, e.span))]);
+            *e = Expr { kind, span: e.span, expansion: e.expansion };
+        }
+    }
+    Some(())
+}
+
+/// By how much the degree of a given rule is raised: its points are others, and two more in each direction.
+const MORE_DEGREES: f64 = 4.0;
+
+fn degree(script: &mut ResolvedScript, value: &str) -> Option<()> {
+    let degree: usize = value.parse().ok().filter(|d| *d > 0)?;
+    let simplices = has_simplices(script);
     for field in &mut script.fields {
         if !matches!(field.kind, wfl::FieldKind::Unknown) || matches!(field.space.place, Place::Global(_)) {
             continue;

@@ -33,10 +33,10 @@ pub use run::{
 };
 pub use savings::{SavingError, savings};
 pub use scene::{
-    CsvOutput, Given, InputFile, Measure, NamedRegion, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions,
-    RuleChoice, SampleAt, Samples, Scene, SceneBox, StateAt, StateUpdate, Steps, TermSummary, VtkOutput, coarse_loads,
-    coercivity, contact_forms, hourglasses, locked_bodies, n_files, negative_bodies, prepare, prepare_keeping,
-    prepare_refined,
+    CsvOutput, Given, InputFile, Measure, NamedRegion, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined,
+    Regions, RuleChoice, SampleAt, Samples, Scene, SceneBox, StateAt, StateUpdate, Steps, TermSummary, VtkOutput,
+    coarse_loads, coercivity, contact_forms, hourglasses, locked_bodies, n_files, negative_bodies, prepare,
+    prepare_keeping, prepare_refined,
 };
 pub use solve::SolverMemory;
 pub use system::{

@@ -1,11 +1,12 @@
 //! `wfl run --accuracy`: the run that was picked, ended, and what was found in words.
 
-use std::{path::PathBuf, process::ExitCode, time::Instant};
+use std::{process::ExitCode, time::Instant};
 
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     Outcome, Scene,
     accuracy::{AccuracyRecord, Demand, Out, Ways},
+    output::REPORT_FILE,
 };
 use wfl_tasks::{
     Loaded,
@@ -54,10 +55,6 @@ impl WholeRun for Whole<'_> {
         self.last = Some(ready);
         ended
     }
-
-    fn folder(&self) -> Option<PathBuf> {
-        self.last.as_ref()?.options.out.clone()
-    }
 }
 
 /// Finds the setting and runs it; the scene is given as it stands.
@@ -84,28 +81,23 @@ pub(crate) fn run(
     match (picked, whole.last) {
         (Ok(picked), Some(ready)) => ended(args, &picked, &ready),
         (Ok(_), None) => ExitCode::from(EXIT_ERROR),
-        (Err(none), _) => {
-            none.left.iter().for_each(|left| say(left));
-            match none.why {
-                Out::Failed(why) => {
-                    say(&error_line(why.trim_start_matches("error: ")));
-                    ExitCode::from(EXIT_ERROR)
-                }
-                out => {
-                    say(&format!("error[E605]: {out}\n"));
-                    ExitCode::from(EXIT_ACCURACY)
-                }
-            }
+        (Err(Out::Failed(why)), _) => {
+            say(&error_line(why.trim_start_matches("error: ")));
+            ExitCode::from(EXIT_ERROR)
         }
     }
 }
 
 /// Writes what was found into the report, and tells it.
 fn ended(args: &RunArgs, picked: &Picked, ready: &Ready) -> ExitCode {
-    let Picked { solved, loaded, record, mesh_of_file } = picked;
+    let Picked { solved, loaded, record, short } = picked;
     ready.announce(loaded, &solved.scene);
     if !args.quiet {
         out(&told(record));
+        if let Some(folder) = ready.options.out.as_ref().filter(|_| record.rounds > 0) {
+            let report = folder.join(REPORT_FILE);
+            out(&format!("  again: {} marks={}\n\n", setting_text(&record.picked), report.display()));
+        }
     }
     if let Some(folder) = &ready.options.out
         && let Err(error) = rewrite(folder, &solved.outcome.report)
@@ -114,22 +106,32 @@ fn ended(args: &RunArgs, picked: &Picked, ready: &Ready) -> ExitCode {
         return ExitCode::from(EXIT_ERROR);
     }
     let code = finish(loaded, &solved.scene, ready, &solved.outcome, Some(&setting_text(&record.picked)));
-    if *mesh_of_file {
-        say("warning[W608]: the mesh comes from a file: its discretisation error is unknown and not part of the \
-             accuracy\n  = note: tolerance and penalty are set for the demanded accuracy\n  = help: a `mesh box` can \
-             be refined; or compare with a finer file by wfl sweep\n");
+    if let Some(why) = short {
+        say(&format!(
+            "error[E605]: an error of {:.1e} of {} was not reached: {why}\n  = note: the best of {} runs is kept; its \
+             estimated error is {}\n  = help: --budget SECONDS allows more time, --of another quantity\n",
+            record.asked,
+            record.quantity,
+            record.trial_runs.len(),
+            error(record.estimate.0)
+        ));
     }
     if record.reached || code != ExitCode::SUCCESS { code } else { ExitCode::from(EXIT_ACCURACY) }
 }
 
+/// An error, where it is known.
+fn error(e: f64) -> String {
+    if e.is_finite() { format!("{e:.1e}") } else { "not known".to_owned() }
+}
+
 /// What was picked and why, in lines.
 fn told(record: &AccuracyRecord) -> String {
-    let error = |e: f64| if e.is_finite() { format!("{e:.1e}") } else { "not known".to_owned() };
-    let mut table = Table::new("runs", &["setting", "unknowns", "time [s]", "discretisation error"]);
+    let mut table = Table::new("runs", &["setting", "cells", "unknowns", "time [s]", "discretisation error"]);
     for trial in &record.trial_runs {
         let time = (1e4 * trial.seconds).round() / 1e4;
         table.push(vec![
             setting_text(&trial.setting).into(),
+            trial.cells.into(),
             trial.dofs.into(),
             number(time).into(),
             if trial.error.0.is_finite() { error(trial.error.0).into() } else { "".into() },
@@ -166,7 +168,7 @@ pub(crate) fn table(loaded: &Loaded, scene: &Scene) -> Table {
     let Some((error, of)) = scene.accuracy.clone() else { return table };
     let ways = Ways::of(&loaded.script, scene);
     let degrees: Vec<String> = ways.degrees.iter().map(ToString::to_string).collect();
-    let mesh = if ways.refines() { "is picked" } else { "from a file: its discretisation error is unknown" };
+    let mesh = if ways.refines() { "is picked, and refined locally" } else { "from a file, refined locally" };
     let gamma = match ways.role {
         wfl_runtime::accuracy::Role::None => "as it is",
         wfl_runtime::accuracy::Role::Consistent => "scales with the cell size",

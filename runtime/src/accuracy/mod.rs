@@ -1,32 +1,30 @@
 //! A demanded accuracy: the cheapest setting of a scene whose estimated error is below the demand.
 //!
-//! The error is estimated from a mesh sequence for each degree that the scene may have. Intermediate runs compute only
-//! what their solution needs, and they stop halfway to the mesh that their errors require. The differences between
-//! neighbouring levels give the order of convergence and the error of the finest level (Richardson 1911; with a safety
-//! factor and a bounded order, as in Roache's grid convergence index, J. Fluids Eng. 116, 1994). The effects of the
-//! Newton tolerance and of a penalty parameter are measured once on a coarse mesh against a tighter and a stiffer one,
-//! and both are set so that they add little. The last run becomes a level of the sequence, and its error is estimated
-//! again with it; if that does not confirm the demand, the next level is finer.
+//! Each mesh is solved with elements of a degree and of the next one. Their distance is the estimated error of the first,
+//! in any quantity; dual-weighted residuals say which cells it comes from (`adjoint`), and the fewest cells that hold a
+//! part of it are refined (`marking`). A finer mesh checks the estimate of the one before. The degree is the one that
+//! should need the least work from the errors on the first mesh. The effects of the Newton tolerance and of a penalty
+//! parameter are measured once on that mesh against a tighter and a stiffer one, and both are set so that they add little.
+//! The last run has everything that the scene asks for.
 //!
-//! `ways` knows what can be changed in a scene, `estimate` has the formulas, `seek` goes through the runs of an
-//! `outcome::Trials`, `ending` reports the result, `record` is kept in the report. Promises: a demand counts as reached
-//! only if the run itself was part of the estimate; choices depend on numbers of the runs and never on the clock; a
-//! demand that exceeds its time budget is refused before that time is spent. Does not control time steps, nor the
-//! geometry of a mesh file.
+//! `ways` knows what can be changed in a scene, `search` goes through the runs of an `outcome::Trials`, `record` is kept
+//! in the report. Promises: a demand counts as reached only if the run itself was estimated; the clock decides nothing but
+//! when the budget is used up; what was reached by then is the result. Does not estimate the error of time steps.
 
-mod ending;
-mod estimate;
+mod adjoint;
+mod marking;
 mod outcome;
 mod record;
-mod seek;
+mod search;
 #[cfg(test)]
 mod tests;
 mod ways;
 
-pub use outcome::{Cost, Found, Notice, Out, Trials};
-pub use record::{AccuracyRecord, Other, TrialRun};
-pub use seek::seek;
-pub use ways::{Role, Ways, lean, work};
+pub use adjoint::{Indicator, Pair};
+pub use outcome::{Cost, Found, Out, Short, Trials};
+pub use record::{AccuracyRecord, Other, Rounds, TrialRun};
+pub use search::seek;
+pub use ways::{Role, Wanted, Ways, lean, work};
 
 /// The demand.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +33,7 @@ pub struct Demand {
     pub error: f64,
     /// The quantity: `L2` or `H1` of all unknowns on cells, an output on contact faces, or a measure, by name.
     pub quantity: String,
-    /// Seconds that one run may be expected to take.
+    /// Seconds that the search may take.
     pub budget: f64,
 }
 

@@ -2,28 +2,41 @@
 
 use thiserror::Error;
 
-use super::AccuracyRecord;
-use crate::knobs::Setting;
+use super::{AccuracyRecord, Indicator, Rounds};
+use crate::{knobs::Setting, mesh::Mesh, refine::Mark};
 
 /// The runs of a scene, as the search needs them.
 pub trait Trials {
     /// A run that came to its end.
     type Run;
 
-    /// Runs a setting of a fineness; `last` with everything the scene asks for, else what its solution needs.
+    /// Runs a setting of a fineness on its refined mesh; `last` with everything the scene asks for, else what its solution
+    /// needs.
     ///
     /// # Errors
     /// Why it has no solution, or none that can be compared with the scene's own mesh.
-    fn run(&mut self, setting: &Setting, fineness: usize, last: bool) -> Result<Self::Run, String>;
+    fn run(&mut self, setting: &Setting, fineness: usize, rounds: &Rounds, last: bool) -> Result<Self::Run, String>;
 
     /// What a run took.
     fn cost(&self, run: &Self::Run) -> Cost;
 
-    /// The relative distance of a run from a finer one, in the quantity asked about.
+    /// Its mesh.
+    fn mesh<'r>(&self, run: &'r Self::Run) -> &'r Mesh;
+
+    /// Whether marked cells touch the faces of terms with kinks: the parameter of a consistent method grows with them.
+    fn at_contact(&self, run: &Self::Run, marks: &[Mark]) -> bool;
+
+    /// The relative distance of a run from a better one, in the quantity asked about.
     ///
     /// # Errors
     /// Why there is none.
     fn distance(&mut self, run: &Self::Run, from: &Self::Run) -> Result<f64, String>;
+
+    /// Where the error of a run comes from; `rich` is a run of a higher degree on the same mesh.
+    ///
+    /// # Errors
+    /// Why that is not known.
+    fn indicator(&mut self, run: &Self::Run, rich: &Self::Run) -> Result<Indicator, String>;
 
     /// The relative distance of a run from the same with a smaller tolerance.
     ///
@@ -31,8 +44,11 @@ pub trait Trials {
     /// Why there is none.
     fn tighter(&mut self, run: &mut Self::Run, setting: &Setting, fineness: usize) -> Result<f64, String>;
 
-    /// The relative distance of a run from a finer one in every other quantity, by name.
+    /// The relative distance of a run from a better one in every other quantity, by name.
     fn distances(&mut self, run: &Self::Run, from: &Self::Run) -> Vec<(String, f64)>;
+
+    /// Seconds since the search began.
+    fn elapsed(&self) -> f64;
 }
 
 /// What a run took.
@@ -53,15 +69,27 @@ pub struct Found<R> {
     pub run: R,
     /// What the report keeps.
     pub record: AccuracyRecord,
-    /// What the demand does not cover.
-    pub notice: Option<Notice>,
+    /// Why the demand is not met, where it is not.
+    pub short: Option<Short>,
 }
 
-/// Why a demand is not met by a run that was made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Notice {
-    /// The mesh comes from a file: its error is not known.
-    MeshOfFile,
+/// Why the search ended before the demand was met.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum Short {
+    /// The next mesh would have taken longer than allowed.
+    #[error("the next mesh would take about {next:.1} s: more than is left of the budget of {budget} s")]
+    Budget {
+        /// Its time.
+        next: f64,
+        /// What is allowed.
+        budget: f64,
+    },
+    /// A finer mesh has no solution.
+    #[error("a finer mesh has no solution: {0}")]
+    Failed(String),
+    /// The estimates did not fall.
+    #[error("the estimated error does not fall as the mesh is refined")]
+    Stalled,
 }
 
 /// Why there is no run.
@@ -70,48 +98,4 @@ pub enum Out {
     /// A run failed where it should not.
     #[error("{0}")]
     Failed(String),
-    /// It would take longer than allowed.
-    #[error(
-        "an error of {asked:.1e} of {quantity} needs about {needed}, which takes about {seconds:.1} s: more than the \
-         budget of {budget} s\n  = note: the best of {runs} runs is {best}, with an estimated error of {error:.1e}\n  \
-         = help: about {within:.1e} can be reached within the budget; --budget SECONDS allows more"
-    )]
-    OutOfReach {
-        /// The demand.
-        asked: f64,
-        /// Its quantity.
-        quantity: String,
-        /// The setting that would meet it.
-        needed: String,
-        /// Its time.
-        seconds: f64,
-        /// What is allowed.
-        budget: f64,
-        /// Runs that were made.
-        runs: usize,
-        /// The most accurate of them.
-        best: String,
-        /// Its estimated error.
-        error: f64,
-        /// What the budget allows, about.
-        within: f64,
-    },
-    /// The estimates do not fall as they should.
-    #[error(
-        "no run with an error of {asked:.1e} of {quantity} was found in {runs} runs: the best is {best}, with an \
-         estimated error of {error:.1e}\n  = note: the estimates do not decrease as the mesh is refined\n  = help: wfl \
-         sweep shows how errors depend on each setting"
-    )]
-    Lost {
-        /// The demand.
-        asked: f64,
-        /// Its quantity.
-        quantity: String,
-        /// Runs that were made.
-        runs: usize,
-        /// The most accurate of them.
-        best: String,
-        /// Its estimated error.
-        error: f64,
-    },
 }

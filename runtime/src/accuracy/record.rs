@@ -2,7 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::output::Real;
+use crate::{
+    mesh::CellId,
+    output::Real,
+    refine::{Axes, Mark},
+};
+
+/// How a mesh is refined: the marked cells, round by round.
+pub type Rounds = Vec<Vec<Mark>>;
 
 /// The demand, the selected setting with its reasons, and its estimated error. Errors are relative.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -13,20 +20,29 @@ pub struct AccuracyRecord {
     pub quantity: String,
     /// Knobs with their values, as for `wfl sweep`.
     pub picked: Vec<(String, String)>,
+    /// Rounds of local refinement that the mesh went through, and its cells after them.
+    #[serde(default)]
+    pub rounds: u64,
+    /// Cells of the mesh.
+    #[serde(default)]
+    pub cells: u64,
     /// Why, a sentence each.
     pub why: Vec<String>,
-    /// Estimated error of the mesh, safety included; `null` where the mesh cannot be refined.
+    /// Estimated error of the mesh, safety included.
     pub mesh: Real,
-    /// The order of convergence that the estimate uses.
+    /// The order by which the estimate fell, in the number of unknowns to the power of one over the dimension.
     pub order: Real,
-    /// Error of the tolerance, measured on a coarse mesh.
+    /// Error of the tolerance, measured on the first mesh.
     pub tolerance: Real,
-    /// Error of the method's parameter, measured on a coarse mesh; 0 for a method that needs none.
+    /// Error of the method's parameter, measured on the first mesh; 0 for a method that needs none.
     pub method: Real,
     /// Estimated error of the run: the sum.
     pub estimate: Real,
     /// Whether the estimate is at most the demanded error.
     pub reached: bool,
+    /// The refinement of the mesh, round by round: cells with the axes along which they are halved, as bits.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub marks: Vec<Vec<[u32; 2]>>,
     /// Every run that was made, in order.
     pub trial_runs: Vec<TrialRun>,
     /// Estimates of the other quantities of the run.
@@ -34,16 +50,40 @@ pub struct AccuracyRecord {
     pub others: Vec<Other>,
 }
 
+impl AccuracyRecord {
+    /// The refinement of the mesh.
+    #[must_use]
+    pub fn refinement(&self) -> Rounds {
+        let mark = |[cell, bits]: &[u32; 2]| Mark {
+            cell: CellId::new(*cell as usize),
+            axes: Axes::from_bits(u8::try_from(*bits).unwrap_or(u8::MAX)),
+        };
+        self.marks.iter().map(|round| round.iter().map(mark).collect()).collect()
+    }
+
+    /// Keeps the refinement of the mesh.
+    pub fn set_refinement(&mut self, rounds: &Rounds) {
+        let mark = |m: &Mark| [u32::try_from(m.cell.index()).unwrap_or(u32::MAX), u32::from(m.axes.bits())];
+        self.marks = rounds.iter().map(|round| round.iter().map(mark).collect()).collect();
+    }
+}
+
 /// One run on the way.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrialRun {
     /// Knobs with their values.
     pub setting: Vec<(String, String)>,
+    /// Rounds of local refinement of its mesh.
+    #[serde(default)]
+    pub rounds: u64,
+    /// Cells of its mesh.
+    #[serde(default)]
+    pub cells: u64,
     /// Unknowns of the system.
     pub dofs: u64,
     /// Wall time, seconds, text to last step.
     pub seconds: f64,
-    /// Estimated error of the mesh, safety included, as known at the end.
+    /// Estimated error of the mesh, safety included, as known when it was made; `null` where none was estimated.
     pub error: Real,
 }
 

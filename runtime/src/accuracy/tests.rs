@@ -1,37 +1,40 @@
 //! The search with known errors and costs: formulas replace the runs.
 
-use super::{
-    Cost, Demand, Notice, Out, Role, Trials,
-    estimate::{Norm, Step},
-    seek,
-    ways::test_ways,
+use super::{Cost, Demand, Indicator, Out, Role, Rounds, Short, Trials, Ways, seek, ways::test_ways};
+use crate::{
+    knobs::Setting,
+    mesh::{BoxShape, Mesh, generate_box},
+    refine::{Mark, Refiner},
 };
-use crate::knobs::Setting;
 
-/// A made-up scene whose error is known.
+/// A made-up scene whose error is known: that of each cell falls with its size, from a corner or everywhere.
 struct Law {
-    dim: i32,
-    /// Error of a degree on one cell, and its order.
-    errors: [(f64, f64); 2],
-    /// Finenesses that have no solution are the odd ones.
-    even: bool,
-    /// The whole scene needs at least this fineness.
-    least_last: usize,
+    /// Error of a degree on a cell of size 1, and its order.
+    errors: [(f64, f64); 3],
     /// Error of a penalty of 1.
     penalty: f64,
-    runs: Vec<String>,
+    /// Of the estimates of the first meshes nothing is true: both degrees have this error beside.
+    common: f64,
+    /// The whole scene needs so many cells.
+    least: usize,
+    seconds: f64,
+    clock: f64,
 }
 
-/// A solution: an error along each of three directions.
-#[derive(Clone, Debug)]
+/// A solution: an error along each of several directions.
 struct Point {
-    at: [f64; 3],
+    at: [f64; 5],
+    mesh: Mesh,
     dofs: u64,
 }
 
 impl Law {
-    fn new(errors: [(f64, f64); 2]) -> Self {
-        Law { dim: 2, errors, even: false, least_last: 0, penalty: 0.0, runs: Vec::new() }
+    fn new(errors: [(f64, f64); 3]) -> Self {
+        Law { errors, penalty: 0.0, common: 0.0, least: 0, seconds: 1e-6, clock: 0.0 }
+    }
+
+    fn smooth() -> Self {
+        Self::new([(1.0, 1.0), (0.5, 2.0), (0.2, 3.0)])
     }
 }
 
@@ -39,123 +42,135 @@ fn value(setting: &Setting, name: &str) -> f64 {
     setting.iter().find(|s| s.0 == name).and_then(|s| s.1.parse().ok()).unwrap_or(1.0)
 }
 
+fn size(mesh: &Mesh) -> f64 {
+    (1.0 / mesh.n_cells() as f64).sqrt()
+}
+
 impl Trials for Law {
     type Run = Point;
 
-    fn run(&mut self, setting: &Setting, fineness: usize, last: bool) -> Result<Point, String> {
-        self.runs.push(format!("{setting:?} {last}"));
-        if self.even && !fineness.is_multiple_of(2) || last && fineness < self.least_last {
+    fn run(&mut self, setting: &Setting, fineness: usize, rounds: &Rounds, last: bool) -> Result<Point, String> {
+        let mesh = generate_box([0.0; 3], [1.0; 3], [fineness, fineness, 1], 2, BoxShape::Triangle).expect("a mesh");
+        let shape = mesh.clone();
+        let mut refiner = Refiner::new(mesh, &shape).expect("a mesh");
+        for marks in rounds {
+            refiner.refine(marks).expect("a mesh");
+        }
+        let mesh = refiner.into_mesh();
+        if last && mesh.n_cells() < self.least {
             return Err("a region is empty".to_owned());
         }
-        let degree = value(setting, "degree") as usize;
+        let richer = setting.iter().any(|s| s.0 == "richer");
+        let degree = value(setting, "degree") as usize + usize::from(richer);
         let (c, p) = self.errors[degree - 1];
-        let k = fineness as f64;
-        // errors of degrees point in different directions
-        let mut at = [0.0; 3];
-        at[degree - 1] = c * k.powf(-p);
-        at[2] = self.penalty / value(setting, "gamma");
-        let dofs = ((degree * fineness) as f64).powi(self.dim) as u64;
-        Ok(Point { at, dofs })
+        let mut at = [0.0; 5];
+        at[degree - 1] = c * size(&mesh).powf(p);
+        at[3] = self.penalty / value(setting, "gamma");
+        at[4] = if rounds.is_empty() { self.common } else { 0.0 };
+        let dofs = mesh.n_cells() as u64 * (degree * degree) as u64;
+        self.clock += self.seconds * dofs as f64;
+        Ok(Point { at, mesh, dofs })
     }
 
     fn cost(&self, run: &Point) -> Cost {
-        let seconds = 1e-6 * run.dofs as f64;
+        let seconds = self.seconds * run.dofs as f64;
         Cost { dofs: run.dofs, seconds, whole: seconds }
+    }
+
+    fn mesh<'r>(&self, run: &'r Point) -> &'r Mesh {
+        &run.mesh
+    }
+
+    fn at_contact(&self, _: &Point, _: &[Mark]) -> bool {
+        true
     }
 
     fn distance(&mut self, run: &Point, from: &Point) -> Result<f64, String> {
         Ok(run.at.iter().zip(&from.at).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt())
     }
 
-    fn tighter(&mut self, _: &mut Point, _: &Setting, _: usize) -> Result<f64, String> {
-        Ok(0.0)
+    fn indicator(&mut self, run: &Point, _: &Point) -> Result<Indicator, String> {
+        Ok(Indicator { parts: vec![[1.0, 0.0, 0.0]; run.mesh.n_cells()] })
+    }
+
+    fn tighter(&mut self, _: &mut Point, setting: &Setting, _: usize) -> Result<f64, String> {
+        assert!(value(setting, "tol") <= 1e-10);
+        Ok(1e-9)
     }
 
     fn distances(&mut self, _: &Point, _: &Point) -> Vec<(String, f64)> {
         Vec::new()
     }
+
+    fn elapsed(&self) -> f64 {
+        self.clock
+    }
 }
 
-fn error(point: &Point) -> f64 {
-    point.at.iter().map(|x| x * x).sum::<f64>().sqrt()
+fn ask(law: &mut Law, ways: &Ways, error: f64) -> Result<super::Found<Point>, Out> {
+    seek(law, ways, &Demand { error, quantity: "H1".to_owned(), budget: 10.0 })
 }
 
-fn demand(error: f64) -> Demand {
-    Demand { error, quantity: "L2".to_owned(), budget: 600.0 }
+fn truth(run: &Point) -> f64 {
+    run.at.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 #[test]
-fn the_order_of_a_power_law_is_found_from_three_levels() {
-    for p in [0.5, 1.0, 1.7, 3.0] {
-        let e = |k: f64| 2.5 * k.powf(-p);
-        for norm in [Norm::Lengths, Norm::Squares] {
-            let apart = |a: f64, b: f64| if norm == Norm::Lengths { a - b } else { (a * a - b * b).sqrt() };
-            let step = |from: f64, to: f64| Step { from, to, distance: apart(e(from), e(to)) };
-            let (first, second) = (step(4.0, 10.0), step(10.0, 17.0));
-            assert!((norm.order(first, second) - p).abs() < 1e-9, "{p}");
-            assert!((norm.error_behind(second, p) / e(17.0) - 1.0).abs() < 1e-9);
-        }
+fn the_true_error_is_below_the_demand_and_not_far() {
+    for error in [0.3, 0.1, 0.01, 1e-3] {
+        let mut law = Law::smooth();
+        let found = ask(&mut law, &test_ways(2, Role::None, 8), error).expect("a run");
+        let truth = truth(&found.run);
+        assert!(found.record.reached && truth <= error && truth > 0.1 * error, "{error}: {truth}");
+        let estimate = found.record.estimate.0;
+        assert!(truth <= estimate && estimate <= error, "{truth} {estimate}");
     }
 }
 
 #[test]
-fn the_true_error_is_below_the_demand_and_not_far_below() {
-    let laws = [
-        [(1.0, 2.0), (1.0, 2.0)],
-        [(1.0, 1.0), (0.5, 2.0)],
-        [(0.7, 0.8), (0.2, 0.8)],
-        [(1.0, 2.0), (0.3, 3.0)],
-        [(2.0, 1.5), (2.0, 1.5)],
-    ];
-    for errors in laws {
-        for asked in [1e-1, 1e-2, 1e-3] {
-            let mut law = Law::new(errors);
-            let found = seek(&mut law, &test_ways(2, Role::None, 8), &demand(asked)).expect("a run");
-            let truth = error(&found.run);
-            assert!(found.record.reached && found.record.estimate.0 <= asked);
-            assert!(truth <= found.record.estimate.0, "{errors:?} {asked}: {truth} > {}", found.record.estimate.0);
-            let steep = errors.iter().any(|e| e.1 > 2.0);
-            assert!(truth >= if steep { 0.03 } else { 0.1 } * asked, "{errors:?} {asked}: {truth}");
-        }
-    }
+fn the_degree_of_less_work_is_taken() {
+    let degree = |errors| {
+        let found = ask(&mut Law::new(errors), &test_ways(2, Role::None, 8), 1e-2).expect("a run");
+        value(&found.record.picked, "degree")
+    };
+    assert_eq!(degree([(1.0, 1.0), (0.5, 2.0), (0.2, 3.0)]), 2.0);
+    assert_eq!(degree([(0.02, 1.0), (0.02, 1.0), (0.001, 1.0)]), 1.0);
 }
 
 #[test]
-fn meshes_that_do_not_fit_are_passed_over() {
-    let mut law = Law::new([(4.0, 1.0), (0.5, 2.0)]);
-    (law.even, law.least_last) = (true, 13);
-    let found = seek(&mut law, &test_ways(2, Role::None, 14), &demand(0.05)).expect("a run");
-    assert_eq!(found.record.picked.iter().find(|p| p.0 == "cells").map(|p| p.1.as_str()), Some("[14,14]"));
-    assert!(found.record.reached);
+fn an_error_that_both_degrees_share_is_found_on_the_next_mesh() {
+    let mut law = Law { common: 0.5, ..Law::smooth() };
+    let found = ask(&mut law, &test_ways(2, Role::None, 8), 0.3).expect("a run");
+    assert!(truth(&found.run) <= 0.3 && found.record.rounds > 0, "{:?}", found.record);
 }
 
 #[test]
-fn a_penalty_is_raised_until_its_error_is_small() {
-    let mut law = Law::new([(1.0, 2.0), (1.0, 2.0)]);
-    law.penalty = 0.3;
-    let found = seek(&mut law, &test_ways(2, Role::Penalty, 8), &demand(1e-2)).expect("a run");
-    assert!(found.record.reached && found.record.method.0 <= 0.2e-2);
-    assert!(found.run.at[2] <= 0.2e-2, "{:?}", found.run);
-    assert!(error(&found.run) <= 1e-2);
+fn a_penalty_is_raised_until_it_adds_little() {
+    let mut law = Law { penalty: 0.5, ..Law::smooth() };
+    let found = ask(&mut law, &test_ways(2, Role::Penalty, 8), 1e-2).expect("a run");
+    let method = found.run.at[3];
+    assert!(found.record.reached && method <= 2e-3 && truth(&found.run) <= 1e-2, "{method}");
 }
 
 #[test]
-fn what_would_take_too_long_is_refused_before_it_is_run() {
-    let mut law = Law::new([(1.0, 0.5), (0.5, 0.5)]);
-    let mut asked = demand(1e-4);
-    asked.budget = 1.0;
-    let out = seek(&mut law, &test_ways(2, Role::None, 8), &asked).expect_err("too long");
-    let Out::OutOfReach { error, within, seconds, .. } = &out else { panic!("{out}") };
-    assert!(*seconds > 1.0 && *within > 1e-4 && within <= error);
-    assert!(law.runs.iter().all(|r| !r.contains("[16,16]")) && law.runs.len() < 8, "{:?}", law.runs);
+fn the_parameter_of_a_consistent_method_grows_with_the_cells_at_contact() {
+    let found = ask(&mut Law::smooth(), &test_ways(2, Role::Consistent, 8), 1e-2).expect("a run");
+    let finer = 2f64.powf(found.record.rounds as f64) * 2.0 / 8.0;
+    assert_eq!(value(&found.record.picked, "gamma"), finer * 4.0, "{:?}", found.record.picked);
 }
 
 #[test]
-fn the_error_of_a_mesh_that_cannot_be_refined_is_not_claimed() {
-    let mut law = Law::new([(1.0, 1.0), (0.5, 2.0)]);
-    let mut ways = test_ways(2, Role::None, 1);
-    ways.fix();
-    let found = seek(&mut law, &ways, &demand(1e-2)).expect("a run");
-    assert_eq!(found.notice, Some(Notice::MeshOfFile));
-    assert!(!found.record.reached && found.record.estimate.0.is_nan());
+fn a_budget_ends_the_search_with_the_best_run() {
+    let mut law = Law { seconds: 1e-3, ..Law::smooth() };
+    let found = ask(&mut law, &test_ways(2, Role::None, 8), 1e-6).expect("a run");
+    assert!(matches!(found.short, Some(Short::Budget { .. })) && !found.record.reached);
+    let (estimate, truth) = (found.record.estimate.0, truth(&found.run));
+    assert!(truth <= estimate && estimate < 0.1 && law.clock < 20.0, "{truth} {estimate} {}", law.clock);
+}
+
+#[test]
+fn a_scene_that_needs_finer_cells_gets_them() {
+    let mut law = Law { least: 500, ..Law::smooth() };
+    let found = ask(&mut law, &test_ways(2, Role::None, 8), 0.1).expect("a run");
+    assert!(found.record.reached && found.run.mesh.n_cells() >= 500);
 }

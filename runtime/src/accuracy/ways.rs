@@ -13,7 +13,7 @@ use crate::{
     Scene, SceneBox,
     compare::MEASURE,
     field::FieldSpace,
-    knobs::{Setting, mesh_words},
+    knobs::{RICHER, mesh_words},
     mesh::RegionSet,
 };
 
@@ -48,6 +48,23 @@ enum Division {
     Size(String, f64),
 }
 
+/// A setting that is wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wanted {
+    /// Of the unknowns.
+    pub degree: usize,
+    /// Of the mesh before it is refined locally.
+    pub fineness: usize,
+    /// By how much cells at contact are smaller than on that mesh.
+    pub finer: f64,
+    /// Of the iterations.
+    pub tolerance: f64,
+    /// Factor on the parameter of a penalty method.
+    pub stiffer: f64,
+    /// Elements of the next degree and finer rules: what errors are estimated with.
+    pub richer: bool,
+}
+
 /// What can be changed in a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ways {
@@ -57,10 +74,14 @@ pub struct Ways {
     pub degrees: Vec<usize>,
     /// The fineness of the scene as it stands: its cells are in these proportions to those of fineness 1.
     pub own: usize,
-    /// The coarsest fineness worth trying: two cells along the shortest edge, four faces of a contact.
+    /// The coarsest fineness that is tried: two cells along the shortest edge, four faces of a contact.
     pub least: usize,
     /// The degree of the scene as it stands.
     pub own_degree: usize,
+    /// Names of its measures.
+    pub measures: Vec<String>,
+    /// Whether terms have kinks.
+    pub kinked: bool,
     /// What the parameter of the method is.
     pub role: Role,
     /// Its name; empty if there is none.
@@ -76,9 +97,24 @@ impl Ways {
     #[must_use]
     pub fn of(script: &ResolvedScript, scene: &Scene) -> Self {
         let (division, own, least) = division(script, scene);
-        let (degrees, own_degree, fixed_degree) = degrees(script, scene, division == Division::Fixed);
+        let (degrees, own_degree, fixed_degree) = degrees(script, scene);
         let (dim, role, parameter, value) = (scene.system.mesh.dim(), Role::None, String::new(), 0.0);
-        let mut ways = Ways { dim, degrees, own, least, own_degree, role, parameter, division, fixed_degree, value };
+        let measures = measures(script);
+        let kinked = scene.terms.iter().any(|t| t.class == Class::Kinked);
+        let mut ways = Ways {
+            dim,
+            degrees,
+            own,
+            least,
+            own_degree,
+            measures,
+            kinked,
+            role,
+            parameter,
+            division,
+            fixed_degree,
+            value,
+        };
         ways.see_method(script, scene);
         ways.least = ways.least.max(ways.least_at_faces(scene)).min(ways.own);
         ways
@@ -120,13 +156,16 @@ impl Ways {
         self.division != Division::Fixed
     }
 
-    /// The setting of a degree, a fineness, a tolerance and a factor on the parameter of a penalty method.
+    /// The words of a setting.
     #[must_use]
-    pub fn setting(&self, degree: usize, fineness: usize, tolerance: f64, stiffer: f64) -> Vec<(String, String)> {
+    pub fn setting(&self, wanted: Wanted) -> Vec<(String, String)> {
+        let Wanted { degree, fineness, finer, tolerance, stiffer, richer } = wanted;
         let mut out: Vec<(String, String)> = Vec::new();
         let mut set = |name: &str, value: String| out.push((name.to_owned(), value));
+        let raised = degree + usize::from(richer);
         // the trace constant of a cell grows like degree^2/h; for a lower degree the larger value is safe
-        let ratio = fineness as f64 / self.own as f64 * (degree as f64 / self.own_degree as f64).powi(2).max(1.0);
+        let ratio = finer * fineness as f64 / self.own as f64;
+        let ratio = ratio * (raised as f64 / self.own_degree as f64).powi(2).max(1.0);
         match &self.division {
             Division::Fixed => {}
             Division::Cells(base) => {
@@ -139,8 +178,11 @@ impl Ways {
         if !self.fixed_degree {
             set("degree", degree.to_string());
         }
+        if richer {
+            set(RICHER, "1".to_owned());
+        }
         match self.role {
-            Role::Consistent if self.refines() => set(&self.parameter, number(self.value * ratio)),
+            Role::Consistent if ratio != 1.0 => set(&self.parameter, number(self.value * ratio)),
             Role::Penalty if stiffer != 1.0 => set(&self.parameter, number(self.value * stiffer)),
             _ => {}
         }
@@ -158,7 +200,11 @@ impl Ways {
         }
         let ratio = fineness as f64 / self.own as f64;
         let same = |place: &String| {
-            let (Some(a), Some(b)) = (own.regions.get(place), other.regions.get(place)) else { return false };
+            let (a, b) = match (own.regions.get(place), other.regions.get(place)) {
+                (Some(a), Some(b)) => (a, b),
+                // what is global is so on every mesh
+                (a, b) => return a.is_none() && b.is_none(),
+            };
             let (n, dim) = members(&a.set, self.dim);
             let expected = n * ratio.powi(dim);
             (members(&b.set, self.dim).0 - expected).abs() <= slack * expected
@@ -184,9 +230,19 @@ fn members(set: &RegionSet, dim: usize) -> (f64, i32) {
     }
 }
 
+/// The measures by the names that a demand calls them.
+fn measures(script: &ResolvedScript) -> Vec<String> {
+    let outputs = || script.outputs.iter().filter(|o| o.format.name == "vtk").flat_map(|o| &o.items);
+    let name = |m: &wfl::Measure| {
+        let taken = outputs().any(|i| i.name == m.name.name) || ["L2", "H1"].contains(&m.name.name.as_str());
+        if taken { format!("{MEASURE}{}", m.name.name) } else { m.name.name.clone() }
+    };
+    script.measures.iter().map(name).collect()
+}
+
 /// The possible degrees, the scene's own, and whether that is only the scene's own. Spaces of several degrees or
 /// with multipliers are pairs that are stable together; a rule at the vertices and states belong to their degree.
-fn degrees(script: &ResolvedScript, scene: &Scene, fixed_mesh: bool) -> (Vec<usize>, usize, bool) {
+fn degrees(script: &ResolvedScript, scene: &Scene) -> (Vec<usize>, usize, bool) {
     let on_cells = |f: &&wfl::Field| matches!(f.kind, FieldKind::Unknown) && !matches!(f.space.place, Place::Global(_));
     let degree = |f: &wfl::Field| {
         let field = scene.system.fields.iter().find(|g| g.name == f.name.name)?;
@@ -199,8 +255,7 @@ fn degrees(script: &ResolvedScript, scene: &Scene, fixed_mesh: bool) -> (Vec<usi
         let with_terms = q.places.iter().any(|p| scene.terms.iter().any(|t| t.place == p.name));
         matches!(q.rule, QuadratureRule::Vertex) && with_terms
     };
-    let bound = fixed_mesh
-        || multipliers
+    let bound = multipliers
         || own.iter().any(|d| *d != first)
         || own.is_empty()
         || !scene.states.is_empty()
@@ -310,11 +365,6 @@ pub fn work(dim: usize, degree: usize, dofs: f64) -> f64 {
     dofs.powf(POWER[dim.min(3)]) * entries.powf(POWER_OF_ENTRIES)
 }
 
-/// A setting in words, as on the command line.
-pub(super) fn words(setting: &Setting) -> String {
-    setting.iter().map(|(n, v)| format!("{n}={v}")).collect::<Vec<_>>().join(" ")
-}
-
 /// A square of cells, for tests without a scene.
 #[cfg(test)]
 pub(super) fn test_ways(dim: usize, role: Role, own: usize) -> Ways {
@@ -324,17 +374,12 @@ pub(super) fn test_ways(dim: usize, role: Role, own: usize) -> Ways {
         own,
         least: 2,
         own_degree: 1,
+        measures: vec!["Fn".to_owned()],
+        kinked: false,
         role,
         parameter: "gamma".to_owned(),
         division: Division::Cells(vec![1; dim]),
         fixed_degree: false,
         value: 1.0,
-    }
-}
-
-#[cfg(test)]
-impl Ways {
-    pub(super) fn fix(&mut self) {
-        self.division = Division::Fixed;
     }
 }

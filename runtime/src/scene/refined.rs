@@ -50,12 +50,23 @@ impl MeshMaker<'_> {
             statements.push((refinement.span, refiner.mesh().n_cells()));
         }
         for marks in rounds {
+            self.of_this_mesh(marks, refiner.mesh())?;
             let descent = refiner.refine(marks);
             descents.push(self.checked(descent, mesh_span)?);
         }
         let mesh = self.moved(refiner.into_mesh(), map.as_ref(), Some(&warnings))?;
         let smallest = summary(&mesh).min_size;
         Some((mesh, Some(Refined { cells_before, statements, rounds: descents, smallest })))
+    }
+
+    /// Marks that were read may be of another mesh.
+    fn of_this_mesh(&mut self, marks: &[Mark], mesh: &Mesh) -> Option<()> {
+        let Some(mark) = marks.iter().find(|m| m.cell.index() >= mesh.n_cells()) else { return Some(()) };
+        let (cell, n) = (mark.cell.index(), mesh.n_cells());
+        let d = Diagnostic::new("E443", format!("the refinement is of another mesh: it marks cell {cell} of {n}"));
+        let d = d.at(self.script.mesh.as_ref()?.span, "on this mesh");
+        self.diagnostics.push(d.help("give the knobs of that run, too: its report names them under `picked`"));
+        None
     }
 
     fn checked<T>(&mut self, made: Result<T, MeshError>, span: Span) -> Option<T> {

@@ -84,15 +84,7 @@ impl Scene {
         state: StateAt<'_>,
     ) -> (Vec<Samples>, Vec<Diagnostic>) {
         let mut diagnostics = Vec::new();
-        let env = Env {
-            dim: self.env.dim,
-            fields: &self.sigs,
-            mappings: &[],
-            params: &self.env.params,
-            expansions: &self.env.expansions,
-            step_variable: self.steps.variable.as_deref(),
-            equal_within: 0.0,
-        };
+        let env = self.open_env();
         let mut maker = OutputMaker {
             parts: Parts {
                 script,
@@ -108,12 +100,7 @@ impl Scene {
             law_seconds: Cell::new(0.0),
         };
         let bodies = maker.bodies();
-        let mut faces = maker.faces();
-        let kinked: Vec<&str> =
-            self.terms.iter().filter(|t| t.class == Class::Kinked).map(|t| t.place.as_str()).collect();
-        if faces.iter().any(|f| kinked.contains(&f.sig.name.as_str())) {
-            faces.retain(|f| kinked.contains(&f.sig.name.as_str()));
-        }
+        let faces = self.compared_faces(&maker);
         let mut out: Vec<Samples> = Vec::new();
         let mut problems = Vec::new();
         let mut places = Places::default();
@@ -132,6 +119,30 @@ impl Scene {
         }
         diagnostics.extend(problems);
         (out, diagnostics)
+    }
+
+    /// What expressions of a scene that is prepared are compiled with.
+    pub(super) fn open_env(&self) -> Env<'_> {
+        Env {
+            dim: self.env.dim,
+            fields: &self.sigs,
+            mappings: &[],
+            params: &self.env.params,
+            expansions: &self.env.expansions,
+            step_variable: self.steps.variable.as_deref(),
+            equal_within: 0.0,
+        }
+    }
+
+    /// The faces of the terms with kinks, or all faces with terms where there are none.
+    pub(super) fn compared_faces(&self, maker: &OutputMaker<'_>) -> Vec<Target> {
+        let mut faces = maker.faces();
+        let kinked: Vec<&str> =
+            self.terms.iter().filter(|t| t.class == Class::Kinked).map(|t| t.place.as_str()).collect();
+        if faces.iter().any(|f| kinked.contains(&f.sig.name.as_str())) {
+            faces.retain(|f| kinked.contains(&f.sig.name.as_str()));
+        }
+        faces
     }
 
     fn sample<'a>(

@@ -3,26 +3,25 @@
 //! Runs on the way are those of a sweep; the last one is a whole run with its files, which the caller makes
 //! ([`WholeRun`]). What is picked, and why, is decided by the runtime.
 
-use std::{
-    path::{Path, PathBuf},
-    time::Instant,
-};
+use std::{path::Path, time::Instant};
 
-use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
+use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
 use wfl_runtime::{
     Outcome, Pruning, Quiet, SampleAt, Samples, Scene,
     accuracy::{
-        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Notice, Out, Trials, Ways, seek,
+        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Indicator, Out, Pair, Rounds, Short,
+        Trials, Ways, seek,
     },
     compare::{Compared, MEASURE, NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
     knobs::{self, Setting},
-    output::{OutputDir, OutputError, Real, Report, write_report},
+    mesh::{CellId, Mesh, RegionSet},
+    output::{OutputDir, OutputError, Report, write_report},
+    refine::Mark,
 };
 
 use crate::{
     Listener, Loaded,
     bench::{Bench, Known, Status, known_of, prepared, remembers},
-    folder::told as told_of_folder,
     scene_file::read_scene,
     setting_text,
 };
@@ -33,6 +32,8 @@ const SLACK: f64 = 0.1;
 const ROUGH_DEGREE: usize = 2;
 /// Up to so many cells, the interpreter is done before machine code is made.
 const FEW_CELLS: f64 = 300.0;
+/// Rounds of refinement that leave few cells few.
+const FEW_ROUNDS: usize = 1;
 
 /// What is asked for: `given` goes before what the scene says, and defaults before nothing.
 #[must_use]
@@ -70,9 +71,6 @@ pub trait WholeRun {
         parse_seconds: f64,
         begun: Instant,
     ) -> Result<Outcome, String>;
-
-    /// The folder that the last run wrote its results into.
-    fn folder(&self) -> Option<PathBuf>;
 }
 
 /// The quantity of a demanded accuracy.
@@ -103,39 +101,31 @@ pub struct Picked {
     pub loaded: Loaded,
     /// What was found and why.
     pub record: AccuracyRecord,
-    /// The mesh comes from a file: its error is not part of the estimate.
-    pub mesh_of_file: bool,
-}
-
-/// Why there is none.
-pub struct NotPicked {
-    /// In the words of the search.
-    pub why: Out,
-    /// What is said of a folder that holds a run on the way.
-    pub left: Option<String>,
+    /// Why the demand is not met, where it is not.
+    pub short: Option<Short>,
 }
 
 /// Finds the setting and runs it; the scene is given as it stands.
 ///
 /// # Errors
-/// [`NotPicked`].
-pub fn pick(job: &Job<'_>, loaded: Loaded, scene: Scene, whole: &mut dyn WholeRun) -> Result<Picked, Box<NotPicked>> {
-    let failed = |why: String| Box::new(NotPicked { why: Out::Failed(why), left: None });
+/// Where not even the first mesh has a solution: why.
+pub fn pick(job: &Job<'_>, loaded: Loaded, scene: Scene, whole: &mut dyn WholeRun) -> Result<Picked, Out> {
+    let failed = |why: String| Out::Failed(why);
     let known = known_of(loaded, scene, job.overrides);
     has_quantity(&known, &job.demand.quantity).map_err(failed)?;
     let ways = Ways::of(&known.loaded.script, &known.scene);
     let only = Some(job.demand.quantity.clone());
-    let bench = Bench { backend: job.backend, listener: job.listener, threads: job.threads, only, last: true };
-    let mut lab = Lab { job, known: &known, ways: &ways, bench, whole, written: None };
-    let found = seek(&mut lab, &ways, job.demand);
-    let Found { run, mut record, notice } = found.map_err(|why| Box::new(NotPicked { left: lab.disown(&why), why }))?;
+    let bench =
+        Bench { backend: job.backend, listener: job.listener, threads: job.threads, only, last: true, rounds: &[] };
+    let mut lab = Lab { job, known: &known, ways: &ways, bench, whole };
+    let Found { run, mut record, short } = seek(&mut lab, &ways, job.demand)?;
     let Trial { mut solved, full, .. } = run;
     let Some(loaded) = full else { return Err(failed("the last run has no results".to_owned())) };
     record.why.extend(free(&solved.outcome.report));
     let report = &mut solved.outcome.report;
     report.accuracy = Some(record.clone());
     report.timings.total = job.started.elapsed().as_secs_f64();
-    Ok(Picked { solved, loaded, record, mesh_of_file: notice == Some(Notice::MeshOfFile) })
+    Ok(Picked { solved, loaded, record, short })
 }
 
 /// Whether a scene has the quantity.
@@ -172,17 +162,16 @@ struct Lab<'a> {
     ways: &'a Ways,
     bench: Bench<'a>,
     whole: &'a mut dyn WholeRun,
-    /// The report of the last run with its files, and their folder.
-    written: Option<(PathBuf, Report)>,
 }
 
 impl Lab<'_> {
     /// A run on the way: nothing is written.
-    fn pilot(&self, setting: &Setting, fineness: usize) -> Result<Trial, String> {
+    fn pilot(&self, setting: &Setting, fineness: usize, rounds: &Rounds) -> Result<Trial, String> {
         let ratio = fineness as f64 / self.ways.own as f64;
         let cells = self.known.scene.system.mesh.n_cells() as f64 * ratio.powf(self.ways.dim as f64);
-        let backend = if cells <= FEW_CELLS { &InterpreterBackend } else { self.bench.backend };
-        let bench = Bench { backend, only: self.bench.only.clone(), ..self.bench };
+        let few = cells <= FEW_CELLS && rounds.len() <= FEW_ROUNDS;
+        let backend = if few { &InterpreterBackend } else { self.bench.backend };
+        let bench = Bench { backend, only: self.bench.only.clone(), rounds, ..self.bench };
         let run = bench.run(self.job.file, self.known, setting, "");
         match (run.status, run.solved) {
             (Status::Ok, Some(solved)) => Ok(trial(solved, run.seconds, self.known.scene.steps.values.len())),
@@ -192,46 +181,23 @@ impl Lab<'_> {
     }
 
     /// A run with everything the scene asks for.
-    fn run_whole(&mut self, setting: &Setting, fineness: usize) -> Result<Trial, String> {
+    fn run_whole(&mut self, setting: &Setting, rounds: &Rounds) -> Result<Trial, String> {
         let begin = Instant::now();
         let mut loaded = read_scene(self.job.file, &self.known.words(setting), "run", "")?;
         self.known.apply(&mut loaded.script, setting)?;
         let parse_seconds = begin.elapsed().as_secs_f64();
-        let (mut scene, mut loaded) = prepared(loaded, self.bench.backend, self.job.keep)?;
-        self.fits(&scene, fineness)?;
+        let (mut scene, mut loaded) = prepared(loaded, self.bench.backend, self.job.keep, rounds)?;
         loaded.knobs = setting.iter().map(|(name, value)| format!("{name}={value}")).collect();
         let outcome = self.whole.run(&mut loaded, &mut scene, parse_seconds, begin)?;
         if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {
             return Err(format!("step t = {} did not converge", step.time));
         }
-        self.written = self.whole.folder().map(|folder| (folder, outcome.report.clone()));
         let script = loaded.script.clone();
         let outputs = script.outputs.clone();
         let steps = scene.steps.values.len();
         let mut trial = trial(Solved { script, outputs, scene, outcome }, begin.elapsed().as_secs_f64(), steps);
         trial.full = Some(loaded);
         Ok(trial)
-    }
-
-    /// Says in the report of a run that was written on the way that it is not what was asked for.
-    fn disown(&self, why: &Out) -> Option<String> {
-        let (folder, mut report) = self.written.clone()?;
-        let none = Real(f64::NAN);
-        report.accuracy = Some(AccuracyRecord {
-            asked: self.job.demand.error,
-            quantity: self.job.demand.quantity.clone(),
-            why: why.to_string().lines().map(str::to_owned).collect(),
-            mesh: none,
-            order: none,
-            tolerance: none,
-            method: none,
-            estimate: none,
-            ..AccuracyRecord::default()
-        });
-        Some(match rewrite(&folder, &report) {
-            Ok(()) => format!("{} has an intermediate run, which is not accurate enough\n", folder.display()),
-            Err(error) => told_of_folder(&error),
-        })
     }
 
     fn fits(&self, scene: &Scene, fineness: usize) -> Result<(), String> {
@@ -284,14 +250,21 @@ fn trial(solved: Solved, seconds: f64, steps: usize) -> Trial {
 impl Trials for Lab<'_> {
     type Run = Trial;
 
-    fn run(&mut self, setting: &Setting, fineness: usize, last: bool) -> Result<Trial, String> {
+    fn run(&mut self, setting: &Setting, fineness: usize, rounds: &Rounds, last: bool) -> Result<Trial, String> {
         let made = if last {
-            self.run_whole(setting, fineness)
+            self.run_whole(setting, rounds)
         } else {
-            self.pilot(setting, fineness).and_then(|t| self.fits(&t.solved.scene, fineness).map(|()| t))
+            let fits =
+                |t: Trial| if rounds.is_empty() { self.fits(&t.solved.scene, fineness).map(|()| t) } else { Ok(t) };
+            self.pilot(setting, fineness, rounds).and_then(fits)
         };
         let what = match &made {
-            Ok(t) => format!("{} unknowns, {:.2} s", t.cost.dofs, t.cost.seconds),
+            Ok(t) => format!(
+                "{} cells, {} unknowns, {:.2} s",
+                t.solved.scene.system.mesh.n_cells(),
+                t.cost.dofs,
+                t.cost.seconds
+            ),
             Err(why) => why.lines().next().unwrap_or_default().trim_start_matches("error").to_owned(),
         };
         self.job.listener.progress(&format!("accuracy: {}: {what}", setting_text(setting)));
@@ -304,6 +277,35 @@ impl Trials for Lab<'_> {
         run.cost
     }
 
+    fn mesh<'r>(&self, run: &'r Trial) -> &'r Mesh {
+        &run.solved.scene.system.mesh
+    }
+
+    fn at_contact(&self, run: &Trial, marks: &[Mark]) -> bool {
+        let scene = &run.solved.scene;
+        let mut cells: Vec<CellId> = Vec::new();
+        for term in scene.terms.iter().filter(|t| t.class == Class::Kinked) {
+            match scene.regions.get(&term.place).map(|r| &r.set) {
+                Some(RegionSet::Facets(facets)) => cells.extend(facets.iter().map(|f| f.cell)),
+                Some(RegionSet::Interface(pairs)) => {
+                    cells.extend(pairs.iter().flat_map(|p| [p.here.cell, p.there.cell]))
+                }
+                _ => {}
+            }
+        }
+        cells.sort_unstable();
+        marks.iter().any(|m| cells.binary_search(&m.cell).is_ok())
+    }
+
+    fn indicator(&mut self, run: &Trial, rich: &Trial) -> Result<Indicator, String> {
+        let pair = Pair { coarse: &run.solved, rich: &rich.solved };
+        pair.indicator(&self.job.demand.quantity, self.bench.backend, self.job.threads)
+    }
+
+    fn elapsed(&self) -> f64 {
+        self.job.started.elapsed().as_secs_f64()
+    }
+
     fn distance(&mut self, run: &Trial, from: &Trial) -> Result<f64, String> {
         let quantity = self.job.demand.quantity.as_str();
         let own = from.samples.as_deref().unwrap_or_default();
@@ -314,7 +316,7 @@ impl Trials for Lab<'_> {
 
     fn tighter(&mut self, run: &mut Trial, setting: &Setting, fineness: usize) -> Result<f64, String> {
         if remembers(&run.solved.scene) {
-            let tight = Trials::run(self, setting, fineness, false)?;
+            let tight = Trials::run(self, setting, fineness, &Rounds::new(), false)?;
             return self.distance(run, &tight);
         }
         // the same problem continues from where it stopped

@@ -17,10 +17,14 @@ use wfl_runtime::{
     compare::Solved,
     knobs::{self, Setting},
     output::{Hash, Identity, OrderedMap},
-    prepare_keeping,
+    prepare_refined,
+    refine::Mark,
 };
 
-use crate::{Listener, Loaded, VERSION, limited_threads, scene_file::read_scene};
+use crate::{
+    Listener, Loaded, VERSION, limited_threads,
+    scene_file::{read_scene, rounds_of},
+};
 
 /// What a run ended as.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,7 +61,7 @@ pub(crate) struct Known {
 /// Reads and prepares a scene as it stands.
 pub(crate) fn known(path: &Path, given: &[String], backend: &dyn KernelBackend) -> Result<Known, String> {
     let loaded = read_scene(path, given, "sweep", "")?;
-    let (scene, loaded) = prepared(loaded, backend, &[])?;
+    let (scene, loaded) = prepared(loaded, backend, &[], &[])?;
     Ok(known_of(loaded, scene, given))
 }
 
@@ -99,19 +103,23 @@ pub(crate) struct Size {
 pub(crate) fn size(path: &Path, known: &Known, setting: &Setting) -> Result<Size, String> {
     let mut loaded = read_scene(path, &known.words(setting), "sweep", "")?;
     known.apply(&mut loaded.script, setting)?;
+    loaded.rounds = rounds_of(setting)?;
     loaded.script.outputs.clear();
-    let (scene, _) = prepared(loaded, &InterpreterBackend, &[])?;
+    let (scene, _) = prepared(loaded, &InterpreterBackend, &[], &[])?;
     let system = &scene.system;
     let degree = system.fields.iter().map(wfl_runtime::field::Field::degree).max().unwrap_or(1);
     Ok(Size { dofs: system.numbering.n_free(), dim: system.mesh.dim(), degree, steps: scene.steps.values.len() })
 }
 
+/// The problem of a scene that was read, its mesh refined round by round.
 pub(crate) fn prepared(
     mut loaded: Loaded,
     backend: &dyn KernelBackend,
     keep: &[Pruning],
+    rounds: &[Vec<Mark>],
 ) -> Result<(Scene, Loaded), String> {
-    let made = prepare_keeping(&loaded.script, &loaded.folder, backend, keep);
+    let rounds = [&loaded.rounds, rounds].concat();
+    let made = prepare_refined(&loaded.script, &loaded.folder, backend, keep, &rounds);
     loaded.messages.extend(made.diagnostics);
     match made.scene.filter(|_| !loaded.messages.iter().any(Diagnostic::is_error)) {
         Some(scene) => Ok((scene, loaded)),
@@ -164,6 +172,8 @@ pub(crate) struct Bench<'a> {
     pub(crate) only: Option<String>,
     /// The last step alone is wanted: where nothing remembers the others it is solved alone.
     pub(crate) last: bool,
+    /// Refinement of the mesh.
+    pub(crate) rounds: &'a [Vec<Mark>],
 }
 
 impl Bench<'_> {
@@ -201,6 +211,7 @@ impl Bench<'_> {
         started: Instant,
     ) -> Result<Solved, String> {
         let mut loaded = read_scene(path, &known.words(setting), "sweep", more)?;
+        loaded.rounds = rounds_of(setting)?;
         let script = &mut loaded.script;
         known.apply(script, setting)?;
         if let Some(quantity) = &self.only {
@@ -210,7 +221,7 @@ impl Bench<'_> {
         script.expects.clear();
         let parse_seconds = started.elapsed().as_secs_f64();
         let kept = knobs::kept(setting).map_err(|e| e.to_string())?;
-        let (mut scene, loaded) = prepared(loaded, self.backend, &kept)?;
+        let (mut scene, loaded) = prepared(loaded, self.backend, &kept, self.rounds)?;
         known.is_what_was_read(&inputs(&loaded, &scene), !more.is_empty())?;
         let threads = knobs::threads(setting)
             .map_err(|e| e.to_string())?

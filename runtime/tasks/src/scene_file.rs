@@ -14,10 +14,11 @@ use wfl::{
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     Pruning, Scene,
+    accuracy::Rounds,
     input::{self, InputError, InputKind},
     knobs::{self, OF_STATEMENTS},
-    output::{About, Hash, OrderedMap, SceneText},
-    prepare_keeping,
+    output::{About, Hash, OrderedMap, Report, SceneText},
+    prepare_refined,
     reading::{self, ReadingError},
 };
 
@@ -35,6 +36,8 @@ pub struct Loaded {
     pub name: String,
     /// Knobs of the command line that changed its statements, `NAME=VALUE`.
     pub knobs: Vec<String>,
+    /// The refinement of its mesh that a knob gives.
+    pub rounds: Rounds,
 }
 
 impl Loaded {
@@ -86,7 +89,7 @@ impl Loaded {
     /// The problem of the scene; what is in `keep` is done although it does not need it. All messages stay here, in the
     /// order of the text; with an error among them there is no problem.
     pub fn prepare(&mut self, backend: &dyn KernelBackend, keep: &[Pruning]) -> Option<Scene> {
-        let prepared = prepare_keeping(&self.script, &self.folder, backend, keep);
+        let prepared = prepare_refined(&self.script, &self.folder, backend, keep, &self.rounds);
         self.messages.extend(prepared.diagnostics);
         let place = |d: &Diagnostic| d.labels.first().map(|l| (l.span.source.index(), l.span.start));
         self.messages.sort_by_key(place);
@@ -168,7 +171,7 @@ pub fn read_scene(scene: &Path, overrides: &[String], command: &str, more: &str)
     let name = scene.file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
     // a script is always made, however many errors it has
     let script = checked.value.ok_or_else(String::new)?;
-    Ok(Loaded { script, sources, messages: diagnostics, folder, name, knobs: Vec::new() })
+    Ok(Loaded { script, sources, messages: diagnostics, folder, name, knobs: Vec::new(), rounds: Rounds::new() })
 }
 
 /// Reads a scene with parameters and the knobs of statements: the setting of a sweep or a demanded accuracy can be run
@@ -192,7 +195,22 @@ pub fn read_scene_with_knobs(scene: &Path, words: &[String], command: &str) -> R
         .filter_map(|word| word.split_once('=').map(|(n, v)| (n.trim().to_owned(), v.trim().to_owned())))
         .collect();
     knobs::apply(&mut loaded.script, &setting, &[], &[]).map_err(|why| why.to_string())?;
-    Ok(Loaded { knobs, ..loaded })
+    let rounds = rounds_of(&setting)?;
+    Ok(Loaded { knobs, rounds, ..loaded })
+}
+
+/// The refinement of the mesh that a setting names: that in the report of a run with a demanded accuracy.
+///
+/// # Errors
+/// Where there is no such report.
+pub(crate) fn rounds_of(setting: &knobs::Setting) -> Result<Rounds, String> {
+    let Some((_, path)) = setting.iter().find(|(name, _)| name == knobs::MARKS) else { return Ok(Rounds::new()) };
+    let text = read_text(Path::new(path), InputKind::Results)?;
+    let report: Report = serde_json::from_str(&text).map_err(|e| format!("{path} is no report of a run: {e}"))?;
+    match report.accuracy {
+        Some(record) => Ok(record.refinement()),
+        None => Err(format!("{path} is the report of a run without a demanded accuracy: it refines no mesh")),
+    }
 }
 
 /// The name of the text that holds the command line.

@@ -44,10 +44,10 @@ pub(super) const PAGES: &[CodePage] = &[
     ),
     page(
         "E605",
-        "an accuracy that cannot be reached",
-        "No setting of the scene was found whose estimated error is as small as demanded, or the run would take longer \
-         than the budget. Near a singularity (a crack tip, an edge of contact) gradients converge slowly for every \
-         degree. The message says what can be reached; `--of` selects another quantity, `--budget` allows more time.",
+        "an accuracy that was not reached",
+        "The estimated error was not as small as demanded when the time of `--budget` or the memory was used up, or the \
+         estimates did not fall. The run with the smallest estimate is kept as the result, and the message says what it \
+         reached; `--of` selects another quantity, `--budget` allows more time.",
         "solver newton with accuracy=1e-6, of=H1",
         "solver newton with accuracy=1e-2",
     ),

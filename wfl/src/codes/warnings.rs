@@ -283,14 +283,6 @@ pub(super) const PAGES: &[CodePage] = &[
         "term law on all : Norm_sqr(Grad_u)*(Grad_u:Grad_Test_u)\nload u = [0,0,-1] on all\nstart u = [0, 0, -0.001*x]",
     ),
     page(
-        "W608",
-        "an accuracy without an estimate of the discretisation error",
-        "The mesh comes from a file and cannot be refined, so its discretisation error is not estimated. Tolerance and \
-         penalty are set for the demanded accuracy; the exit code says that the accuracy is not confirmed.",
-        "mesh file \"body.msh\"\nsolver newton with accuracy=1e-2",
-        "mesh box [0,0,0] to [1,1,1] cells [2,2,2] hex\nsolver newton with accuracy=1e-2",
-    ),
-    page(
         "W609",
         "the solution may not be unique",
         "A load step may have several solutions: friction with a large coefficient or a wedged body, and Nitsche's \

@@ -2,7 +2,7 @@
 
 use super::{
     Pair,
-    scenes::{FLOW, NITSCHE, ON_PLATE, PLATE},
+    scenes::{FLOW, NITSCHE},
 };
 
 /// A column pressed on a floor with a penalty.
@@ -138,10 +138,6 @@ fn warnings() -> Vec<Pair> {
         Pair::new("W605", NITSCHE.replace("1e4", "1e17")).near("gamma = 1e17", "gamma = 1e5"),
         Pair::new("W606", PRESSED).near("gamma = 1e3", "gamma = 1e7"),
         Pair::new("W607", P_LAPLACE).near("start p = 0", "start p = 0.1*x*(1-x)"),
-        Pair::new("W608", ON_PLATE)
-            .file("plate.msh", PLATE)
-            .command("run scene.wfl --accuracy 0.1")
-            .near(" --accuracy 0.1", ""),
         Pair::new("W609", WEDGED).near("fric = 5", "fric = 0.4"),
         Pair::new("W610", flow("output csv \"line\" : 1/x as q along [0,0] to [1,0]")).near("1/x", "1/(1 + x)"),
         Pair::new("W611", STRAINED.replace("nu = 0.3", "nu = 1.3")).near("nu = 1.3", "nu = -0.3"),

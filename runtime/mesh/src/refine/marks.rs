@@ -16,6 +16,18 @@ impl Axes {
         Axes(axes.iter().filter(|d| **d < 3).fold(0, |bits, d| bits | 1 << d))
     }
 
+    /// As a number that [`Axes::from_bits`] takes back: bit k stands for axis k.
+    #[must_use]
+    pub fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// The axes of such a number; further bits are left out.
+    #[must_use]
+    pub fn from_bits(bits: u8) -> Axes {
+        Axes(bits & 0b111)
+    }
+
     /// True if `axis` is among them.
     #[must_use]
     pub fn contains(self, axis: usize) -> bool {

@@ -97,7 +97,7 @@ pub fn sweep(job: &Job<'_>) -> Result<(), String> {
     let mut sweep = Sweep {
         job,
         knobs: &knobs,
-        bench: Bench { backend: job.backend, listener: job.listener, threads, only: None, last: false },
+        bench: Bench { backend: job.backend, listener: job.listener, threads, only: None, last: false, rounds: &[] },
         references: Vec::new(),
         rows: kept_rows(&dir)?,
         dir: &dir,

@@ -1,0 +1,126 @@
+//! `wfl run --accuracy` on scenes whose solution is known: smooth ones, corners and tips, layers, contact much narrower
+//! than a cell, mixed, nonlinear and time-dependent ones, in one to three dimensions, on all cell kinds. The true errors are
+//! integrals against the solution that the scenes write themselves, or a closed form.
+
+use std::{
+    f64::consts::PI,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use serde_json::Value;
+
+/// What is known of a scene.
+struct Known {
+    /// Its file in the folder `known`.
+    name: &'static str,
+    /// Quantities that errors are demanded of: `L2` and `H1` against the integrals `l2` and `h1`, or the measure `M`.
+    of: &'static [&'static str],
+    /// The value of `M`.
+    value: f64,
+    /// Whether errors have to be close to the demand: not where contact, or a singularity, makes steps of several demands.
+    close: bool,
+}
+
+const BOTH: &[&str] = &["L2", "H1"];
+
+fn known() -> Vec<Known> {
+    let norms = |name| Known { name, of: BOTH, value: 0.0, close: true };
+    let mean = |name| Known { name, of: &["L2"], value: 0.0, close: true };
+    let value = |name, value, close| Known { name, of: &["L2", "M"], value, close };
+    // p0 = sqrt(P E*/(pi R)) of a cylinder on a half-plane; the block of the scene is many times as wide as the contact
+    let hertz = |name, force: f64| {
+        let modulus = 200e3 / (1.0 - 0.3f64.powi(2));
+        Known { name, of: &["M"], value: (force * modulus / (PI * 50.0)).sqrt(), close: false }
+    };
+    // energy of r^(2/3) sin(2 phi/3) on three unit squares: 3 times the integral of 4/9 r^(-2/3) over one
+    let n = 100_000;
+    let ray = |k: i32| (1.0 / ((f64::from(k) + 0.5) / f64::from(n) * PI / 4.0).cos()).powf(4.0 / 3.0);
+    let corner = 3.0 * 4.0 / 9.0 * 2.0 * 0.75 * (0..n).map(ray).sum::<f64>() * PI / 4.0 / f64::from(n);
+    vec![
+        norms("smooth_triangles"),
+        norms("smooth_quadrilaterals"),
+        norms("even"),
+        norms("tetrahedra"),
+        norms("hexahedra"),
+        norms("line"),
+        norms("layer"),
+        norms("thin_layer"),
+        norms("layer_triangles"),
+        norms("reaction"),
+        norms("peak"),
+        norms("front"),
+        norms("elastic"),
+        norms("convection"),
+        norms("power_law"),
+        norms("ring"),
+        mean("heat"),
+        mean("two_materials"),
+        mean("stokes"),
+        value("corner", corner, true),
+        value("corner_quadrilaterals", corner, true),
+        // energy of r^(1/2) sin(phi/2) on two unit squares: the integral of 1/(4 r)
+        value("tip", (1.0 + 2f64.sqrt()).ln(), false),
+        // energy of sin(pi x) sinh(pi y)/sinh(pi) on the unit square, by its boundary integral
+        value("flux", PI / 2.0 / PI.tanh(), true),
+        hertz("hertz_1", 1.0),
+        hertz("hertz_10", 10.0),
+        hertz("hertz_100", 100.0),
+    ]
+}
+
+fn report(scene: &Path, asked: f64, of: &str, out: &Path) -> Value {
+    let words = ["run", &scene.display().to_string(), "-q", "--accuracy", &asked.to_string(), "--of", of, "--out"];
+    let ended = Command::new(env!("CARGO_BIN_EXE_wfl")).args(words).arg(out).output().expect("wfl runs");
+    let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert_eq!(ended.status.code(), Some(0), "{} {of} {asked}: {said}", scene.display());
+    let text = std::fs::read_to_string(out.join("report.json")).expect("a report");
+    serde_json::from_str(&text).expect("a report is JSON")
+}
+
+fn true_error(report: &Value, of: &str, value: f64) -> f64 {
+    let last = report["steps"].as_array().and_then(|s| s.last()).expect("a step");
+    let measure = |name: &str| last["measures"][name].as_f64().expect("a measure");
+    match of {
+        "M" => (measure("M") / value - 1.0).abs(),
+        norm => (measure(&norm.to_lowercase()) / measure(&format!("{}n", norm.to_lowercase()))).sqrt(),
+    }
+}
+
+fn check(asked: f64) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/known");
+    let out: PathBuf = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("known_{asked}"));
+    let mut wrong = Vec::new();
+    for Known { name, of, value, close } in known() {
+        for of in of {
+            let report = report(&folder.join(format!("{name}.wfl")), asked, of, &out);
+            let truth = true_error(&report, of, value);
+            let estimate = report["accuracy"]["estimate"].as_f64().expect("an estimate");
+            let rounds = report["accuracy"]["rounds"].as_u64().expect("a number");
+            let is_close = truth >= 0.05 * asked || rounds == 0 || !close;
+            // on a few cells one degenerate estimate makes the next ones careful
+            let is_large = asked < 0.1 && estimate > 2.5 * truth;
+            if truth > asked || !is_close || close && (estimate < 0.7 * truth || is_large) {
+                wrong.push(format!("{name} {of}: true error {truth:.2e}, estimate {estimate:.2e}, {rounds} rounds"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{asked}:\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn an_error_of_a_tenth_is_met_where_the_solution_is_known() {
+    check(0.1);
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+fn an_error_of_a_hundredth_is_met_where_the_solution_is_known() {
+    check(0.01);
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+fn an_error_of_a_thousandth_is_met_where_the_solution_is_known() {
+    check(0.001);
+}

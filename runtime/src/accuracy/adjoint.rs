@@ -1,0 +1,323 @@
+//! Where the error of a quantity comes from: dual-weighted residuals by cell.
+//!
+//! Two solutions on one mesh, of elements of degree p and p + 1: the residual of the first in the space of the second,
+//! times what the adjoint solution there has beyond degree p (Becker and Rannacher, Acta Numerica 10, 2001; for forms that
+//! a compiler knows: Rognes and Logg, SIAM J. Sci. Comput. 35, 2013). The products are kept by basis function of the richer
+//! space, which is a partition of the error without strong residuals and jumps (in the spirit of Richter and Wick, J.
+//! Comput. Appl. Math. 279, 2015), and each goes to the cells of its node in equal parts. The sum is the difference of the
+//! quantity between both solutions; the parts say which cells to refine, and in which direction.
+//!
+//! The tangent of the adjoint problem is that at the richer solution: at kinks, of the branch that it is on. Does not
+//! estimate anything by itself and marks no cells.
+
+use std::sync::Arc;
+
+use wfl::ast::{Argument, Expr, ExprKind, MulOp, Reduction};
+use wfl_compiler::backend::KernelBackend;
+
+use crate::{
+    FIXED, Form, Over, StateAt, System,
+    compare::{MEASURE, Solved, items, name, unknowns},
+    element::{DofEntity, Element},
+    field::{Field, FieldSpace},
+    mesh::CellKind,
+    solve::{CheckedLlt, CheckedLu, LinearSolver as _, SolverOptions},
+    space::{Space, Support},
+    system::Branches,
+};
+
+/// Parts of an error by cell of the mesh and by direction of its reference cell; all parts are positive and in the unit of
+/// the goal.
+pub struct Indicator {
+    /// `parts[cell][direction]`; a simplex has no directions of its own, the sum counts.
+    pub parts: Vec<[f64; 3]>,
+}
+
+/// Two solutions on one mesh.
+#[derive(Clone, Copy)]
+pub struct Pair<'a> {
+    /// Degree p.
+    pub coarse: &'a Solved,
+    /// Degree p + 1.
+    pub rich: &'a Solved,
+}
+
+impl Pair<'_> {
+    /// The parts of the error of a quantity of the coarser solution: `L2`, `H1`, an output or a measure, by name.
+    ///
+    /// # Errors
+    /// Why there are none, in words.
+    pub fn indicator(&self, quantity: &str, backend: &dyn KernelBackend, threads: usize) -> Result<Indicator, String> {
+        let rich = &self.rich.scene.system;
+        let last = self.rich.outcome.steps.last().ok_or("there is no step")?;
+        let embedded = self.embedded(&last.state)?;
+        let at = |unknowns| StateAt { time: last.time, increment: last.increment, unknowns };
+        let goal = self.goal(quantity, backend, [&embedded, &last.state], &at)?;
+        // the residual of a step whose states have been renewed is not at hand; the size of a region has no derivative
+        if !self.rich.scene.states.is_empty() || goal.iter().all(|g| *g == 0.0) {
+            let apart: Vec<f64> = last.state.iter().zip(&embedded).map(|(a, b)| a - b).collect();
+            return self.difference(backend, at(&apart));
+        }
+        let adjoint = adjoint(rich, &last.state, goal, threads)?;
+        let weights = self.beyond(&adjoint)?;
+        let residual = rich.residual(&embedded, &Form::AS_WRITTEN).map_err(|e| e.to_string())?.values;
+        let mut turned = weights;
+        rich.numbering.turn(&mut turned);
+        let mut products: Vec<f64> = residual.iter().zip(&turned).map(|(r, w)| -r * w).collect();
+        for (product, free) in products.iter_mut().zip(&rich.numbering.free) {
+            *product = if *free == FIXED { 0.0 } else { *product };
+        }
+        Ok(Indicator { parts: by_cell(rich, &products, &adjoint) })
+    }
+
+    /// The squares of the gradients of a difference.
+    fn difference(&self, backend: &dyn KernelBackend, apart: StateAt<'_>) -> Result<Indicator, String> {
+        let run = self.rich;
+        let mut parts = vec![[0.0; 3]; run.scene.system.mesh.n_cells()];
+        for field in unknowns(run) {
+            let square = call(run, "Norm_sqr", vec![name(run, &format!("Grad_{field}"))]);
+            let found = run.scene.integrals_by_cell(&run.script, backend, &square, apart)?;
+            parts.iter_mut().zip(found).for_each(|(p, x)| *p = p.map(|p| p + x));
+        }
+        Ok(Indicator { parts })
+    }
+
+    /// The coarser solution in the richer space, with the values that are prescribed there.
+    fn embedded(&self, rich: &[f64]) -> Result<Vec<f64>, String> {
+        let coarse = self.coarse.outcome.steps.last().ok_or("there is no step")?;
+        let [from, to] = [&self.coarse.scene.system, &self.rich.scene.system];
+        let inside = transfer(from, to, &coarse.state)?;
+        let mut apart: Vec<f64> = inside.iter().zip(rich).map(|(a, b)| a - b).collect();
+        to.numbering.frames.turn(&mut apart);
+        let (mut free, mut out) = (Vec::new(), vec![0.0; rich.len()]);
+        to.numbering.gather(&apart, &mut free);
+        to.numbering.advance(rich, &free, 1.0, &mut out);
+        Ok(out)
+    }
+
+    /// What a vector of the richer space has beyond its interpolation in the coarser one.
+    fn beyond(&self, rich: &[f64]) -> Result<Vec<f64>, String> {
+        let [coarse, fine] = [&self.coarse.scene.system, &self.rich.scene.system];
+        let inside = transfer(coarse, fine, &transfer(fine, coarse, rich)?)?;
+        Ok(rich.iter().zip(&inside).map(|(a, b)| a - b).collect())
+    }
+
+    /// By dof of the richer space: the derivative of the quantity, for a norm that of half its square of the difference.
+    fn goal<'s>(
+        &self,
+        quantity: &str,
+        backend: &dyn KernelBackend,
+        [from, to]: [&'s [f64]; 2],
+        at: &dyn Fn(&'s [f64]) -> StateAt<'s>,
+    ) -> Result<Vec<f64>, String> {
+        let run = self.rich;
+        let integrals = |integrand: &Expr, over: Over<'_>, state: &'s [f64]| {
+            run.scene.derivative(&run.script, backend, integrand, over, at(state))
+        };
+        let mut norms: Vec<Expr> = Vec::new();
+        match quantity {
+            "L2" => norms.extend(unknowns(run).map(|field| name(run, field))),
+            "H1" => norms.extend(unknowns(run).map(|field| name(run, &format!("Grad_{field}")))),
+            output => norms.extend(items(run).filter(|i| i.name == output).map(|i| i.expr.clone())),
+        }
+        if norms.is_empty() {
+            let wanted = quantity.strip_prefix(MEASURE).unwrap_or(quantity);
+            let measure = run.script.measures.iter().find(|m| m.name.name == wanted);
+            let measure = measure.ok_or_else(|| format!("no quantity `{quantity}`"))?;
+            if matches!(measure.reduction, Reduction::Max | Reduction::Min) {
+                // the largest value is approached by a mean of a high power of it
+                let found = self.coarse.outcome.steps.last().and_then(|s| s.measures.iter().find(|m| m.0 == wanted));
+                let size = found.map_or(1.0, |m| m.1.abs()).max(f64::MIN_POSITIVE);
+                let power = call(run, "pow", vec![over_number(run, &measure.expr, size), number(run, HIGH_POWER)]);
+                return integrals(&power, Over::Regions(&measure.places), to);
+            }
+            return integrals(&measure.expr, Over::Regions(&measure.places), to);
+        }
+        let mut goal = vec![0.0; to.len()];
+        for quantity in norms {
+            let square = call(run, "Norm_sqr", vec![quantity]);
+            let [there, here] =
+                [integrals(&square, Over::Everywhere, to)?, integrals(&square, Over::Everywhere, from)?];
+            goal.iter_mut().zip(there.iter().zip(&here)).for_each(|(g, (a, b))| *g += a - b);
+        }
+        Ok(goal)
+    }
+}
+
+/// Even, so that signs do not count.
+const HIGH_POWER: f64 = 8.0;
+
+fn number(run: &Solved, value: f64) -> Expr {
+    Expr { kind: ExprKind::Number(value), span: run.scene_span(), expansion: None }
+}
+
+fn over_number(run: &Solved, e: &Expr, size: f64) -> Expr {
+    let span = run.scene_span();
+    let kind = ExprKind::Product(Box::new(e.clone()), vec![(MulOp::Divide, span, number(run, size))]);
+    Expr { kind, span: e.span, expansion: e.expansion }
+}
+
+fn call(run: &Solved, function: &str, arguments: Vec<Expr>) -> Expr {
+    let at = arguments.first().map_or((run.scene_span(), None), |e| (e.span, e.expansion));
+    let arguments = arguments.into_iter().map(Argument::Expr).collect();
+    let kind = ExprKind::Call(
+        Box::new(Expr { kind: ExprKind::Name(function.to_owned()), span: at.0, expansion: at.1 }),
+        arguments,
+    );
+    Expr { kind, span: at.0, expansion: at.1 }
+}
+
+/// The solution of the adjoint problem by dof, zero where values are prescribed.
+fn adjoint(system: &System, u: &[f64], mut goal: Vec<f64>, threads: usize) -> Result<Vec<f64>, String> {
+    let numbering = &system.numbering;
+    numbering.turn(&mut goal);
+    let mut rhs = Vec::new();
+    numbering.gather(&goal, &mut rhs);
+    let mut tangent = system.new_tangent();
+    system.tangent(u, Branches::AsWritten, &mut tangent).map_err(|e| e.to_string())?;
+    let matrix = system.bulk().plus(&tangent.changing).map_err(|e| e.to_string())?;
+    let position = |d: &u32| {
+        let (field, node, _) = numbering.describe(&system.fields, *d as usize);
+        system.fields[field].node_position(node)
+    };
+    let positions: Vec<[f64; 3]> = numbering.free_dofs.iter().map(position).collect();
+    let options = SolverOptions { threads, ..SolverOptions::default() };
+    let mut x = vec![0.0; rhs.len()];
+    let solved = system.is_symmetric() && {
+        let mut solver = CheckedLlt::new(matrix.pattern(), Some(&positions), options).map_err(|e| e.to_string())?;
+        solver.factor(&matrix).and_then(|()| solver.solve(&rhs, &mut x)).is_ok()
+    };
+    if !solved {
+        let transposed = if system.is_symmetric() { matrix } else { matrix.transpose() };
+        let mut solver =
+            CheckedLu::new(&Arc::clone(transposed.pattern()), Some(&positions), options).map_err(|e| e.to_string())?;
+        solver.factor(&transposed).and_then(|()| solver.solve(&rhs, &mut x)).map_err(|e| e.to_string())?;
+    }
+    let mut out = vec![0.0; u.len()];
+    numbering.advance(&vec![0.0; u.len()], &x, 1.0, &mut out);
+    Ok(out)
+}
+
+/// The values of one space at the nodes of another one on the same cells and faces.
+fn transfer(from: &System, to: &System, values: &[f64]) -> Result<Vec<f64>, String> {
+    let mut out = vec![0.0; to.numbering.n_dofs];
+    for (source, target) in from.fields.iter().zip(&to.fields) {
+        let place = |system: &System, field: &Field| system.fields.iter().position(|f| f.name == field.name);
+        let (Some(a), Some(b)) = (place(from, source), place(to, target)) else { continue };
+        let (Some(read), Some(write)) = (from.range(a), to.range(b)) else { continue };
+        let n = source.n_components;
+        match (&source.space, &target.space) {
+            (FieldSpace::Nodal(coarse), FieldSpace::Nodal(fine)) => {
+                interpolate(coarse, fine, n, &values[read], &mut out[write])?;
+            }
+            (FieldSpace::Global, FieldSpace::Global) => out[write].copy_from_slice(&values[read]),
+            _ => return Err(format!("`{}` is of another kind on the same mesh", source.name)),
+        }
+    }
+    Ok(out)
+}
+
+fn interpolate(from: &Space, to: &Space, n: usize, values: &[f64], out: &mut [f64]) -> Result<(), String> {
+    if from.support() != to.support() {
+        return Err("the meshes of two degrees differ".to_owned());
+    }
+    let tables: Vec<_> =
+        CellKind::ALL.iter().map(|kind| Some(from.element(*kind)?.tabulate(to.element(*kind)?.points(), 0))).collect();
+    for position in 0..to.n_positions() {
+        let Some(table) = &tables[to.element_at(position).kind().index()] else { continue };
+        let sources = from.entity_nodes(position);
+        for (point, node) in to.entity_nodes(position).iter().enumerate() {
+            for c in 0..n {
+                let part = |(k, s): (usize, &u32)| table.values[point * table.n_dofs + k] * values[*s as usize * n + c];
+                out[*node as usize * n + c] = sources.iter().enumerate().map(part).sum();
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The sums at nodes, in equal parts to the cells around them, and there to the directions in which the adjoint solution
+/// is not of the lower degree.
+fn by_cell(system: &System, products: &[f64], adjoint: &[f64]) -> Vec<[f64; 3]> {
+    let mut parts = vec![[0.0; 3]; system.mesh.n_cells()];
+    for (k, field) in system.fields.iter().enumerate() {
+        let (Some(range), FieldSpace::Nodal(space)) = (system.range(k), &field.space) else { continue };
+        let n = field.n_components;
+        let (products, adjoint) = (&products[range.clone()], &adjoint[range]);
+        let mut around = vec![0u32; space.n_nodes()];
+        for position in 0..space.n_positions() {
+            space.entity_nodes(position).iter().for_each(|node| around[*node as usize] += 1);
+        }
+        for position in 0..space.n_positions() {
+            let (element, nodes) = (space.element_at(position), space.entity_nodes(position));
+            let (cell, axes) = match space.support() {
+                Support::Cells(cells) => (cells[position], [0, 1, 2]),
+                Support::Facets(facets) => {
+                    let at = facets[position];
+                    (at.cell, axes_of(system.mesh.kind(at.cell), usize::from(at.local)))
+                }
+            };
+            let lines = Lines { element, nodes, n, values: adjoint };
+            for (local, node) in nodes.iter().enumerate() {
+                let whole: f64 = products[*node as usize * n..][..n].iter().sum();
+                let part = whole.abs() / f64::from(around[*node as usize]);
+                if part > 0.0 {
+                    let shares = lines.shares(local);
+                    (0..3).for_each(|d| parts[cell.index()][axes[d]] += part * shares[d]);
+                }
+            }
+        }
+    }
+    parts
+}
+
+/// The directions of a cell that the parameters of a facet run along; those of simplices do not matter.
+fn axes_of(kind: CellKind, local: usize) -> [usize; 3] {
+    let map = kind.facet_map(local);
+    let axis = |t: [f64; 3]| t.iter().position(|x| *x != 0.0).unwrap_or(0);
+    [axis(map.tangents[0]), axis(map.tangents[1]), 0]
+}
+
+/// The lines of nodes of a tensor cell.
+struct Lines<'a> {
+    element: &'a Element,
+    nodes: &'a [u32],
+    /// Components of the field.
+    n: usize,
+    values: &'a [f64],
+}
+
+impl Lines<'_> {
+    /// How much of a node's part goes to each direction: in proportion to the highest difference along the line of nodes
+    /// through it, which is zero where the values are of a lower degree in that direction.
+    fn shares(&self, local: usize) -> [f64; 3] {
+        let (kind, degree) = (self.element.kind(), self.element.degree());
+        let dim = kind.dim();
+        let even = std::array::from_fn(|d| if d < dim { 1.0 / dim as f64 } else { 0.0 });
+        let is_vertex = matches!(self.element.entities()[local], DofEntity::Vertex(_));
+        if kind.is_simplex() || is_vertex || degree == 0 {
+            return if dim == 0 { [1.0, 0.0, 0.0] } else { even };
+        }
+        let mut size = [0.0f64; 3];
+        let steps = degree + 1;
+        for (d, size) in size.iter_mut().enumerate().take(dim) {
+            let stride = steps.pow(u32::try_from(d).unwrap_or(0));
+            let place = local / stride % steps;
+            if place == 0 || place == degree {
+                continue;
+            }
+            let first = local - place * stride;
+            for c in 0..self.n {
+                let at = |k: usize| self.values[self.nodes[first + k * stride] as usize * self.n + c];
+                let (mut sum, mut factor) = (0.0, 1.0);
+                for k in 0..steps {
+                    sum += factor * at(k);
+                    factor *= -((degree - k) as f64) / (k + 1) as f64;
+                }
+                *size += sum.abs();
+            }
+        }
+        let total: f64 = size.iter().sum();
+        if total > 0.0 { size.map(|s| s / total) } else { even }
+    }
+}
