@@ -250,7 +250,7 @@ pub(crate) struct SweepArgs {
     /// Scenes, .wfl files, and knobs with their values: gamma=1e4,1e6 h=0.5,0.25
     #[arg(value_name = "SCENE|KNOB=LIST")]
     pub(crate) words: Vec<String>,
-    /// Reference of the errors: `auto` (a finer run, of another scene if there are several), `exact` (`def exact` in
+    /// Reference of the errors: `auto` (finer runs, of another scene if there are several), `exact` (`def exact` in
     /// the scene), `none`, or a reference_1.json of another sweep
     #[arg(long, value_name = "auto|exact|none|FILE", default_value = "auto")]
     pub(crate) reference: String,

@@ -216,3 +216,131 @@ fn the_time_left_is_told_before_the_larger_runs() {
     let order: Vec<String> = rows(&out).iter().map(|r| cell(r, "knob n").to_owned()).collect();
     assert_eq!(order, ["16", "4", "8"]);
 }
+
+/// A smooth problem whose solution, load and boundary values follow from `q`; `n` divides the mesh.
+const WAVES: &str = "wfl 1
+param q = 3
+param n = 8
+mesh box [0,0] to [1,1] cells [n,n] quad
+region rim = boundary
+unknown u : scalar
+def exact = sin(q*x)*exp(y)
+term diffusion on all : Grad_u.Grad_Test_u
+load u = (q*q - 1)*exact on all
+fix u = exact on rim
+";
+
+#[test]
+fn each_problem_has_a_reference_of_its_own() {
+    let (out, exact) = (folder("problems"), folder("problems_exact"));
+    let scene = out.join("waves.wfl");
+    std::fs::write(&scene, WAVES).expect("written");
+    let name = scene.display().to_string();
+    let run = wfl(&[&name, "q=1,20", "n=8,16"], &out);
+    assert!(run.status.success(), "{}", text(&run.stderr));
+    // one reference a problem, shared by its meshes
+    assert_eq!(text(&run.stderr).matches("kept in").count(), 2, "{}", text(&run.stderr));
+    assert!(wfl(&[&name, "q=1,20", "n=8,16", "--reference", "exact", "-q"], &exact).status.success());
+    let (found, truth) = (rows(&out), rows(&exact));
+    assert_eq!((found.len(), truth.len()), (4, 4));
+    for (row, exact) in found.iter().zip(&truth) {
+        let setting = format!("{} q={} degree=2 refine=2 n=16", name, cell(row, "knob q"));
+        let own: Vec<&str> = cell(row, "reference").split(' ').collect();
+        assert!(setting.split(' ').all(|word| own.contains(&word)), "{own:?}");
+        for column in ["error L2", "error H1"] {
+            let (a, b) = (number(row, column), number(exact, column));
+            assert!((a / b - 1.0).abs() < 0.02, "{column}: {a} and {b} in {row:?}");
+        }
+        assert!(number(row, "reference error H1") < 0.1 * number(row, "error H1"), "{row:?}");
+    }
+    // settings are compared with those of their own problem
+    let told = text(&run.stdout);
+    for q in ["q=1", "q=20"] {
+        let of = |l: &&str| l.contains(&format!("waves {q} ")) || l.contains(&format!("none of these runs with {q} "));
+        assert_eq!(told.lines().filter(of).count(), 8, "{told}");
+    }
+    // another value needs one reference more, and the rows stay
+    let more = wfl(&[&name, "q=1,5,20", "n=8,16"], &out);
+    assert!(text(&more.stderr).contains("6 runs, 4 of them already in the table"), "{}", text(&more.stderr));
+    assert_eq!(text(&more.stderr).matches("kept in").count(), 1, "{}", text(&more.stderr));
+}
+
+#[test]
+fn a_parameter_of_the_contact_method_shares_the_reference() {
+    let out = folder("shared");
+    // gamma of a consistent method changes how contact is solved, friction what is solved
+    let knobs = ["cells=[2,4,4]", "gamma=5e4,1e5", "fric=0.2,0.4"];
+    let run = wfl(&[&["fault/nitsche.wfl", "--reference-knob", "cells=[2,2,2]"], &knobs[..]].concat(), &out);
+    assert!(run.status.success(), "{}", text(&run.stderr));
+    let rows = rows(&out);
+    let mut references: Vec<&str> = rows.iter().map(|r| cell(r, "reference")).collect();
+    references.sort_unstable();
+    references.dedup();
+    assert_eq!((rows.len(), references.len()), (4, 2), "{references:?}");
+    assert!(references[0].contains("fric=0.2") && references[1].contains("fric=0.4"), "{references:?}");
+}
+
+/// A block of hexahedra whose rule holds elements of degree 1 and not those of degree 2.
+const RULED: &str = "wfl 1
+param k = 1
+mesh box [0,0,0] to [1,1,1] cells [2,2,2] hex
+region floor = faces where z == 0
+region top = faces where z == 1
+unknown u : vector
+quadrature on all degree 3
+term elastic on all : k*Sym(Grad_u):Grad_Test_u
+load u = [0,0,-1] on top
+fix u = [0,0,0] on floor
+";
+
+#[test]
+fn a_reference_that_fails_leaves_the_rows_without_errors_and_says_why() {
+    let out = folder("no_reference");
+    let scene = out.join("ruled.wfl");
+    std::fs::write(&scene, RULED).expect("written");
+    let name = scene.display().to_string();
+    let run = wfl(&[&name, "refine=1,2"], &out);
+    let (said, told) = (text(&run.stderr), text(&run.stdout));
+    assert!(run.status.success(), "{said}");
+    let first = rows(&out);
+    assert_eq!(first.len(), 2);
+    for row in &first {
+        assert_eq!(cell(row, "status"), "ok");
+        assert!(row.iter().all(|c| !c.0.starts_with("error ")), "{row:?}");
+        let why = cell(row, "reference");
+        assert!(why.starts_with("none: ") && why.contains("hourglass") && why.contains("W511"), "{why}");
+    }
+    for place in [&said, &told] {
+        assert!(place.contains("has no solution") && place.contains("hourglass modes on a hex"), "{place}");
+        assert!(place.contains("degree 4 or more"), "{place}");
+    }
+    assert!(told.contains("2 rows, 0 failed"), "{told}");
+    // the rows are kept as long as the reference fails, and made again with one that does not
+    let again = wfl(&[&name, "refine=1,2"], &out);
+    assert!(text(&again.stderr).contains("2 runs, 2 of them already in the table"), "{}", text(&again.stderr));
+    assert!(wfl(&[&name, "refine=1,2", "--reference-knob", "degree=1", "-q"], &out).status.success());
+    assert!(rows(&out)[2..].iter().all(|r| number(r, "error H1") > 0.0), "{:?}", rows(&out));
+}
+
+#[test]
+fn a_row_as_good_as_its_reference_is_marked_in_the_terminal_and_on_the_page() {
+    let out = folder("marked");
+    let scene = out.join("waves.wfl");
+    std::fs::write(&scene, WAVES).expect("written");
+    let name = scene.display().to_string();
+    let marks = |run: &Output| -> Vec<bool> {
+        let told = text(&run.stdout);
+        let of = |l: &&str| l.starts_with("| unknowns (L2)") && l.contains("n=");
+        told.lines().filter(of).map(|l| l.contains("(not resolved by the reference)")).collect()
+    };
+    let same = ["--reference-knob", "degree=1", "--reference-knob", "refine=5/4"];
+    let run = wfl(&[&[name.as_str(), "n=16"], &same[..]].concat(), &out);
+    let found = marks(&run);
+    assert!(!found.is_empty() && found.iter().all(|m| *m), "{}", text(&run.stdout));
+    let page = std::fs::read_to_string(out.join("sweep.html")).expect("a page");
+    assert!(page.contains("(not resolved by the reference)"));
+    let fine = folder("unmarked");
+    let run = wfl(&[&name, "n=16"], &fine);
+    let found = marks(&run);
+    assert!(!found.is_empty() && found.iter().all(|m| !*m), "{}", text(&run.stdout));
+}

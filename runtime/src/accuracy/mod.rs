@@ -24,7 +24,7 @@ pub use adjoint::{Indicator, Pair};
 pub use outcome::{Cost, Found, Out, Short, Trials};
 pub use record::{AccuracyRecord, Other, Rounds, TrialRun};
 pub use search::seek;
-pub use ways::{Role, Wanted, Ways, lean, work};
+pub use ways::{Role, Wanted, Ways, lean, method_word, work};
 
 /// The demand.
 #[derive(Clone, Debug, PartialEq)]

@@ -35,6 +35,15 @@ pub enum Role {
     Penalty,
 }
 
+/// The parameter of the contact method of a scene, if it is no part of the problem: the exact solution does not depend on
+/// it (multipliers, consistent methods), or it is a penalty and what it changes is an error.
+#[must_use]
+pub fn method_word(script: &ResolvedScript, scene: &Scene) -> Option<String> {
+    let multiplier = || script.fields.iter().any(|f| matches!(f.kind, FieldKind::Multiplier { .. }));
+    let numerical = |name: &String| name == PENALTY || multiplier() || is_consistent(&scene.system, &scene.contact);
+    scene.method_parameter(script).filter(numerical)
+}
+
 /// What divides the mesh.
 #[derive(Clone, Debug, PartialEq)]
 enum Division {

@@ -22,7 +22,9 @@ use wfl_runtime::{
 };
 
 use crate::{
-    Listener, Loaded, VERSION, limited_threads,
+    Listener, Loaded, VERSION,
+    advice::hourglass,
+    limited_threads,
     scene_file::{read_scene, rounds_of},
 };
 
@@ -234,17 +236,34 @@ impl Bench<'_> {
             precision,
             ..RunOptions::without_files(threads, started)
         };
-        let solved = |scene, outcome| Solved { script: loaded.script, outputs, scene, outcome };
         if self.last && !remembers(&scene) && scene.steps.values.len() > 1 {
             // nothing remembers the steps before the last: it is tried alone, and all of them where that fails
             let all = scene.steps.values.clone();
             scene.steps.values.drain(..all.len() - 1);
             match wfl_runtime::run(&mut scene, &options, &mut Quiet) {
-                Ok(outcome) if outcome.converged() => return Ok(solved(scene, outcome)),
+                Ok(outcome) if outcome.converged() => {
+                    return Ok(Solved { script: loaded.script, outputs, scene, outcome });
+                }
                 _ => scene.steps.values = all,
             }
         }
-        let outcome = wfl_runtime::run(&mut scene, &options, &mut Quiet).map_err(|e| e.to_string())?;
-        Ok(solved(scene, outcome))
+        match wfl_runtime::run(&mut scene, &options, &mut Quiet) {
+            Ok(outcome) => Ok(Solved { script: loaded.script, outputs, scene, outcome }),
+            Err(error) => Err(with_cause(&error.to_string(), &hourglass::rules(&loaded, &mut scene))),
+        }
     }
+}
+
+/// Why a run failed, with the rules that leave cells without stiffness: what makes a matrix singular is said in the
+/// first line, notes and remedies below it.
+fn with_cause(error: &str, rules: &[Diagnostic]) -> String {
+    let mut text = error.to_owned();
+    for rule in rules {
+        text += &format!("; {} [{}]", rule.message, rule.code);
+    }
+    for rule in rules {
+        rule.notes.iter().for_each(|note| text += &format!("\n  = note: {note}"));
+        rule.helps.iter().for_each(|help| text += &format!("\n  = help: {help}"));
+    }
+    text
 }

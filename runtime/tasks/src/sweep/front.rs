@@ -8,6 +8,9 @@ use super::table::{Row, columns};
 /// Wanted errors of the table of cheapest settings.
 pub(super) const WANTED: [(f64, &str); 4] = [(1e-1, "10 %"), (1e-2, "1 %"), (1e-3, "0.1 %"), (1e-4, "0.01 %")];
 
+/// The column with the knobs that make a row another problem.
+pub(super) const PROBLEM: &str = "problem";
+
 /// Below this an error is rounding.
 const ROUNDING: f64 = 1e-11;
 /// The error of a reference says nothing about runs whose error is less than so many times as large.
@@ -37,12 +40,23 @@ pub(super) fn quantities(rows: &[Row]) -> (Vec<String>, Vec<String>) {
     named.partition(|name| !name.starts_with(MEASURE) && !measured(name))
 }
 
-/// True where the reference knows a quantity well enough to say anything: one that is zero but for rounding has no
+/// The runs whose reference knows a quantity well enough to say anything: one that is zero but for rounding has no
 /// relative error.
-pub(super) fn is_known(rows: &[Row], quantity: &str) -> bool {
-    let column = format!("reference error {quantity}");
-    let largest = rows.iter().filter_map(|r| r.value(&column)).fold(0.0, f64::max);
-    largest < UNKNOWN
+pub(super) fn known_points<'r>(rows: &'r [Row], quantity: &str) -> Vec<Point<'r>> {
+    let mut known = points(rows, quantity);
+    known.retain(|p| own_error(p.row, quantity) < UNKNOWN);
+    known
+}
+
+/// What is said behind a setting whose error is no larger than that of its reference may be; nothing for others.
+pub(super) fn doubt(point: &Point<'_>, quantity: &str) -> &'static str {
+    let own = own_error(point.row, quantity);
+    if own > ROUNDING && point.error < TRUSTED * own { " (not resolved by the reference)" } else { "" }
+}
+
+/// The estimated error of the reference of a row; 0 where the solution is exact.
+fn own_error(row: &Row, quantity: &str) -> f64 {
+    row.value(&format!("reference error {quantity}")).unwrap_or(0.0)
 }
 
 /// The runs that have an error of a quantity.
@@ -55,8 +69,24 @@ pub(super) fn points<'r>(rows: &'r [Row], quantity: &str) -> Vec<Point<'r>> {
     rows.iter().filter_map(point).collect()
 }
 
-/// The points that no other one beats in time and error, by growing time.
+/// The points of each problem that the sweep solves: only those of one can be compared.
+pub(super) fn problems<'r>(points: &[Point<'r>]) -> Vec<Vec<Point<'r>>> {
+    let mut out: Vec<Vec<Point<'r>>> = Vec::new();
+    for point in points {
+        match out.iter_mut().find(|p| p[0].row.text(PROBLEM) == point.row.text(PROBLEM)) {
+            Some(found) => found.push(*point),
+            None => out.push(vec![*point]),
+        }
+    }
+    out
+}
+
+/// The points that no other one of the same problem beats in time and error, by growing time.
 pub(super) fn front<'r>(points: &[Point<'r>]) -> Vec<Point<'r>> {
+    problems(points).iter().flat_map(|p| front_of_one(p)).collect()
+}
+
+fn front_of_one<'r>(points: &[Point<'r>]) -> Vec<Point<'r>> {
     let mut sorted = points.to_vec();
     sorted.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.error.total_cmp(&b.error)));
     let mut out: Vec<Point<'r>> = Vec::new();
@@ -102,13 +132,12 @@ pub(super) fn source(point: Point<'_>, all: &[Point<'_>], quantity: &str) -> Str
     if point.error < ROUNDING {
         return "rounding".to_owned();
     }
-    let own = point.row.value(&format!("reference error {quantity}")).unwrap_or(0.0);
-    if point.error < TRUSTED * own {
+    if !doubt(&point, quantity).is_empty() {
         return "reference".to_owned();
     }
     let here = setting(point.row);
     let mut best: Option<(f64, Point<'_>, &str)> = None;
-    for other in all {
+    for other in all.iter().filter(|o| o.row.text(PROBLEM) == point.row.text(PROBLEM)) {
         let there = setting(other.row);
         let mut changed = here.iter().filter(|k| !there.contains(k));
         let (Some((column, _)), None) = (changed.next(), changed.next()) else { continue };
@@ -164,6 +193,17 @@ mod tests {
         assert_eq!(front, [1.0, 1.5, 2.5]);
         assert_eq!(cheapest(&points, 0.1).map(|p| words(p.row)), Some("penalty h=0.5 gamma=100".to_owned()));
         assert!(cheapest(&points, 0.01).is_none());
+    }
+
+    #[test]
+    fn settings_of_different_problems_do_not_beat_each_other() {
+        let mut rows = table();
+        rows[1].set(PROBLEM, "q=1");
+        rows[3].set(PROBLEM, "q=1");
+        let points = points(&rows, "H1");
+        let front: Vec<f64> = front(&points).iter().map(|p| p.time).collect();
+        assert_eq!(front, [1.0, 3.0, 1.5, 2.5]);
+        assert_eq!(source(points[2], &points, "H1"), "not in the sweep");
     }
 
     #[test]

@@ -5,8 +5,8 @@
 //! time. A table that is there already is gone on with: its rows are not run again as long as everything that their
 //! scene reads, its reference and the version of the program are the same.
 //!
-//! `lists` reads the words, knobs of the runtime change scenes, `bench` runs a setting, `reference` gives errors,
-//! `plan` orders the runs, `rows` makes a row of each, `table` keeps the rows; `front` and `page` read nothing but
+//! `lists` reads the words, knobs of the runtime change scenes, `bench` runs a setting, `problem` says which settings
+//! need a reference of their own, `reference` gives errors, `plan` orders the runs, `rows` makes a row of each, `table` keeps the rows; `front` and `page` read nothing but
 //! these.
 
 mod clock;
@@ -16,6 +16,7 @@ mod lists;
 mod machine;
 mod page;
 mod plan;
+mod problem;
 mod reference;
 mod references;
 mod rows;
@@ -72,10 +73,19 @@ pub struct Job<'a> {
 struct Method {
     path: PathBuf,
     known: Known,
-    /// Which reference its errors are taken against.
-    reference: Option<usize>,
+    /// What its errors are taken against, for each setting of the knobs that change the problem.
+    references: Vec<Against>,
     /// Statements put behind its text.
     more: String,
+}
+
+/// What the errors of the runs of one problem are taken against.
+#[derive(Clone)]
+struct Against {
+    /// The knobs that make it another problem.
+    problem: Vec<(String, String)>,
+    /// Which reference, or why there is none.
+    found: Result<usize, String>,
 }
 
 /// Makes the runs that are not in the table yet, and table, page and plots.
@@ -92,26 +102,28 @@ pub fn sweep(job: &Job<'_>) -> Result<(), String> {
     let threads = job.threads.map_or_else(default, |n| limited_threads(n.get(), job.listener));
     let mut methods = methods(&scenes, &knobs, job.backend)?;
     let dir = OutputDir::open(&job.out).map_err(|e| told_later(&e))?;
-    dir.go_on(Kind::Sweep, &plan(&methods)).map_err(|e| told_later(&e))?;
+    let problems = problem::settings(&methods, &knobs);
+    dir.go_on(Kind::Sweep, &plan(&methods, problems.len())).map_err(|e| told_later(&e))?;
     let _tidied = job.listener.writing(&job.out, "finished rows are kept: the same command continues");
     let mut sweep = Sweep {
         job,
         knobs: &knobs,
         bench: Bench { backend: job.backend, listener: job.listener, threads, only: None, last: false, rounds: &[] },
         references: Vec::new(),
+        problem_knobs: problems[0].iter().map(|k| k.0.clone()).collect(),
         rows: kept_rows(&dir)?,
         dir: &dir,
         machine: machine::describe(),
     };
-    sweep.references(&mut methods)?;
+    sweep.references(&mut methods, &problems)?;
     sweep.all(&methods)?;
     dir.finish(State::Finished).map_err(|e| told_later(&e))
 }
 
-/// The names of the files of a sweep.
-fn plan(methods: &[Method]) -> Plan {
+/// The names of the files of a sweep of so many problems.
+fn plan(methods: &[Method], problems: usize) -> Plan {
     let mut files = vec![table::TABLE_FILE.to_owned(), page::PAGE_FILE.to_owned()];
-    files.extend((1..=methods.len()).map(reference_file));
+    files.extend((1..=methods.len() * problems).map(reference_file));
     let outputs = methods.iter().flat_map(|m| &m.known.loaded.script.outputs).flat_map(|o| &o.items);
     let quantities = ["L2", "H1"].into_iter().chain(outputs.map(|i| i.name.as_str()));
     files.extend(quantities.map(|q| format!("{}.svg", page::plot_name(q))));
@@ -170,7 +182,7 @@ fn methods(scenes: &[String], knobs: &[Knob], backend: &dyn KernelBackend) -> Re
                     .map_err(|e| format!("{scene}: {e}"))?;
             }
         }
-        out.push(Method { path, known, reference: None, more: String::new() });
+        out.push(Method { path, known, references: Vec::new(), more: String::new() });
     }
     Ok(out)
 }
@@ -180,6 +192,8 @@ struct Sweep<'a> {
     knobs: &'a [Knob],
     bench: Bench<'a>,
     references: Vec<Reference>,
+    /// The knobs that change the problem.
+    problem_knobs: Vec<String>,
     rows: Vec<Row>,
     dir: &'a OutputDir,
     machine: machine::Machine,

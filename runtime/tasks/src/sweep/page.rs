@@ -6,7 +6,10 @@ use wfl_charts::{Chart, Colour, Page, Scale, Section, Series, Table};
 use wfl_runtime::output::{OutputDir, OutputError};
 
 use super::{
-    front::{Point, TRUSTED, WANTED, cheapest, front, is_known, method, points, quantities, source, words},
+    front::{
+        PROBLEM, Point, TRUSTED, WANTED, cheapest, doubt, front, known_points, method, points, problems, quantities,
+        source, words,
+    },
     table::{Row, write_text},
 };
 
@@ -69,13 +72,16 @@ fn chart(quantity: &str, points: &[Point<'_>]) -> Chart {
         let notes: Vec<String> = of.iter().map(note).collect();
         chart = chart.points(Series::new(method(scene), of.iter().map(|p| [p.error, p.time])).notes(notes));
     }
-    let best = front(points).into_iter().map(|p| [p.error, p.time]);
-    chart.line(Series::new("front", best).colour(Colour::Ink))
+    for problem in problems(points) {
+        let best = front(&problem).into_iter().map(|p| [p.error, p.time]);
+        chart = chart.line(Series::new("front", best).colour(Colour::Ink));
+    }
+    chart
 }
 
 fn page(rows: &[Row]) -> Page {
     let failures: Vec<&Row> = rows.iter().filter(|r| r.text("status") != "ok").collect();
-    let (fields, measures) = quantities(rows);
+    let (fields, _) = quantities(rows);
     let solved = rows.len() - failures.len();
     let mut page = Page::new("Accuracy against computing time")
         .lead(format!(
@@ -90,7 +96,7 @@ fn page(rows: &[Row]) -> Page {
         plots = plots.chart(&chart);
     }
     page = page.section(plots);
-    let wanted = wanted(rows, fields.iter().chain(&measures).filter(|q| is_known(rows, q)));
+    let wanted = wanted(rows);
     page = page.section(
         Section::new("Demanded error and cheapest setting")
             .text("The fastest run of the table whose error is at most the demanded one. Quantities that the reference does not resolve are omitted here; the plots have them.")
@@ -145,22 +151,37 @@ fn about(rows: &[Row]) -> Section {
     section
 }
 
-fn wanted<'q>(rows: &[Row], quantities: impl Iterator<Item = &'q String>) -> Table {
+/// The cheapest run for each demanded error of each quantity, or one of the runs without it: problem by problem.
+fn demands<'r>(rows: &'r [Row]) -> Vec<(String, &'static str, Result<Point<'r>, Point<'r>>)> {
+    let (fields, measures) = quantities(rows);
+    let mut out = Vec::new();
+    for quantity in fields.into_iter().chain(measures) {
+        for problem in problems(&known_points(rows, &quantity)) {
+            let found = |error| cheapest(&problem, error).ok_or(problem[0]);
+            out.extend(WANTED.map(|(error, word)| (quantity.clone(), word, found(error))));
+        }
+    }
+    out
+}
+
+/// What stands in a table where no run has the demanded error.
+fn none_of(point: &Point<'_>) -> String {
+    match point.row.text(PROBLEM) {
+        "" => "none of these runs".to_owned(),
+        problem => format!("none of these runs with {problem}"),
+    }
+}
+
+fn wanted(rows: &[Row]) -> Table {
     let mut table = Table::new(["quantity", "demanded error", "cheapest setting", "time [s]", "error"]);
-    for quantity in quantities {
-        let all = points(rows, quantity);
-        for (error, word) in WANTED {
-            let own = all.iter().filter_map(|p| p.row.value(&format!("reference error {quantity}")));
-            let own = own.fold(0.0, f64::max);
-            let name = title(quantity);
-            match cheapest(&all, error) {
-                _ if all.is_empty() => {}
-                Some(p) => {
-                    let doubt = if error < TRUSTED * own { " (not resolved by the reference)" } else { "" };
-                    table.row([name, word.into(), words(p.row) + doubt, seconds(p.row), format!("{:.1e}", p.error)]);
-                }
-                None => table.row([name, word.into(), "none of these runs".to_owned()]),
+    for (quantity, word, found) in demands(rows) {
+        let name = title(&quantity);
+        match found {
+            Ok(p) => {
+                let setting = words(p.row) + doubt(&p, &quantity);
+                table.row([name, word.into(), setting, seconds(p.row), format!("{:.1e}", p.error)]);
             }
+            Err(other) => table.row([name, word.into(), none_of(&other)]),
         }
     }
     table
@@ -203,18 +224,16 @@ fn seconds(row: &Row) -> String {
 
 /// The same tables in Markdown, for a study: demanded errors and Pareto fronts; nothing where no error is known.
 pub(super) fn markdown(rows: &[Row]) -> String {
-    let (fields, measures) = quantities(rows);
     let head = "| quantity | demanded error | cheapest setting | time [s] | error |\n|---|---|---|---|---|\n";
     let mut text = String::new();
-    for quantity in fields.iter().chain(&measures).filter(|q| is_known(rows, q)) {
-        let all = points(rows, quantity);
-        for (error, word) in WANTED {
-            if let Some(p) = cheapest(&all, error) {
-                let (name, time) = (title(quantity), seconds(p.row));
-                text += &format!("| {name} | {word} | `{}` | {time} | {:.1e} |\n", words(p.row), p.error);
-            } else if !all.is_empty() {
-                text += &format!("| {} | {word} | none of these runs | | |\n", title(quantity));
+    for (quantity, word, found) in demands(rows) {
+        let name = title(&quantity);
+        match found {
+            Ok(p) => {
+                let (time, doubt) = (seconds(p.row), doubt(&p, &quantity));
+                text += &format!("| {name} | {word} | `{}`{doubt} | {time} | {:.1e} |\n", words(p.row), p.error);
             }
+            Err(other) => text += &format!("| {name} | {word} | {} | | |\n", none_of(&other)),
         }
     }
     if text.is_empty() { text } else { format!("{head}{text}") }

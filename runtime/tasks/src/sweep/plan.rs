@@ -73,7 +73,7 @@ impl Sweep<'_> {
         let bad = self.rows.iter().filter(|r| r.text("status") != "ok").count();
         let page = self.job.out.join(page::PAGE_FILE);
         self.job.listener.result(&page::markdown(&self.rows));
-        let told = format!("\n{} rows, {bad} failed; {}\n", self.rows.len(), page.display());
+        let told = format!("\n{} rows, {bad} failed; {}\n{}", self.rows.len(), page.display(), without(methods));
         self.job.listener.result(&told);
         Ok(())
     }
@@ -125,6 +125,19 @@ impl Sweep<'_> {
             receiver.iter().try_for_each(|(k, row, seconds)| done(k, row, seconds))
         })
     }
+}
+
+/// Why some problems have no reference.
+fn without(methods: &[Method]) -> String {
+    let mut said: Vec<&str> = Vec::new();
+    for against in methods.iter().flat_map(|m| &m.references) {
+        if let Err(why) = &against.found
+            && !said.contains(&why.as_str())
+        {
+            said.push(why);
+        }
+    }
+    said.iter().map(|why| format!("rows without errors: {why}\n")).collect()
 }
 
 /// One line about a run.

@@ -156,8 +156,7 @@ fn richardson(steps: &[Vec<(String, f64)>]) -> Vec<(String, f64)> {
 
 /// References of different methods tell each other's error, where they have the same points: the distance between them
 /// is the least that each may be wrong by.
-pub(super) fn compare(references: &mut [Reference]) {
-    let [one, other] = references else { return };
+pub(super) fn compare(one: &mut Reference, other: &mut Reference) {
     let positions = |r: &Reference| r.samples.iter().map(|s| s.positions.clone()).collect::<Vec<_>>();
     if positions(one) != positions(other) {
         return;

@@ -5,7 +5,7 @@ use wfl_runtime::{
     knobs::Setting,
 };
 
-use super::{Method, Sweep, machine, plan::Planned, table::Row};
+use super::{Method, Sweep, front::PROBLEM, machine, plan::Planned, reference::Reference, table::Row};
 use crate::{
     bench::{Run, Status},
     setting_text,
@@ -14,8 +14,11 @@ use crate::{
 impl Sweep<'_> {
     /// What identifies a row: scene with its text, setting, repetitions and reference.
     pub(super) fn key(&self, method: &Method, setting: &Setting) -> String {
-        let reference = method.reference.map(|k| &self.references[k]);
-        let reference = reference.map_or("none".to_owned(), |r| format!("{} {}", r.what, r.identity));
+        let reference = match method.against(setting) {
+            Some(Ok(k)) => format!("{} {}", self.references[*k].what, self.references[*k].identity),
+            Some(Err(why)) => format!("none: {}", why.lines().next().unwrap_or_default()),
+            None => "none".to_owned(),
+        };
         let n = self.job.repeat;
         let identity = method.known.identity.hash();
         format!("{} {identity} | {} | {n} | {reference}", method.path.display(), setting_text(setting))
@@ -38,7 +41,7 @@ impl Sweep<'_> {
         let mut seconds: Vec<f64> = runs.iter().map(|r| r.seconds).collect();
         seconds.sort_by(f64::total_cmp);
         let last = runs.pop();
-        let errors = last.as_ref().and_then(|run| self.errors(method, run));
+        let errors = last.as_ref().and_then(|run| self.errors(method, setting, run));
         row.set("status", "failed");
         if let Some(run) = &last {
             let (status, message) = status(run, errors.as_ref());
@@ -58,7 +61,7 @@ impl Sweep<'_> {
             costs(&mut row, solved);
         }
         if let Some(Ok(errors)) = errors {
-            let reference = method.reference.map(|k| &self.references[k]);
+            let reference = self.reference(method, setting);
             for (name, value) in &errors {
                 row.number(format!("error {name}"), *value);
                 if let Some(own) = reference.and_then(|r| r.own_error(name)) {
@@ -80,7 +83,14 @@ impl Sweep<'_> {
         for column in ["status", "message"] {
             row.set(column, "");
         }
-        row.set("reference", method.reference.map_or("none", |k| &self.references[k].what));
+        let reference = match method.against(setting) {
+            Some(Ok(k)) => self.references[*k].what.clone(),
+            Some(Err(why)) => format!("none: {why}"),
+            None => "none".to_owned(),
+        };
+        row.set("reference", reference);
+        let problem: Vec<_> = setting.iter().filter(|k| self.problem_knobs.contains(&k.0)).cloned().collect();
+        row.set(PROBLEM, setting_text(&problem));
         row.set("version", self.machine.version.clone());
         row.set("commit", self.machine.commit.clone());
         row.set("machine", self.machine.name.clone());
@@ -89,8 +99,12 @@ impl Sweep<'_> {
         row
     }
 
-    fn errors(&self, method: &Method, run: &Run) -> Option<Result<Vec<(String, f64)>, String>> {
-        let reference = &self.references[method.reference?];
+    fn reference(&self, method: &Method, setting: &Setting) -> Option<&Reference> {
+        method.against(setting)?.as_ref().ok().map(|k| &self.references[*k])
+    }
+
+    fn errors(&self, method: &Method, setting: &Setting, run: &Run) -> Option<Result<Vec<(String, f64)>, String>> {
+        let reference = self.reference(method, setting)?;
         let solved = run.solved.as_ref().filter(|_| run.status == Status::Ok)?;
         Some(reference.errors(solved, self.bench.backend))
     }
