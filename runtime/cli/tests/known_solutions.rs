@@ -124,3 +124,18 @@ fn an_error_of_a_hundredth_is_met_where_the_solution_is_known() {
 fn an_error_of_a_thousandth_is_met_where_the_solution_is_known() {
     check(0.001);
 }
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+fn corners_and_tips_converge_as_fast_as_smooth_solutions() {
+    // uniform meshes give gradients the order 2/3 and 1/2 there, for every degree
+    for name in ["corner", "tip"] {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/known");
+        let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("known_order");
+        let report = report(&folder.join(format!("{name}.wfl")), 0.003, "H1", &out);
+        let picked = report["accuracy"]["picked"].as_array().expect("knobs");
+        let degree = picked.iter().find(|k| k[0] == "degree").and_then(|k| k[1].as_str()).expect("a degree");
+        let order = report["accuracy"]["order"].as_f64().expect("an order");
+        assert!(degree == "2" && order > 1.7, "{name}: degree {degree}, order {order}");
+    }
+}

@@ -238,7 +238,10 @@ impl<T: Trials> Search<'_, T> {
             let error = SAFETY * self.trials.distance(run, &best.1).unwrap_or(f64::NAN);
             let order = self.order(*degree) as f64;
             let more = (error / (AIM * allowed)).max(1.0).powf(self.ways.dim as f64 / order);
-            let work = work(self.ways.dim, *degree, self.trials.cost(run).dofs as f64 * more);
+            // on a few cells most unknowns may be prescribed, and those of a finer mesh are not
+            let inside = self.trials.mesh(run).n_cells() as f64 * (*degree as f64).powf(self.ways.dim as f64);
+            let dofs = inside.max(self.trials.cost(run).dofs as f64);
+            let work = work(self.ways.dim, *degree, dofs * more);
             if work < choice.1 {
                 choice = (*degree, work);
             }
@@ -459,10 +462,9 @@ impl<T: Trials> Search<'_, T> {
 
     /// The order in the number of unknowns to the power of one over the dimension, between the first level and the best.
     fn order_seen(&self, levels: &[Level<T::Run>], best: usize) -> f64 {
-        let (Some(first), Some(last)) = (levels.iter().find(|l| l.apart.is_finite()), levels.get(best)) else {
-            return f64::NAN;
-        };
         let dofs = |l: &Level<T::Run>| self.trials.cost(&l.run).dofs as f64;
+        let counts = |l: &&Level<T::Run>| l.apart.is_finite() && dofs(l) > 0.0;
+        let (Some(first), Some(last)) = (levels.iter().find(counts), levels.get(best)) else { return f64::NAN };
         let sides = (dofs(last) / dofs(first)).ln() / self.ways.dim as f64;
         if sides > 0.0 { (first.apart / last.apart).ln() / sides } else { f64::NAN }
     }
