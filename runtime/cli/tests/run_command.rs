@@ -371,7 +371,7 @@ fn a_step_that_does_not_converge_is_marked() {
 fn times_add_up_to_the_whole() {
     let folder = Folder::new("times");
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/hyperelastic/contact.wfl");
-    let output = folder.wfl(&["run", scene, "cells=[4,4,4]", "fric=0.3", "--out", "out/scene"]);
+    let output = folder.wfl(&["run", scene, "cells=[8,8,8]", "fric=0.3", "--out", "out/scene"]);
     assert_eq!(code(&output), 0, "{}", said(&output));
     let times = folder.report("out/scene")["timings"].clone();
     let of = |(name, value): (&String, &Value)| (name != "total").then(|| value.as_f64().expect("seconds"));
