@@ -102,7 +102,8 @@ pub fn apply(
                 divide(script, name, &counts)?;
             }
             "refine" => mesh(script, name, None, positive(value).ok_or_else(|| wrong("a factor above 0"))?)?,
-            RICHER => richer(script).ok_or_else(|| wrong("1"))?,
+            RICHER if value == "1" => richer(script).ok_or_else(|| wrong("1"))?,
+            RICHER => return Err(wrong("1")),
             "degree" => degree(script, value).ok_or_else(|| wrong("1, 2, 3, …"))?,
             "quadrature" => quadrature(script, value, kinked).ok_or_else(|| wrong("vertex or a degree"))?,
             MARKS => {}

@@ -129,6 +129,7 @@ A knob is a parameter of the scenes, or one of
   refine=1/2,1,2     factor on the number of cells in each direction
   cells=8,[8,16]     the number of cells in each direction
   degree=1,2         degree of the unknowns on cells
+  marks=REPORT.json  refinement of the mesh, from the report of a run with --accuracy
   quadrature=vertex,2,4   quadrature rule of the terms with kinks
   tol=1e-4,1e-8  max_iter=20  search=none  threads=1,2
   precision=f64,f32+f64   of the factors of contact matrix and bulk
@@ -204,13 +205,13 @@ pub(crate) struct RunArgs {
     /// of a checkpoint) may be repeated
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Demanded relative error, such as 1e-3: selects mesh, degree, tolerance and penalty
+    /// Demanded relative error, such as 1e-3: refines the mesh and selects degree, tolerance and penalty
     #[arg(long, value_name = "ERROR", value_parser = accuracy, conflicts_with = "resume")]
     pub(crate) accuracy: Option<f64>,
     /// Quantity of the accuracy: L2 or H1 of the unknowns, an output on contact faces, a measure [default: L2]
     #[arg(long, value_name = "QUANTITY")]
     pub(crate) of: Option<String>,
-    /// Time limit of one run for the demanded accuracy, in seconds; a longer run is refused [default: 600]
+    /// Time limit of the search for the demanded accuracy, in seconds; the best run by then is the result [default: 600]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub(crate) budget: Option<f64>,
     /// Treat a Nitsche parameter below its coercivity bound (W503) as an error

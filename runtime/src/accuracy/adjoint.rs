@@ -52,22 +52,27 @@ impl Pair<'_> {
         let last = self.rich.outcome.steps.last().ok_or("there is no step")?;
         let embedded = self.embedded(&last.state)?;
         let at = |unknowns| StateAt { time: last.time, increment: last.increment, unknowns };
-        let goal = self.goal(quantity, backend, [&embedded, &last.state], &at)?;
-        // the residual of a step whose states have been renewed is not at hand; the size of a region has no derivative
+        let goal = self.goal(quantity, backend, [&embedded, &last.state], &at).unwrap_or_default();
+        // the residual of a step whose states have been renewed is not at hand; the size of a zone has no derivative, what
+        // is read through a mapping none that is compiled here
         if !self.rich.scene.states.is_empty() || goal.iter().all(|g| *g == 0.0) {
             let apart: Vec<f64> = last.state.iter().zip(&embedded).map(|(a, b)| a - b).collect();
             return self.difference(backend, at(&apart));
         }
         let adjoint = adjoint(rich, &last.state, goal, threads)?;
-        let weights = self.beyond(&adjoint)?;
-        let residual = rich.residual(&embedded, &Form::AS_WRITTEN).map_err(|e| e.to_string())?.values;
-        let mut turned = weights;
-        rich.numbering.turn(&mut turned);
-        let mut products: Vec<f64> = residual.iter().zip(&turned).map(|(r, w)| -r * w).collect();
-        for (product, free) in products.iter_mut().zip(&rich.numbering.free) {
-            *product = if *free == FIXED { 0.0 } else { *product };
-        }
+        let products = self.products(&embedded, &adjoint)?;
         Ok(Indicator { parts: by_cell(rich, &products, &adjoint) })
+    }
+
+    /// By dof of the richer space: minus the residual of the coarser solution times what the adjoint solution has beyond the
+    /// coarser space. In sum the difference of the goal between both solutions, but for what is prescribed.
+    fn products(&self, embedded: &[f64], adjoint: &[f64]) -> Result<Vec<f64>, String> {
+        let rich = &self.rich.scene.system;
+        let residual = rich.residual(embedded, &Form::AS_WRITTEN).map_err(|e| e.to_string())?.values;
+        let mut weights = self.beyond(adjoint)?;
+        rich.numbering.turn(&mut weights);
+        let by_dof = residual.iter().zip(&weights).zip(&rich.numbering.free);
+        Ok(by_dof.map(|((r, w), free)| if *free == FIXED { 0.0 } else { -r * w }).collect())
     }
 
     /// The squares of the gradients of a difference.
@@ -321,3 +326,6 @@ impl Lines<'_> {
         if total > 0.0 { size.map(|s| s / total) } else { even }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -22,7 +22,7 @@ mod ways;
 
 pub use adjoint::{Indicator, Pair};
 pub use outcome::{Cost, Found, Out, Short, Trials};
-pub use record::{AccuracyRecord, Other, Rounds, TrialRun};
+pub use record::{AccuracyRecord, Marks, Other, Rounds, TrialRun, marks_of, rounds_of};
 pub use search::seek;
 pub use ways::{Role, Wanted, Ways, lean, method_word, work};
 

@@ -87,6 +87,12 @@ pub enum Short {
     /// A finer mesh has no solution.
     #[error("a finer mesh has no solution: {0}")]
     Failed(String),
+    /// No mesh has an estimate.
+    #[error("no mesh has an estimate: {0}")]
+    Blind(String),
+    /// The tolerance and the parameter of the method cannot be set so that they add less than the demand.
+    #[error("the tolerance and the parameter of the method alone add an error of {0:.1e}")]
+    Method(f64),
     /// The estimates did not fall.
     #[error("the estimated error does not fall as the mesh is refined")]
     Stalled,

@@ -40,9 +40,6 @@ pub struct AccuracyRecord {
     pub estimate: Real,
     /// Whether the estimate is at most the demanded error.
     pub reached: bool,
-    /// The refinement of the mesh, round by round: cells with the axes along which they are halved, as bits.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub marks: Vec<Vec<[u32; 2]>>,
     /// Every run that was made, in order.
     pub trial_runs: Vec<TrialRun>,
     /// Estimates of the other quantities of the run.
@@ -50,22 +47,24 @@ pub struct AccuracyRecord {
     pub others: Vec<Other>,
 }
 
-impl AccuracyRecord {
-    /// The refinement of the mesh.
-    #[must_use]
-    pub fn refinement(&self) -> Rounds {
-        let mark = |[cell, bits]: &[u32; 2]| Mark {
-            cell: CellId::new(*cell as usize),
-            axes: Axes::from_bits(u8::try_from(*bits).unwrap_or(u8::MAX)),
-        };
-        self.marks.iter().map(|round| round.iter().map(mark).collect()).collect()
-    }
+/// A refinement as reports keep it, round by round: cells with the axes along which they are halved, as bits.
+pub type Marks = Vec<Vec<[u32; 2]>>;
 
-    /// Keeps the refinement of the mesh.
-    pub fn set_refinement(&mut self, rounds: &Rounds) {
-        let mark = |m: &Mark| [u32::try_from(m.cell.index()).unwrap_or(u32::MAX), u32::from(m.axes.bits())];
-        self.marks = rounds.iter().map(|round| round.iter().map(mark).collect()).collect();
-    }
+/// A refinement for a report.
+#[must_use]
+pub fn marks_of(rounds: &Rounds) -> Marks {
+    let mark = |m: &Mark| [u32::try_from(m.cell.index()).unwrap_or(u32::MAX), u32::from(m.axes.bits())];
+    rounds.iter().map(|round| round.iter().map(mark).collect()).collect()
+}
+
+/// The refinement that a report keeps.
+#[must_use]
+pub fn rounds_of(marks: &Marks) -> Rounds {
+    let mark = |[cell, bits]: &[u32; 2]| Mark {
+        cell: CellId::new(*cell as usize),
+        axes: Axes::from_bits(u8::try_from(*bits).unwrap_or(u8::MAX)),
+    };
+    marks.iter().map(|round| round.iter().map(mark).collect()).collect()
 }
 
 /// One run on the way.

@@ -107,6 +107,7 @@ pub fn seek<T: Trials>(trials: &mut T, ways: &Ways, demand: &Demand) -> Result<F
         method_error: 0.0,
         trial_runs: Vec::new(),
         first: Vec::new(),
+        blind: String::new(),
     };
     search.begin()?;
     search.refine_to_demand()
@@ -125,6 +126,8 @@ struct Search<'a, T: Trials> {
     trial_runs: Vec<TrialRun>,
     /// Runs on the first mesh by degree, until they are taken.
     first: Vec<(usize, T::Run)>,
+    /// Why the last level without an estimate has none.
+    blind: String,
 }
 
 impl<T: Trials> Search<'_, T> {
@@ -276,7 +279,10 @@ impl<T: Trials> Search<'_, T> {
             None => self.one(&setting, rounds, false)?,
         };
         let rich = self.one(&self.setting(degree, true, finer), rounds, false)?;
-        let apart = self.trials.distance(&run, &rich).unwrap_or(f64::INFINITY);
+        let apart = self.trials.distance(&run, &rich).unwrap_or_else(|why| {
+            self.blind = why;
+            f64::INFINITY
+        });
         let rounds = rounds.clone();
         Ok(Level {
             setting,
@@ -389,10 +395,11 @@ impl<T: Trials> Search<'_, T> {
     /// Whether there is no use, or no time, for another level.
     fn stop(&self, levels: &[Level<T::Run>]) -> Option<Short> {
         let blind = levels.iter().rev().take_while(|l| !l.apart.is_finite()).count();
+        if self.other() >= self.demand.error {
+            return Some(Short::Method(self.other()));
+        }
         if blind > BLIND {
-            return Some(Short::Failed(
-                "the error cannot be estimated: the solution is zero, or differs in kind".to_owned(),
-            ));
+            return Some(Short::Blind(self.blind.clone()));
         }
         let best = levels.iter().map(|l| l.apart).fold(f64::INFINITY, f64::min);
         let since = levels.iter().rev().take_while(|l| l.apart > best).count();
@@ -439,7 +446,7 @@ impl<T: Trials> Search<'_, T> {
         let others = others.filter(|(quantity, _)| *quantity != self.demand.quantity);
         let others = others.map(|(quantity, d)| Other { quantity, error: Real(level.factor * d) }).collect();
         let estimate = mesh + self.other();
-        let mut record = AccuracyRecord {
+        let record = AccuracyRecord {
             asked: self.demand.error,
             quantity: self.demand.quantity.clone(),
             picked: level.setting,
@@ -452,11 +459,9 @@ impl<T: Trials> Search<'_, T> {
             method: Real(self.method_error),
             estimate: Real(estimate),
             reached: short.is_none(),
-            marks: Vec::new(),
             trial_runs: self.trial_runs,
             others,
         };
-        record.set_refinement(&level.rounds);
         Found { run, record, short }
     }
 

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::{Hash, OrderedMap, OutputDir, OutputError, Real};
-use crate::accuracy::AccuracyRecord;
+use crate::accuracy::{AccuracyRecord, Marks};
 
 /// The name of the report in the output folder.
 pub const REPORT_FILE: &str = "report.json";
@@ -102,6 +102,9 @@ pub struct About {
     /// Its text first, then those of the files it uses; left out of the file if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<SceneText>,
+    /// How its mesh was refined beyond what it says itself; left out of the file if it was not.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub marks: Marks,
 }
 
 /// A text of a scene.

@@ -3,20 +3,21 @@
 //! The derivative of an integrand is that of the compiler, as for an energy. Compiled on demand: a run without an estimate
 //! has no cost. Does not know what is estimated.
 
-use std::cell::Cell;
+use std::{cell::Cell, sync::Arc};
 
 use wfl::{Diagnostic, ResolvedScript, ast::Expr};
 use wfl_compiler::{TermSource, backend::KernelBackend, compile_term, compile_value, types::PlaceSig};
 
 use super::{
-    Parts, Scene, StateAt,
+    Scene, StateAt,
     fields::place_sig,
     outputs::{OutputMaker, facet_support},
     terms::{RuleChoice, Rules, domain},
 };
 use crate::{
-    assemble::{AssembledTerm, Binding, FieldValues, Integrator, LawSlots},
+    assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots},
     mesh::RegionSet,
+    system::System,
     value::Value,
 };
 
@@ -53,16 +54,12 @@ impl Scene {
         let mut out = vec![0.0; self.system.numbering.n_dofs];
         for home in self.homes(script, backend, integrand, over)? {
             let compiled = compile_term(&env, &home.sig, "the goal", TermSource::Energy(integrand));
-            let message = |d: Vec<Diagnostic>| d.first().map_or_else(String::new, |d| d.message.clone());
-            let Some(law) = compiled.value else { return Err(message(compiled.diagnostics)) };
+            let Some(law) = compiled.value else { return Err(first(&compiled.diagnostics)) };
             let system = &self.system;
             if law.tests.iter().any(|t| system.numbering.starts[t.field.index()].is_none()) {
                 return Err("it depends on a field that is in no term".to_owned());
             }
-            let choice = RuleChoice::Degree(law.degree.rule());
-            let mut told = Vec::new();
-            let made = domain(&system.mesh, &system.fields, Some(&home.set), choice, integrand.span, &mut told);
-            let Some(domain) = made else { return Err(message(told)) };
+            let domain = self.points(&home, law.degree.rule(), integrand)?;
             let slots = LawSlots { inputs: &law.inputs, tests: &law.tests, trials: &law.trials };
             let binding = Binding::new(&system.mesh, &domain, &system.fields, slots).map_err(|e| e.to_string())?;
             let kernel = backend.compile(&[&law.residual]).map_err(|e| e.to_string())?.swap_remove(0);
@@ -91,11 +88,8 @@ impl Scene {
         let env = self.open_env();
         for home in self.homes(script, backend, integrand, Over::Everywhere)? {
             let compiled = compile_value(&env, &home.sig, "an estimate", integrand);
-            let Some(law) = compiled.value else { continue };
-            let choice = RuleChoice::Degree(law.degree.rule());
-            let mut told = Vec::new();
-            let made = domain(&system.mesh, &system.fields, Some(&home.set), choice, integrand.span, &mut told);
-            let Some(domain) = made else { continue };
+            let Some(law) = compiled.value else { return Err(first(&compiled.diagnostics)) };
+            let domain = self.points(&home, law.degree.rule(), integrand)?;
             let mut value = Value::new(law, backend).map_err(|e| e.to_string())?;
             value.set_step(at.time, at.increment);
             let sampled = value.bind(&system.mesh, domain.clone(), &system.fields).map_err(|e| e.to_string())?;
@@ -106,6 +100,13 @@ impl Scene {
             });
         }
         Ok(out)
+    }
+
+    /// The points of a rule of a degree.
+    fn points(&self, home: &Home, degree: usize, integrand: &Expr) -> Result<Arc<Domain>, String> {
+        let (System { mesh, fields, .. }, mut told) = (&self.system, Vec::new());
+        let made = domain(mesh, fields, Some(&home.set), RuleChoice::Degree(degree), integrand.span, &mut told);
+        made.ok_or_else(|| first(&told))
     }
 
     fn homes(
@@ -127,14 +128,7 @@ impl Scene {
         let env = self.open_env();
         let mut diagnostics = Vec::new();
         let mut maker = OutputMaker {
-            parts: Parts {
-                script,
-                env: &env,
-                mesh: &system.mesh,
-                topology: &self.topology,
-                regions: &self.regions,
-                fields: &system.fields,
-            },
+            parts: self.parts(script, &env),
             rules: &Rules::new(),
             backend,
             diagnostics: &mut diagnostics,
@@ -145,9 +139,11 @@ impl Scene {
         let found = maker.homes(&bodies, &faces, integrand);
         let homes: Vec<Home> =
             found.into_iter().map(|(t, _)| Home { sig: t.sig.clone(), set: t.support.region() }).collect();
-        match diagnostics.first() {
-            Some(d) if homes.is_empty() => Err(d.message.clone()),
-            _ => Ok(homes),
-        }
+        if homes.is_empty() { Err(first(&diagnostics)) } else { Ok(homes) }
     }
+}
+
+/// The first message.
+fn first(diagnostics: &[Diagnostic]) -> String {
+    diagnostics.first().map_or_else(|| "it is defined nowhere".to_owned(), |d| d.message.clone())
 }

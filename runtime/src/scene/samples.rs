@@ -86,14 +86,7 @@ impl Scene {
         let mut diagnostics = Vec::new();
         let env = self.open_env();
         let mut maker = OutputMaker {
-            parts: Parts {
-                script,
-                env: &env,
-                mesh: &self.system.mesh,
-                topology: &self.topology,
-                regions: &self.regions,
-                fields: &self.system.fields,
-            },
+            parts: self.parts(script, &env),
             rules: &Rules::new(),
             backend,
             diagnostics: &mut diagnostics,
@@ -132,6 +125,12 @@ impl Scene {
             step_variable: self.steps.variable.as_deref(),
             equal_within: 0.0,
         }
+    }
+
+    /// What its statements are read with.
+    pub(super) fn parts<'a>(&'a self, script: &'a ResolvedScript, env: &'a Env<'a>) -> Parts<'a> {
+        let Scene { system, topology, regions, .. } = self;
+        Parts { script, env, mesh: &system.mesh, topology, regions, fields: &system.fields }
     }
 
     /// The faces of the terms with kinks, or all faces with terms where there are none.

@@ -186,7 +186,8 @@ impl Lab<'_> {
         let mut loaded = read_scene(self.job.file, &self.known.words(setting), "run", "")?;
         self.known.apply(&mut loaded.script, setting)?;
         let parse_seconds = begin.elapsed().as_secs_f64();
-        let (mut scene, mut loaded) = prepared(loaded, self.bench.backend, self.job.keep, rounds)?;
+        loaded.rounds = [&loaded.rounds, rounds.as_slice()].concat();
+        let (mut scene, mut loaded) = prepared(loaded, self.bench.backend, self.job.keep, &[])?;
         loaded.knobs = setting.iter().map(|(name, value)| format!("{name}={value}")).collect();
         let outcome = self.whole.run(&mut loaded, &mut scene, parse_seconds, begin)?;
         if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {

@@ -14,7 +14,7 @@ use wfl::{
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     Pruning, Scene,
-    accuracy::Rounds,
+    accuracy::{self, Rounds, marks_of},
     input::{self, InputError, InputKind},
     knobs::{self, OF_STATEMENTS},
     output::{About, Hash, OrderedMap, Report, SceneText},
@@ -83,6 +83,7 @@ impl Loaded {
             step_variable: self.script.steps.as_ref().map(|s| s.variable.name.clone()),
             units,
             texts: self.sources.iter().map(text).collect(),
+            marks: marks_of(&self.rounds),
         }
     }
 
@@ -199,7 +200,8 @@ pub fn read_scene_with_knobs(scene: &Path, words: &[String], command: &str) -> R
     Ok(Loaded { knobs, rounds, ..loaded })
 }
 
-/// The refinement of the mesh that a setting names: that in the report of a run with a demanded accuracy.
+/// The refinement of the mesh that a setting names: that in the report of a run with a demanded accuracy, or of one that
+/// took it from there.
 ///
 /// # Errors
 /// Where there is no such report.
@@ -207,10 +209,10 @@ pub(crate) fn rounds_of(setting: &knobs::Setting) -> Result<Rounds, String> {
     let Some((_, path)) = setting.iter().find(|(name, _)| name == knobs::MARKS) else { return Ok(Rounds::new()) };
     let text = read_text(Path::new(path), InputKind::Results)?;
     let report: Report = serde_json::from_str(&text).map_err(|e| format!("{path} is no report of a run: {e}"))?;
-    match report.accuracy {
-        Some(record) => Ok(record.refinement()),
-        None => Err(format!("{path} is the report of a run without a demanded accuracy: it refines no mesh")),
+    if report.about.marks.is_empty() {
+        return Err(format!("{path} is the report of a run whose mesh was not refined for an accuracy"));
     }
+    Ok(accuracy::rounds_of(&report.about.marks))
 }
 
 /// The name of the text that holds the command line.
