@@ -28,15 +28,15 @@ pub use left_out::LeftOut;
 pub use newton::{LinearSolver, Singular};
 pub use pruning::{Pruning, Saving};
 pub use run::{
-    Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, FRUITLESS, Memory, Outcome, Path, Progress, Quiet, RunError,
-    RunOptions, StepResult, finished, may_begin, run,
+    Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, FRUITLESS, KeptStep, KeptTable, Memory, Outcome, Path,
+    Progress, Quiet, RunError, RunOptions, Session, StepResult, finished, may_begin, run, save,
 };
 pub use savings::{SavingError, savings};
 pub use scene::{
-    CsvOutput, Given, InputFile, Measure, NamedRegion, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined,
-    Regions, RuleChoice, SampleAt, Samples, Scene, SceneBox, StateAt, StateUpdate, Steps, TermSummary, VtkOutput,
-    coarse_loads, coercivity, contact_forms, hourglasses, locked_bodies, n_files, negative_bodies, prepare,
-    prepare_keeping, prepare_refined,
+    CallerValues, CsvOutput, GiveError, Given, InputFile, Measure, NamedRegion, Over, PrepareTimes, Prepared,
+    Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples, Scene, SceneBox, Source, StateAt,
+    StateUpdate, Steps, TermSummary, VtkOutput, coarse_loads, coercivity, contact_forms, hourglasses, locked_bodies,
+    n_files, negative_bodies, prepare, prepare_keeping, prepare_refined,
 };
 pub use solve::SolverMemory;
 pub use system::{

@@ -185,8 +185,10 @@ pub enum FieldKind {
 /// Where the values of a data field come from.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DataValue {
-    /// The program that embeds this one.
-    Host,
+    /// None is written.
+    Missing,
+    /// The caller of the runtime gives it, whatever is written.
+    Caller,
     /// A formula of x, y, z, t.
     Formula(Expr),
     /// A file, as written, with its place.

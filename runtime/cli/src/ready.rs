@@ -96,6 +96,7 @@ pub(crate) fn ready(
         about: loaded.about(),
         savings: Vec::new(),
         keep_states: false,
+        keep_outputs: Vec::new(),
     };
     Ok(Ready { options, loudness, resumable: true })
 }

@@ -1,6 +1,6 @@
 //! `wfl sweep`: scenes over lists of settings, their errors and costs in one table.
 
-use std::process::ExitCode;
+use std::{path::Path, process::ExitCode};
 
 use wfl_tasks::{
     folder::error_line,
@@ -14,8 +14,8 @@ use crate::{
     prepared::{EXIT_ERROR, backend},
 };
 
-pub(crate) fn sweep(args: &SweepArgs) -> ExitCode {
-    match done(args) {
+pub(crate) fn sweep(args: &SweepArgs, program: &Path) -> ExitCode {
+    match done(args, program) {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
             say(&error_line(&why));
@@ -24,14 +24,13 @@ pub(crate) fn sweep(args: &SweepArgs) -> ExitCode {
     }
 }
 
-fn done(args: &SweepArgs) -> Result<(), String> {
+fn done(args: &SweepArgs, program: &Path) -> Result<(), String> {
     let listener = &Console { quiet: args.quiet };
     if args.plot {
         let given: Vec<_> = args.words.iter().map(Into::into).collect();
         return sweep::plot(if given.is_empty() { std::slice::from_ref(&args.out) } else { &given }, listener);
     }
     let Some(backend) = backend(false) else { return Err("there is no machine code on this processor".to_owned()) };
-    let program = std::env::current_exe().map_err(|e| e.to_string())?;
     let job = Job {
         words: args.words.clone(),
         reference: args.reference.clone(),
@@ -42,7 +41,7 @@ fn done(args: &SweepArgs) -> Result<(), String> {
         threads: args.threads,
         backend: &*backend,
         listener,
-        program: &program,
+        program,
     };
     match &args.study {
         Some(docs) => sweep::study(&job, docs),

@@ -326,7 +326,7 @@ fn works_along(flux: &[f64], motions: &[Motion], direction: &[f64], slopes: &[f6
 }
 
 /// True for what is no displacement: a gradient or a multiplier of the scene.
-fn is_traction(fields: &[Field], slot: &InputSlot) -> bool {
+pub(super) fn is_traction(fields: &[Field], slot: &InputSlot) -> bool {
     match slot {
         InputSlot::Field(b) if b.field.index() < fields.len() => {
             b.op != FieldOp::Value || fields[b.field.index()].kind == FieldKind::Multiplier

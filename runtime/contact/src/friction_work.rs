@@ -30,9 +30,11 @@ pub struct FrictionWork {
 }
 
 /// A point at one state.
-struct Point {
-    inputs: Vec<f64>,
-    outputs: Vec<f64>,
+pub(super) struct Point {
+    /// What the law of the projections reads.
+    pub(super) inputs: Vec<f64>,
+    /// What it gives.
+    pub(super) outputs: Vec<f64>,
 }
 
 /// The work of friction from the state `before` to `u`, of all terms; `None` for a scene without friction.
@@ -108,7 +110,7 @@ impl ContactTerm {
     }
 
     /// What the law reads and gives at every point, in the order of groups, entities and points.
-    fn points_at(&self, system: &System, values: FieldValues<'_>) -> Vec<Point> {
+    pub(super) fn points_at(&self, system: &System, values: FieldValues<'_>) -> Vec<Point> {
         let data = self.as_written(system, values, AS_WRITTEN);
         let mut current: Vec<&[f64]> = values.current.to_vec();
         current[self.field] = &data;

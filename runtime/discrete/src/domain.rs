@@ -99,6 +99,21 @@ impl Group {
             wfl_compiler::types::Side::There => self.there.as_ref().expect("interface terms have two sides"),
         }
     }
+
+    /// Outward unit normal at point `q` of entity `k` of a group on facets.
+    #[must_use]
+    pub fn unit_normal(&self, mesh: &Mesh, k: usize, q: usize) -> [f64; 3] {
+        let jacobian = mesh.jacobian_at(self.here.cells[k], &self.here.geometry, q);
+        let dim = mesh.dim();
+        let m =
+            nalgebra::Matrix3::from_fn(
+                |r, c| {
+                    if r < dim && c < dim { jacobian[r][c] } else { f64::from(u8::from(r == c)) }
+                },
+            );
+        let reference = nalgebra::Vector3::from(self.reference_normal);
+        m.try_inverse().map_or(reference, |inverse| inverse.transpose() * reference).normalize().into()
+    }
 }
 
 /// A region with a quadrature rule.
@@ -212,7 +227,7 @@ impl Domain {
                 let mut parts: Vec<(Image, Vec<ImagePoint>)> = Vec::new();
                 for q in 0..group.n_points() {
                     let x = mesh.point_at(group.here.cells[k], &group.here.geometry, q);
-                    let normal = group.tangents.map(|_| unit_normal(mesh, group, k, q));
+                    let normal = group.tangents.map(|_| group.unit_normal(mesh, k, q));
                     let Some(image) = find(x, normal) else {
                         lost += 1;
                         continue;
@@ -250,19 +265,6 @@ fn part(mesh: &Mesh, group: &Group, k: usize, image: Image, points: &[ImagePoint
         there: Some(there),
         there_normal: image.facet.map(|f| kind.facet_normal(usize::from(f.local))),
     }
-}
-
-/// Outward unit normal at point `q` of entity `k` of a group on facets.
-fn unit_normal(mesh: &Mesh, group: &Group, k: usize, q: usize) -> [f64; 3] {
-    let jacobian = mesh.jacobian_at(group.here.cells[k], &group.here.geometry, q);
-    let dim = mesh.dim();
-    let m = nalgebra::Matrix3::from_fn(
-        |r, c| {
-            if r < dim && c < dim { jacobian[r][c] } else { f64::from(u8::from(r == c)) }
-        },
-    );
-    let reference = nalgebra::Vector3::from(group.reference_normal);
-    m.try_inverse().map_or(reference, |inverse| inverse.transpose() * reference).normalize().into()
 }
 
 impl GroupSide {

@@ -39,6 +39,9 @@ pub enum NewtonError {
     /// What is needed does not fit into the memory: no other state, step or method can help, so it ends the run.
     #[error(transparent)]
     TooMuchMemory(TooMuchMemory),
+    /// Who watches wanted no further iteration.
+    #[error("stopped on request")]
+    Stopped,
     /// A linear system could not be solved, and it is known why.
     #[error("{}: {error}", why.what)]
     Singular {
@@ -50,6 +53,12 @@ pub enum NewtonError {
 }
 
 impl NewtonError {
+    /// True if no other state, step or method is to be tried.
+    #[must_use]
+    pub fn ends_the_run(&self) -> bool {
+        matches!(self, Self::TooMuchMemory(_) | Self::Stopped)
+    }
+
     /// True if another state need not have this problem.
     pub(super) fn is_of_the_state(&self) -> bool {
         matches!(self, Self::Term(_) | Self::Solve(SolveError::Singular { .. }))

@@ -40,7 +40,7 @@ pub(super) struct Predicted {
 /// is moved, or where no such state is found.
 ///
 /// # Errors
-/// [`NewtonError::TooMuchMemory`]: a start without a prediction needs as much.
+/// [`NewtonError::TooMuchMemory`]: a start without a prediction needs as much. [`NewtonError::Stopped`].
 pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Result<Option<Predicted>, NewtonError> {
     let system = step.system;
     let bodies = system.terms.iter().any(|t| t.on_cells() && t.law.class >= Class::Nonlinear);
@@ -50,8 +50,11 @@ pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Resul
     let mut at = from.to_vec();
     let mut left: Vec<f64> = from.iter().zip(u).map(|(a, b)| b - a).collect();
     for corrections in 1..=step.options.max_iterations {
+        if step.watch.stops() {
+            return Err(NewtonError::Stopped);
+        }
         let correction = match linear_response(step, &at, &left) {
-            Err(NewtonError::TooMuchMemory(need)) => return Err(NewtonError::TooMuchMemory(need)),
+            Err(error) if error.ends_the_run() => return Err(error),
             Err(_) => return Ok(None),
             Ok(correction) => correction,
         };

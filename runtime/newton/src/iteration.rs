@@ -83,6 +83,9 @@ impl Attempt<'_> {
         let (mut before, mut left, mut number) = (None, false, 0);
         while room > 0 {
             number += 1;
+            if step.watch.stops() {
+                return Err(NewtonError::Stopped);
+            }
             // paths have a limit of their own
             let rooms = if self.path.is_some() && room_of_paths > 0 { &mut room_of_paths } else { &mut room };
             *rooms -= 1;

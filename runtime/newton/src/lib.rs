@@ -62,6 +62,12 @@ impl Default for NewtonOptions {
 pub trait Watch {
     /// After each iteration.
     fn iteration(&mut self, _iteration: &Iteration) {}
+
+    /// True if who watches wants no further iteration: the step then ends with [`NewtonError::Stopped`]. Asked before
+    /// each iteration.
+    fn stops(&mut self) -> bool {
+        false
+    }
 }
 
 /// Watches nothing.
@@ -91,7 +97,7 @@ pub fn solve_step(step: &mut LoadStep<'_>, from: &[f64], u: &mut [f64]) -> Resul
                     history.displaced = true;
                     result = Ok(history);
                 }
-                Err(error @ NewtonError::TooMuchMemory(_)) => result = Err(error),
+                Err(error) if error.ends_the_run() => result = Err(error),
                 Err(_) => {}
             }
         }

@@ -79,7 +79,8 @@ impl Cells {
         self.ends.push(self.nodes.len());
     }
 
-    fn iter(&self) -> impl Iterator<Item = (VtkCell, &[u32])> {
+    /// The cells with their nodes in the order of VTK.
+    pub fn iter(&self) -> impl Iterator<Item = (VtkCell, &[u32])> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         let ranges = starts.zip(&self.ends);
         let nodes = ranges.map(|(start, &end)| &self.nodes[start..end]);

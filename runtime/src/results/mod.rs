@@ -1,9 +1,11 @@
 //! From the state to result files: which expression is sampled where, and the files of a run.
 
+mod fields;
 mod line;
 mod locate;
 mod piece;
 
+pub use fields::{field_cells, field_grids};
 pub use line::LineSample;
 pub use locate::Located;
 pub use piece::{Item, SampledPiece};

@@ -58,14 +58,7 @@ impl SampledPiece {
                 Space::on_facets(mesh, topology, &facets, degree, Family::Continuous)?
             }
         };
-        // a split field shows its two sides
-        for field in fields {
-            if let FieldSpace::Nodal(torn) = &field.space
-                && torn.is_split()
-            {
-                space.split(topology, torn.torn());
-            }
-        }
+        split_as(&mut space, topology, fields);
         let rule = |kind: CellKind| {
             let points = space.element(kind).map(|e| e.points().to_vec()).unwrap_or_default();
             Rule { kind, degree: 0, weights: vec![1.0; points.len()], points }
@@ -189,6 +182,17 @@ impl Item {
     }
 }
 
+/// A split field shows its two sides.
+pub(super) fn split_as(space: &mut Space, topology: &Topology, fields: &[Field]) {
+    for field in fields {
+        if let FieldSpace::Nodal(torn) = &field.space
+            && torn.is_split()
+        {
+            space.split(topology, torn.torn());
+        }
+    }
+}
+
 /// Why a piece cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum PieceError {
@@ -201,7 +205,7 @@ pub enum PieceError {
 }
 
 /// Entries with the first index fastest to an array; matrices become row-major.
-fn array(name: &str, shape: Shape, values: Vec<f64>) -> Array {
+pub(super) fn array(name: &str, shape: Shape, values: Vec<f64>) -> Array {
     if shape.rank() != 2 {
         return Array { name: name.to_owned(), components: shape.len(), values };
     }
@@ -213,7 +217,7 @@ fn array(name: &str, shape: Shape, values: Vec<f64>) -> Array {
     Array::matrix(name, [m, n], rows)
 }
 
-fn vtk_cell(kind: CellKind, degree: usize) -> VtkCell {
+pub(super) fn vtk_cell(kind: CellKind, degree: usize) -> VtkCell {
     match (kind, degree) {
         (CellKind::Point, _) => VtkCell::Vertex,
         (CellKind::Segment, 1) => VtkCell::Line,

@@ -143,11 +143,11 @@ fn csv_name(output: &CsvOutput, number: usize, several: bool) -> String {
 
 /// Everything that the files of a step hold.
 pub(super) struct StepFiles {
-    number: usize,
-    time: f64,
+    pub(super) number: usize,
+    pub(super) time: f64,
     /// One list of pieces for each VTU output of the scene, if it has this step.
-    grids: Vec<Option<Vec<Piece>>>,
-    tables: Vec<Table>,
+    pub(super) grids: Vec<Option<Vec<Piece>>>,
+    pub(super) tables: Vec<Table>,
     /// The checkpoint, in runs of several steps if the last one is old.
     pub(super) checkpoint: Option<checkpoint::Content>,
 }
@@ -159,10 +159,11 @@ impl StepFiles {
     }
 }
 
-struct Table {
-    name: String,
-    columns: Vec<String>,
-    rows: Vec<Vec<f64>>,
+/// A table under the name of its file.
+pub(super) struct Table {
+    pub(super) name: String,
+    pub(super) columns: Vec<String>,
+    pub(super) rows: Vec<Vec<f64>>,
 }
 
 /// What the scene wants in the files of a step, and what of it is not finite; the checkpoint is left to the caller.

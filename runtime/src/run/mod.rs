@@ -7,10 +7,13 @@
 mod checkpoint;
 mod files;
 mod folder;
+mod judged;
 mod memory;
+mod outcome;
 mod quantities;
 mod report;
 mod resuming;
+mod session;
 mod stepping;
 
 use std::{
@@ -22,24 +25,27 @@ use std::{
 pub use checkpoint::{CHECKPOINT_FILE, CheckpointError};
 pub use folder::{finished, may_begin};
 pub use memory::Memory;
+pub use outcome::{KeptStep, KeptTable, Outcome, save};
+pub use session::Session;
 pub use stepping::{Attempt, AttemptEnd, FRUITLESS, Path};
 use thiserror::Error;
 use wfl_compiler::ir::Origin;
 
 use crate::{
     assemble::BranchCounts,
-    checks::{self, Accuracy, NarrowZone, Others, PhysicsCheck, Solved, TurnedCells},
+    checks::{Accuracy, NarrowZone, Others, PhysicsCheck, TurnedCells},
     contact::{FrictionWork, friction_work},
     finite::{BadGiven, BadMeasure, BadOutput},
     newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
-    output::{About, Hash, OrderedMap, OutputDir, OutputError, Report, State, write_report},
+    output::{About, Hash, OrderedMap, OutputDir, OutputError, State, write_report},
     pruning::Saving,
     scene::{Scene, node_positions, set_data},
     solve::{Precision, SolverOptions},
-    system::{Form, Residual},
+    system::Form,
 };
 use checkpoint::Log;
 use files::{CheckpointCost, Files, StepFiles};
+use judged::Judged;
 use stepping::{Leg, Reached, StepError, Stepper};
 
 /// Steps that may wait for their files to be written before the solver waits too.
@@ -85,6 +91,8 @@ pub struct RunOptions {
     pub savings: Vec<Saving>,
     /// The unknowns of every step stay in memory, not only those of the last one.
     pub keep_states: bool,
+    /// Numbers of the steps whose outputs stay in memory, see [`Outcome::kept`].
+    pub keep_outputs: Vec<usize>,
 }
 
 impl RunOptions {
@@ -107,6 +115,7 @@ impl RunOptions {
             about: About::default(),
             savings: Vec::new(),
             keep_states: false,
+            keep_outputs: Vec::new(),
         }
     }
 }
@@ -125,6 +134,10 @@ pub trait Progress: Send {
     fn printed(&mut self, _term: &str, _origin: Option<Origin>, _position: [f64; 3], _value: &[f64]) {}
     /// A step has ended.
     fn step_done(&mut self, _step: &StepResult) {}
+    /// True if the run is to end before its next iteration, with [`NewtonError::Stopped`].
+    fn stops(&mut self) -> bool {
+        false
+    }
 }
 
 /// Tells nothing.
@@ -188,53 +201,6 @@ impl StepResult {
     }
 }
 
-/// What a run ends with.
-#[derive(Debug)]
-pub struct Outcome {
-    /// The steps that were tried.
-    pub steps: Vec<StepResult>,
-    /// The report, also written to `report.json`.
-    pub report: Report,
-    /// Files written.
-    pub files: Vec<PathBuf>,
-    /// Expectations of the scene: place and whether they hold.
-    pub expectations: Vec<(wfl::Expect, Option<bool>)>,
-    /// Messages of the expectations.
-    pub diagnostics: Vec<wfl::Diagnostic>,
-    /// What the numbers themselves give cause to doubt, with its code.
-    pub warnings: Vec<(&'static str, String)>,
-}
-
-impl Outcome {
-    /// The measures that are not finite, each with the step variable where it first was; the place is not known for a
-    /// step that another process did.
-    #[must_use]
-    pub fn bad_measures(&self) -> Vec<(f64, &str, f64, Option<&BadMeasure>)> {
-        let mut out: Vec<(f64, &str, f64, Option<&BadMeasure>)> = Vec::new();
-        for step in &self.steps {
-            for (name, value) in step.measures.iter().filter(|m| !m.1.is_finite()) {
-                if out.iter().all(|known| known.1 != name) {
-                    let place = step.bad_measures.iter().find(|bad| bad.name == *name);
-                    out.push((step.time, name, *value, place));
-                }
-            }
-        }
-        out
-    }
-
-    /// What there is to say of cells that turned inside out, with the name of their term, each term once.
-    #[must_use]
-    pub fn turned(&self) -> Vec<(String, String)> {
-        report::turned(&self.steps).map(|(t, cells)| (report::turned_text(t, cells), cells.term.clone())).collect()
-    }
-
-    /// True if every step converged.
-    #[must_use]
-    pub fn converged(&self) -> bool {
-        self.steps.iter().all(|s| s.history.converged())
-    }
-}
-
 /// Why a run stopped.
 #[derive(Debug, Error)]
 pub enum RunError {
@@ -282,6 +248,10 @@ impl Watch for Forward<'_> {
     fn iteration(&mut self, iteration: &Iteration) {
         self.progress.iteration(iteration);
     }
+
+    fn stops(&mut self) -> bool {
+        self.progress.stops()
+    }
 }
 
 /// Runs a scene, in the current pool of threads if it has as many as the options ask for, else in one of its own.
@@ -309,40 +279,24 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
     };
     let identity = folder::identity(scene, options);
     let mut files = Files::new(scene, dir.as_ref());
-    let mut run = Run {
-        u: start(scene).map_err(|bad| RunError::Start(Box::new(bad)))?,
-        stepper: Stepper::new(solver_options(scene, options)),
-        steps: Vec::new(),
-        clock: Clock::default(),
-        log: Log::default(),
-        identity: identity.hash(),
-        bad: Vec::new(),
-    };
+    let mut run = Run::new(scene, options, identity.hash())?;
     let opening = begin.elapsed().as_secs_f64();
     if let Some(dir) = &dir {
         run.take_up(scene, options, &identity, &mut files, dir, progress)?;
     }
     run.clock.write += opening;
     let ended = run.all_steps(scene, options, &mut files, progress);
-    let done = run.steps.len() == scene.steps.values.len() && run.steps.iter().all(|s| s.history.converged());
+    let done = run.is_done(scene);
     let finished = match ended {
         Ok(()) if done => files.finish(scene),
         other => other,
     };
-    let last: Vec<(String, f64)> = run.steps.last().map(|s| s.measures.clone()).unwrap_or_default();
-    let (expectations, diagnostics) =
-        if done && finished.is_ok() { scene.expectations(&last) } else { (Vec::new(), Vec::new()) };
-    let mut warnings = report::warnings(&run.steps);
-    warnings.extend(run.bad.iter().map(|bad| ("W610", bad.text())));
-    let mut report = report::report(scene, options, &run, &expectations);
-    report.warnings.extend(warnings.iter().map(|(code, text)| format!("{code}: {text}")));
-    report.error = finished.as_ref().err().map(ToString::to_string);
+    let mut outcome = run.outcome(scene, options, finished.as_ref().err());
     let mut written = files.written;
-    let name = |path: &PathBuf| path.file_name().map(|n| n.to_string_lossy().into_owned());
-    report.files = written.iter().filter_map(name).collect();
+    outcome.report.files = written.iter().filter_map(outcome::file_name).collect();
     if let Some(dir) = &dir {
         // an error of the run itself is the one to tell
-        match (dir.sync().and_then(|()| write_report(dir, &report)), &finished) {
+        match (dir.sync().and_then(|()| write_report(dir, &outcome.report)), &finished) {
             (Ok(path), _) => written.push(path),
             (Err(error), Ok(())) => return Err(error.into()),
             (Err(_), Err(_)) => {}
@@ -353,7 +307,8 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
         }
     }
     finished?;
-    Ok(Outcome { steps: run.steps, report, files: written, expectations, diagnostics, warnings })
+    outcome.files = written;
+    Ok(outcome)
 }
 
 fn solver_options(scene: &Scene, options: &RunOptions) -> SolverOptions {
@@ -389,9 +344,47 @@ struct Run {
     identity: Hash,
     /// What was written or printed and is not finite, each quantity once.
     bad: Vec<BadOutput>,
+    /// Outputs that stay in memory.
+    kept: Vec<KeptStep>,
 }
 
 impl Run {
+    /// A run before its first step.
+    fn new(scene: &mut Scene, options: &RunOptions, identity: Hash) -> Result<Self, RunError> {
+        scene.data.iter_mut().chain(&mut scene.starts).for_each(|(_, given)| given.forget());
+        Ok(Self {
+            u: start(scene).map_err(|bad| RunError::Start(Box::new(bad)))?,
+            stepper: Stepper::new(solver_options(scene, options)),
+            steps: Vec::new(),
+            clock: Clock::default(),
+            log: Log::default(),
+            identity,
+            bad: Vec::new(),
+            kept: Vec::new(),
+        })
+    }
+
+    /// True if every step of the scene is done and converged.
+    fn is_done(&self, scene: &Scene) -> bool {
+        self.steps.len() == scene.steps.values.len() && self.steps.iter().all(|s| s.history.converged())
+    }
+
+    /// Lists a step that was tried.
+    fn add(&mut self, step: StepResult, scene: &mut Scene, options: &RunOptions) {
+        if let Some(before) = self.steps.last_mut().filter(|_| !options.keep_states) {
+            (before.state, before.branches) = (Vec::new(), Vec::new());
+        }
+        let number = self.steps.len();
+        if options.keep_outputs.contains(&number) {
+            let begin = Instant::now();
+            let (files, bad) = files::collect(scene, &step, number);
+            bad.into_iter().for_each(|bad| self.add_bad(bad));
+            self.kept.push(KeptStep::new(scene, files));
+            self.clock.write += begin.elapsed().as_secs_f64();
+        }
+        self.steps.push(step);
+    }
+
     /// The steps that have not been done yet. The files of a step are written while the next one is solved.
     fn all_steps(
         &mut self,
@@ -432,13 +425,10 @@ impl Run {
         let values = scene.steps.values.clone();
         let mut checkpoint_before: Option<Instant> = None;
         for number in self.steps.len()..values.len() {
-            let step = self.step(scene, &values, number, progress)?;
+            let step = self.step(scene, Asked::of_scene(scene, number), progress)?;
             progress.step_done(&step);
             let goes_on = step.history.converged() || scene.steps.go_on;
-            if let Some(before) = self.steps.last_mut().filter(|_| !options.keep_states) {
-                (before.state, before.branches) = (Vec::new(), Vec::new());
-            }
-            self.steps.push(step);
+            self.add(step, scene, options);
             if !goes_on {
                 break;
             }
@@ -462,17 +452,10 @@ impl Run {
         Ok(())
     }
 
-    fn step(
-        &mut self,
-        scene: &mut Scene,
-        values: &[f64],
-        number: usize,
-        progress: &mut dyn Progress,
-    ) -> Result<StepResult, RunError> {
-        let time = values[number];
-        progress.step(number, values.len(), time);
-        let from = number.checked_sub(1).map(|k| values[k]);
-        let leg = Leg { from, to: time, first_increment: values.get(1).map_or(0.0, |next| next - values[0]) };
+    fn step(&mut self, scene: &mut Scene, asked: Asked, progress: &mut dyn Progress) -> Result<StepResult, RunError> {
+        let Asked { number, count, leg } = asked;
+        let time = leg.to;
+        progress.step(number, count, time);
         let before = scene.contact.has_sliding().then(|| self.u.clone());
         let reached = if number == 0 && scene.steps.from_start {
             self.stepper.given(scene, &self.u, leg, &mut self.clock, progress)
@@ -498,13 +481,7 @@ impl Run {
         let before = before.filter(|_| solved);
         let friction = before.and_then(|before| friction_work(&scene.system, &scene.contact, &before, &self.u));
         self.clock.check += begin.elapsed().as_secs_f64();
-        let begin = Instant::now();
-        self.stepper.renew(scene);
-        let (measures, bad_measures) = self.measures(scene, time, increment);
-        self.print(scene, time, increment, progress);
-        let state = self.u.clone();
-        self.clock.measure += begin.elapsed().as_secs_f64();
-        Ok(StepResult {
+        let step = StepResult {
             time,
             increment,
             history,
@@ -515,11 +492,22 @@ impl Run {
             narrow,
             friction,
             others,
-            measures,
-            bad_measures,
             branches,
-            state,
-        })
+            ..StepResult::default()
+        };
+        Ok(self.ended(scene, step, progress))
+    }
+
+    /// The end of a step: states are renewed, measures taken.
+    fn ended(&mut self, scene: &mut Scene, mut step: StepResult, progress: &mut dyn Progress) -> StepResult {
+        let begin = Instant::now();
+        let (time, increment) = (step.time, step.increment);
+        self.stepper.renew(scene);
+        (step.measures, step.bad_measures) = self.measures(scene, time, increment);
+        self.print(scene, time, increment, progress);
+        step.state = self.u.clone();
+        self.clock.measure += begin.elapsed().as_secs_f64();
+        step
     }
 
     /// The branches of the terms at a state that was not solved for, where a file shows them.
@@ -536,45 +524,32 @@ impl Run {
             self.bad.push(bad);
         }
     }
+}
 
-    /// How good the converged state is; `residual` is that of the scene there.
-    fn judge(&mut self, scene: &Scene, history: &StepHistory) -> Result<Judged, NewtonError> {
-        let form = Form { linear: self.stepper.linear, ..Form::AS_WRITTEN };
-        let residual = scene.system.residual(&self.u, &form)?;
-        let known = self.steps.iter().map(|s| s.others).max().unwrap_or_default();
-        let (solver, tangent) = (self.stepper.solver.as_mut(), self.stepper.tangent.as_ref());
-        let (Some(solver), Some(tangent)) = (solver, tangent) else {
-            return Ok(Judged { residual, ..Judged::default() });
-        };
-        let Scene { system, contact, .. } = scene;
-        let state = Solved { system, contact, tangent, u: &self.u, residual: &residual };
-        let left = history.iterations.last().map_or(0.0, |i| i.residual);
-        let (accuracy, conditions) =
-            rayon::join(|| checks::digits(state, solver, history.correction), || checks::conditions(state, left));
-        let mut found = checks::balance(state, scene.newton.tolerance);
-        found.extend(conditions.checks);
-        let (narrow, turned) = (conditions.narrow, checks::turned_cells(system, &self.u));
-        let others = checks::others(system, contact, solver, &self.u, known)?;
-        let doubtful =
-            accuracy.as_ref().is_some_and(|a| a.digits() < report::FEW_DIGITS) || found.iter().any(|c| !c.holds());
-        if doubtful && checks::rests(system, &self.u, &form)? {
-            // what differs from zero is rounding, and so is every number made of it
-            return Ok(Judged { others, residual, ..Judged::default() });
-        }
-        Ok(Judged { accuracy, checks: found, turned, narrow, others, residual })
+/// A step that is to be solved.
+#[derive(Clone, Copy)]
+struct Asked {
+    /// Its number from 0.
+    number: usize,
+    /// How many there are.
+    count: usize,
+    leg: Leg,
+}
+
+impl Asked {
+    /// A step of the scene.
+    fn of_scene(scene: &Scene, number: usize) -> Self {
+        let values = &scene.steps.values;
+        let from = number.checked_sub(1).map(|k| values[k]);
+        let leg = Leg { from, to: values[number], first_increment: first_increment(scene) };
+        Self { number, count: values.len(), leg }
     }
 }
 
-/// What is known of a converged state: the fields of [`StepResult`].
-#[derive(Default)]
-struct Judged {
-    accuracy: Option<Accuracy>,
-    checks: Vec<PhysicsCheck>,
-    turned: Vec<TurnedCells>,
-    narrow: Vec<NarrowZone>,
-    others: Others,
-    /// The residual there.
-    residual: Residual,
+/// The increment from the first value of the step variable to the second one; 0 for a single solve.
+fn first_increment(scene: &Scene) -> f64 {
+    let values = &scene.steps.values;
+    values.get(1).map_or(0.0, |next| next - values[0])
 }
 
 /// First values of the scene: those of the unknowns by dof, those of states where they are kept.

@@ -99,7 +99,7 @@ pub(super) struct Leg {
 impl Leg {
     /// The increment from the value before. Values of equal steps differ by rounding from those of exact ones; their
     /// increments are the same number, so that matrices made with it stay.
-    fn increment(&self, from: f64) -> f64 {
+    pub(super) fn increment(&self, from: f64) -> f64 {
         let rounding = 2.0 * f64::EPSILON * from.abs().max(self.to.abs());
         let increment = self.to - from;
         if (increment - self.first_increment).abs() <= rounding { self.first_increment } else { increment }
@@ -214,7 +214,13 @@ impl Stepper {
                         scene.system.known.keep(u);
                     }
                 }
-                Err(StepError::Newton(error @ NewtonError::TooMuchMemory(_))) => return Err(error.into()),
+                Err(StepError::Newton(error)) if error.ends_the_run() => {
+                    u.copy_from_slice(&before.0);
+                    let known = self.recall(scene, &before.1);
+                    debug_assert!(known, "the memory is that of this system");
+                    scene.system.known = known_before;
+                    return Err(error.into());
+                }
                 failed => {
                     parts.keep_whole(span, failed, u);
                     u.copy_from_slice(&before.0);
@@ -341,6 +347,12 @@ impl Stepper {
         }
     }
 
+    /// Computes the states that follow from `u`; [`Self::renew`] takes them over.
+    pub(super) fn keep_states(&mut self, scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<(), StepError> {
+        self.next_states = next_states(scene, at.time, at.increment, u)?;
+        Ok(())
+    }
+
     /// Takes over the states that follow from the last part that converged.
     pub(super) fn renew(&mut self, scene: &mut Scene) {
         for (state, values) in scene.states.iter().zip(self.next_states.drain(..)) {
@@ -404,7 +416,7 @@ impl Stepper {
 }
 
 /// The end of the last step becomes the past; before the first step the past is the start.
-fn begin(scene: &mut Scene, leg: Leg, u: &[f64]) -> Result<(), NewtonError> {
+pub(super) fn begin(scene: &mut Scene, leg: Leg, u: &[f64]) -> Result<(), NewtonError> {
     if leg.from.is_none() {
         super::set_data(scene, leg.to, leg.first_increment)?;
     }

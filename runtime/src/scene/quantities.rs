@@ -3,10 +3,17 @@
 use wfl::{DataValue, Diagnostic, Span, StartKind, ast::Reduction, at_expr};
 use wfl_compiler::{ValueLaw, compile_value, types::FieldKind, without_fields};
 
-use super::{Builder, InputFile, Measure, RuleChoice, jumps, mappings, mesh, mesh::unread, states::states_read, terms};
+use super::{
+    Builder, InputFile, Measure, RuleChoice,
+    given::{CallerValues, Given},
+    jumps, mappings, mesh,
+    mesh::unread,
+    states::states_read,
+    terms,
+};
 use crate::{
     assemble::FieldValues,
-    finite::{BadGiven, BadMeasure},
+    finite::BadMeasure,
     input::InputKind,
     output::Hash,
     point_values::{PointValues, SAME_PLACE},
@@ -14,31 +21,6 @@ use crate::{
     system::System,
     value::Value,
 };
-
-/// Values at the nodes of a field.
-pub enum Given {
-    /// A formula of the position and the step variable, of what it gives the values, and where it stands.
-    Formula(Box<Value>, String, Span),
-    /// Numbers from a file: `values[node * n_components + component]`.
-    Values(Vec<f64>),
-}
-
-impl Given {
-    /// The values at the positions of all nodes, at a step.
-    ///
-    /// # Errors
-    /// [`BadGiven`] for a value that is not finite.
-    pub fn at(&mut self, positions: &[[f64; 3]], time: f64, increment: f64) -> Result<Vec<f64>, BadGiven> {
-        match self {
-            Given::Formula(value, what, span) => {
-                value.set_step(time, increment);
-                let found = value.at_positions(positions);
-                found.map_err(|at| BadGiven { what: what.clone(), span: *span, at: Box::new(at) })
-            }
-            Given::Values(values) => Ok(values.clone()),
-        }
-    }
-}
 
 impl Builder<'_> {
     /// Values given at the nodes of a field by an expression of the position.
@@ -153,9 +135,13 @@ impl Builder<'_> {
                             out.extend(self.table_values(&table, path, k, *span));
                         }
                     }
-                    DataValue::Host => {
+                    DataValue::Caller => {
+                        let n = self.fields[k].n_dofs();
+                        out.push((k, Given::Caller(CallerValues::nothing(&field.name.name, n, field.span))));
+                    }
+                    DataValue::Missing => {
                         let d = Diagnostic::new("E415", format!("data `{}` has no value", field.name.name));
-                        self.diagnostics.push(d.at(field.name.span, "write `= expression`"));
+                        self.diagnostics.push(d.at(field.name.span, "write `= expression`, or give it from Python"));
                     }
                 }
             }

@@ -232,6 +232,7 @@ fn options(job: &Job<'_>) -> RunOptions {
         name: job.file.display().to_string(),
         version: VERSION.to_owned(),
         keep_states: true,
+        keep_outputs: Vec::new(),
         ..RunOptions::without_files(available_threads(), job.started)
     }
 }

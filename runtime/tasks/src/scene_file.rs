@@ -9,7 +9,10 @@ use std::{
 };
 
 use wfl::{
-    Diagnostic, Loader, Override, ResolvedScript, Source, SourceId, SourceMap, Span, Unloaded, parse_expr, resolve,
+    DataValue, Diagnostic, Field, FieldKind, Loader, Override, ResolvedScript, Source, SourceId, SourceMap, Span,
+    Unloaded,
+    ast::{Place, Rank, Space},
+    parse_expr, resolve,
 };
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
@@ -87,6 +90,38 @@ impl Loaded {
         }
     }
 
+    /// Leaves the values of these data fields and parameters to the caller, who gives them to the prepared scene
+    /// ([`Scene::give_data`]). A parameter then is a data field of one number, which may change from step to step; so it
+    /// cannot be part of what is fixed before a run, such as the mesh.
+    ///
+    /// # Errors
+    /// The name of what is neither a data field nor a parameter of one number.
+    pub fn leave_to_caller(&mut self, names: &[String]) -> Result<(), String> {
+        for name in names {
+            let field = self.script.fields.iter_mut().find(|f| f.name.name == *name);
+            if let Some(field) = field {
+                match &mut field.kind {
+                    FieldKind::Data { value } => *value = DataValue::Caller,
+                    _ => return Err(format!("`{name}` is not data: its first values are given as a start")),
+                }
+                continue;
+            }
+            let Some(k) = self.script.params.iter().position(|p| p.name.name == *name) else {
+                let fields = self.script.fields.iter().filter(|f| matches!(f.kind, FieldKind::Data { .. }));
+                let known = fields.map(|f| &f.name.name).chain(self.script.params.iter().map(|p| &p.name.name));
+                let known = known.map(String::as_str).collect::<Vec<_>>().join(", ");
+                return Err(format!("the scene has no data field and no parameter `{name}`; it has {known}"));
+            };
+            let param = self.script.params.remove(k);
+            let span = param.name.span;
+            let space =
+                Space { rank: Rank::Scalar, element: None, place: Place::Global(span), unit: param.unit.clone(), span };
+            let kind = FieldKind::Data { value: DataValue::Caller };
+            self.script.fields.push(Field { name: param.name, kind, space, span });
+        }
+        Ok(())
+    }
+
     /// The problem of the scene; what is in `keep` is done although it does not need it. All messages stay here, in the
     /// order of the text; with an error among them there is no problem.
     pub fn prepare(&mut self, backend: &dyn KernelBackend, keep: &[Pruning]) -> Option<Scene> {
@@ -141,7 +176,6 @@ pub fn read_text(path: &Path, kind: InputKind) -> Result<String, String> {
 /// # Errors
 /// Why there is no text to check, in words; other errors are messages of what is returned.
 pub fn read_scene(scene: &Path, overrides: &[String], command: &str, more: &str) -> Result<Loaded, String> {
-    let mut sources = SourceMap::new();
     let mut text = read_text(scene, InputKind::Scene).map_err(|why| {
         let named = scene.with_extension("wfl");
         let help = if scene.extension().is_none() && named.is_file() {
@@ -151,13 +185,23 @@ pub fn read_scene(scene: &Path, overrides: &[String], command: &str, more: &str)
         };
         format!("cannot read {}: {why}{help}", scene.display())
     })?;
+    if !more.is_empty() {
+        text = format!("{}\n{more}", text.trim_end());
+    }
+    read_scene_text(scene, text, overrides, command)
+}
+
+/// [`read_scene`] of a text that stands in no file, or not as it is: `scene` is the name that messages show, and files are
+/// found beside it.
+///
+/// # Errors
+/// As [`read_scene`].
+pub fn read_scene_text(scene: &Path, text: String, overrides: &[String], command: &str) -> Result<Loaded, String> {
     if text.trim().is_empty() {
         let help = "a scene has at least a mesh, an unknown and a term; the README shows one";
         return Err(format!("{} is empty\n  = help: {help}", scene.display()));
     }
-    if !more.is_empty() {
-        text = format!("{}\n{more}", text.trim_end());
-    }
+    let mut sources = SourceMap::new();
     let main = sources.add(scene.display().to_string(), text);
     let folder = scene.parent().map(Path::to_path_buf).unwrap_or_default();
     let mut diagnostics = Vec::new();
@@ -181,15 +225,28 @@ pub fn read_scene(scene: &Path, overrides: &[String], command: &str, more: &str)
 /// # Errors
 /// As [`read_scene`], and where a knob means nothing for the scene.
 pub fn read_scene_with_knobs(scene: &Path, words: &[String], command: &str) -> Result<Loaded, String> {
+    with_knobs(words, |params| read_scene(scene, params, command, ""))
+}
+
+/// The same of a text, see [`read_scene_text`].
+///
+/// # Errors
+/// As [`read_scene_with_knobs`].
+pub fn read_scene_text_with_knobs(scene: &Path, text: &str, words: &[String], command: &str) -> Result<Loaded, String> {
+    with_knobs(words, |params| read_scene_text(scene, text.to_owned(), params, command))
+}
+
+/// Reads a scene with those of the words that are parameters, and applies the others.
+fn with_knobs(words: &[String], read: impl Fn(&[String]) -> Result<Loaded, String>) -> Result<Loaded, String> {
     let name = |word: &str| word.split_once('=').map(|(name, _)| name.trim().to_owned());
     let is_knob = |word: &String| name(word).is_some_and(|n| OF_STATEMENTS.contains(&n.as_str()));
     let (mut knobs, mut params): (Vec<String>, Vec<String>) = words.iter().cloned().partition(is_knob);
-    let mut loaded = read_scene(scene, &params, command, "")?;
+    let mut loaded = read(&params)?;
     let named =
         |loaded: &Loaded, word: &str| loaded.script.params.iter().any(|p| name(word).is_some_and(|n| n == p.name.name));
     if knobs.iter().any(|word| named(&loaded, word)) {
         (params, knobs) = words.iter().cloned().partition(|word| !is_knob(word) || named(&loaded, word));
-        loaded = read_scene(scene, &params, command, "")?;
+        loaded = read(&params)?;
     }
     let setting: Vec<(String, String)> = knobs
         .iter()

@@ -129,7 +129,7 @@ impl Resolver<'_> {
 
     pub(super) fn data(&mut self, value: Option<&OptionValue>) -> Option<FieldKind> {
         let value = match value {
-            None => DataValue::Host,
+            None => DataValue::Missing,
             Some(OptionValue::Text(path, span)) => DataValue::File(path.clone(), *span),
             Some(OptionValue::Expr(e)) => DataValue::Formula(self.expr(e)?),
         };

@@ -1,4 +1,6 @@
 //! The `wfl` command: reads arguments, calls the doors below it, prints what they give. No logic of its own.
+//!
+//! A library, so that a package for another language carries the same command; the program is `bin/wfl.rs`.
 #![forbid(unsafe_code)]
 
 mod accuracy;
@@ -26,25 +28,37 @@ mod sweep;
 mod table;
 mod verify;
 
-use std::process::ExitCode;
-use std::time::Instant;
+use std::{ffi::OsString, path::PathBuf, process::ExitCode, time::Instant};
 
 use args::Command;
 use clap::Parser;
 use wfl_runtime::memory::{self, TooMuchMemory};
 use wfl_tasks::STACK;
 
-fn main() -> ExitCode {
+/// How the command was called.
+#[derive(Clone, Debug)]
+pub struct Call {
+    /// The file that starts it: runs that are to be a process of their own start that.
+    pub program: PathBuf,
+    /// Its arguments, the name of the program first.
+    pub arguments: Vec<OsString>,
+}
+
+/// Does what a call asks for and prints to the standard streams. Takes signals and memory limits of the process as its
+/// own: for a process that does nothing else.
+#[must_use]
+pub fn main_with(call: Call) -> ExitCode {
     let started = Instant::now();
+    let again = call.clone();
     // without room for such a stack (a limit on the address space) the first thread has to do
-    match std::thread::Builder::new().stack_size(STACK).spawn(move || command(started)) {
+    match std::thread::Builder::new().stack_size(STACK).spawn(move || command(&call, started)) {
         Ok(thread) => thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
-        Err(_) => command(started),
+        Err(_) => command(&again, started),
     }
 }
 
-fn command(started: Instant) -> ExitCode {
-    let args = match args::Args::try_parse() {
+fn command(call: &Call, started: Instant) -> ExitCode {
+    let args = match args::Args::try_parse_from(&call.arguments) {
         Ok(args) => args,
         Err(message) => {
             // help and version go to standard output and are no error; a closed pipe is not our problem
@@ -52,7 +66,7 @@ fn command(started: Instant) -> ExitCode {
                 let _ = message.print();
                 return ExitCode::SUCCESS;
             }
-            let words: Vec<String> = std::env::args_os().skip(1).map(|a| a.to_string_lossy().into_owned()).collect();
+            let words: Vec<String> = call.arguments.iter().skip(1).map(|a| a.to_string_lossy().into_owned()).collect();
             load::say(&args_slip::told(&message, &words));
             // 2 is a step that did not converge, so a wrong command line is 1 as other errors are
             return ExitCode::from(prepared::EXIT_ERROR);
@@ -77,7 +91,7 @@ fn command(started: Instant) -> ExitCode {
         Command::Check(options) => check::check(&options, started),
         Command::Show(options) => show::show(&options),
         Command::Verify(options) => verify::verify(&options),
-        Command::Sweep(options) => sweep::sweep(&options),
+        Command::Sweep(options) => sweep::sweep(&options, &call.program),
         Command::Explain(options) => explain::explain(&options),
         Command::Fmt(options) => fmt::fmt(&options),
         Command::Import(options) => import::import(&options),

@@ -1,0 +1,137 @@
+//! What a run ends with: its steps, its report, and what of its outputs stays in memory.
+
+use std::path::{Path, PathBuf};
+
+use super::{Run, RunError, RunOptions, StepResult, files::StepFiles, folder, report};
+use crate::{
+    finite::BadMeasure,
+    output::{self, OutputDir, Piece, Report, State, write_csv, write_report, write_vtu},
+    scene::Scene,
+};
+
+/// What a run ends with.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The steps that were tried.
+    pub steps: Vec<StepResult>,
+    /// The report, also written to `report.json`.
+    pub report: Report,
+    /// Files written.
+    pub files: Vec<PathBuf>,
+    /// What the outputs of the scene hold at the steps of [`RunOptions::keep_outputs`].
+    pub kept: Vec<KeptStep>,
+    /// Expectations of the scene: place and whether they hold.
+    pub expectations: Vec<(wfl::Expect, Option<bool>)>,
+    /// Messages of the expectations.
+    pub diagnostics: Vec<wfl::Diagnostic>,
+    /// What the numbers themselves give cause to doubt, with its code.
+    pub warnings: Vec<(&'static str, String)>,
+}
+
+impl Outcome {
+    /// The measures that are not finite, each with the step variable where it first was; the place is not known for a
+    /// step that another process did.
+    #[must_use]
+    pub fn bad_measures(&self) -> Vec<(f64, &str, f64, Option<&BadMeasure>)> {
+        let mut out: Vec<(f64, &str, f64, Option<&BadMeasure>)> = Vec::new();
+        for step in &self.steps {
+            for (name, value) in step.measures.iter().filter(|m| !m.1.is_finite()) {
+                if out.iter().all(|known| known.1 != name) {
+                    let place = step.bad_measures.iter().find(|bad| bad.name == *name);
+                    out.push((step.time, name, *value, place));
+                }
+            }
+        }
+        out
+    }
+
+    /// What there is to say of cells that turned inside out, with the name of their term, each term once.
+    #[must_use]
+    pub fn turned(&self) -> Vec<(String, String)> {
+        report::turned(&self.steps).map(|(t, cells)| (report::turned_text(t, cells), cells.term.clone())).collect()
+    }
+
+    /// True if every step converged.
+    #[must_use]
+    pub fn converged(&self) -> bool {
+        self.steps.iter().all(|s| s.history.converged())
+    }
+}
+
+/// A table of numbers under the name of its file.
+#[derive(Clone, Debug)]
+pub struct KeptTable {
+    /// The file, with its ending.
+    pub file: String,
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// One number for each column.
+    pub rows: Vec<Vec<f64>>,
+}
+
+/// What the outputs of a scene hold at one step.
+#[derive(Clone, Debug)]
+pub struct KeptStep {
+    /// Number of the step from 0.
+    pub number: usize,
+    /// The step variable.
+    pub time: f64,
+    /// By `output vtk` that has this step: its name, and its pieces.
+    pub grids: Vec<(String, Vec<Piece>)>,
+    /// By `output csv` that has this step.
+    pub tables: Vec<KeptTable>,
+}
+
+impl KeptStep {
+    pub(super) fn new(scene: &Scene, files: StepFiles) -> Self {
+        let StepFiles { number, time, grids, tables, .. } = files;
+        let grids = scene.vtk.iter().zip(grids).filter_map(|(v, pieces)| Some((v.file.clone(), pieces?))).collect();
+        let tables = tables.into_iter().map(|t| KeptTable { file: t.name, columns: t.columns, rows: t.rows }).collect();
+        Self { number, time, grids, tables }
+    }
+}
+
+impl Run {
+    /// Ends the run; `error` is what it ended with, if that was no solution.
+    pub(super) fn outcome(self, scene: &Scene, options: &RunOptions, error: Option<&RunError>) -> Outcome {
+        let last: Vec<(String, f64)> = self.steps.last().map(|s| s.measures.clone()).unwrap_or_default();
+        let done = self.is_done(scene) && error.is_none();
+        let (expectations, diagnostics) = if done { scene.expectations(&last) } else { (Vec::new(), Vec::new()) };
+        let mut warnings = report::warnings(&self.steps);
+        warnings.extend(self.bad.iter().map(|bad| ("W610", bad.text())));
+        let mut report = report::report(scene, options, &self, &expectations);
+        report.warnings.extend(warnings.iter().map(|(code, text)| format!("{code}: {text}")));
+        report.error = error.map(ToString::to_string);
+        Outcome { steps: self.steps, report, files: Vec::new(), kept: self.kept, expectations, diagnostics, warnings }
+    }
+}
+
+/// The name of a file without its folder.
+pub(super) fn file_name(path: impl AsRef<Path>) -> Option<String> {
+    path.as_ref().file_name().map(|n| n.to_string_lossy().into_owned())
+}
+
+/// Writes the report and the kept outputs of a run without files into a folder, under the names that the run would have
+/// given them: for whoever wants its page afterwards.
+///
+/// # Errors
+/// [`RunError::Output`] for a folder that cannot be used.
+pub fn save(scene: &Scene, options: &RunOptions, outcome: &Outcome, folder: &Path) -> Result<(), RunError> {
+    let dir = OutputDir::open(folder)?;
+    folder::begin(scene, &folder::identity(scene, options), &dir)?;
+    let mut files = Vec::new();
+    for step in &outcome.kept {
+        for (name, pieces) in &step.grids {
+            let name = output::step_name(name, step.number, "vtu");
+            files.push(write_vtu(&dir, &name, Some(step.time), pieces)?);
+        }
+        for table in &step.tables {
+            files.push(write_csv(&dir, &table.file, &table.columns, &table.rows)?);
+        }
+    }
+    dir.sync()?;
+    let mut report = outcome.report.clone();
+    report.files = files.iter().filter_map(file_name).collect();
+    write_report(&dir, &report)?;
+    Ok(folder::end(&dir, if outcome.converged() { State::Finished } else { State::Stopped })?)
+}

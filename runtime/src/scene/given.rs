@@ -1,0 +1,110 @@
+//! Values at the nodes of a field: of a formula, a file, or the caller of the runtime.
+//!
+//! Promises: a caller is asked once for each value of the step variable and its increment, however many attempts a step
+//! takes; numbers that are not finite, or too few, are an error before anything is assembled.
+
+use std::fmt;
+
+use wfl::Span;
+
+use crate::{
+    finite::{BadGiven, NotFinite},
+    value::Value,
+};
+
+/// Values at the nodes of a field.
+pub enum Given {
+    /// A formula of the position and the step variable, of what it gives the values, and where it stands.
+    Formula(Box<Value>, String, Span),
+    /// Numbers from a file: `values[node * n_components + component]`.
+    Values(Vec<f64>),
+    /// Numbers that the caller gives.
+    Caller(CallerValues),
+}
+
+impl Given {
+    /// The values at the positions of all nodes, at a step.
+    ///
+    /// # Errors
+    /// [`BadGiven`] for a value that is not finite.
+    pub fn at(&mut self, positions: &[[f64; 3]], time: f64, increment: f64) -> Result<Vec<f64>, BadGiven> {
+        match self {
+            Given::Formula(value, what, span) => {
+                value.set_step(time, increment);
+                let found = value.at_positions(positions);
+                found.map_err(|at| BadGiven { what: what.clone(), span: *span, at: Box::new(at) })
+            }
+            Given::Values(values) => Ok(values.clone()),
+            Given::Caller(caller) => caller.at(positions, time, increment),
+        }
+    }
+}
+
+impl Given {
+    /// Asks the caller anew for what it has given before.
+    pub(crate) fn forget(&mut self) {
+        if let Given::Caller(caller) = self {
+            caller.forget();
+        }
+    }
+}
+
+/// Gives the values of a field at a step: `f(positions, step variable, increment)` with the positions of its nodes
+/// (length; unused coordinates zero) returns `values[node * n_components + component]`; `None` where it failed, which the
+/// caller of the runtime knows.
+pub type Source = Box<dyn FnMut(&[[f64; 3]], f64, f64) -> Option<Vec<f64>> + Send + Sync>;
+
+/// The values of one field, given by the caller.
+pub struct CallerValues {
+    source: Source,
+    /// What the source said last, with the step variable and the increment that it was asked for.
+    last: Option<([u64; 2], Vec<f64>)>,
+    what: String,
+    span: Span,
+    n_dofs: usize,
+}
+
+impl CallerValues {
+    /// Zeros at `n_dofs` dofs until the caller gives a source.
+    pub(super) fn nothing(name: &str, n_dofs: usize, span: Span) -> Self {
+        Self::new(name, n_dofs, span, Box::new(move |_, _, _| Some(vec![0.0; n_dofs])))
+    }
+
+    pub(super) fn new(name: &str, n_dofs: usize, span: Span, source: Source) -> Self {
+        Self { source, last: None, what: format!("what the caller gives for `{name}`"), span, n_dofs }
+    }
+
+    /// Asks the source again, whatever it has said.
+    pub(super) fn forget(&mut self) {
+        self.last = None;
+    }
+
+    /// The values at a step.
+    pub(super) fn at(&mut self, positions: &[[f64; 3]], time: f64, increment: f64) -> Result<Vec<f64>, BadGiven> {
+        let asked = [time, increment].map(f64::to_bits);
+        if let Some((known, values)) = &self.last
+            && *known == asked
+        {
+            return Ok(values.clone());
+        }
+        let bad = |value: f64, position: [f64; 3]| BadGiven {
+            what: self.what.clone(),
+            span: self.span,
+            at: Box::new(NotFinite { value, cause: None, position }),
+        };
+        let values = (self.source)(positions, time, increment).filter(|v| v.len() == self.n_dofs);
+        let Some(values) = values else { return Err(bad(f64::NAN, [0.0; 3])) };
+        if let Some(at) = values.iter().position(|v| !v.is_finite()) {
+            let n_components = (self.n_dofs / positions.len().max(1)).max(1);
+            return Err(bad(values[at], positions.get(at / n_components).copied().unwrap_or_default()));
+        }
+        self.last = Some((asked, values.clone()));
+        Ok(values)
+    }
+}
+
+impl fmt::Debug for CallerValues {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "CallerValues({}, {} numbers)", self.what, self.n_dofs)
+    }
+}
