@@ -4,6 +4,7 @@
 //! derivatives). Geometry, basis functions and scattering belong to the runtime.
 #![forbid(unsafe_code)]
 
+mod about;
 pub mod backend;
 mod build;
 mod compare;
@@ -37,6 +38,7 @@ mod term;
 pub mod types;
 mod verify;
 
+pub use about::{About, about, check_condition, check_term, check_value};
 pub use build::{Builder, Constant, DEPTH_LIMIT, Env, locate};
 pub use constant::{constant, without_fields};
 pub use dd::Dd;

@@ -220,7 +220,7 @@ fn load(b: &mut Builder<'_>, value: &Expr, field: FieldId, part: LoadPart) -> Op
 }
 
 /// W501: `Heaviside` and `sign` of an unknown have no useful derivative.
-fn kink_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnostic> {
+pub(crate) fn kink_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnostic> {
     let g = &listing.graph;
     let Some(residual) = listing.residual else { return Vec::new() };
     let mut out = Vec::new();

@@ -34,9 +34,9 @@ pub use run::{
 pub use savings::{SavingError, savings};
 pub use scene::{
     CallerValues, CsvOutput, GiveError, Given, InputFile, Measure, NamedRegion, Over, PrepareTimes, Prepared,
-    Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples, Scene, SceneBox, Source, StateAt,
+    Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples, Scene, SceneBox, Sketch, Source, StateAt,
     StateUpdate, Steps, TermSummary, VtkOutput, coarse_loads, coercivity, contact_forms, hourglasses, locked_bodies,
-    n_files, negative_bodies, prepare, prepare_keeping, prepare_refined,
+    messages_without_mesh, n_files, negative_bodies, prepare, prepare_keeping, prepare_refined, without_auto,
 };
 pub use solve::SolverMemory;
 pub use system::{

@@ -12,17 +12,22 @@ fn page() -> String {
     std::fs::read_to_string(path()).expect("the page is in the repository")
 }
 
-#[test]
-fn the_table_of_functions_on_the_page_is_that_of_the_compiler() {
+/// Writes a table of the page, or says that it is not the one of the program.
+fn is_on_the_page(head: &str, table: &str) {
     let page = page();
-    let begin = page.find("| function | what it is |").expect("the table is on the page");
+    let begin = page.find(head).expect("the table is on the page");
     let end = begin + page[begin..].find("\n\n").map_or(page.len() - begin, |length| length + 1);
-    let table = wfl_compiler::function_table();
     if std::env::var_os("WFL_WRITE").is_some() {
-        std::fs::write(path(), [&page[..begin], &table, &page[end..]].concat()).expect("the page can be written");
+        std::fs::write(path(), [&page[..begin], table, &page[end..]].concat()).expect("the page can be written");
         return;
     }
-    assert!(page[begin..end] == table, "WFL_WRITE=1 cargo test --workspace --test language_page writes the table");
+    assert!(page[begin..end] == *table, "WFL_WRITE=1 cargo test --workspace --test language_page writes the table");
+}
+
+#[test]
+fn the_tables_on_the_page_are_those_of_the_program() {
+    is_on_the_page("| statement | meaning | default |", &wfl::statement_table());
+    is_on_the_page("| function | what it is |", &wfl_compiler::function_table());
 }
 
 #[test]

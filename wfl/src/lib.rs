@@ -16,6 +16,7 @@
 
 pub mod ast;
 mod codes;
+mod cure;
 mod diag;
 mod fmt;
 mod foreign;
@@ -26,11 +27,13 @@ mod macros;
 mod operators;
 mod parse;
 mod quote;
+mod reference;
 mod render;
 mod resolve;
 mod scalar_functions;
 mod script;
 mod source;
+mod templates;
 #[cfg(test)]
 mod testing;
 mod units;
@@ -38,14 +41,16 @@ mod walk;
 mod words;
 
 pub use codes::{CodePage, codes, explain};
+pub use cure::{Cure, cures};
 pub use diag::{Checked, Diagnostic, Label, Severity, nearest, one_per_cause};
 pub use fmt::format;
 pub use foreign::{foreign, ufl};
 pub use keywords::{KEYWORDS, STATEMENTS, is_keyword};
 pub use lost::Lost;
 pub use macros::{EXPANDED_NESTING_LIMIT, EXPANSION_LIMIT, Expander};
-pub use parse::{NESTING_LIMIT, TEXT_LIMIT, parse, parse_expr, parse_gwfl};
-pub use quote::{line_of, quote, quote_without_tests};
+pub use parse::{NESTING_LIMIT, TEXT_LIMIT, parse, parse_expr, parse_gwfl, statement_ranges};
+pub use quote::{line_of, quote, quote_without_tests, unquoted};
+pub use reference::{Phrase, StatementRow, phrases, statement_page, statement_rows, statement_table, word_meaning};
 pub use render::{at_expr, render, visible};
 pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SOLVERS, Unloaded, resolve};
 pub use script::{
@@ -53,6 +58,7 @@ pub use script::{
     Param, Quadrature, Refinement, Region, ResolvedScript, Solver, Split, Start, StartKind, Steps, Term,
 };
 pub use source::{Source, SourceId, SourceMap, Span};
+pub use templates::{TEMPLATES, Template};
 pub use units::{UnitOf, check_units, unit_report};
-pub use walk::each_name;
+pub use walk::{cond_children, each_name, each_word};
 pub use words::{CONSTANTS, PREFIXES, REGIONS, UNSUPPORTED, functions, is_function, reserved, split_prefixes};

@@ -80,6 +80,15 @@ pub fn parse(sources: &SourceMap, id: SourceId) -> Checked<Script> {
     Checked { value: Some(script), diagnostics }
 }
 
+/// The bytes of each statement from its first character in column 1 to the next statement, comments and blank lines
+/// behind it included; none of a text that is too long.
+#[must_use]
+pub fn statement_ranges(text: &str) -> Vec<std::ops::Range<usize>> {
+    let id = SourceMap::new().add("", "");
+    let pieces = cut(text, id).map(|cut| cut.0).unwrap_or_default();
+    pieces.into_iter().map(|p| p.start..p.end).collect()
+}
+
 /// One statement. A `;` behind it is told in `ended` and passed over: it hides nothing.
 fn parse_piece(piece: &Piece, text: &str, id: SourceId, ended: &mut Vec<Span>) -> Parsed<crate::ast::Item> {
     let mut masked = scan::scan(text, piece, id)?;

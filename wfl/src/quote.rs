@@ -33,7 +33,8 @@ fn mark(kind: char, span: Span) -> String {
 }
 
 /// The text with all quotations in place. Marks that no stage has made stay as they are.
-pub(crate) fn unquoted(text: &str, sources: &SourceMap) -> String {
+#[must_use]
+pub fn unquoted(text: &str, sources: &SourceMap) -> String {
     let mut out = String::new();
     let mut rest = text;
     while let Some((before, behind)) = rest.split_once(OPEN) {

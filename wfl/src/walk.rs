@@ -34,7 +34,7 @@ pub(crate) fn children<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e Expr)) {
 }
 
 /// Calls `f` for each expression of a condition.
-pub(crate) fn cond_children<'e>(c: &'e Cond, f: &mut dyn FnMut(&'e Expr)) {
+pub fn cond_children<'e>(c: &'e Cond, f: &mut dyn FnMut(&'e Expr)) {
     match &c.kind {
         CondKind::Compare(first, rest) => {
             f(first);
@@ -54,7 +54,7 @@ pub fn each_name<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e str)) {
 }
 
 /// Calls `f` for every node that is a word, with the word.
-pub(crate) fn each_word<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e Expr, &'e str)) {
+pub fn each_word<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e Expr, &'e str)) {
     if let ExprKind::Name(word) = &e.kind {
         f(e, word);
     }

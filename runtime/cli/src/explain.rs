@@ -1,9 +1,9 @@
-//! `wfl explain`: the page of a message, of a function of the language, of a macro of the library, or of a word of
-//! regions that needs more than a line.
+//! `wfl explain`: the page of a message, of a function, statement or built-in word of the language, or of a macro of the
+//! library.
 
 use std::{fmt::Write as _, process::ExitCode};
 
-use wfl::{LIBRARY, codes, nearest};
+use wfl::{LIBRARY, STATEMENTS, codes, nearest, phrases, statement_page, word_meaning};
 use wfl_compiler::{function_table, functions};
 
 use crate::{
@@ -25,16 +25,8 @@ pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
         out(&text);
         return ExitCode::SUCCESS;
     };
-    if let Some(op) = functions().find(|op| op.name == code) {
-        out(&format!("{}\n\n{}\n", op.usage, wrapped(op.doc, 96)));
-        return ExitCode::SUCCESS;
-    }
-    if let Some(page) = library_macro(code) {
+    if let Some(page) = word_page(code) {
         out(&page);
-        return ExitCode::SUCCESS;
-    }
-    if let Some((_, usage, text)) = PHRASES.iter().find(|(word, ..)| *word == code) {
-        out(&format!("{usage}\n\n{}\n", wrapped(text, 96)));
         return ExitCode::SUCCESS;
     }
     let Some(page) = wfl::explain(code) else {
@@ -45,11 +37,12 @@ pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
                 .map(|p| p.code)
                 .chain(functions().map(|op| op.name))
                 .chain(macros)
-                .chain(PHRASES.iter().map(|p| p.0)),
+                .chain(phrases().iter().map(|p| p.word))
+                .chain(STATEMENTS.iter().copied()),
         );
         let near = near.map_or_else(String::new, |n| format!("; the nearest is {n}"));
         say(&format!(
-            "error: no message has the code `{code}`, and no function or macro of the library that name{near}\n  \
+            "error: no message has the code `{code}`, and no function, statement or macro of the library that name{near}\n  \
              = help: wfl explain --list shows all codes, --functions all functions\n"
         ));
         return ExitCode::from(EXIT_ERROR);
@@ -59,47 +52,37 @@ pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
         "{}: {}\n\n{}\n\nWrong:\n{}\nRight:\n{}",
         page.code,
         page.title,
-        wrapped(page.explanation, 96),
+        wrapped(page.explanation, WIDTH),
         indented(page.wrong),
         indented(page.fixed)
     ));
     ExitCode::SUCCESS
 }
 
-/// Words of regions and splits: how they are written, and what they mean.
-const PHRASES: &[(&str, &str, &str)] = &[
-    (
-        "interface",
-        "region f = interface from a to b\nregion f = interface along s\nregion f = interface along s towards [0,0,1]",
-        "Faces with two sides. Integrals are taken from the side `here`, whose outward normal is Normal: plain names are \
-         values there, Interpolate(u, neighbor_element) is the value on the side `there`. `from a to b` are the faces \
-         between two regions of cells, `here` in a. `along s` are faces inside a body, say a surface of a mesh file (a \
-         line in two dimensions), plane or curved: `here` lies on one side all over each connected sheet. `towards v` \
-         chooses the side on which the integral of Normal.v is positive; v may depend on the position. Without it, the \
-         largest component of the mean normal is positive (the first of equal ones), and normals of a closed sheet \
-         point outwards. Where three or more faces meet at an edge the surface is divided into sheets. A surface with \
-         one side, as a Moebius strip has, is E436. `wfl check` shows the sheets. A field is continuous across an \
-         interface inside its region until it is split: split u across f.",
-    ),
-    (
-        "refine",
-        "refine where sqrt(x^2 + y^2) < 0.1 times 3\nrefine on r times 2\nrefine on r where z > 0 times 2 along x, y",
-        "The size of the cells is halved `times` times, where the condition holds at the centre or a vertex of a cell, in \
-         the cells of the regions, or at their faces and nodes. The mesh is refined before regions, interfaces, splits \
-         and the map of the mesh are made on it. Triangles and tetrahedra are bisected; quadrilaterals and hexahedra are \
-         divided in whole layers, through the opposite edges to the boundary, on a box in the directions behind `along` \
-         only. `wfl check` shows the cells before and after.",
-    ),
-    (
-        "split",
-        "split u across f",
-        "The field u may jump across the faces f, which lie inside the region of u. Each node of f gets one value for \
-         each group of cells around it that hangs together without crossing f: two along a crack, also where it meets \
-         the outer boundary; one at the front, where it ends inside the body; three where a T joins. All splits of a \
-         field are made together. u - Interpolate(u, neighbor_element) is the jump on an interface; `wfl explain \
-         interface` says how to declare one.",
-    ),
-];
+/// The page of a word of the language or of the library.
+fn word_page(word: &str) -> Option<String> {
+    if let Some(op) = functions().find(|op| op.name == word) {
+        return Some(format!("{}\n\n{}\n", op.usage, wrapped(op.doc, WIDTH)));
+    }
+    if let Some(page) = library_macro(word) {
+        return Some(page);
+    }
+    if let Some(phrase) = phrases().iter().find(|p| p.word == word) {
+        return Some(format!("{}\n\n{}\n", phrase.usage, wrapped(phrase.text, WIDTH)));
+    }
+    if let Some(page) = statement_page(word) {
+        // the marks of Markdown say nothing in a terminal
+        let lines = page.lines().map(|l| match l.strip_prefix("    ") {
+            Some(text) => wrapped(text, WIDTH - 4).lines().map(|l| format!("    {l}\n")).collect::<String>(),
+            None => format!("{l}\n"),
+        });
+        return Some(lines.collect::<String>().replace('`', ""));
+    }
+    word_meaning(word).map(|meaning| format!("{word}\n\n{}.\n", wrapped(meaning, WIDTH)))
+}
+
+/// Characters of a line of a page.
+const WIDTH: usize = 96;
 
 /// A macro of the library.
 struct LibraryMacro {

@@ -81,6 +81,7 @@ pub(crate) use outputs::is_written;
 pub use outputs::{CsvOutput, VtkOutput, n_files};
 pub use refined::Refined;
 pub use regions::{NamedRegion, Regions};
+pub use rest::{Sketch, without_auto};
 pub use samples::{SampleAt, Samples, StateAt};
 pub use states::StateUpdate;
 pub use terms::RuleChoice;
@@ -266,6 +267,17 @@ pub fn prepare_refined(
         return auto::prepare(script, with);
     }
     prepare_as_written(script, with)
+}
+
+/// The errors of a script that need no mesh: shapes, names and test functions of all statements. Takes milliseconds, so an
+/// editor can ask at every keystroke. `dim` is the dimension of the mesh, 1 to 3, if it is known; without it nothing is
+/// said of a scene whose mesh is a file.
+#[must_use]
+pub fn messages_without_mesh(script: &ResolvedScript, dim: Option<usize>) -> Vec<Diagnostic> {
+    let mut diagnostics = rest::text_messages(script, dim);
+    context::add(script, &mut diagnostics);
+    once_per_place(&mut diagnostics);
+    diagnostics
 }
 
 /// What a scene is prepared with beside its script.

@@ -8,31 +8,128 @@ use std::collections::BTreeMap;
 
 use wfl::{
     Diagnostic, FieldKind as Declared, Lost, ResolvedScript, Span, StartKind,
-    ast::{
-        Cond, EntityKind, Expr, ExprKind, Ident, MappingKind, MeshSource, Place, QuadratureRule, RegionExpr, TargetPart,
-    },
+    ast::{Cond, EntityKind, Expr, ExprKind, MappingKind, MeshSource, Place, QuadratureRule, RegionExpr, TargetPart},
 };
 use wfl_compiler::{
-    Constant, Env, LoadPart, TermSource, compile_condition, compile_term, compile_value,
+    Constant, Env, LoadPart, TermSource, check_condition, check_term, check_value,
     types::{FieldId, FieldKind, FieldSig, MappingSig, PlaceKind, PlaceSig, Shape},
 };
 
 use super::{
+    auto::is_auto,
     constants::{bare_env, number, parameters},
     constraints::wrong_size,
     fields::{global_place, shape},
     mesh::position_place,
 };
 
+/// A scene as its text shows it, without its mesh: regions allow every field.
+pub struct Sketch<'s> {
+    script: &'s ResolvedScript,
+    dim: usize,
+    params: BTreeMap<String, Constant>,
+    sigs: Vec<FieldSig>,
+    mappings: Vec<MappingSig>,
+}
+
+impl<'s> Sketch<'s> {
+    /// The sketch of a scene. `dim` is the dimension of the mesh, if it is known; `None` if the text does not show it
+    /// either. Fields of unknown shape are lost.
+    pub(super) fn with_lost(script: &'s ResolvedScript, dim: Option<usize>, lost: &mut Lost) -> Option<Self> {
+        let dim = dim.or_else(|| written_dimension(script))?;
+        let params = parameters(script, dim, &mut Vec::new());
+        let sigs = signatures(script, &bare_env(script, dim, &params), lost);
+        let mappings = mappings(script, sigs.len());
+        Some(Self { script, dim, params, sigs, mappings })
+    }
+
+    /// The sketch of a scene, of [`without_auto`] where a param is `auto`. `dim` is the dimension of the mesh, 1 to 3, if
+    /// it is known; `None` if the text does not show it either.
+    #[must_use]
+    pub fn new(script: &'s ResolvedScript, dim: Option<usize>) -> Option<Self> {
+        Self::with_lost(script, dim, &mut Lost::default())
+    }
+
+    /// What expressions can see.
+    #[must_use]
+    pub fn env(&self) -> Env<'_> {
+        let step_variable = self.script.steps.as_ref().map(|s| s.variable.name.as_str());
+        let bare = bare_env(self.script, self.dim, &self.params);
+        Env { fields: &self.sigs, mappings: &self.mappings, step_variable, ..bare }
+    }
+
+    /// A place of the kind that the declaration of a region shows, on which every field lives; the most permissive kind
+    /// where only a mesh file knows, and for the empty name. `None` for regions of nodes.
+    #[must_use]
+    pub fn place(&self, name: &str) -> Option<PlaceSig> {
+        let n = self.sigs.len();
+        let kind = kind_of(self.script, name)?;
+        if kind == PlaceKind::Global {
+            return Some(global_place(n));
+        }
+        let description = match kind {
+            PlaceKind::Cells => "a region of cells",
+            PlaceKind::Interface => "an interface",
+            _ => "faces with one side",
+        };
+        Some(PlaceSig {
+            name: name.to_owned(),
+            kind,
+            here: vec![true; n],
+            there: vec![kind == PlaceKind::Interface; n],
+            entities: Vec::new(),
+            description: description.to_owned(),
+            here_name: None,
+            inside: false,
+        })
+    }
+
+    /// A point of which only the position is known: what conditions, first values and prescribed values see.
+    #[must_use]
+    pub fn position(&self) -> PlaceSig {
+        position_place(self.sigs.len())
+    }
+
+    /// The value of a param.
+    #[must_use]
+    pub fn param(&self, name: &str) -> Option<&Constant> {
+        self.params.get(name)
+    }
+}
+
+/// The errors of a script that need no mesh, with those of its params: fast enough for every keystroke of an editor.
+/// Without a dimension in the text only if `dim` is known. `prepare` tells more.
+#[must_use]
+pub(super) fn text_messages(script: &ResolvedScript, dim: Option<usize>) -> Vec<Diagnostic> {
+    let Some(known) = dim.or_else(|| written_dimension(script)) else { return Vec::new() };
+    let given = without_auto(script);
+    let mut diagnostics = Vec::new();
+    let mut lost = given.lost.clone();
+    let params = parameters(&given, known, &mut diagnostics);
+    for param in given.params.iter().filter(|p| !params.contains_key(&p.name.name)) {
+        lost.add(&param.name.name);
+    }
+    rest(&given, Some(known), &mut lost, &mut diagnostics);
+    diagnostics.retain(|d| !lost.explains(d));
+    diagnostics
+}
+
+/// The script with the number 1 in place of every value `auto`, which only the mesh gives.
+#[must_use]
+pub fn without_auto(script: &ResolvedScript) -> ResolvedScript {
+    let mut given = script.clone();
+    for param in given.params.iter_mut().filter(|p| is_auto(p)) {
+        param.value.kind = ExprKind::Number(1.0);
+        param.domain = None;
+    }
+    given
+}
+
 /// Adds the messages of all statements that have none yet. `dim` is the dimension of the mesh, if there is one.
 pub(super) fn rest(script: &ResolvedScript, dim: Option<usize>, lost: &mut Lost, diagnostics: &mut Vec<Diagnostic>) {
-    let Some(dim) = dim.or_else(|| written_dimension(script)) else { return };
-    let params = parameters(script, dim, &mut Vec::new());
-    let sigs = signatures(script, &bare_env(script, dim, &params), lost);
-    let step_variable = script.steps.as_ref().map(|s| s.variable.name.as_str());
-    let mappings = mappings(script, sigs.len());
-    let env = Env { fields: &sigs, mappings: &mappings, step_variable, ..bare_env(script, dim, &params) };
-    let mut rest = Rest { script, env: &env, found: Vec::new(), told: diagnostics };
+    let Some(sketch) = Sketch::with_lost(script, dim, lost) else { return };
+    let env = sketch.env();
+    let mut rest = Rest { script, sketch: &sketch, env: &env, found: Vec::new(), told: diagnostics };
     rest.numbers();
     rest.positions();
     rest.fixes();
@@ -41,7 +138,7 @@ pub(super) fn rest(script: &ResolvedScript, dim: Option<usize>, lost: &mut Lost,
     rest.values();
     let found = rest.found;
     diagnostics.extend(found);
-    expects(script, &params, dim, diagnostics);
+    expects(script, &sketch.params, sketch.dim, diagnostics);
 }
 
 /// The messages of the conditions behind `expect`, in which measures are numbers.
@@ -58,16 +155,14 @@ pub(super) fn expects(
     }
     let env = bare_env(script, dim, &known);
     for expect in &script.expects {
-        let law = compile_condition(&env, &global_place(0), "expect", &expect.condition);
+        let told = check_condition(&env, &global_place(0), &expect.condition);
         let over_space = |d: Diagnostic| match d.code {
             "E105" | "E202" if d.helps.is_empty() => {
                 d.help("an `expect` compares measures and params: measure m = max(u(1)) on all, then expect m < 1")
             }
             _ => d,
         };
-        diagnostics.extend(
-            law.diagnostics.into_iter().map(over_space).filter(|d| !diagnostics.contains(d)).collect::<Vec<_>>(),
-        );
+        diagnostics.extend(told.into_iter().map(over_space).filter(|d| !diagnostics.contains(d)).collect::<Vec<_>>());
     }
 }
 
@@ -144,6 +239,7 @@ fn kind_of(script: &ResolvedScript, name: &str) -> Option<PlaceKind> {
 
 struct Rest<'a> {
     script: &'a ResolvedScript,
+    sketch: &'a Sketch<'a>,
     env: &'a Env<'a>,
     found: Vec<Diagnostic>,
     /// What has been said before.
@@ -163,30 +259,6 @@ impl Rest<'_> {
                 self.found.push(d);
             }
         }
-    }
-
-    /// A place of the right kind on which every field lives.
-    fn place(&self, name: &Ident) -> Option<PlaceSig> {
-        let n = self.env.fields.len();
-        let kind = kind_of(self.script, &name.name)?;
-        if kind == PlaceKind::Global {
-            return Some(global_place(n));
-        }
-        let description = match kind {
-            PlaceKind::Cells => "a region of cells",
-            PlaceKind::Interface => "an interface",
-            _ => "faces with one side",
-        };
-        Some(PlaceSig {
-            name: name.name.clone(),
-            kind,
-            here: vec![true; n],
-            there: vec![kind == PlaceKind::Interface; n],
-            entities: Vec::new(),
-            description: description.to_owned(),
-            here_name: None,
-            inside: false,
-        })
     }
 
     /// What is computed once, before the run.
@@ -215,8 +287,7 @@ impl Rest<'_> {
         for region in &self.script.regions {
             for condition in conditions(&region.region) {
                 if !self.told(region.span) {
-                    let law = compile_condition(self.env, &place, "a condition", condition);
-                    self.add(law.diagnostics);
+                    self.add(check_condition(self.env, &place, condition));
                 }
             }
         }
@@ -224,7 +295,7 @@ impl Rest<'_> {
             self.script.refinements.iter().filter_map(|r| Some((r.span, r.what.condition.as_ref()?)))
         {
             if !self.told(span) {
-                self.add(compile_condition(self.env, &place, "a condition", condition).diagnostics);
+                self.add(check_condition(self.env, &place, condition));
             }
         }
         let starts = self.script.starts.iter().filter_map(|s| match &s.kind {
@@ -238,7 +309,7 @@ impl Rest<'_> {
         let list: Vec<(Span, &Expr)> = starts.chain(data).collect();
         for (span, e) in list {
             if !self.told(span) {
-                self.add(compile_value(self.env, &place, "a value", e).diagnostics);
+                self.add(check_value(self.env, &place, "a value", e).diagnostics);
             }
         }
     }
@@ -246,8 +317,8 @@ impl Rest<'_> {
     fn fixes(&mut self) {
         let place = position_place(self.env.fields.len());
         for fix in &self.script.fixes {
-            let law = compile_value(self.env, &place, "a value", &fix.value);
-            let found = law.value.map(|l| l.shape);
+            let law = check_value(self.env, &place, "a value", &fix.value);
+            let found = law.value;
             let told = self.told(fix.span);
             if !told {
                 self.add(law.diagnostics);
@@ -264,10 +335,10 @@ impl Rest<'_> {
     fn terms(&mut self) {
         for term in &self.script.terms {
             for place in &term.places {
-                let Some(sig) = self.place(place).filter(|_| !self.told(term.span)) else { continue };
+                let Some(sig) = self.sketch.place(&place.name).filter(|_| !self.told(term.span)) else { continue };
                 let source =
                     if term.energy { TermSource::Energy(&term.expr) } else { TermSource::Residual(&term.expr) };
-                self.add(compile_term(self.env, &sig, "term", source).diagnostics);
+                self.add(check_term(self.env, &sig, source));
             }
         }
     }
@@ -277,14 +348,14 @@ impl Rest<'_> {
             for (target, place) in load.targets.iter().flat_map(|t| load.places.iter().map(move |p| (t, p))) {
                 let position = self.env.fields.iter().position(|f| f.name == target.field.name);
                 let Some(position) = position.filter(|_| !self.told(load.span)) else { continue };
-                let Some(sig) = self.place(place) else { continue };
+                let Some(sig) = self.sketch.place(&place.name) else { continue };
                 let part = match &target.part {
                     TargetPart::Whole => LoadPart::Whole,
                     TargetPart::Normal => LoadPart::Normal,
                     TargetPart::Component(_) => LoadPart::Component(0),
                 };
                 let source = TermSource::Load { value: &load.value, field: FieldId::new(position), part };
-                self.add(compile_term(self.env, &sig, "load", source).diagnostics);
+                self.add(check_term(self.env, &sig, source));
             }
         }
     }
@@ -293,16 +364,15 @@ impl Rest<'_> {
     fn values(&mut self) {
         for measure in &self.script.measures {
             for place in &measure.places {
-                let Some(sig) = self.place(place).filter(|_| !self.told(measure.span)) else { continue };
-                self.add(compile_value(self.env, &sig, "measure", &measure.expr).diagnostics);
+                let Some(sig) = self.sketch.place(&place.name).filter(|_| !self.told(measure.span)) else { continue };
+                self.add(check_value(self.env, &sig, "measure", &measure.expr).diagnostics);
             }
         }
-        let anywhere = Ident { name: String::new(), span: Span { source: self.script.main, start: 0, end: 0 } };
-        let Some(sig) = self.place(&anywhere) else { return };
+        let Some(sig) = self.sketch.place("") else { return };
         for output in &self.script.outputs {
             for item in &output.items {
                 if !self.told(output.span) {
-                    self.add(compile_value(self.env, &sig, "output", &item.expr).diagnostics);
+                    self.add(check_value(self.env, &sig, "output", &item.expr).diagnostics);
                 }
             }
         }

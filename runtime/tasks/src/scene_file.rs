@@ -5,7 +5,7 @@
 
 use std::{
     collections::BTreeMap,
-    path::{Path, PathBuf},
+    path::{Component, Path, PathBuf},
 };
 
 use wfl::{
@@ -138,25 +138,50 @@ impl Loaded {
     }
 }
 
+/// Texts by their files, which stand for what is on disc: those that are open in an editor.
+pub type OpenTexts = BTreeMap<PathBuf, String>;
+
+/// The path without `.` and without names that a `..` behind them takes back; nothing is asked of the disc.
+#[must_use]
+pub fn plain_path(path: &Path) -> PathBuf {
+    let mut plain = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir if matches!(plain.components().next_back(), Some(Component::Normal(_))) => {
+                plain.pop();
+            }
+            other => plain.push(other),
+        }
+    }
+    plain
+}
+
 /// Finds included files beside the file that includes them.
-struct Files {
+struct Files<'o> {
     /// The folder of the scene: what it uses lies there or below.
     scene: PathBuf,
     folders: BTreeMap<usize, PathBuf>,
     /// Folder of the file last read: texts are gone through as they are read, so a text not yet known is that one.
     last: PathBuf,
+    /// Texts that stand for files.
+    open: &'o OpenTexts,
 }
 
-impl Loader for Files {
+impl Loader for Files<'_> {
     fn load(&mut self, path: &str, from: SourceId) -> Result<(String, String), Unloaded> {
         let folder = self.folders.entry(from.index()).or_insert_with(|| self.last.clone());
         let full = folder.join(path);
-        let text = reading::text(&self.scene, folder, path, InputKind::Scene).map_err(|e| Unloaded {
-            why: e.to_string(),
-            missing: matches!(e, ReadingError::Input(InputError::NotFound)),
-            outside: matches!(e, ReadingError::Outside { .. }),
-            help: e.help(),
-        })?;
+        let read = reading::text(&self.scene, folder, path, InputKind::Scene);
+        let text = match (self.open.get(&plain_path(&full)), read) {
+            (Some(open), Ok(_) | Err(ReadingError::Input(InputError::NotFound))) => open.clone(),
+            (_, read) => read.map_err(|e| Unloaded {
+                why: e.to_string(),
+                missing: matches!(e, ReadingError::Input(InputError::NotFound)),
+                outside: matches!(e, ReadingError::Outside { .. }),
+                help: e.help(),
+            })?,
+        };
         self.last = full.parent().map(Path::to_path_buf).unwrap_or_default();
         Ok((full.display().to_string(), text))
     }
@@ -203,15 +228,43 @@ pub fn read_scene_text(scene: &Path, text: String, overrides: &[String], command
     }
     let mut sources = SourceMap::new();
     let main = sources.add(scene.display().to_string(), text);
-    let folder = scene.parent().map(Path::to_path_buf).unwrap_or_default();
     let mut diagnostics = Vec::new();
     let overrides = command_line(scene, overrides, command, &mut sources, &mut diagnostics);
+    resolved(scene, sources, main, &overrides, diagnostics, &OpenTexts::new())
+}
+
+/// Reads and resolves a scene of which texts may be open in an editor: `open` is asked before the disc, by
+/// [`plain_path`]. The text of the scene itself is there or on disc, and may be empty.
+///
+/// # Errors
+/// Why there is no text to check, in words; other errors are messages of what is returned.
+pub fn read_open_scene(scene: &Path, open: &OpenTexts) -> Result<Loaded, String> {
+    let text = match open.get(&plain_path(scene)) {
+        Some(text) => text.clone(),
+        None => read_text(scene, InputKind::Scene).map_err(|why| format!("cannot read {}: {why}", scene.display()))?,
+    };
+    let mut sources = SourceMap::new();
+    let main = sources.add(scene.display().to_string(), text);
+    resolved(scene, sources, main, &[], Vec::new(), open)
+}
+
+/// Resolves the text `main` of a scene, with the messages so far.
+fn resolved(
+    scene: &Path,
+    mut sources: SourceMap,
+    main: SourceId,
+    overrides: &[Override],
+    mut diagnostics: Vec<Diagnostic>,
+    open: &OpenTexts,
+) -> Result<Loaded, String> {
+    let folder = scene.parent().map(Path::to_path_buf).unwrap_or_default();
     let mut loader = Files {
         scene: folder.clone(),
         folders: BTreeMap::from([(main.index(), folder.clone())]),
         last: folder.clone(),
+        open,
     };
-    let checked = resolve(&mut sources, main, &mut loader, &overrides);
+    let checked = resolve(&mut sources, main, &mut loader, overrides);
     diagnostics.extend(checked.diagnostics);
     let name = scene.file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
     // a script is always made, however many errors it has

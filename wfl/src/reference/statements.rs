@@ -1,0 +1,251 @@
+//! Statements, one row a form: the table of `docs/language.md`, of `wfl explain STATEMENT` and of editors.
+
+use super::StatementRow;
+
+pub(super) const ROWS: &[StatementRow] = &[
+    StatementRow { word: "wfl", usage: "`wfl 1`", meaning: "version of the language, first line", default: "optional" },
+    StatementRow {
+        word: "mesh",
+        usage: "`mesh box A to B cells N shape` or `size h`",
+        meaning: "a box; shapes `hex tet`, `quad tri`, `segment`",
+        default: "required",
+    },
+    StatementRow {
+        word: "mesh",
+        usage: "`mesh file \"m.msh\"`",
+        meaning: "Gmsh 2.2 or 4.1, ASCII or binary; its physical groups are regions",
+        default: "",
+    },
+    StatementRow {
+        word: "mesh",
+        usage: "`... map expr`",
+        meaning: "after either: moves every node to the value of the expression",
+        default: "",
+    },
+    StatementRow {
+        word: "mesh",
+        usage: "`... with idle_cells=allowed`",
+        meaning: "cells without a term are allowed",
+        default: "an error (E425)",
+    },
+    StatementRow {
+        word: "refine",
+        usage: "`refine [on r, s] [where condition] [times n] [along x, y]`",
+        meaning: "the mesh is refined where the condition holds at the centre or a vertex of a cell (after the \
+                  `map`), in cells of the regions `r, s` or at their faces and nodes; each of the `n` rounds halves \
+                  the size of these cells. Several `refine` follow one another; W418 if one changes nothing. See \
+                  below",
+        default: "the mesh as it is",
+    },
+    StatementRow {
+        word: "region",
+        usage: "`region r = cells/faces/nodes [of s] [where condition]`",
+        meaning: "entities selected by position; `==` on coordinates holds within 1e-9 of the mesh size",
+        default: "`all`, `boundary`, `interior`, `global` exist",
+    },
+    StatementRow {
+        word: "region",
+        usage: "`region f = interface from a to b`",
+        meaning: "the faces between two regions of cells; `Normal` points from `a` to `b`; plain names are values on \
+                  the side of `a`",
+        default: "",
+    },
+    StatementRow {
+        word: "region",
+        usage: "`region f = interface along s towards v`",
+        meaning: "both sides of the faces `s` inside a body, say a surface of the mesh file, plane or curved; \
+                  `Normal` points to one side all over each connected sheet, on average towards `v`, which may depend \
+                  on the position; without `towards` the largest component of the mean normal is positive, and \
+                  normals of a closed sheet point outwards; where three or more faces meet at an edge the surface is \
+                  divided into sheets; `wfl check` shows them",
+        default: "",
+    },
+    StatementRow {
+        word: "region",
+        usage: "`region r = p + q - s & t`",
+        meaning: "union, difference, intersection, evaluated from left to right",
+        default: "",
+    },
+    StatementRow {
+        word: "param",
+        usage: "`param p = value [unit] in a..b \"text\"`",
+        meaning: "a number, vector or matrix; `in {1, 2}` lists allowed values; `p=...` on the command line replaces \
+                  the value; `auto` stands for a safe Nitsche parameter, or a factor of it",
+        default: "",
+    },
+    StatementRow {
+        word: "unknown",
+        usage: "`unknown u : scalar/vector/matrix(m,n) [element] [on r]`",
+        meaning: "a field to be solved for; elements `P1 P2 P3 Q1 Q2`, `DP0 DP1 DQ1 ...` (discontinuous); `global` \
+                  for a single number",
+        default: "degree 1, on all",
+    },
+    StatementRow {
+        word: "multiplier",
+        usage: "`multiplier l : ... on f`",
+        meaning: "a Lagrange multiplier. Components without a jump, or constrained by another multiplier, are \
+                  dropped; one that friction depends on takes the value of the nearest node (W404). `with \
+                  crosspoints=keep` keeps all",
+        default: "",
+    },
+    StatementRow {
+        word: "data",
+        usage: "`data k : scalar = expr` or `= \"file.csv\"`",
+        meaning: "a known field, given by a formula or by nodal values",
+        default: "",
+    },
+    StatementRow {
+        word: "state",
+        usage: "`state s : ... on r := expr`",
+        meaning: "an internal variable at integration points, updated by `expr` when a step has converged; no \
+                  element, no gradient",
+        default: "",
+    },
+    StatementRow {
+        word: "mapping",
+        usage: "`mapping m = project from r onto s [within d]`",
+        meaning: "maps each point of the faces `r` to the closest point of the faces `s`",
+        default: "",
+    },
+    StatementRow {
+        word: "mapping",
+        usage: "`mapping m = raytrace from r onto s [within d]`",
+        meaning: "maps along the normal of `r` to faces `s` with an opposing normal",
+        default: "",
+    },
+    StatementRow {
+        word: "mapping",
+        usage: "`mapping m = point expr`",
+        meaning: "maps to the point with these coordinates",
+        default: "",
+    },
+    StatementRow {
+        word: "split",
+        usage: "`split u across f`",
+        meaning: "`u` may jump across the inner faces `f`; at the front, where `f` ends inside the body, it stays \
+                  joined; where sheets meet it has one value for each sector of cells, and it is split up to the \
+                  outer boundary",
+        default: "one value: `u - Interpolate(u, neighbor_element)` is zero (W417)",
+    },
+    StatementRow {
+        word: "def",
+        usage: "`def f(a, b) = expr`",
+        meaning: "a macro; a parameter may follow a prefix: `Grad_a`, `Test_a`. `Def f(a) := expr;` before the \
+                  expression of a term is local to it",
+        default: "",
+    },
+    StatementRow {
+        word: "term",
+        usage: "`term [name] on r : expr`",
+        meaning: "a residual, linear in the test functions; the sum of all terms is zero",
+        default: "at least one",
+    },
+    StatementRow {
+        word: "energy",
+        usage: "`energy [name] on r : expr`",
+        meaning: "a potential; residual and tangent are derived",
+        default: "",
+    },
+    StatementRow {
+        word: "fix",
+        usage: "`fix u = expr on r`, `fix u(1) = ...`, `fix u.Normal = ...`",
+        meaning: "prescribed values; a normal component on faces of any orientation",
+        default: "",
+    },
+    StatementRow {
+        word: "load",
+        usage: "`load u = expr on r`",
+        meaning: "force per volume on cells, traction on faces, a force at each node of a region of nodes",
+        default: "",
+    },
+    StatementRow {
+        word: "start",
+        usage: "`start u = expr`",
+        meaning: "the initial guess; the initial value of a state, or of a field in a scene with rates",
+        default: "zero",
+    },
+    StatementRow {
+        word: "start",
+        usage: "`start from \"file.csv\"`",
+        meaning: "initial values of all fields with columns in the file",
+        default: "",
+    },
+    StatementRow {
+        word: "steps",
+        usage: "`steps t = a to b by c`",
+        meaning: "load or time steps; `b` is met exactly, if necessary by a shorter last step (W410)",
+        default: "one solve",
+    },
+    StatementRow {
+        word: "steps",
+        usage: "`... with halve=5, on_fail=go_on, most=1e6`",
+        meaning: "how often the increment of a failed step is halved; whether the run continues after a failed step; \
+                  allows more than 100,000 steps",
+        default: "5, `stop`, 100,000",
+    },
+    StatementRow {
+        word: "solver",
+        usage: "`solver newton with tol=1e-10, max_iter=150, search=auto`",
+        meaning: "relative residual (at most 0.1); iterations of one attempt; `search=none` for undamped Newton \
+                  steps. Path following may pass 450 changes of the active set in addition; a step ends when its \
+                  failed attempts have taken 10 times `max_iter` iterations",
+        default: "these",
+    },
+    StatementRow {
+        word: "solver",
+        usage: "`solver linear with cg, amg` or `with direct`",
+        meaning: "how one large symmetric system is solved: conjugate gradients with multigrid, or a factor \
+                  (`docs/solvers.md`); an iteration that the scene does not allow is E442",
+        default: "by size",
+    },
+    StatementRow {
+        word: "solver",
+        usage: "`solver newton with accuracy=1e-3, of=slip`",
+        meaning: "the demanded error, see below",
+        default: "`of=L2`",
+    },
+    StatementRow {
+        word: "quadrature",
+        usage: "`quadrature on r degree n` or `vertex`",
+        meaning: "Gauss rule of that degree, or the nodal rule",
+        default: "from the degrees of the terms and of the geometry: exact for polynomials, `2p + 1` (`3p` on \
+                  simplices) for other laws (`docs/quadrature.md`); `wfl check` tells the rule and why",
+    },
+    StatementRow {
+        word: "measure",
+        usage: "`measure m = mean/max/min/integral(expr) on r`",
+        meaning: "a number to print and report at each step; one that is not finite ends with exit code 1 (E611)",
+        default: "",
+    },
+    StatementRow {
+        word: "expect",
+        usage: "`expect condition`",
+        meaning: "a condition on measures and params; exit code 3 if it is false",
+        default: "",
+    },
+    StatementRow {
+        word: "output",
+        usage: "`output vtk \"name\" : u, expr as name`",
+        meaning: "files for ParaView, one a step",
+        default: "none",
+    },
+    StatementRow {
+        word: "output",
+        usage: "`output ... \"name\" every n : ...`",
+        meaning: "a file for every `n`-th step from the first one on, and for the last step; `wfl check` shows number \
+                  and size of the files",
+        default: "every step",
+    },
+    StatementRow {
+        word: "output",
+        usage: "`output csv \"name\" : ... along P to Q with points=n`",
+        meaning: "values along a line",
+        default: "",
+    },
+    StatementRow {
+        word: "use",
+        usage: "`use \"file.wfl\"`, `use \"contact\"`, `use \"elasticity\"`",
+        meaning: "includes another file (the ending may be omitted) or macros of the standard library",
+        default: "",
+    },
+];
