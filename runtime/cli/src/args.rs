@@ -58,7 +58,7 @@ pub(crate) enum Command {
     /// constant stress
     #[command(after_help = VERIFY_HELP)]
     Verify(VerifyArgs),
-    /// Explain a message with an example, a function, or a macro of the library
+    /// Explain a message with an example, a statement, a function, or a macro of the library
     #[command(after_help = "Example:\n  wfl explain E103\n  wfl explain --list")]
     Explain(ExplainArgs),
     /// Write files in canonical form; comments and meaning do not change
@@ -72,6 +72,16 @@ pub(crate) enum Command {
     /// Turn an assembly string of a GetFEM script into statements of a scene
     #[command(after_help = IMPORT_HELP)]
     Import(ImportArgs),
+    /// Write a commented scene to start from
+    #[command(after_help = NEW_HELP)]
+    New(NewArgs),
+    /// Serve an editor by the language server protocol on standard input and output (a build with the feature `lsp`)
+    Lsp(LspArgs),
+    /// Write completions for a shell to standard output (a build with the feature `lsp`)
+    #[command(after_help = "Example:\n  wfl completions bash > ~/.local/share/bash-completion/completions/wfl")]
+    Completions(CompletionsArgs),
+    /// Write a man page to standard output (a build with the feature `lsp`)
+    Man,
 }
 
 const RUN_HELP: &str = "\
@@ -151,6 +161,13 @@ Transformations, multipliers and UFL names cannot be guessed and are refused. Th
 Examples:
   wfl import \"(2*mu*Sym(Grad_u) + lambda*Trace(Grad_u)*Id(3)):Grad_Test_u\"
   wfl import \"pos_part(g*u.Normal)*Test_u.Normal\" --on wall";
+
+const NEW_HELP: &str = "\
+A file that is there already is never overwritten. Without a kind: all kinds, a line each.
+
+Examples:
+  wfl new signorini
+  wfl new fault my_fault.wfl";
 
 /// A scene with parameter values.
 #[derive(Debug, ClapArgs)]
@@ -369,8 +386,8 @@ pub(crate) struct VerifyArgs {
 #[derive(Debug, ClapArgs)]
 #[command(arg_required_else_help = true)]
 pub(crate) struct ExplainArgs {
-    /// The code of a message, such as E103, the name of a function, such as Ball_projection, or a macro of the
-    /// library, such as nitsche
+    /// The code of a message, such as E103, a statement, such as steps, the name of a function, such as
+    /// Ball_projection, or a macro of the library, such as nitsche
     #[arg(required_unless_present_any = ["list", "functions"])]
     pub(crate) code: Option<String>,
     /// All codes, a line each
@@ -401,4 +418,38 @@ pub(crate) struct ImportArgs {
     /// The region the term stands on [default: all; boundary with Normal, interior with neighbor_element]
     #[arg(long, value_name = "REGION")]
     pub(crate) on: Option<String>,
+}
+
+/// What scene is written.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct NewArgs {
+    /// What it is about: poisson, heat, signorini, hertz, fault, crack, ... [default: list them]
+    pub(crate) kind: Option<String>,
+    /// The file that is written [default: KIND.wfl]
+    pub(crate) file: Option<PathBuf>,
+}
+
+/// How an editor is served.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct LspArgs {
+    /// Standard input and output
+    #[arg(long)]
+    pub(crate) stdio: bool,
+}
+
+/// Shells with completions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ShellName {
+    Bash,
+    Elvish,
+    Fish,
+    Powershell,
+    Zsh,
+}
+
+/// For which shell.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct CompletionsArgs {
+    /// The shell
+    pub(crate) shell: ShellName,
 }

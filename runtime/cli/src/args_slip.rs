@@ -18,6 +18,7 @@ const OTHERWISE: &[(&[&str], &str)] = &[
     (&["doc", "docs", "why", "error"], "explain"),
     (&["study", "batch", "scan", "convergence"], "sweep"),
     (&["compile", "dump", "print", "ast"], "show"),
+    (&["init", "create", "template", "scaffold"], "new"),
 ];
 
 /// The message for a command line that was refused, with what to type in place of it.

@@ -18,11 +18,13 @@ mod heartbeat;
 mod import;
 mod interrupt;
 mod load;
+mod new;
 mod prepared;
 mod progress;
 mod ready;
 mod report;
 mod run;
+mod shell;
 mod show;
 mod sweep;
 mod table;
@@ -95,6 +97,10 @@ fn command(call: &Call, started: Instant) -> ExitCode {
         Command::Explain(options) => explain::explain(&options),
         Command::Fmt(options) => fmt::fmt(&options),
         Command::Import(options) => import::import(&options),
+        Command::New(options) => new::new(&options),
+        Command::Lsp(_) => shell::lsp(&call.program),
+        Command::Completions(options) => shell::completions(&options),
+        Command::Man => shell::man(),
     }
 }
 

@@ -1,0 +1,50 @@
+//! Quick fixes: the cures of messages in a range.
+
+use lsp_types::{CodeAction, CodeActionKind, CodeActionOrCommand, Range, TextEdit, WorkspaceEdit};
+use wfl::{Cure, cures};
+
+use crate::{
+    analysis::Analysis,
+    features::diagnostics::{self, location},
+    view::View,
+};
+
+pub(crate) fn actions(view: &View<'_>, range: Range) -> Vec<CodeActionOrCommand> {
+    let checked = view.state.check_of(&view.root).map(|found| &found.messages);
+    let messages = checked.unwrap_or(&view.analysis.messages);
+    let (from, to) = (view.offset(range.start), view.offset(range.end));
+    let mut list: Vec<CodeAction> = Vec::new();
+    for message in messages {
+        let home = diagnostics::home(view.analysis, message);
+        let touches = match home {
+            Some(span) => span.source == view.id && span.start as usize <= to && from <= span.end as usize,
+            None => view.id == view.analysis.script.main && from == 0,
+        };
+        if !touches {
+            continue;
+        }
+        for cure in cures(message, &view.analysis.sources) {
+            let action = action(view.analysis, cure);
+            list.extend(action.filter(|a| list.iter().all(|known| known.title != a.title || known.edit != a.edit)));
+        }
+    }
+    list.into_iter().map(CodeActionOrCommand::CodeAction).collect()
+}
+
+/// A cure as a change; none in the library.
+fn action(analysis: &Analysis, cure: Cure) -> Option<CodeAction> {
+    if analysis.is_library(cure.span.source) {
+        return None;
+    }
+    let place = location(analysis, cure.span)?;
+    let edit = TextEdit { range: place.range, new_text: cure.text };
+    #[expect(clippy::mutable_key_type, reason = "the protocol keys changes by address")]
+    let changes = std::collections::HashMap::from([(place.uri, vec![edit])]);
+    Some(CodeAction {
+        title: cure.title,
+        kind: Some(CodeActionKind::QUICKFIX),
+        edit: Some(WorkspaceEdit { changes: Some(changes), ..WorkspaceEdit::default() }),
+        is_preferred: Some(true),
+        ..CodeAction::default()
+    })
+}

@@ -1,0 +1,236 @@
+//! A session of an editor with the server over its pipes: what it is told, and what it gets when it asks.
+
+mod common;
+
+use common::{Editor, example};
+use serde_json::{Value, json};
+
+/// An editor in which a scene and the file that it uses are open.
+fn with_fault(name: &str) -> Editor {
+    let mut editor = Editor::new(name);
+    for file in ["fault.wfl", "nitsche.wfl", "penalty.wfl"] {
+        editor.write(file, &example(&format!("fault/{file}")));
+    }
+    editor.open("nitsche.wfl", &example("fault/nitsche.wfl"));
+    editor.open("fault.wfl", &example("fault/fault.wfl"));
+    editor
+}
+
+fn hover(editor: &mut Editor, file: &str, needle: &str, by: u64) -> String {
+    editor.ask_at("textDocument/hover", file, needle, by)["contents"]["value"].as_str().unwrap_or("").to_owned()
+}
+
+/// `file:line` of places, lines from 0.
+fn places(list: &Value) -> Vec<String> {
+    let list = list.as_array().cloned().unwrap_or_default();
+    let place = |l: &Value| {
+        let file = l["uri"].as_str().unwrap_or("").rsplit('/').next().unwrap_or("").to_owned();
+        format!("{file}:{}", l["range"]["start"]["line"])
+    };
+    list.iter().map(place).collect()
+}
+
+fn labels(list: &Value) -> Vec<String> {
+    let list = list.as_array().cloned().unwrap_or_default();
+    list.iter().map(|i| i["label"].as_str().unwrap_or("").to_owned()).collect()
+}
+
+#[test]
+fn what_is_under_the_cursor_is_explained() {
+    let mut e = with_fault("hover");
+    for (file, needle, by, expected) in [
+        ("fault.wfl", "param E", 6, &["param E     = 25000", "value 25000", "Young modulus"][..]),
+        ("nitsche.wfl", "gamma*(jump", 1, &["value 100000", "above 1.7 E/h"]),
+        ("fault.wfl", "unknown uL", 8, &["unknown uL : vector on left", "unknown vector(3)"]),
+        (
+            "nitsche.wfl",
+            "trac(uL).Normal",
+            1,
+            &["def trac(v)", "vector(3)", "linear in the unknowns", "Declared in fault.wfl"],
+        ),
+        ("fault.wfl", "sigma(v)*Normal", 10, &["`Normal`: outward unit normal", "vector(3)"]),
+        ("fault.wfl", "Grad_v", 1, &["`Grad_`: gradient", "`v` is a parameter"]),
+        ("fault.wfl", "term elastic on left", 1, &["term [name] on r : expr", "residual"]),
+        ("nitsche.wfl", "Ball_projection", 3, &["Ball_projection(v, r)", "projection on the ball", "with kinks"]),
+        (
+            "nitsche.wfl",
+            "pos_part(Pn)*Normal",
+            12,
+            &["`pos_part(Pn)*Normal`: vector(3), nonlinear in the unknowns, with kinks"],
+        ),
+        ("fault.wfl", "Sym(Grad_v)", 0, &["Sym(M)", "matrix(3,3)"]),
+        ("fault.wfl", "steps t", 0, &["steps t = a to b by c", "Without it: one solve."]),
+        ("fault.wfl", "region fault", 8, &["interface from left to right"]),
+        ("fault.wfl", "sigma(uL):Grad_Test_uL", 9, &["scalar, linear in the unknowns, linear in a test function"]),
+    ] {
+        let told = hover(&mut e, file, needle, by);
+        for part in expected {
+            assert!(told.contains(part), "{needle}: {part} is not in\n{told}");
+        }
+    }
+    assert_eq!(hover(&mut e, "fault.wfl", "# The slipping", 4), "");
+    e.close();
+}
+
+#[test]
+fn names_lead_to_their_declarations_and_uses_across_files() {
+    let mut e = with_fault("navigate");
+    let found = e.ask_at("textDocument/definition", "nitsche.wfl", "trac(uL).Normal", 2);
+    assert_eq!(places(&found), ["fault.wfl:28"]);
+    let found = e.ask_at("textDocument/definition", "nitsche.wfl", "term stress  on fault", 18);
+    assert_eq!(places(&found), ["fault.wfl:16"]);
+    let found = e.ask_at("textDocument/definition", "nitsche.wfl", "use \"fault.wfl\"", 8);
+    assert_eq!(places(&found), ["fault.wfl:0"]);
+    let found = e.ask_at("textDocument/definition", "fault.wfl", "Grad_v", 5);
+    assert_eq!(places(&found), ["fault.wfl:27"]);
+    let found = e.ask_at("textDocument/definition", "nitsche.wfl", "Ball_projection", 2);
+    assert_eq!(found, Value::Null);
+    // `theta` is known in one scene only, `fric` in all that use the file
+    let found = e.ask_at("textDocument/references", "nitsche.wfl", "param theta", 7);
+    assert_eq!(places(&found), ["nitsche.wfl:5", "nitsche.wfl:10", "nitsche.wfl:13"]);
+    let found = places(&e.ask_at("textDocument/references", "fault.wfl", "param fric", 7));
+    assert!(found.contains(&"fault.wfl:8".to_owned()) && found.contains(&"nitsche.wfl:11".to_owned()), "{found:?}");
+    assert!(found.iter().any(|f| f.starts_with("penalty.wfl")), "{found:?}");
+    let found = e.ask_at("textDocument/documentHighlight", "fault.wfl", "def tang(w)", 9);
+    assert_eq!(found.as_array().map(Vec::len), Some(3));
+    e.close();
+}
+
+#[test]
+fn a_name_is_changed_everywhere_or_not_at_all() {
+    let mut e = with_fault("rename");
+    let range = e.ask_at("textDocument/prepareRename", "nitsche.wfl", "# Slipping", 4);
+    assert_eq!(range, Value::Null);
+    let range = e.ask_at("textDocument/prepareRename", "nitsche.wfl", "Test_uL", 6);
+    assert_eq!(range["placeholder"], "uL");
+    let uri = e.uri("nitsche.wfl");
+    let position = e.at("nitsche.wfl", "Test_uL", 6);
+    let named = |new: &str| json!({"textDocument": {"uri": uri}, "position": position, "newName": new});
+    let changes = e.ask("textDocument/rename", named("left_u"))["changes"].clone();
+    let files: Vec<String> = changes.as_object().expect("changes").keys().cloned().collect();
+    assert_eq!(files.len(), 3, "{files:?}");
+    for file in ["nitsche.wfl", "fault.wfl"] {
+        let text = e.changed(file, &changes[e.uri(file)]);
+        assert!(!text.contains("uL") && text.contains("left_u"), "{text}");
+        e.change(file, &text);
+    }
+    // the scene is as right as before
+    e.messages_when("nitsche.wfl", <[Value]>::is_empty);
+    e.messages_when("fault.wfl", <[Value]>::is_empty);
+    assert!(e.text("nitsche.wfl").contains("Test_left_u"));
+    // `Pn` is declared in two scenes, and used in the file between them
+    let position = e.at("nitsche.wfl", "def Pn", 5);
+    let named = json!({"textDocument": {"uri": uri}, "position": position, "newName": "pressure"});
+    let changes = e.ask("textDocument/rename", named)["changes"].clone();
+    assert_eq!(changes.as_object().map(serde_json::Map::len), Some(3), "{changes}");
+    let position = e.at("nitsche.wfl", "Test_left_u", 7);
+    for (new, why) in
+        [("uR", "declared already"), ("on", "a word of the language"), ("2u", "no name"), ("sin", "built-in")]
+    {
+        let named = json!({"textDocument": {"uri": uri}, "position": position, "newName": new});
+        let told = e.refused("textDocument/rename", named);
+        assert!(told.contains(why), "{new}: {told}");
+    }
+    let position = e.at("nitsche.wfl", "Ball_projection", 2);
+    let told = e
+        .refused("textDocument/rename", json!({"textDocument": {"uri": uri}, "position": position, "newName": "ball"}));
+    assert!(told.contains("word of the language"), "{told}");
+    e.close();
+}
+
+#[test]
+fn what_can_stand_at_the_cursor_is_offered() {
+    let mut e = with_fault("complete");
+    let text = format!("{}te\nterm more on fa : pos\nfix uL = 0 on we\nuse \"\n", example("fault/nitsche.wfl"));
+    e.change("nitsche.wfl", &text);
+    let offered = labels(&e.ask_at("textDocument/completion", "nitsche.wfl", "te\nterm more", 2));
+    assert!(["term", "measure", "steps"].iter().all(|w| offered.contains(&(*w).to_owned())), "{offered:?}");
+    let offered = labels(&e.ask_at("textDocument/completion", "nitsche.wfl", "on fa : pos", 5));
+    assert_eq!(
+        offered,
+        ["all", "bottom", "boundary", "east", "fault", "global", "interior", "left", "right", "top", "west"]
+    );
+    let list = e.ask_at("textDocument/completion", "nitsche.wfl", "on fa : pos", 11);
+    let offered = labels(&list);
+    for name in ["pos_part", "trac", "uL", "Grad_Test_uR", "gamma", "Normal", "Ball_projection", "t"] {
+        assert!(offered.contains(&name.to_owned()), "{name}: {offered:?}");
+    }
+    // parameters of other macros are not known here
+    assert!(!offered.contains(&"Grad_v".to_owned()));
+    let jump = list.as_array().and_then(|l| l.iter().find(|i| i["label"] == "jump")).cloned().unwrap_or_default();
+    assert_eq!(jump["labelDetails"]["detail"], "(a, b)");
+    assert_eq!(jump["insertText"], "jump(${1:a}, ${2:b})");
+    assert!(jump["documentation"]["value"].as_str().is_some_and(|d| d.contains("Interpolate(b, neighbor_element)")));
+    let offered = labels(&e.ask_at("textDocument/completion", "nitsche.wfl", "use \"\n", 5));
+    assert!(offered.contains(&"penalty.wfl".to_owned()) && offered.contains(&"contact".to_owned()), "{offered:?}");
+    let help = e.ask_at("textDocument/signatureHelp", "nitsche.wfl", "jump(Test_uL,Test_uR)", 14);
+    assert_eq!(help["signatures"][0]["label"], "jump(a,b)");
+    assert_eq!(help["activeParameter"], 1);
+    e.close();
+}
+
+#[test]
+fn a_text_is_outlined_coloured_and_annotated() {
+    let mut e = with_fault("outline");
+    let symbols = e.ask_of("textDocument/documentSymbol", "nitsche.wfl");
+    let names: Vec<&str> = symbols.as_array().expect("symbols").iter().filter_map(|s| s["name"].as_str()).collect();
+    assert_eq!(names[..6], ["wfl 1", "use \"fault.wfl\"", "theta", "gamma", "Pn", "Pt"]);
+    let folds = e.ask_of("textDocument/foldingRange", "nitsche.wfl");
+    assert_eq!(folds[0]["endLine"], 2, "{folds}");
+    let lenses = e.ask_of("textDocument/codeLens", "nitsche.wfl");
+    assert_eq!(lenses[0]["command"]["command"], "wfl.run");
+    assert_eq!(lenses[1]["command"]["arguments"][0], e.uri("nitsche.wfl"));
+    assert_eq!(e.ask_of("textDocument/codeLens", "fault.wfl"), json!([]), "a file that others use is no scene");
+    let hints = e.ask_of("textDocument/inlayHint", "fault.wfl");
+    let hints: Vec<String> = hints
+        .as_array()
+        .expect("hints")
+        .iter()
+        .map(|h| format!("{}{}", h["position"]["line"], h["label"].as_str().unwrap_or("")))
+        .collect();
+    assert_eq!(
+        hints,
+        [
+            "12 : scalar",
+            "25 : scalar",
+            "26 : scalar",
+            "27 : matrix(3,3)",
+            "28 : vector(3)",
+            "29 : vector(3)",
+            "30 : vector(3)"
+        ]
+    );
+    let tokens = e.ask_of("textDocument/semanticTokens/full", "nitsche.wfl");
+    let data: Vec<u64> = tokens["data"].as_array().expect("numbers").iter().filter_map(Value::as_u64).collect();
+    // `wfl` is a keyword, so is `use`; `theta` is a constant that is declared here
+    assert_eq!(data[..5], [0, 0, 3, 0, 0]);
+    assert_eq!(data[5..10], [3, 0, 3, 0, 0]);
+    assert_eq!(data[15..20], [0, 6, 5, 2, 5]);
+    assert_eq!(data.len() % 5, 0);
+    assert_eq!(e.capabilities["capabilities"]["semanticTokensProvider"]["legend"]["tokenTypes"][0], "keyword");
+    e.close();
+}
+
+#[test]
+fn a_check_and_a_run_are_asked_for_by_command() {
+    let mut e = with_fault("command");
+    let arguments = json!([e.uri("fault.wfl")]);
+    e.ask("workspace/executeCommand", json!({"command": "wfl.check", "arguments": arguments}));
+    while e.shown.is_empty() {
+        e.receive();
+    }
+    assert_eq!(e.shown, ["nitsche.wfl: 0 errors, 0 warnings; 512 cells, 2088 unknowns"]);
+    // what the check found is told with the region and the term
+    let told = hover(&mut e, "fault.wfl", "region fault", 8);
+    assert!(told.contains("64 faces with two sides"), "{told}");
+    let told = hover(&mut e, "nitsche.wfl", "term contact", 1);
+    assert!(told.contains("nonlinear with kinks on `fault`"), "{told}");
+    let run = json!({"command": "wfl.run", "arguments": arguments});
+    assert!(e.refused("workspace/executeCommand", run).contains("no program"));
+    let other = json!({"command": "wfl.other", "arguments": arguments});
+    assert!(e.refused("workspace/executeCommand", other).contains("there is no command"));
+    assert!(e.refused("textDocument/unknown", json!({})).contains("does not answer"));
+    let library = json!({"uri": "wfl-library:/contact.wfl"});
+    assert!(e.ask("wfl/library", library).as_str().is_some_and(|t| t.contains("def nitsche_force")));
+    e.close();
+}
