@@ -35,6 +35,7 @@ const OPERATORS: &[(&str, &str)] = &[
     ("=>", ">="),
     ("<>", "!="),
     ("~=", "!="),
+    ("%", "#"),
     ("->", "="),
     ("$", ""),
     ("\\", ""),
@@ -84,6 +85,13 @@ impl Finder<'_> {
         let text = unquoted(&label.text, self.sources);
         let name = text.split_once("did you mean `")?.1.split_once('`')?.0;
         let written = self.text(label.span);
+        // the word of a unit that is marked whole
+        if let Some(wrong) = self.diagnostic.message.strip_prefix("unknown unit `").and_then(|m| m.strip_suffix('`'))
+            && let Some(k) = written.find(wrong)
+        {
+            let start = label.span.start as usize + k;
+            return Some(self.replace(at(label.span.source, start, start + wrong.len()), name));
+        }
         if written.is_empty() || !written.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
             return None;
         }
@@ -102,42 +110,153 @@ impl Finder<'_> {
             return Some(self.replace(span, *here));
         }
         let label = &self.diagnostic.labels.first()?.text;
-        if let Some(bracket) = label.strip_suffix("` belongs here").and_then(|l| l.strip_prefix('`')) {
+        let quoted = |end: &str| label.strip_suffix(end).and_then(|l| l.strip_prefix('`'));
+        if let Some(bracket) = quoted("` belongs here") {
             return Some(self.replace(span, bracket));
+        }
+        if label == "no bracket is open here" {
+            return Some(self.replace(span, ""));
+        }
+        if let Some(bracket) = quoted("` is missing").filter(|b| matches!(*b, ")" | "]" | "}")) {
+            let end = self.code_end_of_line(span)?;
+            return Some(self.replace(at(span.source, end, end), bracket));
         }
         self.helps().find_map(|help| self.by_help(span, &help))
     }
 
-    /// The cure that one help says.
+    /// The cure that one help says, in place of the mark.
     fn by_help(&self, span: Span, help: &str) -> Option<Cure> {
-        if let Some(word) = help.strip_prefix("write `").and_then(|h| h.strip_suffix('`')) {
-            return (!word.contains('`')).then(|| self.replace(span, word));
-        }
-        if help == "write an ordinary space" {
-            return Some(self.replace(span, " "));
-        }
-        if let Some((word, wrong)) = help
-            .split_once(" in place of `")
-            .map(|(here, there)| (here.rsplit("write `").next().unwrap_or(""), there.trim_end_matches('`')))
-        {
-            return self.first_word(span, wrong, word.trim_end_matches('`'));
-        }
-        if help == "delete it" || help.starts_with("delete it: ") {
-            return Some(self.replace(span, ""));
-        }
-        if help.starts_with("a product is written with `*`") && self.diagnostic.code != "E105" {
-            // the blanks before the second factor go
-            let before = self.sources.get(span.source).text.get(..span.start as usize)?.trim_end().len();
-            return Some(self.replace(at(span.source, before, span.start as usize), "*"));
-        }
         const WHOLE: &[&str] = &[
             "a text stands in double quotes: ",
             "digits are not grouped: ",
             "a power of ten is written with e: ",
             "`:` contracts both indices: ",
+            "by ",
         ];
-        let text = WHOLE.iter().find_map(|start| help.strip_prefix(start))?;
-        (self.diagnostic.labels.len() == 1).then(|| self.replace(span, text))
+        let alone = self.diagnostic.labels.len() == 1;
+        if let Some(text) = WHOLE.iter().find_map(|start| help.strip_prefix(start)).filter(|_| alone) {
+            return Some(self.replace(span, text));
+        }
+        match help {
+            "write an ordinary space" => return Some(self.replace(span, " ")),
+            "write `\"`" => return Some(self.plain_quotes(span)),
+            "write `term` in place of `energy`" => return self.first_word(span, "energy", "term"),
+            // with a test function in it, something else is wrong
+            _ if help.ends_with("write `energy` in place of `term`") => {
+                let whole = self.statement(span)?;
+                let text = &self.sources.get(span.source).text[whole];
+                return if text.contains("Test_") { None } else { self.first_word(span, "term", "energy") };
+            }
+            _ if help == "delete it" || help.starts_with("delete it: ") => return Some(self.replace(span, "")),
+            _ => {}
+        }
+        if let Some(rest) = help.strip_prefix("write `")
+            && let Some((word, behind)) = rest.split_once('`')
+            && (behind.is_empty() || behind.starts_with(" for "))
+            && !word.contains("..")
+        {
+            return Some(self.replace(span, word));
+        }
+        if let Some(start) = help.strip_prefix("the decimal sign is a point: ")
+            && let Some(number) = start.split(';').next()
+            && number.replace('.', ",") == self.text(span)
+        {
+            return Some(self.replace(span, number));
+        }
+        if let Some(zeros) = help.strip_prefix("a vector is written with all its components: ")
+            && self.text(span) == "0"
+        {
+            return Some(self.replace(span, zeros));
+        }
+        self.renamed(span, help).or_else(|| self.around(span, help))
+    }
+
+    /// A function that has another name here: `norm: the norm of a vector or matrix is `Norm(v)``.
+    fn renamed(&self, span: Span, help: &str) -> Option<Cure> {
+        let written = self.text(span);
+        let (_, here) = help.strip_prefix(written)?.strip_prefix(": ")?.split_once(" is `")?;
+        let (name, argument) = here.strip_suffix("`")?.split_once('(')?;
+        let called = self.behind(span).starts_with('(');
+        (called && matches!(argument, "v)" | "A)" | "t)")).then(|| self.replace(span, name))
+    }
+
+    /// What stands behind a mark.
+    fn behind(&self, span: Span) -> &str {
+        self.sources.get(span.source).text.get(span.end as usize..).unwrap_or("")
+    }
+
+    /// What stands before a mark, and where it ends without blanks.
+    fn before(&self, span: Span) -> &str {
+        self.sources.get(span.source).text.get(..span.start as usize).unwrap_or("").trim_end()
+    }
+
+    /// The cure that one help says, where more than the mark changes.
+    fn around(&self, span: Span, help: &str) -> Option<Cure> {
+        let written = self.text(span);
+        let before = self.before(span);
+        let from = |start: usize, end: usize, text: String| Some(self.replace(at(span.source, start, end), text));
+        let (start, end) = (span.start as usize, span.end as usize);
+        if help.starts_with("leave `") && help.ends_with("= 0` out") {
+            let zero = self.behind(span).trim_start();
+            let length = self.behind(span).len() - zero.len() + 1;
+            return if zero.starts_with('0') { from(before.len(), end + length, String::new()) } else { None };
+        }
+        if help.starts_with("a product is written with `*`") && self.diagnostic.code == "E113" {
+            let follows = before.ends_with(|c: char| c.is_ascii_alphanumeric() || c == '_' || c == ')');
+            return if follows { from(before.len(), start, "*".to_owned()) } else { None };
+        }
+        if let Some(meant) = help.strip_prefix("a component is taken with its number, the normal one by name: ") {
+            return match meant.split_once('(') {
+                Some((_, number)) if before.ends_with('.') => from(before.len() - 1, end, format!("({number}")),
+                _ => from(start, end, "Normal".to_owned()),
+            };
+        }
+        if written == "[" && (help.contains("indices count from 1")) {
+            let inner = self.behind(span).split(']').next().filter(|i| !i.contains(['[', '(', '\n']))?;
+            let index = if inner.trim() == "0" { "1" } else { inner };
+            return from(start, end + inner.len() + 1, format!("({index})"));
+        }
+        if self.diagnostic.message == "a vector stands in square brackets" {
+            let open = before.rfind('(')?;
+            let close = end + self.behind(span).find(')')?;
+            return from(open, close + 1, help.to_owned());
+        }
+        // a unit behind a number, an argument behind a function
+        let put_behind = |left: &str, text: String| before.ends_with(left).then(|| (before.len(), text));
+        let (start, text) = match (help.split_once(" ["), help.split_once('(')) {
+            (Some((left, unit)), _) if *unit == format!("{written}]") => put_behind(left, format!(" [{unit}"))?,
+            (_, Some((left, argument))) if *argument == format!("{written})") => {
+                put_behind(left, format!("({argument}"))?
+            }
+            _ if help.starts_with(&format!("a number: param {written} = ")) => {
+                return from(start, start, "param ".to_owned());
+            }
+            _ if help.starts_with("options stand one behind the other") => (before.len(), format!(", {written}")),
+            _ => return self.product(span, help),
+        };
+        from(start, end, text)
+    }
+
+    /// The scalar product of two vectors in place of `*`: the first of the products that the help offers.
+    fn product(&self, span: Span, help: &str) -> Option<Cure> {
+        let (product, _) = help.strip_prefix('`')?.split_once("` for the scalar product")?;
+        let (left, right) = product.split_once('.')?;
+        let before = self.before(span);
+        let factor = before.strip_suffix('*')?;
+        let fits = right == self.text(span) && factor.trim_end().ends_with(left);
+        fits.then(|| self.replace(at(span.source, factor.len(), span.start as usize), "."))
+    }
+
+    /// Quotes of a text processor on the line of the mark, made plain.
+    fn plain_quotes(&self, span: Span) -> Cure {
+        let rest = self.sources.get(span.source).text.get(span.start as usize..).unwrap_or("");
+        let line = rest.lines().next().unwrap_or("");
+        let typographic = |c: char| matches!(c, '\u{201c}'..='\u{201f}' | '\u{ab}' | '\u{bb}');
+        let length =
+            line.rfind(typographic).map_or(line.len(), |k| k + line[k..].chars().next().map_or(1, char::len_utf8));
+        let text = line[..length].replace(typographic, "\"");
+        let title = "Write plain quotes".to_owned();
+        Cure { title, span: at(span.source, span.start as usize, span.start as usize + length), text }
     }
 
     /// Another word at the start of the statement.
@@ -169,6 +288,16 @@ impl Finder<'_> {
         None
     }
 
+    /// Where the code of a line ends, if its statement has no other line.
+    fn code_end_of_line(&self, span: Span) -> Option<usize> {
+        let whole = self.statement(span)?;
+        let text = &self.sources.get(span.source).text[whole.clone()];
+        let code = &text[..code_end(text)];
+        let line = code.lines().next().unwrap_or("");
+        let bare = line.split('#').next().unwrap_or(line).trim_end();
+        (code.trim_end().len() == line.trim_end().len()).then_some(whole.start + bare.len())
+    }
+
     /// The statement around a place.
     fn statement(&self, span: Span) -> Option<std::ops::Range<usize>> {
         let ranges = statement_ranges(&self.sources.get(span.source).text);
@@ -183,7 +312,15 @@ impl Finder<'_> {
         })?;
         let place = self.diagnostic.labels.first().map(|l| l.span);
         let (source, position) = match place {
-            Some(span) => (span.source, self.statement(span)?.start),
+            Some(span) => {
+                let start = self.statement(span)?.start;
+                // the form of the statement that is wrong is no further statement
+                let word = help.split(' ').next().unwrap_or("");
+                if self.sources.get(span.source).text[start..].starts_with(word) {
+                    return None;
+                }
+                (span.source, start)
+            }
             None => {
                 let (source, main) = self.sources.iter().next()?;
                 (source, main.text.len())
@@ -240,7 +377,8 @@ mod tests {
         let mut sources = SourceMap::new();
         let main = sources.add("scene.wfl", text);
         let found = resolve(&mut sources, main, &mut NoFiles, &[]).diagnostics;
-        let first = found.first().unwrap_or_else(|| panic!("no message: {text}"));
+        let error = found.iter().find(|d| d.is_error()).or(found.first());
+        let first = error.unwrap_or_else(|| panic!("no message: {text}"));
         let cures = cures(first, &sources);
         let cure = cures.first().unwrap_or_else(|| panic!("no cure: {first:?}"));
         let range = cure.span.start as usize..cure.span.end as usize;
@@ -266,6 +404,28 @@ mod tests {
             (
                 "solver newton with tl=1e-8\nterm on all : gamma*u*Test_u",
                 "solver newton with tol=1e-8\nterm on all : gamma*u*Test_u",
+            ),
+            ("param b = 3 kN\nterm on all : u*Test_u*b", "param b = 3 [kN]\nterm on all : u*Test_u*b"),
+            ("param b = 3 [N/mm2]\nterm on all : u*Test_u*b", "param b = 3 [N/mm^2]\nterm on all : u*Test_u*b"),
+            ("term on all : u*Test_u = 0", "term on all : u*Test_u"),
+            ("param b = 0,3\nterm on all : u*Test_u*b", "param b = 0.3\nterm on all : u*Test_u*b"),
+            ("term on all : Grad_u[0]*Test_u", "term on all : Grad_u(1)*Test_u"),
+            ("fix u.n = 0 on all\nterm on all : u*Test_u", "fix u.Normal = 0 on all\nterm on all : u*Test_u"),
+            ("fix u.x = 0 on all\nterm on all : u*Test_u", "fix u(1) = 0 on all\nterm on all : u*Test_u"),
+            ("term on all : (0,1).Grad_u*Test_u", "term on all : [0,1].Grad_u*Test_u"),
+            ("term on all : gamma*(u*Test_u # all", "term on all : gamma*(u*Test_u) # all"),
+            ("term on all : gamma*u*Test_u)", "term on all : gamma*u*Test_u"),
+            ("term on all : u*Test_u*sin x", "term on all : u*Test_u*sin(x)"),
+            ("% comment\nterm on all : u*Test_u", "# comment\nterm on all : u*Test_u"),
+            ("b = 5\nterm on all : b*u*Test_u", "param b = 5\nterm on all : b*u*Test_u"),
+            ("term on all : tr(Id(2))*u*Test_u", "term on all : Trace(Id(2))*u*Test_u"),
+            (
+                "output vtk \u{201c}a\u{201d} : u\nterm on all : u*Test_u",
+                "output vtk \"a\" : u\nterm on all : u*Test_u",
+            ),
+            (
+                "solver newton with tol=1e-8 max_iter=9\nterm on all : u*Test_u",
+                "solver newton with tol=1e-8, max_iter=9\nterm on all : u*Test_u",
             ),
         ] {
             assert_eq!(cured(&format!("{SCENE}{wrong}\n")).trim_end(), format!("{SCENE}{right}").trim_end(), "{wrong}");

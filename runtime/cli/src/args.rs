@@ -11,7 +11,7 @@ use wfl_runtime::{
 
 /// Write, check and solve contact formulations from text files.
 #[derive(Debug, Parser)]
-#[command(name = "wfl", version, about, arg_required_else_help = true, after_help = EXIT_CODES)]
+#[command(name = "wfl", version, arg_required_else_help = true, after_help = EXIT_CODES)]
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,
