@@ -222,7 +222,7 @@ impl Finder<'_> {
             return from(open, close + 1, help.to_owned());
         }
         // a unit behind a number, an argument behind a function
-        let put_behind = |left: &str, text: String| before.ends_with(left).then(|| (before.len(), text));
+        let put_behind = |left: &str, text: String| before.ends_with(left).then_some((before.len(), text));
         let (start, text) = match (help.split_once(" ["), help.split_once('(')) {
             (Some((left, unit)), _) if *unit == format!("{written}]") => put_behind(left, format!(" [{unit}"))?,
             (_, Some((left, argument))) if *argument == format!("{written})") => {

@@ -73,6 +73,22 @@ fn what_is_under_the_cursor_is_explained() {
 }
 
 #[test]
+fn macros_of_the_library_come_with_their_comment() {
+    let mut e = Editor::new("library");
+    e.open("fault.wfl", wfl::TEMPLATES.iter().find(|t| t.kind == "fault").expect("a template").text);
+    let told = hover(&mut e, "fault.wfl", "nitsche(uL", 2);
+    for part in ["def nitsche(a, b, gamma, theta, friction)", "trial pressure P^n", "Of the library", "with kinks"] {
+        assert!(told.contains(part), "{part} is not in\n{told}");
+    }
+    let found = e.ask_at("textDocument/definition", "fault.wfl", "nitsche(uL", 2);
+    assert_eq!(found[0]["uri"], "wfl-library:/contact.wfl");
+    let position = e.at("fault.wfl", "nitsche(uL", 2);
+    let named = json!({"textDocument": {"uri": e.uri("fault.wfl")}, "position": position, "newName": "method"});
+    assert!(e.refused("textDocument/rename", named).contains("of the library"));
+    e.close();
+}
+
+#[test]
 fn names_lead_to_their_declarations_and_uses_across_files() {
     let mut e = with_fault("navigate");
     let found = e.ask_at("textDocument/definition", "nitsche.wfl", "trac(uL).Normal", 2);

@@ -54,17 +54,22 @@ pub(crate) fn about(about: &About) -> String {
     format!("{}, {class}{tests}", about.shape)
 }
 
-/// The lines of comments right above a statement, without their signs.
+/// The comment of a statement: the lines right above it, or above the statements that it follows without a blank line,
+/// without their signs. What stands at the head of a file is about the file.
 fn comments_above(text: &str, start: usize) -> String {
     let line = text[..start].rfind('\n').map_or(0, |k| k + 1);
-    let mut lines: Vec<&str> = text[..line]
-        .lines()
-        .rev()
+    let above = text[..line].lines().rev().take_while(|l| !l.trim().is_empty());
+    let mut block: Vec<&str> = above
+        .skip_while(|l| !l.starts_with('#'))
         .take_while(|l| l.starts_with('#'))
         .map(|l| l.trim_start_matches('#').trim())
         .collect();
-    lines.reverse();
-    lines.join("\n")
+    block.reverse();
+    let at_head = block.first().is_some_and(|first| {
+        let head = text.find(first).map_or("", |k| &text[..k]);
+        head.lines().all(|l| l.starts_with('#') || l.trim().is_empty() || l.starts_with("wfl "))
+    });
+    if at_head { String::new() } else { block.join("\n") }
 }
 
 /// The statement of a declaration without what follows it.
@@ -162,10 +167,27 @@ pub(crate) fn head(analysis: &Analysis, name: &Occurrence) -> String {
     if text.is_empty() { name.key.name().to_owned() } else { text.to_owned() }
 }
 
-/// The parameters of a macro, as they are written.
+/// The parameters of the first call in a text, as they are written.
 pub(crate) fn formals(head: &str) -> Vec<String> {
-    let inside = head.split_once('(').and_then(|(_, rest)| rest.rsplit_once(')')).map_or("", |(inside, _)| inside);
-    inside.split(',').map(str::trim).filter(|f| !f.is_empty()).map(str::to_owned).collect()
+    let Some((_, inside)) = head.split_once('(') else { return Vec::new() };
+    let mut list = vec![String::new()];
+    let mut depth = 0usize;
+    for c in inside.chars() {
+        match c {
+            ')' | ']' if depth == 0 => break,
+            ',' if depth == 0 => {
+                list.push(String::new());
+                continue;
+            }
+            '(' | '[' => depth += 1,
+            ')' | ']' => depth -= 1,
+            _ => {}
+        }
+        if let Some(last) = list.last_mut() {
+            last.push(c);
+        }
+    }
+    list.into_iter().map(|f| f.trim().to_owned()).filter(|f| !f.is_empty()).collect()
 }
 
 /// What a parameter of a macro belongs to.
@@ -173,4 +195,28 @@ pub(crate) fn formal(analysis: &Analysis, key: &Key) -> Option<String> {
     let declared = analysis.names().declaration(key)?;
     let text = declaration_text(analysis, declared.statement);
     Some(format!("{}\n\n`{}` is a parameter.", code(&text), key.name()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_comment_of_a_statement_is_that_of_its_paragraph() {
+        let text = "wfl 1\n# The scene\nparam a = 1\n\n# one\n# two\ndef f = 1\ndef g = 2\n\ndef h = 3\n";
+        let above = |needle: &str| comments_above(text, text.find(needle).expect("it is there"));
+        assert_eq!(above("def f"), "one\ntwo");
+        assert_eq!(above("def g"), "one\ntwo");
+        assert_eq!(above("def h"), "");
+        assert_eq!(above("param a"), "");
+    }
+
+    #[test]
+    fn parameters_are_read_off_a_head() {
+        assert_eq!(formals("nitsche(a, b,gamma)"), ["a", "b", "gamma"]);
+        assert_eq!(formals("Saint_Venant_Kirchhoff_PK2(Grad_u, [lambda; mu])"), ["Grad_u", "[lambda; mu]"]);
+        assert_eq!(formals("Contract(A, i, j), Contract(A, i, B, j)"), ["A", "i", "j"]);
+        assert_eq!(formals("f([a, b], g(c, d))"), ["[a, b]", "g(c, d)"]);
+        assert!(formals("pi").is_empty());
+    }
 }
