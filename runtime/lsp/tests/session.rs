@@ -250,3 +250,28 @@ fn a_check_and_a_run_are_asked_for_by_command() {
     assert!(e.ask("wfl/library", library).as_str().is_some_and(|t| t.contains("def nitsche_force")));
     e.close();
 }
+
+#[cfg(unix)]
+#[test]
+fn a_run_tells_how_it_ended() {
+    use std::os::unix::fs::PermissionsExt as _;
+    // what stands for the program says how it was called
+    let program = std::env::temp_dir().join(format!("wfl-lsp-program-{}.sh", std::process::id()));
+    let script =
+        "#!/bin/sh\ncase \"$2\" in *good.wfl) echo first; echo \"$1 is done\";; *) echo it failed >&2; exit 2;; esac\n";
+    std::fs::write(&program, script).expect("a temporary file");
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("a temporary file");
+    let mut e = Editor::with_words("run", &[&program]);
+    for (name, shown) in [("good.wfl", "run is done"), ("bad.wfl", "it failed")] {
+        e.open(name, "wfl 1\n");
+        let before = e.shown.len();
+        let arguments = json!([e.uri(name)]);
+        e.ask("workspace/executeCommand", json!({"command": "wfl.run", "arguments": arguments}));
+        while e.shown.len() == before {
+            e.receive();
+        }
+        assert_eq!(e.shown.last().map(String::as_str), Some(shown));
+    }
+    e.close();
+    std::fs::remove_file(program).expect("a temporary file");
+}

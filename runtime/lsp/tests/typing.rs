@@ -4,7 +4,7 @@ mod common;
 
 use std::collections::BTreeSet;
 
-use common::Editor;
+use common::{Editor, example};
 use serde_json::{Value, json};
 
 /// A scene with a mistake in each line that ends in a `#`.
@@ -165,5 +165,29 @@ fn texts_of_any_kind_are_answered() {
             }
         }
     }
+    e.close();
+}
+
+#[test]
+fn a_mistake_in_a_file_that_a_scene_uses_is_shown_in_that_file() {
+    let mut e = Editor::new("used");
+    let fault = example("fault/fault.wfl");
+    let wrong = fault.replace("def trac(v)   = sigma(v)*Normal", "def trac(v)   = sigma(v)*");
+    e.write("fault.wfl", &wrong);
+    e.open("nitsche.wfl", &example("fault/nitsche.wfl"));
+    // the file is not open, and what it would have declared is not called unknown
+    let told = e.messages_when("fault.wfl", |m| m.len() == 1);
+    assert_eq!(told[0]["range"]["start"]["line"], 28);
+    e.messages_when("nitsche.wfl", <[Value]>::is_empty);
+    e.open("fault.wfl", &fault);
+    e.messages_when("fault.wfl", <[Value]>::is_empty);
+    e.change("fault.wfl", &fault.replace("def tang(w)", "def along(w)"));
+    let told = e.messages_when("nitsche.wfl", |m| !m.is_empty());
+    assert!(told.iter().any(|m| m["message"].as_str().is_some_and(|t| t.contains("tang"))), "{told:#?}");
+    e.change("fault.wfl", &fault);
+    e.messages_when("nitsche.wfl", <[Value]>::is_empty);
+    // without the open text the one on disc counts again
+    e.tell("textDocument/didClose", json!({"textDocument": {"uri": e.uri("fault.wfl")}}));
+    e.messages_when("fault.wfl", |m| m.len() == 1);
     e.close();
 }

@@ -36,11 +36,17 @@ pub(crate) struct Editor {
 impl Editor {
     /// Starts a server for the files of an empty folder; the name is that of one test.
     pub(crate) fn new(name: &str) -> Self {
+        Self::with_words(name, &[])
+    }
+
+    /// The same with arguments of the server.
+    pub(crate) fn with_words(name: &str, words: &[&Path]) -> Self {
         let folder = std::env::temp_dir().join(format!("wfl-lsp-{name}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(&folder).expect("a temporary folder");
         let folder = std::fs::canonicalize(folder).expect("a temporary folder");
         let mut server = Command::new(env!("CARGO_BIN_EXE_wfl-lsp"))
+            .args(words)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
