@@ -75,12 +75,14 @@ impl Server<'_> {
         match notification.method.as_str() {
             "textDocument/didOpen" => {
                 let opened: DidOpenTextDocumentParams = serde_json::from_value(params)?;
-                self.state.text(&opened.text_document.uri, opened.text_document.text);
+                let document = opened.text_document;
+                self.state.text(&document.uri, document.text, document.version);
             }
             "textDocument/didChange" => {
                 let mut changed: DidChangeTextDocumentParams = serde_json::from_value(params)?;
                 if let Some(last) = changed.content_changes.pop() {
-                    self.state.text(&changed.text_document.uri, last.text);
+                    let document = changed.text_document;
+                    self.state.text(&document.uri, last.text, document.version);
                 }
             }
             "textDocument/didClose" => {

@@ -26,6 +26,8 @@ pub(crate) struct State {
     editor: Sender<Message>,
     options: Options,
     pub(crate) files: Files,
+    /// The versions of open texts, as the editor counts them: messages say which one they are about.
+    versions: BTreeMap<PathBuf, i32>,
     /// Scenes by their files, as their texts are now.
     analyses: BTreeMap<PathBuf, Analysis>,
     /// The last check of each scene.
@@ -49,6 +51,7 @@ impl State {
             editor,
             options,
             files: Files::default(),
+            versions: BTreeMap::new(),
             analyses: BTreeMap::new(),
             checks: BTreeMap::new(),
             told: BTreeMap::new(),
@@ -72,8 +75,9 @@ impl State {
     }
 
     /// A text was opened or changed.
-    pub(crate) fn text(&mut self, uri: &Uri, text: String) {
+    pub(crate) fn text(&mut self, uri: &Uri, text: String, version: i32) {
         let Some(path) = places::file(uri) else { return };
+        self.versions.insert(path.clone(), version);
         self.files.set(&path, text);
         let mut roots: BTreeSet<PathBuf> = BTreeSet::from([self.files.root(&path)]);
         // other open scenes may use this text, too
@@ -86,6 +90,7 @@ impl State {
     /// A text was closed.
     pub(crate) fn close(&mut self, uri: &Uri) {
         let Some(path) = places::file(uri) else { return };
+        self.versions.remove(&path);
         self.files.close(&path);
         self.refresh_all();
     }
@@ -209,7 +214,7 @@ impl State {
 
     fn publish_file(&self, path: &Path, diagnostics: Vec<lsp_types::Diagnostic>) {
         let Some(uri) = places::address(path) else { return };
-        let params = PublishDiagnosticsParams { uri, diagnostics, version: None };
+        let params = PublishDiagnosticsParams { uri, diagnostics, version: self.versions.get(path).copied() };
         self.notify("textDocument/publishDiagnostics", params);
     }
 

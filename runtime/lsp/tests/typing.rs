@@ -191,3 +191,37 @@ fn a_mistake_in_a_file_that_a_scene_uses_is_shown_in_that_file() {
     e.messages_when("fault.wfl", |m| m.len() == 1);
     e.close();
 }
+
+/// Mistakes of newcomers, `CODE LINE | a part of the message` and the lines that are added to a scene that is right, or a
+/// whole scene.
+const TABLE: &str = include_str!("../../../tests/tests/mistakes/table.txt");
+
+const SCENE: &str = include_str!("../../../tests/tests/mistakes/scene.wfl");
+
+#[test]
+fn a_sixth_of_the_mistakes_of_newcomers_is_mended_by_the_first_fix() {
+    let errors = |list: &[Value]| list.iter().filter(|m| m["severity"] == 1).count();
+    let mut e = Editor::new("newcomers");
+    e.open("scene.wfl", SCENE);
+    assert_eq!(e.next_messages("scene.wfl"), Vec::<Value>::new());
+    let (mut mended, mut all) = (0, 0);
+    for entry in TABLE.split("\n\n").map(str::trim_end).filter(|t| !t.is_empty()) {
+        let (head, text) = entry.split_once('\n').expect("a head and a text");
+        let whole = head.split(" | ").next().is_some_and(|place| place.ends_with(" whole"));
+        let scene = if whole { format!("{text}\n") } else { format!("{SCENE}{text}\n") };
+        all += 1;
+        e.change("scene.wfl", &scene);
+        let before = errors(&e.next_messages("scene.wfl"));
+        let actions = e.ask_of("textDocument/codeAction", "scene.wfl");
+        // positions of texts that are not ASCII are those of the session; here only the others are changed
+        if !scene.is_ascii() || actions[0].is_null() {
+            continue;
+        }
+        let mended_text = e.changed("scene.wfl", &actions[0]["edit"]["changes"][e.uri("scene.wfl")]);
+        e.change("scene.wfl", &mended_text);
+        mended += usize::from(errors(&e.next_messages("scene.wfl")) < before);
+    }
+    assert!(all > 290 && mended >= all / 6, "{mended} of {all}");
+    eprintln!("{mended} of {all} mistakes are mended by their first fix");
+    e.close();
+}

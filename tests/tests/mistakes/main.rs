@@ -11,18 +11,7 @@ use wfl_runtime::prepare;
 const TABLE: &str = include_str!("table.txt");
 
 /// Ten lines that are right.
-const SCENE: &str = "\
-mesh box [0,0] to [1,1] cells [4,4] quad
-param E = 1000
-param nu = 0.3 in 0..0.49
-region left = faces where x == 0
-region right = faces where x == 1
-unknown u : vector
-def sigma(v) = E*nu/((1+nu)*(1-2*nu))*Div_v*Id(2) + E/(1+nu)*Sym(Grad_v)
-term elastic on all : sigma(u):Grad_Test_u
-fix u = [0,0] on left
-load u = [0,-1] on right
-";
+const SCENE: &str = include_str!("scene.wfl");
 
 /// The errors of a scene, as they are printed.
 fn errors(text: &str) -> Vec<String> {

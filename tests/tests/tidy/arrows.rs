@@ -210,6 +210,16 @@ fn every_version_is_written_once() {
 }
 
 #[test]
+fn the_default_build_has_no_server() {
+    let manifest = read("runtime/cli/Cargo.toml");
+    for name in ["wfl-lsp", "clap_complete", "clap_mangen"] {
+        assert!(manifest.contains(&format!("{name}.optional = true")), "{name} is built by default");
+    }
+    assert!(!manifest.lines().any(|l| l.starts_with("default = ")), "a default feature may bring the server in");
+    assert!(read("Cargo.toml").contains("default-members = [\"runtime/cli\"]"));
+}
+
+#[test]
 fn an_outside_crate_has_one_owner() {
     // what tries the search below names crates too
     for (path, text) in sources().iter().filter(|s| !s.0.contains("/tidy/")) {

@@ -23,6 +23,9 @@ pub(crate) struct Editor {
     next: i64,
     /// The last messages of each file, by its name.
     messages: BTreeMap<String, Vec<Value>>,
+    /// The version of the text that they are about.
+    told: BTreeMap<String, i64>,
+    versions: BTreeMap<String, i64>,
     /// What was shown to the user.
     pub(crate) shown: Vec<String>,
     /// The answer to `initialize`.
@@ -67,6 +70,8 @@ impl Editor {
             output,
             next: 0,
             messages: BTreeMap::new(),
+            told: BTreeMap::new(),
+            versions: BTreeMap::new(),
             shown: Vec::new(),
             capabilities: Value::Null,
             folder,
@@ -95,16 +100,24 @@ impl Editor {
 
     /// Opens a text, which need not be on disc.
     pub(crate) fn open(&mut self, name: &str, text: &str) {
-        let document = json!({"uri": self.uri(name), "languageId": "wfl", "version": 1, "text": text});
+        let version = self.next_version(name);
+        let document = json!({"uri": self.uri(name), "languageId": "wfl", "version": version, "text": text});
         self.tell("textDocument/didOpen", json!({ "textDocument": document }));
         self.texts.insert(name.to_owned(), text.to_owned());
     }
 
     /// Gives an open text another content.
     pub(crate) fn change(&mut self, name: &str, text: &str) {
-        let document = json!({"uri": self.uri(name), "version": 2});
+        let version = self.next_version(name);
+        let document = json!({"uri": self.uri(name), "version": version});
         self.tell("textDocument/didChange", json!({"textDocument": document, "contentChanges": [{"text": text}]}));
         self.texts.insert(name.to_owned(), text.to_owned());
+    }
+
+    fn next_version(&mut self, name: &str) -> i64 {
+        let version = self.versions.entry(name.to_owned()).or_insert(0);
+        *version += 1;
+        *version
     }
 
     pub(crate) fn text(&self, name: &str) -> &str {
@@ -182,12 +195,7 @@ impl Editor {
     pub(crate) fn receive(&mut self) -> Value {
         let message = self.output.recv_timeout(PATIENCE).expect("the server answers");
         match message["method"].as_str() {
-            Some("textDocument/publishDiagnostics") => {
-                let uri = message["params"]["uri"].as_str().unwrap_or("");
-                let name = uri.rsplit('/').next().unwrap_or("").to_owned();
-                let list = message["params"]["diagnostics"].as_array().cloned().unwrap_or_default();
-                self.messages.insert(name, list);
-            }
+            Some("textDocument/publishDiagnostics") => self.keep(&message["params"]),
             Some("window/showMessage") => {
                 self.shown.push(message["params"]["message"].as_str().unwrap_or("").to_owned());
             }
@@ -196,34 +204,37 @@ impl Editor {
         message
     }
 
-    /// The messages of a file, once they are as wanted.
+    /// The messages of a file, once they are as wanted. Those of an open text are about it as it is now.
     pub(crate) fn messages_when(&mut self, name: &str, wanted: impl Fn(&[Value]) -> bool) -> Vec<Value> {
         loop {
+            let now = self.versions.get(name).is_none_or(|v| self.told.get(name).is_none_or(|t| t == v || *t == 0));
             if let Some(list) = self.messages.get(name)
+                && now
                 && wanted(list)
             {
                 return list.clone();
             }
             let last = self.messages.get(name).cloned();
             match self.output.recv_timeout(PATIENCE) {
-                Ok(message) => self.keep(message),
+                Ok(message) if message["method"] == "textDocument/publishDiagnostics" => self.keep(&message["params"]),
+                Ok(_) => {}
                 Err(_) => panic!("{name} has other messages: {last:#?}"),
             }
         }
     }
 
-    fn keep(&mut self, message: Value) {
-        if message["method"] == "textDocument/publishDiagnostics" {
-            let uri = message["params"]["uri"].as_str().unwrap_or("");
-            let name = uri.rsplit('/').next().unwrap_or("").to_owned();
-            self.messages.insert(name, message["params"]["diagnostics"].as_array().cloned().unwrap_or_default());
-        }
+    fn keep(&mut self, published: &Value) {
+        let name = published["uri"].as_str().unwrap_or("").rsplit('/').next().unwrap_or("").to_owned();
+        self.told.insert(name.clone(), published["version"].as_i64().unwrap_or(0));
+        self.messages.insert(name, published["diagnostics"].as_array().cloned().unwrap_or_default());
     }
 
-    /// The messages of a text that was just opened or changed: those that follow it first.
+    /// The messages of a text that was just opened or changed: the first that are about it as it is now.
     pub(crate) fn next_messages(&mut self, name: &str) -> Vec<Value> {
-        self.messages.remove(name);
-        self.messages_when(name, |_| true)
+        while self.told.get(name) != self.versions.get(name) {
+            self.receive();
+        }
+        self.messages[name].clone()
     }
 
     /// A text with changes of the protocol.
