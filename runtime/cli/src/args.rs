@@ -9,6 +9,8 @@ use wfl_runtime::{
     solve::Precision,
 };
 
+use crate::solvers::Solvers;
+
 /// Write, check and solve contact formulations from text files.
 #[derive(Debug, Parser)]
 #[command(name = "wfl", version, arg_required_else_help = true, after_help = EXIT_CODES)]
@@ -241,6 +243,10 @@ pub(crate) struct RunArgs {
     /// precision) or auto
     #[arg(long, value_name = "NAME", value_parser = precision, default_value = "auto")]
     pub(crate) precision: Precision,
+    /// Linear solvers: those of this program, or those of PETSc: as the scene suits, a factor (MUMPS), or multigrid
+    /// (docs/scale.md)
+    #[arg(long, value_name = "NAME", value_enum, default_value = "own")]
+    pub(crate) backend: Solvers,
     /// Most Newton iterations of an attempt, in place of the value of the scene; path following may pass 450 changes of
     /// the active set in addition
     #[arg(long, value_name = "N")]
@@ -333,6 +339,9 @@ pub(crate) struct CheckArgs {
     /// Print JSON: the same tables, each a list of objects
     #[arg(long)]
     pub(crate) json: bool,
+    /// Linear solvers that the table `system` is about
+    #[arg(long, value_name = "NAME", value_enum, default_value = "own")]
+    pub(crate) backend: Solvers,
 }
 
 /// What is shown.

@@ -19,22 +19,29 @@ use wfl_runtime::{
     mesh::{self, FacetId, RegionSet},
     n_files,
     newton::planned_stages,
+    solve::{Linked, SolverOptions},
 };
 use wfl_tasks::{
     Loaded,
     advice::{contact::warnings, hourglass},
+    folder::error_line,
 };
 
 use crate::{
     accuracy,
     args::CheckArgs,
     contact,
-    load::{load_with_knobs, out, print_all},
+    load::{load_with_knobs, out, print_all, say},
     prepared::{EXIT_ERROR, backend, prepare_scene},
+    solvers,
     table::{Table, number},
 };
 
 pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
+    if let Some(why) = solvers::missing(args.backend) {
+        say(&error_line(&why));
+        return ExitCode::from(EXIT_ERROR);
+    }
     let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "check") else {
         return ExitCode::from(EXIT_ERROR);
     };
@@ -46,7 +53,7 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
     loaded.messages.extend(warnings(&loaded, &forms));
     print_all(&loaded.messages, &loaded.sources);
     let accuracy = accuracy::table(&loaded, &scene);
-    let mut tables = tables(&loaded, &scene, parse);
+    let mut tables = tables(&loaded, &scene, args.backend.library(), parse);
     tables.insert(1, accuracy);
     let terms = tables.iter().position(|t| t.name == "terms").map_or(tables.len(), |k| k + 1);
     tables.insert(terms, contact::table(&loaded, &scene, &forms));
@@ -64,14 +71,14 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-fn tables(loaded: &Loaded, scene: &Scene, parse: f64) -> Vec<Table> {
+fn tables(loaded: &Loaded, scene: &Scene, library: Option<Linked>, parse: f64) -> Vec<Table> {
     let mut list = vec![mesh(scene)];
     list.extend(refinements(loaded, scene));
     list.extend([quality(scene), regions(loaded, scene)]);
     list.extend([interfaces(scene), fields(loaded, scene), parameters(loaded, scene)]);
     list.push(units(loaded));
     list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded, scene)]);
-    list.extend([system(scene), schedule(scene), left_out(loaded, scene), times(scene, parse)]);
+    list.extend([system(scene, library), schedule(scene), left_out(loaded, scene), times(scene, parse)]);
     list
 }
 
@@ -371,11 +378,13 @@ fn outputs(loaded: &Loaded, scene: &Scene) -> Table {
     table
 }
 
-fn system(scene: &Scene) -> Table {
+fn system(scene: &Scene, library: Option<Linked>) -> Table {
     let numbering = &scene.system.numbering;
     let mut table = Table::new("system", &["dofs", "fixed", "free", "solver"]);
     let free = numbering.n_free();
-    let solver = LinearSolver::plan(&scene.system, scene.newton.linear, scene.steps.values.len());
+    let solutions = scene.steps.values.len();
+    let options = SolverOptions { method: scene.newton.linear, solutions, library, ..SolverOptions::default() };
+    let solver = LinearSolver::plan(&scene.system, &options);
     table.push(vec![numbering.n_dofs.into(), (numbering.n_dofs - free).into(), free.into(), solver.into()]);
     table
 }

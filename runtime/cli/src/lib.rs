@@ -26,6 +26,7 @@ mod report;
 mod run;
 mod shell;
 mod show;
+mod solvers;
 mod sweep;
 mod table;
 mod verify;

@@ -88,6 +88,7 @@ pub(crate) fn ready(
         settings: loaded.settings(&args.no_prune),
         threads: threads(args),
         precision: args.precision,
+        library: args.backend.library(),
         version: VERSION.to_owned(),
         parse_seconds,
         check_seconds,

@@ -1,6 +1,9 @@
 //! `wfl run`: what the command line asks for, done.
 
-use std::{process::ExitCode, time::Instant};
+use std::{
+    process::ExitCode,
+    time::{Duration, Instant},
+};
 
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_runtime::{Saving, Scene, finished, may_begin, savings};
@@ -15,13 +18,29 @@ use crate::{
     prepared::{EXIT_ERROR, backend, prepare_scene},
     progress::Loudness,
     ready::{Ready, folder, ready, shape},
+    solvers::{self, Solvers},
 };
 
 pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
+    let starting = Instant::now();
+    match solvers::start(args.backend) {
+        Ok(_running) => run_with(args, started, starting.elapsed()),
+        Err(why) => {
+            // one rank of several tells why
+            if !why.is_empty() {
+                say(&error_line(&why));
+            }
+            ExitCode::from(EXIT_ERROR)
+        }
+    }
+}
+
+/// Runs with solvers that took `started_in` to start.
+fn run_with(args: &RunArgs, started: Instant, started_in: Duration) -> ExitCode {
     let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "run") else {
         return ExitCode::from(EXIT_ERROR);
     };
-    let parse_seconds = started.elapsed().as_secs_f64();
+    let parse_seconds = (started.elapsed() - started_in).as_secs_f64();
     let preparing = (!args.quiet).then(|| Heartbeat::new(|t| say(&format!("{t}\n"))));
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
     // for an accuracy the scene as it stands is looked at and not run
@@ -75,6 +94,10 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
 fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
     if !loaded.knobs.is_empty() {
         say("error: mesh, degree and tolerance are picked for the accuracy: they cannot be given, too\n");
+        return false;
+    }
+    if args.backend != Solvers::Own {
+        say("error: for an accuracy a scene is run with the solvers of this program\n  = help: leave --backend out\n");
         return false;
     }
     // on the command line these exclude each other; the scene may ask for an accuracy, too

@@ -14,6 +14,7 @@ mod homotopy;
 mod initial_guess;
 mod iteration;
 mod iterative;
+mod library;
 mod line_search;
 mod linear_solver;
 mod load_step;

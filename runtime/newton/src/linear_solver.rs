@@ -12,14 +12,15 @@
 use std::sync::Arc;
 
 use super::iterative::{self, Iterative};
+use super::library;
 use wfl_compiler::types::FieldKind;
 
 use wfl_discrete::pruning::Pruning;
 use wfl_discrete::system::{System, Tangent};
 use wfl_sparse::csr::{Csr, Pattern};
 use wfl_sparse::solve::{
-    CheckedCondensed, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, Kept, LinearMethod,
-    LinearSolver as Factor, Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
+    CheckedCondensed, CheckedLibrary, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, Equations, Kept,
+    LinearMethod, LinearSolver as Factor, Linked, Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
 };
 
 /// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
@@ -34,6 +35,10 @@ enum Kind {
     Full { pattern: Arc<Pattern>, bulk_positions: Vec<usize>, changing_positions: Vec<usize> },
 }
 
+/// What a solution of a library may leave of its right-hand side where a full step solves all equations but for branches
+/// that change: Newton shall end there, as with a factor, and not need another step for what the solution has left.
+const LEFT_OF_FULL_STEP: f64 = 1e-10;
+
 /// The linear solver of a scene.
 pub struct LinearSolver {
     kind: Kind,
@@ -42,6 +47,8 @@ pub struct LinearSolver {
     iterative: Option<Iterative>,
     /// The matrix that it solves with, kept for the factor that takes its place where it fails.
     matrix: Option<Arc<Csr>>,
+    /// What a linked library is told; `None` where our own solvers serve.
+    equations: Option<Arc<Equations>>,
     symmetric: bool,
     options: SolverOptions,
     coordinates: Vec<[f64; 3]>,
@@ -66,6 +73,7 @@ impl LinearSolver {
             solver: None,
             iterative: None,
             matrix: None,
+            equations: None,
             symmetric: system.is_symmetric() && system.uses(Pruning::Symmetric),
             options,
             coordinates,
@@ -82,7 +90,8 @@ impl LinearSolver {
     }
 
     fn choose_nonlinear(&mut self, system: &System) -> Result<(), SolveError> {
-        if condenses(system) {
+        self.tell_library(system)?;
+        if self.equations.is_none() && condenses(system) {
             match CheckedCondensed::new(
                 system.bulk(),
                 system.changing_pattern(),
@@ -109,10 +118,22 @@ impl LinearSolver {
         Ok(())
     }
 
+    /// Tells a linked library of the equations as they are in this step.
+    fn tell_library(&mut self, system: &System) -> Result<(), SolveError> {
+        if self.options.library.is_some() {
+            (self.equations, self.solver) = (Some(Arc::new(library::equations(system)?)), None);
+        }
+        Ok(())
+    }
+
     /// The solver that a system asks for, in words; nothing is assembled for it. A linear part that turns out not
     /// to be positive definite changes it.
     #[must_use]
-    pub fn plan(system: &System, method: LinearMethod, solutions: usize) -> String {
+    pub fn plan(system: &System, options: &SolverOptions) -> String {
+        let SolverOptions { method, solutions, library, .. } = *options;
+        if let Some(Linked(library)) = library {
+            return library.plan(&library::traits(system));
+        }
         if let Some(text) = iterative::plan(system, method, solutions) {
             return text;
         }
@@ -144,6 +165,10 @@ impl LinearSolver {
         if let Some(iterative) = &self.iterative {
             return iterative.describe();
         }
+        if let (Some(Linked(library)), Some(equations)) = (self.options.library, &self.equations) {
+            let found = self.solver.as_ref().and_then(|solver| solver.describe());
+            return found.unwrap_or_else(|| library.plan(&equations.traits));
+        }
         match &self.kind {
             Kind::Linear if self.symmetric => "one linear system, symmetric (LLT), factored once".to_owned(),
             Kind::Linear => "one linear system, unsymmetric (LU), factored once".to_owned(),
@@ -169,16 +194,20 @@ impl LinearSolver {
     /// # Errors
     /// [`SolveError`] when the new bulk cannot be factored.
     pub fn bulk_changed(&mut self, system: &System) -> Result<(), SolveError> {
-        match &self.kind {
+        match self.kind {
             Kind::Linear => self.solve_one_matrix(system),
             Kind::Condensed(_) => self.choose_nonlinear(system),
-            Kind::Full { .. } => Ok(()),
+            Kind::Full { .. } => self.tell_library(system),
         }
     }
 
     /// Prepares for the one matrix of a linear scene.
     fn solve_one_matrix(&mut self, system: &System) -> Result<(), SolveError> {
         (self.iterative, self.matrix) = (None, None);
+        if self.options.library.is_some() {
+            self.tell_library(system)?;
+            return self.factor(system.bulk());
+        }
         let SolverOptions { method, solutions, .. } = self.options;
         if self.symmetric && iterative::is_chosen(system, method, solutions) {
             match self.iterate(system) {
@@ -284,6 +313,10 @@ impl LinearSolver {
 
     fn fresh(&self, matrix: &Csr) -> Result<Box<dyn Factor + Send>, SolveError> {
         let coordinates = Some(self.coordinates.as_slice());
+        if let (Some(linked), Some(equations)) = (self.options.library, &self.equations) {
+            let solver = CheckedLibrary::new(linked, equations, self.symmetric, &self.coordinates, self.options)?;
+            return Ok(Box::new(solver));
+        }
         Ok(if self.symmetric {
             Box::new(CheckedLlt::new(matrix.pattern(), coordinates, self.options)?)
         } else {
@@ -386,6 +419,13 @@ impl LinearSolver {
                 None => self.solver.as_mut().ok_or(SolveError::NotFactored)?.condition_estimate(),
             },
         }
+    }
+
+    /// What the solution for a correction of Newton may leave of its right-hand side where `wanted` would not show.
+    #[must_use]
+    pub fn forcing(&self, system: &System, wanted: f64) -> f64 {
+        let is_full = self.options.library.is_some() && system.is_affine_when_frozen();
+        if is_full { wanted.min(LEFT_OF_FULL_STEP) } else { wanted }
     }
 
     /// Solves with the tangent last given; vectors over the free dofs. A true residual of no more than `tolerance` of

@@ -212,7 +212,8 @@ impl LoadStep<'_> {
     /// Solves with the factor at hand, over the free dofs.
     pub(super) fn solve(&mut self, rhs: &[f64], x: &mut Vec<f64>, unseen: f64) -> Result<SolveReport, NewtonError> {
         let begin = Instant::now();
-        let result = self.solver.solve(rhs, x, unseen);
+        let forcing = self.solver.forcing(self.system, unseen);
+        let result = self.solver.solve(rhs, x, forcing);
         self.spent.solve += begin.elapsed().as_secs_f64();
         self.spent.linear_solves += 1;
         Ok(result?)

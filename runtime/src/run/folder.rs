@@ -10,7 +10,7 @@ use crate::{
     input::{InputKind, read_input},
     output::{Identity, Kind, OrderedMap, OutputDir, OutputError, REPORT_FILE, Report, State},
     scene::Scene,
-    solve::Precision,
+    solve::{Linked, Precision},
 };
 
 /// The page about a run that [`crate::output`] does not make: it goes with the results it was made from.
@@ -21,6 +21,9 @@ pub(super) fn identity(scene: &Scene, options: &RunOptions) -> Identity {
     let mut settings = options.settings.clone();
     let precision = Precision::NAMES.iter().find(|(_, p)| *p == options.precision);
     settings.insert("precision", precision.map_or("", |(name, _)| name).to_owned());
+    if let Some(Linked(library)) = options.library {
+        settings.insert("backend", library.name().to_owned());
+    }
     settings.insert("max_iter", scene.newton.max_iterations.to_string());
     let value = |values: &[f64]| values.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(" ");
     let parameters: OrderedMap<String> =

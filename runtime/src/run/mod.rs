@@ -40,7 +40,7 @@ use crate::{
     output::{About, Hash, OrderedMap, OutputDir, OutputError, State, write_report},
     pruning::Saving,
     scene::{Scene, node_positions, set_data},
-    solve::{Precision, SolverOptions},
+    solve::{Linked, Precision, SolverOptions},
     system::Form,
 };
 use checkpoint::Log;
@@ -75,6 +75,8 @@ pub struct RunOptions {
     pub threads: usize,
     /// Precision of the factor of the matrix of the contact forces.
     pub precision: Precision,
+    /// A library that solves linear systems in place of our own solvers.
+    pub library: Option<Linked>,
     /// Version of the program.
     pub version: String,
     /// Seconds spent on parsing before.
@@ -107,6 +109,7 @@ impl RunOptions {
             settings: OrderedMap::new(),
             threads,
             precision: Precision::Auto,
+            library: None,
             version: String::new(),
             parse_seconds: 0.0,
             check_seconds: 0.0,
@@ -317,6 +320,7 @@ fn solver_options(scene: &Scene, options: &RunOptions) -> SolverOptions {
         precision: options.precision,
         method: scene.newton.linear,
         solutions: scene.steps.values.len(),
+        library: options.library,
         ..SolverOptions::default()
     }
 }

@@ -45,6 +45,8 @@ pub(super) const ARROWS: &[(&str, &str, &[&str])] = &[
         "runtime/newton",
         &["wfl-compiler", "wfl-contact", "wfl-discrete", "wfl-host", "wfl-sparse", "thiserror"],
     ),
+    // both only with its feature
+    ("wfl-petsc", "runtime/petsc", &["wfl-sparse", "cc"]),
     (
         "wfl-checks",
         "runtime/checks",
@@ -100,6 +102,7 @@ pub(super) const ARROWS: &[(&str, &str, &[&str])] = &[
             "wfl-compiler",
             "wfl-jit",
             "wfl-lsp",
+            "wfl-petsc",
             "wfl-report",
             "wfl-runtime",
             "wfl-tasks",
@@ -142,6 +145,7 @@ const OWNERS: &[(&str, &[&str])] = &[
     ("crossbeam_channel", &["runtime/lsp/"]),
     ("lsp_server", &["runtime/lsp/"]),
     ("lsp_types", &["runtime/lsp/"]),
+    ("wfl_petsc", &["runtime/cli/src/solvers.rs"]),
 ];
 
 /// The names under the dependency tables of a manifest, development aside.
@@ -244,15 +248,18 @@ fn naming_a_crate_is_seen() {
 }
 
 #[test]
-fn unsafe_code_stands_only_in_the_jit() {
-    for (name, folder, _) in ARROWS.iter().filter(|a| a.0 != "wfl-jit") {
+fn unsafe_code_stands_only_in_the_jit_and_at_the_door_to_petsc() {
+    const DOORS: [&str; 3] = ["compiler/jit/", "runtime/petsc/src/ffi.rs", "runtime/petsc/src/objects.rs"];
+    assert!(read("runtime/petsc/src/lib.rs").contains("#![deny(unsafe_code)]"), "runtime/petsc has two files with it");
+    for (name, folder, _) in ARROWS.iter().filter(|a| !matches!(a.0, "wfl-jit" | "wfl-petsc")) {
         let candidates = ["lib.rs", "main.rs"].map(|f| format!("{folder}/src/{f}"));
         let door = candidates.iter().find(|p| root().join(p).is_file()).expect("a crate has a door");
         // the suites have no code of their own worth the attribute; the check of their text below is enough
         assert!(*name == "wfl-tests" || read(door).contains("#![forbid(unsafe_code)]"), "{door} allows unsafe code");
     }
     let word = concat!("un", "safe");
-    for (path, text) in sources().iter().filter(|s| !s.0.starts_with("compiler/jit/") && !s.0.contains("/tidy/")) {
+    let is_checked = |path: &str| !DOORS.iter().any(|door| path.starts_with(door)) && !path.contains("/tidy/");
+    for (path, text) in sources().iter().filter(|s| is_checked(&s.0)) {
         let at = code(text).find(|(_, l)| l.contains(&format!("{word} ")));
         assert!(at.is_none(), "{path}:{}: {word} code", at.expect("found").0);
     }

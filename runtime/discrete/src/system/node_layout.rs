@@ -17,29 +17,50 @@ impl System {
     /// # Errors
     /// Why there is no multigrid for these unknowns: a subject and a reason in words.
     pub fn node_layout(&self) -> Result<NodeLayout, String> {
-        let components = self.components_of_nodes()?;
-        let mut nodes = Nodes { components, ..Nodes::default() };
-        for field in 0..self.fields.len() {
-            if let (Some(start), FieldSpace::Nodal(space)) = (self.numbering.starts[field], &self.fields[field].space) {
-                nodes.add(self, start, space);
-            }
+        let multiplier = self
+            .fields
+            .iter()
+            .zip(&self.numbering.starts)
+            .find(|(field, start)| field.kind == FieldKind::Multiplier && start.is_some());
+        if let Some((field, _)) = multiplier {
+            return Err(format!("`{}` is a multiplier: the matrix is not positive definite", field.name));
         }
-        let is_of_bodies = components == self.mesh.dim() && components > 1;
-        let modes = if is_of_bodies { NearNullSpace::RigidBody } else { NearNullSpace::Constants };
+        let nodes = self.nodes()?;
         let interpolation = nodes.interpolation(self)?;
-        let Nodes { places, points, frames, .. } = nodes;
-        Ok(NodeLayout { components, places, points, modes, frames, interpolation })
+        Ok(NodeLayout { interpolation, ..nodes.layout(self.mesh.dim()) })
     }
 
-    /// Components of a node, alike in all unknown fields.
+    /// The same of a matrix that need not be positive definite: nodes of multipliers come behind the others as their
+    /// fields do, with as many components; no elements of degree 1 below those of degree 2. Beside it the rows of the
+    /// multipliers, increasing.
+    ///
+    /// # Errors
+    /// Why there is no such layout.
+    pub fn node_layout_with_multipliers(&self) -> Result<(NodeLayout, Vec<u32>), String> {
+        let nodes = self.nodes()?;
+        let is_multiplier = |dof: u32| self.fields[self.field_of(dof as usize)].kind == FieldKind::Multiplier;
+        let rows = (0..).zip(&self.numbering.free_dofs).filter(|(_, dof)| is_multiplier(**dof)).map(|(row, _)| row);
+        Ok((nodes.layout(self.mesh.dim()), rows.collect()))
+    }
+
+    fn nodes(&self) -> Result<Nodes, String> {
+        let mut nodes = Nodes { components: self.components_of_nodes()?, ..Nodes::default() };
+        for (field, start) in self.fields.iter().zip(&self.numbering.starts) {
+            if let (Some(start), FieldSpace::Nodal(space)) = (*start, &field.space) {
+                nodes.add(self, start, field.n_components, space);
+            }
+        }
+        Ok(nodes)
+    }
+
+    /// Components of a node, alike in all unknown fields; those of multipliers may be fewer.
     fn components_of_nodes(&self) -> Result<usize, String> {
-        let unknown: Vec<usize> = (0..self.fields.len()).filter(|k| self.numbering.starts[*k].is_some()).collect();
+        let solved: Vec<usize> = (0..self.fields.len()).filter(|k| self.numbering.starts[*k].is_some()).collect();
+        let is_multiplier = |k: &usize| self.fields[*k].kind == FieldKind::Multiplier;
+        let unknown: Vec<usize> = solved.iter().copied().filter(|k| !is_multiplier(k)).collect();
         let name = |k: usize| &self.fields[k].name;
         for k in &unknown {
             let field = &self.fields[*k];
-            if field.kind == FieldKind::Multiplier {
-                return Err(format!("`{}` is a multiplier: the matrix is not positive definite", field.name));
-            }
             if !matches!(&field.space, FieldSpace::Nodal(space) if space.degree() > 0) {
                 return Err(format!("`{}` has no nodes that neighbouring cells share", field.name));
             }
@@ -51,6 +72,17 @@ impl System {
         let components = self.fields[*first].n_components;
         if let Some(other) = unknown.iter().find(|k| self.fields[**k].n_components != components) {
             return Err(format!("`{}` and `{}` differ in their number of components", name(*first), name(*other)));
+        }
+        let fits = |k: &usize| {
+            let field = &self.fields[*k];
+            matches!(field.space, FieldSpace::Nodal(_)) && field.n_components <= components
+        };
+        if let Some(other) = solved.iter().find(|k| is_multiplier(k) && !fits(k)) {
+            return Err(format!(
+                "the multiplier `{}` has no nodes with the components of `{}`",
+                name(*other),
+                name(*first)
+            ));
         }
         if self.numbering.has_ties() {
             return Err("some unknowns follow others".to_owned());
@@ -71,9 +103,8 @@ struct Nodes {
 }
 
 impl Nodes {
-    /// Numbers the nodes of a field whose dofs begin at `start`.
-    fn add(&mut self, system: &System, start: usize, space: &Space) {
-        let components = self.components;
+    /// Numbers the nodes of a field with so many components whose dofs begin at `start`.
+    fn add(&mut self, system: &System, start: usize, components: usize, space: &Space) {
         let free = &system.numbering.free;
         let mut numbers = vec![NONE; space.n_nodes()];
         for (node, number) in numbers.iter_mut().enumerate() {
@@ -81,7 +112,7 @@ impl Nodes {
             let own = self.points.len();
             let solved = (0..components).filter(|c| free[first + c] != FIXED);
             // free numbers increase with dofs, so rows come in the order of places
-            self.places.extend(solved.map(|c| u32::try_from(own * components + c).expect("fewer than 2^32 dofs")));
+            self.places.extend(solved.map(|c| u32::try_from(own * self.components + c).expect("fewer than 2^32 dofs")));
             if (0..components).all(|c| free[first + c] == FIXED) {
                 continue;
             }
@@ -92,6 +123,19 @@ impl Nodes {
             }
         }
         self.numbers.push(numbers);
+    }
+
+    /// Without elements of degree 1 below.
+    fn layout(&self, dimension: usize) -> NodeLayout {
+        let is_of_bodies = self.components == dimension && self.components > 1;
+        NodeLayout {
+            components: self.components,
+            places: self.places.clone(),
+            points: self.points.clone(),
+            modes: if is_of_bodies { NearNullSpace::RigidBody } else { NearNullSpace::Constants },
+            frames: self.frames.clone(),
+            interpolation: None,
+        }
     }
 
     /// Values at all nodes from those at the vertices of cells; `None` where all nodes are vertices.

@@ -19,6 +19,7 @@ mod faer_lu;
 mod frontal_lu;
 mod kernels;
 mod krylov;
+mod library;
 mod llt;
 mod lu;
 mod memory;
@@ -39,6 +40,7 @@ mod triangular_solve;
 
 pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
 pub use condensed::{CheckedCondensed, DENSE_LIMIT, Elimination, Reference};
+pub use library::{CheckedLibrary, Engine, Equations, Library, Linked, Traits};
 pub use memory::SolverMemory;
 pub use multigrid::{CheckedMultigrid, Interpolation, NearNullSpace, NodeLayout};
 pub use null_space::{NullSpace, null_space, triangular};
@@ -104,6 +106,8 @@ pub struct SolverOptions {
     pub method: LinearMethod,
     /// Right-hand sides that are expected for one matrix: a factor pays by their number.
     pub solutions: usize,
+    /// A library that solves in place of the solvers here.
+    pub library: Option<Linked>,
 }
 
 impl Default for SolverOptions {
@@ -117,6 +121,7 @@ impl Default for SolverOptions {
             precision: Precision::Auto,
             method: LinearMethod::Auto,
             solutions: 1,
+            library: None,
         }
     }
 }
@@ -278,6 +283,12 @@ pub enum SolveError {
     /// A solve came before a successful factorisation.
     #[error("no factored matrix to solve with")]
     NotFactored,
+    /// A library that is linked in place of the solvers here could not go on.
+    #[error("{text}")]
+    Library {
+        /// What it says, with its name.
+        text: String,
+    },
     /// The library behind a solver panicked.
     #[error("internal failure in {what}")]
     Internal {
@@ -355,6 +366,11 @@ pub trait LinearSolver {
     /// Whether the determinant of the matrix factored last is negative, by its pivots. `None` without a factor, or
     /// where the factor does not tell.
     fn is_negative(&self) -> Option<bool>;
+
+    /// The method in words, where it is more than the name of the solver.
+    fn describe(&self) -> Option<String> {
+        None
+    }
 }
 
 /// Multiplications below which a second thread costs more than it gives.

@@ -70,7 +70,8 @@ impl NodeLayout {
     }
 
     /// Number of vectors that span the near null space.
-    pub(super) fn n_modes(&self) -> usize {
+    #[must_use]
+    pub fn n_modes(&self) -> usize {
         match (self.modes, self.components) {
             (NearNullSpace::RigidBody, 2) => 3,
             (NearNullSpace::RigidBody, 3) => 6,
@@ -80,7 +81,8 @@ impl NodeLayout {
 
     /// By node a matrix of components by modes, row by row: its part of each mode, zero where it is not solved for.
     /// Points are taken from their centre and in units of the size of the body, so that all modes have one size.
-    pub(super) fn mode_values(&self) -> Vec<f64> {
+    #[must_use]
+    pub fn mode_values(&self) -> Vec<f64> {
         let (b, k) = (self.components, self.n_modes());
         let (centre, size) = self.extent();
         let mut values = vec![0.0; self.points.len() * b * k];

@@ -1,0 +1,257 @@
+//! `--backend petsc`: the same Newton iterations and measures as with the solvers of this program, few iterations of
+//! multigrid, and what is refused.
+
+mod common;
+
+use std::{
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+#[cfg(feature = "petsc")]
+use common::Folder;
+
+fn wfl(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_wfl")).args(arguments).output().expect("the command starts")
+}
+
+fn examples() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples")
+}
+
+#[cfg(not(feature = "petsc"))]
+#[test]
+fn a_program_without_petsc_refuses_it_in_one_line_before_it_reads_the_scene() {
+    for command in ["run", "check"] {
+        let out = wfl(&[command, "no_such_scene.wfl", "--backend", "petsc"]);
+        let told = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(1), "{told}");
+        let expected = "error: this program was built without PETSc\n  = help: cargo build --release --features petsc";
+        assert!(told.starts_with(expected), "{told}");
+    }
+    let scene = examples().join("elasticity/block.wfl");
+    assert!(wfl(&["check", &scene.display().to_string(), "--backend", "own"]).status.success());
+}
+
+#[cfg(feature = "petsc")]
+mod linked {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use serde_json::Value;
+
+    use super::*;
+
+    /// Measures of two runs agree to this part of the largest value that each measure has in the run.
+    const WITHIN: f64 = 1e-10;
+    /// A measure below this part of the largest one of the scene is zero but for rounding of what cancels in it, and is
+    /// compared with that one.
+    const ZERO: f64 = 1e-9;
+
+    /// A scene with what is replaced in its text, beside copies of the files that it uses.
+    fn scene(folder: &Folder, from: &str, name: &str, edits: &[(&str, &str)]) -> PathBuf {
+        for entry in std::fs::read_dir(examples().join(from)).expect("the examples") {
+            let path = entry.expect("readable").path();
+            let to = folder.0.join(path.file_name().expect("a file"));
+            match std::fs::read_to_string(&path) {
+                Ok(text) => {
+                    let edited = edits.iter().fold(text, |text, (old, new)| text.replace(old, new));
+                    std::fs::write(to, edited).expect("writable");
+                }
+                Err(_) => std::fs::copy(&path, to).map(drop).expect("a copy"),
+            }
+        }
+        folder.0.join(name)
+    }
+
+    /// The report of a run.
+    fn report(scene: &Path, backend: &str, settings: &[&str]) -> Value {
+        let out = scene.with_extension(backend.replace(':', "_"));
+        let (file, folder) = (scene.display().to_string(), out.display().to_string());
+        let fixed = ["run", &file, "--quiet", "--threads", "1", "--out", &folder, "--backend", backend];
+        let done = wfl(&[&fixed[..], settings].concat());
+        let told = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(matches!(done.status.code(), Some(0 | 3)), "{file} {settings:?}: {told}");
+        let text = std::fs::read_to_string(out.join("report.json")).expect("a report");
+        serde_json::from_str(&text).expect("JSON")
+    }
+
+    /// By measure its values over the steps.
+    fn measures(report: &Value) -> Vec<(String, Vec<f64>)> {
+        let steps = report["steps"].as_array().expect("steps");
+        let names = steps.last().expect("a step")["measures"].as_object().expect("measures");
+        let of = |name: &String| {
+            let values = steps.iter().map(|step| step["measures"][name].as_f64().unwrap_or(f64::NAN));
+            (name.clone(), values.collect())
+        };
+        names.keys().map(of).collect()
+    }
+
+    fn iterations(report: &Value) -> Vec<u64> {
+        let steps = report["steps"].as_array().expect("steps");
+        steps.iter().map(|step| step["iterations"].as_u64().expect("a count")).collect()
+    }
+
+    fn solver(report: &Value) -> String {
+        report["solver"].as_str().unwrap_or_default().to_owned()
+    }
+
+    /// Both runs of a scene agree; what the solver of the second says of itself.
+    fn agree(scene: &Path, backend: &str, settings: &[&str]) -> String {
+        let (own, other) = (report(scene, "own", settings), report(scene, backend, settings));
+        let name = format!("{} {settings:?} {backend}", scene.display());
+        assert_eq!(iterations(&own), iterations(&other), "Newton iterations of {name}");
+        let (own, found) = (measures(&own), measures(&other));
+        assert_eq!(own.len(), found.len(), "{name}");
+        let size = |values: &[f64]| values.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let of_all = own.iter().map(|(_, values)| size(values)).fold(0.0, f64::max);
+        for ((measure, a), (_, b)) in own.iter().zip(&found) {
+            let largest = if size(a) > ZERO * of_all { size(a) } else { of_all };
+            let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+            let apart = size(&apart);
+            assert!(apart <= WITHIN * largest, "{name}: {measure} differs by {apart:e} of {largest:e}");
+        }
+        solver(&other)
+    }
+
+    /// Both methods of PETSc agree with the solvers of this program.
+    fn both_agree(from: &str, name: &str, edits: &[(&str, &str)], settings: &[&str]) -> [String; 2] {
+        static NUMBER: AtomicUsize = AtomicUsize::new(0);
+        let folder = Folder::new(&format!("petsc-{}", NUMBER.fetch_add(1, Ordering::Relaxed)));
+        let scene = scene(&folder, from, name, edits);
+        ["petsc:direct", "petsc:iterative"].map(|backend| agree(&scene, backend, settings))
+    }
+
+    /// The first number before `word`.
+    fn count(text: &str, word: &str) -> usize {
+        let before = text.split(word).next().expect("a text before");
+        let number = before.split_whitespace().next_back().expect("a number");
+        number.parse().unwrap_or_else(|_| panic!("no number before `{word}` in: {text}"))
+    }
+
+    const SMALL_FAULT: &[(&str, &str)] =
+        &[("cells [8, 8, 8] hex", "cells [4, 4, 4] hex"), ("to 9.5 by 0.5", "to 9 by 3")];
+
+    #[test]
+    fn the_fault_with_three_methods_at_three_stiffnesses() {
+        for method in ["nitsche.wfl", "penalty.wfl", "augmented_lagrangian.wfl"] {
+            // E/h is 25000 on cells of 1
+            for gamma in ["gamma=2.5e4", "gamma=2.5e5", "gamma=2.5e6"] {
+                let [direct, iterative] = both_agree("fault", method, SMALL_FAULT, &[gamma]);
+                assert!(direct.contains("MUMPS"), "{direct}");
+                assert!(iterative.contains("GMRES") && !iterative.contains("in place"), "{iterative}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_inclined_fault_of_tetrahedra() {
+        let steps = [("to 9.5 by 0.5", "to 9 by 3")];
+        for name in ["fault_30deg.wfl", "fault_30deg_augmented_lagrangian.wfl"] {
+            both_agree("fault_gmsh", name, &steps, &[]);
+        }
+    }
+
+    #[test]
+    fn a_split_crack_hertz_a_mapping_and_other_plane_scenes() {
+        for (from, name, settings) in [
+            ("crack", "compression.wfl", &["cells=[30,45]"][..]),
+            ("hertz", "hertz.wfl", &["cells=[40,40]"][..]),
+            ("mapping", "pressed.wfl", &[][..]),
+            ("heat", "heat.wfl", &[][..]),
+        ] {
+            let folder = Folder::new(&format!("petsc-plane-{}", name.trim_end_matches(".wfl")));
+            let text = agree(&scene(&folder, from, name, &[]), "petsc", settings);
+            assert!(text.contains("MUMPS"), "{text}");
+        }
+    }
+
+    #[test]
+    fn local_frames_and_finite_strain_with_contact() {
+        // the stress itself in place of what it differs by from the exact one, which is rounding
+        let stress = ("max(Norm(stress(u) - p*(Normal@Normal))) on east", "max(Norm(stress(u))) on east");
+        both_agree("elasticity", "rollers.wfl", &[stress], &[]);
+        both_agree("hyperelastic", "contact.wfl", &[], &[]);
+        both_agree("hyperelastic", "contact.wfl", &[], &["fric=0.3"]);
+    }
+
+    #[test]
+    fn a_body_that_contact_alone_holds() {
+        // the right block has no other support: the levels are made of the tangent with contact
+        let edits =
+            [SMALL_FAULT[0], SMALL_FAULT[1], ("fix  uL, uR = [0,0,0]  on bottom", "fix  uL = [0,0,0] on bottom")];
+        let held = ("load uR     = [0,0,-t] on top", "load uR     = [0,0,-0.1*t] on top");
+        let [_, iterative] = both_agree("fault", "nitsche.wfl", &[&edits[..], &[held]].concat(), &[]);
+        assert!(iterative.contains("GMRES"), "{iterative}");
+    }
+
+    #[test]
+    fn multigrid_takes_few_iterations_and_hardly_more_on_finer_meshes() {
+        let folder = Folder::new("petsc-cube");
+        let cube = |n: usize| {
+            let file = folder.0.join(format!("cube{n}.wfl"));
+            let text = format!(
+                "wfl 1\nmesh box [0,0,0] to [1,1,1] cells [{n},{n},{n}] hex\nregion left = faces where x == 0\n\
+                 region right = faces where x == 1\nunknown u : vector\n\
+                 term elastic on all : (576*Div_u*Id(3) + 769*Sym(Grad_u)):Grad_Test_u\nfix u = [0,0,0] on left\n\
+                 load u = [1,0.5,0.2] on right\nmeasure far = max(Norm(u)) on all\n"
+            );
+            std::fs::write(&file, text).expect("writable");
+            let text = agree(&file, "petsc:iterative", &[]);
+            assert!(text.contains("conjugate gradients") && !text.contains("in place"), "{text}");
+            count(&text, " iterations in")
+        };
+        // one solution to 1e-12 and one to 1e-3: 25 iterations for 8 digits are 47 for 15
+        let (coarse, fine) = (cube(8), cube(16));
+        assert!(fine <= 47 && 10 * fine <= 14 * coarse, "{coarse} and {fine}");
+    }
+
+    #[test]
+    fn iterations_of_contact_hardly_depend_on_gamma() {
+        let folder = Folder::new("petsc-gamma");
+        let scene = scene(&folder, "fault", "nitsche.wfl", SMALL_FAULT);
+        let of = |gamma: &str| {
+            let text = solver(&report(&scene, "petsc:iterative", &[gamma]));
+            count(&text, " iterations in") as f64 / count(&text, " solutions") as f64
+        };
+        let found = ["gamma=2.5e4", "gamma=2.5e5", "gamma=2.5e6"].map(of);
+        let (low, high) = found.iter().fold((f64::INFINITY, 0.0f64), |(l, h), x| (l.min(*x), h.max(*x)));
+        assert!(high <= 60.0 && high <= 1.2 * low, "iterations a solution: {found:?}");
+    }
+
+    #[test]
+    fn check_says_what_would_be_used() {
+        let scene = examples().join("fault/nitsche.wfl").display().to_string();
+        let told =
+            |backend: &str| String::from_utf8_lossy(&wfl(&["check", &scene, "--backend", backend]).stdout).into_owned();
+        assert!(told("petsc").contains("PETSc: Newton; MUMPS"), "{}", told("petsc"));
+        assert!(told("petsc:iterative").contains("PETSc: Newton; GMRES with multigrid (GAMG), then a direct solution"));
+        assert!(!told("own").contains("PETSc"));
+    }
+
+    #[test]
+    fn a_body_that_nothing_holds_is_told_as_with_a_factor_of_our_own() {
+        let folder = Folder::new("petsc-loose");
+        let file = folder.0.join("loose.wfl");
+        let text = "wfl 1\nmesh box [0,0,0] to [1,1,1] cells [3,3,3] hex\nregion right = faces where x == 1\n\
+            unknown u : vector\nterm elastic on all : (576*Div_u*Id(3) + 769*Sym(Grad_u)):Grad_Test_u\n\
+            load u = [1,0,0] on right\n";
+        std::fs::write(&file, text).expect("writable");
+        for backend in ["own", "petsc:direct", "petsc:iterative"] {
+            let out = wfl(&["run", &file.display().to_string(), "--backend", backend, "--quiet"]);
+            let told = String::from_utf8_lossy(&out.stderr).into_owned();
+            assert!(out.status.code() == Some(1) && told.contains("E602"), "{backend}: {told}");
+        }
+    }
+
+    #[test]
+    fn results_of_another_backend_are_not_continued() {
+        let folder = Folder::new("petsc-resume");
+        let scene = scene(&folder, "fault", "nitsche.wfl", SMALL_FAULT);
+        let out = folder.0.join("out").display().to_string();
+        let file = scene.display().to_string();
+        let run = |more: &[&str]| wfl(&[&["run", &file, "--quiet", "--out", &out], more].concat());
+        assert!(run(&[]).status.success());
+        let told = String::from_utf8_lossy(&run(&["--resume", "--backend", "petsc"]).stderr).into_owned();
+        assert!(told.contains("backend"), "{told}");
+    }
+}

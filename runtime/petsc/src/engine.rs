@@ -1,0 +1,288 @@
+//! A solver of PETSc for the matrices of one scene, with the more robust methods behind the first one.
+//!
+//! Multigrid: the levels are made once, of the part of the matrix that stays where that holds every body, so the number
+//! of iterations hardly depends on penalty or augmentation parameters; what contact adds is left to the filter. They are made
+//! anew of the present matrix where an iteration does not end, or becomes [`SLOWER`] times as slow; after that a factor
+//! of MUMPS takes over. Promises: what is decided follows from numbers that all ranks have, and after
+//! [`Engine::restart`] from later matrices alone.
+
+use std::sync::Arc;
+
+use wfl_sparse::{
+    csr::Csr,
+    index::NONE,
+    solve::{Engine, Equations, NearNullSpace, NodeLayout, SolveError},
+};
+
+use crate::{
+    method::{Choice, Method, in_words, method},
+    objects::{Call, Failure, Kind, Matrix, Solver, gather},
+    rows::{Numbers, Structure, middle_of_diagonal},
+};
+
+/// Iterations of one solution; a factor costs less than more of them wherever it fits into the memory.
+const MOST: usize = 500;
+/// Iterations for a digit, relative to those of the first solution with the same levels, that new levels are worth.
+const SLOWER: f64 = 3.0;
+/// Fewer iterations for a digit are never slow.
+const FEW: f64 = 3.0;
+/// A solution to fewer digits says little about the levels.
+const TELLING: f64 = 1e-4;
+
+impl From<Failure> for SolveError {
+    fn from(failure: Failure) -> Self {
+        Self::Library { text: failure.to_string() }
+    }
+}
+
+/// What the levels were made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Levels {
+    None,
+    Steady,
+    Present,
+}
+
+/// See the module documentation.
+pub(crate) struct PetscEngine {
+    choice: Choice,
+    equations: Arc<Equations>,
+    is_symmetric: bool,
+    /// That of the present matrix; a factor where multigrid gave up.
+    method: Method,
+    /// Rows of a node.
+    block: usize,
+    numbers: Numbers,
+    structure: Structure,
+    solver: Option<Solver>,
+    levels: Levels,
+    /// New levels are due.
+    is_slow: bool,
+    /// Iterations for a digit of the first telling solution with these levels.
+    rate: Option<f64>,
+    own: Vec<f64>,
+    all: Vec<f64>,
+    counts: Counts,
+}
+
+/// What was done so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    iterations: usize,
+    solutions: usize,
+    levels: usize,
+    factors_instead: usize,
+}
+
+impl PetscEngine {
+    pub(crate) fn new(choice: Choice, equations: &Arc<Equations>, is_symmetric: bool) -> Result<Self, SolveError> {
+        let ranks = Call::begin()?.ranks();
+        let (method, _) = method(choice, &equations.traits);
+        let (block, numbers) = match (method, &equations.layout) {
+            (Method::Multigrid, Some(layout)) => {
+                let components = layout.components;
+                (components, Numbers::new(&layout.places, &layout.points, components, ranks.own, ranks.all)?)
+            }
+            _ => (1, in_order(equations.pattern.n_rows(), ranks.own, ranks.all)?),
+        };
+        let structure = Structure::new(&equations.pattern, &numbers, &[])?;
+        let (own, all) = (vec![0.0; numbers.part.n_own()], vec![0.0; numbers.part.n_all()]);
+        Ok(Self {
+            choice,
+            equations: Arc::clone(equations),
+            is_symmetric,
+            method,
+            block,
+            numbers,
+            structure,
+            solver: None,
+            levels: Levels::None,
+            is_slow: false,
+            rate: None,
+            own,
+            all,
+            counts: Counts::default(),
+        })
+    }
+
+    fn kind(&self) -> Kind {
+        match (self.method, self.is_symmetric) {
+            (Method::Direct, true) => Kind::Cholesky,
+            (Method::Direct, false) => Kind::Lu,
+            (Method::Multigrid, true) if self.equations.on_contact.is_empty() => Kind::ConjugateGradients,
+            (Method::Multigrid, _) => Kind::Gmres,
+        }
+    }
+
+    /// Hands the values of a matrix to PETSc; makes levels where they are due, or the factor.
+    fn load(&mut self, call: &Call, matrix: &Csr) -> Result<(), SolveError> {
+        let unit = middle_of_diagonal(matrix);
+        let values = self.structure.values(matrix, unit);
+        let kind = self.kind();
+        if self.solver.is_none() {
+            let a = Matrix::new(call, &self.structure, self.block, self.is_symmetric)?;
+            let contact = self.numbers.own_of(&self.equations.on_contact);
+            let filtered = !(kind.is_direct() || self.equations.on_contact.is_empty());
+            // values first: a solver looks at its matrix when it is made
+            let mut solver = Solver::new(call, kind, a, filtered.then_some(contact.as_slice()))?;
+            solver.matrix().set(call, &self.structure, &values)?;
+            self.solver = Some(solver);
+        } else if let Some(solver) = &mut self.solver {
+            solver.matrix().set(call, &self.structure, &values)?;
+        }
+        drop(values);
+        let levels = self.new_levels(call, matrix, unit)?;
+        let solver = self.solver.as_mut().expect("made above");
+        let taken = solver.take(call, levels.as_ref())?;
+        if taken.null_pivots > 0 {
+            return Err(SolveError::VanishingPivot { dof: 0, ratio: 0.0 });
+        }
+        match taken.reason {
+            0 => Ok(()),
+            // PC_FACTOR_STRUCT_ZEROPIVOT, PC_FACTOR_NUMERIC_ZEROPIVOT
+            1 | 2 => Err(SolveError::VanishingPivot { dof: 0, ratio: 0.0 }),
+            3 => Err(SolveError::Library { text: "PETSc: MUMPS has too little memory for the factor".to_owned() }),
+            other => Err(SolveError::Library { text: format!("PETSc: no factor (reason {other})") }),
+        }
+    }
+
+    /// The matrix that new levels are made of; `None` where there are levels that serve, or none are needed.
+    fn new_levels(&mut self, call: &Call, matrix: &Csr, unit: f64) -> Result<Option<Matrix>, SolveError> {
+        if self.method == Method::Direct || (self.levels != Levels::None && !self.is_slow) {
+            return Ok(None);
+        }
+        let equations = Arc::clone(&self.equations);
+        let Some(layout) = &equations.layout else { return Ok(None) };
+        let (source, levels) = match &equations.steady {
+            Some(steady) if !self.is_slow => (&**steady, Levels::Steady),
+            _ => (matrix, Levels::Present),
+        };
+        let structure = Structure::new(source.pattern(), &self.numbers, &equations.multipliers)?;
+        let mut of_levels = Matrix::new(call, &structure, layout.components, self.is_symmetric)?;
+        of_levels.set(call, &structure, &structure.values(source, unit))?;
+        if layout.modes == NearNullSpace::RigidBody {
+            of_levels.set_modes(call, structure.n_rows(), &self.modes(layout))?;
+        }
+        (self.levels, self.is_slow, self.rate) = (levels, false, None);
+        self.counts.levels += 1;
+        Ok(Some(of_levels))
+    }
+
+    /// Rigid motions at the rows of this rank, one behind the other; none at multipliers.
+    fn modes(&self, layout: &NodeLayout) -> Vec<f64> {
+        let (values, k) = (layout.mode_values(), layout.n_modes());
+        let is_multiplier = |row: u32| self.equations.multipliers.binary_search(&row).is_ok();
+        let mut modes = Vec::with_capacity(k * self.numbers.own_rows.len());
+        for mode in 0..k {
+            for (place, row) in self.numbers.own_places.iter().zip(&self.numbers.own_rows) {
+                modes.push(if is_multiplier(*row) { 0.0 } else { values[*place as usize * k + mode] });
+            }
+        }
+        modes
+    }
+
+    /// One solution with the present method: iterations, or `None` where it did not end.
+    fn attempt(
+        &mut self,
+        call: &Call,
+        rhs: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+    ) -> Result<Option<usize>, SolveError> {
+        let b: Vec<f64> =
+            self.numbers.own_rows.iter().map(|row| if *row == NONE { 0.0 } else { rhs[*row as usize] }).collect();
+        let solver = self.solver.as_mut().ok_or(SolveError::NotFactored)?;
+        let ended = solver.solve(call, &b, &mut self.own, tolerance, MOST)?;
+        self.counts.iterations += if self.method == Method::Direct { 0 } else { ended.iterations };
+        if ended.reason <= 0 {
+            return Ok(None);
+        }
+        gather(call, &self.numbers.part, &self.own, &mut self.all)?;
+        for (x, number) in x.iter_mut().zip(&self.numbers.of_row) {
+            *x = self.all[usize::try_from(*number).expect("numbers are not negative")];
+        }
+        Ok(Some(ended.iterations))
+    }
+
+    /// Learns from a solution how good the levels are.
+    fn learn(&mut self, iterations: usize, tolerance: f64) {
+        if self.method == Method::Direct || tolerance > TELLING {
+            return;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a count")]
+        let rate = (iterations as f64 / -tolerance.log10()).max(FEW);
+        let first = *self.rate.get_or_insert(rate);
+        self.is_slow |= rate > SLOWER * first;
+    }
+
+    /// Turns to the next method after one that did not end; false if there is none.
+    fn fall_back(&mut self) -> bool {
+        if self.method == Method::Direct {
+            return false;
+        }
+        if self.levels == Levels::Steady && !self.equations.traits.is_linear {
+            self.is_slow = true;
+        } else {
+            self.method = Method::Direct;
+            (self.solver, self.levels) = (None, Levels::None);
+            self.counts.factors_instead += 1;
+        }
+        true
+    }
+}
+
+/// Rows in their order, shared out evenly: for factors, which have an order of their own.
+fn in_order(n: usize, own: usize, all: usize) -> Result<Numbers, SolveError> {
+    let places: Vec<u32> = (0..u32::try_from(n).map_err(|_| SolveError::TooLarge { what: "the matrix" })?).collect();
+    let points: Vec<[f64; 3]> = places.iter().map(|row| [f64::from(*row), 0.0, 0.0]).collect();
+    Numbers::new(&places, &points, 1, own, all)
+}
+
+impl Engine for PetscEngine {
+    fn take(&mut self, matrix: &Csr) -> Result<(), SolveError> {
+        let call = Call::begin()?;
+        self.load(&call, matrix)
+    }
+
+    fn solve(&mut self, matrix: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<usize, SolveError> {
+        let call = Call::begin()?;
+        let before = self.counts.iterations;
+        self.counts.solutions += 1;
+        loop {
+            if let Some(iterations) = self.attempt(&call, rhs, x, tolerance)? {
+                self.learn(iterations, tolerance);
+                return Ok(self.counts.iterations - before);
+            }
+            if !self.fall_back() {
+                let iterations = self.counts.iterations - before;
+                return Err(SolveError::Library {
+                    text: format!("PETSc: no solution to {tolerance:.1e}, {iterations} iterations and a factor"),
+                });
+            }
+            self.load(&call, matrix)?;
+        }
+    }
+
+    fn restart(&mut self) {
+        let (first, _) = method(self.choice, &self.equations.traits);
+        if self.method != first {
+            (self.method, self.solver, self.levels) = (first, None, Levels::None);
+        }
+        if self.levels == Levels::Present {
+            self.levels = Levels::None;
+        }
+        (self.is_slow, self.rate) = (false, None);
+    }
+
+    fn describe(&self) -> String {
+        let Counts { iterations, solutions, levels, factors_instead } = self.counts;
+        let mut text = in_words(self.choice, &self.equations.traits);
+        if levels > 0 {
+            text.push_str(&format!("; {iterations} iterations in {solutions} solutions, levels made {levels} times"));
+        }
+        if factors_instead > 0 {
+            text.push_str(&format!("; a factor in place of iterations {factors_instead} times"));
+        }
+        text
+    }
+}

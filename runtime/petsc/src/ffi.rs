@@ -1,0 +1,69 @@
+//! The functions of `shim.c`, which asserts the sizes that stand here. Called from `objects` alone.
+
+use std::ffi::{c_char, c_int};
+
+/// A matrix of PETSc.
+#[repr(C)]
+pub(super) struct MatObject {
+    _private: [u8; 0],
+}
+
+/// The solver of `shim.c`.
+#[repr(C)]
+pub(super) struct SolverObject {
+    _private: [u8; 0],
+}
+
+pub(super) type Mat = *mut MatObject;
+pub(super) type Solver = *mut SolverObject;
+
+unsafe extern "C" {
+    pub(super) fn wfl_last_error() -> *const c_char;
+    pub(super) fn wfl_start(rank: *mut c_int, size: *mut c_int) -> c_int;
+    pub(super) fn wfl_finish();
+    pub(super) fn wfl_matrix_new(
+        n: c_int,
+        block: c_int,
+        is_symmetric: c_int,
+        starts: *const c_int,
+        columns: *const c_int,
+        out: *mut Mat,
+    ) -> c_int;
+    pub(super) fn wfl_matrix_set(
+        a: Mat,
+        n: c_int,
+        starts: *const c_int,
+        columns: *const c_int,
+        values: *const f64,
+    ) -> c_int;
+    pub(super) fn wfl_matrix_set_modes(a: Mat, n: c_int, k: c_int, values: *const f64) -> c_int;
+    pub(super) fn wfl_matrix_free(a: *mut Mat);
+    pub(super) fn wfl_solver_new(
+        kind: *const c_char,
+        is_direct: c_int,
+        a: Mat,
+        n: c_int,
+        contact: *const c_int,
+        has_contact: c_int,
+        out: *mut Solver,
+    ) -> c_int;
+    pub(super) fn wfl_solver_take(s: Solver, hierarchy: Mat, reason: *mut c_int, null_pivots: *mut c_int) -> c_int;
+    pub(super) fn wfl_solver_solve(
+        s: Solver,
+        n: c_int,
+        b: *const f64,
+        x: *mut f64,
+        tolerance: f64,
+        most: c_int,
+        iterations: *mut c_int,
+        reason: *mut c_int,
+    ) -> c_int;
+    pub(super) fn wfl_solver_free(s: Solver);
+    pub(super) fn wfl_gather(
+        own: *const f64,
+        n: c_int,
+        all: *mut f64,
+        counts: *const c_int,
+        starts: *const c_int,
+    ) -> c_int;
+}

@@ -1,0 +1,313 @@
+//! Owned handles, checked codes, no raw pointer outside.
+//!
+//! MPI is started for one calling thread at a time (`MPI_THREAD_SERIALIZED`), and a run may call from any thread of its
+//! pool: whoever calls holds the one [`Call`]. What is dropped is put aside and given back when the next call begins, in
+//! the same order on all ranks; behind the end of the session nothing is given back.
+
+use std::{
+    ffi::{CStr, c_int},
+    marker::PhantomData,
+    ptr::null_mut,
+    sync::{Mutex, MutexGuard, PoisonError},
+};
+
+use crate::{
+    ffi,
+    rows::{Part, Structure},
+};
+
+/// Where the session is: `None` before its start and behind its end.
+static DOOR: Mutex<Option<Ranks>> = Mutex::new(None);
+/// Objects that nobody has any more.
+static DROPPED: Mutex<Vec<Dropped>> = Mutex::new(Vec::new());
+
+enum Dropped {
+    Matrix(ffi::Mat),
+    Solver(ffi::Solver),
+}
+
+// SAFETY: PETSc's objects belong to no thread; that one thread at a time calls is what `Call` is for.
+unsafe impl Send for Dropped {}
+
+fn put_aside(object: Dropped) {
+    DROPPED.lock().unwrap_or_else(PoisonError::into_inner).push(object);
+}
+
+/// Gives back what was put aside; the door is held by the caller.
+fn give_back() {
+    let dropped = std::mem::take(&mut *DROPPED.lock().unwrap_or_else(PoisonError::into_inner));
+    for object in dropped {
+        match object {
+            // SAFETY: nobody else has it: it was put aside when its owner was dropped; null is nothing to do.
+            Dropped::Matrix(mut raw) => unsafe { ffi::wfl_matrix_free(&mut raw) },
+            // SAFETY: as above; it is not null.
+            Dropped::Solver(raw) => unsafe { ffi::wfl_solver_free(raw) },
+        }
+    }
+}
+
+/// This rank and their number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Ranks {
+    pub(crate) own: usize,
+    pub(crate) all: usize,
+}
+
+/// What PETSc or MPI says of a call that failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// Its text, with the function that it comes from.
+    pub text: String,
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "PETSc: {}", self.text)
+    }
+}
+
+fn check(code: c_int) -> Result<(), Failure> {
+    if code == 0 {
+        return Ok(());
+    }
+    // SAFETY: the C side keeps a text that ends with zero for the life of the program.
+    let text = unsafe { CStr::from_ptr(ffi::wfl_last_error()) }.to_string_lossy().into_owned();
+    Err(Failure { text: if text.is_empty() { format!("error {code}") } else { text } })
+}
+
+fn door() -> MutexGuard<'static, Option<Ranks>> {
+    DOOR.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A number as C has it.
+fn c(n: usize) -> c_int {
+    c_int::try_from(n).expect("sizes are checked when rows are distributed")
+}
+
+/// MPI and PETSc, from here to the end of this value. It stays on the thread that made it, as MPI wants.
+pub struct Session {
+    ranks: Ranks,
+    _one_thread: PhantomData<*mut ()>,
+}
+
+impl Session {
+    /// Starts both; once in the life of a program.
+    ///
+    /// # Errors
+    /// [`Failure`] where they do not start, or were started before.
+    pub fn start() -> Result<Self, Failure> {
+        static STARTED: Mutex<bool> = Mutex::new(false);
+        let mut started = STARTED.lock().unwrap_or_else(PoisonError::into_inner);
+        if std::mem::replace(&mut *started, true) {
+            return Err(Failure { text: "was started before in this program".to_owned() });
+        }
+        let mut open = door();
+        let (mut rank, mut size) = (0, 0);
+        // SAFETY: called once, before any other function of the C side; the numbers outlive the call.
+        check(unsafe { ffi::wfl_start(&mut rank, &mut size) })?;
+        let number = |n: c_int| usize::try_from(n).expect("ranks are counted from 0");
+        let ranks = Ranks { own: number(rank), all: number(size) };
+        *open = Some(ranks);
+        Ok(Self { ranks, _one_thread: PhantomData })
+    }
+
+    /// Number of ranks of the run.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        self.ranks.all
+    }
+
+    /// Number of this rank, from 0.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        self.ranks.own
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        let mut open = door();
+        give_back();
+        *open = None;
+        // SAFETY: nothing calls the C side behind this: every call looks at the door first.
+        unsafe { ffi::wfl_finish() };
+    }
+}
+
+/// The right to call, while it lives.
+pub(crate) struct Call {
+    open: MutexGuard<'static, Option<Ranks>>,
+}
+
+impl Call {
+    /// Waits for the other threads of this rank.
+    pub(crate) fn begin() -> Result<Self, Failure> {
+        let open = door();
+        if open.is_none() {
+            return Err(Failure { text: "is not running: no session was started, or it has ended".to_owned() });
+        }
+        give_back();
+        Ok(Self { open })
+    }
+
+    pub(crate) fn ranks(&self) -> Ranks {
+        self.open.expect("looked at when the call began")
+    }
+}
+
+/// A square sparse matrix, rows by rank.
+pub(crate) struct Matrix {
+    raw: ffi::Mat,
+}
+
+// SAFETY: as for `Dropped`.
+unsafe impl Send for Matrix {}
+
+impl Matrix {
+    /// With the structure of the rows of this rank.
+    pub(crate) fn new(_call: &Call, structure: &Structure, block: usize, symmetric: bool) -> Result<Self, Failure> {
+        let mut this = Self { raw: null_mut() };
+        let (n, starts, columns) = (c(structure.n_rows()), structure.starts.as_ptr(), structure.columns.as_ptr());
+        // SAFETY: starts has one number more than rows and ends with the number of columns; PETSc copies both.
+        check(unsafe { ffi::wfl_matrix_new(n, c(block), symmetric.into(), starts, columns, &mut this.raw) })?;
+        Ok(this)
+    }
+
+    /// Takes values in the order of the structure that it was made with.
+    pub(crate) fn set(&mut self, _call: &Call, structure: &Structure, values: &[f64]) -> Result<(), Failure> {
+        assert_eq!(values.len(), structure.columns.len(), "a value for each entry");
+        let (n, starts, columns) = (c(structure.n_rows()), structure.starts.as_ptr(), structure.columns.as_ptr());
+        // SAFETY: the handle is alive; lengths as above.
+        check(unsafe { ffi::wfl_matrix_set(self.raw, n, starts, columns, values.as_ptr()) })
+    }
+
+    /// Tells motions without energy, each with a number for every row of this rank, one behind the other.
+    pub(crate) fn set_modes(&mut self, _call: &Call, n_rows: usize, modes: &[f64]) -> Result<(), Failure> {
+        if n_rows == 0 && modes.is_empty() {
+            return Ok(());
+        }
+        let k = modes.len().checked_div(n_rows).unwrap_or(0);
+        assert_eq!(modes.len(), k * n_rows, "a number for each row");
+        // SAFETY: the handle is alive; k vectors of so many numbers.
+        check(unsafe { ffi::wfl_matrix_set_modes(self.raw, c(n_rows), c(k), modes.as_ptr()) })
+    }
+}
+
+impl Drop for Matrix {
+    fn drop(&mut self) {
+        put_aside(Dropped::Matrix(self.raw));
+    }
+}
+
+/// The preconditioner and method of a [`Solver`], by the prefix of its options in `shim.c`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Lu,
+    Cholesky,
+    ConjugateGradients,
+    Gmres,
+}
+
+impl Kind {
+    fn prefix(self) -> &'static CStr {
+        match self {
+            Self::Lu => c"wfl_lu_",
+            Self::Cholesky => c"wfl_cholesky_",
+            Self::ConjugateGradients => c"wfl_cg_",
+            Self::Gmres => c"wfl_gmres_",
+        }
+    }
+
+    pub(crate) fn is_direct(self) -> bool {
+        matches!(self, Self::Lu | Self::Cholesky)
+    }
+}
+
+/// What became of a matrix that was taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Taken {
+    /// 0, or PETSc's reason why a factor could not be made.
+    pub(crate) reason: i32,
+    pub(crate) null_pivots: i32,
+}
+
+/// What became of a solution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Ended {
+    pub(crate) iterations: usize,
+    /// PETSc's reason: positive where the iteration converged.
+    pub(crate) reason: i32,
+}
+
+/// A Krylov method or a factor for one matrix. Both are kept here, so that the one outlives the other.
+pub(crate) struct Solver {
+    raw: ffi::Solver,
+    a: Matrix,
+}
+
+// SAFETY: as for `Dropped`.
+unsafe impl Send for Solver {}
+
+impl Solver {
+    /// `contact` are PETSc's numbers of the rows of this rank that are solved directly after a cycle; `None` for no filter.
+    pub(crate) fn new(_call: &Call, kind: Kind, a: Matrix, contact: Option<&[i32]>) -> Result<Self, Failure> {
+        let mut this = Self { raw: null_mut(), a };
+        let own = contact.unwrap_or_default();
+        let (prefix, direct, has) = (kind.prefix().as_ptr(), kind.is_direct().into(), contact.is_some().into());
+        let (n, a, numbers) = (c(own.len()), this.a.raw, own.as_ptr());
+        // SAFETY: the matrix lives as long as the solver; the numbers are copied.
+        check(unsafe { ffi::wfl_solver_new(prefix, direct, a, n, numbers, has, &mut this.raw) })?;
+        Ok(this)
+    }
+
+    /// The matrix, to be given new values; [`Self::take`] follows.
+    pub(crate) fn matrix(&mut self) -> &mut Matrix {
+        &mut self.a
+    }
+
+    /// Takes the values that the matrix has now; with a `hierarchy` the levels are made anew.
+    pub(crate) fn take(&mut self, _call: &Call, hierarchy: Option<&Matrix>) -> Result<Taken, Failure> {
+        let mut taken = Taken { reason: 0, null_pivots: 0 };
+        let levels = hierarchy.map_or(null_mut(), |matrix| matrix.raw);
+        // SAFETY: handles are alive; PETSc counts its own references to the matrix of the levels.
+        check(unsafe { ffi::wfl_solver_take(self.raw, levels, &mut taken.reason, &mut taken.null_pivots) })?;
+        Ok(taken)
+    }
+
+    /// Solves for the rows of this rank.
+    pub(crate) fn solve(
+        &mut self,
+        _call: &Call,
+        b: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        most: usize,
+    ) -> Result<Ended, Failure> {
+        assert_eq!(b.len(), x.len(), "one equation for each unknown");
+        let (mut iterations, mut reason) = (0, 0);
+        let (n, most) = (c(b.len()), c(most));
+        // SAFETY: both slices have so many numbers, as many as the matrix has rows on this rank.
+        let code = unsafe {
+            let (b, x) = (b.as_ptr(), x.as_mut_ptr());
+            ffi::wfl_solver_solve(self.raw, n, b, x, tolerance, most, &mut iterations, &mut reason)
+        };
+        check(code)?;
+        Ok(Ended { iterations: usize::try_from(iterations).unwrap_or(0), reason })
+    }
+}
+
+impl Drop for Solver {
+    fn drop(&mut self) {
+        if !self.raw.is_null() {
+            put_aside(Dropped::Solver(self.raw));
+        }
+    }
+}
+
+/// The numbers of all ranks, rank after rank; `own` are those of this one.
+pub(crate) fn gather(_call: &Call, part: &Part, own: &[f64], all: &mut [f64]) -> Result<(), Failure> {
+    assert!(own.len() == part.n_own() && all.len() == part.n_all(), "numbers of the rows");
+    let (counts, starts) = (part.counts.as_ptr(), part.starts.as_ptr());
+    // SAFETY: counts and starts have a number for each rank, and the sum of the counts is the length of `all`.
+    check(unsafe { ffi::wfl_gather(own.as_ptr(), c(own.len()), all.as_mut_ptr(), counts, starts) })
+}

@@ -1,0 +1,264 @@
+//! Solvers of a library that is linked in place of our own, wrapped as every solver is: with the true residual.
+//!
+//! A [`Library`] makes an [`Engine`] for the equations of one scene; [`CheckedLibrary`] puts the checks around it.
+//! Promises: what comes back as a solution has a backward error below the limit, measured with the matrix itself; a
+//! matrix that is singular is told apart from one that an iteration does not get to its end with, where it is small enough
+//! for a factor of our own. Knows no library: that is a crate of its own.
+
+use std::sync::Arc;
+
+use super::backward_error::{BackwardErrorCheck, inverse_norm_estimate};
+use super::checked::explain_singular;
+use super::multigrid::NodeLayout;
+use super::on_pattern::OnPattern;
+use super::{Kept, LinearSolver, SolveError, SolveReport, SolverOptions};
+use crate::csr::{Csr, Pattern};
+
+/// 2-norm of what a correction by refinement may leave of its right-hand side: a few iterations of it are worth more than
+/// many.
+const ROUGH: f64 = 1e-3;
+/// Part of the tolerance that the engine is given: it measures unscaled equations, the check scaled ones.
+const OF_THE_TOLERANCE: f64 = 0.3;
+/// Tightest and loosest 2-norm of the residual, relative to the right-hand side, that an iteration is asked for: rounding
+/// of the recursion shows below the one, and nothing is saved above the other.
+const TIGHTEST: f64 = 1e-12;
+const LOOSEST: f64 = 1e-3;
+/// Unknowns up to which a factor of our own explains a failure; it takes a few seconds there.
+const EXPLAINED: usize = 50_000;
+
+/// What the choice of a method depends on.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Traits {
+    /// Number of unknowns.
+    pub unknowns: usize,
+    /// Dimensions of space.
+    pub dimension: usize,
+    /// There is one matrix.
+    pub is_linear: bool,
+    /// Every matrix is symmetric.
+    pub is_symmetric: bool,
+    /// Unknowns that nonlinear terms on faces and multipliers touch.
+    pub on_contact: usize,
+    /// Why the unknowns cannot be told node by node; `None` if they can.
+    pub obstacle: Option<String>,
+}
+
+/// The equations of a scene as a library is told of them.
+#[derive(Debug, Clone)]
+pub struct Equations {
+    /// What is known of them.
+    pub traits: Traits,
+    /// Every matrix has its entries inside this pattern.
+    pub pattern: Arc<Pattern>,
+    /// The unknowns by nodes, multipliers included; `None` where [`Traits::obstacle`] says why.
+    pub layout: Option<NodeLayout>,
+    /// A part of every matrix that stays and is regular by itself; `None` where there is none.
+    pub steady: Option<Arc<Csr>>,
+    /// Rows of multipliers, increasing: without a stiffness of their own.
+    pub multipliers: Vec<u32>,
+    /// Rows that nonlinear terms on faces and multipliers touch, those of multipliers included, increasing.
+    pub on_contact: Vec<u32>,
+}
+
+/// A library of solvers.
+pub trait Library: Sync {
+    /// Its name, as it is written in commands and messages.
+    fn name(&self) -> &'static str;
+
+    /// The method that equations get, in words.
+    fn plan(&self, traits: &Traits) -> String;
+
+    /// Makes a solver; `is_symmetric` says whether the matrices may be taken for symmetric positive definite ones.
+    ///
+    /// # Errors
+    /// [`SolveError`] of what the library refuses.
+    fn engine(&self, equations: &Arc<Equations>, is_symmetric: bool) -> Result<Box<dyn Engine + Send>, SolveError>;
+}
+
+/// A solver of a library. Its solutions are not checked yet.
+pub trait Engine {
+    /// Takes the next matrix, on the pattern of the equations.
+    ///
+    /// # Errors
+    /// [`SolveError`] of a factor that cannot be made.
+    fn take(&mut self, matrix: &Csr) -> Result<(), SolveError>;
+
+    /// Solves `A x = rhs`, `A` the matrix taken last, until the 2-norm of the residual is `tolerance` of that of `rhs`; a
+    /// factor may do better. The number of iterations is returned.
+    ///
+    /// # Errors
+    /// [`SolveError`] where no method of the library gets there.
+    fn solve(&mut self, matrix: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<usize, SolveError>;
+
+    /// Forgets what was learned of earlier matrices, so that what follows depends on later ones alone.
+    fn restart(&mut self);
+
+    /// The method in words.
+    fn describe(&self) -> String;
+}
+
+/// A library as an option of a run; two are equal if they have one name.
+#[derive(Clone, Copy)]
+pub struct Linked(pub &'static dyn Library);
+
+impl std::fmt::Debug for Linked {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.0.name())
+    }
+}
+
+impl PartialEq for Linked {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.name() == other.0.name()
+    }
+}
+
+/// A solver of a library with its solutions checked.
+pub struct CheckedLibrary {
+    engine: Box<dyn Engine + Send>,
+    check: BackwardErrorCheck,
+    matrix: OnPattern,
+    points: Vec<[f64; 3]>,
+    is_symmetric: bool,
+    is_loaded: bool,
+}
+
+impl CheckedLibrary {
+    /// Prepares for the matrices of a scene; `points` is one for each unknown.
+    ///
+    /// # Errors
+    /// As [`Library::engine`].
+    pub fn new(
+        library: Linked,
+        equations: &Arc<Equations>,
+        is_symmetric: bool,
+        points: &[[f64; 3]],
+        options: SolverOptions,
+    ) -> Result<Self, SolveError> {
+        Ok(Self {
+            engine: library.0.engine(equations, is_symmetric)?,
+            check: BackwardErrorCheck::new(equations.pattern.n_rows(), options),
+            matrix: OnPattern::new(&equations.pattern),
+            points: points.to_vec(),
+            is_symmetric,
+            is_loaded: false,
+        })
+    }
+
+    /// The class of a failure.
+    fn explained(&mut self, error: SolveError) -> SolveError {
+        let may_be_singular = matches!(
+            error,
+            SolveError::VanishingPivot { .. } | SolveError::ResidualTooLarge { .. } | SolveError::Library { .. }
+        );
+        if !may_be_singular || self.matrix.matrix.n_rows() > EXPLAINED {
+            return error;
+        }
+        explain_singular(&mut self.check, &self.matrix.matrix, Some(&self.points), error)
+    }
+
+    /// Solves and refines; the number of iterations stands in the report.
+    fn solve_to(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
+        if !self.is_loaded {
+            return Err(SolveError::NotFactored);
+        }
+        self.check.check_rhs(rhs, x)?;
+        let (engine, matrix) = (&mut self.engine, &self.matrix.matrix);
+        let (mut iterations, mut failure) = (0, None);
+        let mut wanted = (OF_THE_TOLERANCE * tolerance).clamp(TIGHTEST, LOOSEST);
+        let mut solver = |x: &mut [f64]| {
+            let b = x.to_vec();
+            match engine.solve(matrix, &b, x, wanted) {
+                Ok(n) => iterations += n,
+                Err(error) => {
+                    // not a number: the check refuses it
+                    x.fill(f64::NAN);
+                    failure = Some(error);
+                }
+            }
+            // what follows is a correction
+            wanted = ROUGH;
+        };
+        let outcome = self.check.solve(&[&self.matrix.matrix], &mut solver, rhs, x, tolerance);
+        match outcome {
+            Ok(report) => {
+                if self.check.has_grown(rhs, x) {
+                    self.look_for_null_vector()?;
+                }
+                Ok(SolveReport { krylov_iterations: iterations, ..report })
+            }
+            Err(error) => Err(self.explained(failure.unwrap_or(error))),
+        }
+    }
+
+    /// The error for a matrix that is singular although it was solved with.
+    fn look_for_null_vector(&mut self) -> Result<(), SolveError> {
+        let (engine, matrix) = (&mut self.engine, &self.matrix.matrix);
+        let mut solver = |x: &mut [f64]| {
+            let b = x.to_vec();
+            if engine.solve(matrix, &b, x, ROUGH).is_err() {
+                x.fill(f64::NAN);
+            }
+        };
+        match self.check.find_null_vector(&[&self.matrix.matrix], &mut solver) {
+            Some(error) => Err(error),
+            None => Ok(()),
+        }
+    }
+}
+
+impl LinearSolver for CheckedLibrary {
+    fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
+        self.is_loaded = false;
+        self.matrix.take(matrix)?;
+        self.check.set_matrix(&[&self.matrix.matrix])?;
+        if self.is_symmetric {
+            super::checked::check_symmetry(&self.matrix.matrix)?;
+        }
+        let taken = if matrix.n_rows() == 0 { Ok(()) } else { self.engine.take(&self.matrix.matrix) };
+        match taken {
+            Ok(()) => {
+                self.is_loaded = true;
+                Ok(())
+            }
+            Err(error) => Err(self.explained(error)),
+        }
+    }
+
+    fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> Result<SolveReport, SolveError> {
+        self.solve_to(rhs, x, 0.0)
+    }
+
+    fn expire(&mut self) {
+        self.engine.restart();
+    }
+
+    fn solve_with_kept(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<Kept<'_>, SolveError> {
+        self.solve_to(rhs, x, tolerance).map(Kept::Solved)
+    }
+
+    fn condition_estimate(&mut self) -> Result<f64, SolveError> {
+        if !self.is_loaded {
+            return Err(SolveError::NotFactored);
+        }
+        if !self.is_symmetric {
+            return Err(SolveError::Library { text: "no solutions with the transposed of a matrix".to_owned() });
+        }
+        let (engine, matrix) = (&mut self.engine, &self.matrix.matrix);
+        let mut failure = None;
+        let mut solver = |_, x: &mut [f64]| {
+            let b = x.to_vec();
+            failure = engine.solve(matrix, &b, x, ROUGH).err().or_else(|| failure.take());
+        };
+        let inverse = inverse_norm_estimate(self.matrix.matrix.n_rows(), &mut solver);
+        failure.map_or(Ok(inverse * self.matrix.matrix.norm_1()), Err)
+    }
+
+    fn is_negative(&self) -> Option<bool> {
+        None
+    }
+
+    fn describe(&self) -> Option<String> {
+        Some(self.engine.describe())
+    }
+}
