@@ -3,6 +3,7 @@
 use std::{
     io::{IsTerminal, Write},
     path::Path,
+    sync::{Mutex, PoisonError},
 };
 
 use wfl::{Diagnostic, SourceMap, one_per_cause, render, visible};
@@ -37,20 +38,50 @@ pub(crate) fn print_all(diagnostics: &[Diagnostic], sources: &SourceMap) {
     let (told, more) = one_per_cause(diagnostics, sources);
     for d in told {
         // colours are our own; what the scene says is made visible inside
-        let _ = std::io::stderr().lock().write_all(format!("{}\n", render(&d, sources, color)).as_bytes());
+        let text = format!("{}\n", render(&d, sources, color));
+        if !is_kept(&text) {
+            let _ = std::io::stderr().lock().write_all(text.as_bytes());
+        }
     }
     for (code, more) in more {
         say(&format!("{more} more messages with the code {code}\n"));
     }
 }
 
+/// What a rank that is not the first one would have said last; `None` where there is one rank, or on the first.
+static UNSAID: Mutex<Option<String>> = Mutex::new(None);
+
+/// Says nothing from now on: one of several ranks speaks for all.
+#[cfg(feature = "petsc")]
+pub(crate) fn fall_silent() {
+    *UNSAID.lock().unwrap_or_else(PoisonError::into_inner) = Some(String::new());
+}
+
+/// What would have been said last, where nothing is said; from now on all is.
+#[cfg(feature = "petsc")]
+pub(crate) fn speak_up() -> Option<String> {
+    UNSAID.lock().unwrap_or_else(PoisonError::into_inner).take()
+}
+
+/// Keeps a text in place of saying it, on a rank that is silent.
+fn is_kept(text: &str) -> bool {
+    let mut unsaid = UNSAID.lock().unwrap_or_else(PoisonError::into_inner);
+    unsaid.as_mut().map(|kept| text.clone_into(kept)).is_some()
+}
+
 /// Writes to standard error, with what moves the cursor of a terminal made visible; a closed pipe is not our problem.
 pub(crate) fn say(text: &str) {
+    if is_kept(text) {
+        return;
+    }
     let _ = std::io::stderr().lock().write_all(visible(text).as_bytes());
 }
 
 /// Writes to standard output, like [`say`]; a closed pipe is not our problem.
 pub(crate) fn out(text: &str) {
+    if is_kept(text) {
+        return;
+    }
     let mut stdout = std::io::stdout().lock();
     let _ = stdout.write_all(visible(text).as_bytes()).and_then(|()| stdout.flush());
 }

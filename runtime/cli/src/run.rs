@@ -18,25 +18,28 @@ use crate::{
     prepared::{EXIT_ERROR, backend, prepare_scene},
     progress::Loudness,
     ready::{Ready, folder, ready, shape},
-    solvers::{self, Solvers},
+    solvers::{self, Running, Solvers},
 };
 
 pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     let starting = Instant::now();
     match solvers::start(args.backend) {
-        Ok(_running) => run_with(args, started, starting.elapsed()),
+        Ok(running) => {
+            let code = run_with(args, &running, started, starting.elapsed());
+            running.end(code)
+        }
         Err(why) => {
-            // one rank of several tells why
-            if !why.is_empty() {
-                say(&error_line(&why));
-            }
+            say(&error_line(&why));
             ExitCode::from(EXIT_ERROR)
         }
     }
 }
 
 /// Runs with solvers that took `started_in` to start.
-fn run_with(args: &RunArgs, started: Instant, started_in: Duration) -> ExitCode {
+fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Duration) -> ExitCode {
+    if running.is_shared() && !may_share(args) {
+        return ExitCode::from(EXIT_ERROR);
+    }
     let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "run") else {
         return ExitCode::from(EXIT_ERROR);
     };
@@ -71,6 +74,7 @@ fn run_with(args: &RunArgs, started: Instant, started_in: Duration) -> ExitCode 
             return ExitCode::from(EXIT_ERROR);
         }
     };
+    share(args, running, &mut ready);
     drop(preparing);
     match finished(&scene, &ready.options) {
         Ok(None) => {}
@@ -87,6 +91,28 @@ fn run_with(args: &RunArgs, started: Instant, started_in: Duration) -> ExitCode 
             explain(&loaded, &scene, &error);
             ExitCode::from(EXIT_ERROR)
         }
+    }
+}
+
+/// Whether a run can go on several ranks; says why not.
+fn may_share(args: &RunArgs) -> bool {
+    let refused = [(args.resume, "--resume"), (args.savings, "--savings")];
+    let Some((_, option)) = refused.into_iter().find(|(is_given, _)| *is_given) else { return true };
+    say(&format!(
+        "error: {option} does not go with several ranks
+  = help: run it without mpirun
+"
+    ));
+    false
+}
+
+/// Of several ranks, one writes files and tells; each has one thread unless it is asked for more.
+fn share(args: &RunArgs, running: &Running, ready: &mut Ready) {
+    if running.is_shared() && args.threads.is_none() {
+        ready.options.threads = 1;
+    }
+    if !running.is_first() {
+        (ready.options.out, ready.loudness) = (None, Loudness::Quiet);
     }
 }
 

@@ -20,12 +20,22 @@ pub(crate) enum Solvers {
 
 #[cfg(feature = "petsc")]
 mod linked {
-    use super::{Linked, Solvers};
+    use std::{process::ExitCode, time::Duration};
+
     use wfl_petsc::{Petsc, Session};
+
+    use super::{Linked, Solvers};
+    use crate::{
+        load::{fall_silent, say, speak_up},
+        prepared::EXIT_ERROR,
+    };
+
+    /// Time that the first rank is given to tell an error that all ranks have.
+    const FIRST_SPEAKS: Duration = Duration::from_secs(2);
 
     /// A library at work.
     pub(crate) struct Running {
-        _session: Option<Session>,
+        session: Option<Session>,
     }
 
     impl Solvers {
@@ -41,23 +51,44 @@ mod linked {
         }
     }
 
-    /// Starts the library of these solvers, or says why not: on one rank of several, the others have nothing to say. It runs as long as what is returned lives.
+    /// Starts the library of these solvers; it runs as long as what is returned lives. Of several ranks the first one
+    /// speaks.
     pub(crate) fn start(solvers: Solvers) -> Result<Running, String> {
         if solvers == Solvers::Own {
-            return Ok(Running { _session: None });
+            return Ok(Running { session: None });
         }
         let session = Session::start().map_err(|failure| failure.to_string())?;
-        match (session.size(), session.rank()) {
-            (1, _) => {}
-            (n, 0) => {
-                return Err(format!(
-                    "the program was started on {n} ranks, and a run goes on one\n  = help: start it without mpirun; \
-                     --threads assembles on more cores (docs/scale.md)"
-                ));
-            }
-            _ => return Err(String::new()),
+        if session.rank() > 0 {
+            fall_silent();
         }
-        Ok(Running { _session: Some(session) })
+        Ok(Running { session: Some(session) })
+    }
+
+    impl Running {
+        /// True if the run goes on several ranks.
+        pub(crate) fn is_shared(&self) -> bool {
+            self.session.as_ref().is_some_and(|session| session.size() > 1)
+        }
+
+        /// True on the rank that writes files and speaks.
+        pub(crate) fn is_first(&self) -> bool {
+            self.session.as_ref().is_none_or(|session| session.rank() == 0)
+        }
+
+        /// Ends the library. An error ends all ranks: those that do not have it would wait for this one.
+        pub(crate) fn end(self, code: ExitCode) -> ExitCode {
+            let Some(session) = self.session.filter(|session| session.size() > 1) else { return code };
+            if code == ExitCode::from(EXIT_ERROR) {
+                if session.rank() > 0 {
+                    std::thread::sleep(FIRST_SPEAKS);
+                    if let Some(unsaid) = speak_up() {
+                        say(&format!("rank {}: {unsaid}", session.rank()));
+                    }
+                }
+                session.abort(EXIT_ERROR);
+            }
+            code
+        }
     }
 
     /// Says why these solvers are not there.
@@ -85,6 +116,23 @@ mod linked {
         missing(solvers).map_or(Ok(Running), Err)
     }
 
+    impl Running {
+        /// There is one rank.
+        pub(crate) fn is_shared(&self) -> bool {
+            false
+        }
+
+        /// This one.
+        pub(crate) fn is_first(&self) -> bool {
+            true
+        }
+
+        /// Has nothing to end.
+        pub(crate) fn end(self, code: std::process::ExitCode) -> std::process::ExitCode {
+            code
+        }
+    }
+
     /// Says why these solvers are not there.
     pub(crate) fn missing(solvers: Solvers) -> Option<String> {
         (solvers != Solvers::Own).then(|| {
@@ -94,4 +142,4 @@ mod linked {
     }
 }
 
-pub(crate) use linked::{missing, start};
+pub(crate) use linked::{Running, missing, start};

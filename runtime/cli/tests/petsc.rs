@@ -97,10 +97,15 @@ mod linked {
 
     /// Both runs of a scene agree; what the solver of the second says of itself.
     fn agree(scene: &Path, backend: &str, settings: &[&str]) -> String {
-        let (own, other) = (report(scene, "own", settings), report(scene, backend, settings));
-        let name = format!("{} {settings:?} {backend}", scene.display());
-        assert_eq!(iterations(&own), iterations(&other), "Newton iterations of {name}");
-        let (own, found) = (measures(&own), measures(&other));
+        let other = report(scene, backend, settings);
+        same(&report(scene, "own", settings), &other, &format!("{} {settings:?} {backend}", scene.display()));
+        solver(&other)
+    }
+
+    /// Two runs have the same Newton iterations and measures.
+    fn same(own: &Value, other: &Value, name: &str) {
+        assert_eq!(iterations(own), iterations(other), "Newton iterations of {name}");
+        let (own, found) = (measures(own), measures(other));
         assert_eq!(own.len(), found.len(), "{name}");
         let size = |values: &[f64]| values.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let of_all = own.iter().map(|(_, values)| size(values)).fold(0.0, f64::max);
@@ -110,7 +115,6 @@ mod linked {
             let apart = size(&apart);
             assert!(apart <= WITHIN * largest, "{name}: {measure} differs by {apart:e} of {largest:e}");
         }
-        solver(&other)
     }
 
     /// Both methods of PETSc agree with the solvers of this program.
@@ -216,6 +220,55 @@ mod linked {
         let found = ["gamma=2.5e4", "gamma=2.5e5", "gamma=2.5e6"].map(of);
         let (low, high) = found.iter().fold((f64::INFINITY, 0.0f64), |(l, h), x| (l.min(*x), h.max(*x)));
         assert!(high <= 60.0 && high <= 1.2 * low, "iterations a solution: {found:?}");
+    }
+
+    /// The command on several ranks, more than there are cores if need be.
+    fn on_ranks(n: usize, arguments: &[&str]) -> Output {
+        let mut command = Command::new("mpirun");
+        command.args(["--oversubscribe", "-n", &n.to_string(), env!("CARGO_BIN_EXE_wfl")]).args(arguments);
+        for name in ["OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"] {
+            command.env(name, "1");
+        }
+        command.output().expect("mpirun starts")
+    }
+
+    /// A run on several ranks has the iterations and measures of one with our own solvers, and one rank tells.
+    fn ranks_agree(scene: &Path, backend: &str, n: usize) {
+        let out = scene.with_extension(format!("ranks{n}"));
+        let (file, folder) = (scene.display().to_string(), out.display().to_string());
+        let done = on_ranks(n, &["run", &file, "--out", &folder, "--backend", backend]);
+        let (told, summary) = (String::from_utf8_lossy(&done.stderr), String::from_utf8_lossy(&done.stdout));
+        assert!(done.status.success(), "{n} ranks: {told}");
+        assert_eq!(summary.matches("unknowns, ").count(), 1, "{n} ranks: {summary}");
+        let text = std::fs::read_to_string(out.join("report.json")).expect("a report");
+        let shared: Value = serde_json::from_str(&text).expect("JSON");
+        same(&report(scene, "own", &[]), &shared, &format!("{file} on {n} ranks with {backend}"));
+    }
+
+    #[test]
+    fn several_ranks_have_the_measures_of_one() {
+        let folder = Folder::new("petsc-ranks");
+        let fault = scene(&folder, "fault", "nitsche.wfl", SMALL_FAULT);
+        (1..=4).for_each(|n| ranks_agree(&fault, "petsc:iterative", n));
+        ranks_agree(&fault, "petsc:direct", 2);
+        ranks_agree(&fault.with_file_name("augmented_lagrangian.wfl"), "petsc:iterative", 3);
+        let folder = Folder::new("petsc-ranks-strain");
+        ranks_agree(&scene(&folder, "hyperelastic", "contact.wfl", &[]), "petsc:iterative", 2);
+        let folder = Folder::new("petsc-ranks-plane");
+        ranks_agree(&scene(&folder, "heat", "heat.wfl", &[]), "petsc", 2);
+    }
+
+    #[test]
+    fn an_error_on_all_ranks_is_told_once_and_ends_them() {
+        let begin = std::time::Instant::now();
+        let told = on_ranks(2, &["run", "no_such_scene.wfl", "--backend", "petsc"]);
+        let text = String::from_utf8_lossy(&told.stderr).into_owned();
+        assert!(!told.status.success() && text.matches("error: ").count() == 1, "{text}");
+        assert!(begin.elapsed().as_secs() < 5, "{:?}", begin.elapsed());
+        let scene = examples().join("elasticity/block.wfl").display().to_string();
+        let told = on_ranks(2, &["run", &scene, "--backend", "petsc", "--resume"]);
+        let text = String::from_utf8_lossy(&told.stderr).into_owned();
+        assert_eq!(text.matches("--resume does not go with several ranks").count(), 1, "{text}");
     }
 
     #[test]

@@ -16,7 +16,7 @@ use wfl_sparse::{
 
 use crate::{
     method::{Choice, Method, in_words, method},
-    objects::{Call, Failure, Kind, Matrix, Solver, gather},
+    objects::{Call, Failure, Kind, Matrix, Solver, agree, gather},
     rows::{Numbers, Structure, middle_of_diagonal},
 };
 
@@ -231,6 +231,22 @@ impl PetscEngine {
     }
 }
 
+/// Refuses numbers that are not the same on all ranks: each of them assembles the whole problem, so that every decision is
+/// the same on all, and processors that round otherwise would leave them waiting for each other.
+fn agreed(call: &Call, what: &str, numbers: &[f64]) -> Result<(), SolveError> {
+    if call.ranks().all == 1 {
+        return Ok(());
+    }
+    // by position and bits (the multiplier of Knuth's generator MMIX)
+    let mixed = |hash: u64, x: &f64| (hash.rotate_left(5) ^ x.to_bits()).wrapping_mul(6_364_136_223_846_793_005);
+    if agree(call, numbers.iter().fold(numbers.len() as u64, mixed))? {
+        return Ok(());
+    }
+    Err(SolveError::Library {
+        text: format!("the ranks have {what} that differ: they need processors of one kind and the same program"),
+    })
+}
+
 /// Rows in their order, shared out evenly: for factors, which have an order of their own.
 fn in_order(n: usize, own: usize, all: usize) -> Result<Numbers, SolveError> {
     let places: Vec<u32> = (0..u32::try_from(n).map_err(|_| SolveError::TooLarge { what: "the matrix" })?).collect();
@@ -241,11 +257,13 @@ fn in_order(n: usize, own: usize, all: usize) -> Result<Numbers, SolveError> {
 impl Engine for PetscEngine {
     fn take(&mut self, matrix: &Csr) -> Result<(), SolveError> {
         let call = Call::begin()?;
+        agreed(&call, "matrices", matrix.values())?;
         self.load(&call, matrix)
     }
 
     fn solve(&mut self, matrix: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<usize, SolveError> {
         let call = Call::begin()?;
+        agreed(&call, "right-hand sides", rhs)?;
         let before = self.counts.iterations;
         self.counts.solutions += 1;
         loop {

@@ -21,6 +21,8 @@ unsafe extern "C" {
     pub(super) fn wfl_last_error() -> *const c_char;
     pub(super) fn wfl_start(rank: *mut c_int, size: *mut c_int) -> c_int;
     pub(super) fn wfl_finish();
+    pub(super) fn wfl_abort(code: c_int);
+    pub(super) fn wfl_agree(number: u64, same: *mut c_int) -> c_int;
     pub(super) fn wfl_matrix_new(
         n: c_int,
         block: c_int,

@@ -124,8 +124,23 @@ impl Session {
     }
 }
 
+impl Session {
+    /// Ends the run on all ranks at once: what one of them cannot go on with the others would wait for. Does not return
+    /// where there are several; one rank alone has nobody to wait for it.
+    pub fn abort(self, code: u8) {
+        if self.ranks.all > 1 {
+            // SAFETY: MPI runs as long as the session lives.
+            unsafe { ffi::wfl_abort(code.into()) };
+        }
+    }
+}
+
 impl Drop for Session {
     fn drop(&mut self) {
+        if std::thread::panicking() && self.ranks.all > 1 {
+            // SAFETY: as above; the others would wait at the end of MPI.
+            unsafe { ffi::wfl_abort(101) };
+        }
         let mut open = door();
         give_back();
         *open = None;
@@ -153,6 +168,14 @@ impl Call {
     pub(crate) fn ranks(&self) -> Ranks {
         self.open.expect("looked at when the call began")
     }
+}
+
+/// Whether all ranks have the same number.
+pub(crate) fn agree(_call: &Call, number: u64) -> Result<bool, Failure> {
+    let mut same = 0;
+    // SAFETY: the number outlives the call.
+    check(unsafe { ffi::wfl_agree(number, &mut same) })?;
+    Ok(same != 0)
 }
 
 /// A square sparse matrix, rows by rank.

@@ -53,11 +53,25 @@ int wfl_start(int *rank, int *size)
   PetscCall(PetscPopSignalHandler()); /* signals are the program's */
   PetscCall(PetscPushErrorHandler(keep, NULL));
   PetscCall(PetscOptionsInsertString(NULL, options));
-  /* what a user asks for goes before what stands above */
-  if (getenv("PETSC_OPTIONS")) PetscCall(PetscOptionsInsertString(NULL, getenv("PETSC_OPTIONS")));
   MPI_Comm_rank(PETSC_COMM_WORLD, rank);
   MPI_Comm_size(PETSC_COMM_WORLD, size);
+  /* products of distributed matrices that have the same bits in every run */
+  if (*size > 1) PetscCall(PetscOptionsInsertString(NULL, "-matptap_via allatonce"));
+  /* what a user asks for goes before what stands above */
+  if (getenv("PETSC_OPTIONS")) PetscCall(PetscOptionsInsertString(NULL, getenv("PETSC_OPTIONS")));
   return 0;
+}
+
+/* Ends all ranks at once. */
+void wfl_abort(int code) { MPI_Abort(PETSC_COMM_WORLD, code); }
+
+/* Whether all ranks have the same number. */
+int wfl_agree(unsigned long long number, int *same)
+{
+  unsigned long long own[2] = {number, ~number}, least[2];
+  int code = MPI_Allreduce(own, least, 2, MPI_UNSIGNED_LONG_LONG, MPI_MIN, PETSC_COMM_WORLD);
+  *same = least[0] == ~least[1];
+  return code;
 }
 
 void wfl_finish(void)
