@@ -290,7 +290,8 @@ mod linked {
             load u = [1,0,0] on right\n";
         std::fs::write(&file, text).expect("writable");
         for backend in ["own", "petsc:direct", "petsc:iterative"] {
-            let out = wfl(&["run", &file.display().to_string(), "--backend", backend, "--quiet"]);
+            let results = folder.0.join("out").display().to_string();
+            let out = wfl(&["run", &file.display().to_string(), "--backend", backend, "--quiet", "--out", &results]);
             let told = String::from_utf8_lossy(&out.stderr).into_owned();
             assert!(out.status.code() == Some(1) && told.contains("E602"), "{backend}: {told}");
         }
