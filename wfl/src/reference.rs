@@ -61,14 +61,14 @@ pub fn statement_table() -> String {
     text
 }
 
-/// The page of a statement: its forms, with what holds without it; `None` for a word that starts none.
+/// The page of a statement: its forms, each with its default; `None` for a word that starts none.
 #[must_use]
 pub fn statement_page(word: &str) -> Option<String> {
     let mut text = String::new();
     for row in statements::ROWS.iter().filter(|r| r.word == word) {
         let _ = writeln!(text, "{}\n    {}.", row.usage, row.meaning);
         if !row.default.is_empty() {
-            let _ = writeln!(text, "    Without it: {}.", row.default);
+            let _ = writeln!(text, "    Default: {}.", row.default);
         }
     }
     (!text.is_empty()).then_some(text)

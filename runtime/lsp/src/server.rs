@@ -16,7 +16,7 @@ use crate::{
 /// Serves until the editor says good-bye.
 pub(crate) fn serve(connection: &Connection, options: Options) -> Result<(), String> {
     let capabilities = serde_json::to_value(capabilities()).map_err(|e| e.to_string())?;
-    connection.initialize(capabilities).map_err(|e| e.to_string())?;
+    connection.initialize(capabilities).map_err(|e| format!("no editor speaks on standard input: {e}"))?;
     let (jobs, found) = check::start(options.pause).map_err(|e| e.to_string())?;
     let (runs, ended) = unbounded();
     let state = State::new(connection.sender.clone(), options, jobs, runs);

@@ -59,7 +59,7 @@ fn what_is_under_the_cursor_is_explained() {
             &["`pos_part(Pn)*Normal`: vector(3), nonlinear in the unknowns, with kinks"],
         ),
         ("fault.wfl", "Sym(Grad_v)", 0, &["Sym(M)", "matrix(3,3)"]),
-        ("fault.wfl", "steps t", 0, &["steps t = a to b by c", "Without it: one solve."]),
+        ("fault.wfl", "steps t", 0, &["steps t = a to b by c", "Default: one solve."]),
         ("fault.wfl", "region fault", 8, &["interface from left to right"]),
         ("fault.wfl", "sigma(uL):Grad_Test_uL", 9, &["scalar, linear in the unknowns, linear in a test function"]),
     ] {

@@ -107,7 +107,9 @@ fn npm_packs_the_extension_where_node_is_there() {
         return;
     };
     assert!(parsed, "{told}");
-    if !node(&at, npm, &["view", "vscode-languageclient", "version"]).is_some_and(|n| n.0) {
+    if !node(&at, npm, &["view", "vscode-languageclient", "version", "--fetch-retries=0", "--fetch-timeout=10000"])
+        .is_some_and(|n| n.0)
+    {
         eprintln!("skipped: npm is not there, or finds no registry");
         return;
     }

@@ -26,7 +26,7 @@ pub(crate) fn statement(word: &str) -> Option<String> {
     for row in statement_rows().iter().filter(|r| r.word == word) {
         text.push_str(&format!("{}\n\n{}.", row.usage, row.meaning));
         if !row.default.is_empty() {
-            text.push_str(&format!(" Without it: {}.", row.default));
+            text.push_str(&format!(" Default: {}.", row.default));
         }
         text.push_str("\n\n");
     }
