@@ -271,7 +271,8 @@ fn richer(script: &mut ResolvedScript) -> Option<()> {
     Some(())
 }
 
-/// By how much the degree of a given rule is raised: its points are others, and two more in each direction.
+/// By how much the degree of a given rule is raised: its points are others, and two more in each direction. With one more
+/// the errors of the rule at contact are too much alike: an estimate for the manufactured contact was 0.44 of the error.
 const MORE_DEGREES: f64 = 4.0;
 
 fn degree(script: &mut ResolvedScript, value: &str) -> Option<()> {

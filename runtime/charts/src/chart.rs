@@ -103,7 +103,7 @@ impl Chart {
     #[must_use]
     pub fn map(mut self, label: impl Into<String>, cells: impl IntoIterator<Item = MapCell>) -> Self {
         let meaning = Meaning::Quantity(label.into());
-        self.map = Some(Map { meaning, cells: cells.into_iter().collect(), range: None });
+        self.map = Some(Map { meaning, cells: cells.into_iter().collect(), range: None, edges: false });
         self
     }
 
@@ -112,6 +112,15 @@ impl Chart {
     pub fn map_range(mut self, low: f64, high: f64) -> Self {
         if let Some(map) = &mut self.map {
             map.range = Some([low, high]);
+        }
+        self
+    }
+
+    /// The cells of a map have thin edges: a mesh is what is to be seen.
+    #[must_use]
+    pub fn map_edges(mut self) -> Self {
+        if let Some(map) = &mut self.map {
+            map.edges = true;
         }
         self
     }
@@ -126,7 +135,12 @@ impl Chart {
     ) -> Self {
         let class = |colour: Option<Colour>| colour.map_or_else(|| "o".to_owned(), Colour::class);
         let states = states.into_iter().map(|(name, colour)| (name.into(), class(colour))).collect();
-        self.map = Some(Map { meaning: Meaning::States(states), cells: cells.into_iter().collect(), range: None });
+        self.map = Some(Map {
+            meaning: Meaning::States(states),
+            cells: cells.into_iter().collect(),
+            range: None,
+            edges: false,
+        });
         self
     }
 

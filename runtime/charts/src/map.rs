@@ -45,4 +45,6 @@ pub(crate) struct Map {
     pub(crate) cells: Vec<MapCell>,
     /// The range of the ramp, so that several maps can share it; that of the numbers if `None`.
     pub(crate) range: Option<[f64; 2]>,
+    /// Cells have a thin rim, so that a mesh is seen.
+    pub(crate) edges: bool,
 }

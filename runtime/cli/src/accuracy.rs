@@ -79,7 +79,7 @@ pub(crate) fn run(
     let mut whole = Whole { args, last: None };
     let picked = pick(&job, loaded, scene, &mut whole);
     match (picked, whole.last) {
-        (Ok(picked), Some(ready)) => ended(args, &picked, &ready),
+        (Ok(mut picked), Some(ready)) => ended(args, &mut picked, &ready),
         (Ok(_), None) => ExitCode::from(EXIT_ERROR),
         (Err(Out::Failed(why)), _) => {
             say(&error_line(why.trim_start_matches("error: ")));
@@ -89,8 +89,8 @@ pub(crate) fn run(
 }
 
 /// Writes what was found into the report, and tells it.
-fn ended(args: &RunArgs, picked: &Picked, ready: &Ready) -> ExitCode {
-    let Picked { solved, loaded, record, short } = picked;
+fn ended(args: &RunArgs, picked: &mut Picked, ready: &Ready) -> ExitCode {
+    let Picked { solved, loaded, record, short, mesh } = picked;
     ready.announce(loaded, &solved.scene);
     if !args.quiet {
         out(&told(record));
@@ -100,7 +100,7 @@ fn ended(args: &RunArgs, picked: &Picked, ready: &Ready) -> ExitCode {
         }
     }
     if let Some(folder) = &ready.options.out
-        && let Err(error) = rewrite(folder, &solved.outcome.report)
+        && let Err(error) = rewrite(folder, &mut solved.outcome.report, mesh)
     {
         say(&told_of_folder(&error));
         return ExitCode::from(EXIT_ERROR);
@@ -151,6 +151,13 @@ fn told(record: &AccuracyRecord) -> String {
         error(record.tolerance.0),
         error(record.method.0)
     );
+    if let Some(truth) = record.truth {
+        text += &format!(
+            "  true error {}, against the exact solution of the scene: the estimate is {:.2} times as large\n",
+            error(truth.0),
+            record.estimate.0 / truth.0
+        );
+    }
     for why in &record.why {
         text += &format!("  {why}\n");
     }

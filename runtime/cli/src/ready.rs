@@ -92,6 +92,7 @@ pub(crate) fn ready(
         version: VERSION.to_owned(),
         parse_seconds,
         check_seconds,
+        judge: true,
         started,
         warnings: loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
         about: loaded.about(),

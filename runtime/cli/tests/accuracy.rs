@@ -88,6 +88,28 @@ fn a_scene_can_say_its_accuracy() {
 }
 
 #[test]
+fn the_mesh_of_a_demand_is_written_with_the_shares_of_the_error_and_shown_in_the_report() {
+    let out = folder("mesh");
+    let scene = signorini(&out, "");
+    let place = out.join("run");
+    let (said, code, report) = run(&scene, &["--accuracy", "1e-2", "--of", "H1"], &place);
+    assert_eq!(code, Some(0), "{said}");
+    let file = place.join("accuracy_mesh.vtu");
+    let text = String::from_utf8_lossy(&std::fs::read(&file).expect("the mesh")).into_owned();
+    let cells = report["accuracy"]["cells"].as_u64().expect("cells");
+    assert!(text.contains(&format!("NumberOfCells=\"{cells}\"")), "{said}");
+    assert!(text.contains("Name=\"share_of_error\"") && text.contains("Name=\"refined\""), "{said}");
+    assert!(report["files"].as_array().is_some_and(|f| f.iter().any(|n| n == "accuracy_mesh.vtu")));
+    // the exact solution of the scene: its own error measure agrees with the one that is told
+    let told = report["accuracy"]["truth"].as_f64().expect("a true error");
+    assert!((told / true_errors(&report)[1] - 1.0).abs() < 1e-2, "{told} {:?}", true_errors(&report));
+    let page = wfl(&["report", &place.display().to_string()]);
+    assert!(page.status.success());
+    let page = std::fs::read_to_string(place.join("report.html")).expect("a page");
+    assert!(page.contains("Demanded accuracy") && page.contains("Mesh and where its error came from"));
+}
+
+#[test]
 fn the_same_demand_gives_the_same_mesh_and_the_same_bits() {
     let out = folder("again");
     let scene = signorini(&out, "");
@@ -161,7 +183,14 @@ fn what_cannot_be_had_in_time_is_told_and_the_best_is_kept() {
 #[test]
 fn a_mesh_from_a_file_is_refined_too() {
     let out = folder("file");
-    let (said, code, report) = run("mapping/pressed.wfl", &["--accuracy", "0.1"], &out);
+    // its expectations hold where the faces of one body are parts of those of the other
+    let text = std::fs::read_to_string(examples().join("mapping/pressed.wfl")).expect("the scene");
+    let mesh = text.lines().find_map(|l| l.strip_prefix("mesh file \"")?.split('"').next()).expect("its mesh");
+    std::fs::copy(examples().join("mapping").join(mesh), out.join(mesh)).expect("a copy");
+    let kept: Vec<&str> = text.lines().filter(|l| !l.starts_with("expect")).collect();
+    std::fs::write(out.join("scene.wfl"), kept.join("\n")).expect("a file");
+    let scene = out.join("scene.wfl").display().to_string();
+    let (said, code, report) = run(&scene, &["--accuracy", "0.1"], &out.join("run"));
     assert_eq!(code, Some(0), "{said}");
     assert!(report["accuracy"]["reached"] == true && report["accuracy"]["rounds"].as_u64() > Some(0), "{said}");
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use wfl_runtime::{
+    accuracy::MESH_FILE,
     input::{InputError, InputKind, read_input},
     output::{Kind, MANIFEST_FILE, OutputDir, OutputError, REPORT_FILE, Report, State},
 };
@@ -67,6 +68,8 @@ pub struct RunFolder {
     pub(crate) report: Report,
     pub(crate) grids: Vec<Series>,
     pub(crate) tables: Vec<Series>,
+    /// The mesh of a run with a demanded accuracy.
+    pub(crate) mesh: Option<PathBuf>,
 }
 
 impl RunFolder {
@@ -103,9 +106,11 @@ impl RunFolder {
                 return Err(damaged(&folder.join(name), "it is missing"));
             }
         }
-        let grids = series(folder, &report.files, ".vtu");
+        let mut grids = series(folder, &report.files, ".vtu");
+        grids.retain(|s| s.steps.iter().all(|(_, file)| !file.ends_with(MESH_FILE)));
+        let mesh = report.files.iter().any(|f| f == MESH_FILE).then(|| folder.join(MESH_FILE));
         let tables = series(folder, &report.files, ".csv");
-        Ok(RunFolder { dir, report, grids, tables })
+        Ok(RunFolder { dir, report, grids, tables, mesh })
     }
 
     /// The folder, to put a page into.

@@ -6,6 +6,7 @@
 //! Does not run or judge anything: every number is one of the files, or its size or direction.
 #![forbid(unsafe_code)]
 
+mod accuracy;
 mod fault;
 mod folder;
 mod grid;

@@ -3,7 +3,7 @@
 use wfl_charts::{Page, Section};
 
 use crate::{
-    fault,
+    accuracy, fault,
     folder::{ReportError, RunFolder},
     picture::Picture,
     profile, solver,
@@ -30,6 +30,7 @@ impl Pages {
     pub fn new(run: &RunFolder, at: &[f64]) -> Result<Self, ReportError> {
         let chosen = chosen(run, at);
         let mut parts = vec![(solver::summary(run), Vec::new()), (solver::checks(run), Vec::new())];
+        parts.extend(accuracy::section(run)?);
         parts.push(solver::contact(run));
         parts.extend(fault::sections(run, &chosen)?);
         parts.push(measures(run));

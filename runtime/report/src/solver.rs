@@ -173,6 +173,10 @@ pub(crate) fn time(run: &RunFolder) -> (Section, Vec<Picture>) {
         ("solve", t.solve),
         ("write", t.write),
     ];
+    let searched = run.report.accuracy.iter().flat_map(|a| a.trial_runs.split_last()).flat_map(|(_, before)| before);
+    let searched: f64 = searched.map(|t| t.seconds).sum();
+    let parts = parts.into_iter().chain((searched > 0.0).then_some(("other meshes", searched)));
+    let parts: Vec<(&str, f64)> = parts.collect();
     let rest = t.total - parts.iter().map(|p| p.1).sum::<f64>();
     let note = |name: &str, s: f64| {
         format!("{name}: {} s, {} % of {} s", short(s), short(100.0 * s / t.total), short(t.total))

@@ -14,6 +14,7 @@
 mod adjoint;
 mod marking;
 mod outcome;
+mod picture;
 mod record;
 mod search;
 #[cfg(test)]
@@ -22,6 +23,7 @@ mod ways;
 
 pub use adjoint::{Indicator, Pair};
 pub use outcome::{Cost, Found, Out, Short, Trials};
+pub use picture::{MESH_FILE, REFINED, SHARE, mesh_piece};
 pub use record::{AccuracyRecord, Marks, Other, Rounds, TrialRun, marks_of, rounds_of};
 pub use search::seek;
 pub use ways::{Role, Wanted, Ways, lean, method_word, work};

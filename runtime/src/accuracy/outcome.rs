@@ -71,6 +71,8 @@ pub struct Found<R> {
     pub record: AccuracyRecord,
     /// Why the demand is not met, where it is not.
     pub short: Option<Short>,
+    /// The last known parts of the error by cell (all not negative), of the mesh after so many of the rounds.
+    pub parts: Option<(usize, Vec<f64>)>,
 }
 
 /// Why the search ended before the demand was met.

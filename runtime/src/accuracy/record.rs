@@ -40,6 +40,9 @@ pub struct AccuracyRecord {
     pub estimate: Real,
     /// Whether the estimate is at most the demanded error.
     pub reached: bool,
+    /// The relative error against the exact solution, where the scene defines one (`def exact`) of this quantity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truth: Option<Real>,
     /// Every run that was made, in order.
     pub trial_runs: Vec<TrialRun>,
     /// Estimates of the other quantities of the run.

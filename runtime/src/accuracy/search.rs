@@ -7,8 +7,10 @@
 //! an estimate that fell faster than elements of its degree can is checked before it is believed. All cells are refined
 //! first.
 
+mod told;
+
 use super::{
-    AccuracyRecord, Demand, Found, Out, Role, Rounds, Short, TrialRun, Trials, Ways,
+    Demand, Found, Out, Role, Rounds, Short, TrialRun, Trials, Ways,
     marking::{everything, marked},
     record::Other,
     ways::{Wanted, work},
@@ -42,6 +44,9 @@ const FIRST_TOLERANCE: f64 = 1e-1;
 pub(super) const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-10..=1e-3;
 /// A penalty is raised by at most this factor.
 const MOST_STIFFER: f64 = 1e6;
+/// The error of a richer run may be this part of the demand for that run to judge the next mesh: squares add up in a norm,
+/// so that it adds 5 %.
+const PART_OF_JUDGE: f64 = 0.3;
 /// Meshes without an estimate (a solution that is zero, an iteration that does not converge) before the search gives up.
 const BLIND: usize = 4;
 /// Meshes in a row whose estimates may be no smaller than the best one.
@@ -69,6 +74,26 @@ impl<R> Level<R> {
     fn estimate(&self) -> f64 {
         if self.factor.is_finite() { self.factor * self.apart } else { f64::INFINITY }
     }
+}
+
+/// A mesh that is to be run.
+struct Planned {
+    degree: usize,
+    rounds: Rounds,
+    finer: f64,
+    /// Whether the error on it should be as small as is demanded.
+    enough: bool,
+}
+
+/// What the search ends with.
+struct End {
+    setting: Vec<(String, String)>,
+    rounds: usize,
+    /// Distance from a richer run, and the error that is told.
+    apart: f64,
+    error: f64,
+    others: Vec<Other>,
+    short: Option<Short>,
 }
 
 /// The error of a run over its distance from the run of the next degree, from what a finer mesh shows: the distance from the
@@ -108,6 +133,7 @@ pub fn seek<T: Trials>(trials: &mut T, ways: &Ways, demand: &Demand) -> Result<F
         trial_runs: Vec::new(),
         first: Vec::new(),
         blind: String::new(),
+        parts: Vec::new(),
     };
     search.begin()?;
     search.refine_to_demand()
@@ -128,6 +154,8 @@ struct Search<'a, T: Trials> {
     first: Vec<(usize, T::Run)>,
     /// Why the last level without an estimate has none.
     blind: String,
+    /// The parts of the error by cell, for meshes of so many rounds.
+    parts: Vec<(usize, Vec<f64>)>,
 }
 
 impl<T: Trials> Search<'_, T> {
@@ -267,23 +295,23 @@ impl<T: Trials> Search<'_, T> {
         !self.ways.measures.contains(&self.demand.quantity)
     }
 
-    /// The run of a degree and the next one on a mesh.
-    fn level(&mut self, degree: usize, rounds: &Rounds, finer: f64) -> Result<Level<T::Run>, String> {
+    /// The run of a degree, where it is not there yet, and of the next one on a mesh.
+    fn level(&mut self, mesh: Planned, made: Option<T::Run>) -> Result<Level<T::Run>, String> {
+        let Planned { degree, rounds, finer, .. } = mesh;
         let setting = self.setting(degree, false, finer);
         let take = |list: &mut Vec<(usize, T::Run)>, degree: usize| {
             let at = list.iter().position(|(d, _)| *d == degree && rounds.is_empty())?;
             Some(list.swap_remove(at).1)
         };
-        let run = match take(&mut self.first, degree) {
+        let run = match made.or_else(|| take(&mut self.first, degree)) {
             Some(run) => run,
-            None => self.one(&setting, rounds, false)?,
+            None => self.one(&setting, &rounds, false)?,
         };
-        let rich = self.one(&self.setting(degree, true, finer), rounds, false)?;
+        let rich = self.one(&self.setting(degree, true, finer), &rounds, false)?;
         let apart = self.trials.distance(&run, &rich).unwrap_or_else(|why| {
             self.blind = why;
             f64::INFINITY
         });
-        let rounds = rounds.clone();
         Ok(Level {
             setting,
             rounds,
@@ -300,38 +328,83 @@ impl<T: Trials> Search<'_, T> {
 
     fn refine_to_demand(mut self) -> Result<Found<T::Run>, Out> {
         let degree = self.choose_degree();
-        let mut levels = vec![self.level(degree, &Rounds::new(), 1.0).map_err(Out::Failed)?];
+        let first = Planned { degree, rounds: Rounds::new(), finer: 1.0, enough: false };
+        let mut levels = vec![self.level(first, None).map_err(Out::Failed)?];
         self.first.clear();
         let allowed = self.demand.error - self.other();
         loop {
             // the first that is good enough is the cheapest
             if let Some(good) = levels.iter().position(|l| l.unfit.is_none() && l.estimate() <= allowed) {
-                let level = &levels[good];
-                match self.one(&level.setting, &level.rounds, true) {
-                    Ok(run) => return Ok(self.found(levels, good, run, None)),
+                match self.one(&levels[good].setting, &levels[good].rounds, true) {
+                    Ok(run) => return Ok(self.found_level(&levels, good, run, None)),
                     Err(why) => levels[good].unfit = Some(why),
                 }
                 continue;
             }
-            let stop = self.stop(&levels);
-            let next = match stop {
-                Some(short) => Err(short),
-                None => self.next(&levels, allowed).map_err(Short::Failed),
+            if let Some(short) = self.stop(&levels) {
+                return self.best(levels, short);
+            }
+            let mesh = match self.next(&levels, allowed) {
+                Ok(mesh) => mesh,
+                Err(why) => return self.best(levels, Short::Failed(why)),
             };
-            match next {
-                Ok(next) => self.check(&mut levels, next),
-                Err(short) => return self.best(levels, short),
+            let (made, unfit) = match self.last(&levels, &mesh, allowed) {
+                Some(Ok((run, error))) if error <= allowed => return Ok(self.found_last(&levels, &mesh, run, error)),
+                Some(Ok((run, _))) => (Some(run), None),
+                Some(Err(why)) => (None, Some(why)),
+                None => (None, None),
+            };
+            match self.level(mesh, made) {
+                Ok(next) => self.check(&mut levels, Level { unfit, ..next }),
+                Err(why) => return self.best(levels, Short::Failed(why)),
             }
         }
     }
 
-    /// The level behind the last one.
-    fn next(&mut self, levels: &[Level<T::Run>], allowed: f64) -> Result<Level<T::Run>, String> {
+    /// The mesh behind the last one.
+    fn next(&mut self, levels: &[Level<T::Run>], allowed: f64) -> Result<Planned, String> {
         let here = levels.last().ok_or("no run")?;
-        let (marks, finer) = self.marks(here, allowed)?;
-        let mut rounds = here.rounds.clone();
-        rounds.push(marks);
-        self.level(here.degree, &rounds, finer)
+        let (marks, enough) = self.marks(here, allowed)?;
+        let finer = if self.trials.at_contact(&here.run, &marks) { 2.0 * here.finer } else { here.finer };
+        let rounds = here.rounds.iter().cloned().chain([marks]).collect();
+        Ok(Planned { degree: here.degree, rounds, finer, enough })
+    }
+
+    /// The run with everything that the scene asks for on a mesh that should be the last one, and its error from the richer
+    /// run on the mesh before, where that is so much more accurate that no other is needed: the distance of both is the
+    /// error of the coarser, but for that of the richer.
+    fn last(
+        &mut self,
+        levels: &[Level<T::Run>],
+        mesh: &Planned,
+        allowed: f64,
+    ) -> Option<Result<(T::Run, f64), String>> {
+        let here = levels.last().filter(|l| mesh.enough && l.unfit.is_none() && l.factor.is_finite())?;
+        let judge = self.error_of_richer(levels).filter(|e| *e <= PART_OF_JUDGE * allowed)?;
+        let run = match self.one(&self.setting(here.degree, false, mesh.finer), &mesh.rounds, true) {
+            Ok(run) => run,
+            Err(why) => return Some(Err(why)),
+        };
+        let apart = self.trials.distance(&run, &here.rich).unwrap_or(f64::INFINITY);
+        let sum = if self.is_norm() { apart.hypot(judge) } else { apart + judge };
+        let error = if self.fell(here, apart) { f64::INFINITY } else { here.factor * sum };
+        Some(Ok((run, error)))
+    }
+
+    /// The error of the last richer run, from how far those of the meshes before are away, if it falls no faster than that
+    /// of the coarser runs.
+    fn error_of_richer(&mut self, levels: &[Level<T::Run>]) -> Option<f64> {
+        let (here, before) = levels.split_last()?;
+        let lags = before.iter().rev().take(LAGS);
+        if before.len() < if self.ways.kinked { LAGS } else { 1 } {
+            return None;
+        }
+        lags.map(|level| {
+            let fell = here.apart / level.apart;
+            let apart = self.trials.distance(&level.rich, &here.rich).ok()?;
+            (fell < 1.0).then(|| apart * fell / (1.0 - fell))
+        })
+        .try_fold(0.0f64, |most, error| Some(most.max(error?)))
     }
 
     /// Runs the best level with everything that the scene asks for, where none is good enough.
@@ -341,7 +414,7 @@ impl<T: Trials> Search<'_, T> {
         let mut reason = levels.iter().rev().find_map(|l| l.unfit.clone()).unwrap_or_default();
         for k in order {
             match self.one(&levels[k].setting, &levels[k].rounds, true) {
-                Ok(run) => return Ok(self.found(levels, k, run, Some(short))),
+                Ok(run) => return Ok(self.found_level(&levels, k, run, Some(short))),
                 Err(why) => reason = why,
             }
         }
@@ -377,11 +450,16 @@ impl<T: Trials> Search<'_, T> {
         second.apart <= ROUNDING || second.apart <= first.apart * 0.5f64.powf(order)
     }
 
+    /// Whether an estimate is so much smaller than that of the mesh before that it may be so by accident.
+    fn fell(&self, before: &Level<T::Run>, apart: f64) -> bool {
+        let order = i32::try_from(self.order(before.degree)).unwrap_or(1);
+        apart * FALL < before.apart * 0.5f64.powi(order)
+    }
+
     /// What the checks of a level and of those before say of its estimate.
     fn factor(&self, levels: &[Level<T::Run>], k: usize) -> f64 {
         let (here, first) = (&levels[k], k.saturating_sub(LAGS));
-        let order = i32::try_from(self.order(here.degree)).unwrap_or(1);
-        let fell = k > 0 && here.apart * FALL < levels[k - 1].apart * 0.5f64.powi(order);
+        let fell = k > 0 && self.fell(&levels[k - 1], here.apart);
         let needed = if self.ways.kinked || !self.converges(levels) { 2 } else { 1 };
         let checks: Vec<f64> = levels[first..=k].iter().filter_map(|l| l.checked).collect();
         let (least, most) = checks.iter().fold((f64::INFINITY, 0.0f64), |(a, b), c| (a.min(*c), b.max(*c)));
@@ -415,104 +493,25 @@ impl<T: Trials> Search<'_, T> {
         (self.trials.elapsed() + next > budget).then_some(Short::Budget { next, budget })
     }
 
-    /// The cells to refine, and the factor by which cells at contact become finer.
-    fn marks(&mut self, here: &Level<T::Run>, allowed: f64) -> Result<(Vec<Mark>, f64), String> {
-        let mesh = self.trials.mesh(&here.run);
+    /// The cells to refine, and whether that should be enough.
+    fn marks(&mut self, here: &Level<T::Run>, allowed: f64) -> Result<(Vec<Mark>, bool), String> {
         let begins = here.rounds.is_empty() && self.ways.refines() || here.unfit.is_some();
-        let marks = if here.apart.is_finite() && !begins {
+        let (marks, enough) = if here.apart.is_finite() && !begins {
             let indicator = self.trials.indicator(&here.run, &here.rich)?;
-            let ratio = AIM * allowed / (here.factor.min(MOST_SAFETY) * here.apart);
-            let wanted = if self.is_norm() { ratio * ratio } else { ratio };
+            self.parts.push((here.rounds.len(), indicator.parts.iter().map(|p| p.iter().sum()).collect()));
+            let mesh = self.trials.mesh(&here.run);
+            let power = if self.is_norm() { 2 } else { 1 };
+            let may = (allowed / (here.factor.min(MOST_SAFETY) * here.apart)).powi(power);
             // parts fall with the square of the order of the gradients
             let left = 0.25f64.powi(i32::try_from(here.degree).unwrap_or(1));
-            marked(mesh, &indicator, ((1.0 - wanted) / (1.0 - left)).clamp(PARTS[0], PARTS[1]))
+            let part = ((1.0 - AIM.powi(power) * may) / (1.0 - left)).clamp(PARTS[0], PARTS[1]);
+            (marked(mesh, &indicator, part), 1.0 - part * (1.0 - left) <= may)
         } else {
-            everything(mesh)
+            (everything(self.trials.mesh(&here.run)), false)
         };
         if marks.is_empty() {
             return Err("no cell has a part of the error".to_owned());
         }
-        let finer = if self.trials.at_contact(&here.run, &marks) { 2.0 * here.finer } else { here.finer };
-        Ok((marks, finer))
-    }
-
-    /// The result: a level with its run of the whole scene.
-    fn found(self, mut levels: Vec<Level<T::Run>>, best: usize, run: T::Run, short: Option<Short>) -> Found<T::Run> {
-        let why = self.why(&levels, best);
-        let order = self.order_seen(&levels, best);
-        let level = levels.swap_remove(best);
-        let mesh = level.estimate();
-        let others = self.trials.distances(&level.run, &level.rich).into_iter();
-        let others = others.filter(|(quantity, _)| *quantity != self.demand.quantity);
-        let others = others.map(|(quantity, d)| Other { quantity, error: Real(level.factor * d) }).collect();
-        let estimate = mesh + self.other();
-        let record = AccuracyRecord {
-            asked: self.demand.error,
-            quantity: self.demand.quantity.clone(),
-            picked: level.setting,
-            rounds: level.rounds.len() as u64,
-            cells: self.trials.mesh(&run).n_cells() as u64,
-            why,
-            mesh: Real(mesh),
-            order: Real(order),
-            tolerance: Real(self.tolerance_error),
-            method: Real(self.method_error),
-            estimate: Real(estimate),
-            reached: short.is_none(),
-            trial_runs: self.trial_runs,
-            others,
-        };
-        Found { run, record, short }
-    }
-
-    /// The order in the number of unknowns to the power of one over the dimension, between the first level and the best.
-    fn order_seen(&self, levels: &[Level<T::Run>], best: usize) -> f64 {
-        let dofs = |l: &Level<T::Run>| self.trials.cost(&l.run).dofs as f64;
-        let counts = |l: &&Level<T::Run>| l.apart.is_finite() && dofs(l) > 0.0;
-        let (Some(first), Some(last)) = (levels.iter().find(counts), levels.get(best)) else { return f64::NAN };
-        let sides = (dofs(last) / dofs(first)).ln() / self.ways.dim as f64;
-        if sides > 0.0 { (first.apart / last.apart).ln() / sides } else { f64::NAN }
-    }
-
-    fn why(&self, levels: &[Level<T::Run>], best: usize) -> Vec<String> {
-        let mut why = Vec::new();
-        let cells = |l: &Level<T::Run>| self.trials.mesh(&l.run).n_cells();
-        if let (Some(first), Some(best)) = (levels.first(), levels.get(best)) {
-            why.push(format!(
-                "mesh: {} rounds of refinement where the error comes from, {} to {} cells of degree {}",
-                best.rounds.len(),
-                cells(first),
-                cells(best),
-                best.degree
-            ));
-        }
-        let checks: Vec<String> = levels.iter().filter_map(|l| Some(format!("{:.2}", 1.0 / l.checked?))).collect();
-        if !checks.is_empty() {
-            why.push(format!("estimates over errors against the next mesh: {}", checks.join(", ")));
-        }
-        why.extend(self.why_of_parameters());
-        why
-    }
-
-    fn why_of_parameters(&self) -> Vec<String> {
-        let tol = format!(
-            "tol: {:.0e} adds an error of {:.0e}, measured on the first mesh against {:.0e}",
-            self.tolerance,
-            self.tolerance_error,
-            TOLERANCES.start()
-        );
-        let name = &self.ways.parameter;
-        let method = match self.ways.role {
-            Role::None => None,
-            Role::Consistent => {
-                Some(format!("{name}: the method is consistent; its parameter scales with the cell size at contact"))
-            }
-            Role::Penalty => Some(format!(
-                "{name}: a penalty; {} times that of the scene adds an error of {:.0e}, measured on the first mesh \
-                 against a ten times larger one",
-                self.stiffer, self.method_error
-            )),
-        };
-        std::iter::once(tol).chain(method).collect()
+        Ok((marks, enough))
     }
 }

@@ -8,4 +8,5 @@ mod piece;
 pub use fields::{field_cells, field_grids};
 pub use line::LineSample;
 pub use locate::Located;
+pub(crate) use piece::vtk_cell;
 pub use piece::{Item, SampledPiece};

@@ -217,7 +217,8 @@ pub(super) fn array(name: &str, shape: Shape, values: Vec<f64>) -> Array {
     Array::matrix(name, [m, n], rows)
 }
 
-pub(super) fn vtk_cell(kind: CellKind, degree: usize) -> VtkCell {
+/// The cell of VTK with the nodes of a Lagrange element of degree 1 or 2.
+pub(crate) fn vtk_cell(kind: CellKind, degree: usize) -> VtkCell {
     match (kind, degree) {
         (CellKind::Point, _) => VtkCell::Vertex,
         (CellKind::Segment, 1) => VtkCell::Line,

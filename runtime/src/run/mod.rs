@@ -95,6 +95,8 @@ pub struct RunOptions {
     pub keep_states: bool,
     /// Numbers of the steps whose outputs stay in memory, see [`Outcome::kept`].
     pub keep_outputs: Vec<usize>,
+    /// Converged states are judged: digits, equilibrium, conditions of contact. Runs on the way to another one need none.
+    pub judge: bool,
 }
 
 impl RunOptions {
@@ -119,6 +121,7 @@ impl RunOptions {
             savings: Vec::new(),
             keep_states: false,
             keep_outputs: Vec::new(),
+            judge: true,
         }
     }
 }
@@ -348,6 +351,8 @@ struct Run {
     identity: Hash,
     /// What was written or printed and is not finite, each quantity once.
     bad: Vec<BadOutput>,
+    /// Whether converged states are judged.
+    judges: bool,
     /// Outputs that stay in memory.
     kept: Vec<KeptStep>,
 }
@@ -365,6 +370,7 @@ impl Run {
             identity,
             bad: Vec::new(),
             kept: Vec::new(),
+            judges: options.judge,
         })
     }
 
@@ -476,7 +482,7 @@ impl Run {
         };
         let Reached { history, increment, attempts } = reached.map_err(|error| wrap(self, scene, error))?;
         // the equations are those of the old states; a state that is given has nothing to judge
-        let solved = history.converged() && history.stop != Some(Stop::Given);
+        let solved = self.judges && history.converged() && history.stop != Some(Stop::Given);
         let begin = Instant::now();
         let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
         let judged = judged.map_err(|error| wrap(self, scene, error.into()))?;

@@ -9,19 +9,20 @@ use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
 use wfl_runtime::{
     Outcome, Pruning, Quiet, SampleAt, Samples, Scene,
     accuracy::{
-        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Indicator, Out, Pair, Rounds, Short,
-        Trials, Ways, seek,
+        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Indicator, MESH_FILE, Out, Pair, Rounds,
+        Short, Trials, Ways, mesh_piece, seek,
     },
     compare::{Compared, MEASURE, NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
     knobs::{self, Setting},
     mesh::{CellId, Mesh, RegionSet},
-    output::{OutputDir, OutputError, Report, write_report},
+    output::{OutputDir, OutputError, Piece, Real, Report, write_report, write_vtu},
     refine::Mark,
 };
 
 use crate::{
     Listener, Loaded,
     bench::{Bench, Known, Status, known_of, prepared, remembers},
+    exact,
     scene_file::read_scene,
     setting_text,
 };
@@ -103,6 +104,8 @@ pub struct Picked {
     pub record: AccuracyRecord,
     /// Why the demand is not met, where it is not.
     pub short: Option<Short>,
+    /// Its mesh, with where the error came from.
+    pub mesh: Piece,
 }
 
 /// Finds the setting and runs it; the scene is given as it stands.
@@ -118,14 +121,16 @@ pub fn pick(job: &Job<'_>, loaded: Loaded, scene: Scene, whole: &mut dyn WholeRu
     let bench =
         Bench { backend: job.backend, listener: job.listener, threads: job.threads, only, last: true, rounds: &[] };
     let mut lab = Lab { job, known: &known, ways: &ways, bench, whole };
-    let Found { run, mut record, short } = seek(&mut lab, &ways, job.demand)?;
+    let Found { run, mut record, short, parts } = seek(&mut lab, &ways, job.demand)?;
     let Trial { mut solved, full, .. } = run;
     let Some(loaded) = full else { return Err(failed("the last run has no results".to_owned())) };
+    record.truth = lab.truth(&mut solved, &record.picked).map(Real);
     record.why.extend(free(&solved.outcome.report));
+    let mesh = mesh_piece(&solved.scene, record.rounds as usize, parts.as_ref());
     let report = &mut solved.outcome.report;
     report.accuracy = Some(record.clone());
     report.timings.total = job.started.elapsed().as_secs_f64();
-    Ok(Picked { solved, loaded, record, short })
+    Ok(Picked { solved, loaded, record, short, mesh })
 }
 
 /// Whether a scene has the quantity.
@@ -201,6 +206,19 @@ impl Lab<'_> {
         Ok(trial)
     }
 
+    /// The error of a run against the exact solution, where the scene has one of the quantity asked about.
+    fn truth(&self, solved: &mut Solved, setting: &Setting) -> Option<f64> {
+        let mut exact =
+            read_scene(self.job.file, &self.known.words(setting), "run", &exact::statements(self.known)?).ok()?;
+        self.known.apply(&mut exact.script, setting).ok()?;
+        let outputs = exact.script.outputs.clone();
+        let own =
+            (std::mem::replace(&mut solved.script, exact.script), std::mem::replace(&mut solved.outputs, outputs));
+        let errors = exact::errors(solved, Self::SAMPLER);
+        (solved.script, solved.outputs) = own;
+        errors.ok()?.into_iter().find(|(q, _)| *q == self.job.demand.quantity).map(|(_, e)| e)
+    }
+
     fn fits(&self, scene: &Scene, fineness: usize) -> Result<(), String> {
         if self.ways.fits(&self.known.scene, scene, fineness, SLACK * self.job.demand.error) {
             return Ok(());
@@ -231,12 +249,17 @@ impl Lab<'_> {
     }
 }
 
-/// Puts another report in place of that of a run that has ended.
+/// Puts another report in place of that of a run that has ended, and the mesh of the search beside it.
 ///
 /// # Errors
 /// Of the folder.
-pub fn rewrite(folder: &Path, report: &Report) -> Result<(), OutputError> {
+pub fn rewrite(folder: &Path, report: &mut Report, mesh: &Piece) -> Result<(), OutputError> {
     let dir = OutputDir::open(folder)?;
+    write_vtu(&dir, MESH_FILE, None, std::slice::from_ref(mesh))?;
+    dir.sync()?;
+    if !report.files.iter().any(|f| f == MESH_FILE) {
+        report.files.push(MESH_FILE.to_owned());
+    }
     write_report(&dir, report)?;
     dir.settle()
 }

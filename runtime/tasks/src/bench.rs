@@ -234,6 +234,7 @@ impl Bench<'_> {
             version: VERSION.to_owned(),
             parse_seconds,
             precision,
+            judge: self.only.is_none(),
             ..RunOptions::without_files(threads, started)
         };
         if self.last && !remembers(&scene) && scene.steps.values.len() > 1 {

@@ -11,6 +11,7 @@ pub mod accuracy;
 pub mod advice;
 mod bench;
 pub mod ending;
+mod exact;
 pub mod extremes;
 pub mod folder;
 pub mod import;

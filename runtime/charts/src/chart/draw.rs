@@ -180,6 +180,9 @@ impl Map {
     }
 }
 
+/// Width of the edges of a mesh: thin enough to leave the colours of small cells.
+const EDGE: &str = ".25";
+
 fn draw_map(svg: &mut Svg, f: &Frame, map: &Map) {
     let range = map.shown();
     let ramp = Axis::fit(Scale::Linear, range.into_iter(), false, 5);
@@ -190,7 +193,8 @@ fn draw_map(svg: &mut Svg, f: &Frame, map: &Map) {
                 let at = ramp.at(cell.value).unwrap_or(f64::NAN);
                 let colour = viridis(at);
                 // a rim of the same colour closes the hairlines between neighbours
-                let paint = format!(r#"class="z" fill="{colour}" stroke="{colour}" stroke-width=".6""#);
+                let rim = if map.edges { ("#ffffff", EDGE) } else { (colour.as_str(), ".6") };
+                let paint = format!(r#"class="z" fill="{colour}" stroke="{}" stroke-width="{}""#, rim.0, rim.1);
                 (paint, format!("{label} = {}", short(cell.value)))
             }
             Meaning::States(states) => state(states, cell),

@@ -15,7 +15,7 @@ use super::{
     front::{front, method, points, quantities, source, words},
     page,
     table::{self, Row},
-    verdict,
+    verdict::{self, Met},
 };
 
 /// One sweep of the study.
@@ -33,6 +33,8 @@ struct Part {
     reference_knobs: &'static [&'static str],
     /// The quantities with a figure.
     figures: &'static [&'static str],
+    /// The scenes with a figure of the error of the gradients over the unknowns.
+    over_unknowns: &'static [&'static str],
 }
 
 const FAULT: &[&str] =
@@ -58,6 +60,7 @@ const PARTS: &[Part] = &[
         reference: "auto",
         reference_knobs: &["degree=2", "refine=1", "tol=1e-10", "crowd=1", "gamma=5e6"],
         figures: &["H1", "slip", "traction"],
+        over_unknowns: &[],
     },
     Part {
         name: "quadratic",
@@ -78,6 +81,7 @@ const PARTS: &[Part] = &[
         reference: "auto",
         reference_knobs: &["degree=2", "refine=2", "tol=1e-7", "crowd=1", "gamma=5e6"],
         figures: &["L2", "H1", "slip"],
+        over_unknowns: &[],
     },
     Part {
         name: "signorini",
@@ -96,6 +100,7 @@ const PARTS: &[Part] = &[
         reference: "exact",
         reference_knobs: &[],
         figures: &["H1", "L2", "pressure"],
+        over_unknowns: &[],
     },
     Part {
         name: "crack",
@@ -111,6 +116,28 @@ const PARTS: &[Part] = &[
         reference: "auto",
         reference_knobs: &["degree=2", "refine=16/5"],
         figures: &["H1", "slip"],
+        over_unknowns: &[],
+    },
+    Part {
+        name: "singular",
+        title: "Singular solutions on uniform and on locally refined meshes (two-dimensional, exact solutions known)",
+        text: "An L-shaped domain (r^(2/3)) and the tip of a crack (r^(1/2)). The runs of the table have uniform meshes; \
+               the line `refined locally` has those that `wfl run --accuracy` finds.",
+        findings: &[
+            "On uniform meshes the singularity decides: the error of the gradients falls as n^(-1/3) at the corner and \
+             n^(-1/4) at the tip with the number n of unknowns, for both degrees. Refined locally, it falls as n^(-1) with \
+             quadratic elements, as for a smooth solution.",
+        ],
+        words: &[
+            "runtime/cli/tests/known/corner.wfl",
+            "runtime/cli/tests/known/tip.wfl",
+            "refine=1/2,1,2,4,8,16",
+            "degree=1,2",
+        ],
+        reference: "exact",
+        reference_knobs: &[],
+        figures: &["H1"],
+        over_unknowns: &["corner", "tip"],
     },
     Part {
         name: "hyperelastic",
@@ -130,6 +157,7 @@ const PARTS: &[Part] = &[
         reference: "auto",
         reference_knobs: &["degree=2", "refine=2", "fric=0.3"],
         figures: &["H1", "traction"],
+        over_unknowns: &[],
     },
     Part {
         name: "pruning",
@@ -148,6 +176,7 @@ const PARTS: &[Part] = &[
         reference: "none",
         reference_knobs: &[],
         figures: &[],
+        over_unknowns: &[],
     },
 ];
 
@@ -167,6 +196,7 @@ const PRUNED: &[&str] = &[
 /// In words.
 pub fn study(job: &Job<'_>, docs: &Path) -> Result<(), String> {
     let mut text = String::from(HEAD);
+    let mut tables = Vec::new();
     for part in PARTS {
         let folder = PathBuf::from("out/study").join(part.name);
         job.listener.progress(&format!("study: {}", part.title));
@@ -188,15 +218,32 @@ pub fn study(job: &Job<'_>, docs: &Path) -> Result<(), String> {
         super::sweep(&own)?;
         let rows = table::read(&folder).map_err(|e| e.to_string())?;
         text += &section(part, &own, &rows);
-        for (name, chart) in page::charts(&rows) {
-            if part.figures.iter().any(|f| name == page::plot_name(f)) {
-                let file = docs.join(format!("{}_{name}.svg", part.name));
-                write_file(&file, &chart.svg())?;
-            }
-        }
+        tables.push((part, rows));
     }
-    text += &verdict::section(job)?;
+    let met = verdict::runs(job)?;
+    for (part, rows) in &tables {
+        figures(docs, part, rows, &met)?;
+    }
+    text += &verdict::section(&met);
     write_file(&docs.join("trade.md"), &text)
+}
+
+/// The figures of a part, each with the runs on meshes that were refined locally.
+fn figures(docs: &Path, part: &Part, rows: &[Row], met: &[Met]) -> Result<(), String> {
+    let own: Vec<&Met> = met.iter().filter(|m| m.parts.contains(&part.name)).collect();
+    for (name, chart) in page::charts(rows) {
+        let Some(figure) = part.figures.iter().find(|f| name == page::plot_name(f)) else { continue };
+        let found = own.iter().filter(|m| m.quantity == *figure).map(|m| m.found).collect::<Vec<_>>();
+        let file = docs.join(format!("{}_{name}.svg", part.name));
+        write_file(&file, &page::with_refined(chart, &found).svg())?;
+    }
+    for scene in part.over_unknowns {
+        let ways: Vec<&[[f64; 2]]> = own.iter().filter(|m| m.scene == *scene).map(|m| m.way.as_slice()).collect();
+        let longest = ways.into_iter().max_by_key(|w| w.len()).unwrap_or_default();
+        let file = docs.join(format!("{}_{scene}_unknowns.svg", part.name));
+        write_file(&file, &page::over_unknowns(scene, rows, longest).svg())?;
+    }
+    Ok(())
 }
 
 /// Writes a page of the documentation under another name first: a reader never sees half of it.
@@ -243,6 +290,9 @@ fn section(part: &Part, job: &Job<'_>, rows: &[Row]) -> String {
     text += &format!("\n```\nwfl sweep {}{}\n```\n\n", job.words.join(" "), reference_words(job));
     for figure in part.figures {
         text += &format!("![{figure}]({}_{}.svg)\n", part.name, page::plot_name(figure));
+    }
+    for scene in part.over_unknowns {
+        text += &format!("![{scene}, over unknowns]({}_{scene}_unknowns.svg)\n", part.name);
     }
     if part.name == "pruning" {
         return text + &pruning(rows);

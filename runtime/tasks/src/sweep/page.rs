@@ -31,6 +31,11 @@ pub(super) fn charts(rows: &[Row]) -> Vec<(String, Chart)> {
     plots.map(|(q, p)| (plot_name(q), chart(q, &p))).collect()
 }
 
+/// A plot with one more line: runs on meshes that were refined where the error comes from, error and time of each.
+pub(super) fn with_refined(chart: Chart, runs: &[[f64; 2]]) -> Chart {
+    if runs.is_empty() { chart } else { chart.line_points(Series::new("refined locally", runs.iter().copied())) }
+}
+
 /// The file of a plot, without its ending.
 pub(super) fn plot_name(quantity: &str) -> String {
     let word: String = quantity.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
@@ -44,6 +49,23 @@ pub(super) fn title(quantity: &str) -> String {
         "H1" => "gradients of the unknowns (H1)".to_owned(),
         other => other.to_owned(),
     }
+}
+
+/// The error of the gradients of a scene over its unknowns: uniform meshes by degree, and the way of a search.
+pub(super) fn over_unknowns(scene: &str, rows: &[Row], way: &[[f64; 2]]) -> Chart {
+    let mut chart = Chart::new(format!("{scene}: gradients of the unknowns (H1)"))
+        .x("unknowns", Scale::Log)
+        .y("relative error [-]", Scale::Log);
+    let own = || points(rows, "H1").into_iter().filter(|p| method(p.row.text("scene")) == scene);
+    let mut degrees: Vec<&str> = own().map(|p| p.row.text("knob degree")).collect();
+    degrees.sort_unstable();
+    degrees.dedup();
+    for degree in degrees {
+        let of = own().filter(|p| p.row.text("knob degree") == degree);
+        let points = of.filter_map(|p| Some([p.row.value("dofs")?, p.error]));
+        chart = chart.line_points(Series::new(format!("uniform, degree {degree}"), points));
+    }
+    chart.line_points(Series::new("refined locally, estimated", way.iter().copied()))
 }
 
 fn chart(quantity: &str, points: &[Point<'_>]) -> Chart {

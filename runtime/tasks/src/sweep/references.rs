@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     bench::{self, Bench},
-    setting_text,
+    exact, setting_text,
 };
 
 /// The name of the file of a reference, counted from 1.
@@ -51,7 +51,7 @@ impl Sweep<'_> {
             "exact" => {
                 for method in &mut *methods {
                     let help = "write `def exact = ...` (or def exact_u, def exact_slip for an output `slip`)";
-                    method.more = reference::exact_statements(&method.known).ok_or_else(|| {
+                    method.more = exact::statements(&method.known).ok_or_else(|| {
                         format!("{} defines no exact solution\n  = help: {help}", method.path.display())
                     })?;
                     method.references = of_all();

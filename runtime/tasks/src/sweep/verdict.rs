@@ -32,6 +32,20 @@ struct Case {
 
 const CASES: &[Case] = &[
     Case {
+        scene: "runtime/cli/tests/known/corner.wfl",
+        quantity: "H1",
+        parts: &["singular"],
+        reference: "exact",
+        asked: &["1e-1", "1e-2", "1e-3"],
+    },
+    Case {
+        scene: "runtime/cli/tests/known/tip.wfl",
+        quantity: "H1",
+        parts: &["singular"],
+        reference: "exact",
+        asked: &["1e-1", "1e-2", "1e-3"],
+    },
+    Case {
         scene: "examples/signorini/signorini.wfl",
         quantity: "H1",
         parts: &["signorini"],
@@ -88,10 +102,18 @@ safety factor. Its meshes are refined where the error comes from; `marks=REPORT`
 ";
 
 /// One demand: its row, its true error in parts of what was asked, and its time in parts of the cheapest.
-struct Met {
+pub(super) struct Met {
     row: String,
     part: f64,
     times: Option<f64>,
+    /// The name of the scene, the quantity, and the parts of the study with runs of both.
+    pub(super) scene: String,
+    pub(super) quantity: &'static str,
+    pub(super) parts: &'static [&'static str],
+    /// True error and seconds of the run on the mesh that was found.
+    pub(super) found: [f64; 2],
+    /// Unknowns and estimated error of each mesh on the way.
+    pub(super) way: Vec<[f64; 2]>,
 }
 
 /// What the rows say together.
@@ -112,12 +134,16 @@ fn summary(rows: &[Met]) -> String {
     text
 }
 
-/// The section of the study.
-pub(super) fn section(job: &Job<'_>) -> Result<String, String> {
+/// The runs of every demand.
+pub(super) fn runs(job: &Job<'_>) -> Result<Vec<Met>, String> {
     let demands = CASES.iter().flat_map(|case| case.asked.iter().map(move |asked| (case, *asked)));
-    let rows: Vec<Met> = demands.map(|(case, asked)| met(job, case, asked)).collect::<Result<_, _>>()?;
+    demands.map(|(case, asked)| met(job, case, asked)).collect()
+}
+
+/// The section of the study.
+pub(super) fn section(rows: &[Met]) -> String {
     let table: String = rows.iter().map(|r| r.row.as_str()).collect();
-    Ok(format!("{HEAD}{table}{}{TAIL}", summary(&rows)))
+    format!("{HEAD}{table}{}{TAIL}", summary(rows))
 }
 
 fn met(job: &Job<'_>, case: &Case, asked: &str) -> Result<Met, String> {
@@ -135,7 +161,7 @@ fn met(job: &Job<'_>, case: &Case, asked: &str) -> Result<Met, String> {
     if record.rounds > 0 {
         picked.push((MARKS.to_owned(), folder.join(REPORT_FILE).display().to_string()));
     }
-    let (error, truth) = truth(job, case, &picked, &folder.join("true"))?;
+    let (found, truth) = truth(job, case, &picked, &folder.join("true"))?;
     let wanted: f64 = asked.parse().map_err(|_| format!("{asked} is no number"))?;
     let mut times = None;
     let cheapest = match cheapest(case, wanted)? {
@@ -156,7 +182,17 @@ fn met(job: &Job<'_>, case: &Case, asked: &str) -> Result<Met, String> {
         record.rounds,
         record.estimate.0
     );
-    Ok(Met { row, part: error / wanted, times })
+    let known = record.trial_runs.iter().filter(|t| t.error.0.is_finite());
+    Ok(Met {
+        row,
+        part: found[0] / wanted,
+        times,
+        scene: name,
+        quantity: case.quantity,
+        parts: case.parts,
+        found,
+        way: known.map(|t| [t.dofs as f64, t.error.0]).collect(),
+    })
 }
 
 /// Runs a command of this program that writes into a folder: how it ended, and its seconds, of the fastest of several
@@ -178,8 +214,8 @@ fn timed(job: &Job<'_>, command: &[&str], folder: &Path) -> Result<(Output, f64)
     Err("no run".to_owned())
 }
 
-/// The error of what was picked, and in words with that of the reference where it has one.
-fn truth(job: &Job<'_>, case: &Case, picked: &[(String, String)], folder: &Path) -> Result<(f64, String), String> {
+/// The error of what was picked and the seconds of its run; the error in words with that of the reference where it has one.
+fn truth(job: &Job<'_>, case: &Case, picked: &[(String, String)], folder: &Path) -> Result<([f64; 2], String), String> {
     // a table of an earlier study has runs of its own
     let _ = std::fs::remove_dir_all(folder);
     let knobs = picked.iter().map(|(n, v)| format!("{n}={v}"));
@@ -199,7 +235,8 @@ fn truth(job: &Job<'_>, case: &Case, picked: &[(String, String)], folder: &Path)
         Some(own) => format!("{error:.1e} ± {own:.1e}"),
         None => format!("{error:.1e}"),
     };
-    Ok((error, told))
+    let seconds = rows.first().and_then(|r| r.value("time")).unwrap_or(f64::NAN);
+    Ok(([error, seconds], told))
 }
 
 /// The knobs of the fastest run of the same scene with an error as small as asked for.
@@ -225,7 +262,16 @@ mod tests {
 
     #[test]
     fn a_demand_that_is_missed_is_counted() {
-        let row = |part: f64, times: f64| Met { row: String::new(), part, times: Some(times) };
+        let row = |part: f64, times: f64| Met {
+            row: String::new(),
+            part,
+            times: Some(times),
+            scene: String::new(),
+            quantity: "H1",
+            parts: &[],
+            found: [part, times],
+            way: Vec::new(),
+        };
         let told = summary(&[row(0.5, 2.0), row(1.5, 9.0), row(0.01, 3.0), row(f64::NAN, 4.0)]);
         assert!(told.contains("in 2 of 4 rows, and at most ten times smaller in 1."), "{told}");
         assert!(told.contains("2.0 to 9.0 times as long as the cheapest run; the median is 4.0"), "{told}");
