@@ -36,7 +36,7 @@ fn cells_of(space: &Space) -> Cells {
 /// them. A vector in 2-D has two components, matrices are 3 by 3 in rows.
 ///
 /// # Errors
-/// [`PieceError`] when a body has no such element.
+/// `PieceError` when a body has no such element.
 ///
 /// # Panics
 /// If `u` has not as many numbers as there are unknowns.
