@@ -73,6 +73,11 @@ fn steps_one_by_one_have_the_bits_of_a_run() {
         let ended = session.outcome(&scene);
         let holds = |o: &Outcome| o.expectations.iter().map(|(_, holds)| *holds).collect::<Vec<_>>();
         assert!(ended.converged() && holds(&ended) == holds(&outcome), "{name}");
+        // nothing of a run is left to the next one of the same scene
+        let again = run(&mut whole, &options(), &mut Quiet).expect("a run");
+        for (a, b) in again.steps.iter().zip(&outcome.steps) {
+            assert_eq!(bits(&a.state), bits(&b.state), "{name}: again, t = {}", a.time);
+        }
         // values that the caller chooses are solved as those of the scene
         let mut scene = made();
         let mut session = Session::new(&mut scene, options()).expect("a start");

@@ -356,6 +356,17 @@ impl Contact {
         }
     }
 
+    /// Goes back to what was remembered before the first step: nothing of a run is left.
+    ///
+    /// # Panics
+    /// If that belongs to other laws.
+    pub fn restart(&mut self, memory: &ContactMemory) {
+        self.complementarity = Complementarity::default();
+        self.states.clear();
+        let known = self.recall(memory);
+        assert!(known, "the memory is that of these laws");
+    }
+
     /// Goes back to what was remembered. False, and nothing is changed, if that belongs to other laws.
     #[must_use]
     pub fn recall(&mut self, memory: &ContactMemory) -> bool {

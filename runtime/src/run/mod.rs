@@ -360,7 +360,7 @@ struct Run {
 impl Run {
     /// A run before its first step.
     fn new(scene: &mut Scene, options: &RunOptions, identity: Hash) -> Result<Self, RunError> {
-        scene.data.iter_mut().chain(&mut scene.starts).for_each(|(_, given)| given.forget());
+        scene.restart();
         Ok(Self {
             u: start(scene).map_err(|bad| RunError::Start(Box::new(bad)))?,
             stepper: Stepper::new(solver_options(scene, options)),

@@ -154,6 +154,12 @@ impl Session {
         Ok(&self.run.u)
     }
 
+    /// True between [`Self::begin`] and the end of that step.
+    #[must_use]
+    pub fn has_begun(&self) -> bool {
+        self.begun.is_some()
+    }
+
     /// The residual of the equations as they are written, by free dof, in the unit of forces; positive where the inner
     /// forces exceed the loads. [`Self::begin`] says at which step.
     ///

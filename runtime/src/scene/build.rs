@@ -262,13 +262,8 @@ impl Builder<'_> {
                 let idle = idle::leave_out(self.script, &self.topology, &mut system, &contact, self.diagnostics)?;
                 Ok((system, contact, idle))
             });
-        let (system, contact, idle) = match made {
-            Ok(made) => made,
-            Err(e) => {
-                self.diagnostics.push(structure_error(self.script, e));
-                return None;
-            }
-        };
+        let told = |e| self.diagnostics.push(structure_error(self.script, e));
+        let (system, contact, idle) = made.map_err(told).ok()?;
         if let Some(unfit) = options::unfit_iteration(self.script, &system) {
             self.diagnostics.push(unfit);
             return None;
@@ -300,6 +295,7 @@ impl Builder<'_> {
             inputs: self.inputs,
             idle: idle.notes,
             in_terms: names_in_terms(self.script),
+            pristine: None,
             env,
         })
     }

@@ -55,13 +55,13 @@ use wfl_compiler::{
 };
 
 use crate::{
-    contact::Contact,
+    contact::{Contact, ContactMemory},
     field::Field,
     mesh::{Mesh, Topology},
     newton::NewtonOptions,
     pruning::Pruning,
     refine::Mark,
-    system::System,
+    system::{Known, System},
     value::{Sampled, Value},
 };
 
@@ -178,7 +178,23 @@ pub struct Scene {
     pub(crate) idle: Vec<(String, String)>,
     /// Words in expressions of terms.
     pub(crate) in_terms: BTreeSet<String>,
+    /// What a run changes, as it was before the first one.
+    pristine: Option<(ContactMemory, Known)>,
     env: OwnedEnv,
+}
+
+impl Scene {
+    /// Goes back to what the scene was before its first run: a run depends on no other one.
+    pub(crate) fn restart(&mut self) {
+        match &self.pristine {
+            None => self.pristine = Some((self.contact.memory(), self.system.known.clone())),
+            Some((contact, known)) => {
+                self.contact.restart(contact);
+                self.system.known.clone_from(known);
+            }
+        }
+        self.data.iter_mut().chain(&mut self.starts).for_each(|(_, given)| given.forget());
+    }
 }
 
 /// What is needed to compile more expressions after preparation (`expect`).

@@ -138,6 +138,8 @@ const OWNERS: &[(&str, &[&str])] = &[
     ("pulp", &["runtime/discrete/src/assemble/", "runtime/sparse/src/solve/kernels"]),
     ("zerocopy", &["runtime/discrete/src/assemble/"]),
     ("criterion", &["runtime/benches/"]),
+    ("pyo3", &["runtime/python/"]),
+    ("numpy", &["runtime/python/"]),
     ("clap", &["runtime/cli/"]),
     ("clap_complete", &["runtime/cli/src/shell.rs"]),
     ("clap_mangen", &["runtime/cli/src/shell.rs"]),
@@ -263,4 +265,33 @@ fn unsafe_code_stands_only_in_the_jit_and_at_the_door_to_petsc() {
         let at = code(text).find(|(_, l)| l.contains(&format!("{word} ")));
         assert!(at.is_none(), "{path}:{}: {word} code", at.expect("found").0);
     }
+}
+
+/// The versions of a lock file by the name of the crate; several of a crate are told apart by their first numbers.
+fn locked(path: &str) -> Vec<(String, String)> {
+    let text = read(path);
+    let value = |line: &str, key: &str| Some(line.strip_prefix(key)?.trim_matches([' ', '=', '"']).to_owned());
+    let lines: Vec<&str> = text.lines().collect();
+    let pairs = lines.windows(2).filter_map(|w| Some((value(w[0], "name")?, value(w[1], "version")?)));
+    pairs.collect()
+}
+
+#[test]
+fn the_package_for_python_has_the_crates_of_the_program() {
+    // else its numbers could be others
+    let (program, package) = (locked("Cargo.lock"), locked("runtime/python/Cargo.lock"));
+    assert!(program.len() > 100 && package.len() > 100);
+    for (name, version) in &package {
+        let known: Vec<&String> = program.iter().filter(|p| p.0 == *name).map(|p| &p.1).collect();
+        assert!(known.is_empty() || known.contains(&version), "{name} {version} for Python, {known:?} for the program");
+    }
+    let manifest = read("runtime/python/Cargo.toml");
+    let profile = |text: &str| {
+        text[text.find("[profile.release]").expect("a profile")..]
+            .lines()
+            .take(6)
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(profile(&manifest)[..2], profile(&read("Cargo.toml"))[..2], "the profile of releases");
 }

@@ -1,0 +1,120 @@
+//! What became of a run, for Python, and the pictures of it.
+
+use std::path::PathBuf;
+
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::{prelude::*, types::PyDict};
+use wfl_report::{Pages, RunFolder};
+use wfl_runtime::{contact::ContactPoints, save};
+use wfl_tasks::ending::Ending;
+
+use crate::{arrays, scene::PyScene, steps, told, work::Finished};
+
+/// A run that has ended; `wfl.Result` has the words for it.
+#[pyclass(frozen, name = "Outcome", module = "wfl._wfl")]
+pub(crate) struct PyOutcome {
+    finished: Finished,
+}
+
+/// A chart: its name, its title and its SVG.
+type Chart = (String, String, String);
+
+impl PyOutcome {
+    /// What is told of a run.
+    pub(crate) fn told<'py>(
+        py: Python<'py>,
+        finished: Finished,
+        dim: usize,
+    ) -> PyResult<(Bound<'py, PyDict>, PyOutcome)> {
+        let made = PyDict::new(py);
+        let outcome = &finished.outcome;
+        let all = outcome.steps.iter().enumerate().map(|(k, s)| steps::step(py, k, s)).collect::<PyResult<Vec<_>>>()?;
+        made.set_item("steps", all)?;
+        made.set_item("messages", told::dicts(py, &finished.told)?)?;
+        made.set_item("ending", word(finished.ending))?;
+        made.set_item("summary", &finished.summary)?;
+        made.set_item("files", &outcome.files)?;
+        made.set_item("report", serde_json::to_string(&outcome.report).unwrap_or_default())?;
+        let known = finished.known.iter().map(|v| PyArray1::from_vec(py, v.clone())).collect::<Vec<_>>();
+        made.set_item("known", known)?;
+        let contact = PyDict::new(py);
+        for (region, points) in &finished.contact {
+            contact.set_item(region, contact_arrays(py, points, dim)?)?;
+        }
+        made.set_item("contact", contact)?;
+        made.set_item("kept", kept(py, &finished)?)?;
+        Ok((made, PyOutcome { finished }))
+    }
+}
+
+fn word(ending: Ending) -> &'static str {
+    match ending {
+        Ending::Done => "done",
+        Ending::NotConverged => "not_converged",
+        Ending::NotFinite => "not_finite",
+        Ending::NotAsExpected => "not_as_expected",
+    }
+}
+
+fn contact_arrays<'py>(py: Python<'py>, points: &ContactPoints, dim: usize) -> PyResult<Bound<'py, PyDict>> {
+    let made = PyDict::new(py);
+    made.set_item("points", arrays::points(py, &points.positions, dim)?)?;
+    made.set_item("weights", PyArray1::from_vec(py, points.weights.clone()))?;
+    made.set_item("normals", arrays::points(py, &points.normals, dim)?)?;
+    let states: Vec<u8> = points.states.iter().map(|s| *s as u8).collect();
+    made.set_item("state", PyArray1::from_vec(py, states))?;
+    made.set_item("gap", PyArray1::from_vec(py, points.gaps.clone()))?;
+    made.set_item("slip", arrays::points(py, &points.slips, dim)?)?;
+    made.set_item("traction", arrays::points(py, &points.tractions, dim)?)?;
+    Ok(made)
+}
+
+/// The outputs that stayed in memory: number and value of the step, grids by name, tables by file.
+fn kept<'py>(py: Python<'py>, finished: &Finished) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    let mut list = Vec::new();
+    for step in &finished.outcome.kept {
+        let made = PyDict::new(py);
+        made.set_item("number", step.number)?;
+        made.set_item("t", step.time)?;
+        let grids = PyDict::new(py);
+        for (name, pieces) in &step.grids {
+            let pieces = pieces.iter().map(|p| arrays::piece(py, p)).collect::<PyResult<Vec<_>>>()?;
+            grids.set_item(name, pieces)?;
+        }
+        made.set_item("grids", grids)?;
+        let tables = PyDict::new(py);
+        for table in &step.tables {
+            let flat: Vec<f64> = table.rows.iter().flatten().copied().collect();
+            let rows = PyArray1::from_vec(py, flat).reshape([table.rows.len(), table.columns.len()])?;
+            tables.set_item(&table.file, (&table.columns, rows))?;
+        }
+        made.set_item("tables", tables)?;
+        list.push(made);
+    }
+    Ok(list)
+}
+
+#[pymethods]
+impl PyOutcome {
+    /// The page about the run and its charts, made in `folder`, which is the folder of its results or an empty one.
+    fn pages(
+        &self,
+        py: Python<'_>,
+        scene: &Bound<'_, PyScene>,
+        folder: PathBuf,
+        at: Vec<f64>,
+    ) -> PyResult<(String, Vec<Chart>)> {
+        let held = scene.get().held()?;
+        let (prepared, finished) = (&held.scene, &self.finished);
+        let made = py.detach(|| -> Result<_, String> {
+            if finished.options.out.is_none() {
+                save(prepared, &finished.options, &finished.outcome, &folder).map_err(|e| e.to_string())?;
+            }
+            let run = RunFolder::read(&folder).map_err(|e| e.to_string())?;
+            let pages = Pages::new(&run, &at).map_err(|e| e.to_string())?;
+            let charts = pages.pictures.iter().map(|p| (p.name.clone(), p.chart.title().to_owned(), p.chart.svg()));
+            Ok((pages.page.html(), charts.collect()))
+        });
+        made.map_err(|why| told::refused(py, &why))
+    }
+}

@@ -1,0 +1,195 @@
+"""Runs: the numbers of the command, callbacks, Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import meshio
+import numpy as np
+import pytest
+from conftest import HEAT, command, programs
+
+import wfl
+
+SAME = ["fault/nitsche.wfl", "fault/augmented_lagrangian.wfl", "friction/weakening.wfl", "creep/maxwell.wfl",
+        "hyperelastic/contact.wfl", "heat/layers.wfl", "surfaces/tjunction.wfl"]
+
+
+@pytest.mark.parametrize("path", SAME)
+@pytest.mark.parametrize("program", programs())
+def test_the_numbers_are_those_of_the_command_bit_for_bit(examples, tmp_path, path, program):
+    out = tmp_path / "out"
+    told = command("run", examples / path, "--out", out, program=program)
+    assert told.returncode == 0, told.stderr
+    report = json.loads((out / "report.json").read_text())
+    result = wfl.Scene(examples / path).run()
+    assert [s["t"] for s in report["steps"]] == [s.t for s in result.steps]
+    for of_command, own in zip(report["steps"], result.steps):
+        assert of_command["measures"] == own.measures, "floats of Python print and read back all bits"
+        assert of_command["iterations"] == own.iterations
+    last = len(result.steps) - 1
+    for name, pieces in result.outputs().items():
+        file = out / f"{name}_{last:04}.vtu"
+        read = vtu(file)
+        for key in ("point_data", "cell_data"):
+            for array, blocks in read[key].items():
+                own = [p[key][array] for p in pieces if array in p[key]]
+                own = [np.pad(v, ((0, 0), (0, 1))) if v.ndim == 2 and v.shape[1] == 2 else v for v in own]
+                found = [b for b in blocks if not np.isnan(b).all()]
+                for a, b in zip(found, own):
+                    np.testing.assert_array_equal(a.reshape(b.shape), b)
+
+
+def vtu(file):
+    """Arrays of a .vtu of the command by name: one block a piece."""
+    import re
+
+    raw = file.read_bytes()
+    head, _, data = raw.partition(b'<AppendedData encoding="raw">')
+    data = data[data.index(b"_") + 1 :]
+    found = {"point_data": {}, "cell_data": {}}
+    section = None
+    for line in head.decode().splitlines():
+        if "<PointData" in line:
+            section = "point_data"
+        elif "<CellData" in line:
+            section = "cell_data"
+        elif "<Points" in line or "<Cells" in line or "<FieldData" in line:
+            section = None
+        elif "<DataArray" in line and section and 'type="Float64"' in line:
+            tag = dict(re.findall(r'(\w+)="([^"]*)"', line))
+            at = int(tag["offset"])
+            size = int.from_bytes(data[at : at + 8], "little")
+            values = np.frombuffer(data, dtype="<f8", count=size // 8, offset=at + 8)
+            found[section].setdefault(tag["Name"], []).append(values)
+    return found
+
+
+def test_files_are_those_of_the_command(examples, tmp_path):
+    own, of_command = tmp_path / "own", tmp_path / "command"
+    result = wfl.Scene(examples / "friction" / "weakening.wfl").run(out=own)
+    assert command("run", examples / "friction" / "weakening.wfl", "--out", of_command).returncode == 0
+    for file in of_command.glob("*.vtu"):
+        assert (own / file.name).read_bytes() == file.read_bytes(), file.name
+    assert {f.name for f in result.files} >= {f.name for f in of_command.glob("*.vtu")}
+    assert result.plot().names and "weakening" in result.page()
+
+
+def test_threads_do_not_change_the_numbers(examples):
+    scene = wfl.Scene(examples / "fault" / "nitsche.wfl")
+    one, two = scene.run(threads=1), scene.run(threads=2)
+    np.testing.assert_array_equal(one.u, two.u)
+
+
+def test_steps_and_iterations_are_told(examples, capsys):
+    scene = wfl.Scene(examples / "friction" / "weakening.wfl")
+    steps, iterations = [], []
+    result = scene.run(on_step=steps.append, on_iteration=iterations.append, progress=True)
+    assert [s.t for s in steps] == [s.t for s in result.steps]
+    assert all(s.u is not None and s["uL"].shape == (scene.fields["uL"].n_nodes, 2) for s in steps)
+    assert len(iterations) >= sum(len(s.history) for s in steps)
+    assert iterations[0].residual > 0
+    assert capsys.readouterr().err.count("iterations  residual") == 9
+
+
+def test_an_exception_in_a_callback_ends_the_run_and_the_scene_can_be_run_again():
+    scene = wfl.Scene.from_text(HEAT)
+    done = []
+
+    def on_step(step):
+        done.append(step.t)
+        if len(done) == 2:
+            raise LookupError("enough")
+
+    with pytest.raises(LookupError, match="enough"):
+        scene.run(on_step=on_step)
+    assert done == [0.0, 0.25]
+    assert len(scene.run().steps) == 5
+
+
+def test_a_callback_cannot_use_the_scene_that_calls_it():
+    scene = wfl.Scene.from_text(HEAT)
+    with pytest.raises(RuntimeError, match="at work"):
+        scene.run(on_step=lambda step: scene.run())
+
+
+def test_other_threads_go_on_while_it_solves(examples):
+    scene = wfl.Scene(examples / "fault" / "nitsche.wfl")
+    scene.check()
+    counted, done = [0], threading.Event()
+
+    def count():
+        while not done.is_set():
+            counted[0] += 1
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    begin = time.perf_counter()
+    scene.run(threads=1)
+    took = time.perf_counter() - begin
+    done.set()
+    thread.join()
+    # a millisecond of sleep each; with the interpreter held there would be a handful
+    assert counted[0] > 100 * took, f"{counted[0]} in {took} s"
+
+
+LONG = """
+import warnings, wfl
+warnings.simplefilter("ignore")
+scene = wfl.Scene({path!r})
+print("ready", flush=True)
+try:
+    scene.times = [0.001*k for k in range(20000)]
+    scene.run()
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+    scene.times = [0.0, 0.5]
+    print(len(scene.run().steps), flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_ctrl_c_stops_at_the_next_iteration_and_the_scene_is_as_good_as_new(examples):
+    path = str(examples / "fault" / "nitsche.wfl")
+    child = subprocess.Popen([sys.executable, "-c", LONG.format(path=path)], stdout=subprocess.PIPE, text=True)
+    assert child.stdout.readline() == "ready\n"
+    time.sleep(2.0)
+    begin = time.perf_counter()
+    child.send_signal(signal.SIGINT)
+    assert child.stdout.readline() == "interrupted\n"
+    took = time.perf_counter() - begin
+    assert child.stdout.readline() == "2\n"
+    child.wait()
+    # an iteration takes a hundredth of a second here
+    assert took < 2.0
+
+
+def test_importing_takes_less_than_a_fifth_of_a_second():
+    code = "import time; a = time.perf_counter(); import wfl; print(time.perf_counter() - a)"
+    times = [float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
+             for _ in range(5)]
+    assert min(times) < 0.2, times
+
+
+def test_the_command_comes_along():
+    assert command("--version").stdout.strip().endswith(wfl.__version__)
+    wrong = command("run", "nothing.wfl")
+    assert wrong.returncode == 1 and "cannot read nothing.wfl" in wrong.stderr
+    assert command("explain", "E201").returncode == 0
+
+
+def test_meshes_and_runs_are_readable_by_meshio(examples, tmp_path):
+    result = wfl.Scene(examples / "signorini" / "signorini.wfl").run()
+    mesh = result.to_meshio()
+    mesh.write(tmp_path / "own.vtu")
+    back = meshio.read(tmp_path / "own.vtu")
+    body = len(result["u"])
+    np.testing.assert_array_equal(back.points[:body, :2], result.points["u"])
+    np.testing.assert_array_equal(back.point_data["displacement"][:body, :2], result["u"])
