@@ -64,6 +64,6 @@ mod tests {
         assert_eq!(lines.position(text, 8), Position { line: 1, character: 3 });
         assert_eq!(lines.offset(text, Position { line: 1, character: 99 }), 13);
         assert_eq!(lines.offset(text, Position { line: 99, character: 0 }), text.len());
-        assert_eq!(lines.offset("", Position { line: 0, character: 5 }), 0);
+        assert_eq!(Lines::new("").offset("", Position { line: 0, character: 5 }), 0);
     }
 }
