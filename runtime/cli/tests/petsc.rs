@@ -298,6 +298,33 @@ mod linked {
     }
 
     #[test]
+    fn a_run_that_was_killed_goes_on_with_the_same_bits() {
+        let folder = Folder::new("petsc-killed");
+        let steps = ("to 9.5 by 0.5", "to 9 by 0.1");
+        let file = scene(&folder, "fault", "nitsche.wfl", &[SMALL_FAULT[0], steps]).display().to_string();
+        let command = |out: &Path, more: &[&str]| {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
+            command.args(["run", &file, "--quiet", "--backend", "petsc:iterative", "--out"]).arg(out).args(more);
+            command
+        };
+        let (whole, killed) = (folder.0.join("whole"), folder.0.join("killed"));
+        assert!(command(&whole, &[]).status().expect("the command starts").success());
+        let count = |out: &Path| std::fs::read_dir(out).map_or(0, Iterator::count);
+        let mut child = command(&killed, &[]).spawn().expect("the command starts");
+        while count(&killed) < 20 && child.try_wait().expect("a child").is_none() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        child.kill().expect("a child that can be killed");
+        child.wait().expect("a child");
+        assert!(count(&killed) < count(&whole), "killed too late");
+        assert!(command(&killed, &["--resume"]).status().expect("the command starts").success());
+        for name in ["nitsche_0090.vtu", "across_0090.csv"] {
+            let [a, b] = [&whole, &killed].map(|out| std::fs::read(out.join(name)).expect("a result"));
+            assert!(a == b, "{name} differs");
+        }
+    }
+
+    #[test]
     fn results_of_another_backend_are_not_continued() {
         let folder = Folder::new("petsc-resume");
         let scene = scene(&folder, "fault", "nitsche.wfl", SMALL_FAULT);
