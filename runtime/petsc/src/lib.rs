@@ -1,6 +1,6 @@
 //! Solvers of PETSc behind the door that every linear solver of WFL passes.
 //!
-//! [`Session`] is MPI and PETSc from start to end; [`Petsc`] is the library that a run is linked with; `method` chooses a
+//! `Session` is MPI and PETSc from start to end; `Petsc` is the library that a run is linked with; `method` chooses a
 //! method, `engine` falls back to more robust ones; `rows` gives every rank its rows; `objects` owns the handles and is, with
 //! `ffi`, the only unsafe code. The C side, `shim.c`, is compiled with the headers of the machine. Without the feature
 //! `petsc` this crate is empty, so that nothing of PETSc is needed to build and test the rest.
