@@ -264,8 +264,11 @@ In short:
 - **Degree.** For a smooth solution quadratic elements are faster at every accuracy. With the singularities of a fault or a
   crack they are faster for small errors only: below 0.7 % of the displacement of the fault, below 1 % of the slip of the
   crack.
-- **Singular edges** limit the order of convergence. Meshes graded towards them compensate for that.
-- **`wfl run --accuracy`** picks such settings by itself; the last section compares it with the cheapest run of the tables.
+- **Singular edges** limit the order of convergence. Meshes graded towards them, or refined where the error comes from,
+  compensate for that: at a corner or the tip of a crack no uniform mesh of the tables has an error of 1 % of the gradients.
+- **`wfl run --accuracy`** picks such settings by itself. Its own last run is cheaper than the best uniform one where errors
+  are small, and the search before it costs several times as much; the last section compares the whole command with the
+  cheapest run of the tables. `marks=REPORT` takes the mesh without the search.
 
 This page is made by `wfl sweep --study docs` from the tables of the runs, failed runs included. Errors are relative. Each
 point of a figure is a run; lower and further left is better. The line is the Pareto front: no run is both faster and more

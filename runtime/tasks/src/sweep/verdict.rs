@@ -176,10 +176,11 @@ fn met(job: &Job<'_>, case: &Case, asked: &str) -> Result<Met, String> {
         None => "none | | ".to_owned(),
     };
     let row = format!(
-        "| {name}, {} | {asked} | `{}`, {} rounds | {:.1e} | {truth} | {seconds:.3} | {cheapest} |\n",
+        "| {name}, {} | {asked} | `{}`, {} round{} | {:.1e} | {truth} | {seconds:.3} | {cheapest} |\n",
         case.quantity,
         setting_text(&record.picked),
         record.rounds,
+        if record.rounds == 1 { "" } else { "s" },
         record.estimate.0
     );
     let known = record.trial_runs.iter().filter(|t| t.error.0.is_finite());
