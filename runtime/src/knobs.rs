@@ -252,6 +252,7 @@ fn has_simplices(script: &ResolvedScript) -> bool {
 
 fn richer(script: &mut ResolvedScript) -> Option<()> {
     let simplices = has_simplices(script);
+    let mut most = 0;
     for field in &mut script.fields {
         let solved = matches!(field.kind, wfl::FieldKind::Unknown | wfl::FieldKind::Multiplier { .. });
         if !solved || matches!(field.space.place, Place::Global(_)) {
@@ -261,8 +262,13 @@ fn richer(script: &mut ResolvedScript) -> Option<()> {
         let family = written.trim_end_matches(|c: char| c.is_ascii_digit());
         let degree: usize = written.strip_prefix(family)?.parse().ok()?;
         field.space.element = Some(Ident { name: format!("{family}{}", degree + 1), span: field.space.span });
+        most = most.max(degree + 1);
     }
     for given in &mut script.quadratures {
+        if given.rule == QuadratureRule::Vertex && most > NODAL_DEGREES {
+            given.rule = QuadratureRule::Degree(plain(2.0 * most as f64 + 1.0, given.span));
+            continue;
+        }
         if let QuadratureRule::Degree(e) = &mut given.rule {
             let kind = ExprKind::Sum(vec![(false, e.clone()), (false, plain(MORE_DEGREES, e.span))]);
             *e = Expr { kind, span: e.span, expansion: e.expansion };
@@ -270,6 +276,9 @@ fn richer(script: &mut ResolvedScript) -> Option<()> {
     }
     Some(())
 }
+
+/// Degree of the elements up to which there are nodal rules with positive weights of every kind of cell.
+const NODAL_DEGREES: usize = 2;
 
 /// By how much the degree of a given rule is raised: its points are others, and two more in each direction. With one more
 /// the errors of the rule at contact are too much alike: an estimate for the manufactured contact was 0.44 of the error.

@@ -196,6 +196,21 @@ fn a_mesh_from_a_file_is_refined_too() {
 }
 
 #[test]
+fn a_nodal_rule_of_quadratic_elements_has_a_richer_rule() {
+    let out = folder("nodal");
+    let scene = out.join("crack.wfl");
+    let _ = std::fs::remove_file(&scene);
+    let place = scene.display().to_string();
+    assert!(wfl(&["new", "crack", &place]).status.success());
+    let text = std::fs::read_to_string(&scene).expect("a scene").replace("cells [36,36]", "cells [12,12]");
+    let kept: Vec<&str> = text.lines().filter(|l| !l.starts_with("expect")).collect();
+    std::fs::write(&scene, kept.join("\n")).expect("a file");
+    let (said, code, report) = run(&place, &["--accuracy", "0.03", "--of", "opening"], &out.join("run"));
+    assert_eq!(code, Some(0), "{said}");
+    assert!(report["accuracy"]["reached"] == true, "{said}");
+}
+
+#[test]
 fn wrong_values_are_refused() {
     let out = folder("wrong");
     let scene = signorini(&out, "");
