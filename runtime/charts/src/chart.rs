@@ -5,8 +5,9 @@ mod frame;
 
 use crate::{
     bars::Bar,
-    colour::Colour,
-    map::{Map, MapCell, Meaning},
+    colour::{Colour, Ramp},
+    map::{Face, Map, MapCell, Meaning},
+    raster::PngError,
     scale::Scale,
     series::{Drawn, Series},
 };
@@ -24,6 +25,9 @@ pub struct Chart {
     tones: Option<(String, [f64; 2])>,
     size: [f64; 2],
     equal: bool,
+    subtitle: Option<String>,
+    /// Directions of the axes of space in the view, to the right and up, in place of a pair of axes.
+    triad: Option<[[f64; 2]; 3]>,
 }
 
 impl Chart {
@@ -40,6 +44,8 @@ impl Chart {
             tones: None,
             size: [440.0, 300.0],
             equal: false,
+            subtitle: None,
+            triad: None,
         }
     }
 
@@ -103,7 +109,14 @@ impl Chart {
     #[must_use]
     pub fn map(mut self, label: impl Into<String>, cells: impl IntoIterator<Item = MapCell>) -> Self {
         let meaning = Meaning::Quantity(label.into());
-        self.map = Some(Map { meaning, cells: cells.into_iter().collect(), range: None, edges: false });
+        self.map = Some(Map {
+            meaning,
+            cells: cells.into_iter().collect(),
+            range: None,
+            edges: false,
+            faces: Vec::new(),
+            ramp: Ramp::Viridis,
+        });
         self
     }
 
@@ -125,6 +138,30 @@ impl Chart {
         self
     }
 
+    /// A surface in space, coloured by a quantity. `label` has its unit. What lies behind other faces is hidden.
+    #[must_use]
+    pub fn surface(mut self, label: impl Into<String>, ramp: Ramp, faces: impl IntoIterator<Item = Face>) -> Self {
+        let meaning = Meaning::Quantity(label.into());
+        let faces = faces.into_iter().collect();
+        self.map = Some(Map { meaning, cells: Vec::new(), range: None, edges: false, faces, ramp });
+        self
+    }
+
+    /// Shows the directions of the axes of space (to the right, up; of length 1 if they lie across the view) in place of
+    /// numbered axes.
+    #[must_use]
+    pub fn triad(mut self, axes: [[f64; 2]; 3]) -> Self {
+        self.triad = Some(axes);
+        self
+    }
+
+    /// A second line under the title.
+    #[must_use]
+    pub fn subtitle(mut self, text: impl Into<String>) -> Self {
+        self.subtitle = Some(text.into());
+        self
+    }
+
     /// A map of states: the number of a cell counts in `states`, each with a name and a colour; `None` is the pale
     /// colour of nothing going on.
     #[must_use]
@@ -140,6 +177,8 @@ impl Chart {
             cells: cells.into_iter().collect(),
             range: None,
             edges: false,
+            faces: Vec::new(),
+            ramp: Ramp::Viridis,
         });
         self
     }
@@ -168,6 +207,15 @@ impl Chart {
     #[must_use]
     pub fn svg(&self) -> String {
         self.draw(true)
+    }
+
+    /// A PNG file on light ground, two pixels a unit.
+    ///
+    /// # Errors
+    /// When the picture would have no pixels, or more than memory has room for.
+    pub fn png(&self) -> Result<Vec<u8>, PngError> {
+        let (marks, size) = self.marks();
+        crate::raster::png(&marks, size)
     }
 
     /// The SVG without its style, for a page that has it already.

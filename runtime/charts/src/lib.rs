@@ -1,4 +1,4 @@
-//! Charts for people to read: lines, points, bars and maps as SVG, pages as one HTML file.
+//! Charts for people to read: lines, points, bars, maps and surfaces as SVG or PNG, pages as one HTML file.
 //!
 //! Promises: numbers in, text out; the same input gives the same bytes; a page loads nothing from anywhere; what cannot
 //! be drawn (not finite, or not positive on a logarithmic axis) is counted in the chart and never moved; colours can be
@@ -17,17 +17,22 @@
 mod bars;
 mod chart;
 mod colour;
+mod glyphs;
 mod map;
+mod marks;
 mod page;
+mod raster;
 mod scale;
 mod series;
+mod surface;
 mod text;
 
 pub use bars::Bar;
 pub use chart::Chart;
-pub use colour::{Colour, viridis};
-pub use map::MapCell;
+pub use colour::{Colour, Ramp, viridis};
+pub use map::{Edge, Face, MapCell};
 pub use page::{Page, Section, Table};
+pub use raster::PngError;
 pub use scale::Scale;
 pub use series::Series;
 pub use text::short;

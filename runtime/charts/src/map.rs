@@ -1,4 +1,6 @@
-//! Maps: polygons coloured by a number or by a state.
+//! Maps: polygons coloured by a number or by a state, and surfaces in space.
+
+use crate::colour::Ramp;
 
 /// A polygon of a map.
 #[derive(Clone, Debug)]
@@ -47,4 +49,47 @@ pub(crate) struct Map {
     pub(crate) range: Option<[f64; 2]>,
     /// Cells have a thin rim, so that a mesh is seen.
     pub(crate) edges: bool,
+    /// Faces in space, behind which others vanish.
+    pub(crate) faces: Vec<Face>,
+    /// The colours of its numbers.
+    pub(crate) ramp: Ramp,
+}
+
+/// An edge of a face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Edge {
+    /// Not drawn.
+    None,
+    /// An edge of the mesh: thin.
+    Mesh,
+    /// An edge of the body: strong.
+    Rim,
+}
+
+/// A convex face of a surface in space, as it is seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Face {
+    pub(crate) corners: Vec<[f64; 3]>,
+    pub(crate) values: Vec<f64>,
+    pub(crate) edges: Vec<Edge>,
+}
+
+impl Face {
+    /// A face with these corners around it: to the right and up, in the units of the axes, and towards the reader; with
+    /// a number at each corner, and the kind of the edge from each corner to the next. A face with a number or a place
+    /// that is not finite is not drawn, but counted.
+    ///
+    /// # Panics
+    /// When the lists differ in length.
+    #[must_use]
+    pub fn new(corners: Vec<[f64; 3]>, values: Vec<f64>, edges: Vec<Edge>) -> Self {
+        assert!(corners.len() == values.len() && corners.len() == edges.len(), "a number and an edge for each corner");
+        Face { corners, values, edges }
+    }
+
+    /// Its corners: to the right, up, towards the reader.
+    #[must_use]
+    pub fn corners(&self) -> &[[f64; 3]] {
+        &self.corners
+    }
 }

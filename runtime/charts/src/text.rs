@@ -2,6 +2,11 @@
 
 use std::fmt::Write;
 
+use crate::{marks::Mark, raster, surface::Surface};
+
+/// Faces of a surface that an SVG draws one by one; more are pixels inside it, which take less room.
+const FACES: usize = 2500;
+
 /// Text that may stand between tags and in quoted attributes. Characters that XML forbids become U+FFFD.
 pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
@@ -92,10 +97,18 @@ pub(crate) fn power_of_ten(exponent: i32) -> String {
 #[derive(Debug, Default)]
 pub(crate) struct Svg {
     pub(crate) text: String,
+    /// What was drawn, in order, for a picture of pixels; `None` if nobody asks for it.
+    pub(crate) marks: Option<Vec<Mark>>,
 }
 
 impl Svg {
-    /// Anything, already escaped.
+    fn mark(&mut self, mark: impl FnOnce() -> Mark) {
+        if let Some(marks) = &mut self.marks {
+            marks.push(mark());
+        }
+    }
+
+    /// Anything, already escaped; it has no part in a picture of pixels.
     pub(crate) fn raw(&mut self, text: &str) {
         self.text.push_str(text);
         self.text.push('\n');
@@ -103,17 +116,20 @@ impl Svg {
 
     /// A straight line.
     pub(crate) fn line(&mut self, class: &str, from: [f64; 2], to: [f64; 2]) {
+        self.mark(|| Mark::Line { paint: format!("class=\"{class}\""), points: vec![from, to] });
         let ([x1, y1], [x2, y2]) = (from, to);
         self.raw(&format!(r#"<line class="{class}" x1="{x1:.1}" y1="{y1:.1}" x2="{x2:.1}" y2="{y2:.1}"/>"#));
     }
 
     /// A label; `class` gives its colour and where it is anchored.
     pub(crate) fn label(&mut self, class: &str, at: [f64; 2], text: &str) {
+        self.mark(|| Mark::Text { class: class.to_owned(), at, text: text.to_owned(), upright: false });
         self.raw(&format!(r#"<text class="{class}" x="{:.1}" y="{:.1}">{}</text>"#, at[0], at[1], escape(text)));
     }
 
     /// A label that reads from below to above.
     pub(crate) fn upright(&mut self, class: &str, at: [f64; 2], text: &str) {
+        self.mark(|| Mark::Text { class: class.to_owned(), at, text: text.to_owned(), upright: true });
         let [x, y] = at;
         let turn = format!("rotate(-90 {x:.1} {y:.1})");
         self.raw(&format!(r#"<text class="{class}" x="{x:.1}" y="{y:.1}" transform="{turn}">{}</text>"#, escape(text)));
@@ -123,23 +139,68 @@ impl Svg {
     pub(crate) fn rect(&mut self, paint: &str, at: [f64; 2], size: [f64; 2], note: &str) {
         let title = title(note);
         let ([x, y], [w, h]) = (at, size);
+        let corners = || vec![at, [x + w, y], [x + w, y + h], [x, y + h]];
+        self.mark(|| Mark::Polygon { paint: paint.to_owned(), corners: corners() });
         self.raw(&format!(r#"<rect {paint} x="{x:.1}" y="{y:.1}" width="{w:.1}" height="{h:.1}">{title}</rect>"#));
     }
 
     /// A polygon, with a note that shows when pointed at.
     pub(crate) fn polygon(&mut self, paint: &str, corners: &[[f64; 2]], note: &str) {
+        self.mark(|| Mark::Polygon { paint: paint.to_owned(), corners: corners.to_vec() });
         self.raw(&format!(r#"<polygon {paint} points="{}">{}</polygon>"#, points(corners), title(note)));
     }
 
     /// A line through points.
     pub(crate) fn polyline(&mut self, paint: &str, corners: &[[f64; 2]]) {
+        self.mark(|| Mark::Line { paint: paint.to_owned(), points: corners.to_vec() });
         self.raw(&format!(r#"<polyline {paint} points="{}"/>"#, points(corners)));
+    }
+
+    /// A disc, with a note that shows when pointed at.
+    pub(crate) fn disc(&mut self, paint: &str, at: [f64; 2], r: f64, note: &str) {
+        self.mark(|| Mark::Disc { paint: paint.to_owned(), at, r });
+        self.raw(&format!(
+            r#"<circle {paint} cx="{:.1}" cy="{:.1}" r="{r:.1}">{}</circle>"#,
+            at[0],
+            at[1],
+            title(note)
+        ));
+    }
+
+    /// Faces in space, already at their places in the picture.
+    pub(crate) fn surface(&mut self, surface: Surface) {
+        match (surface.faces.len() > FACES).then(|| raster::image(&surface)) {
+            Some(Ok(image)) => {
+                let ([x, y], [w, h]) = (image.at, image.size);
+                let data = base64(&image.file);
+                self.raw(&format!(
+                    r#"<image x="{x}" y="{y}" width="{w}" height="{h}" href="data:image/png;base64,{data}"/>"#
+                ));
+            }
+            _ => surface.write(&mut self.text),
+        }
+        self.mark(|| Mark::Surface(surface));
     }
 
     /// An invisible disc that can be pointed at.
     pub(crate) fn target(&mut self, at: [f64; 2], note: &str) {
         self.raw(&format!(r#"<circle class="h" cx="{:.1}" cy="{:.1}" r="6">{}</circle>"#, at[0], at[1], title(note)));
     }
+}
+
+/// Bytes as text (RFC 4648).
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let byte = |k: usize| u32::from(chunk.get(k).copied().unwrap_or(0));
+        let word = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for k in 0..4 {
+            let digit = DIGITS[(word >> (18 - 6 * k) & 63) as usize];
+            out.push(if k > chunk.len() { '=' } else { char::from(digit) });
+        }
+    }
+    out
 }
 
 fn title(note: &str) -> String {
@@ -183,6 +244,14 @@ mod tests {
     #[test]
     fn markup_in_names_stays_text() {
         assert_eq!(escape("<b a=\"1\">&'\u{1}"), "&lt;b a=&quot;1&quot;&gt;&amp;&#39;\u{fffd}");
+    }
+
+    #[test]
+    fn bytes_become_text_as_the_standard_says() {
+        // the examples of RFC 4648
+        for (plain, text) in [("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy"), ("", "")] {
+            assert_eq!(base64(plain.as_bytes()), text);
+        }
     }
 
     #[test]

@@ -9,7 +9,10 @@ use wfl_runtime::{
     solve::Precision,
 };
 
-use crate::solvers::Solvers;
+use crate::{
+    args_plot::{PLOT_HELP, PlotArgs},
+    solvers::Solvers,
+};
 
 /// Write, check and solve contact formulations from text files.
 #[derive(Debug, Parser)]
@@ -47,6 +50,9 @@ pub(crate) enum Command {
     /// Write a page about a finished run: maps, profiles, convergence, time
     #[command(after_help = REPORT_HELP)]
     Report(ReportArgs),
+    /// Draw a field of a run: the deformed bodies, a cut, a profile, the state of contact, as PNG or SVG
+    #[command(after_help = PLOT_HELP)]
+    Plot(PlotArgs),
     /// Check a scene without solving it: mesh, fields, terms, linear solver
     #[command(after_help = CHECK_HELP)]
     Check(CheckArgs),

@@ -5,6 +5,7 @@
 
 mod accuracy;
 mod args;
+mod args_plot;
 mod args_slip;
 mod ast_text;
 mod check;
@@ -19,6 +20,7 @@ mod import;
 mod interrupt;
 mod load;
 mod new;
+mod plot;
 mod prepared;
 mod progress;
 mod ready;
@@ -91,6 +93,7 @@ fn command(call: &Call, started: Instant) -> ExitCode {
         Command::Run(options) => run::run(&options, started),
         Command::Extremes(options) => extremes::extremes(&options, started),
         Command::Report(options) => report::report(&options),
+        Command::Plot(options) => plot::plot(&options),
         Command::Check(options) => check::check(&options, started),
         Command::Show(options) => show::show(&options),
         Command::Verify(options) => verify::verify(&options),

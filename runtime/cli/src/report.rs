@@ -78,7 +78,7 @@ fn plots(folder: &Path, run: &RunFolder, pages: &Pages) -> Result<(), OutputErro
 }
 
 /// The message of an error, with what to do about it.
-fn explained(error: &ReportError) -> String {
+pub(crate) fn explained(error: &ReportError) -> String {
     let help = match error {
         ReportError::Folder(OutputError::Damaged { file, what }) => {
             return explained(&ReportError::Damaged { file: file.clone(), what: what.clone() });

@@ -3,7 +3,7 @@
 use wfl_charts::{Chart, MapCell, Scale, Section, short};
 
 use crate::{
-    folder::{ReportError, RunFolder},
+    folder::{ReportError, RunFolder, Series},
     grid::{Piece, read_pieces},
     picture::{Picture, STATES, at_step, over_steps},
     surface::{Quantity, Surface},
@@ -13,18 +13,18 @@ use crate::{
 const HISTORY: usize = 120;
 
 /// An interface at a step.
-struct Shot {
-    step: usize,
-    piece: Piece,
+pub(crate) struct Shot {
+    pub(crate) step: usize,
+    pub(crate) piece: Piece,
     surface: Surface,
-    quantities: Vec<Quantity>,
+    pub(crate) quantities: Vec<Quantity>,
 }
 
 /// An interface at all the steps that are looked at.
-struct Interface {
+pub(crate) struct Interface {
     /// Words that tell it from others, empty if it is alone.
     name: String,
-    shots: Vec<Shot>,
+    pub(crate) shots: Vec<Shot>,
 }
 
 /// Sections with the maps and profiles of every interface, and what a scene has to write for them if it has none.
@@ -54,34 +54,48 @@ pub(crate) fn sections(run: &RunFolder, chosen: &[usize]) -> Result<Vec<(Section
     Ok(sections)
 }
 
-/// All interfaces of all files. In two dimensions every step is read, since maps show them all.
+/// All interfaces of all files.
 fn interfaces(run: &RunFolder, chosen: &[usize]) -> Result<Vec<Interface>, ReportError> {
-    let dim = usize::try_from(run.report.mesh.dim).unwrap_or(0);
     let mut found = Vec::new();
     for series in &run.grids {
-        let every = series.steps.len().div_ceil(HISTORY).max(1);
-        let wanted = |k: usize, step: &usize| chosen.contains(step) || (dim == 2 && k.is_multiple_of(every));
-        let mut lines: Vec<Vec<Shot>> = Vec::new();
-        for (_, (step, file)) in series.steps.iter().enumerate().filter(|(k, (s, _))| wanted(*k, s)) {
-            let pieces = read_pieces(file, dim.saturating_sub(1))?;
-            lines.resize_with(lines.len().max(pieces.len()), Vec::new);
-            for (line, piece) in lines.iter_mut().zip(pieces) {
-                let Some(surface) = Surface::of(&piece) else { continue };
-                let quantities = surface.quantities(&piece);
-                line.push(Shot { step: *step, piece, surface, quantities });
-            }
-        }
-        let has_content =
-            |shots: &Vec<Shot>| shots.iter().any(|s| !s.quantities.is_empty() || !s.piece.cell_data.is_empty());
-        for shots in lines.into_iter().filter(has_content) {
-            found.push(Interface { name: series.name.clone(), shots });
+        found.extend(unnamed(run, series, chosen)?);
+    }
+    Ok(named(found))
+}
+
+/// All interfaces of the files of one name.
+pub(crate) fn interfaces_of(run: &RunFolder, series: &Series, chosen: &[usize]) -> Result<Vec<Interface>, ReportError> {
+    Ok(named(unnamed(run, series, chosen)?))
+}
+
+/// In two dimensions every step is read, since maps show them all.
+fn unnamed(run: &RunFolder, series: &Series, chosen: &[usize]) -> Result<Vec<Interface>, ReportError> {
+    let dim = usize::try_from(run.report.mesh.dim).unwrap_or(0);
+    let every = series.steps.len().div_ceil(HISTORY).max(1);
+    let wanted = |k: usize, step: &usize| chosen.contains(step) || (dim == 2 && k.is_multiple_of(every));
+    let mut lines: Vec<Vec<Shot>> = Vec::new();
+    for (_, (step, file)) in series.steps.iter().enumerate().filter(|(k, (s, _))| wanted(*k, s)) {
+        let pieces = read_pieces(file, dim.saturating_sub(1))?;
+        lines.resize_with(lines.len().max(pieces.len()), Vec::new);
+        for (line, piece) in lines.iter_mut().zip(pieces) {
+            let Some(surface) = Surface::of(&piece) else { continue };
+            let quantities = surface.quantities(&piece);
+            line.push(Shot { step: *step, piece, surface, quantities });
         }
     }
+    let has_content =
+        |shots: &Vec<Shot>| shots.iter().any(|s| !s.quantities.is_empty() || !s.piece.cell_data.is_empty());
+    let found = lines.into_iter().filter(has_content);
+    Ok(found.map(|shots| Interface { name: series.name.clone(), shots }).collect())
+}
+
+/// Numbers where there are several.
+fn named(mut found: Vec<Interface>) -> Vec<Interface> {
     let several = found.len() > 1;
     for (k, interface) in found.iter_mut().enumerate() {
         interface.name = if several { format!(" {} ({})", k + 1, interface.name) } else { String::new() };
     }
-    Ok(found)
+    found
 }
 
 fn in_words(shot: &Shot) -> String {
@@ -115,7 +129,7 @@ fn states(shot: &Shot) -> Option<&[f64]> {
 }
 
 /// Maps of a plane, a row a quantity, a column a step; maps of one quantity share their colours.
-fn on_plane(run: &RunFolder, interface: &Interface) -> Vec<Picture> {
+pub(crate) fn on_plane(run: &RunFolder, interface: &Interface) -> Vec<Picture> {
     let mut pictures = Vec::new();
     for shot in &interface.shots {
         let Some(states) = states(shot) else { continue };
@@ -158,7 +172,7 @@ fn plane(run: &RunFolder, shot: &Shot, what: &str) -> Chart {
 }
 
 /// Maps of a line over the steps; nothing in a run of few steps, where profiles say it all.
-fn on_line(run: &RunFolder, interface: &Interface) -> Vec<Picture> {
+pub(crate) fn on_line(run: &RunFolder, interface: &Interface) -> Vec<Picture> {
     let mut pictures = Vec::new();
     let Some(last) = interface.shots.last().filter(|_| interface.shots.len() > 3) else { return pictures };
     let times: Vec<f64> = interface.shots.iter().map(|s| run.time(s.step)).collect();
@@ -213,7 +227,7 @@ fn between(times: &[f64], k: usize, neighbour: Option<usize>) -> f64 {
 }
 
 /// Quantities along the middle lines of the interface, a tone a step.
-fn profiles(run: &RunFolder, interface: &Interface, chosen: &[usize]) -> Vec<Picture> {
+pub(crate) fn profiles(run: &RunFolder, interface: &Interface, chosen: &[usize]) -> Vec<Picture> {
     let mut pictures = Vec::new();
     let Some(last) = interface.shots.last() else { return pictures };
     let shots: Vec<&Shot> = interface.shots.iter().filter(|s| chosen.contains(&s.step)).collect();

@@ -3,9 +3,13 @@
 //! Promises: offsets and sizes are checked, so a file that was cut off is an error and never half a picture.
 //! Reads no other dialect of the format.
 
+mod whole;
+
 use std::path::Path;
 
 use crate::folder::{ReportError, bytes, damaged};
+
+pub(crate) use whole::{Whole, WholeCell, read_whole};
 
 /// Nodal or cell values.
 #[derive(Clone, Debug, PartialEq)]

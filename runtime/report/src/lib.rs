@@ -1,6 +1,6 @@
-//! A page about a run, made of the files that the run left.
+//! A page about a run and pictures of its results, made of the files that the run left.
 //!
-//! [`RunFolder::read`] finds the files, [`Pages::new`] makes sections and charts of them. Promises: only files that the
+//! [`RunFolder::read`] finds the files, [`Pages::new`] makes sections and charts of them, [`plots`] draws one field. Promises: only files that the
 //! report of the run names are shown, so nothing of an earlier run in the same folder is; a run that failed is shown
 //! with its failure; what is not there is said, with the statement that would write it.
 //! Does not run or judge anything: every number is one of the files, or its size or direction.
@@ -12,6 +12,7 @@ mod folder;
 mod grid;
 mod pages;
 mod picture;
+mod plot;
 mod profile;
 mod solver;
 mod surface;
@@ -20,3 +21,4 @@ mod table;
 pub use folder::{ReportError, RunFolder};
 pub use pages::Pages;
 pub use picture::Picture;
+pub use plot::{PlotError, Request, Slice, StepChoice, View, Warp, plots};

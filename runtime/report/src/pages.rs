@@ -6,6 +6,7 @@ use crate::{
     accuracy, fault,
     folder::{ReportError, RunFolder},
     picture::Picture,
+    plot::{self, PlotError},
     profile, solver,
 };
 
@@ -30,6 +31,9 @@ impl Pages {
     pub fn new(run: &RunFolder, at: &[f64]) -> Result<Self, ReportError> {
         let chosen = chosen(run, at);
         let mut parts = vec![(solver::summary(run), Vec::new()), (solver::checks(run), Vec::new())];
+        // a run that failed begins with the reason, others with what came out
+        let failed = run.report.error.is_some() || run.report.steps.iter().any(|s| !s.converged);
+        parts.insert(usize::from(failed), bodies(run)?);
         parts.extend(accuracy::section(run)?);
         parts.push(solver::contact(run));
         parts.extend(fault::sections(run, &chosen)?);
@@ -56,6 +60,20 @@ impl Pages {
         }
         Ok(Pages { page, pictures })
     }
+}
+
+/// The deformed bodies at the last step. A field that cannot be drawn leaves no section.
+fn bodies(run: &RunFolder) -> Result<(Section, Vec<Picture>), ReportError> {
+    let pictures = match plot::overview(run) {
+        Ok(pictures) => pictures,
+        Err(PlotError::Report(error)) => return Err(error),
+        Err(_) => Vec::new(),
+    };
+    let mut section = Section::new("The result");
+    for picture in &pictures {
+        section = section.chart(&picture.chart);
+    }
+    Ok((section, pictures))
 }
 
 fn measures(run: &RunFolder) -> (Section, Vec<Picture>) {

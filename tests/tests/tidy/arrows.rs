@@ -5,7 +5,7 @@ use super::{code, read, root, sources};
 /// Crates with their folder and all that they may depend on, development aside. A new arrow is a design change: it is
 /// added here, and the commit says why.
 pub(super) const ARROWS: &[(&str, &str, &[&str])] = &[
-    ("wfl-charts", "runtime/charts", &[]),
+    ("wfl-charts", "runtime/charts", &["noto-sans-mono-bitmap", "png"]),
     ("wfl", "wfl", &["annotate-snippets", "pest", "pest_derive"]),
     ("wfl-compiler", "compiler", &["wfl", "libm", "thiserror"]),
     (

@@ -5,11 +5,13 @@ use super::{
     frame::{BAR_NAME, EM, Frame},
 };
 use crate::{
-    colour::{style, viridis},
+    colour::style,
     map::{Map, MapCell, Meaning},
+    marks::Mark,
     scale::{Axis, Scale},
     series::{Drawn, Series},
-    text::{Svg, clipped, escape, short},
+    surface::Surface,
+    text::{Svg, clipped, escape, short, width},
 };
 
 /// Points of a series that can be pointed at; of longer ones every so many.
@@ -21,13 +23,22 @@ const RAMP: usize = 32;
 
 impl Chart {
     pub(super) fn draw(&self, whole_file: bool) -> String {
+        self.drawn(whole_file, Svg::default()).0.text
+    }
+
+    /// What is drawn, for a picture of pixels, and its width and height.
+    pub(super) fn marks(&self) -> (Vec<Mark>, [f64; 2]) {
+        let (svg, size) = self.drawn(true, Svg { marks: Some(Vec::new()), ..Svg::default() });
+        (svg.marks.unwrap_or_default(), size)
+    }
+
+    fn drawn(&self, whole_file: bool, mut svg: Svg) -> (Svg, [f64; 2]) {
         let (entries, rows) = self.legend();
         let frame = self.frame(rows);
-        let mut svg = Svg::default();
         let [w, _] = self.size;
         // a chart with equal units is as high as it needs
         let lost = self.lost();
-        let h = frame.bottom + 44.0 + if lost > 0 { 16.0 } else { 0.0 };
+        let h = (frame.bottom + self.below() + if lost > 0 { 16.0 } else { 0.0 }).round();
         let name = escape(&self.title);
         svg.raw(&format!(
             r#"<svg class="wfl" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {w:.0} {h:.0}" role="img" aria-label="{name}">"#
@@ -40,7 +51,13 @@ impl Chart {
         for e in &entries {
             self.legend_entry(&mut svg, e);
         }
-        self.axes(&mut svg, &frame);
+        if let Some(text) = &self.subtitle {
+            svg.label("s", [8.0, 34.0], &clipped(text, 78));
+        }
+        match &self.triad {
+            Some(triad) => draw_triad(&mut svg, &frame, triad),
+            None => self.axes(&mut svg, &frame),
+        }
         if let Some(map) = &self.map {
             draw_map(&mut svg, &frame, map);
         }
@@ -49,11 +66,11 @@ impl Chart {
         self.draw_ramp(&mut svg, &frame);
         self.remarks(&mut svg, &frame, lost, h);
         svg.raw("</svg>");
-        svg.text
+        (svg, [w, h])
     }
 
     fn legend_entry(&self, svg: &mut Svg, e: &super::frame::Entry) {
-        let (x, y) = (10.0 + e.at[0], 35.0 + e.at[1]);
+        let (x, y) = (10.0 + e.at[0], 35.0 + self.second_line() + e.at[1]);
         match e.drawn {
             None => svg.rect(&format!(r#"class="{}""#, e.class), [x, y - 6.0], [14.0, 12.0], ""),
             Some(drawn) => {
@@ -143,7 +160,7 @@ impl Chart {
             let tone = (k as f64 + 0.5) / RAMP as f64;
             let paint = match self.tones {
                 Some(_) => format!(r#"class="{}""#, crate::Colour::Tone(tone).class()),
-                None => format!(r#"fill="{}""#, viridis(tone)),
+                None => format!(r#"fill="{}""#, self.ramp().hex(tone)),
             };
             svg.rect(&paint, [x, at(k + 1)], [12.0, at(k) - at(k + 1) + 0.4], "");
         }
@@ -151,8 +168,9 @@ impl Chart {
         for tick in axis.ticks.iter().filter(|t| (-1e-6..=1.000_001).contains(&t.at)) {
             svg.label("s", [x + 16.0, low + (high - low) * tick.at + 4.0], &tick.label);
         }
+        let longest = axis.ticks.iter().map(|t| width(&t.label)).fold(2.0, f64::max);
         let name = format!("{label}{}", axis.factor());
-        svg.upright("m", [x + 62.0, 0.5 * (low + high)], &name);
+        svg.upright("m", [x + 32.0 + 12.0 * longest, 0.5 * (low + high)], &name);
     }
 
     fn remarks(&self, svg: &mut Svg, f: &Frame, lost: usize, height: f64) {
@@ -174,7 +192,8 @@ impl Map {
         if let Some(range) = self.range {
             return range;
         }
-        let finite = self.cells.iter().map(|c| c.value).filter(|v| v.is_finite());
+        let of_faces = self.faces.iter().flat_map(|f| f.values.iter().copied());
+        let finite = self.cells.iter().map(|c| c.value).chain(of_faces).filter(|v| v.is_finite());
         let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         if low <= high { [low, high] } else { [0.0, 1.0] }
     }
@@ -191,7 +210,7 @@ fn draw_map(svg: &mut Svg, f: &Frame, map: &Map) {
         let (paint, value) = match &map.meaning {
             Meaning::Quantity(label) => {
                 let at = ramp.at(cell.value).unwrap_or(f64::NAN);
-                let colour = viridis(at);
+                let colour = map.ramp.hex(at);
                 // a rim of the same colour closes the hairlines between neighbours
                 let rim = if map.edges { ("#ffffff", EDGE) } else { (colour.as_str(), ".6") };
                 let paint = format!(r#"class="z" fill="{colour}" stroke="{}" stroke-width="{}""#, rim.0, rim.1);
@@ -200,6 +219,35 @@ fn draw_map(svg: &mut Svg, f: &Frame, map: &Map) {
             Meaning::States(states) => state(states, cell),
         };
         svg.polygon(&paint, &corners, if cell.note.is_empty() { &value } else { &cell.note });
+    }
+    if map.faces.is_empty() {
+        return;
+    }
+    let mut surface = Surface::new(map.ramp);
+    for face in &map.faces {
+        let places = face.corners.iter().map(|[x, y, depth]| f.at([*x, *y]).map(|[x, y]| [x, y, *depth]));
+        let Some(corners) = places.collect::<Option<Vec<_>>>() else { continue };
+        let tones = face.values.iter().map(|v| ramp.at(*v).unwrap_or(f64::NAN)).collect();
+        surface.push(corners, tones, face.edges.clone());
+    }
+    svg.surface(surface);
+}
+
+/// Length of an axis that points across the view.
+const ARM: f64 = 26.0;
+
+/// The axes of space at the lower left, each with its name.
+fn draw_triad(svg: &mut Svg, f: &Frame, triad: &[[f64; 2]; 3]) {
+    let origin = [f.left + ARM + 8.0, f.bottom + ARM + 12.0];
+    for (name, [right, up]) in ["x", "y", "z"].iter().zip(triad) {
+        let length = right.hypot(*up);
+        if length < 0.05 {
+            continue; // it points at the reader
+        }
+        let tip = |part: f64| [origin[0] + part * ARM * right, origin[1] - part * ARM * up];
+        svg.line("a", origin, tip(1.0));
+        let [x, y] = tip(1.0 + 0.32 / length);
+        svg.label("s m", [x, y + 4.0], name);
     }
 }
 
@@ -232,10 +280,7 @@ fn marker(svg: &mut Svg, class: &str, k: usize, [x, y]: [f64; 2], note: &str) {
     let r = 0.3 * EM;
     let paint = format!(r#"class="{class} z""#);
     match k % 4 {
-        0 => {
-            let title = if note.is_empty() { String::new() } else { format!("<title>{}</title>", escape(note)) };
-            svg.raw(&format!(r#"<circle {paint} cx="{x:.1}" cy="{y:.1}" r="{r:.1}">{title}</circle>"#));
-        }
+        0 => svg.disc(&paint, [x, y], r, note),
         1 => svg.rect(&paint, [x - 0.88 * r, y - 0.88 * r], [1.76 * r, 1.76 * r], note),
         2 => svg.polygon(&paint, &[[x - 1.1 * r, y + 0.9 * r], [x + 1.1 * r, y + 0.9 * r], [x, y - 1.2 * r]], note),
         _ => svg.polygon(&paint, &[[x - 1.3 * r, y], [x, y + 1.3 * r], [x + 1.3 * r, y], [x, y - 1.3 * r]], note),

@@ -2,6 +2,7 @@
 
 use super::Chart;
 use crate::{
+    colour::Ramp,
     map::Meaning,
     scale::{Axis, Scale},
     series::Drawn,
@@ -60,15 +61,26 @@ impl Chart {
         let left = 12.0 + EM * names + if self.y.0.is_empty() { 4.0 } else { 20.0 };
         let mut right = self.size[0] - 14.0;
         if self.has_ramp() {
-            right -= 74.0;
+            right -= 84.0;
         } else if !self.bars.is_empty() {
             right -= 46.0;
         }
-        let top = 32.0 + legend_rows * (LEGEND + 1.0);
+        let left = if self.triad.is_some() { 12.0 } else { left };
+        let top = 32.0 + self.second_line() + legend_rows * (LEGEND + 1.0);
         let lost = if self.lost() > 0 { 16.0 } else { 0.0 };
-        let bottom = self.size[1] - 44.0 - lost;
+        let bottom = self.size[1] - self.below() - lost;
         let frame = Frame { left, right: right.max(left + 40.0), top, bottom: bottom.max(top + 40.0), x, y };
         if self.equal { frame.equal(self) } else { frame }
+    }
+
+    /// Room below the data: for numbers and name of the axis, or for the axes of space.
+    pub(super) fn below(&self) -> f64 {
+        if self.triad.is_some() { 62.0 } else { 44.0 }
+    }
+
+    /// Room of the line under the title.
+    pub(super) fn second_line(&self) -> f64 {
+        if self.subtitle.is_some() { 16.0 } else { 0.0 }
     }
 
     /// Numbers of one axis; a bar starts at 0.
@@ -82,7 +94,8 @@ impl Chart {
         let other = [self.x.1, self.y.1][1 - axis];
         let drawn = |p: &&[f64; 2]| other == Scale::Linear && p[1 - axis].is_finite() || p[1 - axis] > 0.0;
         let of_series = self.series.iter().flat_map(|(s, _)| &s.points).filter(drawn);
-        of_series.chain(of_cells).map(|p| p[axis]).collect()
+        let of_faces = self.map.iter().flat_map(|m| &m.faces).flat_map(|f| &f.corners).map(|c| c[axis]);
+        of_series.chain(of_cells).map(|p| p[axis]).chain(of_faces).collect()
     }
 
     fn only_lines(&self) -> bool {
@@ -102,7 +115,14 @@ impl Chart {
         let bars = self.bars.iter().filter(|b| !on(self.x.1, b.value) || b.value < 0.0).count();
         let cells = self.map.iter().flat_map(|m| &m.cells);
         let cells = cells.filter(|c| !c.value.is_finite() || c.outline.iter().flatten().any(|v| !v.is_finite()));
-        points + bars + cells.count()
+        let faces = self.map.iter().flat_map(|m| &m.faces);
+        let faces = faces.filter(|f| f.values.iter().chain(f.corners.as_flattened()).any(|v| !v.is_finite()));
+        points + bars + cells.count() + faces.count()
+    }
+
+    /// The ramp of its map.
+    pub(super) fn ramp(&self) -> Ramp {
+        self.map.as_ref().map_or(Ramp::Viridis, |m| m.ramp)
     }
 
     /// Entries of the legend with their places, and its number of rows.

@@ -1,0 +1,124 @@
+//! Arguments of `wfl plot`.
+
+use std::path::PathBuf;
+
+use clap::Args as ClapArgs;
+use wfl_report::{Slice, StepChoice, View, Warp};
+
+pub(crate) const PLOT_HELP: &str = "\
+A field is the name of an array of `output vtk`, or the common beginning of several: `u` is uL and uR. Parts: of a vector
+magnitude (if none is named), x, y, z; of a tensor vonmises (if none is named), xx, xy, ..., trace, mean, max, min, norm.
+Fields of an interface (slip, traction, `state` for the contact state) are drawn in its plane or along it; parts: along,
+across. Without --png and --svg a PNG named after the field is written to the current folder.
+
+Examples:
+  wfl plot out/nitsche
+  wfl plot out/nitsche --field stress:vonmises --step 10 --warp 200 --png stress.png
+  wfl plot out/nitsche --field stress:yy --slice x=0.5 --svg slice.svg
+  wfl plot out/nitsche --field u:z --line -1,2,2:1,2,2 --png profile.png
+  wfl plot out/nitsche --field state --png contact.png";
+
+/// What is drawn, and where it goes.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct PlotArgs {
+    /// The folder that `wfl run` wrote
+    #[arg(value_name = "OUT")]
+    pub(crate) folder: PathBuf,
+    /// The field and a part of it, such as stress:vonmises [default: the displacement, or the first field]
+    #[arg(long, value_name = "FIELD[:PART]")]
+    pub(crate) field: Option<String>,
+    /// `last`, `all` (a picture each, with the same colours) or the number of a step, counted from 0
+    #[arg(long, value_name = "STEP", default_value = "last", value_parser = step)]
+    pub(crate) step: StepChoice,
+    /// What displacements are multiplied by: `auto` or a number, 0 for bodies that are not deformed
+    #[arg(long, value_name = "FACTOR", default_value = "auto", value_parser = warp, allow_negative_numbers = true)]
+    pub(crate) warp: Warp,
+    /// Cut the bodies, as they were: a plane in three dimensions, a line in two
+    #[arg(long, value_name = "x=VALUE", value_parser = slice)]
+    pub(crate) slice: Option<Slice>,
+    /// Values along the line between two points
+    #[arg(long, value_name = "X,Y[,Z]:X,Y[,Z]", value_parser = line, conflicts_with = "slice", allow_hyphen_values = true)]
+    pub(crate) line: Option<Slice>,
+    /// From where solid bodies are seen: azimuth from x towards y, elevation above the plane of x and y, in degrees
+    #[arg(long, value_name = "AZ,EL", default_value = "-60,25", value_parser = view, allow_hyphen_values = true)]
+    pub(crate) view: View,
+    /// The range of the colours [default: that of the numbers]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
+    pub(crate) range: Option<[f64; 2]>,
+    /// Leave out the edges of the mesh
+    #[arg(long)]
+    pub(crate) no_mesh: bool,
+    /// Write a PNG file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) png: Option<PathBuf>,
+    /// Write an SVG file, with a light and a dark theme
+    #[arg(long, value_name = "FILE")]
+    pub(crate) svg: Option<PathBuf>,
+}
+
+/// `last`, `all`, or a number.
+fn step(text: &str) -> Result<StepChoice, String> {
+    match text {
+        "last" => Ok(StepChoice::Last),
+        "all" => Ok(StepChoice::All),
+        number => {
+            number.parse().map(StepChoice::Number).map_err(|_| "it is `last`, `all` or the number of a step".into())
+        }
+    }
+}
+
+/// `auto`, or a number.
+fn warp(text: &str) -> Result<Warp, String> {
+    if text == "auto" {
+        return Ok(Warp::Auto);
+    }
+    number(text).map(Warp::Factor).ok_or_else(|| "it is `auto` or a number".to_owned())
+}
+
+/// `x=0`.
+fn slice(text: &str) -> Result<Slice, String> {
+    let read = || {
+        let (name, value) = text.split_once('=')?;
+        let axis = ["x", "y", "z"].iter().position(|a| *a == name.trim())?;
+        Some(Slice::Plane { axis, value: number(value)? })
+    };
+    read().ok_or_else(|| "it is `x=`, `y=` or `z=` with a number".to_owned())
+}
+
+/// `0,0:1,2`.
+fn line(text: &str) -> Result<Slice, String> {
+    let point = |text: &str| {
+        let numbers = numbers(text)?;
+        matches!(numbers.len(), 2 | 3).then(|| [numbers[0], numbers[1], numbers.get(2).copied().unwrap_or(0.0)])
+    };
+    let read = || {
+        let (a, b) = text.split_once(':')?;
+        let ends = [point(a)?, point(b)?];
+        (ends[0] != ends[1]).then_some(Slice::Line(ends))
+    };
+    read().ok_or_else(|| "it is two points, as in `0,0:1,2`".to_owned())
+}
+
+/// `-60,25`.
+fn view(text: &str) -> Result<View, String> {
+    match numbers(text).as_deref() {
+        Some([azimuth, elevation]) => Ok(View { azimuth: *azimuth, elevation: *elevation }),
+        _ => Err("it is two angles in degrees, as in `-60,25`".to_owned()),
+    }
+}
+
+/// `0,40`.
+fn range(text: &str) -> Result<[f64; 2], String> {
+    match numbers(text).as_deref() {
+        Some([low, high]) if low < high => Ok([*low, *high]),
+        _ => Err("it is two numbers, the smaller one first, as in `0,40`".to_owned()),
+    }
+}
+
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    text.split(',').map(number).collect()
+}
+
+fn number(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|x: &f64| x.is_finite())
+}

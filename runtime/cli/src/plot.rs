@@ -1,0 +1,124 @@
+//! `wfl plot`.
+
+use std::{
+    io::Read as _,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use wfl_report::{Picture, PlotError, Request, RunFolder, plots};
+
+use crate::{
+    args_plot::PlotArgs,
+    load::{out, say},
+    prepared::EXIT_ERROR,
+    report::explained,
+};
+
+pub(crate) fn plot(args: &PlotArgs) -> ExitCode {
+    match made(args) {
+        Ok(said) => {
+            out(&said);
+            ExitCode::SUCCESS
+        }
+        Err(message) => {
+            say(&message);
+            ExitCode::from(EXIT_ERROR)
+        }
+    }
+}
+
+/// Draws and writes; says which files, or why not.
+fn made(args: &PlotArgs) -> Result<String, String> {
+    for (file, ending) in [(&args.png, "png"), (&args.svg, "svg")] {
+        if let Some(file) = file.as_ref().filter(|f| f.extension().is_none_or(|e| e != ending)) {
+            let (name, better) = (file.display(), file.with_extension(ending));
+            let help = format!("  = help: --{ending} {}\n", better.display());
+            return Err(format!("error: {name} is no name of a .{ending} file\n{help}"));
+        }
+    }
+    let run = RunFolder::read(&args.folder).map_err(|e| explained(&e))?;
+    let request = Request {
+        field: args.field.clone(),
+        step: args.step,
+        warp: args.warp,
+        slice: args.slice.or(args.line),
+        view: args.view,
+        range: args.range,
+        no_mesh: args.no_mesh,
+    };
+    let pictures = plots(&run, &request).map_err(|e| told(&e))?;
+    let several = pictures.len() > 1;
+    let mut said = String::new();
+    for picture in &pictures {
+        for (file, kind) in files(args, picture, several) {
+            let bytes = match kind {
+                Kind::Svg => picture.chart.svg().into_bytes(),
+                Kind::Png => picture.chart.png().map_err(|e| format!("error: {e}\n"))?,
+            };
+            write(&file, &bytes)?;
+            said += &format!("{}\n", file.display());
+        }
+    }
+    Ok(said)
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Png,
+    Svg,
+}
+
+/// Where a picture goes: the files that are named, with its own name behind if there are several; a PNG named after the
+/// field in this folder if none is.
+fn files(args: &PlotArgs, picture: &Picture, several: bool) -> Vec<(PathBuf, Kind)> {
+    let named = |file: &Path| {
+        if !several {
+            return file.to_owned();
+        }
+        let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+        let ending = file.extension().unwrap_or_default().to_string_lossy();
+        file.with_file_name(format!("{stem}_{}.{ending}", picture.name))
+    };
+    let mut files: Vec<(PathBuf, Kind)> = Vec::new();
+    files.extend(args.png.iter().map(|f| (named(f), Kind::Png)));
+    files.extend(args.svg.iter().map(|f| (named(f), Kind::Svg)));
+    if files.is_empty() {
+        files.push((PathBuf::from(format!("{}.png", picture.name)), Kind::Png));
+    }
+    files
+}
+
+/// Writes a picture under its name, whole or not at all. It takes the place of a picture only.
+fn write(file: &Path, bytes: &[u8]) -> Result<(), String> {
+    if std::fs::symlink_metadata(file).is_ok() && !is_picture(file) {
+        return Err(format!(
+            "error: {} is there already and is no picture: it stays as it is\n  = help: name another file\n",
+            file.display()
+        ));
+    }
+    let mut part = file.as_os_str().to_owned();
+    part.push(format!(".{}.part", std::process::id()));
+    let part = PathBuf::from(part);
+    let done = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, file));
+    done.map_err(|e| {
+        // what is left of it helps nobody
+        let _ = std::fs::remove_file(&part);
+        format!("error: cannot write {}: {e}\n", file.display())
+    })
+}
+
+fn is_picture(file: &Path) -> bool {
+    let mut start = Vec::new();
+    let regular = std::fs::symlink_metadata(file).is_ok_and(|m| m.is_file());
+    let read = regular && std::fs::File::open(file).and_then(|f| f.take(8).read_to_end(&mut start)).is_ok();
+    read && (start.is_empty() || start.starts_with(b"\x89PNG") || start.starts_with(b"<svg"))
+}
+
+fn told(error: &PlotError) -> String {
+    if let PlotError::Report(error) = error {
+        return explained(error);
+    }
+    let help = error.help();
+    if help.is_empty() { format!("error: {error}\n") } else { format!("error: {error}\n  = help: {help}\n") }
+}

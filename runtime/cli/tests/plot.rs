@@ -1,0 +1,272 @@
+//! `wfl plot` as a user meets it: colours, places and factors of pictures against closed forms, and what is refused.
+
+mod common;
+
+use std::process::Output;
+
+use common::Folder;
+
+/// A bar of 2 x 1 mm without lateral strain, stretched by t per length: u = (t x, 0), stress xx = 100 t.
+const STRETCHED: &str = "wfl 1
+param E = 100 [MPa]
+mesh box [0,0] to [2,1] cells [4,2] quad
+region west  = faces where x == 0
+region east  = faces where x == 2
+region south = faces where y == 0
+unknown u : vector [mm]
+term bulk on all : E*Sym(Grad_u):Grad_Test_u
+fix u(1) = 0 on west
+fix u(2) = 0 on south
+load u = [E*0.001*t,0] on east
+steps t = 1 to 2 by 1
+output vtk \"bar\" : u, E*Sym(Grad_u) as stress
+";
+
+/// The same in three dimensions: a box of 2 x 1 x 1 mm.
+const SOLID: &str = "wfl 1
+param E = 100 [MPa]
+mesh box [0,0,0] to [2,1,1] cells [2,2,2] hex
+region west   = faces where x == 0
+region east   = faces where x == 2
+region south  = faces where y == 0
+region bottom = faces where z == 0
+unknown u : vector [mm]
+term bulk on all : E*Sym(Grad_u):Grad_Test_u
+fix u(1) = 0 on west
+fix u(2) = 0 on south
+fix u(3) = 0 on bottom
+load u = [E*0.001,0,0] on east
+output vtk \"box\" : u, E*Sym(Grad_u) as stress
+";
+
+/// Two bars pressed together and sheared beyond friction: slip on the whole interface, traction across of t.
+const PRESSED: &str = "wfl 1
+param gamma = 10
+param fric  = 0.5
+mesh box [0,0] to [2,1] cells [4,3] quad
+region left  = cells where x < 1
+region right = cells where x > 1
+region fault = interface from left to right
+region west  = faces where x == 0
+region east  = faces where x == 2
+unknown uL : vector on left
+unknown uR : vector on right
+def jump(a,b) = a - Interpolate(b, neighbor_element)
+def tang(w)   = w - (w.Normal)*Normal
+def Pn    = gamma*(jump(uL,uR).Normal)
+def Pt    = gamma*tang(jump(uL,uR))
+def force = pos_part(Pn)*Normal + Ball_projection(Pt, fric*pos_part(Pn))
+term bulk_left  on left  : Sym(Grad_uL):Grad_Test_uL
+term bulk_right on right : Sym(Grad_uR):Grad_Test_uR
+term contact on fault : force.jump(Test_uL,Test_uR)
+fix uL = [0,0] on west
+load uR = [-t,0] on east
+steps t = 1 to 5 by 1
+output vtk \"fields\" : uL, uR, force as traction
+";
+
+impl Folder {
+    fn run(&self, text: &str) {
+        self.write("s.wfl", text);
+        let done = self.wfl(&["run", "s.wfl", "--out", "o"]);
+        assert!(done.status.success(), "{}", stderr(&done));
+    }
+
+    fn plot(&self, more: &[&str]) -> Output {
+        self.wfl(&[&["plot", "o"], more].concat())
+    }
+
+    /// The text of the SVG of a picture.
+    fn svg(&self, more: &[&str]) -> String {
+        let done = self.plot(&[more, &["--svg", "p.svg"]].concat());
+        assert!(done.status.success(), "{}", stderr(&done));
+        std::fs::read_to_string(self.0.join("p.svg")).expect("a picture")
+    }
+
+    fn refused(&self, more: &[&str], words: &[&str]) {
+        let done = self.plot(more);
+        let text = stderr(&done);
+        assert_eq!(done.status.code(), Some(1), "{more:?}: {text}");
+        for word in words {
+            assert!(text.contains(word), "{more:?}: {text}");
+        }
+    }
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Rows of red, green, blue.
+fn pixels(file: &std::path::Path) -> Vec<Vec<[i32; 3]>> {
+    let file = std::io::BufReader::new(std::fs::File::open(file).expect("a picture"));
+    let mut reader = png::Decoder::new(file).read_info().expect("a PNG file");
+    let mut bytes = vec![0; reader.output_buffer_size().expect("a size")];
+    let info = reader.next_frame(&mut bytes).expect("pixels");
+    let row = |line: &[u8]| line.chunks_exact(3).map(|p| [0, 1, 2].map(|c| i32::from(p[c]))).collect();
+    bytes.chunks_exact(3 * info.width as usize).map(row).collect()
+}
+
+fn near(a: [i32; 3], b: [i32; 3]) -> bool {
+    a.iter().zip(b).all(|(x, y)| (x - y).abs() <= 6)
+}
+
+/// viridis at 0, 0.5 and 1, from matplotlib.
+const ENDS: [[i32; 3]; 3] = [[0x44, 0x01, 0x54], [0x21, 0x91, 0x8c], [0xfd, 0xe7, 0x25]];
+
+#[test]
+fn a_linear_displacement_has_the_colours_of_its_values_at_known_places() {
+    let folder = Folder::new("plot_colours");
+    folder.run(STRETCHED);
+    let done = folder.plot(&["--field", "u:x", "--warp", "0", "--no-mesh", "--png", "p.png"]);
+    assert_eq!(String::from_utf8_lossy(&done.stdout).trim(), "p.png", "{}", stderr(&done));
+    let rows = pixels(&folder.0.join("p.png"));
+    // the middle row of the body: between its first and last colour is a length of 2, so the middle colour is at x = 1
+    let coloured = |p: &[i32; 3]| p.iter().max().unwrap() - p.iter().min().unwrap() > 40;
+    let width = |row: &Vec<[i32; 3]>| row.iter().filter(|p| coloured(p)).count();
+    let widest = rows.iter().map(width).max().unwrap();
+    let body: Vec<usize> = (0..rows.len()).filter(|k| width(&rows[*k]) + 3 > widest).collect();
+    let row = &rows[body[body.len() / 2]];
+    let first = row.iter().position(coloured).unwrap() + 3;
+    // what follows behind a gap is the ramp
+    let last = (first..row.len()).find(|k| row[*k..*k + 6].iter().all(|p| !coloured(p))).unwrap() - 4;
+    for (at, expected) in [(first, ENDS[0]), (usize::midpoint(first, last), ENDS[1]), (last, ENDS[2])] {
+        assert!(near(row[at], expected), "{at} of {first}..{last}: {:?}, expected {expected:?}", row[at]);
+    }
+    // the body is twice as long as it is high
+    let high = body.last().unwrap() - body[0];
+    assert!((last - first).abs_diff(2 * high) < 16, "{} x {high}", last - first);
+    // the ramp at the right has the largest value on top
+    let ramp = row.len() - row.iter().rev().position(coloured).unwrap() - 6;
+    let column: Vec<[i32; 3]> = rows.iter().map(|r| r[ramp]).filter(coloured).collect();
+    // of 32 steps the first and the last: viridis at 1/64 and 63/64
+    let steps = [[0x45, 0x06, 0x59], [0xf3, 0xe6, 0x25]];
+    assert!(near(column[2], steps[1]) && near(column[column.len() - 3], steps[0]), "{:?}", column.first());
+}
+
+#[test]
+fn a_factor_is_found_told_and_used() {
+    let folder = Folder::new("plot_factor");
+    folder.run(STRETCHED);
+    // the largest displacement is 0.004 of 2 mm: 50 times that is a tenth
+    let svg = folder.svg(&[]);
+    for words in ["s: |u|", "t = 2, displacements × 50", ">x</text>", "|u| [mm]"] {
+        assert!(svg.contains(words), "no {words}");
+    }
+    let ticks = |svg: &str, label: &str| svg.contains(&format!(">{label}</text>"));
+    assert!(ticks(&svg, "2.0") && !ticks(&svg, "4"), "the body is 2.2 long");
+    // 500 times: 2 + 500 * 0.004 = 4
+    let svg = folder.svg(&["--warp", "500"]);
+    assert!(svg.contains("displacements × 500") && ticks(&svg, "4"), "the body is 4 long");
+    let svg = folder.svg(&["--warp", "0", "--step", "0"]);
+    assert!(svg.contains("t = 1, not deformed"));
+}
+
+#[test]
+fn a_plane_through_a_box_is_its_section_and_a_line_has_its_values() {
+    let folder = Folder::new("plot_cuts");
+    folder.run(SOLID);
+    let svg = folder.svg(&["--field", "u:x", "--slice", "z=0.5", "--warp", "0"]);
+    assert!(svg.contains("z = 0.5, not deformed") && svg.contains("x [mm]") && svg.contains("y [mm]"));
+    // the section of 2 x 1: its rim has a length of 2 (2 + 1) sides of cells, drawn as 8 parts
+    let rim = svg.split("<path class=\"fr\" d=\"").nth(1).unwrap().split('"').next().unwrap();
+    assert_eq!(rim.matches('M').count(), 8, "{rim}");
+    // u = 0.001 x
+    let svg = folder.svg(&["--field", "u:x", "--line", "-1,0.3,0.3:5,0.3,0.3"]);
+    assert!(svg.contains("x [mm] = 2\nu x [mm] = 0.002") && svg.contains("x [mm] = 0\nu x [mm] = 0"), "{svg}");
+    // uniaxial: von Mises is the stress itself, 100 * 0.001
+    let svg = folder.svg(&["--field", "stress", "--line", "0,0.5,0.5:2,0.5,0.5"]);
+    assert!(svg.contains("stress von Mises [MPa] = 0.1"), "{svg}");
+    folder.refused(&["--slice", "x=5"], &["the plane x = 5 lies outside", "x = 0 to 2"]);
+    folder.refused(&["--line", "0,3,0:2,3,0"], &["lies outside", "y = 0 to 1"]);
+}
+
+#[test]
+fn a_solid_body_is_seen_from_the_place_that_is_given() {
+    let folder = Folder::new("plot_views");
+    folder.run(SOLID);
+    // three sides of a box are seen from a corner, each of 4 faces; one from the front
+    let faces = |more: &[&str]| {
+        let svg = folder.svg(&[&["--field", "stress:xx", "--warp", "0"], more].concat());
+        svg.matches("<path class=\"fr\"").count()
+    };
+    assert_eq!((faces(&[]), faces(&["--view", "-90,0"])), (12, 4));
+    let svg = folder.svg(&[]);
+    assert!(svg.contains(">x</text>") && svg.contains(">y</text>") && svg.contains(">z</text>"));
+}
+
+#[test]
+fn fields_of_an_interface_are_drawn_along_it() {
+    let folder = Folder::new("plot_interface");
+    folder.run(PRESSED);
+    // the traction is t
+    let svg = folder.svg(&["--field", "traction:across"]);
+    assert!(svg.contains("traction across") && svg.contains(" = 5"), "{svg}");
+    let svg = folder.svg(&["--field", "state"]);
+    assert!(svg.contains("contact over t") && svg.contains("<title>t = 5"), "{svg}");
+    folder.refused(&["--field", "traction:xy"], &["no part `xy`", "traction:across"]);
+    folder.refused(&["--field", "state", "--slice", "x=1"], &["lives on an interface"]);
+    // both bodies under one name
+    let svg = folder.svg(&["--field", "u:x"]);
+    assert!(svg.contains("s: u x"), "{svg}");
+}
+
+#[test]
+fn a_bar_has_its_values_over_the_coordinate() {
+    let folder = Folder::new("plot_bar");
+    folder.run(
+        "wfl 1\nmesh box [0] to [2] cells [4] segment\nregion west = faces where x == 0\nregion east = faces where x == 2\n\
+         unknown u : scalar\nterm flow on all : Grad_u.Grad_Test_u\nfix u = 1 on west\nfix u = 5 on east\n\
+         output vtk \"bar\" : u\n",
+    );
+    // u = 1 + 2 x
+    let svg = folder.svg(&[]);
+    for words in ["x = 0\nu = 1<", "x = 0.5\nu = 2<", "x = 2\nu = 5<"] {
+        assert!(svg.contains(words), "no {words} in {svg}");
+    }
+}
+
+#[test]
+fn pictures_of_all_steps_share_their_colours() {
+    let folder = Folder::new("plot_steps");
+    folder.run(STRETCHED);
+    let done = folder.plot(&["--field", "stress:xx", "--step", "all", "--svg", "p.svg"]);
+    let files = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert_eq!(
+        files.lines().collect::<Vec<_>>(),
+        ["p_stress_xx_0000.svg", "p_stress_xx_0001.svg"],
+        "{}",
+        stderr(&done)
+    );
+    let first = std::fs::read_to_string(folder.0.join("p_stress_xx_0000.svg")).unwrap();
+    let second = std::fs::read_to_string(folder.0.join("p_stress_xx_0001.svg")).unwrap();
+    // 0.1 and 0.2 MPa, each constant: the ends of one ramp
+    assert!(first.contains("fill=\"#440154\" stroke") && second.contains("fill=\"#fde725\" stroke"));
+    assert!(first.contains("t = 1, displacements × 50") && second.contains("t = 2, displacements × 50"));
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused_with_what_there_is() {
+    let folder = Folder::new("plot_refused");
+    folder.refused(&[], &["there is no folder `o`"]);
+    folder.run(STRETCHED);
+    folder.refused(&["--field", "nope"], &["no field `nope`", "there is stress, u"]);
+    folder.refused(&["--field", "u:xx"], &["no part `xx`", "u:magnitude, u:x"]);
+    folder.refused(&["--step", "7"], &["no fields of step 7", "steps 0 to 1"]);
+    folder.refused(&["--step", "soon"], &["`last`, `all` or the number of a step"]);
+    folder.refused(&["--slice", "q=1"], &["`x=`, `y=` or `z=`"]);
+    folder.refused(&["--range", "2,1"], &["the smaller one first"]);
+    folder.refused(&["--png", "p.svg"], &["p.svg is no name of a .png file", "--png p.png"]);
+    // a file that is no picture stays
+    folder.write("data.png", "my numbers");
+    folder.refused(&["--png", "data.png"], &["is no picture", "another file"]);
+    assert_eq!(std::fs::read_to_string(folder.0.join("data.png")).unwrap(), "my numbers");
+    // a picture is replaced, and the same call gives the same bytes
+    let made = || {
+        assert!(folder.plot(&["--png", "p.png"]).status.success());
+        std::fs::read(folder.0.join("p.png")).unwrap()
+    };
+    assert_eq!(made(), made());
+    folder.run(&STRETCHED.replace("output vtk \"bar\" : u, E*Sym(Grad_u) as stress", ""));
+    folder.refused(&[], &["wrote no fields", "output vtk"]);
+}
