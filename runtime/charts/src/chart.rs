@@ -26,6 +26,8 @@ pub struct Chart {
     size: [f64; 2],
     equal: bool,
     subtitle: Option<String>,
+    /// The vertical axis says nothing and is left out.
+    flat: bool,
     /// Directions of the axes of space in the view, to the right and up, in place of a pair of axes.
     triad: Option<[[f64; 2]; 3]>,
 }
@@ -45,6 +47,7 @@ impl Chart {
             size: [440.0, 300.0],
             equal: false,
             subtitle: None,
+            flat: false,
             triad: None,
         }
     }
@@ -152,6 +155,13 @@ impl Chart {
     #[must_use]
     pub fn triad(mut self, axes: [[f64; 2]; 3]) -> Self {
         self.triad = Some(axes);
+        self
+    }
+
+    /// Leaves out the vertical axis: heights mean nothing.
+    #[must_use]
+    pub fn flat(mut self) -> Self {
+        self.flat = true;
         self
     }
 

@@ -206,6 +206,10 @@ fn fields_of_an_interface_are_drawn_along_it() {
     assert!(svg.contains("contact over t") && svg.contains("<title>t = 5"), "{svg}");
     folder.refused(&["--field", "traction:xy"], &["no part `xy`", "traction:across"]);
     folder.refused(&["--field", "state", "--slice", "x=1"], &["lives on an interface"]);
+    // few steps: a strip of three facets
+    folder.run(&PRESSED.replace("steps t = 1 to 5 by 1", "steps t = 1 to 2 by 1"));
+    let svg = folder.svg(&["--field", "state"]);
+    assert!(svg.contains("contact, t = 2") && svg.matches("\nstick</title>").count() == 3, "{svg}");
     // both bodies under one name
     let svg = folder.svg(&["--field", "u:x"]);
     assert!(svg.contains("s: u x"), "{svg}");

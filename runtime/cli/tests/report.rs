@@ -89,6 +89,12 @@ fn the_page_shows_the_closed_form_with_units() {
         assert!(page.contains(part), "{part}");
     }
     assert!(!page.contains("class=\"failure\"") && !page.contains("class=\"warning\""));
+    // the deformed bodies come first: the left one alone, as the scene writes no other
+    let place = |part: &str| page.find(part).unwrap_or_else(|| panic!("no {part}"));
+    assert!(place("<h2>The result</h2>") < place("<h2>The run</h2>"));
+    let bodies = folder.read("o/plots/u_magnitude.svg");
+    // u = -5 at the interface: half a length, so the displacements stay as they are
+    assert!(bodies.contains("s: |u|") && bodies.contains("t = 5, true displacements"), "{bodies}");
 }
 
 #[test]
@@ -100,6 +106,8 @@ fn a_run_that_failed_is_shown_with_its_failure_and_without_older_files() {
     assert_eq!(failed.status.code(), Some(1), "{}", stderr(&failed));
     let page = folder.page(&["--plots"]);
     assert!(page.contains("class=\"failure\" role=\"alert\">The run ended with an error: step 2 (t = 3)"), "{page}");
+    let place = |part: &str| page.find(part).unwrap_or_else(|| panic!("no {part}"));
+    assert!(place("<h2>The run</h2>") < place("<h2>The result</h2>"), "the reason comes first");
     // the files of the first run are still there, but they are not those of this one
     assert!(folder.0.join("o/fields_0004.vtu").exists());
     let traction = notes(&folder.read("o/plots/traction_across_over_y.svg"));

@@ -12,6 +12,9 @@ use crate::{
 /// Steps of a map of line over time; of longer runs every so many.
 const HISTORY: usize = 120;
 
+/// Height of a strip in parts of its length.
+const STRIP: f64 = 0.08;
+
 /// An interface at a step.
 pub(crate) struct Shot {
     pub(crate) step: usize,
@@ -214,6 +217,26 @@ pub(crate) fn on_line(run: &RunFolder, interface: &Interface) -> Vec<Picture> {
         pictures.push(Picture::new(&format!("{}{}", quantity.label, interface.name), chart));
     }
     pictures
+}
+
+/// The states along a line at its last step, as a strip: for runs of few steps.
+pub(crate) fn strip(run: &RunFolder, interface: &Interface) -> Option<Picture> {
+    let shot = interface.shots.last()?;
+    let places: Vec<Vec<[f64; 2]>> = shot.piece.cells.iter().map(|c| outline(shot, c)).collect();
+    let (low, high) =
+        places.iter().flatten().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| (a.min(p[0]), b.max(p[0])));
+    let height = STRIP * (high - low);
+    let cells = places.iter().zip(states(shot)?).map(|(s, state)| {
+        let name = STATES.iter().zip([0.0, 1.0, 2.0]).find(|(_, k)| k == state).map_or("", |(s, _)| s.0);
+        let note = format!("{} = {} to {}\n{name}", shot.surface.names[0], short(s[0][0]), short(s[1][0]));
+        MapCell::rectangle([s[0][0], 0.0], [s[1][0], height], *state).note(note)
+    });
+    let chart = Chart::new(format!("contact, {}", at_step(run, shot.step)))
+        .x(run.with_unit(&shot.surface.names[0], "X"), Scale::Linear)
+        .states(STATES, cells)
+        .flat()
+        .equal();
+    Some(Picture::new(&format!("contact{}", interface.name), chart))
 }
 
 /// The time half way to a neighbour; as far beyond the first and last as the other neighbour is.

@@ -65,7 +65,7 @@ impl Chart {
         } else if !self.bars.is_empty() {
             right -= 46.0;
         }
-        let left = if self.triad.is_some() { 12.0 } else { left };
+        let left = if self.triad.is_some() || self.flat { 24.0 } else { left };
         let top = 32.0 + self.second_line() + legend_rows * (LEGEND + 1.0);
         let lost = if self.lost() > 0 { 16.0 } else { 0.0 };
         let bottom = self.size[1] - self.below() - lost;
@@ -168,7 +168,8 @@ impl Chart {
                 svg.label("s m", [x, f.bottom + 16.0], &tick.label);
             }
         }
-        for tick in f.y.ticks.iter().filter(|t| self.bars.is_empty() && (-1e-6..=1.000_001).contains(&t.at)) {
+        let upright = self.bars.is_empty() && !self.flat;
+        for tick in f.y.ticks.iter().filter(|t| upright && (-1e-6..=1.000_001).contains(&t.at)) {
             let y = f.bottom - tick.at * (f.bottom - f.top);
             svg.line(if tick.label.is_empty() { "g2" } else { "g" }, [f.left, y], [f.right, y]);
             if !tick.label.is_empty() {
@@ -176,13 +177,15 @@ impl Chart {
             }
         }
         svg.line("a", [f.left, f.bottom], [f.right, f.bottom]);
-        svg.line("a", [f.left, f.top], [f.left, f.bottom]);
+        if !self.flat {
+            svg.line("a", [f.left, f.top], [f.left, f.bottom]);
+        }
         let middle = [0.5 * (f.left + f.right), 0.5 * (f.top + f.bottom)];
         let (x, y) = (format!("{}{}", self.x.0, f.x.factor()), format!("{}{}", self.y.0, f.y.factor()));
         if !x.is_empty() {
             svg.label("m", [middle[0], f.bottom + 35.0], &x);
         }
-        if !self.y.0.is_empty() || (self.bars.is_empty() && f.y.power != 0) {
+        if !self.y.0.is_empty() || (upright && f.y.power != 0) {
             svg.upright("m", [15.0, middle[1]], &y);
         }
     }

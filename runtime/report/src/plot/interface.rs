@@ -36,7 +36,10 @@ pub(super) fn pictures(
         let plane = run.report.mesh.dim == 3;
         let mut made = match (plane, state) {
             (true, _) => fault::on_plane(run, &interface),
-            (false, true) => fault::on_line(run, &interface),
+            (false, true) => match fault::on_line(run, &interface) {
+                maps if maps.is_empty() => fault::strip(run, &interface).into_iter().collect(),
+                maps => maps,
+            },
             (false, false) => fault::profiles(run, &interface, &numbers),
         };
         for picture in &mut made {
@@ -47,10 +50,6 @@ pub(super) fn pictures(
             }
         }
         pictures.append(&mut made);
-    }
-    if state && pictures.is_empty() && run.report.mesh.dim == 2 && run.report.steps.len() < 4 {
-        let text = "the states along a line are drawn over the steps, of which this run has too few";
-        return Err(PlotError::Unfit(format!("{text}: draw the contact pressure, or a gap")));
     }
     // a name with the number of the step is for several
     if request.step != StepChoice::All && pictures.len() == 1 {

@@ -63,17 +63,23 @@ fn edge_key(side: &Side, k: usize) -> [usize; 2] {
 
 /// Plane cells themselves, or the sides of solid cells that occur once.
 fn outer(whole: &Whole, cells: &[usize]) -> Vec<Side> {
-    let mut seen: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
-    let mut all = Vec::new();
-    for k in cells {
-        for side in sides(&whole.cells[*k]) {
-            let mut key = side.corners.clone();
-            key.sort_unstable();
-            *seen.entry(key.clone()).or_default() += 1;
-            all.push((key, side));
+    // sorted corners say which sides are the same; sides that have three are filled up with a number that no node has
+    let key = |side: &Side| {
+        let mut key = [usize::MAX; 4];
+        key.iter_mut().zip(&side.corners).for_each(|(k, c)| *k = *c);
+        key.sort_unstable();
+        key
+    };
+    let all: Vec<Side> = cells.iter().flat_map(|k| sides(&whole.cells[*k])).collect();
+    let mut keys: Vec<([usize; 4], usize)> = all.iter().enumerate().map(|(k, side)| (key(side), k)).collect();
+    keys.sort_unstable();
+    let mut once = vec![false; all.len()];
+    for same in keys.chunk_by(|a, b| a.0 == b.0) {
+        if let [(_, only)] = same {
+            once[*only] = true;
         }
     }
-    all.into_iter().filter(|(key, _)| seen.get(key) == Some(&1)).map(|(_, side)| side).collect()
+    all.into_iter().zip(once).filter(|(_, once)| *once).map(|(side, _)| side).collect()
 }
 
 /// The sides of a cell: corners, edges in the order of the corners, and the middle, as `vtkCellType.h` numbers them.
