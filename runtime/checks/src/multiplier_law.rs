@@ -51,6 +51,9 @@ impl Solved<'_> {
             let own = columns.iter().zip(values).filter(|(c, _)| fields[**c as usize] == field);
             acts = own.fold(acts, |m, (_, value)| m.max(value.abs()));
         }
+        let mut largest_entry = [acts];
+        self.system.team().max(&mut largest_entry);
+        let [acts] = largest_entry;
         acts == 0.0 || acts * largest > least * force
     }
 

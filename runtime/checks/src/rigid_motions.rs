@@ -181,6 +181,8 @@ impl Examined<'_> {
         for motion in motions {
             self.system.numbering.gather(motion, &mut free);
             residual_and_size(&[self.system.bulk(), &self.tangent.changing], &zero, &free, &mut met, &mut size, 1);
+            self.system.team().sum(&mut met);
+            self.system.team().sum(&mut size);
             scale = size.iter().fold(scale, |m, s| m.max(*s));
             products.push(met.clone());
         }

@@ -27,7 +27,7 @@ const OUTSIDE: f64 = 1e-6;
 impl Examined<'_> {
     /// Why the last tangent is singular; `u` is the state it belongs to. `None` where nothing can be said.
     pub(crate) fn why_singular(&self, u: &[f64]) -> Option<Singular> {
-        let tangent = self.system.bulk().plus(&self.tangent.changing).ok()?;
+        let tangent = self.system.whole(self.system.bulk().plus(&self.tangent.changing).ok()?).ok()?;
         let positions: Vec<[f64; 3]> = self
             .system
             .numbering

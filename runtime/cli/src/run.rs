@@ -37,7 +37,8 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
 
 /// Runs with solvers that took `started_in` to start.
 fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Duration) -> ExitCode {
-    if running.is_shared() && !may_share(args) {
+    if running.is_shared() && args.savings {
+        say("error: --savings does not go with several ranks\n  = help: run it without mpirun\n");
         return ExitCode::from(EXIT_ERROR);
     }
     let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "run") else {
@@ -75,10 +76,18 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         }
     };
     share(args, running, &mut ready);
+    if let Err(why) = running.share(&mut scene) {
+        say(&error_line(&why));
+        return ExitCode::from(EXIT_ERROR);
+    }
     drop(preparing);
     match finished(&scene, &ready.options) {
+        Ok(Some(report)) => {
+            running.any(true);
+            return ended_before(&ready, &report);
+        }
+        Ok(None) if running.any(false) => return ExitCode::SUCCESS,
         Ok(None) => {}
-        Ok(Some(report)) => return ended_before(&ready, &report),
         Err(error) => {
             explain(&loaded, &scene, &error);
             return ExitCode::from(EXIT_ERROR);
@@ -92,18 +101,6 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
             ExitCode::from(EXIT_ERROR)
         }
     }
-}
-
-/// Whether a run can go on several ranks; says why not.
-fn may_share(args: &RunArgs) -> bool {
-    let refused = [(args.resume, "--resume"), (args.savings, "--savings")];
-    let Some((_, option)) = refused.into_iter().find(|(is_given, _)| *is_given) else { return true };
-    say(&format!(
-        "error: {option} does not go with several ranks
-  = help: run it without mpirun
-"
-    ));
-    false
 }
 
 /// Of several ranks, one writes files and tells; each has one thread unless it is asked for more.

@@ -23,6 +23,7 @@ mod linked {
     use std::{process::ExitCode, time::Duration};
 
     use wfl_petsc::{Petsc, Session};
+    use wfl_runtime::Scene;
 
     use super::{Linked, Solvers};
     use crate::{
@@ -68,6 +69,17 @@ mod linked {
         /// True if the run goes on several ranks.
         pub(crate) fn is_shared(&self) -> bool {
             self.session.as_ref().is_some_and(|session| session.size() > 1)
+        }
+
+        /// Shares the rows of a scene out over the ranks.
+        pub(crate) fn share(&self, scene: &mut Scene) -> Result<(), String> {
+            let Some(session) = &self.session else { return Ok(()) };
+            scene.system.share_rows(session.team()).map_err(|error| error.to_string())
+        }
+
+        /// Whether something holds on one rank at least; asked by all.
+        pub(crate) fn any(&self, holds: bool) -> bool {
+            self.session.as_ref().map_or(holds, |session| session.team().any(holds))
         }
 
         /// True on the rank that writes files and speaks.
@@ -120,6 +132,17 @@ mod linked {
         /// There is one rank.
         pub(crate) fn is_shared(&self) -> bool {
             false
+        }
+
+        /// It decides alone.
+        pub(crate) fn any(&self, holds: bool) -> bool {
+            holds
+        }
+
+        /// It has all rows.
+        #[expect(clippy::unnecessary_wraps, reason = "as with a library")]
+        pub(crate) fn share(&self, _: &mut wfl_runtime::Scene) -> Result<(), String> {
+            Ok(())
         }
 
         /// This one.

@@ -8,6 +8,7 @@
 //!
 //! Promises: the same number in every run. Does not solve anything.
 
+use wfl_host::team::Team;
 use wfl_sparse::csr::Csr;
 
 /// Most products with the matrix, and the part of what was found below which one more is not worth it.
@@ -15,10 +16,13 @@ const PRODUCTS: usize = 60;
 const SMALL: f64 = 5e-3;
 
 /// The stiffness (force by displacement) of `matrix` at `dofs`: the inverse of the mean of the diagonal of its inverse.
-/// `None` where that is no positive number, as it is not for an indefinite matrix.
-pub(super) fn stiffness(matrix: &Csr, dofs: &[u32]) -> Option<f64> {
+/// `None` where that is no positive number, as it is not for an indefinite matrix. Each rank of the team has its rows of
+/// the matrix.
+pub(super) fn stiffness(matrix: &Csr, dofs: &[u32], team: &dyn Team) -> Option<f64> {
     let n = matrix.n_rows();
-    let inverse: Vec<f64> = (0..n).map(|d| matrix.get(d, d)).map(|k| if k > 0.0 { 1.0 / k } else { 0.0 }).collect();
+    let mut diagonal: Vec<f64> = (0..n).map(|d| matrix.get(d, d)).collect();
+    team.sum(&mut diagonal);
+    let inverse: Vec<f64> = diagonal.into_iter().map(|k| if k > 0.0 { 1.0 / k } else { 0.0 }).collect();
     let mut residual = vec![0.0; n];
     let mut count = 0usize;
     for dof in dofs.iter().map(|d| *d as usize).filter(|d| inverse[*d] > 0.0) {
@@ -35,6 +39,7 @@ pub(super) fn stiffness(matrix: &Csr, dofs: &[u32]) -> Option<f64> {
             break;
         }
         matrix.multiply(&direction, &mut product, 1);
+        team.sum(&mut product);
         let curvature = dot(&direction, &product);
         if curvature <= 0.0 || curvature.is_nan() {
             return None;
@@ -74,6 +79,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use wfl_host::team::Alone;
     use wfl_sparse::csr::Pattern;
 
     fn tridiagonal(n: usize, diagonal: impl Fn(usize) -> f64, beside: f64) -> Csr {
@@ -92,7 +98,7 @@ mod tests {
     #[test]
     fn without_coupling_it_is_the_harmonic_mean_of_the_diagonal() {
         let matrix = tridiagonal(4, |i| [2.0, 1e6, 4.0, 1.0][i], 0.0);
-        let found = stiffness(&matrix, &[0, 1, 2]).unwrap();
+        let found = stiffness(&matrix, &[0, 1, 2], &Alone).unwrap();
         assert!((found - 3.0 / (0.5 + 1e-6 + 0.25)).abs() < 1e-9 * found, "{found}");
     }
 
@@ -100,13 +106,13 @@ mod tests {
     fn at_the_end_of_a_chain_of_springs_it_is_that_of_the_chain() {
         // ten springs of stiffness 1 in series, fixed at one end: 1/10 at the other, 2 on the diagonal
         let matrix = tridiagonal(10, |i| if i == 9 { 1.0 } else { 2.0 }, -1.0);
-        let found = stiffness(&matrix, &[9]).unwrap();
+        let found = stiffness(&matrix, &[9], &Alone).unwrap();
         assert!((found - 0.1).abs() < 1e-10, "{found}");
     }
 
     #[test]
     fn an_indefinite_matrix_has_none() {
-        assert_eq!(stiffness(&tridiagonal(6, |_| 1.0, -1.0), &[0, 1, 2, 3, 4, 5]), None);
-        assert_eq!(stiffness(&tridiagonal(3, |_| 0.0, 0.0), &[0, 1]), None);
+        assert_eq!(stiffness(&tridiagonal(6, |_| 1.0, -1.0), &[0, 1, 2, 3, 4, 5], &Alone), None);
+        assert_eq!(stiffness(&tridiagonal(3, |_| 0.0, 0.0), &[0, 1], &Alone), None);
     }
 }

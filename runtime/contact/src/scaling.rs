@@ -76,7 +76,7 @@ impl ContactTerm {
         #[expect(clippy::cast_precision_loss, reason = "a mean")]
         let mean = stiff.iter().sum::<f64>() / stiff.len() as f64;
         let places: Vec<u32> = dofs.iter().map(|d| free[*d as usize]).filter(|f| *f != FIXED).collect();
-        let stiffness = match flexibility::stiffness(bulk, &places) {
+        let stiffness = match flexibility::stiffness(bulk, &places, system.team()) {
             Some(gives) if mean > LOCKED * gives => GIVING_WAY * gives,
             _ => STIFFNESS_FACTOR * mean,
         };
@@ -95,7 +95,9 @@ impl ContactTerm {
         scaling.slopes = slopes;
         scaling.stiffness = if stiffness.is_finite() { stiffness } else { 0.0 };
         let cells: f64 = dofs.iter().filter(|d| free[**d as usize] != FIXED).map(|d| diagonal[*d as usize]).sum();
-        let linear: f64 = places.iter().map(|f| bulk.get(*f as usize, *f as usize)).sum();
+        let mut on_diagonal: Vec<f64> = places.iter().map(|f| bulk.get(*f as usize, *f as usize)).collect();
+        system.team().sum(&mut on_diagonal);
+        let linear: f64 = on_diagonal.iter().sum();
         scaling.is_over_constrained =
             largest == 1.0 && linear > STIFF_FACES * cells && scaling.stiffness_ratio() > SOFT_ARGUMENTS;
     }

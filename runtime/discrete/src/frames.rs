@@ -114,9 +114,9 @@ impl Frames {
     }
 
     /// The dofs of an entity with all dofs of its rotated nodes, each once: they are coupled after the rotation.
-    pub fn complete(&self, dofs: &[u32], out: &mut Vec<u32>) {
+    pub fn complete<'a>(&self, dofs: impl Iterator<Item = &'a u32> + Clone, out: &mut Vec<u32>) {
         out.clear();
-        out.extend_from_slice(dofs);
+        out.extend(dofs.clone());
         if self.list.is_empty() {
             return;
         }
@@ -129,11 +129,13 @@ impl Frames {
         out.dedup();
     }
 
-    /// Turns rows and columns of a matrix whose pattern is made of completed entities; `place` is the row of a dof.
+    /// Turns rows and columns of a matrix whose pattern is made of completed entities; `place` is the row of a dof. The
+    /// matrix may have the rows of some nodes alone.
     pub fn turn_matrix(&self, matrix: &mut Csr, place: impl Fn(usize) -> usize) {
         let pattern = matrix.pattern().clone();
         let values = matrix.values_mut();
-        for frame in &self.list {
+        let elsewhere = self.rows_beside(&pattern, &place);
+        for (frame, elsewhere) in self.list.iter().zip(&elsewhere) {
             let n = frame.axes.len();
             let rows: Vec<usize> = (0..n).map(|k| place(frame.first + k)).collect();
             let start: Vec<usize> = rows.iter().map(|r| pattern.row_starts()[*r]).collect();
@@ -144,7 +146,7 @@ impl Frames {
                 }
             }
             // entities couple both ways, so the rows that hold these columns are the columns of these rows
-            for row in pattern.row(rows[0]) {
+            for row in pattern.row(rows[0]).iter().chain(elsewhere) {
                 let places: Option<Vec<usize>> = rows.iter().map(|c| pattern.position(*row as usize, *c)).collect();
                 let Some(places) = places else { continue };
                 let old: Vec<f64> = places.iter().map(|p| values[*p]).collect();
@@ -153,6 +155,27 @@ impl Frames {
                 }
             }
         }
+    }
+
+    /// By frame: the rows that hold columns of its node, where the matrix does not have the rows of that node.
+    fn rows_beside(&self, pattern: &Pattern, place: impl Fn(usize) -> usize) -> Vec<Vec<u32>> {
+        let mut beside = vec![Vec::new(); self.list.len()];
+        let mut frame_of = vec![NONE; 0];
+        for (k, frame) in (0u32..).zip(&self.list) {
+            let row = place(frame.first);
+            if pattern.row(row).is_empty() {
+                frame_of.resize(pattern.n_cols(), NONE);
+                frame_of[row] = k;
+            }
+        }
+        if !frame_of.is_empty() {
+            for row in 0..pattern.n_rows() {
+                let frames = pattern.row(row).iter().map(|column| frame_of[*column as usize]);
+                let row = u32::try_from(row).expect("fewer than 2^32 rows");
+                frames.filter(|k| *k != NONE).for_each(|k| beside[k as usize].push(row));
+            }
+        }
+        beside
     }
 
     /// True if a pattern has the rows and columns that turning needs.
@@ -182,7 +205,7 @@ mod tests {
         let mut builder = PatternBuilder::new(4, 4);
         let mut list = Vec::new();
         for entity in [&[0u32, 1][..], &[2, 3]] {
-            frames.complete(entity, &mut list);
+            frames.complete(entity.iter(), &mut list);
             builder.add_element(&list);
         }
         let mut matrix = Csr::zeros(builder.build_shared().expect("a small pattern"));

@@ -2,7 +2,8 @@
 //!
 //! [`space`] numbers nodes, [`domain`] holds the points of integration, [`field`] gives them components, [`assemble`]
 //! integrates compiled point laws over domains into residuals and tangents, [`value`] evaluates expressions, [`frames`]
-//! holds the local frames of prescribed directions. Promises sums in one fixed order for any number of threads, and
+//! holds the local frames of prescribed directions, [`share`] the
+//! rows of ranks. Promises sums in one fixed order for any number of threads, and
 //! that a number that is not finite is reported with its place ([`finite`]). Does not solve, step, read scenes or write
 //! results.
 #![forbid(unsafe_code)]
@@ -16,6 +17,7 @@ pub mod point_space;
 pub mod point_values;
 mod prologue;
 pub mod pruning;
+pub mod share;
 pub mod space;
 pub mod system;
 pub mod value;

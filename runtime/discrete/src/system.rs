@@ -13,6 +13,7 @@ mod inspect;
 mod node_layout;
 mod numbering;
 mod residual;
+mod shared;
 mod tangent;
 
 use std::sync::Arc;
@@ -33,6 +34,7 @@ use crate::field::Field;
 use crate::finite::{BadGiven, largest};
 use crate::frames::{Frame, Frames};
 use crate::pruning::Pruning;
+use crate::share::Share;
 use wfl_host::memory::{TooMuchMemory, claim_numbers};
 use wfl_mesh::mesh::Mesh;
 use wfl_sparse::csr::{Csr, CsrError, Pattern, PatternBuilder, Restriction};
@@ -119,6 +121,10 @@ pub struct System {
     meets: Vec<usize>,
     /// What is done although the scene does not need it.
     kept: Vec<Pruning>,
+    /// The rows of this rank where several assemble: matrices have no others.
+    share: Option<Arc<Share>>,
+    /// Of all rows, where this rank has some.
+    n_changing: Option<usize>,
 }
 
 impl System {
@@ -154,6 +160,8 @@ impl System {
             steady: None,
             meets,
             kept: Vec::new(),
+            share: None,
+            n_changing: None,
         };
         this.locate()?;
         Ok(this)
@@ -176,15 +184,16 @@ impl System {
 
     /// Finds where the changing terms stand in their matrix.
     fn locate(&mut self) -> Result<(), CsrError> {
-        let numbering = &self.numbering;
+        let (numbering, share) = (&self.numbering, self.share.as_deref());
         let changes = |t: &&AssembledTerm| t.law.class >= Class::Nonlinear;
         let all = self.terms.iter().filter(changes).chain(self.frozen.iter().map(|f| &f.form));
         let axes = if numbering.frames.is_empty() && !numbering.has_ties() {
-            let free = pattern(all, numbering.n_free(), &numbering.frames, |d| numbering.free[d as usize])?;
+            let place = |d: u32| numbering.free[d as usize];
+            let free = pattern(all, numbering.n_free(), &numbering.frames, place, share)?;
             self.changing = free.pattern().clone();
             None
         } else {
-            let axes = SceneAxes::new(all, numbering)?;
+            let axes = SceneAxes::new(all, numbering, share)?;
             self.changing = axes.free_pattern().clone();
             Some(axes)
         };
@@ -194,7 +203,7 @@ impl System {
         };
         let frozen = self.frozen.iter_mut().map(|f| &mut f.form);
         for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(frozen) {
-            term.locate(pattern, rows);
+            term.locate_own(pattern, rows, self.share.as_ref());
         }
         self.scene_axes = axes;
         Ok(())
@@ -249,6 +258,9 @@ impl System {
     /// Number of free dofs that the changing terms touch, by row or by column.
     #[must_use]
     pub fn n_changing_dofs(&self) -> usize {
+        if let Some(n) = self.n_changing {
+            return n;
+        }
         let mut is_touched = vec![false; self.numbering.n_free()];
         for row in 0..is_touched.len() {
             let columns = self.changing.row(row);
@@ -291,7 +303,7 @@ impl System {
         let at_zero = |out: &mut Vec<f64>, steady: bool| {
             let values = self.values(&zero);
             let mut terms = self.affine_terms().filter(|t| self.is_steady(t) == steady);
-            terms.try_for_each(|term| term.add_residual(&self.mesh, values.view(), out).map(drop))
+            terms.try_for_each(|term| self.add_own(term, values.view(), out).map(drop))
         };
         let uniforms: Vec<Vec<f64>> =
             self.affine_terms().filter(|t| self.is_steady(t)).map(|t| t.uniforms().to_vec()).collect();
@@ -300,11 +312,14 @@ impl System {
             _ => {
                 let mut sum = zero.clone();
                 at_zero(&mut sum, true)?;
+                self.team().sum(&mut sum);
                 Steady { uniforms, sum }
             }
         };
         let mut constant = steady.sum.clone();
+        self.keep_own(&mut constant);
         at_zero(&mut constant, false)?;
+        self.team().sum(&mut constant);
         (self.constant, self.steady) = (constant, Some(steady));
         let stale = self.linear_is_stale();
         if stale {
@@ -349,14 +364,14 @@ impl System {
                 before.values_mut().fill(0.0);
                 before
             }
-            None => pattern(self.linear_terms(), n, frames, |d| d)?,
+            None => pattern(self.linear_terms(), n, frames, |d| d, self.share.as_deref())?,
         };
         let every_dof: Vec<u32> = (0..u32::try_from(n).expect("fewer than 2^32 dofs")).collect();
         for k in 0..self.terms.len() {
             if self.terms[k].law.class != Class::Linear {
                 continue;
             }
-            self.terms[k].locate(linear.pattern(), &every_dof);
+            self.terms[k].locate_own(linear.pattern(), &every_dof, self.share.as_ref());
             let added = self.terms[k].add_tangent(&self.mesh, self.values(zero).view(), linear.values_mut());
             self.terms[k].forget();
             added?;
@@ -387,6 +402,10 @@ impl System {
         self.numbering.set_frames(frames);
         self.numbering.fix(dofs);
         self.numbering.tie(ties);
+        if let Some(team) = self.share.as_ref().map(|share| share.team().clone()) {
+            self.share = Some(Arc::new(Share::new(team, &self.fields, &self.numbering)));
+            self.terms.iter_mut().for_each(AssembledTerm::forget_share);
+        }
         (self.linear, self.steady) = (None, None);
         self.bulk = Arc::new(nothing(self.numbering.n_free()));
         self.locate()
@@ -434,9 +453,10 @@ impl System {
     #[must_use]
     pub fn sizes(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
         let mut out = here.linear_sizes.clone();
-        if tangent.changing.values().is_empty() {
+        if self.is_linear() {
             return out;
         }
+        self.keep_own(&mut out);
         let mut sizes: Vec<f64> = u.iter().map(|x| x.abs()).collect();
         self.numbering.frames.turn_sizes(&mut sizes);
         for row in 0..self.numbering.n_free() {
@@ -445,6 +465,7 @@ impl System {
             let size: f64 = columns.iter().zip(values).map(|(c, v)| v.abs() * at(*c)).sum();
             out[self.numbering.free_dofs[row] as usize] += size;
         }
+        self.team().sum(&mut out);
         out
     }
 
@@ -507,31 +528,33 @@ fn meeting_fields(fields: &[Field], terms: &[AssembledTerm]) -> Vec<usize> {
     group
 }
 
-/// The pattern of some terms; `place` maps a dof to its row. Turned nodes come with all their dofs.
+/// The pattern of some terms, of all rows or those of a rank; `place` maps a dof to its row. Turned nodes come with all
+/// their dofs.
 fn pattern<'t>(
     terms: impl Iterator<Item = &'t AssembledTerm>,
     n: usize,
     frames: &Frames,
     place: impl Fn(u32) -> u32,
+    share: Option<&Share>,
 ) -> Result<Csr, CsrError> {
     let mut builder = PatternBuilder::new(n, n);
     let (mut rows, mut columns, mut complete) = (Vec::new(), Vec::new(), Vec::new());
+    let is_own = |dof: &&u32| share.is_none_or(|share| share.owns(**dof as usize));
     for term in terms {
         term.for_each_entity(|tests, trials| {
-            for (list, dofs) in [(&mut rows, tests), (&mut columns, trials)] {
-                frames.complete(dofs, &mut complete);
-                list.clear();
-                list.extend(complete.iter().map(|d| place(*d)).filter(|r| *r != FIXED));
-            }
-            if frames.is_empty() {
-                builder.add_coupling(&rows, &columns);
-            } else {
+            if !frames.is_empty() {
                 // turning a node mixes its rows and its columns, so each must hold what the other does
-                rows.extend(&columns);
-                rows.sort_unstable();
-                rows.dedup();
-                builder.add_element(&rows);
+                frames.complete(tests.iter().chain(trials), &mut complete);
             }
+            let (of_rows, of_columns) = if frames.is_empty() { (tests, trials) } else { (&*complete, &*complete) };
+            rows.clear();
+            rows.extend(of_rows.iter().filter(is_own).map(|d| place(*d)).filter(|r| *r != FIXED));
+            if rows.is_empty() {
+                return;
+            }
+            columns.clear();
+            columns.extend(of_columns.iter().map(|d| place(*d)).filter(|r| *r != FIXED));
+            builder.add_coupling(&rows, &columns);
         });
     }
     let pattern = builder.build_shared()?;

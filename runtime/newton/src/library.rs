@@ -13,7 +13,7 @@ use wfl_discrete::{
     system::{FIXED, System},
 };
 use wfl_sparse::{
-    csr::{Csr, CsrError},
+    csr::CsrError,
     index::NONE,
     solve::{Equations, NodeLayout, Traits},
 };
@@ -52,9 +52,9 @@ pub(super) fn equations(system: &System) -> Result<Equations, CsrError> {
         Arc::new(system.bulk().pattern().union(system.changing_pattern())?)
     };
     let stays = nonlinear(system).all(is_on_faces);
-    let is_held = |layout: &NodeLayout| holds(system.bulk(), layout, &multipliers);
+    let is_held = |layout: &NodeLayout| holds(system, layout, &multipliers);
     let steady = (stays && layout.as_ref().is_some_and(is_held)).then(|| system.shared_bulk());
-    Ok(Equations { traits, pattern, layout, steady, multipliers, on_contact })
+    Ok(Equations { traits, pattern, layout, steady, multipliers, on_contact, owners: system.owners() })
 }
 
 fn nonlinear(system: &System) -> impl Iterator<Item = &AssembledTerm> {
@@ -91,20 +91,22 @@ fn on_contact(system: &System) -> Vec<u32> {
     free.map(|(_, free)| *free).collect()
 }
 
-/// Whether every part of a matrix that is connected by its entries has energy in each of its near null vectors; rows of
+/// Whether every part of the linear terms that is connected by them has energy in each of its near null vectors; rows of
 /// multipliers are no part of it.
-fn holds(matrix: &Csr, layout: &NodeLayout, multipliers: &[u32]) -> bool {
-    if matrix.values().is_empty() {
+fn holds(system: &System, layout: &NodeLayout, multipliers: &[u32]) -> bool {
+    let matrix = system.bulk();
+    if linear(system).next().is_none() {
         return false;
     }
     let (modes, k) = (layout.mode_values(), layout.n_modes());
     let mut is_left_out = vec![false; matrix.n_rows()];
     multipliers.iter().for_each(|row| is_left_out[*row as usize] = true);
-    let (part, n_parts) = parts(matrix, layout, &is_left_out);
+    let (part, n_parts) = parts(system, layout, &is_left_out);
     let (mut energy, mut size) = (vec![0.0; n_parts * k * k], vec![0.0; n_parts * k * k]);
     let mode = |row: usize| &modes[layout.places[row] as usize * k..][..k];
     let mut product = vec![0.0; k];
-    for row in (0..matrix.n_rows()).filter(|row| !is_left_out[*row]) {
+    let has_row = |row: &usize| !is_left_out[*row] && !matrix.pattern().row(*row).is_empty();
+    for row in (0..matrix.n_rows()).filter(has_row) {
         product.fill(0.0);
         let (columns, values) = matrix.row(row);
         for (column, value) in columns.iter().zip(values).filter(|(column, _)| !is_left_out[**column as usize]) {
@@ -118,6 +120,8 @@ fn holds(matrix: &Csr, layout: &NodeLayout, multipliers: &[u32]) -> bool {
             }
         }
     }
+    system.team().sum(&mut energy);
+    system.team().sum(&mut size);
     let is_held = |at: usize| {
         let shifted = (at..at + k * k).map(|e| energy[e] - HELD * size[e]).collect();
         is_positive_definite(shifted, k)
@@ -125,33 +129,52 @@ fn holds(matrix: &Csr, layout: &NodeLayout, multipliers: &[u32]) -> bool {
     (0..n_parts).all(|p| is_held(p * k * k))
 }
 
-/// By row its part, and their number: components of a node belong together, and what an entry couples.
-fn parts(matrix: &Csr, layout: &NodeLayout, is_left_out: &[bool]) -> (Vec<u32>, usize) {
-    let mut rows_of = vec![Vec::new(); layout.points.len()];
-    for (row, place) in (0..).zip(&layout.places) {
-        rows_of[*place as usize / layout.components].push(row);
-    }
-    let mut part = vec![NONE; matrix.n_rows()];
-    let mut n_parts = 0;
-    let mut waiting: Vec<u32> = Vec::new();
-    for start in (0..matrix.n_rows()).filter(|row| !is_left_out[*row]) {
-        if part[start] != NONE {
-            continue;
-        }
-        part[start] = n_parts;
-        waiting.push(u32::try_from(start).expect("fewer than 2^32 rows"));
-        while let Some(row) = waiting.pop() {
-            let node = layout.places[row as usize] as usize / layout.components;
-            for next in matrix.row(row as usize).0.iter().chain(&rows_of[node]) {
-                if part[*next as usize] == NONE && !is_left_out[*next as usize] {
-                    part[*next as usize] = n_parts;
-                    waiting.push(*next);
-                }
+fn linear(system: &System) -> impl Iterator<Item = &AssembledTerm> {
+    system.terms.iter().filter(|term| term.law.class == Class::Linear)
+}
+
+/// By row its part, and their number: components of a node belong together, and what an entity of a linear term couples.
+/// Read off the terms, of which every rank has all.
+fn parts(system: &System, layout: &NodeLayout, is_left_out: &[bool]) -> (Vec<u32>, usize) {
+    let free = &system.numbering.free;
+    let n_nodes = u32::try_from(layout.points.len()).expect("fewer than 2^32 nodes");
+    let mut leader: Vec<u32> = (0..n_nodes).collect();
+    for term in linear(system) {
+        term.for_each_entity(|tests, trials| {
+            let rows = tests.iter().chain(trials).map(|dof| free[*dof as usize]);
+            let mut nodes = rows
+                .filter(|row| *row != FIXED && !is_left_out[*row as usize])
+                .map(|row| layout.places[row as usize] / u32::try_from(layout.components).expect("few components"));
+            let Some(first) = nodes.next() else { return };
+            let first = lead(&mut leader, first);
+            for node in nodes {
+                let other = lead(&mut leader, node);
+                leader[other as usize] = first;
             }
+        });
+    }
+    let mut number = vec![NONE; leader.len()];
+    let mut part = vec![NONE; layout.places.len()];
+    let mut n_parts = 0;
+    for row in (0..part.len()).filter(|row| !is_left_out[*row]) {
+        let node = layout.places[row] as usize / layout.components;
+        let leader = lead(&mut leader, u32::try_from(node).expect("a node")) as usize;
+        if number[leader] == NONE {
+            number[leader] = n_parts;
+            n_parts += 1;
         }
-        n_parts += 1;
+        part[row] = number[leader];
     }
     (part, n_parts as usize)
+}
+
+/// The leader of the part of a node; the way to it is made shorter (union and find).
+fn lead(leader: &mut [u32], mut node: u32) -> u32 {
+    while leader[node as usize] != node {
+        leader[node as usize] = leader[leader[node as usize] as usize];
+        node = leader[node as usize];
+    }
+    node
 }
 
 /// Whether the symmetric part of a matrix of `k` rows has a Cholesky factor.

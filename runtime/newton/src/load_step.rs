@@ -177,6 +177,11 @@ impl LoadStep<'_> {
                 }
             }
         }
+        // each rank has seen its rows
+        let mut largest = [stiffness];
+        system.team().max(&mut largest);
+        system.team().max(&mut coupling);
+        let [stiffness] = largest;
         for (f, weight) in weights.iter_mut().enumerate() {
             if kind(f) == FieldKind::Multiplier && coupling[f] > 0.0 && stiffness > 0.0 {
                 *weight = stiffness / coupling[f];

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use wfl_sparse::{
     csr::Csr,
     index::NONE,
-    solve::{Engine, Equations, NearNullSpace, NodeLayout, SolveError},
+    solve::{Engine, Equations, NearNullSpace, NodeLayout, RowOwners, SolveError},
 };
 
 use crate::{
@@ -54,6 +54,8 @@ pub(crate) struct PetscEngine {
     block: usize,
     numbers: Numbers,
     structure: Structure,
+    /// What stands on the diagonal of rows that are not solved for.
+    unit: f64,
     solver: Option<Solver>,
     levels: Levels,
     /// New levels are due.
@@ -76,14 +78,17 @@ struct Counts {
 
 impl PetscEngine {
     pub(crate) fn new(choice: Choice, equations: &Arc<Equations>, is_symmetric: bool) -> Result<Self, SolveError> {
-        let ranks = Call::begin()?.ranks();
+        let owners = equations.owners.as_ref();
+        if Call::begin()?.ranks().all != owners.map_or(1, |owners| owners.team.size()) {
+            return Err(SolveError::Internal { what: "equations that are not shared out over the ranks" });
+        }
         let (method, _) = method(choice, &equations.traits);
         let (block, numbers) = match (method, &equations.layout) {
             (Method::Multigrid, Some(layout)) => {
                 let components = layout.components;
-                (components, Numbers::new(&layout.places, &layout.points, components, ranks.own, ranks.all)?)
+                (components, Numbers::new(&layout.places, layout.points.len(), components, owners)?)
             }
-            _ => (1, in_order(equations.pattern.n_rows(), ranks.own, ranks.all)?),
+            _ => (1, in_order(equations.pattern.n_rows(), owners)?),
         };
         let structure = Structure::new(&equations.pattern, &numbers, &[])?;
         let (own, all) = (vec![0.0; numbers.part.n_own()], vec![0.0; numbers.part.n_all()]);
@@ -95,6 +100,7 @@ impl PetscEngine {
             block,
             numbers,
             structure,
+            unit: 1.0,
             solver: None,
             levels: Levels::None,
             is_slow: false,
@@ -116,8 +122,7 @@ impl PetscEngine {
 
     /// Hands the values of a matrix to PETSc; makes levels where they are due, or the factor.
     fn load(&mut self, call: &Call, matrix: &Csr) -> Result<(), SolveError> {
-        let unit = middle_of_diagonal(matrix);
-        let values = self.structure.values(matrix, unit);
+        let values = self.structure.values(matrix, self.unit);
         let kind = self.kind();
         if self.solver.is_none() {
             let a = Matrix::new(call, &self.structure, self.block, self.is_symmetric)?;
@@ -131,7 +136,7 @@ impl PetscEngine {
             solver.matrix().set(call, &self.structure, &values)?;
         }
         drop(values);
-        let levels = self.new_levels(call, matrix, unit)?;
+        let levels = self.new_levels(call, matrix)?;
         let solver = self.solver.as_mut().expect("made above");
         let taken = solver.take(call, levels.as_ref())?;
         if taken.null_pivots > 0 {
@@ -147,7 +152,7 @@ impl PetscEngine {
     }
 
     /// The matrix that new levels are made of; `None` where there are levels that serve, or none are needed.
-    fn new_levels(&mut self, call: &Call, matrix: &Csr, unit: f64) -> Result<Option<Matrix>, SolveError> {
+    fn new_levels(&mut self, call: &Call, matrix: &Csr) -> Result<Option<Matrix>, SolveError> {
         if self.method == Method::Direct || (self.levels != Levels::None && !self.is_slow) {
             return Ok(None);
         }
@@ -159,7 +164,7 @@ impl PetscEngine {
         };
         let structure = Structure::new(source.pattern(), &self.numbers, &equations.multipliers)?;
         let mut of_levels = Matrix::new(call, &structure, layout.components, self.is_symmetric)?;
-        of_levels.set(call, &structure, &structure.values(source, unit))?;
+        of_levels.set(call, &structure, &structure.values(source, self.unit))?;
         if layout.modes == NearNullSpace::RigidBody {
             of_levels.set_modes(call, structure.n_rows(), &self.modes(layout))?;
         }
@@ -231,8 +236,8 @@ impl PetscEngine {
     }
 }
 
-/// Refuses numbers that are not the same on all ranks: each of them assembles the whole problem, so that every decision is
-/// the same on all, and processors that round otherwise would leave them waiting for each other.
+/// Refuses numbers that are not the same on all ranks: each of them decides from whole vectors, so that every decision is the
+/// same on all, and processors that round otherwise would leave them waiting for each other.
 fn agreed(call: &Call, what: &str, numbers: &[f64]) -> Result<(), SolveError> {
     if call.ranks().all == 1 {
         return Ok(());
@@ -247,18 +252,16 @@ fn agreed(call: &Call, what: &str, numbers: &[f64]) -> Result<(), SolveError> {
     })
 }
 
-/// Rows in their order, shared out evenly: for factors, which have an order of their own.
-fn in_order(n: usize, own: usize, all: usize) -> Result<Numbers, SolveError> {
+/// Rows in their order: for factors, which have an order of their own.
+fn in_order(n: usize, owners: Option<&RowOwners>) -> Result<Numbers, SolveError> {
     let places: Vec<u32> = (0..u32::try_from(n).map_err(|_| SolveError::TooLarge { what: "the matrix" })?).collect();
-    let points: Vec<[f64; 3]> = places.iter().map(|row| [f64::from(*row), 0.0, 0.0]).collect();
-    Numbers::new(&places, &points, 1, own, all)
+    Numbers::new(&places, n, 1, owners)
 }
 
 impl Engine for PetscEngine {
     fn take(&mut self, matrix: &Csr) -> Result<(), SolveError> {
-        let call = Call::begin()?;
-        agreed(&call, "matrices", matrix.values())?;
-        self.load(&call, matrix)
+        self.unit = middle_of_diagonal(matrix, self.equations.owners.as_ref());
+        self.load(&Call::begin()?, matrix)
     }
 
     fn solve(&mut self, matrix: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<usize, SolveError> {

@@ -22,6 +22,9 @@ unsafe extern "C" {
     pub(super) fn wfl_start(rank: *mut c_int, size: *mut c_int) -> c_int;
     pub(super) fn wfl_finish();
     pub(super) fn wfl_abort(code: c_int);
+    pub(super) fn wfl_sum(values: *mut f64, n: c_int);
+    pub(super) fn wfl_sum_words(words: *mut u64, n: c_int);
+    pub(super) fn wfl_max_words(words: *mut u64, n: c_int);
     pub(super) fn wfl_agree(number: u64, same: *mut c_int) -> c_int;
     pub(super) fn wfl_matrix_new(
         n: c_int,

@@ -8,8 +8,10 @@ use std::{
     ffi::{CStr, c_int},
     marker::PhantomData,
     ptr::null_mut,
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
+
+use wfl_host::team::Team;
 
 use crate::{
     ffi,
@@ -124,7 +126,56 @@ impl Session {
     }
 }
 
+/// The ranks of MPI. Its operations wait for calls of other threads of this rank.
+#[derive(Debug)]
+struct Mpi {
+    ranks: Ranks,
+}
+
+/// Numbers in one message: counts of MPI have 32 bits.
+const MOST: usize = 1 << 27;
+
+impl Team for Mpi {
+    fn rank(&self) -> usize {
+        self.ranks.own
+    }
+
+    fn size(&self) -> usize {
+        self.ranks.all
+    }
+
+    fn sum(&self, values: &mut [f64]) {
+        let _call = Call::begin().expect("a session lives as long as its ranks assemble");
+        for part in values.chunks_mut(MOST) {
+            // SAFETY: so many numbers, written in place; the call is held.
+            unsafe { ffi::wfl_sum(part.as_mut_ptr(), c(part.len())) };
+        }
+    }
+
+    fn sum_words(&self, words: &mut [u64]) {
+        let _call = Call::begin().expect("a session lives as long as its ranks assemble");
+        for part in words.chunks_mut(MOST) {
+            // SAFETY: as above; unsigned overflow is defined in C.
+            unsafe { ffi::wfl_sum_words(part.as_mut_ptr(), c(part.len())) };
+        }
+    }
+
+    fn max_words(&self, words: &mut [u64]) {
+        let _call = Call::begin().expect("a session lives as long as its ranks assemble");
+        for part in words.chunks_mut(MOST) {
+            // SAFETY: as above.
+            unsafe { ffi::wfl_max_words(part.as_mut_ptr(), c(part.len())) };
+        }
+    }
+}
+
 impl Session {
+    /// The ranks of the run, to share a system out over.
+    #[must_use]
+    pub fn team(&self) -> Arc<dyn Team> {
+        Arc::new(Mpi { ranks: self.ranks })
+    }
+
     /// Ends the run on all ranks at once: what one of them cannot go on with the others would wait for. Does not return
     /// where there are several; one rank alone has nobody to wait for it.
     pub fn abort(self, code: u8) {

@@ -1,13 +1,13 @@
 //! Which rank has which rows, and the rows of a rank as PETSc takes them.
 //!
 //! Rows come by whole nodes: a component that is not solved for is a row of the unit matrix, so that blocks of nodes have
-//! one size. Nodes are shared out by recursive bisection of their coordinates; PETSc's number of a row is that of its
-//! rank, then of its node. Promises: a function of its arguments alone, the same on every rank.
+//! one size. The system says which rank has a row; PETSc's number of a row is that of its rank, then of its node.
+//! Promises: a function of its arguments alone, the same on every rank but for what is its own.
 
 use wfl_sparse::{
     csr::{Csr, Pattern},
     index::NONE,
-    solve::SolveError,
+    solve::{RowOwners, SolveError},
 };
 
 /// Rows by rank.
@@ -55,23 +55,26 @@ pub(crate) struct Numbers {
 }
 
 impl Numbers {
-    /// For rows at `places` (node times `components` plus component, each once) of nodes at `points`, on rank `own` of
-    /// `all`.
+    /// For rows at `places` (node times `components` plus component, each once) of so many nodes, on one of the ranks that
+    /// own them; `None` for one rank that has all. A node has the rank of its rows.
     pub(crate) fn new(
         places: &[u32],
-        points: &[[f64; 3]],
+        n_nodes: usize,
         components: usize,
-        own: usize,
-        all: usize,
+        owners: Option<&RowOwners>,
     ) -> Result<Self, SolveError> {
-        number(points.len() * components)?;
-        let owner = bisect(points, all);
+        number(n_nodes * components)?;
+        let (own, all) = owners.map_or((0, 1), |owners| (owners.team.rank(), owners.team.size()));
+        let mut owner = vec![0; n_nodes];
+        for (place, rank) in places.iter().zip(owners.iter().flat_map(|owners| &owners.of_row)) {
+            owner[*place as usize / components] = usize::from(*rank);
+        }
         let mut counts = vec![0; all];
         owner.iter().for_each(|rank| counts[*rank] += components);
         let starts: Vec<usize> = (0..all).map(|rank| counts[..rank].iter().sum()).collect();
         // the first row of each node
         let mut next = starts.clone();
-        let mut first = vec![0; points.len()];
+        let mut first = vec![0; n_nodes];
         let mut own_places = Vec::with_capacity(counts[own]);
         for (node, rank) in owner.iter().enumerate() {
             first[node] = next[*rank];
@@ -103,39 +106,6 @@ impl Numbers {
         own.sort_unstable();
         own
     }
-}
-
-/// By node its rank: halves of the longest axis, in the ratio of the ranks on both sides. Nodes at one point stay together,
-/// so the two sides of an interface do.
-fn bisect(points: &[[f64; 3]], ranks: usize) -> Vec<usize> {
-    let mut owner = vec![0; points.len()];
-    let mut parts = vec![((0..points.len()).collect::<Vec<usize>>(), 0, ranks)];
-    while let Some((mut nodes, first, n)) = parts.pop() {
-        if n <= 1 || nodes.is_empty() {
-            nodes.iter().for_each(|node| owner[*node] = first);
-            continue;
-        }
-        let length = |d: usize| {
-            let along = nodes.iter().map(|node| points[*node][d]);
-            along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
-        };
-        let longest = (1..3).fold(0, |best, d| if length(d) > length(best) { d } else { best });
-        // the other axes decide among nodes on one plane
-        let axes = [longest, (longest + 1) % 3, (longest + 2) % 3];
-        let compare = |a: &usize, b: &usize| {
-            let by = |d: &usize| points[*a][*d].total_cmp(&points[*b][*d]);
-            axes.iter().map(by).find(|order| order.is_ne()).unwrap_or_else(|| a.cmp(b))
-        };
-        nodes.sort_unstable_by(compare);
-        let mut cut = nodes.len() * (n / 2) / n;
-        while cut > 0 && cut < nodes.len() && points[nodes[cut]] == points[nodes[cut - 1]] {
-            cut += 1;
-        }
-        let behind = nodes.split_off(cut);
-        parts.push((nodes, first, n / 2));
-        parts.push((behind, first + n / 2, n - n / 2));
-    }
-    owner
 }
 
 /// Marks entries that come from nowhere: zero, and the diagonal of what is not solved for.
@@ -197,44 +167,42 @@ impl Structure {
 }
 
 /// The middle one of the positive entries of a diagonal: what rows that are not solved for are made as large as.
-pub(crate) fn middle_of_diagonal(matrix: &Csr) -> f64 {
-    let diagonal = (0..matrix.n_rows()).map(|row| matrix.get(row, row));
-    let mut sizes: Vec<f64> = diagonal.filter(|x| *x > 0.0 && x.is_finite()).collect();
+pub(crate) fn middle_of_diagonal(matrix: &Csr, owners: Option<&RowOwners>) -> f64 {
+    let mut sizes: Vec<f64> = (0..matrix.n_rows()).map(|row| matrix.get(row, row)).collect();
+    if let Some(owners) = owners {
+        owners.team.sum(&mut sizes);
+    }
+    sizes.retain(|x| *x > 0.0 && x.is_finite());
     sizes.sort_unstable_by(f64::total_cmp);
     sizes.get(sizes.len() / 2).copied().unwrap_or(1.0)
 }
 
 #[cfg(test)]
 mod tests {
+    use wfl_host::team::in_threads;
+
     use super::*;
 
-    /// Two bodies of 3x2x1 nodes that touch at x = 2.
-    fn points() -> Vec<[f64; 3]> {
-        let body = |x0: f64| (0..6).map(move |k| [x0 + f64::from(k % 3), f64::from(k / 3), 0.0]);
-        body(0.0).chain(body(2.0)).collect()
-    }
-
     #[test]
-    fn every_row_has_one_rank_and_nodes_that_touch_have_one() {
-        let points = points();
+    fn every_row_has_one_rank_and_stands_beside_the_others_of_its_node() {
         let places: Vec<u32> = (0..36).filter(|place| place % 5 != 0).collect();
         for all in 1..=4 {
-            let numbers: Vec<Numbers> =
-                (0..all).map(|own| Numbers::new(&places, &points, 3, own, all).expect("numbers")).collect();
+            let owner = |place: &u32| u16::try_from(*place as usize / 3 % all).expect("few ranks");
+            let of_row: Vec<u16> = places.iter().map(owner).collect();
+            let of = |team| RowOwners { team, of_row: of_row.clone() };
+            let made = in_threads(all).into_iter().map(|team| Numbers::new(&places, 12, 3, Some(&of(team))));
+            let numbers: Vec<Numbers> = made.map(|numbers| numbers.expect("numbers")).collect();
             let mut seen: Vec<u32> = numbers.iter().flat_map(|n| n.own_rows.clone()).filter(|r| *r != NONE).collect();
             seen.sort_unstable();
             assert!(seen.into_iter().eq(0..places.len() as u32), "{all} ranks");
             assert!(numbers.iter().all(|n| n.of_row == numbers[0].of_row && n.part.n_all() == 36));
-            let owner = bisect(&points, all);
-            assert_eq!((owner[2], owner[5]), (owner[6], owner[9]), "{all} ranks: the sides of the interface");
         }
     }
 
     #[test]
     fn hidden_rows_are_rows_of_the_unit_matrix() {
         let matrix = Csr::from_triplets(3, 3, &[(0, 0, 2.0), (0, 2, 1.0), (1, 1, 4.0), (2, 0, 1.0)]).expect("a matrix");
-        let points = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
-        let numbers = Numbers::new(&[0, 1, 2], &points, 1, 0, 1).expect("numbers");
+        let numbers = Numbers::new(&[0, 1, 2], 3, 1, None).expect("numbers");
         let whole = Structure::new(matrix.pattern(), &numbers, &[]).expect("a structure");
         assert_eq!(whole.columns, [0, 2, 1, 0, 2]);
         assert_eq!(whole.values(&matrix, 9.0), [2.0, 1.0, 4.0, 1.0, 0.0]);

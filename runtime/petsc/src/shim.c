@@ -48,7 +48,12 @@ int wfl_start(int *rank, int *size)
   setenv("OMP_NUM_THREADS", "1", 0);
   setenv("SCOTCH_PTHREAD_NUMBER", "1", 0);
   MPI_Initialized(&is_running);
-  if (!is_running && MPI_Init_thread(NULL, NULL, MPI_THREAD_SERIALIZED, &provided)) return 1;
+  if (is_running) MPI_Query_thread(&provided);
+  else if (MPI_Init_thread(NULL, NULL, MPI_THREAD_SERIALIZED, &provided)) return 1;
+  if (provided < MPI_THREAD_SERIALIZED) {
+    snprintf(last, sizeof last, "this MPI lets one thread alone call it; one with MPI_THREAD_SERIALIZED is needed");
+    return 1;
+  }
   PetscCall(PetscInitializeNoArguments());
   PetscCall(PetscPopSignalHandler()); /* signals are the program's */
   PetscCall(PetscPushErrorHandler(keep, NULL));
@@ -72,6 +77,22 @@ int wfl_agree(unsigned long long number, int *same)
   int code = MPI_Allreduce(own, least, 2, MPI_UNSIGNED_LONG_LONG, MPI_MIN, PETSC_COMM_WORLD);
   *same = least[0] == ~least[1];
   return code;
+}
+
+/* Sums, and largest numbers, over all ranks, in place. Errors end all ranks, as MPI does by itself. */
+void wfl_sum(double *values, int n)
+{
+  MPI_Allreduce(MPI_IN_PLACE, values, n, MPI_DOUBLE, MPI_SUM, PETSC_COMM_WORLD);
+}
+
+void wfl_sum_words(unsigned long long *words, int n)
+{
+  MPI_Allreduce(MPI_IN_PLACE, words, n, MPI_UNSIGNED_LONG_LONG, MPI_SUM, PETSC_COMM_WORLD);
+}
+
+void wfl_max_words(unsigned long long *words, int n)
+{
+  MPI_Allreduce(MPI_IN_PLACE, words, n, MPI_UNSIGNED_LONG_LONG, MPI_MAX, PETSC_COMM_WORLD);
 }
 
 void wfl_finish(void)

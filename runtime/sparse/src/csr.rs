@@ -10,6 +10,7 @@ mod pattern;
 use std::sync::Arc;
 
 use rayon::prelude::*;
+use wfl_host::team::Team;
 
 use crate::{index::NONE, norm::largest};
 pub use error::CsrError;
@@ -192,6 +193,56 @@ impl Csr {
             }
         }
         Ok(sum)
+    }
+
+    /// The matrix with the rows of all ranks of a team, each of which has the entries of other rows; made by all together.
+    ///
+    /// # Errors
+    /// [`CsrError`] when the whole does not fit the index types.
+    pub fn of_all(&self, team: &dyn Team) -> Result<Csr, CsrError> {
+        let (starts, places) = self.places_of_all(team);
+        let mut columns = vec![0u64; starts[self.n_rows()]];
+        places.iter().zip(self.pattern.columns()).for_each(|(at, column)| columns[*at] = u64::from(*column));
+        team.sum_words(&mut columns);
+        let values = self.values_of_all(team);
+        let columns = columns.into_iter().map(|column| u32::try_from(column).expect("one rank has each row")).collect();
+        Csr::new(Arc::new(Pattern::new(self.n_rows(), self.n_cols(), starts, columns)?), values)
+    }
+
+    /// The values of [`Self::of_all`].
+    pub fn values_of_all(&self, team: &dyn Team) -> Vec<f64> {
+        if team.is_alone() {
+            return self.values.clone();
+        }
+        let (starts, places) = self.places_of_all(team);
+        let mut values = vec![0.0; starts[self.n_rows()]];
+        places.iter().zip(&self.values).for_each(|(at, value)| values[*at] = *value);
+        team.sum(&mut values);
+        values
+    }
+
+    /// Takes the rows that this rank has from values of [`Self::of_all`]; false if there are too few or too many.
+    pub fn take_own(&mut self, values: &[f64], team: &dyn Team) -> bool {
+        let (starts, places) = self.places_of_all(team);
+        let fits = values.len() == starts[self.n_rows()];
+        if fits {
+            places.iter().zip(&mut self.values).for_each(|(at, value)| *value = values[*at]);
+        }
+        fits
+    }
+
+    /// Row starts of the matrix of all ranks, and where the entries of this one stand there.
+    fn places_of_all(&self, team: &dyn Team) -> (Vec<usize>, Vec<usize>) {
+        let own = self.pattern.row_starts();
+        let mut lengths: Vec<u64> = own.windows(2).map(|range| (range[1] - range[0]) as u64).collect();
+        team.sum_words(&mut lengths);
+        let mut starts = vec![0usize];
+        for n in lengths {
+            starts.push(starts[starts.len() - 1] + usize::try_from(n).expect("a number of entries"));
+        }
+        let rows = own.windows(2).zip(&starts);
+        let places = rows.flat_map(|(range, start)| *start..*start + (range[1] - range[0])).collect();
+        (starts, places)
     }
 
     /// Whether `|a_ij - a_ji| <= tolerance * max |a|` for all entries (an entry that is not stored is zero).

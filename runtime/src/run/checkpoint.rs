@@ -26,6 +26,7 @@ use crate::{
     output::{Hash, OutputDir},
     scene::Scene,
     solve::{Reference, SolveReport, SolverMemory},
+    team::Team,
 };
 use bytes::{HASH_OF_NOTHING, Reader, Unreadable, Writer, hash, hash_on};
 
@@ -105,8 +106,8 @@ impl Default for Log {
     }
 }
 
-/// Where the run stands after its last step; `log` grows by the steps that it does not have.
-pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, identity: Hash) -> Content {
+/// Where the run stands after its last step, which has left `kept`; `log` grows by the steps that it does not have.
+pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Memory) -> Content {
     let mut entry = Writer::default();
     run.steps[log.count..].iter().for_each(|s| step(&mut entry, s));
     let (entry, at) = (entry.bytes, log.length);
@@ -114,12 +115,12 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, identity: Hash) -> C
     log.length += entry.len() as u64;
     log.hash = hash_on(log.hash, &entry);
     let mut w = Writer::default();
-    w.text(&identity.to_string());
+    w.text(&run.identity.to_string());
     w.count(scene.system.numbering.n_dofs);
     w.count(run.steps.len());
     [log.length, log.hash].iter().for_each(|x| w.word(*x));
     w.numbers(&run.u);
-    memory(&mut w, &run.stepper.memory(scene));
+    memory(&mut w, kept);
     let solver = run.stepper.solver.as_ref().map(LinearSolver::memory).unwrap_or_default();
     w.numbers(&solver.factored);
     w.flag(solver.dense);
@@ -172,16 +173,45 @@ pub(super) struct Found {
     pub(super) log: Log,
 }
 
-/// Reads the checkpoint in a folder; `None` if there is none.
-pub(super) fn read(scene: &Scene, identity: Hash, folder: &FilePath) -> Result<Option<Found>, CheckpointError> {
-    let path = folder.join(CHECKPOINT_FILE);
-    let bytes = match read_input(&path, InputKind::Results) {
-        Ok(bytes) => bytes,
-        Err(InputError::NotFound) => return Ok(None),
-        Err(source) => return Err(CheckpointError::Read { path, source }),
+/// The bytes of a checkpoint and of the log beside it.
+#[derive(Default)]
+pub(super) struct Files {
+    state: Vec<u8>,
+    log: Vec<u8>,
+}
+
+impl Files {
+    /// Those that the first rank has read, on every rank; empty where it has none.
+    pub(super) fn from_first(self, team: &dyn Team) -> Self {
+        Self { state: team.from_first(&self.state), log: team.from_first(&self.log) }
+    }
+
+    /// True where there is nothing to go on from.
+    pub(super) fn is_empty(&self) -> bool {
+        self.state.is_empty()
+    }
+}
+
+/// Reads the checkpoint in a folder; empty if there is none.
+pub(super) fn read(folder: &FilePath) -> Result<Files, CheckpointError> {
+    let bytes_of = |name: &str| {
+        let path = folder.join(name);
+        read_input(&path, InputKind::Results).map_err(|source| (path, source))
     };
+    let state = match bytes_of(CHECKPOINT_FILE) {
+        Ok(bytes) => bytes,
+        Err((_, InputError::NotFound)) => return Ok(Files::default()),
+        Err((path, source)) => return Err(CheckpointError::Read { path, source }),
+    };
+    let log = bytes_of(LOG_FILE).map_err(|(path, source)| CheckpointError::Read { path, source })?;
+    Ok(Files { state, log })
+}
+
+/// What a checkpoint in `folder` says.
+pub(super) fn found(scene: &Scene, identity: Hash, folder: &FilePath, files: &Files) -> Result<Found, CheckpointError> {
+    let (path, bytes) = (folder.join(CHECKPOINT_FILE), &files.state);
     let damaged = |what| CheckpointError::Damaged { path: path.clone(), what };
-    let content = content(&bytes).map_err(damaged)?;
+    let content = content(bytes).map_err(damaged)?;
     let mut r = Reader::new(content);
     let cut = |_: Unreadable| damaged("its content does not fit together");
     let (of, dofs) = (r.text().map_err(cut)?, r.count().map_err(cut)?);
@@ -190,16 +220,14 @@ pub(super) fn read(scene: &Scene, identity: Hash, folder: &FilePath) -> Result<O
     }
     let count = r.count().map_err(cut)?;
     let log = Log { count, length: r.word().map_err(cut)?, hash: r.word().map_err(cut)? };
-    let steps = read_log(folder, &log, count)?;
-    found_in(&mut r, steps, log).map(Some).map_err(cut)
+    let steps = read_log(folder, &files.log, &log, count)?;
+    found_in(&mut r, steps, log).map_err(cut)
 }
 
 /// The steps in the log, as far as the checkpoint knows them.
-fn read_log(folder: &FilePath, log: &Log, count: usize) -> Result<Vec<StepResult>, CheckpointError> {
+fn read_log(folder: &FilePath, bytes: &[u8], log: &Log, count: usize) -> Result<Vec<StepResult>, CheckpointError> {
     let path = folder.join(LOG_FILE);
     let damaged = |what| CheckpointError::Damaged { path: path.clone(), what };
-    let bytes =
-        read_input(&path, InputKind::Results).map_err(|source| CheckpointError::Read { path: path.clone(), source })?;
     let length = usize::try_from(log.length).ok().filter(|n| *n <= bytes.len());
     let bytes = &bytes[..length.ok_or_else(|| damaged("it is shorter than the checkpoint says"))?];
     if hash(bytes) != log.hash {

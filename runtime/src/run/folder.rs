@@ -59,23 +59,19 @@ pub(super) fn go_on(scene: &Scene, dir: &OutputDir) -> Result<(), RunError> {
     Ok(dir.go_on(Kind::Run, &files::plan(scene))?)
 }
 
-/// Where a run continues; `None` at the beginning.
-pub(super) fn found(
-    scene: &Scene,
-    identity: &Identity,
-    dir: &OutputDir,
-) -> Result<Option<checkpoint::Found>, RunError> {
-    let Some((Kind::Run, state, former)) = dir.holds() else { return Ok(None) };
+/// The checkpoint that a run continues; empty at the beginning.
+pub(super) fn found(identity: &Identity, dir: &OutputDir) -> Result<checkpoint::Files, RunError> {
+    let Some((Kind::Run, state, former)) = dir.holds() else { return Ok(checkpoint::Files::default()) };
     same(identity, &former, dir)?;
     // a checkpoint of this run is in its manifest; one that is not there, or is an earlier run's, is none
     if state == State::Finished || dir.verify(CHECKPOINT_FILE)?.is_none() {
-        return Ok(None);
+        return Ok(checkpoint::Files::default());
     }
     if dir.verify(checkpoint::LOG_FILE)?.is_none() {
         let (path, name) = (dir.path().to_path_buf(), checkpoint::LOG_FILE.to_owned());
         return Err(CheckpointError::Gone { path, name }.into());
     }
-    Ok(checkpoint::read(scene, identity.hash(), dir.path())?)
+    Ok(checkpoint::read(dir.path())?)
 }
 
 /// Removes the checkpoint of a run.

@@ -33,8 +33,13 @@ impl Run {
         let Scene { system, contact, .. } = scene;
         let state = Solved { system, contact, tangent, u: &self.u, residual: &residual };
         let left = history.iterations.last().map_or(0.0, |i| i.residual);
-        let (accuracy, conditions) =
-            rayon::join(|| checks::digits(state, solver, history.correction), || checks::conditions(state, left));
+        let mut digits = || checks::digits(state, solver, history.correction);
+        let (accuracy, conditions) = if system.team().is_alone() {
+            rayon::join(digits, || checks::conditions(state, left))
+        } else {
+            // ranks exchange numbers in one order
+            (digits(), checks::conditions(state, left))
+        };
         let mut found = checks::balance(state, scene.newton.tolerance);
         found.extend(conditions.checks);
         let (narrow, turned) = (conditions.narrow, checks::turned_cells(system, &self.u));

@@ -8,7 +8,8 @@ use crate::{
     system::{System, Tangent},
 };
 
-/// What a step inherits from the one before, beside the unknowns.
+/// What a step inherits from the one before, beside the unknowns. Within a run of several ranks each keeps the rows of the
+/// tangent that it has; what a checkpoint keeps has all.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory {
     /// Values of the last tangent of the nonlinear terms.
@@ -28,6 +29,24 @@ impl Memory {
             contact: scene.contact.memory(),
             states: states(system).map(|k| system.known.data[k].clone()).collect(),
         }
+    }
+
+    /// The same with the tangent of all ranks, made by all together: what a run on any number of ranks goes on from.
+    pub(super) fn of_all(scene: &Scene, tangent: &Tangent) -> Self {
+        let changing = tangent.changing.values_of_all(scene.system.team());
+        Self { changing, ..Self::of(scene, tangent) }
+    }
+
+    /// Goes back to what [`Self::of_all`] kept, as [`Self::recall`] does.
+    #[must_use]
+    pub(super) fn recall_of_all(&self, scene: &mut Scene, tangent: &mut Tangent) -> bool {
+        let team = scene.system.team();
+        if team.is_alone() {
+            return self.recall(scene, tangent);
+        }
+        let mut own = tangent.changing.clone();
+        let fits = own.take_own(&self.changing, team);
+        fits && Self { changing: own.values().to_vec(), ..self.clone() }.recall(scene, tangent)
     }
 
     /// Goes back to what was remembered. False, and nothing is changed, if that belongs to another scene.

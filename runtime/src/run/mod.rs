@@ -287,8 +287,8 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
     let mut files = Files::new(scene, dir.as_ref());
     let mut run = Run::new(scene, options, identity.hash())?;
     let opening = begin.elapsed().as_secs_f64();
-    if let Some(dir) = &dir {
-        run.take_up(scene, options, &identity, &mut files, dir, progress)?;
+    if dir.is_some() || options.resume {
+        run.take_up(scene, options, &identity, &mut files, progress)?;
     }
     run.clock.write += opening;
     let ended = run.all_steps(scene, options, &mut files, progress);
@@ -434,6 +434,7 @@ impl Run {
     ) -> Result<(), RunError> {
         let values = scene.steps.values.clone();
         let mut checkpoint_before: Option<Instant> = None;
+        let mut gathering = Duration::ZERO;
         for number in self.steps.len()..values.len() {
             let step = self.step(scene, Asked::of_scene(scene, number), progress)?;
             progress.step_done(&step);
@@ -442,15 +443,23 @@ impl Run {
             if !goes_on {
                 break;
             }
-            let Some((writer, cost)) = writer else { continue };
+            let due = writer.is_some_and(|(_, cost)| {
+                let pause = CHECKPOINT_EVERY.max(CHECKPOINT_SHARE * (cost.get() + gathering));
+                values.len() > 1 && checkpoint_before.is_none_or(|before| before.elapsed() >= pause)
+            });
             let begin = Instant::now();
+            // what a checkpoint keeps is made by all ranks together, when the one that writes wants it
+            let kept = scene.system.team().any(due).then(|| self.stepper.memory_of_all(scene));
+            if kept.is_some() {
+                gathering = begin.elapsed();
+            }
+            let Some((writer, _)) = writer else { continue };
             let (mut step, bad) = files::collect(scene, &self.steps[number], number);
             bad.into_iter().for_each(|bad| self.add_bad(bad));
-            let pause = CHECKPOINT_EVERY.max(CHECKPOINT_SHARE * cost.get());
-            if values.len() > 1 && checkpoint_before.is_none_or(|before| before.elapsed() >= pause) {
+            if let Some(kept) = kept {
                 checkpoint_before = Some(begin);
                 let mut log = std::mem::take(&mut self.log);
-                step.checkpoint = Some(checkpoint::pack(self, &mut log, scene, self.identity));
+                step.checkpoint = Some(checkpoint::pack(self, &mut log, scene, &kept));
                 self.log = log;
             }
             let taken = step.is_empty() || writer.send(step).is_ok();

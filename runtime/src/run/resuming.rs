@@ -1,5 +1,7 @@
 //! A run begins in its folder, or goes on from the checkpoint there. Decides nothing about the folder: `folder` does.
 
+use std::path::Path as FilePath;
+
 use super::{
     CHECKPOINT_FILE, CheckpointError, Progress, Run, RunError, RunOptions, checkpoint, files::Files, folder,
     stepping::StepTime,
@@ -11,24 +13,35 @@ use crate::{
 };
 
 impl Run {
-    /// Begins in a folder, or goes on there where that is asked for.
+    /// Begins in a folder, or goes on there where that is asked for. Of several ranks the first one has the folder, and the
+    /// others go on from what it has read.
     pub(super) fn take_up(
         &mut self,
         scene: &mut Scene,
         options: &RunOptions,
         identity: &Identity,
         files: &mut Files<'_>,
-        dir: &OutputDir,
         progress: &mut dyn Progress,
     ) -> Result<(), RunError> {
-        let found = if options.resume { folder::found(scene, identity, dir)? } else { None };
-        match found {
-            Some(found) => {
-                self.go_on_from(found, scene, dir, progress)?;
+        let dir = files.dir;
+        let read = if options.resume { dir.map(|dir| folder::found(identity, dir)).transpose()? } else { None };
+        let read = if options.resume {
+            read.unwrap_or_default().from_first(scene.system.team())
+        } else {
+            checkpoint::Files::default()
+        };
+        let path = dir.map_or(FilePath::new(""), OutputDir::path);
+        if !read.is_empty() {
+            let found = checkpoint::found(scene, identity.hash(), path, &read)?;
+            self.go_on_from(found, scene, path, progress)?;
+        }
+        if let Some(dir) = dir {
+            if read.is_empty() {
+                folder::begin(scene, identity, dir)?;
+            } else {
                 files.go_on_from(scene, &self.steps, dir)?;
                 folder::go_on(scene, dir)?;
             }
-            None => folder::begin(scene, identity, dir)?,
         }
         if options.resume {
             progress.resumed(self.steps.last());
@@ -41,11 +54,11 @@ impl Run {
         &mut self,
         found: checkpoint::Found,
         scene: &mut Scene,
-        dir: &OutputDir,
+        folder: &FilePath,
         progress: &mut dyn Progress,
     ) -> Result<(), RunError> {
         let misfit =
-            || CheckpointError::Damaged { path: dir.path().join(CHECKPOINT_FILE), what: "it does not fit the scene" };
+            || CheckpointError::Damaged { path: folder.join(CHECKPOINT_FILE), what: "it does not fit the scene" };
         let Some(last) = found.steps.last() else { return Ok(()) };
         if found.u.len() != self.u.len() || found.steps.len() > scene.steps.values.len() {
             return Err(misfit().into());
@@ -57,7 +70,7 @@ impl Run {
         let solver = self.stepper.solver.as_mut().expect("prepared above");
         let fits = solver.recall(&found.solver, &scene.system).map_err(|e| wrap(e.into()))?;
         solver.starts_elsewhere();
-        if !(fits && self.stepper.recall(scene, &found.memory)) {
+        if !(fits && self.stepper.recall_of_all(scene, &found.memory)) {
             return Err(misfit().into());
         }
         (self.stepper.level, self.stepper.easy) = (found.level, found.easy);

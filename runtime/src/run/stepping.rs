@@ -176,6 +176,20 @@ impl Stepper {
         }
     }
 
+    /// The same for a checkpoint, made by all ranks together.
+    pub(super) fn memory_of_all(&self, scene: &Scene) -> Memory {
+        match &self.tangent {
+            Some(tangent) => Memory::of_all(scene, tangent),
+            None => Memory::of_all(scene, &scene.system.new_tangent()),
+        }
+    }
+
+    /// Goes back to what a checkpoint kept; false if that belongs to another scene.
+    pub(super) fn recall_of_all(&mut self, scene: &mut Scene, memory: &Memory) -> bool {
+        let tangent = self.tangent.get_or_insert_with(|| scene.system.new_tangent());
+        memory.recall_of_all(scene, tangent)
+    }
+
     /// Goes back to what was remembered; false if that belongs to another scene.
     pub(super) fn recall(&mut self, scene: &mut Scene, memory: &Memory) -> bool {
         let tangent = self.tangent.get_or_insert_with(|| scene.system.new_tangent());

@@ -56,7 +56,9 @@ impl Examined<'_> {
             return found;
         }
         let left = is_tied.then(|| self.loose_when_tied(&fields, &tied)).flatten();
-        let ratio = tied.changing.max_abs() / self.system.bulk().max_abs();
+        let mut largest = [tied.changing.max_abs(), self.system.bulk().max_abs()];
+        self.system.team().max(&mut largest);
+        let ratio = largest[0] / largest[1];
         if ratio.is_finite() && ratio > FAR_STIFFER {
             let names: Vec<String> = touching.iter().map(|t| format!("`{}`", t.name)).collect();
             let names = names.join(", ");
@@ -132,6 +134,7 @@ impl Examined<'_> {
         let mut energies = Vec::new();
         for motion in &translations {
             tied.changing.multiply(motion, &mut met, 1);
+            self.system.team().sum(&mut met);
             energies.push(motion.iter().zip(&met).map(|(a, b)| a * b).sum::<f64>());
         }
         let largest = energies.iter().fold(0.0f64, |m, e| m.max(e.abs()));

@@ -1,5 +1,9 @@
 //! Number of points on each branch of the kinks of a term, and whether a branch has changed.
 
+use std::sync::Arc;
+
+use wfl_host::team::Team;
+
 /// How many points are on which branch of the kinks of a term.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BranchCounts {
@@ -23,6 +27,19 @@ impl BranchCounts {
             sum.iter_mut().zip(counts).for_each(|(s, c)| *s += c);
         }
         self.fingerprint = self.fingerprint.wrapping_add(other.fingerprint);
+    }
+
+    /// From the points that this rank has counted to those of all ranks.
+    pub(super) fn of_all(&mut self, team: &Arc<dyn Team>) {
+        let counts = self.kinks.iter().flatten().map(|n| *n as u64);
+        let mut words: Vec<u64> = counts.chain([self.fingerprint]).chain(self.by_entity.iter().copied()).collect();
+        team.sum_words(&mut words);
+        let mut words = words.into_iter();
+        for (count, word) in self.kinks.iter_mut().flatten().zip(&mut words) {
+            *count = usize::try_from(word).expect("a number of points");
+        }
+        self.fingerprint = words.next().unwrap_or(0);
+        self.by_entity.iter_mut().zip(words).for_each(|(state, word)| *state = word);
     }
 }
 

@@ -62,6 +62,13 @@ struct Block {
 /// Entries of a block, at most, where it has more than one run: so many vectors stay in the nearest cache.
 const BLOCK: usize = 128;
 
+/// Where the dofs of one entity stand in a pattern, by local dof, or [`NONE`].
+#[derive(Clone, Copy)]
+struct Places<'a> {
+    rows: &'a [u32],
+    columns: &'a [u32],
+}
+
 /// A test dof.
 #[derive(Clone, Debug)]
 struct Row {
@@ -154,8 +161,16 @@ impl Scatter {
         self.rows.push(Row { dof, segments, entries: first_entry..at });
     }
 
-    /// Finds all places in a pattern. `dofs[entity * n_dofs + k]` are global, `free` maps them to rows of the pattern.
-    pub(super) fn locate(&mut self, n_dofs: usize, dofs: &[u32], pattern: &Pattern, free: &[u32]) {
+    /// Finds all places in a pattern. `dofs[entity * n_dofs + k]` are global, `free` maps them to rows and columns of the
+    /// pattern; rows that `owns` refuses are those of another rank.
+    pub(super) fn locate(
+        &mut self,
+        n_dofs: usize,
+        dofs: &[u32],
+        pattern: &Pattern,
+        free: &[u32],
+        owns: impl Fn(u32) -> bool,
+    ) {
         let entities = dofs.len() / n_dofs.max(1);
         self.row_starts.clear();
         self.offsets.clear();
@@ -164,35 +179,37 @@ impl Scatter {
         self.row_starts.reserve_exact(entities * self.rows.len());
         self.offsets.reserve_exact(entities * self.pairs.len());
         self.lists.reserve_exact(entities);
-        let mut places = vec![NONE; n_dofs];
+        let (mut places, mut rows) = (vec![NONE; n_dofs], vec![NONE; n_dofs]);
         let mut offsets: Vec<Option<u16>> = Vec::new();
         for dofs in dofs.chunks_exact(n_dofs.max(1)) {
-            for (place, dof) in places.iter_mut().zip(dofs) {
+            for ((place, row), dof) in places.iter_mut().zip(&mut rows).zip(dofs) {
                 *place = if *dof == NONE { NONE } else { free[*dof as usize] };
+                *row = if *dof != NONE && owns(*dof) { *place } else { NONE };
             }
             for row in &self.rows {
                 let start = |r: u32| u32::try_from(pattern.row_starts()[r as usize]).expect("fewer than 2^32 entries");
-                self.row_starts.push(if places[row.dof] == NONE { NONE } else { start(places[row.dof]) });
+                self.row_starts.push(if rows[row.dof] == NONE { NONE } else { start(rows[row.dof]) });
             }
-            if self.find_offsets(&places, pattern, &mut offsets).is_some() {
+            let at = Places { rows: &rows, columns: &places };
+            if self.find_offsets(at, pattern, &mut offsets).is_some() {
                 self.lists.push(NONE);
             } else {
                 self.lists.push(u32::try_from(self.places.len() / self.sources.len().max(1)).expect("few entities"));
-                self.list(&places, pattern);
+                self.list(at, pattern);
             }
             self.offsets.extend(offsets.iter().map(|o| o.unwrap_or(0)));
         }
     }
 
     /// One offset a pair for an entity; `None` if there is none that fits all its rows.
-    fn find_offsets(&self, places: &[u32], pattern: &Pattern, offsets: &mut Vec<Option<u16>>) -> Option<()> {
+    fn find_offsets(&self, at: Places<'_>, pattern: &Pattern, offsets: &mut Vec<Option<u16>>) -> Option<()> {
         offsets.clear();
         offsets.resize(self.pairs.len(), None);
-        for row in self.rows.iter().filter(|r| places[r.dof] != NONE) {
-            let columns = pattern.row(places[row.dof] as usize);
+        for row in self.rows.iter().filter(|r| at.rows[r.dof] != NONE) {
+            let columns = pattern.row(at.rows[row.dof] as usize);
             for segment in &self.segments[row.segments.clone()] {
                 let first = self.pairs[segment.pair];
-                let wanted = &places[first..first + segment.n];
+                let wanted = &at.columns[first..first + segment.n];
                 let slot = &mut offsets[segment.pair];
                 let offset = match *slot {
                     Some(offset) => offset,
@@ -207,15 +224,15 @@ impl Scatter {
         Some(())
     }
 
-    fn list(&mut self, places: &[u32], pattern: &Pattern) {
+    fn list(&mut self, at: Places<'_>, pattern: &Pattern) {
         for row in &self.rows {
             for segment in &self.segments[row.segments.clone()] {
                 let first = self.pairs[segment.pair];
-                for column in &places[first..first + segment.n] {
-                    let place = if places[row.dof] == NONE || *column == NONE {
+                for column in &at.columns[first..first + segment.n] {
+                    let place = if at.rows[row.dof] == NONE || *column == NONE {
                         None
                     } else {
-                        pattern.position(places[row.dof] as usize, *column as usize)
+                        pattern.position(at.rows[row.dof] as usize, *column as usize)
                     };
                     self.places.push(place.map_or(NONE, |p| u32::try_from(p).expect("fewer than 2^32 entries")));
                 }

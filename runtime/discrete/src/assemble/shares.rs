@@ -2,12 +2,14 @@
 //!
 //! Every dof has one owner, the thread that adds everything to its row. A thread computes the batches that touch its
 //! rows, in the order of the domain; a batch whose rows have several owners is computed by each of them. So every sum
-//! has the order of the domain for any number of threads, and no thread waits for another. Ownership changes only
+//! has the order of the domain for any number of threads, and no thread waits for another. Where several ranks assemble,
+//! the threads of each share out the rows of theirs. Ownership changes only
 //! between blocks of dofs, so the rows of a thread form a few ranges of a matrix.
 
 use crate::{
     assemble::binding::Binding,
     domain::{Domain, Group},
+    share::Share,
 };
 use wfl_compiler::ir::LANES;
 use wfl_sparse::index::NONE;
@@ -17,9 +19,9 @@ use wfl_sparse::index::NONE;
 pub(super) struct Duty {
     pub(super) group: usize,
     pub(super) batch: usize,
-    /// All its rows belong to this thread.
+    /// All its rows belong to this thread of this rank.
     pub(super) all_rows: bool,
-    /// This thread counts its points; one thread does.
+    /// This thread counts its points; one thread of one rank does.
     pub(super) counts: bool,
 }
 
@@ -37,7 +39,7 @@ const SMALLEST_SHARE: usize = 4;
 /// Blocks of dofs a thread.
 const BLOCKS: usize = 64;
 
-/// Owner of a dof that no batch touches.
+/// Owner of a dof that no batch touches, or that another rank has.
 const NOBODY: u16 = u16::MAX;
 
 impl Shares {
@@ -47,29 +49,46 @@ impl Shares {
         threads.min(batches / SMALLEST_SHARE).clamp(1, usize::from(u16::MAX))
     }
 
-    /// Shares for `n` threads.
-    pub(super) fn new(domain: &Domain, binding: &Binding, touched: &Touched<'_>, n: usize) -> Self {
-        let batches = || (0..domain.groups.len()).flat_map(|g| (0..domain.groups[g].n_batches()).map(move |b| (g, b)));
-        let home = homes(domain, binding, n);
+    /// Shares for `n` threads of the rank that has `share`; without one all rows.
+    pub(super) fn new(
+        domain: &Domain,
+        binding: &Binding,
+        touched: &Touched<'_>,
+        share: Option<&Share>,
+        n: usize,
+    ) -> Self {
+        let is_own = |d: u32| share.is_none_or(|share| share.owns(d as usize));
+        // the rank of its first rows counts the points of a batch
+        let is_counted = |g: usize, b: usize| {
+            share.is_none_or(|share| {
+                touched.dofs(g, b).map(|d| share.owner(d as usize)).min().unwrap_or(0) == share.team().rank()
+            })
+        };
+        let all = (0..domain.groups.len()).flat_map(|g| (0..domain.groups[g].n_batches()).map(move |b| (g, b)));
+        let batches: Vec<(usize, usize)> =
+            all.filter(|(g, b)| touched.dofs(*g, *b).any(is_own) || is_counted(*g, *b)).collect();
+        let home = homes(domain, binding, &batches, n);
         let size = touched.dofs.iter().flatten().filter(|d| **d != NONE).max().map_or(0, |d| *d as usize + 1);
         let mut owner = vec![NOBODY; size];
-        for ((g, batch), home) in batches().zip(&home) {
-            touched.dofs(g, batch).for_each(|d| owner[d as usize] = owner[d as usize].min(*home));
+        for ((g, batch), home) in batches.iter().zip(&home) {
+            touched.dofs(*g, *batch).for_each(|d| owner[d as usize] = owner[d as usize].min(*home));
         }
         for block in owner.chunks_mut(size.div_ceil(BLOCKS * n).max(1)) {
             let first = block.iter().copied().find(|o| *o != NOBODY);
             block.fill(first.unwrap_or(NOBODY));
         }
+        (0u32..).zip(&mut owner).filter(|(dof, _)| !is_own(*dof)).for_each(|(_, owner)| *owner = NOBODY);
         let mut duties = vec![Vec::new(); n];
         let mut owners = Vec::new();
-        for ((group, batch), home) in batches().zip(&home) {
+        for ((group, batch), home) in batches.into_iter().zip(&home) {
             owners.clear();
             owners.push(*home);
             owners.extend(touched.dofs(group, batch).map(|d| owner[d as usize]));
             owners.sort_unstable();
             owners.dedup();
-            for o in &owners {
-                let duty = Duty { group, batch, all_rows: owners.len() == 1, counts: o == home };
+            let counts = is_counted(group, batch);
+            for o in owners.iter().filter(|o| **o != NOBODY) {
+                let duty = Duty { group, batch, all_rows: owners.len() == 1, counts: counts && o == home };
                 duties[usize::from(*o)].push(duty);
             }
         }
@@ -79,18 +98,20 @@ impl Shares {
 
 /// By batch: a thread that computes it. Groups lie side by side in space, so each is divided among all threads; those
 /// of few batches are dealt out one after another.
-fn homes(domain: &Domain, binding: &Binding, n: usize) -> Vec<u16> {
+fn homes(domain: &Domain, binding: &Binding, batches: &[(usize, usize)], n: usize) -> Vec<u16> {
     let cost = |g: usize| domain.groups[g].n_points() * binding.groups[g].n_dofs().pow(2);
-    let size = |g: usize| domain.groups[g].n_batches();
+    let mut sizes = vec![0; domain.groups.len()];
+    batches.iter().for_each(|(g, _)| sizes[*g] += 1);
+    let size = |g: usize| sizes[g];
     let is_small = |g: &usize| size(*g) < SMALLEST_SHARE * n;
     let total: usize = (0..domain.groups.len()).filter(is_small).map(|g| size(g) * cost(g)).sum();
     let (mut spent, mut homes) = (0, Vec::new());
-    for g in 0..domain.groups.len() {
-        for batch in 0..size(g) {
-            let home = if is_small(&g) { spent * n / total.max(1) } else { batch * n / size(g) };
-            homes.push(u16::try_from(home.min(n - 1)).expect("fewer than 2^16 threads"));
-            spent += if is_small(&g) { cost(g) } else { 0 };
-        }
+    let mut seen = vec![0; domain.groups.len()];
+    for (g, _) in batches {
+        let home = if is_small(g) { spent * n / total.max(1) } else { seen[*g] * n / size(*g) };
+        homes.push(u16::try_from(home.min(n - 1)).expect("fewer than 2^16 threads"));
+        spent += if is_small(g) { cost(*g) } else { 0 };
+        seen[*g] += 1;
     }
     homes
 }

@@ -6,13 +6,13 @@
 
 pub(super) mod gradients;
 pub(super) mod local;
+mod work;
 
 use std::sync::{
     Arc, Mutex, PoisonError,
     atomic::{AtomicBool, AtomicU64, Ordering},
 };
 
-use rayon::prelude::*;
 use thiserror::Error;
 use wfl_compiler::{
     Kink, KinkKind, NonFinite, TermLaw,
@@ -31,16 +31,18 @@ use crate::{
         contract::{self, TangentPlan},
         entries::{Entries, inputs_behind},
         evaluate::{Bound, FieldValues, Workspace},
-        rows::{Own, Rows},
-        scatter::{Halves, Scatter},
+        rows::Own,
+        scatter::Scatter,
         shared::{add, shared, shared_words},
-        shares::{Duty, Shares, Touched},
+        shares::Duty,
     },
     finite::BadState,
     prologue::step_slots,
+    share::Share,
 };
 use wfl_mesh::mesh::{Mesh, SupportSet};
 use wfl_sparse::{csr::Pattern, index::NONE};
+use work::{Kept, Located};
 
 /// Where a number stopped being finite.
 #[derive(Clone, Debug)]
@@ -76,22 +78,6 @@ pub struct Integrator {
     pub binding: Binding,
 }
 
-/// For the number of threads that assembled last.
-#[derive(Default)]
-struct Kept {
-    shares: Option<Arc<Shares>>,
-    /// Of the located pattern.
-    rows: Option<Arc<Rows>>,
-    /// Of the located pattern, once a matrix is filled again.
-    halves: Option<Arc<Halves>>,
-}
-
-impl Kept {
-    fn forget_places(&mut self) {
-        (self.rows, self.halves) = (None, None);
-    }
-}
-
 /// A term ready to be assembled.
 pub struct AssembledTerm {
     /// The compiled law.
@@ -114,10 +100,16 @@ pub struct AssembledTerm {
     plans: Vec<TangentPlan>,
     /// For each group, once a pattern is known.
     scatters: Vec<Scatter>,
-    /// The pattern that [`Self::locate`] was given and the row of each dof.
-    located: Option<(Arc<Pattern>, Vec<u32>)>,
-    kept: Mutex<Kept>,
+    located: Option<Located>,
+    /// Of all rows, and of those of a rank.
+    kept: [Mutex<Kept>; 2],
     workspaces: Mutex<Vec<Workspace>>,
+}
+
+/// Whether the numbers of all ranks are finite: each of them then tells the same error.
+fn all_finite(finite: AtomicBool, share: Option<&Share>) -> bool {
+    let finite = finite.into_inner();
+    share.map_or(finite, |share| share.team().all(finite))
 }
 
 /// Dofs of a group, `[entity][local dof]`: node after node, its components one after the other. `starts` are the first
@@ -181,7 +173,7 @@ impl AssembledTerm {
             dofs,
             scatters: Vec::new(),
             located: None,
-            kept: Mutex::default(),
+            kept: Default::default(),
             workspaces: Mutex::default(),
         }
     }
@@ -224,7 +216,7 @@ impl AssembledTerm {
             return;
         }
         let diagonal = shared(diagonal);
-        self.share_out(|workspace, duties, owns| {
+        self.share_out(None, |workspace, duties, owns| {
             for duty in duties {
                 self.local_tangents(mesh, values, workspace, duty);
                 let n = self.integrator.binding.groups[duty.group].n_dofs();
@@ -266,13 +258,20 @@ impl AssembledTerm {
 
     /// Looks up where each local pair stands in a matrix; `free` maps a dof to its row, or to nothing when fixed.
     pub fn locate(&mut self, pattern: &Arc<Pattern>, free: &[u32]) {
-        self.located = Some((pattern.clone(), free.to_vec()));
-        self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).forget_places();
+        self.locate_own(pattern, free, None);
+    }
+
+    /// The same in a matrix that has the rows of one rank alone; [`Self::add_tangent`] then adds to these, and is made by
+    /// all ranks together.
+    pub fn locate_own(&mut self, pattern: &Arc<Pattern>, free: &[u32], share: Option<&Arc<Share>>) {
+        self.located = Some(Located { pattern: pattern.clone(), rows: free.to_vec(), share: share.cloned() });
+        self.forget_places();
+        let owns = |dof: u32| share.is_none_or(|share| share.owns(dof as usize));
         self.scatters = (0..self.dofs.len())
             .map(|g| {
                 let (binding, plan) = (&self.integrator.binding.groups[g], &self.plans[g]);
                 let mut scatter = Scatter::new(binding, &plan.sources, plan.n_local);
-                scatter.locate(binding.n_dofs(), &self.dofs[g], pattern, free);
+                scatter.locate(binding.n_dofs(), &self.dofs[g], pattern, free, owns);
                 scatter
             })
             .collect();
@@ -282,7 +281,7 @@ impl AssembledTerm {
     pub fn forget(&mut self) {
         self.scatters = Vec::new();
         self.located = None;
-        self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).forget_places();
+        self.forget_places();
     }
 
     /// Adds the residual to `out` (by dof, fixed ones included). Returns the branches of its kinks.
@@ -295,12 +294,27 @@ impl AssembledTerm {
         values: FieldValues<'_>,
         out: &mut [f64],
     ) -> Result<BranchCounts, TermError> {
+        self.add_own_residual(mesh, values, out, None)
+    }
+
+    /// The same in the rows of one rank alone, made by all ranks together: the branches are those of all points, and an
+    /// error is the same on all ranks.
+    ///
+    /// # Errors
+    /// [`TermError::NonFinite`] with the place.
+    pub fn add_own_residual(
+        &self,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        out: &mut [f64],
+        share: Option<&Share>,
+    ) -> Result<BranchCounts, TermError> {
         let mut branches = BranchCounts::default();
-        self.add_residual_to(mesh, values, out, &mut branches)?;
+        self.add_to(mesh, values, (out, &mut branches), share)?;
         Ok(branches)
     }
 
-    /// The same with branches that are written where some were before: allocates nothing then.
+    /// As [`Self::add_residual`] with branches that are written where some were before: allocates nothing then.
     ///
     /// # Errors
     /// [`TermError::NonFinite`] with the place.
@@ -311,6 +325,17 @@ impl AssembledTerm {
         out: &mut [f64],
         branches: &mut BranchCounts,
     ) -> Result<(), TermError> {
+        self.add_to(mesh, values, (out, branches), None)
+    }
+
+    fn add_to(
+        &self,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        target: (&mut [f64], &mut BranchCounts),
+        share: Option<&Share>,
+    ) -> Result<(), TermError> {
+        let (out, branches) = target;
         let n_entities = if self.contact_kink().is_some() { self.integrator.domain.n_entities } else { 0 };
         let mut by_entity = std::mem::take(&mut branches.by_entity);
         by_entity.clear();
@@ -320,7 +345,7 @@ impl AssembledTerm {
         let total = Mutex::new(&mut *branches);
         let finite = AtomicBool::new(true);
         let out = shared(out);
-        self.share_out(|workspace, duties, owns| {
+        self.share_out(share, |workspace, duties, owns| {
             let mut branches = std::mem::take(&mut workspace.branches);
             branches.clear(self.law.kinks.len());
             for duty in duties {
@@ -335,7 +360,10 @@ impl AssembledTerm {
             workspace.branches = branches;
         });
         branches.by_entity = by_entity;
-        self.result(finite.into_inner(), mesh, values, &self.law.residual)
+        if let Some(share) = share.filter(|_| !self.law.kinks.is_empty()) {
+            branches.of_all(share.team());
+        }
+        self.result(all_finite(finite, share), mesh, values, &self.law.residual)
     }
 
     fn result(
@@ -420,7 +448,9 @@ impl AssembledTerm {
             }
             return Ok(());
         }
-        let (shares, rows, halves) = self.shared_rows(is_new);
+        let located = self.located.as_ref().expect("a pattern before the tangent");
+        let share = located.share.as_deref();
+        let (shares, rows, halves) = self.shared_rows(located, is_new);
         let finite = AtomicBool::new(true);
         rows.share_out(matrix, |me, own| {
             let clear = |duty: usize, own: &mut Own<'_, '_>| {
@@ -447,7 +477,7 @@ impl AssembledTerm {
             });
             clear(shares.duties[me].len(), own);
         });
-        self.result(finite.into_inner(), mesh, values, &self.law.tangent)
+        self.result(all_finite(finite, share), mesh, values, &self.law.tangent)
     }
 
     /// Computes the local tangents of a batch. False if a number is not finite.
@@ -465,55 +495,6 @@ impl AssembledTerm {
     fn entities(&self, duty: &Duty) -> std::ops::Range<usize> {
         let total = self.integrator.domain.groups[duty.group].entities.len();
         duty.batch * LANES..((duty.batch + 1) * LANES).min(total)
-    }
-
-    /// Who computes what on the threads of the current pool that are worth while.
-    fn shares(&self, kept: &mut Kept) -> Arc<Shares> {
-        let n = Shares::count(&self.integrator.domain, rayon::current_num_threads());
-        if let Some(shares) = kept.shares.as_ref().filter(|s| s.duties.len() == n) {
-            return shares.clone();
-        }
-        kept.forget_places();
-        kept.shares
-            .insert(Arc::new(Shares::new(&self.integrator.domain, &self.integrator.binding, &self.touched(), n)))
-            .clone()
-    }
-
-    /// The same with the rows of the located matrix, and with its halves if it is filled again.
-    fn shared_rows(&self, is_new: bool) -> (Arc<Shares>, Arc<Rows>, Option<Arc<Halves>>) {
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let shares = self.shares(&mut kept);
-        let (pattern, free) = self.located.as_ref().expect("a pattern before the tangent");
-        let rows = || Arc::new(Rows::new(pattern, free, &shares, &self.touched()));
-        let rows = kept.rows.get_or_insert_with(rows).clone();
-        let halves = || Arc::new(Halves::new(&self.scatters, &shares, pattern.n_entries()));
-        let halves = is_new.then(|| kept.halves.get_or_insert_with(halves).clone());
-        (shares, rows, halves)
-    }
-
-    fn touched(&self) -> Touched<'_> {
-        Touched::new(&self.integrator.domain, &self.integrator.binding, &self.dofs)
-    }
-
-    fn with_workspace(&self, work: impl FnOnce(&mut Workspace)) {
-        let pool = || self.workspaces.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut workspace = pool().pop().unwrap_or_default();
-        work(&mut workspace);
-        pool().push(workspace);
-    }
-
-    /// Calls `work(workspace, batches, owns)` on each of the threads of the current pool that are worth while.
-    fn share_out(&self, work: impl Fn(&mut Workspace, &[Duty], &dyn Fn(u32) -> bool) + Sync) {
-        let shares = self.shares(&mut self.kept.lock().unwrap_or_else(PoisonError::into_inner));
-        let one = |me: usize| {
-            self.with_workspace(|workspace| {
-                work(workspace, &shares.duties[me], &|dof| usize::from(shares.owner[dof as usize]) == me);
-            });
-        };
-        match shares.duties.len() {
-            1 => one(0),
-            n => (0..n).into_par_iter().with_max_len(1).for_each(one),
-        }
     }
 
     fn bound<'a>(&'a self, mesh: &'a Mesh) -> Bound<'a> {

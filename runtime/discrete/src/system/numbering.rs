@@ -73,6 +73,12 @@ impl Numbering {
         self.ties = ties;
     }
 
+    /// The dofs that follow others.
+    #[must_use]
+    pub fn ties(&self) -> &[Tie] {
+        &self.ties
+    }
+
     /// True if some dofs follow others.
     #[must_use]
     pub fn has_ties(&self) -> bool {

@@ -43,11 +43,17 @@ impl System {
             *slot += offset;
             *size += offset.abs();
         }
+        // each rank adds to its rows
+        self.keep_own(&mut out);
+        self.keep_own(&mut sum.linear_sizes);
         self.add_linear(u, form, &mut out, &mut sum)?;
         sum.branches.resize_with(self.terms.len(), BranchCounts::default);
         if !self.is_linear() {
             self.add_changing(u, &mut out, &mut sum)?;
         }
+        let team = self.team();
+        [&mut out, &mut sum.linear_sizes, &mut sum.without_frozen].into_iter().for_each(|part| team.sum(part));
+        team.max(&mut sum.forces);
         self.numbering.turn(&mut out);
         self.numbering.turn_sizes(&mut sum.linear_sizes);
         self.check_finite("residual", &out, u)?;
@@ -68,15 +74,18 @@ impl System {
             return Ok(here.values.clone());
         }
         let mut out = here.without_frozen.clone();
+        self.keep_own(&mut out);
         let values = self.values_with(u, active);
         for frozen in &self.frozen {
-            frozen.form.add_residual(&self.mesh, values.view(), &mut out)?;
+            self.add_own(&frozen.form, values.view(), &mut out)?;
         }
+        self.team().sum(&mut out);
         self.numbering.turn(&mut out);
         Ok(out)
     }
 
-    /// Adds the linear terms at `u` to `out`, which holds the constant ones (by dof, in the axes of the scene).
+    /// Adds the linear terms at `u` to `out`, which holds the constant ones (by dof, in the axes of the scene, the rows of
+    /// this rank).
     fn add_linear(&self, u: &[f64], form: &Form<'_>, out: &mut [f64], sum: &mut Residual) -> Result<(), TermError> {
         let Some(linear) = &self.linear else { return Ok(()) };
         let mut part = vec![0.0; out.len()];
@@ -93,22 +102,23 @@ impl System {
         // the terms bring their constants with them
         out.fill(0.0);
         out.iter_mut().zip(form.offset).for_each(|(slot, s)| *slot = *s);
+        self.keep_own(out);
         let values = self.values(u);
         for term in self.terms.iter().filter(|t| t.law.class <= Class::Linear) {
-            term.add_residual(&self.mesh, values.view(), out)?;
+            self.add_own(term, values.view(), out)?;
         }
         Ok(())
     }
 
     /// Adds the terms that are neither constant nor linear to `out`, which holds the others (by dof, in the axes of the
-    /// scene).
+    /// scene, the rows of this rank).
     fn add_changing(&self, u: &[f64], out: &mut [f64], sum: &mut Residual) -> Result<(), TermError> {
         let mut rest = vec![0.0; out.len()];
         let mut with_frozen = vec![0.0; if self.frozen.is_empty() { 0 } else { out.len() }];
         let values = self.values(u);
         for (k, term) in self.terms.iter().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear) {
             let target = if self.frozen.iter().any(|f| f.term == k) { &mut with_frozen } else { &mut rest };
-            sum.branches[k] = term.add_residual(&self.mesh, values.view(), target)?;
+            sum.branches[k] = self.add_own(term, values.view(), target)?;
         }
         if !self.frozen.is_empty() {
             sum.without_frozen.extend(out.iter().zip(&rest).map(|(a, b)| a + b));

@@ -7,6 +7,7 @@ use wfl_compiler::Class;
 use super::{ActiveSet, Branches, FIXED, Numbering, System, pattern};
 use crate::assemble::{AssembledTerm, TermError};
 use crate::frames::Frames;
+use crate::share::Share;
 use wfl_sparse::csr::{Csr, CsrError, Pattern, Restriction};
 
 /// Where the changing terms are summed before they are rotated into local frames: their matrix in the axes of the scene
@@ -22,6 +23,7 @@ impl SceneAxes {
     pub(super) fn new<'t>(
         terms: impl Iterator<Item = &'t AssembledTerm>,
         numbering: &Numbering,
+        share: Option<&Share>,
     ) -> Result<Self, CsrError> {
         let equations = numbering.equations();
         let (mut rows, mut targets) = (vec![FIXED; numbering.n_dofs], Vec::new());
@@ -31,7 +33,7 @@ impl SceneAxes {
                 targets.push(equations[dof]);
             }
         }
-        let matrix = pattern(terms, targets.len(), &numbering.frames, |d| rows[d as usize])?;
+        let matrix = pattern(terms, targets.len(), &numbering.frames, |d| rows[d as usize], share)?;
         let map = Restriction::new(matrix.pattern(), &targets, numbering.n_free())?;
         Ok(Self { pattern: matrix.pattern().clone(), rows, map })
     }
@@ -46,7 +48,8 @@ impl SceneAxes {
     }
 }
 
-/// The tangent of the changing terms over the free dofs; that of the linear terms is [`System::bulk`].
+/// The tangent of the changing terms over the free dofs, the rows of this rank; that of the linear terms is
+/// [`System::bulk`].
 #[derive(Clone, Debug)]
 pub struct Tangent {
     /// The matrix.
@@ -118,7 +121,7 @@ impl System {
     pub fn partial_matrix(&self, terms: &[usize], numbers: &[u32]) -> Result<Csr, CsrError> {
         let n = numbers.iter().filter(|k| **k != FIXED).count();
         let form = |k: usize| self.frozen.iter().find(|f| f.term == k).map_or(&self.terms[k], |f| &f.form);
-        pattern(terms.iter().map(|k| form(*k)), n, &Frames::default(), |d| numbers[d as usize])
+        pattern(terms.iter().map(|k| form(*k)), n, &Frames::default(), |d| numbers[d as usize], None)
     }
 
     /// Adds the tangents of some terms at `u` to a matrix of [`Self::partial_matrix`], on the branches of an active set

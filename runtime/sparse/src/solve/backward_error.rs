@@ -5,6 +5,7 @@
 //! unit diagonal: no digit of that pivot is left in double precision. Does not know how systems are solved: a solver is
 //! a function that overwrites a vector.
 
+use super::row_owners::RowOwners;
 use super::scaling::symmetric_scale;
 use super::triangular_solve::Transpose;
 use super::{NullVector, SolveError, SolveReport, SolverOptions};
@@ -38,6 +39,8 @@ pub(super) struct BackwardErrorCheck {
     scale: Vec<f64>,
     /// Row sums of magnitudes and diagonal of a first part that never changes.
     constant: Option<(Vec<f64>, Vec<f64>)>,
+    /// Where matrices have the rows of one of several ranks.
+    owners: Option<RowOwners>,
     /// Of the solution checked last.
     last: Measure,
 }
@@ -62,8 +65,44 @@ impl BackwardErrorCheck {
             norm: 0.0,
             scale: vec![1.0; n],
             constant: None,
+            owners: None,
             last: Measure::default(),
         }
+    }
+
+    /// For matrices with the rows of this rank alone; all ranks then check together.
+    pub(super) fn on(self, owners: Option<RowOwners>) -> Self {
+        Self { owners, ..self }
+    }
+
+    /// A matrix with the rows of all ranks; `None` where there is one rank, or no memory.
+    pub(super) fn whole(&self, matrix: &Csr) -> Option<Csr> {
+        self.owners.as_ref().and_then(|owners| matrix.of_all(&*owners.team).ok())
+    }
+
+    /// Which rank has which rows, where there are several.
+    pub(super) fn owners(&self) -> Option<&RowOwners> {
+        self.owners.as_ref()
+    }
+
+    /// Largest row sum of magnitudes of the matrix set last.
+    pub(super) fn norm(&self) -> f64 {
+        self.norm
+    }
+
+    /// Makes numbers whole that were computed with the rows of this rank.
+    fn gather(&self, values: &mut [f64]) {
+        if let Some(owners) = &self.owners {
+            owners.gather(values);
+        }
+    }
+
+    /// `r = b - A x` in double-double, kept in `self.residual`.
+    fn residual_of(&mut self, parts: &[&Csr], b: &[f64], x: &[f64]) {
+        let mut residual = std::mem::take(&mut self.residual);
+        residual_compensated(parts, b, x, &mut residual, self.options.threads);
+        self.gather(&mut residual);
+        self.residual = residual;
     }
 
     pub(super) fn options(&self) -> &SolverOptions {
@@ -99,6 +138,10 @@ impl BackwardErrorCheck {
         for part in new {
             add(&absolute_sums(part), &mut (0..part.n_rows()).map(|dof| part.get(dof, dof)));
         }
+        if let Some(owners) = &self.owners {
+            owners.gather(&mut self.row_sums);
+            owners.gather(&mut diagonal);
+        }
         if let Some(row) = self.row_sums.iter().position(|sum| !sum.is_finite()) {
             let mut places = parts.iter().filter_map(|part| part.first_non_finite());
             let (row, column) = places.next().unwrap_or((row, row));
@@ -110,7 +153,7 @@ impl BackwardErrorCheck {
             values[dof] = 1.0;
             return Err(SolveError::Singular { dof, ratio: 0.0, mode: NullVector::new(values) });
         }
-        self.scale = symmetric_scale(parts, &diagonal);
+        self.scale = symmetric_scale(parts, &diagonal, self.owners.as_ref());
         Ok(())
     }
 
@@ -151,7 +194,7 @@ impl BackwardErrorCheck {
         let mut refinements = 0;
         let mut last_step = f64::INFINITY;
         while refinements < self.options.max_refinements && self.should_refine(measure, tolerance) {
-            residual_compensated(parts, rhs, x, &mut self.residual, self.options.threads);
+            self.residual_of(parts, rhs, x);
             let mut step = std::mem::take(&mut self.residual);
             solver(&mut step);
             let size = self.scaled_size(&step);
@@ -226,6 +269,10 @@ impl BackwardErrorCheck {
         }
         let threads = self.options.threads;
         residual_and_size(parts, rhs, x, &mut self.residual, &mut self.magnitude, threads);
+        if let Some(owners) = &self.owners {
+            owners.gather(&mut self.residual);
+            owners.gather(&mut self.magnitude);
+        }
         // a product that is no number is no small residual
         let scaled_residual = largest(self.residual.iter().zip(&self.scale).map(|(r, s)| r * s));
         let scaled_size = largest(self.magnitude.iter().zip(&self.scale).map(|(m, s)| m * s));
@@ -259,7 +306,7 @@ impl BackwardErrorCheck {
     /// `‖S A v‖ / ‖S⁻¹ v‖`, the product summed in double-double.
     pub(super) fn null_ratio(&mut self, parts: &[&Csr], v: &[f64]) -> f64 {
         let zeros = vec![0.0; v.len()];
-        residual_compensated(parts, &zeros, v, &mut self.residual, self.options.threads);
+        self.residual_of(parts, &zeros, v);
         let product = largest(self.residual.iter().zip(&self.scale).map(|(r, s)| r * s));
         product / self.scaled_size(v)
     }

@@ -13,14 +13,13 @@ use super::llt::Llt;
 use super::lu::SparseLu;
 use super::older_factor::OlderFactor;
 use super::on_pattern::OnPattern;
+use super::symmetry::check_symmetry;
 use super::triangular_solve::Transpose;
 use super::{Kept, LinearSolver, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
 
 /// Shift, relative to the diagonal, with which a matrix without a factor is looked at.
 const SHIFT: f64 = 1e-9;
-/// Relative asymmetry that rounding in assembly explains.
-const ASYMMETRY: f64 = 1e-10;
 
 /// Any factorisation with its solutions checked.
 pub(super) struct Checked<F> {
@@ -129,25 +128,6 @@ pub(super) fn explain_bulk(
         Checked::new(llt, options).factor(&held)
     };
     explain().err().unwrap_or(error)
-}
-
-/// Refuses a matrix whose halves differ by more than rounding.
-pub(super) fn check_symmetry(matrix: &Csr) -> Result<(), SolveError> {
-    if matrix.is_symmetric(ASYMMETRY) {
-        return Ok(());
-    }
-    let bound = ASYMMETRY * matrix.max_abs();
-    for row in 0..matrix.n_rows() {
-        let (columns, values) = matrix.row(row);
-        for (&column, &value) in columns.iter().zip(values) {
-            let column = column as usize;
-            let transposed = matrix.get(column, row);
-            if (value - transposed).abs() > bound {
-                return Err(SolveError::NotSymmetric { row, column, value, transposed });
-            }
-        }
-    }
-    Ok(())
 }
 
 impl<F: Factorization> LinearSolver for Checked<F> {

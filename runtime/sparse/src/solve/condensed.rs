@@ -32,10 +32,11 @@ use std::sync::Arc;
 
 use super::SolverMemory;
 use super::backward_error::BackwardErrorCheck;
-use super::checked::{check_symmetry, explain_bulk, explain_singular};
+use super::checked::{explain_bulk, explain_singular};
 use super::dense::Kind;
 use super::krylov::{Gmres, Limits};
 use super::on_pattern::OnPattern;
+use super::symmetry::check_symmetry;
 use super::triangular_solve::Transpose;
 use super::{Precision, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};

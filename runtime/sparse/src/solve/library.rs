@@ -11,6 +11,8 @@ use super::backward_error::{BackwardErrorCheck, inverse_norm_estimate};
 use super::checked::explain_singular;
 use super::multigrid::NodeLayout;
 use super::on_pattern::OnPattern;
+use super::row_owners::RowOwners;
+use super::symmetry::{check_own_symmetry, check_symmetry};
 use super::{Kept, LinearSolver, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
 
@@ -58,6 +60,9 @@ pub struct Equations {
     pub multipliers: Vec<u32>,
     /// Rows that nonlinear terms on faces and multipliers touch, those of multipliers included, increasing.
     pub on_contact: Vec<u32>,
+    /// Where several ranks solve: which rows each of them has. Matrices have the rows of their rank, patterns too; vectors
+    /// are whole.
+    pub owners: Option<RowOwners>,
 }
 
 /// A library of solvers.
@@ -137,7 +142,7 @@ impl CheckedLibrary {
     ) -> Result<Self, SolveError> {
         Ok(Self {
             engine: library.0.engine(equations, is_symmetric)?,
-            check: BackwardErrorCheck::new(equations.pattern.n_rows(), options),
+            check: BackwardErrorCheck::new(equations.pattern.n_rows(), options).on(equations.owners.clone()),
             matrix: OnPattern::new(&equations.pattern),
             points: points.to_vec(),
             is_symmetric,
@@ -154,7 +159,10 @@ impl CheckedLibrary {
         if !may_be_singular || self.matrix.matrix.n_rows() > EXPLAINED {
             return error;
         }
-        explain_singular(&mut self.check, &self.matrix.matrix, Some(&self.points), error)
+        match self.check.whole(&self.matrix.matrix) {
+            Some(whole) => explain_singular(&mut self.check, &whole, Some(&self.points), error),
+            None => explain_singular(&mut self.check, &self.matrix.matrix, Some(&self.points), error),
+        }
     }
 
     /// Solves and refines; the number of iterations stands in the report.
@@ -213,7 +221,10 @@ impl LinearSolver for CheckedLibrary {
         self.matrix.take(matrix)?;
         self.check.set_matrix(&[&self.matrix.matrix])?;
         if self.is_symmetric {
-            super::checked::check_symmetry(&self.matrix.matrix)?;
+            match self.check.owners() {
+                Some(owners) => check_own_symmetry(&self.matrix.matrix, owners)?,
+                None => check_symmetry(&self.matrix.matrix)?,
+            }
         }
         let taken = if matrix.n_rows() == 0 { Ok(()) } else { self.engine.take(&self.matrix.matrix) };
         match taken {
@@ -251,7 +262,8 @@ impl LinearSolver for CheckedLibrary {
             failure = engine.solve(matrix, &b, x, ROUGH).err().or_else(|| failure.take());
         };
         let inverse = inverse_norm_estimate(self.matrix.matrix.n_rows(), &mut solver);
-        failure.map_or(Ok(inverse * self.matrix.matrix.norm_1()), Err)
+        // the largest sum of a column is that of a row: the matrix is symmetric
+        failure.map_or(Ok(inverse * self.check.norm()), Err)
     }
 
     fn is_negative(&self) -> Option<bool> {

@@ -32,8 +32,10 @@ mod ordering;
 mod packed;
 #[cfg(test)]
 mod problems;
+mod row_owners;
 mod scaling;
 mod symbolic;
+mod symmetry;
 #[cfg(test)]
 mod tests;
 mod triangular_solve;
@@ -45,6 +47,7 @@ pub use memory::SolverMemory;
 pub use multigrid::{CheckedMultigrid, Interpolation, NearNullSpace, NodeLayout};
 pub use null_space::{NullSpace, null_space, triangular};
 pub use ordering::{Ordering, order};
+pub use row_owners::RowOwners;
 
 use crate::csr::{Csr, CsrError};
 use wfl_host::memory::TooMuchMemory;

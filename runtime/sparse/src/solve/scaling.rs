@@ -3,26 +3,32 @@
 //! Promises: powers of two, so that scaling is exact; 1 for a row or column without entries; no dependence on the
 //! order of the unknowns.
 
+use super::row_owners::RowOwners;
 use crate::csr::Csr;
 
 /// `s` such that the diagonal of `S A S` is about 1. An unknown without a diagonal entry (a multiplier) gets the scale
 /// that makes the largest entry of its row about 1.
 ///
-/// `diagonal` is that of the sum of the parts.
-pub(super) fn symmetric_scale(parts: &[&Csr], diagonal: &[f64]) -> Vec<f64> {
+/// `diagonal` is that of the sum of the parts; of several ranks each has its rows of the parts.
+pub(super) fn symmetric_scale(parts: &[&Csr], diagonal: &[f64], owners: Option<&RowOwners>) -> Vec<f64> {
     let mut scale: Vec<f64> = diagonal.iter().map(|value| power_of_two(1.0 / value.abs().sqrt())).collect();
-    for dof in (0..diagonal.len()).filter(|&dof| diagonal[dof] == 0.0) {
+    let without: Vec<usize> = (0..diagonal.len()).filter(|&dof| diagonal[dof] == 0.0).collect();
+    let largest_of = |&dof: &usize| {
         let entries = parts.iter().flat_map(|part| {
             let (columns, values) = part.row(dof);
             columns.iter().zip(values)
         });
-        let largest = entries.fold(0.0, |largest: f64, (&column, value)| {
+        entries.fold(0.0, |largest: f64, (&column, value)| {
             let column = column as usize;
             // Between two multipliers there is no scale to lean on.
             if diagonal[column] == 0.0 { largest } else { largest.max(value.abs() * scale[column]) }
-        });
-        scale[dof] = power_of_two(1.0 / largest);
+        })
+    };
+    let mut largest: Vec<f64> = without.iter().map(largest_of).collect();
+    if let Some(owners) = owners {
+        owners.team.max(&mut largest);
     }
+    without.iter().zip(largest).for_each(|(dof, largest)| scale[*dof] = power_of_two(1.0 / largest));
     scale
 }
 
@@ -79,7 +85,7 @@ mod tests {
             }
         }
         let a = Csr::from_triplets(4, 4, &triplets).unwrap();
-        let s = symmetric_scale(&[&a], &diagonal(&a));
+        let s = symmetric_scale(&[&a], &diagonal(&a), None);
         let (r, c) = equilibration(&a);
         for i in 0..4 {
             let entry = s[i] * a.get(i, i) * s[i];
@@ -92,7 +98,7 @@ mod tests {
     #[test]
     fn a_multiplier_takes_the_scale_of_its_row() {
         let a = Csr::from_triplets(2, 2, &[(0, 0, 4e8), (0, 1, 1.0), (1, 0, 1.0)]).unwrap();
-        let s = symmetric_scale(&[&a], &diagonal(&a));
+        let s = symmetric_scale(&[&a], &diagonal(&a), None);
         assert!((0.4..2.5).contains(&(s[1] * s[0])), "{s:?}");
     }
 }

@@ -262,7 +262,8 @@ impl Scatter {
         for (entity, list) in self.lists.iter().enumerate() {
             let starts = &self.row_starts[entity * self.rows.len()..][..self.rows.len()];
             let offsets = &self.offsets[entity * self.pairs.len()..][..self.pairs.len()];
-            if *list != NONE || starts[0] == NONE {
+            // rows that are listed, not solved for, or of another rank
+            if *list != NONE || starts.contains(&NONE) {
                 half.uppers.extend(std::iter::repeat_n(nowhere, half.n));
                 continue;
             }

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use super::super::backward_error::{BackwardErrorCheck, inverse_norm_estimate};
-use super::super::checked::check_symmetry;
+use super::super::symmetry::check_symmetry;
 use super::super::{LinearSolver, SolveError, SolveReport, SolverOptions};
 use super::conjugate_gradients::{ConjugateGradients, Ending, Outcome};
 use super::hierarchy::Hierarchy;
