@@ -253,6 +253,9 @@ pub(crate) struct RunArgs {
     /// (docs/scale.md)
     #[arg(long, value_name = "NAME", value_enum, default_value = "own")]
     pub(crate) backend: Solvers,
+    /// With PETSc on several ranks: the same bits in every run on as many of them; factors are made whole on each rank
+    #[arg(long)]
+    pub(crate) repeatable: bool,
     /// Most Newton iterations of an attempt, in place of the value of the scene; path following may pass 450 changes of
     /// the active set in addition
     #[arg(long, value_name = "N")]

@@ -23,7 +23,7 @@ use crate::{
 
 pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
     let starting = Instant::now();
-    match solvers::start(args.backend) {
+    match solvers::start(args.backend, args.repeatable) {
         Ok(running) => {
             let code = run_with(args, &running, started, starting.elapsed());
             running.end(code)

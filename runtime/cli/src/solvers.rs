@@ -54,11 +54,11 @@ mod linked {
 
     /// Starts the library of these solvers; it runs as long as what is returned lives. Of several ranks the first one
     /// speaks.
-    pub(crate) fn start(solvers: Solvers) -> Result<Running, String> {
+    pub(crate) fn start(solvers: Solvers, is_repeatable: bool) -> Result<Running, String> {
         if solvers == Solvers::Own {
             return Ok(Running { session: None });
         }
-        let session = Session::start().map_err(|failure| failure.to_string())?;
+        let session = Session::start(is_repeatable).map_err(|failure| failure.to_string())?;
         if session.rank() > 0 {
             fall_silent();
         }
@@ -124,7 +124,7 @@ mod linked {
     }
 
     /// Refuses what this program was built without.
-    pub(crate) fn start(solvers: Solvers) -> Result<Running, String> {
+    pub(crate) fn start(solvers: Solvers, _is_repeatable: bool) -> Result<Running, String> {
         missing(solvers).map_or(Ok(Running), Err)
     }
 

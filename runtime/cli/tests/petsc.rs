@@ -35,7 +35,10 @@ fn a_program_without_petsc_refuses_it_in_one_line_before_it_reads_the_scene() {
 
 #[cfg(feature = "petsc")]
 mod linked {
-    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::{
+        process::{Child, Stdio},
+        sync::atomic::{AtomicUsize, Ordering},
+    };
 
     use serde_json::Value;
 
@@ -224,12 +227,22 @@ mod linked {
 
     /// The command on several ranks, more than there are cores if need be.
     fn on_ranks(n: usize, arguments: &[&str]) -> Output {
+        ranks(n, arguments).output().expect("mpirun starts")
+    }
+
+    /// The same, not waited for.
+    fn started_on_ranks(n: usize, arguments: &[&str]) -> Child {
+        let command = &mut ranks(n, arguments);
+        command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("mpirun starts")
+    }
+
+    fn ranks(n: usize, arguments: &[&str]) -> Command {
         let mut command = Command::new("mpirun");
         command.args(["--oversubscribe", "-n", &n.to_string(), env!("CARGO_BIN_EXE_wfl")]).args(arguments);
         for name in ["OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"] {
             command.env(name, "1");
         }
-        command.output().expect("mpirun starts")
+        command
     }
 
     /// A run on several ranks has the iterations and measures of one with our own solvers, and one rank tells.
@@ -252,10 +265,19 @@ mod linked {
         (1..=4).for_each(|n| ranks_agree(&fault, "petsc:iterative", n));
         ranks_agree(&fault, "petsc:direct", 2);
         ranks_agree(&fault.with_file_name("augmented_lagrangian.wfl"), "petsc:iterative", 3);
-        let folder = Folder::new("petsc-ranks-strain");
-        ranks_agree(&scene(&folder, "hyperelastic", "contact.wfl", &[]), "petsc:iterative", 2);
-        let folder = Folder::new("petsc-ranks-plane");
-        ranks_agree(&scene(&folder, "heat", "heat.wfl", &[]), "petsc", 2);
+        let others = [
+            ("hyperelastic", "contact.wfl", "petsc:iterative", 2),
+            ("heat", "heat.wfl", "petsc", 2),
+            ("fault_gmsh", "fault_30deg.wfl", "petsc:iterative", 3),
+            ("elasticity", "rollers.wfl", "petsc:iterative", 4),
+            ("mapping", "pressed.wfl", "petsc", 2),
+            ("mapping", "periodic.wfl", "petsc", 3),
+            ("hertz", "hertz.wfl", "petsc", 4),
+        ];
+        for (from, name, backend, ranks) in others {
+            let folder = Folder::new(&format!("petsc-ranks-{name}"));
+            ranks_agree(&scene(&folder, from, name, &[]), backend, ranks);
+        }
     }
 
     #[test]
@@ -266,9 +288,9 @@ mod linked {
         assert!(!told.status.success() && text.matches("error: ").count() == 1, "{text}");
         assert!(begin.elapsed().as_secs() < 5, "{:?}", begin.elapsed());
         let scene = examples().join("elasticity/block.wfl").display().to_string();
-        let told = on_ranks(2, &["run", &scene, "--backend", "petsc", "--resume"]);
+        let told = on_ranks(2, &["run", &scene, "--backend", "petsc", "--savings"]);
         let text = String::from_utf8_lossy(&told.stderr).into_owned();
-        assert_eq!(text.matches("--resume does not go with several ranks").count(), 1, "{text}");
+        assert_eq!(text.matches("--savings does not go with several ranks").count(), 1, "{text}");
     }
 
     #[test]
@@ -321,6 +343,46 @@ mod linked {
         for name in ["nitsche_0090.vtu", "across_0090.csv"] {
             let [a, b] = [&whole, &killed].map(|out| std::fs::read(out.join(name)).expect("a result"));
             assert!(a == b, "{name} differs");
+        }
+    }
+
+    #[test]
+    fn two_ranks_of_which_one_was_killed_go_on_with_the_same_bits() {
+        let folder = Folder::new("petsc-killed-rank");
+        let steps = ("to 9.5 by 0.5", "to 9 by 0.1");
+        let file = scene(&folder, "fault", "nitsche.wfl", &[SMALL_FAULT[0], steps]).display().to_string();
+        let (whole, killed) = (folder.0.join("whole"), folder.0.join("killed"));
+        for backend in ["petsc:iterative", "petsc:direct"] {
+            let [whole, killed] = [&whole, &killed].map(|out| out.with_extension(&backend[6..]).display().to_string());
+            let arguments = |out: &str| -> Vec<String> {
+                let all = ["run", &file, "--quiet", "--repeatable", "--backend", backend, "--out", out];
+                all.iter().map(|a| (*a).to_owned()).collect()
+            };
+            let done = |out: &str, more: &str| {
+                let mut all = arguments(out);
+                all.extend((!more.is_empty()).then(|| more.to_owned()));
+                on_ranks(2, &all.iter().map(String::as_str).collect::<Vec<_>>())
+            };
+            assert!(done(&whole, "").status.success());
+            let count = |out: &str| std::fs::read_dir(out).map_or(0, Iterator::count);
+            let mut running = started_on_ranks(2, &arguments(&killed).iter().map(String::as_str).collect::<Vec<_>>());
+            while count(&killed) < 20 && running.try_wait().expect("a child").is_none() {
+                std::thread::sleep(std::time::Duration::from_millis(5));
+            }
+            let ranks = Command::new("pgrep").args(["-f", &format!("wfl run .*{killed}")]).output().expect("pgrep");
+            let ranks = String::from_utf8_lossy(&ranks.stdout).into_owned();
+            let last = ranks.split_whitespace().next_back().expect("a rank that runs").to_owned();
+            assert!(Command::new("kill").args(["-9", &last]).status().expect("kill").success());
+            let begin = std::time::Instant::now();
+            assert!(!running.wait().expect("a child").success());
+            assert!(begin.elapsed().as_secs() < 5, "the others ended after {:?}", begin.elapsed());
+            assert!(count(&killed) < count(&whole), "killed too late");
+            let told = done(&killed, "--resume");
+            assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+            for name in ["nitsche_0090.vtu", "across_0090.csv"] {
+                let read = |out: &str| std::fs::read(Path::new(out).join(name)).expect("a result");
+                assert!(read(&whole) == read(&killed), "{backend}: {name} differs");
+            }
         }
     }
 

@@ -19,7 +19,7 @@ pub(super) type Solver = *mut SolverObject;
 
 unsafe extern "C" {
     pub(super) fn wfl_last_error() -> *const c_char;
-    pub(super) fn wfl_start(rank: *mut c_int, size: *mut c_int) -> c_int;
+    pub(super) fn wfl_start(is_repeatable: c_int, rank: *mut c_int, size: *mut c_int) -> c_int;
     pub(super) fn wfl_finish();
     pub(super) fn wfl_abort(code: c_int);
     pub(super) fn wfl_sum(values: *mut f64, n: c_int);

@@ -93,11 +93,12 @@ pub struct Session {
 }
 
 impl Session {
-    /// Starts both; once in the life of a program.
+    /// Starts both; once in the life of a program. A repeatable session gives the same bits in every run on as many ranks,
+    /// at the price of a whole factor on each of them.
     ///
     /// # Errors
     /// [`Failure`] where they do not start, or were started before.
-    pub fn start() -> Result<Self, Failure> {
+    pub fn start(is_repeatable: bool) -> Result<Self, Failure> {
         static STARTED: Mutex<bool> = Mutex::new(false);
         let mut started = STARTED.lock().unwrap_or_else(PoisonError::into_inner);
         if std::mem::replace(&mut *started, true) {
@@ -106,7 +107,7 @@ impl Session {
         let mut open = door();
         let (mut rank, mut size) = (0, 0);
         // SAFETY: called once, before any other function of the C side; the numbers outlive the call.
-        check(unsafe { ffi::wfl_start(&mut rank, &mut size) })?;
+        check(unsafe { ffi::wfl_start(is_repeatable.into(), &mut rank, &mut size) })?;
         let number = |n: c_int| usize::try_from(n).expect("ranks are counted from 0");
         let ranks = Ranks { own: number(rank), all: number(size) };
         *open = Some(ranks);

@@ -25,6 +25,17 @@ static const char *const options =
   " -wfl_cycle_pc_gamg_coarse_eq_limit 500 -wfl_cycle_mg_levels_ksp_type chebyshev"
   " -wfl_cycle_mg_levels_pc_type jacobi -wfl_cycle_mg_levels_ksp_max_it 2";
 
+/* The same bits in every run on so many ranks: MUMPS orders its sums by the arrival of messages, so each rank makes a
+   whole factor for itself. */
+static const char *const repeatable =
+  " -wfl_lu_pc_type redundant -wfl_lu_redundant_pc_type lu -wfl_lu_redundant_pc_factor_mat_solver_type mumps"
+  " -wfl_lu_redundant_mat_mumps_icntl_24 1 -wfl_lu_redundant_mat_mumps_icntl_14 80"
+  " -wfl_cholesky_pc_type redundant -wfl_cholesky_redundant_pc_type cholesky"
+  " -wfl_cholesky_redundant_pc_factor_mat_solver_type mumps"
+  " -wfl_cholesky_redundant_mat_mumps_icntl_24 1 -wfl_cholesky_redundant_mat_mumps_icntl_14 80"
+  " -wfl_filter_pc_type redundant -wfl_filter_redundant_pc_type lu"
+  " -wfl_filter_redundant_pc_factor_mat_solver_type mumps -wfl_filter_redundant_mat_mumps_icntl_14 80";
+
 /* Errors are told once, by Rust: PETSc returns codes and prints nothing. The first text of a failure is kept. */
 static char last[1024];
 
@@ -41,7 +52,7 @@ static PetscErrorCode keep(MPI_Comm comm, int line, const char *function, const 
 
 const char *wfl_last_error(void) { return last; }
 
-int wfl_start(int *rank, int *size)
+int wfl_start(int is_repeatable, int *rank, int *size)
 {
   int provided, is_running;
   /* one thread of a rank at a time calls, but not always the same one: threads of their own libraries are turned off */
@@ -62,6 +73,7 @@ int wfl_start(int *rank, int *size)
   MPI_Comm_size(PETSC_COMM_WORLD, size);
   /* products of distributed matrices that have the same bits in every run */
   if (*size > 1) PetscCall(PetscOptionsInsertString(NULL, "-matptap_via allatonce"));
+  if (*size > 1 && is_repeatable) PetscCall(PetscOptionsInsertString(NULL, repeatable));
   /* what a user asks for goes before what stands above */
   if (getenv("PETSC_OPTIONS")) PetscCall(PetscOptionsInsertString(NULL, getenv("PETSC_OPTIONS")));
   return 0;
@@ -217,6 +229,20 @@ int wfl_solver_new(const char *kind, int is_direct, Mat a, PetscInt n, const Pet
   return 0;
 }
 
+/* The preconditioner that makes the factor: that of this rank where each makes a whole one. */
+static PetscErrorCode factor_of(KSP ksp, PC *pc)
+{
+  PetscBool is_redundant;
+  PetscCall(KSPGetPC(ksp, pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)*pc, PCREDUNDANT, &is_redundant));
+  if (is_redundant) {
+    KSP own;
+    PetscCall(PCRedundantGetKSP(*pc, &own));
+    PetscCall(KSPGetPC(own, pc));
+  }
+  return 0;
+}
+
 /* The values of the matrix have changed; hierarchy: what the levels are made of, or null to keep them. reason: 0, or why
    a factor could not be made; null_pivots: found by a direct solver. */
 int wfl_solver_take(Solver *s, Mat hierarchy, int *reason, int *null_pivots)
@@ -238,7 +264,7 @@ int wfl_solver_take(Solver *s, Mat hierarchy, int *reason, int *null_pivots)
     if (!s->rhs) PetscCall(MatCreateVecs(s->part, &s->correction, &s->rhs));
     PetscCall(KSPSetOperators(s->filter, s->part, s->part));
     PetscCall(KSPSetUp(s->filter));
-    PetscCall(KSPGetPC(s->filter, &pc));
+    PetscCall(factor_of(s->filter, &pc));
     PetscCall(PCGetFailedReason(pc, &failed));
     *reason = (int)failed;
   }
@@ -247,7 +273,7 @@ int wfl_solver_take(Solver *s, Mat hierarchy, int *reason, int *null_pivots)
   if (!s->cycle) {
     Mat factor;
     PetscInt pivots = 0;
-    PetscCall(KSPGetPC(s->ksp, &pc));
+    PetscCall(factor_of(s->ksp, &pc));
     PetscCall(PCGetFailedReason(pc, &failed));
     *reason = (int)failed;
     PetscCall(PCFactorGetMatrix(pc, &factor));
