@@ -48,7 +48,7 @@ pub trait Team: Debug + Send + Sync {
     }
 
     /// The bytes that the first rank has, on every rank.
-    fn from_first(&self, bytes: &[u8]) -> Vec<u8> {
+    fn of_first(&self, bytes: &[u8]) -> Vec<u8> {
         let is_first = self.rank() == 0;
         let mut length = [if is_first { bytes.len() as u64 } else { 0 }];
         self.sum_words(&mut length);
@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn all_ranks_get_the_same_sums_and_largest_numbers() {
-        let found: Vec<(Vec<f64>, Vec<f64>, [bool; 4], Vec<u8>)> = std::thread::scope(|scope| {
+        let found: Vec<_> = std::thread::scope(|scope| {
             let ranks = in_threads(3).into_iter().map(|team| {
                 scope.spawn(move || {
                     let own = [1.0, 10.0, 100.0][team.rank()];
@@ -172,7 +172,7 @@ mod tests {
                     team.max(&mut sizes);
                     let is_one = team.rank() == 1;
                     let holds = [team.all(true), team.all(!is_one), team.any(is_one), team.any(false)];
-                    (sums, sizes, holds, team.from_first(&[team.rank() as u8 + 7; 11]))
+                    (sums, sizes, holds, team.of_first(&[if is_one { 8 } else { 7 }; 11]))
                 })
             });
             let ranks: Vec<_> = ranks.collect();

@@ -182,8 +182,8 @@ pub(super) struct Files {
 
 impl Files {
     /// Those that the first rank has read, on every rank; empty where it has none.
-    pub(super) fn from_first(self, team: &dyn Team) -> Self {
-        Self { state: team.from_first(&self.state), log: team.from_first(&self.log) }
+    pub(super) fn of_first(self, team: &dyn Team) -> Self {
+        Self { state: team.of_first(&self.state), log: team.of_first(&self.log) }
     }
 
     /// True where there is nothing to go on from.

@@ -26,7 +26,7 @@ impl Run {
         let dir = files.dir;
         let read = if options.resume { dir.map(|dir| folder::found(identity, dir)).transpose()? } else { None };
         let read = if options.resume {
-            read.unwrap_or_default().from_first(scene.system.team())
+            read.unwrap_or_default().of_first(scene.system.team())
         } else {
             checkpoint::Files::default()
         };
