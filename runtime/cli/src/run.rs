@@ -81,6 +81,11 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         return ExitCode::from(EXIT_ERROR);
     }
     drop(preparing);
+    go(running, &loaded, scene, ready)
+}
+
+/// Runs what is ready, unless that was done before.
+fn go(running: &Running, loaded: &Loaded, mut scene: Scene, mut ready: Ready) -> ExitCode {
     match finished(&scene, &ready.options) {
         Ok(Some(report)) => {
             running.any(true);
@@ -89,15 +94,15 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         Ok(None) if running.any(false) => return ExitCode::SUCCESS,
         Ok(None) => {}
         Err(error) => {
-            explain(&loaded, &scene, &error);
+            explain(loaded, &scene, &error);
             return ExitCode::from(EXIT_ERROR);
         }
     }
-    ready.announce(&loaded, &scene);
+    ready.announce(loaded, &scene);
     match ready.go(&mut scene) {
-        Ok(outcome) => finish(&loaded, &scene, &ready, &outcome, None),
+        Ok(outcome) => finish(loaded, &scene, &ready, &outcome, None),
         Err(error) => {
-            explain(&loaded, &scene, &error);
+            explain(loaded, &scene, &error);
             ExitCode::from(EXIT_ERROR)
         }
     }

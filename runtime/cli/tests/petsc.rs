@@ -251,7 +251,7 @@ mod linked {
         let (file, folder) = (scene.display().to_string(), out.display().to_string());
         let done = on_ranks(n, &["run", &file, "--out", &folder, "--backend", backend]);
         let (told, summary) = (String::from_utf8_lossy(&done.stderr), String::from_utf8_lossy(&done.stdout));
-        assert!(done.status.success(), "{n} ranks: {told}");
+        assert!(matches!(done.status.code(), Some(0 | 3)), "{n} ranks: {told}");
         assert_eq!(summary.matches("unknowns, ").count(), 1, "{n} ranks: {summary}");
         let text = std::fs::read_to_string(out.join("report.json")).expect("a report");
         let shared: Value = serde_json::from_str(&text).expect("JSON");

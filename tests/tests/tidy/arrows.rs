@@ -39,14 +39,18 @@ pub(super) const ARROWS: &[(&str, &str, &[&str])] = &[
             "zerocopy",
         ],
     ),
-    ("wfl-contact", "runtime/contact", &["wfl-compiler", "wfl-discrete", "wfl-mesh", "wfl-sparse", "nalgebra"]),
+    (
+        "wfl-contact",
+        "runtime/contact",
+        &["wfl-compiler", "wfl-discrete", "wfl-host", "wfl-mesh", "wfl-sparse", "nalgebra"],
+    ),
     (
         "wfl-newton",
         "runtime/newton",
         &["wfl-compiler", "wfl-contact", "wfl-discrete", "wfl-host", "wfl-sparse", "thiserror"],
     ),
     // both only with its feature
-    ("wfl-petsc", "runtime/petsc", &["wfl-sparse", "cc"]),
+    ("wfl-petsc", "runtime/petsc", &["wfl-host", "wfl-sparse", "cc"]),
     (
         "wfl-checks",
         "runtime/checks",
