@@ -17,8 +17,7 @@ struct Block {
 }
 
 fn blocks(page: &str) -> Vec<Block> {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../docs/{page}.md"));
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let text = self::page(page);
     let (mut found, mut open): (Vec<Block>, Option<Block>) = (Vec::new(), None);
     for line in text.lines() {
         match (line.strip_prefix("```"), &mut open) {
@@ -89,6 +88,33 @@ fn every_scene_and_command_of_the_guide_works_as_it_is_written() {
         }
         assert!(scenes > 0 && commands > 0, "{page} has {scenes} scenes and {commands} commands");
     }
+}
+
+/// The page of the guide with this name.
+fn page(name: &str) -> String {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../docs/{name}.md"));
+    std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+#[test]
+fn every_line_that_a_run_with_contact_prints_is_explained() {
+    let folder = Folder::new("guide_lines");
+    assert!(folder.wfl(&["new", "fault"]).status.success());
+    let done = folder.wfl(&["run", "fault.wfl"]);
+    let said = String::from_utf8_lossy(&done.stdout).into_owned();
+    let page = page("reading_the_run");
+    // measures have a `=` before any colon, and are the scene's own
+    let lines = said.lines().skip(1).filter(|l| l.find(':').is_some_and(|colon| !l[..colon].contains(" = ")));
+    let mut explained = 0;
+    for line in lines {
+        let words: Vec<&str> = line.split([':', '`']).next().unwrap_or_default().split_whitespace().collect();
+        // `equilibrium of uL, uR`, `time 0.1 s`: the words before names and numbers
+        let own = words.iter().take_while(|w| w.chars().all(|c| c.is_ascii_lowercase())).take(2);
+        let start = own.copied().collect::<Vec<_>>().join(" ");
+        assert!(!start.is_empty() && page.contains(&format!("| `{start}")), "no line for `{line}` ({start})");
+        explained += 1;
+    }
+    assert!(explained >= 9, "only {explained} lines in {said}");
 }
 
 #[test]
