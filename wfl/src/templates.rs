@@ -11,47 +11,22 @@ pub struct Template {
     pub text: &'static str,
 }
 
+/// A row of the table: the scene is the file of that kind in `wfl/new`.
+macro_rules! template {
+    ($kind:literal, $title:literal) => {
+        Template { kind: $kind, title: $title, text: include_str!(concat!("../new/", $kind, ".wfl")) }
+    };
+}
+
 /// All scenes to start from, the simple ones first.
 pub const TEMPLATES: &[Template] = &[
-    Template {
-        kind: "poisson",
-        title: "diffusion on a square, with a value on one side and a flux on another",
-        text: include_str!("../new/poisson.wfl"),
-    },
-    Template { kind: "heat", title: "heat in a wall over time", text: include_str!("../new/heat.wfl") },
-    Template {
-        kind: "beam",
-        title: "linear elasticity with units: a clamped beam",
-        text: include_str!("../new/beam.wfl"),
-    },
-    Template {
-        kind: "stokes",
-        title: "slow flow in a channel, velocity and pressure",
-        text: include_str!("../new/stokes.wfl"),
-    },
-    Template {
-        kind: "hyperelastic",
-        title: "a block of rubber at finite strain, from its energy",
-        text: include_str!("../new/hyperelastic.wfl"),
-    },
-    Template {
-        kind: "signorini",
-        title: "a body pressed on a rigid floor, with friction, by Nitsche's method",
-        text: include_str!("../new/signorini.wfl"),
-    },
-    Template {
-        kind: "hertz",
-        title: "a cylinder pressed into a block, beside the closed form",
-        text: include_str!("../new/hertz.wfl"),
-    },
-    Template {
-        kind: "fault",
-        title: "two blocks with Coulomb friction on a fault, pushed until they slip",
-        text: include_str!("../new/fault.wfl"),
-    },
-    Template {
-        kind: "crack",
-        title: "a crack in a plate opened by a pressure, with `split`",
-        text: include_str!("../new/crack.wfl"),
-    },
+    template!("poisson", "diffusion on a square, with a value on one side and a flux on another"),
+    template!("heat", "heat in a wall over time"),
+    template!("beam", "linear elasticity with units: a clamped beam"),
+    template!("stokes", "slow flow in a channel, velocity and pressure"),
+    template!("hyperelastic", "a block of rubber at finite strain, from its energy"),
+    template!("signorini", "a body pressed on a rigid floor, with friction, by Nitsche's method"),
+    template!("hertz", "a cylinder pressed into a block, beside the closed form"),
+    template!("fault", "two blocks with Coulomb friction on a fault, pushed until they slip"),
+    template!("crack", "a crack in a plate opened by a pressure, with `split`"),
 ];

@@ -13,6 +13,7 @@ use wfl_tasks::{
     accuracy::{Given, Job, Picked, WholeRun, pick, rewrite},
     folder::{error_line, told as told_of_folder},
     setting_text,
+    words::error,
 };
 
 use crate::{
@@ -119,11 +120,6 @@ fn ended(args: &RunArgs, picked: &mut Picked, ready: &Ready) -> ExitCode {
     if record.reached || code != ExitCode::SUCCESS { code } else { ExitCode::from(EXIT_ACCURACY) }
 }
 
-/// An error, where it is known.
-fn error(e: f64) -> String {
-    if e.is_finite() { format!("{e:.1e}") } else { "not known".to_owned() }
-}
-
 /// What was picked and why, in lines.
 fn told(record: &AccuracyRecord) -> String {
     let mut table = Table::new("runs", &["setting", "cells", "unknowns", "time [s]", "discretisation error"]);
@@ -152,11 +148,9 @@ fn told(record: &AccuracyRecord) -> String {
         error(record.method.0)
     );
     if let Some(truth) = record.truth {
-        text += &format!(
-            "  true error {}, against the exact solution of the scene: the estimate is {:.2} times as large\n",
-            error(truth.0),
-            record.estimate.0 / truth.0
-        );
+        let times =
+            record.over_truth().map_or_else(String::new, |x| format!(": the estimate is {x:.2} times as large"));
+        text += &format!("  true error {}, against the exact solution of the scene{times}\n", error(truth.0));
     }
     for why in &record.why {
         text += &format!("  {why}\n");

@@ -6,6 +6,7 @@ use std::io::IsTerminal;
 use indicatif::{ProgressBar, ProgressStyle};
 use wfl_compiler::ir::Origin;
 use wfl_runtime::{Attempt, AttemptEnd, Path, Progress, StepResult, newton::Iteration};
+use wfl_tasks::words::number;
 
 use crate::heartbeat::Heartbeat;
 
@@ -100,7 +101,7 @@ impl Progress for Terminal {
     }
 
     fn printed(&mut self, term: &str, _origin: Option<Origin>, x: [f64; 3], value: &[f64]) {
-        let list = |v: &[f64]| v.iter().map(|x| format!("{x:.9e}")).collect::<Vec<_>>().join(", ");
+        let list = |v: &[f64]| v.iter().map(|x| number(*x)).collect::<Vec<_>>().join(", ");
         crate::load::out(&format!("print {term} at [{}]: [{}]\n", list(&x), list(value)));
     }
 

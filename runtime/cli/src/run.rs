@@ -6,7 +6,7 @@ use std::{
 };
 
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
-use wfl_runtime::{Saving, Scene, finished, may_begin, savings};
+use wfl_runtime::{Saving, Scene, accuracy::MESH_FILE, finished, may_begin, savings};
 use wfl_tasks::{Loaded, folder::error_line};
 
 use crate::{
@@ -64,7 +64,7 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         return ExitCode::from(EXIT_ERROR);
     }
     shape(args, &mut scene);
-    if args.savings && !may_write(args, &loaded, &scene) {
+    if args.savings && !may_write(args, &loaded, &scene, &[]) {
         return ExitCode::from(EXIT_ERROR);
     }
     let ready = ready(args, &mut loaded, &mut scene, parse_seconds, started);
@@ -135,12 +135,13 @@ fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
         );
         return false;
     }
-    may_write(args, loaded, scene)
+    may_write(args, loaded, scene, &[MESH_FILE])
 }
 
-/// Whether the results can be written, looked at before other runs are made for this one; says why not.
-fn may_write(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
-    match folder(args, loaded).map(|out| may_begin(scene, &out)) {
+/// Whether the results can be written, and the files `more` beside them, looked at before other runs are made for this
+/// one; says why not.
+fn may_write(args: &RunArgs, loaded: &Loaded, scene: &Scene, more: &[&str]) -> bool {
+    match folder(args, loaded).map(|out| may_begin(scene, &out, more)) {
         Ok(Ok(())) => return true,
         Ok(Err(error)) => explain(loaded, scene, &error),
         Err(why) => say(&error_line(&why)),

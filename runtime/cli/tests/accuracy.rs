@@ -110,6 +110,45 @@ fn the_mesh_of_a_demand_is_written_with_the_shares_of_the_error_and_shown_in_the
 }
 
 #[test]
+fn a_file_of_others_under_the_name_of_the_mesh_is_refused_before_the_search() {
+    let out = folder("foreign");
+    let scene = signorini(&out, "");
+    let place = out.join("run");
+    std::fs::create_dir_all(&place).expect("a folder");
+    std::fs::write(place.join("accuracy_mesh.vtu"), "of others").expect("a file");
+    let (said, code, _) = run(&scene, &["--accuracy", "1e-2", "--of", "H1"], &place);
+    assert!(code == Some(1) && said.contains("E712") && said.contains("accuracy_mesh.vtu"), "{said}");
+    assert!(!said.contains("accuracy: degree"), "the search has begun: {said}");
+    assert_eq!(std::fs::read_to_string(place.join("accuracy_mesh.vtu")).expect("it is there"), "of others");
+}
+
+#[test]
+fn an_exact_solution_that_is_met_or_zero_has_no_ratio_of_errors() {
+    let out = folder("met");
+    // every space has the first one, and of the second no error is relative
+    for (exact, source, code) in [("X(1) + 2*X(2)", "0", 0), ("0*X(1)", "0", 4)] {
+        let text = format!(
+            "wfl 1\nmesh box [0,0] to [1,1] cells [2,2] quad\nunknown u : scalar\ndef exact_u = {exact}\n\
+             term a on all : Grad_u.Grad_Test_u\nload u = {source} on all\nfix u = exact_u on boundary\n\
+             output vtk \"u\" : u on all\n"
+        );
+        let scene = out.join("scene.wfl");
+        std::fs::write(&scene, text).expect("a file");
+        let place = out.join("run");
+        let (said, ended, report) = run(&scene.display().to_string(), &["--accuracy", "1e-2", "--of", "H1"], &place);
+        assert_eq!(ended, Some(code), "{exact}: {said}");
+        for word in ["inf", "NaN", "nan"] {
+            assert!(!said.contains(word), "{exact}: {said}");
+        }
+        assert!(report["accuracy"]["truth"].is_null() || report["accuracy"]["truth"].as_f64() < Some(1e-12), "{said}");
+        let page = wfl(&["report", &place.display().to_string()]);
+        assert!(page.status.success(), "{}", String::from_utf8_lossy(&page.stderr));
+        let page = std::fs::read_to_string(place.join("report.html")).expect("a page");
+        assert!(!page.contains("inf times") && !page.contains("NaN"), "{exact}");
+    }
+}
+
+#[test]
 fn the_same_demand_gives_the_same_mesh_and_the_same_bits() {
     let out = folder("again");
     let scene = signorini(&out, "");

@@ -58,6 +58,12 @@ pub struct Past {
 }
 
 impl Known {
+    /// Nothing is known any more: every value is zero, as before the first step.
+    pub fn clear(&mut self) {
+        let past = self.previous.iter_mut().flat_map(|p| std::iter::once(&mut p.unknowns).chain(&mut p.data));
+        self.data.iter_mut().chain(past).for_each(|values| values.fill(0.0));
+    }
+
     /// What is known now, and the unknowns `u`, become the end of the previous step.
     pub fn keep(&mut self, u: &[f64]) {
         if let Some(past) = &mut self.previous {

@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::{
     Options,
     capabilities::capabilities,
-    check::{self, Found},
+    check::{self, Checked},
     requests,
     state::{Ended, State},
 };
@@ -29,7 +29,7 @@ struct Server<'c> {
 }
 
 impl Server<'_> {
-    fn listen(&mut self, found: &Receiver<Found>, ended: &Receiver<Ended>) -> Result<(), String> {
+    fn listen(&mut self, found: &Receiver<Checked>, ended: &Receiver<Ended>) -> Result<(), String> {
         let connection = self.connection;
         loop {
             select! {
@@ -49,7 +49,8 @@ impl Server<'_> {
                     Err(_) => return Ok(()),
                 },
                 recv(found) -> found => match found {
-                    Ok(found) => self.state.checked(found),
+                    Ok(Ok(found)) => self.state.checked(found),
+                    Ok(Err(broken)) => self.state.broke_down(&broken),
                     Err(_) => return Err("the thread that checks scenes has ended".to_owned()),
                 },
                 recv(ended) -> ended => {

@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::{
     Options,
     analysis::Analysis,
-    check::{Found, Job},
+    check::{Broken, Found, Job},
     features::diagnostics,
     files::Files,
     places,
@@ -32,6 +32,8 @@ pub(crate) struct State {
     analyses: BTreeMap<PathBuf, Analysis>,
     /// The last check of each scene.
     checks: BTreeMap<PathBuf, Found>,
+    /// Scenes whose last check broke down: that is told once, not at every keystroke.
+    broken: BTreeSet<PathBuf>,
     /// What has messages by scene: they are taken back when there are none.
     told: BTreeMap<PathBuf, BTreeSet<PathBuf>>,
     jobs: Sender<Job>,
@@ -54,6 +56,7 @@ impl State {
             versions: BTreeMap::new(),
             analyses: BTreeMap::new(),
             checks: BTreeMap::new(),
+            broken: BTreeSet::new(),
             told: BTreeMap::new(),
             jobs,
             runs,
@@ -129,6 +132,7 @@ impl State {
     /// The check of a scene has ended.
     pub(crate) fn checked(&mut self, found: Found) {
         let root = found.root.clone();
+        self.broken.remove(&root);
         if found.asked {
             self.show(MessageType::INFO, outcome(&found));
         }
@@ -142,6 +146,18 @@ impl State {
         }
         if known.is_some() {
             self.publish(&root);
+        }
+    }
+
+    /// The check of a scene has broken down: what the text alone shows stays.
+    pub(crate) fn broke_down(&mut self, broken: &Broken) {
+        if self.broken.insert(broken.root.clone()) || broken.asked {
+            let message = format!(
+                "{}: the check broke down, which is a mistake of this program ({}); the messages are those of the text alone",
+                name_of(&broken.root),
+                broken.why
+            );
+            self.show(MessageType::ERROR, message);
         }
     }
 
@@ -247,11 +263,15 @@ fn first_line(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).lines().next().unwrap_or("the run failed").trim().to_owned()
 }
 
+fn name_of(scene: &Path) -> String {
+    scene.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
 /// What a check found, on a line.
 fn outcome(found: &Found) -> String {
     let errors = found.messages.iter().filter(|d| d.is_error()).count();
     let warnings = found.messages.len() - errors;
-    let name = found.root.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = name_of(&found.root);
     let what = match &found.problem {
         Some(p) => format!("{} cells, {} unknowns", p.cells, p.free),
         None => "no problem can be made of it".to_owned(),

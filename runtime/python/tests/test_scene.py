@@ -167,6 +167,25 @@ def test_what_a_function_gives_is_checked():
         scene.data["u2"] = 1.0
 
 
+def test_a_change_that_fails_leaves_the_scene_as_it_was():
+    scene = wfl.Scene.from_text(HEAT, data={"k": np.linspace(1, 2, 49)}, start={"u": 0.5}, times=[0, 0.5], c=2)
+    native, before = scene._native, scene.run(keep_states=True)
+
+    def given(scene):
+        return dict(scene.data), dict(scene.start), list(scene.times), scene.params, scene.fields, scene.n_dofs
+
+    known = repr(given(scene))
+    # of another degree the values that were given have another length; the second name is not one of the scene
+    for change in ({"degree": 2}, {"c": "nonsense"}, {"unheard": 1}):
+        with pytest.raises((ValueError, wfl.WflError)):
+            scene.set(**change)
+        assert scene._native is native and repr(given(scene)) == known, change
+    after = scene.run(keep_states=True)
+    for a, b in zip(before.steps, after.steps):
+        np.testing.assert_array_equal(a.u, b.u)
+    assert scene.set(c=3).params["c"] == 3
+
+
 def test_starts_and_times_are_those_that_are_given(examples):
     scene = wfl.Scene(examples / "creep" / "maxwell.wfl")
     scene.start["u"] = lambda x: np.stack([1e-3 * x[:, 1], 0 * x[:, 0]], axis=1)

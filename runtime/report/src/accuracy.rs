@@ -18,9 +18,9 @@ const LEAST_SHARE: f64 = 1e-4;
 pub(crate) fn section(run: &RunFolder) -> Result<Option<(Section, Vec<Picture>)>, ReportError> {
     let Some(record) = &run.report.accuracy else { return Ok(None) };
     let mut pictures = vec![Picture::new("accuracy", convergence(record))];
-    let dim = usize::try_from(run.report.mesh.dim).unwrap_or(0);
-    let pieces = run.mesh.as_ref().map_or_else(|| Ok(Vec::new()), |file| read_pieces(file, dim))?;
-    if dim == 2 {
+    // a map shows plane meshes only; others are not even read
+    if let Some(file) = run.mesh.as_ref().filter(|_| run.report.mesh.dim == 2) {
+        let pieces = read_pieces(file, 2)?;
         pictures.extend(pieces.first().filter(|p| p.cells.len() <= DRAWN).and_then(mesh));
     }
     let mut section = Section::new("Demanded accuracy").facts(facts(record));
@@ -52,8 +52,8 @@ fn facts(record: &AccuracyRecord) -> Vec<(String, String)> {
         ),
     ];
     if let Some(truth) = record.truth {
-        let times = record.estimate.0 / truth.0;
-        facts.push(("true error".to_owned(), format!("{} (the estimate is {times:.2} times that)", e(truth.0))));
+        let times = record.over_truth().map_or_else(String::new, |x| format!(" (the estimate is {x:.2} times that)"));
+        facts.push(("true error".to_owned(), e(truth.0) + &times));
     }
     let setting: Vec<String> = record.picked.iter().map(|(name, value)| format!("{name}={value}")).collect();
     facts.push(("setting".to_owned(), setting.join(" ")));
@@ -77,7 +77,8 @@ fn convergence(record: &AccuracyRecord) -> Chart {
             Series::new("estimated", known.iter().map(|t| [t.dofs as f64, t.error.0])).notes(notes.collect::<Vec<_>>()),
         )
         .line(Series::new("demanded", at(record.asked)).colour(Colour::Ink));
-    if let (Some(truth), Some(last)) = (record.truth, record.trial_runs.last()) {
+    let truth = record.truth.filter(|t| t.0 > 0.0 && t.0.is_finite());
+    if let (Some(truth), Some(last)) = (truth, record.trial_runs.last()) {
         chart = chart.points(Series::new("true", [[last.dofs as f64, truth.0]]));
     }
     chart

@@ -50,6 +50,15 @@ pub struct AccuracyRecord {
     pub others: Vec<Other>,
 }
 
+impl AccuracyRecord {
+    /// The estimated error over the true one; `None` where there is no true error, or one that is zero or not finite.
+    #[must_use]
+    pub fn over_truth(&self) -> Option<f64> {
+        let truth = self.truth.map(|t| t.0).filter(|t| *t > 0.0 && t.is_finite())?;
+        Some(self.estimate.0 / truth).filter(|x| x.is_finite())
+    }
+}
+
 /// A refinement as reports keep it, round by round: cells with the axes along which they are halved, as bits.
 pub type Marks = Vec<Vec<[u32; 2]>>;
 

@@ -1,9 +1,10 @@
 //! The search with known errors and costs: formulas replace the runs.
 
-use super::{Cost, Demand, Indicator, Out, Role, Rounds, Short, Trials, Ways, seek, ways::test_ways};
+use super::{AccuracyRecord, Cost, Demand, Indicator, Out, Role, Rounds, Short, Trials, Ways, seek, ways::test_ways};
 use crate::{
     knobs::Setting,
     mesh::{BoxShape, Mesh, generate_box},
+    output::Real,
     refine::{Mark, Refiner},
 };
 
@@ -173,4 +174,16 @@ fn a_scene_that_needs_finer_cells_gets_them() {
     let mut law = Law { least: 500, ..Law::smooth() };
     let found = ask(&mut law, &test_ways(2, Role::None, 8), 0.1).expect("a run");
     assert!(found.record.reached && found.run.mesh.n_cells() >= 500);
+}
+
+#[test]
+fn an_estimate_is_compared_with_a_true_error_only_where_that_is_a_positive_number() {
+    let over = |truth: Option<f64>| {
+        let record = AccuracyRecord { estimate: Real(3e-3), truth: truth.map(Real), ..AccuracyRecord::default() };
+        record.over_truth()
+    };
+    assert_eq!(over(Some(1e-3)), Some(3.0));
+    for truth in [None, Some(0.0), Some(f64::NAN), Some(f64::INFINITY)] {
+        assert_eq!(over(truth), None, "{truth:?}");
+    }
 }

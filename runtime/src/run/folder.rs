@@ -35,14 +35,17 @@ pub(super) fn identity(scene: &Scene, options: &RunOptions) -> Identity {
     Identity { version: options.version.clone(), inputs, parameters, settings }
 }
 
-/// Whether a run of a scene could begin in a folder: for whoever computes something else before.
+/// Whether a run of a scene could begin in a folder, and the files `more` be written beside its own: for whoever computes
+/// something else before.
 ///
 /// # Errors
 /// [`RunError::Output`] for a folder that cannot be used, or that has files of others under the names of results.
-pub fn may_begin(scene: &Scene, out: &Path) -> Result<(), RunError> {
+pub fn may_begin(scene: &Scene, out: &Path, more: &[&str]) -> Result<(), RunError> {
     let dir = OutputDir::open(out)?;
     spares_inputs(scene, &dir)?;
-    Ok(dir.may_begin(Kind::Run, &files::plan(scene))?)
+    let mut plan = files::plan(scene);
+    plan.files.extend(more.iter().map(|name| (*name).to_owned()));
+    Ok(dir.may_begin(Kind::Run, &plan)?)
 }
 
 /// Begins a run in a folder.

@@ -61,7 +61,7 @@ use crate::{
     newton::NewtonOptions,
     pruning::Pruning,
     refine::Mark,
-    system::{Known, System},
+    system::System,
     value::{Sampled, Value},
 };
 
@@ -178,8 +178,8 @@ pub struct Scene {
     pub(crate) idle: Vec<(String, String)>,
     /// Words in expressions of terms.
     pub(crate) in_terms: BTreeSet<String>,
-    /// What a run changes, as it was before the first one.
-    pristine: Option<(ContactMemory, Known)>,
+    /// The memory of contact as it was before the first run.
+    pristine: Option<ContactMemory>,
     env: OwnedEnv,
 }
 
@@ -187,10 +187,10 @@ impl Scene {
     /// Goes back to what the scene was before its first run: a run depends on no other one.
     pub(crate) fn restart(&mut self) {
         match &self.pristine {
-            None => self.pristine = Some((self.contact.memory(), self.system.known.clone())),
-            Some((contact, known)) => {
+            None => self.pristine = Some(self.contact.memory()),
+            Some(contact) => {
                 self.contact.restart(contact);
-                self.system.known.clone_from(known);
+                self.system.known.clear();
             }
         }
         self.data.iter_mut().chain(&mut self.starts).for_each(|(_, given)| given.forget());

@@ -206,7 +206,8 @@ impl Lab<'_> {
         Ok(trial)
     }
 
-    /// The error of a run against the exact solution, where the scene has one of the quantity asked about.
+    /// The relative error of a run against the exact solution, where the scene has one of the quantity asked about; of
+    /// an exact solution that is zero there is none.
     fn truth(&self, solved: &mut Solved, setting: &Setting) -> Option<f64> {
         let mut exact =
             read_scene(self.job.file, &self.known.words(setting), "run", &exact::statements(self.known)?).ok()?;
@@ -216,7 +217,7 @@ impl Lab<'_> {
             (std::mem::replace(&mut solved.script, exact.script), std::mem::replace(&mut solved.outputs, outputs));
         let errors = exact::errors(solved, Self::SAMPLER);
         (solved.script, solved.outputs) = own;
-        errors.ok()?.into_iter().find(|(q, _)| *q == self.job.demand.quantity).map(|(_, e)| e)
+        errors.ok()?.into_iter().find(|(q, _)| *q == self.job.demand.quantity).map(|(_, e)| e).filter(|e| e.is_finite())
     }
 
     fn fits(&self, scene: &Scene, fineness: usize) -> Result<(), String> {
@@ -241,6 +242,9 @@ impl Lab<'_> {
         match list.iter().find(|d| d.0 == quantity) {
             Some((_, d)) if d.is_finite() => Ok(*d),
             Some(_) => Err(format!("the solutions on two meshes cannot be compared in `{quantity}`")),
+            None if ["L2", "H1"].contains(&quantity) => Err(format!(
+                "`{quantity}` has no relative error: the solution is zero\n  = help: --of a measure that is not"
+            )),
             None => Err(format!(
                 "`{quantity}` has no relative error: it is zero, or an output that lives in the bodies\n  = help: \
                  --of L2 or --of H1 is that of all unknowns"

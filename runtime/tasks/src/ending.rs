@@ -20,6 +20,7 @@ use wfl_runtime::{
 use crate::{
     Loaded,
     folder::{told, told_of_resuming},
+    words::{count, number},
 };
 
 /// How the checks of a report begin that are expectations of the scene.
@@ -238,14 +239,15 @@ pub fn summary(out: Option<&Path>, outcome: &Outcome) -> String {
     let good = outcome.steps.iter().filter(|s| s.history.converged()).count();
     let iterations: usize = outcome.steps.iter().map(|s| s.iterations()).sum();
     text += &format!(
-        "{}: {} unknowns, {good} of {} steps converged, {iterations} iterations\n",
+        "{}: {}, {good} of {} steps converged, {}\n",
         report.scene,
-        report.dofs,
-        outcome.steps.len()
+        count(usize::try_from(report.dofs).unwrap_or(usize::MAX), "unknown"),
+        outcome.steps.len(),
+        count(iterations, "iteration")
     );
     if let Some(step) = outcome.steps.last() {
         for (name, value) in &step.measures {
-            text += &format!("  {name} = {value:.9e}\n");
+            text += &format!("  {name} = {}\n", number(*value));
         }
     }
     text += &quality(outcome);
@@ -282,7 +284,7 @@ fn quality(outcome: &Outcome) -> String {
     }
     let works: Vec<f64> = outcome.steps.iter().filter_map(|s| Some(s.friction?.taken)).collect();
     if !works.is_empty() {
-        text += &format!("  energy dissipated by friction: {:.6e}\n", works.iter().sum::<f64>());
+        text += &format!("  energy dissipated by friction: {}\n", number(works.iter().sum()));
     }
     for check in &step.checks {
         let mark = if check.holds() { "" } else { "  NOT within its limit" };

@@ -19,6 +19,7 @@ mod listener;
 pub mod scene_file;
 pub mod sweep;
 pub mod tangents;
+pub mod words;
 
 pub use listener::{Listener, available_threads, limited_threads};
 pub use scene_file::Loaded;

@@ -226,10 +226,27 @@ class Scene:
             self.times = times
 
     def set(self, **params: ParamValue) -> Scene:
-        """Changes parameters and knobs: the scene is read and prepared again. Given data, starts and times stay."""
+        """Changes parameters and knobs: the scene is read and prepared again. Given data, starts and times stay.
+
+        After an error the scene is what it was.
+        """
         merged = {**self._params, **params}
-        self._prepare(merged, dict(self._data), dict(self._start), self._times)
+        kept = self._kept()
+        try:
+            self._prepare(merged, dict(self._data), dict(self._start), self._times)
+        except BaseException:
+            self._restore(kept)
+            raise
         return self
+
+    def _kept(self) -> tuple[Any, ...]:
+        """What :meth:`_prepare` changes."""
+        values = (dict(self._data._values), dict(self._start._values))
+        return self._native, self._fields, self._warned, self._params, self._times, values
+
+    def _restore(self, kept: tuple[Any, ...]) -> None:
+        self._native, self._fields, self._warned, self._params, self._times, values = kept
+        self._data._values, self._start._values = values
 
     def __repr__(self) -> str:
         unknowns = ", ".join(n for n, f in self._fields.items() if f.kind in ("unknown", "multiplier"))

@@ -99,9 +99,9 @@ impl<T: Trials> Search<'_, T> {
 
     fn why_of_parameters(&self) -> Vec<String> {
         let tol = format!(
-            "tol: {:.0e} adds an error of {:.0e}, measured on the first mesh against {:.0e}",
+            "tol: {:.0e} adds an error of {}, measured on the first mesh against {:.0e}",
             self.tolerance,
-            self.tolerance_error,
+            one_digit(self.tolerance_error),
             TOLERANCES.start()
         );
         let name = &self.ways.parameter;
@@ -111,11 +111,17 @@ impl<T: Trials> Search<'_, T> {
                 Some(format!("{name}: the method is consistent; its parameter scales with the cell size at contact"))
             }
             Role::Penalty => Some(format!(
-                "{name}: a penalty; {} times that of the scene adds an error of {:.0e}, measured on the first mesh \
+                "{name}: a penalty; {} times that of the scene adds an error of {}, measured on the first mesh \
                  against a ten times larger one",
-                self.stiffer, self.method_error
+                self.stiffer,
+                one_digit(self.method_error)
             )),
         };
         std::iter::once(tol).chain(method).collect()
     }
+}
+
+/// An error to one digit; `0` where there is none.
+fn one_digit(error: f64) -> String {
+    if error == 0.0 { "0".to_owned() } else { format!("{error:.0e}") }
 }
