@@ -249,12 +249,25 @@ pub enum QuadratureRule {
 pub enum Reduction {
     /// integral divided by the size of the region
     Mean,
-    /// largest value at the integration points
+    /// largest value at the integration points, or at nodes
     Max,
-    /// smallest value at the integration points
+    /// smallest value at the integration points, or at nodes
     Min,
     /// integral
     Integral,
+    /// value at one point
+    Value,
+}
+
+/// Where a measure takes its expression.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MeasureAt {
+    /// `on r`: at the points of the quadrature rule of the region.
+    Rule,
+    /// `at nodes of r`: at the nodes of its cells or faces.
+    Nodes,
+    /// `at [0, 1]`: at one point; the measure has no regions.
+    Point(Expr),
 }
 
 /// One quantity of an `output`.
@@ -430,12 +443,14 @@ pub enum ItemKind {
     Measure {
         /// Its name.
         name: Ident,
-        /// mean, max, min or integral
+        /// mean, max, min, integral or value
         reduction: Reduction,
         /// Of what.
         expr: Expr,
         /// Where.
         places: Vec<Ident>,
+        /// At which points.
+        at: MeasureAt,
     },
     /// `expect c`
     Expect(Cond),

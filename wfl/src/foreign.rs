@@ -264,7 +264,7 @@ const FORMS: &[(&str, &str)] = &[
     ("steps", "steps t = 0 to 1 by 0.1"),
     ("solver", "solver newton with tol=1e-10, max_iter=50"),
     ("quadrature", "quadrature on region degree 4, or quadrature on region vertex"),
-    ("measure", "measure name = max(expression) on region; or min, mean, integral"),
+    ("measure", "measure name = max(expression) on region; or min, mean, integral; value(expression) at [0,1]"),
     ("output", "output vtk \"name\" : u, expression as name"),
     ("expect", "expect measure < 1"),
 ];

@@ -3,8 +3,8 @@
 //! Words inside expressions are not looked up here; the compiler does that, where shapes and places are known.
 
 use crate::{
-    ast::{Cond, Domain, Expansions, Expr, Ident, MappingKind, MeshSource, OptionItem, QuadratureRule, Reduction},
-    ast::{Refine, RegionExpr, Space, Target, Unit},
+    ast::{Cond, Domain, Expansions, Expr, Ident, MappingKind, MeasureAt, MeshSource, OptionItem, QuadratureRule},
+    ast::{Reduction, Refine, RegionExpr, Space, Target, Unit},
     diag::Diagnostic,
     lost::Lost,
     source::{SourceId, SourceMap, Span},
@@ -310,8 +310,10 @@ pub struct Measure {
     pub reduction: Reduction,
     /// The expression.
     pub expr: Expr,
-    /// Where.
+    /// Where; empty for a value at a point.
     pub places: Vec<Ident>,
+    /// At which points.
+    pub at: MeasureAt,
     /// The statement.
     pub span: Span,
 }

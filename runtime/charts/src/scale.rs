@@ -164,15 +164,16 @@ fn half_range(low: f64, high: f64) -> f64 {
     high / 2.0 - low / 2.0
 }
 
-/// The next of 1, 2, 5 times a power of ten that is at least `step`.
+/// The next of 1, 2, 5 times a power of ten that is at least four fifths of `step`: where the next one above would leave
+/// half of the labels, there are a quarter more than wanted.
 fn nice(step: f64) -> f64 {
     let power = 10f64.powf(step.log10().floor());
     let m = step / power;
-    let rounded = if m <= 1.0 + 1e-9 {
+    let rounded = if m <= 1.25 {
         1.0
-    } else if m <= 2.0 + 1e-9 {
+    } else if m <= 2.5 {
         2.0
-    } else if m <= 5.0 + 1e-9 {
+    } else if m <= 6.25 {
         5.0
     } else {
         10.0
@@ -196,6 +197,14 @@ mod tests {
         assert_eq!(axis.at(9.5), Some(1.0));
         let axis = Axis::fit(Scale::Linear, [-0.3, 0.1].into_iter(), false, 4);
         assert_eq!(labels(&axis), ["−0.3", "−0.2", "−0.1", "0", "0.1"]);
+    }
+
+    #[test]
+    fn a_range_a_little_above_a_round_one_keeps_its_labels() {
+        let axis = Axis::fit(Scale::Linear, [0.0, 1.3].into_iter(), false, 6);
+        assert_eq!(labels(&axis), ["0", "0.2", "0.4", "0.6", "0.8", "1.0", "1.2"]);
+        let axis = Axis::fit(Scale::Linear, [0.0, 108.0].into_iter(), false, 5);
+        assert_eq!(labels(&axis), ["0", "20", "40", "60", "80", "100"]);
     }
 
     #[test]

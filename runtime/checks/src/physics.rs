@@ -11,7 +11,7 @@ use wfl_compiler::{
 use super::{Solved, multiplier_law::LawDefect};
 use wfl_contact::{ContactGaps, PressedFaces, contact_gaps};
 use wfl_discrete::assemble::TermError;
-use wfl_discrete::finite::largest;
+use wfl_discrete::finite::{largest, short};
 use wfl_discrete::system::{Form, System};
 
 /// Out of balance by more than this part of the forces is more than rounding and the tolerance of Newton.
@@ -162,7 +162,9 @@ fn equilibrium(system: &System, group: &[usize], residual: &[f64], tolerance: f6
         return None;
     }
     let value = share(largest(left.iter().copied()), size);
-    let list = |v: &[f64]| v.iter().map(|x| format!("{x:.6e}")).collect::<Vec<_>>().join(", ");
+    // what is within the imbalance that rounding leaves is nothing
+    let shown = |x: &f64| short(if x.abs() <= BALANCE * size { 0.0 } else { *x });
+    let list = |v: &[f64]| v.iter().map(shown).collect::<Vec<_>>().join(", ");
     Some(PhysicsCheck {
         name: format!("equilibrium of {}", names(system, group)),
         value,

@@ -9,7 +9,7 @@ use std::{
 use serde_json::{Map, Value, json};
 use wfl::{
     Span,
-    ast::{Place, Reduction},
+    ast::{MeasureAt, Place, Reduction},
 };
 use wfl_compiler::types::FieldKind;
 use wfl_runtime::{
@@ -354,8 +354,13 @@ fn measures(loaded: &Loaded) -> Table {
             Reduction::Max => "max",
             Reduction::Min => "min",
             Reduction::Integral => "integral",
+            Reduction::Value => "value",
         };
-        let on: Vec<Value> = m.places.iter().map(|p| p.name.clone().into()).collect();
+        let on: Vec<Value> = match &m.at {
+            MeasureAt::Rule => m.places.iter().map(|p| p.name.clone().into()).collect(),
+            MeasureAt::Nodes => m.places.iter().map(|p| format!("nodes of {}", p.name).into()).collect(),
+            MeasureAt::Point(x) => vec![line(loaded, x.span)],
+        };
         table.push(vec![m.name.name.clone().into(), what.into(), on.into(), line(loaded, m.expr.span)]);
     }
     table

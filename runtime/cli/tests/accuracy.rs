@@ -130,7 +130,7 @@ fn an_exact_solution_that_is_met_or_zero_has_no_ratio_of_errors() {
         let text = format!(
             "wfl 1\nmesh box [0,0] to [1,1] cells [2,2] quad\nunknown u : scalar\ndef exact_u = {exact}\n\
              term a on all : Grad_u.Grad_Test_u\nload u = {source} on all\nfix u = exact_u on boundary\n\
-             output vtk \"u\" : u on all\n"
+             output vtk \"u\" : u\n"
         );
         let scene = out.join("scene.wfl");
         std::fs::write(&scene, text).expect("a file");

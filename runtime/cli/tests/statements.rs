@@ -75,6 +75,18 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("fix u = [0,0] on west\noutput vtk \"a\" : u\noutput vtk \"A\" : u", "E433", &["some systems"]),
     ("fix u = [0,0] on west\noutput vtk \"a\" : u\noutput csv \"a\" : u along [0,0] to [1,1]", "", &[]),
     ("fix u = [0,0] on west\noutput vtk \"a\" : u, 2*u as u", "E433", &["called `u`"]),
+    ("fix u = [0,0] on west\noutput vtk \"a\" : u(1) as part", "E433", &["`part` is the number of the body"]),
+    ("fix u = [0,0] on west\noutput csv \"a\" : u(1) as part along [0,0] to [1,0]", "", &[]),
+    ("fix u = [0,0] on west\noutput csv \"Measures\" : u along [0,0] to [1,0]", "E433", &["that of the measures"]),
+    // a measure at a point
+    ("fix u = [0,0] on west\nmeasure m = value(u(1)) at [0.5,0.25]", "", &[]),
+    ("fix u = [0,0] on west\nmeasure m = value(sigma(u)(1,1)*Normal(1)) at [1,0.3]", "", &[]),
+    ("fix u = [0,0] on west\nmeasure m = value(u(1)) at [1.5,0.25]", "E435", &["the mesh spans [0.0, 0.0]"]),
+    ("fix u = [0,0] on west\nmeasure m = value(u(1)) at [0.5,0.25,0]", "E108", &["2 coordinates"]),
+    ("fix u = [0,0] on west\nmeasure m = value(u) at [0.5,0.25]", "E108", &["a measure is a scalar"]),
+    ("fix u = [0,0] on west\nmeasure m = value(u(1)) on all", "E113", &["`value` is not taken there"]),
+    ("fix u = [0,0] on west\nmeasure m = mean(u(1)) at nodes of all", "E113", &["`mean` is not taken there"]),
+    ("fix u = [0,0] on west\nmeasure m = max(u(1)) at [0,0]", "E113", &["`max` is not taken there"]),
     ("fix u = [0,0] on west\noutput vtk \"a\" : u with points=5", "E414", &["points"]),
     (
         "fix u = [0,0] on west\noutput csv \"a\" : u along [2,0] to [3,0]",
@@ -251,10 +263,11 @@ fn each_nth_step_and_the_last_are_written() {
         "c.pvd",
         "c_0000.vtu",
         "c_0010.vtu",
+        "measures.csv",
         "report.json",
     ];
     assert!(wanted.iter().all(|w| names.iter().any(|n| n == w)), "{names:?}");
-    assert_eq!(names.iter().filter(|n| n.ends_with(".vtu") || n.ends_with(".csv")).count(), 9, "{names:?}");
+    assert_eq!(names.iter().filter(|n| n.ends_with(".vtu") || n.ends_with(".csv")).count(), 10, "{names:?}");
     let index = std::fs::read_to_string(folder.0.join("o/a.pvd")).expect("an index");
     assert!(index.contains("timestep=\"0.8\"") && index.contains("a_0010.vtu"), "{index}");
     let told = folder.wfl(&["check", "s.wfl", "--json"]);
@@ -274,4 +287,82 @@ fn more_threads_than_help_are_told_and_not_taken() {
     assert_eq!(text.matches("100000 threads were asked for").count(), 1, "{text}");
     let (_, text) = folder.run(&scene, &["--threads", "1"]);
     assert!(!text.contains("were asked for"), "{text}");
+}
+
+/// A body pulled to x/10 in its axis, y in the other: what is measured is known.
+fn stretched(more: &str) -> String {
+    format!("{BASE}fix u(1) = t*x/10 on boundary\nfix u(2) = 0 on boundary\nsteps t = 1 to 3 by 1\n{more}\n")
+}
+
+#[test]
+fn values_at_points_and_nodes_are_those_of_the_solution() {
+    let folder = Folder::new("points");
+    let scene = stretched(
+        "measure inside = value(u(1)) at [0.3,0.7]\nmeasure corner = max(u(1)) at nodes of all\n\
+         measure least = min(u(1)) at nodes of east\nmeasure points = max(u(1)) on all\n\
+         measure pull = value((sigma(u)*Normal).Normal) at [1,0.4]",
+    );
+    let at_end = |name: &str| folder.measure(&scene, name);
+    assert!((at_end("inside") - 0.09).abs() < 1e-9);
+    assert!((at_end("corner") - 0.3).abs() < 1e-9 && (at_end("least") - 0.3).abs() < 1e-9);
+    // the integration points lie inside of the cells
+    assert!(at_end("points") < 0.29);
+    assert!((at_end("pull") - 30.0).abs() < 1e-7);
+}
+
+#[test]
+fn the_measures_of_all_steps_are_in_one_table() {
+    let folder = Folder::new("table");
+    let (output, text) = folder.run(&stretched("measure a = mean(u(1)) on east"), &["--out", "o"]);
+    assert!(output.status.success(), "{text}");
+    let table = std::fs::read_to_string(folder.0.join("o/measures.csv")).expect("the measures");
+    let report = std::fs::read_to_string(folder.0.join("o/report.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    let mut lines = table.lines();
+    assert_eq!(lines.next(), Some("t,largest,a"));
+    for (line, step) in lines.by_ref().zip(report["steps"].as_array().expect("steps")) {
+        let row: Vec<f64> = line.split(',').map(|x| x.parse().expect("a number")).collect();
+        let known =
+            [&step["t"], &step["measures"]["largest"], &step["measures"]["a"]].map(|v| v.as_f64().unwrap_or(-1.0));
+        assert_eq!(row, known, "bit by bit");
+    }
+    assert_eq!(table.lines().count(), 4);
+    assert!(report["files"].as_array().is_some_and(|f| f.iter().any(|n| n == "measures.csv")));
+    // the report shows it as measures, not as a line through the body
+    assert!(folder.wfl(&["report", "o"]).status.success());
+    let page = std::fs::read_to_string(folder.0.join("o/report.html")).expect("a page");
+    assert!(!page.contains("Along the line of measures") && page.contains("4 quadrilaterals"));
+    // a run without measures leaves none of an earlier one
+    let bare = stretched("").replace("measure largest = max(Norm(u)) on all\n", "");
+    let (output, text) = folder.run(&bare, &["--out", "o"]);
+    assert!(output.status.success() && !folder.0.join("o/measures.csv").exists(), "{text}");
+}
+
+#[test]
+fn a_line_on_faces_may_have_their_normal_and_a_quantity_of_two_bodies_has_one_column() {
+    let folder = Folder::new("faces");
+    let scene = "mesh box [0,0] to [2,1] cells [4,2] quad\nregion l = cells where x < 1\nregion r = cells where x > 1\n\
+        region gap = interface from l to r\nregion end = faces where x == 2\nunknown a : vector on l\nunknown b : vector on r\n\
+        term on l : Grad_a:Grad_Test_a\nterm on r : Grad_b:Grad_Test_b\n\
+        term on gap : 100*(a - Interpolate(b,neighbor_element)).(Test_a - Interpolate(Test_b,neighbor_element))\n\
+        fix a = [-0.1,0] on l\nfix b = [0.1,0] on end\n\
+        output csv \"axis\" : X(1)^2 as square along [0,0.5] to [2,0.5] with points=5\n\
+        output csv \"gap\" : a.Normal as opening along [1,0] to [1,1] with points=3\n\
+        output csv \"end\" : Normal as n, (Grad_b*Normal).Normal as pull along [2,0] to [2,1] with points=3\n";
+    let (output, text) = folder.run(scene, &["--out", "o"]);
+    assert!(output.status.success(), "{text}");
+    let rows = |name: &str| -> (String, Vec<Vec<f64>>) {
+        let text = std::fs::read_to_string(folder.0.join(format!("o/{name}.csv"))).expect("a table");
+        let number = |x: &str| x.parse::<f64>().expect("a number");
+        let rows = text.lines().skip(1).map(|l| l.split(',').map(number).collect()).collect();
+        (text.lines().next().unwrap_or_default().to_owned(), rows)
+    };
+    let (head, axis) = rows("axis");
+    assert_eq!(head, "s,x,y,square");
+    assert_eq!(axis.iter().map(|r| r[3]).collect::<Vec<_>>(), [0.0, 0.25, 1.0, 2.25, 4.0]);
+    let (_, gap) = rows("gap");
+    assert!(gap.iter().all(|r| (r[3] + 0.1).abs() < 1e-9), "{gap:?}");
+    let (head, end) = rows("end");
+    assert_eq!(head, "s,x,y,n_1,n_2,pull");
+    assert!(end.iter().all(|r| r[3..5] == [1.0, 0.0] && r[5] > 0.0), "{end:?}");
 }

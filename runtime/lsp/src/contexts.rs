@@ -41,7 +41,8 @@ pub(crate) fn contexts(script: &ResolvedScript) -> Vec<Context<'_>> {
         list.push(Context { expr: &term.expr, place });
     }
     for measure in &script.measures {
-        let place = On::Region(measure.places.first().map_or("all", |p| p.name.as_str()));
+        // a value at a point is that of the body that has the point
+        let place = On::Region(measure.places.first().map_or("", |p| p.name.as_str()));
         list.push(Context { expr: &measure.expr, place });
     }
     for load in &script.loads {

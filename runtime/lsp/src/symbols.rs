@@ -3,7 +3,7 @@
 
 use wfl::{
     Source, SourceId, SourceMap, Span,
-    ast::{BoxDivision, Domain, MappingKind, Place, QuadratureRule, Rank, Target, TargetPart},
+    ast::{BoxDivision, Domain, MappingKind, MeasureAt, Place, QuadratureRule, Rank, Target, TargetPart},
     ast::{Cond, Expr, Ident, Item, ItemKind, MacroDef, MeshSource, OptionItem, OptionValue, RegionExpr, Space},
     cond_children, each_word, split_prefixes,
 };
@@ -372,10 +372,13 @@ impl<'a> Reader<'a> {
                     self.expr(e);
                 }
             }
-            ItemKind::Measure { name, expr, places, .. } => {
+            ItemKind::Measure { name, expr, places, at, .. } => {
                 self.declare(name, Kind::Measure);
                 self.expr(expr);
                 self.regions(places);
+                if let MeasureAt::Point(x) = at {
+                    self.expr(x);
+                }
             }
             ItemKind::Expect(condition) => self.cond(condition),
             ItemKind::Output { every, items, along, options, .. } => {

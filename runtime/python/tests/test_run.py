@@ -193,3 +193,22 @@ def test_meshes_and_runs_are_readable_by_meshio(examples, tmp_path):
     body = len(result["u"])
     np.testing.assert_array_equal(back.points[:body, :2], result.points["u"])
     np.testing.assert_array_equal(back.point_data["displacement"][:body, :2], result["u"])
+
+
+def test_files_for_viewers_are_readable_by_meshio(examples, tmp_path):
+    scene = examples / "fault" / "nitsche.wfl"
+    assert command("run", scene, "--out", tmp_path / "out").returncode == 0
+    grid = meshio.read(sorted((tmp_path / "out").glob("nitsche_*.vtu"))[-1])
+    assert [(c.type, len(c.data)) for c in grid.cells] == [("hexahedron", 512), ("quad", 64)]
+    part = np.concatenate(grid.cell_data["part"])
+    assert [np.count_nonzero(part == k) for k in range(3)] == [256, 256, 64]
+    left = np.unique(grid.cells[0].data[part[:512] == 0])
+    right = np.unique(grid.cells[0].data[part[:512] == 1])
+    assert len(left) + len(right) < len(grid.points) and not set(left) & set(right)
+    moved = grid.point_data["displacement"]
+    for name, own, other in (("uL", left, right), ("uR", right, left)):
+        np.testing.assert_array_equal(moved[own], grid.point_data[name][own])
+        assert np.isnan(grid.point_data[name][other]).all()
+    faces = np.unique(grid.cells[1].data)
+    np.testing.assert_array_equal(moved[faces], grid.point_data["uL"][faces])
+    assert not np.isnan(moved).any()

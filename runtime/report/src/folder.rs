@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use wfl_runtime::{
     accuracy::MESH_FILE,
     input::{InputError, InputKind, read_input},
-    output::{Kind, MANIFEST_FILE, OutputDir, OutputError, REPORT_FILE, Report, State},
+    output::{Kind, MANIFEST_FILE, MEASURES_FILE, OutputDir, OutputError, REPORT_FILE, Report, State},
 };
 
 /// Why there is no page.
@@ -109,7 +109,9 @@ impl RunFolder {
         let mut grids = series(folder, &report.files, ".vtu");
         grids.retain(|s| s.steps.iter().all(|(_, file)| !file.ends_with(MESH_FILE)));
         let mesh = report.files.iter().any(|f| f == MESH_FILE).then(|| folder.join(MESH_FILE));
-        let tables = series(folder, &report.files, ".csv");
+        let mut tables = series(folder, &report.files, ".csv");
+        // the charts over the steps have the measures; tables are lines through the body
+        tables.retain(|s| s.steps.iter().all(|(_, file)| !file.ends_with(MEASURES_FILE)));
         Ok(RunFolder { dir, report, grids, tables, mesh })
     }
 

@@ -1,11 +1,14 @@
-//! Grids as the runtime writes them: VTK XML, one line a tag, data appended raw, little endian, `UInt64` sizes.
+//! Grids as the runtime writes them: VTK XML, one line a tag, data appended raw, little endian, `UInt64` sizes, the bodies
+//! and faces one after the other and told apart by the cell array [`PART`].
 //!
 //! Promises: offsets and sizes are checked, so a file that was cut off is an error and never half a picture.
 //! Reads no other dialect of the format.
 
 mod whole;
 
-use std::path::Path;
+use std::{ops::Range, path::Path};
+
+use wfl_runtime::output::PART;
 
 use crate::folder::{ReportError, bytes, damaged};
 
@@ -32,34 +35,32 @@ pub(crate) struct Piece {
     pub(crate) cell_data: Vec<Values>,
 }
 
-/// Reads the pieces whose cells have this dimension. Point data that another piece with larger cells has, too, belongs
-/// to the bodies and is left out, as is what the piece itself lacks.
+/// Reads the parts whose cells have this dimension. Point data that another part with larger cells has, too, belongs to
+/// the bodies and is left out, as is what the part itself lacks.
 pub(crate) fn read_pieces(file: &Path, dim: usize) -> Result<Vec<Piece>, ReportError> {
     let all = bytes(file)?;
     let reader = Reader::new(file, &all)?;
-    let (mut wanted, mut elsewhere) = (Vec::new(), Vec::new());
-    for piece in &reader.pieces {
-        let types = reader.types(piece)?;
-        let found = types.first().and_then(|t| cell(*t)).map_or(0, |c| c.0);
-        if found == dim {
-            wanted.push((piece, types));
-        } else if found > dim {
-            elsewhere.push(piece);
-        }
-    }
     let mut pieces = Vec::new();
-    for (tags, types) in wanted {
-        let mut piece = reader.piece(tags, &types, dim)?;
-        for known in &elsewhere {
-            for array in known.arrays.iter().filter(|a| a.section == "PointData") {
-                if reader.floats(known, array)?.iter().any(|x| !x.is_nan()) {
+    for tags in &reader.pieces {
+        let parts = reader.parts(tags)?;
+        for part in parts.iter().filter(|p| p.dim == dim) {
+            let mut piece = reader.piece(tags, part)?;
+            for array in tags.arrays.iter().filter(|a| a.section == "PointData") {
+                let numbers = reader.floats(tags, array)?;
+                let has = |p: &Part| entries(&numbers, array.width, &p.points).iter().any(|x| !x.is_nan());
+                if parts.iter().any(|p| p.dim > dim && has(p)) {
                     piece.point_data.retain(|v| v.name != array.name);
                 }
             }
+            pieces.push(piece);
         }
-        pieces.push(piece);
     }
     Ok(pieces)
+}
+
+/// The numbers of some of the entries of an array.
+fn entries<'n>(numbers: &'n [f64], width: usize, which: &Range<usize>) -> &'n [f64] {
+    &numbers[width * which.start..width * which.end]
 }
 
 /// Dimension and number of corners of a cell type (`vtkCellType.h`).
@@ -87,6 +88,13 @@ struct PieceTags {
     n_points: usize,
     n_cells: usize,
     arrays: Vec<Tag>,
+}
+
+/// The cells and points of a body or interface among those of a piece.
+struct Part {
+    dim: usize,
+    cells: Range<usize>,
+    points: Range<usize>,
 }
 
 struct Reader<'a> {
@@ -155,28 +163,56 @@ impl<'a> Reader<'a> {
         words.map(read).collect()
     }
 
-    fn piece(&self, tags: &PieceTags, types: &[u8], dim: usize) -> Result<Piece, ReportError> {
+    /// The nodes of each cell.
+    fn cells(&self, tags: &PieceTags) -> Result<Vec<Vec<usize>>, ReportError> {
         let wrong = || damaged(self.file, "its cells do not fit its points");
-        let flat = self.floats(tags, self.find(tags, "Points")?)?;
-        let points = flat.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
         let ends = self.integers(self.find(tags, "offsets")?, tags.n_cells)?;
         let nodes = self.integers(self.find(tags, "connectivity")?, ends.last().copied().unwrap_or(0))?;
-        let (mut cells, mut start) = (Vec::with_capacity(types.len()), 0);
-        for (kind, end) in types.iter().zip(ends) {
-            let corners = cell(*kind).ok_or_else(wrong)?.1;
-            let all = nodes.get(start..end).ok_or_else(wrong)?;
-            let corners = all.get(..corners).filter(|c| c.iter().all(|n| *n < tags.n_points)).ok_or_else(wrong)?;
-            cells.push(corners.to_vec());
+        let mut start = 0;
+        let one = |end: usize| {
+            let own = nodes.get(start..end).filter(|c| c.iter().all(|n| *n < tags.n_points)).ok_or_else(wrong)?;
             start = end;
+            Ok(own.to_vec())
+        };
+        ends.into_iter().map(one).collect()
+    }
+
+    /// The parts of a piece, in their order.
+    fn parts(&self, tags: &PieceTags) -> Result<Vec<Part>, ReportError> {
+        let (types, cells) = (self.types(tags)?, self.cells(tags)?);
+        let tag = tags.arrays.iter().find(|a| a.section == "CellData" && a.name == PART);
+        let numbers = self.floats(tags, tag.ok_or_else(|| damaged(self.file, format!("it has no `{PART}`")))?)?;
+        let (mut parts, mut first) = (Vec::new(), 0);
+        for own in numbers.chunk_by(|a, b| a == b) {
+            let range = first..first + own.len();
+            first = range.end;
+            let nodes = || cells[range.clone()].iter().flatten().copied();
+            let points = nodes().min().unwrap_or(0)..nodes().max().map_or(0, |n| n + 1);
+            let dim = cell(types[range.start]).map_or(0, |c| c.0);
+            parts.push(Part { dim, cells: range, points });
         }
-        let mut piece = Piece { points, cells, dim, ..Piece::default() };
+        Ok(parts)
+    }
+
+    fn piece(&self, tags: &PieceTags, part: &Part) -> Result<Piece, ReportError> {
+        let wrong = || damaged(self.file, "its cells do not fit its points");
+        let flat = self.floats(tags, self.find(tags, "Points")?)?;
+        let points = entries(&flat, 3, &part.points).chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
+        let (types, all) = (self.types(tags)?, self.cells(tags)?);
+        let mut cells = Vec::with_capacity(part.cells.len());
+        for k in part.cells.clone() {
+            let corners = cell(types[k]).filter(|c| c.0 == part.dim).ok_or_else(wrong)?.1;
+            let corners = all[k].get(..corners).ok_or_else(wrong)?;
+            cells.push(corners.iter().map(|n| n - part.points.start).collect());
+        }
+        let mut piece = Piece { points, cells, dim: part.dim, ..Piece::default() };
         for tag in &tags.arrays {
-            let list = match tag.section.as_str() {
-                "PointData" => &mut piece.point_data,
-                "CellData" => &mut piece.cell_data,
+            let (list, own) = match tag.section.as_str() {
+                "PointData" => (&mut piece.point_data, &part.points),
+                "CellData" if tag.name != PART => (&mut piece.cell_data, &part.cells),
                 _ => continue,
             };
-            let numbers = self.floats(tags, tag)?;
+            let numbers = entries(&self.floats(tags, tag)?, tag.width, own).to_vec();
             if numbers.iter().any(|x| !x.is_nan()) {
                 list.push(Values { name: tag.name.clone(), width: tag.width, numbers });
             }

@@ -8,7 +8,7 @@ use crate::{
     table::Columns,
 };
 
-/// Part of the largest number of a quantity below which a component is only rounding.
+/// Part of the largest number of a quantity below which a component, or a change, is only rounding.
 const ROUNDING: f64 = 1e-9;
 
 /// A section for every table: scalars at the chosen steps, components of vectors and matrices at the last of them.
@@ -124,7 +124,7 @@ pub(crate) fn measures(run: &RunFolder) -> Vec<Picture> {
     let Some(first) = steps.first().filter(|_| steps.len() > 1) else { return Vec::new() };
     let names = first.measures.iter().map(|(name, _)| name);
     let chart = |name: &str| {
-        let points = steps.iter().filter_map(|s| Some([s.t.0, s.measures.get(name)?.0]));
+        let points = without_rounding(steps.iter().filter_map(|s| Some([s.t.0, s.measures.get(name)?.0])).collect());
         Chart::new(name)
             .x(run.with_unit(run.variable(), run.variable()), Scale::Linear)
             .y(run.with_unit(name, name), Scale::Linear)
@@ -132,6 +132,16 @@ pub(crate) fn measures(run: &RunFolder) -> Vec<Picture> {
             .line_points(Series::new(name, points))
     };
     names.map(|name| Picture::new(&format!("measure_{name}"), chart(name))).collect()
+}
+
+/// Values that are the same but for rounding, on one level; others as they are. A chart would show the rounding as data.
+fn without_rounding(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    let range = |v: &dyn Fn(f64) -> f64| points.iter().map(|p| v(p[1])).fold(f64::NEG_INFINITY, f64::max);
+    let (high, low, size) = (range(&|y| y), -range(&|y| -y), range(&f64::abs));
+    if points.iter().all(|p| p[1].is_finite()) && high - low <= ROUNDING * size {
+        points.iter_mut().for_each(|p| p[1] = f64::midpoint(low, high));
+    }
+    points
 }
 
 #[cfg(test)]
@@ -145,5 +155,20 @@ mod tests {
             ["u", "stress", "max_slip", "u_0", "_1"]
         );
         assert!(mirrored("s_12", "s_21") && !mirrored("s_11", "s_11") && !mirrored("s_12", "s_13"));
+    }
+
+    #[test]
+    fn a_measure_that_stays_is_drawn_as_a_level_line() {
+        let drawn =
+            |values: [f64; 3]| without_rounding(values.map(|y| [0.0, y]).to_vec()).iter().map(|p| p[1]).collect();
+        let level: Vec<f64> = drawn([2.0, 2.0 + 4e-16, 2.0 - 4e-16]);
+        assert_eq!(level, [2.0; 3]);
+        let moving: Vec<f64> = drawn([1.0, 1.0 + 1e-6, 1.0]);
+        assert_eq!(moving, [1.0, 1.0 + 1e-6, 1.0]);
+        let nothing: Vec<f64> = drawn([0.0; 3]);
+        assert_eq!(nothing, [0.0; 3]);
+        // of a value that is not a number nothing is known
+        let broken: Vec<f64> = drawn([f64::INFINITY, 1.0, 2.0]);
+        assert_eq!(broken, [f64::INFINITY, 1.0, 2.0]);
     }
 }

@@ -13,7 +13,7 @@ pub(crate) fn summary(run: &RunFolder) -> Section {
     let report = &run.report;
     let good = report.steps.iter().filter(|s| s.converged).count();
     let iterations: u64 = report.steps.iter().map(|s| s.iterations).sum();
-    let kinds: Vec<String> = report.mesh.kinds.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
+    let kinds: Vec<String> = report.mesh.kinds.iter().map(|(kind, n)| format!("{n} {}", cells(kind, *n))).collect();
     let mut facts = vec![
         ("unknowns".to_owned(), report.dofs.to_string()),
         ("mesh".to_owned(), format!("{}-D, {}", report.mesh.dim, kinds.join(", "))),
@@ -38,6 +38,15 @@ pub(crate) fn summary(run: &RunFolder) -> Section {
     section
 }
 
+/// The word for cells of a kind: `1 hexahedron`, `512 hexahedra`.
+fn cells(kind: &str, n: u64) -> String {
+    match kind.strip_suffix("hedron") {
+        _ if n == 1 => kind.to_owned(),
+        Some(stem) => format!("{stem}hedra"),
+        None => format!("{kind}s"),
+    }
+}
+
 /// What was not done because the scene does not need it.
 pub(crate) fn left_out(run: &RunFolder) -> Section {
     let list = &run.report.left_out;
@@ -54,7 +63,7 @@ pub(crate) fn left_out(run: &RunFolder) -> Section {
         }
         table.row(row);
     }
-    let section = Section::new("Optimisations");
+    let section = Section::new("What was not needed");
     if table.is_empty() { section } else { section.table(table) }
 }
 
@@ -219,7 +228,12 @@ pub(crate) fn numbers(run: &RunFolder) -> Section {
     if !measures.is_empty() {
         section = section.table(measures);
     }
-    let mut parameters = Table::new(["parameter", "value", "unit"]);
+    let about = &run.report.about;
+    let mut heads = vec!["parameter", "value", "unit"];
+    if !about.descriptions.is_empty() {
+        heads.push("meaning");
+    }
+    let mut parameters = Table::new(heads);
     for (name, value) in run.report.parameters.iter() {
         let row = |v: &[wfl_runtime::output::Real]| {
             format!("[{}]", v.iter().map(|x| format!("{:?}", x.0)).collect::<Vec<_>>().join(", "))
@@ -230,7 +244,11 @@ pub(crate) fn numbers(run: &RunFolder) -> Section {
             ParameterValue::Vector(v) => row(v),
             ParameterValue::Matrix(rows) => rows.iter().map(|r| row(r)).collect::<Vec<_>>().join(" "),
         };
-        parameters.row([name.to_owned(), shown, unit(name)]);
+        let mut row = vec![name.to_owned(), shown, unit(name)];
+        if !about.descriptions.is_empty() {
+            row.push(about.descriptions.get(name).cloned().unwrap_or_default());
+        }
+        parameters.row(row);
     }
     if parameters.is_empty() { section } else { section.table(parameters) }
 }

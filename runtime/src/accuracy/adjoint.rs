@@ -129,6 +129,11 @@ impl Pair<'_> {
             let wanted = quantity.strip_prefix(MEASURE).unwrap_or(quantity);
             let measure = run.script.measures.iter().find(|m| m.name.name == wanted);
             let measure = measure.ok_or_else(|| format!("no quantity `{quantity}`"))?;
+            if measure.reduction == Reduction::Value {
+                return Err(format!(
+                    "`{wanted}` is a value at a point, whose error is not estimated: take a mean near it"
+                ));
+            }
             if matches!(measure.reduction, Reduction::Max | Reduction::Min) {
                 // the largest value is approached by a mean of a high power of it
                 let found = self.coarse.outcome.steps.last().and_then(|s| s.measures.iter().find(|m| m.0 == wanted));

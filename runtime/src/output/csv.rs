@@ -10,6 +10,9 @@ use std::path::PathBuf;
 
 use super::{OutputDir, OutputError};
 
+/// The table of the measures of a run, a row a step.
+pub const MEASURES_FILE: &str = "measures.csv";
+
 /// Writes a table of numbers into the file `name` (with its `.csv`) and returns its path.
 /// Every row has one number for each column. It is on the disc after [`OutputDir::sync`].
 ///

@@ -25,7 +25,7 @@ mod vtk_cell;
 mod vtu;
 
 pub use atomic::OutputDir;
-pub use csv::write_csv;
+pub use csv::{MEASURES_FILE, write_csv};
 pub use grid::{Array, Cells, Piece, VtuError};
 pub use hash::{Hash, Hasher};
 pub use identity::Identity;
@@ -40,7 +40,7 @@ pub use report::{
 };
 pub use series::Series;
 pub use vtk_cell::{VtkCell, vtk_order};
-pub use vtu::write_vtu;
+pub use vtu::{PART, write_vtu};
 
 use std::io;
 use std::path::PathBuf;

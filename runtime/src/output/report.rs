@@ -99,6 +99,9 @@ pub struct About {
     /// measures, outputs. Left out of the file if the scene has none.
     #[serde(default, skip_serializing_if = "OrderedMap::is_empty")]
     pub units: OrderedMap<String>,
+    /// What parameters are, in the words of the scene, by name; left out of the file if it says nothing.
+    #[serde(default, skip_serializing_if = "OrderedMap::is_empty")]
+    pub descriptions: OrderedMap<String>,
     /// Its text first, then those of the files it uses; left out of the file if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<SceneText>,

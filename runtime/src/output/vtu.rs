@@ -3,18 +3,22 @@
 //! Promises: the grid is checked before the first byte, the header and the data come from one
 //! list of blocks, values are written bit for bit (also NaN), the bytes depend on the input only,
 //! and no copy of the data is made. Little endian, `UInt64` block headers, `Float64` values.
-//! Does not compress, merge nodes of different pieces, or decide where fields are sampled.
+//! The file has one `Piece`, since some readers keep the last one only; the parts that it is made of keep their own nodes
+//! one after the other, and the cell array [`PART`] numbers them from 0.
+//! Does not compress, merge nodes of different parts, or decide where fields are sampled.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
 use super::atomic::Staged;
-use super::grid::{Array, Cells, Piece, VtuError, check_cells};
+use super::grid::{Array, Piece, VtuError, check_cells};
 use super::{OutputDir, OutputError, VtkCell};
 
 /// Bytes converted at a time.
 const CHUNK: usize = 8192;
+/// The cell array that says which part of the grid a cell belongs to: their position in the list of pieces.
+pub const PART: &str = "part";
 /// First line of a VTK XML file, shared with the index of a series.
 pub(super) const XML_DECLARATION: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
 
@@ -72,18 +76,26 @@ struct Block<'a> {
     name: &'a str,
     /// Components of one entry in the file.
     width: usize,
-    n_entries: usize,
-    content: Content<'a>,
+    /// What the parts of the grid give, one after the other.
+    content: Vec<Content<'a>>,
 }
 
 enum Content<'a> {
     Time(f64),
     Points(&'a [[f64; 3]]),
-    Nodes(&'a [u32]),
-    Ends(&'a [usize]),
+    /// Node numbers, and how many nodes the parts before have.
+    Nodes(&'a [u32], usize),
+    /// Where cells end, and how many nodes the cells of the parts before name.
+    Ends(&'a [usize], usize),
     Types(&'a [VtkCell]),
-    Values { components: usize, values: &'a [f64] },
-    Missing,
+    Values {
+        components: usize,
+        values: &'a [f64],
+    },
+    /// NaN for so many numbers.
+    Missing(usize),
+    /// A number for each of so many cells.
+    Constant(f64, usize),
 }
 
 impl<'a> Grid<'a> {
@@ -94,12 +106,12 @@ impl<'a> Grid<'a> {
         for (idx, piece) in pieces.iter().enumerate() {
             check_cells(idx, piece)?;
         }
-        Ok(Grid {
-            time,
-            pieces,
-            point_channels: channels(pieces, |piece| (piece.points.len(), &piece.point_data))?,
-            cell_channels: channels(pieces, |piece| (piece.cells.len(), &piece.cell_data))?,
-        })
+        let point_channels = channels(pieces, |piece| (piece.points.len(), &piece.point_data))?;
+        let cell_channels = channels(pieces, |piece| (piece.cells.len(), &piece.cell_data))?;
+        if let Some(piece) = pieces.iter().position(|p| p.cell_data.iter().any(|a| a.name == PART)) {
+            return Err(VtuError::DuplicateArray { piece, name: PART.to_owned() });
+        }
+        Ok(Grid { time, pieces, point_channels, cell_channels })
     }
 
     fn write(&self, out: &mut dyn Write) -> io::Result<()> {
@@ -112,17 +124,15 @@ impl<'a> Grid<'a> {
         if let Some(time) = self.time {
             header.section("FieldData", [time_block(time)]);
         }
-        for (idx, piece) in self.pieces.iter().enumerate() {
-            let [n_points, n_cells] = [piece.points.len(), piece.cells.len()];
-            header.text.push_str(&format!("<Piece NumberOfPoints=\"{n_points}\" NumberOfCells=\"{n_cells}\">\n"));
-            let points = self.point_channels.iter();
-            let cells = self.cell_channels.iter();
-            header.section("Points", [point_block(piece)]);
-            header.section("Cells", cell_blocks(piece));
-            header.section("PointData", points.map(|c| value_block(c, idx, n_points)));
-            header.section("CellData", cells.map(|c| value_block(c, idx, n_cells)));
-            header.text.push_str("</Piece>\n");
-        }
+        let sum = |count: fn(&Piece) -> usize| self.pieces.iter().map(count).sum::<usize>();
+        let [n_points, n_cells] = [sum(|p| p.points.len()), sum(|p| p.cells.len())];
+        header.text.push_str(&format!("<Piece NumberOfPoints=\"{n_points}\" NumberOfCells=\"{n_cells}\">\n"));
+        header.section("Points", [self.points()]);
+        header.section("Cells", self.cells());
+        header.section("PointData", self.point_channels.iter().map(|c| self.values(c, |p| p.points.len())));
+        let cells = self.cell_channels.iter().map(|c| self.values(c, |p| p.cells.len()));
+        header.section("CellData", std::iter::once(self.parts()).chain(cells));
+        header.text.push_str("</Piece>\n");
         let Header { mut text, blocks, .. } = header;
         text.push_str("</UnstructuredGrid>\n<AppendedData encoding=\"raw\">\n_");
         out.write_all(text.as_bytes())?;
@@ -131,6 +141,47 @@ impl<'a> Grid<'a> {
             block.write(out)?;
         }
         out.write_all(b"\n</AppendedData>\n</VTKFile>\n")
+    }
+
+    /// A block of one number or one triple an entry, part after part.
+    fn block(&self, name: &'static str, width: usize, of: impl Fn(&'a Piece) -> Content<'a>) -> Block<'a> {
+        Block { name, width, content: self.pieces.iter().map(of).collect() }
+    }
+
+    fn points(&self) -> Block<'a> {
+        self.block("Points", 3, |piece| Content::Points(&piece.points))
+    }
+
+    fn cells(&self) -> [Block<'a>; 3] {
+        // nodes of the parts before, and numbers in their lists of cells
+        let (mut nodes, mut named) = (Vec::new(), Vec::new());
+        let (mut n, mut m) = (0, 0);
+        for piece in self.pieces {
+            nodes.push(Content::Nodes(&piece.cells.nodes, n));
+            named.push(Content::Ends(&piece.cells.ends, m));
+            n += piece.points.len();
+            m += piece.cells.nodes.len();
+        }
+        [
+            Block { name: "connectivity", width: 1, content: nodes },
+            Block { name: "offsets", width: 1, content: named },
+            self.block("types", 1, |piece| Content::Types(&piece.cells.kinds)),
+        ]
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "a grid has few parts")]
+    fn parts(&self) -> Block<'a> {
+        let of = |(number, piece): (usize, &Piece)| Content::Constant(number as f64, piece.cells.len());
+        Block { name: PART, width: 1, content: self.pieces.iter().enumerate().map(of).collect() }
+    }
+
+    fn values(&self, channel: &Channel<'a>, n_entries: impl Fn(&Piece) -> usize) -> Block<'a> {
+        let (components, width) = (channel.components, channel.width());
+        let of = |(piece, values): (&Piece, &Option<&'a [f64]>)| match values {
+            Some(values) => Content::Values { components, values },
+            None => Content::Missing(n_entries(piece) * width),
+        };
+        Block { name: channel.name, width, content: self.pieces.iter().zip(&channel.values).map(of).collect() }
     }
 }
 
@@ -156,7 +207,7 @@ impl<'a> Header<'a> {
         self.text.push_str(&format!(
             "<DataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\" {extra}\
              format=\"appended\" offset=\"{}\"/>\n",
-            block.content.word().0,
+            block.word().0,
             escape(block.name),
             block.width,
             self.offset
@@ -170,39 +221,63 @@ impl Content<'_> {
     /// Type of a number in the file and its bytes.
     fn word(&self) -> (&'static str, usize) {
         match self {
-            Content::Nodes(_) | Content::Ends(_) => ("Int64", 8),
+            Content::Nodes(..) | Content::Ends(..) => ("Int64", 8),
             Content::Types(_) => ("UInt8", 1),
             _ => ("Float64", 8),
+        }
+    }
+
+    /// How many numbers it has in a block of so many components.
+    fn n_numbers(&self, width: usize) -> usize {
+        match self {
+            Content::Time(_) => 1,
+            Content::Points(points) => 3 * points.len(),
+            Content::Nodes(nodes, _) => nodes.len(),
+            Content::Ends(ends, _) => ends.len(),
+            Content::Types(kinds) => kinds.len(),
+            Content::Values { components, values } => values.len() / components * width,
+            Content::Missing(n) | Content::Constant(_, n) => *n,
+        }
+    }
+
+    fn write(&self, width: usize, out: &mut dyn Write) -> io::Result<()> {
+        match *self {
+            Content::Time(time) => out.write_all(&time.to_le_bytes()),
+            Content::Points(points) => write_words(out, points.as_flattened().iter().map(|x| x.to_le_bytes())),
+            // Numbers of things in memory are below 2^63, so the signed type of VTK has the same bytes.
+            Content::Nodes(nodes, before) => {
+                write_words(out, nodes.iter().map(|&node| (before as u64 + u64::from(node)).to_le_bytes()))
+            }
+            Content::Ends(ends, before) => {
+                write_words(out, ends.iter().map(|&end| ((before + end) as u64).to_le_bytes()))
+            }
+            Content::Types(kinds) => write_words(out, kinds.iter().map(|kind| [kind.type_number()])),
+            Content::Values { components, values } if components == width => {
+                write_words(out, values.iter().map(|x| x.to_le_bytes()))
+            }
+            Content::Values { components, values } => {
+                let entries = values.chunks_exact(components);
+                write_words(out, entries.flat_map(|entry| pad(entry, width)).map(f64::to_le_bytes))
+            }
+            Content::Missing(n) => write_words(out, std::iter::repeat_n(f64::NAN.to_le_bytes(), n)),
+            Content::Constant(number, n) => write_words(out, std::iter::repeat_n(number.to_le_bytes(), n)),
         }
     }
 }
 
 impl Block<'_> {
+    /// Type of a number in the file and its bytes.
+    fn word(&self) -> (&'static str, usize) {
+        self.content.first().map_or(("Float64", 8), Content::word)
+    }
+
     fn n_bytes(&self) -> u64 {
-        (self.n_entries * self.width * self.content.word().1) as u64
+        let numbers: usize = self.content.iter().map(|c| c.n_numbers(self.width)).sum();
+        (numbers * self.word().1) as u64
     }
 
     fn write(&self, out: &mut dyn Write) -> io::Result<()> {
-        match self.content {
-            Content::Time(time) => out.write_all(&time.to_le_bytes()),
-            Content::Points(points) => write_words(out, points.as_flattened().iter().map(|x| x.to_le_bytes())),
-            Content::Nodes(nodes) => write_words(out, nodes.iter().map(|&node| i64::from(node).to_le_bytes())),
-            // A length in memory is below 2^63, so the signed type of VTK has the same bytes.
-            Content::Ends(ends) => write_words(out, ends.iter().map(|&end| (end as u64).to_le_bytes())),
-            Content::Types(kinds) => write_words(out, kinds.iter().map(|kind| [kind.type_number()])),
-            Content::Values { components, values } if components == self.width => {
-                write_words(out, values.iter().map(|x| x.to_le_bytes()))
-            }
-            Content::Values { components, values } => {
-                let padded = |entry| pad(entry, self.width);
-                let entries = values.chunks_exact(components);
-                write_words(out, entries.flat_map(padded).map(f64::to_le_bytes))
-            }
-            Content::Missing => {
-                let n = self.n_entries * self.width;
-                write_words(out, std::iter::repeat_n(f64::NAN.to_le_bytes(), n))
-            }
-        }
+        self.content.iter().try_for_each(|c| c.write(self.width, out))
     }
 }
 
@@ -226,31 +301,7 @@ fn write_words<const N: usize>(out: &mut dyn Write, words: impl Iterator<Item = 
 }
 
 fn time_block<'a>(time: f64) -> Block<'a> {
-    Block { name: "TimeValue", width: 1, n_entries: 1, content: Content::Time(time) }
-}
-
-fn point_block(piece: &Piece) -> Block<'_> {
-    Block { name: "Points", width: 3, n_entries: piece.points.len(), content: Content::Points(&piece.points) }
-}
-
-fn cell_blocks(piece: &Piece) -> [Block<'_>; 3] {
-    let Cells { kinds, nodes, ends } = &piece.cells;
-    let block = |name, n_entries, content| Block { name, width: 1, n_entries, content };
-    [
-        block("connectivity", nodes.len(), Content::Nodes(nodes)),
-        block("offsets", ends.len(), Content::Ends(ends)),
-        block("types", kinds.len(), Content::Types(kinds)),
-    ]
-}
-
-fn value_block<'a>(channel: &Channel<'a>, piece: usize, n_entries: usize) -> Block<'a> {
-    let components = channel.components;
-    Block {
-        name: channel.name,
-        width: channel.width(),
-        n_entries,
-        content: channel.values[piece].map_or(Content::Missing, |values| Content::Values { components, values }),
-    }
+    Block { name: "TimeValue", width: 1, content: vec![Content::Time(time)] }
 }
 
 /// The arrays of all pieces, in the order of their first appearance.

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use super::super::scratch::Scratch;
+use super::super::{Cells, scratch::Scratch};
 use super::*;
 
 /// One `DataArray` as a reader sees it.
@@ -117,6 +117,7 @@ fn a_mixed_grid_reads_back_bit_for_bit() {
             ("<Cells>", "offsets"),
             ("<Cells>", "types"),
             ("<PointData>", "u"),
+            ("<CellData>", PART),
             ("<CellData>", "p"),
         ]
     );
@@ -128,7 +129,8 @@ fn a_mixed_grid_reads_back_bit_for_bit() {
     assert_eq!(arrays[5].components, 3);
     let u = [1.0, 2.0, 0.0, 3.0, 4.0, 0.0, 5.0, 6.0, 0.0, 7.0, 8.0, 0.0, 9.0, 0.1, 0.0];
     assert_eq!(arrays[5].floats(), u);
-    let bits: Vec<u64> = arrays[6].floats().iter().map(|x| x.to_bits()).collect();
+    assert_eq!(arrays[6].floats(), [0.0, 0.0]);
+    let bits: Vec<u64> = arrays[7].floats().iter().map(|x| x.to_bits()).collect();
     assert_eq!(bits, [1 << 63, 1]);
 }
 
@@ -150,16 +152,32 @@ fn blocks_longer_than_the_buffer_are_whole() {
 }
 
 #[test]
-fn every_piece_has_every_array() {
-    let arrays = write(&[square(), line()], None).unwrap();
-    let data: Vec<&Read> = arrays.iter().filter(|a| a.section.ends_with("Data>")).collect();
-    let names: Vec<&str> = data.iter().map(|a| a.name.as_str()).collect();
-    assert_eq!(names, ["u", "lambda", "p", "u", "lambda", "p"]);
-    let is_missing = |a: &Read, n: usize| a.floats().len() == n && a.floats().iter().all(|value| value.is_nan());
-    assert!(is_missing(data[1], 5));
-    assert!(is_missing(data[3], 6));
-    assert!(is_missing(data[5], 1));
-    assert_eq!(data[4].floats(), [0.25, -0.5]);
+fn pieces_stand_one_after_the_other_in_one_piece_of_the_file() {
+    let arrays = write(&[square(), line(), square()], None).unwrap();
+    let one = |name: &str| arrays.iter().filter(|a| a.name == name).collect::<Vec<_>>();
+    for name in ["Points", "connectivity", "offsets", "types", "u", "lambda", PART, "p"] {
+        assert_eq!(one(name).len(), 1, "{name}");
+    }
+    let points = [square().points, line().points, square().points].concat();
+    assert_eq!(one("Points")[0].floats(), points.as_flattened());
+    // five nodes before the line, two more before the second square
+    assert_eq!(one("connectivity")[0].integers(), [0, 1, 3, 2, 1, 4, 3, 5, 6, 7, 8, 10, 9, 8, 11, 10]);
+    assert_eq!(one("offsets")[0].integers(), [4, 7, 9, 13, 16]);
+    assert_eq!(one("types")[0].bytes, [9, 5, 3, 9, 5]);
+    assert_eq!(one(PART)[0].floats(), [0.0, 0.0, 1.0, 2.0, 2.0]);
+    // what a part lacks is not a number there
+    let [u, lambda, p] = ["u", "lambda", "p"].map(|name| one(name)[0].floats());
+    assert_eq!((u.len(), lambda.len(), p.len()), (3 * 12, 12, 5));
+    assert!(u[15..21].iter().all(|x| x.is_nan()) && u[..15] == u[21..]);
+    assert!(lambda[..5].iter().chain(&lambda[7..]).all(|x| x.is_nan()) && lambda[5..7] == [0.25, -0.5]);
+    assert!(p[2].is_nan() && p[..2] == p[3..]);
+}
+
+#[test]
+fn the_number_of_the_part_has_its_name_alone() {
+    let mut piece = line();
+    piece.cell_data = vec![array(PART, 1, &[1.0])];
+    assert_eq!(fault(&[line(), piece]), VtuError::DuplicateArray { piece: 1, name: PART.to_owned() });
 }
 
 #[test]

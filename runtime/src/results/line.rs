@@ -1,12 +1,13 @@
-//! Expressions along a line: points are found in the cells, values taken there.
+//! Expressions along a line: points are found in the cells, or on the faces, and values taken there.
 //!
 //! A point on a face between two bodies belongs to each of them: an expression is taken in the first cell, in the
-//! order of the mesh, that holds the point and where the expression lives.
+//! order of the mesh, that holds the point and where the expression lives. One that lives in several places has one
+//! column; a point of two of them has the value of the first.
 
 use crate::{
     assemble::FieldValues,
     field::{Field, FieldError},
-    mesh::{CellId, Mesh},
+    mesh::Mesh,
     results::Located,
     value::{Sampled, Value},
 };
@@ -38,7 +39,7 @@ impl LineSample {
         Self { points: (0..n).map(point).collect(), length, dim: mesh.dim(), items: Vec::new() }
     }
 
-    /// Adds an expression that lives on `cells` (sorted).
+    /// Adds an expression that lives where the points of the line were found. Places of one expression follow each other.
     ///
     /// # Errors
     /// [`FieldError`] where a field it reads has no dofs.
@@ -48,12 +49,10 @@ impl LineSample {
         fields: &[Field],
         name: String,
         value: Value,
-        cells: &[CellId],
+        located: Located,
     ) -> Result<(), FieldError> {
-        let located = Located::in_cells(mesh, cells, &self.points);
-        let (domain, samples) = (located.domain, located.points);
-        let sampled = value.bind(mesh, domain, fields)?;
-        self.items.push(LineItem { name, value, sampled, samples });
+        let sampled = value.bind(mesh, located.domain, fields)?;
+        self.items.push(LineItem { name, value, sampled, samples: located.points });
         Ok(())
     }
 
@@ -68,8 +67,14 @@ impl LineSample {
     pub fn bytes(&self) -> usize {
         /// Bytes of a number with sixteen digits, sign, exponent and comma.
         const NUMBER: usize = 22;
-        let columns = 1 + self.dim + self.items.iter().map(|i| i.value.n_components()).sum::<usize>();
+        let columns = 1 + self.dim + self.quantities().map(|i| i.value.n_components()).sum::<usize>();
         NUMBER * columns * self.points.len()
+    }
+
+    /// The first place of each expression.
+    fn quantities(&self) -> impl Iterator<Item = &LineItem> {
+        let is_first = |k: &usize| *k == 0 || self.items[k - 1].name != self.items[*k].name;
+        (0..self.items.len()).filter(is_first).map(|k| &self.items[k])
     }
 
     /// How many points there are.
@@ -112,7 +117,7 @@ impl LineSample {
     #[must_use]
     pub fn columns(&self) -> Vec<String> {
         let mut names: Vec<String> = ["s", "x", "y", "z"][..=self.dim].iter().map(|s| (*s).to_owned()).collect();
-        for item in &self.items {
+        for item in self.quantities() {
             let shape = item.value.law.shape;
             for e in 0..shape.len() {
                 let index: Vec<String> = shape.indices(e).iter().map(|i| (i + 1).to_string()).collect();
@@ -146,16 +151,26 @@ impl LineSample {
                 row
             })
             .collect();
+        let mut before: Option<&str> = None;
+        let (mut start, mut filled) = (0, Vec::new());
         for item in &mut self.items {
             item.value.set_step(time, increment);
-            let nc = item.value.n_components();
-            let start = rows.first().map_or(0, Vec::len);
-            rows.iter_mut().for_each(|r| r.resize(start + nc, f64::NAN));
+            if before != Some(item.name.as_str()) {
+                let nc = item.value.n_components();
+                start = rows.first().map_or(0, Vec::len);
+                rows.iter_mut().for_each(|r| r.resize(start + nc, f64::NAN));
+                filled = vec![false; n];
+            }
+            before = Some(&item.name);
             let (samples, points, name) = (&item.samples, &self.points, &item.name);
             item.value.for_each_point(mesh, &item.sampled, values, |g, _, q, _, value| {
-                rows[samples[g][q]][start..].copy_from_slice(value);
+                let k = samples[g][q];
+                if std::mem::replace(&mut filled[k], true) {
+                    return;
+                }
+                rows[k][start..].copy_from_slice(value);
                 if let Some(v) = value.iter().find(|v| !v.is_finite()) {
-                    bad(name, *v, points[samples[g][q]]);
+                    bad(name, *v, points[k]);
                 }
             });
         }

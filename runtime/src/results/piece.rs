@@ -36,6 +36,8 @@ pub struct SampledPiece {
     domain: Arc<Domain>,
     items: Vec<Item>,
     support: SupportSet,
+    /// An array that is written again under another name: the item, and the name.
+    again: Option<(usize, &'static str)>,
 }
 
 impl SampledPiece {
@@ -69,7 +71,7 @@ impl SampledPiece {
             let kind = vtk_cell(space.element_at(position).kind(), degree);
             cells.push_local(kind, space.entity_nodes(position));
         }
-        Ok(Self { space, cells, domain, items: Vec::new(), support: support.clone() })
+        Ok(Self { space, cells, domain, items: Vec::new(), support: support.clone(), again: None })
     }
 
     /// Adds an expression under a name.
@@ -98,6 +100,13 @@ impl SampledPiece {
         let sampled = value.bind(mesh, domain, fields)?;
         self.items.push(Item { name, value, sampled, means: true });
         Ok(())
+    }
+
+    /// Writes the values of an expression at points once more under another name; false if it is not on this piece.
+    pub fn write_again(&mut self, name: &str, other: &'static str) -> bool {
+        let found = self.items.iter().position(|i| i.name == name && !i.means);
+        self.again = found.map(|k| (k, other));
+        found.is_some()
     }
 
     /// The cells or facets it covers.
@@ -130,7 +139,8 @@ impl SampledPiece {
             let width = if i.value.n_components() == 2 { 3 } else { i.value.n_components() };
             NUMBER * width * if i.means { entities } else { nodes }
         };
-        grid + self.items.iter().map(item).sum::<usize>()
+        let again = self.again.iter().map(|(k, _)| item(&self.items[*k]));
+        grid + self.items.iter().map(item).chain(again).sum::<usize>()
     }
 
     /// The piece at a state.
@@ -159,6 +169,11 @@ impl SampledPiece {
             }
             point_data.push(array(&item.name, item.value.law.shape, sums));
         }
+        let again = self.again.and_then(|(k, other)| {
+            let array: &Array = point_data.iter().find(|a: &&Array| a.name == self.items[k].name)?;
+            Some(Array { name: other.to_owned(), ..array.clone() })
+        });
+        point_data.extend(again);
         Piece { points: self.space.node_coordinates().to_vec(), cells: self.cells.clone(), point_data, cell_data }
     }
 }

@@ -18,7 +18,7 @@ use super::{CHECKPOINT_FILE, CheckpointError, RunError, StepResult, checkpoint};
 use crate::{
     assemble::{AssembledTerm, FieldValues},
     finite::BadOutput,
-    output::{self, OutputDir, Piece, Plan, REPORT_FILE, Series, write_csv},
+    output::{self, MEASURES_FILE, OutputDir, OutputError, Piece, Plan, REPORT_FILE, Series, write_csv},
     scene::{CsvOutput, Scene, is_written},
 };
 
@@ -124,6 +124,9 @@ impl<'d> Files<'d> {
 pub(super) fn plan(scene: &Scene) -> Plan {
     let n = scene.steps.values.len();
     let mut plan = Plan { files: vec![REPORT_FILE.to_owned()], series: Vec::new() };
+    if !scene.measures.is_empty() {
+        plan.files.push(MEASURES_FILE.to_owned());
+    }
     for output in &scene.vtk {
         plan.files.push(format!("{}.pvd", output.file));
         plan.series.push((output.file.clone(), "vtu", n));
@@ -135,6 +138,24 @@ pub(super) fn plan(scene: &Scene) -> Plan {
         plan.files.extend(scene.csv.iter().map(|csv| csv_name(csv, 0, false)));
     }
     plan
+}
+
+/// Writes the measures of all steps in one table: a column for the step variable, one for each measure, a row a step. No
+/// file for a scene without measures.
+///
+/// # Errors
+/// As [`write_csv`].
+pub(super) fn write_measures(
+    dir: &OutputDir,
+    variable: Option<&str>,
+    steps: &[StepResult],
+) -> Result<Option<PathBuf>, OutputError> {
+    let Some(last) = steps.last().filter(|s| !s.measures.is_empty()) else { return Ok(None) };
+    let names = last.measures.iter().map(|(name, _)| name.as_str());
+    let columns: Vec<&str> = std::iter::once(variable.unwrap_or("t")).chain(names).collect();
+    let row = |s: &StepResult| std::iter::once(s.time).chain(s.measures.iter().map(|m| m.1)).collect::<Vec<f64>>();
+    let rows: Vec<Vec<f64>> = steps.iter().map(row).collect();
+    write_csv(dir, MEASURES_FILE, &columns, &rows).map(Some)
 }
 
 fn csv_name(output: &CsvOutput, number: usize, several: bool) -> String {

@@ -8,13 +8,14 @@ use std::path::Path;
 use super::{CHECKPOINT_FILE, CheckpointError, RunError, RunOptions, checkpoint, files};
 use crate::{
     input::{InputKind, read_input},
-    output::{Identity, Kind, OrderedMap, OutputDir, OutputError, REPORT_FILE, Report, State},
+    output::{Identity, Kind, MEASURES_FILE, OrderedMap, OutputDir, OutputError, REPORT_FILE, Report, State},
     scene::Scene,
     solve::{Linked, Precision},
 };
 
-/// The page about a run that [`crate::output`] does not make: it goes with the results it was made from.
-const PAGE_FILE: &str = "report.html";
+/// What goes with the results that it was made from: the page about a run, and the table of its measures where the new
+/// run has none.
+const GO_WITH_RESULTS: [&str; 2] = ["report.html", MEASURES_FILE];
 
 /// Everything that the numbers of a run follow from.
 pub(super) fn identity(scene: &Scene, options: &RunOptions) -> Identity {
@@ -85,7 +86,7 @@ pub(super) fn remove_checkpoint(dir: &OutputDir) -> Result<(), RunError> {
 
 /// Notes how far a run got; a page about an earlier one goes.
 pub(super) fn end(dir: &OutputDir, state: State) -> Result<(), OutputError> {
-    dir.remove_former(|name| name == PAGE_FILE)?;
+    dir.remove_former(|name| GO_WITH_RESULTS.contains(&name))?;
     dir.finish(state)
 }
 

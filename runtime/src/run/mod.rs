@@ -299,10 +299,13 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
     };
     let mut outcome = run.outcome(scene, options, finished.as_ref().err());
     let mut written = files.written;
-    outcome.report.files = written.iter().filter_map(outcome::file_name).collect();
     if let Some(dir) = &dir {
+        let measures = files::write_measures(dir, scene.steps.variable.as_deref(), &outcome.steps);
+        let table = measures.map(|table| written.extend(table));
+        outcome.report.files = written.iter().filter_map(outcome::file_name).collect();
+        let told = table.and_then(|()| dir.sync()).and_then(|()| write_report(dir, &outcome.report));
         // an error of the run itself is the one to tell
-        match (dir.sync().and_then(|()| write_report(dir, &outcome.report)), &finished) {
+        match (told, &finished) {
             (Ok(path), _) => written.push(path),
             (Err(error), Ok(())) => return Err(error.into()),
             (Err(_), Err(_)) => {}

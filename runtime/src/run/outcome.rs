@@ -2,7 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Run, RunError, RunOptions, StepResult, files::StepFiles, folder, report};
+use super::{
+    Run, RunError, RunOptions, StepResult,
+    files::{StepFiles, write_measures},
+    folder, report,
+};
 use crate::{
     finite::BadMeasure,
     output::{self, OutputDir, Piece, Report, State, write_csv, write_report, write_vtu},
@@ -129,6 +133,7 @@ pub fn save(scene: &Scene, options: &RunOptions, outcome: &Outcome, folder: &Pat
             files.push(write_csv(&dir, &table.file, &table.columns, &table.rows)?);
         }
     }
+    files.extend(write_measures(&dir, scene.steps.variable.as_deref(), &outcome.steps)?);
     dir.sync()?;
     let mut report = outcome.report.clone();
     report.files = files.iter().filter_map(file_name).collect();

@@ -26,6 +26,7 @@ mod inputs;
 mod jumps;
 mod low_rules;
 mod mappings;
+mod measures;
 mod meeting;
 mod mesh;
 mod method;

@@ -3,21 +3,32 @@
 //! Bodies are the cell sets of the unknowns; an expression is written on every body where it is defined. One that needs
 //! a face (`Normal`, the other side) is written on the faces that have terms. A plain field is also written on the
 //! faces of its side, so that the faces of a fault carry both displacements. Quantities with a state are known at
-//! integration points only: their mean over each cell is written.
+//! integration points only: their mean over each cell is written. Where bodies have vector unknowns of their own, `DISPLACEMENT`
+//! has all of them in one array.
 
-use std::{cell::Cell, collections::BTreeSet, sync::Arc, time::Instant};
+use std::{
+    cell::Cell,
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+    time::Instant,
+};
 
 use wfl::{
     Diagnostic, Span,
     ast::{Expr, ExprKind, OptionValue},
 };
-use wfl_compiler::{ValueLaw, backend::KernelBackend, compile_value, types::PlaceSig};
+use wfl_compiler::{
+    ValueLaw,
+    backend::KernelBackend,
+    compile_value,
+    types::{FieldKind, PlaceSig},
+};
 
 use crate::{
     assemble::Domain,
     field::{Field, FieldSpace},
     mesh::{CellId, RegionSet, SupportSet},
-    output::{OutputError, check_name, step_name},
+    output::{MEASURES_FILE, OutputError, PART, check_name, step_name},
     results::{LineSample, Located, SampledPiece},
     scene::{
         Parts,
@@ -101,6 +112,8 @@ const NOT_HERE: [&str; 3] = ["E202", "E203", "E204"];
 
 const DEFAULT_POINTS: f64 = 101.0;
 const MAX_POINTS: f64 = 1e6;
+/// The array with the vector unknowns of all bodies, so that one warp shows them.
+const DISPLACEMENT: &str = "displacement";
 /// Largest number behind `every`: beyond any number of steps.
 const MAX_EVERY: f64 = 1e9;
 
@@ -255,8 +268,43 @@ impl OutputMaker<'_> {
                 self.add(&mut pieces, target, law, &name, degree, item.expr.span);
             }
         }
-        let pieces = pieces.into_iter().map(|p| p.1).filter(|p| !p.is_empty()).collect();
+        let mut pieces: Vec<SampledPiece> = pieces.into_iter().map(|p| p.1).filter(|p| !p.is_empty()).collect();
+        // bodies first
+        pieces.sort_by_key(|p| !matches!(p.support(), SupportSet::Cells(_)));
+        let moved = self.moved(output);
+        for piece in &mut pieces {
+            // on the faces between two bodies, both are written: those of the first one move with it
+            moved.iter().any(|name| piece.write_again(name, DISPLACEMENT));
+        }
         Some(VtkOutput { file: output.file.clone(), every: self.every(output)?, pieces })
+    }
+
+    /// The vector unknowns among the quantities of a file, in its order, if there are several and no cell has two of them;
+    /// none where the scene uses the word itself.
+    fn moved(&self, output: &wfl::Output) -> Vec<String> {
+        let dim = self.parts.mesh.dim();
+        let mut found: BTreeMap<usize, (usize, &str)> = BTreeMap::new();
+        let mut taken: BTreeSet<CellId> = BTreeSet::new();
+        for (order, item) in output.items.iter().enumerate() {
+            let ExprKind::Name(name) = &item.expr.kind else { continue };
+            let Some(k) = self.parts.fields.iter().position(|f| f.name == *name) else { continue };
+            let field = &self.parts.fields[k];
+            let FieldSpace::Nodal(space) = &field.space else { continue };
+            let Support::Cells(cells) = space.support() else { continue };
+            if field.kind != FieldKind::Unknown || field.n_components != dim || dim == 1 || found.contains_key(&k) {
+                continue;
+            }
+            if !cells.iter().all(|c| taken.insert(*c)) {
+                return Vec::new();
+            }
+            found.insert(k, (order, item.name.as_str()));
+        }
+        let mut names: Vec<(usize, &str)> = found.into_values().collect();
+        names.sort_unstable();
+        if names.len() < 2 || output.items.iter().any(|i| i.name == DISPLACEMENT) {
+            return Vec::new();
+        }
+        names.into_iter().map(|(_, name)| name.to_owned()).collect()
     }
 
     /// E435 for a line of which nothing is sampled, W415 for one with points outside the mesh or a quantity that lives
@@ -306,7 +354,18 @@ impl OutputMaker<'_> {
                 let text = if first.file == output.file { "" } else { "some systems take both names for one" };
                 self.diagnostics.push(d.at(output.span, text).at(first.span, "the first one"));
             }
+            let measures = !self.parts.script.measures.is_empty() && self.parts.script.steps.is_none();
+            if measures && name.0 == "csv" && format!("{}.csv", name.1) == MEASURES_FILE {
+                let text = format!("the file `{}.csv` is that of the measures of the run", output.file);
+                let d = Diagnostic::new("E433", text).at(output.span, "");
+                self.diagnostics.push(d.help("another name"));
+            }
             for (i, item) in output.items.iter().enumerate() {
+                if item.name == PART && name.0 == "vtk" {
+                    let d =
+                        Diagnostic::new("E433", format!("`{PART}` is the number of the body in a file for viewers"));
+                    self.diagnostics.push(d.at(item.span, "").help("u as share gives a quantity another name"));
+                }
                 if let Some(first) = output.items[..i].iter().find(|f| f.name == item.name) {
                     let d = Diagnostic::new("E433", format!("two quantities of one file are called `{}`", item.name));
                     let d = d.at(item.span, "").at(first.span, "the first one");
@@ -402,6 +461,18 @@ impl OutputMaker<'_> {
         domain(self.parts.mesh, self.parts.fields, Some(&support.region()), choice, span, self.diagnostics)
     }
 
+    /// The faces on which a line may lie: those with terms, then other regions of faces.
+    pub(super) fn faces_of_lines(&self) -> Vec<Target> {
+        let mut out = self.faces();
+        for (name, region) in self.parts.regions {
+            let Some(support) = facet_support(&region.set) else { continue };
+            if out.iter().all(|t| t.support != support) {
+                out.push(self.target(name, region.set.clone(), support));
+            }
+        }
+        out
+    }
+
     fn csv(&mut self, output: &wfl::Output, bodies: &[Target]) -> Option<CsvOutput> {
         let Some((from, to)) = &output.along else {
             let d = Diagnostic::new("E416", "`output csv` needs a line: along [..] to [..]");
@@ -434,18 +505,21 @@ impl OutputMaker<'_> {
             return None;
         }
         let point = |v: &[f64]| [0, 1, 2].map(|d| v.get(d).copied().unwrap_or(0.0));
+        let faces = self.faces_of_lines();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
         let mut line = LineSample::new(self.parts.mesh, point(&a), point(&b), n as usize);
         for item in &output.items {
             let name = item.name.clone();
-            for (target, law) in self.homes(bodies, &[], &item.expr) {
-                let SupportSet::Cells(cells) = &target.support else { continue };
+            for (target, law) in self.homes(bodies, &faces, &item.expr) {
                 if let Some(d) = refused(law.mapping, "a result file", item.expr.span) {
                     self.diagnostics.push(d);
                     continue;
                 }
+                let Parts { mesh, fields, .. } = self.parts;
                 let added = Value::new(law, self.backend).map_err(|e| e.to_string()).and_then(|v| {
-                    line.add(self.parts.mesh, self.parts.fields, name.clone(), v, cells).map_err(|e| e.to_string())
+                    let located = Located::new(mesh, &target.support.region(), line.points());
+                    let located = located.map_err(|e| e.to_string())?;
+                    line.add(mesh, fields, name.clone(), v, located).map_err(|e| e.to_string())
                 });
                 if let Err(text) = added {
                     self.diagnostics.push(Diagnostic::new("E416", text).at(item.expr.span, ""));

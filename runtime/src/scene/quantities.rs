@@ -1,24 +1,19 @@
-//! Values that are not terms: initial guesses, given fields, measures.
+//! Values that are not terms: initial guesses, given fields.
 
-use wfl::{DataValue, Diagnostic, Span, StartKind, ast::Reduction, at_expr};
-use wfl_compiler::{ValueLaw, compile_value, types::FieldKind, without_fields};
+use wfl::{DataValue, Diagnostic, Span, StartKind, at_expr};
+use wfl_compiler::{compile_value, types::FieldKind, without_fields};
 
 use super::{
-    Builder, InputFile, Measure, RuleChoice,
+    Builder, InputFile,
     given::{CallerValues, Given},
-    jumps, mappings, mesh,
+    mesh,
     mesh::unread,
-    states::states_read,
-    terms,
 };
 use crate::{
-    assemble::FieldValues,
-    finite::BadMeasure,
     input::InputKind,
     output::Hash,
     point_values::{PointValues, SAME_PLACE},
     reading,
-    system::System,
     value::Value,
 };
 
@@ -148,108 +143,5 @@ impl Builder<'_> {
         }
         out.extend(self.nodal_values("the data", list));
         out
-    }
-
-    /// The rule of the terms on the place, so that measured forces are those that act and states are met; a higher one for
-    /// the integral of a polynomial that this rule does not integrate exactly.
-    fn rule_of_measure(&self, measure: &wfl::Measure, law: &ValueLaw, place: &str, rules: &terms::Rules) -> RuleChoice {
-        let own = law.degree.rule();
-        let given = self.script.quadratures.iter().flat_map(|q| &q.places).any(|p| p.name == place);
-        let summed = matches!(measure.reduction, Reduction::Integral | Reduction::Mean);
-        let free = !given && summed && law.degree.is_exact() && states_read(&self.fields, &law.inputs).next().is_none();
-        match rules.get(place).copied() {
-            Some(RuleChoice::Degree(degree)) if free => RuleChoice::Degree(degree.max(own)),
-            Some(choice) => choice,
-            None => RuleChoice::Degree(own),
-        }
-    }
-
-    pub(super) fn measures(&mut self, rules: &terms::Rules) -> Vec<Measure> {
-        let mut out = Vec::new();
-        for measure in &self.script.measures {
-            let mut parts = Vec::new();
-            for place in &measure.places {
-                let Some((sig, set)) = self.term_maker().place(place) else { continue };
-                let law = compile_value(self.env, &sig, "measure", &measure.expr);
-                self.diagnostics.extend(law.diagnostics);
-                let Some(law) = law.value else { continue };
-                if !law.shape.is_scalar_like() {
-                    let d = Diagnostic::new("E108", format!("a measure is a scalar, found a {}", law.shape));
-                    let d = d.help("one number at each point: a component v(1), v.Normal, or Norm(v)");
-                    self.diagnostics.push(at_expr(d, &measure.expr, self.env.expansions, law.shape.to_string()));
-                    continue;
-                }
-                if let Some(set) = &set {
-                    let (parts, diagnostics) = self.parts();
-                    jumps::check(parts, &place.name, set, &law.jumps, diagnostics);
-                }
-                let choice = self.rule_of_measure(measure, &law, &place.name, rules);
-                let there = mappings::fields_there(&law.inputs, []);
-                let at = (place.name.clone(), set, law.mapping.map(|mapping| mappings::Through { mapping, there }));
-                let Some(domain) = self.domain(&at, choice, measure.expr.span) else { continue };
-                match Value::new(law, self.batch) {
-                    Ok(value) => match value.bind(&self.mesh, domain, &self.fields) {
-                        Ok(sampled) => parts.push((value, sampled)),
-                        Err(e) => {
-                            self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(measure.expr.span, ""))
-                        }
-                    },
-                    Err(e) => self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(measure.expr.span, "")),
-                }
-            }
-            let (name, span) = (measure.name.name.clone(), measure.expr.span);
-            out.push(Measure { name, reduction: measure.reduction, parts, span });
-        }
-        out
-    }
-}
-
-impl Measure {
-    /// True if it reads the end of the previous step.
-    #[must_use]
-    pub fn reads_past(&self) -> bool {
-        self.parts.iter().any(|(value, _)| value.reads_past())
-    }
-
-    /// Where the expression is not finite, for a `value` that is not, at the state and step of the last
-    /// [`Self::evaluate`].
-    pub fn bad(&self, value: f64, system: &System, u: &[f64]) -> BadMeasure {
-        let current = system.slices(u);
-        let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous };
-        let at = self.parts.iter().find_map(|(v, sampled)| v.first_not_finite(&system.mesh, sampled, values));
-        BadMeasure { name: self.name.clone(), span: self.span, value, at }
-    }
-
-    /// Its value at a state.
-    pub fn evaluate(&mut self, system: &System, time: f64, increment: f64, u: &[f64]) -> f64 {
-        let current = system.slices(u);
-        let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous };
-        let (mut sum, mut size) = (0.0, 0.0);
-        let (mut largest, mut smallest) = (f64::NEG_INFINITY, f64::INFINITY);
-        // of a sum with an infinite part nothing is known, and neither of the largest of values of which one is none
-        let mut broken: Option<f64> = None;
-        for (value, sampled) in &mut self.parts {
-            value.set_step(time, increment);
-            value.for_each_point(&system.mesh, sampled, values, |_, _, _, weight, v| {
-                sum += weight * v[0];
-                size += weight;
-                largest = largest.max(v[0]);
-                smallest = smallest.min(v[0]);
-                if !v[0].is_finite() && !broken.is_some_and(f64::is_nan) {
-                    broken = Some(v[0]);
-                }
-            });
-        }
-        if let Some(value) = broken {
-            return value;
-        }
-        match self.reduction {
-            Reduction::Integral => sum,
-            Reduction::Mean => sum / size,
-            Reduction::Max => largest,
-            Reduction::Min => smallest,
-        }
     }
 }

@@ -363,8 +363,10 @@ impl Rest<'_> {
     /// Measures and outputs.
     fn values(&mut self) {
         for measure in &self.script.measures {
-            for place in &measure.places {
-                let Some(sig) = self.sketch.place(&place.name).filter(|_| !self.told(measure.span)) else { continue };
+            // a value at a point is that of some body
+            let somewhere = measure.places.is_empty().then_some("");
+            for place in measure.places.iter().map(|p| p.name.as_str()).chain(somewhere) {
+                let Some(sig) = self.sketch.place(place).filter(|_| !self.told(measure.span)) else { continue };
                 self.add(check_value(self.env, &sig, "measure", &measure.expr).diagnostics);
             }
         }

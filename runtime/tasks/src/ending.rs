@@ -20,7 +20,7 @@ use wfl_runtime::{
 use crate::{
     Loaded,
     folder::{told, told_of_resuming},
-    words::{count, number},
+    words::{self, count, number},
 };
 
 /// How the checks of a report begin that are expectations of the scene.
@@ -288,7 +288,7 @@ fn quality(outcome: &Outcome) -> String {
     }
     for check in &step.checks {
         let mark = if check.holds() { "" } else { "  NOT within its limit" };
-        text += &format!("  {}: {:.1e}{mark}", check.name, check.value);
+        text += &format!("  {}: {}{mark}", check.name, words::error(check.value));
         text += &if check.name.starts_with("equilibrium") { format!(" ({})\n", check.detail) } else { "\n".to_owned() };
     }
     text

@@ -81,10 +81,17 @@ impl Loaded {
         for known in wfl::unit_report(&self.script, &self.sources) {
             units.insert(known.name, known.unit);
         }
+        let mut descriptions = OrderedMap::default();
+        for param in &self.script.params {
+            if let Some(text) = &param.text {
+                descriptions.insert(param.name.name.clone(), text.clone());
+            }
+        }
         let text = |(_, s): (_, &Source)| SceneText { name: s.name.clone(), text: s.text.to_string() };
         About {
             step_variable: self.script.steps.as_ref().map(|s| s.variable.name.clone()),
             units,
+            descriptions,
             texts: self.sources.iter().map(text).collect(),
             marks: marks_of(&self.rounds),
         }

@@ -4,10 +4,20 @@
 /// number keeps one decimal, as a sign that it was measured: 40.0, 0.25, -1.5e-7.
 #[must_use]
 pub fn number(value: f64) -> String {
+    digits(value, 10)
+}
+
+/// [`number`] with five significant digits: for values that are estimates.
+#[must_use]
+pub fn short(value: f64) -> String {
+    digits(value, 5)
+}
+
+fn digits(value: f64, significant: usize) -> String {
     if !value.is_finite() {
         return value.to_string();
     }
-    let rounded: f64 = format!("{value:.9e}").parse().unwrap_or(value);
+    let rounded: f64 = format!("{value:.*e}", significant - 1).parse().unwrap_or(value);
     if rounded == 0.0 {
         "0.0".to_owned()
     } else if (1e-4..1e7).contains(&rounded.abs()) {
@@ -56,6 +66,11 @@ mod tests {
         for (value, told) in cases {
             assert_eq!(number(value), told, "{value:e}");
         }
+    }
+
+    #[test]
+    fn estimates_have_five_digits() {
+        assert_eq!([38_616.123, 1.0 / 3.0, 4e-9].map(short), ["38616.0", "0.33333", "4e-9"]);
     }
 
     #[test]

@@ -228,9 +228,9 @@ pub(super) const PAGES: &[CodePage] = &[
     ),
     page(
         "E435",
-        "a line outside all bodies",
+        "a line or a point outside all bodies",
         "No point of the line of an `output csv` lies in a body where one of its quantities is defined: every row \
-         would be `nan`.",
+         would be `nan`. Or the point of a measure lies in no body that has its expression.",
         "output csv \"line\" : u along [2,0,0] to [3,0,0]",
         "output csv \"line\" : u along [0,0,0] to [1,0,0]",
     ),

@@ -262,7 +262,7 @@ fn contextual(rule: Rule) -> &'static [&'static str] {
     match rule {
         Rule::shape => &["hex", "tet", "quad", "tri", "segment"],
         Rule::rank => &["scalar", "vector", "matrix"],
-        Rule::reduction => &["mean", "max", "min", "integral"],
+        Rule::reduction => &["mean", "max", "min", "integral", "value"],
         Rule::entity => &["cells", "faces", "nodes"],
         Rule::picked => &["cells", "faces", "nodes"],
         Rule::region_expr => &["cells", "faces", "nodes", "interface"],
@@ -290,6 +290,8 @@ fn contextual(rule: Rule) -> &'static [&'static str] {
         Rule::k_times | Rule::refine_times => &["times"],
         Rule::k_every | Rule::every => &["every"],
         Rule::k_within => &["within"],
+        Rule::k_at | Rule::measure_at => &["at"],
+        Rule::k_nodes | Rule::at_nodes => &["nodes"],
         Rule::k_degree | Rule::quad_degree => &["degree"],
         Rule::k_vertex => &["vertex"],
         Rule::k_across => &["across"],

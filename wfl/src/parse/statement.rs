@@ -6,8 +6,8 @@ use super::{
 };
 use crate::{
     ast::{
-        BoxDivision, Domain, Expr, Ident, Item, ItemKind, MacroDef, MappingKind, MeshSource, OptionItem, OptionValue,
-        OutputItem, Place, QuadratureRule, Refine, RegionExpr, Space, Target, TargetPart, Unit,
+        BoxDivision, Domain, Expr, Ident, Item, ItemKind, MacroDef, MappingKind, MeasureAt, MeshSource, OptionItem,
+        OptionValue, OutputItem, Place, QuadratureRule, Reduction, Refine, RegionExpr, Space, Target, TargetPart, Unit,
     },
     diag::Diagnostic,
     keywords::is_keyword,
@@ -96,6 +96,8 @@ const TOKENS: &[Rule] = {
         R::k_within,
         R::k_degree,
         R::k_every,
+        R::k_at,
+        R::k_nodes,
         R::k_if,
         R::k_then,
         R::k_else,
@@ -215,15 +217,38 @@ impl Reader<'_> {
             },
             Rule::solver => ItemKind::Solver { name: self.ident(&p.next()), options: self.options(&mut p)? },
             Rule::quadrature => ItemKind::Quadrature { places: self.places(p.next()), rule: self.rule(p.next())? },
-            Rule::measure => ItemKind::Measure {
-                name: self.name(&p.next())?,
-                reduction: reduction(p.next().as_str()),
-                expr: self.value(p.next())?,
-                places: self.places(p.next()),
-            },
+            Rule::measure => self.measure(p)?,
             Rule::expect => ItemKind::Expect(self.cond(p.next())?),
             _ => self.output(p)?,
         })
+    }
+
+    fn measure(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
+        let name = self.name(&p.next())?;
+        let word = p.next();
+        let (reduction, expr) = (reduction(word.as_str()), self.value(p.next())?);
+        let (places, at) = match p.take(Rule::measure_at) {
+            None => (self.places(p.next()), MeasureAt::Rule),
+            Some(at) => {
+                let mut at = self.open(at);
+                match at.take(Rule::at_nodes) {
+                    Some(nodes) => (self.places(self.only(nodes)), MeasureAt::Nodes),
+                    None => (Vec::new(), MeasureAt::Point(self.value(at.next())?)),
+                }
+            }
+        };
+        let is_possible = match &at {
+            MeasureAt::Rule => reduction != Reduction::Value,
+            MeasureAt::Nodes => matches!(reduction, Reduction::Max | Reduction::Min),
+            MeasureAt::Point(_) => reduction == Reduction::Value,
+        };
+        if is_possible {
+            return Ok(ItemKind::Measure { name, reduction, expr, places, at });
+        }
+        let d = Diagnostic::new("E113", format!("`{}` is not taken there", word.as_str())).at(self.span(&word), "");
+        let help = "value(expression) at [0,1] is that of one point, max or min(expression) at nodes of region of all \
+                    nodes; mean, max, min and integral(expression) on region use its integration points";
+        Err(Box::new(d.help(help)))
     }
 
     fn mesh(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {

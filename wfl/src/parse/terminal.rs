@@ -49,6 +49,7 @@ pub(super) fn reduction(word: &str) -> Reduction {
         "mean" => Reduction::Mean,
         "max" => Reduction::Max,
         "min" => Reduction::Min,
+        "value" => Reduction::Value,
         _ => Reduction::Integral,
     }
 }

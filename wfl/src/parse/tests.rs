@@ -293,9 +293,9 @@ fn usual_slips_have_messages_of_their_own() {
             "measure m = sum(u) on a",
             [
                 "E113",
-                "expected `mean`, `max`, `min` or `integral`, found `sum`",
+                "expected `mean`, `max`, `min`, `integral` or `value`, found `sum`",
                 "sum",
-                "the form is: measure name = max(expression) on region; or min, mean, integral",
+                "the form is: measure name = max(expression) on region; or min, mean, integral; value(expression) at [0,1]",
             ],
         ),
         ("unknown u : scalar [m^300]", ["E120", "the power `300` of a unit is too large", "300", ""]),

@@ -214,7 +214,21 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "measure",
         usage: "`measure m = mean/max/min/integral(expr) on r`",
-        meaning: "a number to print and report at each step; one that is not finite ends with exit code 1 (E611)",
+        meaning: "a number to print and report at each step, a column of `measures.csv`; one that is not finite ends with \
+                  exit code 1 (E611)",
+        default: "",
+    },
+    StatementRow {
+        word: "measure",
+        usage: "`measure m = max/min(expr) at nodes of r`",
+        meaning: "of the values at the nodes of the cells or faces of `r` in place of its integration points; of a quantity \
+                  that jumps, the values of each cell",
+        default: "",
+    },
+    StatementRow {
+        word: "measure",
+        usage: "`measure m = value(expr) at [x, y]`",
+        meaning: "at one point, in the first body that has `expr` and the point; with `Normal`, on the first region of faces",
         default: "",
     },
     StatementRow {

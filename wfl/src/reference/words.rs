@@ -45,5 +45,7 @@ pub(super) const MEANINGS: &[(&str, &str)] = &[
     ("max_iter", "iterations of one attempt (150)"),
     ("search", "`none`: undamped Newton steps; `auto` is the default"),
     ("tol", "relative residual at which the iteration stops (1e-10), at most 0.1"),
+    ("at", "where a measure is taken: `at [0, 1]`, `at nodes of r`"),
+    ("value", "measure at one point"),
     ("points", "number of points on the line of `output csv`"),
 ];

@@ -2,7 +2,7 @@
 
 use super::{FORMATS, Resolver, SOLVERS, is_solved_for, names, names::Kind, parts::TransposeOption as _};
 use crate::{
-    ast::{Item, ItemKind, QuadratureRule},
+    ast::{Item, ItemKind, MeasureAt, QuadratureRule},
     script::{
         Expect, FieldKind, Mapping, Measure, MeshStmt, Output, Param, Quadrature, Refinement, Region, Solver, Split,
         Start, StartKind, Steps, Term,
@@ -151,11 +151,15 @@ impl<'d> Resolver<'d> {
                 };
                 self.script.quadratures.push(Quadrature { places: places?, rule, span });
             }
-            ItemKind::Measure { name, reduction, expr, places } => {
+            ItemKind::Measure { name, reduction, expr, places, at } => {
                 let places = self.places(places, true);
+                let at = match at {
+                    MeasureAt::Point(x) => MeasureAt::Point(self.expr(x)?),
+                    other => other.clone(),
+                };
                 let expr = self.expr(expr)?;
                 let (name, reduction) = (name.clone(), *reduction);
-                self.script.measures.push(Measure { name, reduction, expr, places: places?, span });
+                self.script.measures.push(Measure { name, reduction, expr, places: places?, at, span });
             }
             ItemKind::Expect(condition) => {
                 let text = self.sources.snippet(condition.span).to_owned();

@@ -196,7 +196,7 @@ impl<'s> Pass<'s> {
             let value = self.expr(&measure.expr);
             let size = match measure.reduction {
                 Reduction::Integral => measure.places.first().and_then(|p| self.size_of(p)),
-                Reduction::Mean | Reduction::Max | Reduction::Min => Some(Unit::pure()),
+                Reduction::Mean | Reduction::Max | Reduction::Min | Reduction::Value => Some(Unit::pure()),
             };
             let value = value.map(|u| size.as_ref().and_then(|s| s.times(u)));
             self.units.entry(&measure.name.name).or_insert(value);

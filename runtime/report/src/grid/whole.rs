@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::{Reader, Values, cell};
+use wfl_runtime::output::PART;
+
+use super::{Reader, Tag, Values, cell, entries};
 use crate::folder::{ReportError, bytes, damaged};
 
 /// A cell with all its nodes, in the order of VTK.
@@ -28,41 +30,36 @@ impl WholeCell {
     }
 }
 
-/// Reads the cells of this dimension of all pieces, and the names of all point and cell arrays of the file.
+/// Reads the cells of this dimension of all parts, and the names of all point and cell arrays of the file.
 pub(crate) fn read_whole(file: &Path, dim: usize) -> Result<(Whole, Vec<String>), ReportError> {
     let all = bytes(file)?;
     let reader = Reader::new(file, &all)?;
+    let wrong = || damaged(file, "its cells do not fit its points");
     let (mut whole, mut names) = (Whole::default(), Vec::new());
     for tags in &reader.pieces {
-        let types = reader.types(tags)?;
-        for tag in tags.arrays.iter().filter(|a| matches!(a.section.as_str(), "PointData" | "CellData")) {
+        let own = |a: &&Tag| matches!(a.section.as_str(), "PointData" | "CellData") && a.name != PART;
+        for tag in tags.arrays.iter().filter(own) {
             if !names.contains(&tag.name) {
                 names.push(tag.name.clone());
             }
         }
-        if !types.iter().any(|t| cell(*t).is_some_and(|c| c.0 == dim)) {
-            continue;
-        }
-        let wrong = || damaged(file, "its cells do not fit its points");
-        let before = whole.points.len();
+        let (types, nodes) = (reader.types(tags)?, reader.cells(tags)?);
         let flat = reader.floats(tags, reader.find(tags, "Points")?)?;
-        whole.points.extend(flat.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
-        let ends = reader.integers(reader.find(tags, "offsets")?, tags.n_cells)?;
-        let nodes = reader.integers(reader.find(tags, "connectivity")?, ends.last().copied().unwrap_or(0))?;
-        let mut start = 0;
-        for (kind, end) in types.iter().zip(ends) {
-            let (found, corners) = cell(*kind).ok_or_else(wrong)?;
-            let own = nodes.get(start..end).filter(|o| o.len() >= corners).ok_or_else(wrong)?;
-            if own.iter().any(|n| *n >= tags.n_points) {
-                return Err(wrong());
+        for part in reader.parts(tags)?.iter().filter(|part| part.dim == dim) {
+            let before = whole.points.len();
+            whole.points.extend(entries(&flat, 3, &part.points).chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
+            for k in part.cells.clone() {
+                let (found, corners) = cell(types[k]).ok_or_else(wrong)?;
+                if found != dim || nodes[k].len() < corners {
+                    return Err(wrong());
+                }
+                let nodes = nodes[k].iter().map(|n| n - part.points.start + before).collect();
+                whole.cells.push(WholeCell { kind: types[k], nodes });
             }
-            if found == dim {
-                whole.cells.push(WholeCell { kind: *kind, nodes: own.iter().map(|n| n + before).collect() });
+            for tag in tags.arrays.iter().filter(|a| a.section == "PointData") {
+                let numbers = entries(&reader.floats(tags, tag)?, tag.width, &part.points).to_vec();
+                add(&mut whole.point_data, &tag.name, tag.width, before, numbers);
             }
-            start = end;
-        }
-        for tag in tags.arrays.iter().filter(|a| a.section == "PointData") {
-            add(&mut whole.point_data, &tag.name, tag.width, before, reader.floats(tags, tag)?);
         }
     }
     // what lives on interfaces alone says nothing here

@@ -3,7 +3,10 @@
 use wfl::Diagnostic;
 use wfl_runtime::{Scene, coercivity, contact::Coercivity};
 
-use crate::Loaded;
+use crate::{
+    Loaded,
+    words::{number, short},
+};
 
 /// A line for the param whose value was found.
 #[must_use]
@@ -11,7 +14,7 @@ pub fn found_parameters(loaded: &Loaded, scene: &Scene) -> String {
     let auto = |e: &wfl::ast::Expr| matches!(&e.kind, wfl::ast::ExprKind::Name(word) if word == "auto");
     let names = loaded.script.params.iter().filter(|p| auto(&p.value)).map(|p| &p.name.name);
     let value = |name: &String| scene.params.iter().find(|p| p.0 == *name)?.1.values.first().copied();
-    names.filter_map(|name| Some(format!("{name} = {:.6e} (auto)\n", value(name)?))).collect()
+    names.filter_map(|name| Some(format!("{name} = {} (auto)\n", number(value(name)?)))).collect()
 }
 
 /// W503 for each Nitsche parameter below the smallest safe value, W504 for each that is out of proportion.
@@ -26,7 +29,7 @@ fn told(loaded: &Loaded, scene: &Scene, c: &Coercivity) -> Option<Diagnostic> {
     let (d, text, note) = if !c.is_safe() {
         (
             Diagnostic::new("W503", format!("theta = {} needs a larger gamma on this mesh", c.theta)),
-            format!("smallest safe value here: {:.4e}", c.smallest()),
+            format!("smallest safe value here: {}", short(c.smallest())),
             "below it the problem is not coercive, and Newton's method may fail; theta = 0 needs a quarter of the \
              value for theta = 1, theta = -1 has no bound",
         )
@@ -44,7 +47,7 @@ fn told(loaded: &Loaded, scene: &Scene, c: &Coercivity) -> Option<Diagnostic> {
     let param = loaded.script.params.iter().find(|p| matches!(same.as_slice(), [name] if **name == p.name.name));
     let d = match param {
         Some(p) => d.at(p.overridden.unwrap_or(p.value.span), text),
-        None => d.note(format!("gamma of `{}` is {:.4e}; {text}", c.term, c.gamma)),
+        None => d.note(format!("gamma of `{}` is {}; {text}", c.term, short(c.gamma))),
     };
     Some(d.note(note))
 }

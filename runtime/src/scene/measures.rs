@@ -1,0 +1,218 @@
+//! Measures: numbers at each step, by reducing an expression over a region, its nodes, or taking it at one point.
+//!
+//! Promises: on a region the points are those of its terms, so that measured forces are those that act and states are met;
+//! a value at a point is that of the first body, in the order of the fields, that has the expression and the point.
+
+use std::{cell::Cell, sync::Arc};
+
+use wfl::{
+    Diagnostic,
+    ast::{Expr, MeasureAt, Reduction},
+    at_expr,
+};
+use wfl_compiler::{ValueLaw, compile_value};
+
+use super::{
+    Builder, Measure, RuleChoice, constants::numbers, jumps, mappings, outputs::OutputMaker, states::states_read, terms,
+};
+use crate::{
+    assemble::{Domain, FieldValues},
+    element::{Element, Family},
+    field::Field,
+    finite::BadMeasure,
+    mesh::{CellKind, RegionSet},
+    quadrature::{Rule, vertex},
+    results::Located,
+    system::System,
+    value::{Sampled, Value},
+};
+
+impl Builder<'_> {
+    /// The rule of the terms on the place, so that measured forces are those that act and states are met; a higher one for
+    /// the integral of a polynomial that this rule does not integrate exactly.
+    fn rule_of_measure(&self, measure: &wfl::Measure, law: &ValueLaw, place: &str, rules: &terms::Rules) -> RuleChoice {
+        let own = law.degree.rule();
+        let given = self.script.quadratures.iter().flat_map(|q| &q.places).any(|p| p.name == place);
+        let summed = matches!(measure.reduction, Reduction::Integral | Reduction::Mean);
+        let free = !given && summed && law.degree.is_exact() && states_read(&self.fields, &law.inputs).next().is_none();
+        match rules.get(place).copied() {
+            Some(RuleChoice::Degree(degree)) if free => RuleChoice::Degree(degree.max(own)),
+            Some(choice) => choice,
+            None => RuleChoice::Degree(own),
+        }
+    }
+
+    pub(super) fn measures(&mut self, rules: &terms::Rules) -> Vec<Measure> {
+        let mut out = Vec::new();
+        for measure in &self.script.measures {
+            let mut parts = Vec::new();
+            if let MeasureAt::Point(x) = &measure.at {
+                parts.extend(self.at_point(measure, x, rules));
+            }
+            for place in &measure.places {
+                let Some((sig, set)) = self.term_maker().place(place) else { continue };
+                let law = compile_value(self.env, &sig, "measure", &measure.expr);
+                self.diagnostics.extend(law.diagnostics);
+                let Some(law) = law.value else { continue };
+                if !self.is_number(measure, &law) {
+                    continue;
+                }
+                if let Some(set) = &set {
+                    let (parts, diagnostics) = self.parts();
+                    jumps::check(parts, &place.name, set, &law.jumps, diagnostics);
+                }
+                let domain = match (&measure.at, &set) {
+                    (MeasureAt::Nodes, Some(set)) => self.nodes_of(set, &measure.expr),
+                    _ => {
+                        let choice = self.rule_of_measure(measure, &law, &place.name, rules);
+                        let there = mappings::fields_there(&law.inputs, []);
+                        let through = law.mapping.map(|mapping| mappings::Through { mapping, there });
+                        self.domain(&(place.name.clone(), set, through), choice, measure.expr.span)
+                    }
+                };
+                parts.extend(domain.and_then(|domain| self.taken(measure, law, domain)));
+            }
+            let (name, span) = (measure.name.name.clone(), measure.expr.span);
+            out.push(Measure { name, reduction: measure.reduction, parts, span });
+        }
+        out
+    }
+
+    /// Whether the expression of a measure has one number at each point.
+    fn is_number(&mut self, measure: &wfl::Measure, law: &ValueLaw) -> bool {
+        if law.shape.is_scalar_like() {
+            return true;
+        }
+        let d = Diagnostic::new("E108", format!("a measure is a scalar, found a {}", law.shape));
+        let d = d.help("one number at each point: a component v(1), v.Normal, or Norm(v)");
+        self.diagnostics.push(at_expr(d, &measure.expr, self.env.expansions, law.shape.to_string()));
+        false
+    }
+
+    /// The expression of a measure at the points of a domain.
+    fn taken(&mut self, measure: &wfl::Measure, law: ValueLaw, domain: Arc<Domain>) -> Option<(Value, Sampled)> {
+        let span = measure.expr.span;
+        match Value::new(law, self.batch) {
+            Ok(value) => match value.bind(&self.mesh, domain, &self.fields) {
+                Ok(sampled) => return Some((value, sampled)),
+                Err(e) => self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(span, "")),
+            },
+            Err(e) => self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(span, "")),
+        }
+        None
+    }
+
+    /// The nodes of the cells or faces of a region, as many as its fields of the highest degree have.
+    fn nodes_of(&mut self, set: &RegionSet, e: &Expr) -> Option<Arc<Domain>> {
+        let degree = self.fields.iter().map(Field::degree).max().unwrap_or(1).max(1);
+        let rule = |kind: CellKind| match Element::lagrange(kind, degree, Family::Continuous) {
+            Ok(element) => {
+                let points = element.points().to_vec();
+                Rule { kind, degree: 0, weights: vec![1.0; points.len()], points }
+            }
+            Err(_) => vertex(kind),
+        };
+        match Domain::new(&self.mesh, set, &rule) {
+            Ok(domain) => Some(Arc::new(domain)),
+            Err(error) => {
+                self.diagnostics.push(Diagnostic::new("E409", error.to_string()).at(e.span, ""));
+                None
+            }
+        }
+    }
+
+    /// The expression of a measure at one point; `None` after a message.
+    fn at_point(&mut self, measure: &wfl::Measure, x: &Expr, rules: &terms::Rules) -> Option<(Value, Sampled)> {
+        let found = numbers(self.env, "the point of a measure", x, self.diagnostics)?;
+        let dim = self.mesh.dim();
+        if found.len() != dim {
+            let d = Diagnostic::new("E108", format!("a point has {dim} coordinates here, found {}", found.len()));
+            self.diagnostics.push(d.at(x.span, ""));
+            return None;
+        }
+        let point = [0, 1, 2].map(|d| found.get(d).copied().unwrap_or(0.0));
+        let backend = self.batch;
+        let (parts, diagnostics) = self.parts();
+        let mut maker = OutputMaker { parts, rules, backend, diagnostics, law_seconds: Cell::new(0.0) };
+        let (bodies, faces) = (maker.bodies(), maker.faces_of_lines());
+        let homes = maker.homes(&bodies, &faces, &measure.expr);
+        let anywhere = !homes.is_empty();
+        let mut refused = None;
+        for (target, law) in homes {
+            if let Some(d) = mappings::refused(law.mapping, "a value at a point", measure.expr.span) {
+                refused = Some(d);
+                continue;
+            }
+            let Ok(located) = Located::new(&self.mesh, &target.support.region(), &[point]) else { continue };
+            if located.points.is_empty() {
+                continue;
+            }
+            if !self.is_number(measure, &law) {
+                return None;
+            }
+            let (parts, diagnostics) = self.parts();
+            jumps::check(parts, &target.sig.name, &target.support.region(), &law.jumps, diagnostics);
+            return self.taken(measure, law, located.domain);
+        }
+        if anywhere {
+            let (low, high) = self.mesh.bounds();
+            let missed = || {
+                let d = Diagnostic::new("E435", "the point is in no body that has this expression");
+                let d = d.at(x.span, format!("the mesh spans {:?} to {:?}", &low[..dim], &high[..dim]));
+                d.at(measure.expr.span, "of this")
+            };
+            self.diagnostics.push(refused.unwrap_or_else(missed));
+        }
+        None
+    }
+}
+
+impl Measure {
+    /// True if it reads the end of the previous step.
+    #[must_use]
+    pub fn reads_past(&self) -> bool {
+        self.parts.iter().any(|(value, _)| value.reads_past())
+    }
+
+    /// Where the expression is not finite, for a `value` that is not, at the state and step of the last
+    /// [`Self::evaluate`].
+    pub fn bad(&self, value: f64, system: &System, u: &[f64]) -> BadMeasure {
+        let current = system.slices(u);
+        let previous = system.previous_slices();
+        let values = FieldValues { current: &current, previous: &previous };
+        let at = self.parts.iter().find_map(|(v, sampled)| v.first_not_finite(&system.mesh, sampled, values));
+        BadMeasure { name: self.name.clone(), span: self.span, value, at }
+    }
+
+    /// Its value at a state.
+    pub fn evaluate(&mut self, system: &System, time: f64, increment: f64, u: &[f64]) -> f64 {
+        let current = system.slices(u);
+        let previous = system.previous_slices();
+        let values = FieldValues { current: &current, previous: &previous };
+        let (mut sum, mut size) = (0.0, 0.0);
+        let (mut largest, mut smallest) = (f64::NEG_INFINITY, f64::INFINITY);
+        // of a sum with an infinite part nothing is known, and neither of the largest of values of which one is none
+        let mut broken: Option<f64> = None;
+        for (value, sampled) in &mut self.parts {
+            value.set_step(time, increment);
+            value.for_each_point(&system.mesh, sampled, values, |_, _, _, weight, v| {
+                sum += weight * v[0];
+                size += weight;
+                largest = largest.max(v[0]);
+                smallest = smallest.min(v[0]);
+                if !v[0].is_finite() && !broken.is_some_and(f64::is_nan) {
+                    broken = Some(v[0]);
+                }
+            });
+        }
+        if let Some(value) = broken {
+            return value;
+        }
+        match self.reduction {
+            Reduction::Integral => sum,
+            Reduction::Mean => sum / size,
+            Reduction::Max | Reduction::Value => largest,
+            Reduction::Min => smallest,
+        }
+    }
+}
