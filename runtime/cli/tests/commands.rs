@@ -60,7 +60,7 @@ fn run_prints_a_summary_and_is_quiet_otherwise() {
     folder.write("rod.wfl", ROD);
     let ran = wfl(&folder.0, &["run", "rod.wfl"]);
     assert_eq!((ran.code, ran.err.as_str()), (0, ""), "{}", ran.out);
-    for part in ["4 unknowns, 1 of 1 steps converged", "tip = 2.0", "text to kernels", "results in out/rod"] {
+    for part in ["4 unknowns, 1 of 1 steps converged", "tip = 0.02\n", "text to kernels", "results in out/rod"] {
         assert!(ran.out.contains(part), "{part}: {}", ran.out);
     }
     assert!(folder.0.join("out/rod/report.json").is_file());

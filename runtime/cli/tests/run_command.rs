@@ -90,7 +90,7 @@ fn a_run_writes_its_files_and_says_where() {
     let output = folder.wfl(&["run", "bar.wfl"]);
     assert_eq!(code(&output), 0, "{}", said(&output));
     let expected = ["bar.pvd", "bar_0000.vtu", "bar_0001.vtu", "bar_0002.vtu"];
-    let tables = ["line_0000.csv", "line_0001.csv", "line_0002.csv", "manifest.json", "report.json"];
+    let tables = ["line_0000.csv", "line_0001.csv", "line_0002.csv", "manifest.json", "measures.csv", "report.json"];
     assert_eq!(folder.names("out/bar"), [&expected[..], &tables].concat());
     let summary = String::from_utf8(output.stdout.clone()).expect("UTF-8");
     assert!(summary.contains("3 of 3 steps converged") && summary.contains("out/bar"), "{summary}");
@@ -311,7 +311,7 @@ fn a_number_that_is_not_finite_stops_the_run_at_its_place() {
     // with what the next run goes on from
     let pairs = ["bar_0000.vtu", "bar_0001.vtu", "checkpoint.wflc", "checkpoint_steps.wflc"];
     let names: Vec<&str> = ["bar.pvd"].into_iter().chain(pairs).collect();
-    let lines = ["line_0000.csv", "line_0001.csv", "manifest.json", "report.json"];
+    let lines = ["line_0000.csv", "line_0001.csv", "manifest.json", "measures.csv", "report.json"];
     assert_eq!(folder.names("out/scene"), [names, lines.to_vec()].concat());
     let pvd = std::fs::read_to_string(folder.0.join("out/scene/bar.pvd")).expect("a collection");
     assert!(!pvd.contains("bar_0002"), "{pvd}");
@@ -360,7 +360,8 @@ fn a_step_that_does_not_converge_is_marked() {
         message.contains("error[E603]") && message.contains("did not converge in 18 iterations (6 attempts)"),
         "{message}"
     );
-    assert_eq!(folder.names("out/scene"), ["manifest.json", "report.json"], "no fields of a state that solves nothing");
+    let left = ["manifest.json", "measures.csv", "report.json"];
+    assert_eq!(folder.names("out/scene"), left, "no fields of a state that solves nothing");
     let report = folder.report("out/scene");
     assert_eq!(report["steps"][0]["converged"], false);
     assert_eq!(report["steps"][0]["stop"], "maxit");
