@@ -320,7 +320,7 @@ fn solver(script: &mut ResolvedScript, name: &str, value: &str) {
     let kind = number(value).map_or_else(|| ExprKind::Name(value.to_owned()), ExprKind::Number);
     let value = OptionValue::Expr(Expr { kind, span, expansion: None });
     solver.options.retain(|o| o.name.name != name);
-    solver.options.push(OptionItem { name: ident(name), value: Some(value) });
+    solver.options.push(OptionItem { name: ident(name), value: Some(value), places: Vec::new() });
 }
 
 /// Words that a size of the mesh is computed from.

@@ -28,15 +28,16 @@ pub use left_out::LeftOut;
 pub use newton::{LinearSolver, Singular};
 pub use pruning::{Pruning, Saving};
 pub use run::{
-    Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, FRUITLESS, KeptStep, KeptTable, Memory, Outcome, Path,
-    Progress, Quiet, RunError, RunOptions, Session, StepResult, finished, may_begin, run, save,
+    Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Episode, FRUITLESS, KeptStep, KeptTable, Memory, Outcome,
+    Path, Progress, Quiet, RunError, RunOptions, Session, StepResult, finished, may_begin, run, save,
 };
 pub use savings::{SavingError, savings};
 pub use scene::{
-    CallerValues, CsvOutput, GiveError, Given, InputFile, Measure, NamedRegion, Over, PrepareTimes, Prepared,
-    Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples, Scene, SceneBox, Sketch, Source, StateAt,
-    StateUpdate, Steps, TermSummary, VtkOutput, coarse_loads, coercivity, contact_forms, hourglasses, locked_bodies,
-    messages_without_mesh, n_files, negative_bodies, prepare, prepare_keeping, prepare_refined, without_auto,
+    Auto, Cadence, CallerValues, CsvOutput, EventRule, Every, GiveError, Given, InputFile, Measure, NamedRegion, Over,
+    PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples, Scene, SceneBox,
+    Sketch, Source, StateAt, StateUpdate, StepPlace, Steps, TermSummary, VtkOutput, coarse_loads, coercivity,
+    contact_forms, hourglasses, locked_bodies, messages_without_mesh, negative_bodies, prepare, prepare_keeping,
+    prepare_refined, without_auto,
 };
 pub use solve::SolverMemory;
 pub use system::{

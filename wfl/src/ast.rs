@@ -18,6 +18,8 @@ pub struct OptionItem {
     pub name: Ident,
     /// The value, if one is written.
     pub value: Option<OptionValue>,
+    /// `on r, s` behind the value: where the reductions in it are taken.
+    pub places: Vec<Ident>,
 }
 
 /// The value of an option.
@@ -412,7 +414,7 @@ pub enum ItemKind {
         /// Its place.
         path_span: Span,
     },
-    /// `steps t = a to b by c with …`
+    /// `steps t = a to b by c [unit] with …`
     Steps {
         /// The name of the load parameter or time.
         variable: Ident,
@@ -420,8 +422,10 @@ pub enum ItemKind {
         from: Expr,
         /// Last value.
         to: Expr,
-        /// Step.
+        /// Step; the word `auto` for steps that the run chooses.
         by: Expr,
+        /// The unit of the variable.
+        unit: Option<Unit>,
         /// `with …`
         options: Vec<OptionItem>,
     },
@@ -452,9 +456,18 @@ pub enum ItemKind {
         /// At which points.
         at: MeasureAt,
     },
+    /// `event e = c on r`
+    Event {
+        /// Its name.
+        name: Ident,
+        /// What holds while it lasts.
+        condition: Cond,
+        /// Where the reductions in the condition are taken.
+        places: Vec<Ident>,
+    },
     /// `expect c`
     Expect(Cond),
-    /// `output vtk "name" every k : a, b as n along P to Q with …`
+    /// `output vtk "name" every k when e : a, b as n along P to Q with …`
     Output {
         /// `vtk` or `csv`.
         format: Ident,
@@ -462,10 +475,14 @@ pub enum ItemKind {
         file: String,
         /// `every k`: of how many steps one is written.
         every: Option<Expr>,
+        /// `when e`: the event during which it is written.
+        when: Option<Ident>,
         /// What is written.
         items: Vec<OutputItem>,
         /// Ends of the line it is sampled on.
         along: Option<(Expr, Expr)>,
+        /// `at P, Q`: points of which a series over the steps is written.
+        at: Vec<Expr>,
         /// `with …`
         options: Vec<OptionItem>,
     },

@@ -232,7 +232,7 @@ impl State {
     fn introduces(&self, word: &str) -> bool {
         is_keyword(word)
             || self.is_mesh && ["box", "file", "size", "map"].contains(&word)
-            || self.is_output && word == "every"
+            || self.is_output && ["every", "at"].contains(&word)
             || word == "point"
     }
 

@@ -23,6 +23,7 @@ pub const STATEMENTS: &[&str] = &[
     "solver",
     "quadrature",
     "measure",
+    "event",
     "output",
     "expect",
 ];

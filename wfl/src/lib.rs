@@ -54,8 +54,9 @@ pub use reference::{Phrase, StatementRow, phrases, statement_page, statement_row
 pub use render::{at_expr, render, visible};
 pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SOLVERS, Unloaded, resolve};
 pub use script::{
-    Condition, DataValue, Expect, Field, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output, OutputQuantity,
-    Param, Quadrature, Refinement, Region, ResolvedScript, Solver, Split, Start, StartKind, Steps, Term,
+    Condition, DataValue, Event, Expect, Field, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output,
+    OutputQuantity, Param, Quadrature, Refinement, Region, ResolvedScript, Solver, Split, Start, StartKind, Steps,
+    Term, is_auto,
 };
 pub use source::{Source, SourceId, SourceMap, Span};
 pub use templates::{TEMPLATES, Template};

@@ -9,6 +9,7 @@ mod names;
 mod options;
 mod parts;
 mod statements;
+mod watch;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,7 +18,7 @@ use crate::{
     diag::{Checked, Diagnostic},
     lost::Lost,
     macros::Expander,
-    script::{Condition, MacroInfo, OutputQuantity, Region, ResolvedScript},
+    script::{Condition, Event, MacroInfo, OutputQuantity, Region, ResolvedScript},
     source::{SourceId, SourceMap, Span},
     units::check_units,
     walk::{cond_children, each_name as names_of},
@@ -42,7 +43,7 @@ pub struct Override {
 pub const OPTIONS: &[(&str, &[&str])] = &[
     ("mesh", &["idle_cells"]),
     ("multiplier", &["crosspoints"]),
-    ("steps", &["halve", "most", "on_fail"]),
+    ("steps", &["error", "first", "halve", "least", "limit", "most", "on_fail"]),
     ("solver", &["accuracy", "amg", "cg", "direct", "max_iter", "of", "search", "tol"]),
     ("output", &["points"]),
 ];
@@ -112,6 +113,7 @@ fn empty(main: SourceId) -> ResolvedScript {
         solver: None,
         quadratures: Vec::new(),
         measures: Vec::new(),
+        events: Vec::new(),
         expects: Vec::new(),
         outputs: Vec::new(),
         macros: Vec::new(),
@@ -161,6 +163,10 @@ impl<'d> Resolver<'d> {
         kept.extend(s.mappings.iter().map(|m| m.name.name.as_str()));
         kept.extend(s.macros.iter().map(|m| m.name.name.as_str()));
         kept.extend(s.steps.iter().map(|t| t.variable.name.as_str()));
+        let of_events = |event: &Event| Event::NUMBERS.map(|end| format!("{}{end}", event.name.name));
+        let of_events: Vec<String> = s.events.iter().flat_map(of_events).collect();
+        kept.extend(s.events.iter().map(|e| e.name.name.as_str()));
+        kept.extend(of_events.iter().map(String::as_str));
         let regions: BTreeSet<&str> = s.regions.iter().map(|r| r.name.name.as_str()).collect();
         for (name, (kind, _)) in self.names.values.iter().filter(|(n, _)| !kept.contains(n.as_str())) {
             s.lost.add(name);

@@ -3,7 +3,9 @@
 //! Words inside expressions are not looked up here; the compiler does that, where shapes and places are known.
 
 use crate::{
-    ast::{Cond, Domain, Expansions, Expr, Ident, MappingKind, MeasureAt, MeshSource, OptionItem, QuadratureRule},
+    ast::{
+        Cond, Domain, Expansions, Expr, ExprKind, Ident, MappingKind, MeasureAt, MeshSource, OptionItem, QuadratureRule,
+    },
     ast::{Reduction, Refine, RegionExpr, Space, Target, Unit},
     diag::Diagnostic,
     lost::Lost,
@@ -48,6 +50,8 @@ pub struct ResolvedScript {
     pub quadratures: Vec<Quadrature>,
     /// Numbers to print.
     pub measures: Vec<Measure>,
+    /// What begins and ends during the steps.
+    pub events: Vec<Event>,
     /// Conditions that must hold at the end.
     pub expects: Vec<Expect>,
     /// Files to write.
@@ -271,12 +275,51 @@ pub struct Steps {
     pub from: Expr,
     /// Last value.
     pub to: Expr,
-    /// Step.
+    /// Step; the word `auto` for steps that the run chooses, see [`Steps::is_auto`].
     pub by: Expr,
+    /// The unit of the variable.
+    pub unit: Option<Unit>,
+    /// Quantities of a state that `limit` is made of; their names stand in it.
+    pub watched: Vec<Measure>,
     /// Options.
     pub options: Vec<OptionItem>,
     /// The statement.
     pub span: Span,
+}
+
+impl Steps {
+    /// True if the run chooses its steps.
+    #[must_use]
+    pub fn is_auto(&self) -> bool {
+        is_auto(&self.by)
+    }
+}
+
+/// True for the word `auto`.
+#[must_use]
+pub fn is_auto(e: &Expr) -> bool {
+    matches!(&e.kind, ExprKind::Name(word) if word == "auto")
+}
+
+/// `event ...`: it lasts while the left side is larger than the right one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// Its name.
+    pub name: Ident,
+    /// The side that is larger while it lasts.
+    pub larger: Expr,
+    /// The other side.
+    pub smaller: Expr,
+    /// Quantities of a state that both sides are made of; their names stand in them.
+    pub watched: Vec<Measure>,
+    /// The statement.
+    pub span: Span,
+}
+
+impl Event {
+    /// What `expect` knows of an event, behind its name: how often it began, when first and last, and the time between its
+    /// last two beginnings.
+    pub const NUMBERS: [&'static str; 4] = ["_count", "_first", "_last", "_interval"];
 }
 
 /// `solver ...`
@@ -338,10 +381,14 @@ pub struct Output {
     pub file: String,
     /// Of how many steps one is written; each without it.
     pub every: Option<Expr>,
+    /// The event during which it is written; always without it.
+    pub when: Option<Ident>,
     /// What is written.
     pub items: Vec<OutputQuantity>,
     /// Ends of the line it is sampled on.
     pub along: Option<(Expr, Expr)>,
+    /// Points of which a series over the steps is written.
+    pub at: Vec<Expr>,
     /// Options.
     pub options: Vec<OptionItem>,
     /// The statement.

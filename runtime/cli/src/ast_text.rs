@@ -57,7 +57,7 @@ fn statement(sources: &SourceMap, item: &Item, out: &mut String) {
                 part(i.name.as_ref().map_or("quantity", |n| n.name.as_str()), &i.expr);
             }
         }
-        ItemKind::Expect(c) => condition(c, 2, out),
+        ItemKind::Expect(c) | ItemKind::Event { condition: c, .. } => condition(c, 2, out),
         _ => {}
     }
 }

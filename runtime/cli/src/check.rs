@@ -17,7 +17,6 @@ use wfl_runtime::{
     element::Family,
     field::FieldSpace,
     mesh::{self, FacetId, RegionSet},
-    n_files,
     newton::planned_stages,
     solve::{Linked, SolverOptions},
 };
@@ -332,7 +331,7 @@ fn conditions(loaded: &Loaded, scene: &Scene) -> Table {
     script.quadratures.iter().for_each(|q| push("rule", q.span));
     script.expects.iter().for_each(|e| push("expected", e.span));
     if let Some(steps) = &script.steps {
-        push(&format!("{} steps", scene.steps.values.len()), steps.span);
+        push(&scene.steps.listed().map_or_else(|| "chosen steps".to_owned(), |n| format!("{n} steps")), steps.span);
     }
     table
 }
@@ -369,13 +368,13 @@ fn measures(loaded: &Loaded) -> Table {
 /// What is written, and what a run of all steps would write of it.
 fn outputs(loaded: &Loaded, scene: &Scene) -> Table {
     let mut table = Table::new("outputs", &["format", "file", "quantities", "files", "about MB"]);
-    let n_steps = scene.steps.values.len();
-    let vtk = scene.vtk.iter().map(|v| ("vtk", &v.file, v.every, v.bytes()));
-    let made: Vec<_> = vtk.chain(scene.csv.iter().map(|c| ("csv", &c.file, c.every, c.bytes()))).collect();
+    let vtk = scene.vtk.iter().map(|v| ("vtk", &v.file, &v.every, v.bytes()));
+    let made: Vec<_> = vtk.chain(scene.csv.iter().map(|c| ("csv", &c.file, &c.every, c.bytes()))).collect();
     for o in &loaded.script.outputs {
         let items: Vec<Value> = o.items.iter().map(|i| i.name.clone().into()).collect();
         let found = made.iter().find(|m| (m.0, m.1) == (o.format.name.as_str(), &o.file));
-        let files = found.map_or(0, |m| n_files(m.2, n_steps));
+        // where nothing bounds them, as many as steps are expected
+        let files = found.map_or(0, |m| m.2.n_files(&scene.steps).unwrap_or_else(|| scene.steps.expected()));
         #[expect(clippy::cast_precision_loss, reason = "a size with few digits")]
         let size = found.map_or(0.0, |m| short((files * m.3) as f64 / 1e6));
         table.push(vec![o.format.name.clone().into(), o.file.clone().into(), items.into(), files.into(), size.into()]);
@@ -387,7 +386,7 @@ fn system(scene: &Scene, library: Option<Linked>) -> Table {
     let numbering = &scene.system.numbering;
     let mut table = Table::new("system", &["dofs", "fixed", "free", "solver"]);
     let free = numbering.n_free();
-    let solutions = scene.steps.values.len();
+    let solutions = scene.steps.expected();
     let options = SolverOptions { method: scene.newton.linear, solutions, library, ..SolverOptions::default() };
     let solver = LinearSolver::plan(&scene.system, &options);
     table.push(vec![numbering.n_dofs.into(), (numbering.n_dofs - free).into(), free.into(), solver.into()]);

@@ -59,9 +59,16 @@ impl Progress for Terminal {
         }
     }
 
-    fn step(&mut self, number: usize, count: usize, time: f64) {
+    fn step(&mut self, number: usize, count: Option<usize>, time: f64) {
+        let of = count.map_or_else(String::new, |n| format!(" of {n}"));
+        // a step that the run chooses has no end yet
+        let at = if count.is_some() { "" } else { "from " };
         let terminal = std::io::stderr().is_terminal();
-        if self.bar.is_none() && count > 1 && self.loudness != Loudness::Quiet && terminal {
+        if let Some(count) = count.filter(|n| *n > 1)
+            && self.bar.is_none()
+            && self.loudness != Loudness::Quiet
+            && terminal
+        {
             let bar = ProgressBar::new(count as u64).with_position(number as u64);
             if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} steps, {elapsed} ({eta} left) {msg}")
             {
@@ -73,13 +80,13 @@ impl Progress for Terminal {
             self.bar = Some(bar);
         }
         if let Some(heartbeat) = &self.heartbeat {
-            heartbeat.step(format!("step {} of {count}, t = {time}", number + 1));
+            heartbeat.step(format!("step {}{of}, {at}t = {time}", number + 1));
         }
         if let Some(bar) = &self.bar {
             bar.set_message(format!("t = {time}"));
         }
         if self.loudness == Loudness::Verbose {
-            self.line(&format!("step {} of {count}, t = {time}", number + 1));
+            self.line(&format!("step {}{of}, {at}t = {time}", number + 1));
         }
     }
 
@@ -114,8 +121,11 @@ impl Progress for Terminal {
         {
             self.line(&line);
         }
+        // of steps that the run chooses there are many
+        let listed = step.attempts.first().is_none_or(|a| a.path != Path::Chosen);
+        let terminal = listed && std::io::stderr().is_terminal();
         let show = self.loudness == Loudness::Verbose
-            || (self.loudness == Loudness::Normal && (std::io::stderr().is_terminal() || !step.history.converged()));
+            || (self.loudness == Loudness::Normal && (terminal || !step.history.converged()));
         if show {
             let last = step.history.iterations.last();
             let contact = last
@@ -139,10 +149,10 @@ impl Progress for Terminal {
 fn parts(step: &StepResult) -> Option<String> {
     let solved: Vec<&Attempt> = step.parts().iter().filter(|a| a.end == AttemptEnd::Converged).collect();
     let failed = step.parts().len() - solved.len();
-    let path = step.parts().first()?.path;
+    let path = step.parts().first().map(|a| a.path).filter(|p| *p != Path::Chosen)?;
     let smallest = step.parts().iter().map(|a| a.part.1 - a.part.0).fold(1.0, f64::min);
     let what = match path {
-        Path::Steps => "the increment",
+        Path::Steps | Path::Chosen => "the increment",
         Path::Load => "the load of the first step",
     };
     let done = if step.history.converged() { "solved" } else { "NOT solved" };

@@ -51,7 +51,7 @@ impl Ready {
 
     pub(crate) fn go(&mut self, scene: &mut Scene) -> Result<Outcome, RunError> {
         let mut terminal = Terminal::new(self.loudness);
-        let several = scene.steps.values.len() > 1 && self.resumable;
+        let several = scene.steps.several() && self.resumable;
         let hint = if several { "the steps done are kept: the same command with --resume continues" } else { "" };
         let _tidied = self.options.out.clone().map(|folder| Tidied::new(folder, hint));
         wfl_runtime::run(scene, &self.options, &mut terminal)

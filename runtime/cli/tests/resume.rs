@@ -66,12 +66,36 @@ fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
 fn a_run_killed_at_any_moment_goes_on_to_the_same_bytes() {
     let folder = Folder::new("killed");
     let scene = fault(&folder);
+    goes_on_to_the_same_bytes(&folder, &scene, 20);
+}
+
+/// Steps that the run chooses depend on what it remembers of earlier solutions and of their errors.
+#[test]
+fn a_run_with_steps_of_its_own_choice_goes_on_to_the_same_bytes() {
+    let folder = Folder::new("killed_auto");
+    let scene = folder.0.join("heated.wfl");
+    let text = r#"wfl 1
+mesh box [0,0] to [1,1] cells [10,10] quad
+region rim = faces where x == 0
+unknown u : scalar
+state s : scalar on all := Previous_s + timestep*u
+term on all : Dot_u*Test_u + (1 + u*u)*Grad_u.Grad_Test_u - (if t > 0.5 then 10 else sin(9*t))*Test_u + Previous_s*Test_u
+fix u = 0 on rim
+steps t = 0 to 1 by auto with error=1e-3, limit=0.05/(0.5 + max(u)) on all
+measure m = mean(u) on all
+output vtk "u" : u
+"#;
+    std::fs::write(&scene, text).expect("writable");
+    goes_on_to_the_same_bytes(&folder, &scene, 50);
+}
+
+fn goes_on_to_the_same_bytes(folder: &Folder, scene: &Path, n_files: usize) {
     let whole = folder.0.join("whole");
     let begin = Instant::now();
-    assert!(run(&scene, &whole, &[]).status.success());
+    assert!(run(scene, &whole, &[]).status.success());
     let all = begin.elapsed();
     let expected = results(&whole);
-    assert!(expected.len() > 20 && !expected.contains_key("checkpoint.wflc"));
+    assert!(expected.len() > n_files && !expected.contains_key("checkpoint.wflc"));
     // delays spread over the run by the golden ratio: every trial meets other moments
     let out = folder.0.join("killed");
     let (mut part, mut kills) = (0.0f64, 0);
@@ -79,7 +103,7 @@ fn a_run_killed_at_any_moment_goes_on_to_the_same_bytes() {
         let _ = std::fs::remove_dir_all(&out);
         let mut more: &[&str] = &[];
         loop {
-            let mut child = command(&scene, &out, more).spawn().expect("the command starts");
+            let mut child = command(scene, &out, more).spawn().expect("the command starts");
             part = (part + 0.618_033_988_75).fract();
             std::thread::sleep(Duration::from_secs_f64((0.05 + 0.6 * part) * all.as_secs_f64()));
             if child.try_wait().expect("our own child").is_some_and(|status| status.success()) {
@@ -91,7 +115,7 @@ fn a_run_killed_at_any_moment_goes_on_to_the_same_bytes() {
             more = &["--resume"];
             if kills > 60 {
                 // a machine so busy that nothing is reached: finish
-                assert!(run(&scene, &out, more).status.success());
+                assert!(run(scene, &out, more).status.success());
                 break;
             }
         }

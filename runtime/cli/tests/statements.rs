@@ -278,6 +278,55 @@ fn each_nth_step_and_the_last_are_written() {
     assert!(told["outputs"][0]["about_MB"].as_f64().is_some_and(|mb| mb > 1e-4 && mb < 0.1), "{told}");
 }
 
+/// Steps that the run chooses: series and measures over all steps, files where the step variable or an event says.
+#[test]
+fn series_and_files_over_time() {
+    let folder = Folder::new("over_time");
+    let scene = "mesh box [0,0] to [1,1] cells [2,2] quad\nregion west = faces where x == 0\nparam yr = 0.25 [s]\n\
+        unknown u : scalar\nunknown v : scalar on west\nterm a on all : (Dot_u + u - t)*Test_u\n\
+        term b on west : (v - 2*u)*Test_v\nsteps t = 0 to 1 by auto with error=1e-4, first=1e-4\n\
+        measure m = max(u) on all\nevent late = t > 0.6\noutput csv \"s\" : u, v as twice at [0,0.5], [0,1]\n\
+        output vtk \"a\" every yr : u\noutput vtk \"b\" when late : u\noutput csv \"c\" : u along [0,0] to [1,0]\n";
+    let (output, text) = folder.run(scene, &["--out", "o"]);
+    assert!(output.status.success(), "{text}");
+    let read = |name: &str| std::fs::read_to_string(folder.0.join("o").join(name)).expect("a file");
+    let rows = |name: &str| -> Vec<Vec<f64>> {
+        read(name).lines().skip(1).map(|l| l.split(',').map(|x| x.parse().expect("a number")).collect()).collect()
+    };
+    assert!(read("s.csv").starts_with("t,x,y,u,twice\n") && read("measures.csv").starts_with("t,m\n"));
+    let (series, measures) = (rows("s.csv"), rows("measures.csv"));
+    assert!(series.len() == 2 * measures.len() && measures.len() > 20, "{} {}", series.len(), measures.len());
+    for (k, row) in series.iter().enumerate() {
+        assert_eq!(row[..3], [measures[k / 2][0], 0.0, if k % 2 == 0 { 0.5 } else { 1.0 }]);
+        assert!((row[3] - measures[k / 2][1]).abs() < 1e-12 && (row[4] - 2.0 * row[3]).abs() < 1e-12, "{row:?}");
+    }
+    let times = |index: &str| -> Vec<f64> {
+        let of = |line: &str| Some(line.split_once("timestep=\"")?.1.split_once('"')?.0.parse().expect("a number"));
+        read(index).lines().filter_map(of).collect()
+    };
+    assert_eq!(times("a.pvd"), [0.0, 0.25, 0.5, 0.75, 1.0]);
+    let late = times("b.pvd");
+    assert!(late[0] == 0.0 && late.len() > 2 && late[1..].iter().all(|t| *t > 0.6), "{late:?}");
+}
+
+/// Each equation is solved to its own rounding, whatever the size of the others: coefficients from 1e-30 to 1e30.
+#[test]
+fn equations_of_any_size_are_solved_beside_each_other() {
+    let folder = Folder::new("sizes");
+    for (large, small) in [("1", "1"), ("1e30", "1e-30"), ("1e-30", "1e30"), ("1e12", "1"), ("1", "1e-12")] {
+        let scene = format!(
+            "mesh box [0,0] to [1,1] cells [1,1] quad with idle_cells=allowed\nparam c = {large}\nparam d = {small}\n\
+             unknown p : scalar global\nunknown q : scalar global\nunknown r : scalar global\n\
+             term a on global : c*(exp(p) - 2)*Test_p\nterm b on global : d*(q^3 - 8*p)*Test_q\n\
+             term e on global : (r^2 - c/d*d/c*q)*Test_r\nstart p = 3\nstart q = 3\nstart r = 1\n\
+             measure mp = max(p) on global\nmeasure mq = max(q) on global\nmeasure mr = max(r) on global\n\
+             expect abs(mp - log(2)) < 1e-14\nexpect abs(mq^3/(8*log(2)) - 1) < 1e-14\nexpect abs(mr^2/mq - 1) < 1e-14\n"
+        );
+        let (output, text) = folder.run(&scene, &[]);
+        assert!(output.status.success(), "{large} {small}: {text}");
+    }
+}
+
 #[test]
 fn more_threads_than_help_are_told_and_not_taken() {
     let folder = Folder::new("threads");

@@ -63,7 +63,8 @@ pub(crate) fn contexts(script: &ResolvedScript) -> Vec<Context<'_>> {
     list.extend(script.fixes.iter().map(|f| at_points(&f.value)));
     list.extend(script.params.iter().map(|p| at_points(&p.value)));
     list.extend(script.mesh.iter().filter_map(|m| m.map.as_ref()).map(at_points));
-    list.extend(script.steps.iter().flat_map(|s| [&s.from, &s.to, &s.by]).map(at_points));
+    list.extend(script.steps.iter().flat_map(|s| [&s.from, &s.to]).map(at_points));
+    list.extend(script.steps.iter().filter(|s| !s.is_auto()).map(|s| at_points(&s.by)));
     list.extend(script.starts.iter().filter_map(|s| match &s.kind {
         StartKind::Field { value, .. } => Some(at_points(value)),
         StartKind::File { .. } => None,

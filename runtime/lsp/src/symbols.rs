@@ -180,6 +180,7 @@ impl<'a> Reader<'a> {
             if let Some(OptionValue::Expr(e)) = &option.value {
                 self.expr(e);
             }
+            self.regions(&option.places);
         }
     }
 
@@ -246,7 +247,9 @@ impl<'a> Reader<'a> {
                 self.equation(&item.kind);
             }
             ItemKind::Steps { .. } | ItemKind::Solver { .. } | ItemKind::Quadrature { .. } => self.request(&item.kind),
-            ItemKind::Measure { .. } | ItemKind::Expect(_) | ItemKind::Output { .. } => self.request(&item.kind),
+            ItemKind::Measure { .. } | ItemKind::Event { .. } | ItemKind::Expect(_) | ItemKind::Output { .. } => {
+                self.request(&item.kind)
+            }
             _ => self.declaration(&item.kind),
         }
     }
@@ -360,9 +363,10 @@ impl<'a> Reader<'a> {
 
     fn request(&mut self, kind: &ItemKind) {
         match kind {
-            ItemKind::Steps { variable, from, to, by, options } => {
+            ItemKind::Steps { variable, from, to, by, options, .. } => {
                 self.declare(variable, Kind::Steps);
-                self.exprs([from, to, by]);
+                self.exprs([from, to]);
+                self.exprs((!wfl::is_auto(by)).then_some(by));
                 self.options(options);
             }
             ItemKind::Solver { options, .. } => self.options(options),
@@ -380,9 +384,15 @@ impl<'a> Reader<'a> {
                     self.expr(x);
                 }
             }
+            ItemKind::Event { name, condition, places } => {
+                self.declare(name, Kind::Measure);
+                self.cond(condition);
+                self.regions(places);
+            }
             ItemKind::Expect(condition) => self.cond(condition),
-            ItemKind::Output { every, items, along, options, .. } => {
-                self.exprs(every);
+            ItemKind::Output { every, when, items, along, at, options, .. } => {
+                self.exprs(every.iter().chain(at));
+                when.iter().for_each(|e| self.value(e));
                 self.exprs(items.iter().map(|i| &i.expr));
                 if let Some((from, to)) = along {
                     self.exprs([from, to]);
@@ -404,7 +414,7 @@ impl<'a> Reader<'a> {
             "data" => Some(Kind::Data),
             "state" => Some(Kind::State),
             "def" => Some(Kind::Def),
-            "measure" => Some(Kind::Measure),
+            "measure" | "event" => Some(Kind::Measure),
             "mapping" => Some(Kind::Mapping),
             "steps" => Some(Kind::Steps),
             "region" => Some(Kind::Region),

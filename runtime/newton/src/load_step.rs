@@ -59,6 +59,8 @@ pub(super) struct Measured {
     pub(super) relative: f64,
     /// What rounding leaves of it.
     pub(super) floor: f64,
+    /// The residual of every field is as small as rounding or the tolerance allows in that field.
+    pub(super) settled: bool,
     /// Weighted 2-norm of `residual` over the free dofs, for the search.
     pub(super) norm: f64,
     /// What rounding leaves of that norm.
@@ -71,8 +73,7 @@ impl Measured {
         if self.relative <= options.tolerance {
             return Some(Stop::Tolerance);
         }
-        // not finite, the floor says that nothing is known, not that nothing is left to do
-        (self.floor.is_finite() && self.relative <= self.floor).then_some(Stop::Floor)
+        self.settled.then_some(Stop::Floor)
     }
 }
 
@@ -105,7 +106,7 @@ impl LoadStep<'_> {
         let scales = system.scales(&written, &sizes);
         // against a scale without bound every residual is small
         system.check_finite("sum of the sizes of forces", &sizes, u)?;
-        let (mut relative, mut floor) = (0.0f64, 0.0f64);
+        let (mut relative, mut floor, mut settled) = (0.0f64, 0.0f64, true);
         for field in 0..system.fields.len() {
             let Some(range) = system.range(field) else { continue };
             let roundoff = roundoff(&u[range.clone()]);
@@ -113,8 +114,12 @@ impl LoadStep<'_> {
             let cancelled = largest_of(range.clone().map(|d| sizes[d]));
             let largest = largest_of(range.filter(free).map(|d| written.values[d]));
             if largest > 0.0 {
-                relative = relative.max(largest / scales[field]);
-                floor = floor.max(FLOOR_FACTOR * roundoff * cancelled / scales[field]);
+                let (here, least) = (largest / scales[field], FLOOR_FACTOR * roundoff * cancelled / scales[field]);
+                relative = relative.max(here);
+                floor = floor.max(least);
+                // each field for itself: rounding of one says nothing of another. Not finite, a floor says that nothing
+                // is known, not that nothing is left to do
+                settled &= here <= self.options.tolerance || least.is_finite() && here <= least;
             }
         }
         let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, &norm.weights);
@@ -124,7 +129,7 @@ impl LoadStep<'_> {
             written.values.clone()
         };
         let norm = self.weighted_norm(&residual, &norm.weights);
-        Ok(Measured { residual, written, relative, floor, norm, rounding })
+        Ok(Measured { residual, written, relative, floor, settled, norm, rounding })
     }
 
     /// The 2-norm over the free dofs, each times the weight of its field. Where squares leave the range of numbers the

@@ -5,10 +5,9 @@ use std::{collections::BTreeSet, path::PathBuf, time::Instant};
 use wfl::Diagnostic;
 use wfl_jit::JitBackend;
 use wfl_runtime::{
-    Outcome, RunError, RunOptions, Scene, Session,
+    Cadence, Outcome, RunError, RunOptions, Scene, Session,
     contact::{ContactPoints, contact_points},
     field::FieldSpace,
-    n_files,
 };
 use wfl_tasks::{
     Loaded, VERSION, advice, available_threads,
@@ -128,9 +127,12 @@ impl Work {
 
     /// The steps whose outputs are kept for pictures.
     fn shown(&self) -> Vec<usize> {
-        let n = self.scene.steps.values.len();
-        let vtk = self.scene.vtk.iter().map(|v| n_files(v.every, n) * v.bytes());
-        let csv = self.scene.csv.iter().map(|c| n_files(c.every, n) * c.bytes());
+        let steps = &self.scene.steps;
+        // of steps that the run chooses the last one stays, see `RunOptions::keep_outputs`
+        let Some(n) = steps.listed() else { return vec![0] };
+        let files = |every: &Cadence| every.n_files(steps).unwrap_or(n);
+        let vtk = self.scene.vtk.iter().map(|v| files(&v.every) * v.bytes());
+        let csv = self.scene.csv.iter().map(|c| files(&c.every) * c.bytes());
         if vtk.chain(csv).sum::<usize>() <= KEPT_BYTES { (0..n).collect() } else { vec![0, (n - 1) / 2, n - 1] }
     }
 

@@ -49,6 +49,9 @@ pub struct Report {
     /// The linear and the nonlinear solver in words; left out of the file if `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub solver: Option<String>,
+    /// By event of the scene the times that it lasted; left out of the file if the scene has none.
+    #[serde(default, skip_serializing_if = "OrderedMap::is_empty")]
+    pub events: OrderedMap<Vec<EventReport>>,
     /// Warnings of the run; left out of the file if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
@@ -69,6 +72,16 @@ pub struct Report {
     /// The scene itself.
     #[serde(flatten)]
     pub about: About,
+}
+
+/// One time that an event lasted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct EventReport {
+    /// When it began.
+    pub begin: Real,
+    /// When it ended; left out of the file if it lasted at the last step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end: Option<Real>,
 }
 
 /// Something that was not done.

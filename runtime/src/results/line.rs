@@ -39,6 +39,12 @@ impl LineSample {
         Self { points: (0..n).map(point).collect(), length, dim: mesh.dim(), items: Vec::new() }
     }
 
+    /// Single points.
+    #[must_use]
+    pub fn at(mesh: &Mesh, points: Vec<[f64; 3]>) -> Self {
+        Self { points, length: 0.0, dim: mesh.dim(), items: Vec::new() }
+    }
+
     /// Adds an expression that lives where the points of the line were found. Places of one expression follow each other.
     ///
     /// # Errors

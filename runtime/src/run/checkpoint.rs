@@ -16,7 +16,10 @@ use std::{
 
 use thiserror::Error;
 
-use super::{Attempt, AttemptEnd, Clock, Path, Run, RunError, StepResult, memory::Memory};
+use super::{
+    Attempt, AttemptEnd, Clock, Path, Run, RunError, StepResult, control::Control, memory::Memory, past::Past,
+    remembered::Adaptive,
+};
 use crate::{
     assemble::NegativeVolumes,
     checks::{Accuracy, Others, PhysicsCheck, TurnedCells},
@@ -36,7 +39,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 11;
+const FORMAT: u64 = 12;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -140,6 +143,7 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Memory) -> Co
     w.count(reference.whole);
     w.count(run.stepper.level as usize);
     w.count(run.stepper.easy as usize);
+    adaptive(&mut w, run.stepper.adaptive.as_ref());
     let c = run.clock;
     w.numbers(&[c.assemble, c.factor, c.solve, c.write, c.check, c.measure]);
     Content { state: w.bytes, entry, at }
@@ -169,6 +173,7 @@ pub(super) struct Found {
     pub(super) solver: SolverMemory,
     pub(super) level: u32,
     pub(super) easy: u32,
+    pub(super) adaptive: Option<Adaptive>,
     pub(super) clock: Clock,
     pub(super) log: Log,
 }
@@ -256,10 +261,11 @@ fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Foun
         reference: Reference { values: r.numbers()?, groups: r.list(|r| r.list(Reader::small))?, whole: r.count()? },
     };
     let (level, easy) = (r.small()?, r.small()?);
+    let adaptive = read_adaptive(r)?;
     let [assemble, factor, solve, write, check, measure] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let clock = Clock { assemble, factor, solve, write, check, measure };
     r.end()?;
-    Ok(Found { steps, u, memory, solver, level, easy, clock, log })
+    Ok(Found { steps, u, memory, solver, level, easy, adaptive, clock, log })
 }
 
 /// The content behind the header, if the file is whole.
@@ -305,8 +311,30 @@ fn read_memory(r: &mut Reader<'_>) -> Result<Memory, Unreadable> {
     })
 }
 
+fn adaptive(w: &mut Writer, a: Option<&Adaptive>) {
+    w.flag(a.is_some());
+    let Some(a) = a else { return };
+    w.numbers(&[a.control.next]);
+    w.flag(a.control.failed);
+    w.numbers(&a.scales);
+    w.numbers(&a.past.increments);
+    w.count(a.past.solutions.len());
+    a.past.solutions.iter().for_each(|s| w.numbers(s));
+}
+
+fn read_adaptive(r: &mut Reader<'_>) -> Result<Option<Adaptive>, Unreadable> {
+    if !r.flag()? {
+        return Ok(None);
+    }
+    let [next] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let control = Control { next, failed: r.flag()? };
+    let scales = r.numbers()?;
+    let past = Past { increments: r.numbers()?, solutions: r.list(Reader::numbers)? };
+    Ok(Some(Adaptive { control, past, scales }))
+}
+
 fn step(w: &mut Writer, s: &StepResult) {
-    w.numbers(&[s.time, s.increment]);
+    w.numbers(&[s.time, s.increment, s.limit]);
     let h = &s.history;
     w.count(h.iterations.len());
     for i in &h.iterations {
@@ -359,6 +387,18 @@ fn step(w: &mut Writer, s: &StepResult) {
     }
     w.count(usize::from(s.friction.is_some()));
     s.friction.iter().for_each(|f| w.numbers(&[f.taken, f.size, f.bound]));
+    quantities(w, s);
+}
+
+/// What was evaluated at the end of a step.
+fn quantities(w: &mut Writer, s: &StepResult) {
+    w.count(s.events.len());
+    s.events.iter().for_each(|sides| w.numbers(sides));
+    w.count(s.series.len());
+    for rows in &s.series {
+        w.count(rows.len());
+        rows.iter().for_each(|row| w.numbers(row));
+    }
     w.count(s.measures.len());
     for (name, value) in &s.measures {
         w.text(name);
@@ -367,8 +407,8 @@ fn step(w: &mut Writer, s: &StepResult) {
 }
 
 fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
-    let [time, increment] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-    let mut step = StepResult { time, increment, history: read_history(r)?, ..StepResult::default() };
+    let [time, increment, limit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let mut step = StepResult { time, increment, limit, history: read_history(r)?, ..StepResult::default() };
     step.others = match r.count()? {
         0 => Others::Unknown,
         1 => Others::Possible,
@@ -397,6 +437,8 @@ fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         Ok(FrictionWork { taken, size, bound })
     })?;
     step.friction = friction.into_iter().next();
+    step.events = r.list(|r| r.numbers()?.try_into().map_err(|_| Unreadable))?;
+    step.series = r.list(|r| r.list(Reader::numbers))?;
     step.measures = r.list(|r| {
         let name = r.text()?;
         let [value] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
@@ -434,28 +476,38 @@ fn read_history(r: &mut Reader<'_>) -> Result<StepHistory, Unreadable> {
 }
 
 fn attempt(w: &mut Writer, a: &Attempt) {
-    w.flag(a.path == Path::Load);
-    w.numbers(&[a.part.0, a.part.1]);
+    let (path, worse) = match (a.path, &a.end) {
+        (Path::Steps, _) => (0, 0.0),
+        (Path::Load, _) => (1, 0.0),
+        (Path::Chosen, AttemptEnd::Rejected(error) | AttemptEnd::Forced(error)) => (2, *error),
+        (Path::Chosen, _) => (2, 0.0),
+    };
+    w.count(path);
+    w.numbers(&[a.part.0, a.part.1, worse]);
     w.count(a.iterations);
     w.count(a.linear_solves);
     let (kind, why) = match &a.end {
         AttemptEnd::Converged => (0, ""),
         AttemptEnd::NotConverged => (1, ""),
         AttemptEnd::Failed(why) => (2, why.as_str()),
+        AttemptEnd::Rejected(_) => (3, ""),
+        AttemptEnd::Forced(_) => (4, ""),
     };
     w.count(kind);
     w.text(why);
 }
 
 fn read_attempt(r: &mut Reader<'_>) -> Result<Attempt, Unreadable> {
-    let path = if r.flag()? { Path::Load } else { Path::Steps };
-    let [from, to] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let path = *[Path::Steps, Path::Load, Path::Chosen].get(r.count()?).ok_or(Unreadable)?;
+    let [from, to, worse] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let (iterations, linear_solves) = (r.count()?, r.count()?);
     let (kind, why) = (r.count()?, r.text()?);
     let end = match kind {
         0 => AttemptEnd::Converged,
         1 => AttemptEnd::NotConverged,
         2 => AttemptEnd::Failed(why),
+        3 => AttemptEnd::Rejected(worse),
+        4 => AttemptEnd::Forced(worse),
         _ => return Err(Unreadable),
     };
     Ok(Attempt { path, part: (from, to), iterations, linear_solves, end })

@@ -19,13 +19,15 @@ use crate::{
     assemble::{AssembledTerm, FieldValues},
     finite::BadOutput,
     output::{self, MEASURES_FILE, OutputDir, OutputError, Piece, Plan, REPORT_FILE, Series, write_csv},
-    scene::{CsvOutput, Scene, is_written},
+    scene::{CsvOutput, Scene, StepPlace},
 };
 
 /// Where the steps of a run go; nowhere without a folder.
 pub(super) struct Files<'d> {
     pub(super) dir: Option<&'d OutputDir>,
     series: Vec<Series<'d>>,
+    /// Tables over the steps.
+    over_time: Vec<Table>,
     /// Files written so far.
     pub(super) written: Vec<PathBuf>,
     /// What the last checkpoint took.
@@ -50,12 +52,18 @@ impl CheckpointCost {
 impl<'d> Files<'d> {
     pub(super) fn new(scene: &Scene, dir: Option<&'d OutputDir>) -> Self {
         let series = |dir| scene.vtk.iter().map(|v| Series::new(dir, v.file.clone())).collect();
-        Self { dir, series: dir.map(series).unwrap_or_default(), written: Vec::new(), cost: CheckpointCost::default() }
+        Self {
+            dir,
+            series: dir.map(series).unwrap_or_default(),
+            over_time: tables_over_time(scene),
+            written: Vec::new(),
+            cost: CheckpointCost::default(),
+        }
     }
 
     /// Takes over the files of steps that were done before.
     pub(super) fn go_on_from(&mut self, scene: &Scene, steps: &[StepResult], dir: &OutputDir) -> Result<(), RunError> {
-        let several = scene.steps.values.len() > 1;
+        let several = scene.steps.several();
         let mut adopt = |name: String| match dir.verify(&name)? {
             Some(file) => {
                 self.written.push(file);
@@ -63,17 +71,26 @@ impl<'d> Files<'d> {
             }
             None => Err(RunError::from(CheckpointError::Gone { path: dir.path().to_path_buf(), name })),
         };
-        let n_steps = scene.steps.values.len();
+        let lasting: Vec<Vec<bool>> = steps.iter().map(StepResult::lasting).collect();
+        let place = |k: usize| StepPlace {
+            number: k,
+            time: steps[k].time,
+            before: steps[k.saturating_sub(1)].time,
+            events: &lasting[k],
+        };
         for number in 0..steps.len() {
-            for output in scene.vtk.iter().filter(|o| is_written(number, o.every, n_steps)) {
+            for output in scene.vtk.iter().filter(|o| o.every.has(place(number), &scene.steps)) {
                 adopt(output::step_name(&output.file, number, "vtu"))?;
             }
-            for output in scene.csv.iter().filter(|o| is_written(number, o.every, n_steps)) {
+            for output in scene.csv.iter().filter(|o| o.every.has(place(number), &scene.steps)) {
                 adopt(csv_name(output, number, several))?;
             }
         }
+        for step in steps {
+            self.add_rows(&step.series);
+        }
         for (series, output) in self.series.iter_mut().zip(&scene.vtk) {
-            let written = steps.iter().enumerate().filter(|(k, _)| is_written(*k, output.every, n_steps));
+            let written = steps.iter().enumerate().filter(|(k, _)| output.every.has(place(*k), &scene.steps));
             series.go_on_from(written.map(|(k, s)| (k, s.time)));
         }
         Ok(())
@@ -82,6 +99,7 @@ impl<'d> Files<'d> {
     /// Writes a step.
     pub(super) fn write(&mut self, step: &StepFiles) -> Result<(), RunError> {
         let Some(dir) = self.dir else { return Ok(()) };
+        self.add_rows(&step.rows);
         for (pieces, series) in step.grids.iter().zip(&mut self.series) {
             let Some(pieces) = pieces else { continue };
             self.written.push(series.write_step(step.number, step.time, pieces)?);
@@ -92,8 +110,28 @@ impl<'d> Files<'d> {
         if let Some(content) = &step.checkpoint {
             let begin = Instant::now();
             self.update_index()?;
+            self.write_over_time()?;
             checkpoint::write(content, dir)?;
             self.cost.set(begin.elapsed());
+        }
+        Ok(())
+    }
+
+    /// Adds the rows of a step to the tables over the steps.
+    fn add_rows(&mut self, rows: &[Vec<Vec<f64>>]) {
+        for (table, rows) in self.over_time.iter_mut().zip(rows) {
+            table.rows.extend_from_slice(rows);
+        }
+    }
+
+    /// Writes the tables over the steps as far as they go.
+    fn write_over_time(&mut self) -> Result<(), RunError> {
+        let Some(dir) = self.dir else { return Ok(()) };
+        for table in &self.over_time {
+            let path = write_csv(dir, &table.name, &table.columns, &table.rows)?;
+            if !self.written.contains(&path) {
+                self.written.push(path);
+            }
         }
         Ok(())
     }
@@ -101,6 +139,12 @@ impl<'d> Files<'d> {
     /// Names all steps that were written.
     pub(super) fn update_index(&mut self) -> Result<(), RunError> {
         Ok(self.series.iter_mut().try_for_each(Series::update_index)?)
+    }
+
+    /// Brings everything up to date that goes over the steps.
+    pub(super) fn catch_up(&mut self) -> Result<(), RunError> {
+        self.update_index()?;
+        self.write_over_time()
     }
 
     /// Removes the steps that an earlier, longer run left, and the checkpoint that is of no use any more.
@@ -122,11 +166,12 @@ impl<'d> Files<'d> {
 
 /// The names that a run of a scene uses.
 pub(super) fn plan(scene: &Scene) -> Plan {
-    let n = scene.steps.values.len();
+    let n = scene.steps.listed().unwrap_or(usize::MAX);
     let mut plan = Plan { files: vec![REPORT_FILE.to_owned()], series: Vec::new() };
     if !scene.measures.is_empty() {
         plan.files.push(MEASURES_FILE.to_owned());
     }
+    plan.files.extend(tables_over_time(scene).into_iter().map(|table| table.name));
     for output in &scene.vtk {
         plan.files.push(format!("{}.pvd", output.file));
         plan.series.push((output.file.clone(), "vtu", n));
@@ -158,6 +203,17 @@ pub(super) fn write_measures(
     write_csv(dir, MEASURES_FILE, &columns, &rows).map(Some)
 }
 
+/// The series of the scene, without rows.
+fn tables_over_time(scene: &Scene) -> Vec<Table> {
+    let variable = scene.steps.variable.clone().unwrap_or_else(|| "t".to_owned());
+    let series = |output: &CsvOutput| Table {
+        name: format!("{}.csv", output.file),
+        columns: std::iter::once(variable.clone()).chain(output.line.columns().into_iter().skip(1)).collect(),
+        rows: Vec::new(),
+    };
+    scene.series.iter().map(series).collect()
+}
+
 fn csv_name(output: &CsvOutput, number: usize, several: bool) -> String {
     if several { output::step_name(&output.file, number, "csv") } else { format!("{}.csv", output.file) }
 }
@@ -169,6 +225,8 @@ pub(super) struct StepFiles {
     /// One list of pieces for each VTU output of the scene, if it has this step.
     pub(super) grids: Vec<Option<Vec<Piece>>>,
     pub(super) tables: Vec<Table>,
+    /// What it adds to the tables over the steps.
+    pub(super) rows: Vec<Vec<Vec<f64>>>,
     /// The checkpoint, in runs of several steps if the last one is old.
     pub(super) checkpoint: Option<checkpoint::Content>,
 }
@@ -176,7 +234,10 @@ pub(super) struct StepFiles {
 impl StepFiles {
     /// True if no file has anything of this step.
     pub(super) fn is_empty(&self) -> bool {
-        self.grids.iter().all(Option::is_none) && self.tables.is_empty() && self.checkpoint.is_none()
+        self.grids.iter().all(Option::is_none)
+            && self.tables.is_empty()
+            && self.rows.is_empty()
+            && self.checkpoint.is_none()
     }
 }
 
@@ -188,17 +249,17 @@ pub(super) struct Table {
 }
 
 /// What the scene wants in the files of a step, and what of it is not finite; the checkpoint is left to the caller.
-pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> (StepFiles, Vec<BadOutput>) {
-    let n_steps = scene.steps.values.len();
-    let (time, increment) = (step.time, step.increment);
-    let Scene { system, vtk, csv, .. } = scene;
+pub(super) fn collect(scene: &mut Scene, step: &StepResult, place: StepPlace<'_>) -> (StepFiles, Vec<BadOutput>) {
+    let (time, increment, number) = (step.time, step.increment, place.number);
+    let rows = step.series.clone();
+    let Scene { system, vtk, csv, steps, .. } = scene;
     let current = system.slices(&step.state);
     let previous = system.previous_slices();
     let values = FieldValues { current: &current, previous: &previous };
     let mut grids = Vec::with_capacity(vtk.len());
     let mut bad = Vec::new();
     for output in vtk {
-        if !is_written(number, output.every, n_steps) {
+        if !output.every.has(place, steps) {
             grids.push(None);
             continue;
         }
@@ -219,9 +280,9 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> (S
     }
     let tables = csv
         .iter_mut()
-        .filter(|output| is_written(number, output.every, n_steps))
+        .filter(|output| output.every.has(place, steps))
         .map(|output| Table {
-            name: csv_name(output, number, n_steps > 1),
+            name: csv_name(output, number, steps.several()),
             columns: output.line.columns(),
             rows: output.line.rows(&system.mesh, time, increment, values, |name, value, position| {
                 let what = format!("`{name}` in `{}.csv`", output.file);
@@ -229,7 +290,7 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, number: usize) -> (S
             }),
         })
         .collect();
-    (StepFiles { number, time, grids, tables, checkpoint: None }, bad)
+    (StepFiles { number, time, grids, tables, rows, checkpoint: None }, bad)
 }
 
 /// The quantities of a piece that are not finite, each with the first such value.

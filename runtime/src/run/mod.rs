@@ -4,13 +4,19 @@
 //! was done. Promises: every step that was tried is in the report, also when the run ends with an error; files are
 //! written in the order of the steps by a thread of their own, so that the solver does not wait for the disc.
 
+mod adaptive;
+mod asked;
 mod checkpoint;
+mod control;
+mod events;
 mod files;
 mod folder;
 mod judged;
 mod memory;
 mod outcome;
+mod past;
 mod quantities;
+mod remembered;
 mod report;
 mod resuming;
 mod session;
@@ -23,6 +29,7 @@ use std::{
 };
 
 pub use checkpoint::{CHECKPOINT_FILE, CheckpointError};
+pub use events::Episode;
 pub use folder::{finished, may_begin};
 pub use memory::Memory;
 pub use outcome::{KeptStep, KeptTable, Outcome, save};
@@ -39,14 +46,17 @@ use crate::{
     newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
     output::{About, Hash, OrderedMap, OutputDir, OutputError, State, write_report},
     pruning::Saving,
-    scene::{Scene, node_positions, set_data},
+    scene::{Scene, set_data},
     solve::{Linked, Precision, SolverOptions},
     system::Form,
 };
+use adaptive::Reach;
+use asked::{Asked, start};
 use checkpoint::Log;
+use events::{Sides, lasts};
 use files::{CheckpointCost, Files, StepFiles};
 use judged::Judged;
-use stepping::{Leg, Reached, StepError, Stepper};
+use stepping::{Reached, StepError, Stepper};
 
 /// Steps that may wait for their files to be written before the solver waits too.
 const STEPS_TO_WRITE: usize = 1;
@@ -132,8 +142,9 @@ pub trait Progress: Send {
     fn solver(&mut self, _description: &str) {}
     /// Where the run continues: after the steps of a checkpoint (the last one given), or at the beginning without one.
     fn resumed(&mut self, _last: Option<&StepResult>) {}
-    /// A step begins: its number from 0, how many there are, the step variable.
-    fn step(&mut self, _number: usize, _count: usize, _time: f64) {}
+    /// A step begins: its number from 0, how many there are, the step variable at its end. Of steps that the run chooses
+    /// their number and end are not known: the step variable is that of its beginning.
+    fn step(&mut self, _number: usize, _count: Option<usize>, _time: f64) {}
     /// After each iteration.
     fn iteration(&mut self, _iteration: &Iteration) {}
     /// A `Print` of a term: its name, where it is written, and its value at one of the points.
@@ -175,6 +186,12 @@ pub struct StepResult {
     pub friction: Option<FrictionWork>,
     /// What is known of other states that solve the same equations; looked for until that is proved.
     pub others: Others,
+    /// What the scene says that the next increment is at most; infinite where it says nothing.
+    pub limit: f64,
+    /// By event of the scene its larger side and its smaller one.
+    pub events: Vec<[f64; 2]>,
+    /// By series of the scene its rows: step variable, coordinates of a point, values.
+    pub series: Vec<Vec<Vec<f64>>>,
     /// Measures by name.
     pub measures: Vec<(String, f64)>,
     /// Those of them that are not finite; empty for a step that another process did.
@@ -187,6 +204,12 @@ pub struct StepResult {
 }
 
 impl StepResult {
+    /// Which events of the scene last at its end.
+    #[must_use]
+    pub fn lasting(&self) -> Vec<bool> {
+        self.events.iter().map(|sides| lasts(*sides)).collect()
+    }
+
     /// Linear systems that were solved for the step: predictors and attempts that came to nothing included.
     #[must_use]
     pub fn iterations(&self) -> usize {
@@ -203,7 +226,11 @@ impl StepResult {
     /// enough.
     #[must_use]
     pub fn fruitless(&self) -> usize {
-        self.attempts.iter().filter(|a| a.end != AttemptEnd::Converged).map(|a| a.iterations).sum()
+        self.attempts
+            .iter()
+            .filter(|a| !matches!(a.end, AttemptEnd::Converged | AttemptEnd::Forced(_)))
+            .map(|a| a.iterations)
+            .sum()
     }
 }
 
@@ -325,7 +352,7 @@ fn solver_options(scene: &Scene, options: &RunOptions) -> SolverOptions {
         threads: options.threads,
         precision: options.precision,
         method: scene.newton.linear,
-        solutions: scene.steps.values.len(),
+        solutions: scene.steps.expected(),
         library: options.library,
         ..SolverOptions::default()
     }
@@ -379,7 +406,7 @@ impl Run {
 
     /// True if every step of the scene is done and converged.
     fn is_done(&self, scene: &Scene) -> bool {
-        self.steps.len() == scene.steps.values.len() && self.steps.iter().all(|s| s.history.converged())
+        self.next_asked(scene).is_none() && self.steps.iter().all(|s| s.history.converged())
     }
 
     /// Lists a step that was tried.
@@ -388,9 +415,13 @@ impl Run {
             (before.state, before.branches) = (Vec::new(), Vec::new());
         }
         let number = self.steps.len();
-        if options.keep_outputs.contains(&number) {
+        let last = scene.steps.auto.is_some() && scene.steps.is_last(number, step.time);
+        if options.keep_outputs.contains(&number) || (last && !options.keep_outputs.is_empty()) {
             let begin = Instant::now();
-            let (files, bad) = files::collect(scene, &step, number);
+            let (files, bad) = {
+                let lasting = step.lasting();
+                files::collect(scene, &step, self.place_of(&step, &lasting, number))
+            };
             bad.into_iter().for_each(|bad| self.add_bad(bad));
             self.kept.push(KeptStep::new(scene, files));
             self.clock.write += begin.elapsed().as_secs_f64();
@@ -420,7 +451,7 @@ impl Run {
             let begin = Instant::now();
             drop(sender);
             let (files, written) = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-            let written = written.and_then(|()| files.update_index());
+            let written = written.and_then(|()| files.catch_up());
             self.clock.write += begin.elapsed().as_secs_f64();
             solved.and(written)
         })
@@ -435,11 +466,12 @@ impl Run {
         options: &RunOptions,
         progress: &mut dyn Progress,
     ) -> Result<(), RunError> {
-        let values = scene.steps.values.clone();
+        let several = scene.steps.several();
         let mut checkpoint_before: Option<Instant> = None;
         let mut gathering = Duration::ZERO;
-        for number in self.steps.len()..values.len() {
-            let step = self.step(scene, Asked::of_scene(scene, number), progress)?;
+        while let Some(asked) = self.next_asked(scene) {
+            let number = asked.number;
+            let step = self.step(scene, asked, progress)?;
             progress.step_done(&step);
             let goes_on = step.history.converged() || scene.steps.go_on;
             self.add(step, scene, options);
@@ -448,7 +480,7 @@ impl Run {
             }
             let due = writer.is_some_and(|(_, cost)| {
                 let pause = CHECKPOINT_EVERY.max(CHECKPOINT_SHARE * (cost.get() + gathering));
-                values.len() > 1 && checkpoint_before.is_none_or(|before| before.elapsed() >= pause)
+                several && checkpoint_before.is_none_or(|before| before.elapsed() >= pause)
             });
             let begin = Instant::now();
             // what a checkpoint keeps is made by all ranks together, when the one that writes wants it
@@ -457,7 +489,8 @@ impl Run {
                 gathering = begin.elapsed();
             }
             let Some((writer, _)) = writer else { continue };
-            let (mut step, bad) = files::collect(scene, &self.steps[number], number);
+            let (last, lasting) = (&self.steps[number], self.steps[number].lasting());
+            let (mut step, bad) = files::collect(scene, last, self.place_of(last, &lasting, number));
             bad.into_iter().for_each(|bad| self.add_bad(bad));
             if let Some(kept) = kept {
                 checkpoint_before = Some(begin);
@@ -477,10 +510,13 @@ impl Run {
     fn step(&mut self, scene: &mut Scene, asked: Asked, progress: &mut dyn Progress) -> Result<StepResult, RunError> {
         let Asked { number, count, leg } = asked;
         let time = leg.to;
-        progress.step(number, count, time);
+        progress.step(number, count, if count.is_none() { leg.from.unwrap_or(time) } else { time });
         let before = scene.contact.has_sliding().then(|| self.u.clone());
         let reached = if number == 0 && scene.steps.from_start {
             self.stepper.given(scene, &self.u, leg, &mut self.clock, progress)
+        } else if let (None, Some(at)) = (count, leg.from) {
+            let reach = Reach { at, stop: leg.to, limit: self.steps.last().map_or(f64::INFINITY, |s| s.limit) };
+            self.stepper.advance(scene, &mut self.u, reach, &mut self.clock, progress)
         } else {
             self.stepper.reach(scene, &mut self.u, leg, &mut self.clock, progress)
         };
@@ -492,7 +528,7 @@ impl Run {
                 RunError::State { step: number, time, state, value, position }
             }
         };
-        let Reached { history, increment, attempts } = reached.map_err(|error| wrap(self, scene, error))?;
+        let Reached { history, time, increment, attempts } = reached.map_err(|error| wrap(self, scene, error))?;
         // the equations are those of the old states; a state that is given has nothing to judge
         let solved = self.judges && history.converged() && history.stop != Some(Stop::Given);
         let begin = Instant::now();
@@ -525,6 +561,10 @@ impl Run {
         let begin = Instant::now();
         let (time, increment) = (step.time, step.increment);
         self.stepper.renew(scene);
+        self.stepper.remember(scene, increment, &self.u);
+        (step.limit, step.events) = self.watched(scene, time, increment);
+        let lasting = step.lasting();
+        step.series = self.series(scene, &step, self.place_of(&step, &lasting, self.steps.len()));
         (step.measures, step.bad_measures) = self.measures(scene, time, increment);
         self.print(scene, time, increment, progress);
         step.state = self.u.clone();
@@ -546,46 +586,4 @@ impl Run {
             self.bad.push(bad);
         }
     }
-}
-
-/// A step that is to be solved.
-#[derive(Clone, Copy)]
-struct Asked {
-    /// Its number from 0.
-    number: usize,
-    /// How many there are.
-    count: usize,
-    leg: Leg,
-}
-
-impl Asked {
-    /// A step of the scene.
-    fn of_scene(scene: &Scene, number: usize) -> Self {
-        let values = &scene.steps.values;
-        let from = number.checked_sub(1).map(|k| values[k]);
-        let leg = Leg { from, to: values[number], first_increment: first_increment(scene) };
-        Self { number, count: values.len(), leg }
-    }
-}
-
-/// The increment from the first value of the step variable to the second one; 0 for a single solve.
-fn first_increment(scene: &Scene) -> f64 {
-    let values = &scene.steps.values;
-    values.get(1).map_or(0.0, |next| next - values[0])
-}
-
-/// First values of the scene: those of the unknowns by dof, those of states where they are kept.
-fn start(scene: &mut Scene) -> Result<Vec<f64>, BadGiven> {
-    let mut u = vec![0.0; scene.system.numbering.n_dofs];
-    let time = scene.steps.values.first().copied().unwrap_or(0.0);
-    for (field, value) in &mut scene.starts {
-        let positions = node_positions(&scene.system, *field);
-        let values = value.at(&positions, time, 0.0)?;
-        match scene.system.numbering.starts[*field] {
-            Some(first) => u[first..first + values.len()].copy_from_slice(&values),
-            None => scene.system.known.data[*field] = values,
-        }
-    }
-    scene.system.numbering.follow(&mut u);
-    Ok(u)
 }

@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use super::{
-    Run, RunError, RunOptions, StepResult,
+    Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult,
+    events::episodes,
     files::{StepFiles, write_measures},
     folder, report,
 };
 use crate::{
     finite::BadMeasure,
-    output::{self, OutputDir, Piece, Report, State, write_csv, write_report, write_vtu},
+    output::{self, EventReport, OutputDir, Piece, Real, Report, State, write_csv, write_report, write_vtu},
     scene::Scene,
 };
 
@@ -28,6 +29,8 @@ pub struct Outcome {
     pub expectations: Vec<(wfl::Expect, Option<bool>)>,
     /// Messages of the expectations.
     pub diagnostics: Vec<wfl::Diagnostic>,
+    /// The events of the scene by name, each with the times that it lasted.
+    pub events: Vec<(String, Vec<Episode>)>,
     /// What the numbers themselves give cause to doubt, with its code.
     pub warnings: Vec<(&'static str, String)>,
 }
@@ -100,14 +103,55 @@ impl Run {
     pub(super) fn outcome(self, scene: &Scene, options: &RunOptions, error: Option<&RunError>) -> Outcome {
         let last: Vec<(String, f64)> = self.steps.last().map(|s| s.measures.clone()).unwrap_or_default();
         let done = self.is_done(scene) && error.is_none();
-        let (expectations, diagnostics) = if done { scene.expectations(&last) } else { (Vec::new(), Vec::new()) };
+        let events = self.episodes(scene);
+        let mut known = last;
+        events.iter().for_each(|(name, episodes)| known.extend(numbers_of(name, episodes)));
+        let (expectations, diagnostics) = if done { scene.expectations(&known) } else { (Vec::new(), Vec::new()) };
         let mut warnings = report::warnings(&self.steps);
         warnings.extend(self.bad.iter().map(|bad| ("W610", bad.text())));
+        warnings.extend(self.forced(scene).map(|text| ("W618", text)));
         let mut report = report::report(scene, options, &self, &expectations);
         report.warnings.extend(warnings.iter().map(|(code, text)| format!("{code}: {text}")));
+        let event = |e: &Episode| EventReport { begin: Real(e.begin), end: e.end.map(Real) };
+        report.events = events.iter().map(|(name, list)| (name.as_str(), list.iter().map(event).collect())).collect();
         report.error = error.map(ToString::to_string);
-        Outcome { steps: self.steps, report, files: Vec::new(), kept: self.kept, expectations, diagnostics, warnings }
+        let kept = self.kept;
+        Outcome { steps: self.steps, report, files: Vec::new(), kept, expectations, diagnostics, warnings, events }
     }
+
+    /// The events of the scene by name.
+    fn episodes(&self, scene: &Scene) -> Vec<(String, Vec<Episode>)> {
+        let of = |k: usize| -> Vec<(f64, Sides)> {
+            self.steps.iter().filter_map(|s| s.events.get(k).map(|sides| (s.time, *sides))).collect()
+        };
+        scene.events.iter().enumerate().map(|(k, e)| (e.name.clone(), episodes(&of(k)))).collect()
+    }
+
+    /// What is said of steps whose error was too large and could not be made smaller.
+    fn forced(&self, scene: &Scene) -> Option<String> {
+        let rules = scene.steps.auto.as_ref()?;
+        let forced = |s: &&StepResult| {
+            let too_large = |a: &Attempt| matches!(a.end, AttemptEnd::Forced(_));
+            s.attempts.iter().any(too_large)
+        };
+        let first = self.steps.iter().find(forced)?;
+        let count = self.steps.iter().filter(forced).count();
+        Some(format!(
+            "the error of {count} steps is larger than the demanded {:e}, the first at t = {}: an increment is at least {:e}",
+            rules.error, first.time, rules.least
+        ))
+    }
+}
+
+/// What `expect` knows of an event.
+fn numbers_of(name: &str, episodes: &[Episode]) -> [(String, f64); 4] {
+    let begin = |e: Option<&Episode>| e.map_or(f64::NAN, |e| e.begin);
+    let (first, last) = (begin(episodes.first()), begin(episodes.last()));
+    let before = begin(episodes.len().checked_sub(2).map(|k| &episodes[k]));
+    #[expect(clippy::cast_precision_loss, reason = "fewer than steps")]
+    let values = [episodes.len() as f64, first, last, last - before];
+    let [a, b, c, d] = wfl::Event::NUMBERS.map(|end| format!("{name}{end}"));
+    [(a, values[0]), (b, values[1]), (c, values[2]), (d, values[3])]
 }
 
 /// The name of a file without its folder.

@@ -1,9 +1,10 @@
 //! What a run measures and prints at the end of a step. Does not judge it: what is not finite is kept and told later.
 
-use super::{Progress, Run};
+use super::{Progress, Run, StepResult, events::Sides};
 use crate::{
+    assemble::FieldValues,
     finite::{BadMeasure, BadOutput},
-    scene::Scene,
+    scene::{CsvOutput, Scene, StepPlace},
 };
 
 impl Run {
@@ -25,6 +26,43 @@ impl Run {
             measures.push((measure.name.clone(), value));
         }
         (measures, bad_measures)
+    }
+
+    /// What the scene says that the increment behind the present state is at most, infinite where it says nothing or no
+    /// positive number; and the sides of its events.
+    pub(super) fn watched(&self, scene: &mut Scene, time: f64, increment: f64) -> (f64, Vec<Sides>) {
+        let limit = scene.steps.auto.as_ref().and_then(|auto| auto.limit.clone());
+        if limit.is_none() && scene.events.is_empty() {
+            return (f64::INFINITY, Vec::new());
+        }
+        let Scene { system, watched, measures, .. } = scene;
+        let mut values: Vec<(String, f64)> = Vec::new();
+        for measure in watched.iter_mut().chain(measures) {
+            values.push((measure.name.clone(), measure.evaluate(system, time, increment, &self.u)));
+        }
+        values.extend(scene.steps.variable.clone().map(|name| (name, time)));
+        let limit = limit.and_then(|e| scene.number_of(&e, &values)).filter(|limit| *limit > 0.0);
+        let side = |e: &wfl::ast::Expr| scene.number_of(e, &values).unwrap_or(f64::NAN);
+        let sides = scene.events.iter().map(|event| event.sides.each_ref().map(side)).collect();
+        (limit.unwrap_or(f64::INFINITY), sides)
+    }
+
+    /// The rows of the series of the scene at the present state: by series the values of all points; nothing of a series
+    /// that leaves the step out.
+    pub(super) fn series(&self, scene: &mut Scene, step: &StepResult, place: StepPlace<'_>) -> Vec<Vec<Vec<f64>>> {
+        let Scene { system, series, steps, .. } = scene;
+        let current = system.slices(&self.u);
+        let previous = system.previous_slices();
+        let values = FieldValues { current: &current, previous: &previous };
+        let mut rows = |output: &mut CsvOutput| {
+            if !output.every.has(place, steps) {
+                return Vec::new();
+            }
+            // a row begins with the arc length, which points have none of
+            let rows = output.line.rows(&system.mesh, step.time, step.increment, values, |_, _, _| {});
+            rows.into_iter().map(|row| std::iter::once(step.time).chain(row.into_iter().skip(1)).collect()).collect()
+        };
+        series.iter_mut().map(&mut rows).collect()
     }
 
     /// What terms print at their points.

@@ -262,12 +262,15 @@ fn attempt_report(attempt: &Attempt) -> AttemptReport {
     let (converged, error) = match &attempt.end {
         AttemptEnd::Converged => (true, None),
         AttemptEnd::NotConverged => (false, None),
+        AttemptEnd::Forced(error) => (true, Some(format!("taken: its error is {error:.2e} of the demanded one"))),
+        AttemptEnd::Rejected(error) => (true, Some(format!("rejected: its error is {error:.2e} of the demanded one"))),
         AttemptEnd::Failed(why) => (false, Some(why.clone())),
     };
     AttemptReport {
         path: match attempt.path {
             Path::Steps => "steps".to_owned(),
             Path::Load => "load".to_owned(),
+            Path::Chosen => "chosen".to_owned(),
         },
         from: attempt.part.0,
         to: attempt.part.1,

@@ -60,7 +60,7 @@ impl Run {
         let misfit =
             || CheckpointError::Damaged { path: folder.join(CHECKPOINT_FILE), what: "it does not fit the scene" };
         let Some(last) = found.steps.last() else { return Ok(()) };
-        if found.u.len() != self.u.len() || found.steps.len() > scene.steps.values.len() {
+        if found.u.len() != self.u.len() || scene.steps.listed().is_some_and(|n| found.steps.len() > n) {
             return Err(misfit().into());
         }
         let wrap = |error: NewtonError| RunError::Newton { step: found.steps.len() - 1, time: last.time, error };
@@ -73,6 +73,7 @@ impl Run {
         if !(fits && self.stepper.recall_of_all(scene, &found.memory)) {
             return Err(misfit().into());
         }
+        self.stepper.adaptive = found.adaptive;
         (self.stepper.level, self.stepper.easy) = (found.level, found.easy);
         (self.u, self.steps, self.log) = (found.u, found.steps, found.log);
         Ok(())

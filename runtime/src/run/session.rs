@@ -7,7 +7,7 @@
 use rayon::ThreadPool;
 
 use super::{
-    Asked, Outcome, Progress, Run, RunError, RunOptions, STACK, StepError, StepResult, first_increment,
+    Asked, Outcome, Progress, Run, RunError, RunOptions, STACK, StepError, StepResult,
     stepping::{self, Leg, StepTime},
 };
 use crate::{
@@ -61,10 +61,11 @@ impl Session {
         }
     }
 
-    /// The value of the step variable of the next step that the scene lists.
+    /// The value of the step variable of the next step that the scene lists; of steps that the run chooses it is not
+    /// known.
     #[must_use]
     pub fn next_value(&self, scene: &Scene) -> Option<f64> {
-        scene.steps.values.get(self.run.steps.len()).copied()
+        self.run.next_asked(scene).filter(|asked| asked.count.is_some()).map(|asked| asked.leg.to)
     }
 
     /// Solves the next step that the scene lists. `None` where none is left, or after one that did not converge unless
@@ -74,11 +75,10 @@ impl Session {
     /// [`RunError`]; a step that does not converge is no error.
     pub fn step(&mut self, scene: &mut Scene, progress: &mut dyn Progress) -> Result<Option<&StepResult>, RunError> {
         let failed = self.run.steps.last().is_some_and(|s| !s.history.converged());
-        let number = self.run.steps.len();
-        if number >= scene.steps.values.len() || (failed && !scene.steps.go_on) {
-            return Ok(None);
+        match self.run.next_asked(scene) {
+            Some(asked) if !failed || scene.steps.go_on => self.solve(scene, asked, progress).map(Some),
+            _ => Ok(None),
         }
-        self.solve(scene, Asked::of_scene(scene, number), progress).map(Some)
     }
 
     /// Solves a step to a value of the step variable that the caller chooses. The first step of a scene with rates is
@@ -94,7 +94,7 @@ impl Session {
     ) -> Result<&StepResult, RunError> {
         let number = self.run.steps.len();
         let leg = Leg { from: self.last_value(), to: time, first_increment: self.first_increment(scene, time) };
-        self.solve(scene, Asked { number, count: number + 1, leg }, progress)
+        self.solve(scene, Asked { number, count: Some(number + 1), leg }, progress)
     }
 
     fn solve(&mut self, scene: &mut Scene, asked: Asked, progress: &mut dyn Progress) -> Result<&StepResult, RunError> {
@@ -116,7 +116,7 @@ impl Session {
     fn first_increment(&self, scene: &Scene, time: f64) -> f64 {
         let steps = &self.run.steps;
         match (scene.steps.values.len() > 1, steps.first(), steps.get(1)) {
-            (true, ..) | (false, None, _) => first_increment(scene),
+            (true, ..) | (false, None, _) => scene.steps.first_increment(),
             (false, Some(first), None) => time - first.time,
             (false, Some(first), Some(second)) => second.time - first.time,
         }

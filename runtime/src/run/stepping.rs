@@ -19,7 +19,7 @@ use thiserror::Error;
 use crate::{
     checks::explained,
     newton::{LinearSolver, LoadStep, NewtonError, Spent, StepHistory, solve_step},
-    run::{Clock, Forward, Progress, memory::Memory},
+    run::{Clock, Forward, Progress, memory::Memory, remembered::Adaptive},
     scene::Scene,
     solve::SolverOptions,
     system::{FIXED, Form, LinearTerms, System, Tangent},
@@ -57,6 +57,8 @@ pub enum Path {
     Steps,
     /// Loads and prescribed values, at the value of the first step.
     Load,
+    /// The step variable, by an increment that the run chose.
+    Chosen,
 }
 
 /// How an attempt ended.
@@ -66,6 +68,10 @@ pub enum AttemptEnd {
     Converged,
     /// Out of iterations.
     NotConverged,
+    /// With a solution whose estimated error is so many times the demanded one.
+    Rejected(f64),
+    /// With a solution whose estimated error is so many times the demanded one, and the smallest increment.
+    Forced(f64),
     /// With an error: a number that is not finite, a singular tangent.
     Failed(String),
 }
@@ -75,7 +81,7 @@ pub enum AttemptEnd {
 pub struct Attempt {
     /// What grew.
     pub path: Path,
-    /// Start and end of the part; 0 is the start of the step, 1 its end.
+    /// Start and end of the part; 0 is the start of the step, 1 its end. One that was too long ends behind it.
     pub part: (f64, f64),
     /// Newton iterations.
     pub iterations: usize,
@@ -117,6 +123,8 @@ pub(super) struct StepTime {
 pub(super) struct Reached {
     /// The attempt that reached the end, or of those that failed the one at the whole step.
     pub(super) history: StepHistory,
+    /// The step variable at its end.
+    pub(super) time: f64,
     /// The last increment of the step variable.
     pub(super) increment: f64,
     /// Every attempt.
@@ -124,16 +132,16 @@ pub(super) struct Reached {
 }
 
 /// What a load path starts from.
-struct LoadStart {
+pub(super) struct LoadStart {
     u: Vec<f64>,
     residual: Vec<f64>,
 }
 
 /// The target of one attempt.
-struct Target<'a> {
-    time: f64,
-    increment: f64,
-    load: Option<(&'a LoadStart, f64)>,
+pub(super) struct Target<'a> {
+    pub(super) time: f64,
+    pub(super) increment: f64,
+    pub(super) load: Option<(&'a LoadStart, f64)>,
 }
 
 /// Solves steps one after the other and remembers how large their parts may be.
@@ -149,9 +157,11 @@ pub(super) struct Stepper {
     pub(super) easy: u32,
     solver_options: SolverOptions,
     /// What the last attempt cost.
-    spent: Spent,
+    pub(super) spent: Spent,
     /// The states after the last part that converged, not taken over yet.
-    next_states: Vec<Vec<f64>>,
+    pub(super) next_states: Vec<Vec<f64>>,
+    /// What steps that the run chooses remember.
+    pub(super) adaptive: Option<Adaptive>,
 }
 
 impl Stepper {
@@ -165,6 +175,7 @@ impl Stepper {
             solver_options,
             spent: Spent::default(),
             next_states: Vec::new(),
+            adaptive: None,
         }
     }
 
@@ -304,10 +315,10 @@ impl Stepper {
             // parts of a load say nothing about increments of the step variable
             (self.level, self.easy) = (0, 0);
         }
-        Reached { history, increment, attempts: parts.attempts }
+        Reached { history, time: parts.leg.to, increment, attempts: parts.attempts }
     }
 
-    fn attempt(
+    pub(super) fn attempt(
         &mut self,
         scene: &mut Scene,
         u: &mut [f64],
@@ -385,7 +396,12 @@ impl Stepper {
     ) -> Result<Reached, StepError> {
         begin(scene, leg, u)?;
         self.prepare(scene, StepTime { time: leg.to, increment: leg.first_increment }, clock, progress)?;
-        Ok(Reached { history: StepHistory::given(), increment: leg.first_increment, attempts: Vec::new() })
+        Ok(Reached {
+            history: StepHistory::given(),
+            time: leg.to,
+            increment: leg.first_increment,
+            attempts: Vec::new(),
+        })
     }
 
     /// Brings known fields, terms and the linear solver to a value of the step variable.

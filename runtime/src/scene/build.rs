@@ -17,9 +17,9 @@ use wfl_compiler::{
 };
 
 use super::{
-    Builder, CsvOutput, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Regions, Scene, StateUpdate, Steps,
-    VtkOutput, With, assemble::Assembled, batch::Batch, constants, constraints, coverage, fields, idle, mappings,
-    meeting, mesh, options, outputs, regions, rest, states, terms,
+    Builder, CsvOutput, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Regions, Scene,
+    StateUpdate, Steps, VtkOutput, With, assemble::Assembled, batch::Batch, constants, constraints, coverage, fields,
+    idle, mappings, meeting, mesh, options, outputs, regions, rest, states, terms,
 };
 use crate::{
     contact::{Contact, ContactTerm},
@@ -154,8 +154,8 @@ struct Numbered {
     used: BTreeSet<usize>,
     /// Whether laws read the increment of the step variable.
     rates: bool,
-    /// Whether laws read the end of the previous step.
-    reads_past: bool,
+    /// The fields of which laws read the end of the previous step.
+    past: BTreeSet<usize>,
     /// None after an error.
     assembled: Option<Assembled>,
 }
@@ -168,12 +168,14 @@ struct Values {
     starts: Vec<(usize, Given)>,
     data: Vec<(usize, Given)>,
     measures: Vec<Measure>,
+    watched: Vec<Measure>,
 }
 
 /// What is written.
 struct Outputs {
     vtk: Vec<VtkOutput>,
     csv: Vec<CsvOutput>,
+    series: Vec<CsvOutput>,
     /// Seconds spent on their laws.
     law_seconds: f64,
 }
@@ -190,15 +192,15 @@ impl Builder<'_> {
         let mesh_time = self.mesh_time + begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
-        let values = self.values(numbered.rates, &rules);
+        let values = self.values(&numbered, &rules);
         if numbered.assembled.is_none() || self.diagnostics.iter().any(Diagnostic::is_error) {
-            self.outputs(&rules);
+            self.outputs(&rules, values.steps.as_ref());
             return None;
         }
         let compile_values = begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
-        let outputs = self.outputs(&rules);
+        let outputs = self.outputs(&rules, values.steps.as_ref());
         let mesh = mesh_time + begin.elapsed().as_secs_f64() - outputs.law_seconds;
 
         let begin = Instant::now();
@@ -219,7 +221,7 @@ impl Builder<'_> {
         rules: &terms::Rules,
     ) -> Numbered {
         let used: BTreeSet<usize> = laws.iter().flat_map(|l| used_fields(&l.law)).collect();
-        let (rates, reads_past) = histories(&laws, &renewed);
+        let (rates, past) = histories(&laws, &renewed);
         let states = self.state_updates(renewed, rules);
         let mut numbering = self.numbering(&used);
         let prescribed = self.constraints(&mut numbering, &laws, &used);
@@ -229,28 +231,49 @@ impl Builder<'_> {
             self.read_but_in_no_term(&numbering);
         }
         let assembled = if broken { None } else { self.assemble_terms(laws, rules, &numbering) };
-        Numbered { numbering, prescribed, states, used, rates, reads_past, assembled }
+        Numbered { numbering, prescribed, states, used, rates, past, assembled }
     }
 
-    fn values(&mut self, rates: bool, rules: &terms::Rules) -> Values {
-        let steps = self.steps(rates);
+    fn values(&mut self, numbered: &Numbered, rules: &terms::Rules) -> Values {
+        let mut steps = self.steps(numbered.rates);
+        if let Some(auto) = steps.as_mut().and_then(|s| s.auto.as_mut()) {
+            auto.fields = self.fields_in_time(numbered);
+        }
         let (newton, accuracy) = self.solver_options();
         let starts = self.starts();
         let data = self.data();
-        let measures = self.measures(rules);
+        let measures = self.measures(&self.script.measures, rules);
+        // names of measures are told apart by what they belong to
+        let lists = self.script.steps.iter().map(|s| ("", &s.watched));
+        let lists = lists.chain(self.script.events.iter().map(|e| (e.name.name.as_str(), &e.watched)));
+        let mut watched = Vec::new();
+        for (owner, list) in lists {
+            let made = self.measures(list, rules);
+            watched.extend(made.into_iter().map(|m| Measure { name: format!("{owner}{}", m.name), ..m }));
+        }
         rest::expects(self.script, self.params, self.env.dim, self.diagnostics);
-        Values { steps, newton, accuracy, starts, data, measures }
+        Values { steps, newton, accuracy, starts, data, measures, watched }
+    }
+
+    /// The fields whose values in time have an error: those with a past.
+    fn fields_in_time(&self, numbered: &Numbered) -> Vec<usize> {
+        let of = |wanted: &dyn Fn(usize, &Field) -> bool| -> Vec<usize> {
+            self.fields.iter().enumerate().filter(|(k, f)| wanted(*k, f)).map(|(k, _)| k).collect()
+        };
+        let with_past = of(&|k, f| f.kind == FieldKind::State || numbered.past.contains(&k));
+        if with_past.is_empty() { of(&|_, f| f.kind == FieldKind::Unknown) } else { with_past }
     }
 
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
-        let Numbered { numbering, mut prescribed, states, used, rates, reads_past, assembled } = numbered;
-        let (Values { steps, newton, accuracy, starts, data, measures }, Outputs { vtk, csv, .. }) = (values, outputs);
+        let Numbered { numbering, mut prescribed, states, used, rates, past, assembled } = numbered;
+        let Values { steps, newton, accuracy, starts, data, measures, watched } = values;
+        let Outputs { vtk, csv, series, .. } = outputs;
         let Assembled { terms, summaries, contact } = assembled?;
-        let reads_past = reads_past
-            || measures.iter().any(Measure::reads_past)
+        let reads_past = !past.is_empty()
+            || measures.iter().chain(&watched).any(Measure::reads_past)
             || vtk.iter().flat_map(|v| &v.pieces).any(SampledPiece::reads_past)
-            || csv.iter().any(|c| c.line.reads_past());
+            || csv.iter().chain(&series).any(|c| c.line.reads_past());
         let steps = steps?;
         self.statements_without_effect(&numbering, &mut prescribed, &steps, reads_past || rates)?;
         let known = nothing_known(&self.fields, &numbering, reads_past);
@@ -281,9 +304,12 @@ impl Builder<'_> {
             data,
             states,
             measures,
+            watched,
             prints: self.prints,
             vtk,
             csv,
+            series,
+            events: self.script.events.iter().map(EventRule::new).collect(),
             newton,
             accuracy,
             params: params.collect(),
@@ -370,12 +396,13 @@ impl Builder<'_> {
     }
 
     /// Files and line samples.
-    fn outputs(&mut self, rules: &terms::Rules) -> Outputs {
+    fn outputs(&mut self, rules: &terms::Rules, steps: Option<&Steps>) -> Outputs {
         let backend = self.batch;
         let (parts, diagnostics) = self.parts();
-        let mut maker = outputs::OutputMaker { parts, rules, backend, diagnostics, law_seconds: Cell::new(0.0) };
-        let (vtk, csv) = outputs::outputs(&mut maker);
-        Outputs { vtk, csv, law_seconds: maker.law_seconds.get() }
+        let law_seconds = Cell::new(0.0);
+        let mut maker = outputs::OutputMaker { parts, rules, backend, steps, diagnostics, law_seconds };
+        let (vtk, csv, series) = outputs::outputs(&mut maker);
+        Outputs { vtk, csv, series, law_seconds: maker.law_seconds.get() }
     }
 
     fn constraints(
@@ -423,8 +450,7 @@ fn with_contact(
 
 /// A value of the step variable between the first and the last, where little vanishes that does at an end.
 fn within(steps: &Steps) -> f64 {
-    let (first, last) = (steps.values.first().copied().unwrap_or(0.0), steps.values.last().copied().unwrap_or(0.0));
-    first + 0.618 * (last - first)
+    steps.first() + 0.618 * (steps.last() - steps.first())
 }
 
 fn used_fields(law: &wfl_compiler::TermLaw) -> Vec<usize> {
@@ -435,13 +461,18 @@ fn used_fields(law: &wfl_compiler::TermLaw) -> Vec<usize> {
     law.tests.iter().chain(&law.trials).map(|s| s.field.index()).chain(inputs).collect()
 }
 
-/// Whether terms or updates of states read the increment, and whether they read the end of the previous step.
-fn histories(laws: &[terms::PlacedLaw], renewed: &[states::StateLaw]) -> (bool, bool) {
+/// Whether terms or updates of states read the increment, and the fields of which they read the end of the previous step.
+fn histories(laws: &[terms::PlacedLaw], renewed: &[states::StateLaw]) -> (bool, BTreeSet<usize>) {
     let timed = |slots: &[UniformSlot]| slots.contains(&UniformSlot::TimeStep);
-    let past = |inputs: &[InputSlot]| inputs.iter().any(|s| matches!(s, InputSlot::Previous(_)));
+    let inputs = laws.iter().map(|l| &l.law.inputs).chain(renewed.iter().map(|r| &r.law.inputs));
+    let past = inputs.flatten().filter_map(|s| match s {
+        InputSlot::Previous(b) => Some(b.field.index()),
+        _ => None,
+    });
+    let past = past.collect();
     let rates =
         laws.iter().any(|l| timed(&l.law.prologue.slots)) || renewed.iter().any(|r| timed(&r.law.prologue.slots));
-    (rates, laws.iter().any(|l| past(&l.law.inputs)) || renewed.iter().any(|r| past(&r.law.inputs)))
+    (rates, past)
 }
 
 /// Zero in all fields that are not solved for, now and in the past where something reads it.

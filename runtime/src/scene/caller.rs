@@ -99,6 +99,7 @@ impl Scene {
             _ if !(runs(1.0) || runs(-1.0)) => no("go in one direction, each further than the one before"),
             _ => {
                 self.steps.values = values.to_vec();
+                self.steps.auto = None;
                 Ok(())
             }
         }

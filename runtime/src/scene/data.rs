@@ -62,7 +62,7 @@ pub fn coarse_loads(scene: &mut Scene) -> Result<Vec<CoarseLoad>, SystemError> {
             break;
         }
         let time = values.get(at).copied().unwrap_or(0.0);
-        let increment = values.get(1).map_or(0.0, |next| next - values[0]);
+        let increment = scene.steps.first_increment();
         set_data(scene, time, increment)?;
         scene.system.set_laws(time, increment);
         found.extend(checks::coarse_loads(&scene.system, &ruled));
@@ -84,9 +84,7 @@ pub fn hourglasses(scene: &mut Scene, given: &[usize]) -> Result<Vec<Hourglass>,
 
 /// Brings known fields and laws to the first step.
 fn begin_first_step(scene: &mut Scene) -> Result<(), SystemError> {
-    let values = &scene.steps.values;
-    let time = values.first().copied().unwrap_or(0.0);
-    let increment = values.get(1).map_or(0.0, |next| next - time);
+    let (time, increment) = (scene.steps.first(), scene.steps.first_increment());
     set_data(scene, time, increment)?;
     scene.system.set_laws(time, increment);
     scene.contact.begin_step(time, increment);
@@ -97,7 +95,10 @@ fn begin_first_step(scene: &mut Scene) -> Result<(), SystemError> {
 pub fn contact_forms(scene: &mut Scene) -> Vec<ContactForm> {
     let values = &scene.steps.values;
     let time = values.last().copied().unwrap_or(0.0);
-    let increment = values.len().checked_sub(2).map_or(1.0, |k| time - values[k]);
+    let increment = match &scene.steps.auto {
+        Some(auto) => auto.first,
+        None => values.len().checked_sub(2).map_or(1.0, |k| time - values[k]),
+    };
     // where a known field is not finite, the run itself says which
     if scene.contact.is_empty() || set_data(scene, time, increment).is_err() {
         return Vec::new();

@@ -374,6 +374,12 @@ impl Builder<'_> {
 
 /// Times and increments at which prescribed values are compared.
 fn sampled(steps: &Steps) -> Vec<(f64, f64)> {
+    if let Some(auto) = &steps.auto {
+        #[expect(clippy::cast_precision_loss, reason = "a few values")]
+        let at = |k: usize| k as f64 / (COMPARED_STEPS - 1) as f64;
+        let time = |k: usize| (1.0 - at(k)) * steps.first() + at(k) * steps.last();
+        return (0..COMPARED_STEPS).map(|k| (time(k), auto.first)).collect();
+    }
     let values = &steps.values;
     let last = values.len().saturating_sub(1);
     let mut picked: Vec<usize> = (0..COMPARED_STEPS).map(|k| k * last / (COMPARED_STEPS - 1)).collect();

@@ -59,6 +59,13 @@ impl Scene {
         sides.iter().filter_map(value).collect()
     }
 
+    /// The number that an expression of params and the given values is; `None` where it is none.
+    #[must_use]
+    pub fn number_of(&self, e: &Expr, values: &[(String, f64)]) -> Option<f64> {
+        let params = self.with_measures(values);
+        constant(&self.bare(&params), "a number", e).value?.values.first().copied()
+    }
+
     /// The params of the scene and its measures as numbers.
     pub(super) fn with_measures(&self, measures: &[(String, f64)]) -> BTreeMap<String, Constant> {
         let mut params = self.env.params.clone();

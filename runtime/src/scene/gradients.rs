@@ -131,6 +131,7 @@ impl Scene {
             parts: self.parts(script, &env),
             rules: &Rules::new(),
             backend,
+            steps: None,
             diagnostics: &mut diagnostics,
             law_seconds: Cell::new(0.0),
         };

@@ -42,9 +42,9 @@ impl Builder<'_> {
         }
     }
 
-    pub(super) fn measures(&mut self, rules: &terms::Rules) -> Vec<Measure> {
+    pub(super) fn measures(&mut self, list: &[wfl::Measure], rules: &terms::Rules) -> Vec<Measure> {
         let mut out = Vec::new();
-        for measure in &self.script.measures {
+        for measure in list {
             let mut parts = Vec::new();
             if let MeasureAt::Point(x) = &measure.at {
                 parts.extend(self.at_point(measure, x, rules));
@@ -133,7 +133,7 @@ impl Builder<'_> {
         let point = [0, 1, 2].map(|d| found.get(d).copied().unwrap_or(0.0));
         let backend = self.batch;
         let (parts, diagnostics) = self.parts();
-        let mut maker = OutputMaker { parts, rules, backend, diagnostics, law_seconds: Cell::new(0.0) };
+        let mut maker = OutputMaker { parts, rules, backend, steps: None, diagnostics, law_seconds: Cell::new(0.0) };
         let (bodies, faces) = (maker.bodies(), maker.faces_of_lines());
         let homes = maker.homes(&bodies, &faces, &measure.expr);
         let anywhere = !homes.is_empty();

@@ -7,6 +7,7 @@ mod assemble;
 mod auto;
 mod batch;
 mod build;
+mod cadence;
 mod caller;
 mod conditions;
 mod constants;
@@ -39,6 +40,7 @@ mod refined;
 mod regions;
 mod rest;
 mod samples;
+mod series;
 mod states;
 mod surfaces;
 mod terms;
@@ -48,7 +50,10 @@ use std::{
     path::Path,
 };
 
-use wfl::{Diagnostic, ResolvedScript, Span, ast::Reduction};
+use wfl::{
+    Diagnostic, ResolvedScript, Span,
+    ast::{Expr, Reduction},
+};
 use wfl_compiler::{
     Class, Constant, Env,
     backend::KernelBackend,
@@ -68,6 +73,7 @@ use crate::{
 
 use batch::Batch;
 use build::Findings;
+pub use cadence::{Cadence, Every, StepPlace};
 pub use caller::GiveError;
 pub use constraints::Prescribed;
 pub use data::{coarse_loads, coercivity, contact_forms, hourglasses, locked_bodies, negative_bodies};
@@ -77,9 +83,8 @@ pub use gradients::Over;
 pub use held::Printed;
 pub use inputs::InputFile;
 pub use mesh::SceneBox;
-pub use options::Steps;
-pub(crate) use outputs::is_written;
-pub use outputs::{CsvOutput, VtkOutput, n_files};
+pub use options::{Auto, Steps};
+pub use outputs::{CsvOutput, VtkOutput};
 pub use refined::Refined;
 pub use regions::{NamedRegion, Regions};
 pub use rest::{Sketch, without_auto};
@@ -151,12 +156,18 @@ pub struct Scene {
     pub states: Vec<StateUpdate>,
     /// Quantities to report.
     pub measures: Vec<Measure>,
+    /// Quantities that events, and the limit of an increment, are made of.
+    pub watched: Vec<Measure>,
+    /// What begins and ends during the steps.
+    pub events: Vec<EventRule>,
     /// What terms print.
     pub prints: Vec<Printed>,
     /// VTU series.
     pub vtk: Vec<VtkOutput>,
     /// Line samples.
     pub csv: Vec<CsvOutput>,
+    /// Series over the steps, at points.
+    pub series: Vec<CsvOutput>,
     /// Newton options.
     pub newton: NewtonOptions,
     /// The demanded relative error, and its quantity.
@@ -195,6 +206,21 @@ impl Scene {
             }
         }
         self.data.iter_mut().chain(&mut self.starts).for_each(|(_, given)| given.forget());
+    }
+}
+
+/// What begins and ends during the steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EventRule {
+    /// Its name.
+    pub name: String,
+    /// The side that is larger while it lasts, and the other one.
+    pub sides: [Expr; 2],
+}
+
+impl EventRule {
+    fn new(event: &wfl::Event) -> Self {
+        Self { name: event.name.name.clone(), sides: [event.larger.clone(), event.smaller.clone()] }
     }
 }
 

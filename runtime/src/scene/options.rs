@@ -18,8 +18,10 @@ use crate::{
 pub struct Steps {
     /// The name of the variable; `None` for a single solve.
     pub variable: Option<String>,
-    /// Its values.
+    /// Its values; the first and the last one where the run chooses the steps between them.
     pub values: Vec<f64>,
+    /// How the run chooses its steps, if it does.
+    pub auto: Option<Auto>,
     /// Go on after a step that did not converge.
     pub go_on: bool,
     /// How often the increment of a step that does not converge may be halved.
@@ -27,6 +29,84 @@ pub struct Steps {
     /// Something reads a rate or the increment: the first value is where time starts, and nothing is solved there.
     pub from_start: bool,
 }
+
+/// How a run chooses its steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Auto {
+    /// The first increment.
+    pub first: f64,
+    /// Largest error of a step: of each field that has a past, relative to the largest value that the field has had.
+    pub error: f64,
+    /// Smallest increment; a step of this increment is taken whatever its error.
+    pub least: f64,
+    /// Largest increment.
+    pub most: f64,
+    /// What limits the increment behind a state: an expression of measures.
+    pub limit: Option<wfl::ast::Expr>,
+    /// The fields whose error counts: states, and unknowns that equations compare with an earlier value; all unknowns
+    /// where there is none.
+    pub fields: Vec<usize>,
+}
+
+impl Steps {
+    /// The first value.
+    #[must_use]
+    pub fn first(&self) -> f64 {
+        self.values.first().copied().unwrap_or(0.0)
+    }
+
+    /// The last value.
+    #[must_use]
+    pub fn last(&self) -> f64 {
+        self.values.last().copied().unwrap_or(0.0)
+    }
+
+    /// True for more than one step.
+    #[must_use]
+    pub fn several(&self) -> bool {
+        self.values.len() > 1
+    }
+
+    /// The first increment; 0 for a single solve.
+    #[must_use]
+    pub fn first_increment(&self) -> f64 {
+        let listed = self.values.get(1).map_or(0.0, |next| next - self.values[0]);
+        self.auto.as_ref().map_or(listed, |auto| auto.first)
+    }
+
+    /// How many steps there are, as far as that is known before a run.
+    #[must_use]
+    pub fn expected(&self) -> usize {
+        if self.auto.is_some() { MANY } else { self.values.len() }
+    }
+
+    /// How many steps there are; `None` where the run chooses them.
+    #[must_use]
+    pub fn listed(&self) -> Option<usize> {
+        self.auto.is_none().then_some(self.values.len())
+    }
+
+    /// Whether a step with this number, counted from 0, that ends at this value is the last one.
+    #[must_use]
+    pub fn is_last(&self, number: usize, time: f64) -> bool {
+        match self.auto {
+            Some(_) => number > 0 && time >= self.last(),
+            None => number + 1 >= self.values.len(),
+        }
+    }
+}
+
+/// Steps of a run that chooses them, where a number is needed before it.
+const MANY: usize = 1000;
+/// The first increment where the scene does not say, in parts of the range of the step variable: small enough for what
+/// begins fast, and growing by factors of two it costs twenty steps at most.
+const FIRST: f64 = 1e-6;
+/// The error of a step where the scene does not say.
+const ERROR: f64 = 1e-4;
+/// The smallest increment where the scene does not say, in parts of the range.
+const LEAST: f64 = 1e-12;
+/// Largest error of a step.
+const LARGEST_ERROR: f64 = 0.1;
 
 /// Halvings where the scene does not say how many: the smallest part is then 1/32 of an increment.
 const DEFAULT_HALVE: u32 = 5;
@@ -46,8 +126,12 @@ impl Builder<'_> {
     pub(super) fn steps(&mut self, rates: bool) -> Option<Steps> {
         let Some(steps) = &self.script.steps else {
             let values = vec![0.0];
-            return Some(Steps { variable: None, values, go_on: false, halve: DEFAULT_HALVE, from_start: false });
+            let halve = DEFAULT_HALVE;
+            return Some(Steps { variable: None, values, auto: None, go_on: false, halve, from_start: false });
         };
+        if steps.is_auto() {
+            return self.auto_steps(steps, rates);
+        }
         let [a, b, c] = [(&steps.from, "the first value"), (&steps.to, "the last value"), (&steps.by, "the step")]
             .map(|(e, what)| constants::number(self.env, what, e, self.diagnostics));
         let (from, to, by) = (a?, b?, c?);
@@ -71,12 +155,29 @@ impl Builder<'_> {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
                 ("halve", Some(n), _) if n.fract() == 0.0 && (0.0..=MAX_HALVE).contains(&n) => halve = n as u32,
                 ("most", Some(n), _) if n.fract() == 0.0 && (1.0..=MAX_STEPS).contains(&n) => most = n,
+                (name @ ("first" | "error" | "limit" | "least"), _, _) => {
+                    self.bad_option(option, name, "only steps that the run chooses have it: by auto");
+                }
                 (name, _, _) => {
                     let known = "halve=0 to halve=30, on_fail=stop, on_fail=go_on, most=100000 to most=1e8";
                     self.bad_option(option, name, known);
                 }
             }
         }
+        let values = self.listed(steps, [from, to, by], (count, left), most)?;
+        let variable = Some(steps.variable.name.clone());
+        Some(Steps { variable, values, auto: None, go_on, halve, from_start: rates })
+    }
+
+    /// The values of so many whole steps, and of a shorter one behind them.
+    fn listed(
+        &mut self,
+        steps: &wfl::Steps,
+        range: [f64; 3],
+        whole: (f64, Option<f64>),
+        most: f64,
+    ) -> Option<Vec<f64>> {
+        let ([from, to, by], (count, left)) = (range, whole);
         let n_steps = count + 1.0 + f64::from(u8::from(left.is_some()));
         if n_steps > most {
             self.diagnostics.push(too_many(steps, from, to, by, n_steps, most));
@@ -96,8 +197,64 @@ impl Builder<'_> {
         let mut values: Vec<f64> = (0..count as usize).map(|k| from + k as f64 * by).collect();
         values.extend(left.map(|_| from + count * by));
         values.push(to);
+        Some(values)
+    }
+
+    /// Steps that the run chooses.
+    fn auto_steps(&mut self, steps: &wfl::Steps, rates: bool) -> Option<Steps> {
+        let from = constants::number(self.env, "the first value", &steps.from, self.diagnostics)?;
+        let to = constants::number(self.env, "the last value", &steps.to, self.diagnostics)?;
+        let span = to - from;
+        if span <= 0.0 {
+            let d =
+                Diagnostic::new("E413", format!("steps that the run chooses go forward, and not from {from} to {to}"));
+            self.diagnostics.push(d.at(steps.from.span.to(steps.to.span), ""));
+            return None;
+        }
+        let mut auto = Auto {
+            first: FIRST * span,
+            error: ERROR,
+            least: LEAST * span,
+            most: span,
+            limit: None,
+            fields: Vec::new(),
+        };
+        for option in &steps.options {
+            if let ("limit", Some(OptionValue::Expr(e))) = (option.name.name.as_str(), &option.value) {
+                auto.limit = Some(e.clone());
+                continue;
+            }
+            match (option.name.name.as_str(), self.auto_number(option)) {
+                ("first", Some(h)) if h > 0.0 => auto.first = h,
+                ("least", Some(h)) if h > 0.0 => auto.least = h,
+                ("most", Some(h)) if h > 0.0 => auto.most = h,
+                ("error", Some(e)) if e > 0.0 && e <= LARGEST_ERROR => auto.error = e,
+                (name, _) => {
+                    let known = "first, least and most are increments above 0; error=1e-12 to error=0.1; \
+                                 limit=0.2*Dc/max(V) on fault";
+                    self.bad_option(option, name, known);
+                }
+            }
+        }
+        auto.first = auto.first.min(auto.most);
+        if auto.least > auto.most {
+            let d = Diagnostic::new(
+                "E413",
+                format!("the smallest increment, {}, is above the largest one, {}", auto.least, auto.most),
+            );
+            self.diagnostics.push(d.at(steps.span, ""));
+            return None;
+        }
         let variable = Some(steps.variable.name.clone());
-        Some(Steps { variable, values, go_on, halve, from_start: rates })
+        Some(Steps { variable, values: vec![from, to], auto: Some(auto), go_on: false, halve: 0, from_start: rates })
+    }
+
+    /// The number that an option of steps takes, which may be the name of a parameter.
+    fn auto_number(&mut self, option: &OptionItem) -> Option<f64> {
+        match &option.value {
+            Some(OptionValue::Expr(e)) => constants::number(self.env, "an increment", e, self.diagnostics),
+            _ => None,
+        }
     }
 
     fn bad_option(&mut self, option: &OptionItem, name: &str, known: &str) {

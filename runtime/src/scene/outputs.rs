@@ -31,7 +31,7 @@ use crate::{
     output::{MEASURES_FILE, OutputError, PART, check_name, step_name},
     results::{LineSample, Located, SampledPiece},
     scene::{
-        Parts,
+        Cadence, Every, Parts, Steps,
         constants::{number, numbers},
         fields::place_sig,
         jumps,
@@ -48,8 +48,8 @@ use crate::{
 pub struct VtkOutput {
     /// The name of its files.
     pub file: String,
-    /// Of how many steps one is written, see `is_written`.
-    pub every: usize,
+    /// Of which steps files are written.
+    pub every: Cadence,
     /// Its pieces.
     pub pieces: Vec<SampledPiece>,
 }
@@ -58,8 +58,8 @@ pub struct VtkOutput {
 pub struct CsvOutput {
     /// The name of its files.
     pub file: String,
-    /// Of how many steps one is written, see `is_written`.
-    pub every: usize,
+    /// Of which steps files are written.
+    pub every: Cadence,
     /// Its points and columns.
     pub line: LineSample,
 }
@@ -80,22 +80,12 @@ impl CsvOutput {
     }
 }
 
-/// How many files an output writes of so many steps.
-#[must_use]
-pub fn n_files(every: usize, n_steps: usize) -> usize {
-    (0..n_steps).filter(|k| is_written(*k, every, n_steps)).count()
-}
-
-/// Whether the files of a step, counted from 0, are written: of `every` steps the first one, and the last of all.
-#[must_use]
-pub(crate) fn is_written(step: usize, every: usize, n_steps: usize) -> bool {
-    step.is_multiple_of(every) || step + 1 == n_steps
-}
-
 pub(super) struct OutputMaker<'a> {
     pub(super) parts: Parts<'a>,
     pub(super) rules: &'a Rules,
     pub(super) backend: &'a dyn KernelBackend,
+    /// None after an error in `steps`.
+    pub(super) steps: Option<&'a Steps>,
     pub(super) diagnostics: &'a mut Vec<Diagnostic>,
     /// Seconds spent on laws; the rest goes to finding where they are sampled.
     pub(super) law_seconds: Cell<f64>,
@@ -117,8 +107,11 @@ const DISPLACEMENT: &str = "displacement";
 /// Largest number behind `every`: beyond any number of steps.
 const MAX_EVERY: f64 = 1e9;
 
-pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> (Vec<VtkOutput>, Vec<CsvOutput>) {
-    let (mut vtk, mut csv) = (Vec::new(), Vec::new());
+/// What a scene writes: grids, lines, and series over the steps.
+pub(super) type Made = (Vec<VtkOutput>, Vec<CsvOutput>, Vec<CsvOutput>);
+
+pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> Made {
+    let (mut vtk, mut csv, mut series) = (Vec::new(), Vec::new(), Vec::new());
     maker.names();
     let bodies = maker.bodies();
     let faces = maker.faces();
@@ -126,6 +119,7 @@ pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> (Vec<VtkOutput>, Vec<CsvOu
         maker.check_file(output);
         match output.format.name.as_str() {
             "vtk" => vtk.extend(maker.vtk(output, &bodies, &faces)),
+            "csv" if !output.at.is_empty() => series.extend(maker.series(output, &bodies, &faces)),
             "csv" => csv.extend(maker.csv(output, &bodies)),
             other => {
                 let d = Diagnostic::new("E416", format!("no output format `{other}`"));
@@ -133,7 +127,7 @@ pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> (Vec<VtkOutput>, Vec<CsvOu
             }
         }
     }
-    (vtk, csv)
+    (vtk, csv, series)
 }
 
 impl OutputMaker<'_> {
@@ -240,6 +234,11 @@ impl OutputMaker<'_> {
     }
 
     fn vtk(&mut self, output: &wfl::Output, bodies: &[Target], faces: &[Target]) -> Option<VtkOutput> {
+        if let Some(at) = output.at.first() {
+            let d = Diagnostic::new("E416", "`at` samples points: use `output csv`");
+            self.diagnostics.push(d.at(at.span, ""));
+            return None;
+        }
         if let Some((from, _)) = &output.along {
             let d = Diagnostic::new("E416", "`along` samples a line: use `output csv`");
             self.diagnostics.push(d.at(from.span, ""));
@@ -376,8 +375,23 @@ impl OutputMaker<'_> {
     }
 
     /// The number behind `every`; `None` after a message.
-    fn every(&mut self, output: &wfl::Output) -> Option<usize> {
-        let Some(e) = &output.every else { return Some(1) };
+    pub(super) fn every(&mut self, output: &wfl::Output) -> Option<Cadence> {
+        let when = self.event(output)?;
+        let Some(e) = &output.every else {
+            let usual = self.steps.map_or(Cadence { every: Every::Count(1), when: None }, Cadence::usual);
+            return Some(Cadence { when, ..usual });
+        };
+        let mut names = (false, false);
+        wfl::each_name(e, &mut |word| {
+            let unit = self.parts.script.params.iter().any(|p| p.name.name == word && p.unit.is_some());
+            names = (true, names.1 || unit);
+        });
+        if names.1 || names.0 && self.steps.is_some_and(|s| s.auto.is_some()) {
+            let by = number(self.parts.env, "a length of the step variable", e, self.diagnostics)?;
+            if by > 0.0 {
+                return Some(Cadence { every: Every::Spaced { by, met: true }, when });
+            }
+        }
         let n = number(self.parts.env, "a number of steps", e, self.diagnostics)?;
         if n.fract() != 0.0 || !(1.0..=MAX_EVERY).contains(&n) {
             let d = Diagnostic::new("E414", format!("`every` takes a whole number from 1, found {n}"));
@@ -385,7 +399,20 @@ impl OutputMaker<'_> {
             return None;
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
-        Some(n as usize)
+        Some(Cadence { every: Every::Count(n as usize), when })
+    }
+
+    /// The number of the event behind `when`; `None` after a message.
+    #[expect(clippy::option_option, reason = "no event, and an unknown one")]
+    pub(super) fn event(&mut self, output: &wfl::Output) -> Option<Option<usize>> {
+        let Some(name) = &output.when else { return Some(None) };
+        let found = self.parts.script.events.iter().position(|e| e.name.name == name.name);
+        if found.is_none() {
+            let d = Diagnostic::new("E414", format!("`when` takes an event, and `{}` is none", name.name));
+            self.diagnostics.push(d.at(name.span, "").help("event quake = max(V) on fault > 1e-3"));
+            return None;
+        }
+        Some(found)
     }
 
     /// A plain field on a face, from whichever side it lives on.
@@ -475,7 +502,7 @@ impl OutputMaker<'_> {
 
     fn csv(&mut self, output: &wfl::Output, bodies: &[Target]) -> Option<CsvOutput> {
         let Some((from, to)) = &output.along else {
-            let d = Diagnostic::new("E416", "`output csv` needs a line: along [..] to [..]");
+            let d = Diagnostic::new("E416", "`output csv` needs a line, along [..] to [..], or points: at [..]");
             self.diagnostics.push(d.at(output.format.span, ""));
             return None;
         };

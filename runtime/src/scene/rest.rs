@@ -8,10 +8,13 @@ use std::collections::BTreeMap;
 
 use wfl::{
     Diagnostic, FieldKind as Declared, Lost, ResolvedScript, Span, StartKind,
-    ast::{Cond, EntityKind, Expr, ExprKind, MappingKind, MeshSource, Place, QuadratureRule, RegionExpr, TargetPart},
+    ast::{
+        Cond, EntityKind, Expr, ExprKind, MappingKind, MeshSource, OptionValue, Place, QuadratureRule, RegionExpr,
+        TargetPart,
+    },
 };
 use wfl_compiler::{
-    Constant, Env, LoadPart, TermSource, check_condition, check_term, check_value,
+    Constant, Env, LoadPart, TermSource, check_condition, check_term, check_value, constant,
     types::{FieldId, FieldKind, FieldSig, MappingSig, PlaceKind, PlaceSig, Shape},
 };
 
@@ -152,6 +155,25 @@ pub(super) fn expects(
     for measure in &script.measures {
         let value = Constant { shape: Shape::SCALAR, values: vec![f64::NAN], declared: None };
         known.insert(measure.name.name.clone(), value);
+    }
+    let number = || Constant { shape: Shape::SCALAR, values: vec![f64::NAN], declared: None };
+    let mut in_steps = known.clone();
+    in_steps.extend(script.steps.iter().map(|s| (s.variable.name.clone(), number())));
+    let watched = script.steps.iter().flat_map(|s| &s.watched).map(|m| m.name.name.clone());
+    let of_events =
+        script.events.iter().flat_map(|e| e.watched.iter().map(|m| format!("{}{}", e.name.name, m.name.name)));
+    in_steps.extend(watched.chain(of_events).map(|name| (name, number())));
+    let limits = script.steps.iter().flat_map(|s| &s.options).filter(|o| o.name.name == "limit");
+    let limits = limits.filter_map(|o| match &o.value {
+        Some(OptionValue::Expr(e)) => Some(e),
+        _ => None,
+    });
+    for e in limits.chain(script.events.iter().flat_map(|e| [&e.larger, &e.smaller])) {
+        let told = constant(&bare_env(script, dim, &in_steps), "a number of the steps", e).diagnostics;
+        diagnostics.extend(told.into_iter().filter(|d| !diagnostics.contains(d)).collect::<Vec<_>>());
+    }
+    for event in &script.events {
+        known.extend(wfl::Event::NUMBERS.map(|end| (format!("{}{end}", event.name.name), number())));
     }
     let env = bare_env(script, dim, &known);
     for expect in &script.expects {

@@ -69,7 +69,7 @@ pub struct Files {
 struct Stopped;
 
 impl Progress for Stopped {
-    fn step(&mut self, number: usize, _count: usize, _time: f64) {
+    fn step(&mut self, number: usize, _count: Option<usize>, _time: f64) {
         assert!(number < 3, "the run is stopped here");
     }
 }

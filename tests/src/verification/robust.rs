@@ -257,7 +257,7 @@ fn no_folder() -> Vec<Case> {
 struct Stop(usize);
 
 impl Progress for Stop {
-    fn step(&mut self, number: usize, _count: usize, _time: f64) {
+    fn step(&mut self, number: usize, _count: Option<usize>, _time: f64) {
         assert!(number != self.0, "stopped on purpose");
     }
 }

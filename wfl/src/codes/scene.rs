@@ -291,6 +291,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "refine where x < 0.5 times 2 along x",
     ),
     page(
+        "E445",
+        "an event that is no comparison of two numbers",
+        "An event lasts while one number is larger than another: `event quake = max(V) on fault > 1e-3`. The numbers are \
+         made of parameters, measures, the step variable, and of max(e), min(e), mean(e) or integral(e) on a region.",
+        "measure top = max(x) on all\nevent high = top == 1",
+        "measure top = max(x) on all\nevent high = top > 1",
+    ),
+    page(
         "E501",
         "units that do not match",
         "Both sides of a sum must have the same unit. Units are checked as soon as a param, field or datum has one. A \

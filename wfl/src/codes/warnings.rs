@@ -355,6 +355,15 @@ pub(super) const PAGES: &[CodePage] = &[
         "mesh box [0,-5] to [5,0] cells [60,60] quad",
     ),
     page(
+        "W618",
+        "steps with a larger error than demanded",
+        "`steps ... by auto` found no increment with the demanded error: one was as small as `least`, and the step was taken \
+         with the error that it has. That is right where a value jumps at once: no increment resolves a jump. Elsewhere \
+         choose a smaller `least`, or a larger `error`. `report.json` lists the attempts of each step.",
+        "steps t = 0 to 1 by auto with first=0.1, least=0.1, error=1e-9",
+        "steps t = 0 to 1 by auto with error=1e-3",
+    ),
+    page(
         "W702",
         "declared but not needed",
         "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \

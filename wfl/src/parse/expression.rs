@@ -5,9 +5,9 @@
 //! right); the words `Sym Skew Trace Deviator Print` written without parentheses; `'` and calls.
 //! Comparisons and numbers share this list, so no text is read twice; which of both stands where is checked here.
 
-use super::{NESTING_LIMIT, Pair, Parsed, Rule, statement::Reader};
+use super::{NESTING_LIMIT, Pair, Parsed, Rule, statement::Reader, terminal::comparison};
 use crate::{
-    ast::{Argument, CmpOp, Cond, CondKind, Expr, ExprKind, MulOp},
+    ast::{Argument, Cond, CondKind, Expr, ExprKind, MulOp},
     diag::Diagnostic,
     source::Span,
 };
@@ -395,17 +395,6 @@ impl<'i> Flat<'_, '_, 'i> {
 
 const COMPARISONS: &[&str] = &["<=", ">=", "==", "!=", "<", ">"];
 const FACTORS: &[&str] = &["*", "/", ".", ":", ".*", "./", "@"];
-
-fn comparison(sign: &str) -> CmpOp {
-    match sign {
-        "<" => CmpOp::Less,
-        "<=" => CmpOp::LessEqual,
-        ">" => CmpOp::Greater,
-        ">=" => CmpOp::GreaterEqual,
-        "==" => CmpOp::Equal,
-        _ => CmpOp::NotEqual,
-    }
-}
 
 fn factor(sign: &str) -> MulOp {
     match sign {

@@ -2,12 +2,13 @@
 
 use super::{
     Pair, Parsed, Rule, habits, slip, span_at,
-    terminal::{box_shape, entity, rank, reduction, region_op},
+    terminal::{box_shape, comparison, entity, rank, reduction, region_op},
 };
 use crate::{
     ast::{
-        BoxDivision, Domain, Expr, Ident, Item, ItemKind, MacroDef, MappingKind, MeasureAt, MeshSource, OptionItem,
-        OptionValue, OutputItem, Place, QuadratureRule, Reduction, Refine, RegionExpr, Space, Target, TargetPart, Unit,
+        BoxDivision, Cond, CondKind, Domain, Expr, Ident, Item, ItemKind, MacroDef, MappingKind, MeasureAt, MeshSource,
+        OptionItem, OptionValue, OutputItem, Place, QuadratureRule, Reduction, Refine, RegionExpr, Space, Target,
+        TargetPart, Unit,
     },
     diag::Diagnostic,
     keywords::is_keyword,
@@ -79,6 +80,8 @@ const TOKENS: &[Rule] = {
         R::k_quad,
         R::k_measure,
         R::k_expect,
+        R::k_event,
+        R::k_when,
         R::k_output,
         R::k_Normal,
         R::k_on,
@@ -213,11 +216,13 @@ impl Reader<'_> {
                 from: self.value(p.next())?,
                 to: self.value(p.next())?,
                 by: self.value(p.next())?,
+                unit: p.take(Rule::unit).map(|u| self.unit(u)).transpose()?,
                 options: self.options(&mut p)?,
             },
             Rule::solver => ItemKind::Solver { name: self.ident(&p.next()), options: self.options(&mut p)? },
             Rule::quadrature => ItemKind::Quadrature { places: self.places(p.next()), rule: self.rule(p.next())? },
             Rule::measure => self.measure(p)?,
+            Rule::event => self.event(p)?,
             Rule::expect => ItemKind::Expect(self.cond(p.next())?),
             _ => self.output(p)?,
         })
@@ -484,10 +489,31 @@ impl Reader<'_> {
         }
     }
 
+    /// `name = a > b on r`, or `name = a on r > b`.
+    fn event(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
+        let name = self.name(&p.next())?;
+        let first = p.next();
+        let start = self.span(&first);
+        let mut places = p.take(Rule::option_on).map(|on| self.places(on)).unwrap_or_default();
+        let condition = match p.take(Rule::event_side) {
+            None => self.cond(first)?,
+            Some(side) => {
+                let mut q = self.open(side);
+                let op = comparison(q.next().as_str());
+                let second = self.value(q.next())?;
+                places.extend(q.take(Rule::option_on).map(|on| self.places(on)).unwrap_or_default());
+                let span = start.to(second.span);
+                Cond { kind: CondKind::Compare(Box::new(self.value(first)?), vec![(op, second)]), span }
+            }
+        };
+        Ok(ItemKind::Event { name, condition, places })
+    }
+
     fn output(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
         let format = self.ident(&p.next());
         let file = self.text(&p.next());
         let every = p.take(Rule::every).map(|e| self.value(self.only(e))).transpose()?;
+        let when = p.take(Rule::when).map(|e| self.ident(&self.only(e)));
         let mut items = Vec::new();
         for item in p.take_all(Rule::outitem) {
             let mut q = self.open(item);
@@ -501,7 +527,11 @@ impl Reader<'_> {
                 Some((self.value(q.next())?, self.value(q.next())?))
             }
         };
-        Ok(ItemKind::Output { format, file, every, items, along, options: self.options(&mut p)? })
+        let at = match p.take(Rule::at) {
+            None => Vec::new(),
+            Some(at) => self.parts(at).into_iter().map(|x| self.value(x)).collect::<Parsed<Vec<Expr>>>()?,
+        };
+        Ok(ItemKind::Output { format, file, every, when, items, along, at, options: self.options(&mut p)? })
     }
 
     fn options(&self, p: &mut Parts<'_>) -> Parsed<Vec<OptionItem>> {
@@ -512,7 +542,9 @@ impl Reader<'_> {
         for option in self.parts(options) {
             let mut q = self.open(option);
             let name = self.ident(&q.next());
-            list.push(OptionItem { name, value: q.0.next().map(|v| self.option_value(v)).transpose()? });
+            let value = q.0.next().map(|v| self.option_value(v)).transpose()?;
+            let places = q.take(Rule::option_on).map(|on| self.places(on)).unwrap_or_default();
+            list.push(OptionItem { name, value, places });
         }
         Ok(list)
     }

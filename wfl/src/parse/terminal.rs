@@ -1,6 +1,6 @@
 //! Words and signs of the grammar to their values in the syntax tree. The grammar admits no others.
 
-use crate::ast::{BoxShape, EntityKind, Expr, Rank, Reduction, RegionOp};
+use crate::ast::{BoxShape, CmpOp, EntityKind, Expr, Rank, Reduction, RegionOp};
 
 /// The rank of a field, or the sizes that the word takes.
 pub(super) fn rank(word: &str, mut sizes: Vec<Expr>) -> Result<Rank, &'static str> {
@@ -51,5 +51,17 @@ pub(super) fn reduction(word: &str) -> Reduction {
         "min" => Reduction::Min,
         "value" => Reduction::Value,
         _ => Reduction::Integral,
+    }
+}
+
+/// The operator of a comparison.
+pub(super) fn comparison(sign: &str) -> CmpOp {
+    match sign {
+        "<" => CmpOp::Less,
+        "<=" => CmpOp::LessEqual,
+        ">" => CmpOp::Greater,
+        ">=" => CmpOp::GreaterEqual,
+        "==" => CmpOp::Equal,
+        _ => CmpOp::NotEqual,
     }
 }

@@ -184,6 +184,26 @@ pub(super) const ROWS: &[StatementRow] = &[
         default: "5, `stop`, 100,000",
     },
     StatementRow {
+        word: "steps",
+        usage: "`steps t = a to b by auto`",
+        meaning: "the run chooses the steps by the error that each of them makes in time, see below; `b` is met exactly",
+        default: "",
+    },
+    StatementRow {
+        word: "steps",
+        usage: "`... with first=1e-3, error=1e-5, least=1e-6, most=10, limit=0.2*Dc/max(V) on fault`",
+        meaning: "the first increment; the largest error of a step, relative to the largest value of each field; the \
+                  smallest and the largest increment; what the increment is at most behind each state: arithmetic of \
+                  parameters, measures, the step variable and `max(e)`, `min(e)`, `mean(e)`, `integral(e)` on a region",
+        default: "with b - a = 1: 1e-6, 1e-4, 1e-12, 1, none",
+    },
+    StatementRow {
+        word: "steps",
+        usage: "`steps t = a to b by c [s]`",
+        meaning: "the unit of the step variable, behind the step or behind `auto`",
+        default: "the one that fits the terms",
+    },
+    StatementRow {
         word: "solver",
         usage: "`solver newton with tol=1e-10, max_iter=150, search=auto`",
         meaning: "relative residual (at most 0.1); iterations of one attempt; `search=none` for undamped Newton \
@@ -232,6 +252,14 @@ pub(super) const ROWS: &[StatementRow] = &[
         default: "",
     },
     StatementRow {
+        word: "event",
+        usage: "`event e = max(V) on fault > 1e-3`",
+        meaning: "what begins and ends during the steps: a comparison of numbers made of measures, parameters, the step \
+                  variable and reductions on a region. Its times are told and stand in `report.json`; `expect` knows \
+                  `e_count`, `e_first`, `e_last` (beginnings) and `e_interval` (between the last two)",
+        default: "",
+    },
+    StatementRow {
         word: "expect",
         usage: "`expect condition`",
         meaning: "a condition on measures and params; exit code 3 if it is false",
@@ -248,7 +276,26 @@ pub(super) const ROWS: &[StatementRow] = &[
         usage: "`output ... \"name\" every n : ...`",
         meaning: "a file for every `n`-th step from the first one on, and for the last step; `wfl check` shows number \
                   and size of the files",
-        default: "every step",
+        default: "every step; about a hundred of those that the run chooses",
+    },
+    StatementRow {
+        word: "output",
+        usage: "`output ... \"name\" every yr : ...`",
+        meaning: "a file for the first step in each length `yr` of the step variable: `yr` is a parameter with a unit, or \
+                  any parameter where the run chooses the steps, which then end at these values",
+        default: "",
+    },
+    StatementRow {
+        word: "output",
+        usage: "`output ... \"name\" when e : ...`",
+        meaning: "files only while the event `e` lasts, and for the first and the last step; also behind `every`",
+        default: "",
+    },
+    StatementRow {
+        word: "output",
+        usage: "`output csv \"name\" : a, b at P, Q`",
+        meaning: "a series: one file with a row for each step and point, of values in bodies or on faces with terms",
+        default: "",
     },
     StatementRow {
         word: "output",

@@ -6,6 +6,7 @@ use crate::{
     ast::{ExprKind, Ident, Item, ItemKind, MacroDef, MeshSource},
     diag::{Diagnostic, nearest},
     foreign::field_slip,
+    script::Event,
     source::{SourceMap, Span},
     words::{REGIONS, is_function, reserved, split_prefixes},
 };
@@ -64,7 +65,7 @@ pub(super) fn declared(item: &Item) -> Option<(Kind, &Ident)> {
         ItemKind::Data { name, .. } => (Kind::Data, name),
         ItemKind::State { name, .. } => (Kind::State, name),
         ItemKind::Def(def) => (Kind::Def, &def.name),
-        ItemKind::Measure { name, .. } => (Kind::Measure, name),
+        ItemKind::Measure { name, .. } | ItemKind::Event { name, .. } => (Kind::Measure, name),
         ItemKind::Mapping { name, .. } => (Kind::Mapping, name),
         ItemKind::Steps { variable, .. } => (Kind::Steps, variable),
         _ => return None,
@@ -93,6 +94,12 @@ impl Names {
         for item in items {
             if let Some((kind, name)) = declared(item) {
                 names.value(kind, name, dimension, diagnostics);
+            }
+            if let ItemKind::Event { name, .. } = &item.kind {
+                for end in Event::NUMBERS {
+                    let number = Ident { name: format!("{}{end}", name.name), span: name.span };
+                    names.value(Kind::Measure, &number, dimension, diagnostics);
+                }
             }
             if let ItemKind::Region { name, .. } = &item.kind {
                 names.region(name, diagnostics);

@@ -45,7 +45,8 @@ impl Resolver<'_> {
                 }
                 Some(OptionValue::Expr(e)) => Some(OptionValue::Expr(self.expr(e)?)),
             };
-            resolved.push(OptionItem { name, value });
+            let places = self.places(&option.places, true)?;
+            resolved.push(OptionItem { name, value, places });
         }
         complete.map(|()| resolved)
     }

@@ -5,7 +5,7 @@ use crate::{
     ast::{Item, ItemKind, MeasureAt, QuadratureRule},
     script::{
         Expect, FieldKind, Mapping, Measure, MeshStmt, Output, Param, Quadrature, Refinement, Region, Solver, Split,
-        Start, StartKind, Steps, Term,
+        Start, StartKind, Steps, Term, is_auto,
     },
     source::Span,
 };
@@ -30,7 +30,7 @@ impl<'d> Resolver<'d> {
                 self.equation(kind, item.span)
             }
             K::Steps { .. } | K::Solver { .. } | K::Quadrature { .. } => self.request(kind, item.span),
-            K::Measure { .. } | K::Expect(_) | K::Output { .. } => self.request(kind, item.span),
+            K::Measure { .. } | K::Event { .. } | K::Expect(_) | K::Output { .. } => self.request(kind, item.span),
         }
     }
 
@@ -126,16 +126,24 @@ impl<'d> Resolver<'d> {
         Some(())
     }
 
+    fn steps(&mut self, kind: &'d ItemKind, span: Span) -> Option<()> {
+        let ItemKind::Steps { variable, from, to, by, unit, options } = kind else { return None };
+        self.once(self.script.steps.as_ref().map(|s| s.span), "steps", span)?;
+        let (from, to) = (self.expr(from), self.expr(to));
+        let by = if is_auto(by) { Some(by.clone()) } else { self.expr(by) };
+        let options = self.options("steps", options)?;
+        let mut watched = Vec::new();
+        let options = options.into_iter().map(|o| self.watched(o, &mut watched)).collect();
+        let (variable, unit) = (variable.clone(), unit.clone());
+        let steps = Steps { variable, from: from?, to: to?, by: by?, unit, watched, options, span };
+        self.script.steps = Some(steps);
+        Some(())
+    }
+
     /// What is to be done: steps, solver, rules, results.
     fn request(&mut self, kind: &'d ItemKind, span: Span) -> Option<()> {
         match kind {
-            ItemKind::Steps { variable, from, to, by, options } => {
-                self.once(self.script.steps.as_ref().map(|s| s.span), "steps", span)?;
-                let (from, to, by) = (self.expr(from), self.expr(to), self.expr(by));
-                let options = self.options("steps", options)?;
-                let variable = variable.clone();
-                self.script.steps = Some(Steps { variable, from: from?, to: to?, by: by?, options, span });
-            }
+            ItemKind::Steps { .. } => self.steps(kind, span)?,
             ItemKind::Solver { name, options } => {
                 self.once(self.script.solver.as_ref().map(|s| s.span), "solver", span)?;
                 let known = self.one_of("solver", name, SOLVERS);
@@ -161,22 +169,27 @@ impl<'d> Resolver<'d> {
                 let (name, reduction) = (name.clone(), *reduction);
                 self.script.measures.push(Measure { name, reduction, expr, places: places?, at, span });
             }
+            ItemKind::Event { name, condition, places } => {
+                let event = self.event(name, condition, places, span)?;
+                self.script.events.push(event);
+            }
             ItemKind::Expect(condition) => {
                 let text = self.sources.snippet(condition.span).to_owned();
                 let condition = self.cond(condition)?;
                 self.script.expects.push(Expect { condition, text, span });
             }
-            ItemKind::Output { format, file, every, items, along, options } => {
+            ItemKind::Output { format, file, every, when, items, along, at, options } => {
                 let known = self.one_of("output", format, FORMATS);
                 let items: Vec<_> = items.iter().map(|i| self.quantity(i)).collect();
                 let along = along.as_ref().map(|(a, b)| Some((self.expr(a)?, self.expr(b)?)));
                 let every = every.as_ref().map(|e| self.expr(e));
+                let at: Option<Vec<_>> = at.iter().map(|x| self.expr(x)).collect();
                 let options = self.options("output", options)?;
                 let every = every.transpose_option()?;
                 let (items, along) = (items.into_iter().collect::<Option<_>>()?, along.transpose_option()?);
                 known?;
-                let (format, file) = (format.clone(), file.clone());
-                self.script.outputs.push(Output { format, file, every, items, along, options, span });
+                let (format, file, when, at) = (format.clone(), file.clone(), when.clone(), at?);
+                self.script.outputs.push(Output { format, file, every, when, items, along, at, options, span });
             }
             _ => {}
         }

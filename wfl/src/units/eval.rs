@@ -64,7 +64,7 @@ impl<'s> Pass<'s> {
         self.solved.length.clone().unwrap_or_else(|| Unit::of(Symbol::Length))
     }
 
-    fn time(&self) -> Unit {
+    pub(super) fn time(&self) -> Unit {
         self.solved.time.clone().unwrap_or_else(|| Unit::of(Symbol::Time))
     }
 

@@ -12,7 +12,7 @@ use super::{
 
 /// The walk over the scene with everything known that can be known.
 pub(super) fn checked<'s>(scene: &'s Scene<'s>) -> Pass<'s> {
-    let mut solved = Solved::default();
+    let mut solved = Solved { time: scene.step_unit.clone(), ..Solved::default() };
     // each round finds one of the three; a found one may leave another alone in a relation
     for _ in 0..3 {
         let mut pass = Pass::new(scene, solved.clone());

@@ -40,6 +40,8 @@ pub(super) struct Scene<'s> {
     pub(super) dimension: Option<i64>,
     /// The variable of `steps`.
     pub(super) time: Option<&'s str>,
+    /// The unit that `steps` gives its variable.
+    pub(super) step_unit: Option<Unit>,
     /// Some declared unit has a length in it, so coordinates are lengths, too.
     pub(super) lengths: bool,
     kinds: BTreeMap<&'s str, EntityKind>,
@@ -62,6 +64,7 @@ impl<'s> Scene<'s> {
             Some(MeshSource::Box { from, to, division, .. }) => box_dimension(from, to, division),
             _ => None,
         };
+        let step_unit = script.steps.as_ref().and_then(|s| s.unit.as_ref()).and_then(|w| read(w, found));
         let time = script.steps.as_ref().map(|s| s.variable.name.as_str());
         let mut kinds = BTreeMap::from([("all", EntityKind::Cells)]);
         for known in ["boundary", "interior"] {
@@ -73,12 +76,14 @@ impl<'s> Scene<'s> {
                 kinds.insert(&region.name.name, kind);
             }
         }
-        Self { script, sources, declared, dimension, time, lengths, kinds, values: values(script) }
+        Self { script, sources, declared, dimension, time, step_unit, lengths, kinds, values: values(script) }
     }
 
     /// True if the scene has a unit anywhere; without one nothing is checked.
     pub(super) fn has_units(script: &ResolvedScript) -> bool {
-        script.params.iter().any(|p| p.unit.is_some()) || script.fields.iter().any(|f| f.space.unit.is_some())
+        script.params.iter().any(|p| p.unit.is_some())
+            || script.fields.iter().any(|f| f.space.unit.is_some())
+            || script.steps.as_ref().is_some_and(|s| s.unit.is_some())
     }
 
     /// The same scene with another unit of one name.

@@ -1,7 +1,7 @@
 //! The statements of a scene, each with the units its values need.
 
 use crate::{
-    ast::{Expr, Ident, Reduction},
+    ast::{Expr, Ident, OptionValue, Reduction},
     diag::Diagnostic,
     script::{Condition, DataValue, Field, FieldKind, StartKind, Term},
     source::Span,
@@ -39,7 +39,9 @@ impl<'s> Pass<'s> {
                 self.given(&target.field, &fix.value);
             }
         }
+        self.range_of_steps();
         self.plain = false;
+        self.watched();
         self.states();
         self.sum_of_terms();
         self.measures();
@@ -52,6 +54,45 @@ impl<'s> Pass<'s> {
                 let value = self.expr(&item.expr);
                 // a name that something else has already keeps the unit of that
                 self.units.entry(&item.name).or_insert(value);
+            }
+        }
+    }
+
+    /// Ends and increments of the steps have the unit of their variable.
+    fn range_of_steps(&mut self) {
+        let Some(steps) = &self.scene.script.steps else { return };
+        let increments = steps.options.iter().filter(|o| ["first", "least", "most"].contains(&o.name.name.as_str()));
+        let increments = increments.filter(|_| steps.is_auto()).filter_map(|o| match &o.value {
+            Some(OptionValue::Expr(e)) => Some(e),
+            _ => None,
+        });
+        let by = (!steps.is_auto()).then_some(&steps.by);
+        for e in [&steps.from, &steps.to].into_iter().chain(by).chain(increments) {
+            self.has_unit_of_steps(e);
+        }
+    }
+
+    fn has_unit_of_steps(&mut self, e: &Expr) {
+        let Some(steps) = &self.scene.script.steps else { return };
+        let (value, needed) = (self.expr(e), Value::of(Some(self.time())));
+        self.takes(&steps.variable.name, steps.variable.span, &needed, &value, e);
+    }
+
+    /// The limit of an increment, and the sides of events, are made of reductions that have units of their own.
+    fn watched(&mut self) {
+        let script = self.scene.script;
+        let Some(steps) = &script.steps else { return };
+        for measure in &steps.watched {
+            let value = match measure.reduction {
+                Reduction::Integral => Value::lost(),
+                _ => self.expr(&measure.expr),
+            };
+            self.units.entry(&measure.name.name).or_insert(value);
+        }
+        let limits = steps.options.iter().filter(|o| o.name.name == "limit");
+        for option in limits {
+            if let Some(OptionValue::Expr(e)) = &option.value {
+                self.has_unit_of_steps(e);
             }
         }
     }

@@ -145,6 +145,12 @@ fn warnings() -> Vec<Pair> {
         Pair::new("W615", DRAGGED).near("slid = jump(uL,uR)", "slid = jump(uL,uR) - jump(Previous_uL,Previous_uR)"),
         Pair::new("W616", CRUSHED).near("-1.7*y", "-0.7*y"),
         Pair::new("W617", TOUCHING).near("cells [6,6]", "cells [200,6]"),
+        Pair::new(
+            "W618",
+            "mesh box [0,0] to [1,1] cells [1,1] quad\nunknown u : scalar\nterm on all : (Dot_u + u - t)*Test_u\n\
+             steps t = 0 to 1 by auto with first=0.2, least=0.2, error=1e-6\nmeasure m = max(u) on all\n",
+        )
+        .near("least=0.2", "least=1e-9"),
         Pair::new("W702", flow("param k = 1")).near("param k = 1", "param k = 1\nload p = k on all"),
     ]
 }

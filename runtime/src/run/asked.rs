@@ -1,0 +1,71 @@
+//! Where a run starts, which step comes next, and where it lies among the others. Solves nothing.
+
+use super::{Run, StepResult, stepping::Leg};
+use crate::{
+    finite::BadGiven,
+    scene::{Scene, StepPlace, node_positions},
+};
+
+/// A step that is to be solved.
+#[derive(Clone, Copy)]
+pub(super) struct Asked {
+    /// Its number from 0.
+    pub(super) number: usize,
+    /// How many there are; `None` for a step that ends where the run finds right, at the end of the leg at the latest.
+    pub(super) count: Option<usize>,
+    pub(super) leg: Leg,
+}
+
+impl Asked {
+    /// A step of the scene.
+    fn of_scene(scene: &Scene, number: usize) -> Self {
+        let values = &scene.steps.values;
+        let from = number.checked_sub(1).map(|k| values[k]);
+        let leg = Leg { from, to: values[number], first_increment: scene.steps.first_increment() };
+        Self { number, count: Some(values.len()), leg }
+    }
+}
+
+impl Run {
+    /// The next step of the scene; `None` where none is left.
+    pub(super) fn next_asked(&self, scene: &Scene) -> Option<Asked> {
+        let (number, steps) = (self.steps.len(), &scene.steps);
+        if steps.auto.is_none() {
+            return (number < steps.values.len()).then(|| Asked::of_scene(scene, number));
+        }
+        let from = self.steps.last().map(|s| s.time);
+        if from.is_some_and(|at| at >= steps.last()) {
+            return None;
+        }
+        let to = from.map_or(steps.first(), |at| self.stop(scene, at));
+        Some(Asked { number, count: None, leg: Leg { from, to, first_increment: steps.first_increment() } })
+    }
+
+    /// Where a step behind a value of the step variable has to end at the latest.
+    fn stop(&self, scene: &Scene, at: f64) -> f64 {
+        let cadences = scene.vtk.iter().map(|o| &o.every).chain(scene.csv.iter().map(|o| &o.every));
+        cadences.filter_map(|c| c.next_met(at, &scene.steps)).fold(scene.steps.last(), f64::min)
+    }
+
+    /// Where a step lies among the others.
+    pub(super) fn place_of<'e>(&self, step: &StepResult, events: &'e [bool], number: usize) -> StepPlace<'e> {
+        let before = number.checked_sub(1).map_or(step.time, |k| self.steps[k].time);
+        StepPlace { number, time: step.time, before, events }
+    }
+}
+
+/// First values of the scene: those of the unknowns by dof, those of states where they are kept.
+pub(super) fn start(scene: &mut Scene) -> Result<Vec<f64>, BadGiven> {
+    let mut u = vec![0.0; scene.system.numbering.n_dofs];
+    let time = scene.steps.first();
+    for (field, value) in &mut scene.starts {
+        let positions = node_positions(&scene.system, *field);
+        let values = value.at(&positions, time, 0.0)?;
+        match scene.system.numbering.starts[*field] {
+            Some(first) => u[first..first + values.len()].copy_from_slice(&values),
+            None => scene.system.known.data[*field] = values,
+        }
+    }
+    scene.system.numbering.follow(&mut u);
+    Ok(u)
+}

@@ -1,0 +1,68 @@
+//! Series over the steps: expressions at points, a row for each point and step.
+
+use wfl::Diagnostic;
+
+use super::{
+    Cadence, Every, Parts,
+    constants::numbers,
+    mappings::refused,
+    outputs::{CsvOutput, OutputMaker, Target},
+};
+use crate::{
+    results::{LineSample, Located},
+    value::Value,
+};
+
+/// Most points of a series: each has a row in every step.
+const MAX_AT: usize = 1000;
+
+impl OutputMaker<'_> {
+    /// A series over the steps at points.
+    pub(super) fn series(&mut self, output: &wfl::Output, bodies: &[Target], faces: &[Target]) -> Option<CsvOutput> {
+        if let Some(option) = output.options.first() {
+            let d = Diagnostic::new("E414", format!("option `{}` is not understood here", option.name.name));
+            self.diagnostics.push(d.at(option.name.span, "points are those behind `at`"));
+            return None;
+        }
+        let dim = self.parts.mesh.dim();
+        let mut points = Vec::new();
+        for at in &output.at {
+            let x = numbers(self.parts.env, "a point", at, self.diagnostics)?;
+            if x.len() != dim || output.at.len() > MAX_AT {
+                let d = Diagnostic::new("E108", format!("a point has {dim} coordinates here; at most {MAX_AT} points"));
+                self.diagnostics.push(d.at(at.span, ""));
+                return None;
+            }
+            points.push([0, 1, 2].map(|d| x.get(d).copied().unwrap_or(0.0)));
+        }
+        let mut line = LineSample::at(self.parts.mesh, points);
+        for item in &output.items {
+            for (target, law) in self.homes(bodies, faces, &item.expr) {
+                if let Some(d) = refused(law.mapping, "a result file", item.expr.span) {
+                    self.diagnostics.push(d);
+                    continue;
+                }
+                let Parts { mesh, fields, .. } = self.parts;
+                let added = Value::new(law, self.backend).map_err(|e| e.to_string()).and_then(|v| {
+                    let located = Located::new(mesh, &target.support.region(), line.points());
+                    let located = located.map_err(|e| e.to_string())?;
+                    line.add(mesh, fields, item.name.clone(), v, located).map_err(|e| e.to_string())
+                });
+                if let Err(text) = added {
+                    self.diagnostics.push(Diagnostic::new("E416", text).at(item.expr.span, ""));
+                }
+            }
+        }
+        for name in line.nowhere() {
+            let span = output.items.iter().find(|i| i.name == name).map_or(output.span, |i| i.span);
+            let d = Diagnostic::new("E435", format!("`{name}` lives on none of the points of `{}`", output.file));
+            self.diagnostics.push(d.at(span, "").at(output.at[0].span, "the first point"));
+        }
+        // a row of every step, unless the scene says otherwise
+        let every = match output.every {
+            None => Cadence { every: Every::Count(1), when: self.event(output)? },
+            Some(_) => self.every(output)?,
+        };
+        Some(CsvOutput { file: output.file.clone(), every, line })
+    }
+}

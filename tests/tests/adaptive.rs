@@ -1,0 +1,127 @@
+//! Steps that a run chooses: the error is what was demanded, steps end where they must, what was rejected leaves no trace.
+
+use std::time::Instant;
+
+use wfl_jit::JitBackend;
+use wfl_runtime::{AttemptEnd, Outcome, Quiet, RunOptions, Scene, Session, run};
+use wfl_tests::prepared;
+
+fn scene(text: &str) -> Scene {
+    let backend = JitBackend::new().expect("machine code on this processor");
+    prepared(std::path::Path::new("."), text.to_owned(), &[], &[], &backend).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn options() -> RunOptions {
+    RunOptions { keep_states: true, ..RunOptions::without_files(1, Instant::now()) }
+}
+
+fn outcome(text: &str) -> Outcome {
+    let outcome = run(&mut scene(text), &options(), &mut Quiet).expect("a run");
+    assert!(outcome.converged());
+    outcome
+}
+
+/// u' = -k (u - cos t) with u(0) = 1.
+fn forced(k: f64, steps: &str) -> String {
+    format!(
+        "wfl 1\nparam k = {k}\nmesh box [0] to [1] cells [1] segment\nunknown u : scalar\n\
+         term balance on all : (Dot_u + k*(u - cos(t)))*Test_u\nstart u = 1\n{steps}\nmeasure m = max(u) on all\n"
+    )
+}
+
+/// The solution of that equation, by variation of constants.
+fn exact(k: f64, t: f64) -> f64 {
+    let c = k / (k * k + 1.0);
+    c * (k * t.cos() + t.sin()) + (1.0 - c * k) * (-k * t).exp()
+}
+
+fn largest_error(outcome: &Outcome, k: f64) -> f64 {
+    outcome.steps.iter().map(|s| (s.measures[0].1 - exact(k, s.time)).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_error_follows_the_demand_and_so_do_the_steps() {
+    let mut found = Vec::new();
+    for error in ["1e-3", "1e-4", "1e-5", "1e-6"] {
+        let outcome = outcome(&forced(1.0, &format!("steps t = 0 to 10 by auto with error={error}")));
+        found.push((largest_error(&outcome, 1.0), outcome.steps.len()));
+    }
+    // the error of all steps of a method of order p is that of one step to the power p/(p+1), and so is 1/steps
+    for (e, pair) in [1e-3f64, 1e-4, 1e-5].iter().zip(found.windows(2)) {
+        assert!(pair[1].0 < 0.5 * pair[0].0 && pair[1].1 > pair[0].1, "{found:?}");
+        assert!(pair[0].0 < 3.0 * e.sqrt(), "{found:?}");
+    }
+}
+
+#[test]
+fn steps_end_where_they_must_and_bounds_hold() {
+    let outcome = outcome(&forced(1.0, "steps t = 0 to 3.3 by auto with first=1e-3, error=1e-3, most=0.07"));
+    let times: Vec<f64> = outcome.steps.iter().map(|s| s.time).collect();
+    assert_eq!((times[0], times[1], *times.last().unwrap()), (0.0, 1e-3, 3.3));
+    assert!(times.windows(2).all(|w| w[1] > w[0] && w[1] - w[0] <= 0.07 * (1.0 + 1e-12)), "{times:?}");
+    for (step, pair) in outcome.steps[1..].iter().zip(times.windows(2)) {
+        assert_eq!(step.increment, pair[1] - pair[0]);
+    }
+}
+
+#[test]
+fn a_limit_is_taken_from_the_state_at_the_beginning_of_a_step() {
+    let steps = "steps t = 0 to 2 by auto with first=1e-3, error=0.1, limit=0.05*most/max(u) on all";
+    let text = forced(1.0, &format!("param most = 0.8\n{steps}"));
+    let outcome = outcome(&text);
+    for pair in outcome.steps.windows(2) {
+        let limit = 0.05 * 0.8 / pair[0].measures[0].1;
+        assert!(pair[1].increment <= limit * (1.0 + 1e-12), "{} at {}", pair[1].increment, pair[0].time);
+        assert_eq!(pair[0].limit, limit);
+    }
+}
+
+/// A sudden change is found: the load jumps at t = 1.
+#[test]
+fn a_sudden_load_is_met_by_shorter_steps_and_rejected_attempts_are_listed() {
+    let text = "wfl 1\nmesh box [0] to [1] cells [1] segment\nunknown u : scalar\nstate s : scalar on all := Previous_s + timestep*u\n\
+                term on all : (Dot_u + u - (if t > 1 then 1 else 0))*Test_u\n\
+                steps t = 0 to 2 by auto with error=1e-4\nmeasure m = max(u) on all\nmeasure i = mean(s) on all\n";
+    let outcome = outcome(text);
+    let rejected = |s: &&wfl_runtime::StepResult| s.attempts.iter().any(|a| matches!(a.end, AttemptEnd::Rejected(_)));
+    let first = outcome.steps.iter().find(rejected).expect("a rejected attempt");
+    assert!(first.time <= 1.01, "{}", first.time);
+    let last = outcome.steps.last().unwrap();
+    let exact = 1.0 - (-1.0f64).exp();
+    assert!((last.measures[0].1 - exact).abs() < 0.01, "{:?}", last.measures);
+    // the state is the sum over accepted steps alone
+    let sum: f64 = outcome.steps.iter().skip(1).map(|s| s.increment * s.measures[0].1).sum();
+    assert!((last.measures[1].1 - sum).abs() < 1e-12 * sum, "{sum} {:?}", last.measures);
+}
+
+#[test]
+fn steps_one_by_one_have_the_bits_of_a_run() {
+    let text = forced(30.0, "steps t = 0 to 2 by auto with error=1e-4");
+    let known = outcome(&text);
+    let mut scene = scene(&text);
+    let mut session = Session::new(&mut scene, options()).expect("a session");
+    let mut n = 0;
+    while let Some(step) = session.step(&mut scene, &mut Quiet).expect("a step") {
+        assert_eq!((step.time, &step.state), (known.steps[n].time, &known.steps[n].state));
+        n += 1;
+    }
+    assert_eq!(n, known.steps.len());
+}
+
+#[test]
+fn events_are_found_in_time_and_known_to_expect() {
+    let text = "wfl 1\nmesh box [0] to [1] cells [1] segment\nunknown u : scalar\n\
+                term on all : (Dot_u - 2*pi*cos(2*pi*t))*Test_u\n\
+                steps t = 0 to 3 by auto with error=1e-5, most=0.01\nmeasure m = max(u) on all\n\
+                event high = max(u) on all > 0.5\nevent low = m < -0.5\n\
+                expect high_count == 3\nexpect abs(high_interval - 1) < 0.01\nexpect abs(low_first - 7/12) < 0.01\n";
+    let outcome = outcome(text);
+    assert!(outcome.expectations.iter().all(|(_, holds)| *holds == Some(true)), "{:?}", outcome.events);
+    let (name, high) = &outcome.events[0];
+    assert_eq!((name.as_str(), high.len()), ("high", 3));
+    for (k, episode) in (0u8..).zip(high) {
+        let (begin, end) = (f64::from(k) + 1.0 / 12.0, f64::from(k) + 5.0 / 12.0);
+        assert!((episode.begin - begin).abs() < 0.01 && (episode.end.unwrap() - end).abs() < 0.01, "{episode:?}");
+    }
+    assert_eq!(outcome.report.events.get("high").map(Vec::len), Some(3));
+}

@@ -1,0 +1,131 @@
+//! Expressions of a state as a whole: `0.2*Dc/max(V) on fault`. Each reduction in them becomes a measure of its own, whose
+//! name stands in its place; the rest is arithmetic of numbers, parameters and measures.
+
+use super::Resolver;
+use crate::{
+    ast::{Argument, CmpOp, Cond, CondKind, Expr, ExprKind, Ident, MeasureAt, OptionItem, OptionValue, Reduction},
+    diag::Diagnostic,
+    script::Measure,
+    source::Span,
+};
+
+impl Resolver<'_> {
+    /// An option whose value may hold reductions; they are added to `watched`.
+    pub(super) fn watched(&mut self, option: OptionItem, watched: &mut Vec<Measure>) -> OptionItem {
+        let OptionItem { name, value, places } = option;
+        let value = match value {
+            Some(OptionValue::Expr(e)) => Some(OptionValue::Expr(self.reduced(e, &name, &places, watched))),
+            other => other,
+        };
+        OptionItem { name, value, places }
+    }
+
+    /// The expression with the names of measures in place of its reductions on the places.
+    fn reduced(&mut self, mut e: Expr, owner: &Ident, places: &[Ident], watched: &mut Vec<Measure>) -> Expr {
+        let before = watched.len();
+        take(&mut e, "", places, watched);
+        self.check_places(owner, e.span, places, watched.len() > before);
+        e
+    }
+}
+
+impl Resolver<'_> {
+    /// The sides of an event, the larger one first.
+    pub(super) fn event(
+        &mut self,
+        name: &Ident,
+        condition: &Cond,
+        places: &[Ident],
+        span: Span,
+    ) -> Option<crate::script::Event> {
+        let places = self.places(places, true);
+        let condition = self.cond(condition)?;
+        let places = places?;
+        let (larger, smaller) = match condition.kind {
+            CondKind::Compare(first, mut rest) if rest.len() == 1 => match rest.remove(0) {
+                (CmpOp::Greater | CmpOp::GreaterEqual, second) => (*first, second),
+                (CmpOp::Less | CmpOp::LessEqual, second) => (second, *first),
+                _ => return self.no_event(condition.span),
+            },
+            _ => return self.no_event(condition.span),
+        };
+        let mut watched = Vec::new();
+        let (mut larger, mut smaller) = (larger, smaller);
+        take(&mut larger, &name.name, &places, &mut watched);
+        take(&mut smaller, &name.name, &places, &mut watched);
+        self.check_places(name, larger.span, &places, !watched.is_empty());
+        Some(crate::script::Event { name: name.clone(), larger, smaller, watched, span })
+    }
+
+    fn no_event<T>(&mut self, at: Span) -> Option<T> {
+        let d = Diagnostic::new("E445", "an event lasts while one number is larger than another");
+        self.diagnostics.push(d.at(at, "").help("event quake = max(V) on fault > 1e-3"));
+        None
+    }
+
+    fn check_places(&mut self, owner: &Ident, at: Span, places: &[Ident], found: bool) {
+        if found && places.is_empty() {
+            let d = Diagnostic::new("E445", format!("a reduction in `{}` needs a region", owner.name));
+            self.diagnostics.push(d.at(at, "").help("max(V) on fault"));
+        }
+        if let Some(place) = places.first().filter(|_| !found) {
+            let d = Diagnostic::new("E445", format!("`{}` has a region and nothing that is taken on it", owner.name));
+            self.diagnostics.push(d.at(place.span, "").help("max(V), min(V), mean(V) or integral(V)"));
+        }
+    }
+}
+
+/// The reduction that a word names.
+fn reduction(word: &str) -> Option<Reduction> {
+    Some(match word {
+        "max" => Reduction::Max,
+        "min" => Reduction::Min,
+        "mean" => Reduction::Mean,
+        "integral" => Reduction::Integral,
+        _ => return None,
+    })
+}
+
+/// Takes the reductions out of an expression: functions of their names that have one argument.
+fn take(e: &mut Expr, owner: &str, places: &[Ident], watched: &mut Vec<Measure>) {
+    let whole = match &e.kind {
+        ExprKind::Call(callee, arguments) => match (&callee.kind, arguments.as_slice()) {
+            (ExprKind::Name(word), [Argument::Expr(of)]) => reduction(word).map(|r| (r, word.clone(), of.clone())),
+            _ => None,
+        },
+        _ => None,
+    };
+    if let Some((reduction, word, expr)) = whole {
+        // no scene can declare a name with a space
+        let name = format!("{word} {}", watched.len() + 1);
+        e.kind = ExprKind::Name(format!("{owner}{name}"));
+        let name = Ident { name, span: e.span };
+        watched.push(Measure { name, reduction, expr, places: places.to_vec(), at: MeasureAt::Rule, span: e.span });
+        return;
+    }
+    let mut below = |e: &mut Expr| take(e, owner, places, watched);
+    match &mut e.kind {
+        ExprKind::Sum(parts) => parts.iter_mut().for_each(|p| below(&mut p.1)),
+        ExprKind::Product(first, rest) => {
+            below(first);
+            rest.iter_mut().for_each(|p| below(&mut p.2));
+        }
+        ExprKind::Negate(a) | ExprKind::Transpose(a) => below(a),
+        ExprKind::Power(a, b) => {
+            below(a);
+            below(b);
+        }
+        ExprKind::Call(_, arguments) => {
+            for argument in arguments {
+                if let Argument::Expr(a) = argument {
+                    below(a);
+                }
+            }
+        }
+        ExprKind::If(_, a, b) => {
+            below(a);
+            below(b);
+        }
+        ExprKind::Number(_) | ExprKind::Name(_) | ExprKind::Tensor(_) => {}
+    }
+}
