@@ -20,7 +20,7 @@ use wfl::{
 use crate::{
     graph::{Arity, ExprId, Graph},
     ir::Origin,
-    types::{FieldSig, MappingSig, PlaceSig, Shape},
+    types::{FieldSig, MappingSig, PlaceSig, RateForm, Shape},
 };
 
 /// Operations that may follow on each other's results (E441): walks over the graph and its derivatives call themselves so
@@ -57,6 +57,8 @@ pub struct Env<'a> {
     pub expansions: &'a Expansions,
     /// The variable of `steps`, if written.
     pub step_variable: Option<&'a str>,
+    /// By field, what its rates are compiled to; [`RateForm::Difference`] for fields behind its end.
+    pub rates: &'a [RateForm],
     /// Two coordinates are equal in a condition when they differ by at most this (a length).
     pub equal_within: f64,
 }

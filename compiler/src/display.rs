@@ -8,7 +8,7 @@ use crate::{
     compare::Compare,
     graph::{ExprId, Function1, Graph, Leaf, Node, Role},
     math::{MathFn2, MatrixFn},
-    types::{FieldOp, FieldSig, Side},
+    types::{FieldOp, FieldSig, RateFactor, RateOrder, Side},
 };
 
 /// One expression with its shared parts named: `e1 = ...` lines, then the expression itself.
@@ -237,6 +237,8 @@ impl Printer<'_> {
                 let role = match role {
                     Role::Current => "",
                     Role::Previous => "Previous_",
+                    Role::History(RateOrder::First) => "Past_Dot_",
+                    Role::History(RateOrder::Second) => "Past_Dot2_",
                     Role::Test => "Test_",
                     Role::Trial => "Test2_",
                 };
@@ -250,6 +252,9 @@ impl Printer<'_> {
             Leaf::ElementB(side) => on("element_B".to_owned(), side),
             Leaf::Time => "t".to_owned(),
             Leaf::TimeStep => "timestep".to_owned(),
+            Leaf::RateFactor(RateFactor::Rate) => "rate_factor".to_owned(),
+            Leaf::RateFactor(RateFactor::Velocity) => "velocity_factor".to_owned(),
+            Leaf::RateFactor(RateFactor::Acceleration) => "acceleration_factor".to_owned(),
         }
     }
 }

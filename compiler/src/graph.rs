@@ -231,7 +231,7 @@ impl Graph {
             }
             Leaf::X | Leaf::ImageX | Leaf::Normal(_) => Shape::vector(n),
             Leaf::ElementK(_) | Leaf::ElementB(_) => Shape::matrix(n, n),
-            Leaf::ElementSize(_) | Leaf::Time | Leaf::TimeStep => Shape::SCALAR,
+            Leaf::ElementSize(_) | Leaf::Time | Leaf::TimeStep | Leaf::RateFactor(_) => Shape::SCALAR,
         }
     }
 
@@ -242,11 +242,11 @@ impl Graph {
         match leaf {
             Leaf::Field { field, role, .. } => match role {
                 Role::Current => depends.unknown = self.unknown[field.index()],
-                Role::Previous => {}
+                Role::Previous | Role::History(_) => {}
                 Role::Test => arity.test = true,
                 Role::Trial => arity.trial = true,
             },
-            Leaf::Time | Leaf::TimeStep => depends = Depends { step: true, ..Depends::default() },
+            Leaf::Time | Leaf::TimeStep | Leaf::RateFactor(_) => depends = Depends { step: true, ..Depends::default() },
             _ => {}
         }
         self.intern(Node::Leaf(leaf), self.leaf_shape(leaf), false, arity, depends)

@@ -267,6 +267,7 @@ impl<'g> Lowering<'g> {
                     match role {
                         Role::Current => self.input(InputSlot::Field(slot)),
                         Role::Previous => self.input(InputSlot::Previous(slot)),
+                        Role::History(order) => self.input(InputSlot::History(order, slot)),
                         Role::Test => {
                             let next = number(self.slots.tests.len());
                             let id = *self.slots.tests.entry(slot).or_insert(next);
@@ -287,6 +288,7 @@ impl<'g> Lowering<'g> {
                 Leaf::ElementB(side) => self.input(InputSlot::ElementB(side, small(k))),
                 Leaf::Time => self.uniform(UniformSlot::Time),
                 Leaf::TimeStep => self.uniform(UniformSlot::TimeStep),
+                Leaf::RateFactor(factor) => self.uniform(UniformSlot::Rate(factor)),
             })
             .collect()
     }

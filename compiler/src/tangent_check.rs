@@ -20,7 +20,7 @@ use crate::{
     law::{TermLaw, run_prologue},
     real::Real,
     symmetry::unit_normals,
-    types::{BasisSlot, FieldId, FieldOp, InputSlot, Side, UniformSlot},
+    types::{BasisSlot, FieldId, FieldOp, InputSlot, RateFactor, Side, UniformSlot},
 };
 use bounded::Bounded;
 
@@ -157,8 +157,14 @@ pub fn check_tangent(
     let mut random = Random(sampling.seed);
     for sample in 0..sampling.samples {
         let (time, increment) = sampling.times.get(sample % sampling.times.len().max(1)).copied().unwrap_or((1.0, 1.0));
-        let slots: Vec<f64> =
-            law.prologue.slots.iter().map(|s| if *s == UniformSlot::Time { time } else { increment }).collect();
+        let slot = |s: &UniformSlot| match s {
+            UniformSlot::Time => time,
+            UniformSlot::TimeStep => increment,
+            // any numbers of that size: a tangent is right for all
+            UniformSlot::Rate(RateFactor::Rate | RateFactor::Velocity) => 2.0 / increment,
+            UniformSlot::Rate(RateFactor::Acceleration) => 4.0 / (increment * increment),
+        };
+        let slots: Vec<f64> = law.prologue.slots.iter().map(slot).collect();
         let uniforms = run_prologue(&law.prologue, &slots);
         let place = check.place(sampling, &mut random);
         let a = check.draw(&place, &mut random);
@@ -296,7 +302,7 @@ impl<'l> Checker<'l> {
                 },
                 // data are mostly positive: stiffnesses, coefficients
                 InputSlot::Field(_) => data * (0.5 + random.unit()).copysign(random.unit() - 0.25),
-                InputSlot::Previous(_) => size * random.signed(),
+                InputSlot::Previous(_) | InputSlot::History(..) => size * random.signed(),
                 InputSlot::ElementSize(_) | InputSlot::ElementK(..) | InputSlot::ElementB(..) => random.signed(),
             });
         }

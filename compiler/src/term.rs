@@ -374,7 +374,9 @@ fn changes(fields: &[FieldSig], scalars: &Scalars, slots: &[InputSlot]) -> Vec<C
                 InputSlot::Field(b) if fields[b.field.index()].is_unknown() => {
                     Changes { unknown: true, ..Changes::default() }
                 }
-                InputSlot::Field(_) | InputSlot::Previous(_) => Changes { known: true, ..Changes::default() },
+                InputSlot::Field(_) | InputSlot::Previous(_) | InputSlot::History(..) => {
+                    Changes { known: true, ..Changes::default() }
+                }
                 _ => Changes::default(),
             },
             Inst::Uniform(_) => Changes { uniforms: true, ..Changes::default() },

@@ -305,6 +305,8 @@ pub enum InputSlot {
     Field(BasisSlot),
     /// A field at the end of the previous step.
     Previous(BasisSlot),
+    /// The part of a rate of a field that the past alone gives.
+    History(RateOrder, BasisSlot),
     /// A coordinate of the point.
     X(u8),
     /// A coordinate of its image under the mapping of the law.
@@ -327,6 +329,41 @@ pub enum UniformSlot {
     Time,
     /// Its increment from the previous step.
     TimeStep,
+    /// What multiplies the change of a field over the step in one of its rates.
+    Rate(RateFactor),
+}
+
+/// A rate of a field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum RateOrder {
+    /// `Dot_u`.
+    First,
+    /// `Dot2_u`.
+    Second,
+}
+
+/// The scalars of a step that rates are made with. Schemes treat a field whose second rate is in the equations otherwise
+/// than one with a first rate only, so each has its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum RateFactor {
+    /// Of `Dot_u` where the equations have no `Dot2_u`; 1/time.
+    Rate,
+    /// Of `Dot_u` where they have; 1/time.
+    Velocity,
+    /// Of `Dot2_u`; 1/time^2.
+    Acceleration,
+}
+
+/// What `Dot_u` and `Dot2_u` of a field are compiled to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RateForm {
+    /// `Dot_u = (u - Previous_u)/timestep`, nothing else is kept; there is no `Dot2_u`.
+    #[default]
+    Difference,
+    /// `Dot_u = c*(u - Previous_u) + history` with [`RateFactor::Rate`]; there is no `Dot2_u`.
+    First,
+    /// The same with [`RateFactor::Velocity`], and `Dot2_u` with [`RateFactor::Acceleration`].
+    Second,
 }
 
 /// A value with the place of the text it came from.

@@ -17,7 +17,7 @@ mod scene;
 pub use wfl_checks::{self as checks, consistency};
 pub use wfl_contact as contact;
 use wfl_discrete::value;
-pub use wfl_discrete::{assemble, field, finite, frames, point_space, point_values, pruning, space, system};
+pub use wfl_discrete::{assemble, field, finite, frames, point_space, point_values, pruning, rates, space, system};
 pub use wfl_host::{input, memory, reading, team};
 pub use wfl_mesh::{element, mesh, quadrature, refine};
 pub use wfl_newton as newton;

@@ -94,6 +94,7 @@ const WORDS: &[&str] = &[
     "t",
     "by",
     "with",
+    "scheme",
     "solver",
     "newton",
     "refine",
@@ -428,6 +429,7 @@ pub fn run_expression(text: &str, choice: usize) {
         params: &params,
         expansions: &expander.expansions,
         step_variable: Some("t"),
+        rates: &[],
         equal_within: 0.0,
     };
     let kind = [PlaceKind::Cells, PlaceKind::Facets, PlaceKind::Interface, PlaceKind::Global][choice / 3 % 4];

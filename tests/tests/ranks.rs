@@ -49,7 +49,7 @@ fn assembled(scene: &mut Scene) -> Assembled {
         system.known.data[k] = vec![0.25; system.fields[k].n_dofs()];
     }
     system.begin_step(time, increment).expect("finite");
-    contact.begin_step(time, increment);
+    contact.begin_step((time, increment));
     let mut all = Assembled { vectors: Vec::new(), branches: String::new(), matrices: Vec::new(), own: 0 };
     let mut tangent = system.new_tangent();
     let stuck = contact.tied(system, &u);

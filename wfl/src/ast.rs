@@ -429,6 +429,13 @@ pub enum ItemKind {
         /// `with …`
         options: Vec<OptionItem>,
     },
+    /// `scheme newmark beta=1/4 …`
+    Scheme {
+        /// Which.
+        name: Ident,
+        /// What stands behind it.
+        options: Vec<OptionItem>,
+    },
     /// `solver newton with …`
     Solver {
         /// Which.

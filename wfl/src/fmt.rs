@@ -160,8 +160,9 @@ impl Printer {
         } else if line.starts_statement {
             let word = line.tokens[0].text;
             let separates = ["term", "energy", "unknown", "multiplier", "data", "state", "output"].contains(&word);
-            let (is_mesh, is_output) = (word == "mesh", word == "output");
-            self.state = State { open: true, colon_separates: separates, is_mesh, is_output, ..State::default() };
+            let (is_mesh, is_output, in_options) = (word == "mesh", word == "output", word == "scheme");
+            self.state =
+                State { open: true, colon_separates: separates, is_mesh, is_output, in_options, ..State::default() };
         } else {
             self.out.push_str(INDENT);
         }

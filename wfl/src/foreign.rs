@@ -262,6 +262,7 @@ const FORMS: &[(&str, &str)] = &[
     ("load", "load u = value on region"),
     ("start", "start u = expression, or start from \"file.csv\""),
     ("steps", "steps t = 0 to 1 by 0.1"),
+    ("scheme", "scheme newmark beta=1/4 gamma=1/2"),
     ("solver", "solver newton with tol=1e-10, max_iter=50"),
     ("quadrature", "quadrature on region degree 4, or quadrature on region vertex"),
     ("measure", "measure name = max(expression) on region; or min, mean, integral; value(expression) at [0,1]"),

@@ -20,6 +20,7 @@ pub const STATEMENTS: &[&str] = &[
     "load",
     "start",
     "steps",
+    "scheme",
     "solver",
     "quadrature",
     "measure",

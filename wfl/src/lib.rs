@@ -52,11 +52,11 @@ pub use parse::{NESTING_LIMIT, TEXT_LIMIT, parse, parse_expr, parse_gwfl, statem
 pub use quote::{line_of, quote, quote_without_tests, unquoted};
 pub use reference::{Phrase, StatementRow, phrases, statement_page, statement_rows, statement_table, word_meaning};
 pub use render::{at_expr, render, visible};
-pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SOLVERS, Unloaded, resolve};
+pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SCHEMES, SOLVERS, Unloaded, resolve};
 pub use script::{
     Condition, DataValue, Event, Expect, Field, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output,
-    OutputQuantity, Param, Quadrature, Refinement, Region, ResolvedScript, Solver, Split, Start, StartKind, Steps,
-    Term, is_auto,
+    OutputQuantity, Param, Quadrature, Refinement, Region, ResolvedScript, Scheme, Solver, Split, Start, StartKind,
+    Steps, Term, is_auto,
 };
 pub use source::{Source, SourceId, SourceMap, Span};
 pub use templates::{TEMPLATES, Template};

@@ -15,8 +15,21 @@ pub struct Lost {
 }
 
 /// Statements that declare nothing.
-const DECLARE_NOTHING: &[&str] =
-    &["refine", "split", "term", "energy", "fix", "load", "start", "solver", "quadrature", "output", "expect", "wfl"];
+const DECLARE_NOTHING: &[&str] = &[
+    "refine",
+    "split",
+    "term",
+    "energy",
+    "fix",
+    "load",
+    "start",
+    "scheme",
+    "solver",
+    "quadrature",
+    "output",
+    "expect",
+    "wfl",
+];
 
 impl Lost {
     /// True if no declaration is broken.

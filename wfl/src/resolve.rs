@@ -44,12 +44,16 @@ pub const OPTIONS: &[(&str, &[&str])] = &[
     ("mesh", &["idle_cells"]),
     ("multiplier", &["crosspoints"]),
     ("steps", &["error", "first", "halve", "least", "limit", "most", "on_fail"]),
+    ("scheme", &["alpha", "beta", "gamma", "rho_inf"]),
     ("solver", &["accuracy", "amg", "cg", "direct", "max_iter", "of", "search", "tol"]),
     ("output", &["points"]),
 ];
 
 /// Formats of `output`.
 pub const FORMATS: &[&str] = &["vtk", "csv"];
+
+/// Schemes of time integration.
+pub const SCHEMES: &[&str] = &["backward_euler", "newmark", "hht", "generalised_alpha"];
 
 /// Methods of `solver`.
 pub const SOLVERS: &[&str] = &["newton", "linear"];
@@ -111,6 +115,7 @@ fn empty(main: SourceId) -> ResolvedScript {
         starts: Vec::new(),
         steps: None,
         solver: None,
+        scheme: None,
         quadratures: Vec::new(),
         measures: Vec::new(),
         events: Vec::new(),

@@ -46,6 +46,8 @@ pub struct ResolvedScript {
     pub steps: Option<Steps>,
     /// The solver, if one is chosen.
     pub solver: Option<Solver>,
+    /// The scheme of time integration.
+    pub scheme: Option<Scheme>,
     /// Rules of integration that replace the default.
     pub quadratures: Vec<Quadrature>,
     /// Numbers to print.
@@ -257,6 +259,13 @@ pub enum StartKind {
         /// Its first value.
         value: Expr,
     },
+    /// A formula for the first rate of one field: `start Dot_u = ...`.
+    Rate {
+        /// The field.
+        field: Ident,
+        /// Its first rate.
+        value: Expr,
+    },
     /// A file with the values of an earlier run.
     File {
         /// The path as written.
@@ -282,6 +291,17 @@ pub struct Steps {
     /// Quantities of a state that `limit` is made of; their names stand in it.
     pub watched: Vec<Measure>,
     /// Options.
+    pub options: Vec<OptionItem>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `scheme ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scheme {
+    /// Which.
+    pub name: Ident,
+    /// Its settings.
     pub options: Vec<OptionItem>,
     /// The statement.
     pub span: Span,

@@ -9,7 +9,7 @@ use crate::{
     build::Builder,
     graph::{ExprId, Leaf, Role},
     ops,
-    types::{FieldId, FieldKind, FieldOp, PlaceKind, Shape, Side},
+    types::{FieldId, FieldKind, FieldOp, PlaceKind, RateFactor, RateForm, RateOrder, Shape, Side},
 };
 
 impl Builder<'_> {
@@ -136,7 +136,7 @@ impl Builder<'_> {
         }
         self.lives_here(e, field, side)?;
         let role = match word.role {
-            WordRole::Plain | WordRole::Dot => Role::Current,
+            WordRole::Plain | WordRole::Dot | WordRole::Dot2 => Role::Current,
             WordRole::Test => Role::Test,
             WordRole::Test2 => {
                 self.order2 = true;
@@ -144,7 +144,8 @@ impl Builder<'_> {
             }
             WordRole::Previous => Role::Previous,
         };
-        if matches!(word.role, WordRole::Previous | WordRole::Dot) && self.env.step_variable.is_none() {
+        if matches!(word.role, WordRole::Previous | WordRole::Dot | WordRole::Dot2) && self.env.step_variable.is_none()
+        {
             let d =
                 Diagnostic::new("E206", format!("`{name}` needs a `steps` statement: without steps there is no past"));
             return self.report(d.about("steps").help(STEPS), e, "");
@@ -156,12 +157,11 @@ impl Builder<'_> {
         };
         let shape = sig.shape;
         let mut leaf = self.graph.leaf(Leaf::Field { field, side, op, role });
-        if word.role == WordRole::Dot {
-            // backward Euler: the rate over the step
-            let past = self.graph.leaf(Leaf::Field { field, side, op, role: Role::Previous });
-            let change = self.graph.sub(leaf, past);
-            let step = self.graph.leaf(Leaf::TimeStep);
-            leaf = self.graph.divide(change, step);
+        if matches!(word.role, WordRole::Dot | WordRole::Dot2) {
+            let order = if word.role == WordRole::Dot { RateOrder::First } else { RateOrder::Second };
+            let of = RateOf { field, side, op, current: leaf };
+            let Some(rate) = self.rate(of, order) else { return self.no_acceleration(e, name, field) };
+            leaf = rate;
         }
         if word.op == WordOp::Div {
             let Some(divergence) = self.divergence(leaf, shape) else {
@@ -172,6 +172,45 @@ impl Builder<'_> {
             return Some(divergence);
         }
         Some(leaf)
+    }
+
+    /// A rate of a field: its change over the step times a scalar of the step, and what the past gives. `None` for a
+    /// second rate that the field does not have.
+    ///
+    /// Backward Euler has no history and its scalar is the inverse of the increment: it needs neither a scalar nor a
+    /// history of its own, so a scene with it keeps and computes nothing else than the past.
+    fn rate(&mut self, of: RateOf, order: RateOrder) -> Option<ExprId> {
+        let RateOf { field, side, op, current } = of;
+        let form = self.env.rates.get(field.index()).copied().unwrap_or_default();
+        let factor = match (order, form) {
+            (RateOrder::First, RateForm::Difference) => None,
+            (RateOrder::First, RateForm::First) => Some(RateFactor::Rate),
+            (RateOrder::First, RateForm::Second) => Some(RateFactor::Velocity),
+            (RateOrder::Second, RateForm::Second) => Some(RateFactor::Acceleration),
+            (RateOrder::Second, _) => return None,
+        };
+        let past = self.graph.leaf(Leaf::Field { field, side, op, role: Role::Previous });
+        let change = self.graph.sub(current, past);
+        let Some(factor) = factor else {
+            let step = self.graph.leaf(Leaf::TimeStep);
+            return Some(self.graph.divide(change, step));
+        };
+        let factor = self.graph.leaf(Leaf::RateFactor(factor));
+        let change = self.graph.scale(factor, change);
+        let history = self.graph.leaf(Leaf::Field { field, side, op, role: Role::History(order) });
+        Some(self.graph.add(change, history))
+    }
+
+    /// A second rate of a field that has none.
+    fn no_acceleration<T>(&mut self, e: &Expr, name: &str, field: FieldId) -> Option<T> {
+        let sig = &self.env.fields[field.index()];
+        let d = Diagnostic::new("E451", format!("`{name}` has no value: the equations do not determine it"));
+        let text = if sig.is_unknown() {
+            format!("no term has `Dot2_{}`", sig.name)
+        } else {
+            format!("`{}` is not solved for; only unknowns and multipliers have a second rate", sig.name)
+        };
+        self.report(d, e, text)
     }
 
     /// The trace of the gradient of a field of this shape, if it has one.
@@ -244,6 +283,16 @@ impl Builder<'_> {
     }
 }
 
+/// What a rate is taken of.
+#[derive(Clone, Copy)]
+struct RateOf {
+    field: FieldId,
+    side: Side,
+    op: FieldOp,
+    /// The leaf of the current state.
+    current: ExprId,
+}
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum WordOp {
     Value,
@@ -259,6 +308,7 @@ enum WordRole {
     Test2,
     Previous,
     Dot,
+    Dot2,
 }
 
 /// `Grad_Test_u` in its parts.
@@ -279,6 +329,7 @@ impl<'n> FieldWord<'n> {
             ("Test2_", WordRole::Test2),
             ("Previous_", WordRole::Previous),
             ("Dot_", WordRole::Dot),
+            ("Dot2_", WordRole::Dot2),
         ]
         .iter()
         .find_map(|(p, role)| rest.strip_prefix(p).map(|r| (*role, r)))

@@ -4,7 +4,7 @@
 use crate::{
     compare::Compare,
     math::{MathFn1, MathFn2, MatrixFn},
-    types::{FieldId, FieldOp, Side},
+    types::{FieldId, FieldOp, RateFactor, RateOrder, Side},
 };
 
 wfl::define_index! {
@@ -19,6 +19,8 @@ pub enum Role {
     Current,
     /// The state at the end of the previous step.
     Previous,
+    /// The part of a rate that the past alone gives.
+    History(RateOrder),
     /// The test function.
     Test,
     /// The trial function of the tangent.
@@ -55,6 +57,8 @@ pub enum Leaf {
     Time,
     /// Its increment.
     TimeStep,
+    /// What multiplies the change of a field over the step in one of its rates.
+    RateFactor(RateFactor),
 }
 
 /// Functions of one number, applied to each entry.

@@ -69,6 +69,7 @@ fn with_pieces<R>(text: &str, numbers: &[(&str, f64)], f: impl FnOnce(&Env<'_>, 
         params: &params,
         expansions: &expansions,
         step_variable: Some("t"),
+        rates: &[],
         equal_within: 0.0,
     };
     let mut sources = SourceMap::new();

@@ -37,6 +37,7 @@ pub(super) fn law(text: &str, energy: bool) -> TermLaw {
         params: &BTreeMap::new(),
         expansions: &Expansions::default(),
         step_variable: None,
+        rates: &[],
         equal_within: 0.0,
     };
     let mut sources = SourceMap::new();

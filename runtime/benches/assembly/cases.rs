@@ -106,7 +106,7 @@ impl Problem {
         system.terms[0].for_each_entity(|rows, columns| pattern.add_coupling(rows, columns));
         let matrix = Csr::zeros(pattern.build_shared().map_err(|e| e.to_string())?);
         system.terms[0].locate(matrix.pattern(), &system.numbering.free);
-        system.terms[0].set_step(0.0, 0.0);
+        system.terms[0].set_step((0.0, 0.0));
         // small displacements that differ from node to node, both signs of the gap
         let state = (0..n).map(|k| 1e-3 * ((k * 7919 % 1000) as f64 / 1000.0 - 0.5)).collect();
         Ok(Self { scene, matrix, residual: vec![0.0; n], branches: BranchCounts::default(), state })
@@ -121,7 +121,7 @@ impl Problem {
     pub(crate) fn assemble(&mut self) -> Result<(), String> {
         let system = &self.scene.system;
         let mut fields = [&self.state[..]; MOST_FIELDS];
-        let values = FieldValues { current: slices(system, &self.state, &mut fields), previous: &[] };
+        let values = FieldValues { current: slices(system, &self.state, &mut fields), previous: &[], rates: None };
         system.terms[0].set_tangent(&system.mesh, values, self.matrix.values_mut()).map_err(|e| e.to_string())
     }
 
@@ -129,7 +129,8 @@ impl Problem {
     pub(crate) fn assemble_residual(&mut self) -> Result<(), String> {
         self.residual.fill(0.0);
         let mut fields = [&self.state[..]; MOST_FIELDS];
-        let values = FieldValues { current: slices(&self.scene.system, &self.state, &mut fields), previous: &[] };
+        let values =
+            FieldValues { current: slices(&self.scene.system, &self.state, &mut fields), previous: &[], rates: None };
         let System { mesh, terms, .. } = &mut self.scene.system;
         terms[0].add_residual_to(mesh, values, &mut self.residual, &mut self.branches).map_err(|e| e.to_string())
     }

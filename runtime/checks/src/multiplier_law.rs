@@ -86,7 +86,7 @@ impl Solved<'_> {
     fn law_size(&self, field: usize, terms: &[&AssembledTerm], current: &[&[f64]]) -> f64 {
         let n = self.system.fields[field].n_components;
         let previous = self.system.previous_slices();
-        let values = FieldValues { current, previous: &previous };
+        let values = FieldValues { current, previous: &previous, rates: self.system.known.rates.as_ref() };
         let (mut sums, mut weights) = (Vec::new(), Vec::new());
         for (k, term) in terms.iter().enumerate() {
             let mut point = 0;

@@ -327,6 +327,7 @@ fn conditions(loaded: &Loaded, scene: &Scene) -> Table {
     script.fixes.iter().for_each(|c| push("fixed", c.span));
     script.loads.iter().for_each(|c| push("load", c.span));
     script.starts.iter().for_each(|s| push("start", s.span));
+    script.scheme.iter().for_each(|s| push("scheme", s.span));
     script.solver.iter().for_each(|s| push("solver", s.span));
     script.quadratures.iter().for_each(|q| push("rule", q.span));
     script.expects.iter().for_each(|e| push("expected", e.span));

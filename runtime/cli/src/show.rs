@@ -8,7 +8,7 @@ use wfl_compiler::{
     backend::KernelBackend,
     display::{expression_text, graph_text},
     ir::{Origin, VerifiedKernel},
-    types::{FieldSig, InputSlot, UniformSlot},
+    types::{FieldSig, InputSlot, RateFactor, RateOrder, UniformSlot},
 };
 use wfl_runtime::Scene;
 use wfl_tasks::{Loaded, tangents::basis_text};
@@ -100,7 +100,13 @@ fn kernels(law: &TermLaw) -> impl Iterator<Item = &VerifiedKernel> {
 fn slots(law: &TermLaw, sigs: &[FieldSig]) -> String {
     let mut text = String::new();
     for (k, slot) in law.prologue.slots.iter().enumerate() {
-        let word = if *slot == UniformSlot::Time { "t" } else { "timestep" };
+        let word = match slot {
+            UniformSlot::Time => "t",
+            UniformSlot::TimeStep => "timestep",
+            UniformSlot::Rate(RateFactor::Rate) => "factor of Dot_",
+            UniformSlot::Rate(RateFactor::Velocity) => "factor of Dot_ beside Dot2_",
+            UniformSlot::Rate(RateFactor::Acceleration) => "factor of Dot2_",
+        };
         let _ = writeln!(text, "  uniform {k} of the step kernel: {word}");
     }
     for (k, slot) in law.inputs.iter().enumerate() {
@@ -121,6 +127,8 @@ fn input_text(slot: InputSlot, sigs: &[FieldSig]) -> String {
     match slot {
         InputSlot::Field(b) => basis_text(b, sigs),
         InputSlot::Previous(b) => format!("previous {}", basis_text(b, sigs)),
+        InputSlot::History(RateOrder::First, b) => format!("past of the rate of {}", basis_text(b, sigs)),
+        InputSlot::History(RateOrder::Second, b) => format!("past of the second rate of {}", basis_text(b, sigs)),
         InputSlot::X(k) => format!("X({})", k + 1),
         InputSlot::ImageX(k) => format!("X({}) there", k + 1),
         InputSlot::Normal(s, k) => format!("Normal({}){}", k + 1, side(s)),

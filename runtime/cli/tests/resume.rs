@@ -89,6 +89,18 @@ output vtk "u" : u
     goes_on_to_the_same_bytes(&folder, &scene, 50);
 }
 
+/// Velocities and accelerations pass from step to step.
+#[test]
+fn a_killed_run_with_inertia_and_contact_goes_on_to_the_same_bytes() {
+    let folder = Folder::new("killed-rod");
+    let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/dynamics/rod.wfl");
+    let scene = folder.0.join("rod.wfl");
+    std::fs::copy(&from, &scene).expect("a copy");
+    edit(&scene, "param n     = 60", "param n     = 150");
+    goes_on_to_the_same_bytes(&folder, &scene, 5);
+}
+
+/// Kills runs of a scene that writes more than so many files.
 fn goes_on_to_the_same_bytes(folder: &Folder, scene: &Path, n_files: usize) {
     let whole = folder.0.join("whole");
     let begin = Instant::now();

@@ -85,7 +85,7 @@ fn closed(system: &System, contact: &Contact, u: &[f64], friction: Friction) -> 
         if friction == Friction::Slips {
             let mut current = values.current.clone();
             current[term.field] = &data;
-            let state = term.read(&system.mesh, FieldValues { current: &current, previous: &values.previous });
+            let state = term.read(&system.mesh, FieldValues { current: &current, ..values.view() });
             term.slide_all(&state, &mut data);
         }
         found.push(data);

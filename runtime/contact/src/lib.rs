@@ -38,6 +38,7 @@ pub use term::{ContactParts, ContactTerm};
 use wfl_compiler::{Class, types::FieldKind};
 
 use wfl_discrete::assemble::FieldValues;
+use wfl_discrete::rates::StepAt;
 use wfl_discrete::system::{ActiveSet, System};
 
 /// The first choices from a start without a past are made for whole entities.
@@ -92,9 +93,10 @@ impl Contact {
     }
 
     /// Brings the laws to a step.
-    pub fn begin_step(&mut self, time: f64, increment: f64) {
-        self.time = time;
-        self.terms.iter_mut().for_each(|t| t.begin_step(time, increment));
+    pub fn begin_step(&mut self, step: impl Into<StepAt>) {
+        let step = step.into();
+        self.time = step.time;
+        self.terms.iter_mut().for_each(|t| t.begin_step(step));
     }
 
     /// Says whether the active set belongs to a converged state, which the next step starts from.

@@ -7,7 +7,7 @@ use wfl_compiler::{
     ArgumentSlope, SlopesLaw, interpret_lanes,
     types::{BasisSlot, FieldKind, FieldOp},
 };
-use wfl_discrete::{field::Field, value::uniforms_at};
+use wfl_discrete::{field::Field, rates::StepAt, value::uniforms_at};
 
 /// The derivatives of the arguments of the projections of a term.
 pub(super) struct ArgumentSlopes {
@@ -20,13 +20,13 @@ impl ArgumentSlopes {
     /// Derivatives at step 0.
     pub(super) fn new(law: Option<SlopesLaw>) -> Self {
         let mut this = Self { law, uniforms: Vec::new() };
-        this.set_step(0.0, 0.0);
+        this.set_step(StepAt::default());
         this
     }
 
-    /// Sets the step variable and its increment.
-    pub(super) fn set_step(&mut self, time: f64, increment: f64) {
-        self.uniforms = self.law.as_ref().map_or_else(Vec::new, |law| uniforms_at(&law.law.prologue, time, increment));
+    /// Sets the step.
+    pub(super) fn set_step(&mut self, step: StepAt) {
+        self.uniforms = self.law.as_ref().map_or_else(Vec::new, |law| uniforms_at(&law.law.prologue, step));
     }
 
     /// What each derivative is, sorted by projection, entry and slot; what is not listed is zero.

@@ -5,6 +5,7 @@ use wfl_compiler::{Projection, ProjectionKind, SlopesLaw, types::FieldKind};
 use super::{Complementarity, slopes::ArgumentSlopes};
 use wfl_discrete::assemble::{AssembledTerm, FieldValues};
 use wfl_discrete::field::Field;
+use wfl_discrete::rates::StepAt;
 use wfl_discrete::system::System;
 use wfl_discrete::value::{Sampled, Value};
 use wfl_mesh::mesh::Mesh;
@@ -84,10 +85,10 @@ impl ContactTerm {
         Self { term, frozen, field, projections, n_data, law, slopes, sampled, has_multiplier, scaling }
     }
 
-    /// Sets the step variable and its increment.
-    pub(super) fn begin_step(&mut self, time: f64, increment: f64) {
-        self.law.set_step(time, increment);
-        self.slopes.set_step(time, increment);
+    /// Sets the step.
+    pub(super) fn begin_step(&mut self, step: StepAt) {
+        self.law.set_step(step);
+        self.slopes.set_step(step);
     }
 
     /// The form of the term whose branches are frozen.

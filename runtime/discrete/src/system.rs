@@ -10,6 +10,7 @@
 
 mod form;
 mod inspect;
+mod known;
 mod node_layout;
 mod numbering;
 mod residual;
@@ -19,6 +20,7 @@ mod tangent;
 use std::sync::Arc;
 
 pub use form::{ActiveSet, Branches, Form, LinearTerms, StateValues};
+pub use known::{Known, Past};
 pub use numbering::{FIXED, Numbering, Tie};
 pub use residual::Residual;
 use tangent::SceneAxes;
@@ -38,40 +40,6 @@ use crate::share::Share;
 use wfl_host::memory::{TooMuchMemory, claim_numbers};
 use wfl_mesh::mesh::Mesh;
 use wfl_sparse::csr::{Csr, CsrError, Pattern, PatternBuilder, Restriction};
-
-/// Values that do not follow from the unknowns: known fields, and the past where a scene uses it.
-#[derive(Clone, Debug, Default)]
-pub struct Known {
-    /// Values of data, states and fields without terms, by field; empty for fields that are solved for.
-    pub data: Vec<Vec<f64>>,
-    /// The end of the previous step; `None` unless something reads it.
-    pub previous: Option<Past>,
-}
-
-/// The end of the previous step.
-#[derive(Clone, Debug, Default)]
-pub struct Past {
-    /// All unknowns.
-    pub unknowns: Vec<f64>,
-    /// As [`Known::data`], then.
-    pub data: Vec<Vec<f64>>,
-}
-
-impl Known {
-    /// Nothing is known any more: every value is zero, as before the first step.
-    pub fn clear(&mut self) {
-        let past = self.previous.iter_mut().flat_map(|p| std::iter::once(&mut p.unknowns).chain(&mut p.data));
-        self.data.iter_mut().chain(past).for_each(|values| values.fill(0.0));
-    }
-
-    /// What is known now, and the unknowns `u`, become the end of the previous step.
-    pub fn keep(&mut self, u: &[f64]) {
-        if let Some(past) = &mut self.previous {
-            past.unknowns.copy_from_slice(u);
-            past.data.clone_from(&self.data);
-        }
-    }
-}
 
 /// Raises terms of a class to terms of which nothing is known.
 fn forget(terms: &mut [AssembledTerm], class: Class) {
@@ -121,6 +89,8 @@ pub struct System {
     /// Where they are summed before they are rotated; `None` without local frames and dofs that follow others.
     scene_axes: Option<SceneAxes>,
     constant: Vec<f64>,
+    /// The state at which `constant` is what affine terms give; empty for zero.
+    base: Vec<f64>,
     /// What of it stays from step to step.
     steady: Option<Steady>,
     /// By field: the first field of those whose forces meet on interfaces.
@@ -163,6 +133,7 @@ impl System {
             changing: Arc::new(Pattern::empty(n_free, n_free)),
             scene_axes: None,
             constant,
+            base: Vec::new(),
             steady: None,
             meets,
             kept: Vec::new(),
@@ -287,8 +258,9 @@ impl System {
     /// Brings the laws of all terms to a step; assembles nothing.
     pub fn set_laws(&mut self, time: f64, increment: f64) {
         (self.time, self.increment) = (time, increment);
+        let step = self.known.step(time, increment);
         let frozen = self.frozen.iter_mut().map(|f| &mut f.form);
-        self.terms.iter_mut().chain(frozen).for_each(|t| t.set_step(time, increment));
+        self.terms.iter_mut().chain(frozen).for_each(|t| t.set_step(step));
     }
 
     /// The step variable and its increment.
@@ -300,33 +272,43 @@ impl System {
     /// Begins a step: constant terms are summed, linear ones assembled where they are new. Returns true if the
     /// matrix of the linear terms has changed.
     ///
+    /// With rates, affine terms are summed at the state at the start of the step and their matrix acts on the change
+    /// from there: a rate multiplies a change by 1/increment^2, and of two products with the whole state that nearly
+    /// cancel the rounding would be left.
+    ///
     /// # Errors
     /// [`SystemError`] with its place.
     pub fn begin_step(&mut self, time: f64, increment: f64) -> Result<bool, SystemError> {
         self.set_laws(time, increment);
         let zero = vec![0.0; self.numbering.n_dofs];
         let before = self.steady.take();
-        let at_zero = |out: &mut Vec<f64>, steady: bool| {
-            let values = self.values(&zero);
-            let mut terms = self.affine_terms().filter(|t| self.is_steady(t) == steady);
+        let start = match (&self.known.rates, &self.known.previous) {
+            (Some(_), Some(past)) => past.unknowns.clone(),
+            _ => Vec::new(),
+        };
+        let base = if start.is_empty() { &zero } else { &start };
+        let is_steady = |t: &AssembledTerm| start.is_empty() && self.is_steady(t);
+        let at_base = |out: &mut Vec<f64>, steady: bool| {
+            let values = self.values(base);
+            let mut terms = self.affine_terms().filter(|t| is_steady(t) == steady);
             terms.try_for_each(|term| self.add_own(term, values.view(), out).map(drop))
         };
         let uniforms: Vec<Vec<f64>> =
-            self.affine_terms().filter(|t| self.is_steady(t)).map(|t| t.uniforms().to_vec()).collect();
+            self.affine_terms().filter(|t| is_steady(t)).map(|t| t.uniforms().to_vec()).collect();
         let steady = match before {
             Some(before) if before.uniforms == uniforms => before,
             _ => {
                 let mut sum = zero.clone();
-                at_zero(&mut sum, true)?;
+                at_base(&mut sum, true)?;
                 self.team().sum(&mut sum);
                 Steady { uniforms, sum }
             }
         };
         let mut constant = steady.sum.clone();
         self.keep_own(&mut constant);
-        at_zero(&mut constant, false)?;
+        at_base(&mut constant, false)?;
         self.team().sum(&mut constant);
-        (self.constant, self.steady) = (constant, Some(steady));
+        (self.constant, self.steady, self.base) = (constant, Some(steady), start);
         let stale = self.linear_is_stale();
         if stale {
             self.assemble_linear(&zero)?;
@@ -342,7 +324,7 @@ impl System {
     /// Whether what a term gives at the state zero depends on its uniforms alone.
     fn is_steady(&self, term: &AssembledTerm) -> bool {
         term.law.inputs.iter().all(|input| match input {
-            InputSlot::Previous(_) => false,
+            InputSlot::Previous(_) | InputSlot::History(..) => false,
             InputSlot::Field(slot) => self.numbering.starts[slot.field.index()].is_some(),
             _ => true,
         })
@@ -420,7 +402,7 @@ impl System {
     /// The values of all fields at `u`.
     #[must_use]
     pub fn values<'a>(&'a self, u: &'a [f64]) -> StateValues<'a> {
-        StateValues { current: self.slices(u), previous: self.previous_slices() }
+        StateValues { current: self.slices(u), previous: self.previous_slices(), rates: self.known.rates.as_ref() }
     }
 
     /// The values of all fields at `u`, and behind them the branch data of an active set.

@@ -17,6 +17,7 @@ use crate::{
     field::{Field, FieldError},
     finite::NotFinite,
     prologue::step_slots,
+    rates::StepAt,
 };
 use wfl_mesh::mesh::Mesh;
 
@@ -37,7 +38,7 @@ impl Value {
     /// [`BackendError`].
     pub fn new(law: ValueLaw, backend: &dyn KernelBackend) -> Result<Self, BackendError> {
         let kernel = backend.compile(&[&law.kernel])?.swap_remove(0);
-        let step = step_slots(&law.prologue, 0.0, 0.0);
+        let step = step_slots(&law.prologue, StepAt::default());
         let uniforms = run_prologue(&law.prologue, &step);
         Ok(Self { law, kernel, uniforms, step })
     }
@@ -48,9 +49,9 @@ impl Value {
         &self.uniforms
     }
 
-    /// Sets the step variable and its increment.
-    pub fn set_step(&mut self, time: f64, increment: f64) {
-        self.step = step_slots(&self.law.prologue, time, increment);
+    /// Sets the step.
+    pub fn set_step(&mut self, step: impl Into<StepAt>) {
+        self.step = step_slots(&self.law.prologue, step.into());
         self.uniforms = run_prologue(&self.law.prologue, &self.step);
     }
 
@@ -69,7 +70,7 @@ impl Value {
     /// True if it reads the end of the previous step.
     #[must_use]
     pub fn reads_past(&self) -> bool {
-        self.law.inputs.iter().any(|s| matches!(s, InputSlot::Previous(_)))
+        self.law.inputs.iter().any(|s| matches!(s, InputSlot::Previous(_) | InputSlot::History(..)))
     }
 
     /// Values at positions: `out[position * n_components + component]`. The expression must read positions only.

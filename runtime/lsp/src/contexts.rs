@@ -66,7 +66,7 @@ pub(crate) fn contexts(script: &ResolvedScript) -> Vec<Context<'_>> {
     list.extend(script.steps.iter().flat_map(|s| [&s.from, &s.to]).map(at_points));
     list.extend(script.steps.iter().filter(|s| !s.is_auto()).map(|s| at_points(&s.by)));
     list.extend(script.starts.iter().filter_map(|s| match &s.kind {
-        StartKind::Field { value, .. } => Some(at_points(value)),
+        StartKind::Field { value, .. } | StartKind::Rate { value, .. } => Some(at_points(value)),
         StartKind::File { .. } => None,
     }));
     let mut conditions: Vec<&Cond> = script.refinements.iter().filter_map(|r| r.what.condition.as_ref()).collect();

@@ -246,7 +246,10 @@ impl<'a> Reader<'a> {
             ItemKind::Term { .. } | ItemKind::Fix { .. } | ItemKind::Load { .. } | ItemKind::Start { .. } => {
                 self.equation(&item.kind);
             }
-            ItemKind::Steps { .. } | ItemKind::Solver { .. } | ItemKind::Quadrature { .. } => self.request(&item.kind),
+            ItemKind::Steps { .. }
+            | ItemKind::Scheme { .. }
+            | ItemKind::Solver { .. }
+            | ItemKind::Quadrature { .. } => self.request(&item.kind),
             ItemKind::Measure { .. } | ItemKind::Event { .. } | ItemKind::Expect(_) | ItemKind::Output { .. } => {
                 self.request(&item.kind)
             }
@@ -354,7 +357,10 @@ impl<'a> Reader<'a> {
                 self.regions(places);
             }
             ItemKind::Start { field, value } => {
-                self.value(field);
+                // of `Dot_u` the name of the field is what stands behind the prefix
+                let (prefix, root) = wfl::split_prefixes(&field.name);
+                let start = field.span.start + u32::try_from(prefix.len()).unwrap_or(0);
+                self.value(&Ident { name: root.to_owned(), span: Span { start, ..field.span } });
                 self.expr(value);
             }
             _ => {}
@@ -369,7 +375,7 @@ impl<'a> Reader<'a> {
                 self.exprs((!wfl::is_auto(by)).then_some(by));
                 self.options(options);
             }
-            ItemKind::Solver { options, .. } => self.options(options),
+            ItemKind::Scheme { options, .. } | ItemKind::Solver { options, .. } => self.options(options),
             ItemKind::Quadrature { places, rule } => {
                 self.regions(places);
                 if let QuadratureRule::Degree(e) = rule {

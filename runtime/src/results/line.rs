@@ -160,7 +160,7 @@ impl LineSample {
         let mut before: Option<&str> = None;
         let (mut start, mut filled) = (0, Vec::new());
         for item in &mut self.items {
-            item.value.set_step(time, increment);
+            item.value.set_step(values.step(time, increment));
             if before != Some(item.name.as_str()) {
                 let nc = item.value.n_components();
                 start = rows.first().map_or(0, Vec::len);

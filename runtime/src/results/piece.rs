@@ -148,7 +148,7 @@ impl SampledPiece {
         let n = self.space.n_nodes();
         let (mut point_data, mut cell_data) = (Vec::with_capacity(self.items.len()), Vec::new());
         for item in &mut self.items {
-            item.value.set_step(time, increment);
+            item.value.set_step(values.step(time, increment));
             if item.means {
                 cell_data.push(array(&item.name, item.value.law.shape, item.means(mesh, values)));
                 continue;

@@ -27,6 +27,7 @@ use crate::{
     input::{InputError, InputKind, read_input},
     newton::{Iteration, LinearSolver, Method, StepHistory, Stop},
     output::{Hash, OutputDir},
+    rates::RatesMemory,
     scene::Scene,
     solve::{Reference, SolveReport, SolverMemory},
     team::Team,
@@ -124,6 +125,12 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Memory) -> Co
     [log.length, log.hash].iter().for_each(|x| w.word(*x));
     w.numbers(&run.u);
     memory(&mut w, kept);
+    let known = &scene.system.known;
+    let rates = known.rates.as_ref().zip(known.previous.as_ref());
+    let rates = rates.map(|(rates, past)| rates.memory(&run.u, &past.unknowns)).unwrap_or_default();
+    w.numbers(&rates.factors);
+    w.count(rates.kept.len());
+    rates.kept.iter().for_each(|kept| w.numbers(kept));
     let solver = run.stepper.solver.as_ref().map(LinearSolver::memory).unwrap_or_default();
     w.numbers(&solver.factored);
     w.flag(solver.dense);
@@ -170,6 +177,7 @@ pub(super) struct Found {
     pub(super) steps: Vec<StepResult>,
     pub(super) u: Vec<f64>,
     pub(super) memory: Memory,
+    pub(super) rates: RatesMemory,
     pub(super) solver: SolverMemory,
     pub(super) level: u32,
     pub(super) easy: u32,
@@ -181,6 +189,8 @@ pub(super) struct Found {
 /// The bytes of a checkpoint and of the log beside it.
 #[derive(Default)]
 pub(super) struct Files {
+    /// There is a checkpoint.
+    is_there: bool,
     state: Vec<u8>,
     log: Vec<u8>,
 }
@@ -188,12 +198,13 @@ pub(super) struct Files {
 impl Files {
     /// Those that the first rank has read, on every rank; empty where it has none.
     pub(super) fn of_first(self, team: &dyn Team) -> Self {
-        Self { state: team.of_first(&self.state), log: team.of_first(&self.log) }
+        let is_there = team.any(self.is_there);
+        Self { is_there, state: team.of_first(&self.state), log: team.of_first(&self.log) }
     }
 
     /// True where there is nothing to go on from.
     pub(super) fn is_empty(&self) -> bool {
-        self.state.is_empty()
+        !self.is_there
     }
 }
 
@@ -209,7 +220,7 @@ pub(super) fn read(folder: &FilePath) -> Result<Files, CheckpointError> {
         Err((path, source)) => return Err(CheckpointError::Read { path, source }),
     };
     let log = bytes_of(LOG_FILE).map_err(|(path, source)| CheckpointError::Read { path, source })?;
-    Ok(Files { state, log })
+    Ok(Files { is_there: true, state, log })
 }
 
 /// What a checkpoint in `folder` says.
@@ -250,6 +261,8 @@ fn read_log(folder: &FilePath, bytes: &[u8], log: &Log, count: usize) -> Result<
 
 fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Found, Unreadable> {
     let (u, memory) = (r.numbers()?, read_memory(r)?);
+    let [rate, velocity, acceleration] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let rates = RatesMemory { factors: [rate, velocity, acceleration], kept: r.list(Reader::numbers)? };
     let solver = SolverMemory {
         factored: r.numbers()?,
         dense: r.flag()?,
@@ -265,7 +278,7 @@ fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Foun
     let [assemble, factor, solve, write, check, measure] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let clock = Clock { assemble, factor, solve, write, check, measure };
     r.end()?;
-    Ok(Found { steps, u, memory, solver, level, easy, adaptive, clock, log })
+    Ok(Found { steps, u, memory, rates, solver, level, easy, adaptive, clock, log })
 }
 
 /// The content behind the header, if the file is whole.

@@ -255,7 +255,7 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, place: StepPlace<'_>
     let Scene { system, vtk, csv, steps, .. } = scene;
     let current = system.slices(&step.state);
     let previous = system.previous_slices();
-    let values = FieldValues { current: &current, previous: &previous };
+    let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
     let mut grids = Vec::with_capacity(vtk.len());
     let mut bad = Vec::new();
     for output in vtk {

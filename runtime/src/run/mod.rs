@@ -16,6 +16,7 @@ mod memory;
 mod outcome;
 mod past;
 mod quantities;
+mod rates;
 mod remembered;
 mod report;
 mod resuming;
@@ -553,14 +554,22 @@ impl Run {
             branches,
             ..StepResult::default()
         };
-        Ok(self.ended(scene, step, progress))
+        self.ended(scene, step, progress)
     }
 
     /// The end of a step: states are renewed, measures taken.
-    fn ended(&mut self, scene: &mut Scene, mut step: StepResult, progress: &mut dyn Progress) -> StepResult {
+    fn ended(
+        &mut self,
+        scene: &mut Scene,
+        mut step: StepResult,
+        progress: &mut dyn Progress,
+    ) -> Result<StepResult, RunError> {
         let begin = Instant::now();
         let (time, increment) = (step.time, step.increment);
         self.stepper.renew(scene);
+        let (number, at) = (self.steps.len(), rates::StepTime { time, increment });
+        let left = rates::leave(scene, at, &mut self.u);
+        left.map_err(|error| RunError::Newton { step: number, time, error: error.into() })?;
         self.stepper.remember(scene, increment, &self.u);
         (step.limit, step.events) = self.watched(scene, time, increment);
         let lasting = step.lasting();
@@ -569,7 +578,7 @@ impl Run {
         self.print(scene, time, increment, progress);
         step.state = self.u.clone();
         self.clock.measure += begin.elapsed().as_secs_f64();
-        step
+        Ok(step)
     }
 
     /// The branches of the terms at a state that was not solved for, where a file shows them.

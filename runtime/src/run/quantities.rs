@@ -53,7 +53,7 @@ impl Run {
         let Scene { system, series, steps, .. } = scene;
         let current = system.slices(&self.u);
         let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous };
+        let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
         let mut rows = |output: &mut CsvOutput| {
             if !output.every.has(place, steps) {
                 return Vec::new();

@@ -4,7 +4,7 @@ use std::path::Path as FilePath;
 
 use super::{
     CHECKPOINT_FILE, CheckpointError, Progress, Run, RunError, RunOptions, checkpoint, files::Files, folder,
-    stepping::StepTime,
+    rates::StepTime,
 };
 use crate::{
     newton::NewtonError,
@@ -66,6 +66,11 @@ impl Run {
         let wrap = |error: NewtonError| RunError::Newton { step: found.steps.len() - 1, time: last.time, error };
         self.clock = found.clock;
         let at = StepTime { time: last.time, increment: last.increment };
+        if let Some(rates) = &mut scene.system.known.rates
+            && !rates.recall(&found.rates)
+        {
+            return Err(misfit().into());
+        }
         self.stepper.prepare(scene, at, &mut self.clock, progress).map_err(wrap)?;
         let solver = self.stepper.solver.as_mut().expect("prepared above");
         let fits = solver.recall(&found.solver, &scene.system).map_err(|e| wrap(e.into()))?;

@@ -8,7 +8,8 @@ use rayon::ThreadPool;
 
 use super::{
     Asked, Outcome, Progress, Run, RunError, RunOptions, STACK, StepError, StepResult,
-    stepping::{self, Leg, StepTime},
+    rates::{self, StepTime},
+    stepping::{self, Leg},
 };
 use crate::{
     csr::Csr,
@@ -136,9 +137,14 @@ impl Session {
         let Self { run, pool, .. } = self;
         let begun = on(pool.as_ref(), || {
             stepping::begin(scene, leg, &run.u)?;
-            super::set_data(scene, time, increment)?;
-            let changed = scene.system.begin_step(time, increment)?;
-            scene.contact.begin_step(time, increment);
+            let at = StepTime { time, increment };
+            if given {
+                rates::start(scene, &run.u, at)?;
+            }
+            let stands = if given { at } else { rates::enter(scene, at) };
+            super::set_data(scene, stands.time, increment)?;
+            let changed = scene.system.begin_step(stands.time, increment)?;
+            scene.contact.begin_step(scene.system.known.step(stands.time, increment));
             if changed {
                 // a factor of the matrix before serves no step that is solved later
                 run.stepper.solver = None;
@@ -147,7 +153,7 @@ impl Session {
                 return Ok(());
             }
             let bad = |bad| NewtonError::Given(Box::new(bad));
-            scene.prescribed.apply(time, increment, &mut run.u).map_err(bad)
+            rates::prescribe(scene, at, &mut run.u).map_err(bad)
         });
         begun.map_err(|error| RunError::Newton { step: number, time, error })?;
         self.begun = Some((time, increment));
@@ -237,7 +243,7 @@ impl Session {
             scene.contact.set_warm(false);
             let (history, branches) = (StepHistory::given(), run.branches(scene));
             let step = StepResult { time, increment, history, branches, ..StepResult::default() };
-            Ok::<_, RunError>(run.ended(scene, step, progress))
+            run.ended(scene, step, progress)
         })?;
         progress.step_done(&step);
         run.add(step, scene, options);

@@ -19,7 +19,12 @@ use thiserror::Error;
 use crate::{
     checks::explained,
     newton::{LinearSolver, LoadStep, NewtonError, Spent, StepHistory, solve_step},
-    run::{Clock, Forward, Progress, memory::Memory, remembered::Adaptive},
+    run::{
+        Clock, Forward, Progress,
+        memory::Memory,
+        rates::{self, StepTime},
+        remembered::Adaptive,
+    },
     scene::Scene,
     solve::SolverOptions,
     system::{FIXED, Form, LinearTerms, System, Tangent},
@@ -110,13 +115,6 @@ impl Leg {
         let increment = self.to - from;
         if (increment - self.first_increment).abs() <= rounding { self.first_increment } else { increment }
     }
-}
-
-/// The step variable and its increment.
-#[derive(Clone, Copy)]
-pub(super) struct StepTime {
-    pub(super) time: f64,
-    pub(super) increment: f64,
 }
 
 /// How a step ended.
@@ -224,7 +222,7 @@ impl Stepper {
             let span = parts.next(self.level);
             let before = (u.to_vec(), self.memory(scene));
             let target = parts.target(span);
-            let increment = target.increment;
+            let at = StepTime { time: target.time, increment: target.increment };
             let result = self.attempt(scene, u, &target, clock, progress);
             parts.list(span, &result, self.spent);
             match result {
@@ -232,10 +230,11 @@ impl Stepper {
                     let history = parts.pass(span, history);
                     self.grow(parts.whole, parts.position);
                     if parts.position == parts.whole {
-                        return Ok(self.reached(parts, history, increment));
+                        return Ok(self.reached(parts, history, at.increment));
                     }
                     if parts.path == Path::Steps {
                         self.renew(scene);
+                        rates::leave(scene, at, u).map_err(NewtonError::from)?;
                         scene.system.known.keep(u);
                     }
                 }
@@ -297,6 +296,7 @@ impl Stepper {
             }
         };
         u.copy_from_slice(&state);
+        scene.system.known.begin_rates(increment);
         result.map(|history| self.reached(parts, history, increment))
     }
 
@@ -328,9 +328,11 @@ impl Stepper {
     ) -> Result<StepHistory, StepError> {
         let (time, increment) = (target.time, target.increment);
         self.spent = Spent::default();
-        self.prepare(scene, StepTime { time, increment }, clock, progress)?;
+        let at = rates::enter(scene, StepTime { time, increment });
+        self.prepare(scene, at, clock, progress)?;
         let from = u.to_vec();
-        scene.prescribed.apply(time, increment, u).map_err(|bad| NewtonError::Given(Box::new(bad)))?;
+        let prescribed = rates::prescribe(scene, StepTime { time, increment }, u);
+        prescribed.map_err(|bad| NewtonError::Given(Box::new(bad)))?;
         let mut offset = Vec::new();
         if let Some((start, s)) = target.load {
             scene.system.numbering.part_of_prescribed(&start.u, s, u);
@@ -359,7 +361,7 @@ impl Stepper {
         scene.system.check_finite("value", u, u).map_err(NewtonError::from)?;
         // parts of a load lead to the first state, they are none themselves
         if history.converged() && target.load.is_none() {
-            self.next_states = next_states(scene, time, increment, u)?;
+            self.next_states = next_states(scene, at.time, increment, u)?;
         }
         Ok(history)
     }
@@ -395,7 +397,12 @@ impl Stepper {
         progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
         begin(scene, leg, u)?;
-        self.prepare(scene, StepTime { time: leg.to, increment: leg.first_increment }, clock, progress)?;
+        let at = StepTime { time: leg.to, increment: leg.first_increment };
+        rates::start(scene, u, at)?;
+        // the matrix is that of the first step; its rates are those at the start
+        scene.system.known.begin_rates(at.increment);
+        self.prepare(scene, at, clock, progress)?;
+        scene.system.known.hold_rates();
         Ok(Reached {
             history: StepHistory::given(),
             time: leg.to,
@@ -416,7 +423,7 @@ impl Stepper {
         super::set_data(scene, time, increment)?;
         let begin = Instant::now();
         let changed = scene.system.begin_step(time, increment)?;
-        scene.contact.begin_step(time, increment);
+        scene.contact.begin_step(scene.system.known.step(time, increment));
         self.tangent.get_or_insert_with(|| scene.system.new_tangent());
         clock.assemble += begin.elapsed().as_secs_f64();
         let begin = Instant::now();

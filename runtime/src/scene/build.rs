@@ -19,7 +19,7 @@ use wfl_compiler::{
 use super::{
     Builder, CsvOutput, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Regions, Scene,
     StateUpdate, Steps, VtkOutput, With, assemble::Assembled, batch::Batch, constants, constraints, coverage, fields,
-    idle, mappings, meeting, mesh, options, outputs, regions, rest, states, terms,
+    idle, mappings, meeting, mesh, options, outputs, rates, regions, rest, states, terms,
 };
 use crate::{
     contact::{Contact, ContactTerm},
@@ -28,6 +28,7 @@ use crate::{
     mesh::{Mesh, Topology},
     newton::NewtonOptions,
     pruning::Pruning,
+    rates::Scheme,
     results::SampledPiece,
     system::{FrozenTerm, Known, Numbering, Past, System},
 };
@@ -72,7 +73,8 @@ pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Finding
     }
     let mesh_time = begin.elapsed().as_secs_f64();
     let variable = script.steps.as_ref().map(|s| s.variable.name.clone());
-    let env = Env { fields: &sigs, mappings: &made.sigs, step_variable: variable.as_deref(), ..bare };
+    let forms = rates::forms(script, &sigs);
+    let env = Env { fields: &sigs, mappings: &made.sigs, step_variable: variable.as_deref(), rates: &forms, ..bare };
     let batch = Batch::new(backend);
     Builder {
         script,
@@ -166,6 +168,8 @@ struct Values {
     newton: NewtonOptions,
     accuracy: Option<(f64, String)>,
     starts: Vec<(usize, Given)>,
+    start_rates: Vec<(usize, Given)>,
+    scheme: Scheme,
     data: Vec<(usize, Given)>,
     measures: Vec<Measure>,
     watched: Vec<Measure>,
@@ -240,7 +244,9 @@ impl Builder<'_> {
             auto.fields = self.fields_in_time(numbered);
         }
         let (newton, accuracy) = self.solver_options();
+        let scheme = self.scheme();
         let starts = self.starts();
+        let start_rates = self.start_rates();
         let data = self.data();
         let measures = self.measures(&self.script.measures, rules);
         // names of measures are told apart by what they belong to
@@ -252,7 +258,7 @@ impl Builder<'_> {
             watched.extend(made.into_iter().map(|m| Measure { name: format!("{owner}{}", m.name), ..m }));
         }
         rest::expects(self.script, self.params, self.env.dim, self.diagnostics);
-        Values { steps, newton, accuracy, starts, data, measures, watched }
+        Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched }
     }
 
     /// The fields whose values in time have an error: those with a past.
@@ -267,7 +273,7 @@ impl Builder<'_> {
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
         let Numbered { numbering, mut prescribed, states, used, rates, past, assembled } = numbered;
-        let Values { steps, newton, accuracy, starts, data, measures, watched } = values;
+        let Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched } = values;
         let Outputs { vtk, csv, series, .. } = outputs;
         let Assembled { terms, summaries, contact } = assembled?;
         let reads_past = !past.is_empty()
@@ -276,7 +282,8 @@ impl Builder<'_> {
             || csv.iter().chain(&series).any(|c| c.line.reads_past());
         let steps = steps?;
         self.statements_without_effect(&numbering, &mut prescribed, &steps, reads_past || rates)?;
-        let known = nothing_known(&self.fields, &numbering, reads_past);
+        let rates = rates::of(scheme, self.env.rates, &self.fields, &numbering);
+        let known = Known { rates, ..nothing_known(&self.fields, &numbering, reads_past) };
         let unused_fields = self.unused_fields(&used, &numbering);
         let env = self.owned_env();
         let made = System::new(self.mesh, self.fields, numbering, terms, known)
@@ -301,6 +308,7 @@ impl Builder<'_> {
             steps,
             prescribed,
             starts,
+            start_rates,
             data,
             states,
             measures,
@@ -331,6 +339,7 @@ impl Builder<'_> {
         OwnedEnv {
             params: self.params.clone(),
             mappings: self.env.mappings.to_vec(),
+            rates: self.env.rates.to_vec(),
             expansions: self.script.expansions.clone(),
             expects: self.script.expects.clone(),
             dim: self.env.dim,
@@ -444,7 +453,7 @@ fn with_contact(
     system.add_frozen(frozen)?;
     let mut contact = Contact::new(contact);
     system.set_laws(at, 1.0);
-    contact.begin_step(at, 1.0);
+    contact.begin_step(system.known.step(at, 1.0));
     Ok((system, contact))
 }
 
@@ -455,7 +464,7 @@ fn within(steps: &Steps) -> f64 {
 
 fn used_fields(law: &wfl_compiler::TermLaw) -> Vec<usize> {
     let inputs = law.inputs.iter().filter_map(|s| match s {
-        InputSlot::Field(b) | InputSlot::Previous(b) => Some(b.field.index()),
+        InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => Some(b.field.index()),
         _ => None,
     });
     law.tests.iter().chain(&law.trials).map(|s| s.field.index()).chain(inputs).collect()
@@ -463,10 +472,10 @@ fn used_fields(law: &wfl_compiler::TermLaw) -> Vec<usize> {
 
 /// Whether terms or updates of states read the increment, and the fields of which they read the end of the previous step.
 fn histories(laws: &[terms::PlacedLaw], renewed: &[states::StateLaw]) -> (bool, BTreeSet<usize>) {
-    let timed = |slots: &[UniformSlot]| slots.contains(&UniformSlot::TimeStep);
+    let timed = |slots: &[UniformSlot]| slots.iter().any(|s| matches!(s, UniformSlot::TimeStep | UniformSlot::Rate(_)));
     let inputs = laws.iter().map(|l| &l.law.inputs).chain(renewed.iter().map(|r| &r.law.inputs));
     let past = inputs.flatten().filter_map(|s| match s {
-        InputSlot::Previous(b) => Some(b.field.index()),
+        InputSlot::Previous(b) | InputSlot::History(_, b) => Some(b.field.index()),
         _ => None,
     });
     let past = past.collect();
@@ -481,5 +490,5 @@ fn nothing_known(fields: &[Field], numbering: &Numbering, reads_past: bool) -> K
     let values = |(k, f): (usize, &Field)| if solved(k) { Vec::new() } else { vec![0.0; f.n_dofs()] };
     let data: Vec<Vec<f64>> = fields.iter().enumerate().map(values).collect();
     let previous = reads_past.then(|| Past { unknowns: vec![0.0; numbering.n_dofs], data: data.clone() });
-    Known { data, previous }
+    Known { data, previous, rates: None }
 }

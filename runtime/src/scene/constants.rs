@@ -50,6 +50,7 @@ pub(super) fn bare_env<'a>(script: &'a ResolvedScript, dim: usize, params: &'a B
         params,
         expansions: &script.expansions,
         step_variable: None,
+        rates: &[],
         equal_within: 0.0,
     }
 }

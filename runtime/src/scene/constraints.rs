@@ -100,7 +100,7 @@ impl Prescribed {
     /// [`BadGiven`] for a value that is not finite.
     fn numbers(&mut self, time: f64, increment: f64) -> Result<Vec<Vec<f64>>, BadGiven> {
         let at = |fix: &mut Fix| {
-            fix.value.set_step(time, increment);
+            fix.value.set_step((time, increment));
             let found = fix.value.at_positions(&fix.positions);
             found.map_err(|at| BadGiven { what: fix.what.clone(), span: fix.span, at: Box::new(at) })
         };

@@ -87,7 +87,7 @@ fn begin_first_step(scene: &mut Scene) -> Result<(), SystemError> {
     let (time, increment) = (scene.steps.first(), scene.steps.first_increment());
     set_data(scene, time, increment)?;
     scene.system.set_laws(time, increment);
-    scene.contact.begin_step(time, increment);
+    scene.contact.begin_step(scene.system.known.step(time, increment));
     Ok(())
 }
 
@@ -104,7 +104,7 @@ pub fn contact_forms(scene: &mut Scene) -> Vec<ContactForm> {
         return Vec::new();
     }
     scene.system.set_laws(time, increment);
-    scene.contact.begin_step(time, increment);
+    scene.contact.begin_step(scene.system.known.step(time, increment));
     consistency::contact_forms(&scene.system, &scene.contact)
 }
 

@@ -84,6 +84,7 @@ impl Scene {
             params,
             expansions: &self.env.expansions,
             step_variable: None,
+            rates: &[],
             equal_within: 0.0,
         }
     }

@@ -30,7 +30,7 @@ impl Given {
     pub fn at(&mut self, positions: &[[f64; 3]], time: f64, increment: f64) -> Result<Vec<f64>, BadGiven> {
         match self {
             Given::Formula(value, what, span) => {
-                value.set_step(time, increment);
+                value.set_step((time, increment));
                 let found = value.at_positions(positions);
                 found.map_err(|at| BadGiven { what: what.clone(), span: *span, at: Box::new(at) })
             }

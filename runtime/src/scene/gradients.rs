@@ -65,7 +65,7 @@ impl Scene {
             let kernel = backend.compile(&[&law.residual]).map_err(|e| e.to_string())?.swap_remove(0);
             let (integrator, place) = (Integrator { domain, binding }, facet_support(&home.set));
             let mut term = AssembledTerm::new(law, integrator, place, kernel, None, &system.numbering.starts);
-            term.set_step(at.time, at.increment);
+            term.set_step(system.known.step(at.time, at.increment));
             let values = system.values(at.unknowns);
             term.add_residual(&system.mesh, values.view(), &mut out).map_err(|e| e.to_string())?;
         }
@@ -91,10 +91,10 @@ impl Scene {
             let Some(law) = compiled.value else { return Err(first(&compiled.diagnostics)) };
             let domain = self.points(&home, law.degree.rule(), integrand)?;
             let mut value = Value::new(law, backend).map_err(|e| e.to_string())?;
-            value.set_step(at.time, at.increment);
+            value.set_step(system.known.step(at.time, at.increment));
             let sampled = value.bind(&system.mesh, domain.clone(), &system.fields).map_err(|e| e.to_string())?;
             let (current, previous) = (system.slices(at.unknowns), system.previous_slices());
-            let values = FieldValues { current: &current, previous: &previous };
+            let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
             value.for_each_point(&system.mesh, &sampled, values, |g, entity, _, weight, v| {
                 out[domain.groups[g].here.cells[entity].index()] += weight * v[0];
             });

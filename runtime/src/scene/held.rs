@@ -34,10 +34,10 @@ impl Printed {
         u: &[f64],
         mut f: impl FnMut([f64; 3], &[f64]),
     ) {
-        self.value.set_step(time, increment);
+        self.value.set_step(system.known.step(time, increment));
         let current = system.slices(u);
         let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous };
+        let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
         let domain = self.sampled.domain.clone();
         self.value.for_each_point(&system.mesh, &self.sampled, values, |g, entity, q, _, value| {
             let here = &domain.groups[g].here;

@@ -167,7 +167,7 @@ fn cells_of(field: &Field) -> Option<&[CellId]> {
 /// The fields that a law reads or tests at the images, sorted.
 pub(super) fn fields_there<'s>(inputs: &[InputSlot], others: impl IntoIterator<Item = &'s BasisSlot>) -> Vec<usize> {
     let read = inputs.iter().filter_map(|s| match s {
-        InputSlot::Field(b) | InputSlot::Previous(b) => Some(*b),
+        InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => Some(*b),
         _ => None,
     });
     let all = read.chain(others.into_iter().copied()).filter(|b| b.side == Side::There);

@@ -179,7 +179,7 @@ impl Measure {
     pub fn bad(&self, value: f64, system: &System, u: &[f64]) -> BadMeasure {
         let current = system.slices(u);
         let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous };
+        let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
         let at = self.parts.iter().find_map(|(v, sampled)| v.first_not_finite(&system.mesh, sampled, values));
         BadMeasure { name: self.name.clone(), span: self.span, value, at }
     }
@@ -188,13 +188,13 @@ impl Measure {
     pub fn evaluate(&mut self, system: &System, time: f64, increment: f64, u: &[f64]) -> f64 {
         let current = system.slices(u);
         let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous };
+        let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
         let (mut sum, mut size) = (0.0, 0.0);
         let (mut largest, mut smallest) = (f64::NEG_INFINITY, f64::INFINITY);
         // of a sum with an infinite part nothing is known, and neither of the largest of values of which one is none
         let mut broken: Option<f64> = None;
         for (value, sampled) in &mut self.parts {
-            value.set_step(time, increment);
+            value.set_step(values.step(time, increment));
             value.for_each_point(&system.mesh, sampled, values, |_, _, _, weight, v| {
                 sum += weight * v[0];
                 size += weight;

@@ -26,6 +26,7 @@ impl Scene {
             params: &self.env.params,
             expansions: &self.env.expansions,
             step_variable: self.steps.variable.as_deref(),
+            rates: &self.env.rates,
             equal_within: 0.0,
         };
         let mut common: Option<BTreeSet<String>> = None;

@@ -36,6 +36,7 @@ mod options;
 mod outputs;
 mod point_loads;
 mod quantities;
+mod rates;
 mod refined;
 mod regions;
 mod rest;
@@ -57,7 +58,7 @@ use wfl::{
 use wfl_compiler::{
     Class, Constant, Env,
     backend::KernelBackend,
-    types::{FieldSig, MappingSig},
+    types::{FieldSig, MappingSig, RateForm},
 };
 
 use crate::{
@@ -150,6 +151,8 @@ pub struct Scene {
     pub prescribed: Prescribed,
     /// First guesses: field and value.
     pub starts: Vec<(usize, Given)>,
+    /// First rates: field and value.
+    pub start_rates: Vec<(usize, Given)>,
     /// Known fields: field and values.
     pub data: Vec<(usize, Given)>,
     /// Fields that are renewed after each step.
@@ -205,7 +208,7 @@ impl Scene {
                 self.system.known.clear();
             }
         }
-        self.data.iter_mut().chain(&mut self.starts).for_each(|(_, given)| given.forget());
+        self.data.iter_mut().chain(&mut self.starts).chain(&mut self.start_rates).for_each(|(_, given)| given.forget());
     }
 }
 
@@ -228,6 +231,7 @@ impl EventRule {
 struct OwnedEnv {
     params: BTreeMap<String, Constant>,
     mappings: Vec<MappingSig>,
+    rates: Vec<RateForm>,
     expansions: wfl::ast::Expansions,
     expects: Vec<wfl::Expect>,
     dim: usize,

@@ -19,7 +19,7 @@ use crate::{
 
 impl Builder<'_> {
     /// Values given at the nodes of a field by an expression of the position.
-    fn nodal_values(&mut self, what: &str, list: Vec<(String, wfl::ast::Expr)>) -> Vec<(usize, Given)> {
+    pub(super) fn nodal_values(&mut self, what: &str, list: Vec<(String, wfl::ast::Expr)>) -> Vec<(usize, Given)> {
         let place = mesh::position_place(self.fields.len());
         let mut out = Vec::new();
         for (name, e) in list {
@@ -53,6 +53,7 @@ impl Builder<'_> {
         for start in &self.script.starts {
             match &start.kind {
                 StartKind::Field { field, value } => list.push((field.name.clone(), value.clone())),
+                StartKind::Rate { .. } => {}
                 StartKind::File { path, path_span } => out.extend(self.starts_from(path, *path_span)),
             }
         }

@@ -15,7 +15,7 @@ use wfl::{
 };
 use wfl_compiler::{
     Constant, Env, LoadPart, TermSource, check_condition, check_term, check_value, constant,
-    types::{FieldId, FieldKind, FieldSig, MappingSig, PlaceKind, PlaceSig, Shape},
+    types::{FieldId, FieldKind, FieldSig, MappingSig, PlaceKind, PlaceSig, RateForm, Shape},
 };
 
 use super::{
@@ -33,6 +33,7 @@ pub struct Sketch<'s> {
     params: BTreeMap<String, Constant>,
     sigs: Vec<FieldSig>,
     mappings: Vec<MappingSig>,
+    rates: Vec<RateForm>,
 }
 
 impl<'s> Sketch<'s> {
@@ -43,7 +44,8 @@ impl<'s> Sketch<'s> {
         let params = parameters(script, dim, &mut Vec::new());
         let sigs = signatures(script, &bare_env(script, dim, &params), lost);
         let mappings = mappings(script, sigs.len());
-        Some(Self { script, dim, params, sigs, mappings })
+        let rates = super::rates::forms(script, &sigs);
+        Some(Self { script, dim, params, sigs, mappings, rates })
     }
 
     /// The sketch of a scene, of [`without_auto`] where a param is `auto`. `dim` is the dimension of the mesh, 1 to 3, if
@@ -58,7 +60,7 @@ impl<'s> Sketch<'s> {
     pub fn env(&self) -> Env<'_> {
         let step_variable = self.script.steps.as_ref().map(|s| s.variable.name.as_str());
         let bare = bare_env(self.script, self.dim, &self.params);
-        Env { fields: &self.sigs, mappings: &self.mappings, step_variable, ..bare }
+        Env { fields: &self.sigs, mappings: &self.mappings, step_variable, rates: &self.rates, ..bare }
     }
 
     /// A place of the kind that the declaration of a region shows, on which every field lives; the most permissive kind
@@ -321,7 +323,7 @@ impl Rest<'_> {
             }
         }
         let starts = self.script.starts.iter().filter_map(|s| match &s.kind {
-            StartKind::Field { value, .. } => Some((s.span, value)),
+            StartKind::Field { value, .. } | StartKind::Rate { value, .. } => Some((s.span, value)),
             StartKind::File { .. } => None,
         });
         let data = self.script.fields.iter().filter_map(|f| match &f.kind {

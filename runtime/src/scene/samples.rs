@@ -101,7 +101,7 @@ impl Scene {
         for (name, expression) in expressions {
             for (target, law) in maker.homes(&bodies, &faces, expression) {
                 let made = Value::new(law, backend).map_err(|e| e.to_string()).and_then(|mut value| {
-                    value.set_step(state.time, state.increment);
+                    value.set_step(self.system.known.step(state.time, state.increment));
                     let wanted = Wanted { name, home: &home(target, &bodies), at };
                     self.sample(wanted, target, &value, &mut places, state.unknowns)
                 });
@@ -124,6 +124,7 @@ impl Scene {
             params: &self.env.params,
             expansions: &self.env.expansions,
             step_variable: self.steps.variable.as_deref(),
+            rates: &self.env.rates,
             equal_within: 0.0,
         }
     }
@@ -182,7 +183,7 @@ impl Scene {
         };
         let sampled = value.bind(mesh, domain.clone(), &self.system.fields).map_err(|e| e.to_string())?;
         let (current, previous) = (self.system.slices(u), self.system.previous_slices());
-        let values = FieldValues { current: &current, previous: &previous };
+        let values = FieldValues { current: &current, previous: &previous, rates: self.system.known.rates.as_ref() };
         let n = samples.components;
         value.for_each_point(mesh, &sampled, values, |g, entity, q, weight, v| match &points {
             Some(points) => samples.values[points[g][q] * n..][..n].copy_from_slice(v),

@@ -39,10 +39,10 @@ pub struct StateUpdate {
 impl StateUpdate {
     /// Its next values, in the order of its nodes, from the solution `u` at the end of a step.
     pub fn next(&mut self, system: &System, time: f64, increment: f64, u: &[f64]) -> Vec<f64> {
-        self.value.set_step(time, increment);
+        self.value.set_step(system.known.step(time, increment));
         let current = system.slices(u);
         let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous };
+        let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
         let mut next = Vec::with_capacity(system.fields[self.field].n_dofs());
         // points come in the order in which the nodes were numbered
         self.value.for_each_point(&system.mesh, &self.sampled, values, |_, _, _, _, v| next.extend_from_slice(v));
@@ -179,7 +179,7 @@ impl Builder<'_> {
 /// The states that a law reads.
 pub(super) fn states_read<'i>(fields: &'i [Field], inputs: &'i [InputSlot]) -> impl Iterator<Item = usize> + 'i {
     let field = |slot: &InputSlot| match slot {
-        InputSlot::Field(b) | InputSlot::Previous(b) => Some(b.field.index()),
+        InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => Some(b.field.index()),
         _ => None,
     };
     // the branch data of frozen terms are numbered after the fields

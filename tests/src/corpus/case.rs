@@ -84,6 +84,7 @@ fn compile(setup: &Setup, case: &Case, ties: Ties) -> Result<TermLaw, String> {
         params: &setup.params,
         expansions: &expander.expansions,
         step_variable: None,
+        rates: &[],
         equal_within: 0.0,
     };
     let expr = if ties == Ties::GetFem { like_getfem(&expr, &setup.unknowns()) } else { expr };
@@ -116,12 +117,12 @@ fn assemble(setup: &Setup, law: TermLaw, backend: &dyn KernelBackend) -> Result<
         matches!(f.kind, wfl_compiler::types::FieldKind::Unknown | wfl_compiler::types::FieldKind::Multiplier)
     });
     let current: Vec<&[f64]> = setup.values.iter().map(Vec::as_slice).collect();
-    let values = FieldValues { current: &current, previous: &[] };
-    let uniforms = uniforms_at(&law.prologue, 0.0, 0.0);
+    let values = FieldValues { current: &current, previous: &[], rates: None };
+    let uniforms = uniforms_at(&law.prologue, (0.0, 0.0));
     let integrator = Integrator { domain: Arc::clone(&setup.domain), binding };
     let scalar = energy_kernel.map(|kernel| integral(setup, &integrator, &*kernel, &uniforms, values));
     let mut term = AssembledTerm::new(law, integrator, None, residual_kernel, tangent_kernel, &numbering.starts);
-    term.set_step(0.0, 0.0);
+    term.set_step((0.0, 0.0));
     let mut residual = vec![0.0; numbering.n_dofs];
     term.add_residual(&setup.mesh, values, &mut residual).map_err(|e| e.to_string())?;
     let mut pattern = PatternBuilder::new(numbering.n_dofs, numbering.n_dofs);

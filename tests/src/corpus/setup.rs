@@ -285,7 +285,7 @@ impl Setup {
         let slots = LawSlots { inputs: &[], tests: &[], trials: &[] };
         let Ok(binding) = Binding::new(&self.mesh, &self.domain, &self.fields, slots) else { return 0.0 };
         let bound = Bound { mesh: &self.mesh, domain: &self.domain, binding: &binding };
-        let values = FieldValues { current: &[], previous: &[] };
+        let values = FieldValues { current: &[], previous: &[], rates: None };
         let mut workspace = Workspace::default();
         let mut sum = 0.0;
         for (g, group) in self.domain.groups.iter().enumerate() {

@@ -55,6 +55,7 @@ pub(crate) fn compile_on(text: &str, dim: usize, what: As, kind: PlaceKind) -> R
         params: &params,
         expansions: &expander.expansions,
         step_variable: Some("t"),
+        rates: &[],
         equal_within: 0.0,
     };
     let place = PlaceSig {

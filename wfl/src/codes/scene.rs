@@ -299,6 +299,41 @@ pub(super) const PAGES: &[CodePage] = &[
         "measure top = max(x) on all\nevent high = top > 1",
     ),
     page(
+        "E451",
+        "a second rate that nothing determines",
+        "Dot2_u is the second rate of an unknown or multiplier with Dot2_u in a term. Without such a term the equations \
+         say nothing of it; known fields have none.",
+        "steps t = 0 to 1 by 0.1\nmeasure a = max(Dot2_u(1)) on all",
+        "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nmeasure a = max(Dot2_u(1)) on all",
+    ),
+    page(
+        "E452",
+        "a setting that a scheme does not take",
+        "newmark has beta (more than 0, at most 1) and gamma (1/2 to 1; of second order with 1/2), hht has alpha (-1/3 to \
+         0), generalised_alpha has rho_inf (0 to 1), backward_euler has none. Steps by `auto` go with \
+         backward_euler and first rates.",
+        "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=0.1",
+        "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=-0.1",
+    ),
+    page(
+        "E453",
+        "a scheme that cannot renew states",
+        "The equations of hht and generalised_alpha stand within the step, the values of a state at its end: what a state \
+         becomes would not belong to the displacements. newmark and backward_euler have both at the end.",
+        "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nstate s : scalar on all := s + u(1)\n\
+         scheme hht alpha=-0.1",
+        "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nstate s : scalar on all := s + u(1)\n\
+         scheme newmark",
+    ),
+    page(
+        "E454",
+        "an initial rate that follows from the equations",
+        "A field with Dot2_u in a term starts with a value and a rate. A field with a first rate only starts with a value: \
+         its rate at the start follows from the equations.",
+        "steps t = 0 to 1 by 0.1\nterm damper on all : Dot_u.Test_u\nstart Dot_u = [1,0,0]",
+        "steps t = 0 to 1 by 0.1\nterm damper on all : Dot2_u.Test_u\nstart Dot_u = [1,0,0]",
+    ),
+    page(
         "E501",
         "units that do not match",
         "Both sides of a sum must have the same unit. Units are checked as soon as a param, field or datum has one. A \

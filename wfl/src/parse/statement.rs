@@ -76,6 +76,7 @@ const TOKENS: &[Rule] = {
         R::k_load,
         R::k_start,
         R::k_steps,
+        R::k_scheme,
         R::k_solver,
         R::k_quad,
         R::k_measure,
@@ -219,6 +220,9 @@ impl Reader<'_> {
                 unit: p.take(Rule::unit).map(|u| self.unit(u)).transpose()?,
                 options: self.options(&mut p)?,
             },
+            Rule::scheme => {
+                ItemKind::Scheme { name: self.ident(&p.next()), options: self.option_list(p.take_all(Rule::option))? }
+            }
             Rule::solver => ItemKind::Solver { name: self.ident(&p.next()), options: self.options(&mut p)? },
             Rule::quadrature => ItemKind::Quadrature { places: self.places(p.next()), rule: self.rule(p.next())? },
             Rule::measure => self.measure(p)?,
@@ -538,8 +542,12 @@ impl Reader<'_> {
         let Some(options) = p.take(Rule::options) else {
             return Ok(Vec::new());
         };
+        self.option_list(self.parts(options))
+    }
+
+    fn option_list<'p>(&self, options: impl IntoIterator<Item = Pair<'p>>) -> Parsed<Vec<OptionItem>> {
         let mut list = Vec::new();
-        for option in self.parts(options) {
+        for option in options {
             let mut q = self.open(option);
             let name = self.ident(&q.next());
             let value = q.0.next().map(|v| self.option_value(v)).transpose()?;

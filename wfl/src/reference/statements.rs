@@ -204,6 +204,19 @@ pub(super) const ROWS: &[StatementRow] = &[
         default: "the one that fits the terms",
     },
     StatementRow {
+        word: "start",
+        usage: "`start Dot_u = formula`",
+        meaning: "initial rate of a field with `Dot2_u` in a term; initial accelerations follow from the equations",
+        default: "zero",
+    },
+    StatementRow {
+        word: "scheme",
+        usage: "`scheme newmark beta=1/4 gamma=1/2`, `scheme hht alpha=-0.1`, `scheme generalised_alpha rho_inf=0.8`, \
+                `scheme backward_euler`",
+        meaning: "how `Dot_u` and `Dot2_u` are made of the values at the steps (`docs/dynamics.md`)",
+        default: "`newmark` with 1/4 and 1/2 where a term has `Dot2_`, else `backward_euler`",
+    },
+    StatementRow {
         word: "solver",
         usage: "`solver newton with tol=1e-10, max_iter=150, search=auto`",
         meaning: "relative residual (at most 0.1); iterations of one attempt; `search=none` for undamped Newton \

@@ -128,7 +128,10 @@ fn wanted_fields(item: &Item, wanted: &mut Vec<(String, Span)>) {
             wanted.extend(roots.map(|(_, root)| (root.to_owned(), expr.span)));
         }
         ItemKind::Fix { targets: t, .. } | ItemKind::Load { targets: t, .. } => wanted.extend(targets(t)),
-        ItemKind::Start { field, .. } => wanted.push((field.name.clone(), field.span)),
+        ItemKind::Start { field, .. } => {
+            let name = field.name.strip_prefix("Dot_").unwrap_or(&field.name);
+            wanted.push((name.to_owned(), field.span));
+        }
         _ => {}
     }
 }

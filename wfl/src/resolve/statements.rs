@@ -1,11 +1,11 @@
 //! Statements, one by one: each is added to the script when all its parts are right.
 
-use super::{FORMATS, Resolver, SOLVERS, is_solved_for, names, names::Kind, parts::TransposeOption as _};
+use super::{FORMATS, Resolver, SCHEMES, SOLVERS, is_solved_for, names, names::Kind, parts::TransposeOption as _};
 use crate::{
-    ast::{Item, ItemKind, MeasureAt, QuadratureRule},
+    ast::{Ident, Item, ItemKind, MeasureAt, QuadratureRule},
     script::{
-        Expect, FieldKind, Mapping, Measure, MeshStmt, Output, Param, Quadrature, Refinement, Region, Solver, Split,
-        Start, StartKind, Steps, Term, is_auto,
+        Expect, FieldKind, Mapping, Measure, MeshStmt, Output, Param, Quadrature, Refinement, Region, Scheme, Solver,
+        Split, Start, StartKind, Steps, Term, is_auto,
     },
     source::Span,
 };
@@ -29,7 +29,9 @@ impl<'d> Resolver<'d> {
             K::Term { .. } | K::Fix { .. } | K::Load { .. } | K::Start { .. } | K::StartFrom { .. } => {
                 self.equation(kind, item.span)
             }
-            K::Steps { .. } | K::Solver { .. } | K::Quadrature { .. } => self.request(kind, item.span),
+            K::Steps { .. } | K::Scheme { .. } | K::Solver { .. } | K::Quadrature { .. } => {
+                self.request(kind, item.span)
+            }
             K::Measure { .. } | K::Event { .. } | K::Expect(_) | K::Output { .. } => self.request(kind, item.span),
         }
     }
@@ -109,12 +111,20 @@ impl<'d> Resolver<'d> {
                 self.script.loads.push(load);
             }
             ItemKind::Start { field, value } => {
-                let needed = "only unknowns, multipliers and states have a first value";
-                let known =
-                    self.all_fields(std::slice::from_ref(field), needed, |k| k == Kind::State || is_solved_for(k));
+                let rate = field.name.strip_prefix("Dot_").map(|name| Ident { name: name.to_owned(), ..field.clone() });
+                let of = rate.as_ref().unwrap_or(field);
+                let (needed, state) = match rate {
+                    Some(_) => ("only unknowns and multipliers have a first rate", false),
+                    None => ("only unknowns, multipliers and states have a first value", true),
+                };
+                let known = self
+                    .all_fields(std::slice::from_ref(of), needed, |k| state && k == Kind::State || is_solved_for(k));
                 let value = self.expr(value)?;
                 known?;
-                let kind = StartKind::Field { field: field.clone(), value };
+                let kind = match rate {
+                    Some(field) => StartKind::Rate { field, value },
+                    None => StartKind::Field { field: field.clone(), value },
+                };
                 self.script.starts.push(Start { kind, span });
             }
             ItemKind::StartFrom { path, path_span } => {
@@ -144,6 +154,13 @@ impl<'d> Resolver<'d> {
     fn request(&mut self, kind: &'d ItemKind, span: Span) -> Option<()> {
         match kind {
             ItemKind::Steps { .. } => self.steps(kind, span)?,
+            ItemKind::Scheme { name, options } => {
+                self.once(self.script.scheme.as_ref().map(|s| s.span), "scheme", span)?;
+                let known = self.one_of("scheme", name, SCHEMES);
+                let options = self.options("scheme", options)?;
+                known?;
+                self.script.scheme = Some(Scheme { name: name.clone(), options, span });
+            }
             ItemKind::Solver { name, options } => {
                 self.once(self.script.solver.as_ref().map(|s| s.span), "solver", span)?;
                 let known = self.one_of("solver", name, SOLVERS);

@@ -30,8 +30,10 @@ impl<'s> Pass<'s> {
         self.params();
         self.fields();
         for start in &script.starts {
-            if let StartKind::Field { field, value } = &start.kind {
-                self.given(field, value);
+            match &start.kind {
+                StartKind::Field { field, value } => self.given(field, value),
+                StartKind::Rate { field, value } => self.given_rate(field, value),
+                StartKind::File { .. } => {}
             }
         }
         for fix in &script.fixes {
@@ -153,6 +155,16 @@ impl<'s> Pass<'s> {
     fn given(&mut self, field: &Ident, e: &Expr) {
         let value = self.expr(e);
         self.given_value(field, &value, e);
+    }
+
+    /// The first rate of a field.
+    fn given_rate(&mut self, field: &Ident, e: &Expr) {
+        let value = self.expr(e);
+        let name = field.name.as_str();
+        if let (Some(needed), Some(declared)) = (self.units.get(name).cloned(), self.scene.declared.get(name)) {
+            let needed = needed.scaled(&self.time(), -1);
+            self.takes(name, declared.span, &needed, &value, e);
+        }
     }
 
     fn given_value(&mut self, field: &Ident, value: &Value, e: &Expr) {

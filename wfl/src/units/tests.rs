@@ -329,16 +329,16 @@ fn params_made_of_each_other_take_no_time() {
 #[test]
 fn the_unit_of_the_step_variable_is_declared_and_its_values_have_it() {
     let with = |lines: &str| found(&scene(lines));
-    let tau = "param tau = 3 [s]\n";
-    assert_eq!(with(&format!("{tau}steps t = 0 to 2*tau by 0.1 [s]\nmeasure q = max(t/tau) on all")), [""; 0]);
+    let own = "param lapse = 3 [s]\n";
+    assert_eq!(with(&format!("{own}steps t = 0 to 2*lapse by 0.1 [s]\nmeasure q = max(t/lapse) on all")), [""; 0]);
     let all = with("steps t = 0 to 2*l by 0.1 [s]\nmeasure q = max(t) on all");
     assert!(all.iter().any(|m| m.starts_with("E501 | 2*l: mm")), "{all:#?}");
-    let all = with(&format!("{tau}steps t = 0 to tau by 0.1 [ms]\nmeasure q = max(t) on all"));
-    assert!(all.iter().any(|m| m.starts_with("E501 | tau: s")), "{all:#?}");
+    let all = with(&format!("{own}steps t = 0 to lapse by 0.1 [ms]\nmeasure q = max(t) on all"));
+    assert!(all.iter().any(|m| m.starts_with("E501 | lapse: s")), "{all:#?}");
     let auto = |limit: &str| {
-        let steps = format!("steps t = 0 to tau by auto [s] with first=1e-3*tau, limit={limit} on all");
-        with(&format!("{tau}{steps}\nmeasure q = max(t) on all"))
+        let steps = format!("steps t = 0 to lapse by auto [s] with first=1e-3*lapse, limit={limit} on all");
+        with(&format!("{own}{steps}\nmeasure q = max(t) on all"))
     };
-    assert_eq!(auto("0.1*tau/max(l/l)"), [""; 0]);
+    assert_eq!(auto("0.1*lapse/max(l/l)"), [""; 0]);
     assert!(auto("0.1/max(l)").iter().any(|m| m.starts_with("E501")), "{:#?}", auto("0.1/max(l)"));
 }

@@ -154,6 +154,8 @@ impl Reader<'_> {
                     _ => self.of_state(roles, state, b, false),
                 },
                 InputSlot::Previous(b) => self.of_state(roles, state, b, true),
+                // the states that are looked at are at rest
+                InputSlot::History(..) => Some(0.0),
                 _ => None,
             };
             *x = known.unwrap_or(*x);
@@ -294,7 +296,7 @@ impl<'a> Finder<'a> {
     fn same_everywhere(&self, points: &[Reader<'_>]) -> Result<(), String> {
         let Some(first) = points.first() else { return Ok(()) };
         for (k, slot) in first.slots.iter().enumerate() {
-            let (InputSlot::Field(b) | InputSlot::Previous(b)) = slot else { continue };
+            let (InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b)) = slot else { continue };
             match self.system.fields[b.field.index()].kind {
                 FieldKind::State => return Err("a body has a state".to_owned()),
                 FieldKind::Data => {

@@ -69,13 +69,14 @@ impl Examined<'_> {
         let mut diagonal = vec![0.0; u.len()];
         for (state, out) in [(u, &mut here), (moved.as_slice(), &mut there)] {
             let current = self.system.slices(state);
-            let values = FieldValues { current: &current, previous: &previous };
+            let values =
+                FieldValues { current: &current, previous: &previous, rates: self.system.known.rates.as_ref() };
             for term in &mut *terms {
                 term.add_residual(&self.system.mesh, values, out).ok()?;
             }
         }
         let current = self.system.slices(u);
-        let values = FieldValues { current: &current, previous: &previous };
+        let values = FieldValues { current: &current, previous: &previous, rates: self.system.known.rates.as_ref() };
         let known = self.system.terms.iter().filter(|t| t.on_cells() && t.law.class > Class::Constant);
         known.for_each(|t| t.add_diagonal(&self.system.mesh, values, &mut diagonal));
         let (mut energy, mut scale) = (0.0, 0.0);
@@ -109,6 +110,6 @@ pub(crate) fn with_rule(
     let integrator = Integrator { domain, binding };
     let mut made = AssembledTerm::new(law, integrator, None, residual, tangent, &system.numbering.starts);
     let (time, increment) = system.step();
-    made.set_step(time, increment);
+    made.set_step(system.known.step(time, increment));
     Some(made)
 }

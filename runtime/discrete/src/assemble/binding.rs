@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use wfl_compiler::{
     ir::LANES,
-    types::{BasisSlot, FieldId, FieldOp, InputSlot, Side},
+    types::{BasisSlot, FieldId, FieldOp, InputSlot, RateOrder, Side},
 };
 
 use crate::domain::{Domain, Group};
@@ -141,6 +141,8 @@ pub enum Input {
     Current(SlotPlace),
     /// From the state at the end of the previous step.
     Previous(SlotPlace),
+    /// From what the past gives of a rate.
+    History(RateOrder, SlotPlace),
     /// Geometry.
     Geometry(InputSlot),
 }
@@ -210,7 +212,7 @@ impl Binding {
         };
         law.tests.iter().chain(law.trials).for_each(&mut note);
         for slot in law.inputs {
-            if let InputSlot::Field(s) | InputSlot::Previous(s) = slot {
+            if let InputSlot::Field(s) | InputSlot::Previous(s) | InputSlot::History(_, s) = slot {
                 note(s);
             }
         }
@@ -231,6 +233,7 @@ impl Binding {
             .map(|slot| match slot {
                 InputSlot::Field(s) => Input::Current(place(s)),
                 InputSlot::Previous(s) => Input::Previous(place(s)),
+                InputSlot::History(order, s) => Input::History(*order, place(s)),
                 other => Input::Geometry(*other),
             })
             .collect();
@@ -263,7 +266,7 @@ impl Binding {
         };
         for (input, is_read) in self.inputs.iter().zip(&needs.inputs) {
             match input {
-                Input::Current(place) | Input::Previous(place) if *is_read => {
+                Input::Current(place) | Input::Previous(place) | Input::History(_, place) if *is_read => {
                     needs.gather[place.basis] = true;
                     needs.orders[place.basis] = needs.orders[place.basis].max(place.op.order());
                 }

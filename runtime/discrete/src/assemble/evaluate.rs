@@ -7,7 +7,7 @@
 use pulp::{Arch, Simd, WithSimd};
 use wfl_compiler::{
     ir::LANES,
-    types::{FieldOp, InputSlot, Side},
+    types::{FieldOp, InputSlot, RateOrder, Side},
 };
 
 use crate::assemble::{
@@ -17,6 +17,7 @@ use crate::assemble::{
     simd::{Lanes, ZERO, load, parts, plus_product, store},
 };
 use crate::domain::{Domain, Group};
+use crate::rates::{RateFactors, Rates, StepAt};
 use wfl_mesh::mesh::Mesh;
 
 /// Values of all fields by [`wfl_compiler::types::FieldId`]: `values[node * n_components + component]`.
@@ -26,6 +27,16 @@ pub struct FieldValues<'a> {
     pub current: &'a [&'a [f64]],
     /// At the end of the previous step; empty unless the scene uses the past.
     pub previous: &'a [&'a [f64]],
+    /// Their rates; `None` unless the scene has some that are more than differences.
+    pub rates: Option<&'a Rates>,
+}
+
+impl FieldValues<'_> {
+    /// A step with the scalars of these rates.
+    #[must_use]
+    pub fn step(&self, time: f64, increment: f64) -> StepAt {
+        StepAt { time, increment, factors: self.rates.map_or_else(RateFactors::default, Rates::factors) }
+    }
 }
 
 /// Reusable memory of one thread.
@@ -45,6 +56,7 @@ pub struct Workspace {
     sizes: [Lanes; 2],
     current: Vec<Lanes>,
     previous: Vec<Lanes>,
+    histories: [Vec<Lanes>; 2],
     /// Kernel inputs, blocked.
     pub inputs: Vec<f64>,
     /// Kernel outputs, blocked.
@@ -115,10 +127,23 @@ impl Workspace {
             gather_nodes(bound.mesh, there, batch, &mut self.nodes_there);
         }
         let last = group.entities.len() - 1;
-        for (store, all) in [(&mut self.current, values.current), (&mut self.previous, values.previous)] {
+        let [first, second] = &mut self.histories;
+        let stores = [&mut self.current, &mut self.previous, first, second];
+        let of = |k: usize, field: usize| match k {
+            0 => values.current.get(field).copied(),
+            1 => values.previous.get(field).copied(),
+            _ => {
+                let order = if k == 2 { RateOrder::First } else { RateOrder::Second };
+                values.rates.map(|r| r.history(order, field)).filter(|h| !h.is_empty())
+            }
+        };
+        for (k, store) in stores.into_iter().enumerate() {
+            if k > 1 && values.rates.is_none() {
+                continue;
+            }
             store.resize(binding.n_dofs(), ZERO);
             for (basis, _) in binding.bases.iter().zip(&needs.gather).filter(|(_, wanted)| **wanted) {
-                let Some(field) = all.get(basis.field.index()) else { continue };
+                let Some(field) = of(k, basis.field.index()) else { continue };
                 let nc = basis.n_components;
                 let store = &mut store[basis.offset..][..basis.n_dofs()];
                 let entities: [&[u32]; LANES] = std::array::from_fn(|l| {
@@ -259,9 +284,13 @@ impl Points<'_> {
             }
             let w = &*self.workspace;
             let value = match input {
-                Input::Current(place) | Input::Previous(place) => {
-                    let is_current = matches!(input, Input::Current(_));
-                    let values = if is_current { &w.current } else { &w.previous };
+                Input::Current(place) | Input::Previous(place) | Input::History(_, place) => {
+                    let values = match input {
+                        Input::Previous(_) => &w.previous,
+                        Input::History(RateOrder::First, _) => &w.histories[0],
+                        Input::History(RateOrder::Second, _) => &w.histories[1],
+                        _ => &w.current,
+                    };
                     let basis = &self.binding.bases[place.basis];
                     let operand = basis.operand(place.op, place.direction, false);
                     let values = &values[basis.offset..][..basis.n_dofs()];
@@ -298,7 +327,7 @@ impl Points<'_> {
             // entry i + dim * j of K = dx_i/dxi_j; of B = K^-T, so B_ij = inverse_ji
             InputSlot::ElementK(side, e) => of(side).jacobian[usize::from(e) % dim][usize::from(e) / dim],
             InputSlot::ElementB(side, e) => of(side).inverse[usize::from(e) / dim][usize::from(e) % dim],
-            InputSlot::Normal(..) | InputSlot::Field(_) | InputSlot::Previous(_) => ZERO,
+            InputSlot::Normal(..) | InputSlot::Field(_) | InputSlot::Previous(_) | InputSlot::History(..) => ZERO,
         }
     }
 

@@ -37,7 +37,7 @@ use crate::{
         shares::Duty,
     },
     finite::BadState,
-    prologue::step_slots,
+    prologue::{StepAt, step_slots},
     share::Share,
 };
 use wfl_mesh::mesh::{Mesh, SupportSet};
@@ -178,9 +178,9 @@ impl AssembledTerm {
         }
     }
 
-    /// Sets the step variable and its increment.
-    pub fn set_step(&mut self, time: f64, increment: f64) {
-        self.step = step_slots(&self.law.prologue, time, increment);
+    /// Sets the step.
+    pub fn set_step(&mut self, step: impl Into<StepAt>) {
+        self.step = step_slots(&self.law.prologue, step.into());
         self.uniforms = run_prologue(&self.law.prologue, &self.step);
     }
 

@@ -1,6 +1,6 @@
 //! Which equations a residual or a tangent belongs to: the arguments of [`super::System`] beside the unknowns.
 
-use crate::assemble::FieldValues;
+use crate::{assemble::FieldValues, rates::Rates};
 
 /// The branch of each projection at each integration point, by frozen term: values of a field of branch data that
 /// stands behind the fields of the scene.
@@ -57,12 +57,14 @@ pub struct StateValues<'a> {
     pub current: Vec<&'a [f64]>,
     /// At the end of the previous step; empty unless something reads it.
     pub previous: Vec<&'a [f64]>,
+    /// Rates that are more than differences.
+    pub rates: Option<&'a Rates>,
 }
 
 impl StateValues<'_> {
     /// As the assembly takes them.
     #[must_use]
     pub fn view(&self) -> FieldValues<'_> {
-        FieldValues { current: &self.current, previous: &self.previous }
+        FieldValues { current: &self.current, previous: &self.previous, rates: self.rates }
     }
 }

@@ -84,14 +84,16 @@ impl System {
         Ok(out)
     }
 
-    /// Adds the linear terms at `u` to `out`, which holds the constant ones (by dof, in the axes of the scene, the rows of
-    /// this rank).
+    /// Adds the linear terms at `u` to `out`, which holds what affine ones give at `base` (by dof, in the axes of the scene,
+    /// the rows of this rank).
     fn add_linear(&self, u: &[f64], form: &Form<'_>, out: &mut [f64], sum: &mut Residual) -> Result<(), TermError> {
         let Some(linear) = &self.linear else { return Ok(()) };
         let mut part = vec![0.0; out.len()];
         let mut sizes = vec![0.0; out.len()];
         let nothing = vec![0.0; out.len()];
-        residual_and_size(&[linear], &nothing, u, &mut part, &mut sizes, rayon::current_num_threads());
+        let change: Vec<f64> = u.iter().zip(&self.base).map(|(u, base)| u - base).collect();
+        let of = if self.base.is_empty() { u } else { &change };
+        residual_and_size(&[linear], &nothing, of, &mut part, &mut sizes, rayon::current_num_threads());
         part.iter_mut().for_each(|r| *r = -*r);
         sum.linear_sizes.iter_mut().zip(&sizes).for_each(|(sum, size)| *sum += size);
         self.grow(&mut sum.forces, &part);

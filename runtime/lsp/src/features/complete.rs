@@ -5,7 +5,7 @@ use lsp_types::{
     CompletionItem, CompletionItemKind, CompletionItemLabelDetails, CompletionResponse, Documentation,
     InsertTextFormat, MarkupContent, MarkupKind, Position,
 };
-use wfl::{CONSTANTS, FORMATS, LIBRARY, OPTIONS, REGIONS, SOLVERS, STATEMENTS, statement_rows};
+use wfl::{CONSTANTS, FORMATS, LIBRARY, OPTIONS, REGIONS, SCHEMES, SOLVERS, STATEMENTS, statement_rows};
 use wfl_compiler::functions;
 
 use crate::{
@@ -91,6 +91,8 @@ fn slot(before: &str) -> Slot<'_> {
         ("region", _, true) => Slot::Words(ENTITIES),
         ("measure", _, true) => Slot::Words(REDUCTIONS),
         ("output", _, _) if head == "output" => Slot::Words(FORMATS),
+        ("scheme", _, _) if head == "scheme" => Slot::Words(SCHEMES),
+        ("scheme", _, _) => Slot::Option("scheme"),
         ("solver", _, _) if head == "solver" => Slot::Words(SOLVERS),
         ("mesh", _, _) if head == "mesh" => Slot::Words(&["box", "file"]),
         ("mesh", _, _) if statement.ends_with("] ") && head.contains("cells") => Slot::Words(SHAPES),
@@ -223,7 +225,7 @@ fn expression(view: &View<'_>, offset: usize) -> Vec<CompletionItem> {
         let solved = matches!(name.declares, Some(Kind::Unknown | Kind::Multiplier));
         if solved || name.declares == Some(Kind::Formal) {
             let field = name.key.name();
-            for prefix in ["Test_", "Grad_", "Grad_Test_", "Div_", "Div_Test_", "Previous_", "Dot_"] {
+            for prefix in ["Test_", "Grad_", "Grad_Test_", "Div_", "Div_Test_", "Previous_", "Dot_", "Dot2_"] {
                 items.push(plain(&format!("{prefix}{field}"), CompletionItemKind::FIELD, docs::word(prefix)));
             }
         }

@@ -1,0 +1,324 @@
+//! Rates of fields in time: what the equations of a step read of the past, and what a step leaves to the next.
+//!
+//! `Dot_u` and `Dot2_u` are compiled to `c (u - Previous_u) + history`. Here are the scalars c of a step and the nodal
+//! histories; which they are says the [`Scheme`]. Promises: between two steps the rates are those at the end of the last
+//! one; a step can be begun again with another increment as often as needed; fields without rates keep nothing.
+//! Does not solve anything and knows no equations.
+
+mod scheme;
+
+use std::ops::Range;
+
+pub use scheme::{Alpha, Row, Rows, Scheme};
+use wfl_compiler::types::{RateFactor, RateForm, RateOrder};
+
+/// What point laws are told of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepAt {
+    /// The step variable.
+    pub time: f64,
+    /// Its increment from the step before.
+    pub increment: f64,
+    /// The scalars of rates.
+    pub factors: RateFactors,
+}
+
+/// A step without scalars of rates: for laws that read none.
+impl From<(f64, f64)> for StepAt {
+    fn from(of: (f64, f64)) -> Self {
+        Self { time: of.0, increment: of.1, factors: RateFactors::default() }
+    }
+}
+
+/// The scalars that the change of a field is multiplied by.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RateFactors {
+    /// Of first rates of fields that have no second one; 1/time.
+    pub rate: f64,
+    /// Of first rates of the others; 1/time.
+    pub velocity: f64,
+    /// Of second rates; 1/time^2.
+    pub acceleration: f64,
+}
+
+impl RateFactors {
+    /// One of them.
+    #[must_use]
+    pub fn of(&self, factor: RateFactor) -> f64 {
+        match factor {
+            RateFactor::Rate => self.rate,
+            RateFactor::Velocity => self.velocity,
+            RateFactor::Acceleration => self.acceleration,
+        }
+    }
+}
+
+/// A field with rates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldRates {
+    /// The field.
+    pub field: usize,
+    /// Which rates.
+    pub form: RateForm,
+    /// Its unknowns.
+    pub dofs: Range<usize>,
+    /// Its first and its second rate at the end of the last step, by dof; the second empty where it has none.
+    pub kept: [Vec<f64>; 2],
+}
+
+/// The rates of all fields that have some.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rates {
+    scheme: Scheme,
+    factors: RateFactors,
+    /// Those of the step that was begun last: its matrices are still there between two steps.
+    of_step: RateFactors,
+    fields: Vec<FieldRates>,
+    /// By order and field: what the past gives in the present step; empty for fields without.
+    histories: [Vec<Vec<f64>>; 2],
+    /// The increment of the step that was begun and whose end is not kept yet.
+    open: Option<f64>,
+}
+
+/// Where rates stand between two steps, to go on from later with the same bits.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RatesMemory {
+    /// The scalars of the last step.
+    pub factors: [f64; 3],
+    /// First and second rates of each field that has some.
+    pub kept: Vec<Vec<f64>>,
+}
+
+impl Rates {
+    /// Rates that are zero; `None` if no field has any. `ranges` has the dofs of each field that is solved for.
+    #[must_use]
+    pub fn new(scheme: Scheme, forms: &[RateForm], ranges: &[Option<Range<usize>>]) -> Option<Self> {
+        let has = |k: &usize| forms.get(*k).is_some_and(|f| *f != RateForm::Difference);
+        let fields: Vec<FieldRates> = (0..ranges.len())
+            .filter(has)
+            .filter_map(|field| {
+                let (form, dofs) = (forms[field], ranges[field].clone()?);
+                let zero = vec![0.0; dofs.len()];
+                let second = if form == RateForm::Second { zero.clone() } else { Vec::new() };
+                Some(FieldRates { field, form, dofs, kept: [zero, second] })
+            })
+            .collect();
+        if fields.is_empty() {
+            return None;
+        }
+        let histories = [vec![Vec::new(); ranges.len()], vec![Vec::new(); ranges.len()]];
+        let mut this = Self {
+            scheme,
+            factors: RateFactors::default(),
+            of_step: RateFactors::default(),
+            fields,
+            histories,
+            open: None,
+        };
+        this.hold();
+        Some(this)
+    }
+
+    /// Every rate is zero, as before the first step.
+    pub fn clear(&mut self) {
+        self.fields.iter_mut().flat_map(|of| &mut of.kept).for_each(|kept| kept.fill(0.0));
+        self.of_step = RateFactors::default();
+        self.hold();
+    }
+
+    /// The scheme.
+    #[must_use]
+    pub fn scheme(&self) -> Scheme {
+        self.scheme
+    }
+
+    /// The scalars of the present step.
+    #[must_use]
+    pub fn factors(&self) -> RateFactors {
+        self.factors
+    }
+
+    /// The fields with rates.
+    #[must_use]
+    pub fn fields(&self) -> &[FieldRates] {
+        &self.fields
+    }
+
+    /// The rates of the fields at the end of the last step, to be set: those at the start of a run.
+    pub fn fields_mut(&mut self) -> &mut [FieldRates] {
+        &mut self.fields
+    }
+
+    /// What the past gives of a rate of a field, by its dofs; empty for a field without.
+    #[must_use]
+    pub fn history(&self, order: RateOrder, field: usize) -> &[f64] {
+        self.histories[order_index(order)].get(field).map_or(&[], Vec::as_slice)
+    }
+
+    /// Histories and scalars of a step of this length.
+    pub fn begin(&mut self, increment: f64) {
+        let Self { scheme, factors, of_step, fields, histories, open } = self;
+        for of in fields {
+            let Rows(rows) = scheme.in_equations(of.form, increment);
+            for (order, row) in rows.iter().enumerate().filter(|(order, _)| !of.kept[*order].is_empty()) {
+                histories[order][of.field] = past(row, &of.kept);
+            }
+            match of.form {
+                RateForm::Second => (factors.velocity, factors.acceleration) = (rows[0].change, rows[1].change),
+                _ => factors.rate = rows[0].change,
+            }
+        }
+        *of_step = *factors;
+        *open = Some(increment);
+    }
+
+    /// The rates are those that are kept, whatever the unknowns are: where time starts, and at the end of a step.
+    pub fn hold(&mut self) {
+        self.factors = RateFactors::default();
+        for of in &self.fields {
+            for (histories, kept) in self.histories.iter_mut().zip(&of.kept) {
+                histories[of.field].clone_from(kept);
+            }
+        }
+        self.open = None;
+    }
+
+    /// The scalars are these, the rates those that are kept: for the mass of the equations.
+    pub fn probe(&mut self, factors: RateFactors) {
+        self.hold();
+        self.factors = factors;
+    }
+
+    /// The state at the end of the step that was begun: `u` holds what its equations were solved for, `before` the state
+    /// at its start. Schemes with their equations within a step extrapolate to its end, for fields with rates; for all
+    /// others nothing changes.
+    pub fn finish(&mut self, u: &mut [f64], before: &[f64]) {
+        let offset = self.scheme.offset();
+        if offset == 0.0 || self.open.is_none() {
+            return;
+        }
+        for of in &self.fields {
+            for d in of.dofs.clone() {
+                u[d] = before[d] + (u[d] - before[d]) / (1.0 - offset);
+            }
+        }
+        self.keep(u, before);
+        self.hold();
+    }
+
+    /// The end `u` of the step that was begun at `before` becomes the past.
+    pub fn keep(&mut self, u: &[f64], before: &[f64]) {
+        if let Some(kept) = self.at_end(u, before) {
+            self.fields.iter_mut().zip(kept).for_each(|(of, kept)| of.kept = kept);
+            self.open = None;
+        }
+    }
+
+    /// The rates at the end `u` of the step that was begun at `before`; `None` where those that are kept are it.
+    fn at_end(&self, u: &[f64], before: &[f64]) -> Option<Vec<[Vec<f64>; 2]>> {
+        let increment = self.open?;
+        let of_field = |of: &FieldRates| {
+            let Rows(rows) = self.scheme.at_end(of.form, increment);
+            let mut kept = rows.map(|row| past(&row, &of.kept));
+            for (row, kept) in rows.iter().zip(&mut kept) {
+                let change = of.dofs.clone().map(|d| row.change * (u[d] - before[d]));
+                kept.iter_mut().zip(change).for_each(|(k, c)| *k += c);
+            }
+            if of.kept[1].is_empty() {
+                kept[1].clear();
+            }
+            kept
+        };
+        Some(self.fields.iter().map(of_field).collect())
+    }
+
+    /// What later steps depend on, at the end `u` of a step that began at `before`.
+    #[must_use]
+    pub fn memory(&self, u: &[f64], before: &[f64]) -> RatesMemory {
+        let RateFactors { rate, velocity, acceleration } = self.of_step;
+        let kept = match self.at_end(u, before) {
+            Some(kept) => kept.into_iter().flatten().collect(),
+            None => self.fields.iter().flat_map(|of| of.kept.clone()).collect(),
+        };
+        RatesMemory { factors: [rate, velocity, acceleration], kept }
+    }
+
+    /// Goes back to what was remembered; false, and nothing is changed, if that belongs to other fields.
+    #[must_use]
+    pub fn recall(&mut self, memory: &RatesMemory) -> bool {
+        let lengths = self.fields.iter().flat_map(|of| of.kept.iter().map(Vec::len));
+        if !lengths.eq(memory.kept.iter().map(Vec::len)) {
+            return false;
+        }
+        let mut kept = memory.kept.iter();
+        for slot in self.fields.iter_mut().flat_map(|of| &mut of.kept) {
+            slot.clone_from(kept.next().expect("as many as were counted"));
+        }
+        self.hold();
+        let [rate, velocity, acceleration] = memory.factors;
+        self.factors = RateFactors { rate, velocity, acceleration };
+        self.of_step = self.factors;
+        true
+    }
+}
+
+/// What a row makes of the rates at the start of a step, by dof.
+fn past(row: &Row, kept: &[Vec<f64>; 2]) -> Vec<f64> {
+    let [first, second] = kept;
+    let with = |k: usize| if second.is_empty() { 0.0 } else { row.kept[1] * second[k] };
+    first.iter().enumerate().map(|(k, r)| row.kept[0] * r + with(k)).collect()
+}
+
+fn order_index(order: RateOrder) -> usize {
+    match order {
+        RateOrder::First => 0,
+        RateOrder::Second => 1,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rates(scheme: Scheme) -> Rates {
+        let forms = [RateForm::Difference, RateForm::First, RateForm::Second];
+        let mut made = Rates::new(scheme, &forms, &[Some(0..2), Some(2..3), Some(3..5)]).unwrap();
+        made.fields_mut()[1].kept = [vec![1.0, -2.0], vec![0.5, 3.0]];
+        made.fields_mut()[0].kept[0] = vec![0.25];
+        made.hold();
+        made
+    }
+
+    #[test]
+    fn a_step_can_be_begun_again_and_leaves_the_rates_of_its_last_beginning() {
+        let scheme = Scheme::Newmark { beta: 0.25, gamma: 0.5 };
+        let (before, after) = ([0.0; 5], [1.0, 2.0, 3.0, 4.0, 5.0]);
+        let (mut once, mut twice) = (rates(scheme), rates(scheme));
+        once.begin(0.5);
+        twice.begin(1.0);
+        twice.begin(0.5);
+        assert_eq!(once, twice);
+        once.keep(&after, &before);
+        // r = 2 (x - x_n)/h - r_n
+        assert_eq!(once.fields()[0].kept[0], [4.0 * 3.0 - 0.25]);
+        assert_eq!(once.fields()[1].kept[0], [4.0 * 4.0 - 1.0, 4.0 * 5.0 + 2.0]);
+    }
+
+    #[test]
+    fn a_memory_brings_back_the_same_bits() {
+        for scheme in [Scheme::BackwardEuler, Scheme::Alpha(Alpha::generalised(0.8))] {
+            let (before, mut after) = ([0.1; 5], [1.0 / 3.0, 2.0, 3.0, 4.7, 5.1]);
+            let mut ended = rates(scheme);
+            ended.begin(0.3);
+            ended.finish(&mut after, &before);
+            let mut resumed = rates(scheme);
+            assert!(resumed.recall(&ended.memory(&after, &before)));
+            ended.keep(&after, &before);
+            resumed.keep(&after, &before);
+            ended.begin(0.3);
+            resumed.begin(0.3);
+            assert_eq!(ended, resumed);
+            assert!(!resumed.recall(&RatesMemory::default()));
+        }
+    }
+}

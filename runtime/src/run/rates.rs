@@ -1,0 +1,225 @@
+//! Rates over a run: where time starts, in a step, at its end.
+//!
+//! Where time starts, first rates are those of `start Dot_u`, and prescribed values bring their own. The highest rates
+//! follow from the equations: with M their derivative in the highest rates and R the residual without them, M a = -R
+//! over the free unknowns, multipliers included. Promises: a scene without such rates is left alone.
+
+use crate::{
+    csr::Csr,
+    finite::BadGiven,
+    newton::NewtonError,
+    rates::{RateFactors, Rates},
+    scene::{Scene, node_positions},
+    solve::{CheckedLlt, CheckedLu, LinearSolver, SolverOptions},
+    system::{Branches, FIXED, Form, SystemError},
+};
+use wfl_compiler::types::RateForm;
+
+/// The step variable and its increment.
+#[derive(Clone, Copy)]
+pub(super) struct StepTime {
+    pub(super) time: f64,
+    pub(super) increment: f64,
+}
+
+/// One-sided differences of five values of equal distance, times 12 and the distance: the first derivative.
+const FIRST: [f64; 5] = [-25.0, 48.0, -36.0, 16.0, -3.0];
+/// The same times 12 and the square of the distance: the second derivative.
+const SECOND: [f64; 5] = [35.0, -104.0, 114.0, -56.0, 11.0];
+/// The rates are weighted by 2^(2 * this) in units of the first increment, so that of the equations only what multiplies
+/// them is left in double precision.
+const WEIGHT: i32 = 40;
+
+/// Begins the rates of a step; gives the time at which its equations stand.
+pub(super) fn enter(scene: &mut Scene, at: StepTime) -> StepTime {
+    scene.system.known.begin_rates(at.increment);
+    StepTime { time: at.time - offset(scene) * at.increment, ..at }
+}
+
+/// How far before its end the equations of a step stand, as a part of it.
+fn offset(scene: &Scene) -> f64 {
+    scene.system.known.rates.as_ref().map_or(0.0, |r| r.scheme().offset())
+}
+
+/// Writes the prescribed values of a step into `u`, which holds the state at its start. Where the equations stand within
+/// the step, fields with rates are prescribed so that they have their values at its end.
+pub(super) fn prescribe(scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Result<(), BadGiven> {
+    let StepTime { time, increment } = at;
+    let offset = offset(scene);
+    if offset == 0.0 {
+        return scene.prescribed.apply(time, increment, u);
+    }
+    let before = u.to_vec();
+    let mut end = before.clone();
+    scene.prescribed.apply(time, increment, &mut end)?;
+    scene.prescribed.apply(time - offset * increment, increment, u)?;
+    for of in scene.system.known.rates.iter().flat_map(Rates::fields) {
+        for d in of.dofs.clone() {
+            u[d] = end[d] + offset * (before[d] - end[d]);
+        }
+    }
+    Ok(())
+}
+
+/// The state at the end of a step whose equations were solved: `u` moves there from where they stand.
+pub(super) fn leave(scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Result<(), SystemError> {
+    if offset(scene) == 0.0 {
+        return Ok(());
+    }
+    let known = &mut scene.system.known;
+    if let (Some(rates), Some(past)) = (&mut known.rates, &known.previous) {
+        rates.finish(u, &past.unknowns);
+    }
+    crate::scene::set_data(scene, at.time, at.increment)
+}
+
+/// The rates where time starts, at the state `u` and the first increment `at`.
+pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), NewtonError> {
+    if scene.system.known.rates.is_none() {
+        return Ok(());
+    }
+    let given = |bad: BadGiven| NewtonError::Given(Box::new(bad));
+    let mut first = vec![0.0; u.len()];
+    for (field, value) in &mut scene.start_rates {
+        let positions = node_positions(&scene.system, *field);
+        let values = value.at(&positions, at.time, 0.0).map_err(given)?;
+        if let Some(start) = scene.system.numbering.starts[*field] {
+            first[start..start + values.len()].copy_from_slice(&values);
+        }
+    }
+    let [of_first, of_second] = prescribed_rates(scene, u, at).map_err(given)?;
+    let numbering = &scene.system.numbering;
+    let mut second = vec![0.0; u.len()];
+    for (rate, prescribed) in [(&mut first, of_first), (&mut second, of_second)] {
+        let mut prescribed = prescribed;
+        [&mut *rate, &mut prescribed].into_iter().for_each(|v| numbering.frames.turn(v));
+        for (x, (p, _)) in rate.iter_mut().zip(prescribed.iter().zip(&numbering.free)).filter(|(_, f)| *f.1 == FIXED) {
+            *x = *p;
+        }
+        numbering.frames.turn_back(rate);
+        numbering.follow(rate);
+    }
+    keep(scene, &first, &second);
+    let highest = highest(scene, u, at, [&first, &second])?;
+    let form_of = |scene: &Scene, form| {
+        let rates = scene.system.known.rates.as_ref().into_iter().flat_map(Rates::fields);
+        rates.filter(|f| f.form == form).flat_map(|f| f.dofs.clone()).collect::<Vec<_>>()
+    };
+    form_of(scene, RateForm::First).into_iter().for_each(|d| first[d] = highest[d]);
+    form_of(scene, RateForm::Second).into_iter().for_each(|d| second[d] = highest[d]);
+    keep(scene, &first, &second);
+    Ok(())
+}
+
+/// Takes rates by dof as those at the start.
+fn keep(scene: &mut Scene, first: &[f64], second: &[f64]) {
+    if let Some(rates) = &mut scene.system.known.rates {
+        for of in rates.fields_mut() {
+            let dofs = of.dofs.clone();
+            for (kept, all) in of.kept.iter_mut().zip([first, second]).filter(|(kept, _)| !kept.is_empty()) {
+                kept.copy_from_slice(&all[dofs.clone()]);
+            }
+        }
+        rates.hold();
+    }
+}
+
+/// First and second derivatives of the prescribed values in the step variable, by dof; zero where nothing is prescribed.
+/// Five values within the first step give them with an error of the fourth and third power of the increment.
+fn prescribed_rates(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<[Vec<f64>; 2], BadGiven> {
+    let distance = 0.25 * at.increment;
+    let (mut first, mut second) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+    let mut here = u.to_vec();
+    scene.prescribed.apply(at.time, distance, &mut here)?;
+    for (k, (a, b)) in (0u32..).zip(FIRST.iter().zip(&SECOND)).skip(1) {
+        let mut there = u.to_vec();
+        scene.prescribed.apply(at.time + f64::from(k) * distance, distance, &mut there)?;
+        for (d, (x, y)) in there.iter().zip(&here).enumerate() {
+            first[d] += a * (x - y) / (12.0 * distance);
+            second[d] += b * (x - y) / (12.0 * distance * distance);
+        }
+    }
+    Ok([first, second])
+}
+
+/// The highest rate of each dof of a field with rates, from the equations with the other rates as they are kept; those
+/// that are prescribed stay.
+fn highest(scene: &mut Scene, u: &[f64], at: StepTime, known: [&[f64]; 2]) -> Result<Vec<f64>, NewtonError> {
+    let mut rhs = Vec::new();
+    let held = tangent(scene, u, at)?;
+    let residual = scene.system.residual(u, &Form::AS_WRITTEN)?;
+    scene.system.numbering.gather(&residual.values, &mut rhs);
+    #[expect(clippy::cast_possible_truncation, reason = "an exponent")]
+    let exponent = WEIGHT - at.increment.abs().log2().floor() as i32;
+    let (weight, root) = (2.0f64.powi(2 * exponent), 2.0f64.powi(exponent));
+    if let Some(rates) = &mut scene.system.known.rates {
+        rates.probe(RateFactors { rate: weight, velocity: 0.0, acceleration: weight });
+    }
+    let weighted = tangent(scene, u, at)?;
+    scene.system.known.hold_rates();
+    let mut base = vec![0.0; u.len()];
+    let mut has_rate = vec![false; u.len()];
+    for of in scene.system.known.rates.iter().flat_map(Rates::fields) {
+        let from = if of.form == RateForm::Second { known[1] } else { known[0] };
+        base[of.dofs.clone()].copy_from_slice(&from[of.dofs.clone()]);
+        has_rate[of.dofs.clone()].fill(true);
+    }
+    let numbering = &scene.system.numbering;
+    let rated: Vec<bool> = numbering.free_dofs.iter().map(|d| has_rate[*d as usize]).collect();
+    // a dof without mass has no rate that the equations give: it stays at rest
+    let massless: Vec<bool> = (0..rated.len()).map(|k| rated[k] && weighted.get(k, k) == held.get(k, k)).collect();
+    let scale: Vec<f64> = rated.iter().map(|r| if *r { 1.0 / root } else { root }).collect();
+    for ((b, s), left_out) in rhs.iter_mut().zip(&scale).zip(&massless) {
+        *b = if *left_out { 0.0 } else { -*b * s };
+    }
+    let symmetric = scene.system.is_symmetric() && rated.iter().all(|r| *r);
+    let mut found = mass_solution(&scaled(&weighted, &scale, &massless)?, symmetric, &rhs)?;
+    for (x, rated) in found.iter_mut().zip(&rated) {
+        *x = if *rated { root * *x } else { 0.0 };
+    }
+    let mut out = base.clone();
+    numbering.advance(&base, &found, 1.0, &mut out);
+    Ok(out)
+}
+
+/// The whole tangent over the free unknowns at the present rates.
+fn tangent(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<Csr, NewtonError> {
+    scene.system.begin_step(at.time, at.increment)?;
+    scene.contact.begin_step(scene.system.known.step(at.time, at.increment));
+    let mut changing = scene.system.new_tangent();
+    scene.system.tangent(u, Branches::AsWritten, &mut changing)?;
+    let own = scene.system.bulk().plus(&changing.changing).map_err(SystemError::from)?;
+    Ok(scene.system.whole(own).map_err(SystemError::from)?)
+}
+
+/// Rows and columns scaled; those left out are rows of the unit matrix.
+fn scaled(matrix: &Csr, scale: &[f64], left_out: &[bool]) -> Result<Csr, NewtonError> {
+    let mut entries = Vec::new();
+    for (row, number) in (0..matrix.n_rows()).zip(0u32..) {
+        if left_out[row] {
+            entries.push((number, number, 1.0));
+            continue;
+        }
+        let (columns, values) = matrix.row(row);
+        let kept = columns.iter().zip(values).filter(|(c, _)| !left_out[**c as usize]);
+        entries.extend(kept.map(|(c, v)| (number, *c, scale[row] * v * scale[*c as usize])));
+    }
+    let made = Csr::from_triplets(matrix.n_rows(), matrix.n_rows(), &entries);
+    Ok(made.map_err(SystemError::from)?)
+}
+
+fn mass_solution(matrix: &Csr, symmetric: bool, rhs: &[f64]) -> Result<Vec<f64>, NewtonError> {
+    let mut x = vec![0.0; rhs.len()];
+    if rhs.is_empty() {
+        return Ok(x);
+    }
+    let options = SolverOptions { threads: rayon::current_num_threads(), ..SolverOptions::default() };
+    let mut solver: Box<dyn LinearSolver> = if symmetric {
+        Box::new(CheckedLlt::new(matrix.pattern(), None, options)?)
+    } else {
+        Box::new(CheckedLu::new(matrix.pattern(), None, options)?)
+    };
+    solver.factor(matrix)?;
+    solver.solve(rhs, &mut x)?;
+    Ok(x)
+}

@@ -1,0 +1,145 @@
+//! Schemes of time integration: their orders, energies, initial rates and prescribed motions, against closed forms of the
+//! discrete problems.
+
+use std::f64::consts::PI;
+
+use wfl_tests::{Solved, examples, solve};
+
+/// Schemes with their orders.
+const SCHEMES: [(&str, f64); 6] = [
+    ("backward_euler", 1.0),
+    ("newmark", 2.0),
+    ("newmark beta=0.3025 gamma=0.6", 1.0),
+    ("hht alpha=-0.1", 2.0),
+    ("generalised_alpha rho_inf=0.8", 2.0),
+    ("generalised_alpha rho_inf=0", 2.0),
+];
+
+fn run(text: String) -> Solved {
+    solve(&examples(), text, &[], &[]).unwrap_or_else(|messages| panic!("{messages}"))
+}
+
+/// A bar of linear elements with E = rho = L = 1, held at x = 0.
+fn bar(n: u32, rest: &str) -> String {
+    format!(
+        "mesh box [0] to [1] cells [{n}] segment\nregion left = faces where x == 0\nunknown u : scalar\n\
+         term inertia on all : Dot2_u*Test_u\nterm stress on all : Grad_u.Grad_Test_u\n{rest}"
+    )
+}
+
+/// The square of the frequency at which linear elements move in the shape sin(k x).
+fn discrete(k: f64, n: u32) -> f64 {
+    let h = 1.0 / f64::from(n);
+    let c = (k * h).cos();
+    6.0 / (h * h) * (1.0 - c) / (2.0 + c)
+}
+
+fn last(solved: &Solved, name: &str) -> f64 {
+    solved.measure(solved.outcome.steps.len() - 1, name)
+}
+
+fn order(coarse: f64, fine: f64) -> f64 {
+    (coarse / fine).abs().log2()
+}
+
+#[test]
+fn a_vibrating_bar_shows_the_order_of_each_scheme_with_initial_velocity_and_acceleration() {
+    let w = discrete(0.5 * PI, 4).sqrt();
+    for (scheme, wanted) in SCHEMES {
+        for (start, exact) in [
+            ("start Dot_u = sin(pi*x/2)", (w * 1.3).sin() / w),
+            ("start u = sin(pi*x/2)", (w * 1.3).cos()),
+            ("start u = sin(pi*x/2)\nstart Dot_u = -2*sin(pi*x/2)", (w * 1.3).cos() - 2.0 * (w * 1.3).sin() / w),
+        ] {
+            let error = |h: f64| {
+                let rest = format!(
+                    "fix u = 0 on left\n{start}\nscheme {scheme}\nsteps t = 0 to 1.3 by {h}\n\
+                     region tip = faces where x == 1\nmeasure tip = mean(u) on tip\n"
+                );
+                last(&run(bar(4, &rest)), "tip") - exact
+            };
+            let found = order(error(0.005), error(0.0025));
+            assert!((found - wanted).abs() < 0.1, "{scheme}, {start}: {found}");
+        }
+    }
+}
+
+#[test]
+fn heat_shows_the_order_of_each_scheme_with_first_rates() {
+    let l = discrete(PI, 8);
+    for (scheme, wanted) in SCHEMES {
+        // Newmark's beta and gamma apply to first rates by gamma alone
+        let error = |h: f64| {
+            let solved = run(format!(
+                "mesh box [0] to [1] cells [8] segment\nunknown u : scalar\nstart u = sin(pi*x)\n\
+                 term storage on all : Dot_u*Test_u\nterm flux on all : Grad_u.Grad_Test_u\nfix u = 0 on boundary\n\
+                 scheme {scheme}\nsteps t = 0 to 0.2 by {h}\nmeasure top = max(u) on all\n\
+                 measure rate = min(Dot_u) on all\nquadrature on all degree 3\n"
+            ));
+            let first = solved.measure(0, "top");
+            // the rate at the start is that of the equations
+            if scheme != "backward_euler" {
+                let rate = solved.measure(0, "rate") / first;
+                assert!((rate + l).abs() < 1e-9 * l, "{scheme}: {rate} {l}");
+            }
+            last(&solved, "top") / first - (-0.2 * l).exp()
+        };
+        let found = order(error(0.0025), error(0.00125));
+        assert!((found - wanted).abs() < 0.1, "{scheme}: {found}");
+    }
+}
+
+#[test]
+fn a_prescribed_motion_brings_its_rates() {
+    // u = sin(t + 0.3) cos(1 - x)/cos(1) solves the equation; the discrete one is compared with itself
+    for scheme in ["newmark", "hht alpha=-0.2", "generalised_alpha rho_inf=0.5"] {
+        let at = |h: f64| {
+            let rest = format!(
+                "start u = sin(0.3)*cos(1 - x)/cos(1)\nstart Dot_u = cos(0.3)*cos(1 - x)/cos(1)\n\
+                 fix u = sin(t + 0.3) on left\nscheme {scheme}\nsteps t = 0 to 1 by {h}\n\
+                 region tip = faces where x == 1\nmeasure tip = mean(u) on tip\nmeasure v = mean(Dot_u) on left\n\
+                 measure a = mean(Dot2_u) on left\nmeasure held = mean(u) on left\n"
+            );
+            run(bar(8, &rest))
+        };
+        let runs = [0.05, 0.025, 0.0125].map(at);
+        let tip: Vec<f64> = runs.iter().map(|r| last(r, "tip")).collect();
+        let found = order(tip[0] - tip[1], tip[1] - tip[2]);
+        assert!((found - 2.0).abs() < 0.15, "{scheme}: {found}");
+        let exact = 1.3f64.sin() / 1.0f64.cos();
+        assert!((tip[2] - exact).abs() < 3e-3, "{scheme}: {} {exact}", tip[2]);
+        let solved = &runs[2];
+        assert!((last(solved, "held") - 1.3f64.sin()).abs() < 1e-13, "{scheme}: prescribed values are met at the end");
+        assert!((solved.measure(0, "v") - 0.3f64.cos()).abs() < 1e-8, "{scheme}: {}", solved.measure(0, "v"));
+        assert!((solved.measure(0, "a") + 0.3f64.sin()).abs() < 1e-6, "{scheme}: {}", solved.measure(0, "a"));
+        assert!((last(solved, "v") - 1.3f64.cos()).abs() < 1e-3, "{scheme}: {}", last(solved, "v"));
+    }
+}
+
+#[test]
+fn the_trapezoidal_rule_keeps_the_energy_of_a_linear_body_over_ten_thousand_steps() {
+    let rest = "fix u = 0 on left\nstart Dot_u = sin(pi*x/2)\n\
+                steps t = 0 to 1000 by 0.1\nmeasure all_energy = integral(0.5*Dot_u*Dot_u + 0.5*Grad_u.Grad_u) on all\n\
+                quadrature on all degree 2\n";
+    let solved = run(bar(4, rest));
+    assert_eq!(solved.outcome.steps.len(), 10_001);
+    assert_eq!(solved.outcome.report.factorisations, 1);
+    let first = solved.measure(0, "all_energy");
+    let drift = (0..=10_000).map(|k| (solved.measure(k, "all_energy") / first - 1.0).abs()).fold(0.0, f64::max);
+    // the rounding of the factor acts in one direction at each step: 10,000 steps of 8 kinetic energies by eps/4
+    assert!(drift < 5e-12, "{drift:e}");
+}
+
+#[test]
+fn a_state_that_sums_the_velocity_by_the_trapezoidal_rule_is_the_displacement() {
+    let rest = "fix u = 0 on left\nstart Dot_u = sin(pi*x/2)\nstate v : scalar on all := Dot_u\n\
+                state s : scalar on all := s + 0.5*timestep*(v + Dot_u)\nstart v = sin(pi*x/2)\n\
+                term coupled on all : 0*s*Test_u\nsteps t = 0 to 3 by 0.05\n\
+                measure gap = max((s - u)*(s - u)) on all\nmeasure size = max(u*u) on all\n";
+    let text = bar(4, rest);
+    let solved = solve(&examples(), text, &[], &[]);
+    let solved = solved.unwrap_or_else(|messages| panic!("{messages}"));
+    let gap = last(&solved, "gap").sqrt();
+    // the state starts with the velocity itself at its points, the field with the interpolated one
+    assert!(gap < 2e-3, "{gap:e}");
+}
