@@ -84,7 +84,7 @@ fn reactions_are_told_and_balance_the_loads() {
     let numbers: Vec<f64> = balance
         .detail
         .split(|c: char| !"0123456789.e-".contains(c))
-        .filter(|w| w.contains('.'))
+        .filter(|w| w.contains(|c: char| c.is_ascii_digit()))
         .map(|w| w.parse().expect("a number"))
         .collect();
     let expected = [0.25, -3.0, -0.25, 3.0];

@@ -59,7 +59,7 @@ pub(super) struct Measured {
     pub(super) relative: f64,
     /// What rounding leaves of it.
     pub(super) floor: f64,
-    /// The residual of every field is as small as rounding or the tolerance allows in that field.
+    /// The residual of every kind of field is as small as rounding or the tolerance allows in fields of that kind.
     pub(super) settled: bool,
     /// Weighted 2-norm of `residual` over the free dofs, for the search.
     pub(super) norm: f64,
@@ -106,7 +106,8 @@ impl LoadStep<'_> {
         let scales = system.scales(&written, &sizes);
         // against a scale without bound every residual is small
         system.check_finite("sum of the sizes of forces", &sizes, u)?;
-        let (mut relative, mut floor, mut settled) = (0.0f64, 0.0f64, true);
+        // by field of one unit and size
+        let (mut relative, mut floor) = (vec![0.0f64; system.fields.len()], vec![0.0f64; system.fields.len()]);
         for field in 0..system.fields.len() {
             let Some(range) = system.range(field) else { continue };
             let roundoff = roundoff(&u[range.clone()]);
@@ -114,14 +115,22 @@ impl LoadStep<'_> {
             let cancelled = largest_of(range.clone().map(|d| sizes[d]));
             let largest = largest_of(range.filter(free).map(|d| written.values[d]));
             if largest > 0.0 {
-                let (here, least) = (largest / scales[field], FLOOR_FACTOR * roundoff * cancelled / scales[field]);
-                relative = relative.max(here);
-                floor = floor.max(least);
-                // each field for itself: rounding of one says nothing of another. Not finite, a floor says that nothing
-                // is known, not that nothing is left to do
-                settled &= here <= self.options.tolerance || least.is_finite() && here <= least;
+                let kind = system.alike(field);
+                relative[kind] = relative[kind].max(largest / scales[field]);
+                floor[kind] = floor[kind].max(FLOOR_FACTOR * roundoff * cancelled / scales[field]);
             }
         }
+        let largest = |sizes: &[f64]| sizes.iter().fold(0.0f64, |m, x| m.max(*x));
+        let least_of_all = largest(&floor);
+        // each kind of unknown for itself: rounding of one says nothing of another. The equation of a multiplier has what
+        // rounding leaves of the displacements in it, which its own numbers do not tell. Not finite, a floor says that
+        // nothing is known, not that nothing is left to do
+        let settled = (0..system.fields.len()).all(|k| {
+            let of_unknowns = system.fields[k].kind == FieldKind::Multiplier;
+            let least = if of_unknowns { least_of_all } else { floor[k] };
+            relative[k] <= self.options.tolerance || least.is_finite() && relative[k] <= least
+        });
+        let (relative, floor) = (largest(&relative), least_of_all);
         let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, &norm.weights);
         let residual = if norm.frozen {
             system.frozen_residual(&written, u, self.contact.active_set())?

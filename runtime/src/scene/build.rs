@@ -276,10 +276,8 @@ impl Builder<'_> {
         let Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched } = values;
         let Outputs { vtk, csv, series, .. } = outputs;
         let Assembled { terms, summaries, contact } = assembled?;
-        let reads_past = !past.is_empty()
-            || measures.iter().chain(&watched).any(Measure::reads_past)
-            || vtk.iter().flat_map(|v| &v.pieces).any(SampledPiece::reads_past)
-            || csv.iter().chain(&series).any(|c| c.line.reads_past());
+        let of_measures = measures.iter().chain(&watched).any(Measure::reads_past);
+        let reads_past = !past.is_empty() || of_measures || outputs_read_past(&vtk, csv.iter().chain(&series));
         let steps = steps?;
         self.statements_without_effect(&numbering, &mut prescribed, &steps, reads_past || rates)?;
         let rates = rates::of(scheme, self.env.rates, &self.fields, &numbering);
@@ -482,6 +480,11 @@ fn histories(laws: &[terms::PlacedLaw], renewed: &[states::StateLaw]) -> (bool, 
     let rates =
         laws.iter().any(|l| timed(&l.law.prologue.slots)) || renewed.iter().any(|r| timed(&r.law.prologue.slots));
     (rates, past)
+}
+
+/// Whether something that is written reads the end of the previous step.
+fn outputs_read_past<'a>(vtk: &[VtkOutput], mut csv: impl Iterator<Item = &'a CsvOutput>) -> bool {
+    vtk.iter().flat_map(|v| &v.pieces).any(SampledPiece::reads_past) || csv.any(|c| c.line.reads_past())
 }
 
 /// Zero in all fields that are not solved for, now and in the past where something reads it.

@@ -8,7 +8,7 @@ use std::path::Path;
 use wfl::{Diagnostic, ast::Cond};
 use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
-    AttemptEnd, FRUITLESS, Outcome, RunError, Scene, Singular, StepResult,
+    AttemptEnd, Episode, FRUITLESS, Outcome, RunError, Scene, Singular, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
     finite::{self, BadState, position, short, word},
     memory::TooMuchMemory,
@@ -250,6 +250,7 @@ pub fn summary(out: Option<&Path>, outcome: &Outcome) -> String {
             text += &format!("  {name} = {}\n", number(*value));
         }
     }
+    text += &times_of_events(&outcome.events);
     text += &quality(outcome);
     let t = report.timings;
     text += &format!(
@@ -266,6 +267,23 @@ pub fn summary(out: Option<&Path>, outcome: &Outcome) -> String {
         text += &format!("  results in {}\n", out.display());
     }
     text
+}
+
+/// When the events of a run were, a line each: all times of few episodes, the first and the last one of many.
+fn times_of_events(events: &[(String, Vec<Episode>)]) -> String {
+    const FEW: usize = 3;
+    let time = |e: &Episode| match e.end {
+        Some(end) => format!("{} to {}", number(e.begin), number(end)),
+        None => format!("from {} on", number(e.begin)),
+    };
+    let line = |(name, episodes): &(String, Vec<Episode>)| match episodes.as_slice() {
+        [] => format!("  {name}: never\n"),
+        [first, .., last] if episodes.len() > FEW => {
+            format!("  {name}: {} times, the first {}, the last {}\n", episodes.len(), time(first), time(last))
+        }
+        few => format!("  {name}: {}\n", few.iter().map(time).collect::<Vec<_>>().join("; ")),
+    };
+    events.iter().map(line).collect()
 }
 
 /// How good the last converged step is, in lines.
@@ -426,4 +444,18 @@ fn unbounded(bad: &BadState, time: f64) -> String {
         word(bad.value),
         position(bad.position)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_of_events_are_told_in_a_line_each() {
+        let episode = |k: u32| Episode { begin: f64::from(k), end: (k < 4).then(|| f64::from(k) + 0.5) };
+        let of = |n: u32| ("quake".to_owned(), (0..n).map(episode).collect::<Vec<_>>());
+        assert_eq!(times_of_events(&[of(0)]), "  quake: never\n");
+        assert_eq!(times_of_events(&[of(2)]), "  quake: 0.0 to 0.5; 1.0 to 1.5\n");
+        assert_eq!(times_of_events(&[of(5)]), "  quake: 5 times, the first 0.0 to 0.5, the last from 4.0 on\n");
+    }
 }

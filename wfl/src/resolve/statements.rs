@@ -2,7 +2,7 @@
 
 use super::{FORMATS, Resolver, SCHEMES, SOLVERS, is_solved_for, names, names::Kind, parts::TransposeOption as _};
 use crate::{
-    ast::{Ident, Item, ItemKind, MeasureAt, QuadratureRule},
+    ast::{Ident, Item, ItemKind, MeasureAt, OptionItem, QuadratureRule},
     script::{
         Expect, FieldKind, Mapping, Measure, MeshStmt, Output, Param, Quadrature, Refinement, Region, Scheme, Solver,
         Split, Start, StartKind, Steps, Term, is_auto,
@@ -150,17 +150,20 @@ impl<'d> Resolver<'d> {
         Some(())
     }
 
+    fn scheme(&mut self, name: &'d Ident, options: &'d [OptionItem], span: Span) -> Option<()> {
+        self.once(self.script.scheme.as_ref().map(|s| s.span), "scheme", span)?;
+        let known = self.one_of("scheme", name, SCHEMES);
+        let options = self.options("scheme", options)?;
+        known?;
+        self.script.scheme = Some(Scheme { name: name.clone(), options, span });
+        Some(())
+    }
+
     /// What is to be done: steps, solver, rules, results.
     fn request(&mut self, kind: &'d ItemKind, span: Span) -> Option<()> {
         match kind {
             ItemKind::Steps { .. } => self.steps(kind, span)?,
-            ItemKind::Scheme { name, options } => {
-                self.once(self.script.scheme.as_ref().map(|s| s.span), "scheme", span)?;
-                let known = self.one_of("scheme", name, SCHEMES);
-                let options = self.options("scheme", options)?;
-                known?;
-                self.script.scheme = Some(Scheme { name: name.clone(), options, span });
-            }
+            ItemKind::Scheme { name, options } => self.scheme(name, options, span)?,
             ItemKind::Solver { name, options } => {
                 self.once(self.script.solver.as_ref().map(|s| s.span), "solver", span)?;
                 let known = self.one_of("solver", name, SOLVERS);
