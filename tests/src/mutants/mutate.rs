@@ -60,12 +60,16 @@ impl Mutant {
 /// If they cannot be read.
 #[must_use]
 pub fn seeds() -> Vec<Seed> {
-    let made = scene_files().into_iter().map(|path| {
+    let made = scene_files().into_iter().filter_map(|path| {
         let folder = path.parent().expect("examples are in folders").to_path_buf();
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let text = std::fs::read_to_string(&path).expect("examples can be read");
+        // the oracle integrates in time by backward Euler over the steps that the scene lists
+        if ["Dot2_", "\nscheme ", " by auto"].iter().any(|words| text.contains(words)) {
+            return None;
+        }
         let kept = statements(&text, &folder).into_iter().filter(|s| !matches!(word(s), "expect" | "wfl"));
-        needed(Seed { name, folder, statements: kept.map(|s| small(&s)).collect() })
+        Some(needed(Seed { name, folder, statements: kept.map(|s| small(&s)).collect() }))
     });
     // few cells may have no plane where the example has its crack: it is left out
     made.filter(|seed| ready(&seed.as_mutant(), &InterpreterBackend, &[]).scene.is_some()).collect()
