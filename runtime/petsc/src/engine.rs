@@ -1,10 +1,11 @@
 //! A solver of PETSc for the matrices of one scene, with the more robust methods behind the first one.
 //!
-//! Multigrid: the levels are made once, of the part of the matrix that stays where that holds every body, so the number
-//! of iterations hardly depends on penalty or augmentation parameters; what contact adds is left to the filter. They are made
-//! anew of the present matrix where an iteration does not end, or becomes [`SLOWER`] times as slow; after that a factor
-//! of MUMPS takes over. Promises: what is decided follows from numbers that all ranks have, and after
-//! [`Engine::restart`] from later matrices alone.
+//! Multigrid: the levels are made of the first matrix of a step, contact included. Levels of the bodies alone know no
+//! smooth motion that contact holds, and take two to three times as many iterations; what is left of large penalty or
+//! augmentation parameters the filter takes, so the number of iterations hardly depends on them. The levels are made anew
+//! of the present matrix where an iteration does not end, or becomes [`SLOWER`] times as slow; after that a factor of
+//! MUMPS takes over. Promises: what is decided follows from numbers that all ranks have, and after [`Engine::restart`]
+//! from later matrices alone.
 
 use std::sync::Arc;
 
@@ -35,14 +36,6 @@ impl From<Failure> for SolveError {
     }
 }
 
-/// What the levels were made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Levels {
-    None,
-    Steady,
-    Present,
-}
-
 /// See the module documentation.
 pub(crate) struct PetscEngine {
     choice: Choice,
@@ -57,7 +50,9 @@ pub(crate) struct PetscEngine {
     /// What stands on the diagonal of rows that are not solved for.
     unit: f64,
     solver: Option<Solver>,
-    levels: Levels,
+    has_levels: bool,
+    /// The levels are of the matrix that was taken last.
+    are_new: bool,
     /// New levels are due.
     is_slow: bool,
     /// Iterations for a digit of the first telling solution with these levels.
@@ -102,7 +97,8 @@ impl PetscEngine {
             structure,
             unit: 1.0,
             solver: None,
-            levels: Levels::None,
+            has_levels: false,
+            are_new: false,
             is_slow: false,
             rate: None,
             own,
@@ -153,22 +149,19 @@ impl PetscEngine {
 
     /// The matrix that new levels are made of; `None` where there are levels that serve, or none are needed.
     fn new_levels(&mut self, call: &Call, matrix: &Csr) -> Result<Option<Matrix>, SolveError> {
-        if self.method == Method::Direct || (self.levels != Levels::None && !self.is_slow) {
+        self.are_new = false;
+        if self.method == Method::Direct || (self.has_levels && !self.is_slow) {
             return Ok(None);
         }
         let equations = Arc::clone(&self.equations);
         let Some(layout) = &equations.layout else { return Ok(None) };
-        let (source, levels) = match &equations.steady {
-            Some(steady) if !self.is_slow => (&**steady, Levels::Steady),
-            _ => (matrix, Levels::Present),
-        };
-        let structure = Structure::new(source.pattern(), &self.numbers, &equations.multipliers)?;
+        let structure = Structure::new(matrix.pattern(), &self.numbers, &equations.multipliers)?;
         let mut of_levels = Matrix::new(call, &structure, layout.components, self.is_symmetric)?;
-        of_levels.set(call, &structure, &structure.values(source, self.unit))?;
+        of_levels.set(call, &structure, &structure.values(matrix, self.unit))?;
         if layout.modes == NearNullSpace::RigidBody {
             of_levels.set_modes(call, structure.n_rows(), &self.modes(layout))?;
         }
-        (self.levels, self.is_slow, self.rate) = (levels, false, None);
+        (self.has_levels, self.are_new, self.is_slow, self.rate) = (true, true, false, None);
         self.counts.levels += 1;
         Ok(Some(of_levels))
     }
@@ -225,12 +218,12 @@ impl PetscEngine {
         if self.method == Method::Direct {
             return false;
         }
-        if self.levels == Levels::Steady && !self.equations.traits.is_linear {
-            self.is_slow = true;
-        } else {
+        if self.are_new {
             self.method = Method::Direct;
-            (self.solver, self.levels) = (None, Levels::None);
+            (self.solver, self.has_levels) = (None, false);
             self.counts.factors_instead += 1;
+        } else {
+            self.is_slow = true;
         }
         true
     }
@@ -287,12 +280,9 @@ impl Engine for PetscEngine {
     fn restart(&mut self) {
         let (first, _) = method(self.choice, &self.equations.traits);
         if self.method != first {
-            (self.method, self.solver, self.levels) = (first, None, Levels::None);
+            (self.method, self.solver) = (first, None);
         }
-        if self.levels == Levels::Present {
-            self.levels = Levels::None;
-        }
-        (self.is_slow, self.rate) = (false, None);
+        (self.has_levels, self.are_new, self.is_slow, self.rate) = (false, false, false, None);
     }
 
     fn describe(&self) -> String {

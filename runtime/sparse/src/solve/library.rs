@@ -54,8 +54,6 @@ pub struct Equations {
     pub pattern: Arc<Pattern>,
     /// The unknowns by nodes, multipliers included; `None` where [`Traits::obstacle`] says why.
     pub layout: Option<NodeLayout>,
-    /// A part of every matrix that stays and is regular by itself; `None` where there is none.
-    pub steady: Option<Arc<Csr>>,
     /// Rows of multipliers, increasing: without a stiffness of their own.
     pub multipliers: Vec<u32>,
     /// Rows that nonlinear terms on faces and multipliers touch, those of multipliers included, increasing.
