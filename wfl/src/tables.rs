@@ -201,6 +201,11 @@ fn heads_of(line: usize, cells: &[&str], span: Span) -> Result<Vec<Head>, NoTabl
     Ok(heads)
 }
 
+/// A sign that names are made of.
+fn is_word(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
 /// `q [MPa]`
 fn head(cell: &str, span: Span) -> Result<Head, &'static str> {
     let (name, unit) = match cell.split_once('[') {
@@ -208,8 +213,7 @@ fn head(cell: &str, span: Span) -> Result<Head, &'static str> {
         None => (cell, None),
     };
     let name = name.trim().trim_matches('"');
-    let word = |c: char| c.is_alphanumeric() || c == '_';
-    if name.is_empty() || !name.chars().all(word) || name.starts_with(|c: char| c.is_ascii_digit()) {
+    if name.is_empty() || !name.chars().all(is_word) || name.starts_with(|c: char| c.is_ascii_digit()) {
         return Err("its name is no word of letters, digits and `_`");
     }
     let unit =
@@ -227,7 +231,9 @@ fn factors(text: &str) -> Option<Vec<(String, i32)>> {
         let power = i32::from(power.trim().parse::<i8>().ok()?);
         match name.trim() {
             "1" => {}
-            name if name.starts_with(|c: char| c.is_ascii_alphabetic()) => found.push((name.to_owned(), sign * power)),
+            name if name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(is_word) => {
+                found.push((name.to_owned(), sign * power));
+            }
             _ => return None,
         }
         if end == rest.len() {

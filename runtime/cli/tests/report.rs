@@ -169,7 +169,7 @@ fn events_are_listed_and_marked_on_charts_over_the_steps() {
     let page = folder.page(&[]);
     let section = page.split_once("<h2>Events</h2>").expect("a section").1;
     let section = section.split_once("<h2>").expect("one behind it").0;
-    for number in ["0.0833", "0.4166", "1.083", "1.416", "2.083", "at the last step it lasts", "never"] {
+    for number in ["0.083", "0.41", "1.083", "1.41", "2.083", "at the last step it lasts", "never"] {
         assert!(section.contains(number), "{number}: {section}");
     }
     let svg = folder.read("o/plots/measure_top.svg");

@@ -173,7 +173,8 @@ struct Values {
     data: Vec<(usize, Given)>,
     measures: Vec<Measure>,
     watched: Vec<Measure>,
-    corners: Vec<f64>,
+    /// Corners over the step variable, and tables of states.
+    tables: (Vec<f64>, Vec<String>),
 }
 
 /// What is written.
@@ -260,8 +261,8 @@ impl Builder<'_> {
         }
         rest::expects(self.script, self.params, self.env.dim, self.diagnostics);
         self.table_inputs();
-        let corners = steps.as_ref().map_or_else(Vec::new, |s| self.tables(s));
-        Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched, corners }
+        let tables = steps.as_ref().map_or_else(Default::default, |s| self.tables(s));
+        Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched, tables }
     }
 
     /// The fields whose values in time have an error: those with a past.
@@ -276,7 +277,7 @@ impl Builder<'_> {
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
         let Numbered { numbering, mut prescribed, states, used, rates, past, assembled } = numbered;
-        let Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched, corners } = values;
+        let Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched, tables } = values;
         let Outputs { vtk, csv, series, .. } = outputs;
         let Assembled { terms, summaries, contact } = assembled?;
         let of_measures = measures.iter().chain(&watched).any(Measure::reads_past);
@@ -328,7 +329,8 @@ impl Builder<'_> {
             unused_fields,
             refined: self.refined,
             inputs: self.inputs,
-            corners,
+            corners: tables.0,
+            tables_of_states: tables.1,
             idle: idle.notes,
             in_terms: names_in_terms(self.script),
             pristine: None,

@@ -192,6 +192,8 @@ pub struct Scene {
     pub inputs: Vec<InputFile>,
     /// Values of the step variable at which tables have corners, increasing: steps that the run chooses end there.
     pub corners: Vec<f64>,
+    /// Tables, each with the range of its rows, whose arguments are only known at a state.
+    pub tables_of_states: Vec<String>,
     /// Multipliers that have nodes without a jump by the mesh alone, and why.
     pub(crate) idle: Vec<(String, String)>,
     /// Words in expressions of terms.

@@ -53,10 +53,13 @@ impl Builder<'_> {
         self.inputs.extend(files);
     }
 
-    /// E447 for values outside the rows; the values of the step variable at which tables have corners.
-    pub(super) fn tables(&mut self, steps: &Steps) -> Vec<f64> {
-        let (Some(_), false) = (&steps.variable, self.script.tables.is_empty()) else { return Vec::new() };
-        let tables = over_steps(self.script, self.env);
+    /// E447 for values outside the rows; the values of the step variable at which tables have corners, and the tables
+    /// whose arguments are only known at a state.
+    pub(super) fn tables(&mut self, steps: &Steps) -> (Vec<f64>, Vec<String>) {
+        if self.script.tables.is_empty() {
+            return (Vec::new(), Vec::new());
+        }
+        let (tables, of_states) = tables_of(self.script, self.env);
         let times = times(steps);
         let mut corners = Vec::new();
         for table in &tables {
@@ -72,7 +75,7 @@ impl Builder<'_> {
         corners.retain(|t| *t > steps.first() && *t < steps.last());
         corners.sort_by(f64::total_cmp);
         corners.dedup();
-        corners
+        (corners, of_states)
     }
 }
 
@@ -131,22 +134,29 @@ fn met(table: &OverSteps<'_>, t: &[f64], x: &[f64], wanted: f64) -> f64 {
     to
 }
 
-/// The tables of a scene whose argument changes with the step variable alone.
-fn over_steps<'s>(script: &'s ResolvedScript, env: &Env<'_>) -> Vec<OverSteps<'s>> {
-    let mut found = Vec::new();
-    each_expression(script, &mut |e| {
-        each_call(e, false, &mut |file, argument, column, guarded| {
-            let known = script.tables.iter().find(|t| t.name == file).and_then(|t| t.curve(column).ok());
-            // what is wrong with an argument is told with its statement
-            let law = compile_value(env, &global_place(env.fields.len()), "table", argument).value;
-            let (Some(curve), Some(law)) = (known, law) else { return };
-            let of_steps = law.inputs.is_empty() && law.prologue.slots.iter().all(|s| *s == UniformSlot::Time);
-            if of_steps && law.shape.is_scalar_like() && !law.prologue.slots.is_empty() {
+/// The tables of a scene: those whose argument changes with the step variable alone, and in words those whose argument is
+/// another one at other points or states.
+fn tables_of<'s>(script: &'s ResolvedScript, env: &Env<'_>) -> (Vec<OverSteps<'s>>, Vec<String>) {
+    let (mut found, mut others) = (Vec::new(), Vec::new());
+    let mut called = |file: &str, argument: &'s Expr, column: Option<&str>, guarded: bool| {
+        let Some(Ok(curve)) = script.tables.iter().find(|t| t.name == file).map(|t| t.curve(column)) else { return };
+        // what is wrong with an argument is told with its statement; without a place no field has a value
+        match compile_value(env, &global_place(env.fields.len()), "table", argument).value {
+            Some(law) if law.inputs.is_empty() && law.prologue.slots == [UniformSlot::Time] => {
                 found.push(OverSteps { curve, argument, guarded, law });
             }
-        })
-    });
-    found
+            Some(law) if law.inputs.is_empty() => {}
+            _ => {
+                let (first, last) = curve.range();
+                let words = format!("{} ({first} to {last})", curve.name);
+                if !others.contains(&words) {
+                    others.push(words);
+                }
+            }
+        }
+    };
+    each_expression(script, &mut |e| each_call(e, false, &mut called));
+    (found, others)
 }
 
 /// Calls `f` for each expression that has values during a run.
