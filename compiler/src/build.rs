@@ -9,10 +9,10 @@ mod names;
 mod operators;
 mod parts;
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use wfl::{
-    Diagnostic, Span,
+    Diagnostic, Span, Table,
     ast::{Argument, Expansions, Expr, ExprKind},
     quote,
 };
@@ -59,6 +59,8 @@ pub struct Env<'a> {
     pub step_variable: Option<&'a str>,
     /// By field, what its rates are compiled to; [`RateForm::Difference`] for fields behind its end.
     pub rates: &'a [RateForm],
+    /// The files of `table`.
+    pub tables: &'a [Arc<Table>],
     /// Two coordinates are equal in a condition when they differ by at most this (a length).
     pub equal_within: f64,
 }

@@ -274,6 +274,7 @@ fn estimate(graph: &Graph, root: ExprId, fields: &[FieldSig], entity: EntityGeom
             Node::Map(_, a) | Node::Matrix(_, a) | Node::Inverse(a) | Node::Norm(a) | Node::Unit(a) => {
                 of(*a).composed()
             }
+            Node::Lookup(.., a) => of(*a).composed(),
             Node::Map2(_, a, b) => of(*a).sum(of(*b)).composed(),
             Node::Select(mask, a, b) => of(*a).sum(of(*b)).with_kink(graph.depends(*mask).unknown),
             Node::Ball(v, r) | Node::BallRatio(v, r) => {

@@ -11,6 +11,7 @@ use std::collections::HashMap;
 use crate::{
     compare::Compare,
     graph::{ExprId, Function1, Graph, Leaf, Node, apply, times},
+    lookup::Reading,
     math::{MathFn1, MathFn2, MatrixFn},
 };
 
@@ -97,6 +98,11 @@ impl Rules<'_, '_> {
             Node::Map(f, a) => Ok(self.of(g, a)?.map(|da| {
                 let slope = function_derivative(g, f, a, e);
                 g.mul_components(slope, da)
+            })),
+            Node::Lookup(_, Reading::Slope, _) => Ok(None),
+            Node::Lookup(curve, Reading::Value, a) => Ok(self.of(g, a)?.map(|da| {
+                let slope = g.lookup(&curve, Reading::Slope, a);
+                g.scale(slope, da)
             })),
             Node::Map2(f, a, b) => self.function2(g, e, f, a, b),
             Node::Select(mask, a, b) => {

@@ -131,6 +131,7 @@ fn renamed(inst: &Inst, place: &[Option<Val>]) -> Inst {
         Inst::Not(a) => Inst::Not(p(a)),
         Inst::Select(m, a, b) => Inst::Select(p(m), p(a), p(b)),
         Inst::Call1(f, a) => Inst::Call1(*f, p(a)),
+        Inst::Lookup(curve, reading, a) => Inst::Lookup(curve.clone(), *reading, p(a)),
         Inst::Call2(f, a, b) => Inst::Call2(*f, p(a), p(b)),
         Inst::Matrix { function, n, entries } => {
             Inst::Matrix { function: *function, n: *n, entries: entries.iter().map(p).collect() }

@@ -7,6 +7,7 @@
 use crate::{
     backend::{BackendError, KernelBackend, PointKernel},
     ir::{Inst, Kernel, LANES, Origin, Val, VerifiedKernel},
+    lookup::{CurveRef, read},
     math::MatrixFn,
     matrix_fn::MAX_RESULTS,
     real::Real,
@@ -86,6 +87,7 @@ fn run_instructions<T: Real, const N: usize>(
                 std::array::from_fn(|lane| if holds(m[lane]) { a[lane] } else { b[lane] })
             }
             Inst::Call1(f, a) => get(a).map(|x| x.call1(*f)),
+            Inst::Lookup(curve, reading, a) => get(a).map(|x| read(curve, *reading, x)),
             Inst::Call2(f, a, b) => both(get(a), get(b), |a, b| a.call2(*f, b)),
             Inst::Part(a, part) => values[bundle_start(get(a)[0]) + *part as usize],
             Inst::Matrix { function, n, entries } => {
@@ -170,6 +172,8 @@ pub struct NonFinite {
     pub operands: Vec<f64>,
     /// The infinity or NaN it made; of a matrix function the first such entry.
     pub result: f64,
+    /// The table that has no row there.
+    pub outside: Option<CurveRef>,
 }
 
 /// The first instruction whose result is not finite although its operands are, among those that carried a
@@ -213,7 +217,11 @@ pub fn first_non_finite(kernel: &VerifiedKernel, uniforms: &[f64], inputs: &[f64
     let mut operands = Vec::new();
     kernel.insts[inst].for_each_operand(|v| operands.push(values[v.index()]));
     let result = non_finite_result(kernel, &values, Val::new(inst))?;
-    Some(NonFinite { inst, origin, operation: operation(&kernel.insts[inst]), operands, result })
+    let outside = match &kernel.insts[inst] {
+        Inst::Lookup(curve, ..) => Some(curve.clone()),
+        _ => None,
+    };
+    Some(NonFinite { inst, origin, operation: operation(&kernel.insts[inst]), operands, result, outside })
 }
 
 /// True if a comparison of the kernel is given what is not a number: then it decides nothing, whatever it says.
@@ -223,7 +231,8 @@ pub fn first_non_finite(kernel: &VerifiedKernel, uniforms: &[f64], inputs: &[f64
 #[must_use]
 pub fn compares_nan(kernel: &VerifiedKernel, uniforms: &[f64], inputs: &[f64]) -> bool {
     let kernel = kernel.kernel();
-    let undefined = |i: &Inst| matches!(i, Inst::Div(..) | Inst::Sqrt(_) | Inst::Call1(..) | Inst::Call2(..));
+    let undefined =
+        |i: &Inst| matches!(i, Inst::Div(..) | Inst::Sqrt(_) | Inst::Call1(..) | Inst::Call2(..) | Inst::Lookup(..));
     // sums and products of finite positions are numbers: nothing to run
     if !kernel.insts.iter().any(|i| undefined(i) || matches!(i, Inst::Matrix { .. })) {
         return false;
@@ -272,6 +281,7 @@ fn operation(inst: &Inst) -> String {
         Inst::And(..) | Inst::Or(..) | Inst::Not(_) => "logic",
         Inst::Select(..) => "selection",
         Inst::Call1(f, _) => f.name(),
+        Inst::Lookup(_, reading, _) => reading.name(),
         Inst::Call2(f, ..) => f.name(),
         Inst::Matrix { function: MatrixFn::Expm, .. } => "Expm",
         Inst::Matrix { function: MatrixFn::ExpmDerivative, .. } => "derivative of Expm",

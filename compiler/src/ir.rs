@@ -15,7 +15,10 @@ use std::fmt::Write as _;
 use wfl::{Span, ast::ExpansionId};
 
 pub use crate::compare::Compare;
-use crate::math::{MathFn1, MathFn2, MatrixFn};
+use crate::{
+    lookup::{CurveRef, Reading},
+    math::{MathFn1, MathFn2, MatrixFn},
+};
 
 /// Points per block: the lanes of one AVX-512 register.
 pub const LANES: usize = 8;
@@ -60,6 +63,8 @@ pub enum Inst {
     Select(Val, Val, Val),
     /// One-argument function.
     Call1(MathFn1, Val),
+    /// A column of a table at a number.
+    Lookup(CurveRef, Reading, Val),
     /// Two-argument function.
     Call2(MathFn2, Val, Val),
     /// A function of an n by n matrix (column by column); its results are read by `Part`. Type: bundle.
@@ -89,6 +94,7 @@ impl Inst {
                 f(*b);
             }
             Inst::Neg(a) | Inst::Abs(a) | Inst::Sqrt(a) | Inst::Not(a) | Inst::Call1(_, a) | Inst::Part(a, _) => f(*a),
+            Inst::Lookup(.., a) => f(*a),
             Inst::Select(m, a, b) => {
                 f(*m);
                 f(*a);
@@ -163,6 +169,7 @@ fn inst_text(inst: &Inst) -> String {
         Inst::Not(a) => one("not", a),
         Inst::Select(m, a, b) => format!("select %{} %{} %{}", m.index(), a.index(), b.index()),
         Inst::Call1(f, a) => one(f.name(), a),
+        Inst::Lookup(curve, reading, a) => format!("{} {} %{}", reading.name(), curve.name, a.index()),
         Inst::Call2(f, a, b) => two(f.name(), a, b),
         Inst::Matrix { function, n, entries } => {
             let list: Vec<String> = entries.iter().map(|v| format!("%{}", v.index())).collect();

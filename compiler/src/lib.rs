@@ -21,6 +21,7 @@ mod interp;
 pub mod ir;
 mod jumps;
 mod law;
+pub mod lookup;
 mod lower;
 mod math;
 mod matrix_fn;

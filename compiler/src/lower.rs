@@ -132,6 +132,11 @@ impl<'g> Lowering<'g> {
             Node::Pick(a, fixed) => self.picked(a, &fixed, shape),
             Node::Stack(parts) => parts.iter().map(|p| self.lower(*p).swap_remove(0)).collect(),
             Node::Map(f, a) => self.mapped(f, a),
+            Node::Lookup(curve, reading, a) => {
+                let x = self.scalar(a);
+                let value = self.scalars.lookup(&curve, reading, x);
+                self.plain(vec![value])
+            }
             Node::Map2(f, a, b) => {
                 let (x, y) = (self.values(a), self.values(b));
                 let z = x.into_iter().zip(y).map(|(x, y)| self.scalars.call2(f, x, y)).collect();

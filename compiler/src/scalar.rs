@@ -8,6 +8,7 @@ use std::collections::HashMap;
 
 use crate::{
     ir::{Compare, Inst, Origin, Val},
+    lookup::{CurveRef, Reading},
     math::{MathFn1, MathFn2, MatrixFn},
 };
 
@@ -46,6 +47,7 @@ fn key_of(inst: &Inst) -> InstKey {
         Inst::Not(a) => small(13, v(a), 0, 0),
         Inst::Select(m, a, b) => small(14, v(m), v(a), v(b)),
         Inst::Call1(f, a) => small(15, *f as u64, v(a), 0),
+        Inst::Lookup(curve, reading, a) => small(18, curve.address().addr() as u64, *reading as u64, v(a)),
         Inst::Call2(f, a, b) => small(16, *f as u64, v(a), v(b)),
         Inst::Matrix { function, n, entries } => InstKey::Matrix(*function, *n, entries.clone()),
         Inst::Part(a, k) => small(17, v(a), u64::from(*k), 0),
@@ -234,6 +236,10 @@ impl Scalars {
             return self.constant(f.eval(x));
         }
         self.push(Inst::Call1(f, a))
+    }
+
+    pub(crate) fn lookup(&mut self, curve: &CurveRef, reading: Reading, a: Val) -> Val {
+        self.push(Inst::Lookup(curve.clone(), reading, a))
     }
 
     pub(crate) fn call2(&mut self, f: MathFn2, a: Val, b: Val) -> Val {

@@ -214,6 +214,7 @@ impl Check<'_> {
                 self.operands(&[(*a, Number), (*b, Number)], Number)
             }
             Inst::Neg(a) | Inst::Abs(a) | Inst::Sqrt(a) | Inst::Call1(_, a) => self.operands(&[(*a, Number)], Number),
+            Inst::Lookup(.., a) => self.operands(&[(*a, Number)], Number),
             Inst::Compare(_, a, b) => self.operands(&[(*a, Number), (*b, Number)], Mask),
             Inst::And(a, b) | Inst::Or(a, b) => self.operands(&[(*a, Mask), (*b, Mask)], Mask),
             Inst::Not(a) => self.operands(&[(*a, Mask)], Mask),

@@ -430,6 +430,7 @@ pub fn run_expression(text: &str, choice: usize) {
         expansions: &expander.expansions,
         step_variable: Some("t"),
         rates: &[],
+        tables: &[],
         equal_within: 0.0,
     };
     let kind = [PlaceKind::Cells, PlaceKind::Facets, PlaceKind::Interface, PlaceKind::Global][choice / 3 % 4];

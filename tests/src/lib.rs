@@ -25,6 +25,11 @@ impl Loader for Edited<'_> {
         let text = std::fs::read_to_string(&full).map_err(|e| e.to_string())?;
         Ok((full.display().to_string(), edited(text, self.edits)))
     }
+
+    fn table(&mut self, path: &str) -> Result<String, wfl::Unloaded> {
+        let text = std::fs::read_to_string(self.folder.join(path)).map_err(|e| e.to_string())?;
+        Ok(edited(text, self.edits))
+    }
 }
 
 fn edited(text: String, edits: &[(&str, String)]) -> String {

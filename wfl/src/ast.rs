@@ -184,6 +184,29 @@ pub struct Unit {
     pub span: Span,
 }
 
+impl std::fmt::Display for Unit {
+    /// `MPa/mm^2`, without the brackets; `1` for a pure number.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.factors.iter().all(|(_, power)| *power < 0) {
+            f.write_str("1")?;
+        }
+        for (k, (name, power)) in self.factors.iter().enumerate() {
+            let sign = if *power < 0 {
+                "/"
+            } else if k > 0 {
+                "*"
+            } else {
+                ""
+            };
+            write!(f, "{sign}{name}")?;
+            if power.unsigned_abs() != 1 {
+                write!(f, "^{}", power.unsigned_abs())?;
+            }
+        }
+        Ok(())
+    }
+}
+
 /// `in a..b` or `in {a, b}`
 #[derive(Clone, Debug, PartialEq)]
 pub enum Domain {

@@ -33,6 +33,7 @@ mod resolve;
 mod scalar_functions;
 mod script;
 mod source;
+mod tables;
 mod templates;
 #[cfg(test)]
 mod testing;
@@ -59,6 +60,7 @@ pub use script::{
     Steps, Term, is_auto,
 };
 pub use source::{Source, SourceId, SourceMap, Span};
+pub use tables::{Curve, Head, NoTable, Table};
 pub use templates::{TEMPLATES, Template};
 pub use units::{UnitOf, check_units, unit_report};
 pub use walk::{cond_children, each_name, each_word};

@@ -369,7 +369,7 @@ impl<'d> Expander<'d> {
         let arguments: Vec<Option<Argument>> = arguments
             .iter()
             .map(|a| match a {
-                Argument::Slice(s) => Some(Argument::Slice(*s)),
+                Argument::Slice(_) | Argument::Text(..) => Some(a.clone()),
                 Argument::Expr(e) => Some(Argument::Expr(self.walk(e, frame, next)?)),
             })
             .collect();
@@ -419,6 +419,11 @@ impl<'d> Expander<'d> {
             match argument {
                 Argument::Slice(span) => {
                     let d = Diagnostic::new("E105", format!("`:` is no argument of the macro `{}`", def.name.name));
+                    self.report(d.at(*span, "").at(def.head, "defined here"));
+                    complete = false;
+                }
+                Argument::Text(_, span) => {
+                    let d = Diagnostic::new("E105", format!("a text is no argument of the macro `{}`", def.name.name));
                     self.report(d.at(*span, "").at(def.head, "defined here"));
                     complete = false;
                 }

@@ -82,6 +82,11 @@ macro_rules! operators {
                 };
             two "reg_pos_part" "pos_part with a parabola on [0, eps]"
                 Same, ["reg_pos_part(p, 0.3)", "reg_pos_part(p, 2+q)"] regularised_pos_part;
+            call "table" (2, 3, "table(\"file.csv\", t, \"column\")")
+                "the column of a file of rows, over its first column: linear between the rows, an error outside them; the \
+                 column may be left out where there is one; derivative the slope of the piece, at a row of the piece that \
+                 begins there, at the last row of the last piece"
+                Table, [untested "it reads a file: tests/tests/tables.rs has one"] lookup;
             // of tensors
             call "Id" (1, 1, "Id(n)") "identity matrix"
                 Pure, [untested "a constant"] identity;

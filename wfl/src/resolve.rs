@@ -9,6 +9,7 @@ mod names;
 mod options;
 mod parts;
 mod statements;
+mod tables;
 mod watch;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -67,7 +68,7 @@ pub fn resolve(
     loader: &mut dyn Loader,
     overrides: &[Override],
 ) -> Checked<ResolvedScript> {
-    let mut includes = Includes::new(sources, loader);
+    let mut includes = Includes::new(sources, &mut *loader);
     includes.read(main, false);
     let (items, mut diagnostics, lost) = includes.finish();
     let complete = !diagnostics.iter().any(Diagnostic::is_error);
@@ -75,6 +76,7 @@ pub fn resolve(
     let defs = || items.iter().filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d) } else { None });
     let mut resolver = Resolver {
         sources,
+        loader,
         names: &names,
         expander: Expander::new(sources, defs()),
         words: BTreeSet::new(),
@@ -123,12 +125,14 @@ fn empty(main: SourceId) -> ResolvedScript {
         outputs: Vec::new(),
         macros: Vec::new(),
         expansions: crate::ast::Expansions::default(),
+        tables: Vec::new(),
         lost: Lost::default(),
     }
 }
 
 struct Resolver<'d> {
     sources: &'d SourceMap,
+    loader: &'d mut dyn Loader,
     names: &'d Names,
     expander: Expander<'d>,
     /// Words of expanded expressions, without prefixes.

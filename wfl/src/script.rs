@@ -2,6 +2,8 @@
 //!
 //! Words inside expressions are not looked up here; the compiler does that, where shapes and places are known.
 
+use std::sync::Arc;
+
 use crate::{
     ast::{
         Cond, Domain, Expansions, Expr, ExprKind, Ident, MappingKind, MeasureAt, MeshSource, OptionItem, QuadratureRule,
@@ -10,6 +12,7 @@ use crate::{
     diag::Diagnostic,
     lost::Lost,
     source::{SourceId, SourceMap, Span},
+    tables::Table,
 };
 
 /// A scene whose names of statements are checked and whose macros are expanded. Lists are in the order of the text.
@@ -62,6 +65,8 @@ pub struct ResolvedScript {
     pub macros: Vec<MacroInfo>,
     /// Every use of a macro.
     pub expansions: Expansions,
+    /// The files that `table` reads, each once, by their names.
+    pub tables: Vec<Arc<Table>>,
     /// Names whose statements have errors and are not in these lists.
     pub lost: Lost,
 }

@@ -41,6 +41,7 @@ pub(crate) fn show(e: &Expr) -> String {
                 .iter()
                 .map(|a| match a {
                     Argument::Slice(_) => ":".to_owned(),
+                    Argument::Text(text, _) => format!("\"{text}\""),
                     Argument::Expr(e) => show(e),
                 })
                 .collect();

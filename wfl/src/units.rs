@@ -11,6 +11,7 @@ mod infer;
 mod scene;
 mod statements;
 mod table;
+mod tables;
 mod unit;
 mod value;
 

@@ -13,12 +13,15 @@
 //! 5. The functions it calls are the shims of `shim.rs`, with the signatures declared there; they do not unwind.
 //! 6. The memory that holds the code is owned by a [`CodeMemory`], which each kernel keeps alive by an `Arc`.
 //! 7. Code is never written again after it was finished, so that calls from several threads do not disturb each other.
+//! 8. Addresses of curves in the code are those of the instructions of the kernel; [`MachineKernel`] holds a reference to
+//!    each, and a curve is never changed.
 
 use std::sync::Arc;
 
 use wfl_compiler::{
     backend::{BackendError, PointKernel},
-    ir::{LANES, VerifiedKernel},
+    ir::{Inst, LANES, VerifiedKernel},
+    lookup::CurveRef,
 };
 
 use crate::{memory::CodeMemory, target::Target};
@@ -33,6 +36,8 @@ struct MachineKernel {
     /// Numbers per block.
     input_stride: usize,
     output_stride: usize,
+    /// Keeps the tables alive whose addresses the code passes to the shims; see 8.
+    _curves: Vec<CurveRef>,
     /// Keeps the code alive; see 6.
     _memory: Arc<CodeMemory>,
 }
@@ -53,10 +58,18 @@ pub(crate) fn compile(target: &Target, kernels: &[&VerifiedKernel]) -> Result<Ve
             n_uniforms: kernel.n_uniforms,
             input_stride: kernel.n_inputs * LANES,
             output_stride: kernel.outputs.len() * LANES,
+            _curves: kernel.insts.iter().filter_map(curve_of).collect(),
             _memory: Arc::clone(&memory),
         }) as Box<dyn PointKernel>
     };
     Ok(kernels.iter().zip(entries).map(one).collect())
+}
+
+fn curve_of(inst: &Inst) -> Option<CurveRef> {
+    match inst {
+        Inst::Lookup(curve, ..) => Some(curve.clone()),
+        _ => None,
+    }
 }
 
 impl PointKernel for MachineKernel {

@@ -76,6 +76,7 @@ fn shim_of(inst: &Inst) -> Option<Shim> {
         Inst::Call1(f, _) => Some(Shim::One(*f)),
         Inst::Call2(f, ..) => Some(Shim::Two(*f)),
         Inst::Matrix { function, .. } => Some(Shim::Matrix(*function)),
+        Inst::Lookup(_, reading, _) => Some(Shim::Table(*reading)),
         _ => None,
     }
 }
@@ -306,8 +307,14 @@ impl<'a, 'f> Body<'a, 'f> {
             }
             Inst::Not(a) => self.not(*a),
             Inst::Select(m, a, c) => self.select(*m, *a, *c),
-            Inst::Call1(f, a) => self.call_lanes(Shim::One(*f), &[*a]),
-            Inst::Call2(f, a, c) => self.call_lanes(Shim::Two(*f), &[*a, *c]),
+            Inst::Call1(f, a) => self.call_lanes(Shim::One(*f), None, &[*a]),
+            Inst::Call2(f, a, c) => self.call_lanes(Shim::Two(*f), None, &[*a, *c]),
+            Inst::Lookup(curve, reading, a) => {
+                let pointer = self.pointer();
+                let address = i64::try_from(curve.address().addr()).expect("addresses of user space are positive");
+                let curve = self.b.ins().iconst(pointer, address);
+                self.call_lanes(Shim::Table(*reading), Some(curve), &[*a])
+            }
             Inst::Part(bundle, part) => self.part(*bundle, *part as usize),
             Inst::Matrix { function, n, entries } => {
                 let n = usize::from(*n);
@@ -400,20 +407,23 @@ impl<'a, 'f> Body<'a, 'f> {
         found.expect("every function that the kernel calls was imported").1
     }
 
-    fn call_lanes(&mut self, shim: Shim, operands: &[Val]) -> Value {
+    /// A function of numbers, lane by lane; `first` goes before them.
+    fn call_lanes(&mut self, shim: Shim, first: Option<Value>, operands: &[Val]) -> Value {
         let callee = self.shim(shim);
         let operands: Vec<Value> = operands.iter().map(|v| self.value(*v)).collect();
         if self.width == Width::One {
-            let call = self.b.ins().call(callee, &operands);
+            let args: Vec<Value> = first.into_iter().chain(operands).collect();
+            let call = self.b.ins().call(callee, &args);
             return self.b.inst_results(call)[0];
         }
-        let [first, second] = [0, 1].map(|lane| {
-            let args: Vec<Value> = operands.iter().map(|v| self.b.ins().extractlane(*v, lane)).collect();
+        let [low, high] = [0, 1].map(|lane| {
+            let lanes = operands.iter().map(|v| self.b.ins().extractlane(*v, lane));
+            let args: Vec<Value> = first.into_iter().chain(lanes).collect();
             let call = self.b.ins().call(callee, &args);
             self.b.inst_results(call)[0]
         });
-        let low = self.b.ins().scalar_to_vector(types::F64X2, first);
-        self.b.ins().insertlane(low, second, 1)
+        let low = self.b.ins().scalar_to_vector(types::F64X2, low);
+        self.b.ins().insertlane(low, high, 1)
     }
 
     /// Number k of lane l stands at `k * lanes + l` in both slots.

@@ -5,7 +5,10 @@ use cranelift_codegen::{
     ir::{self, AbiParam, types},
     isa::TargetIsa,
 };
-use wfl_compiler::{MathFn1, MathFn2, MatrixFn};
+use wfl_compiler::{
+    MathFn1, MathFn2, MatrixFn,
+    lookup::{Curve, Reading, read},
+};
 
 /// A function outside the kernel that machine code calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -13,12 +16,15 @@ pub(crate) enum Shim {
     One(MathFn1),
     Two(MathFn2),
     Matrix(MatrixFn),
+    Table(Reading),
 }
 
 impl Shim {
     pub(crate) fn all() -> impl Iterator<Item = Shim> {
         let one = MathFn1::ALL.into_iter().map(Shim::One);
-        one.chain(MathFn2::ALL.into_iter().map(Shim::Two)).chain(MatrixFn::ALL.into_iter().map(Shim::Matrix))
+        let matrix = MatrixFn::ALL.into_iter().map(Shim::Matrix);
+        let table = Reading::ALL.into_iter().map(Shim::Table);
+        one.chain(MathFn2::ALL.into_iter().map(Shim::Two)).chain(matrix).chain(table)
     }
 
     /// The name in listings.
@@ -27,6 +33,7 @@ impl Shim {
             Shim::One(f) => f.name(),
             Shim::Two(f) => f.name(),
             Shim::Matrix(f) => f.name(),
+            Shim::Table(reading) => reading.name(),
         }
     }
 
@@ -35,7 +42,7 @@ impl Shim {
         format!("wfl_{}", self.name())
     }
 
-    /// Numbers to a number; a matrix function takes rows, lanes, entries and results, see [`run_matrix`].
+    /// Numbers to a number, behind the address of the curve for a table; a matrix function takes rows, lanes, entries and results, see [`run_matrix`].
     pub(crate) fn signature(self, isa: &dyn TargetIsa) -> ir::Signature {
         let mut signature = ir::Signature::new(isa.default_call_conv());
         let number = AbiParam::new(types::F64);
@@ -44,6 +51,7 @@ impl Shim {
             Shim::One(_) => signature.params.push(number),
             Shim::Two(_) => signature.params.extend([number; 2]),
             Shim::Matrix(_) => signature.params.extend([pointer; 4]),
+            Shim::Table(_) => signature.params.extend([pointer, number]),
         }
         if !matches!(self, Shim::Matrix(_)) {
             signature.returns.push(number);
@@ -56,6 +64,7 @@ impl Shim {
             Shim::One(f) => address1(f),
             Shim::Two(f) => address2(f),
             Shim::Matrix(f) => address_matrix(f),
+            Shim::Table(reading) => address_table(reading),
         }
     }
 }
@@ -97,6 +106,14 @@ fn address_matrix(f: MatrixFn) -> *const u8 {
     ) {
         // SAFETY: machine code passes stack slots that `emit.rs` has made as large as `run_matrix` asks for.
         unsafe { run_matrix(FUNCTION, n, lanes, entries, results) }
+    })
+}
+
+#[rustfmt::skip]
+fn address_table(f: Reading) -> *const u8 {
+    shims!(f, Reading: Value Slope, |READING| unsafe extern "C" fn shim(curve: *const Curve, x: f64) -> f64 {
+        // SAFETY: the address is that of a curve in an instruction of the kernel; `MachineKernel` keeps all of them alive.
+        read(unsafe { &*curve }, READING, x)
     })
 }
 

@@ -170,6 +170,11 @@ impl Builder<'_> {
     fn index(&mut self, arg: &Argument) -> Option<Option<usize>> {
         match arg {
             Argument::Slice(_) => Some(None),
+            Argument::Text(_, span) => {
+                let d = Diagnostic::new("E104", "a text is no index");
+                self.diagnostics.push(d.at(*span, ""));
+                None
+            }
             Argument::Expr(a) => self.whole_number(a, "an index").map(Some),
         }
     }

@@ -36,6 +36,7 @@ fn name(node: &Node) -> Option<&'static str> {
         Node::Stack(_) => "tensor from entries",
         Node::Map(Function1::Sqrt, _) => "sqrt",
         Node::Map(Function1::Math(f), _) => f.name(),
+        Node::Lookup(_, reading, _) => reading.name(),
         Node::Map2(f, ..) => f.name(),
         Node::Select(..) => "selection",
         Node::Norm(_) => "norm",

@@ -3,6 +3,7 @@
 use super::{ExprId, Function1, Graph, Node};
 use crate::{
     compare::Compare,
+    lookup::{CurveRef, Reading, read},
     math::{MathFn2, MatrixFn},
     types::Shape,
 };
@@ -15,6 +16,19 @@ impl Graph {
             Function1::Math(f) => f.eval(x),
         });
         folded.unwrap_or_else(|| self.intern(Node::Map(f, a), self.shape(a), false, self.arity(a), self.depends(a)))
+    }
+
+    /// A reading of a column of a table at a scalar. A number outside its rows stays a node: its value is not a number.
+    pub fn lookup(&mut self, curve: &CurveRef, reading: Reading, a: ExprId) -> ExprId {
+        assert_eq!(self.shape(a).rank(), 0);
+        let known = self.scalar_constant(a).map(|x| read(curve, reading, x)).filter(|y| y.is_finite());
+        match known {
+            Some(y) => self.number(y),
+            None => {
+                let (arity, depends) = (self.arity(a), self.depends(a));
+                self.intern(Node::Lookup(curve.clone(), reading, a), Shape::SCALAR, false, arity, depends)
+            }
+        }
     }
 
     /// A function of two tensors of one shape, entry by entry.

@@ -3,6 +3,7 @@
 
 use crate::{
     compare::Compare,
+    lookup::{CurveRef, Reading},
     math::{MathFn1, MathFn2, MatrixFn},
     types::{FieldId, FieldOp, RateFactor, RateOrder, Side},
 };
@@ -105,6 +106,8 @@ pub enum Node {
     Stack(Vec<ExprId>),
     /// A function of each entry.
     Map(Function1, ExprId),
+    /// A column of a table over a scalar.
+    Lookup(CurveRef, Reading, ExprId),
     /// A function of two tensors, entry by entry.
     Map2(MathFn2, ExprId, ExprId),
     /// Mask, entry by entry.
@@ -144,7 +147,7 @@ impl Node {
             Node::Const(_) | Node::Leaf(_) => {}
             Node::Neg(a) | Node::Trace(a, ..) | Node::Permute(a, _) | Node::Reshape(a) | Node::Pick(a, _) => f(*a),
             Node::Map(_, a) | Node::Not(a) | Node::Norm(a) | Node::Unit(a) | Node::Det(a) | Node::Inverse(a) => f(*a),
-            Node::Matrix(_, a) | Node::Print(a) => f(*a),
+            Node::Matrix(_, a) | Node::Print(a) | Node::Lookup(.., a) => f(*a),
             Node::Stack(parts) => parts.iter().copied().for_each(f),
             Node::Select(m, a, b) => {
                 f(*m);

@@ -26,6 +26,10 @@ impl Builder<'_> {
                 let d = wfl::Diagnostic::new("E105", format!("`:` is no argument of `{}`", call.name));
                 self.report(d, call.expr, "")
             }
+            Argument::Text(text, _) => {
+                let d = wfl::Diagnostic::new("E105", format!("the text \"{text}\" is no argument of `{}`", call.name));
+                self.report(d, call.expr, "a number is needed here")
+            }
         }
     }
 

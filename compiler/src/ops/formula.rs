@@ -107,6 +107,7 @@ pub(crate) fn rebuild(
         }
         Node::Stack(parts) => g.stack(shape, &parts.iter().map(|p| of(*p)).collect::<Vec<ExprId>>()),
         Node::Map(f, a) => g.map(*f, of(*a)),
+        Node::Lookup(curve, reading, a) => g.lookup(curve, *reading, of(*a)),
         Node::Map2(f, a, b) => g.map2(*f, of(*a), of(*b)),
         Node::Compare(op, a, b) => g.compare(*op, of(*a), of(*b)),
         Node::And(a, b) => g.and(of(*a), of(*b)),

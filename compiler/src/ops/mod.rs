@@ -10,6 +10,7 @@ mod def;
 mod field;
 mod formula;
 mod hyperelastic;
+mod lookup;
 mod page;
 mod project;
 mod scalar;

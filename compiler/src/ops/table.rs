@@ -9,6 +9,7 @@ use super::{
         BLATZ_KO, BONET, CIARLET, CIARLET_GEYMONAT, COMPRESSIBLE_MOONEY, COMPRESSIBLE_NEO, Law, MOONEY, NEO, Wanted,
         cauchy_green, cauchy_stress, green_lagrangian, law_of_gradient,
     },
+    lookup::lookup,
     project::{coulomb, transformed_unit_vector, von_mises},
     scalar::{by_sign, pos_part, power, regularised_pos_part, square, step, two_arguments},
     tensor::{

@@ -70,6 +70,7 @@ fn with_pieces<R>(text: &str, numbers: &[(&str, f64)], f: impl FnOnce(&Env<'_>, 
         expansions: &expansions,
         step_variable: Some("t"),
         rates: &[],
+        tables: &[],
         equal_within: 0.0,
     };
     let mut sources = SourceMap::new();

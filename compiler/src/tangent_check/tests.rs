@@ -38,6 +38,7 @@ pub(super) fn law(text: &str, energy: bool) -> TermLaw {
         expansions: &Expansions::default(),
         step_variable: None,
         rates: &[],
+        tables: &[],
         equal_within: 0.0,
     };
     let mut sources = SourceMap::new();

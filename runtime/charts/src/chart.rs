@@ -12,6 +12,14 @@ use crate::{
     series::{Drawn, Series},
 };
 
+/// A shaded part of the horizontal axis.
+#[derive(Clone, Debug)]
+struct Band {
+    from: f64,
+    to: f64,
+    note: String,
+}
+
 /// A chart with one pair of axes. Made by [`Chart::new`], filled by the methods below, drawn by [`Chart::svg`].
 #[derive(Clone, Debug)]
 pub struct Chart {
@@ -20,6 +28,7 @@ pub struct Chart {
     y: (String, Scale),
     series: Vec<(Series, Drawn)>,
     bars: Vec<Bar>,
+    bands: Vec<Band>,
     map: Option<Map>,
     /// Name and range of the quantity that tones of series stand for.
     tones: Option<(String, [f64; 2])>,
@@ -42,6 +51,7 @@ impl Chart {
             y: (String::new(), Scale::Linear),
             series: Vec::new(),
             bars: Vec::new(),
+            bands: Vec::new(),
             map: None,
             tones: None,
             size: [440.0, 300.0],
@@ -105,6 +115,13 @@ impl Chart {
     #[must_use]
     pub fn bars(mut self, bars: impl IntoIterator<Item = Bar>) -> Self {
         self.bars = bars.into_iter().collect();
+        self
+    }
+
+    /// A shaded part of the horizontal axis behind the data, as high as the chart: a time in which something lasted.
+    #[must_use]
+    pub fn band(mut self, from: f64, to: f64, note: impl Into<String>) -> Self {
+        self.bands.push(Band { from, to, note: note.into() });
         self
     }
 

@@ -102,6 +102,9 @@ fn tree(e: &Expr, depth: usize, mark: &str, out: &mut String) {
                     Argument::Slice(_) => {
                         let _ = writeln!(out, "{indent}  :");
                     }
+                    Argument::Text(text, _) => {
+                        let _ = writeln!(out, "{indent}  \"{text}\"");
+                    }
                 }
             }
         }

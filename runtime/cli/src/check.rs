@@ -76,6 +76,7 @@ fn tables(loaded: &Loaded, scene: &Scene, library: Option<Linked>, parse: f64) -
     list.extend([quality(scene), regions(loaded, scene)]);
     list.extend([interfaces(scene), fields(loaded, scene), parameters(loaded, scene)]);
     list.push(units(loaded));
+    list.extend(tables_read(loaded));
     list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded, scene)]);
     list.extend([system(scene, library), schedule(scene), left_out(loaded, scene), times(scene, parse)]);
     list
@@ -119,6 +120,30 @@ fn refinements(loaded: &Loaded, scene: &Scene) -> Option<Table> {
         before = *after;
     }
     Some(table)
+}
+
+/// The files that `table` reads.
+fn tables_read(loaded: &Loaded) -> Option<Table> {
+    let read = &loaded.script.tables;
+    let mut table = Table::new("tables", &["file", "over", "unit", "column", "unit of column", "rows", "from", "to"]);
+    for file in read {
+        let unit = |head: &wfl::Head| head.unit.as_ref().map_or(Value::Null, |u| u.to_string().into());
+        let name = |head: &wfl::Head| head.name.clone().map_or(Value::Null, Value::from);
+        for (curve, head) in file.curves.iter().zip(&file.heads[1..]) {
+            let (from, to) = curve.range();
+            table.push(vec![
+                file.name.clone().into(),
+                name(&file.heads[0]),
+                unit(&file.heads[0]),
+                name(head),
+                unit(head),
+                curve.values.len().into(),
+                from.into(),
+                to.into(),
+            ]);
+        }
+    }
+    (!read.is_empty()).then_some(table)
 }
 
 /// What the mesh is like, and what is odd about it.

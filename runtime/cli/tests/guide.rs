@@ -1,14 +1,15 @@
 //! Each scene and each command of the guide, as a reader would type them in.
 //!
-//! A block "```wfl name.wfl" is written to that file, "```diff old.wfl new.wfl" writes `new.wfl` with the lines replaced. In a
-//! block "```console" each line after `$ ` is a command that must succeed, and the lines below it are in what it prints.
+//! A block "```wfl name.wfl" or "```csv name.csv" is written to that file, "```diff old.wfl new.wfl" writes `new.wfl` with the
+//! lines replaced one by one, and further new ones at its end. In a block "```console" each line after `$ ` is a command
+//! that must succeed, and the lines below it are in what it prints.
 
 mod common;
 
 use common::Folder;
 
 /// Pages with snippets.
-const PAGES: [&str; 3] = ["first_hour", "from_getfem", "from_ufl"];
+const PAGES: [&str; 4] = ["first_hour", "from_getfem", "from_ufl", "time"];
 
 /// A block of a page: the words behind the fence, and its lines.
 struct Block {
@@ -46,9 +47,14 @@ fn changed(folder: &Folder, block: &Block) {
     let [_, old, new] = &block.head[..] else { panic!("a diff names two files: {:?}", block.head) };
     let mut text = std::fs::read_to_string(folder.0.join(old)).expect("a file that the page has shown");
     let lines = |sign: &str| block.lines.iter().filter_map(|l| l.strip_prefix(sign)).collect::<Vec<_>>();
-    for (out, into) in lines("-").into_iter().zip(lines("+")) {
+    let (gone, new_lines) = (lines("-"), lines("+"));
+    for (out, into) in gone.iter().zip(&new_lines) {
         assert!(text.contains(out), "{old} has no line {out}");
         text = text.replace(out, into);
+    }
+    for line in new_lines.iter().skip(gone.len()) {
+        text.push_str(line);
+        text.push('\n');
     }
     folder.write(new, &text);
 }
@@ -81,6 +87,7 @@ fn every_scene_and_command_of_the_guide_works_as_it_is_written() {
                     folder.write(&block.head[1], &(block.lines.join("\n") + "\n"));
                     scenes += 1;
                 }
+                "csv" => drop(folder.write(&block.head[1], block.lines.join("\n") + "\n")),
                 "diff" => changed(&folder, &block),
                 "console" => commands += typed(&folder, page, &block),
                 _ => {}

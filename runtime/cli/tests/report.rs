@@ -156,3 +156,26 @@ fn numbers_that_are_not_finite_are_said() {
     assert!(page.contains("A measure is not a finite number at some step."));
     assert!(folder.read("o/plots/measure_pressure.svg").contains("values are not shown: not finite"));
 }
+
+/// u = sin(2 pi t) is above 1/2 from 1/12 to 5/12 of each period.
+#[test]
+fn events_are_listed_and_marked_on_charts_over_the_steps() {
+    let text = "wfl 1\nmesh box [0] to [1] cells [1] segment\nunknown u : scalar\nterm a on all : u*Test_u\n\
+        load u = sin(2*pi*t) on all\nmeasure top = max(u) on all\nevent high = top > 1/2\nevent never = top > 2\n\
+        steps t = 0 to 2.25 by 0.01\n";
+    let folder = Folder::new("report_events");
+    let done = folder.run(text, &[]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let page = folder.page(&[]);
+    let section = page.split_once("<h2>Events</h2>").expect("a section").1;
+    let section = section.split_once("<h2>").expect("one behind it").0;
+    for number in ["0.083", "0.41", "1.083", "1.41", "2.083", "at the last step it lasts", "never"] {
+        assert!(section.contains(number), "{number}: {section}");
+    }
+    let svg = folder.read("o/plots/measure_top.svg");
+    assert_eq!(svg.matches("class=\"o z\"").count(), 3, "{svg}");
+    // a run without events has no such section
+    let quiet = Folder::new("report_quiet");
+    assert!(quiet.run(&text.replace("event high = top > 1/2\nevent never = top > 2\n", ""), &[]).status.success());
+    assert!(!quiet.page(&[]).contains("Events"));
+}

@@ -116,10 +116,18 @@ pub fn told(
         Some(help) => d.help(help),
         None => d,
     };
+    let outside = cause.and_then(|c| c.outside.as_ref());
     let text = cause.map(|c| {
         let operands: Vec<String> = c.operands.iter().map(|o| short(*o)).collect();
-        format!("{}({}) is {} {at}", c.operation, operands.join(", "), c.result)
+        match outside.map(|curve| (curve, curve.range())) {
+            None => format!("{}({}) is {} {at}", c.operation, operands.join(", "), c.result),
+            Some((curve, (first, last))) => {
+                let (file, x) = (&curve.name, operands.join(", "));
+                format!("{x} is outside the rows of {file}, which go from {first} to {last}, {at}")
+            }
+        }
     });
+    let d = if outside.is_some() { Diagnostic { code: "E447", ..d } } else { d };
     match (cause.and_then(|c| c.origin), text, given) {
         (Some(origin), Some(text), _) => locate(d, origin, expansions, text),
         (None, _, Some((span, value))) => d.at(span, format!("this is {value} {at}")),
@@ -152,6 +160,7 @@ fn needs(operation: &str) -> Option<&'static str> {
         "asin" | "acos" => "the argument lies between -1 and 1",
         "acosh" => "the argument is at least 1",
         "atanh" => "the argument lies between -1 and 1, ends excluded",
+        "table" | "table_slope" => "min(t, last row) and max(t, first row) hold the values at the ends",
         "exp" | "sinh" | "cosh" => "the argument is above 709: the value is larger than any number",
         _ => return None,
     })

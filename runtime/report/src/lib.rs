@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod accuracy;
+mod events;
 mod fault;
 mod folder;
 mod grid;

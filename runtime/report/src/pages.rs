@@ -3,7 +3,7 @@
 use wfl_charts::{Page, Section};
 
 use crate::{
-    accuracy, fault,
+    accuracy, events, fault,
     folder::{ReportError, RunFolder},
     picture::Picture,
     plot::{self, PlotError},
@@ -37,6 +37,7 @@ impl Pages {
         parts.extend(accuracy::section(run)?);
         parts.push(solver::contact(run));
         parts.extend(fault::sections(run, &chosen)?);
+        parts.push((events::section(run), Vec::new()));
         parts.push(measures(run));
         parts.extend(profile::sections(run, &chosen)?);
         parts.push(solver::newton(run));

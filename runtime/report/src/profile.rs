@@ -3,6 +3,7 @@
 use wfl_charts::{Chart, Scale, Section, Series, short};
 
 use crate::{
+    events,
     folder::{ReportError, RunFolder},
     picture::{Picture, at_step, over_steps},
     table::Columns,
@@ -124,8 +125,9 @@ pub(crate) fn measures(run: &RunFolder) -> Vec<Picture> {
     let Some(first) = steps.first().filter(|_| steps.len() > 1) else { return Vec::new() };
     let names = first.measures.iter().map(|(name, _)| name);
     let chart = |name: &str| {
+        let empty = events::marked(run, Chart::new(name));
         let points = without_rounding(steps.iter().filter_map(|s| Some([s.t.0, s.measures.get(name)?.0])).collect());
-        Chart::new(name)
+        empty
             .x(run.with_unit(run.variable(), run.variable()), Scale::Linear)
             .y(run.with_unit(name, name), Scale::Linear)
             .size(330.0, 240.0)

@@ -4,6 +4,7 @@ use wfl_charts::{Bar, Chart, Colour, Scale, Section, Series, Table, short};
 use wfl_runtime::output::{ParameterValue, StepReport};
 
 use crate::{
+    events,
     folder::RunFolder,
     picture::{Picture, STATES, over_steps},
 };
@@ -121,7 +122,7 @@ fn iterations(run: &RunFolder) -> Chart {
         let steps = run.report.steps.iter().filter(move |s| s.converged == converged);
         steps.map(|s| [s.t.0, s.iterations as f64]).collect::<Vec<_>>()
     };
-    let chart = Chart::new("Iterations of each step")
+    let chart = events::marked(run, Chart::new("Iterations of each step"))
         .x(run.with_unit(run.variable(), run.variable()), Scale::Linear)
         .y("iterations", Scale::Linear)
         .points(Series::new("converged", of(true)));
@@ -158,7 +159,7 @@ pub(crate) fn contact(run: &RunFolder) -> (Section, Vec<Picture>) {
     if counts.len() < 2 {
         return (section, Vec::new());
     }
-    let mut chart = Chart::new("State of contact points")
+    let mut chart = events::marked(run, Chart::new("State of contact points"))
         .x(run.with_unit(run.variable(), run.variable()), Scale::Linear)
         .y("share of points [%]", Scale::Linear);
     for (k, (name, colour)) in STATES.iter().enumerate() {

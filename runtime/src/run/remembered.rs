@@ -27,6 +27,13 @@ impl Adaptive {
         Self { control: Control::new(rules), past: Past::default(), scales: vec![0.0; rules.fields.len()] }
     }
 
+    /// Behind a corner of a load earlier solutions say nothing of the next one: the first increment follows, as at the
+    /// start.
+    pub(super) fn turn(&mut self, rules: &Auto) {
+        self.control.next = self.control.next.min(rules.first);
+        self.past = Past::default();
+    }
+
     /// Takes a solution at the end of an increment.
     pub(super) fn add(&mut self, scene: &Scene, rules: &Auto, increment: f64, u: &[f64]) {
         let solution = joined(u, scene.states.iter().map(|s| scene.system.known.data[s.field].as_slice()));

@@ -173,6 +173,8 @@ struct Values {
     data: Vec<(usize, Given)>,
     measures: Vec<Measure>,
     watched: Vec<Measure>,
+    /// Corners over the step variable, and tables of states.
+    tables: (Vec<f64>, Vec<String>),
 }
 
 /// What is written.
@@ -258,7 +260,9 @@ impl Builder<'_> {
             watched.extend(made.into_iter().map(|m| Measure { name: format!("{owner}{}", m.name), ..m }));
         }
         rest::expects(self.script, self.params, self.env.dim, self.diagnostics);
-        Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched }
+        self.table_inputs();
+        let tables = steps.as_ref().map_or_else(Default::default, |s| self.tables(s));
+        Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched, tables }
     }
 
     /// The fields whose values in time have an error: those with a past.
@@ -273,7 +277,7 @@ impl Builder<'_> {
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
         let Numbered { numbering, mut prescribed, states, used, rates, past, assembled } = numbered;
-        let Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched } = values;
+        let Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched, tables } = values;
         let Outputs { vtk, csv, series, .. } = outputs;
         let Assembled { terms, summaries, contact } = assembled?;
         let of_measures = measures.iter().chain(&watched).any(Measure::reads_past);
@@ -325,6 +329,8 @@ impl Builder<'_> {
             unused_fields,
             refined: self.refined,
             inputs: self.inputs,
+            corners: tables.0,
+            tables_of_states: tables.1,
             idle: idle.notes,
             in_terms: names_in_terms(self.script),
             pristine: None,
@@ -338,6 +344,7 @@ impl Builder<'_> {
             params: self.params.clone(),
             mappings: self.env.mappings.to_vec(),
             rates: self.env.rates.to_vec(),
+            tables: self.env.tables.to_vec(),
             expansions: self.script.expansions.clone(),
             expects: self.script.expects.clone(),
             dim: self.env.dim,

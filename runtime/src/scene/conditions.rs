@@ -47,6 +47,7 @@ impl ConditionMaker<'_> {
             expansions: &self.script.expansions,
             step_variable: None,
             rates: &[],
+            tables: &self.script.tables,
             equal_within: (EQUAL_WITHIN * size).min(EQUAL_IN_CELL * self.smallest) + ROUNDING * far,
         };
         let law = compile_condition(&env, &position_place(0), "a condition", cond);

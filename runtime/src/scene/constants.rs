@@ -51,6 +51,7 @@ pub(super) fn bare_env<'a>(script: &'a ResolvedScript, dim: usize, params: &'a B
         expansions: &script.expansions,
         step_variable: None,
         rates: &[],
+        tables: &script.tables,
         equal_within: 0.0,
     }
 }

@@ -85,6 +85,7 @@ impl Scene {
             expansions: &self.env.expansions,
             step_variable: None,
             rates: &[],
+            tables: &self.env.tables,
             equal_within: 0.0,
         }
     }

@@ -27,6 +27,7 @@ impl Scene {
             expansions: &self.env.expansions,
             step_variable: self.steps.variable.as_deref(),
             rates: &self.env.rates,
+            tables: &self.env.tables,
             equal_within: 0.0,
         };
         let mut common: Option<BTreeSet<String>> = None;

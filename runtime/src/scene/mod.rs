@@ -44,6 +44,7 @@ mod samples;
 mod series;
 mod states;
 mod surfaces;
+mod tables;
 mod terms;
 
 use std::{
@@ -189,6 +190,10 @@ pub struct Scene {
     pub refined: Option<Refined>,
     /// The files that were read for it.
     pub inputs: Vec<InputFile>,
+    /// Values of the step variable at which tables have corners, increasing: steps that the run chooses end there.
+    pub corners: Vec<f64>,
+    /// Tables, each with the range of its rows, whose arguments are only known at a state.
+    pub tables_of_states: Vec<String>,
     /// Multipliers that have nodes without a jump by the mesh alone, and why.
     pub(crate) idle: Vec<(String, String)>,
     /// Words in expressions of terms.
@@ -233,6 +238,7 @@ struct OwnedEnv {
     mappings: Vec<MappingSig>,
     rates: Vec<RateForm>,
     expansions: wfl::ast::Expansions,
+    tables: Vec<std::sync::Arc<wfl::Table>>,
     expects: Vec<wfl::Expect>,
     dim: usize,
 }

@@ -125,6 +125,7 @@ impl Scene {
             expansions: &self.env.expansions,
             step_variable: self.steps.variable.as_deref(),
             rates: &self.env.rates,
+            tables: &self.env.tables,
             equal_within: 0.0,
         }
     }

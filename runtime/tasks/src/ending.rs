@@ -119,6 +119,9 @@ fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said>
                 step.fruitless()
             );
         }
+        for table in &scene.tables_of_states {
+            text += &format!("  = note: a state outside the rows of {table} is no solution\n");
+        }
         if is_below(loaded) {
             text += "  = note: a Nitsche parameter is below its coercivity bound (W503): a solution need not exist\n";
             text += "  = help: raise it to the value given there, or use theta = -1\n";

@@ -182,15 +182,23 @@ impl Loader for Files<'_> {
         let read = reading::text(&self.scene, folder, path, InputKind::Scene);
         let text = match (self.open.get(&plain_path(&full)), read) {
             (Some(open), Ok(_) | Err(ReadingError::Input(InputError::NotFound))) => open.clone(),
-            (_, read) => read.map_err(|e| Unloaded {
-                why: e.to_string(),
-                missing: matches!(e, ReadingError::Input(InputError::NotFound)),
-                outside: matches!(e, ReadingError::Outside { .. }),
-                help: e.help(),
-            })?,
+            (_, read) => read.map_err(unloaded)?,
         };
         self.last = full.parent().map(Path::to_path_buf).unwrap_or_default();
         Ok((full.display().to_string(), text))
+    }
+
+    fn table(&mut self, path: &str) -> Result<String, Unloaded> {
+        reading::text(&self.scene, &self.scene, path, InputKind::Values).map_err(unloaded)
+    }
+}
+
+fn unloaded(e: ReadingError) -> Unloaded {
+    Unloaded {
+        why: e.to_string(),
+        missing: matches!(e, ReadingError::Input(InputError::NotFound)),
+        outside: matches!(e, ReadingError::Outside { .. }),
+        help: e.help(),
     }
 }
 

@@ -85,6 +85,7 @@ fn compile(setup: &Setup, case: &Case, ties: Ties) -> Result<TermLaw, String> {
         expansions: &expander.expansions,
         step_variable: None,
         rates: &[],
+        tables: &[],
         equal_within: 0.0,
     };
     let expr = if ties == Ties::GetFem { like_getfem(&expr, &setup.unknowns()) } else { expr };

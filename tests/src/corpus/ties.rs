@@ -88,7 +88,7 @@ fn with_parts(e: &Expr, f: &dyn Fn(&Expr) -> Expr) -> Expr {
         ExprKind::Call(name, arguments) => {
             let argument = |a: &Argument| match a {
                 Argument::Expr(part) => Argument::Expr(f(part)),
-                Argument::Slice(at) => Argument::Slice(*at),
+                Argument::Slice(_) | Argument::Text(..) => a.clone(),
             };
             ExprKind::Call(name.clone(), arguments.iter().map(argument).collect())
         }

@@ -56,6 +56,7 @@ pub(crate) fn compile_on(text: &str, dim: usize, what: As, kind: PlaceKind) -> R
         expansions: &expander.expansions,
         step_variable: Some("t"),
         rates: &[],
+        tables: &[],
         equal_within: 0.0,
     };
     let place = PlaceSig {

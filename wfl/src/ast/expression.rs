@@ -99,6 +99,8 @@ pub enum Argument {
     Expr(Expr),
     /// `:`, a whole index.
     Slice(Span),
+    /// `"history.csv"`, without the quotes; its place has them.
+    Text(String, Span),
 }
 
 /// Comparison operators.

@@ -299,6 +299,24 @@ pub(super) const PAGES: &[CodePage] = &[
         "measure top = max(x) on all\nevent high = top > 1",
     ),
     page(
+        "E446",
+        "a file that is no table",
+        "`table(\"history.csv\", t)` reads a line of names, which may be left out and may have units, and then rows of \
+         numbers with commas between: `t [s],q [MPa]`, `0,0`, `10,2.5`. Rows are sorted by the first column, and no \
+         argument is there twice; a jump is two rows a little apart. What stands behind `#` is a comment. A file with \
+         several columns of values needs the name of one: `table(\"history.csv\", t, \"q\")`.",
+        "steps t = 0 to 1 by 0.5\nload u = [table(\"history.csv\", t),0,0] on left",
+        "steps t = 0 to 1 by 0.5\nload u = [0.1*t,0,0] on left",
+    ),
+    page(
+        "E447",
+        "a value outside the rows of a table",
+        "A table is linear between its rows and says nothing outside them. Add rows, end the steps where the rows end, or \
+         hold the last value: `table(\"history.csv\", min(t, 10))`.",
+        "steps t = 0 to 2 by 0.5\nload u = [table(\"history.csv\", t),0,0] on left",
+        "steps t = 0 to 2 by 0.5\nload u = [table(\"history.csv\", min(t, 1)),0,0] on left",
+    ),
+    page(
         "E451",
         "a second rate that nothing determines",
         "Dot2_u is the second rate of an unknown or multiplier with Dot2_u in a term. Without such a term the equations \

@@ -184,6 +184,11 @@ impl Reader<'_> {
                 arguments.push(Argument::Slice(self.span(&inner)));
                 continue;
             }
+            if inner.as_rule() == Rule::string {
+                let text = inner.as_str().trim_matches('"').to_owned();
+                arguments.push(Argument::Text(text, self.span(&inner)));
+                continue;
+            }
             let (e, d) = self.tree(inner)?.value()?;
             depth = depth.max(d);
             arguments.push(Argument::Expr(e));

@@ -18,9 +18,10 @@ use crate::{
 const NAMED: usize = 6;
 
 impl Resolver<'_> {
-    /// E216 for words of other programs, E201 for prefixes in the wrong order, in the expressions of one statement;
+    /// Reads the tables, then E216 for words of other programs, E201 for prefixes in the wrong order, in the expressions of one statement;
     /// `None` after a message, so that nothing else is said of it.
     pub(super) fn known_words(&mut self, expressions: &[&Expr]) -> Option<()> {
+        self.read_tables(expressions)?;
         let mut found: Vec<(&Expr, &str)> = Vec::new();
         for e in expressions {
             each_word(e, &mut |e, word| {

@@ -18,6 +18,15 @@ pub trait Loader {
     /// # Errors
     /// Why there is no such text.
     fn load(&mut self, path: &str, from: SourceId) -> Result<(String, String), Unloaded>;
+
+    /// Text of the table that an expression of the scene calls `path`, seen from the scene as meshes and data are.
+    ///
+    /// # Errors
+    /// Why there is no such text.
+    fn table(&mut self, path: &str) -> Result<String, Unloaded> {
+        let _ = path;
+        Err("no files can be read here".to_owned().into())
+    }
 }
 
 /// Why a file gives no text.

@@ -270,6 +270,7 @@ impl<'s> Pass<'s> {
             return given.get(by).map_or_else(Value::lost, |a| value.over(&self.expr(a)));
         }
         match rule(name) {
+            Some(Rule::Table) => self.table(e, arguments),
             Some(rule) => self.apply(rule, name, e, &given),
             // a component of a field or of a tensor; an unknown function is reported elsewhere
             None => self.expr(callee),
@@ -323,6 +324,8 @@ impl<'s> Pass<'s> {
                 given.get(2).map_or(over.clone(), |direction| over.times(&self.expr(direction)))
             }
             Rule::Coulomb => self.coulomb(name, e, given),
+            // needs its texts: `call` has them
+            Rule::Table => Value::lost(),
         }
     }
 
@@ -431,6 +434,6 @@ pub(super) fn scale_note(d: Diagnostic, left: &Unit, right: &Unit) -> Diagnostic
 fn argument(a: &Argument) -> Option<&Expr> {
     match a {
         Argument::Expr(e) => Some(e),
-        Argument::Slice(_) => None,
+        Argument::Slice(_) | Argument::Text(..) => None,
     }
 }

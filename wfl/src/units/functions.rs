@@ -35,6 +35,8 @@ pub(super) enum Rule {
     Diff,
     /// `Interpolate_filter(m, e, i)`
     Filter,
+    /// A column of a file over its first one, with the units that the file names.
+    Table,
     /// `Coulomb_friction_coupled_projection(lambda, n, v, g, f, r)`
     Coulomb,
 }

@@ -64,6 +64,8 @@ impl<'s> Scene<'s> {
             Some(MeshSource::Box { from, to, division, .. }) => box_dimension(from, to, division),
             _ => None,
         };
+        let heads = script.tables.iter().flat_map(|t| &t.heads).filter_map(|h| h.unit.as_ref());
+        heads.for_each(|written| drop(read(written, found)));
         let step_unit = script.steps.as_ref().and_then(|s| s.unit.as_ref()).and_then(|w| read(w, found));
         let time = script.steps.as_ref().map(|s| s.variable.name.as_str());
         let mut kinds = BTreeMap::from([("all", EntityKind::Cells)]);
@@ -210,7 +212,7 @@ fn constant(e: &Expr, values: &BTreeMap<&str, f64>) -> Option<f64> {
 }
 
 /// The unit that is written; each unknown name is reported.
-fn read(written: &Written, found: &mut Vec<Diagnostic>) -> Option<Unit> {
+pub(super) fn read(written: &Written, found: &mut Vec<Diagnostic>) -> Option<Unit> {
     let mut unit = Some(Unit::pure());
     for (name, power) in &written.factors {
         let Some(named) = NamedUnit::find(name) else {

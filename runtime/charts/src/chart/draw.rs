@@ -18,6 +18,8 @@ use crate::{
 const TARGETS: usize = 80;
 /// Points of a series that get a marker.
 const MARKERS: usize = 60;
+/// Width of a band that is shorter, in units of the chart: it is to be seen, and to be pointed at.
+const THINNEST: f64 = 2.0;
 /// Steps of the ramp beside a chart.
 const RAMP: usize = 32;
 
@@ -58,6 +60,7 @@ impl Chart {
             Some(triad) => draw_triad(&mut svg, &frame, triad),
             None => self.axes(&mut svg, &frame),
         }
+        self.draw_bands(&mut svg, &frame);
         if let Some(map) = &self.map {
             draw_map(&mut svg, &frame, map);
         }
@@ -85,6 +88,19 @@ impl Chart {
         }
         let text = if e.drawn.is_some() { x + 28.0 } else { x + 20.0 };
         svg.label("", [text, y + 4.0], &e.name);
+    }
+
+    fn draw_bands(&self, svg: &mut Svg, f: &Frame) {
+        for band in &self.bands {
+            let (Some(from), Some(to)) = (f.x.at(band.from), f.x.at(band.to)) else { continue };
+            // what lies outside the axis is not shown
+            if to < 0.0 || from > 1.0 {
+                continue;
+            }
+            let place = |at: f64| f.left + at.clamp(0.0, 1.0) * (f.right - f.left);
+            let width = (place(to) - place(from)).max(THINNEST);
+            svg.rect(r#"class="o z""#, [place(from), f.top], [width, f.bottom - f.top], &band.note);
+        }
     }
 
     fn draw_series(&self, svg: &mut Svg, f: &Frame) {

@@ -73,3 +73,17 @@ fn empty_charts_say_so() {
     assert!(Chart::new("t").svg().contains("no data"));
     assert!(Chart::new("t").line(Series::new("", [])).svg().contains("no data"));
 }
+
+#[test]
+fn bands_stand_behind_the_data_and_short_ones_can_be_seen() {
+    let chart = Chart::new("V").x("t", Scale::Linear).y("V", Scale::Linear);
+    let chart = chart.band(2.0, 4.0, "long").band(6.0, 6.0, "short").band(20.0, 30.0, "outside");
+    let svg = chart.line(Series::new("V", [[0.0, 1.0], [10.0, 2.0]])).svg();
+    let width = |note: &str| -> f64 {
+        let (before, _) = svg.split_once(note).unwrap_or_else(|| panic!("no {note}"));
+        let rect = before.rsplit_once("<rect").expect("a rectangle").1;
+        rect.split_once("width=\"").and_then(|(_, w)| w.split_once('"')).expect("a width").0.parse().expect("a number")
+    };
+    assert!(width("long") > 20.0 && (width("short") - 2.0).abs() < 1e-9 && !svg.contains("outside"), "{svg}");
+    assert!(svg.find("long") < svg.find("class=\"l "), "the line is drawn on the band");
+}

@@ -64,6 +64,13 @@ const TURNED: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\nparam gamma = 1e
     region top = faces where y == 1\nunknown u : vector\nterm bulk on all : 1000*Sym(Grad_u):Grad_Test_u\n\
     term contact on floor : gamma*pos_part(-u.Normal)*(Test_u.Normal)\nfix u = [0,-1e-3] on top\n";
 
+const ROWS: &str = "rows.csv";
+
+/// A flow under a load from a table.
+fn history(file: &str) -> String {
+    FLOW.replace("load p = 1", &format!("steps t = 0 to 1 by 0.5\nload p = table(\"{file}\", t)"))
+}
+
 fn nested(depth: usize) -> String {
     format!("{}1{}", "(".repeat(depth), ")".repeat(depth))
 }
@@ -108,6 +115,11 @@ pub(crate) fn pairs() -> Vec<Pair> {
         .near("x < 0.5", "x < 1.5"),
         Pair::new("E442", format!("{FLOW}{WIND}{ITERATION}")).near(WIND, ""),
         Pair::new("E441", measured(&chained(11_000))).near(&measured(&chained(11_000)), &measured(&chained(500))),
+        Pair::new("E446", history(ROWS))
+            .file("rows.csv", "t,q\n0,0\n2,1\n1,3\n")
+            .file("right.csv", "t,q\n0,0\n1,3\n")
+            .near(ROWS, "right.csv"),
+        Pair::new("E447", history("rows.csv")).file("rows.csv", "t,q\n0,0\n0.5,3\n").near(", t)", ", min(t, 0.5))"),
         Pair::new("W404", MULTIPLIER).near("fix uL, uR =", "fix uL ="),
         Pair::new("W405", ON_PLATE).file("plate.msh", torn()).file("whole.msh", PLATE).near("plate.msh", "whole.msh"),
         Pair::new("W407", format!("{ON_PLATE}region seam = faces where x == 2\nmeasure m = mean(p) on seam\n"))

@@ -1,0 +1,47 @@
+//! The units of `table("history.csv", t)`: those of the first line of its file. A column without one holds pure numbers,
+//! as a param without one does.
+
+use super::{
+    eval::{Pass, scale_note},
+    scene::read,
+    unit::Unit,
+    value::Value,
+};
+use crate::{
+    ast::{Argument, Expr},
+    diag::Diagnostic,
+    tables::Head,
+};
+
+impl Pass<'_> {
+    /// The unit of the column; the argument has that of the first column.
+    pub(super) fn table(&mut self, e: &Expr, arguments: &[Argument]) -> Value {
+        let [Argument::Text(file, _), Argument::Expr(argument), rest @ ..] = arguments else { return Value::lost() };
+        let column = if let [Argument::Text(column, _)] = rest { Some(column.as_str()) } else { None };
+        let value = self.expr(argument);
+        let Some(table) = self.scene.script.tables.iter().find(|t| t.name == *file) else { return Value::lost() };
+        let Ok(curve) = table.curve(column) else { return Value::lost() };
+        let first = unit_of(&table.heads[0]);
+        // an unknown name in the file is reported once, and then fits everything
+        if let (Some(needed), Some(found)) = (first, value.unit().cloned())
+            && value.named
+            && !self.fits(argument.span, &needed, &found, false)
+        {
+            let d = Diagnostic::new("E501", format!("\"{file}\" has rows over another unit"));
+            let d = d
+                .at(self.scene.local(argument, e), format!("{}; the first column has {}", found.show(), needed.show()));
+            let d = scale_note(d, &needed, &found);
+            let told = table.heads[0].unit.is_none();
+            let help = "a file names its units in the first line: t [s],q [MPa]";
+            self.report(if told { d.help(help) } else { d }, e);
+        }
+        match table.head(curve) {
+            Some(Head { unit: None, .. }) | None => Value::number(),
+            Some(head) => Value::of(unit_of(head)),
+        }
+    }
+}
+
+fn unit_of(head: &Head) -> Option<Unit> {
+    head.unit.as_ref().map_or_else(|| Some(Unit::pure()), |written| read(written, &mut Vec::new()))
+}
