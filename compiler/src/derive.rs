@@ -451,6 +451,22 @@ pub(crate) fn function2_derivative(
             let top = if which == 0 { b } else { g.neg(a) };
             g.div_components(top, square)
         }
+        (MathFn2::AsinhExp, _) => {
+            let slope = g.map2(MathFn2::AsinhExpSlope, a, b);
+            if which == 0 { slope } else { g.mul_components(a, slope) }
+        }
+        // with s the slope and w = a s at most 1 in size: -w s s and s (1 - w)(1 + w)
+        (MathFn2::AsinhExpSlope, _) => {
+            let part = g.mul_components(a, value);
+            if which == 0 {
+                let once = g.mul_components(part, value);
+                let twice = g.mul_components(once, value);
+                g.neg(twice)
+            } else {
+                let rest = one_minus_square(g, part);
+                g.mul_components(value, rest)
+            }
+        }
     }
 }
 

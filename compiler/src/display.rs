@@ -7,7 +7,7 @@ use std::{collections::BTreeMap, fmt::Write as _};
 use crate::{
     compare::Compare,
     graph::{ExprId, Function1, Graph, Leaf, Node, Role},
-    math::{MathFn2, MatrixFn},
+    math::MatrixFn,
     types::{FieldOp, FieldSig, RateFactor, RateOrder, Side},
 };
 
@@ -118,7 +118,7 @@ impl Printer<'_> {
             Node::Map(Function1::Sqrt, a) => self.call("sqrt", &[*a]),
             Node::Map(Function1::Math(f), a) => self.call(f.name(), &[*a]),
             Node::Lookup(curve, reading, a) => (3, format!("{}({}, {})", reading.name(), curve.name, self.text(*a, 0))),
-            Node::Map2(f, a, b) => self.call(if *f == MathFn2::Pow { "pow" } else { "atan2" }, &[*a, *b]),
+            Node::Map2(f, a, b) => self.call(f.name(), &[*a, *b]),
             Node::Compare(op, a, b) => {
                 let op = match op {
                     Compare::Less => " < ",

@@ -1,6 +1,7 @@
 //! Numbers with a derivative: forward differentiation, which knows nothing of the symbolic one.
 
 use crate::{
+    asinh_exp,
     compare::Compare,
     math::{MathFn1, MathFn2},
     real::Real,
@@ -83,6 +84,14 @@ impl Real for Dual {
                 // t / (t^2 + u^2) without overflow of the squares.
                 let h = libm::hypot(t, u);
                 (u / h / h, -(t / h / h))
+            }
+            MathFn2::AsinhExp => {
+                let slope = asinh_exp::slope(t, u);
+                (slope, t * slope)
+            }
+            MathFn2::AsinhExpSlope => {
+                let part = t * value;
+                (-(part * value * value), value * (1.0 - part) * (1.0 + part))
             }
         };
         self.chain(value, in_t).add(Self { value: 0.0, slope: other.chain(0.0, in_u).slope })

@@ -97,16 +97,16 @@ impl<'s> Emitter<'s> {
         self,
         mut residual: Kernel,
         mut tangent: Kernel,
-        mut energy: Option<Kernel>,
+        mut others: [Option<Kernel>; 2],
         slots: Vec<UniformSlot>,
         name: &str,
-    ) -> (VerifiedKernel, VerifiedKernel, Option<VerifiedKernel>, Prologue) {
+    ) -> (VerifiedKernel, VerifiedKernel, [Option<VerifiedKernel>; 2], Prologue) {
         let n = self.order.len();
-        for kernel in [Some(&mut residual), Some(&mut tangent), energy.as_mut()].into_iter().flatten() {
+        for kernel in [&mut residual, &mut tangent].into_iter().chain(others.iter_mut().flatten()) {
             kernel.n_uniforms = n;
         }
         let prologue = self.prologue(slots, name);
-        (accepted(residual), accepted(tangent), energy.map(accepted), prologue)
+        (accepted(residual), accepted(tangent), others.map(|kernel| kernel.map(accepted)), prologue)
     }
 }
 

@@ -5,6 +5,7 @@
 //! on every machine. Promises: no allocation, no panic, NaN where the real function does not exist.
 
 use crate::{
+    asinh_exp,
     compare::Compare,
     math::{MathFn1, MathFn2},
     real::Real,
@@ -61,6 +62,8 @@ impl MathFn2 {
         match self {
             MathFn2::Pow => libm::pow(t, u),
             MathFn2::Atan2 => libm::atan2(t, u),
+            MathFn2::AsinhExp => asinh_exp::value(t, u),
+            MathFn2::AsinhExpSlope => asinh_exp::slope(t, u),
         }
     }
 }

@@ -96,6 +96,9 @@ pub struct TermLaw {
     pub tangent: VerifiedKernel,
     /// The density of an `energy` (one output).
     pub energy: Option<VerifiedKernel>,
+    /// Outputs: by test slot the size of what cancels in its flux, for the equations of scalars and of global fields; zero
+    /// for others. `None` without such equations and for affine terms.
+    pub summands: Option<VerifiedKernel>,
     /// The typed graph and its roots, for listings.
     pub listing: Listing,
 }

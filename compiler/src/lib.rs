@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod about;
+mod asinh_exp;
 pub mod backend;
 mod build;
 mod compare;
@@ -33,6 +34,7 @@ mod real;
 mod scalar;
 mod sign;
 mod sinc;
+mod summands;
 mod symmetry;
 mod tangent_check;
 mod term;

@@ -1,7 +1,7 @@
 //! The mathematical functions that kernels can call, by name.
 //!
 //! Their values are in `real/float.rs` (f64 and f32), `dd.rs` (double-double) and `real/dual.rs` (with derivatives), those
-//! of matrix functions in `matrix_fn.rs`.
+//! of matrix functions in `matrix_fn.rs`, those of `asinh(t exp(u))` in `asinh_exp.rs`.
 
 macro_rules! declare {
     ($($kind:ident $variant:ident $name:literal $doc:literal [$($sample:literal),*] $form:ident($($value:tt)*);)*) => {
@@ -43,11 +43,15 @@ pub enum MathFn2 {
     Pow,
     /// `atan2(t, u)`: the angle of the point (u, t)
     Atan2,
+    /// `asinh(t exp(u))`, where the product may leave the range of numbers
+    AsinhExp,
+    /// Its derivative in t
+    AsinhExpSlope,
 }
 
 impl MathFn2 {
     /// Every function, in order of declaration.
-    pub const ALL: [MathFn2; 2] = [MathFn2::Pow, MathFn2::Atan2];
+    pub const ALL: [MathFn2; 4] = [MathFn2::Pow, MathFn2::Atan2, MathFn2::AsinhExp, MathFn2::AsinhExpSlope];
 
     /// The name in the language and in listings.
     #[must_use]
@@ -55,6 +59,8 @@ impl MathFn2 {
         match self {
             MathFn2::Pow => "pow",
             MathFn2::Atan2 => "atan2",
+            MathFn2::AsinhExp => "asinh_exp",
+            MathFn2::AsinhExpSlope => "asinh_exp_slope",
         }
     }
 }

@@ -22,10 +22,11 @@ use crate::{
     jumps::value_jumps,
     law::{Class, Kink, KinkKind, Listing, TermLaw, ValueLaw},
     lower::Lowering,
-    scalar::{NO_SLOT, Scalars},
+    scalar::{Key, NO_SLOT, Scalars},
     sign::radius_warnings,
+    summands,
     symmetry::is_symmetric,
-    types::{BasisSlot, FieldId, FieldSig, InputSlot, PlaceSig, Shape, UniformSlot},
+    types::{BasisSlot, FieldId, FieldOp, FieldSig, InputSlot, PlaceSig, Shape, UniformSlot},
 };
 
 /// What is compiled.
@@ -185,12 +186,8 @@ fn load(b: &mut Builder<'_>, value: &Expr, field: FieldId, part: LoadPart) -> Op
     let v = b.expr(value)?;
     b.no_tests(value, v, "load")?;
     let shape = b.env.fields[field.index()].shape;
-    let test = b.graph.leaf(Leaf::Field {
-        field,
-        side: crate::types::Side::Here,
-        op: crate::types::FieldOp::Value,
-        role: Role::Test,
-    });
+    let test =
+        b.graph.leaf(Leaf::Field { field, side: crate::types::Side::Here, op: FieldOp::Value, role: Role::Test });
     let needed = if part == LoadPart::Whole { shape } else { Shape::SCALAR };
     let found = b.graph.shape(v);
     if found != needed && !(found.is_scalar_like() && needed.is_scalar_like()) {
@@ -251,12 +248,9 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
     let (kinks, codes) = kinks(&g, listing.residual, &mut lowering);
 
     // slots in sorted order, only those that carry something
-    let used = |pick: fn((u16, u16)) -> u16| {
-        let keys = residual.iter().chain(&tangent).map(move |(k, _)| pick(*k));
-        keys.filter(|k| *k != NO_SLOT).collect::<BTreeSet<u16>>()
-    };
-    let (tests, test_of) = sorted_slots(&lowering.slots.tests, &used(|k| k.0));
-    let (trials, trial_of) = sorted_slots(&lowering.slots.trials, &used(|k| k.1));
+    let used: Vec<Key> = residual.iter().chain(&tangent).map(|(key, _)| *key).collect();
+    let (tests, test_of) = sorted_slots(&lowering.slots.tests, used.iter().map(|k| k.0));
+    let (trials, trial_of) = sorted_slots(&lowering.slots.trials, used.iter().map(|k| k.1));
     let zero = lowering.scalars.constant(0.0);
     let mut fluxes = vec![zero; tests.len()];
     for ((t, _), v) in &residual {
@@ -271,23 +265,24 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
     let class = class_of(&changes, &fluxes, &pairs, !kinks.is_empty());
     let tangent_has = |what: fn(&Changes) -> bool| pairs.values().any(|v| what(&changes[v.index()]));
 
+    let sizes = summand_sizes(env.fields, &tests, class, &mut lowering.scalars, &changes, &fluxes);
     let mut emitter = Emitter::new(&lowering.scalars, slots.len());
     let residual_outputs: Vec<Val> = fluxes.iter().chain(&codes).copied().collect();
     let tangent_outputs: Vec<Val> = fluxes.iter().chain(pairs.values()).chain(&codes).copied().collect();
     let residual = emitter.kernel(&format!("{name}.residual"), &residual_outputs);
     let tangent = emitter.kernel(&format!("{name}.tangent"), &tangent_outputs);
     let energy = energy.map(|e| emitter.kernel(&format!("{name}.energy"), &[e]));
-    let (residual, tangent, energy, prologue) = emitter.finish(residual, tangent, energy, uniform_slots, name);
+    let sizes = sizes.map(|list| emitter.kernel(&format!("{name}.summands"), &list));
+    let (residual, tangent, [energy, summands], prologue) =
+        emitter.finish(residual, tangent, [energy, sizes], uniform_slots, name);
 
-    let root = listing.residual.unwrap_or(listing.tangent);
-    let degree = degree(&g, root, env.fields, place);
     let mut law = TermLaw {
         name: name.to_owned(),
         class,
         symmetric: false,
         tangent_has_uniforms: tangent_has(|c| c.uniforms),
         tangent_reads_known: tangent_has(|c| c.known),
-        degree,
+        degree: degree(&g, listing.residual.unwrap_or(listing.tangent), env.fields, place),
         inputs: slots,
         prologue,
         tests,
@@ -297,10 +292,36 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
         residual,
         tangent,
         energy,
+        summands,
         listing,
     };
     law.symmetric = law.listing.energy.is_some() || is_symmetric(&law, &pairs);
     law
+}
+
+/// By test slot what cancels in the flux of a term that is not affine, zero for slots of which nothing is asked; `None` if
+/// that is all of them. Asked is it of the equations of single numbers, those of scalars and of global fields: forces on
+/// nodes balance between terms and cells.
+fn summand_sizes(
+    fields: &[FieldSig],
+    tests: &[BasisSlot],
+    class: Class,
+    scalars: &mut Scalars,
+    changes: &[Changes],
+    fluxes: &[Val],
+) -> Option<Vec<Val>> {
+    let is_single = |slot: &BasisSlot| {
+        let field = &fields[slot.field.index()];
+        slot.op == FieldOp::Value && (field.global || field.shape.len() == 1)
+    };
+    if class < Class::Nonlinear || !tests.iter().any(is_single) {
+        return None;
+    }
+    let moves = |v: Val| changes[v.index()].unknown;
+    let one = |(slot, flux): (&BasisSlot, &Val)| {
+        if is_single(slot) { summands::size(scalars, &moves, *flux) } else { scalars.constant(0.0) }
+    };
+    Some(tests.iter().zip(fluxes).map(one).collect())
 }
 
 /// How a term with these fluxes and entries depends on the unknowns.
@@ -338,7 +359,11 @@ fn kinks(g: &Graph, residual: Option<ExprId>, lowering: &mut Lowering<'_>) -> (V
     (kinks, codes)
 }
 
-fn sorted_slots(all: &BTreeMap<BasisSlot, u16>, used: &BTreeSet<u16>) -> (Vec<BasisSlot>, BTreeMap<u16, u16>) {
+fn sorted_slots(
+    all: &BTreeMap<BasisSlot, u16>,
+    used: impl Iterator<Item = u16>,
+) -> (Vec<BasisSlot>, BTreeMap<u16, u16>) {
+    let used: BTreeSet<u16> = used.filter(|k| *k != NO_SLOT).collect();
     let mut slots = Vec::new();
     let mut renumber = BTreeMap::new();
     for (slot, id) in all {

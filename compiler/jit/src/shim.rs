@@ -94,7 +94,7 @@ wfl_compiler::scalar_functions!(address_of_rows);
 
 #[rustfmt::skip]
 fn address2(f: MathFn2) -> *const u8 {
-    shims!(f, MathFn2: Pow Atan2, |FUNCTION| extern "C" fn shim(t: f64, u: f64) -> f64 { FUNCTION.eval(t, u) })
+    shims!(f, MathFn2: Pow Atan2 AsinhExp AsinhExpSlope, |FUNCTION| extern "C" fn shim(t: f64, u: f64) -> f64 { FUNCTION.eval(t, u) })
 }
 
 fn address_matrix(f: MatrixFn) -> *const u8 {

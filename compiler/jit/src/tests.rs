@@ -116,7 +116,7 @@ impl RandomCode<'_> {
         let dice = self.random.below(100);
         if dice < self.mix.calls {
             return Some(if self.random.below(6) == 0 {
-                Inst::Call2(MathFn2::ALL[self.random.below(2)], a, b)
+                Inst::Call2(MathFn2::ALL[self.random.below(MathFn2::ALL.len())], a, b)
             } else {
                 Inst::Call1(MathFn1::ALL[self.random.below(MathFn1::ALL.len())], a)
             });

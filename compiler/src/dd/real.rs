@@ -2,6 +2,7 @@
 
 use super::Dd;
 use crate::{
+    asinh_exp,
     compare::Compare,
     math::{MathFn1, MathFn2},
     real::Real,
@@ -56,6 +57,8 @@ impl Real for Dd {
         match f {
             MathFn2::Pow => self.pow(other),
             MathFn2::Atan2 => self.atan2(other),
+            MathFn2::AsinhExp => asinh_exp::value(self, other),
+            MathFn2::AsinhExpSlope => asinh_exp::slope(self, other),
         }
     }
 }

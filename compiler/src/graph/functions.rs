@@ -4,13 +4,25 @@ use super::{ExprId, Function1, Graph, Node};
 use crate::{
     compare::Compare,
     lookup::{CurveRef, Reading, read},
-    math::{MathFn2, MatrixFn},
+    math::{MathFn1, MathFn2, MatrixFn},
     types::Shape,
 };
 
 impl Graph {
-    /// A function of each entry.
+    /// A function of each entry. `asinh` of a product with an exponential is one function of two numbers, which has values
+    /// where the product overflows.
     pub fn map(&mut self, f: Function1, a: ExprId) -> ExprId {
+        if f == Function1::Math(MathFn1::Asinh)
+            && self.shape(a).rank() == 0
+            && let Some((x, exponent)) = self.with_exponential(a)
+        {
+            return self.map2(MathFn2::AsinhExp, x, exponent);
+        }
+        let overflows = |x: f64| x.is_finite() && !MathFn1::Exp.eval(x).is_finite();
+        if f == Function1::Math(MathFn1::Exp) && self.scalar_constant(a).is_some_and(overflows) {
+            // it may be a factor in such a product; elsewhere the number is infinite when it is lowered
+            return self.intern(Node::Map(f, a), self.shape(a), false, self.arity(a), self.depends(a));
+        }
         let folded = self.fold1(a, |x| match f {
             Function1::Sqrt => x.sqrt(),
             Function1::Math(f) => f.eval(x),
@@ -28,6 +40,33 @@ impl Graph {
                 let (arity, depends) = (self.arity(a), self.depends(a));
                 self.intern(Node::Lookup(curve.clone(), reading, a), Shape::SCALAR, false, arity, depends)
             }
+        }
+    }
+
+    /// A scalar as a product `x exp(y)`, of all exponentials that are its factors; `None` if there are none.
+    fn with_exponential(&mut self, e: ExprId) -> Option<(ExprId, ExprId)> {
+        match *self.node(e) {
+            Node::Map(Function1::Math(MathFn1::Exp), y) => Some((self.number(1.0), y)),
+            Node::Neg(a) => {
+                let (x, y) = self.with_exponential(a)?;
+                Some((self.neg(x), y))
+            }
+            Node::Scale(a, b) => match (self.with_exponential(a), self.with_exponential(b)) {
+                (None, None) => None,
+                (Some((x, y)), None) => Some((self.scale(x, b), y)),
+                (None, Some((x, y))) => Some((self.scale(a, x), y)),
+                (Some((x, y)), Some((z, w))) => Some((self.scale(x, z), self.add(y, w))),
+            },
+            Node::Divide(a, b) => match (self.with_exponential(a), self.with_exponential(b)) {
+                (None, None) => None,
+                (Some((x, y)), None) => Some((self.divide(x, b), y)),
+                (None, Some((x, y))) => {
+                    let minus = self.neg(y);
+                    Some((self.divide(a, x), minus))
+                }
+                (Some((x, y)), Some((z, w))) => Some((self.divide(x, z), self.sub(y, w))),
+            },
+            _ => None,
         }
     }
 

@@ -28,6 +28,8 @@ const SAMPLES: &[(&str, bool)] = &[
     ("Derivative_sinc(u(1))", true),
     ("pow(9+u(1),u(2))", false),
     ("atan2(u(1),9+u(2))", false),
+    ("asinh(u(1)*exp(u(2)))", false),
+    ("asinh(u(1)*exp(u(2)))", true),
     ("pos_part(u(1))", false),
     ("Norm(u)", false),
     ("Normalized(u).Normal", false),

@@ -8,6 +8,7 @@
 //! Promises: a residual or a tangent depends on its arguments, the step ([`System::begin_step`]) and the known fields
 //! alone. Knows no contact, no solver and no iteration.
 
+mod equations;
 mod form;
 mod inspect;
 mod known;
@@ -15,6 +16,7 @@ mod node_layout;
 mod numbering;
 mod residual;
 mod shared;
+mod soften;
 mod tangent;
 
 use std::sync::Arc;

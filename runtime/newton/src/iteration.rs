@@ -43,7 +43,8 @@ pub(super) fn iterate(
     step.contact.set_overstress(0.0);
     let schedule = Schedule::new(step, u);
     step.contact.set_compliant(schedule.method() == Method::Compliance);
-    let norm = Norm { weights: vec![1.0; step.system.fields.len()], frozen: schedule.freezes() };
+    let weights = vec![1.0; step.system.fields.len()];
+    let norm = Norm { weights, equations: Vec::new(), frozen: schedule.freezes() };
     let mut history = StepHistory::default();
     let here = begin(step, u, predicted, &norm, &mut history)?;
     let (best, start) = ((here.relative, u.to_vec()), u.to_vec());
@@ -143,7 +144,8 @@ impl Attempt<'_> {
         }
         step.assemble_tangent(self.u, self.norm.frozen)?;
         self.norm.weights = step.weights();
-        self.here.norm = step.weighted_norm(&self.here.residual, &self.norm.weights);
+        self.norm.equations = step.equation_weights(&self.here);
+        self.here.norm = step.weighted_norm(&self.here.residual, &self.norm);
         Ok(())
     }
 

@@ -18,6 +18,7 @@ mod library;
 mod line_search;
 mod linear_solver;
 mod load_step;
+mod measures;
 mod method;
 mod path_following;
 mod refinement;

@@ -29,6 +29,25 @@ pub(super) struct LineSearch<'a> {
     pub(super) undamped: bool,
 }
 
+/// The ways that a direction may be followed. On the bent one, numbers that would change their sign shrink in proportion,
+/// `x exp(alpha d/x)`: the direction at its start is the same. It is the Newton correction of log x, whose equations
+/// (friction grows with the logarithm of the slip rate) send x far beyond zero when x is too large.
+struct Ways<'a> {
+    start: &'a [f64],
+    direction: &'a [f64],
+    /// Dofs that would change their sign, with the correction over the value.
+    bent: Vec<(usize, f64)>,
+}
+
+impl Ways<'_> {
+    fn go(&self, step: &LoadStep<'_>, alpha: f64, bent: bool, u: &mut [f64]) {
+        step.go(self.start, self.direction, alpha, u);
+        for (dof, ratio) in self.bent.iter().filter(|_| bent) {
+            u[*dof] = self.start[*dof] * (alpha * ratio).exp();
+        }
+    }
+}
+
 impl LineSearch<'_> {
     /// Takes the full step, or the first halved one that reduces the merit, or the best of those tried.
     pub(super) fn advance(
@@ -52,37 +71,75 @@ impl LineSearch<'_> {
                 return self.damped(step, u, &start, alpha, found);
             }
         }
-        let mut best: Option<(f64, f64)> = None;
+        self.backtrack(step, u, &start, here)
+    }
+
+    /// Halves the step until it reduces the merit; of each length the straight way is tried first, then the bent one.
+    fn backtrack(
+        &self,
+        step: &mut LoadStep<'_>,
+        u: &mut [f64],
+        start: &[f64],
+        here: &Measured,
+    ) -> Result<(f64, Measured), NewtonError> {
+        let ways = self.ways(step, start);
+        let mut best: Option<(f64, bool, f64)> = None;
         let (mut alpha, mut halvings) = (1.0, 0);
         while halvings <= MAX_HALVINGS {
-            step.go(&start, self.direction, alpha, u);
-            let found = match step.measure(u, self.norm) {
-                Ok(found) => found,
-                // out of the domain of a function (log of a negative number) or out of range
-                Err(_) if alpha > SHORTEST => {
-                    alpha *= DOMAIN_CUT;
+            let mut met_domain = false;
+            for bent in [false, true] {
+                if bent && ways.bent.is_empty() {
                     continue;
                 }
-                Err(e) => return Err(e.into()),
-            };
-            if !step.options.search || found.stop(step.options).is_some() {
-                return Ok((alpha, found));
+                ways.go(step, alpha, bent, u);
+                let found = match step.measure(u, self.norm) {
+                    Ok(found) => found,
+                    // out of the domain of a function (log of a negative number) or out of range
+                    Err(_) if alpha > SHORTEST => {
+                        met_domain = true;
+                        continue;
+                    }
+                    Err(e) => return Err(e.into()),
+                };
+                if !step.options.search || found.stop(step.options).is_some() {
+                    return Ok((alpha, found));
+                }
+                let merit = self.merit(step, &found, here)?;
+                if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
+                    return self.damped(step, u, start, alpha, found);
+                }
+                if best.is_none_or(|(.., m)| merit < m) {
+                    best = Some((alpha, bent, merit));
+                }
             }
-            let merit = self.merit(step, &found, here)?;
-            if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
-                return self.damped(step, u, &start, alpha, found);
+            if met_domain {
+                alpha *= DOMAIN_CUT;
+            } else {
+                alpha *= 0.5;
+                halvings += 1;
             }
-            if best.is_none_or(|(_, m)| merit < m) {
-                best = Some((alpha, merit));
-            }
-            alpha *= 0.5;
-            halvings += 1;
         }
         // measured again, so that the branches reported are those of the state that is kept
-        let alpha = best.map_or(0.0, |(alpha, _)| alpha);
-        step.go(&start, self.direction, alpha, u);
+        let (alpha, bent) = best.map_or((0.0, false), |(alpha, bent, _)| (alpha, bent));
+        ways.go(step, alpha, bent, u);
         let found = step.measure(u, self.norm)?;
-        self.damped(step, u, &start, alpha, found)
+        self.damped(step, u, start, alpha, found)
+    }
+
+    /// The ways along the direction: straight, and bent where a full step changes the sign of a single number, such as a
+    /// slip rate or a state variable, with branches as they are written.
+    fn ways<'p>(&'p self, step: &LoadStep<'_>, start: &'p [f64]) -> Ways<'p> {
+        let mut bent = Vec::new();
+        let numbering = &step.system.numbering;
+        if !self.method.freezes() && !self.norm.equations.is_empty() {
+            for (dof, d) in numbering.free_dofs.iter().zip(self.direction) {
+                let at = start[*dof as usize];
+                if at != 0.0 && d / at < -1.0 && step.system.has_single_equations(step.system.field_of(*dof as usize)) {
+                    bent.push((*dof as usize, d / at));
+                }
+            }
+        }
+        Ways { start, direction: self.direction, bent }
     }
 
     /// Where the active set is frozen: goes back on a step until the projections are nearer to their laws.

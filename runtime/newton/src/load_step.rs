@@ -5,14 +5,19 @@ use std::time::Instant;
 use super::{Evaluated, Method, NewtonError, NewtonOptions, StepHistory, Stop, Watch};
 use crate::Iteration;
 use crate::LinearSolver;
+use crate::measures::FieldMeasures;
 use wfl_compiler::types::FieldKind;
 use wfl_contact::Contact;
 use wfl_discrete::finite::largest as largest_of;
 use wfl_discrete::system::{Branches, FIXED, Form, LinearTerms, Residual, System, Tangent};
-use wfl_sparse::solve::SolveReport;
+use wfl_sparse::solve::{SolveError, SolveReport};
 
 /// The rounding floor in units of roundoff times |K||u|.
 const FLOOR_FACTOR: f64 = 4.0;
+
+/// A line search sees an equation relative to at least this part of the largest of its field: the square root of roundoff,
+/// so that rounding of the larger ones weighs as much as a residual of that size does.
+const LEAST_IN_SEARCH: f64 = 1.5e-8;
 
 /// What one load step is solved with.
 pub struct LoadStep<'a> {
@@ -55,6 +60,8 @@ pub(super) struct Measured {
     pub(super) residual: Vec<f64>,
     /// That of the scene as written, with its sizes.
     pub(super) written: Residual,
+    /// By dof what single equations are relative to; empty without fields that have some.
+    pub(super) summands: Vec<f64>,
     /// Largest over the fields of residual over scale, always of the scene as written.
     pub(super) relative: f64,
     /// What rounding leaves of it.
@@ -82,6 +89,8 @@ impl Measured {
 pub(super) struct Norm {
     /// By field: what brings its equations to the units of forces.
     pub(super) weights: Vec<f64>,
+    /// By dof in fields with single equations: one over what cancels in the equation. Empty without such fields.
+    pub(super) equations: Vec<f64>,
     /// The residual is that with the frozen active set.
     pub(super) frozen: bool,
 }
@@ -102,51 +111,56 @@ impl LoadStep<'_> {
     pub(super) fn measure(&self, u: &[f64], norm: &Norm) -> Evaluated<Measured> {
         let system = self.system;
         let written = system.residual(u, &self.form())?;
-        let sizes = system.sizes(u, &written, self.tangent);
+        let mut sizes = system.sizes(u, &written, self.tangent);
         let scales = system.scales(&written, &sizes);
+        let summands = system.summands(u, &written);
         // against a scale without bound every residual is small
         system.check_finite("sum of the sizes of forces", &sizes, u)?;
-        // by field of one unit and size
-        let (mut relative, mut floor) = (vec![0.0f64; system.fields.len()], vec![0.0f64; system.fields.len()]);
+        system.check_finite("sum of the sizes of summands", &summands, u)?;
+        let mut all = FieldMeasures::new(system.fields.len());
+        let faces_alone = self.contact.is_empty() && !system.has_nonlinear_bodies();
         for field in 0..system.fields.len() {
             let Some(range) = system.range(field) else { continue };
-            let roundoff = roundoff(&u[range.clone()]);
-            let free = |d: &usize| system.numbering.free[*d] != FIXED;
-            let cancelled = largest_of(range.clone().map(|d| sizes[d]));
-            let largest = largest_of(range.filter(free).map(|d| written.values[d]));
-            if largest > 0.0 {
-                let kind = system.alike(field);
-                relative[kind] = relative[kind].max(largest / scales[field]);
-                floor[kind] = floor[kind].max(FLOOR_FACTOR * roundoff * cancelled / scales[field]);
+            let rounding = FLOOR_FACTOR * roundoff(&u[range.clone()]);
+            let is_free = |d: &usize| system.numbering.free[*d] != FIXED;
+            if system.has_single_equations(field) {
+                let mut equations = Vec::new();
+                for d in range.filter(is_free) {
+                    sizes[d] += summands[d];
+                    equations.push([written.values[d].abs(), summands[d], rounding * sizes[d]]);
+                }
+                all.add_equations(field, &equations, self.options.tolerance);
+            } else {
+                let cancelled = largest_of(range.clone().map(|d| sizes[d]));
+                let largest = largest_of(range.clone().filter(is_free).map(|d| written.values[d]));
+                let kept = range.map(|d| written.linear_sizes[d]);
+                let kept = if faces_alone { rounding * largest_of(kept) } else { f64::INFINITY };
+                all.add_forces(system.alike(field), largest, scales[field], [rounding * cancelled, kept]);
             }
         }
-        let largest = |sizes: &[f64]| sizes.iter().fold(0.0f64, |m, x| m.max(*x));
-        let least_of_all = largest(&floor);
-        // each kind of unknown for itself: rounding of one says nothing of another. The equation of a multiplier has what
-        // rounding leaves of the displacements in it, which its own numbers do not tell. Not finite, a floor says that
-        // nothing is known, not that nothing is left to do
-        let settled = (0..system.fields.len()).all(|k| {
-            let of_unknowns = system.fields[k].kind == FieldKind::Multiplier;
-            let least = if of_unknowns { least_of_all } else { floor[k] };
-            relative[k] <= self.options.tolerance || least.is_finite() && relative[k] <= least
-        });
-        let (relative, floor) = (largest(&relative), least_of_all);
-        let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, &norm.weights);
+        let is_multiplier = |k: usize| system.fields[k].kind == FieldKind::Multiplier;
+        let settled = all.are_settled(is_multiplier, self.options.tolerance);
+        let (relative, floor) = (all.relative(), all.floor());
+        let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, norm);
         let residual = if norm.frozen {
             system.frozen_residual(&written, u, self.contact.active_set())?
         } else {
             written.values.clone()
         };
-        let norm = self.weighted_norm(&residual, &norm.weights);
-        Ok(Measured { residual, written, relative, floor, settled, norm, rounding })
+        let norm = self.weighted_norm(&residual, norm);
+        Ok(Measured { residual, written, summands, relative, floor, settled, norm, rounding })
     }
 
-    /// The 2-norm over the free dofs, each times the weight of its field. Where squares leave the range of numbers the
-    /// entries are divided by a power of two near the largest before.
-    pub(super) fn weighted_norm(&self, residual: &[f64], weights: &[f64]) -> f64 {
+    /// The 2-norm over the free dofs, each times the weight of its field or of its equation. Where squares leave the range of
+    /// numbers the entries are divided by a power of two near the largest before.
+    pub(super) fn weighted_norm(&self, residual: &[f64], norm: &Norm) -> f64 {
+        let of_equations = |field: usize| !norm.equations.is_empty() && self.system.has_single_equations(field);
         let entries = || {
-            let fields = weights.iter().enumerate().filter_map(|(k, w)| Some((self.system.range(k)?, *w)));
-            let all = fields.flat_map(|(range, weight)| range.map(move |d| (d, weight)));
+            let fields = norm.weights.iter().enumerate().filter_map(|(k, w)| Some((k, self.system.range(k)?, *w)));
+            let all = fields.flat_map(|(field, range, weight)| {
+                let own = of_equations(field);
+                range.map(move |d| (d, if own { norm.equations[d] } else { weight }))
+            });
             all.filter(|(d, _)| self.system.numbering.free[*d] != FIXED).map(|(d, w)| w * residual[d])
         };
         let norm = |unit: f64| entries().fold(0.0, |total, x| total + (x / unit).powi(2)).sqrt();
@@ -160,6 +174,29 @@ impl LoadStep<'_> {
         }
         let unit = largest.log2().floor().clamp(-1000.0, 1000.0).exp2();
         unit * norm(unit)
+    }
+
+    /// By dof in fields with single equations what makes their residuals relative, times the size of the forces in the
+    /// other fields: then no equation hides another, whatever its units. Small equations of a field count less: where a
+    /// part of a field is zero its residuals are rounding.
+    pub(super) fn equation_weights(&self, here: &Measured) -> Vec<f64> {
+        let system = self.system;
+        let mut out = here.summands.clone();
+        if out.is_empty() {
+            return out;
+        }
+        let single = |k: &usize| system.has_single_equations(*k);
+        let others = (0..system.fields.len()).filter(|k| !single(k) && system.fields[*k].kind == FieldKind::Unknown);
+        let force = largest_of(others.map(|k| here.written.forces[k]));
+        let unit = if force > 0.0 { force } else { 1.0 };
+        for range in (0..system.fields.len()).filter(single).filter_map(|k| system.range(k)) {
+            let least = LEAST_IN_SEARCH * largest_of(range.clone().map(|d| out[d]));
+            for size in &mut out[range] {
+                let scale = size.max(least);
+                *size = if scale > 0.0 { unit / scale } else { 0.0 };
+            }
+        }
+        out
     }
 
     /// Factors that bring the equations of multipliers to the units of forces: the ratio of the largest entries of the
@@ -216,14 +253,34 @@ impl LoadStep<'_> {
         let mut rhs = Vec::new();
         self.system.numbering.gather(residual, &mut rhs);
         rhs.iter_mut().for_each(|r| *r = -*r);
-        history.solves.push(self.solve(&rhs, direction, unseen)?);
+        let report = match self.solve(&rhs, direction, unseen) {
+            Err(NewtonError::Solve(error)) if self.is_unresolved(&error) && self.system.soften(self.tangent) => {
+                self.solver.update(self.system, self.tangent, true)?;
+                self.solve(&rhs, direction, unseen)?
+            }
+            other => other?,
+        };
+        history.solves.push(report);
         Ok(())
+    }
+
+    /// Whether the tangent may be one beside which the bodies are rounding: then a flatter one shows the way.
+    fn is_unresolved(&self, error: &SolveError) -> bool {
+        use SolveError::{ResidualTooLarge, Singular, VanishingPivot};
+        self.contact.is_empty() && matches!(error, Singular { .. } | VanishingPivot { .. } | ResidualTooLarge { .. })
     }
 
     /// Hands the tangent to the linear solver.
     pub(super) fn factor(&mut self) -> Result<(), NewtonError> {
         let begin = Instant::now();
-        let result = self.solver.update(self.system, self.tangent, self.contact.is_as_written());
+        let mut result = self.solver.update(self.system, self.tangent, self.contact.is_as_written());
+        if let Err(error) = &result
+            && self.is_unresolved(error)
+            && self.system.soften(self.tangent)
+        {
+            let softened = self.solver.update(self.system, self.tangent, true);
+            result = if softened.is_ok() { softened } else { result };
+        }
         self.spent.factor += begin.elapsed().as_secs_f64();
         Ok(result?)
     }

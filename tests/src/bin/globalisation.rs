@@ -227,6 +227,19 @@ long or p - 1 times too short, and the residual norm grows before the energy doe
 evaluated with the multipliers at the end of the correction. The line search on the complementarity defect is used only
 where a step has left less than a tenth of the residual of the active-set equations.
 
+**Scales of residuals.** Forces on nodes balance between terms and cells: those of a field are relative to the largest
+of them. An equation of a single number, of a scalar that no term differentiates or of a global unknown, is relative to
+what cancels in it: the sum of the magnitudes of its summands, `|friction| + |eta*V| + |tau|` in
+`(friction + eta*V - tau)*Test_V`. A factor in front of the sum multiplies all of them, so that an equation may be
+multiplied by 1e30 and the next by 1e-30 without a change of an iteration; the search sees such equations divided by
+their scales. The summands are computed for such fields alone. Where a part of a field is zero, its equations are
+measured by 1e-16 of the largest.
+
+**Laws that are steep at rest.** Friction that grows with the logarithm of the slip rate may be 1e30 times as stiff at a
+rate of zero as the bodies, of whose stiffness no digit is left in the tangent then. Where the tangent is singular for
+that reason, a step is taken with a tangent that is 7e7 times as stiff as the bodies. A matrix counts as singular (E602)
+only if it is so with rows and columns each scaled to entries of 1.
+
 **Rounding.** If the residual is the rounding error of the product of matrix and state, the linear terms are evaluated
 at their integration points and the state is improved by iterative refinement (`refinement`).
 

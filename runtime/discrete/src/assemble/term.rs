@@ -6,6 +6,7 @@
 
 pub(super) mod gradients;
 pub(super) mod local;
+mod summands;
 mod work;
 
 use std::sync::{
@@ -40,6 +41,7 @@ use crate::{
     prologue::{StepAt, step_slots},
     share::Share,
 };
+use summands::Summands;
 use wfl_mesh::mesh::{Mesh, SupportSet};
 use wfl_sparse::{csr::Pattern, index::NONE};
 use work::{Kept, Located};
@@ -88,6 +90,7 @@ pub struct AssembledTerm {
     pub place: Option<SupportSet>,
     residual: Box<dyn PointKernel>,
     tangent: Option<Box<dyn PointKernel>>,
+    summands: Option<Summands>,
     /// What the prologue was given at this step, and what it made of it.
     step: Vec<f64>,
     uniforms: Vec<f64>,
@@ -154,6 +157,7 @@ impl AssembledTerm {
         let kernel = law.residual.kernel();
         let read = inputs_behind(kernel, &kernel.outputs);
         let residual_needs = binding.needs_of(n_bases, |k| read[k], true, false);
+        let summands = Summands::new(&law, binding, n_bases);
         let read = entries.reads(&law);
         let tangent_needs = binding.needs_of(n_bases, |k| read[k], true, true);
         let plans: Vec<TangentPlan> =
@@ -168,6 +172,7 @@ impl AssembledTerm {
             place,
             residual,
             tangent,
+            summands,
             step: Vec::new(),
             uniforms: Vec::new(),
             dofs,

@@ -2,11 +2,12 @@
 //!
 //! Promises: residuals are those of the matrix itself, in double-double where they are used for corrections. A matrix
 //! counts as singular when a vector v is found with `‖S A v‖ < 64 ε ‖S⁻¹ v‖` (maximum norms), where S scales A to a
-//! unit diagonal: no digit of that pivot is left in double precision. Does not know how systems are solved: a solver is
-//! a function that overwrites a vector.
+//! unit diagonal: no digit of that pivot is left in double precision. The same must hold where rows and columns are scaled
+//! each for itself: equations of unlike units (friction and a state variable) leave small products in one scale and none
+//! in the other. Does not know how systems are solved: a solver is a function that overwrites a vector.
 
 use super::row_owners::RowOwners;
-use super::scaling::symmetric_scale;
+use super::scaling::{equilibration, symmetric_scale};
 use super::triangular_solve::Transpose;
 use super::{NullVector, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, residual_and_size, residual_compensated};
@@ -330,7 +331,37 @@ impl BackwardErrorCheck {
             }
             v.iter_mut().for_each(|value| *value /= size);
         }
-        self.as_singular(parts, v)
+        let found = self.as_singular(parts, v)?;
+        self.is_singular_when_even(parts, solver).then_some(found)
+    }
+
+    /// Whether the matrix has a null vector, too, with rows and columns each brought to entries of about 1: with the
+    /// scales R and C, inverse iteration for `R A C`.
+    fn is_singular_when_even(&mut self, parts: &[&Csr], solver: &mut dyn FnMut(&mut [f64])) -> bool {
+        let sum = parts.split_first().map(|(first, rest)| {
+            rest.iter()
+                .try_fold((*first).clone(), |sum, part| sum.plus(part))
+                .map(|sum| self.whole(&sum).unwrap_or(sum))
+        });
+        let Some(Ok(matrix)) = sum else { return true };
+        let (rows, columns) = equilibration(&matrix);
+        let size = |v: &[f64]| largest(v.iter().zip(&columns).map(|(value, scale)| value / scale));
+        let start = |dof: usize| ((dof + 1) as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
+        let mut v: Vec<f64> = (0..columns.len()).map(|dof| start(dof) * columns[dof]).collect();
+        for _ in 0..INVERSE_ITERATIONS {
+            v.iter_mut().zip(&rows).zip(&columns).for_each(|((value, row), column)| *value /= row * column);
+            solver(&mut v);
+            let size = size(&v);
+            if !(size.is_finite() && size > 0.0) {
+                return true;
+            }
+            v.iter_mut().for_each(|value| *value /= size);
+        }
+        let zeros = vec![0.0; v.len()];
+        self.residual_of(parts, &zeros, &v);
+        let product = largest(self.residual.iter().zip(&rows).map(|(r, s)| r * s));
+        let ratio = product / size(&v);
+        !(ratio > SINGULAR)
     }
 
     /// The error for a null vector, if it is one.

@@ -1,0 +1,121 @@
+//! What cancels in an equation: the sum of the magnitudes of its summands.
+//!
+//! A residual alone does not say whether it is small: `tau - f(V)` of 1e-9 is solved where both are 30, and not where
+//! both are 1e-9. The flux of a term is a sum; its summands are what must balance.
+//!
+//! - A factor in front of the whole sum multiplies each summand, and so does a denominator.
+//! - A flux of one summand, a product, vanishes with one of its factors: each of these is measured by its own summands.
+//! - A function (`log(A/B)`) vanishes where its argument is right to its last digits: one is added to its value.
+//! - A product within a sum is one summand: of the rate `(u - Previous_u)/timestep` the slip is told from the load by
+//!   its value, not by that of u.
+//!
+//! Promises: at least the magnitude of the flux, but for rounding. Knows no test functions.
+
+use crate::{
+    ir::{Inst, Val},
+    scalar::Scalars,
+};
+
+/// The size of what cancels in `flux`; `moves` says of a scalar whether it changes with the unknowns.
+pub(crate) fn size(scalars: &mut Scalars, moves: &impl Fn(Val) -> bool, flux: Val) -> Val {
+    match scalars.insts[flux.index()].clone() {
+        Inst::Neg(a) => size(scalars, moves, a),
+        Inst::Add(..) | Inst::Sub(..) => sum(scalars, flux),
+        Inst::Mul(a, b) => {
+            let [x, y] = [a, b].map(|v| if moves(v) { size(scalars, moves, v) } else { scalars.abs(v) });
+            scalars.mul(x, y)
+        }
+        Inst::Div(a, b) => {
+            let (x, y) = (size(scalars, moves, a), scalars.abs(b));
+            scalars.div(x, y)
+        }
+        Inst::Select(mask, a, b) => {
+            let (x, y) = (size(scalars, moves, a), size(scalars, moves, b));
+            scalars.select(mask, x, y)
+        }
+        Inst::Call1(..) | Inst::Call2(..) if moves(flux) => {
+            let (value, one) = (scalars.abs(flux), scalars.constant(1.0));
+            scalars.add(value, one)
+        }
+        _ => scalars.abs(flux),
+    }
+}
+
+/// Of a sum, differences and opposites included.
+fn sum(scalars: &mut Scalars, root: Val) -> Val {
+    let (mut left, mut total) = (vec![root], None);
+    while let Some(v) = left.pop() {
+        match scalars.insts[v.index()] {
+            Inst::Add(a, b) | Inst::Sub(a, b) => left.extend([b, a]),
+            Inst::Neg(a) => left.push(a),
+            _ => {
+                let size = scalars.abs(v);
+                total = Some(total.map_or(size, |total| scalars.add(total, size)));
+            }
+        }
+    }
+    total.expect("a sum has summands")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{emitter::Emitter, interp::interpret, math::MathFn1};
+
+    /// The size at these values of inputs that all are unknowns; the first uniform is a number of the step.
+    fn at(make: impl Fn(&mut Scalars, &[Val]) -> Val, inputs: [f64; 3]) -> f64 {
+        let mut scalars = Scalars::default();
+        let list: Vec<Val> = (0..3).map(|k| scalars.input(k)).collect();
+        let flux = make(&mut scalars, &list);
+        let moving: Vec<bool> = (0..=flux.index()).map(|k| !scalars.uniform[k]).collect();
+        let found = size(&mut scalars, &|v: Val| moving[v.index()], flux);
+        let mut emitter = Emitter::new(&scalars, 3);
+        let kernel = emitter.kernel("size", &[found]);
+        let (kernel, _, _, _) = emitter.finish(kernel.clone(), kernel.clone(), [None, None], Vec::new(), "size");
+        let blocked: Vec<f64> = inputs.iter().flat_map(|x| [*x; crate::ir::LANES]).collect();
+        let mut out = vec![0.0; crate::ir::LANES];
+        for (lane, slot) in out.iter_mut().enumerate() {
+            let one: Vec<f64> = inputs.iter().enumerate().map(|(k, _)| blocked[k * crate::ir::LANES + lane]).collect();
+            let mut single = [0.0];
+            interpret(&kernel, &[], &one, &mut Vec::new(), &mut single);
+            *slot = single[0];
+        }
+        out[0]
+    }
+
+    #[test]
+    fn what_cancels_is_the_sum_of_the_magnitudes_of_the_summands() {
+        // 3 - 7 + 2, of which 2 is a product
+        let plain = |s: &mut Scalars, v: &[Val]| {
+            let (two, part) = (s.constant(2.0), s.sub(v[0], v[1]));
+            let product = s.mul(two, v[2]);
+            s.add(part, product)
+        };
+        assert_eq!(at(plain, [3.0, 7.0, 1.0]), 12.0);
+        // the opposite of a difference, ten times
+        let factor = |s: &mut Scalars, v: &[Val]| {
+            let (ten, part) = (s.constant(10.0), s.sub(v[0], v[1]));
+            let product = s.mul(ten, part);
+            s.neg(product)
+        };
+        assert_eq!(at(factor, [3.0, 7.0, 0.0]), 100.0);
+        // a product of two differences
+        let product = |s: &mut Scalars, v: &[Val]| {
+            let (a, b) = (s.sub(v[0], v[1]), s.sub(v[1], v[2]));
+            s.mul(a, b)
+        };
+        assert_eq!(at(product, [3.0, 3.0, 1.0]), 24.0);
+        // a difference within a sum is one number only where a factor stands before it
+        let rate = |s: &mut Scalars, v: &[Val]| {
+            let (hundred, part) = (s.constant(100.0), s.sub(v[0], v[1]));
+            let rate = s.mul(hundred, part);
+            s.sub(rate, v[2])
+        };
+        assert_eq!(at(rate, [1.01, 1.0, 1.0]), 100.0 * (1.01 - 1.0) + 1.0);
+        let log = |s: &mut Scalars, v: &[Val]| {
+            let ratio = s.div(v[0], v[1]);
+            s.call1(MathFn1::Log, ratio)
+        };
+        assert_eq!(at(log, [5.0, 5.0, 0.0]), 1.0);
+    }
+}

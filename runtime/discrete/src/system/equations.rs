@@ -1,0 +1,69 @@
+//! What the equations of single numbers are relative to, each for itself: what cancels in it.
+//!
+//! Of forces on nodes the largest is the scale of all (`System::scales`). A rate, a state variable, a global unknown has
+//! an equation of its own: a sum that must vanish, whose summands may be 1e-30 in one equation and 1e30 in the next.
+
+use wfl_compiler::{
+    Class,
+    types::{FieldKind, FieldOp},
+};
+
+use super::{Residual, System};
+use crate::field::FieldSpace;
+use crate::finite::largest;
+
+/// An equation is measured at least against this part of the largest of its field: where a part of a field is zero, one
+/// solution leaves rounding of its neighbours there, and the next one rounding of that.
+const LEAST: f64 = f64::EPSILON;
+
+impl System {
+    /// True if the equations of a field are those of single numbers: each of its terms tests values of a scalar or of a
+    /// global unknown, and all of them say what cancels. A scalar needs a term that is not affine: affine equations are
+    /// solved by one solution, whose rounding is relative to the largest.
+    #[must_use]
+    pub fn has_single_equations(&self, field: usize) -> bool {
+        let f = &self.fields[field];
+        let is_global = matches!(f.space, FieldSpace::Global);
+        if f.kind != FieldKind::Unknown || self.range(field).is_none() || !(is_global || f.n_components == 1) {
+            return false;
+        }
+        let mut changes = is_global;
+        for term in &self.terms {
+            let mut slots = term.law.tests.iter().filter(|slot| slot.field.index() == field).peekable();
+            if slots.peek().is_none() {
+                continue;
+            }
+            let is_affine = term.law.class < Class::Nonlinear;
+            if !slots.all(|slot| slot.op == FieldOp::Value) || !is_affine && term.law.summands.is_none() {
+                return false;
+            }
+            changes |= !is_affine;
+        }
+        changes
+    }
+
+    /// By dof what the residual `here` at `u` is relative to in fields with single equations: the sum of the magnitudes
+    /// of what is summed; other dofs have any number. Empty without such fields, and then nothing is evaluated.
+    #[must_use]
+    pub fn summands(&self, u: &[f64], here: &Residual) -> Vec<f64> {
+        let single: Vec<bool> = (0..self.fields.len()).map(|k| self.has_single_equations(k)).collect();
+        if !single.contains(&true) {
+            return Vec::new();
+        }
+        let mut out = vec![0.0; u.len()];
+        let values = self.values(u);
+        for term in self.terms.iter().filter(|t| t.law.class >= Class::Nonlinear) {
+            if term.law.tests.iter().any(|slot| single[slot.field.index()]) {
+                term.add_own_summands(&self.mesh, values.view(), &mut out, self.share.as_deref());
+            }
+        }
+        self.team().sum(&mut out);
+        self.numbering.turn_sizes(&mut out);
+        out.iter_mut().zip(&here.linear_sizes).for_each(|(sum, linear)| *sum += linear);
+        for range in (0..single.len()).filter(|k| single[*k]).filter_map(|k| self.range(k)) {
+            let least = LEAST * largest(range.clone().map(|d| out[d]));
+            out[range].iter_mut().for_each(|size| *size = size.max(least));
+        }
+        out
+    }
+}

@@ -1,0 +1,115 @@
+//! The residual of each field relative to its scale, and whether what is left is rounding.
+//!
+//! Fields whose forces meet share one measure, that of the largest force. Single equations (a rate, a state variable, a
+//! global unknown) are each measured by what cancels in them. Promises: knows no system; decides nothing but whether
+//! rounding is all that is left.
+
+/// This part of the forces out of balance is much: the largest tolerance that can be asked for.
+const MUCH: f64 = crate::LARGEST_TOLERANCE;
+
+/// Measures of a field, or of the first of those that share one.
+#[derive(Clone, Copy, Default)]
+struct FieldMeasure {
+    /// The largest residual over its scale.
+    relative: f64,
+    /// What rounding leaves of it.
+    floor: f64,
+    /// An equation of a field with single equations is neither within the tolerance nor rounding.
+    open: bool,
+    /// It has single equations.
+    single: bool,
+    /// Much of its forces is open, and more than terms of constant stiffness leave by rounding.
+    steep: bool,
+}
+
+/// Measures of all fields.
+pub(crate) struct FieldMeasures {
+    fields: Vec<FieldMeasure>,
+}
+
+impl FieldMeasures {
+    pub(crate) fn new(n_fields: usize) -> Self {
+        Self { fields: vec![FieldMeasure::default(); n_fields] }
+    }
+
+    /// Adds forces: the largest residual, the largest force, and what rounding leaves: of all terms, and of those whose
+    /// stiffness does not change. A law that is steep where it has hardly begun (friction at a slip rate of zero) has a
+    /// stiffness against which every force is rounding: that is no reason to stop with much of the forces open.
+    pub(crate) fn add_forces(&mut self, field: usize, residual: f64, scale: f64, rounding: [f64; 2]) {
+        if residual > 0.0 {
+            let f = &mut self.fields[field];
+            f.relative = f.relative.max(residual / scale);
+            f.floor = f.floor.max(rounding[0] / scale);
+            f.steep |= residual > MUCH * scale && residual > rounding[1];
+        }
+    }
+
+    /// Adds equations: of each the residual, what cancels in it, and what rounding leaves.
+    pub(crate) fn add_equations(&mut self, field: usize, equations: &[[f64; 3]], tolerance: f64) {
+        let f = &mut self.fields[field];
+        f.single = true;
+        for [residual, scale, rounding] in equations.iter().filter(|[residual, ..]| *residual > 0.0) {
+            f.relative = f.relative.max(residual / scale);
+            f.floor = f.floor.max(rounding / scale);
+            f.open |= *residual > tolerance * scale && !(rounding.is_finite() && *residual <= *rounding);
+        }
+    }
+
+    /// The largest relative residual.
+    pub(crate) fn relative(&self) -> f64 {
+        self.fields.iter().fold(0.0, |m, f| m.max(f.relative))
+    }
+
+    /// The largest floor.
+    pub(crate) fn floor(&self) -> f64 {
+        self.fields.iter().fold(0.0, |m, f| m.max(f.floor))
+    }
+
+    /// True if each kind of unknown is for itself within the tolerance or what rounding leaves: rounding of one says
+    /// nothing of another. The equation of a multiplier has what rounding leaves of the displacements in it, which its own
+    /// numbers do not tell. Not finite, a floor says that nothing is known, not that nothing is left to do.
+    pub(crate) fn are_settled(&self, is_multiplier: impl Fn(usize) -> bool, tolerance: f64) -> bool {
+        let of_forces = self.fields.iter().filter(|f| !f.single).fold(0.0f64, |m, f| m.max(f.floor));
+        self.fields.iter().enumerate().all(|(k, f)| {
+            let least = if is_multiplier(k) { of_forces } else { f.floor };
+            let rounded = if f.single { !f.open } else { !f.steep && least.is_finite() && f.relative <= least };
+            f.relative <= tolerance || rounded
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_equation_is_open_until_it_is_small_beside_what_cancels_in_it() {
+        let mut all = FieldMeasures::new(2);
+        all.add_forces(0, 1e-12, 1.0, [1e-15, f64::INFINITY]);
+        all.add_equations(1, &[[1e-20, 1e-9, 1e-24], [1e-12, 30.0, 1e-14]], 1e-10);
+        assert!(all.are_settled(|_| false, 1e-10) && all.relative() == 1e-20 / 1e-9);
+        all.add_equations(1, &[[1e-18, 1e-9, 1e-24]], 1e-10);
+        assert!(!all.are_settled(|_| false, 1e-10), "one part in 1e9 of what cancels is left");
+        let mut all = FieldMeasures::new(1);
+        all.add_equations(0, &[[1e-18, 1e-9, 1e-17], [0.0, 0.0, 0.0]], 1e-10);
+        assert!(all.are_settled(|_| false, 1e-10), "that is rounding");
+    }
+
+    #[test]
+    fn a_multiplier_has_the_rounding_of_the_forces() {
+        let mut all = FieldMeasures::new(2);
+        all.add_forces(0, 1e-13, 1.0, [1e-8, f64::INFINITY]);
+        all.add_forces(1, 1e-9, 1.0, [1e-12, f64::INFINITY]);
+        assert!(all.are_settled(|k| k == 1, 1e-10) && !all.are_settled(|_| false, 1e-10));
+    }
+
+    #[test]
+    fn a_stiffness_that_swallows_all_forces_is_no_reason_to_stop() {
+        let settled = |kept: f64| {
+            let mut all = FieldMeasures::new(1);
+            all.add_forces(0, 30.0, 30.0, [1e11, kept]);
+            all.are_settled(|_| false, 1e-10)
+        };
+        assert!(!settled(1e-12) && settled(31.0) && settled(f64::INFINITY));
+    }
+}
