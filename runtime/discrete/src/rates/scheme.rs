@@ -26,6 +26,8 @@ pub enum Scheme {
     },
     /// Newmark's rule, with the equations at a state between start and end of the step.
     Alpha(Alpha),
+    /// Central differences on a lumped mass: rates are those that are kept, whatever is solved for.
+    Explicit,
 }
 
 /// A generalised alpha method, in the notation of Chung and Hulbert.
@@ -120,6 +122,9 @@ impl Scheme {
                 return Rows([first, Row { change: 1.0 / (h * h), kept: [-1.0 / h, 0.0] }]);
             }
             Scheme::Newmark { beta, gamma } => (*beta, *gamma),
+            Scheme::Explicit => {
+                return Rows([[1.0, 0.0], [0.0, 1.0]].map(|kept| Row { change: 0.0, kept }));
+            }
             Scheme::Alpha(a) => match form {
                 RateForm::Second => a.newmark(),
                 // of second order where gamma = 1/2 + alpha_m - alpha_f in the notation of Jansen, Whiting and Hulbert
