@@ -17,7 +17,9 @@ mod scene;
 pub use wfl_checks::{self as checks, consistency};
 pub use wfl_contact as contact;
 use wfl_discrete::value;
-pub use wfl_discrete::{assemble, field, finite, frames, point_space, point_values, pruning, rates, space, system};
+pub use wfl_discrete::{
+    assemble, field, finite, frames, lumped, point_space, point_values, pruning, rates, space, system,
+};
 pub use wfl_host::{input, memory, reading, team};
 pub use wfl_mesh::{element, mesh, quadrature, refine};
 pub use wfl_newton as newton;
@@ -33,11 +35,11 @@ pub use run::{
 };
 pub use savings::{SavingError, savings};
 pub use scene::{
-    Auto, Cadence, CallerValues, CsvOutput, EventRule, Every, GiveError, Given, InputFile, Measure, NamedRegion, Over,
-    PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples, Scene, SceneBox,
-    Sketch, Source, StateAt, StateUpdate, StepPlace, Steps, TermSummary, VtkOutput, coarse_loads, coercivity,
-    contact_forms, hourglasses, locked_bodies, messages_without_mesh, negative_bodies, prepare, prepare_keeping,
-    prepare_refined, without_auto,
+    Auto, Cadence, CallerValues, CsvOutput, Energy, EventRule, Every, Explicit, GiveError, Given, InputFile, Measure,
+    NamedRegion, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples,
+    Scene, SceneBox, Sketch, Source, StateAt, StateUpdate, StepPlace, Steps, TermSummary, VtkOutput, coarse_loads,
+    coercivity, contact_forms, hourglasses, locked_bodies, messages_without_mesh, negative_bodies, prepare,
+    prepare_keeping, prepare_refined, without_auto,
 };
 pub use solve::SolverMemory;
 pub use system::{

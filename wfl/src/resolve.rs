@@ -45,7 +45,7 @@ pub const OPTIONS: &[(&str, &[&str])] = &[
     ("mesh", &["idle_cells"]),
     ("multiplier", &["crosspoints"]),
     ("steps", &["error", "first", "halve", "least", "limit", "most", "on_fail"]),
-    ("scheme", &["alpha", "beta", "gamma", "rho_inf"]),
+    ("scheme", &["alpha", "beta", "energy", "fraction", "gamma", "rho_inf"]),
     ("solver", &["accuracy", "amg", "cg", "direct", "max_iter", "of", "search", "tol"]),
     ("output", &["points"]),
 ];
@@ -54,7 +54,7 @@ pub const OPTIONS: &[(&str, &[&str])] = &[
 pub const FORMATS: &[&str] = &["vtk", "csv"];
 
 /// Schemes of time integration.
-pub const SCHEMES: &[&str] = &["backward_euler", "bdf2", "newmark", "hht", "generalised_alpha"];
+pub const SCHEMES: &[&str] = &["backward_euler", "bdf2", "newmark", "hht", "generalised_alpha", "explicit"];
 
 /// Methods of `solver`.
 pub const SOLVERS: &[&str] = &["newton", "linear"];
@@ -176,6 +176,14 @@ impl<'d> Resolver<'d> {
         let of_events: Vec<String> = s.events.iter().flat_map(of_events).collect();
         kept.extend(s.events.iter().map(|e| e.name.name.as_str()));
         kept.extend(of_events.iter().map(String::as_str));
+        // a measure of an energy has no statement of its own
+        let energies: Vec<String> = if s.scheme.is_some() {
+            let energy = |name: &&String| name.starts_with("energy_");
+            self.names.values.keys().filter(energy).cloned().collect()
+        } else {
+            Vec::new()
+        };
+        kept.extend(energies.iter().map(String::as_str));
         let regions: BTreeSet<&str> = s.regions.iter().map(|r| r.name.name.as_str()).collect();
         for (name, (kind, _)) in self.names.values.iter().filter(|(n, _)| !kept.contains(n.as_str())) {
             s.lost.add(name);

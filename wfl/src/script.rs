@@ -13,6 +13,8 @@ use crate::{
     lost::Lost,
     source::{SourceId, SourceMap, Span},
     tables::Table,
+    walk::each_name,
+    words::split_prefixes,
 };
 
 /// A scene whose names of statements are checked and whose macros are expanded. Lists are in the order of the text.
@@ -69,6 +71,44 @@ pub struct ResolvedScript {
     pub tables: Vec<Arc<Table>>,
     /// Names whose statements have errors and are not in these lists.
     pub lost: Lost,
+}
+
+impl ResolvedScript {
+    /// The names of the measures that `scheme ... energy` asks for; none without it.
+    #[must_use]
+    pub fn energies(&self) -> Vec<String> {
+        let asked = self.scheme.iter().flat_map(|s| &s.options).any(|o| o.name.name == "energy");
+        if asked { Self::energies_of(&self.terms_with_energy()) } else { Vec::new() }
+    }
+
+    /// The names of the measures of a balance of energy over these terms: kinetic energy, what each term has taken up, the
+    /// work of loads and of prescribed values, what is lost.
+    #[must_use]
+    pub fn energies_of(terms: &[String]) -> Vec<String> {
+        let ends = ["kinetic"].into_iter().chain(terms.iter().map(String::as_str));
+        ends.chain(["loads", "prescribed", "lost"]).map(|end| format!("energy_{end}")).collect()
+    }
+
+    /// The terms that are more than inertia, each name once. Terms without a name are numbered.
+    #[must_use]
+    pub fn terms_with_energy(&self) -> Vec<String> {
+        let solved_for = |kind: &FieldKind| matches!(kind, FieldKind::Unknown | FieldKind::Multiplier { .. });
+        let mut names: Vec<String> = Vec::new();
+        for (k, term) in self.terms.iter().enumerate() {
+            let mut only_inertia = false;
+            each_name(&term.expr, &mut |word| only_inertia |= split_prefixes(word).0.contains("Dot2_"));
+            each_name(&term.expr, &mut |word| {
+                let (prefixes, root) = split_prefixes(word);
+                let is_field = self.fields.iter().any(|f| f.name.name == root && solved_for(&f.kind));
+                only_inertia &= !is_field || prefixes.contains("Dot2_") || prefixes.contains("Test_");
+            });
+            let name = term.name.as_ref().map_or_else(|| format!("term{}", k + 1), |n| n.name.clone());
+            if !only_inertia && !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
+    }
 }
 
 /// `mesh ...`

@@ -100,6 +100,31 @@ fn a_killed_run_with_inertia_and_contact_goes_on_to_the_same_bytes() {
     goes_on_to_the_same_bytes(&folder, &scene, 5);
 }
 
+/// Velocities, states and the balance of energy pass from one explicit step to the next.
+#[test]
+fn a_killed_run_of_explicit_steps_goes_on_to_the_same_bytes() {
+    let folder = Folder::new("killed-explicit");
+    let scene = folder.0.join("slid.wfl");
+    let text = r#"wfl 1
+mesh box [0] to [1] cells [400] segment
+region fault = faces where x == 0
+region far   = faces where x == 1
+unknown u : scalar
+state s : scalar on fault := s + abs(u - Previous_u)
+term inertia on all : Dot2_u*Test_u
+term stress on all : Grad_u.Grad_Test_u
+term friction on fault : (0.6 - 0.3*min(s/0.1, 1))*Test_u
+term absorbing on far : Dot_u*Test_u
+load u = -0.7 on fault
+scheme explicit energy=1
+steps t = 0 to 2 by auto
+measure slid = mean(s) on fault
+output vtk "u" every 40 : u, Dot_u as velocity
+"#;
+    std::fs::write(&scene, text).expect("writable");
+    goes_on_to_the_same_bytes(&folder, &scene, 10);
+}
+
 /// Kills runs of a scene that writes more than so many files.
 fn goes_on_to_the_same_bytes(folder: &Folder, scene: &Path, n_files: usize) {
     let whole = folder.0.join("whole");

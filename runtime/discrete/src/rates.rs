@@ -156,6 +156,30 @@ impl Rates {
         &mut self.fields
     }
 
+    /// Takes first and second rates, by dof, as those at the end of the last step.
+    pub fn take(&mut self, first: &[f64], second: &[f64]) {
+        for of in &mut self.fields {
+            let dofs = of.dofs.clone();
+            for (kept, all) in of.kept.iter_mut().zip([first, second]).filter(|(kept, _)| !kept.is_empty()) {
+                kept.copy_from_slice(&all[dofs.clone()]);
+            }
+        }
+        self.hold();
+    }
+
+    /// First and second rates at the end `u` of a step that began at `before`, by dof; zero where there are none.
+    #[must_use]
+    pub fn ended(&self, u: &[f64], before: &[f64]) -> [Vec<f64>; 2] {
+        let mut all = [vec![0.0; u.len()], vec![0.0; u.len()]];
+        let kept = self.at_end(u, before).unwrap_or_else(|| self.fields.iter().map(|of| of.kept.clone()).collect());
+        for (of, kept) in self.fields.iter().zip(kept) {
+            for (all, kept) in all.iter_mut().zip(kept).filter(|(_, kept)| !kept.is_empty()) {
+                all[of.dofs.clone()].copy_from_slice(&kept);
+            }
+        }
+        all
+    }
+
     /// What the past gives of a rate of a field, by its dofs; empty for a field without.
     #[must_use]
     pub fn history(&self, order: RateOrder, field: usize) -> &[f64] {

@@ -6,10 +6,10 @@
 //! those of the step before. Does not write anything.
 
 use super::{
-    Clock, Progress,
+    Attempt, AttemptEnd, Clock, Path, Progress,
     control::Control,
     remembered::{Adaptive, joined},
-    stepping::{self, Attempt, AttemptEnd, Leg, Path, Reached, StepError, Stepper, Target},
+    stepping::{self, Leg, Reached, StepError, Stepper, Target},
 };
 use crate::{
     newton::StepHistory,

@@ -1,10 +1,7 @@
 //! Where a run starts, which step comes next, and where it lies among the others. Solves nothing.
 
 use super::{Run, StepResult, stepping::Leg};
-use crate::{
-    finite::BadGiven,
-    scene::{Scene, StepPlace, node_positions},
-};
+use crate::scene::{Scene, StepPlace};
 
 /// A step that is to be solved.
 #[derive(Clone, Copy)]
@@ -54,20 +51,4 @@ impl Run {
         let before = number.checked_sub(1).map_or(step.time, |k| self.steps[k].time);
         StepPlace { number, time: step.time, before, events }
     }
-}
-
-/// First values of the scene: those of the unknowns by dof, those of states where they are kept.
-pub(super) fn start(scene: &mut Scene) -> Result<Vec<f64>, BadGiven> {
-    let mut u = vec![0.0; scene.system.numbering.n_dofs];
-    let time = scene.steps.first();
-    for (field, value) in &mut scene.starts {
-        let positions = node_positions(&scene.system, *field);
-        let values = value.at(&positions, time, 0.0)?;
-        match scene.system.numbering.starts[*field] {
-            Some(first) => u[first..first + values.len()].copy_from_slice(&values),
-            None => scene.system.known.data[*field] = values,
-        }
-    }
-    scene.system.numbering.follow(&mut u);
-    Ok(u)
 }

@@ -17,8 +17,8 @@ use std::{
 use thiserror::Error;
 
 use super::{
-    Attempt, AttemptEnd, Clock, Path, Run, RunError, StepResult, control::Control, memory::Memory, past::Past,
-    remembered::Adaptive,
+    Attempt, AttemptEnd, Clock, Path, Run, RunError, StepResult, balance::Balance, control::Control, memory::Memory,
+    past::Past, remembered::Adaptive,
 };
 use crate::{
     assemble::NegativeVolumes,
@@ -152,6 +152,7 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Memory) -> Co
     w.count(run.stepper.level as usize);
     w.count(run.stepper.easy as usize);
     adaptive(&mut w, run.stepper.adaptive.as_ref());
+    balance(&mut w, run.stepper.balance.as_ref());
     let c = run.clock;
     w.numbers(&[c.assemble, c.factor, c.solve, c.write, c.check, c.measure]);
     Content { state: w.bytes, entry, at }
@@ -183,6 +184,7 @@ pub(super) struct Found {
     pub(super) level: u32,
     pub(super) easy: u32,
     pub(super) adaptive: Option<Adaptive>,
+    pub(super) balance: Option<Balance>,
     pub(super) clock: Clock,
     pub(super) log: Log,
 }
@@ -281,11 +283,11 @@ fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Foun
         reference: Reference { values: r.numbers()?, groups: r.list(|r| r.list(Reader::small))?, whole: r.count()? },
     };
     let (level, easy) = (r.small()?, r.small()?);
-    let adaptive = read_adaptive(r)?;
+    let (adaptive, balance) = (read_adaptive(r)?, read_balance(r)?);
     let [assemble, factor, solve, write, check, measure] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let clock = Clock { assemble, factor, solve, write, check, measure };
     r.end()?;
-    Ok(Found { steps, u, memory, rates, solver, level, easy, adaptive, clock, log })
+    Ok(Found { steps, u, memory, rates, solver, level, easy, adaptive, balance, clock, log })
 }
 
 /// The content behind the header, if the file is whole.
@@ -351,6 +353,29 @@ fn read_adaptive(r: &mut Reader<'_>) -> Result<Option<Adaptive>, Unreadable> {
     let scales = r.numbers()?;
     let past = Past { increments: r.numbers()?, solutions: r.list(Reader::numbers)? };
     Ok(Some(Adaptive { control, past, scales }))
+}
+
+fn balance(w: &mut Writer, b: Option<&Balance>) {
+    w.flag(b.is_some());
+    let Some(b) = b else { return };
+    [&b.kinetic[..], &b.works, &[b.prescribed], &b.total].iter().for_each(|numbers| w.numbers(numbers));
+    w.count(b.forces.len());
+    b.forces.iter().for_each(|f| w.numbers(f));
+}
+
+fn read_balance(r: &mut Reader<'_>) -> Result<Option<Balance>, Unreadable> {
+    if !r.flag()? {
+        return Ok(None);
+    }
+    let kinetic = r.numbers()?.try_into().map_err(|_| Unreadable)?;
+    let works = r.numbers()?;
+    let [prescribed] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let total = r.numbers()?;
+    let forces = r.list(Reader::numbers)?;
+    if forces.is_empty() || works.len() != forces.len() || forces.iter().any(|f| f.len() != total.len()) {
+        return Err(Unreadable);
+    }
+    Ok(Some(Balance { kinetic, works, prescribed, forces, total }))
 }
 
 fn step(w: &mut Writer, s: &StepResult) {

@@ -37,6 +37,19 @@ impl Memory {
         Self { changing, ..Self::of(scene, tangent) }
     }
 
+    /// What steps without a tangent leave: the state of contact and the states.
+    pub(super) fn without_tangent(scene: &Scene) -> Self {
+        let system = &scene.system;
+        let states = states(system).map(|k| system.known.data[k].clone()).collect();
+        Self { changing: Vec::new(), contact: scene.contact.memory(), states }
+    }
+
+    /// Goes back to what [`Self::without_tangent`] kept, as [`Self::recall`] does.
+    #[must_use]
+    pub(super) fn recall_without_tangent(&self, scene: &mut Scene) -> bool {
+        self.changing.is_empty() && self.recall_states(scene)
+    }
+
     /// Goes back to what [`Self::of_all`] kept, as [`Self::recall`] does.
     #[must_use]
     pub(super) fn recall_of_all(&self, scene: &mut Scene, tangent: &mut Tangent) -> bool {
@@ -52,13 +65,20 @@ impl Memory {
     /// Goes back to what was remembered. False, and nothing is changed, if that belongs to another scene.
     #[must_use]
     pub(super) fn recall(&self, scene: &mut Scene, tangent: &mut Tangent) -> bool {
-        let known = &scene.system.known.data;
-        let fits = self.changing.len() == tangent.changing.values().len()
-            && states(&scene.system).map(|k| known[k].len()).eq(self.states.iter().map(Vec::len));
-        if !fits || !scene.contact.recall(&self.contact) {
+        if self.changing.len() != tangent.changing.values().len() || !self.recall_states(scene) {
             return false;
         }
         tangent.changing.values_mut().copy_from_slice(&self.changing);
+        true
+    }
+
+    /// Contact and states alone.
+    fn recall_states(&self, scene: &mut Scene) -> bool {
+        let known = &scene.system.known.data;
+        let fits = states(&scene.system).map(|k| known[k].len()).eq(self.states.iter().map(Vec::len));
+        if !fits || !scene.contact.recall(&self.contact) {
+            return false;
+        }
         let of: Vec<usize> = states(&scene.system).collect();
         of.iter().zip(&self.states).for_each(|(k, s)| scene.system.known.data[*k].clone_from(s));
         true

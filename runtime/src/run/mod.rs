@@ -6,13 +6,18 @@
 
 mod adaptive;
 mod asked;
+mod attempts;
+mod balance;
 mod checkpoint;
 mod control;
 mod events;
+mod explicit;
 mod files;
 mod folder;
 mod judged;
+mod leaving;
 mod memory;
+mod options;
 mod outcome;
 mod past;
 mod quantities;
@@ -24,18 +29,19 @@ mod session;
 mod stepping;
 
 use std::{
-    path::PathBuf,
     sync::mpsc::{SyncSender, sync_channel},
     time::{Duration, Instant},
 };
 
+pub use attempts::{Attempt, AttemptEnd, Path};
 pub use checkpoint::{CHECKPOINT_FILE, CheckpointError};
 pub use events::Episode;
 pub use folder::{finished, may_begin};
 pub use memory::Memory;
+pub use options::RunOptions;
 pub use outcome::{KeptStep, KeptTable, Outcome, save};
 pub use session::Session;
-pub use stepping::{Attempt, AttemptEnd, FRUITLESS, Path};
+pub use stepping::FRUITLESS;
 use thiserror::Error;
 use wfl_compiler::ir::Origin;
 
@@ -45,14 +51,13 @@ use crate::{
     contact::{FrictionWork, friction_work},
     finite::{BadGiven, BadMeasure, BadOutput},
     newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
-    output::{About, Hash, OrderedMap, OutputDir, OutputError, State, write_report},
-    pruning::Saving,
-    scene::{Scene, set_data},
-    solve::{Linked, Precision, SolverOptions},
+    output::{Hash, OutputDir, OutputError, State, write_report},
+    scene::{Scene, set_data, start},
+    solve::SolverOptions,
     system::Form,
 };
 use adaptive::Reach;
-use asked::{Asked, start};
+use asked::Asked;
 use checkpoint::Log;
 use events::{Sides, lasts};
 use files::{CheckpointCost, Files, StepFiles};
@@ -68,74 +73,6 @@ const CHECKPOINT_EVERY: Duration = Duration::from_millis(100);
 const CHECKPOINT_SHARE: u32 = 20;
 /// Bytes of stack of the threads of a run: as many as the first thread of a program has.
 const STACK: usize = 8 << 20;
-
-/// How a scene is run.
-#[derive(Clone, Debug)]
-pub struct RunOptions {
-    /// The scene's name: its file without folder and ending.
-    pub name: String,
-    /// Where results go; `None` writes nothing.
-    pub out: Option<PathBuf>,
-    /// Go on from the checkpoint in `out`, if there is one.
-    pub resume: bool,
-    /// The texts of the scene by name: results are only good for their own.
-    pub texts: OrderedMap<Hash>,
-    /// What else was given that changes numbers, by name: knobs, prunings that are put back.
-    pub settings: OrderedMap<String>,
-    /// Threads of assembly and solver.
-    pub threads: usize,
-    /// Precision of the factor of the matrix of the contact forces.
-    pub precision: Precision,
-    /// A library that solves linear systems in place of our own solvers.
-    pub library: Option<Linked>,
-    /// Version of the program.
-    pub version: String,
-    /// Seconds spent on parsing before.
-    pub parse_seconds: f64,
-    /// Seconds spent on looking at the scene before.
-    pub check_seconds: f64,
-    /// Start of the process.
-    pub started: Instant,
-    /// Warnings to keep in the report.
-    pub warnings: Vec<String>,
-    /// What the report says about the scene.
-    pub about: About,
-    /// What the report says about savings, measured before.
-    pub savings: Vec<Saving>,
-    /// The unknowns of every step stay in memory, not only those of the last one.
-    pub keep_states: bool,
-    /// Numbers of the steps whose outputs stay in memory, see [`Outcome::kept`].
-    pub keep_outputs: Vec<usize>,
-    /// Converged states are judged: digits, equilibrium, conditions of contact. Runs on the way to another one need none.
-    pub judge: bool,
-}
-
-impl RunOptions {
-    /// A run that writes no files and keeps the unknowns of its last step only.
-    #[must_use]
-    pub fn without_files(threads: usize, started: Instant) -> Self {
-        Self {
-            name: String::new(),
-            out: None,
-            resume: false,
-            texts: OrderedMap::new(),
-            settings: OrderedMap::new(),
-            threads,
-            precision: Precision::Auto,
-            library: None,
-            version: String::new(),
-            parse_seconds: 0.0,
-            check_seconds: 0.0,
-            started,
-            warnings: Vec::new(),
-            about: About::default(),
-            savings: Vec::new(),
-            keep_states: false,
-            keep_outputs: Vec::new(),
-            judge: true,
-        }
-    }
-}
 
 /// Events of a run.
 pub trait Progress: Send {
@@ -265,6 +202,9 @@ pub enum RunError {
         /// Where.
         position: [f64; 3],
     },
+    /// The caller wants to solve the equations of a step, and the scheme has none.
+    #[error("`scheme explicit` has no equations to solve: its steps are made by `step`, not by `begin`")]
+    NoEquations,
     /// A file could not be written.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -515,6 +455,8 @@ impl Run {
         let before = scene.contact.has_sliding().then(|| self.u.clone());
         let reached = if number == 0 && scene.steps.from_start {
             self.stepper.given(scene, &self.u, leg, &mut self.clock, progress)
+        } else if let Some(explicit) = scene.explicit.clone() {
+            self.stepper.explicit(scene, &explicit, &mut self.u, leg, &mut self.clock)
         } else if let (None, Some(at)) = (count, leg.from) {
             let reach = Reach { at, stop: leg.to, limit: self.limit() };
             self.stepper.advance(scene, &mut self.u, reach, &mut self.clock, progress)
@@ -536,7 +478,8 @@ impl Run {
         let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
         let judged = judged.map_err(|error| wrap(self, scene, error.into()))?;
         let Judged { accuracy, checks, turned, narrow, others, residual } = judged;
-        let branches = if solved { residual.branches } else { self.branches(scene) };
+        let known = self.stepper.branches.take();
+        let branches = if solved { residual.branches } else { known.unwrap_or_else(|| self.branches(scene)) };
         let before = before.filter(|_| solved);
         let friction = before.and_then(|before| friction_work(&scene.system, &scene.contact, &before, &self.u));
         self.clock.check += begin.elapsed().as_secs_f64();
@@ -566,10 +509,9 @@ impl Run {
     ) -> Result<StepResult, RunError> {
         let begin = Instant::now();
         let (time, increment) = (step.time, step.increment);
-        self.stepper.renew(scene);
         let (number, at) = (self.steps.len(), rates::StepTime { time, increment });
-        let left = rates::leave(scene, at, &mut self.u);
-        left.map_err(|error| RunError::Newton { step: number, time, error: error.into() })?;
+        let left = self.stepper.leave(scene, at, &mut self.u);
+        left.map_err(|error| RunError::Newton { step: number, time, error })?;
         self.stepper.remember(scene, increment, &self.u);
         (step.limit, step.events) = self.watched(scene, time, increment);
         let lasting = step.lasting();

@@ -6,7 +6,9 @@ use super::{
     Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult,
     events::episodes,
     files::{StepFiles, write_measures},
-    folder, report,
+    folder,
+    leaving::lost,
+    report,
 };
 use crate::{
     finite::BadMeasure,
@@ -109,6 +111,8 @@ impl Run {
         let (expectations, diagnostics) = if done { scene.expectations(&known) } else { (Vec::new(), Vec::new()) };
         let mut warnings = report::warnings(&self.steps);
         warnings.extend(self.bad.iter().map(|bad| ("W610", bad.text())));
+        let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
+        warnings.extend(scene.energy.as_ref().and_then(|e| lost(e, measured)).map(|text| ("W620", text)));
         warnings.extend(self.forced(scene).map(|text| ("W618", text)));
         warnings.extend(self.unlimited(scene).map(|text| ("W619", text)));
         let mut report = report::report(scene, options, &self, &expectations);

@@ -25,6 +25,7 @@ impl Run {
             }
             measures.push((measure.name.clone(), value));
         }
+        measures.extend(self.stepper.energies(scene));
         (measures, bad_measures)
     }
 

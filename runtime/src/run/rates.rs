@@ -9,7 +9,7 @@ use crate::{
     finite::BadGiven,
     newton::NewtonError,
     rates::{RateFactors, Rates, Scheme},
-    scene::{Scene, node_positions},
+    scene::{Explicit, Scene, node_positions},
     solve::{CheckedLlt, CheckedLu, LinearSolver, SolverOptions},
     system::{Branches, FIXED, Form, SystemError},
 };
@@ -37,7 +37,7 @@ pub(super) fn enter(scene: &mut Scene, at: StepTime) -> StepTime {
 }
 
 /// How far before its end the equations of a step stand, as a part of it.
-fn offset(scene: &Scene) -> f64 {
+pub(super) fn offset(scene: &Scene) -> f64 {
     scene.system.known.rates.as_ref().map_or(0.0, |r| r.scheme().offset())
 }
 
@@ -101,7 +101,10 @@ pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), Ne
         numbering.follow(rate);
     }
     keep(scene, &first, &second);
-    let highest = highest(scene, u, at, [&first, &second])?;
+    let highest = match scene.explicit.clone() {
+        Some(explicit) => highest_by_diagonal(scene, &explicit, u, at, [&first, &second])?,
+        None => highest(scene, u, at, [&first, &second])?,
+    };
     let form_of = |scene: &Scene, form| {
         let rates = scene.system.known.rates.as_ref().into_iter().flat_map(Rates::fields);
         rates.filter(|f| f.form == form).flat_map(|f| f.dofs.clone()).collect::<Vec<_>>()
@@ -115,13 +118,7 @@ pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), Ne
 /// Takes rates by dof as those at the start.
 fn keep(scene: &mut Scene, first: &[f64], second: &[f64]) {
     if let Some(rates) = &mut scene.system.known.rates {
-        for of in rates.fields_mut() {
-            let dofs = of.dofs.clone();
-            for (kept, all) in of.kept.iter_mut().zip([first, second]).filter(|(kept, _)| !kept.is_empty()) {
-                kept.copy_from_slice(&all[dofs.clone()]);
-            }
-        }
-        rates.hold();
+        rates.take(first, second);
     }
 }
 
@@ -180,6 +177,29 @@ fn highest(scene: &mut Scene, u: &[f64], at: StepTime, known: [&[f64]; 2]) -> Re
     }
     let mut out = base.clone();
     numbering.advance(&base, &found, 1.0, &mut out);
+    Ok(out)
+}
+
+/// The accelerations with a mass on the diagonal; those that are prescribed stay.
+fn highest_by_diagonal(
+    scene: &mut Scene,
+    explicit: &Explicit,
+    u: &[f64],
+    at: StepTime,
+    known: [&[f64]; 2],
+) -> Result<Vec<f64>, NewtonError> {
+    let [first, second] = known;
+    keep(scene, first, &vec![0.0; u.len()]);
+    scene.system.set_laws(at.time, at.increment);
+    let (residual, _) = scene.system.residual_at_points(u)?;
+    let numbering = &scene.system.numbering;
+    let mut out = second.to_vec();
+    numbering.frames.turn(&mut out);
+    for d in (0..u.len()).filter(|d| numbering.free[*d] != FIXED) {
+        out[d] = -residual[d] / explicit.lumped.mass[d];
+    }
+    numbering.frames.turn_back(&mut out);
+    numbering.follow(&mut out);
     Ok(out)
 }
 

@@ -23,13 +23,14 @@ pub(super) fn report(
     expectations: &[(wfl::Expect, Option<bool>)],
 ) -> Report {
     let (clock, solver) = (&run.clock, run.stepper.solver.as_ref().map(LinearSolver::describe));
+    let explicit = scene.explicit.as_ref().map(|e| e.describe(&scene.steps));
     let mut report = Report {
         scene: options.name.clone(),
         version: options.version.clone(),
         dofs: scene.system.numbering.n_free() as u64,
         threads: options.threads as u64,
         peak_memory_bytes: peak_memory_bytes(),
-        solver: Some(solver.unwrap_or_default()),
+        solver: Some(solver.or(explicit).unwrap_or_default()),
         factorisations: run.stepper.solver.as_ref().map_or(0, LinearSolver::factorisations) as u64,
         warnings: options.warnings.clone(),
         about: options.about.clone(),

@@ -71,14 +71,23 @@ impl Run {
         {
             return Err(misfit().into());
         }
-        self.stepper.prepare(scene, at, &mut self.clock, progress).map_err(wrap)?;
-        let solver = self.stepper.solver.as_mut().expect("prepared above");
-        let fits = solver.recall(&found.solver, &scene.system).map_err(|e| wrap(e.into()))?;
-        solver.starts_elsewhere();
+        let fits = if let Some(explicit) = &scene.explicit {
+            progress.solver(&explicit.describe(&scene.steps));
+            true
+        } else {
+            self.stepper.prepare(scene, at, &mut self.clock, progress).map_err(wrap)?;
+            let solver = self.stepper.solver.as_mut().expect("prepared above");
+            let fits = solver.recall(&found.solver, &scene.system).map_err(|e| wrap(e.into()))?;
+            solver.starts_elsewhere();
+            fits
+        };
         if !(fits && self.stepper.recall_of_all(scene, &found.memory)) {
             return Err(misfit().into());
         }
-        self.stepper.adaptive = found.adaptive;
+        if found.balance.is_some() != scene.energy.is_some() {
+            return Err(misfit().into());
+        }
+        (self.stepper.adaptive, self.stepper.balance) = (found.adaptive, found.balance);
         (self.stepper.level, self.stepper.easy) = (found.level, found.easy);
         (self.u, self.steps, self.log) = (found.u, found.steps, found.log);
         Ok(())

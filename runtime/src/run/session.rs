@@ -128,8 +128,12 @@ impl Session {
     /// step of a scene with rates, where time starts, the unknowns stay as they are given.
     ///
     /// # Errors
-    /// [`RunError::Newton`] for a given value that is not finite, and for terms that cannot be assembled.
+    /// [`RunError::Newton`] for a given value that is not finite, and for terms that cannot be assembled;
+    /// [`RunError::NoEquations`] for explicit steps.
     pub fn begin(&mut self, scene: &mut Scene, time: f64) -> Result<&[f64], RunError> {
+        if scene.explicit.is_some() {
+            return Err(RunError::NoEquations);
+        }
         let leg = Leg { from: self.last_value(), to: time, first_increment: self.first_increment(scene, time) };
         let increment = leg.from.map_or(leg.first_increment, |from| leg.increment(from));
         let number = self.run.steps.len();

@@ -17,10 +17,12 @@ use std::time::Instant;
 use thiserror::Error;
 
 use crate::{
+    assemble::BranchCounts,
     checks::explained,
     newton::{LinearSolver, LoadStep, NewtonError, Spent, StepHistory, solve_step},
     run::{
-        Clock, Forward, Progress,
+        Attempt, AttemptEnd, Clock, Forward, Path, Progress,
+        balance::Balance,
         memory::Memory,
         rates::{self, StepTime},
         remembered::Adaptive,
@@ -53,47 +55,6 @@ pub(super) enum StepError {
         /// Where.
         position: [f64; 3],
     },
-}
-
-/// What grows from the start of a step to its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Path {
-    /// The step variable.
-    Steps,
-    /// Loads and prescribed values, at the value of the first step.
-    Load,
-    /// The step variable, by an increment that the run chose.
-    Chosen,
-}
-
-/// How an attempt ended.
-#[derive(Clone, Debug, PartialEq)]
-pub enum AttemptEnd {
-    /// With a solution.
-    Converged,
-    /// Out of iterations.
-    NotConverged,
-    /// With a solution whose estimated error is so many times the demanded one.
-    Rejected(f64),
-    /// With a solution whose estimated error is so many times the demanded one, and the smallest increment.
-    Forced(f64),
-    /// With an error: a number that is not finite, a singular tangent.
-    Failed(String),
-}
-
-/// One try to solve a part of a step.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Attempt {
-    /// What grew.
-    pub path: Path,
-    /// Start and end of the part; 0 is the start of the step, 1 its end. One that was too long ends behind it.
-    pub part: (f64, f64),
-    /// Newton iterations.
-    pub iterations: usize,
-    /// Linear systems that were solved in it: a breakpoint of a path takes up to two, a predictor one.
-    pub linear_solves: usize,
-    /// What came of it.
-    pub end: AttemptEnd,
 }
 
 /// A requested step.
@@ -160,6 +121,10 @@ pub(super) struct Stepper {
     pub(super) next_states: Vec<Vec<f64>>,
     /// What steps that the run chooses remember.
     pub(super) adaptive: Option<Adaptive>,
+    /// The balance of energy of a scene that asks for it.
+    pub(super) balance: Option<Balance>,
+    /// By term the branches at the end of a step for which nothing was solved.
+    pub(super) branches: Option<Vec<BranchCounts>>,
 }
 
 impl Stepper {
@@ -174,6 +139,8 @@ impl Stepper {
             spent: Spent::default(),
             next_states: Vec::new(),
             adaptive: None,
+            balance: None,
+            branches: None,
         }
     }
 
@@ -189,12 +156,16 @@ impl Stepper {
     pub(super) fn memory_of_all(&self, scene: &Scene) -> Memory {
         match &self.tangent {
             Some(tangent) => Memory::of_all(scene, tangent),
+            None if scene.explicit.is_some() => Memory::without_tangent(scene),
             None => Memory::of_all(scene, &scene.system.new_tangent()),
         }
     }
 
     /// Goes back to what a checkpoint kept; false if that belongs to another scene.
     pub(super) fn recall_of_all(&mut self, scene: &mut Scene, memory: &Memory) -> bool {
+        if scene.explicit.is_some() {
+            return memory.recall_without_tangent(scene);
+        }
         let tangent = self.tangent.get_or_insert_with(|| scene.system.new_tangent());
         memory.recall_of_all(scene, tangent)
     }
@@ -233,8 +204,7 @@ impl Stepper {
                         return Ok(self.reached(parts, history, at.increment));
                     }
                     if parts.path == Path::Steps {
-                        self.renew(scene);
-                        rates::leave(scene, at, u).map_err(NewtonError::from)?;
+                        self.leave(scene, at, u)?;
                         scene.system.known.keep(u);
                     }
                 }
@@ -399,6 +369,11 @@ impl Stepper {
         begin(scene, leg, u)?;
         let at = StepTime { time: leg.to, increment: leg.first_increment };
         rates::start(scene, u, at)?;
+        if let Some(explicit) = &scene.explicit {
+            progress.solver(&explicit.describe(&scene.steps));
+            let (history, attempts) = (StepHistory::given(), Vec::new());
+            return Ok(Reached { history, time: leg.to, increment: leg.first_increment, attempts });
+        }
         // the matrix is that of the first step; its rates are those at the start
         scene.system.known.begin_rates(at.increment);
         self.prepare(scene, at, clock, progress)?;

@@ -18,8 +18,12 @@ use wfl_compiler::{
 
 use super::{
     Builder, CsvOutput, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Regions, Scene,
-    StateUpdate, Steps, VtkOutput, With, assemble::Assembled, batch::Batch, constants, constraints, coverage, fields,
-    idle, mappings, meeting, mesh, options, outputs, rates, regions, rest, states, terms,
+    StateUpdate, Steps, VtkOutput, With,
+    assemble::Assembled,
+    batch::Batch,
+    constants, constraints, coverage, explicit, fields, idle, mappings, meeting, mesh, options, outputs,
+    rates::{self, Integration},
+    regions, rest, states, terms,
 };
 use crate::{
     contact::{Contact, ContactTerm},
@@ -76,7 +80,7 @@ pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Finding
     let forms = rates::forms(script, &sigs);
     let env = Env { fields: &sigs, mappings: &made.sigs, step_variable: variable.as_deref(), rates: &forms, ..bare };
     let batch = Batch::new(backend);
-    Builder {
+    let (mut scene, integration) = Builder {
         script,
         folder,
         env: &env,
@@ -95,7 +99,12 @@ pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Finding
         inputs,
         keep,
     }
-    .build()
+    .build()?;
+    if integration.scheme == Scheme::Explicit {
+        let finished = explicit::finish(&mut scene, script, integration.fraction);
+        finished.map_err(|told| found.diagnostics.push(told)).ok()?;
+    }
+    Some(scene)
 }
 
 fn topology(script: &ResolvedScript, mesh: &Mesh, found: &mut Findings) -> Option<Topology> {
@@ -169,7 +178,7 @@ struct Values {
     accuracy: Option<(f64, String)>,
     starts: Vec<(usize, Given)>,
     start_rates: Vec<(usize, Given)>,
-    scheme: Scheme,
+    integration: Integration,
     data: Vec<(usize, Given)>,
     measures: Vec<Measure>,
     watched: Vec<Measure>,
@@ -187,7 +196,7 @@ struct Outputs {
 }
 
 impl Builder<'_> {
-    fn build(mut self) -> Option<Scene> {
+    fn build(mut self) -> Option<(Scene, Integration)> {
         let begin = Instant::now();
         let (laws, renewed, rules) = self.laws();
         coverage::check(self.script.mesh.as_ref(), &self.mesh, &laws, self.diagnostics);
@@ -217,7 +226,8 @@ impl Builder<'_> {
         if self.diagnostics.iter().any(Diagnostic::is_error) {
             return None;
         }
-        self.scene(numbered, values, outputs, PrepareTimes { compile, mesh })
+        let integration = values.integration.clone();
+        Some((self.scene(numbered, values, outputs, PrepareTimes { compile, mesh })?, integration))
     }
 
     fn numbered(
@@ -246,7 +256,7 @@ impl Builder<'_> {
             auto.fields = self.fields_in_time(numbered);
         }
         let (newton, accuracy) = self.solver_options();
-        let scheme = self.scheme();
+        let integration = self.scheme();
         let starts = self.starts();
         let start_rates = self.start_rates();
         let data = self.data();
@@ -262,7 +272,7 @@ impl Builder<'_> {
         rest::expects(self.script, self.params, self.env.dim, self.diagnostics);
         self.table_inputs();
         let tables = steps.as_ref().map_or_else(Default::default, |s| self.tables(s));
-        Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched, tables }
+        Values { steps, newton, accuracy, starts, start_rates, integration, data, measures, watched, tables }
     }
 
     /// The fields whose values in time have an error: those with a past.
@@ -277,17 +287,17 @@ impl Builder<'_> {
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
         let Numbered { numbering, mut prescribed, states, used, rates, past, assembled } = numbered;
-        let Values { steps, newton, accuracy, starts, start_rates, scheme, data, measures, watched, tables } = values;
+        let Values { steps, newton, accuracy, starts, start_rates, integration, data, measures, watched, tables } = values;
         let Outputs { vtk, csv, series, .. } = outputs;
         let Assembled { terms, summaries, contact } = assembled?;
         let of_measures = measures.iter().chain(&watched).any(Measure::reads_past);
         let reads_past = !past.is_empty() || of_measures || outputs_read_past(&vtk, csv.iter().chain(&series));
         let steps = steps?;
         self.statements_without_effect(&numbering, &mut prescribed, &steps, reads_past || rates)?;
-        let rates = rates::of(scheme, self.env.rates, &self.fields, &numbering);
+        let rates = rates::of(integration.scheme, self.env.rates, &self.fields, &numbering);
         let known = Known { rates, ..nothing_known(&self.fields, &numbering, reads_past) };
         let unused_fields = self.unused_fields(&used, &numbering);
-        let env = self.owned_env();
+        let (env, params) = (self.owned_env(), self.valued_params());
         let made = System::new(self.mesh, self.fields, numbering, terms, known)
             .and_then(|system| with_contact(system, contact, self.keep, within(&steps)))
             .and_then(|(mut system, contact)| {
@@ -300,9 +310,9 @@ impl Builder<'_> {
             self.diagnostics.push(unfit);
             return None;
         }
-        let params = self.script.params.iter();
-        let params = params.filter_map(|p| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone())));
         Some(Scene {
+            explicit: None,
+            energy: integration.energy,
             system,
             contact,
             topology: self.topology,
@@ -322,7 +332,7 @@ impl Builder<'_> {
             events: self.script.events.iter().map(EventRule::new).collect(),
             newton,
             accuracy,
-            params: params.collect(),
+            params,
             terms: summaries,
             sigs: self.sigs.to_vec(),
             times,
@@ -336,6 +346,12 @@ impl Builder<'_> {
             pristine: None,
             env,
         })
+    }
+
+    /// The params with their values.
+    fn valued_params(&self) -> Vec<(String, Constant)> {
+        let value = |p: &wfl::Param| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone()));
+        self.script.params.iter().filter_map(value).collect()
     }
 
     /// What conditions need when a run has ended.

@@ -7,8 +7,25 @@ use crate::{
     checks::{self, CoarseLoad, Hourglass, LockedBody, NegativeBody},
     consistency::{self, ContactForm},
     contact::{Coercivity, coercivity as of_contact},
+    finite::BadGiven,
     system::{System, SystemError},
 };
+
+/// First values of the scene: those of the unknowns by dof, those of states where they are kept.
+pub(crate) fn start(scene: &mut Scene) -> Result<Vec<f64>, BadGiven> {
+    let mut u = vec![0.0; scene.system.numbering.n_dofs];
+    let time = scene.steps.first();
+    for (field, value) in &mut scene.starts {
+        let positions = node_positions(&scene.system, *field);
+        let values = value.at(&positions, time, 0.0)?;
+        match scene.system.numbering.starts[*field] {
+            Some(first) => u[first..first + values.len()].copy_from_slice(&values),
+            None => scene.system.known.data[*field] = values,
+        }
+    }
+    scene.system.numbering.follow(&mut u);
+    Ok(u)
+}
 
 /// The parameter of each Nitsche term of a scene against the smallest for which the method is coercive, at its first
 /// step. Nothing is assembled.

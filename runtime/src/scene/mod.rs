@@ -17,6 +17,7 @@ mod coverage;
 mod data;
 mod effects;
 mod expects;
+mod explicit;
 mod fields;
 mod given;
 mod gradients;
@@ -50,6 +51,7 @@ mod terms;
 use std::{
     collections::{BTreeMap, BTreeSet, HashSet},
     path::Path,
+    sync::Arc,
 };
 
 use wfl::{
@@ -79,7 +81,8 @@ pub use cadence::{Cadence, Every, StepPlace};
 pub use caller::GiveError;
 pub use constraints::Prescribed;
 pub use data::{coarse_loads, coercivity, contact_forms, hourglasses, locked_bodies, negative_bodies};
-pub(crate) use data::{node_positions, set_data};
+pub(crate) use data::{node_positions, set_data, start};
+pub use explicit::{Energy, Explicit};
 pub use given::{CallerValues, Given, Source};
 pub use gradients::Over;
 pub use held::Printed;
@@ -154,6 +157,10 @@ pub struct Scene {
     pub starts: Vec<(usize, Given)>,
     /// First rates: field and value.
     pub start_rates: Vec<(usize, Given)>,
+    /// Explicit steps: mass, and the longest stable increment.
+    pub explicit: Option<Arc<Explicit>>,
+    /// The balance of energy that the scene asks for.
+    pub energy: Option<Energy>,
     /// Known fields: field and values.
     pub data: Vec<(usize, Given)>,
     /// Fields that are renewed after each step.

@@ -3,7 +3,7 @@
 use wfl::{Diagnostic, FieldKind as Declared, ResolvedScript, StartKind, ast::OptionItem, split_prefixes};
 use wfl_compiler::types::{FieldKind, FieldSig, RateForm};
 
-use super::{Builder, Given, constants};
+use super::{Builder, Energy, Given, constants};
 use crate::{
     field::Field,
     rates::{Alpha, Rates, Scheme},
@@ -51,45 +51,72 @@ pub(super) fn of(scheme: Scheme, forms: &[RateForm], fields: &[Field], numbering
     Rates::new(scheme, forms, &(0..fields.len()).map(range).collect::<Vec<_>>())
 }
 
+/// What the statement `scheme` says.
+#[derive(Clone, Debug)]
+pub(super) struct Integration {
+    pub(super) scheme: Scheme,
+    /// Steps by `auto` of explicit steps: the part of the stability limit.
+    pub(super) fraction: f64,
+    /// The balance of energy, if it is asked for.
+    pub(super) energy: Option<Energy>,
+}
+
+/// The part of the stability limit that explicit steps by `auto` take where the scene does not say: it leaves a tenth for
+/// what becomes stiffer after the start.
+const FRACTION: f64 = 0.9;
+/// The largest such part.
+const MOST_FRACTION: f64 = 0.95;
+/// The part of the energy that may be lost where the scene does not say.
+const LOST: f64 = 1e-3;
+
 impl Builder<'_> {
     /// The scheme of time integration: that of the statement, else the trapezoidal rule where a term has a second rate,
     /// BDF2 for steps that the run chooses, and backward Euler.
-    pub(super) fn scheme(&mut self) -> Scheme {
+    pub(super) fn scheme(&mut self) -> Integration {
         self.unfit_steps();
-        let trapezoidal = Scheme::Newmark { beta: 0.25, gamma: 0.5 };
+        let second = self.env.rates.contains(&RateForm::Second);
+        let mut made = Integration { scheme: Scheme::BackwardEuler, fraction: FRACTION, energy: None };
         let Some(statement) = &self.script.scheme else {
-            return match (self.env.rates.contains(&RateForm::Second), is_auto(self.script)) {
-                (true, _) => trapezoidal,
+            made.scheme = match (second, is_auto(self.script)) {
+                (true, _) => Scheme::Newmark { beta: 0.25, gamma: 0.5 },
                 (false, true) => Scheme::Bdf2,
                 (false, false) => Scheme::BackwardEuler,
             };
+            return made;
         };
         let known = match statement.name.name.as_str() {
             "newmark" => &[("beta", 0.25, 0.0, 1.0), ("gamma", 0.5, 0.5, 1.0)][..],
             "hht" => &[("alpha", -0.1, -1.0 / 3.0, 0.0)],
             "generalised_alpha" => &[("rho_inf", 0.8, 0.0, 1.0)],
+            "explicit" => &[("fraction", FRACTION, 0.0, MOST_FRACTION)],
             _ => &[],
         };
         let mut values: Vec<f64> = known.iter().map(|k| k.1).collect();
         for option in &statement.options {
             let name = option.name.name.as_str();
             let found = known.iter().position(|k| k.0 == name);
+            let positive = ["beta", "fraction", "energy"].contains(&name);
             match (found, self.setting(option)) {
-                (Some(k), Some(x)) if (known[k].2..=known[k].3).contains(&x) && (name != "beta" || x > 0.0) => {
-                    values[k] = x;
+                (None, limit) if name == "energy" && second && limit.is_none_or(|x| x > 0.0 && x <= 1.0) => {
+                    made.energy = Some(Energy::new(self.script, limit.unwrap_or(LOST)));
                 }
+                (Some(k), Some(x)) if (known[k].2..=known[k].3).contains(&x) && (!positive || x > 0.0) => values[k] = x,
                 _ => self.bad_setting(option, &statement.name.name, known),
             }
         }
-        let scheme = match statement.name.name.as_str() {
+        made.scheme = match statement.name.name.as_str() {
             "newmark" => Scheme::Newmark { beta: values[0], gamma: values[1] },
             "hht" => Scheme::Alpha(Alpha::hht(values[0])),
             "generalised_alpha" => Scheme::Alpha(Alpha::generalised(values[0])),
             "bdf2" => Scheme::Bdf2,
+            "explicit" => {
+                made.fraction = values[0];
+                Scheme::Explicit
+            }
             _ => Scheme::BackwardEuler,
         };
-        self.unfit_scheme(scheme, statement);
-        scheme
+        self.unfit_scheme(made.scheme, statement);
+        made
     }
 
     fn setting(&mut self, option: &OptionItem) -> Option<f64> {
@@ -105,13 +132,20 @@ impl Builder<'_> {
             .iter()
             .map(|(name, value, low, high)| format!("{name}={value} ({low} to {high})", low = short(*low)))
             .collect();
-        let text = if list.is_empty() { "it has no settings".to_owned() } else { list.join(", ") };
+        let text = match (option.name.name.as_str(), list.is_empty()) {
+            ("energy", _) => "energy, or energy=1e-3 (above 0, at most 1), where a term has `Dot2_`".to_owned(),
+            (_, true) => "it has no settings".to_owned(),
+            (_, false) => list.join(", "),
+        };
         self.diagnostics.push(d.at(option.name.span, text));
     }
 
     /// E452 for steps that the run chooses with another scheme than BDF2 or backward Euler: the error of others is not
     /// estimated.
     fn unfit_steps(&mut self) {
+        if self.script.scheme.as_ref().is_some_and(|s| s.name.name == "explicit") {
+            return;
+        }
         let named = self.script.scheme.as_ref().map(|s| s.name.name.as_str());
         let fits = matches!(named, None | Some("bdf2" | "backward_euler"));
         let second = self.env.rates.contains(&RateForm::Second);
@@ -138,6 +172,10 @@ impl Builder<'_> {
             self.diagnostics.push(d.help("scheme newmark beta=1/4 gamma=1/2"));
         }
         let state = self.fields.iter().find(|f| f.kind == FieldKind::State);
+        if scheme == Scheme::Explicit && !self.env.rates.contains(&RateForm::Second) {
+            let d = Diagnostic::new("E457", "explicit steps need a mass, and no term has `Dot2_`");
+            self.diagnostics.push(d.at(statement.name.span, "").help("rho*Dot2_u.Test_u, or scheme backward_euler"));
+        }
         if let (Scheme::Alpha(_), Some(state)) = (scheme, state) {
             let name = &statement.name;
             let d = Diagnostic::new("E453", format!("`scheme {}` cannot renew the state `{}`", name.name, state.name));

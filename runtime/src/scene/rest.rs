@@ -158,6 +158,9 @@ pub(super) fn expects(
         let value = Constant { shape: Shape::SCALAR, values: vec![f64::NAN], declared: None };
         known.insert(measure.name.name.clone(), value);
     }
+    for name in script.energies() {
+        known.insert(name, Constant { shape: Shape::SCALAR, values: vec![f64::NAN], declared: None });
+    }
     let number = || Constant { shape: Shape::SCALAR, values: vec![f64::NAN], declared: None };
     let mut in_steps = known.clone();
     in_steps.extend(script.steps.iter().map(|s| (s.variable.name.clone(), number())));
@@ -289,7 +292,8 @@ impl Rest<'_> {
     fn numbers(&mut self) {
         let mut list: Vec<(Span, &Expr)> = Vec::new();
         if let Some(s) = &self.script.steps {
-            list.extend([&s.from, &s.to, &s.by].map(|e| (s.span, e)));
+            list.extend([&s.from, &s.to].map(|e| (s.span, e)));
+            list.extend((!s.is_auto()).then_some((s.span, &s.by)));
         }
         for q in &self.script.quadratures {
             if let QuadratureRule::Degree(e) = &q.rule {

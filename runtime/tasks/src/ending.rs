@@ -322,6 +322,7 @@ pub fn stopped(loaded: &Loaded, scene: &Scene, error: &RunError) -> Said {
         RunError::Newton { time, error: inner, .. } => newton_stopped(loaded, scene, *time, inner),
         RunError::Start(bad) => Said::Message(bad.diagnostic(&loaded.script.expansions, None)),
         RunError::State { .. } => Said::Text(format!("error[E612]: {error}\n")),
+        RunError::NoEquations => Said::Text(format!("error: {error}\n")),
         RunError::Output(error) => Said::Text(told(error)),
         RunError::Checkpoint(error) => Said::Text(told_of_resuming(error)),
     }

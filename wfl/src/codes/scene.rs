@@ -328,8 +328,9 @@ pub(super) const PAGES: &[CodePage] = &[
         "E452",
         "a setting that a scheme does not take",
         "newmark has beta (more than 0, at most 1) and gamma (1/2 to 1; of second order with 1/2), hht has alpha (-1/3 to \
-         0), generalised_alpha has rho_inf (0 to 1), bdf2 and backward_euler have none. bdf2 is for first \
-         rates. Steps by `auto` go with bdf2 and backward_euler, and with first rates.",
+         0), generalised_alpha has rho_inf (0 to 1), explicit has fraction (above 0, at most 0.95), bdf2 and backward_euler \
+         have none. All take `energy` where a term has `Dot2_`. bdf2 is for first rates. Steps by `auto` go with bdf2 and \
+         backward_euler and first rates, and with explicit, where they are a part of the stability limit.",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=0.1",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=-0.1",
     ),
@@ -350,6 +351,44 @@ pub(super) const PAGES: &[CodePage] = &[
          its rate at the start follows from the equations.",
         "steps t = 0 to 1 by 0.1\nterm damper on all : Dot_u.Test_u\nstart Dot_u = [1,0,0]",
         "steps t = 0 to 1 by 0.1\nterm damper on all : Dot2_u.Test_u\nstart Dot_u = [1,0,0]",
+    ),
+    page(
+        "E455",
+        "a mass that cannot be lumped",
+        "`scheme explicit` puts the mass on the diagonal: the sums of the rows of the mass matrix. They must be positive, and \
+         they must stay the same. Elements of degree 2 on triangles and tetrahedra have rows whose sum is zero or \
+         negative, and a term in which `Dot2_u` stands beside something that depends on unknowns or on the step variable \
+         has no mass of its own. Elements of degree 1, quadrilaterals and hexahedra have positive sums; write the inertia as a \
+         term of its own.",
+        "mesh box [0,0] to [1,1] cells [2,2] tri\nunknown u : scalar P2\nterm inertia on all : Dot2_u*Test_u\n\
+         term stress on all : Grad_u.Grad_Test_u\nscheme explicit\nsteps t = 0 to 1 by auto",
+        "mesh box [0,0] to [1,1] cells [2,2] tri\nunknown u : scalar P1\nterm inertia on all : Dot2_u*Test_u\n\
+         term stress on all : Grad_u.Grad_Test_u\nscheme explicit\nsteps t = 0 to 1 by auto",
+    ),
+    page(
+        "E456",
+        "a step above the stability limit",
+        "Central differences are stable for steps up to 2/w with the highest frequency w of the bodies on their lumped mass, \
+         less with damping that does not stand on the diagonal. The message has the limit, computed at the start. Steps \
+         `by auto` take a part of it, 0.9 where `fraction` does not say. Larger cells, a softer penalty, or an implicit \
+         scheme (`scheme newmark`) allow larger steps.",
+        "unknown u : scalar\nterm inertia on all : Dot2_u*Test_u\nterm stress on all : Grad_u.Grad_Test_u\n\
+         start u = x\nscheme explicit\nsteps t = 0 to 10 by 1",
+        "unknown u : scalar\nterm inertia on all : Dot2_u*Test_u\nterm stress on all : Grad_u.Grad_Test_u\n\
+         start u = x\nscheme explicit\nsteps t = 0 to 10 by auto",
+    ),
+    page(
+        "E457",
+        "equations that explicit steps do not solve",
+        "`scheme explicit` solves no system: each unknown follows from its own mass. A multiplier, an unknown without `Dot2_` \
+         in a term, and one with a first rate alone have none. Contact is then written as a penalty or by Nitsche's method; an \
+         implicit scheme (`scheme newmark`) takes all of them.",
+        "unknown u : scalar\nunknown p : scalar\nterm inertia on all : Dot2_u*Test_u\n\
+         term stress on all : Grad_u.Grad_Test_u + p*Test_u\nterm flow on all : Grad_p.Grad_Test_p\n\
+         fix p = 1 on boundary\nstart u = x\nscheme explicit\nsteps t = 0 to 1 by 0.01",
+        "unknown u : scalar\nunknown p : scalar\nterm inertia on all : Dot2_u*Test_u\n\
+         term stress on all : Grad_u.Grad_Test_u + p*Test_u\nterm flow on all : Grad_p.Grad_Test_p\n\
+         fix p = 1 on boundary\nstart u = x\nscheme newmark\nsteps t = 0 to 1 by 0.01",
     ),
     page(
         "E501",

@@ -374,6 +374,19 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by auto with limit=0.1/max(abs(u)) on all",
     ),
     page(
+        "W620",
+        "energy that is lost",
+        "`scheme ... energy` sums the work of every term, of loads and of prescribed motions over the steps, by the \
+         trapezoidal rule, and compares it with the kinetic energy. What is left is lost, or gained where it is negative: the \
+         damping of the scheme, steps that are too long for what happens in them, or an unstable contact term. The message has \
+         the part of the largest energy of the run, and the limit that the scene gives (`energy=1e-3`). Smaller steps \
+         show which it is: the error of the steps falls with their length, a sign or a law that is wrong does not.",
+        "steps t = 0 to 1 by 0.5\nterm inertia on all : Dot2_u.Test_u\nstart Dot_u = [x,0,0]\n\
+         scheme backward_euler energy",
+        "steps t = 0 to 1 by 0.5\nterm inertia on all : Dot2_u.Test_u\nstart Dot_u = [x,0,0]\n\
+         scheme newmark energy",
+    ),
+    page(
         "W702",
         "declared but not needed",
         "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \

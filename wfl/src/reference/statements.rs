@@ -212,10 +212,17 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "scheme",
         usage: "`scheme newmark beta=1/4 gamma=1/2`, `scheme hht alpha=-0.1`, `scheme generalised_alpha rho_inf=0.8`, \
-                `scheme bdf2`, `scheme backward_euler`",
+                `scheme bdf2`, `scheme backward_euler`, `scheme explicit fraction=0.9`",
         meaning: "how `Dot_u` and `Dot2_u` are made of the values at the steps (`docs/dynamics.md`)",
         default: "`newmark` with 1/4 and 1/2 where a term has `Dot2_`, else `bdf2` for steps by `auto` and \
                   `backward_euler` for others",
+    },
+    StatementRow {
+        word: "scheme",
+        usage: "`scheme newmark energy`, `scheme explicit energy=0.01`",
+        meaning: "the balance of energy in each step as measures `energy_kinetic`, `energy_NAME` of each term, \
+                  `energy_loads`, `energy_prescribed`, `energy_lost`; more than this part lost is warned of (W620)",
+        default: "none; `energy` alone: 1e-3",
     },
     StatementRow {
         word: "solver",

@@ -43,6 +43,11 @@ pub(super) const MEANINGS: &[(&str, &str)] = &[
     ("alpha", "setting of `scheme hht`, -1/3 to 0"),
     ("beta", "setting of `scheme newmark` (1/4)"),
     ("gamma", "setting of `scheme newmark` (1/2)"),
+    (
+        "energy",
+        "option of `scheme`: the balance of energy in each step, `energy=1e-3` with the largest part that may be lost",
+    ),
+    ("fraction", "setting of `scheme explicit`: steps by `auto` in parts of the stability limit (0.9)"),
     ("rho_inf", "setting of `scheme generalised_alpha`: what is left of the highest frequencies, 0 to 1"),
     ("on_fail", "`go_on`: the run continues after a step that failed; `stop` is the default"),
     ("accuracy", "demanded relative error, such as 1e-3: it selects mesh, degree, tolerance and penalty"),

@@ -6,7 +6,7 @@ use crate::{
     ast::{ExprKind, Ident, Item, ItemKind, MacroDef, MeshSource},
     diag::{Diagnostic, nearest},
     foreign::field_slip,
-    script::Event,
+    script::{Event, ResolvedScript},
     source::{SourceMap, Span},
     words::{REGIONS, is_function, reserved, split_prefixes},
 };
@@ -72,6 +72,19 @@ pub(super) fn declared(item: &Item) -> Option<(Kind, &Ident)> {
     })
 }
 
+/// The names of all terms, each once; terms without a name are numbered.
+fn names_of_terms(items: &[Item]) -> Vec<String> {
+    let mut names = Vec::new();
+    let terms = items.iter().filter_map(|i| if let ItemKind::Term { name, .. } = &i.kind { Some(name) } else { None });
+    for (k, name) in terms.enumerate() {
+        let name = name.as_ref().map_or_else(|| format!("term{}", k + 1), |n| n.name.clone());
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names
+}
+
 impl Names {
     /// Collects the declarations; a clash with another one or with the language is reported.
     pub(super) fn collect(items: &[Item], diagnostics: &mut Vec<Diagnostic>) -> Self {
@@ -98,6 +111,14 @@ impl Names {
             if let ItemKind::Event { name, .. } = &item.kind {
                 for end in Event::NUMBERS {
                     let number = Ident { name: format!("{}{end}", name.name), span: name.span };
+                    names.value(Kind::Measure, &number, dimension, diagnostics);
+                }
+            }
+            if let ItemKind::Scheme { options, .. } = &item.kind
+                && let Some(option) = options.iter().find(|o| o.name.name == "energy")
+            {
+                for name in ResolvedScript::energies_of(&names_of_terms(items)) {
+                    let number = Ident { name, span: option.name.span };
                     names.value(Kind::Measure, &number, dimension, diagnostics);
                 }
             }

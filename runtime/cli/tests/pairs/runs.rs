@@ -158,6 +158,13 @@ fn warnings() -> Vec<Pair> {
              measure m = max(u) on all\n",
         )
         .near("log(max(u))", "(1 + max(u))"),
+        Pair::new(
+            "W620",
+            "mesh box [0] to [1] cells [4] segment\nunknown u : scalar\nterm inertia on all : Dot2_u*Test_u\n\
+             term stress on all : Grad_u.Grad_Test_u\nstart Dot_u = x\nscheme backward_euler energy\n\
+             steps t = 0 to 2 by 0.1\nmeasure m = max(u) on all\n",
+        )
+        .near("backward_euler", "newmark"),
         Pair::new("W702", flow("param k = 1")).near("param k = 1", "param k = 1\nload p = k on all"),
     ]
 }

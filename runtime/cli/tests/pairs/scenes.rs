@@ -86,6 +86,14 @@ fn chained(n: usize) -> String {
     format!("({}).[1,0]", (0..n).map(|i| format!("[x,{i}]")).collect::<Vec<_>>().join(".*"))
 }
 
+/// Waves by explicit steps.
+fn explicit(mesh: &str, space: &str, by: &str) -> String {
+    format!(
+        "mesh box {mesh}\nunknown u : {space}\nterm inertia on all : Dot2_u*Test_u\nterm stress on all : Grad_u.Grad_Test_u\n\
+         start u = x\nscheme explicit\nsteps t = 0 to 1 by {by}\nmeasure m = max(u) on all\n"
+    )
+}
+
 /// Pairs by code.
 pub(crate) fn pairs() -> Vec<Pair> {
     let measured = |value: &str| format!("{FLOW}measure value = max({value}) on all\n");
@@ -120,6 +128,15 @@ pub(crate) fn pairs() -> Vec<Pair> {
             .file("right.csv", "t,q\n0,0\n1,3\n")
             .near(ROWS, "right.csv"),
         Pair::new("E447", history("rows.csv")).file("rows.csv", "t,q\n0,0\n0.5,3\n").near(", t)", ", min(t, 0.5))"),
+        Pair::new("E455", explicit("[0,0] to [1,1] cells [2,2] tri", "scalar P2", "auto")).near("P2", "P1"),
+        Pair::new("E456", explicit("[0] to [1] cells [10] segment", "scalar", "0.11")).near("0.11", "0.09"),
+        Pair::new(
+            "E457",
+            explicit("[0] to [1] cells [4] segment", "scalar", "0.01")
+                .replace("start u = x", "fix u = t on boundary")
+                .replace("Dot2_u", "Dot_u"),
+        )
+        .near("Dot_u", "Dot2_u"),
         Pair::new("W404", MULTIPLIER).near("fix uL, uR =", "fix uL ="),
         Pair::new("W405", ON_PLATE).file("plate.msh", torn()).file("whole.msh", PLATE).near("plate.msh", "whole.msh"),
         Pair::new("W407", format!("{ON_PLATE}region seam = faces where x == 2\nmeasure m = mean(p) on seam\n"))

@@ -29,6 +29,8 @@ pub enum Scheme {
     Alpha(Alpha),
     /// First rates are those of the parabola through the last two values and the new one; in the first step, differences.
     Bdf2,
+    /// Central differences on a lumped mass: rates are those that are kept, whatever is solved for.
+    Explicit,
 }
 
 /// The length of a step, and of the one before it.
@@ -142,6 +144,9 @@ impl Scheme {
             }
             Scheme::Bdf2 => return Rows([Row { change: 1.0 / h, kept: [0.0; 2] }, Row::default()]),
             Scheme::Newmark { beta, gamma } => (*beta, *gamma),
+            Scheme::Explicit => {
+                return Rows([[1.0, 0.0], [0.0, 1.0]].map(|kept| Row { change: 0.0, kept }));
+            }
             Scheme::Alpha(a) => match form {
                 RateForm::Second => a.newmark(),
                 // of second order where gamma = 1/2 + alpha_m - alpha_f in the notation of Jansen, Whiting and Hulbert

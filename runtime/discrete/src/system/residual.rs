@@ -64,6 +64,23 @@ impl System {
         Ok(sum)
     }
 
+    /// The residual at `u` of all terms as they are written, each at its points, by dof in local frames; and by term the
+    /// branches of its kinks. Needs the laws of a step ([`Self::set_laws`]) alone, no matrix.
+    ///
+    /// # Errors
+    /// As [`Self::residual`].
+    pub fn residual_at_points(&self, u: &[f64]) -> Result<(Vec<f64>, Vec<BranchCounts>), TermError> {
+        self.check_finite("value", u, u)?;
+        let mut out = vec![0.0; u.len()];
+        let values = self.values(u);
+        let branches = self.terms.iter().map(|term| self.add_own(term, values.view(), &mut out));
+        let branches = branches.collect::<Result<Vec<_>, _>>()?;
+        self.team().sum(&mut out);
+        self.numbering.turn(&mut out);
+        self.check_finite("residual", &out, u)?;
+        Ok((out, branches))
+    }
+
     /// The residual at the same `u` as `here` with the branches of an active set: only the terms that have some are
     /// evaluated again.
     ///

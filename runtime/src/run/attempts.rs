@@ -1,0 +1,42 @@
+//! What was tried in a step, and what came of it.
+
+/// What grows from the start of a step to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Path {
+    /// The step variable.
+    Steps,
+    /// Loads and prescribed values, at the value of the first step.
+    Load,
+    /// The step variable, by an increment that the run chose.
+    Chosen,
+}
+
+/// How an attempt ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AttemptEnd {
+    /// With a solution.
+    Converged,
+    /// Out of iterations.
+    NotConverged,
+    /// With a solution whose estimated error is so many times the demanded one.
+    Rejected(f64),
+    /// With a solution whose estimated error is so many times the demanded one, and the smallest increment.
+    Forced(f64),
+    /// With an error: a number that is not finite, a singular tangent.
+    Failed(String),
+}
+
+/// One try to solve a part of a step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attempt {
+    /// What grew.
+    pub path: Path,
+    /// Start and end of the part; 0 is the start of the step, 1 its end. One that was too long ends behind it.
+    pub part: (f64, f64),
+    /// Newton iterations.
+    pub iterations: usize,
+    /// Linear systems that were solved in it: a breakpoint of a path takes up to two, a predictor one.
+    pub linear_solves: usize,
+    /// What came of it.
+    pub end: AttemptEnd,
+}

@@ -1,0 +1,171 @@
+//! The balance of energy over the steps: kinetic energy, the work of every term, of loads and of prescribed values, and
+//! what of it is lost.
+//!
+//! Work over a step is the trapezoidal rule: the mean of the forces at its ends times the change of the unknowns with second
+//! rates. Exact for forces that are linear in them. With K the kinetic energy, W the work that terms take up and A that of
+//! loads and supports, lost = A - W - (K - K_0): the damping of the scheme, what the equations leave, and the error of the
+//! rule. Promises: the system is left as it was. Scenes that do not ask for it have none.
+
+use std::ops::Range;
+
+use wfl_compiler::types::{InputSlot, RateForm, RateOrder};
+
+use super::rates::StepTime;
+use crate::{
+    assemble::AssembledTerm,
+    lumped::Lumped,
+    newton::NewtonError,
+    rates::Rates,
+    scene::{Energy, Scene},
+    system::{FIXED, Numbering},
+};
+
+/// Energies since the start, in the units of the scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Balance {
+    /// Kinetic energy at the start and now.
+    pub(super) kinetic: [f64; 2],
+    /// What each term has taken up, stored or dissipated, in the order of [`Energy::terms`]; that of loads behind them.
+    pub(super) works: Vec<f64>,
+    /// The work of supports and prescribed motions.
+    pub(super) prescribed: f64,
+    /// By term and loads the forces at the end of the last step, by dof in the axes of the scene.
+    pub(super) forces: Vec<Vec<f64>>,
+    /// The sum of all forces then, by dof in the local frames of nodes.
+    pub(super) total: Vec<f64>,
+}
+
+/// Forces at a state, as [`Balance`] keeps them, and the kinetic energy.
+struct Forces {
+    by_term: Vec<Vec<f64>>,
+    total: Vec<f64>,
+    kinetic: f64,
+}
+
+impl Balance {
+    /// The state where time starts.
+    pub(super) fn start(scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<Self, NewtonError> {
+        let Forces { by_term, total, kinetic } = forces(scene, at, u)?;
+        let works = vec![0.0; by_term.len()];
+        Ok(Self { kinetic: [kinetic; 2], works, prescribed: 0.0, forces: by_term, total })
+    }
+
+    /// Adds a step that has ended at `u`; its start is the past of the scene.
+    pub(super) fn add(&mut self, scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<(), NewtonError> {
+        let Forces { by_term, total, kinetic } = forces(scene, at, u)?;
+        let system = &scene.system;
+        let Some(past) = &system.known.previous else { return Ok(()) };
+        let mut change = vec![0.0; u.len()];
+        for d in moving(system.known.rates.as_ref()).into_iter().flatten() {
+            change[d] = u[d] - past.unknowns[d];
+        }
+        let mean = |a: &[f64], b: &[f64], d: usize| 0.5 * (a[d] + b[d]);
+        for ((work, before), now) in self.works.iter_mut().zip(&self.forces).zip(&by_term) {
+            *work += (0..u.len()).map(|d| mean(before, now, d) * change[d]).sum::<f64>();
+        }
+        let numbering = &system.numbering;
+        numbering.frames.turn(&mut change);
+        let supports = (0..u.len()).filter(|d| numbering.free[*d] == FIXED);
+        self.prescribed += supports.map(|d| mean(&self.total, &total, d) * change[d]).sum::<f64>();
+        (self.forces, self.total, self.kinetic[1]) = (by_term, total, kinetic);
+        Ok(())
+    }
+
+    /// What is reported, in the order of [`Energy::measures`].
+    pub(super) fn values(&self) -> Vec<f64> {
+        let (loads, terms) = self.works.split_last().expect("the loads");
+        let taken: f64 = terms.iter().sum();
+        let lost = self.prescribed - loads - taken - (self.kinetic[1] - self.kinetic[0]);
+        let mut values = vec![self.kinetic[1]];
+        values.extend(terms);
+        values.extend([-loads, self.prescribed, lost]);
+        values
+    }
+}
+
+/// The dofs of fields with second rates.
+fn moving(rates: Option<&Rates>) -> Vec<Range<usize>> {
+    let fields = rates.into_iter().flat_map(Rates::fields);
+    fields.filter(|of| of.form == RateForm::Second).map(|of| of.dofs.clone()).collect()
+}
+
+fn has_inertia(term: &AssembledTerm) -> bool {
+    term.law.inputs.iter().any(|slot| matches!(slot, InputSlot::History(RateOrder::Second, _)))
+}
+
+/// Forces and kinetic energy at the end `u` of a step, with the rates there.
+fn forces(scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<Forces, NewtonError> {
+    let before = scene.system.known.rates.clone();
+    let found = forces_at_end(scene, at, u);
+    scene.system.known.rates = before;
+    scene.system.set_laws(at.time, at.increment);
+    found
+}
+
+fn forces_at_end(scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<Forces, NewtonError> {
+    let Scene { system, explicit, energy, .. } = scene;
+    let names: &[String] = energy.as_ref().map_or(&[], |e| &e.terms);
+    let zero = vec![0.0; u.len()];
+    let past = system.known.previous.as_ref().map_or(u, |past| &past.unknowns);
+    let [first, second] = system.known.rates.as_ref().map_or([zero.clone(), zero.clone()], |r| r.ended(u, past));
+    let take = |rates: &mut Option<Rates>, second: &[f64]| {
+        if let Some(rates) = rates {
+            rates.take(&first, second);
+        }
+    };
+    // without accelerations a term with inertia gives what else stands in it
+    take(&mut system.known.rates, &zero);
+    system.set_laws(at.time, at.increment);
+    let mut by_term = vec![zero.clone(); names.len() + 1];
+    let (mut total, mut inertia) = (zero.clone(), zero.clone());
+    for k in 0..system.terms.len() {
+        let mut force = zero.clone();
+        system.term_residual(k, u, &mut force)?;
+        let place = names.iter().position(|name| Energy::is_of(name, &system.terms[k].law.name)).unwrap_or(names.len());
+        by_term[place].iter_mut().zip(&force).for_each(|(a, b)| *a += b);
+        total.iter_mut().zip(&force).for_each(|(a, b)| *a += b);
+        if has_inertia(&system.terms[k]) {
+            inertia.iter_mut().zip(&force).for_each(|(a, b)| *a += b);
+        }
+    }
+    let mut of_mass = |of: &[f64]| -> Result<Vec<f64>, NewtonError> {
+        take(&mut system.known.rates, of);
+        let mut sum = zero.clone();
+        for k in (0..system.terms.len()).filter(|k| has_inertia(&system.terms[*k])) {
+            system.term_residual(k, u, &mut sum)?;
+        }
+        sum.iter_mut().zip(&inertia).for_each(|(a, b)| *a -= b);
+        Ok(sum)
+    };
+    if let Some(explicit) = explicit {
+        let kinetic = on_the_diagonal(&explicit.lumped, &system.numbering, at, [&first, &second], &mut total);
+        return Ok(Forces { by_term, total, kinetic });
+    }
+    let momentum = of_mass(&first)?;
+    let inertial = of_mass(&second)?;
+    total.iter_mut().zip(&inertial).for_each(|(a, b)| *a += b);
+    system.numbering.turn(&mut total);
+    let kinetic = 0.5 * first.iter().zip(&momentum).map(|(v, p)| v * p).sum::<f64>();
+    Ok(Forces { by_term, total, kinetic })
+}
+
+/// The kinetic energy of explicit steps; adds inertia to the sum of the other forces by dof in the axes of the scene, which
+/// becomes that in the local frames.
+fn on_the_diagonal(lumped: &Lumped, numbering: &Numbering, at: StepTime, rates: [&[f64]; 2], total: &mut [f64]) -> f64 {
+    let [velocity, acceleration] = rates.map(|v| {
+        let mut v = v.to_vec();
+        numbering.frames.turn(&mut v);
+        v
+    });
+    let followers: Vec<usize> = numbering.ties().iter().map(|tie| tie.follower).collect();
+    let own = |d: &usize| !followers.contains(d);
+    numbering.turn(total);
+    // the product of the velocities half a step before and behind: the energy that central differences keep
+    let turn = 0.5 * at.increment;
+    let mut twice = 0.0;
+    for d in (0..total.len()).filter(own) {
+        total[d] += lumped.mass[d] * acceleration[d];
+        twice += lumped.mass[d] * (velocity[d] * velocity[d] - (turn * acceleration[d]) * (turn * acceleration[d]));
+    }
+    0.5 * twice
+}

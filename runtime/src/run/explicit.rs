@@ -1,0 +1,104 @@
+//! A step by central differences on a lumped mass: nothing is solved, the mass stands on the diagonal.
+//!
+//! With r the velocity, s the acceleration, D the mass and C the damping on the diagonal:
+//! r_half = r_n + h/2 s_n, u = u_n + h r_half, (D + h/2 C) s = -R(u, r_half), r = r_half + h/2 s.
+//! Terms and updates of states read r_half as `Dot_u`, so that h `Dot_u` is the change of u over the step; measures and
+//! outputs read r. Prescribed values are met at the end of the step, their rates are differences. Promises: after an error
+//! unknowns and rates are those of the step before.
+//!
+//! Source: T. J. R. Hughes, The Finite Element Method (1987), 9.1; the damping on the diagonal acts at the end of the step.
+
+use std::time::Instant;
+
+use super::{
+    Clock,
+    rates::StepTime,
+    stepping::{self, Leg, Reached, StepError, Stepper},
+};
+use crate::{
+    newton::{NewtonError, StepHistory},
+    scene::{Explicit, Scene},
+    system::FIXED,
+};
+
+impl Stepper {
+    /// Makes the step; `u` holds the state before and then the one after.
+    pub(super) fn explicit(
+        &mut self,
+        scene: &mut Scene,
+        explicit: &Explicit,
+        u: &mut [f64],
+        leg: Leg,
+        clock: &mut Clock,
+    ) -> Result<Reached, StepError> {
+        let clocked = Instant::now();
+        stepping::begin(scene, leg, u)?;
+        let increment = leg.from.map_or(leg.first_increment, |from| leg.increment(from));
+        let at = StepTime { time: leg.to, increment };
+        let before = (u.to_vec(), scene.system.known.rates.clone());
+        let result = self.differences(scene, explicit, u, at);
+        clock.assemble += clocked.elapsed().as_secs_f64();
+        if let Err(error) = result {
+            u.copy_from_slice(&before.0);
+            scene.system.known.rates = before.1;
+            return Err(error);
+        }
+        let (history, attempts) = (StepHistory::given(), Vec::new());
+        Ok(Reached { history, time: at.time, increment, attempts })
+    }
+
+    fn differences(
+        &mut self,
+        scene: &mut Scene,
+        explicit: &Explicit,
+        u: &mut [f64],
+        at: StepTime,
+    ) -> Result<(), StepError> {
+        let h = at.increment;
+        let before = u.to_vec();
+        let [first, second] =
+            scene.system.known.rates.as_ref().map(|r| r.ended(u, u)).expect("explicit steps have rates");
+        let mut half: Vec<f64> = first.iter().zip(&second).map(|(r, s)| r + 0.5 * h * s).collect();
+        u.iter_mut().zip(&half).for_each(|(x, r)| *x += h * r);
+        scene.prescribed.apply(at.time, h, u).map_err(|bad| NewtonError::Given(Box::new(bad)))?;
+        let Scene { system, .. } = scene;
+        system.numbering.follow(u);
+        // what is not free moves as it is prescribed, and was accelerated from the velocity half a step before
+        let frames = &system.numbering.frames;
+        let turned = |mut v: Vec<f64>| {
+            frames.turn(&mut v);
+            v
+        };
+        let fixed: Vec<bool> = system.numbering.free.iter().map(|f| *f == FIXED).collect();
+        let moved = turned(u.iter().zip(&before).map(|(x, b)| (x - b) / h).collect());
+        let old_half = turned(first.iter().zip(&second).map(|(r, s)| r - 0.5 * h * s).collect());
+        if fixed.contains(&true) {
+            frames.turn(&mut half);
+            half.iter_mut().zip(&moved).zip(&fixed).filter(|(_, f)| **f).for_each(|((r, m), _)| *r = *m);
+            frames.turn_back(&mut half);
+        }
+        take_rates(scene, &half, &vec![0.0; u.len()]);
+        crate::scene::set_data(scene, at.time, h).map_err(NewtonError::from)?;
+        let system = &mut scene.system;
+        system.set_laws(at.time, h);
+        let (residual, branches) = system.residual_at_points(u).map_err(NewtonError::from)?;
+        let lumped = &explicit.lumped;
+        let mut acceleration: Vec<f64> = (0..u.len())
+            .map(|d| if fixed[d] { (moved[d] - old_half[d]) / h } else { -residual[d] / lumped.divisor(d, h) })
+            .collect();
+        system.numbering.frames.turn_back(&mut acceleration);
+        system.numbering.follow(&mut acceleration);
+        self.branches = Some(branches);
+        self.keep_states(scene, at, u)?;
+        let velocity: Vec<f64> = half.iter().zip(&acceleration).map(|(r, s)| r + 0.5 * h * s).collect();
+        take_rates(scene, &velocity, &acceleration);
+        Ok(())
+    }
+}
+
+/// Rates, by dof, that terms read until the next ones are taken.
+fn take_rates(scene: &mut Scene, first: &[f64], second: &[f64]) {
+    if let Some(rates) = &mut scene.system.known.rates {
+        rates.take(first, second);
+    }
+}

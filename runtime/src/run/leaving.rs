@@ -1,0 +1,74 @@
+//! The end of a step, or of a part of one: the balance of energy, new states, rates. Solves nothing.
+
+use super::{
+    balance::Balance,
+    rates::{self, StepTime},
+    stepping::Stepper,
+};
+use crate::{
+    newton::NewtonError,
+    scene::{Energy, Scene},
+};
+
+impl Stepper {
+    /// Renews states and moves `u` to the end of the step. The forces of the balance are those of the equations, so with the
+    /// states before; where the equations stand within the step no state is renewed.
+    pub(super) fn leave(&mut self, scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Result<(), NewtonError> {
+        let within = rates::offset(scene) != 0.0;
+        if !within {
+            self.balance(scene, at, u)?;
+        }
+        self.renew(scene);
+        rates::leave(scene, at, u)?;
+        if within {
+            self.balance(scene, at, u)?;
+        }
+        Ok(())
+    }
+
+    fn balance(&mut self, scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<(), NewtonError> {
+        if scene.energy.is_none() {
+            return Ok(());
+        }
+        match &mut self.balance {
+            Some(balance) => balance.add(scene, at, u),
+            none => {
+                *none = Some(Balance::start(scene, at, u)?);
+                Ok(())
+            }
+        }
+    }
+
+    /// The energies of a scene that asks for them, by the names of measures.
+    pub(super) fn energies(&self, scene: &Scene) -> Vec<(String, f64)> {
+        let (Some(energy), Some(balance)) = (&scene.energy, &self.balance) else { return Vec::new() };
+        energy.measures().into_iter().zip(balance.values()).collect()
+    }
+}
+
+/// What is said of a run that loses more energy than the scene allows: steps by the step variable and their measures.
+pub(super) fn lost<'s>(energy: &Energy, steps: impl Iterator<Item = (f64, &'s [(String, f64)])>) -> Option<String> {
+    let names = energy.measures();
+    let lost = names.last().expect("the last is what is lost");
+    let (mut largest, mut worst) = (0.0f64, (0.0f64, 0.0f64));
+    for (time, measures) in steps {
+        for (_, value) in measures.iter().filter(|(name, _)| names.contains(name) && name != lost) {
+            largest = largest.max(value.abs());
+        }
+        let value = measures.iter().find(|(name, _)| name == lost).map_or(0.0, |m| m.1);
+        if value.abs() > worst.1.abs() {
+            worst = (time, value);
+        }
+    }
+    let (time, value) = worst;
+    let part = value.abs() / largest;
+    let word = if value < 0.0 { "gained" } else { "lost" };
+    (part > energy.limit).then(|| {
+        format!(
+            "by t = {time} the energy {:.3e} is {word}, {part:.1e} of the largest energy of the run, at most {:.0e} \
+             expected: smaller steps show whether the steps or a term are the cause",
+            value.abs(),
+            energy.limit
+        )
+    })
+}
