@@ -35,15 +35,112 @@ fn exact(k: f64, t: f64) -> f64 {
     c * (k * t.cos() + t.sin()) + (1.0 - c * k) * (-k * t).exp()
 }
 
+/// The slope of the logarithm of a number over that of another one.
+fn power(of: [f64; 2], over: [f64; 2]) -> f64 {
+    (of[1] / of[0]).ln() / (over[1] / over[0]).ln()
+}
+
+#[expect(clippy::cast_precision_loss, reason = "thousands")]
+fn count(outcome: &Outcome) -> f64 {
+    outcome.steps.len() as f64
+}
+
 fn largest_error(outcome: &Outcome, k: f64) -> f64 {
     outcome.steps.iter().map(|s| (s.measures[0].1 - exact(k, s.time)).abs()).fold(0.0, f64::max)
 }
 
+/// Steps of a method of order p have the error h^(p+1): their number grows as the demand to the power -1/(p+1), and the error
+/// of all of them falls as the demand to the power p/(p+1).
 #[test]
-fn the_error_follows_the_demand_and_so_do_the_steps() {
+fn bdf2_takes_as_many_steps_as_a_method_of_second_order() {
+    let demands: [f64; 5] = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7];
+    for k in [1.0, 100.0] {
+        let run = |demand: &f64| {
+            let steps = format!("steps t = 0 to 10 by auto with first=1e-8, least=1e-10, error={demand}");
+            let outcome = outcome(&forced(k, &steps));
+            (largest_error(&outcome, k), count(&outcome))
+        };
+        let found: Vec<(f64, f64)> = demands.iter().map(run).collect();
+        for (pair, demand) in found.windows(2).zip(demands.windows(2)) {
+            let demand = [demand[0], demand[1]];
+            assert!(pair[1].0 < 0.5 * pair[0].0, "{k}: {found:?}");
+            // the steps of the start, which double from the first one, are as many for every demand
+            let steps = power([pair[0].1, pair[1].1], demand);
+            assert!((-0.36..-0.15).contains(&steps), "{k}: {steps} {found:?}");
+        }
+        let [.., before, last] = found[..] else { unreachable!("as many as there are demands") };
+        let steps = power([before.1, last.1], [1e-6, 1e-7]);
+        assert!((steps + 1.0 / 3.0).abs() < 0.03, "{k}: {steps} {found:?}");
+        let error = power([before.0, last.0], [1e-6, 1e-7]);
+        assert!((error - 2.0 / 3.0).abs() < 0.15, "{k}: {error} {found:?}");
+    }
+}
+
+/// A state is renewed by its text, here of first order: its steps are those of a method of first order.
+#[test]
+fn a_state_counts_by_the_order_of_its_text() {
+    let text = |steps: &str| {
+        forced(
+            1.0,
+            &format!("state s : scalar on all := Previous_s + timestep*u\nterm reader on all : 0*s*Test_u\n{steps}"),
+        ) + "measure i = mean(s) on all\n"
+    };
+    let exact = |t: f64| 0.5 * (t.sin() - t.cos() + 2.0 - (-t).exp());
+    let run = |demand: f64| {
+        let steps = format!("steps t = 0 to 3 by auto with first=1e-7, least=1e-9, error={demand}");
+        let outcome = outcome(&text(&steps));
+        (outcome.steps.iter().map(|s| (s.measures[1].1 - exact(s.time)).abs()).fold(0.0, f64::max), count(&outcome))
+    };
+    let (coarse, fine) = (run(1e-4), run(1e-6));
+    let (steps, error) = (power([coarse.1, fine.1], [1e-4, 1e-6]), power([coarse.0, fine.0], [1e-4, 1e-6]));
+    assert!((steps + 0.5).abs() < 0.05, "{steps} {coarse:?} {fine:?}");
+    assert!((error - 0.5).abs() < 0.05, "{error} {coarse:?} {fine:?}");
+}
+
+/// Rates of unknowns beside equations without any: the unknown v is what u and t make it.
+#[test]
+fn an_unknown_without_a_rate_has_the_order_of_the_others() {
+    let run = |error: &str| {
+        let outcome = outcome(&format!(
+            "wfl 1\nmesh box [0] to [1] cells [1] segment\nunknown u : scalar\nunknown v : scalar\n\
+             term rate on all : (Dot_u - v)*Test_u\nterm law on all : (exp(v) - 2 - u - sin(t))*Test_v\n\
+             start u = 0\nsteps t = 0 to 5 by auto with first=1e-7, least=1e-9, error={error}\n\
+             measure m = max(v) on all\n"
+        ));
+        outcome.steps.last().expect("steps").measures[0].1
+    };
+    let [coarse, middle, fine] = ["1e-4", "1e-5", "1e-6"].map(run);
+    // each is 10^(-2/3) of the one before
+    let ratio = (middle - fine) / (coarse - middle);
+    assert!((0.1..0.4).contains(&ratio.abs()), "{coarse} {middle} {fine}");
+}
+
+/// The formulas once more, by hand: backward Euler once, then BDF2.
+#[test]
+fn the_steps_are_those_of_bdf2_with_variable_increments() {
+    let outcome = outcome(&forced(3.0, "steps t = 0 to 2 by auto with first=1e-3, error=1e-3"));
+    let (mut u, mut quotient) = (1.0, None);
+    let (mut widest, mut before): (f64, f64) = (0.0, f64::INFINITY);
+    for step in &outcome.steps[1..] {
+        let (t, h) = (step.time, step.increment);
+        let (c, history) = match quotient {
+            None => (1.0 / h, 0.0),
+            Some(q) => ((2.0 * h + before) / (h * (h + before)), -h / (h + before) * q),
+        };
+        // c (u - u_n) + history + 3 (u - cos t) = 0
+        let next: f64 = (c * u - history + 3.0 * t.cos()) / (c + 3.0);
+        (quotient, u, widest, before) = (Some((next - u) / h), next, widest.max(h / before), h);
+        assert!((step.measures[0].1 - u).abs() < 1e-9, "{} {u} at {t}", step.measures[0].1);
+    }
+    assert!(widest > 1.2 && widest < 1.0 + 2.0f64.sqrt(), "{widest}");
+}
+
+#[test]
+fn backward_euler_takes_as_many_steps_as_a_method_of_first_order() {
     let mut found = Vec::new();
     for error in ["1e-3", "1e-4", "1e-5", "1e-6"] {
-        let outcome = outcome(&forced(1.0, &format!("steps t = 0 to 10 by auto with error={error}")));
+        let steps = format!("scheme backward_euler\nsteps t = 0 to 10 by auto with error={error}");
+        let outcome = outcome(&forced(1.0, &steps));
         found.push((largest_error(&outcome, 1.0), outcome.steps.len()));
     }
     // the error of all steps of a method of order p is that of one step to the power p/(p+1), and so is 1/steps
@@ -106,6 +203,20 @@ fn steps_one_by_one_have_the_bits_of_a_run() {
         n += 1;
     }
     assert_eq!(n, known.steps.len());
+}
+
+#[test]
+fn a_limit_that_is_no_positive_number_is_told_and_limits_nothing() {
+    let limited = |limit: &str| outcome(&forced(1.0, &format!("steps t = 0 to 2 by auto with limit={limit}")));
+    let free = outcome(&forced(1.0, "steps t = 0 to 2 by auto"));
+    for (limit, told) in [("0/(max(u) - max(u)) on all", "not a number"), ("-max(u) on all", "-1e0")] {
+        let found = limited(limit);
+        assert_eq!(found.steps.len(), free.steps.len());
+        let (code, text) = &found.warnings[0];
+        let behind = format!("behind {} states", found.steps.len() - 1);
+        assert!(*code == "W619" && text.contains(told) && text.contains(&behind), "{text}");
+    }
+    assert_eq!(limited("1/(max(u) - max(u)) on all").warnings, []);
 }
 
 #[test]

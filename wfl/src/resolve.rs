@@ -53,7 +53,7 @@ pub const OPTIONS: &[(&str, &[&str])] = &[
 pub const FORMATS: &[&str] = &["vtk", "csv"];
 
 /// Schemes of time integration.
-pub const SCHEMES: &[&str] = &["backward_euler", "newmark", "hht", "generalised_alpha"];
+pub const SCHEMES: &[&str] = &["backward_euler", "bdf2", "newmark", "hht", "generalised_alpha"];
 
 /// Methods of `solver`.
 pub const SOLVERS: &[&str] = &["newton", "linear"];

@@ -9,7 +9,7 @@ mod scheme;
 
 use std::ops::Range;
 
-pub use scheme::{Alpha, Row, Rows, Scheme};
+pub use scheme::{Alpha, Lengths, Row, Rows, Scheme};
 use wfl_compiler::types::{RateFactor, RateForm, RateOrder};
 
 /// What point laws are told of a step.
@@ -62,7 +62,8 @@ pub struct FieldRates {
     pub form: RateForm,
     /// Its unknowns.
     pub dofs: Range<usize>,
-    /// Its first and its second rate at the end of the last step, by dof; the second empty where it has none.
+    /// Its first and its second rate at the end of the last step, by dof; the second empty where it has none. Under BDF2
+    /// the first is the quotient of its change over the last step.
     pub kept: [Vec<f64>; 2],
 }
 
@@ -78,6 +79,8 @@ pub struct Rates {
     histories: [Vec<Vec<f64>>; 2],
     /// The increment of the step that was begun and whose end is not kept yet.
     open: Option<f64>,
+    /// The increment of the last step whose end is kept.
+    before: Option<f64>,
 }
 
 /// Where rates stand between two steps, to go on from later with the same bits.
@@ -85,6 +88,8 @@ pub struct Rates {
 pub struct RatesMemory {
     /// The scalars of the last step.
     pub factors: [f64; 3],
+    /// The increment of the last step; `None` before the first one.
+    pub before: Option<f64>,
     /// First and second rates of each field that has some.
     pub kept: Vec<Vec<f64>>,
 }
@@ -114,6 +119,7 @@ impl Rates {
             fields,
             histories,
             open: None,
+            before: None,
         };
         this.hold();
         Some(this)
@@ -123,6 +129,7 @@ impl Rates {
     pub fn clear(&mut self) {
         self.fields.iter_mut().flat_map(|of| &mut of.kept).for_each(|kept| kept.fill(0.0));
         self.of_step = RateFactors::default();
+        self.before = None;
         self.hold();
     }
 
@@ -157,9 +164,10 @@ impl Rates {
 
     /// Histories and scalars of a step of this length.
     pub fn begin(&mut self, increment: f64) {
-        let Self { scheme, factors, of_step, fields, histories, open } = self;
+        let Self { scheme, factors, of_step, fields, histories, open, before } = self;
+        let lengths = Lengths { now: increment, before: *before };
         for of in fields {
-            let Rows(rows) = scheme.in_equations(of.form, increment);
+            let Rows(rows) = scheme.in_equations(of.form, lengths);
             for (order, row) in rows.iter().enumerate().filter(|(order, _)| !of.kept[*order].is_empty()) {
                 histories[order][of.field] = past(row, &of.kept);
             }
@@ -210,11 +218,11 @@ impl Rates {
     pub fn keep(&mut self, u: &[f64], before: &[f64]) {
         if let Some(kept) = self.at_end(u, before) {
             self.fields.iter_mut().zip(kept).for_each(|(of, kept)| of.kept = kept);
-            self.open = None;
+            self.before = self.open.take();
         }
     }
 
-    /// The rates at the end `u` of the step that was begun at `before`; `None` where those that are kept are it.
+    /// What is kept at the end `u` of the step that was begun at `before`; `None` where that is done.
     fn at_end(&self, u: &[f64], before: &[f64]) -> Option<Vec<[Vec<f64>; 2]>> {
         let increment = self.open?;
         let of_field = |of: &FieldRates| {
@@ -240,7 +248,7 @@ impl Rates {
             Some(kept) => kept.into_iter().flatten().collect(),
             None => self.fields.iter().flat_map(|of| of.kept.clone()).collect(),
         };
-        RatesMemory { factors: [rate, velocity, acceleration], kept }
+        RatesMemory { factors: [rate, velocity, acceleration], before: self.open.or(self.before), kept }
     }
 
     /// Goes back to what was remembered; false, and nothing is changed, if that belongs to other fields.
@@ -255,6 +263,7 @@ impl Rates {
             slot.clone_from(kept.next().expect("as many as were counted"));
         }
         self.hold();
+        self.before = memory.before;
         let [rate, velocity, acceleration] = memory.factors;
         self.factors = RateFactors { rate, velocity, acceleration };
         self.of_step = self.factors;
@@ -306,9 +315,11 @@ mod tests {
 
     #[test]
     fn a_memory_brings_back_the_same_bits() {
-        for scheme in [Scheme::BackwardEuler, Scheme::Alpha(Alpha::generalised(0.8))] {
+        for scheme in [Scheme::BackwardEuler, Scheme::Alpha(Alpha::generalised(0.8)), Scheme::Bdf2] {
             let (before, mut after) = ([0.1; 5], [1.0 / 3.0, 2.0, 3.0, 4.7, 5.1]);
             let mut ended = rates(scheme);
+            ended.begin(0.2);
+            ended.keep(&[0.7; 5], &before);
             ended.begin(0.3);
             ended.finish(&mut after, &before);
             let mut resumed = rates(scheme);

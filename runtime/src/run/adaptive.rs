@@ -8,7 +8,7 @@
 use super::{
     Clock, Progress,
     control::Control,
-    remembered::{Adaptive, ORDER, joined},
+    remembered::{Adaptive, joined},
     stepping::{self, Attempt, AttemptEnd, Leg, Path, Reached, StepError, Stepper, Target},
 };
 use crate::{
@@ -95,7 +95,7 @@ impl Stepper {
 
     /// Writes what is expected into the free unknowns; false where nothing is known of the past.
     fn guess(&mut self, scene: &Scene, rules: &Auto, increment: f64, u: &mut [f64]) -> bool {
-        let Some(expected) = self.adaptive(rules).past.extrapolated(increment, ORDER as usize) else { return false };
+        let Some(expected) = self.adaptive(rules).expected(scene, increment) else { return false };
         let free = &scene.system.numbering.free;
         for (value, (expected, _)) in u.iter_mut().zip(expected.iter().zip(free)).filter(|(_, (_, f))| **f != FIXED) {
             *value = *expected;
@@ -117,18 +117,19 @@ impl Stepper {
             nothing => return Tried::Nothing(nothing, u.to_vec()),
         };
         let solution = joined(u, self.next_states.iter().map(Vec::as_slice));
-        let error = self.adaptive(rules).error(scene, rules, increment, &solution);
+        let errors = self.adaptive(rules).errors(scene, rules, increment, &solution);
         let least = Control::is_least(rules, scene.system.step().0 - increment, increment);
         let control = &mut self.adaptive(rules).control;
-        match error {
-            // an error that is no number is too large
-            Some(e) if (e > 1.0 || e.is_nan()) && !least => {
-                control.reject(increment, if e.is_finite() { e } else { f64::MAX }, ORDER);
-                Tried::Rejected(e)
+        // an error that is no number is too large
+        let too_large = errors.filter(|e| e.largest() > 1.0 || e.largest().is_nan());
+        match too_large {
+            Some(errors) if !least => {
+                control.reject(increment, errors);
+                Tried::Rejected(errors.largest())
             }
-            error => {
-                control.accept(increment, error, ORDER);
-                Tried::Accepted(history, error.filter(|e| *e > 1.0 || e.is_nan()))
+            _ => {
+                control.accept(increment, errors);
+                Tried::Accepted(history, too_large.map(|e| e.largest()))
             }
         }
     }

@@ -40,7 +40,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 12;
+const FORMAT: u64 = 13;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -129,6 +129,7 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Memory) -> Co
     let rates = known.rates.as_ref().zip(known.previous.as_ref());
     let rates = rates.map(|(rates, past)| rates.memory(&run.u, &past.unknowns)).unwrap_or_default();
     w.numbers(&rates.factors);
+    w.numbers(rates.before.as_slice());
     w.count(rates.kept.len());
     rates.kept.iter().for_each(|kept| w.numbers(kept));
     let solver = run.stepper.solver.as_ref().map(LinearSolver::memory).unwrap_or_default();
@@ -262,7 +263,13 @@ fn read_log(folder: &FilePath, bytes: &[u8], log: &Log, count: usize) -> Result<
 fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Found, Unreadable> {
     let (u, memory) = (r.numbers()?, read_memory(r)?);
     let [rate, velocity, acceleration] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-    let rates = RatesMemory { factors: [rate, velocity, acceleration], kept: r.list(Reader::numbers)? };
+    let before = match *r.numbers()?.as_slice() {
+        [] => None,
+        [increment] => Some(increment),
+        _ => return Err(Unreadable),
+    };
+    let factors = [rate, velocity, acceleration];
+    let rates = RatesMemory { factors, before, kept: r.list(Reader::numbers)? };
     let solver = SolverMemory {
         factored: r.numbers()?,
         dense: r.flag()?,

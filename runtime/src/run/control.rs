@@ -1,7 +1,8 @@
 //! The increments of steps that the run chooses: a rule of numbers alone, without fields.
 //!
 //! An increment h with the estimated error e, relative to the demanded one, is followed by h 0.9 e^(-1/(p+1)), where p is
-//! the order of the method (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.4, equation 4.13).
+//! the order of the method (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.4, equation 4.13); where
+//! fields are integrated by methods of different orders, by the smallest of these.
 //! Promises: increments lie between `least` and `most`, except for one that ends at a value to be met; such values are met
 //! exactly, and the two increments before one are equal. Does not know why an attempt came to nothing.
 
@@ -21,6 +22,27 @@ const FAILED: f64 = 0.25;
 const SAME: f64 = 1e-9;
 /// Smallest increment in units of the rounding of the step variable.
 const ROUNDING: f64 = 16.0;
+
+/// Estimated errors of a step, relative to the demanded one: the largest over what is integrated with each order.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Errors {
+    /// Of order 1 and of order 2; 0 where nothing has that order.
+    pub(super) by_order: [f64; 2],
+}
+
+impl Errors {
+    /// The largest of them; no number where one is no number.
+    pub(super) fn largest(&self) -> f64 {
+        let [first, second] = self.by_order;
+        if first.is_nan() || first > second { first } else { second }
+    }
+
+    /// What the increment is multiplied by for the demanded error.
+    fn factor(&self) -> f64 {
+        let [first, second] = self.by_order;
+        factor(first, 1).min(factor(second, 2))
+    }
+}
 
 /// What is known of the increments.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,7 +70,6 @@ impl Control {
 
     /// Where the next attempt ends: at most at `stop`.
     pub(super) fn aim(&self, rules: &Auto, at: f64, stop: f64, limit: f64) -> f64 {
-        // a limit that is no number limits nothing
         let limited = self.next.min(rules.most).min(limit);
         let increment = limited.max(Self::least(rules, at));
         let left = stop - at;
@@ -58,10 +79,10 @@ impl Control {
         at + if 2.0 * increment > left { 0.5 * left } else { increment }
     }
 
-    /// After a step of an increment with a relative error; `None` where none is known.
-    pub(super) fn accept(&mut self, increment: f64, error: Option<f64>, order: u32) {
+    /// After a step of an increment with relative errors; `None` where none is known.
+    pub(super) fn accept(&mut self, increment: f64, errors: Option<Errors>) {
         let planned = self.next;
-        let free = error.map_or(1.0, |e| factor(e, order));
+        let free = errors.map_or(1.0, |e| e.factor());
         let most = if self.failed { 1.0 } else { GROWTH };
         let free = if (1.0..WORTHWHILE).contains(&free) { 1.0 } else { free };
         self.next = increment * free.clamp(SHRINK, most);
@@ -73,8 +94,8 @@ impl Control {
     }
 
     /// After a step whose error is too large.
-    pub(super) fn reject(&mut self, increment: f64, error: f64, order: u32) {
-        self.next = increment * factor(error, order).clamp(SHRINK, SAFETY);
+    pub(super) fn reject(&mut self, increment: f64, errors: Errors) {
+        self.next = increment * errors.factor().clamp(SHRINK, SAFETY);
         self.failed = true;
     }
 
@@ -86,7 +107,13 @@ impl Control {
 }
 
 fn factor(error: f64, order: u32) -> f64 {
-    if error > 0.0 { SAFETY * error.powf(-1.0 / (f64::from(order) + 1.0)) } else { f64::INFINITY }
+    if error.is_nan() {
+        SHRINK
+    } else if error > 0.0 {
+        SAFETY * error.powf(-1.0 / (f64::from(order) + 1.0))
+    } else {
+        f64::INFINITY
+    }
 }
 
 #[cfg(test)]
@@ -97,6 +124,10 @@ mod tests {
         Auto { first, error: 1e-3, least, most, limit: None, fields: Vec::new() }
     }
 
+    fn of_first(error: f64) -> Errors {
+        Errors { by_order: [error, 0.0] }
+    }
+
     /// The ends of the steps of a rule whose error is `error(h)`.
     fn ends(rules: &Auto, stop: f64, error: impl Fn(f64) -> f64) -> Vec<f64> {
         let (mut control, mut at, mut out) = (Control::new(rules), 0.0, Vec::new());
@@ -104,10 +135,10 @@ mod tests {
             let to = control.aim(rules, at, stop, f64::INFINITY);
             let (h, e) = (to - at, error(to - at));
             if e > 1.0 {
-                control.reject(h, e, 1);
+                control.reject(h, of_first(e));
                 continue;
             }
-            control.accept(h, Some(e), 1);
+            control.accept(h, Some(of_first(e)));
             at = to;
             out.push(at);
         }
@@ -133,13 +164,27 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_and_the_bounds_hold_and_a_limit_that_is_no_number_limits_nothing() {
+    fn a_limit_and_the_bounds_hold() {
         let rules = rules(0.1, 0.01, 0.2);
         let control = Control::new(&rules);
         assert_eq!(control.aim(&rules, 0.0, 10.0, 0.05), 0.05);
         assert_eq!(control.aim(&rules, 0.0, 10.0, 1e-5), 0.01);
-        assert_eq!(control.aim(&rules, 0.0, 10.0, f64::NAN), 0.1);
         assert_eq!(Control { next: 5.0, failed: false }.aim(&rules, 0.0, 10.0, f64::INFINITY), 0.2);
+    }
+
+    #[test]
+    fn each_order_has_its_power_and_the_smaller_increment_counts() {
+        let rules = rules(1.0, 1e-9, 10.0);
+        let next = |by_order: [f64; 2]| {
+            let mut control = Control::new(&rules);
+            control.reject(1.0, Errors { by_order });
+            control.next
+        };
+        assert!((next([4.0, 0.0]) - 0.45).abs() < 1e-15 && (next([0.0, 8.0]) - 0.45).abs() < 1e-15);
+        assert!((next([4.0, 1.0]) - 0.45).abs() < 1e-15 && (next([1.0, 8.0]) - 0.45).abs() < 1e-15);
+        assert_eq!((next([f64::NAN, 0.0]), next([0.0, f64::INFINITY])), (SHRINK, SHRINK));
+        assert!(Errors { by_order: [f64::NAN, 1.0] }.largest().is_nan());
+        assert!(Errors { by_order: [1.0, f64::NAN] }.largest().is_nan());
     }
 
     #[test]
@@ -148,11 +193,11 @@ mod tests {
         let mut control = Control::new(&rules);
         control.fail(0.1);
         assert_eq!(control.next, 0.025);
-        control.accept(0.025, Some(1e-9), 1);
+        control.accept(0.025, Some(of_first(1e-9)));
         assert_eq!(control.next, 0.025);
-        control.accept(0.025, Some(1e-9), 1);
+        control.accept(0.025, Some(of_first(1e-9)));
         assert_eq!(control.next, 0.05);
-        control.accept(0.001, Some(1e-9), 1);
+        control.accept(0.001, Some(of_first(1e-9)));
         assert_eq!(control.next, 0.05);
     }
 

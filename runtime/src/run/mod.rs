@@ -187,7 +187,7 @@ pub struct StepResult {
     pub friction: Option<FrictionWork>,
     /// What is known of other states that solve the same equations; looked for until that is proved.
     pub others: Others,
-    /// What the scene says that the next increment is at most; infinite where it says nothing.
+    /// What the scene says that the next increment is at most; infinite where it says nothing. Positive numbers count.
     pub limit: f64,
     /// By event of the scene its larger side and its smaller one.
     pub events: Vec<[f64; 2]>,
@@ -516,7 +516,7 @@ impl Run {
         let reached = if number == 0 && scene.steps.from_start {
             self.stepper.given(scene, &self.u, leg, &mut self.clock, progress)
         } else if let (None, Some(at)) = (count, leg.from) {
-            let reach = Reach { at, stop: leg.to, limit: self.steps.last().map_or(f64::INFINITY, |s| s.limit) };
+            let reach = Reach { at, stop: leg.to, limit: self.limit() };
             self.stepper.advance(scene, &mut self.u, reach, &mut self.clock, progress)
         } else {
             self.stepper.reach(scene, &mut self.u, leg, &mut self.clock, progress)

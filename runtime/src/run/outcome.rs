@@ -110,6 +110,7 @@ impl Run {
         let mut warnings = report::warnings(&self.steps);
         warnings.extend(self.bad.iter().map(|bad| ("W610", bad.text())));
         warnings.extend(self.forced(scene).map(|text| ("W618", text)));
+        warnings.extend(self.unlimited(scene).map(|text| ("W619", text)));
         let mut report = report::report(scene, options, &self, &expectations);
         report.warnings.extend(warnings.iter().map(|(code, text)| format!("{code}: {text}")));
         let event = |e: &Episode| EventReport { begin: Real(e.begin), end: e.end.map(Real) };
@@ -139,6 +140,22 @@ impl Run {
         Some(format!(
             "the error of {count} steps is larger than the demanded {:e}, the first at t = {}: an increment is at least {:e}",
             rules.error, first.time, rules.least
+        ))
+    }
+
+    /// What is said of states behind which `limit` was no positive number.
+    fn unlimited(&self, scene: &Scene) -> Option<String> {
+        let rules = scene.steps.auto.as_ref().filter(|rules| rules.limit.is_some())?;
+        // behind the last state no step follows
+        let stop = scene.steps.last();
+        let unlimited = |s: &&StepResult| s.time < stop && (s.limit.is_nan() || s.limit <= 0.0);
+        let first = self.steps.iter().find(unlimited)?;
+        let count = self.steps.iter().filter(unlimited).count();
+        let value = if first.limit.is_nan() { "not a number".to_owned() } else { format!("{:e}", first.limit) };
+        Some(format!(
+            "`limit` is {value} behind the state at t = {}, and no positive number behind {count} states in all: there it \
+             limited nothing, and an increment was at most {:e}",
+            first.time, rules.most
         ))
     }
 }

@@ -41,22 +41,26 @@ impl Past {
         Some((0..through[0].len()).map(value).collect())
     }
 
-    /// The part of the difference to the extrapolation that is the error of backward Euler.
+    /// The part of the difference to the extrapolation through `order + 1` solutions that is the error of the method of
+    /// this order: backward Euler or BDF2.
     ///
-    /// With h the increment and g the one before, the method misses the solution by h^2/2 and the line by h (h + g)/2, times
-    /// the second derivative, to opposite sides.
-    pub(super) fn share(&self, increment: f64) -> f64 {
-        increment / (2.0 * increment + self.increments[0])
+    /// With h the increment, g the one before and k the one before that, backward Euler misses the solution by h^2/2 and
+    /// the line by h (h + g)/2, times the second derivative, to opposite sides; BDF2 by h^2 (h + g)^2/(6 (2 h + g)) and the
+    /// parabola by h (h + g) (h + g + k)/6, times the third derivative, again to opposite sides.
+    pub(super) fn share(&self, increment: f64, order: usize) -> f64 {
+        let (h, g) = (increment, self.increments[0]);
+        if order == 1 {
+            return h / (2.0 * h + g);
+        }
+        let (method, parabola) = (h * (h + g) / (2.0 * h + g), h + g + self.increments[1]);
+        method / (method + parabola)
     }
 }
 
-/// The largest relative difference over fields; each is a range of the numbers, with the largest size it had so far.
-pub(super) fn distance(a: &[f64], b: &[f64], fields: &[(Range<usize>, f64)]) -> f64 {
-    let of = |(range, scale): &(Range<usize>, f64)| {
-        let largest = range.clone().map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
-        if largest == 0.0 { 0.0 } else { largest / scale }
-    };
-    fields.iter().map(of).fold(0.0, f64::max)
+/// The largest difference of numbers, relative to a size.
+pub(super) fn distance(a: &[f64], b: &[f64], range: Range<usize>, size: f64) -> f64 {
+    let largest = range.map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
+    if largest == 0.0 { 0.0 } else { largest / size }
 }
 
 #[cfg(test)]
@@ -86,15 +90,32 @@ mod tests {
         past.add(0.0, vec![f(t - g)]);
         past.add(g, vec![f(t)]);
         let (line, method) = (past.extrapolated(h, 1).unwrap()[0], f(t) + h * (t + h));
-        let estimate = past.share(h) * (method - line).abs();
+        let estimate = past.share(h, 1) * (method - line).abs();
         assert!((estimate - (method - f(t + h)).abs()).abs() < 1e-14);
     }
 
     #[test]
+    fn the_share_of_bdf2_is_its_error_on_a_cubic() {
+        // u = t^3 and u' = 3 t^2: the rate of BDF2 at t + h is c (u - u_n) - h/(h + g) (u_n - u_(n-1))/g
+        let (t, h, g, k) = (2.0f64, 0.3, 0.2, 0.35);
+        let f = |t: f64| t.powi(3);
+        let mut past = Past::default();
+        past.add(0.0, vec![f(t - g - k)]);
+        past.add(k, vec![f(t - g)]);
+        past.add(g, vec![f(t)]);
+        let c = (2.0 * h + g) / (h * (h + g));
+        let method = f(t) + (3.0 * (t + h).powi(2) + h / (h + g) * (f(t) - f(t - g)) / g) / c;
+        let (parabola, exact) = (past.extrapolated(h, 2).unwrap()[0], f(t + h));
+        let estimate = past.share(h, 2) * (method - parabola).abs();
+        assert!((estimate - (method - exact).abs()).abs() < 1e-13, "{estimate} {}", method - exact);
+        // h^2 (h + g)^2/(6 (2 h + g)) times the third derivative, which is 6
+        assert!((method - exact - (h * (h + g)).powi(2) / (2.0 * h + g)).abs() < 1e-13);
+    }
+
+    #[test]
     fn differences_count_in_the_size_of_their_field() {
-        let fields = [(0..2, 100.0), (2..3, 1e-3)];
-        let found = distance(&[1.0, 2.0, 3e-6], &[1.0, 1.0, 2e-6], &fields);
-        assert_eq!(found, 1.0 / 100.0);
-        assert_eq!(distance(&[0.0], &[0.0], &[(0..1, 0.0)]), 0.0);
+        let (a, b) = ([1.0, 2.0, 3e-6], [1.0, 1.0, 2e-6]);
+        assert_eq!((distance(&a, &b, 0..2, 100.0), distance(&a, &b, 2..3, 1e-3)), (1.0 / 100.0, (3e-6 - 2e-6) / 1e-3));
+        assert_eq!(distance(&[0.0], &[0.0], 0..1, 0.0), 0.0);
     }
 }

@@ -28,8 +28,13 @@ impl Run {
         (measures, bad_measures)
     }
 
-    /// What the scene says that the increment behind the present state is at most, infinite where it says nothing or no
-    /// positive number; and the sides of its events.
+    /// What the next increment is at most: a limit that is no positive number limits nothing.
+    pub(super) fn limit(&self) -> f64 {
+        self.steps.last().map(|s| s.limit).filter(|limit| *limit > 0.0).unwrap_or(f64::INFINITY)
+    }
+
+    /// What the scene says that the increment behind the present state is at most, infinite where it says nothing; and the
+    /// sides of its events.
     pub(super) fn watched(&self, scene: &mut Scene, time: f64, increment: f64) -> (f64, Vec<Sides>) {
         let limit = scene.steps.auto.as_ref().and_then(|auto| auto.limit.clone());
         if limit.is_none() && scene.events.is_empty() {
@@ -41,10 +46,10 @@ impl Run {
             values.push((measure.name.clone(), measure.evaluate(system, time, increment, &self.u)));
         }
         values.extend(scene.steps.variable.clone().map(|name| (name, time)));
-        let limit = limit.and_then(|e| scene.number_of(&e, &values)).filter(|limit| *limit > 0.0);
+        let limit = limit.map_or(f64::INFINITY, |e| scene.number_of(&e, &values).unwrap_or(f64::NAN));
         let side = |e: &wfl::ast::Expr| scene.number_of(e, &values).unwrap_or(f64::NAN);
         let sides = scene.events.iter().map(|event| event.sides.each_ref().map(side)).collect();
-        (limit.unwrap_or(f64::INFINITY), sides)
+        (limit, sides)
     }
 
     /// The rows of the series of the scene at the present state: by series the values of all points; nothing of a series

@@ -8,7 +8,7 @@ use crate::{
     csr::Csr,
     finite::BadGiven,
     newton::NewtonError,
-    rates::{RateFactors, Rates},
+    rates::{RateFactors, Rates, Scheme},
     scene::{Scene, node_positions},
     solve::{CheckedLlt, CheckedLu, LinearSolver, SolverOptions},
     system::{Branches, FIXED, Form, SystemError},
@@ -75,7 +75,8 @@ pub(super) fn leave(scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Result<()
 
 /// The rates where time starts, at the state `u` and the first increment `at`.
 pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), NewtonError> {
-    if scene.system.known.rates.is_none() {
+    // the first step of BDF2 is one of backward Euler, which reads no rate of the start
+    if scene.system.known.rates.as_ref().is_none_or(|rates| rates.scheme() == Scheme::Bdf2) {
         return Ok(());
     }
     let given = |bad: BadGiven| NewtonError::Given(Box::new(bad));

@@ -11,7 +11,8 @@ use crate::{
 };
 
 /// By field, what its rates are compiled to. The equations decide: a field has a second rate where a term or the update of
-/// a state has it, and a first one of its own where one has it and the scheme is not backward Euler.
+/// a state has it, and a first one of its own where one has it and the scheme is not backward Euler. Without a statement
+/// the scheme is that of second rates, BDF2 for steps that the run chooses, else backward Euler.
 pub(super) fn forms(script: &ResolvedScript, sigs: &[FieldSig]) -> Vec<RateForm> {
     let (mut first, mut second) = (vec![false; sigs.len()], vec![false; sigs.len()]);
     let mut note = |word: &str| {
@@ -27,14 +28,21 @@ pub(super) fn forms(script: &ResolvedScript, sigs: &[FieldSig]) -> Vec<RateForm>
         }
     }
     let named = script.scheme.as_ref().map(|s| s.name.name.as_str());
-    // without a statement a scene is integrated by one scheme, that of its second rates
-    let differences = named == Some("backward_euler") || named.is_none() && !second.contains(&true);
+    let differences = match named {
+        Some(name) => name == "backward_euler",
+        None => !second.contains(&true) && !is_auto(script),
+    };
     let form = |(first, second): (&bool, &bool)| match (second, first) {
         (true, _) => RateForm::Second,
         (false, true) if !differences => RateForm::First,
         _ => RateForm::Difference,
     };
     first.iter().zip(&second).map(form).collect()
+}
+
+/// True for steps that the run chooses.
+fn is_auto(script: &ResolvedScript) -> bool {
+    script.steps.as_ref().is_some_and(wfl::Steps::is_auto)
 }
 
 /// The rates of fields that are solved for, zero; `None` if there are none.
@@ -44,13 +52,17 @@ pub(super) fn of(scheme: Scheme, forms: &[RateForm], fields: &[Field], numbering
 }
 
 impl Builder<'_> {
-    /// The scheme of time integration: that of the statement, else the trapezoidal rule where a term has a second rate.
+    /// The scheme of time integration: that of the statement, else the trapezoidal rule where a term has a second rate,
+    /// BDF2 for steps that the run chooses, and backward Euler.
     pub(super) fn scheme(&mut self) -> Scheme {
         self.unfit_steps();
         let trapezoidal = Scheme::Newmark { beta: 0.25, gamma: 0.5 };
         let Some(statement) = &self.script.scheme else {
-            let second = self.env.rates.contains(&RateForm::Second);
-            return if second { trapezoidal } else { Scheme::BackwardEuler };
+            return match (self.env.rates.contains(&RateForm::Second), is_auto(self.script)) {
+                (true, _) => trapezoidal,
+                (false, true) => Scheme::Bdf2,
+                (false, false) => Scheme::BackwardEuler,
+            };
         };
         let known = match statement.name.name.as_str() {
             "newmark" => &[("beta", 0.25, 0.0, 1.0), ("gamma", 0.5, 0.5, 1.0)][..],
@@ -73,6 +85,7 @@ impl Builder<'_> {
             "newmark" => Scheme::Newmark { beta: values[0], gamma: values[1] },
             "hht" => Scheme::Alpha(Alpha::hht(values[0])),
             "generalised_alpha" => Scheme::Alpha(Alpha::generalised(values[0])),
+            "bdf2" => Scheme::Bdf2,
             _ => Scheme::BackwardEuler,
         };
         self.unfit_scheme(scheme, statement);
@@ -96,17 +109,34 @@ impl Builder<'_> {
         self.diagnostics.push(d.at(option.name.span, text));
     }
 
-    /// E452 for steps that the run chooses where rates have a history: the estimate of the error is that of backward Euler.
+    /// E452 for steps that the run chooses with another scheme than BDF2 or backward Euler: the error of others is not
+    /// estimated.
     fn unfit_steps(&mut self) {
-        let has_history = self.env.rates.iter().any(|form| *form != RateForm::Difference);
-        let Some(steps) = self.script.steps.as_ref().filter(|steps| has_history && steps.is_auto()) else { return };
-        let d = Diagnostic::new("E452", "steps by `auto` are made with backward Euler alone");
-        let d = d.at(steps.by.span, "this scene has second rates, or a scheme of its own");
-        self.diagnostics.push(d.help("write the increment: `by 0.01`; or leave out `Dot2_` and `scheme`"));
+        let named = self.script.scheme.as_ref().map(|s| s.name.name.as_str());
+        let fits = matches!(named, None | Some("bdf2" | "backward_euler"));
+        let second = self.env.rates.contains(&RateForm::Second);
+        let Some(steps) = self.script.steps.as_ref().filter(|steps| (second || !fits) && steps.is_auto()) else {
+            return;
+        };
+        let d =
+            Diagnostic::new("E452", "steps by `auto` are made with bdf2 or backward_euler, and with first rates alone");
+        let why = if second { "this scene has second rates" } else { "this scene has another scheme" };
+        let help = if second {
+            "write the increment: `by 0.01`"
+        } else {
+            "leave out `scheme`, or write the increment: `by 0.01`"
+        };
+        self.diagnostics.push(d.at(steps.by.span, why).help(help));
     }
 
-    /// E453 where the equations of a scheme stand within a step and states are renewed at its end.
+    /// E452 for BDF2 and second rates. E453 where the equations of a scheme stand within a step and states are renewed at its
+    /// end.
     fn unfit_scheme(&mut self, scheme: Scheme, statement: &wfl::Scheme) {
+        if scheme == Scheme::Bdf2 && self.env.rates.contains(&RateForm::Second) {
+            let d = Diagnostic::new("E452", "`scheme bdf2` integrates first rates alone");
+            let d = d.at(statement.name.span, "this scene has second rates");
+            self.diagnostics.push(d.help("scheme newmark beta=1/4 gamma=1/2"));
+        }
         let state = self.fields.iter().find(|f| f.kind == FieldKind::State);
         if let (Scheme::Alpha(_), Some(state)) = (scheme, state) {
             let name = &statement.name;

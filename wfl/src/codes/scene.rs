@@ -310,8 +310,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "E452",
         "a setting that a scheme does not take",
         "newmark has beta (more than 0, at most 1) and gamma (1/2 to 1; of second order with 1/2), hht has alpha (-1/3 to \
-         0), generalised_alpha has rho_inf (0 to 1), backward_euler has none. Steps by `auto` go with \
-         backward_euler and first rates.",
+         0), generalised_alpha has rho_inf (0 to 1), bdf2 and backward_euler have none. bdf2 is for first \
+         rates. Steps by `auto` go with bdf2 and backward_euler, and with first rates.",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=0.1",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=-0.1",
     ),
@@ -319,7 +319,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "E453",
         "a scheme that cannot renew states",
         "The equations of hht and generalised_alpha stand within the step, the values of a state at its end: what a state \
-         becomes would not belong to the displacements. newmark and backward_euler have both at the end.",
+         becomes would not belong to the displacements. newmark, bdf2 and backward_euler have both at the end.",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nstate s : scalar on all := s + u(1)\n\
          scheme hht alpha=-0.1",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nstate s : scalar on all := s + u(1)\n\

@@ -364,6 +364,16 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by auto with error=1e-3",
     ),
     page(
+        "W619",
+        "a limit that is no positive number",
+        "`limit` of `steps ... by auto` is evaluated behind each state. Where it is zero, negative or not a number (0/0, the \
+         logarithm of a negative number) it limits nothing: the increment follows from the error alone. That may be \
+         what is meant at the start, where nothing moves yet; else write a limit that is positive for every state. An \
+         infinite limit, as a length over a slip rate of zero, says that the increment is free, and is no warning.",
+        "steps t = 0 to 1 by auto with limit=0.1/log(max(u)) on all",
+        "steps t = 0 to 1 by auto with limit=0.1/max(abs(u)) on all",
+    ),
+    page(
         "W702",
         "declared but not needed",
         "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \

@@ -151,6 +151,13 @@ fn warnings() -> Vec<Pair> {
              steps t = 0 to 1 by auto with first=0.2, least=0.2, error=1e-6\nmeasure m = max(u) on all\n",
         )
         .near("least=0.2", "least=1e-9"),
+        Pair::new(
+            "W619",
+            "mesh box [0,0] to [1,1] cells [1,1] quad\nunknown u : scalar\nterm on all : (Dot_u + u - t)*Test_u\n\
+             steps t = 0 to 1 by auto with first=1e-3, error=1e-2, limit=0.5/log(max(u)) on all\n\
+             measure m = max(u) on all\n",
+        )
+        .near("log(max(u))", "(1 + max(u))"),
         Pair::new("W702", flow("param k = 1")).near("param k = 1", "param k = 1\nload p = k on all"),
     ]
 }

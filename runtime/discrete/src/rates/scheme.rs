@@ -2,13 +2,14 @@
 //!
 //! With x_n and x the values of a field at the start of a step and those that are solved for, and r_n, s_n its first and
 //! second rate at the start, every rate is one [`Row`]: `change (x - x_n) + first r_n + second s_n`. A scheme is four
-//! rows: two that the equations are written with, two for the rates at the end of the step. Knows no fields and stores
-//! nothing.
+//! rows: two that the equations are written with, two for what is kept at the end of the step. That are the rates there,
+//! but for BDF2, which keeps the quotient of the change over the step. Knows no fields and stores nothing.
 //!
 //! Sources: N. M. Newmark, A method of computation for structural dynamics, J. Eng. Mech. Div. ASCE 85 (1959) 67-94;
 //! H. M. Hilber, T. J. R. Hughes, R. L. Taylor, Earthquake Eng. Struct. Dyn. 5 (1977) 283-292; J. Chung, G. M. Hulbert,
 //! J. Appl. Mech. 60 (1993) 371-375; K. E. Jansen, C. H. Whiting, G. M. Hulbert, Comput. Methods Appl. Mech. Eng. 190
-//! (2000) 305-319 for fields with a first rate only.
+//! (2000) 305-319 for fields with a first rate only; E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential
+//! Equations I, III.5 for BDF2 with variable steps.
 
 use wfl_compiler::types::RateForm;
 
@@ -26,6 +27,17 @@ pub enum Scheme {
     },
     /// Newmark's rule, with the equations at a state between start and end of the step.
     Alpha(Alpha),
+    /// First rates are those of the parabola through the last two values and the new one; in the first step, differences.
+    Bdf2,
+}
+
+/// The length of a step, and of the one before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lengths {
+    /// Of the step.
+    pub now: f64,
+    /// Of the one before; `None` for the first step.
+    pub before: Option<f64>,
 }
 
 /// A generalised alpha method, in the notation of Chung and Hulbert.
@@ -65,7 +77,8 @@ impl Alpha {
 pub struct Row {
     /// Times the change over the step.
     pub change: f64,
-    /// Times the first and the second rate at the start of the step.
+    /// Times what is kept from the steps before: the first and the second rate at the start of the step, under BDF2 the
+    /// quotient of the last change.
     pub kept: [f64; 2],
 }
 
@@ -99,9 +112,17 @@ impl Scheme {
 
     /// The rates that the equations of a step of this length are written with; `form` is no [`RateForm::Difference`].
     #[must_use]
-    pub fn in_equations(&self, form: RateForm, increment: f64) -> Rows {
-        let end = self.at_end(form, increment);
-        let Scheme::Alpha(a) = self else { return end };
+    pub fn in_equations(&self, form: RateForm, lengths: Lengths) -> Rows {
+        let end = self.at_end(form, lengths.now);
+        let a = match (self, lengths.before) {
+            (Scheme::Alpha(a), _) => a,
+            (Scheme::Bdf2, Some(g)) => {
+                let h = lengths.now;
+                let first = Row { change: (2.0 * h + g) / (h * (h + g)), kept: [-h / (h + g), 0.0] };
+                return Rows([first, Row::default()]);
+            }
+            _ => return end,
+        };
         let Rows([first, second]) = end;
         let first = match form {
             RateForm::Second => first.mixed(a.alpha_f, 0),
@@ -110,7 +131,7 @@ impl Scheme {
         Rows([first.of_part(a.alpha_f), second.mixed(a.alpha_m, 1).of_part(a.alpha_f)])
     }
 
-    /// The rates at the end of a step of this length, from the values there.
+    /// What is kept at the end of a step of this length, from the values there.
     #[must_use]
     pub fn at_end(&self, form: RateForm, increment: f64) -> Rows {
         let h = increment;
@@ -119,6 +140,7 @@ impl Scheme {
                 let first = Row { change: 1.0 / h, kept: [0.0; 2] };
                 return Rows([first, Row { change: 1.0 / (h * h), kept: [-1.0 / h, 0.0] }]);
             }
+            Scheme::Bdf2 => return Rows([Row { change: 1.0 / h, kept: [0.0; 2] }, Row::default()]),
             Scheme::Newmark { beta, gamma } => (*beta, *gamma),
             Scheme::Alpha(a) => match form {
                 RateForm::Second => a.newmark(),
@@ -144,11 +166,12 @@ mod tests {
     /// The error at t = 1 of x' = -x, x(0) = 1 (or x'' = -x with x'(0) = 0), of n steps.
     fn error(scheme: Scheme, form: RateForm, n: u32) -> f64 {
         let h = 1.0 / f64::from(n);
-        let (rows, end, part) = (scheme.in_equations(form, h).0, scheme.at_end(form, h).0, 1.0 - scheme.offset());
+        let (end, part) = (scheme.at_end(form, h).0, 1.0 - scheme.offset());
         let second = form == RateForm::Second;
-        let row = if second { rows[1] } else { rows[0] };
         let (mut x, mut kept) = (1.0, if second { [0.0, -1.0] } else { [-1.0, 0.0] });
-        for _ in 0..n {
+        for k in 0..n {
+            let rows = scheme.in_equations(form, Lengths { now: h, before: (k > 0).then_some(h) }).0;
+            let row = if second { rows[1] } else { rows[0] };
             // row.change d + past + x + d = 0 for the change d up to where the equations stand
             let past = row.kept[0] * kept[0] + row.kept[1] * kept[1];
             let change = -(x + past) / (row.change + 1.0) / part;
@@ -172,6 +195,19 @@ mod tests {
                 assert!((found - order).abs() < 0.05, "{scheme:?} {form:?}: {found}");
             }
         }
+        let found = (error(Scheme::Bdf2, RateForm::First, 200) / error(Scheme::Bdf2, RateForm::First, 400)).log2();
+        assert!((found - 2.0).abs() < 0.05, "{found}");
+    }
+
+    #[test]
+    fn bdf2_differentiates_parabolas_exactly_over_unequal_steps() {
+        let (g, h) = (0.3, 0.7);
+        let f = |t: f64| 2.0 - t + 3.0 * t * t;
+        let Rows([row, _]) = Scheme::Bdf2.in_equations(RateForm::First, Lengths { now: h, before: Some(g) });
+        let Rows([end, _]) = Scheme::Bdf2.at_end(RateForm::First, g);
+        let kept = end.change * (f(g) - f(0.0));
+        let rate = row.change * (f(g + h) - f(g)) + row.kept[0] * kept;
+        assert!((rate - (6.0 * (g + h) - 1.0)).abs() < 1e-13, "{rate}");
     }
 
     #[test]
@@ -180,7 +216,9 @@ mod tests {
         for rho in [0.5f64, 0.8, 1.0] {
             let scheme = Scheme::Alpha(Alpha::generalised(rho));
             let h = 1e6;
-            let (row, end) = (scheme.in_equations(RateForm::Second, h).0[1], scheme.at_end(RateForm::Second, h).0);
+            let lengths = Lengths { now: h, before: Some(h) };
+            let (row, end) =
+                (scheme.in_equations(RateForm::Second, lengths).0[1], scheme.at_end(RateForm::Second, h).0);
             let (mut x, mut kept) = (1.0, [0.0, -1.0]);
             let mut sizes = Vec::new();
             for _ in 0..60 {
