@@ -46,7 +46,13 @@ impl Run {
             values.push((measure.name.clone(), measure.evaluate(system, time, increment, &self.u)));
         }
         values.extend(scene.steps.variable.clone().map(|name| (name, time)));
-        let limit = limit.map_or(f64::INFINITY, |e| scene.number_of(&e, &values).unwrap_or(f64::NAN));
+        // a quotient by zero has no number: a slip rate of zero counts as the smallest one, behind which the increment is free
+        let least = |v: f64| if v == 0.0 { f64::MIN_POSITIVE } else { v };
+        let moving = || values.iter().map(|(name, v)| (name.clone(), least(*v))).collect::<Vec<_>>();
+        let limit = limit.map_or(f64::INFINITY, |e| {
+            let found = scene.number_of(&e, &values).or_else(|| scene.number_of(&e, &moving()));
+            found.unwrap_or(f64::NAN)
+        });
         let side = |e: &wfl::ast::Expr| scene.number_of(e, &values).unwrap_or(f64::NAN);
         let sides = scene.events.iter().map(|event| event.sides.each_ref().map(side)).collect();
         (limit, sides)

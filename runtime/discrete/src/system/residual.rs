@@ -93,7 +93,13 @@ impl System {
         let nothing = vec![0.0; out.len()];
         let change: Vec<f64> = u.iter().zip(&self.base).map(|(u, base)| u - base).collect();
         let of = if self.base.is_empty() { u } else { &change };
-        residual_and_size(&[linear], &nothing, of, &mut part, &mut sizes, rayon::current_num_threads());
+        let threads = rayon::current_num_threads();
+        if !self.base.is_empty() {
+            // unknowns are rounded as a whole, however small the change is that they are made of
+            residual_and_size(&[linear], &nothing, u, &mut part, &mut sizes, threads);
+            sum.linear_sizes.iter_mut().zip(&sizes).for_each(|(sum, size)| *sum += size);
+        }
+        residual_and_size(&[linear], &nothing, of, &mut part, &mut sizes, threads);
         part.iter_mut().for_each(|r| *r = -*r);
         sum.linear_sizes.iter_mut().zip(&sizes).for_each(|(sum, size)| *sum += size);
         self.grow(&mut sum.forces, &part);
