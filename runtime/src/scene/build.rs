@@ -18,8 +18,8 @@ use wfl_compiler::{
 
 use super::{
     Builder, CsvOutput, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Regions, Scene,
-    StateUpdate, Steps, VtkOutput, With, assemble::Assembled, batch::Batch, constants, constraints, coverage, fields,
-    idle, mappings, meeting, mesh, options, outputs, rates, regions, rest, states, terms,
+    StateUpdate, Steps, TablesOf, VtkOutput, With, assemble::Assembled, batch::Batch, constants, constraints, coverage,
+    fields, idle, mappings, meeting, mesh, options, outputs, rates, regions, rest, states, terms,
 };
 use crate::{
     contact::{Contact, ContactTerm},
@@ -136,6 +136,12 @@ fn structure_error(script: &ResolvedScript, error: CsrError) -> Diagnostic {
     }
 }
 
+/// The parameters in the order of declaration.
+fn in_order(script: &ResolvedScript, params: &BTreeMap<String, Constant>) -> Vec<(String, Constant)> {
+    let declared = script.params.iter().map(|p| &p.name.name);
+    declared.filter_map(|name| Some((name.clone(), params.get(name)?.clone()))).collect()
+}
+
 /// Words in the expressions of terms.
 fn names_in_terms(script: &ResolvedScript) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
@@ -173,8 +179,7 @@ struct Values {
     data: Vec<(usize, Given)>,
     measures: Vec<Measure>,
     watched: Vec<Measure>,
-    /// Corners over the step variable, and tables of states.
-    tables: (Vec<f64>, Vec<String>),
+    tables: TablesOf,
 }
 
 /// What is written.
@@ -300,8 +305,6 @@ impl Builder<'_> {
             self.diagnostics.push(unfit);
             return None;
         }
-        let params = self.script.params.iter();
-        let params = params.filter_map(|p| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone())));
         Some(Scene {
             system,
             contact,
@@ -322,15 +325,14 @@ impl Builder<'_> {
             events: self.script.events.iter().map(EventRule::new).collect(),
             newton,
             accuracy,
-            params: params.collect(),
+            params: in_order(self.script, self.params),
             terms: summaries,
             sigs: self.sigs.to_vec(),
             times,
             unused_fields,
             refined: self.refined,
             inputs: self.inputs,
-            corners: tables.0,
-            tables_of_states: tables.1,
+            tables,
             idle: idle.notes,
             in_terms: names_in_terms(self.script),
             pristine: None,
