@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use crate::{
     compare::Compare,
     graph::{ExprId, Function1, Graph, Leaf, Node, apply, times},
-    lookup::Reading,
+    lookup::{CurveRef, Reading},
     math::{MathFn1, MathFn2, MatrixFn},
 };
 
@@ -95,15 +95,8 @@ impl Rules<'_, '_> {
             }
             Node::Divide(a, s) => self.quotient(g, e, a, s, Graph::divide, Graph::scale),
             Node::DivComponents(a, b) => self.quotient(g, e, a, b, Graph::div_components, Graph::mul_components),
-            Node::Map(f, a) => Ok(self.of(g, a)?.map(|da| {
-                let slope = function_derivative(g, f, a, e);
-                g.mul_components(slope, da)
-            })),
-            Node::Lookup(_, Reading::Slope, _) => Ok(None),
-            Node::Lookup(curve, Reading::Value, a) => Ok(self.of(g, a)?.map(|da| {
-                let slope = g.lookup(&curve, Reading::Slope, a);
-                g.scale(slope, da)
-            })),
+            Node::Map(f, a) => self.function1(g, e, f, a),
+            Node::Lookup(curve, reading, a) => self.lookup(g, &curve, reading, a),
             Node::Map2(f, a, b) => self.function2(g, e, f, a, b),
             Node::Select(mask, a, b) => {
                 let (da, db) = (self.of(g, a)?, self.of(g, b)?);
@@ -169,6 +162,24 @@ impl Rules<'_, '_> {
         let zero = g.number(0.0);
         let parts: Vec<ExprId> = moved.into_iter().map(|d| d.unwrap_or(zero)).collect();
         Ok(Some(g.stack(g.shape(e), &parts)))
+    }
+
+    /// The slope of the piece; a slope has none.
+    fn lookup(&mut self, g: &mut Graph, curve: &CurveRef, reading: Reading, a: ExprId) -> Derived {
+        if reading == Reading::Slope {
+            return Ok(None);
+        }
+        Ok(self.of(g, a)?.map(|da| {
+            let slope = g.lookup(curve, Reading::Slope, a);
+            g.scale(slope, da)
+        }))
+    }
+
+    fn function1(&mut self, g: &mut Graph, e: ExprId, f: Function1, a: ExprId) -> Derived {
+        Ok(self.of(g, a)?.map(|da| {
+            let slope = function_derivative(g, f, a, e);
+            g.mul_components(slope, da)
+        }))
     }
 
     fn function2(&mut self, g: &mut Graph, e: ExprId, f: MathFn2, a: ExprId, b: ExprId) -> Derived {

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use crate::{
     graph::{ExprId, Function1, Graph, Leaf, Node, Role, picked_position},
     ir::{Compare, Val},
+    lookup::{CurveRef, Reading},
     math::MatrixFn,
     scalar::{Form, NO_SLOT, Scalars},
     types::{BasisSlot, FieldId, FieldOp, InputSlot, Shape, Side, UniformSlot},
@@ -132,11 +133,7 @@ impl<'g> Lowering<'g> {
             Node::Pick(a, fixed) => self.picked(a, &fixed, shape),
             Node::Stack(parts) => parts.iter().map(|p| self.lower(*p).swap_remove(0)).collect(),
             Node::Map(f, a) => self.mapped(f, a),
-            Node::Lookup(curve, reading, a) => {
-                let x = self.scalar(a);
-                let value = self.scalars.lookup(&curve, reading, x);
-                self.plain(vec![value])
-            }
+            Node::Lookup(curve, reading, a) => self.lookup(&curve, reading, a),
             Node::Map2(f, a, b) => {
                 let (x, y) = (self.values(a), self.values(b));
                 let z = x.into_iter().zip(y).map(|(x, y)| self.scalars.call2(f, x, y)).collect();
@@ -196,6 +193,12 @@ impl<'g> Lowering<'g> {
         };
         let values = x.into_iter().map(one).collect();
         self.plain(values)
+    }
+
+    fn lookup(&mut self, curve: &CurveRef, reading: Reading, a: ExprId) -> Vec<Form> {
+        let x = self.scalar(a);
+        let value = self.scalars.lookup(curve, reading, x);
+        self.plain(vec![value])
     }
 
     fn quotients(&mut self, a: ExprId, b: ExprId) -> Vec<Form> {

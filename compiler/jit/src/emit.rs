@@ -21,7 +21,10 @@ use cranelift_codegen::{
     isa::TargetIsa,
 };
 use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext};
-use wfl_compiler::ir::{Compare, Inst, Kernel, LANES, Val, VerifiedKernel};
+use wfl_compiler::{
+    ir::{Compare, Inst, Kernel, LANES, Val, VerifiedKernel},
+    lookup::{CurveRef, Reading},
+};
 
 use crate::shim::Shim;
 
@@ -309,12 +312,7 @@ impl<'a, 'f> Body<'a, 'f> {
             Inst::Select(m, a, c) => self.select(*m, *a, *c),
             Inst::Call1(f, a) => self.call_lanes(Shim::One(*f), None, &[*a]),
             Inst::Call2(f, a, c) => self.call_lanes(Shim::Two(*f), None, &[*a, *c]),
-            Inst::Lookup(curve, reading, a) => {
-                let pointer = self.pointer();
-                let address = i64::try_from(curve.address().addr()).expect("addresses of user space are positive");
-                let curve = self.b.ins().iconst(pointer, address);
-                self.call_lanes(Shim::Table(*reading), Some(curve), &[*a])
-            }
+            Inst::Lookup(curve, reading, a) => self.lookup(curve, *reading, *a),
             Inst::Part(bundle, part) => self.part(*bundle, *part as usize),
             Inst::Matrix { function, n, entries } => {
                 let n = usize::from(*n);
@@ -405,6 +403,14 @@ impl<'a, 'f> Body<'a, 'f> {
     fn shim(&self, shim: Shim) -> FuncRef {
         let found = self.shims.iter().find(|(s, _)| *s == shim);
         found.expect("every function that the kernel calls was imported").1
+    }
+
+    /// A reading of a curve, whose address is a constant of the code.
+    fn lookup(&mut self, curve: &CurveRef, reading: Reading, a: Val) -> Value {
+        let pointer = self.pointer();
+        let address = i64::try_from(curve.address().addr()).expect("addresses of user space are positive");
+        let curve = self.b.ins().iconst(pointer, address);
+        self.call_lanes(Shim::Table(reading), Some(curve), &[a])
     }
 
     /// A function of numbers, lane by lane; `first` goes before them.

@@ -166,7 +166,7 @@ fn events_are_listed_and_marked_on_charts_over_the_steps() {
     let folder = Folder::new("report_events");
     let done = folder.run(text, &[]);
     assert!(done.status.success(), "{}", stderr(&done));
-    let page = folder.page(&[]);
+    let page = folder.page(&["--plots"]);
     let section = page.split_once("<h2>Events</h2>").expect("a section").1;
     let section = section.split_once("<h2>").expect("one behind it").0;
     for number in ["0.083", "0.41", "1.083", "1.41", "2.083", "at the last step it lasts", "never"] {

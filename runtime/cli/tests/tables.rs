@@ -154,6 +154,9 @@ fn units_of_the_file_are_checked_with_those_of_the_scene() {
     assert!(value.contains("warning[W505]") && value.contains("MPa*m^2 is 1000 kN"), "{value}");
     let argument = check("over", "t [h],q [MPa]\n0,0\n1,2\n");
     assert!(argument.contains("error[E501]: \"h.csv\" has rows over another unit"), "{argument}");
+    let held = with("held", &scene.replace("\"h.csv\", t", "\"h.csv\", min(t, 1)"), "t [s],q [MPa]\n0,0\n1,2\n");
+    let held = said(&held, &["check", "s.wfl"]).1;
+    assert!(!held.contains("error["), "{held}");
     let bare = check("bare", "t,q\n0,0\n1,2\n");
     assert!(bare.contains("error[E501]") && bare.contains("t [s],q [MPa]"), "{bare}");
     let unknown = check("name", "t [s],q [MPaa]\n0,0\n1,2\n");

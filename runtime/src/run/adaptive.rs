@@ -48,7 +48,7 @@ impl Stepper {
         let rules = scene.steps.auto.clone().expect("steps that the run chooses");
         let Reach { at, stop, limit } = reach;
         stepping::begin(scene, Leg { from: Some(at), to: stop, first_increment: rules.first }, u)?;
-        if scene.corners.contains(&at) {
+        if scene.tables.corners.contains(&at) {
             self.adaptive(&rules).turn(&rules);
         }
         let known_before = scene.system.known.clone();

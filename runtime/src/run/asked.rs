@@ -41,7 +41,7 @@ impl Run {
     /// Where a step behind a value of the step variable has to end at the latest.
     fn stop(&self, scene: &Scene, at: f64) -> f64 {
         let cadences = scene.vtk.iter().map(|o| &o.every).chain(scene.csv.iter().map(|o| &o.every));
-        let corner = scene.corners.get(scene.corners.partition_point(|c| *c <= at)).copied();
+        let corner = scene.tables.corners.get(scene.tables.corners.partition_point(|c| *c <= at)).copied();
         let met = cadences.filter_map(|c| c.next_met(at, &scene.steps)).chain(corner);
         met.fold(scene.steps.last(), f64::min)
     }

@@ -18,7 +18,7 @@ use wfl_compiler::{
 
 use super::{
     Builder, CsvOutput, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Regions, Scene,
-    StateUpdate, Steps, VtkOutput, With,
+    StateUpdate, Steps, TablesOf, VtkOutput, With,
     assemble::Assembled,
     batch::Batch,
     constants, constraints, coverage, explicit, fields, idle, mappings, meeting, mesh, options, outputs,
@@ -145,6 +145,12 @@ fn structure_error(script: &ResolvedScript, error: CsrError) -> Diagnostic {
     }
 }
 
+/// The parameters in the order of declaration.
+fn in_order(script: &ResolvedScript, params: &BTreeMap<String, Constant>) -> Vec<(String, Constant)> {
+    let declared = script.params.iter().map(|p| &p.name.name);
+    declared.filter_map(|name| Some((name.clone(), params.get(name)?.clone()))).collect()
+}
+
 /// Words in the expressions of terms.
 fn names_in_terms(script: &ResolvedScript) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
@@ -182,8 +188,7 @@ struct Values {
     data: Vec<(usize, Given)>,
     measures: Vec<Measure>,
     watched: Vec<Measure>,
-    /// Corners over the step variable, and tables of states.
-    tables: (Vec<f64>, Vec<String>),
+    tables: TablesOf,
 }
 
 /// What is written.
@@ -332,15 +337,14 @@ impl Builder<'_> {
             events: self.script.events.iter().map(EventRule::new).collect(),
             newton,
             accuracy,
-            params,
+            params: in_order(self.script, self.params),
             terms: summaries,
             sigs: self.sigs.to_vec(),
             times,
             unused_fields,
             refined: self.refined,
             inputs: self.inputs,
-            corners: tables.0,
-            tables_of_states: tables.1,
+            tables,
             idle: idle.notes,
             in_terms: names_in_terms(self.script),
             pristine: None,

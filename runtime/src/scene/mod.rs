@@ -95,6 +95,7 @@ pub use regions::{NamedRegion, Regions};
 pub use rest::{Sketch, without_auto};
 pub use samples::{SampleAt, Samples, StateAt};
 pub use states::StateUpdate;
+pub use tables::TablesOf;
 pub use terms::RuleChoice;
 
 /// A quantity printed and reported at each step.
@@ -197,10 +198,8 @@ pub struct Scene {
     pub refined: Option<Refined>,
     /// The files that were read for it.
     pub inputs: Vec<InputFile>,
-    /// Values of the step variable at which tables have corners, increasing: steps that the run chooses end there.
-    pub corners: Vec<f64>,
-    /// Tables, each with the range of its rows, whose arguments are only known at a state.
-    pub tables_of_states: Vec<String>,
+    /// What a run has to know of its tables.
+    pub tables: TablesOf,
     /// Multipliers that have nodes without a jump by the mesh alone, and why.
     pub(crate) idle: Vec<(String, String)>,
     /// Words in expressions of terms.

@@ -26,6 +26,15 @@ const SAMPLES: u32 = 1000;
 /// Halvings of an interval until its ends are next to each other.
 const HALVINGS: u32 = 60;
 
+/// What a run has to know of the tables of its scene.
+#[derive(Clone, Debug, Default)]
+pub struct TablesOf {
+    /// Values of the step variable at which tables have corners, increasing: steps that the run chooses end there.
+    pub corners: Vec<f64>,
+    /// Tables, each with the range of its rows, whose arguments are only known at a state.
+    pub states: Vec<String>,
+}
+
 /// A table over the step variable.
 struct OverSteps<'s> {
     curve: &'s Arc<Curve>,
@@ -55,11 +64,11 @@ impl Builder<'_> {
 
     /// E447 for values outside the rows; the values of the step variable at which tables have corners, and the tables
     /// whose arguments are only known at a state.
-    pub(super) fn tables(&mut self, steps: &Steps) -> (Vec<f64>, Vec<String>) {
+    pub(super) fn tables(&mut self, steps: &Steps) -> TablesOf {
         if self.script.tables.is_empty() {
-            return (Vec::new(), Vec::new());
+            return TablesOf::default();
         }
-        let (tables, of_states) = tables_of(self.script, self.env);
+        let (tables, states) = tables_of(self.script, self.env);
         let times = times(steps);
         let mut corners = Vec::new();
         for table in &tables {
@@ -75,7 +84,7 @@ impl Builder<'_> {
         corners.retain(|t| *t > steps.first() && *t < steps.last());
         corners.sort_by(f64::total_cmp);
         corners.dedup();
-        (corners, of_states)
+        TablesOf { corners, states }
     }
 }
 
@@ -142,6 +151,7 @@ fn tables_of<'s>(script: &'s ResolvedScript, env: &Env<'_>) -> (Vec<OverSteps<'s
         let Some(Ok(curve)) = script.tables.iter().find(|t| t.name == file).map(|t| t.curve(column)) else { return };
         // what is wrong with an argument is told with its statement; without a place no field has a value
         match compile_value(env, &global_place(env.fields.len()), "table", argument).value {
+            Some(law) if !law.shape.is_scalar_like() => {}
             Some(law) if law.inputs.is_empty() && law.prologue.slots == [UniformSlot::Time] => {
                 found.push(OverSteps { curve, argument, guarded, law });
             }

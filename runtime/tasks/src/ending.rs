@@ -119,7 +119,7 @@ fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said>
                 step.fruitless()
             );
         }
-        for table in &scene.tables_of_states {
+        for table in &scene.tables.states {
             text += &format!("  = note: a state outside the rows of {table} is no solution\n");
         }
         if is_below(loaded) {

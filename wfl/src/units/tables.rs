@@ -14,11 +14,29 @@ use crate::{
 };
 
 impl Pass<'_> {
+    /// The unit of an argument. In a statement where formulas of coordinates and the step variable take the unit that is
+    /// needed they keep their own here, unless plain numbers stand beside them: `min(t, 30)`.
+    fn over(&mut self, argument: &Expr) -> Value {
+        if !self.plain {
+            return self.expr(argument);
+        }
+        let (told, related) = (self.diagnostics.len(), self.equations.len());
+        self.plain = false;
+        let value = self.expr(argument);
+        self.plain = true;
+        if self.diagnostics.len() == told {
+            return value;
+        }
+        self.diagnostics.truncate(told);
+        self.equations.truncate(related);
+        self.expr(argument)
+    }
+
     /// The unit of the column; the argument has that of the first column.
     pub(super) fn table(&mut self, e: &Expr, arguments: &[Argument]) -> Value {
         let [Argument::Text(file, _), Argument::Expr(argument), rest @ ..] = arguments else { return Value::lost() };
         let column = if let [Argument::Text(column, _)] = rest { Some(column.as_str()) } else { None };
-        let value = self.expr(argument);
+        let value = self.over(argument);
         let Some(table) = self.scene.script.tables.iter().find(|t| t.name == *file) else { return Value::lost() };
         let Ok(curve) = table.curve(column) else { return Value::lost() };
         let first = unit_of(&table.heads[0]);
