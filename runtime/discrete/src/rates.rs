@@ -133,6 +133,11 @@ impl Rates {
         self.hold();
     }
 
+    /// Rates jump here: BDF2 begins again with a step of backward Euler.
+    pub fn turn(&mut self) {
+        self.before = None;
+    }
+
     /// The scheme.
     #[must_use]
     pub fn scheme(&self) -> Scheme {

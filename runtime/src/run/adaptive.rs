@@ -13,6 +13,7 @@ use super::{
 };
 use crate::{
     newton::StepHistory,
+    rates::Rates,
     scene::{Auto, Scene},
     system::FIXED,
 };
@@ -50,6 +51,7 @@ impl Stepper {
         stepping::begin(scene, Leg { from: Some(at), to: stop, first_increment: rules.first }, u)?;
         if scene.tables.corners.contains(&at) {
             self.adaptive(&rules).turn(&rules);
+            scene.system.known.rates.iter_mut().for_each(Rates::turn);
         }
         let known_before = scene.system.known.clone();
         let (mut attempts, mut guess) = (Vec::new(), true);

@@ -292,7 +292,8 @@ impl Builder<'_> {
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
         let Numbered { numbering, mut prescribed, states, used, rates, past, assembled } = numbered;
-        let Values { steps, newton, accuracy, starts, start_rates, integration, data, measures, watched, tables } = values;
+        let Values { steps, newton, accuracy, starts, start_rates, integration, data, measures, watched, tables } =
+            values;
         let Outputs { vtk, csv, series, .. } = outputs;
         let Assembled { terms, summaries, contact } = assembled?;
         let of_measures = measures.iter().chain(&watched).any(Measure::reads_past);
@@ -302,7 +303,7 @@ impl Builder<'_> {
         let rates = rates::of(integration.scheme, self.env.rates, &self.fields, &numbering);
         let known = Known { rates, ..nothing_known(&self.fields, &numbering, reads_past) };
         let unused_fields = self.unused_fields(&used, &numbering);
-        let (env, params) = (self.owned_env(), self.valued_params());
+        let env = self.owned_env();
         let made = System::new(self.mesh, self.fields, numbering, terms, known)
             .and_then(|system| with_contact(system, contact, self.keep, within(&steps)))
             .and_then(|(mut system, contact)| {
@@ -350,12 +351,6 @@ impl Builder<'_> {
             pristine: None,
             env,
         })
-    }
-
-    /// The params with their values.
-    fn valued_params(&self) -> Vec<(String, Constant)> {
-        let value = |p: &wfl::Param| Some((p.name.name.clone(), self.params.get(&p.name.name)?.clone()));
-        self.script.params.iter().filter_map(value).collect()
     }
 
     /// What conditions need when a run has ended.

@@ -95,7 +95,7 @@ pub use regions::{NamedRegion, Regions};
 pub use rest::{Sketch, without_auto};
 pub use samples::{SampleAt, Samples, StateAt};
 pub use states::StateUpdate;
-pub use tables::TablesOf;
+pub(crate) use tables::TablesOf;
 pub use terms::RuleChoice;
 
 /// A quantity printed and reported at each step.
