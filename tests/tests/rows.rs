@@ -32,7 +32,7 @@ fn three(factors: [&str; 3]) -> Solved {
          term first  on global : {p}*(a*b - 6)*Test_a\n\
          term second on global : {q}*(b^2*c - 36)*Test_b\n\
          term third  on global : {r}*(c - 2*a + a*c - 8)*Test_c\n\
-         start a = 1\nstart b = 1\nstart c = 1\nsteps t = 1 to 1 by 1\n\
+         start a = 1.5\nstart b = 2.5\nstart c = 3.5\nsteps t = 1 to 1 by 1\n\
          measure of_a = max(a) on global\nmeasure of_b = max(b) on global\nmeasure of_c = max(c) on global\n"
     ))
 }

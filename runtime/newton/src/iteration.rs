@@ -44,7 +44,7 @@ pub(super) fn iterate(
     let schedule = Schedule::new(step, u);
     step.contact.set_compliant(schedule.method() == Method::Compliance);
     let weights = vec![1.0; step.system.fields.len()];
-    let norm = Norm { weights, equations: Vec::new(), frozen: schedule.freezes() };
+    let norm = Norm { weights, equations: Vec::new(), scales: Vec::new(), frozen: schedule.freezes() };
     let mut history = StepHistory::default();
     let here = begin(step, u, predicted, &norm, &mut history)?;
     let (best, start) = ((here.relative, u.to_vec()), u.to_vec());
@@ -144,7 +144,7 @@ impl Attempt<'_> {
         }
         step.assemble_tangent(self.u, self.norm.frozen)?;
         self.norm.weights = step.weights();
-        self.norm.equations = step.equation_weights(&self.here);
+        step.equation_weights(&self.here, &mut self.norm);
         self.here.norm = step.weighted_norm(&self.here.residual, &self.norm);
         Ok(())
     }

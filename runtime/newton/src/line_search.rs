@@ -7,6 +7,7 @@ use super::{
     critical_point::{self, CriticalPoint},
     load_step::{Measured, Norm},
 };
+use wfl_discrete::finite::largest;
 
 /// Most of the residual at hand that a linear solve may leave.
 pub(super) const LARGEST_FORCING: f64 = 1e-4;
@@ -29,13 +30,17 @@ pub(super) struct LineSearch<'a> {
     pub(super) undamped: bool,
 }
 
-/// The ways that a direction may be followed. On the bent one, numbers that would change their sign shrink in proportion,
-/// `x exp(alpha d/x)`: the direction at its start is the same. It is the Newton correction of log x, whose equations
-/// (friction grows with the logarithm of the slip rate) send x far beyond zero when x is too large.
+/// Growth beyond which a number is followed straight on the bent way: by `exp(50)` a slip rate grows from rest to that of
+/// an earthquake, while a number that is zero but for rounding may be corrected by any multiple of itself.
+const LARGEST_GROWTH: f64 = 50.0;
+
+/// The ways that a direction may be followed. On the bent one, single numbers change in proportion, `x exp(alpha d/x)`:
+/// the direction at its start is the same. It is the Newton correction of log x. Laws in the logarithm of a slip rate, or
+/// in products of a rate and a state, send numbers far beyond zero that are too large.
 struct Ways<'a> {
     start: &'a [f64],
     direction: &'a [f64],
-    /// Dofs that would change their sign, with the correction over the value.
+    /// Dofs of single numbers, with the correction over the value; empty where none of them would change its sign.
     bent: Vec<(usize, f64)>,
 }
 
@@ -104,7 +109,7 @@ impl LineSearch<'_> {
                 if !step.options.search || found.stop(step.options).is_some() {
                     return Ok((alpha, found));
                 }
-                let merit = self.merit(step, &found, here)?;
+                let merit = self.merit(step, &found, here, start)?;
                 if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
                     return self.damped(step, u, start, alpha, found);
                 }
@@ -130,14 +135,18 @@ impl LineSearch<'_> {
     /// slip rate or a state variable, with branches as they are written.
     fn ways<'p>(&'p self, step: &LoadStep<'_>, start: &'p [f64]) -> Ways<'p> {
         let mut bent = Vec::new();
-        let numbering = &step.system.numbering;
+        let system = step.system;
         if !self.method.freezes() && !self.norm.equations.is_empty() {
-            for (dof, d) in numbering.free_dofs.iter().zip(self.direction) {
+            let single: Vec<bool> = (0..system.fields.len()).map(|k| system.has_single_equations(k)).collect();
+            for (dof, d) in system.numbering.free_dofs.iter().zip(self.direction) {
                 let at = start[*dof as usize];
-                if at != 0.0 && d / at < -1.0 && step.system.has_single_equations(step.system.field_of(*dof as usize)) {
+                if at != 0.0 && d / at < LARGEST_GROWTH && single[system.field_of(*dof as usize)] {
                     bent.push((*dof as usize, d / at));
                 }
             }
+        }
+        if bent.iter().all(|(_, ratio)| *ratio >= -1.0) {
+            bent.clear();
         }
         Ways { start, direction: self.direction, bent }
     }
@@ -163,14 +172,41 @@ impl LineSearch<'_> {
 
     /// How large a state is against the one before: the norm of the residual, or that of the simplified Newton
     /// correction (Deuflhard 2004, natural monotonicity test), which does not depend on the scaling of the equations.
-    fn merit(&self, step: &mut LoadStep<'_>, found: &Measured, here: &Measured) -> Result<f64, NewtonError> {
+    fn merit(
+        &self,
+        step: &mut LoadStep<'_>,
+        found: &Measured,
+        here: &Measured,
+        start: &[f64],
+    ) -> Result<f64, NewtonError> {
         if self.method != Method::Natural {
             return Ok(found.norm / here.norm);
         }
         let (mut rhs, mut correction) = (Vec::new(), Vec::new());
         step.system.numbering.gather(&found.residual, &mut rhs);
         step.solve(&rhs, &mut correction, LARGEST_FORCING)?;
-        let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let sizes = self.sizes(step, start);
+        let size = |k: usize| sizes.get(k).copied().unwrap_or(1.0);
+        let norm = |v: &[f64]| v.iter().enumerate().map(|(k, x)| (x / size(k)).powi(2)).sum::<f64>().sqrt();
         Ok(norm(&correction) / norm(self.direction))
+    }
+
+    /// What corrections are relative to, by free number: each single number has its own size, which has nothing in common
+    /// with that of others. Empty where there are none.
+    fn sizes(&self, step: &LoadStep<'_>, start: &[f64]) -> Vec<f64> {
+        let (system, mut sizes) = (step.system, Vec::new());
+        if self.norm.equations.is_empty() {
+            return sizes;
+        }
+        let of_field = |k: usize| system.range(k).map_or(0.0, |range| largest(start[range].iter().copied()));
+        let fields: Vec<(bool, f64)> =
+            (0..system.fields.len()).map(|k| (system.has_single_equations(k), of_field(k))).collect();
+        for dof in &system.numbering.free_dofs {
+            let (single, all) = fields[system.field_of(*dof as usize)];
+            let own = start[*dof as usize].abs();
+            let size = if single && own > 0.0 { own } else { all };
+            sizes.push(if size > 0.0 { size } else { 1.0 });
+        }
+        sizes
     }
 }

@@ -19,6 +19,9 @@ const FLOOR_FACTOR: f64 = 4.0;
 /// so that rounding of the larger ones weighs as much as a residual of that size does.
 const LEAST_IN_SEARCH: f64 = 1.5e-8;
 
+/// What an iteration keeps of the scales of equations in the search that were larger before.
+const FORGETS: f64 = 0.5;
+
 /// What one load step is solved with.
 pub struct LoadStep<'a> {
     /// The equations.
@@ -91,6 +94,8 @@ pub(super) struct Norm {
     pub(super) weights: Vec<f64>,
     /// By dof in fields with single equations: one over what cancels in the equation. Empty without such fields.
     pub(super) equations: Vec<f64>,
+    /// What they are made of: the scales of these equations, now and in the iterations before.
+    pub(super) scales: Vec<f64>,
     /// The residual is that with the frozen active set.
     pub(super) frozen: bool,
 }
@@ -176,15 +181,18 @@ impl LoadStep<'_> {
         unit * norm(unit)
     }
 
-    /// By dof in fields with single equations what makes their residuals relative, times the size of the forces in the
+    /// Sets by dof in fields with single equations what makes their residuals relative, times the size of the forces in the
     /// other fields: then no equation hides another, whatever its units. Small equations of a field count less: where a
-    /// part of a field is zero its residuals are rounding.
-    pub(super) fn equation_weights(&self, here: &Measured) -> Vec<f64> {
+    /// part of a field is zero its residuals are rounding. A scale that falls is forgotten over some iterations: were each
+    /// state measured by its own numbers alone, states could follow each other in a circle, each better than the last.
+    pub(super) fn equation_weights(&self, here: &Measured, norm: &mut Norm) {
         let system = self.system;
-        let mut out = here.summands.clone();
-        if out.is_empty() {
-            return out;
+        if here.summands.is_empty() {
+            return;
         }
+        norm.scales.resize(here.summands.len(), 0.0);
+        norm.scales.iter_mut().zip(&here.summands).for_each(|(scale, now)| *scale = now.max(FORGETS * *scale));
+        let mut out = norm.scales.clone();
         let single = |k: &usize| system.has_single_equations(*k);
         let others = (0..system.fields.len()).filter(|k| !single(k) && system.fields[*k].kind == FieldKind::Unknown);
         let force = largest_of(others.map(|k| here.written.forces[k]));
@@ -196,7 +204,7 @@ impl LoadStep<'_> {
                 *size = if scale > 0.0 { unit / scale } else { 0.0 };
             }
         }
-        out
+        norm.equations = out;
     }
 
     /// Factors that bring the equations of multipliers to the units of forces: the ratio of the largest entries of the
@@ -270,9 +278,18 @@ impl LoadStep<'_> {
         self.contact.is_empty() && matches!(error, Singular { .. } | VanishingPivot { .. } | ResidualTooLarge { .. })
     }
 
+    /// Whether some equations have scales of their own: what an inexact solution leaves is small beside the largest
+    /// equations alone, so each linear system is then solved with a factor of its own, to all digits.
+    fn has_single_equations(&self) -> bool {
+        (0..self.system.fields.len()).any(|field| self.system.has_single_equations(field))
+    }
+
     /// Hands the tangent to the linear solver.
     pub(super) fn factor(&mut self) -> Result<(), NewtonError> {
         let begin = Instant::now();
+        if self.has_single_equations() {
+            self.solver.expire();
+        }
         let mut result = self.solver.update(self.system, self.tangent, self.contact.is_as_written());
         if let Err(error) = &result
             && self.is_unresolved(error)
@@ -288,6 +305,7 @@ impl LoadStep<'_> {
     /// Solves with the factor at hand, over the free dofs.
     pub(super) fn solve(&mut self, rhs: &[f64], x: &mut Vec<f64>, unseen: f64) -> Result<SolveReport, NewtonError> {
         let begin = Instant::now();
+        let unseen = if self.has_single_equations() { 0.0 } else { unseen };
         let forcing = self.solver.forcing(self.system, unseen);
         let result = self.solver.solve(rhs, x, forcing);
         self.spent.solve += begin.elapsed().as_secs_f64();
