@@ -18,6 +18,8 @@ const DOMAIN_CUT: f64 = 1.0 / 16.0;
 const SHORTEST: f64 = 1e-60;
 /// A step is accepted when it reduces the residual norm by this part of its length.
 const SUFFICIENT: f64 = 1e-4;
+/// A full step that leaves this part of the residual norm all but solves the equations.
+const SOLVED: f64 = 0.01;
 /// A direction and how far it is followed.
 #[derive(Clone, Copy)]
 pub(super) struct LineSearch<'a> {
@@ -30,9 +32,10 @@ pub(super) struct LineSearch<'a> {
     pub(super) undamped: bool,
 }
 
-/// Growth beyond which a number is followed straight on the bent way: by `exp(50)` a slip rate grows from rest to that of
-/// an earthquake, while a number that is zero but for rounding may be corrected by any multiple of itself.
-const LARGEST_GROWTH: f64 = 50.0;
+/// Change in the logarithm that a number makes on the bent way at most: by `exp(50)` a slip rate grows from rest to that of
+/// an earthquake. Beyond it a number that grows is followed straight (zero but for rounding, it may be corrected by any
+/// multiple of itself), and one that shrinks stays there, so that it does not become zero, where a logarithm ends.
+const LARGEST_CHANGE: f64 = 50.0;
 
 /// The ways that a direction may be followed. On the bent one, single numbers change in proportion, `x exp(alpha d/x)`:
 /// the direction at its start is the same. It is the Newton correction of log x. Laws in the logarithm of a slip rate, or
@@ -48,7 +51,7 @@ impl Ways<'_> {
     fn go(&self, step: &LoadStep<'_>, alpha: f64, bent: bool, u: &mut [f64]) {
         step.go(self.start, self.direction, alpha, u);
         for (dof, ratio) in self.bent.iter().filter(|_| bent) {
-            u[*dof] = self.start[*dof] * (alpha * ratio).exp();
+            u[*dof] = self.start[*dof] * (alpha * ratio).max(-LARGEST_CHANGE).exp();
         }
     }
 }
@@ -79,7 +82,8 @@ impl LineSearch<'_> {
         self.backtrack(step, u, &start, here)
     }
 
-    /// Halves the step until it reduces the merit; of each length the straight way is tried first, then the bent one.
+    /// Halves the step until it reduces the merit. Where there is a bent way it is tried first, unless the full step straight
+    /// on all but solves the equations.
     fn backtrack(
         &self,
         step: &mut LoadStep<'_>,
@@ -88,47 +92,67 @@ impl LineSearch<'_> {
         here: &Measured,
     ) -> Result<(f64, Measured), NewtonError> {
         let ways = self.ways(step, start);
-        let mut best: Option<(f64, bool, f64)> = None;
-        let (mut alpha, mut halvings) = (1.0, 0);
-        while halvings <= MAX_HALVINGS {
-            let mut met_domain = false;
-            for bent in [false, true] {
-                if bent && ways.bent.is_empty() {
-                    continue;
-                }
-                ways.go(step, alpha, bent, u);
-                let found = match step.measure(u, self.norm) {
-                    Ok(found) => found,
-                    // out of the domain of a function (log of a negative number) or out of range
-                    Err(_) if alpha > SHORTEST => {
-                        met_domain = true;
-                        continue;
-                    }
-                    Err(e) => return Err(e.into()),
-                };
-                if !step.options.search || found.stop(step.options).is_some() {
-                    return Ok((alpha, found));
-                }
-                let merit = self.merit(step, &found, here, start)?;
-                if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
-                    return self.damped(step, u, start, alpha, found);
-                }
-                if best.is_none_or(|(.., m)| merit < m) {
-                    best = Some((alpha, bent, merit));
-                }
+        let mut best = None;
+        if !ways.bent.is_empty() && step.options.search {
+            ways.go(step, 1.0, false, u);
+            if let Ok(found) = step.measure(u, self.norm)
+                && (found.stop(step.options).is_some() || found.norm <= SOLVED * here.norm)
+            {
+                return Ok((1.0, found));
             }
-            if met_domain {
-                alpha *= DOMAIN_CUT;
-            } else {
-                alpha *= 0.5;
-                halvings += 1;
+            if let Some(taken) = self.halve(step, (&ways, true), u, here, &mut best)? {
+                return Ok(taken);
             }
+        }
+        if let Some((alpha, found)) = self.halve(step, (&ways, false), u, here, &mut best)? {
+            if !step.options.search || found.stop(step.options).is_some() {
+                return Ok((alpha, found));
+            }
+            return self.damped(step, u, start, alpha, found);
         }
         // measured again, so that the branches reported are those of the state that is kept
         let (alpha, bent) = best.map_or((0.0, false), |(alpha, bent, _)| (alpha, bent));
         ways.go(step, alpha, bent, u);
         let found = step.measure(u, self.norm)?;
         self.damped(step, u, start, alpha, found)
+    }
+
+    /// The first halved step on a way that is accepted; `best` is the best of those that were not, with its merit.
+    fn halve(
+        &self,
+        step: &mut LoadStep<'_>,
+        way: (&Ways<'_>, bool),
+        u: &mut [f64],
+        here: &Measured,
+        best: &mut Option<(f64, bool, f64)>,
+    ) -> Result<Option<(f64, Measured)>, NewtonError> {
+        let (ways, bent) = way;
+        let (mut alpha, mut halvings) = (1.0, 0);
+        while halvings <= MAX_HALVINGS {
+            ways.go(step, alpha, bent, u);
+            let found = match step.measure(u, self.norm) {
+                Ok(found) => found,
+                // out of the domain of a function (log of a negative number) or out of range
+                Err(_) if alpha > SHORTEST => {
+                    alpha *= DOMAIN_CUT;
+                    continue;
+                }
+                Err(e) => return if best.is_some() { Ok(None) } else { Err(e.into()) },
+            };
+            if !step.options.search || found.stop(step.options).is_some() {
+                return Ok(Some((alpha, found)));
+            }
+            let merit = self.merit(step, &found, here, ways.start)?;
+            if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
+                return Ok(Some((alpha, found)));
+            }
+            if best.is_none_or(|(.., m)| merit < m) {
+                *best = Some((alpha, bent, merit));
+            }
+            alpha *= 0.5;
+            halvings += 1;
+        }
+        Ok(None)
     }
 
     /// The ways along the direction: straight, and bent where a full step changes the sign of a single number, such as a
@@ -140,7 +164,7 @@ impl LineSearch<'_> {
             let single: Vec<bool> = (0..system.fields.len()).map(|k| system.has_single_equations(k)).collect();
             for (dof, d) in system.numbering.free_dofs.iter().zip(self.direction) {
                 let at = start[*dof as usize];
-                if at != 0.0 && d / at < LARGEST_GROWTH && single[system.field_of(*dof as usize)] {
+                if at != 0.0 && d / at < LARGEST_CHANGE && single[system.field_of(*dof as usize)] {
                     bent.push((*dof as usize, d / at));
                 }
             }
