@@ -319,6 +319,7 @@ fn equations_of_any_size_are_solved_beside_each_other() {
              unknown p : scalar global\nunknown q : scalar global\nunknown r : scalar global\n\
              term a on global : c*(exp(p) - 2)*Test_p\nterm b on global : d*(q^3 - 8*p)*Test_q\n\
              term e on global : (r^2 - c/d*d/c*q)*Test_r\nstart p = 3\nstart q = 3\nstart r = 1\n\
+             solver newton with tol=1e-15\n\
              measure mp = max(p) on global\nmeasure mq = max(q) on global\nmeasure mr = max(r) on global\n\
              expect abs(mp - log(2)) < 1e-14\nexpect abs(mq^3/(8*log(2)) - 1) < 1e-14\nexpect abs(mr^2/mq - 1) < 1e-14\n"
         );

@@ -145,6 +145,14 @@ fn structure_error(script: &ResolvedScript, error: CsrError) -> Diagnostic {
     }
 }
 
+/// `None`, and the message, for a system that the statement `solver linear` does not fit.
+fn fits_its_solver(script: &ResolvedScript, system: &System, diagnostics: &mut Vec<Diagnostic>) -> Option<()> {
+    let unfit = options::unfit_iteration(script, system);
+    let fits = unfit.is_none();
+    diagnostics.extend(unfit);
+    fits.then_some(())
+}
+
 /// The parameters in the order of declaration.
 fn in_order(script: &ResolvedScript, params: &BTreeMap<String, Constant>) -> Vec<(String, Constant)> {
     let declared = script.params.iter().map(|p| &p.name.name);
@@ -312,10 +320,7 @@ impl Builder<'_> {
             });
         let told = |e| self.diagnostics.push(structure_error(self.script, e));
         let (system, contact, idle) = made.map_err(told).ok()?;
-        if let Some(unfit) = options::unfit_iteration(self.script, &system) {
-            self.diagnostics.push(unfit);
-            return None;
-        }
+        fits_its_solver(self.script, &system, self.diagnostics)?;
         Some(Scene {
             explicit: None,
             energy: integration.energy,
