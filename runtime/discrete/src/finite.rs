@@ -16,7 +16,7 @@ pub struct NotFinite {
     /// Infinite, or not a number.
     pub value: f64,
     /// The operation that made it, with its place in the scene, where that is known.
-    pub cause: Option<NonFinite>,
+    pub cause: Option<Box<NonFinite>>,
     /// Where.
     pub position: [f64; 3],
 }
@@ -40,7 +40,7 @@ impl BadGiven {
         let step = time.map_or(String::new(), |t| format!(", step t = {t}"));
         let at = format!("at position {}{step}", position(self.at.position));
         let d = Diagnostic::new("E610", format!("{} is {}", self.what, word(self.at.value)));
-        told(d, self.at.cause.as_ref(), &at, expansions, Some((self.span, self.at.value)))
+        told(d, self.at.cause.as_deref(), &at, expansions, Some((self.span, self.at.value)))
     }
 }
 
@@ -65,7 +65,7 @@ impl BadMeasure {
         match &self.at {
             Some(at) => {
                 let place = format!("at position {}", position(at.position));
-                told(d, at.cause.as_ref(), &place, expansions, Some((self.span, at.value)))
+                told(d, at.cause.as_deref(), &place, expansions, Some((self.span, at.value)))
             }
             None => {
                 d.at(self.span, "finite at every point, but not summed up: values too large, or a region of size 0")

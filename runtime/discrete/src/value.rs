@@ -101,7 +101,7 @@ impl Value {
             Some(bad) => {
                 let p = bad / n_out;
                 let point: Vec<f64> = (0..n_in).map(|s| inputs[((p / LANES) * n_in + s) * LANES + p % LANES]).collect();
-                Err(NotFinite { value: values[bad], cause: self.cause(&point), position: positions[p] })
+                Err(NotFinite { value: values[bad], cause: self.cause(&point).map(Box::new), position: positions[p] })
             }
         }
     }
@@ -142,7 +142,7 @@ impl Value {
         let (mut workspace, n_in) = (Workspace::default(), self.law.inputs.len());
         workspace.prepare(bound, g, entity / LANES, values);
         let inputs: Vec<f64> = (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES + entity % LANES]).collect();
-        Some(NotFinite { value, cause: self.cause(&inputs), position })
+        Some(NotFinite { value, cause: self.cause(&inputs).map(Box::new), position })
     }
 
     /// Binds the expression to a domain.

@@ -102,7 +102,7 @@ pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Finding
     .build()?;
     if integration.scheme == Scheme::Explicit {
         let finished = explicit::finish(&mut scene, script, integration.fraction);
-        finished.map_err(|told| found.diagnostics.push(told)).ok()?;
+        finished.map_err(|told| found.diagnostics.push(*told)).ok()?;
     }
     Some(scene)
 }

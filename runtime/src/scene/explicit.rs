@@ -78,25 +78,27 @@ const MOST_STEPS: f64 = 1e5;
 const ROUNDING: f64 = 1e-9;
 
 /// Finds mass and limit of a scene, and the steps of one that leaves them to the program.
-pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, fraction: f64) -> Result<(), Diagnostic> {
+pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, fraction: f64) -> Result<(), Box<Diagnostic>> {
     let Some(statement) = &script.scheme else { return Ok(()) };
     let at = statement.name.span;
     if let Some(field) = given_by_the_caller(scene) {
         let d =
             Diagnostic::new("E457", format!("the caller gives `{field}`, and explicit steps need it before the run"));
-        return Err(d.at(at, "mass and stability limit are computed first").help("scheme newmark beta=1/4 gamma=1/2"));
+        return Err(d
+            .at(at, "mass and stability limit are computed first")
+            .help("scheme newmark beta=1/4 gamma=1/2")
+            .into());
     }
     let found = at_start(scene);
     scene.system.known.clear();
-    let (lumped, limit) = found.map_err(|why| unlumped(scene, script, at, why))?;
+    let (lumped, limit) = found.map_err(|why| Box::new(unlumped(scene, script, at, why)))?;
     let steps = script.steps.as_ref();
     if let (Some(auto), Some(statement)) = (scene.steps.auto.take(), steps) {
         let foreign = statement.options.iter().find(|o| o.name.name != "most");
         if let Some(option) = foreign {
             let d = Diagnostic::new("E414", format!("option `{}` is not understood here", option.name.name));
-            return Err(
-                d.at(option.name.span, "explicit steps by `auto` are equal: most=1e-3 is the largest increment")
-            );
+            let text = "explicit steps by `auto` are equal: most=1e-3 is the largest increment";
+            return Err(d.at(option.name.span, text).into());
         }
         scene.steps.values = equal_steps(scene, statement, auto.most.min(fraction * limit))?;
     }
@@ -107,14 +109,14 @@ pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, fraction: f64) 
             format!("steps of {longest} are above the stability limit of explicit steps, {limit:.4e}"),
         );
         let span = steps.map_or(at, |s| s.by.span);
-        return Err(d.at(span, "").help(format!("by auto, or by {:.2e}", 0.9 * limit)));
+        return Err(d.at(span, "").help(format!("by auto, or by {:.2e}", 0.9 * limit)).into());
     }
     scene.explicit = Some(Arc::new(Explicit { lumped, limit }));
     Ok(())
 }
 
 /// The values of equal steps of at most this length.
-fn equal_steps(scene: &Scene, statement: &wfl::Steps, longest: f64) -> Result<Vec<f64>, Diagnostic> {
+fn equal_steps(scene: &Scene, statement: &wfl::Steps, longest: f64) -> Result<Vec<f64>, Box<Diagnostic>> {
     let (from, to) = (scene.steps.first(), scene.steps.last());
     let count = ((to - from) / longest - ROUNDING).ceil().max(1.0);
     if count > MOST_STEPS {
@@ -123,7 +125,7 @@ fn equal_steps(scene: &Scene, statement: &wfl::Steps, longest: f64) -> Result<Ve
             format!("{count} explicit steps of {longest:.3e}, at most {MOST_STEPS} are made by auto"),
         );
         let help = format!("to allow them: steps ... by {longest:.2e} with most={}", (1.02 * count).ceil());
-        return Err(d.at(statement.by.span, "").help(help));
+        return Err(d.at(statement.by.span, "").help(help).into());
     }
     #[expect(
         clippy::cast_possible_truncation,

@@ -46,7 +46,7 @@ impl System {
             (position, self.alike(field), component)
         };
         let with_bodies = (0..n).filter(|free| kept(*free) > 0.0);
-        let mut order: Vec<(([u64; 3], usize, usize), usize)> = with_bodies.map(|free| (place(free), free)).collect();
+        let mut order: Vec<_> = with_bodies.map(|free| (place(free), free)).collect();
         order.sort_unstable();
         for group in order.chunk_by(|a, b| a.0 == b.0) {
             let least = group.iter().fold(1.0f64, |m, (_, free)| m.min(factor[*free]));

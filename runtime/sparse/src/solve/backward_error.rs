@@ -351,7 +351,7 @@ impl BackwardErrorCheck {
             self.residual_of(parts, &vec![0.0; v.len()], v);
             let ratio = largest(self.residual.iter().zip(&rows).map(|(r, s)| r * s)) / size(v);
             // what is no number is no proof of the contrary
-            !(ratio > SINGULAR)
+            ratio.is_nan() || ratio <= SINGULAR
         };
         if is_null(&found) {
             return true;
