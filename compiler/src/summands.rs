@@ -73,7 +73,7 @@ mod tests {
         let kernel = emitter.kernel("size", &[found]);
         let (kernel, _, _, _) = emitter.finish(kernel.clone(), kernel.clone(), [None, None], Vec::new(), "size");
         let blocked: Vec<f64> = inputs.iter().flat_map(|x| [*x; crate::ir::LANES]).collect();
-        let mut out = vec![0.0; crate::ir::LANES];
+        let mut out = [0.0; crate::ir::LANES];
         for (lane, slot) in out.iter_mut().enumerate() {
             let one: Vec<f64> = inputs.iter().enumerate().map(|(k, _)| blocked[k * crate::ir::LANES + lane]).collect();
             let mut single = [0.0];

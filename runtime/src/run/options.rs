@@ -43,7 +43,7 @@ pub struct RunOptions {
     pub savings: Vec<Saving>,
     /// The unknowns of every step stay in memory, not only those of the last one.
     pub keep_states: bool,
-    /// Numbers of the steps whose outputs stay in memory, see [`Outcome::kept`].
+    /// Numbers of the steps whose outputs stay in memory, see [`super::Outcome::kept`].
     pub keep_outputs: Vec<usize>,
     /// Converged states are judged: digits, equilibrium, conditions of contact. Runs on the way to another one need none.
     pub judge: bool,
