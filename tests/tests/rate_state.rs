@@ -1,7 +1,7 @@
 //! Rate-and-state friction written the direct way: the regularised law in the slip rate and the state themselves, from any
 //! start. The answers are found by bisection here.
 
-use wfl_tests::{Solved, attempt, examples};
+use wfl_tests::{Solved, attempt, examples, reference};
 
 /// The parameters of a law, units MPa, m, s.
 #[derive(Clone, Copy)]
@@ -69,6 +69,24 @@ fn last(solved: &Solved, name: &str) -> f64 {
 
 const HEAD: &str = "mesh box [0] to [1] cells [1] segment with idle_cells=allowed\n";
 
+/// One step of a point with a rate V and a state theta that balances a traction, text of a scene; `more` are statements.
+fn point(law: &Law, start: &str, [theta0, h]: [f64; 2], traction: &str, more: &str) -> Solved {
+    run(format!(
+        "{HEAD}unknown V : scalar global\nunknown theta : scalar global\n{}{more}\
+         term balance on global : (friction + eta*V - {traction})*Test_V\n\
+         term memory on global : (Dot_theta - 1 + V*theta/Dc)*Test_theta\n\
+         start V = {start}\nstart theta = {theta0}\nsteps t = 0 to {h} by {h}\n\
+         measure rate = max(V) on global\nmeasure age = max(theta) on global\n",
+        law.text("V")
+    ))
+}
+
+fn assert_rate(solved: &Solved, start: &str, exact: f64) {
+    assert_solved(solved, start);
+    let rate = last(solved, "rate");
+    assert!((rate / exact - 1.0).abs() < 1e-8, "start {start}: {rate:e}, exact {exact:e}");
+}
+
 /// Rates from zero to beyond any earthquake.
 const STARTS: [&str; 10] = ["0", "1e-300", "1e-20", "1e-15", "1e-12", "1e-9", "1e-6", "1e-3", "1", "1e3"];
 
@@ -82,14 +100,7 @@ fn the_rate_under_a_given_traction_is_found_from_any_start() {
         let exact = root(|v| law.traction(v, theta(v)) - tau);
         for start in STARTS {
             let what = format!("traction {tau}, step {h}, start {start}");
-            let solved = run(format!(
-                "{HEAD}unknown V : scalar global\nunknown theta : scalar global\n{}\
-                 term balance on global : (friction + eta*V - {tau})*Test_V\n\
-                 term memory on global : (Dot_theta - 1 + V*theta/Dc)*Test_theta\n\
-                 start V = {start}\nstart theta = {theta0}\nsteps t = 0 to {h} by {h}\n\
-                 measure rate = max(V) on global\nmeasure age = max(theta) on global\n",
-                law.text("V")
-            ));
+            let solved = point(&law, start, [theta0, h], &tau.to_string(), "");
             let count = assert_solved(&solved, &what);
             let (rate, age) = (last(&solved, "rate"), last(&solved, "age"));
             assert!((rate / exact - 1.0).abs() < 1e-8, "{what}: {rate:e}, exact {exact:e}");
@@ -107,16 +118,8 @@ fn a_law_whose_exponential_overflows_is_solved() {
     let theta = |v: f64| (theta0 + h) / (1.0 + h * v / law.dc);
     let exact = root(|v| law.traction(v, theta(v)) - tau);
     for start in ["1e-9", "1e-6", "1e-12"] {
-        let solved = run(format!(
-            "{HEAD}unknown V : scalar global\nunknown theta : scalar global\n{}\
-             term balance on global : (friction + eta*V - {tau})*Test_V\n\
-             term memory on global : (Dot_theta - 1 + V*theta/Dc)*Test_theta\n\
-             start V = {start}\nstart theta = {theta0}\nsteps t = 0 to {h} by {h}\nmeasure rate = max(V) on global\n",
-            law.text("V")
-        ));
-        assert_solved(&solved, start);
-        let rate = last(&solved, "rate");
-        assert!((rate / exact - 1.0).abs() < 1e-8, "start {start}: {rate:e}, exact {exact:e}");
+        let solved = point(&law, start, [theta0, h], &tau.to_string(), "");
+        assert_rate(&solved, start, exact);
     }
 }
 
@@ -127,17 +130,11 @@ fn a_slider_on_a_spring_moves_from_rest() {
     let theta = |v: f64| (theta0 + h) / (1.0 + h * v / law.dc);
     let exact = root(|v| law.traction(v, theta(v)) - k * (load - h * v));
     for start in STARTS {
-        let solved = run(format!(
-            "{HEAD}unknown V : scalar global\nunknown theta : scalar global\nunknown u : scalar global\n{}\
-             term balance on global : (friction + eta*V - {k}*({load} - u))*Test_V\n\
-             term rate on global : (Dot_u - V)*Test_u\n\
-             term memory on global : (Dot_theta - 1 + V*theta/Dc)*Test_theta\n\
-             start V = {start}\nstart theta = {theta0}\nsteps t = 0 to {h} by {h}\nmeasure rate = max(V) on global\n",
-            law.text("V")
-        ));
-        assert_solved(&solved, start);
-        let rate = last(&solved, "rate");
-        assert!((rate / exact - 1.0).abs() < 1e-8, "start {start}: {rate:e}, exact {exact:e}");
+        let spring = "unknown u : scalar global
+term rate on global : (Dot_u - V)*Test_u
+";
+        let solved = point(&law, start, [theta0, h], &format!("{k}*({load} - u)"), spring);
+        assert_rate(&solved, start, exact);
     }
 }
 
@@ -186,4 +183,19 @@ fn a_law_in_the_logarithm_of_the_rate_tells_its_residual() {
     assert_solved(&solved, "log rate");
     let rate = law.v0 * last(&solved, "found").exp();
     assert!((rate / exact - 1.0).abs() < 1e-9, "{rate:e}, exact {exact:e}");
+}
+
+/// The numbers that the scene of the earthquake cycles expects are those of the reference.
+#[test]
+fn the_cycles_are_compared_with_the_published_numbers() {
+    let scene = std::fs::read_to_string(examples().join("friction/bp1.wfl")).expect("an example");
+    let published = &reference("seas_bp1.json")["bp1_qd"];
+    let number = |of: &str, name: &str| published[of][name].as_f64().expect("a number");
+    for expected in [
+        format!("given_stress = {} [MPa]", number("description", "tau0_MPa")),
+        format!("/log(10) - {}) < 1e-5", number("description", "log10_theta0_surface")),
+        format!("abs(quake_first/({}*yr) - 1) < 0.05", number("series", "first_event_yr")),
+    ] {
+        assert!(scene.contains(&expected), "{expected}");
+    }
 }

@@ -253,7 +253,8 @@ pub(crate) struct RunArgs {
     /// (docs/scale.md)
     #[arg(long, value_name = "NAME", value_enum, default_value = "own")]
     pub(crate) backend: Solvers,
-    /// With PETSc on several ranks: the same bits in every run on as many of them; factors are made whole on each rank
+    /// With PETSc on several ranks: the same bits in every run on as many of them; factors are made whole on each rank, and
+    /// levels of multigrid take three to five times as long
     #[arg(long)]
     pub(crate) repeatable: bool,
     /// Most Newton iterations of an attempt, in place of the value of the scene; path following may pass 450 changes of

@@ -343,6 +343,27 @@ mod tests {
     }
 
     #[test]
+    fn bdf2_begins_again_with_backward_euler_behind_a_turn() {
+        let begun = |turns: bool| {
+            let mut made = rates(Scheme::Bdf2);
+            made.begin(0.2);
+            made.keep(&[0.7; 5], &[0.1; 5]);
+            if turns {
+                made.turn();
+            }
+            made.begin(0.5);
+            (made.factors().rate, made.history(RateOrder::First, 1).to_vec())
+        };
+        // (2 h + g)/(h (h + g)) and -h/(h + g) times the last quotient 0.6/0.2
+        let (factor, history) = begun(false);
+        assert!(
+            (factor - 1.2 / 0.35).abs() < 1e-14 && (history[0] + 0.5 / 0.7 * 3.0).abs() < 1e-14,
+            "{factor} {history:?}"
+        );
+        assert_eq!(begun(true), (2.0, vec![0.0]));
+    }
+
+    #[test]
     fn a_memory_brings_back_the_same_bits() {
         for scheme in [Scheme::BackwardEuler, Scheme::Alpha(Alpha::generalised(0.8)), Scheme::Bdf2] {
             let (before, mut after) = ([0.1; 5], [1.0 / 3.0, 2.0, 3.0, 4.7, 5.1]);

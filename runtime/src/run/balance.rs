@@ -157,8 +157,9 @@ fn on_the_diagonal(lumped: &Lumped, numbering: &Numbering, at: StepTime, rates: 
         numbering.frames.turn(&mut v);
         v
     });
-    let followers: Vec<usize> = numbering.ties().iter().map(|tie| tie.follower).collect();
-    let own = |d: &usize| !followers.contains(d);
+    let mut follows = vec![false; total.len()];
+    numbering.ties().iter().for_each(|tie| follows[tie.follower] = true);
+    let own = |d: &usize| !follows[*d];
     numbering.turn(total);
     // the product of the velocities half a step before and behind: the energy that central differences keep
     let turn = 0.5 * at.increment;
