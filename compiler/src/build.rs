@@ -79,6 +79,8 @@ pub struct Builder<'a> {
     pub(crate) reached: Option<Option<usize>>,
     /// Role of plain field names: `Current`, except below `Previous`.
     pub(crate) order2: bool,
+    /// Below a product that is zero for the present parameters.
+    pub(crate) without_effect: bool,
 }
 
 /// A call of a function, ready for `ops/`.
@@ -100,6 +102,7 @@ impl<'a> Builder<'a> {
             loose_equality: false,
             reached: None,
             order2: false,
+            without_effect: false,
         }
     }
 

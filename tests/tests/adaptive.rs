@@ -236,3 +236,25 @@ fn events_are_found_in_time_and_known_to_expect() {
     }
     assert_eq!(outcome.report.events.get("high").map(Vec::len), Some(3));
 }
+
+/// The example of a fault that weakens with slip, without its scheme: implicit steps of BDF2 with inertia. The closed form
+/// has the slip dc/10, dc/2 and dc at 0.18283, 0.33171 and 0.40006 s; the times of the run come near them with the demand.
+#[test]
+fn a_fault_with_inertia_is_run_by_auto() {
+    let path = wfl_tests::examples().join("dynamics/slip_weakening.wfl");
+    let text = std::fs::read_to_string(path).expect("the example");
+    let exact = [0.182_83, 0.331_71, 0.400_06];
+    let run = |demand: f64| {
+        let steps = format!("steps t = 0 to 0.6 by auto with first=1e-5, error={demand}");
+        let made = text.replace("scheme explicit energy\nsteps t = 0 to 0.6 by auto", &steps);
+        assert!(made.contains(&steps));
+        let outcome = outcome(&made);
+        assert!(outcome.expectations.iter().all(|(_, holds)| *holds == Some(true)), "{:?}", outcome.events);
+        let begins = |(_, episodes): &(String, Vec<wfl_runtime::Episode>)| episodes[0].begin;
+        let errors = outcome.events.iter().map(begins).zip(exact).map(|(t, e): (f64, f64)| (t / e - 1.0).abs());
+        (errors.fold(0.0, f64::max), outcome.steps.len())
+    };
+    let (coarse, fine) = (run(1e-3), run(1e-4));
+    assert!(coarse.0 < 1e-3 && fine.0 < 2e-4, "{coarse:?} {fine:?}");
+    assert!(coarse.1 < 500 && fine.1 < 1500, "{coarse:?} {fine:?}");
+}

@@ -3,7 +3,7 @@
 use crate::ast::{Argument, Cond, CondKind, Expr, ExprKind};
 
 /// Calls `f` for each part directly below `e`, conditions included.
-pub(crate) fn children<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e Expr)) {
+pub fn children<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e Expr)) {
     match &e.kind {
         ExprKind::Number(_) | ExprKind::Name(_) => {}
         ExprKind::Sum(parts) => parts.iter().for_each(|(_, p)| f(p)),

@@ -177,6 +177,9 @@ impl Builder<'_> {
     /// A rate of a field: its change over the step times a scalar of the step, and what the past gives. `None` for a
     /// second rate that the field does not have.
     ///
+    /// A second rate that nothing but a zero factor multiplies is zero, so that `inertia*rho*Dot2_u` goes with
+    /// `param inertia = 0`.
+    ///
     /// Backward Euler has no history and its scalar is the inverse of the increment: it needs neither a scalar nor a
     /// history of its own, so a scene with it keeps and computes nothing else than the past.
     fn rate(&mut self, of: RateOf, order: RateOrder) -> Option<ExprId> {
@@ -187,6 +190,10 @@ impl Builder<'_> {
             (RateOrder::First, RateForm::First) => Some(RateFactor::Rate),
             (RateOrder::First, RateForm::Second) => Some(RateFactor::Velocity),
             (RateOrder::Second, RateForm::Second) => Some(RateFactor::Acceleration),
+            (RateOrder::Second, _) if self.without_effect => {
+                let shape = self.graph.shape(current);
+                return Some(self.graph.zero(shape));
+            }
             (RateOrder::Second, _) => return None,
         };
         let past = self.graph.leaf(Leaf::Field { field, side, op, role: Role::Previous });

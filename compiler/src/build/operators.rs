@@ -10,6 +10,7 @@ use wfl::{
 
 use crate::{
     build::Builder,
+    effect::vanishes,
     graph::{Arity, ExprId},
     ops,
     types::{MAX_ENTRIES, MAX_RANK, Shape},
@@ -106,9 +107,18 @@ impl Builder<'_> {
     }
 
     pub(super) fn product(&mut self, e: &Expr, first: &Expr, rest: &[(MulOp, Span, Expr)]) -> Option<ExprId> {
-        if rest.len() > LONGEST_CHAIN {
-            return self.long_product(e, first, rest);
-        }
+        let outside = self.without_effect;
+        self.without_effect |= vanishes(self.env.params, e);
+        let made = if rest.len() > LONGEST_CHAIN {
+            self.long_product(e, first, rest)
+        } else {
+            self.short_product(e, first, rest)
+        };
+        self.without_effect = outside;
+        made
+    }
+
+    fn short_product(&mut self, e: &Expr, first: &Expr, rest: &[(MulOp, Span, Expr)]) -> Option<ExprId> {
         let mut left = self.expr(first);
         let mut before = first;
         for (op, _, factor) in rest {

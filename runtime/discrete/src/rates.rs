@@ -9,7 +9,7 @@ mod scheme;
 
 use std::ops::Range;
 
-pub use scheme::{Alpha, Lengths, Row, Rows, Scheme};
+pub use scheme::{Alpha, KEPT, Lengths, Row, Rows, Scheme};
 use wfl_compiler::types::{RateFactor, RateForm, RateOrder};
 
 /// What point laws are told of a step.
@@ -62,9 +62,9 @@ pub struct FieldRates {
     pub form: RateForm,
     /// Its unknowns.
     pub dofs: Range<usize>,
-    /// Its first and its second rate at the end of the last step, by dof; the second empty where it has none. Under BDF2
-    /// the first is the quotient of its change over the last step.
-    pub kept: [Vec<f64>; 2],
+    /// What the last step has left, by dof: its first and its second rate at the end, and the quotients of the changes of
+    /// its value and of its first rate; those that the scheme does not read are empty.
+    pub kept: [Vec<f64>; KEPT],
 }
 
 /// The rates of all fields that have some.
@@ -90,7 +90,7 @@ pub struct RatesMemory {
     pub factors: [f64; 3],
     /// The increment of the last step; `None` before the first one.
     pub before: Option<f64>,
-    /// First and second rates of each field that has some.
+    /// What each field that has rates keeps.
     pub kept: Vec<Vec<f64>>,
 }
 
@@ -103,9 +103,8 @@ impl Rates {
             .filter(has)
             .filter_map(|field| {
                 let (form, dofs) = (forms[field], ranges[field].clone()?);
-                let zero = vec![0.0; dofs.len()];
-                let second = if form == RateForm::Second { zero.clone() } else { Vec::new() };
-                Some(FieldRates { field, form, dofs, kept: [zero, second] })
+                let kept = scheme.keeps(form).map(|keeps| vec![0.0; if keeps { dofs.len() } else { 0 }]);
+                Some(FieldRates { field, form, dofs, kept })
             })
             .collect();
         if fields.is_empty() {
@@ -178,7 +177,8 @@ impl Rates {
         let mut all = [vec![0.0; u.len()], vec![0.0; u.len()]];
         let kept = self.at_end(u, before).unwrap_or_else(|| self.fields.iter().map(|of| of.kept.clone()).collect());
         for (of, kept) in self.fields.iter().zip(kept) {
-            for (all, kept) in all.iter_mut().zip(kept).filter(|(_, kept)| !kept.is_empty()) {
+            let [first, second, ..] = kept;
+            for (all, kept) in all.iter_mut().zip([first, second]).filter(|(_, kept)| !kept.is_empty()) {
                 all[of.dofs.clone()].copy_from_slice(&kept);
             }
         }
@@ -198,7 +198,7 @@ impl Rates {
         for of in fields {
             let Rows(rows) = scheme.in_equations(of.form, lengths);
             for (order, row) in rows.iter().enumerate().filter(|(order, _)| !of.kept[*order].is_empty()) {
-                histories[order][of.field] = past(row, &of.kept);
+                past(row, &of.kept, &mut histories[order][of.field]);
             }
             match of.form {
                 RateForm::Second => (factors.velocity, factors.acceleration) = (rows[0].change, rows[1].change),
@@ -230,17 +230,41 @@ impl Rates {
     /// at its start. Schemes with their equations within a step extrapolate to its end, for fields with rates; for all
     /// others nothing changes.
     pub fn finish(&mut self, u: &mut [f64], before: &[f64]) {
-        let offset = self.scheme.offset();
-        if offset == 0.0 || self.open.is_none() {
+        if self.scheme.offset() == 0.0 || self.open.is_none() {
             return;
         }
-        for of in &self.fields {
-            for d in of.dofs.clone() {
-                u[d] = before[d] + (u[d] - before[d]) / (1.0 - offset);
-            }
-        }
+        self.extrapolate(u, before);
         self.keep(u, before);
         self.hold();
+    }
+
+    /// Moves fields with rates from where the equations of a step stand to its end; `before` is the state at its start.
+    pub fn extrapolate(&self, u: &mut [f64], before: &[f64]) {
+        self.stretch(u, before, 1.0 / (1.0 - self.scheme.offset()));
+    }
+
+    /// Moves them from the end of a step to where its equations stand.
+    pub fn draw_back(&self, u: &mut [f64], before: &[f64]) {
+        self.stretch(u, before, 1.0 - self.scheme.offset());
+    }
+
+    fn stretch(&self, u: &mut [f64], before: &[f64], factor: f64) {
+        for d in self.fields.iter().flat_map(|of| of.dofs.clone()).filter(|_| factor != 1.0) {
+            u[d] = before[d] + factor * (u[d] - before[d]);
+        }
+    }
+
+    /// What the step that was begun misses of a smooth solution, see [`Scheme::misses`]; `None` for a field without rates
+    /// and where no step was begun.
+    #[must_use]
+    pub fn misses(&self, field: usize) -> Option<[f64; 2]> {
+        let of = self.fields.iter().find(|of| of.field == field)?;
+        Some(self.scheme.misses(of.form, self.lengths()?))
+    }
+
+    /// Those of the step that was begun.
+    fn lengths(&self) -> Option<Lengths> {
+        Some(Lengths { now: self.open?, before: self.before })
     }
 
     /// The end `u` of the step that was begun at `before` becomes the past.
@@ -252,19 +276,16 @@ impl Rates {
     }
 
     /// What is kept at the end `u` of the step that was begun at `before`; `None` where that is done.
-    fn at_end(&self, u: &[f64], before: &[f64]) -> Option<Vec<[Vec<f64>; 2]>> {
-        let increment = self.open?;
+    fn at_end(&self, u: &[f64], before: &[f64]) -> Option<Vec<[Vec<f64>; KEPT]>> {
+        let lengths = self.lengths()?;
         let of_field = |of: &FieldRates| {
-            let Rows(rows) = self.scheme.at_end(of.form, increment);
-            let mut kept = rows.map(|row| past(&row, &of.kept));
-            for (row, kept) in rows.iter().zip(&mut kept) {
-                let change = of.dofs.clone().map(|d| row.change * (u[d] - before[d]));
-                kept.iter_mut().zip(change).for_each(|(k, c)| *k += c);
+            let rows = self.scheme.at_end(of.form, lengths);
+            let mut made: [Vec<f64>; KEPT] = std::array::from_fn(|slot| vec![0.0; of.kept[slot].len()]);
+            for (row, made) in rows.iter().zip(&mut made).filter(|(_, made)| !made.is_empty()) {
+                past(row, &of.kept, made);
+                made.iter_mut().zip(of.dofs.clone()).for_each(|(k, d)| *k += row.change * (u[d] - before[d]));
             }
-            if of.kept[1].is_empty() {
-                kept[1].clear();
-            }
-            kept
+            made
         };
         Some(self.fields.iter().map(of_field).collect())
     }
@@ -300,11 +321,12 @@ impl Rates {
     }
 }
 
-/// What a row makes of the rates at the start of a step, by dof.
-fn past(row: &Row, kept: &[Vec<f64>; 2]) -> Vec<f64> {
-    let [first, second] = kept;
-    let with = |k: usize| if second.is_empty() { 0.0 } else { row.kept[1] * second[k] };
-    first.iter().enumerate().map(|(k, r)| row.kept[0] * r + with(k)).collect()
+/// What a row makes of what is kept, by dof.
+fn past(row: &Row, kept: &[Vec<f64>; KEPT], out: &mut [f64]) {
+    out.fill(0.0);
+    for (factor, kept) in row.kept.iter().zip(kept).filter(|(factor, kept)| **factor != 0.0 && !kept.is_empty()) {
+        out.iter_mut().zip(kept).for_each(|(o, k)| *o += factor * k);
+    }
 }
 
 fn order_index(order: RateOrder) -> usize {
@@ -321,7 +343,8 @@ mod tests {
     fn rates(scheme: Scheme) -> Rates {
         let forms = [RateForm::Difference, RateForm::First, RateForm::Second];
         let mut made = Rates::new(scheme, &forms, &[Some(0..2), Some(2..3), Some(3..5)]).unwrap();
-        made.fields_mut()[1].kept = [vec![1.0, -2.0], vec![0.5, 3.0]];
+        let [first, second, ..] = &mut made.fields_mut()[1].kept;
+        (*first, *second) = (vec![1.0, -2.0], vec![0.5, 3.0]);
         made.fields_mut()[0].kept[0] = vec![0.25];
         made.hold();
         made

@@ -100,7 +100,11 @@ impl Stepper {
 
     /// Writes what is expected into the free unknowns; false where nothing is known of the past.
     fn guess(&mut self, scene: &Scene, rules: &Auto, increment: f64, u: &mut [f64]) -> bool {
-        let Some(expected) = self.adaptive(rules).expected(scene, increment) else { return false };
+        let Some(mut expected) = self.adaptive(rules).expected(scene, increment) else { return false };
+        let known = &scene.system.known;
+        if let (Some(rates), Some(past)) = (&known.rates, &known.previous) {
+            rates.draw_back(&mut expected, &past.unknowns);
+        }
         let free = &scene.system.numbering.free;
         for (value, (expected, _)) in u.iter_mut().zip(expected.iter().zip(free)).filter(|(_, (_, f))| **f != FIXED) {
             *value = *expected;
@@ -121,7 +125,12 @@ impl Stepper {
             Ok(history) if history.converged() => history,
             nothing => return Tried::Nothing(nothing, u.to_vec()),
         };
-        let solution = joined(u, self.next_states.iter().map(Vec::as_slice));
+        let mut end = u.to_vec();
+        let known = &scene.system.known;
+        if let (Some(rates), Some(past)) = (&known.rates, &known.previous) {
+            rates.extrapolate(&mut end, &past.unknowns);
+        }
+        let solution = joined(&end, self.next_states.iter().map(Vec::as_slice));
         let errors = self.adaptive(rules).errors(scene, rules, increment, &solution);
         let least = Control::is_least(rules, scene.system.step().0 - increment, increment);
         let control = &mut self.adaptive(rules).control;

@@ -41,19 +41,18 @@ impl Past {
         Some((0..through[0].len()).map(value).collect())
     }
 
-    /// The part of the difference to the extrapolation through `order + 1` solutions that is the error of the method of
-    /// this order: backward Euler or BDF2.
+    /// The part of the difference to the extrapolation through `order + 1` solutions that is the error of a method of this
+    /// order, which misses the solution by `method` times its derivative of the next order.
     ///
-    /// With h the increment, g the one before and k the one before that, backward Euler misses the solution by h^2/2 and
-    /// the line by h (h + g)/2, times the second derivative, to opposite sides; BDF2 by h^2 (h + g)^2/(6 (2 h + g)) and the
-    /// parabola by h (h + g) (h + g + k)/6, times the third derivative, again to opposite sides.
-    pub(super) fn share(&self, increment: f64, order: usize) -> f64 {
+    /// With h the increment, g the one before and k the one before that, the line misses it by h (h + g)/2 times the second
+    /// derivative, the parabola by h (h + g) (h + g + k)/6 times the third one, and both to the other side.
+    pub(super) fn share(&self, increment: f64, order: usize, method: f64) -> f64 {
         let (h, g) = (increment, self.increments[0]);
-        if order == 1 {
-            return h / (2.0 * h + g);
-        }
-        let (method, parabola) = (h * (h + g) / (2.0 * h + g), h + g + self.increments[1]);
-        method / (method + parabola)
+        let expected = match order {
+            1 => h * (h + g) / 2.0,
+            _ => h * (h + g) * (h + g + self.increments[1]) / 6.0,
+        };
+        method / (method + expected)
     }
 }
 
@@ -90,7 +89,7 @@ mod tests {
         past.add(0.0, vec![f(t - g)]);
         past.add(g, vec![f(t)]);
         let (line, method) = (past.extrapolated(h, 1).unwrap()[0], f(t) + h * (t + h));
-        let estimate = past.share(h, 1) * (method - line).abs();
+        let estimate = past.share(h, 1, 0.5 * h * h) * (method - line).abs();
         assert!((estimate - (method - f(t + h)).abs()).abs() < 1e-14);
     }
 
@@ -106,7 +105,7 @@ mod tests {
         let c = (2.0 * h + g) / (h * (h + g));
         let method = f(t) + (3.0 * (t + h).powi(2) + h / (h + g) * (f(t) - f(t - g)) / g) / c;
         let (parabola, exact) = (past.extrapolated(h, 2).unwrap()[0], f(t + h));
-        let estimate = past.share(h, 2) * (method - parabola).abs();
+        let estimate = past.share(h, 2, (h * (h + g)).powi(2) / (6.0 * (2.0 * h + g))) * (method - parabola).abs();
         assert!((estimate - (method - exact).abs()).abs() < 1e-13, "{estimate} {}", method - exact);
         // h^2 (h + g)^2/(6 (2 h + g)) times the third derivative, which is 6
         assert!((method - exact - (h * (h + g)).powi(2) / (2.0 * h + g)).abs() < 1e-13);

@@ -75,8 +75,11 @@ pub(super) fn leave(scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Result<()
 
 /// The rates where time starts, at the state `u` and the first increment `at`.
 pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), NewtonError> {
-    // the first step of BDF2 is one of backward Euler, which reads no rate of the start
-    if scene.system.known.rates.as_ref().is_none_or(|rates| rates.scheme() == Scheme::Bdf2) {
+    // the first step of BDF2 is one of backward Euler: of the rates at the start it reads the first ones of fields that
+    // have second ones
+    let is_read =
+        |rates: &Rates| rates.scheme() != Scheme::Bdf2 || rates.fields().iter().any(|of| of.form == RateForm::Second);
+    if !scene.system.known.rates.as_ref().is_some_and(is_read) {
         return Ok(());
     }
     let given = |bad: BadGiven| NewtonError::Given(Box::new(bad));

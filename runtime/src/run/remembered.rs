@@ -45,41 +45,42 @@ impl Adaptive {
 
     /// What is expected behind another increment; `None` where nothing is known of the past.
     pub(super) fn expected(&self, scene: &Scene, increment: f64) -> Option<Vec<f64>> {
-        let parabola = if is_bdf2(scene) { self.past.extrapolated(increment, 2) } else { None };
+        let parabola = if has_second_order(scene) { self.past.extrapolated(increment, 2) } else { None };
         parabola.or_else(|| self.past.extrapolated(increment, 1))
     }
 
     /// The estimated errors of a solution, relative to the demanded one; `None` where nothing is known of the past.
     ///
-    /// What BDF2 does not integrate, states among it, counts as a solution of backward Euler; so does everything in the
-    /// second step, behind which no parabola is known yet: its error is smaller than that.
+    /// What the scheme does not integrate, states among it, counts as a solution of backward Euler; so does everything in
+    /// the second step, behind which no parabola is known yet: its error is smaller than that.
     pub(super) fn errors(&self, scene: &Scene, rules: &Auto, increment: f64, solution: &[f64]) -> Option<Errors> {
         let line = self.past.extrapolated(increment, 1)?;
-        let parabola = if is_bdf2(scene) { self.past.extrapolated(increment, 2) } else { None };
+        let parabola = if has_second_order(scene) { self.past.extrapolated(increment, 2) } else { None };
         let size = |range: &Range<usize>| solution[range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let of_euler = [0.5 * increment * increment, 0.0];
         let mut errors = Errors::default();
         for (field, (range, scale)) in rules.fields.iter().zip(ranges(scene, rules).zip(&self.scales)) {
             let scale = scale.max(size(&range));
-            let (order, expected) = match &parabola {
-                Some(parabola) if has_rate(scene, *field) => (2, parabola),
-                _ => (1, &line),
+            let rates = scene.system.known.rates.as_ref();
+            let [first, second] = rates.and_then(|rates| rates.misses(*field)).unwrap_or(of_euler);
+            let known = match &parabola {
+                Some(parabola) => [(1, first, &line), (2, second, parabola)],
+                None => [(1, if second > 0.0 { of_euler[0] } else { first }, &line), (2, 0.0, &line)],
             };
-            let missed = distance(solution, expected, range, scale);
-            let error = self.past.share(increment, order) * missed / rules.error;
-            let largest = &mut errors.by_order[order - 1];
-            *largest = if error.is_nan() { error } else { largest.max(error) };
+            for (order, method, expected) in known.into_iter().filter(|(_, method, _)| *method > 0.0) {
+                let missed = distance(solution, expected, range.clone(), scale);
+                let error = self.past.share(increment, order, method) * missed / rules.error;
+                let largest = &mut errors.by_order[order - 1];
+                *largest = if error.is_nan() { error } else { largest.max(error) };
+            }
         }
         Some(errors)
     }
 }
 
-fn is_bdf2(scene: &Scene) -> bool {
-    scene.system.known.rates.as_ref().is_some_and(|rates| rates.scheme() == Scheme::Bdf2)
-}
-
-/// True for a field whose rates are made by the scheme.
-fn has_rate(scene: &Scene, field: usize) -> bool {
-    scene.system.known.rates.iter().flat_map(|rates| rates.fields()).any(|of| of.field == field)
+/// True where the scheme integrates a field with second order.
+fn has_second_order(scene: &Scene) -> bool {
+    scene.system.known.rates.as_ref().is_some_and(|rates| rates.scheme() != Scheme::BackwardEuler)
 }
 
 /// Where the fields that count lie in a solution.

@@ -77,7 +77,7 @@ pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Finding
     }
     let mesh_time = begin.elapsed().as_secs_f64();
     let variable = script.steps.as_ref().map(|s| s.variable.name.clone());
-    let forms = rates::forms(script, &sigs);
+    let forms = rates::forms(script, &sigs, &params);
     let env = Env { fields: &sigs, mappings: &made.sigs, step_variable: variable.as_deref(), rates: &forms, ..bare };
     let batch = Batch::new(backend);
     let (mut scene, integration) = Builder {

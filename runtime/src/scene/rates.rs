@@ -1,7 +1,16 @@
 //! Rates of a scene: which fields have which, the statement `scheme`, first rates.
 
-use wfl::{Diagnostic, FieldKind as Declared, ResolvedScript, StartKind, ast::OptionItem, split_prefixes};
-use wfl_compiler::types::{FieldKind, FieldSig, RateForm};
+use std::collections::BTreeMap;
+
+use wfl::{
+    Diagnostic, FieldKind as Declared, ResolvedScript, StartKind,
+    ast::{Expr, OptionItem},
+    split_prefixes,
+};
+use wfl_compiler::{
+    Constant, each_name_in_effect,
+    types::{FieldKind, FieldSig, RateForm},
+};
 
 use super::{Builder, Energy, Given, constants};
 use crate::{
@@ -11,9 +20,10 @@ use crate::{
 };
 
 /// By field, what its rates are compiled to. The equations decide: a field has a second rate where a term or the update of
-/// a state has it, and a first one of its own where one has it and the scheme is not backward Euler. Without a statement
-/// the scheme is that of second rates, BDF2 for steps that the run chooses, else backward Euler.
-pub(super) fn forms(script: &ResolvedScript, sigs: &[FieldSig]) -> Vec<RateForm> {
+/// a state has it, and a first one of its own where one has it and the scheme is not backward Euler; a factor that is zero
+/// for the present parameters asks for neither. Without a statement the scheme is BDF2 for steps that the run chooses, that
+/// of second rates where there are some, else backward Euler.
+pub(super) fn forms(script: &ResolvedScript, sigs: &[FieldSig], params: &BTreeMap<String, Constant>) -> Vec<RateForm> {
     let (mut first, mut second) = (vec![false; sigs.len()], vec![false; sigs.len()]);
     let mut note = |word: &str| {
         let (prefixes, root) = split_prefixes(word);
@@ -21,11 +31,8 @@ pub(super) fn forms(script: &ResolvedScript, sigs: &[FieldSig]) -> Vec<RateForm>
         second[field] |= prefixes.contains("Dot2_");
         first[field] |= prefixes.contains("Dot_");
     };
-    script.terms.iter().for_each(|t| wfl::each_name(&t.expr, &mut note));
-    for field in &script.fields {
-        if let Declared::State { update } = &field.kind {
-            wfl::each_name(update, &mut note);
-        }
+    for text in texts(script) {
+        each_name_in_effect(params, text, &mut note);
     }
     let named = script.scheme.as_ref().map(|s| s.name.name.as_str());
     let differences = match named {
@@ -38,6 +45,27 @@ pub(super) fn forms(script: &ResolvedScript, sigs: &[FieldSig]) -> Vec<RateForm>
         _ => RateForm::Difference,
     };
     first.iter().zip(&second).map(form).collect()
+}
+
+/// What decides which rates there are: terms and updates of states.
+fn texts(script: &ResolvedScript) -> impl Iterator<Item = &Expr> {
+    let updates = script.fields.iter().filter_map(|field| match &field.kind {
+        Declared::State { update } => Some(update),
+        _ => None,
+    });
+    script.terms.iter().map(|t| &t.expr).chain(updates)
+}
+
+/// True for a field whose second rate stands in a term, with an effect or without.
+fn is_written(script: &ResolvedScript, field: &str) -> bool {
+    let mut found = false;
+    for text in texts(script) {
+        wfl::each_name(text, &mut |word| {
+            let (prefixes, root) = split_prefixes(word);
+            found |= root == field && prefixes.contains("Dot2_");
+        });
+    }
+    found
 }
 
 /// True for steps that the run chooses.
@@ -70,16 +98,15 @@ const MOST_FRACTION: f64 = 0.95;
 const LOST: f64 = 1e-3;
 
 impl Builder<'_> {
-    /// The scheme of time integration: that of the statement, else the trapezoidal rule where a term has a second rate,
-    /// BDF2 for steps that the run chooses, and backward Euler.
+    /// The scheme of time integration: that of the statement, else BDF2 for steps that the run chooses, the trapezoidal
+    /// rule where a term has a second rate, and backward Euler.
     pub(super) fn scheme(&mut self) -> Integration {
-        self.unfit_steps();
         let second = self.env.rates.contains(&RateForm::Second);
         let mut made = Integration { scheme: Scheme::BackwardEuler, fraction: FRACTION, energy: None };
         let Some(statement) = &self.script.scheme else {
             made.scheme = match (second, is_auto(self.script)) {
-                (true, _) => Scheme::Newmark { beta: 0.25, gamma: 0.5 },
-                (false, true) => Scheme::Bdf2,
+                (_, true) => Scheme::Bdf2,
+                (true, false) => Scheme::Newmark { beta: 0.25, gamma: 0.5 },
                 (false, false) => Scheme::BackwardEuler,
             };
             return made;
@@ -140,37 +167,9 @@ impl Builder<'_> {
         self.diagnostics.push(d.at(option.name.span, text));
     }
 
-    /// E452 for steps that the run chooses with another scheme than BDF2 or backward Euler: the error of others is not
-    /// estimated.
-    fn unfit_steps(&mut self) {
-        if self.script.scheme.as_ref().is_some_and(|s| s.name.name == "explicit") {
-            return;
-        }
-        let named = self.script.scheme.as_ref().map(|s| s.name.name.as_str());
-        let fits = matches!(named, None | Some("bdf2" | "backward_euler"));
-        let second = self.env.rates.contains(&RateForm::Second);
-        let Some(steps) = self.script.steps.as_ref().filter(|steps| (second || !fits) && steps.is_auto()) else {
-            return;
-        };
-        let d =
-            Diagnostic::new("E452", "steps by `auto` are made with bdf2 or backward_euler, and with first rates alone");
-        let why = if second { "this scene has second rates" } else { "this scene has another scheme" };
-        let help = if second {
-            "write the increment: `by 0.01`"
-        } else {
-            "leave out `scheme`, or write the increment: `by 0.01`"
-        };
-        self.diagnostics.push(d.at(steps.by.span, why).help(help));
-    }
-
-    /// E452 for BDF2 and second rates. E453 where the equations of a scheme stand within a step and states are renewed at its
-    /// end.
+    /// E453 where the equations of a scheme stand within a step and states are renewed at its end. E457 for explicit steps
+    /// without a mass.
     fn unfit_scheme(&mut self, scheme: Scheme, statement: &wfl::Scheme) {
-        if scheme == Scheme::Bdf2 && self.env.rates.contains(&RateForm::Second) {
-            let d = Diagnostic::new("E452", "`scheme bdf2` integrates first rates alone");
-            let d = d.at(statement.name.span, "this scene has second rates");
-            self.diagnostics.push(d.help("scheme newmark beta=1/4 gamma=1/2"));
-        }
         let state = self.fields.iter().find(|f| f.kind == FieldKind::State);
         if scheme == Scheme::Explicit && !self.env.rates.contains(&RateForm::Second) {
             let d = Diagnostic::new("E457", "explicit steps need a mass, and no term has `Dot2_`");
@@ -197,7 +196,12 @@ impl Builder<'_> {
                 continue;
             }
             let k = self.fields.iter().position(|f| f.name == *name);
-            if k.is_none_or(|k| self.env.rates.get(k) != Some(&RateForm::Second)) {
+            let is_second = k.is_some_and(|k| self.env.rates.get(k) == Some(&RateForm::Second));
+            if k.is_some() && !is_second && is_written(script, name) {
+                // switched off by a factor: nothing starts
+                continue;
+            }
+            if !is_second {
                 let d = Diagnostic::new("E454", format!("`Dot_{name}` has no initial value of its own"));
                 let text = format!("no term has `Dot2_{name}`: the rate at the start follows from the equations");
                 self.diagnostics.push(d.at(field.span, text));

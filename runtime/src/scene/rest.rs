@@ -44,7 +44,7 @@ impl<'s> Sketch<'s> {
         let params = parameters(script, dim, &mut Vec::new());
         let sigs = signatures(script, &bare_env(script, dim, &params), lost);
         let mappings = mappings(script, sigs.len());
-        let rates = super::rates::forms(script, &sigs);
+        let rates = super::rates::forms(script, &sigs, &params);
         Some(Self { script, dim, params, sigs, mappings, rates })
     }
 

@@ -329,8 +329,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "a setting that a scheme does not take",
         "newmark has beta (more than 0, at most 1) and gamma (1/2 to 1; of second order with 1/2), hht has alpha (-1/3 to \
          0), generalised_alpha has rho_inf (0 to 1), explicit has fraction (above 0, at most 0.95), bdf2 and backward_euler \
-         have none. All take `energy` where a term has `Dot2_`. bdf2 is for first rates. Steps by `auto` go with bdf2 and \
-         backward_euler and first rates, and with explicit, where they are a part of the stability limit.",
+         have none. All take `energy` where a term has `Dot2_`.",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=0.1",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=-0.1",
     ),

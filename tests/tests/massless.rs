@@ -1,0 +1,170 @@
+//! Nodes of contact without mass: what the body keeps, what the pressure no longer does, what is refused.
+
+use wfl_tests::{Solved, examples, solve};
+
+fn run(text: &str) -> Solved {
+    solve(&examples(), text.to_owned(), &[], &[]).unwrap_or_else(|messages| panic!("{messages}"))
+}
+
+fn refused(text: &str) -> String {
+    solve(&examples(), text.to_owned(), &[], &[]).err().expect("an error")
+}
+
+/// The bar of `examples/dynamics/bar.wfl` with the trapezoidal rule.
+fn bar(n: u32, scheme: &str) -> String {
+    format!(
+        "param E = 900\nparam n = {n}\nmesh box [0] to [10] cells [n] segment\nregion wall = faces where x == 0\n\
+         unknown u : scalar\nstart Dot_u = -10\nterm inertia on all : Dot2_u*Test_u\n\
+         term stress on all : E*Grad_u.Grad_Test_u\nparam gamma = E*n\n\
+         def p = pos_part(E*Grad_u.Normal - gamma*u)\nterm contact on wall : -p*Test_u\n\
+         scheme newmark {scheme}\nparam contact = 20/30\nsteps t = 0 to 1.5*contact by contact/(2*n)\n\
+         measure pressure = mean(p) on wall\nmeasure speed = mean(Dot_u) on all\n"
+    )
+}
+
+/// The largest distance of the pressure from that of the wave, v0 sqrt(E rho) = 300, as a part of it, over the middle of the
+/// contact.
+fn oscillation(solved: &Solved) -> f64 {
+    let during = |(k, step): (usize, &wfl_runtime::StepResult)| {
+        (0.1..0.57).contains(&step.time).then(|| (solved.measure(k, "pressure") / 300.0 - 1.0).abs())
+    };
+    solved.outcome.steps.iter().enumerate().filter_map(during).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_pressure_of_an_impact_does_not_oscillate_and_the_energy_is_kept() {
+    let with = run(&bar(100, "massless=wall energy"));
+    let without = run(&bar(100, ""));
+    println!("{} {}", oscillation(&with), oscillation(&without));
+    assert!(oscillation(&without) > 1.0);
+    assert!(oscillation(&with) < 0.05, "{}", oscillation(&with));
+    let lost = (0..with.outcome.steps.len()).map(|k| with.measure(k, "energy_lost").abs()).fold(0.0, f64::max);
+    println!("lost {}", lost / 500.0);
+    assert!(lost < 1e-3 * 500.0, "{lost}");
+    // the bar leaves the wall as fast as it came
+    let speed = with.measure(with.outcome.steps.len() - 1, "speed");
+    assert!((speed / 10.0 - 1.0).abs() < 0.01, "{speed}");
+}
+
+/// Rigid motions and uniform strains have the energy that they had, in every kind of cell and with nodes between vertices:
+/// total mass, centre of mass and moments of inertia.
+#[test]
+fn affine_motions_keep_their_energy() {
+    for (mesh, dim) in [
+        ("mesh box [0,0] to [3,2] cells [5,4] tri", 2),
+        ("mesh box [0,0] to [3,2] cells [5,4] quad", 2),
+        ("mesh box [0,0,0] to [2,2,2] cells [3,3,4] tet", 3),
+        ("mesh box [0,0,0] to [2,2,2] cells [3,3,4] hex", 3),
+    ] {
+        for degree in ["P1", "P2"] {
+            let (shape, motions): (_, &[&str]) = match dim {
+                2 => ("vector2", &["[1,0]", "[0.3,-1]", "[-y,x]", "[x,0]", "[y+1,2*x-y]"]),
+                _ => ("vector3", &["[1,0,0.5]", "[-y,x,0]", "[0,-z,y]", "[x,z,2*y-z]"]),
+            };
+            let shape = shape.replace(char::is_numeric, "");
+            for motion in motions {
+                let text = |scheme: &str| {
+                    format!(
+                        "{mesh}\nregion wall = faces where y == 0\nunknown u : {shape} {degree}\nstart Dot_u = {motion}\n\
+                         term inertia on all : (1 + x*x)*Dot2_u.Test_u\nterm stress on all : Grad_u:Grad_Test_u\n\
+                         scheme newmark {scheme} energy\nsteps t = 0 to 0.001 by 0.001\n"
+                    )
+                };
+                let [old, new] = ["", "massless=wall"].map(|s| run(&text(s)).measure(0, "energy_kinetic"));
+                assert!((new / old - 1.0).abs() < 1e-12, "{mesh} {degree} {motion}: {new} {old}");
+            }
+        }
+    }
+}
+
+/// A motion of the nodes without mass alone has no energy.
+#[test]
+fn the_nodes_have_no_mass() {
+    let text = "mesh box [0,0] to [3,2] cells [5,4] quad\nregion wall = faces where y == 0\nunknown u : scalar\n\
+                start Dot_u = max(0, 0.1 - y)\nterm inertia on all : Dot2_u*Test_u\n\
+                term stress on all : Grad_u.Grad_Test_u\nscheme newmark massless=wall energy\n\
+                steps t = 0 to 0.001 by 0.001\n";
+    let energy = run(text).measure(0, "energy_kinetic");
+    assert!(energy.abs() < 1e-16, "{energy:e}");
+}
+
+/// A body that slides on an inclined face behaves as one on a level face: the local frames of its nodes turn the mass, too.
+#[test]
+fn a_turned_body_moves_as_the_one_that_is_not() {
+    let scene = |angle: f64| {
+        let (c, s) = (angle.cos(), angle.sin());
+        // the body is turned by the angle about the origin
+        format!(
+            "param c = {c}\nparam s = {s}\n\
+             mesh box [0,0] to [3,2] cells [4,3] quad map [c*x - s*y, s*x + c*y]\n\
+             region floor = faces where abs(c*y - s*x) < 1e-6\nunknown u : vector\n\
+             start Dot_u = (1 + (c*y - s*x)^2)*[c,s]\n\
+             term inertia on all : 2*Dot2_u.Test_u\nterm stress on all : (Grad_u + Grad_u'):Grad_Test_u + Div_u*Div_Test_u\n\
+             fix u.Normal = 0 on floor\nscheme newmark massless=floor\nsteps t = 0 to 2 by 0.05\n\
+             measure along = mean(c*u(1) + s*u(2)) on all\nmeasure most = max(u.u) on floor\n"
+        )
+    };
+    let (level, turned) = (run(&scene(0.0)), run(&scene(0.4)));
+    for k in [1, 10, 40] {
+        for name in ["along", "most"] {
+            let (a, b) = (level.measure(k, name), turned.measure(k, name));
+            assert!((a - b).abs() < 1e-9 * a.abs(), "{name} at {k}: {a} {b}");
+        }
+    }
+}
+
+/// Two equal bars collide: the pressure is half of rho c v0 until the waves come back, at t = 2. Bodies on both sides give
+/// their mass away, each to its own nodes; with equal steps, and with those that the run chooses.
+#[test]
+fn two_bodies_collide() {
+    let text = |scheme: &str, steps: &str| {
+        format!(
+            "mesh box [0,-1] to [0.1,1] cells [1,80] quad\nregion low = cells where y < 0\n\
+             region high = cells where y > 0\nregion touch = interface from low to high\n\
+             unknown v : scalar on low\nunknown w : scalar on high\nstart Dot_w = -1\n\
+             term of_low on low : Dot2_v*Test_v + Grad_v.Grad_Test_v\n\
+             term of_high on high : Dot2_w*Test_w + Grad_w.Grad_Test_w\n\
+             def p = 2000*neg_part(Interpolate(w, neighbor_element) - v)\n\
+             term contact on touch : p*(Test_v - Interpolate(Test_w, neighbor_element))\n\
+             scheme newmark {scheme}\nsteps t = 0 to 1.5 {steps}\nmeasure pressure = mean(p) on touch\n\
+             measure low_speed = mean(Dot_v) on low\nmeasure high_speed = mean(Dot_w) on high\n"
+        )
+    };
+    let worst = |solved: &Solved| {
+        let during = |(k, step): (usize, &wfl_runtime::StepResult)| {
+            (0.2..1.4).contains(&step.time).then(|| (2.0 * solved.measure(k, "pressure") - 1.0).abs())
+        };
+        solved.outcome.steps.iter().enumerate().filter_map(during).fold(0.0, f64::max)
+    };
+    for steps in ["by 0.00625", "by auto with first=1e-4, error=1e-4"] {
+        let [without, with] = ["", "massless=touch"].map(|scheme| run(&text(scheme, steps)));
+        println!("{steps}: {} {}", worst(&without), worst(&with));
+        assert!(worst(&with) < 0.05 && worst(&without) > 0.3, "{steps}: {} {}", worst(&with), worst(&without));
+        let last = with.outcome.steps.len() - 1;
+        let momentum = with.measure(last, "low_speed") + with.measure(last, "high_speed");
+        assert!((momentum + 1.0).abs() < 1e-9, "{momentum}");
+    }
+}
+
+#[test]
+fn what_has_no_mass_to_give_is_refused() {
+    let base = bar(10, "massless=wall");
+    let told = refused(&base.replace("massless=wall", "massless=wal"));
+    assert!(told.contains("E452") && told.contains("did you mean `wall`"), "{told}");
+    let told = refused(&base.replace("massless=wall", "massless=0.5"));
+    assert!(told.contains("E452") && told.contains("name of a region"), "{told}");
+    let told = refused(&base.replace("massless=wall", "massless=all"));
+    assert!(told.contains("E452") && told.contains("nowhere to go"), "{told}");
+    let told = refused(&base.replace("Dot2_u*Test_u", "(1 + u)*Dot2_u*Test_u"));
+    assert!(told.contains("E452") && told.contains("term of its own"), "{told}");
+    let told = refused(&base.replace("Dot2_u*Test_u", "Dot_u*Test_u").replace("start Dot_u = -10\n", ""));
+    assert!(told.contains("E452") && told.contains("there is no mass"), "{told}");
+    let explicit = base.replace("scheme newmark massless", "scheme explicit massless");
+    let told = refused(&explicit.replace("by contact/(2*n)", "by auto"));
+    assert!(told.contains("E452") && told.contains("explicit"), "{told}");
+    let other = base.replace(
+        "unknown u : scalar",
+        "region far = faces where x == 10\nunknown q : scalar on far\nunknown u : scalar",
+    ) + "term of_q on far : (q - u)*Test_q\n";
+    assert!(run(&other).outcome.converged());
+}
