@@ -18,7 +18,7 @@ pub use wfl_checks::{self as checks, consistency};
 pub use wfl_contact as contact;
 use wfl_discrete::value;
 pub use wfl_discrete::{
-    assemble, field, finite, frames, lumped, point_space, point_values, pruning, rates, space, system,
+    assemble, field, finite, frames, lumped, point_space, point_values, pruning, rates, redistribution, space, system,
 };
 pub use wfl_host::{input, memory, reading, team};
 pub use wfl_mesh::{element, mesh, quadrature, refine};

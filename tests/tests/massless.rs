@@ -22,11 +22,11 @@ fn bar(n: u32, scheme: &str) -> String {
     )
 }
 
-/// The largest distance of the pressure from that of the wave, v0 sqrt(E rho) = 300, as a part of it, over the middle of the
-/// contact.
+/// The largest distance of the pressure from that of the wave, v0 sqrt(E rho) = 300, as a part of it, once the sharp front
+/// has gone and until it comes back after 2/3.
 fn oscillation(solved: &Solved) -> f64 {
     let during = |(k, step): (usize, &wfl_runtime::StepResult)| {
-        (0.1..0.57).contains(&step.time).then(|| (solved.measure(k, "pressure") / 300.0 - 1.0).abs())
+        (0.2..0.6).contains(&step.time).then(|| (solved.measure(k, "pressure") / 300.0 - 1.0).abs())
     };
     solved.outcome.steps.iter().enumerate().filter_map(during).fold(0.0, f64::max)
 }
@@ -35,37 +35,34 @@ fn oscillation(solved: &Solved) -> f64 {
 fn the_pressure_of_an_impact_does_not_oscillate_and_the_energy_is_kept() {
     let with = run(&bar(100, "massless=wall energy"));
     let without = run(&bar(100, ""));
-    println!("{} {}", oscillation(&with), oscillation(&without));
     assert!(oscillation(&without) > 1.0);
-    assert!(oscillation(&with) < 0.05, "{}", oscillation(&with));
+    assert!(oscillation(&with) < 0.03, "{}", oscillation(&with));
     let lost = (0..with.outcome.steps.len()).map(|k| with.measure(k, "energy_lost").abs()).fold(0.0, f64::max);
-    println!("lost {}", lost / 500.0);
-    assert!(lost < 1e-3 * 500.0, "{lost}");
-    // the bar leaves the wall as fast as it came
+    assert!(lost < 1e-12 * 500.0, "{lost}");
+    // the bar leaves the wall nearly as fast as it came: a part of its energy is in vibrations
     let speed = with.measure(with.outcome.steps.len() - 1, "speed");
-    assert!((speed / 10.0 - 1.0).abs() < 0.01, "{speed}");
+    assert!((speed / 10.0 - 1.0).abs() < 0.02, "{speed}");
 }
 
 /// Rigid motions and uniform strains have the energy that they had, in every kind of cell and with nodes between vertices:
 /// total mass, centre of mass and moments of inertia.
 #[test]
 fn affine_motions_keep_their_energy() {
-    for (mesh, dim) in [
-        ("mesh box [0,0] to [3,2] cells [5,4] tri", 2),
-        ("mesh box [0,0] to [3,2] cells [5,4] quad", 2),
-        ("mesh box [0,0,0] to [2,2,2] cells [3,3,4] tet", 3),
-        ("mesh box [0,0,0] to [2,2,2] cells [3,3,4] hex", 3),
+    for (mesh, dim, family) in [
+        ("mesh box [0,0] to [3,2] cells [5,4] tri", 2, "P"),
+        ("mesh box [0,0] to [3,2] cells [5,4] quad", 2, "Q"),
+        ("mesh box [0,0,0] to [2,2,2] cells [3,3,4] tet", 3, "P"),
+        ("mesh box [0,0,0] to [2,2,2] cells [3,3,4] hex", 3, "Q"),
     ] {
-        for degree in ["P1", "P2"] {
-            let (shape, motions): (_, &[&str]) = match dim {
-                2 => ("vector2", &["[1,0]", "[0.3,-1]", "[-y,x]", "[x,0]", "[y+1,2*x-y]"]),
-                _ => ("vector3", &["[1,0,0.5]", "[-y,x,0]", "[0,-z,y]", "[x,z,2*y-z]"]),
+        for degree in [1, 2] {
+            let motions: &[&str] = match dim {
+                2 => &["[1,0]", "[0.3,-1]", "[-y,x]", "[x,0]", "[y+1,2*x-y]"],
+                _ => &["[1,0,0.5]", "[-y,x,0]", "[0,-z,y]", "[x,z,2*y-z]"],
             };
-            let shape = shape.replace(char::is_numeric, "");
             for motion in motions {
                 let text = |scheme: &str| {
                     format!(
-                        "{mesh}\nregion wall = faces where y == 0\nunknown u : {shape} {degree}\nstart Dot_u = {motion}\n\
+                        "{mesh}\nregion wall = faces where y == 0\nunknown u : vector {family}{degree}\nstart Dot_u = {motion}\n\
                          term inertia on all : (1 + x*x)*Dot2_u.Test_u\nterm stress on all : Grad_u:Grad_Test_u\n\
                          scheme newmark {scheme} energy\nsteps t = 0 to 0.001 by 0.001\n"
                     )
@@ -101,12 +98,12 @@ fn a_turned_body_moves_as_the_one_that_is_not() {
              start Dot_u = (1 + (c*y - s*x)^2)*[c,s]\n\
              term inertia on all : 2*Dot2_u.Test_u\nterm stress on all : (Grad_u + Grad_u'):Grad_Test_u + Div_u*Div_Test_u\n\
              fix u.Normal = 0 on floor\nscheme newmark massless=floor\nsteps t = 0 to 2 by 0.05\n\
-             measure along = mean(c*u(1) + s*u(2)) on all\nmeasure most = max(u.u) on floor\n"
+             measure drift = mean(c*u(1) + s*u(2)) on all\nmeasure most = max(u.u) on floor\n"
         )
     };
     let (level, turned) = (run(&scene(0.0)), run(&scene(0.4)));
     for k in [1, 10, 40] {
-        for name in ["along", "most"] {
+        for name in ["drift", "most"] {
             let (a, b) = (level.measure(k, name), turned.measure(k, name));
             assert!((a - b).abs() < 1e-9 * a.abs(), "{name} at {k}: {a} {b}");
         }
@@ -119,12 +116,12 @@ fn a_turned_body_moves_as_the_one_that_is_not() {
 fn two_bodies_collide() {
     let text = |scheme: &str, steps: &str| {
         format!(
-            "mesh box [0,-1] to [0.1,1] cells [1,80] quad\nregion low = cells where y < 0\n\
+            "mesh box [0,-1] to [0.1,1] cells [1,240] quad\nregion low = cells where y < 0\n\
              region high = cells where y > 0\nregion touch = interface from low to high\n\
              unknown v : scalar on low\nunknown w : scalar on high\nstart Dot_w = -1\n\
              term of_low on low : Dot2_v*Test_v + Grad_v.Grad_Test_v\n\
              term of_high on high : Dot2_w*Test_w + Grad_w.Grad_Test_w\n\
-             def p = 2000*neg_part(Interpolate(w, neighbor_element) - v)\n\
+             def p = 1200*neg_part(Interpolate(w, neighbor_element) - v)\n\
              term contact on touch : p*(Test_v - Interpolate(Test_w, neighbor_element))\n\
              scheme newmark {scheme}\nsteps t = 0 to 1.5 {steps}\nmeasure pressure = mean(p) on touch\n\
              measure low_speed = mean(Dot_v) on low\nmeasure high_speed = mean(Dot_w) on high\n"
@@ -132,13 +129,12 @@ fn two_bodies_collide() {
     };
     let worst = |solved: &Solved| {
         let during = |(k, step): (usize, &wfl_runtime::StepResult)| {
-            (0.2..1.4).contains(&step.time).then(|| (2.0 * solved.measure(k, "pressure") - 1.0).abs())
+            (0.6..1.4).contains(&step.time).then(|| (2.0 * solved.measure(k, "pressure") - 1.0).abs())
         };
         solved.outcome.steps.iter().enumerate().filter_map(during).fold(0.0, f64::max)
     };
-    for steps in ["by 0.00625", "by auto with first=1e-4, error=1e-4"] {
+    for steps in ["by 0.002", "by auto with first=1e-4, error=1e-4"] {
         let [without, with] = ["", "massless=touch"].map(|scheme| run(&text(scheme, steps)));
-        println!("{steps}: {} {}", worst(&without), worst(&with));
         assert!(worst(&with) < 0.05 && worst(&without) > 0.3, "{steps}: {} {}", worst(&with), worst(&without));
         let last = with.outcome.steps.len() - 1;
         let momentum = with.measure(last, "low_speed") + with.measure(last, "high_speed");

@@ -45,7 +45,7 @@ pub const OPTIONS: &[(&str, &[&str])] = &[
     ("mesh", &["idle_cells"]),
     ("multiplier", &["crosspoints"]),
     ("steps", &["error", "first", "halve", "least", "limit", "most", "on_fail"]),
-    ("scheme", &["alpha", "beta", "energy", "fraction", "gamma", "rho_inf"]),
+    ("scheme", &["alpha", "beta", "energy", "fraction", "gamma", "massless", "rho_inf"]),
     ("solver", &["accuracy", "amg", "cg", "direct", "max_iter", "of", "search", "tol"]),
     ("output", &["points"]),
 ];

@@ -3,7 +3,7 @@
 //! [`space`] numbers nodes, [`domain`] holds the points of integration, [`field`] gives them components, [`assemble`]
 //! integrates compiled point laws over domains into residuals and tangents, [`value`] evaluates expressions, [`frames`]
 //! holds the local frames of prescribed directions, [`rates`] what `Dot_u` and `Dot2_u` read of the past, [`lumped`] a
-//! mass on the diagonal, [`share`] the rows of ranks. Promises sums in one fixed order for any number of threads, and
+//! mass on the diagonal, [`redistribution`] one that some nodes give away, [`share`] the rows of ranks. Promises sums in one fixed order for any number of threads, and
 //! that a number that is not finite is reported with its place ([`finite`]). Does not solve, step, read scenes or write
 //! results.
 #![forbid(unsafe_code)]
@@ -19,6 +19,7 @@ pub mod point_values;
 mod prologue;
 pub mod pruning;
 pub mod rates;
+pub mod redistribution;
 pub mod share;
 pub mod space;
 pub mod system;

@@ -79,8 +79,15 @@ const UNSYMMETRIC: f64 = 1.05;
 const ROUNDED: f64 = 1e-13;
 
 /// Whether a term reads a rate of this order.
-fn reads(term: &AssembledTerm, order: RateOrder) -> bool {
+pub(crate) fn reads(term: &AssembledTerm, order: RateOrder) -> bool {
     term.law.inputs.iter().any(|slot| matches!(slot, InputSlot::History(o, _) if *o == order))
+}
+
+/// Whether the inertia of a term is a matrix that stays: nothing in the term depends on unknowns beyond a linear law, or on
+/// the step variable.
+pub(crate) fn has_a_mass_of_its_own(term: &AssembledTerm) -> bool {
+    let timed = |s: &UniformSlot| matches!(s, UniformSlot::Time | UniformSlot::TimeStep);
+    term.law.class <= Class::Linear && !term.law.prologue.slots.iter().any(timed)
 }
 
 impl Lumped {
@@ -191,10 +198,8 @@ fn refuse_without_inertia(system: &System) -> Result<(), Unlumped> {
             return Err(Unlumped::NoInertia { field: field.name.clone(), multiplier });
         }
     }
-    let timed =
-        |t: &AssembledTerm| t.law.prologue.slots.iter().any(|s| matches!(s, UniformSlot::Time | UniformSlot::TimeStep));
     let inertia = |t: &AssembledTerm| reads(t, RateOrder::Second);
-    match system.terms.iter().position(|t| inertia(t) && (t.law.class > Class::Linear || timed(t))) {
+    match system.terms.iter().position(|t| inertia(t) && !has_a_mass_of_its_own(t)) {
         Some(term) => Err(Unlumped::Mixed { term }),
         None => Ok(()),
     }

@@ -185,6 +185,19 @@ impl Rates {
         all
     }
 
+    /// The second rates in the present step at the unknowns `u`, by dof, zero where there are none; `before` is the state
+    /// at its start.
+    #[must_use]
+    pub fn second(&self, u: &[f64], before: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; u.len()];
+        for of in self.fields.iter().filter(|of| of.form == RateForm::Second) {
+            for (d, past) in of.dofs.clone().zip(self.history(RateOrder::Second, of.field)) {
+                out[d] = self.factors.acceleration * (u[d] - before[d]) + past;
+            }
+        }
+        out
+    }
+
     /// What the past gives of a rate of a field, by its dofs; empty for a field without.
     #[must_use]
     pub fn history(&self, order: RateOrder, field: usize) -> &[f64] {

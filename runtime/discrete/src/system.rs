@@ -12,6 +12,7 @@ mod equations;
 mod form;
 mod inspect;
 mod known;
+mod linear;
 mod node_layout;
 mod numbering;
 mod residual;
@@ -23,6 +24,7 @@ use std::sync::Arc;
 
 pub use form::{ActiveSet, Branches, Form, LinearTerms, StateValues};
 pub use known::{Known, Past};
+pub use linear::Redistribution;
 pub use numbering::{FIXED, Numbering, Tie};
 pub use residual::Residual;
 use tangent::SceneAxes;
@@ -41,7 +43,7 @@ use crate::pruning::Pruning;
 use crate::share::Share;
 use wfl_host::memory::{TooMuchMemory, claim_numbers};
 use wfl_mesh::mesh::Mesh;
-use wfl_sparse::csr::{Csr, CsrError, Pattern, PatternBuilder, Restriction};
+use wfl_sparse::csr::{Csr, CsrError, Pattern, PatternBuilder};
 
 /// Raises terms of a class to terms of which nothing is known.
 fn forget(terms: &mut [AssembledTerm], class: Class) {
@@ -103,6 +105,8 @@ pub struct System {
     share: Option<Arc<Share>>,
     /// Of all rows, where this rank has some.
     n_changing: Option<usize>,
+    /// What takes the mass from some nodes.
+    redistribution: Option<Arc<Redistribution>>,
 }
 
 impl System {
@@ -141,6 +145,7 @@ impl System {
             kept: Vec::new(),
             share: None,
             n_changing: None,
+            redistribution: None,
         };
         this.locate()?;
         Ok(this)
@@ -309,6 +314,7 @@ impl System {
         let mut constant = steady.sum.clone();
         self.keep_own(&mut constant);
         at_base(&mut constant, false)?;
+        self.add_redistributed_at(base, &mut constant);
         self.team().sum(&mut constant);
         (self.constant, self.steady, self.base) = (constant, Some(steady), start);
         let stale = self.linear_is_stale();
@@ -330,53 +336,6 @@ impl System {
             InputSlot::Field(slot) => self.numbering.starts[slot.field.index()].is_some(),
             _ => true,
         })
-    }
-
-    /// Whether the matrix of the linear terms is not that of the present step.
-    fn linear_is_stale(&self) -> bool {
-        let changed = |(term, uniforms): (&AssembledTerm, &Vec<f64>)| {
-            let law = &term.law;
-            law.tangent_reads_known || law.tangent_has_uniforms && term.uniforms() != uniforms
-        };
-        self.linear.is_none() || self.linear_terms().zip(&self.linear_uniforms).any(changed)
-    }
-
-    fn linear_terms(&self) -> impl Iterator<Item = &AssembledTerm> {
-        self.terms.iter().filter(|t| t.law.class == Class::Linear)
-    }
-
-    /// Assembles the matrix of the linear terms, and its part over the free dofs.
-    fn assemble_linear(&mut self, zero: &[f64]) -> Result<(), SystemError> {
-        let n = self.numbering.n_dofs;
-        let frames = &self.numbering.frames;
-        let mut linear = match self.linear.take() {
-            Some(mut before) => {
-                before.values_mut().fill(0.0);
-                before
-            }
-            None => pattern(self.linear_terms(), n, frames, |d| d, self.share.as_deref())?,
-        };
-        let every_dof: Vec<u32> = (0..u32::try_from(n).expect("fewer than 2^32 dofs")).collect();
-        for k in 0..self.terms.len() {
-            if self.terms[k].law.class != Class::Linear {
-                continue;
-            }
-            self.terms[k].locate_own(linear.pattern(), &every_dof, self.share.as_ref());
-            let added = self.terms[k].add_tangent(&self.mesh, self.values(zero).view(), linear.values_mut());
-            self.terms[k].forget();
-            added?;
-        }
-        let frames = &self.numbering.frames;
-        let map = Restriction::new(linear.pattern(), &self.numbering.equations(), self.numbering.n_free())?;
-        self.bulk = Arc::new(if frames.is_empty() {
-            map.apply(&linear)
-        } else {
-            let mut turned = linear.clone();
-            frames.turn_matrix(&mut turned, |d| d);
-            map.apply(&turned)
-        });
-        self.linear = Some(linear);
-        Ok(())
     }
 
     /// Takes dofs out of the system and lets others follow their leaders; `frames` are those of all nodes that have one.

@@ -135,6 +135,7 @@ fn forces_at_end(scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<Forces, N
             system.term_residual(k, u, &mut sum)?;
         }
         sum.iter_mut().zip(&inertia).for_each(|(a, b)| *a -= b);
+        system.add_redistributed(of, &mut sum);
         Ok(sum)
     };
     if let Some(explicit) = explicit {

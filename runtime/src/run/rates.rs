@@ -168,7 +168,12 @@ fn highest(scene: &mut Scene, u: &[f64], at: StepTime, known: [&[f64]; 2]) -> Re
     let numbering = &scene.system.numbering;
     let rated: Vec<bool> = numbering.free_dofs.iter().map(|d| has_rate[*d as usize]).collect();
     // a dof without mass has no rate that the equations give: it stays at rest
-    let massless: Vec<bool> = (0..rated.len()).map(|k| rated[k] && weighted.get(k, k) == held.get(k, k)).collect();
+    let relieved = |k: usize| {
+        let dof = numbering.free_dofs[k] as usize;
+        scene.system.redistribution().is_some_and(|r| r.is_relieved(dof))
+    };
+    let without_mass = |k: usize| weighted.get(k, k) == held.get(k, k) || relieved(k);
+    let massless: Vec<bool> = (0..rated.len()).map(|k| rated[k] && without_mass(k)).collect();
     let scale: Vec<f64> = rated.iter().map(|r| if *r { 1.0 / root } else { root }).collect();
     for ((b, s), left_out) in rhs.iter_mut().zip(&scale).zip(&massless) {
         *b = if *left_out { 0.0 } else { -*b * s };

@@ -21,7 +21,7 @@ use super::{
     StateUpdate, Steps, TablesOf, VtkOutput, With,
     assemble::Assembled,
     batch::Batch,
-    constants, constraints, coverage, explicit, fields, idle, mappings, meeting, mesh, options, outputs,
+    constants, constraints, coverage, explicit, fields, idle, mappings, massless, meeting, mesh, options, outputs,
     rates::{self, Integration},
     regions, rest, states, terms,
 };
@@ -100,11 +100,17 @@ pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Finding
         keep,
     }
     .build()?;
-    if integration.scheme == Scheme::Explicit {
-        let finished = explicit::finish(&mut scene, script, integration.fraction);
-        finished.map_err(|told| found.diagnostics.push(*told)).ok()?;
-    }
+    with_its_mass(&mut scene, script, &integration).map_err(|told| found.diagnostics.push(*told)).ok()?;
     Some(scene)
+}
+
+/// What a scheme does with the mass of a scene.
+fn with_its_mass(scene: &mut Scene, script: &ResolvedScript, integration: &Integration) -> Result<(), Box<Diagnostic>> {
+    match &integration.massless {
+        Some(region) => massless::finish(scene, script, region),
+        None if integration.scheme == Scheme::Explicit => explicit::finish(scene, script, integration.fraction),
+        None => Ok(()),
+    }
 }
 
 fn topology(script: &ResolvedScript, mesh: &Mesh, found: &mut Findings) -> Option<Topology> {

@@ -28,6 +28,7 @@ mod inputs;
 mod jumps;
 mod low_rules;
 mod mappings;
+mod massless;
 mod measures;
 mod meeting;
 mod mesh;

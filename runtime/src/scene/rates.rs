@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use wfl::{
     Diagnostic, FieldKind as Declared, ResolvedScript, StartKind,
-    ast::{Expr, OptionItem},
+    ast::{Expr, ExprKind, Ident, OptionItem},
     split_prefixes,
 };
 use wfl_compiler::{
@@ -87,6 +87,8 @@ pub(super) struct Integration {
     pub(super) fraction: f64,
     /// The balance of energy, if it is asked for.
     pub(super) energy: Option<Energy>,
+    /// The region whose nodes give their mass away.
+    pub(super) massless: Option<Ident>,
 }
 
 /// The part of the stability limit that explicit steps by `auto` take where the scene does not say: it leaves a tenth for
@@ -102,7 +104,7 @@ impl Builder<'_> {
     /// rule where a term has a second rate, and backward Euler.
     pub(super) fn scheme(&mut self) -> Integration {
         let second = self.env.rates.contains(&RateForm::Second);
-        let mut made = Integration { scheme: Scheme::BackwardEuler, fraction: FRACTION, energy: None };
+        let mut made = Integration { scheme: Scheme::BackwardEuler, fraction: FRACTION, energy: None, massless: None };
         let Some(statement) = &self.script.scheme else {
             made.scheme = match (second, is_auto(self.script)) {
                 (_, true) => Scheme::Bdf2,
@@ -121,6 +123,10 @@ impl Builder<'_> {
         let mut values: Vec<f64> = known.iter().map(|k| k.1).collect();
         for option in &statement.options {
             let name = option.name.name.as_str();
+            if name == "massless" {
+                made.massless = self.massless(option, statement, second);
+                continue;
+            }
             let found = known.iter().position(|k| k.0 == name);
             let positive = ["beta", "fraction", "energy"].contains(&name);
             match (found, self.setting(option)) {
@@ -144,6 +150,35 @@ impl Builder<'_> {
         };
         self.unfit_scheme(made.scheme, statement);
         made
+    }
+
+    /// The region of `massless=`; a scene without second rates has no mass to give away.
+    fn massless(&mut self, option: &OptionItem, statement: &wfl::Scheme, second: bool) -> Option<Ident> {
+        let scheme = &statement.name.name;
+        let d = Diagnostic::new("E452", format!("`scheme {scheme}` does not take this `massless`"));
+        let (text, region) = match &option.value {
+            Some(wfl::ast::OptionValue::Expr(Expr { kind: ExprKind::Name(name), span, .. })) => {
+                ("", Some(Ident { name: name.clone(), span: *span }))
+            }
+            _ => ("the name of a region: massless=wall", None),
+        };
+        let text = if scheme == "explicit" {
+            "explicit steps divide by the mass of every node"
+        } else if !second && !self.has_written_second_rates() {
+            "no term has `Dot2_`: there is no mass"
+        } else {
+            text
+        };
+        if text.is_empty() {
+            return region.filter(|_| second);
+        }
+        self.diagnostics.push(d.at(option.name.span, text));
+        None
+    }
+
+    /// Whether a second rate stands in a text, with an effect or without.
+    fn has_written_second_rates(&self) -> bool {
+        self.fields.iter().any(|f| is_written(self.script, &f.name))
     }
 
     fn setting(&mut self, option: &OptionItem) -> Option<f64> {

@@ -329,7 +329,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "a setting that a scheme does not take",
         "newmark has beta (more than 0, at most 1) and gamma (1/2 to 1; of second order with 1/2), hht has alpha (-1/3 to \
          0), generalised_alpha has rho_inf (0 to 1), explicit has fraction (above 0, at most 0.95), bdf2 and backward_euler \
-         have none. All take `energy` where a term has `Dot2_`.",
+         have none. All take `energy` where a term has `Dot2_`, and all but explicit `massless=REGION`: two layers of other \
+         nodes have to stand behind those of the region, and inertia has to be a linear term that stays the same.",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=0.1",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=-0.1",
     ),

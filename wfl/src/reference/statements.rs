@@ -219,6 +219,13 @@ pub(super) const ROWS: &[StatementRow] = &[
     },
     StatementRow {
         word: "scheme",
+        usage: "`scheme newmark massless=wall`",
+        meaning: "the nodes of the region give their mass to nodes beside them, so that the pressure of contact does not \
+                  oscillate; total mass, centre of mass and moments of inertia stay (`docs/dynamics.md`)",
+        default: "every node keeps its mass",
+    },
+    StatementRow {
+        word: "scheme",
         usage: "`scheme newmark energy`, `scheme explicit energy=0.01`",
         meaning: "the balance of energy in each step as measures `energy_kinetic`, `energy_NAME` of each term, \
                   `energy_loads`, `energy_prescribed`, `energy_lost`; more than this part lost is warned of (W620)",

@@ -47,6 +47,7 @@ pub(super) const MEANINGS: &[(&str, &str)] = &[
         "energy",
         "option of `scheme`: the balance of energy in each step, `energy=1e-3` with the largest part that may be lost",
     ),
+    ("massless", "option of `scheme`: `massless=wall`, the nodes of that region give their mass to nodes beside them"),
     ("fraction", "setting of `scheme explicit`: steps by `auto` in parts of the stability limit (0.9)"),
     ("rho_inf", "setting of `scheme generalised_alpha`: what is left of the highest frequencies, 0 to 1"),
     ("on_fail", "`go_on`: the run continues after a step that failed; `stop` is the default"),

@@ -132,6 +132,7 @@ impl System {
         for term in self.terms.iter().filter(|t| t.law.class <= Class::Linear) {
             self.add_own(term, values.view(), out)?;
         }
+        self.add_redistributed_at(u, out);
         Ok(())
     }
 

@@ -1,0 +1,162 @@
+//! The matrix of the linear terms, and a mass that is taken from some nodes and given to others.
+
+use std::sync::Arc;
+
+use wfl_compiler::Class;
+use wfl_sparse::csr::{Csr, CsrError, Pattern, PatternBuilder, Restriction};
+
+use super::{System, SystemError, pattern};
+use crate::assemble::AssembledTerm;
+
+/// What takes the mass from some dofs and gives it to others.
+#[derive(Clone, Debug)]
+pub struct Redistribution {
+    /// What is added to the mass matrix, by dof in the axes of the scene.
+    difference: Csr,
+    /// By dof, whether it has no mass any more.
+    relieved: Vec<bool>,
+}
+
+impl Redistribution {
+    /// Of what is added to the mass matrix, by dof in the axes of the scene, and by dof whether it has no mass any more.
+    #[must_use]
+    pub fn new(difference: Csr, relieved: Vec<bool>) -> Self {
+        Self { difference, relieved }
+    }
+
+    /// Whether a dof has no mass any more.
+    #[must_use]
+    pub fn is_relieved(&self, dof: usize) -> bool {
+        self.relieved[dof]
+    }
+}
+
+impl System {
+    pub(super) fn linear_terms(&self) -> impl Iterator<Item = &AssembledTerm> {
+        self.terms.iter().filter(|t| t.law.class == Class::Linear)
+    }
+
+    /// Whether the matrix of the linear terms is not that of the present step.
+    pub(super) fn linear_is_stale(&self) -> bool {
+        let changed = |(term, uniforms): (&AssembledTerm, &Vec<f64>)| {
+            let law = &term.law;
+            law.tangent_reads_known || law.tangent_has_uniforms && term.uniforms() != uniforms
+        };
+        self.linear.is_none() || self.linear_terms().zip(&self.linear_uniforms).any(changed)
+    }
+
+    /// Assembles the matrix of the linear terms, and its part over the free dofs.
+    pub(super) fn assemble_linear(&mut self, zero: &[f64]) -> Result<(), SystemError> {
+        let mut linear = match self.linear.take() {
+            Some(mut before) => {
+                before.values_mut().fill(0.0);
+                before
+            }
+            None => Csr::zeros(self.linear_pattern()?),
+        };
+        let wanted: Vec<usize> = (0..self.terms.len()).filter(|k| self.terms[*k].law.class == Class::Linear).collect();
+        self.add_terms(&wanted, zero, &mut linear)?;
+        self.add_redistributed_mass(&mut linear);
+        let frames = &self.numbering.frames;
+        let map = Restriction::new(linear.pattern(), &self.numbering.equations(), self.numbering.n_free())?;
+        self.bulk = Arc::new(if frames.is_empty() {
+            map.apply(&linear)
+        } else {
+            let mut turned = linear.clone();
+            frames.turn_matrix(&mut turned, |d| d);
+            map.apply(&turned)
+        });
+        self.linear = Some(linear);
+        Ok(())
+    }
+
+    /// Adds the tangents of linear terms to a matrix by dof.
+    fn add_terms(&mut self, wanted: &[usize], zero: &[f64], matrix: &mut Csr) -> Result<(), SystemError> {
+        let every_dof: Vec<u32> = (0..u32::try_from(zero.len()).expect("fewer than 2^32 dofs")).collect();
+        for k in wanted {
+            self.terms[*k].locate_own(matrix.pattern(), &every_dof, self.share.as_ref());
+            let added = self.terms[*k].add_tangent(&self.mesh, self.values(zero).view(), matrix.values_mut());
+            self.terms[*k].forget();
+            added?;
+        }
+        Ok(())
+    }
+
+    /// The tangent of some linear terms with the present laws, by dof in the axes of the scene.
+    ///
+    /// # Errors
+    /// [`SystemError`] with its place.
+    pub fn tangent_of(&mut self, wanted: &[usize]) -> Result<Csr, SystemError> {
+        let n = self.numbering.n_dofs;
+        let terms = wanted.iter().map(|k| &self.terms[*k]);
+        let mut made = pattern(terms, n, &self.numbering.frames, |d| d, self.share.as_deref())?;
+        self.add_terms(wanted, &vec![0.0; n], &mut made)?;
+        Ok(made)
+    }
+
+    /// The pattern of the linear terms and of what is added to their mass, by dof: the rows of this rank.
+    fn linear_pattern(&self) -> Result<Arc<Pattern>, CsrError> {
+        let (n, frames) = (self.numbering.n_dofs, &self.numbering.frames);
+        let own = pattern(self.linear_terms(), n, frames, |d| d, self.share.as_deref())?;
+        let Some(redistribution) = &self.redistribution else { return Ok(own.pattern().clone()) };
+        let difference = &redistribution.difference;
+        let mut builder = PatternBuilder::new(n, n);
+        let (mut rows, mut columns) = (Vec::new(), Vec::new());
+        for (row, number) in (0..n).zip(0u32..).filter(|(row, _)| !difference.row(*row).0.is_empty()) {
+            // turning a node mixes its rows and its columns
+            frames.complete([number].iter(), &mut rows);
+            frames.complete(difference.row(row).0.iter(), &mut columns);
+            rows.retain(|row| self.owns(*row as usize));
+            builder.add_coupling(&rows, &columns);
+        }
+        Ok(Arc::new(own.pattern().union(&builder.build()?)?))
+    }
+
+    fn owns(&self, dof: usize) -> bool {
+        self.share.as_ref().is_none_or(|share| share.owns(dof))
+    }
+
+    /// Takes the mass from some nodes, from now on.
+    pub fn redistribute(&mut self, redistribution: Redistribution) {
+        self.redistribution = Some(Arc::new(redistribution));
+        (self.linear, self.steady) = (None, None);
+    }
+
+    /// What takes the mass from some nodes.
+    #[must_use]
+    pub fn redistribution(&self) -> Option<&Redistribution> {
+        self.redistribution.as_deref()
+    }
+
+    /// Adds the rows of this rank of the difference of masses.
+    fn add_redistributed_mass(&self, linear: &mut Csr) {
+        let (Some(redistribution), Some(rates)) = (&self.redistribution, &self.known.rates) else { return };
+        let (difference, factor) = (&redistribution.difference, rates.factors().acceleration);
+        for row in (0..difference.n_rows()).filter(|row| self.owns(*row)) {
+            let (columns, values) = difference.row(row);
+            for (column, value) in columns.iter().zip(values) {
+                let has_place = linear.add_to(row, *column as usize, factor * value);
+                debug_assert!(has_place, "the pattern has the entries of the difference");
+            }
+        }
+    }
+
+    /// Adds the forces of the difference of masses at accelerations by dof: the rows of this rank, in the axes of the
+    /// scene.
+    pub fn add_redistributed(&self, accelerations: &[f64], out: &mut [f64]) {
+        let Some(redistribution) = &self.redistribution else { return };
+        let difference = &redistribution.difference;
+        for (row, out) in out.iter_mut().enumerate().filter(|(row, _)| self.owns(*row)) {
+            let (columns, values) = difference.row(row);
+            *out += columns.iter().zip(values).map(|(c, v)| v * accelerations[*c as usize]).sum::<f64>();
+        }
+    }
+
+    /// The same at the accelerations that the unknowns `u` have in the present step.
+    pub(super) fn add_redistributed_at(&self, u: &[f64], out: &mut [f64]) {
+        let (Some(_), Some(rates), Some(past)) = (&self.redistribution, &self.known.rates, &self.known.previous) else {
+            return;
+        };
+        self.add_redistributed(&rates.second(u, &past.unknowns), out);
+    }
+}
