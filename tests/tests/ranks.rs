@@ -48,6 +48,7 @@ fn assembled(scene: &mut Scene) -> Assembled {
     for k in known.into_iter().filter(|k| system.numbering.starts[*k].is_none()) {
         system.known.data[k] = vec![0.25; system.fields[k].n_dofs()];
     }
+    system.known.begin_rates(increment);
     system.begin_step(time, increment).expect("finite");
     contact.begin_step((time, increment));
     let mut all = Assembled { vectors: Vec::new(), branches: String::new(), matrices: Vec::new(), own: 0 };
@@ -88,7 +89,8 @@ fn on_ranks(path: &str, edits: &[(&str, String)], ranks: usize) -> Vec<Assembled
 #[test]
 fn ranks_have_the_residuals_and_tangents_of_one() {
     let smaller = [("cells [8, 8, 8]", "cells [4, 4, 4]".to_owned())];
-    let scenes: [(&str, &[(&str, String)]); 11] = [
+    let massless = [("beta=0.2652 gamma=0.53", "massless=wall".to_owned())];
+    let scenes: [(&str, &[(&str, String)]); 12] = [
         ("fault/nitsche.wfl", &smaller),
         ("fault/augmented_lagrangian.wfl", &smaller),
         ("fault_gmsh/fault_30deg.wfl", &[]),
@@ -100,6 +102,7 @@ fn ranks_have_the_residuals_and_tangents_of_one() {
         ("plasticity/perzyna.wfl", &[]),
         ("stokes/stokes.wfl", &[]),
         ("hertz/hertz.wfl", &[]),
+        ("dynamics/bar.wfl", &massless),
     ];
     for (path, edits) in scenes {
         let alone = assembled(&mut example(path, edits));
