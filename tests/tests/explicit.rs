@@ -44,7 +44,7 @@ fn the_limit_of_a_free_bar_is_the_time_a_wave_takes_through_a_cell() {
             bar(n, "start u = x\nscheme explicit fraction=0.5\nsteps t = 0 to 1 by auto\nmeasure m = max(u) on all\n")
                 .replace("Grad_u.Grad_Test_u", &format!("{}*Grad_u.Grad_Test_u", scale * scale));
         let scene = prepared(&examples(), text, &[], &[], &backend).unwrap_or_else(|messages| panic!("{messages}"));
-        let limit = scene.explicit.as_ref().expect("explicit steps").limit;
+        let limit = scene.explicit.as_ref().expect("explicit steps").limit.step;
         let exact = 1.0 / (f64::from(n) * scale);
         // what is found is no more than the limit
         assert!(limit <= exact * (1.0 + 1e-9) && limit > exact * (1.0 - 1e-4), "{n}: {limit} {exact}");
@@ -62,7 +62,7 @@ fn damping_beside_the_diagonal_shortens_the_limit_as_the_closed_form_says() {
     let text = bar(n, "start u = x\nscheme explicit\nsteps t = 0 to 1 by auto\nmeasure m = max(u) on all\n")
         .replace("Grad_u.Grad_Test_u", &format!("(Grad_u + {a}*Grad_Dot_u).Grad_Test_u"));
     let scene = prepared(&examples(), text, &[], &[], &backend).unwrap_or_else(|messages| panic!("{messages}"));
-    let limit = scene.explicit.as_ref().expect("explicit steps").limit;
+    let limit = scene.explicit.as_ref().expect("explicit steps").limit.step;
     let w = 2.0 * f64::from(n);
     let exact = ((4.0 + a * a * w * w).sqrt() - a * w) / w;
     assert!((limit / exact - 1.0).abs() < 2e-4, "{limit} {exact}");
@@ -314,4 +314,25 @@ fn the_rupture_is_compared_with_the_published_times() {
         let expected = format!("expect abs({name}_first - {:.2}) < tolerance", time.as_f64().expect("a time"));
         assert!(scene.contains(&expected), "{expected}");
     }
+}
+
+/// A contact that closes behind the start makes the steps too long; it keeps the numbers finite, and the run tells it. With
+/// steps below the length that is told, the bar leaves the wall as it came.
+#[test]
+fn a_contact_that_makes_the_steps_too_long_is_told() {
+    let rest = |fraction: &str| {
+        format!(
+            "start u = 0.1\nstart Dot_u = -1\nterm contact on left : -1000*neg_part(u)*Test_u\n\
+             scheme explicit fraction={fraction}\nsteps t = 0 to 2.5 by auto\nmeasure v = mean(Dot_u) on all\n"
+        )
+    };
+    let told = |solved: &Solved| solved.outcome.warnings.iter().find(|w| w.0 == "W621").map(|w| w.1.clone());
+    let unstable = run(bar(20, &rest("0.9")));
+    let text = told(&unstable).expect("a warning");
+    assert!(text.contains("fallen to 9.9"), "{text}");
+    // 2/w with w^2 = (1000 + 20)/(1/40) of the node at the wall
+    let stable = run(bar(20, &rest("0.15")));
+    assert_eq!(told(&stable), None);
+    let v = last(&stable, "v");
+    assert!((v - 1.0).abs() < 0.05, "{v}");
 }

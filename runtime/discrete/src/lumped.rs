@@ -32,6 +32,15 @@ pub struct Lumped {
     pub damping: Vec<f64>,
 }
 
+/// The longest stable step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepLimit {
+    /// Its length; infinite where nothing has stiffness.
+    pub step: f64,
+    /// How often the terms were evaluated for it.
+    pub evaluations: usize,
+}
+
 /// Why a mass cannot be lumped.
 #[derive(Debug)]
 pub enum Unlumped {
@@ -118,28 +127,41 @@ impl Lumped {
         self.mass[dof] + 0.5 * increment * self.damping[dof]
     }
 
-    /// The longest stable step of central differences at the state `u`: 2/w without damping beside the diagonal. Infinite
-    /// where nothing has stiffness.
+    /// The longest stable step of central differences at the state `u`: 2/w without damping beside the diagonal. The rates
+    /// of the system are left zero; several ranks find it together.
     ///
     /// # Errors
     /// [`SystemError`] where the system cannot be evaluated at `u`.
-    pub fn longest_step(&self, system: &mut System, u: &[f64], time: f64) -> Result<f64, SystemError> {
+    pub fn longest_step(&self, system: &mut System, u: &[f64], time: f64) -> Result<StepLimit, SystemError> {
+        let mut evaluations = 0;
         let stiffness = Operator::of(system, u, time, false)?;
-        let squared = self.largest_eigenvalue(system, &stiffness)?;
+        let squared = self.largest_eigenvalue(system, &stiffness, &mut evaluations)?;
         let damping = Operator::of(system, u, time, true)?;
-        let lagged = if damping.is_nothing(system) { 0.0 } else { self.largest_eigenvalue(system, &damping)?.max(0.0) };
+        let lagged = match damping.is_nothing(system) {
+            true => 0.0,
+            false => self.largest_eigenvalue(system, &damping, &mut evaluations)?.max(0.0),
+        };
         rest(system, time);
-        if squared <= 0.0 {
-            return Ok(if lagged > 0.0 { 2.0 / lagged } else { f64::INFINITY });
-        }
-        let ratio = 0.5 * lagged / squared.sqrt();
-        Ok(2.0 / squared.sqrt() * ((ratio * ratio + 1.0).sqrt() - ratio))
+        let step = if squared > 0.0 {
+            let ratio = 0.5 * lagged / squared.sqrt();
+            2.0 / squared.sqrt() * ((ratio * ratio + 1.0).sqrt() - ratio)
+        } else if lagged > 0.0 {
+            2.0 / lagged
+        } else {
+            f64::INFINITY
+        };
+        Ok(StepLimit { step, evaluations })
     }
 
     /// An upper bound of the largest eigenvalue of a symmetric operator over the mass, by Lanczos' method: the largest Ritz
     /// value and the size of its residual. Of an operator that is not symmetric the largest growth in a power iteration,
     /// with [`UNSYMMETRIC`].
-    fn largest_eigenvalue(&self, system: &mut System, operator: &Operator) -> Result<f64, SystemError> {
+    fn largest_eigenvalue(
+        &self,
+        system: &mut System,
+        operator: &Operator,
+        evaluations: &mut usize,
+    ) -> Result<f64, SystemError> {
         let roots: Vec<f64> = system.numbering.free_dofs.iter().map(|d| self.mass[*d as usize].sqrt()).collect();
         let n = roots.len();
         let symmetric = system.is_symmetric();
@@ -154,6 +176,7 @@ impl Lumped {
         let (mut before, mut found) = (vec![0.0; n], 0.0);
         for _ in 0..MOST.min(n) {
             let mut y = times(system, &q)?;
+            *evaluations += 1;
             let along = dot(&q, &y);
             if !symmetric {
                 let size = dot(&y, &y).sqrt();
@@ -328,7 +351,7 @@ impl Operator {
         rest(system, time);
         let mut tangent = system.new_tangent();
         system.tangent(u, Branches::AsWritten, &mut tangent)?;
-        let mut changing = tangent.changing;
+        let mut changing = system.whole(tangent.changing)?;
         if of_rates {
             // with the velocity factor 1 the derivative has both parts
             if let Some(rates) = &mut system.known.rates {
@@ -337,8 +360,9 @@ impl Operator {
             system.set_laws(time, 0.0);
             let mut moving = system.new_tangent();
             system.tangent(u, Branches::AsWritten, &mut moving)?;
-            moving.changing.values_mut().iter_mut().zip(changing.values()).for_each(|(a, b)| *a -= b);
-            changing = moving.changing;
+            let mut moving = system.whole(moving.changing)?;
+            moving.values_mut().iter_mut().zip(changing.values()).for_each(|(a, b)| *a -= b);
+            changing = moving;
             rest(system, time);
         }
         let mut this = Self { changing, at_rest: Vec::new(), of_rates };

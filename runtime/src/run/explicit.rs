@@ -88,10 +88,11 @@ impl Stepper {
             .collect();
         system.numbering.frames.turn_back(&mut acceleration);
         system.numbering.follow(&mut acceleration);
-        self.branches = Some(branches);
         self.keep_states(scene, at, u)?;
         let velocity: Vec<f64> = half.iter().zip(&acceleration).map(|(r, s)| r + 0.5 * h * s).collect();
         take_rates(scene, &velocity, &acceleration);
+        self.stability.look(scene, explicit, u, at, &branches)?;
+        self.branches = Some(branches);
         Ok(())
     }
 }

@@ -26,6 +26,7 @@ mod remembered;
 mod report;
 mod resuming;
 mod session;
+mod stability;
 mod stepping;
 
 use std::{

@@ -26,6 +26,7 @@ use crate::{
         memory::Memory,
         rates::{self, StepTime},
         remembered::Adaptive,
+        stability::Stability,
     },
     scene::Scene,
     solve::SolverOptions,
@@ -123,6 +124,8 @@ pub(super) struct Stepper {
     pub(super) adaptive: Option<Adaptive>,
     /// The balance of energy of a scene that asks for it.
     pub(super) balance: Option<Balance>,
+    /// What is watched of explicit steps.
+    pub(super) stability: Stability,
     /// By term the branches at the end of a step for which nothing was solved.
     pub(super) branches: Option<Vec<BranchCounts>>,
 }
@@ -140,6 +143,7 @@ impl Stepper {
             next_states: Vec::new(),
             adaptive: None,
             balance: None,
+            stability: Stability::default(),
             branches: None,
         }
     }

@@ -14,7 +14,7 @@ use super::{
     data::{set_data, start},
 };
 use crate::{
-    lumped::{Lumped, Unlumped},
+    lumped::{Lumped, StepLimit, Unlumped},
     system::SystemError,
 };
 
@@ -23,8 +23,8 @@ use crate::{
 pub struct Explicit {
     /// Mass and damping.
     pub lumped: Lumped,
-    /// The longest stable increment at the start; infinite where nothing has stiffness.
-    pub limit: f64,
+    /// The longest stable increment at the start.
+    pub limit: StepLimit,
 }
 
 impl Explicit {
@@ -32,9 +32,9 @@ impl Explicit {
     #[must_use]
     pub fn describe(&self, steps: &Steps) -> String {
         let h = steps.first_increment();
-        if self.limit.is_finite() {
-            let part = h.abs() / self.limit;
-            let limit = self.limit;
+        let limit = self.limit.step;
+        if limit.is_finite() {
+            let part = h.abs() / limit;
             return format!(
                 "central differences, lumped mass; steps of {h:.3e}, {part:.2} of the stability limit {limit:.3e}"
             );
@@ -100,16 +100,16 @@ pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, fraction: f64) 
             let text = "explicit steps by `auto` are equal: most=1e-3 is the largest increment";
             return Err(d.at(option.name.span, text).into());
         }
-        scene.steps.values = equal_steps(scene, statement, auto.most.min(fraction * limit))?;
+        scene.steps.values = equal_steps(scene, statement, auto.most.min(fraction * limit.step))?;
     }
     let longest = scene.steps.values.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
-    if longest > limit {
+    if longest > limit.step {
         let d = Diagnostic::new(
             "E456",
-            format!("steps of {longest} are above the stability limit of explicit steps, {limit:.4e}"),
+            format!("steps of {longest} are above the stability limit of explicit steps, {:.4e}", limit.step),
         );
         let span = steps.map_or(at, |s| s.by.span);
-        return Err(d.at(span, "").help(format!("by auto, or by {:.2e}", 0.9 * limit)).into());
+        return Err(d.at(span, "").help(format!("by auto, or by {:.2e}", 0.9 * limit.step)).into());
     }
     scene.explicit = Some(Arc::new(Explicit { lumped, limit }));
     Ok(())
@@ -150,7 +150,7 @@ fn given_by_the_caller(scene: &Scene) -> Option<String> {
 }
 
 /// Mass and limit at the state where time starts.
-fn at_start(scene: &mut Scene) -> Result<(Lumped, f64), Unlumped> {
+fn at_start(scene: &mut Scene) -> Result<(Lumped, StepLimit), Unlumped> {
     let (time, increment) = (scene.steps.first(), scene.steps.first_increment());
     set_data(scene, time, increment)?;
     let mut u = start(scene).map_err(Box::new).map_err(SystemError::from)?;

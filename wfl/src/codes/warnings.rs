@@ -387,6 +387,23 @@ pub(super) const PAGES: &[CodePage] = &[
          scheme newmark energy",
     ),
     page(
+        "W621",
+        "explicit steps that became too long",
+        "The stability limit of explicit steps is computed where time starts. A contact that closes later, or a body that \
+         stiffens, lowers it: a penalty g on a face adds about 2 g/(rho h) to the square of the highest frequency of elements \
+         of length h. It is computed again during the run where a scene is not linear: when the branches of contact first change, and \
+         later for a tenth of the time of the steps. The results behind that are wrong, also where contact keeps them \
+         finite. Take a smaller `fraction`, or steps below the limit that the message has.",
+        "mesh box [0] to [1] cells [4] segment\nregion wall = faces where x == 0\nunknown u : scalar\n\
+         start u = 0.1\nstart Dot_u = -1\nterm inertia on all : Dot2_u*Test_u\n\
+         term stress on all : Grad_u.Grad_Test_u\nterm contact on wall : -1000*neg_part(u)*Test_u\n\
+         scheme explicit\nsteps t = 0 to 2 by auto",
+        "mesh box [0] to [1] cells [4] segment\nregion wall = faces where x == 0\nunknown u : scalar\n\
+         start u = 0.1\nstart Dot_u = -1\nterm inertia on all : Dot2_u*Test_u\n\
+         term stress on all : Grad_u.Grad_Test_u\nterm contact on wall : -1000*neg_part(u)*Test_u\n\
+         scheme explicit fraction=0.05\nsteps t = 0 to 2 by auto",
+    ),
+    page(
         "W702",
         "declared but not needed",
         "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \

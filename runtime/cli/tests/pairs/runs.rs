@@ -165,6 +165,14 @@ fn warnings() -> Vec<Pair> {
              steps t = 0 to 2 by 0.1\nmeasure m = max(u) on all\n",
         )
         .near("backward_euler", "newmark"),
+        Pair::new(
+            "W621",
+            "mesh box [0] to [1] cells [4] segment\nregion wall = faces where x == 0\nunknown u : scalar\n\
+             start u = 0.1\nstart Dot_u = -1\nterm inertia on all : Dot2_u*Test_u\n\
+             term stress on all : Grad_u.Grad_Test_u\nterm contact on wall : -1000*neg_part(u)*Test_u\n\
+             scheme explicit fraction=0.9\nsteps t = 0 to 2 by auto\nmeasure m = max(u) on all\n",
+        )
+        .near("fraction=0.9", "fraction=0.05"),
         Pair::new("W702", flow("param k = 1")).near("param k = 1", "param k = 1\nload p = k on all"),
     ]
 }

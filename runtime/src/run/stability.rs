@@ -1,0 +1,80 @@
+//! Whether explicit steps stay stable: the limit of the start is computed again where the scene has become another one.
+//!
+//! A contact that closes, or a body that stiffens, lowers the limit. Linear scenes keep that of their start. All others are
+//! looked at when the branches of their terms change, or have none, and not more often than costs a tenth of the steps: in
+//! evaluations of the residual, so that it is decided alike on all ranks. Promises: changes nothing of a run.
+
+use wfl_compiler::Class;
+
+use super::rates::StepTime;
+use crate::{
+    assemble::BranchCounts,
+    newton::NewtonError,
+    scene::{Explicit, Scene},
+};
+
+/// Steps for each evaluation that a limit takes: what is spent on limits is a tenth of the steps.
+const STEPS_FOR_EACH: usize = 10;
+
+/// What is known of the limit.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Stability {
+    /// The branches of all terms where it was computed last, or at the start.
+    seen: Option<Vec<BranchCounts>>,
+    /// It was computed behind the start.
+    again: bool,
+    /// Steps until it may be computed again.
+    wait: usize,
+    /// Where it was first below the steps, and the limit there.
+    found: Option<(f64, f64)>,
+}
+
+impl Stability {
+    /// Looks at the end `u` of a step, whose terms are on these branches.
+    pub(super) fn look(
+        &mut self,
+        scene: &mut Scene,
+        explicit: &Explicit,
+        u: &[f64],
+        at: StepTime,
+        branches: &[BranchCounts],
+    ) -> Result<(), NewtonError> {
+        if self.found.is_some() || scene.system.is_linear() {
+            return Ok(());
+        }
+        if at.time - at.increment <= scene.steps.first() {
+            (self.seen, self.wait) = (Some(branches.to_vec()), STEPS_FOR_EACH * explicit.limit.evaluations);
+            return Ok(());
+        }
+        self.wait = self.wait.saturating_sub(1);
+        let changed = self.seen.as_deref() != Some(branches);
+        let is_smooth = || scene.system.terms.iter().any(|t| t.law.class == Class::Nonlinear);
+        // the first change is looked at at once: the limit of the start says nothing of a contact that closes
+        let is_due = if changed { self.wait == 0 || !self.again } else { self.wait == 0 && is_smooth() };
+        if !is_due {
+            return Ok(());
+        }
+        let rates = scene.system.known.rates.clone();
+        let limit = explicit.lumped.longest_step(&mut scene.system, u, at.time);
+        scene.system.known.rates = rates;
+        scene.system.set_laws(at.time, at.increment);
+        let limit = limit?;
+        (self.seen, self.again) = (Some(branches.to_vec()), true);
+        self.wait = STEPS_FOR_EACH * limit.evaluations;
+        if at.increment.abs() > limit.step {
+            self.found = Some((at.time, limit.step));
+        }
+        Ok(())
+    }
+
+    /// What is said of steps of this length that have become too long.
+    pub(super) fn told(&self, increment: impl FnOnce() -> f64) -> Option<String> {
+        let (time, limit) = self.found?;
+        let increment = increment();
+        Some(format!(
+            "explicit steps of {increment:.3e} are above the stability limit, which had fallen to {limit:.3e} at t = \
+             {time:.6e}: a contact has closed or a body stiffened since the start. The results behind that are not to be \
+             used: take a smaller `fraction`, or shorter steps"
+        ))
+    }
+}
