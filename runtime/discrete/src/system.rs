@@ -233,6 +233,12 @@ impl System {
         &self.bulk
     }
 
+    /// Whether that matrix depends on the step variable or its increment, or may do so.
+    #[must_use]
+    pub fn bulk_follows_steps(&self) -> bool {
+        self.linear_terms().any(|t| t.law.tangent_reads_known || t.law.tangent_has_uniforms)
+    }
+
     /// The same to keep, without a copy.
     #[must_use]
     pub fn shared_bulk(&self) -> Arc<Csr> {

@@ -16,10 +16,10 @@ use super::library;
 use wfl_compiler::types::FieldKind;
 
 use wfl_discrete::pruning::Pruning;
-use wfl_discrete::system::{System, Tangent};
+use wfl_discrete::system::{FIXED, System, Tangent};
 use wfl_sparse::csr::{Csr, Pattern};
 use wfl_sparse::solve::{
-    CheckedCondensed, CheckedLibrary, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, Equations, Kept,
+    CheckedAtPoints, CheckedLibrary, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, Equations, Kept,
     LinearMethod, LinearSolver as Factor, Linked, Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
 };
 
@@ -30,7 +30,7 @@ enum Kind {
     /// Matrix of the linear terms only.
     Linear,
     /// Bulk once, changing part condensed.
-    Condensed(Box<CheckedCondensed>),
+    Condensed(Box<CheckedAtPoints>),
     /// Sum of both.
     Full { pattern: Arc<Pattern>, bulk_positions: Vec<usize>, changing_positions: Vec<usize> },
 }
@@ -92,15 +92,16 @@ impl LinearSolver {
     fn choose_nonlinear(&mut self, system: &System) -> Result<(), SolveError> {
         self.tell_library(system)?;
         if self.equations.is_none() && condenses(system) {
-            match CheckedCondensed::new(
+            let pairs = if system.uses(Pruning::Forces) { facing(system, &self.coordinates) } else { Vec::new() };
+            match CheckedAtPoints::new(
                 system.bulk(),
                 system.changing_pattern(),
                 Some(&self.coordinates),
-                &if system.uses(Pruning::Forces) { facing(system, &self.coordinates) } else { Vec::new() },
+                (&at_points(system), &pairs),
                 self.options,
             ) {
-                Ok(condensed) => {
-                    self.factorisations += 1;
+                Ok(mut condensed) => {
+                    self.factorisations += condensed.take_factorisations();
                     self.kind = Kind::Condensed(Box::new(condensed));
                     return Ok(());
                 }
@@ -172,7 +173,13 @@ impl LinearSolver {
         match &self.kind {
             Kind::Linear if self.symmetric => "one linear system, symmetric (LLT), factored once".to_owned(),
             Kind::Linear => "one linear system, unsymmetric (LU), factored once".to_owned(),
-            Kind::Condensed(c) => format!("Newton; linear part factored once, {}", c.elimination()),
+            Kind::Condensed(c) => {
+                let points = match c.n_at_points() {
+                    0 => String::new(),
+                    n => format!("{n} unknowns at points eliminated first, "),
+                };
+                format!("Newton; linear part factored once, {points}{}", c.elimination())
+            }
             Kind::Full { .. } if self.symmetric => {
                 "Newton; whole tangent, symmetric (LLT), factored where an older factor does not serve".to_owned()
             }
@@ -338,14 +345,14 @@ impl LinearSolver {
     ///
     /// # Errors
     /// [`SolveError`] when the matrix remembered cannot be factored.
-    pub fn recall(&mut self, memory: &SolverMemory, system: &System) -> Result<bool, SolveError> {
+    pub fn recall(&mut self, memory: &SolverMemory) -> Result<bool, SolveError> {
         self.symmetric &= memory.symmetric;
         self.factorisations = memory.factorisations;
         if memory.factored.is_empty() {
             return Ok(true);
         }
         let Kind::Condensed(condensed) = &mut self.kind else { return Ok(false) };
-        let fits = condensed.recall(system.changing_pattern(), memory);
+        let fits = condensed.recall(memory);
         // What is made again has been counted when it was made first.
         condensed.take_factorisations();
         fits
@@ -489,6 +496,13 @@ fn positions(system: &System) -> Vec<[f64; 3]> {
         system.fields[field].node_position(node)
     };
     system.numbering.free_dofs.iter().map(of).collect()
+}
+
+/// Free dofs whose equations are laws at points.
+fn at_points(system: &System) -> Vec<u32> {
+    let of_points = |field: &usize| system.has_single_equations(*field);
+    let ranges = (0..system.fields.len()).filter(of_points).filter_map(|field| system.range(field));
+    ranges.flatten().map(|dof| system.numbering.free[dof]).filter(|free| *free != FIXED).collect()
 }
 
 /// Free dofs of unknown fields that are the only two of their component at one point: those that face each other across

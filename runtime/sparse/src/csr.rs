@@ -326,6 +326,35 @@ pub fn residual_and_size(parts: &[&Csr], b: &[f64], x: &[f64], r: &mut [f64], m:
     }
 }
 
+/// `p = A d` with its sizes `s_i = Σ |a_ij d_j|`, and the sizes `t_i = Σ |a_ij x_j|` of another vector, in one pass over
+/// the matrix: `outs` are p, s and t.
+///
+/// # Panics
+/// When a length does not fit.
+pub fn product_and_sizes(a: &Csr, d: &[f64], x: &[f64], outs: [&mut [f64]; 3], threads: usize) {
+    let [p, s, t] = outs;
+    assert!([p.len(), s.len(), t.len()] == [a.n_rows(); 3] && [d.len(), x.len()] == [a.n_cols(); 2]);
+    let share = |(chunk, ((p, s), t)): (usize, ((&mut [f64], &mut [f64]), &mut [f64]))| {
+        for (offset, ((p, s), t)) in p.iter_mut().zip(s).zip(t).enumerate() {
+            let (columns, values) = a.row(chunk * ROWS_PER_TASK + offset);
+            (*p, *s, *t) = (0.0, 0.0, 0.0);
+            for (&column, value) in columns.iter().zip(values) {
+                let product = value * d[column as usize];
+                *p += product;
+                *s += product.abs();
+                *t += (value * x[column as usize]).abs();
+            }
+        }
+    };
+    if threads > 1 && a.values.len() > PARALLEL_ENTRIES {
+        let s = s.par_chunks_mut(ROWS_PER_TASK);
+        p.par_chunks_mut(ROWS_PER_TASK).zip(s).zip(t.par_chunks_mut(ROWS_PER_TASK)).enumerate().for_each(share);
+    } else {
+        let s = s.chunks_mut(ROWS_PER_TASK);
+        p.chunks_mut(ROWS_PER_TASK).zip(s).zip(t.chunks_mut(ROWS_PER_TASK)).enumerate().for_each(share);
+    }
+}
+
 /// `r = b - (A + B + ...) x`, each row summed in double-double and rounded once at the end.
 ///
 /// The error of an entry is about `1e-16 |r_i| + 1e-32 Σ |a_ij x_j|`, so the residual of a nearly exact solution still

@@ -133,6 +133,7 @@ impl Stepper {
         let solution = joined(&end, self.next_states.iter().map(Vec::as_slice));
         let errors = self.adaptive(rules).errors(scene, rules, increment, &solution);
         let least = Control::is_least(rules, scene.system.step().0 - increment, increment);
+        let keeps = scene.system.bulk_follows_steps();
         let control = &mut self.adaptive(rules).control;
         // an error that is no number is too large
         let too_large = errors.filter(|e| e.largest() > 1.0 || e.largest().is_nan());
@@ -142,7 +143,7 @@ impl Stepper {
                 Tried::Rejected(errors.largest())
             }
             _ => {
-                control.accept(increment, errors);
+                control.accept(increment, errors, keeps);
                 Tried::Accepted(history, too_large.map(|e| e.largest()))
             }
         }

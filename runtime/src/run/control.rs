@@ -12,7 +12,7 @@ use crate::scene::Auto;
 const SAFETY: f64 = 0.9;
 /// Largest growth of an increment: two-step formulas with variable increments are stable below 1 + sqrt(2).
 const GROWTH: f64 = 2.0;
-/// An increment that could grow by less is kept: the matrix of the linear terms depends on it.
+/// An increment that could grow by less is kept where the matrix of the linear terms depends on it.
 const WORTHWHILE: f64 = 1.2;
 /// Smallest factor after an accepted step, and after a rejected one.
 const SHRINK: f64 = 0.2;
@@ -79,12 +79,13 @@ impl Control {
         at + if 2.0 * increment > left { 0.5 * left } else { increment }
     }
 
-    /// After a step of an increment with relative errors; `None` where none is known.
-    pub(super) fn accept(&mut self, increment: f64, errors: Option<Errors>) {
+    /// After a step of an increment with relative errors; `None` where none is known. `keeps` says that a matrix can be
+    /// used again if the increment is kept.
+    pub(super) fn accept(&mut self, increment: f64, errors: Option<Errors>, keeps: bool) {
         let planned = self.next;
         let free = errors.map_or(1.0, |e| e.factor());
         let most = if self.failed { 1.0 } else { GROWTH };
-        let free = if (1.0..WORTHWHILE).contains(&free) { 1.0 } else { free };
+        let free = if keeps && (1.0..WORTHWHILE).contains(&free) { 1.0 } else { free };
         self.next = increment * free.clamp(SHRINK, most);
         // one that a value to be met has shortened says nothing against a longer one
         if increment < planned && increment * free >= planned {
@@ -138,7 +139,7 @@ mod tests {
                 control.reject(h, of_first(e));
                 continue;
             }
-            control.accept(h, Some(of_first(e)));
+            control.accept(h, Some(of_first(e)), true);
             at = to;
             out.push(at);
         }
@@ -161,6 +162,18 @@ mod tests {
         let steady = found[found.len() / 2] - found[found.len() / 2 - 1];
         assert!((0.009 / WORTHWHILE..=0.01).contains(&steady), "{steady}");
         assert!(found.windows(2).all(|w| w[1] - w[0] <= 0.01));
+    }
+
+    #[test]
+    fn small_growth_is_left_where_it_would_cost_a_matrix() {
+        let rules = rules(1.0, 1e-9, 10.0);
+        // the error allows 0.9/sqrt(0.7) = 1.08 times the increment
+        let next = |keeps: bool| {
+            let mut control = Control::new(&rules);
+            control.accept(1.0, Some(of_first(0.7)), keeps);
+            control.next
+        };
+        assert!(next(true) == 1.0 && (next(false) - SAFETY / 0.7f64.sqrt()).abs() < 1e-15);
     }
 
     #[test]
@@ -193,11 +206,11 @@ mod tests {
         let mut control = Control::new(&rules);
         control.fail(0.1);
         assert_eq!(control.next, 0.025);
-        control.accept(0.025, Some(of_first(1e-9)));
+        control.accept(0.025, Some(of_first(1e-9)), true);
         assert_eq!(control.next, 0.025);
-        control.accept(0.025, Some(of_first(1e-9)));
+        control.accept(0.025, Some(of_first(1e-9)), true);
         assert_eq!(control.next, 0.05);
-        control.accept(0.001, Some(of_first(1e-9)));
+        control.accept(0.001, Some(of_first(1e-9)), true);
         assert_eq!(control.next, 0.05);
     }
 

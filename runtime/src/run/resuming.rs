@@ -77,7 +77,7 @@ impl Run {
         } else {
             self.stepper.prepare(scene, at, &mut self.clock, progress).map_err(wrap)?;
             let solver = self.stepper.solver.as_mut().expect("prepared above");
-            let fits = solver.recall(&found.solver, &scene.system).map_err(|e| wrap(e.into()))?;
+            let fits = solver.recall(&found.solver).map_err(|e| wrap(e.into()))?;
             solver.starts_elsewhere();
             fits
         };

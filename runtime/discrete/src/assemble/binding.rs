@@ -104,6 +104,12 @@ impl Basis {
         if on_support { self.support.iter().map(|i| usize::from(*i)).collect() } else { (0..self.n_nodes).collect() }
     }
 
+    /// Whether one of two functions, this one and that of another basis, is zero (to rounding) at each point.
+    pub(super) fn is_apart(&self, function: usize, other: &Self, of_other: usize) -> bool {
+        let is_zero = |of: &Self, q: usize, k: usize| of.table.values[q * of.n_nodes + k].abs() <= NO_VALUE;
+        (0..self.table.n_points).all(|q| is_zero(self, q, function) || is_zero(other, q, of_other))
+    }
+
     /// Local dof of a component at a node.
     pub(super) fn dof(&self, node: usize, component: usize) -> usize {
         self.offset + node * self.n_components + component

@@ -31,6 +31,8 @@ pub(super) struct TangentPlan {
     /// Where the entry (test dof, trial dof) stands in the local tangent, by `test * n_dofs + trial`; [`NONE`] if it
     /// is always zero.
     pub(super) sources: Vec<u32>,
+    /// Some pairs of functions meet at no point: those of two nodes under a rule with its points at the nodes.
+    has_apart: bool,
     n_coefficients: usize,
     flux: usize,
     integrals: Vec<Integral>,
@@ -59,6 +61,7 @@ impl TangentPlan {
             blocks: Vec::new(),
             n_local: 0,
             sources: vec![NONE; n_dofs * n_dofs],
+            has_apart: false,
             n_coefficients: entries.coefficients.len(),
             flux: 0,
             integrals: Vec::new(),
@@ -81,13 +84,35 @@ impl TangentPlan {
         plan
     }
 
-    /// Local dofs whose equations have an entry, and those that an entry multiplies: on a facet the value of a function
-    /// that belongs to a node off the facet is zero, so such a dof is coupled only where a derivative is taken.
-    pub(super) fn coupled(&self, n_dofs: usize) -> (Vec<usize>, Vec<usize>) {
+    /// Groups of local dofs that are coupled, by nodes: those whose equations have an entry, and those that an entry
+    /// multiplies. On a facet the value of a function that belongs to a node off the facet is zero, so such a dof is
+    /// coupled only where a derivative is taken. There is one group, but where functions meet at no point.
+    pub(super) fn coupled(&self, group: &GroupBinding) -> Vec<(Vec<usize>, Vec<usize>)> {
+        let n_dofs = group.n_dofs();
         let present = |row: usize, column: usize| self.sources[row * n_dofs + column] != NONE;
         let is_row = |k: &usize| (0..n_dofs).any(|other| present(*k, other));
         let is_column = |k: &usize| (0..n_dofs).any(|other| present(other, *k));
-        ((0..n_dofs).filter(is_row).collect(), (0..n_dofs).filter(is_column).collect())
+        let all = ((0..n_dofs).filter(is_row).collect(), (0..n_dofs).filter(is_column).collect());
+        if !self.has_apart {
+            return vec![all];
+        }
+        // the least dof that each is connected with
+        let mut first: Vec<usize> = (0..n_dofs).collect();
+        let mut join = |a: usize, b: usize| {
+            let (low, high) = (first[a].min(first[b]), first[a].max(first[b]));
+            first.iter_mut().filter(|f| **f == high).for_each(|f| *f = low);
+        };
+        for basis in &group.bases {
+            for node in 0..basis.n_nodes {
+                (1..basis.n_components).for_each(|c| join(basis.dof(node, 0), basis.dof(node, c)));
+            }
+        }
+        let pairs = (0..n_dofs).flat_map(|row| (0..n_dofs).map(move |column| (row, column)));
+        pairs.filter(|(row, column)| present(*row, *column)).for_each(|(row, column)| join(row, column));
+        let (rows, columns) = all;
+        let of = |list: &[usize], k: usize| list.iter().copied().filter(|dof| first[*dof] == k).collect::<Vec<_>>();
+        let groups = (0..n_dofs).map(|k| (of(&rows, k), of(&columns, k)));
+        groups.filter(|(rows, _)| !rows.is_empty()).collect()
     }
 
     fn add_block(
@@ -130,8 +155,13 @@ impl TangentPlan {
         }
         let is_triangle = entries.symmetric && row == column && rows_on_support == columns_on_support;
         let n_dofs = group.n_dofs();
+        let (of_tests, of_trials) = (&group.bases[row.basis], &group.bases[column.basis]);
         for (i, test) in row_nodes.iter().enumerate() {
             for (j, trial) in column_nodes.iter().enumerate() {
+                if rows_on_support && columns_on_support && of_tests.is_apart(*test, of_trials, *trial) {
+                    self.has_apart = true;
+                    continue;
+                }
                 let test = group.bases[row.basis].dof(*test, row.component);
                 let trial = group.bases[column.basis].dof(*trial, column.component);
                 let (i, j) = if is_triangle { (i.min(j), i.max(j)) } else { (i, j) };

@@ -245,18 +245,20 @@ impl AssembledTerm {
     }
 
     /// Calls `f` with the global dofs of each entity that are tested, and those that the tangent depends on, for the
-    /// matrix pattern.
+    /// matrix pattern; once for each group of nodes that nothing couples with the others.
     pub fn for_each_entity(&self, mut f: impl FnMut(&[u32], &[u32])) {
         let (mut rows, mut columns) = (Vec::new(), Vec::new());
         for (g, binding) in self.integrator.binding.groups.iter().enumerate() {
             let n = binding.n_dofs();
-            let (tests, trials) = self.plans[g].coupled(n);
+            let coupled = self.plans[g].coupled(binding);
             for dofs in self.dofs[g].chunks_exact(n.max(1)) {
-                for (list, locals) in [(&mut rows, &tests), (&mut columns, &trials)] {
-                    list.clear();
-                    list.extend(locals.iter().map(|k| dofs[*k]).filter(|d| *d != NONE));
+                for (tests, trials) in &coupled {
+                    for (list, locals) in [(&mut rows, tests), (&mut columns, trials)] {
+                        list.clear();
+                        list.extend(locals.iter().map(|k| dofs[*k]).filter(|d| *d != NONE));
+                    }
+                    f(&rows, &columns);
                 }
-                f(&rows, &columns);
             }
         }
     }

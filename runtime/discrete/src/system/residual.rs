@@ -5,7 +5,7 @@ use wfl_compiler::Class;
 use super::{ActiveSet, Branches, Form, LinearTerms, System};
 use crate::assemble::{BranchCounts, TermError};
 use crate::finite::largest;
-use wfl_sparse::csr::residual_and_size;
+use wfl_sparse::csr::{product_and_sizes, residual_and_size};
 
 /// A residual by dof, fixed ones included (their entries are reactions), in local frames where there are some.
 #[derive(Clone, Debug, Default)]
@@ -105,20 +105,23 @@ impl System {
     /// the rows of this rank).
     fn add_linear(&self, u: &[f64], form: &Form<'_>, out: &mut [f64], sum: &mut Residual) -> Result<(), TermError> {
         let Some(linear) = &self.linear else { return Ok(()) };
-        let mut part = vec![0.0; out.len()];
-        let mut sizes = vec![0.0; out.len()];
-        let nothing = vec![0.0; out.len()];
-        let change: Vec<f64> = u.iter().zip(&self.base).map(|(u, base)| u - base).collect();
-        let of = if self.base.is_empty() { u } else { &change };
+        let (mut part, mut sizes) = (vec![0.0; out.len()], vec![0.0; out.len()]);
         let threads = rayon::current_num_threads();
-        if !self.base.is_empty() {
-            // unknowns are rounded as a whole, however small the change is that they are made of
+        let add = |sum: &mut Residual, sizes: &[f64]| {
+            sum.linear_sizes.iter_mut().zip(sizes).for_each(|(sum, size)| *sum += size);
+        };
+        if self.base.is_empty() {
+            let nothing = vec![0.0; out.len()];
             residual_and_size(&[linear], &nothing, u, &mut part, &mut sizes, threads);
-            sum.linear_sizes.iter_mut().zip(&sizes).for_each(|(sum, size)| *sum += size);
+            part.iter_mut().for_each(|r| *r = -*r);
+        } else {
+            let change: Vec<f64> = u.iter().zip(&self.base).map(|(u, base)| u - base).collect();
+            let mut whole = vec![0.0; out.len()];
+            product_and_sizes(linear, &change, u, [&mut part, &mut sizes, &mut whole], threads);
+            // unknowns are rounded as a whole, however small the change is that they are made of
+            add(sum, &whole);
         }
-        residual_and_size(&[linear], &nothing, of, &mut part, &mut sizes, threads);
-        part.iter_mut().for_each(|r| *r = -*r);
-        sum.linear_sizes.iter_mut().zip(&sizes).for_each(|(sum, size)| *sum += size);
+        add(sum, &sizes);
         self.grow(&mut sum.forces, &part);
         if form.linear == LinearTerms::ByMatrix {
             out.iter_mut().zip(&part).for_each(|(slot, p)| *slot += p);

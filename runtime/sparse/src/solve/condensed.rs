@@ -18,9 +18,11 @@
 //! Promises: as `checked`, with the residual of `K + C` itself.
 //! Does not find out what changes: the caller says so.
 
+mod at_points;
 mod capacitance;
 mod engine;
 mod flexibility;
+mod points;
 mod rows;
 mod solver;
 #[cfg(test)]
@@ -40,6 +42,7 @@ use super::symmetry::check_symmetry;
 use super::triangular_solve::Transpose;
 use super::{Precision, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
+pub use at_points::CheckedAtPoints;
 pub use capacitance::Reference;
 use engine::{Engine, EngineContext, MAX_ITERATIONS, Method};
 use woodbury::Woodbury;
@@ -497,12 +500,13 @@ impl CheckedCondensed {
             let max_iterations = allowed.saturating_sub(iterations);
             let size = b.iter().zip(&scale).map(|(b, s)| (b * s) * (b * s)).sum::<f64>().sqrt();
             let limits = Limits { target: wanted.max(smallest * size), max_iterations, trial_iterations };
-            if let Some(outcome) = engine.solve_stale(b, gmres, limits, &scale) {
+            let target = (WITHIN * tolerance).max(smallest) * b.iter().map(|value| value * value).sum::<f64>().sqrt();
+            let plain = Limits { target, ..limits };
+            if let Some(outcome) = engine.solve_stale(b, gmres, (limits, plain), &scale, difference) {
                 iterations += outcome.iterations;
                 converged &= outcome.converged;
                 return;
             }
-            let target = (WITHIN * tolerance).max(smallest) * b.iter().map(|value| value * value).sum::<f64>().sqrt();
             let mut first = b.to_vec();
             engine.solve(Transpose::No, &mut first);
             on_dofs.iter_mut().zip(dofs).for_each(|(value, &dof)| *value = first[dof as usize]);
@@ -515,8 +519,7 @@ impl CheckedCondensed {
                 out.copy_from_slice(w);
                 difference.multiply_add(&solved, out, 1);
             };
-            let limits = Limits { target, ..limits };
-            let outcome = gmres.solve(&mut multiply, &start, &mut w, limits);
+            let outcome = gmres.solve(&mut multiply, &start, &mut w, plain);
             iterations += outcome.iterations;
             converged &= outcome.converged;
             if outcome.converged {

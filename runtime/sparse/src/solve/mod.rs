@@ -41,7 +41,7 @@ mod tests;
 mod triangular_solve;
 
 pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
-pub use condensed::{CheckedCondensed, DENSE_LIMIT, Elimination, Reference};
+pub use condensed::{CheckedAtPoints, CheckedCondensed, DENSE_LIMIT, Elimination, Reference};
 pub use library::{CheckedLibrary, Engine, Equations, Library, Linked, Traits};
 pub use memory::SolverMemory;
 pub use multigrid::{CheckedMultigrid, Interpolation, NearNullSpace, NodeLayout};

@@ -287,17 +287,32 @@ impl Engine {
     }
 
     /// Solves in place, by dof, with the changing part taken last and the factor of an older one, or of single
-    /// precision. `None` where the caller has to iterate.
+    /// precision; `difference` is what the older one lacks, on the changing dofs. `None` where the caller has to iterate.
     pub(super) fn solve_stale(
         &mut self,
         x: &mut [f64],
         gmres: &mut Gmres,
-        limits: Limits,
+        (limits, plain): (Limits, Limits),
         scale: &[f64],
+        difference: &Csr,
     ) -> Option<Outcome> {
-        let Method::Woodbury(woodbury) = &mut self.method else { return None };
-        let bulk = Bulk { symbolic: &self.symbolic, factor: &self.constant, triangular: &mut self.triangular };
-        Some(woodbury.solve(bulk, x, Inner::Stale(Scaled { gmres, limits, scale })))
+        let (symbolic, constant) = (&self.symbolic, &self.constant);
+        match &mut self.method {
+            Method::Woodbury(woodbury) => {
+                let bulk = Bulk { symbolic, factor: constant, triangular: &mut self.triangular };
+                Some(woodbury.solve(bulk, x, Inner::Stale(Scaled { gmres, limits, scale })))
+            }
+            Method::Dense { dense, order, .. } => {
+                let cholesky = |front: usize| FrontFactor::Cholesky { panel: constant.panel(front) };
+                let mut outcome = None;
+                let iterate = |interface: &mut [f64]| {
+                    outcome = Some(iterate_dense(dense, (order, difference), gmres, plain, interface));
+                };
+                self.triangular.solve(symbolic, cholesky, Transpose::No, iterate, x);
+                outcome
+            }
+            Method::Fronts { .. } => None,
+        }
     }
 
     /// Solves with a right-hand side on the changing dofs, for the changing dofs.
@@ -341,6 +356,41 @@ impl Engine {
         }
         (iterations as usize).min(MAX_ITERATIONS)
     }
+}
+
+/// Solves `(S + D) x = b` in place with a factor of S; D is a difference on dofs with these places in S. With
+/// `x = S⁻¹ (b + w)` the vector w lives on these dofs and solves `(1 + D S⁻¹) w = -D S⁻¹ b`. Not a number where the
+/// iterations do not get there.
+fn iterate_dense(
+    dense: &mut Dense,
+    (order, difference): (&[u32], &Csr),
+    gmres: &mut Gmres,
+    limits: Limits,
+    b: &mut [f64],
+) -> Outcome {
+    let (n, mut all) = (order.len(), vec![0.0; b.len()]);
+    let (mut start, mut w, mut solved) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    all.copy_from_slice(b);
+    dense.solve(Transpose::No, &mut all);
+    solved.iter_mut().zip(order).for_each(|(value, &place)| *value = all[place as usize]);
+    difference.multiply(&solved, &mut start, 1);
+    start.iter_mut().for_each(|value| *value = -*value);
+    let mut multiply = |w: &[f64], out: &mut [f64]| {
+        all.fill(0.0);
+        order.iter().zip(w).for_each(|(&place, value)| all[place as usize] = *value);
+        dense.solve(Transpose::No, &mut all);
+        solved.iter_mut().zip(order).for_each(|(value, &place)| *value = all[place as usize]);
+        out.copy_from_slice(w);
+        difference.multiply_add(&solved, out, 1);
+    };
+    let outcome = gmres.solve(&mut multiply, &start, &mut w, limits);
+    if outcome.converged {
+        order.iter().zip(&w).for_each(|(&place, value)| b[place as usize] += value);
+        dense.solve(Transpose::No, b);
+    } else {
+        b.fill(f64::NAN);
+    }
+    outcome
 }
 
 /// The factor of all fronts.

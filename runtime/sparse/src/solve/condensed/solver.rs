@@ -19,6 +19,15 @@ impl CheckedCondensed {
         }
         Ok(self.is_negative())
     }
+
+    /// Makes the factor that of the matrix, where there is one.
+    pub(super) fn make_fresh(&mut self) -> Result<(), SolveError> {
+        match self.state {
+            State::Empty => Err(SolveError::NotFactored),
+            State::Stale => self.refactor(),
+            State::Fresh => Ok(()),
+        }
+    }
 }
 
 impl LinearSolver for CheckedCondensed {
@@ -32,11 +41,7 @@ impl LinearSolver for CheckedCondensed {
     }
 
     fn condition_estimate(&mut self) -> Result<f64, SolveError> {
-        match self.state {
-            State::Empty => return Err(SolveError::NotFactored),
-            State::Stale => self.refactor()?,
-            State::Fresh => {}
-        }
+        self.make_fresh()?;
         let engine = &mut self.engine;
         let inverse = inverse_norm_estimate(self.bulk.n_rows(), &mut |transpose, x| engine.solve(transpose, x));
         Ok(inverse * self.bulk.plus(&self.changing.matrix)?.norm_1())
