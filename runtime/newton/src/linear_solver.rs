@@ -37,7 +37,7 @@ enum Kind {
 
 /// What a solution of a library may leave of its right-hand side where a full step solves all equations but for branches
 /// that change: Newton shall end there, as with a factor, and not need another step for what the solution has left.
-const LEFT_OF_FULL_STEP: f64 = 1e-10;
+pub(super) const LEFT_OF_FULL_STEP: f64 = 1e-10;
 
 /// The linear solver of a scene.
 pub struct LinearSolver {
@@ -424,8 +424,13 @@ impl LinearSolver {
     /// What the solution for a correction of Newton may leave of its right-hand side where `wanted` would not show.
     #[must_use]
     pub fn forcing(&self, system: &System, wanted: f64) -> f64 {
-        let is_full = self.options.library.is_some() && system.is_affine_when_frozen();
-        if is_full { wanted.min(LEFT_OF_FULL_STEP) } else { wanted }
+        if self.solves_in_parts(system) { wanted.min(LEFT_OF_FULL_STEP) } else { wanted }
+    }
+
+    /// Whether a full step solves the equations but for branches that change, with a solver for which fewer digits cost less.
+    #[must_use]
+    pub(super) fn solves_in_parts(&self, system: &System) -> bool {
+        self.options.library.is_some() && !system.is_linear() && system.is_affine_when_frozen()
     }
 
     /// Solves with the tangent last given; vectors over the free dofs. A true residual of no more than `tolerance` of
