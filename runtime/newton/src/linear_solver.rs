@@ -31,6 +31,8 @@ enum Kind {
     Linear,
     /// Bulk once, changing part condensed.
     Condensed(Box<CheckedCondensed>),
+    /// A library, which is told of the part that changes.
+    Linked,
     /// Sum of both.
     Full { pattern: Arc<Pattern>, bulk_positions: Vec<usize>, changing_positions: Vec<usize> },
 }
@@ -90,8 +92,12 @@ impl LinearSolver {
     }
 
     fn choose_nonlinear(&mut self, system: &System) -> Result<(), SolveError> {
-        self.tell_library(system)?;
-        if self.equations.is_none() && condenses(system) {
+        if self.options.library.is_some() {
+            self.tell_library(system);
+            self.kind = Kind::Linked;
+            return Ok(());
+        }
+        if condenses(system) {
             match CheckedCondensed::new(
                 system.bulk(),
                 system.changing_pattern(),
@@ -119,11 +125,10 @@ impl LinearSolver {
     }
 
     /// Tells a linked library of the equations as they are in this step.
-    fn tell_library(&mut self, system: &System) -> Result<(), SolveError> {
-        if self.options.library.is_some() {
-            (self.equations, self.solver) = (Some(Arc::new(library::equations(system)?)), None);
-        }
-        Ok(())
+    fn tell_library(&mut self, system: &System) {
+        // what was made for the matrix before goes first
+        (self.equations, self.solver) = (None, None);
+        self.equations = Some(Arc::new(library::equations(system)));
     }
 
     /// The solver that a system asks for, in words; nothing is assembled for it. A linear part that turns out not
@@ -176,7 +181,7 @@ impl LinearSolver {
             Kind::Full { .. } if self.symmetric => {
                 "Newton; whole tangent, symmetric (LLT), factored where an older factor does not serve".to_owned()
             }
-            Kind::Full { .. } => {
+            Kind::Full { .. } | Kind::Linked => {
                 "Newton; whole tangent, unsymmetric (LU), factored where an older factor does not serve".to_owned()
             }
         }
@@ -197,7 +202,11 @@ impl LinearSolver {
         match self.kind {
             Kind::Linear => self.solve_one_matrix(system),
             Kind::Condensed(_) => self.choose_nonlinear(system),
-            Kind::Full { .. } => self.tell_library(system),
+            Kind::Linked => {
+                self.tell_library(system);
+                Ok(())
+            }
+            Kind::Full { .. } => Ok(()),
         }
     }
 
@@ -205,8 +214,8 @@ impl LinearSolver {
     fn solve_one_matrix(&mut self, system: &System) -> Result<(), SolveError> {
         (self.iterative, self.matrix) = (None, None);
         if self.options.library.is_some() {
-            self.tell_library(system)?;
-            return self.factor(system.bulk());
+            self.tell_library(system);
+            return self.factor(&system.new_tangent().changing);
         }
         let SolverOptions { method, solutions, .. } = self.options;
         if self.symmetric && iterative::is_chosen(system, method, solutions) {
@@ -264,6 +273,7 @@ impl LinearSolver {
                 self.factorisations += c.take_factorisations();
                 outcome
             }
+            Kind::Linked => self.factor(&tangent.changing),
             Kind::Full { pattern, bulk_positions, changing_positions } => {
                 let mut sum = Csr::zeros(pattern.clone());
                 for (part, positions) in [(system.bulk(), &*bulk_positions), (&tangent.changing, &*changing_positions)]
