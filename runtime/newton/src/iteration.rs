@@ -2,6 +2,7 @@
 
 use super::{
     Evaluated, LoadStep, Method, NewtonError, StepHistory, Stop,
+    inexact::Inexact,
     initial_guess::Predicted,
     line_search::{LARGEST_FORCING, LineSearch},
     load_step::{Done, Measured, Norm},
@@ -81,7 +82,7 @@ fn begin(
 impl Attempt<'_> {
     fn run(&mut self, step: &mut LoadStep<'_>) -> Result<(), NewtonError> {
         let (mut room, mut room_of_paths) = (step.options.max_iterations, BUDGET_OF_PATHS);
-        let (mut before, mut left, mut number) = (None, false, 0);
+        let (mut before, mut least, mut left, mut number) = (None, None, false, 0);
         while room > 0 {
             number += 1;
             if step.watch.stops() {
@@ -99,8 +100,10 @@ impl Attempt<'_> {
                 true => OF_THE_TOLERANCE * step.options.tolerance / self.here.relative,
                 false => forcing(self.here.relative, before, step.options.tolerance),
             };
+            let inexact = Inexact::of(step, self.schedule.method(), self.here.relative, before, least);
             before = Some(self.here.relative);
-            match self.correct(step, forcing) {
+            least = Some(least.map_or(self.here.relative, |least: f64| least.min(self.here.relative)));
+            match self.correct(step, forcing, inexact) {
                 Ok(followed) => self.advance(step, followed)?,
                 Err(error) => {
                     self.leave(error, number)?;
@@ -179,10 +182,19 @@ impl Attempt<'_> {
     }
 
     /// Follows the path, or finds a correction: then nothing is returned.
-    fn correct(&mut self, step: &mut LoadStep<'_>, forcing: f64) -> Result<Option<(f64, Measured)>, NewtonError> {
-        match &mut self.path {
-            Some(path) => path.advance(step, self.u, &self.here, &self.norm, &mut self.history).map(Some),
-            None => step.correct(&self.here.residual, forcing, &mut self.direction, &mut self.history).map(|()| None),
+    fn correct(
+        &mut self,
+        step: &mut LoadStep<'_>,
+        forcing: f64,
+        inexact: Option<Inexact>,
+    ) -> Result<Option<(f64, Measured)>, NewtonError> {
+        let (direction, history) = (&mut self.direction, &mut self.history);
+        match (&mut self.path, inexact) {
+            (Some(path), _) => path.advance(step, self.u, &self.here, &self.norm, history).map(Some),
+            (None, Some(inexact)) => {
+                inexact.correct(step, (self.u, &self.here), &self.norm, direction, history).map(|()| None)
+            }
+            (None, None) => step.correct(&self.here.residual, forcing, direction, history).map(|()| None),
         }
     }
 

@@ -11,6 +11,7 @@ mod critical_point;
 mod error;
 mod history;
 mod homotopy;
+mod inexact;
 mod initial_guess;
 mod iteration;
 mod iterative;

@@ -11,10 +11,7 @@ use wfl_discrete::{
     pruning::Pruning,
     system::{FIXED, System},
 };
-use wfl_sparse::{
-    csr::CsrError,
-    solve::{Equations, Traits},
-};
+use wfl_sparse::solve::{Equations, Traits};
 
 /// What the choice of a method depends on.
 pub(super) fn traits(system: &System) -> Traits {
@@ -33,19 +30,12 @@ fn traits_with(system: &System, on_contact: usize) -> Traits {
 }
 
 /// The equations after the linear terms of a step have been assembled.
-///
-/// # Errors
-/// [`CsrError`] when the pattern does not fit the index types.
-pub(super) fn equations(system: &System) -> Result<Equations, CsrError> {
+pub(super) fn equations(system: &System) -> Equations {
     let on_contact = on_contact(system);
     let traits = traits_with(system, on_contact.len());
     let (layout, multipliers) = system.node_layout_with_multipliers().map_or((None, Vec::new()), |(l, m)| (Some(l), m));
-    let pattern = if system.is_linear() {
-        Arc::clone(system.bulk().pattern())
-    } else {
-        Arc::new(system.bulk().pattern().union(system.changing_pattern())?)
-    };
-    Ok(Equations { traits, pattern, layout, multipliers, on_contact, owners: system.owners() })
+    let (constant, changing) = (system.shared_bulk(), Arc::clone(system.changing_pattern()));
+    Equations { traits, constant, changing, layout, multipliers, on_contact, owners: system.owners() }
 }
 
 fn nonlinear(system: &System) -> impl Iterator<Item = &AssembledTerm> {

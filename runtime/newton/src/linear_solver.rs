@@ -31,13 +31,15 @@ enum Kind {
     Linear,
     /// Bulk once, changing part condensed.
     Condensed(Box<CheckedAtPoints>),
+    /// A library, which is told of the part that changes.
+    Linked,
     /// Sum of both.
     Full { pattern: Arc<Pattern>, bulk_positions: Vec<usize>, changing_positions: Vec<usize> },
 }
 
 /// What a solution of a library may leave of its right-hand side where a full step solves all equations but for branches
 /// that change: Newton shall end there, as with a factor, and not need another step for what the solution has left.
-const LEFT_OF_FULL_STEP: f64 = 1e-10;
+pub(super) const LEFT_OF_FULL_STEP: f64 = 1e-10;
 
 /// The linear solver of a scene.
 pub struct LinearSolver {
@@ -90,8 +92,12 @@ impl LinearSolver {
     }
 
     fn choose_nonlinear(&mut self, system: &System) -> Result<(), SolveError> {
-        self.tell_library(system)?;
-        if self.equations.is_none() && condenses(system) {
+        if self.options.library.is_some() {
+            self.tell_library(system);
+            self.kind = Kind::Linked;
+            return Ok(());
+        }
+        if condenses(system) {
             let pairs = if system.uses(Pruning::Forces) { facing(system, &self.coordinates) } else { Vec::new() };
             match CheckedAtPoints::new(
                 system.bulk(),
@@ -120,11 +126,10 @@ impl LinearSolver {
     }
 
     /// Tells a linked library of the equations as they are in this step.
-    fn tell_library(&mut self, system: &System) -> Result<(), SolveError> {
-        if self.options.library.is_some() {
-            (self.equations, self.solver) = (Some(Arc::new(library::equations(system)?)), None);
-        }
-        Ok(())
+    fn tell_library(&mut self, system: &System) {
+        // what was made for the matrix before goes first
+        (self.equations, self.solver) = (None, None);
+        self.equations = Some(Arc::new(library::equations(system)));
     }
 
     /// The solver that a system asks for, in words; nothing is assembled for it. A linear part that turns out not
@@ -183,7 +188,7 @@ impl LinearSolver {
             Kind::Full { .. } if self.symmetric => {
                 "Newton; whole tangent, symmetric (LLT), factored where an older factor does not serve".to_owned()
             }
-            Kind::Full { .. } => {
+            Kind::Full { .. } | Kind::Linked => {
                 "Newton; whole tangent, unsymmetric (LU), factored where an older factor does not serve".to_owned()
             }
         }
@@ -204,7 +209,11 @@ impl LinearSolver {
         match self.kind {
             Kind::Linear => self.solve_one_matrix(system),
             Kind::Condensed(_) => self.choose_nonlinear(system),
-            Kind::Full { .. } => self.tell_library(system),
+            Kind::Linked => {
+                self.tell_library(system);
+                Ok(())
+            }
+            Kind::Full { .. } => Ok(()),
         }
     }
 
@@ -212,8 +221,8 @@ impl LinearSolver {
     fn solve_one_matrix(&mut self, system: &System) -> Result<(), SolveError> {
         (self.iterative, self.matrix) = (None, None);
         if self.options.library.is_some() {
-            self.tell_library(system)?;
-            return self.factor(system.bulk());
+            self.tell_library(system);
+            return self.factor(&system.new_tangent().changing);
         }
         let SolverOptions { method, solutions, .. } = self.options;
         if self.symmetric && iterative::is_chosen(system, method, solutions) {
@@ -271,6 +280,7 @@ impl LinearSolver {
                 self.factorisations += c.take_factorisations();
                 outcome
             }
+            Kind::Linked => self.factor(&tangent.changing),
             Kind::Full { pattern, bulk_positions, changing_positions } => {
                 let mut sum = Csr::zeros(pattern.clone());
                 for (part, positions) in [(system.bulk(), &*bulk_positions), (&tangent.changing, &*changing_positions)]
@@ -431,8 +441,13 @@ impl LinearSolver {
     /// What the solution for a correction of Newton may leave of its right-hand side where `wanted` would not show.
     #[must_use]
     pub fn forcing(&self, system: &System, wanted: f64) -> f64 {
-        let is_full = self.options.library.is_some() && system.is_affine_when_frozen();
-        if is_full { wanted.min(LEFT_OF_FULL_STEP) } else { wanted }
+        if self.solves_in_parts(system) { wanted.min(LEFT_OF_FULL_STEP) } else { wanted }
+    }
+
+    /// Whether a full step solves the equations but for branches that change, with a solver for which fewer digits cost less.
+    #[must_use]
+    pub(super) fn solves_in_parts(&self, system: &System) -> bool {
+        self.options.library.is_some() && !system.is_linear() && system.is_affine_when_frozen()
     }
 
     /// Solves with the tangent last given; vectors over the free dofs. A true residual of no more than `tolerance` of

@@ -280,7 +280,7 @@ impl LoadStep<'_> {
 
     /// Whether some equations have scales of their own: what an inexact solution leaves is small beside the largest
     /// equations alone, so each linear system is then solved with a factor of its own, to all digits.
-    fn has_single_equations(&self) -> bool {
+    pub(super) fn has_single_equations(&self) -> bool {
         (0..self.system.fields.len()).any(|field| self.system.has_single_equations(field))
     }
 
@@ -310,6 +310,22 @@ impl LoadStep<'_> {
         let result = self.solver.solve(rhs, x, forcing);
         self.spent.solve += begin.elapsed().as_secs_f64();
         self.spent.linear_solves += 1;
+        Ok(result?)
+    }
+
+    /// Solves for what is left of a correction, a residual by dof with the tangent at hand, until `unseen` of it is left.
+    pub(super) fn solve_part(
+        &mut self,
+        residual: &[f64],
+        unseen: f64,
+        x: &mut Vec<f64>,
+    ) -> Result<SolveReport, NewtonError> {
+        let mut rhs = Vec::new();
+        self.system.numbering.gather(residual, &mut rhs);
+        rhs.iter_mut().for_each(|r| *r = -*r);
+        let begin = Instant::now();
+        let result = self.solver.solve(&rhs, x, unseen);
+        self.spent.solve += begin.elapsed().as_secs_f64();
         Ok(result?)
     }
 

@@ -1,6 +1,7 @@
 //! A solver of PETSc for the matrices of one scene, with the more robust methods behind the first one.
 //!
-//! Multigrid: the levels are made of the first matrix of a step, contact included. Levels of the bodies alone know no
+//! Multigrid: the levels are made of the first matrix of a step, contact included; those of an earlier step serve on where
+//! runs need not have the same bits. Levels of the bodies alone know no
 //! smooth motion that contact holds, and take two to three times as many iterations; what is left of large penalty or
 //! augmentation parameters the filter takes, so the number of iterations hardly depends on them. The levels are made anew
 //! of the present matrix where an iteration does not end, or becomes [`SLOWER`] times as slow; after that a factor of
@@ -17,8 +18,8 @@ use wfl_sparse::{
 
 use crate::{
     method::{Choice, Method, in_words, method},
-    objects::{Call, Failure, Kind, Matrix, Solver, agree, gather},
-    rows::{Numbers, Structure, middle_of_diagonal},
+    objects::{Call, Failure, Kind, Levels, Matrix, Solver, agree, gather},
+    rows::{Numbers, Rows, middle_of_diagonal},
 };
 
 /// Iterations of one solution; a factor costs less than more of them wherever it fits into the memory.
@@ -46,9 +47,8 @@ pub(crate) struct PetscEngine {
     /// Rows of a node.
     block: usize,
     numbers: Numbers,
-    structure: Structure,
-    /// What stands on the diagonal of rows that are not solved for.
-    unit: f64,
+    /// What stands on the diagonal of rows that are not solved for; none before the first matrix of an attempt.
+    unit: Option<f64>,
     solver: Option<Solver>,
     has_levels: bool,
     /// The levels are of the matrix that was taken last.
@@ -83,9 +83,8 @@ impl PetscEngine {
                 let components = layout.components;
                 (components, Numbers::new(&layout.places, layout.points.len(), components, owners)?)
             }
-            _ => (1, in_order(equations.pattern.n_rows(), owners)?),
+            _ => (1, in_order(equations.n_rows(), owners)?),
         };
-        let structure = Structure::new(&equations.pattern, &numbers, &[])?;
         let (own, all) = (vec![0.0; numbers.part.n_own()], vec![0.0; numbers.part.n_all()]);
         Ok(Self {
             choice,
@@ -94,8 +93,7 @@ impl PetscEngine {
             method,
             block,
             numbers,
-            structure,
-            unit: 1.0,
+            unit: None,
             solver: None,
             has_levels: false,
             are_new: false,
@@ -116,25 +114,24 @@ impl PetscEngine {
         }
     }
 
-    /// Hands the values of a matrix to PETSc; makes levels where they are due, or the factor.
-    fn load(&mut self, call: &Call, matrix: &Csr) -> Result<(), SolveError> {
-        let values = self.structure.values(matrix, self.unit);
-        let kind = self.kind();
-        if self.solver.is_none() {
-            let a = Matrix::new(call, &self.structure, self.block, self.is_symmetric)?;
-            let contact = self.numbers.own_of(&self.equations.on_contact);
-            let filtered = !(kind.is_direct() || self.equations.on_contact.is_empty());
-            // values first: a solver looks at its matrix when it is made
-            let mut solver = Solver::new(call, kind, a, filtered.then_some(contact.as_slice()))?;
-            solver.matrix().set(call, &self.structure, &values)?;
-            self.solver = Some(solver);
-        } else if let Some(solver) = &mut self.solver {
-            solver.matrix().set(call, &self.structure, &values)?;
+    /// Hands the values of a matrix to PETSc: all of them to a new solver, then those that change. Makes levels where they
+    /// are due, or the factor.
+    fn load(&mut self, call: &Call, changing: &Csr) -> Result<(), SolveError> {
+        let (equations, kind) = (Arc::clone(&self.equations), self.kind());
+        let parts = [&*equations.constant, changing];
+        let unit = self.unit.ok_or(SolveError::NotFactored)?;
+        if let Some(solver) = &mut self.solver {
+            let mut rows = Rows::new(&self.numbers, parts, &[], unit);
+            put(call, solver.matrix(), &mut rows, |rows, k| rows.changes(k))?;
+        } else {
+            let a = self.matrix(call, parts, &[], unit)?;
+            let contact = self.numbers.own_of(&equations.on_contact);
+            let filtered = !(kind.is_direct() || equations.on_contact.is_empty());
+            self.solver = Some(Solver::new(call, kind, a, filtered.then_some(contact.as_slice()))?);
         }
-        drop(values);
-        let levels = self.new_levels(call, matrix)?;
+        let levels = self.levels(call, parts, unit)?;
         let solver = self.solver.as_mut().expect("made above");
-        let taken = solver.take(call, levels.as_ref())?;
+        let taken = solver.take(call, &levels)?;
         if taken.null_pivots > 0 {
             return Err(SolveError::VanishingPivot { dof: 0, ratio: 0.0 });
         }
@@ -147,23 +144,38 @@ impl PetscEngine {
         }
     }
 
-    /// The matrix that new levels are made of; `None` where there are levels that serve, or none are needed.
-    fn new_levels(&mut self, call: &Call, matrix: &Csr) -> Result<Option<Matrix>, SolveError> {
+    /// A matrix with its values.
+    fn matrix(&self, call: &Call, parts: [&Csr; 2], hidden: &[u32], unit: f64) -> Result<Matrix, SolveError> {
+        let mut rows = Rows::new(&self.numbers, parts, hidden, unit);
+        let [own, others] = rows.room();
+        let mut matrix = Matrix::new(call, [&own, &others], self.block, self.is_symmetric)?;
+        put(call, &mut matrix, &mut rows, |_, _| true)?;
+        Ok(matrix)
+    }
+
+    /// What new levels are made of, where they are due: the matrix itself, but for multipliers, which have no stiffness.
+    fn levels(&mut self, call: &Call, parts: [&Csr; 2], unit: f64) -> Result<Levels, SolveError> {
         self.are_new = false;
         if self.method == Method::Direct || (self.has_levels && !self.is_slow) {
-            return Ok(None);
+            return Ok(Levels::Kept);
         }
         let equations = Arc::clone(&self.equations);
-        let Some(layout) = &equations.layout else { return Ok(None) };
-        let structure = Structure::new(matrix.pattern(), &self.numbers, &equations.multipliers)?;
-        let mut of_levels = Matrix::new(call, &structure, layout.components, self.is_symmetric)?;
-        of_levels.set(call, &structure, &structure.values(matrix, self.unit))?;
+        let Some(layout) = &equations.layout else { return Ok(Levels::Kept) };
+        let mut levels = match equations.multipliers.as_slice() {
+            [] => Levels::OfItself,
+            multipliers => Levels::Of(self.matrix(call, parts, multipliers, unit)?),
+        };
         if layout.modes == NearNullSpace::RigidBody {
-            of_levels.set_modes(call, structure.n_rows(), &self.modes(layout))?;
+            let (modes, n) = (self.modes(layout), self.numbers.own_rows.len());
+            match (&mut levels, &mut self.solver) {
+                (Levels::Of(matrix), _) => matrix.set_modes(call, n, &modes)?,
+                (_, Some(solver)) => solver.matrix().set_modes(call, n, &modes)?,
+                _ => {}
+            }
         }
         (self.has_levels, self.are_new, self.is_slow, self.rate) = (true, true, false, None);
         self.counts.levels += 1;
-        Ok(Some(of_levels))
+        Ok(levels)
     }
 
     /// Rigid motions at the rows of this rank, one behind the other; none at multipliers.
@@ -213,6 +225,11 @@ impl PetscEngine {
         self.is_slow |= rate > SLOWER * first;
     }
 
+    /// Whether every run has the same bits, one that is continued, too: then what was learned in earlier steps is forgotten.
+    fn repeats(&self) -> bool {
+        Call::begin().is_ok_and(|call| call.ranks().repeat)
+    }
+
     /// Turns to the next method after one that did not end; false if there is none.
     fn fall_back(&mut self) -> bool {
         if self.method == Method::Direct {
@@ -227,6 +244,22 @@ impl PetscEngine {
         }
         true
     }
+}
+
+/// Puts some rows into a matrix.
+fn put(
+    call: &Call,
+    matrix: &mut Matrix,
+    rows: &mut Rows<'_>,
+    which: impl Fn(&Rows<'_>, usize) -> bool,
+) -> Result<(), SolveError> {
+    for k in 0..rows.len() {
+        if which(rows, k) {
+            let (row, columns, values) = rows.row(k);
+            matrix.put(call, row, columns, values)?;
+        }
+    }
+    Ok(matrix.finish(call)?)
 }
 
 /// Refuses numbers that are not the same on all ranks: each of them decides from whole vectors, so that every decision is the
@@ -252,12 +285,15 @@ fn in_order(n: usize, owners: Option<&RowOwners>) -> Result<Numbers, SolveError>
 }
 
 impl Engine for PetscEngine {
-    fn take(&mut self, matrix: &Csr) -> Result<(), SolveError> {
-        self.unit = middle_of_diagonal(matrix, self.equations.owners.as_ref());
-        self.load(&Call::begin()?, matrix)
+    fn take(&mut self, changing: &Csr) -> Result<(), SolveError> {
+        // other ranks are waited for before the right to call is taken
+        let parts = [&*self.equations.constant, changing];
+        let owners = self.equations.owners.as_ref();
+        self.unit = self.unit.or_else(|| Some(middle_of_diagonal(parts, owners)));
+        self.load(&Call::begin()?, changing)
     }
 
-    fn solve(&mut self, matrix: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<usize, SolveError> {
+    fn solve(&mut self, changing: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<usize, SolveError> {
         let call = Call::begin()?;
         agreed(&call, "right-hand sides", rhs)?;
         let before = self.counts.iterations;
@@ -273,16 +309,19 @@ impl Engine for PetscEngine {
                     text: format!("PETSc: no solution to {tolerance:.1e}, {iterations} iterations and a factor"),
                 });
             }
-            self.load(&call, matrix)?;
+            self.load(&call, changing)?;
         }
     }
 
     fn restart(&mut self) {
         let (first, _) = method(self.choice, &self.equations.traits);
         if self.method != first {
-            (self.method, self.solver) = (first, None);
+            (self.method, self.solver, self.has_levels, self.is_slow, self.rate) = (first, None, false, false, None);
         }
-        (self.has_levels, self.are_new, self.is_slow, self.rate) = (false, false, false, None);
+        if self.repeats() {
+            (self.has_levels, self.are_new, self.is_slow, self.rate) = (false, false, false, None);
+            self.unit = None;
+        }
     }
 
     fn describe(&self) -> String {

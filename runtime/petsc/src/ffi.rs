@@ -30,17 +30,12 @@ unsafe extern "C" {
         n: c_int,
         block: c_int,
         is_symmetric: c_int,
-        starts: *const c_int,
-        columns: *const c_int,
+        own: *const c_int,
+        others: *const c_int,
         out: *mut Mat,
     ) -> c_int;
-    pub(super) fn wfl_matrix_set(
-        a: Mat,
-        n: c_int,
-        starts: *const c_int,
-        columns: *const c_int,
-        values: *const f64,
-    ) -> c_int;
+    pub(super) fn wfl_matrix_put(a: Mat, row: c_int, n: c_int, columns: *const c_int, values: *const f64) -> c_int;
+    pub(super) fn wfl_matrix_finish(a: Mat) -> c_int;
     pub(super) fn wfl_matrix_set_modes(a: Mat, n: c_int, k: c_int, values: *const f64) -> c_int;
     pub(super) fn wfl_matrix_free(a: *mut Mat);
     pub(super) fn wfl_solver_new(

@@ -13,10 +13,7 @@ use std::{
 
 use wfl_host::team::Team;
 
-use crate::{
-    ffi,
-    rows::{Part, Structure},
-};
+use crate::{ffi, rows::Part};
 
 /// Where the session is: `None` before its start and behind its end.
 static DOOR: Mutex<Option<Ranks>> = Mutex::new(None);
@@ -53,6 +50,8 @@ fn give_back() {
 pub(crate) struct Ranks {
     pub(crate) own: usize,
     pub(crate) all: usize,
+    /// Every run on so many ranks has the same bits.
+    pub(crate) repeat: bool,
 }
 
 /// What PETSc or MPI says of a call that failed.
@@ -109,7 +108,8 @@ impl Session {
         // SAFETY: called once, before any other function of the C side; the numbers outlive the call.
         check(unsafe { ffi::wfl_start(is_repeatable.into(), &mut rank, &mut size) })?;
         let number = |n: c_int| usize::try_from(n).expect("ranks are counted from 0");
-        let ranks = Ranks { own: number(rank), all: number(size) };
+        let (own, all) = (number(rank), number(size));
+        let ranks = Ranks { own, all, repeat: is_repeatable || all == 1 };
         *open = Some(ranks);
         Ok(Self { ranks, _one_thread: PhantomData })
     }
@@ -239,21 +239,28 @@ pub(crate) struct Matrix {
 unsafe impl Send for Matrix {}
 
 impl Matrix {
-    /// With the structure of the rows of this rank.
-    pub(crate) fn new(_call: &Call, structure: &Structure, block: usize, symmetric: bool) -> Result<Self, Failure> {
+    /// With room for the entries of the rows of this rank: by row those in columns of this rank and of others.
+    pub(crate) fn new(_call: &Call, room: [&[i32]; 2], block: usize, symmetric: bool) -> Result<Self, Failure> {
+        let [own, others] = room;
+        assert_eq!(own.len(), others.len(), "numbers of entries by row");
         let mut this = Self { raw: null_mut() };
-        let (n, starts, columns) = (c(structure.n_rows()), structure.starts.as_ptr(), structure.columns.as_ptr());
-        // SAFETY: starts has one number more than rows and ends with the number of columns; PETSc copies both.
-        check(unsafe { ffi::wfl_matrix_new(n, c(block), symmetric.into(), starts, columns, &mut this.raw) })?;
+        let (n, own, others) = (c(own.len()), own.as_ptr(), others.as_ptr());
+        // SAFETY: both lists have a number for each row; PETSc copies them.
+        check(unsafe { ffi::wfl_matrix_new(n, c(block), symmetric.into(), own, others, &mut this.raw) })?;
         Ok(this)
     }
 
-    /// Takes values in the order of the structure that it was made with.
-    pub(crate) fn set(&mut self, _call: &Call, structure: &Structure, values: &[f64]) -> Result<(), Failure> {
-        assert_eq!(values.len(), structure.columns.len(), "a value for each entry");
-        let (n, starts, columns) = (c(structure.n_rows()), structure.starts.as_ptr(), structure.columns.as_ptr());
-        // SAFETY: the handle is alive; lengths as above.
-        check(unsafe { ffi::wfl_matrix_set(self.raw, n, starts, columns, values.as_ptr()) })
+    /// Takes the values of one row; [`Self::finish`] follows the last one.
+    pub(crate) fn put(&mut self, _call: &Call, row: i32, columns: &[i32], values: &[f64]) -> Result<(), Failure> {
+        assert_eq!(values.len(), columns.len(), "a value for each entry");
+        // SAFETY: the handle is alive; so many columns and values, which PETSc copies.
+        check(unsafe { ffi::wfl_matrix_put(self.raw, row, c(values.len()), columns.as_ptr(), values.as_ptr()) })
+    }
+
+    /// Puts what was taken in order; on all ranks.
+    pub(crate) fn finish(&mut self, _call: &Call) -> Result<(), Failure> {
+        // SAFETY: the handle is alive.
+        check(unsafe { ffi::wfl_matrix_finish(self.raw) })
     }
 
     /// Tells motions without energy, each with a number for every row of this rank, one behind the other.
@@ -298,6 +305,16 @@ impl Kind {
     }
 }
 
+/// What the levels of multigrid are made of.
+pub(crate) enum Levels {
+    /// They stay, or there are none.
+    Kept,
+    /// The matrix that is solved with.
+    OfItself,
+    /// Another matrix.
+    Of(Matrix),
+}
+
 /// What became of a matrix that was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Taken {
@@ -340,10 +357,14 @@ impl Solver {
         &mut self.a
     }
 
-    /// Takes the values that the matrix has now; with a `hierarchy` the levels are made anew.
-    pub(crate) fn take(&mut self, _call: &Call, hierarchy: Option<&Matrix>) -> Result<Taken, Failure> {
+    /// Takes the values that the matrix has now, and makes the levels anew where they are due.
+    pub(crate) fn take(&mut self, _call: &Call, levels: &Levels) -> Result<Taken, Failure> {
         let mut taken = Taken { reason: 0, null_pivots: 0 };
-        let levels = hierarchy.map_or(null_mut(), |matrix| matrix.raw);
+        let levels = match levels {
+            Levels::Kept => null_mut(),
+            Levels::OfItself => self.a.raw,
+            Levels::Of(matrix) => matrix.raw,
+        };
         // SAFETY: handles are alive; PETSc counts its own references to the matrix of the levels.
         check(unsafe { ffi::wfl_solver_take(self.raw, levels, &mut taken.reason, &mut taken.null_pivots) })?;
         Ok(taken)

@@ -5,7 +5,7 @@
 //! Promises: a function of its arguments alone, the same on every rank but for what is its own.
 
 use wfl_sparse::{
-    csr::{Csr, Pattern},
+    csr::Csr,
     index::NONE,
     solve::{RowOwners, SolveError},
 };
@@ -30,6 +30,11 @@ impl Part {
 
     fn first(&self) -> i32 {
         self.starts[self.own]
+    }
+
+    /// PETSc's numbers of the rows of this rank.
+    fn range(&self) -> std::ops::Range<i32> {
+        self.first()..self.first() + self.counts[self.own]
     }
 }
 
@@ -108,67 +113,97 @@ impl Numbers {
     }
 }
 
-/// Marks entries that come from nowhere: zero, and the diagonal of what is not solved for.
-const ZERO: u32 = u32::MAX;
-const UNIT: u32 = u32::MAX - 1;
-
-/// The rows of this rank in compressed form, columns increasing in each, and where their values come from.
-#[derive(Clone, Debug)]
-pub(crate) struct Structure {
-    pub(crate) starts: Vec<i32>,
-    pub(crate) columns: Vec<i32>,
-    sources: Vec<u32>,
+/// The rows of this rank of the sum of two matrices, as PETSc takes them: columns increasing, and a diagonal in each.
+pub(crate) struct Rows<'a> {
+    numbers: &'a Numbers,
+    parts: [&'a Csr; 2],
+    /// Rows that are left out, with their columns, and get a diagonal of their own; by row, or empty.
+    is_hidden: Vec<bool>,
+    /// What stands on the diagonal of what is not solved for.
+    unit: f64,
+    entries: Vec<(i32, f64)>,
+    columns: Vec<i32>,
+    values: Vec<f64>,
 }
 
-impl Structure {
-    /// Of a pattern; entries in rows and columns of `hidden` are left out, and get a diagonal of their own.
-    pub(crate) fn new(pattern: &Pattern, numbers: &Numbers, hidden: &[u32]) -> Result<Self, SolveError> {
-        let mut is_hidden = vec![false; pattern.n_rows()];
+impl<'a> Rows<'a> {
+    pub(crate) fn new(numbers: &'a Numbers, parts: [&'a Csr; 2], hidden: &[u32], unit: f64) -> Self {
+        let mut is_hidden = vec![false; if hidden.is_empty() { 0 } else { parts[0].n_rows() }];
         hidden.iter().for_each(|row| is_hidden[*row as usize] = true);
-        let (mut starts, mut columns, mut sources) = (vec![0], Vec::new(), Vec::new());
-        let mut entries: Vec<(i32, u32)> = Vec::new();
-        for (own, row) in (numbers.part.first()..).zip(&numbers.own_rows) {
-            entries.clear();
-            let mut diagonal = (own, UNIT);
-            if *row != NONE && !is_hidden[*row as usize] {
-                let row = *row as usize;
-                let first = pattern.row_starts()[row];
-                for (k, column) in pattern.row(row).iter().enumerate().filter(|(_, c)| !is_hidden[**c as usize]) {
-                    let source = u32::try_from(first + k).ok().filter(|source| *source < UNIT);
-                    let source = source.ok_or(SolveError::TooLarge { what: "the matrix" })?;
-                    entries.push((numbers.of_row[*column as usize], source));
-                }
-                diagonal = (own, ZERO);
-            }
-            if !entries.iter().any(|(column, _)| *column == own) {
-                entries.push(diagonal);
-            }
-            entries.sort_unstable();
-            columns.extend(entries.iter().map(|e| e.0));
-            sources.extend(entries.iter().map(|e| e.1));
-            starts.push(number(columns.len())?);
+        let (entries, columns, values) = Default::default();
+        Self { numbers, parts, is_hidden, unit, entries, columns, values }
+    }
+
+    /// Number of rows of this rank.
+    pub(crate) fn len(&self) -> usize {
+        self.numbers.own_rows.len()
+    }
+
+    /// By row of this rank the number of entries in columns of this rank, and in those of others.
+    pub(crate) fn room(&mut self) -> [Vec<i32>; 2] {
+        let own = self.numbers.part.range();
+        let (mut here, mut there) = (Vec::new(), Vec::new());
+        for k in 0..self.len() {
+            let (_, columns, _) = self.row(k);
+            let n = columns.iter().filter(|column| own.contains(column)).count();
+            here.push(n as i32);
+            there.push((columns.len() - n) as i32);
         }
-        Ok(Self { starts, columns, sources })
+        [here, there]
     }
 
-    pub(crate) fn n_rows(&self) -> usize {
-        self.starts.len() - 1
+    /// Whether the second part may have entries in a row of this rank, or it is one that is not solved for.
+    pub(crate) fn changes(&self, k: usize) -> bool {
+        let row = self.numbers.own_rows[k];
+        row == NONE || !self.parts[1].pattern().row(row as usize).is_empty()
     }
 
-    /// The values of a matrix on the pattern of this structure; `unit` on diagonals of what is not solved for.
-    pub(crate) fn values(&self, matrix: &Csr, unit: f64) -> Vec<f64> {
-        let of = |source: &u32| match *source {
-            ZERO => 0.0,
-            UNIT => unit,
-            k => matrix.values()[k as usize],
-        };
-        self.sources.iter().map(of).collect()
+    /// A row of this rank: its number, columns and values.
+    pub(crate) fn row(&mut self, k: usize) -> (i32, &[i32], &[f64]) {
+        let number = self.numbers.part.first() + k as i32;
+        let row = self.numbers.own_rows[k];
+        let is_hidden = |row: u32| self.is_hidden.get(row as usize).copied().unwrap_or(false);
+        self.entries.clear();
+        let mut diagonal = self.unit;
+        if row != NONE && !is_hidden(row) {
+            let [first, second] = self.parts.map(|part| part.row(row as usize));
+            let entries = &mut self.entries;
+            sum(first, second, |column, value| {
+                if !is_hidden(column) {
+                    entries.push((self.numbers.of_row[column as usize], value));
+                }
+            });
+            diagonal = 0.0;
+        }
+        if !self.entries.iter().any(|(column, _)| *column == number) {
+            self.entries.push((number, diagonal));
+        }
+        self.entries.sort_unstable_by_key(|(column, _)| *column);
+        self.columns.clear();
+        self.values.clear();
+        self.columns.extend(self.entries.iter().map(|e| e.0));
+        self.values.extend(self.entries.iter().map(|e| e.1));
+        (number, &self.columns, &self.values)
     }
 }
 
-/// The middle one of the positive entries of a diagonal: what rows that are not solved for are made as large as.
-pub(crate) fn middle_of_diagonal(matrix: &Csr, owners: Option<&RowOwners>) -> f64 {
-    let mut sizes: Vec<f64> = (0..matrix.n_rows()).map(|row| matrix.get(row, row)).collect();
+/// The entries of the sum of two rows, in the order of their columns.
+fn sum(first: (&[u32], &[f64]), second: (&[u32], &[f64]), mut take: impl FnMut(u32, f64)) {
+    let mut others = second.0.iter().copied().zip(second.1.iter().copied()).peekable();
+    for (column, value) in first.0.iter().copied().zip(first.1.iter().copied()) {
+        while let Some((column, value)) = others.next_if(|(other, _)| *other < column) {
+            take(column, value);
+        }
+        let other = others.next_if(|(other, _)| *other == column).map_or(0.0, |(_, value)| value);
+        take(column, value + other);
+    }
+    others.for_each(|(column, value)| take(column, value));
+}
+
+/// The middle one of the positive entries of the diagonal of a sum: what rows that are not solved for are made as large as.
+pub(crate) fn middle_of_diagonal(parts: [&Csr; 2], owners: Option<&RowOwners>) -> f64 {
+    let of_row = |row| parts.iter().map(|part| part.get(row, row)).sum();
+    let mut sizes: Vec<f64> = (0..parts[0].n_rows()).map(of_row).collect();
     if let Some(owners) = owners {
         owners.team.sum(&mut sizes);
     }
@@ -200,13 +235,24 @@ mod tests {
     }
 
     #[test]
-    fn hidden_rows_are_rows_of_the_unit_matrix() {
-        let matrix = Csr::from_triplets(3, 3, &[(0, 0, 2.0), (0, 2, 1.0), (1, 1, 4.0), (2, 0, 1.0)]).expect("a matrix");
+    fn rows_are_those_of_the_sum_and_hidden_ones_are_of_the_unit_matrix() {
+        let of = |entries: &[_]| Csr::from_triplets(3, 3, entries).expect("a matrix");
+        let constant = of(&[(0, 0, 2.0), (0, 2, 1.0), (1, 1, 4.0)]);
+        let changing = of(&[(0, 1, 3.0), (0, 2, 5.0), (2, 0, 1.0)]);
         let numbers = Numbers::new(&[0, 1, 2], 3, 1, None).expect("numbers");
-        let whole = Structure::new(matrix.pattern(), &numbers, &[]).expect("a structure");
-        assert_eq!(whole.columns, [0, 2, 1, 0, 2]);
-        assert_eq!(whole.values(&matrix, 9.0), [2.0, 1.0, 4.0, 1.0, 0.0]);
-        let seen = Structure::new(matrix.pattern(), &numbers, &[2]).expect("a structure");
-        assert_eq!((seen.columns.clone(), seen.values(&matrix, 9.0)), (vec![0, 1, 2], vec![2.0, 4.0, 9.0]));
+        let all = |hidden: &[u32]| {
+            let mut rows = Rows::new(&numbers, [&constant, &changing], hidden, 9.0);
+            let room = rows.room();
+            let all: Vec<_> = (0..3).map(|k| (rows.row(k).1.to_vec(), rows.row(k).2.to_vec())).collect();
+            assert_eq!(room, [all.iter().map(|row| row.0.len() as i32).collect(), vec![0; 3]]);
+            (all, [0, 1, 2].map(|k| rows.changes(k)))
+        };
+        let (whole, changes) = all(&[]);
+        assert_eq!(whole[0], (vec![0, 1, 2], vec![2.0, 3.0, 6.0]));
+        assert_eq!(whole[1..], [(vec![1], vec![4.0]), (vec![0, 2], vec![1.0, 0.0])]);
+        assert_eq!(changes, [true, false, true]);
+        let (seen, _) = all(&[2]);
+        assert_eq!(seen[0], (vec![0, 1], vec![2.0, 3.0]));
+        assert_eq!(seen[1..], [(vec![1], vec![4.0]), (vec![2], vec![9.0])]);
     }
 }

@@ -113,28 +113,29 @@ void wfl_finish(void)
   MPI_Finalize();
 }
 
-/* Square; n rows of this rank with global columns, increasing in each row. Without values. */
-int wfl_matrix_new(PetscInt n, PetscInt block, int is_symmetric, const PetscInt *starts, const PetscInt *columns, Mat *out)
+/* Square; n rows of this rank, with so many entries in columns of this rank and of others by row. Without values. */
+int wfl_matrix_new(PetscInt n, PetscInt block, int is_symmetric, const PetscInt *own, const PetscInt *others, Mat *out)
 {
   PetscCall(MatCreate(PETSC_COMM_WORLD, out));
   PetscCall(MatSetSizes(*out, n, n, PETSC_DETERMINE, PETSC_DETERMINE));
   PetscCall(MatSetBlockSize(*out, block));
   PetscCall(MatSetType(*out, MATAIJ));
-  PetscCall(MatSeqAIJSetPreallocationCSR(*out, starts, columns, NULL));
-  PetscCall(MatMPIAIJSetPreallocationCSR(*out, starts, columns, NULL));
-  PetscCall(MatSetOption(*out, MAT_NEW_NONZERO_LOCATION_ERR, PETSC_TRUE));
+  PetscCall(MatSeqAIJSetPreallocation(*out, 0, own));
+  PetscCall(MatMPIAIJSetPreallocation(*out, 0, own, 0, others));
+  PetscCall(MatSetOption(*out, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_TRUE));
   PetscCall(MatSetOption(*out, MAT_SYMMETRIC, is_symmetric ? PETSC_TRUE : PETSC_FALSE));
   return 0;
 }
 
-int wfl_matrix_set(Mat a, PetscInt n, const PetscInt *starts, const PetscInt *columns, const double *values)
+/* One row of this rank, its columns increasing; wfl_matrix_finish follows the last one. */
+int wfl_matrix_put(Mat a, PetscInt row, PetscInt n, const PetscInt *columns, const double *values)
 {
-  PetscInt first;
-  PetscCall(MatGetOwnershipRange(a, &first, NULL));
-  for (PetscInt k = 0; k < n; k++) {
-    const PetscInt row = first + k;
-    PetscCall(MatSetValues(a, 1, &row, starts[k + 1] - starts[k], columns + starts[k], values + starts[k], INSERT_VALUES));
-  }
+  PetscCall(MatSetValues(a, 1, &row, n, columns, values, INSERT_VALUES));
+  return 0;
+}
+
+int wfl_matrix_finish(Mat a)
+{
   PetscCall(MatAssemblyBegin(a, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(a, MAT_FINAL_ASSEMBLY));
   return 0;
@@ -176,13 +177,14 @@ int wfl_matrix_set_modes(Mat a, PetscInt n, PetscInt k, const double *values)
 void wfl_matrix_free(Mat *a) { MatDestroy(a); }
 
 /* A Krylov method. Direct: its preconditioner is a factor. Otherwise it is a cycle of multigrid, followed by a direct
-   solution on the unknowns of contact of what is left (AMGF, arXiv 2505.18576). */
+   solution on the unknowns of contact of what is left (AMGF, arXiv 2505.18576): of rows and part, the rows of contact
+   and what they have in columns of contact. */
 typedef struct {
   KSP ksp;
   PC cycle;
   Mat a; /* borrowed from the caller */
-  IS contact;
-  Mat part;
+  IS contact, all;
+  Mat rows, part;
   KSP filter;
   Vec left, rhs, correction, b, x;
 } Solver;
@@ -193,9 +195,9 @@ static PetscErrorCode apply(PC pc, Vec x, Vec y)
   PetscCall(PCShellGetContext(pc, &s));
   PetscCall(PCApply(s->cycle, x, y));
   if (!s->contact) return 0;
-  PetscCall(MatMult(s->a, y, s->left));
-  PetscCall(VecAYPX(s->left, -1.0, x));
-  PetscCall(VecISCopy(s->left, s->contact, SCATTER_REVERSE, s->rhs));
+  PetscCall(MatMult(s->rows, y, s->left));
+  PetscCall(VecISCopy(x, s->contact, SCATTER_REVERSE, s->rhs));
+  PetscCall(VecAXPY(s->rhs, -1.0, s->left));
   PetscCall(KSPSolve(s->filter, s->rhs, s->correction));
   PetscCall(VecISAXPY(y, s->contact, 1.0, s->correction));
   return 0;
@@ -222,7 +224,7 @@ int wfl_solver_new(const char *kind, int is_direct, Mat a, PetscInt n, const Pet
   PetscCall(KSPSetFromOptions(s->ksp));
   if (is_direct || !has_contact) return 0;
   PetscCall(ISCreateGeneral(PETSC_COMM_WORLD, n, contact, PETSC_COPY_VALUES, &s->contact));
-  PetscCall(VecDuplicate(s->b, &s->left));
+  PetscCall(MatGetOwnershipIS(a, &s->all, NULL));
   PetscCall(KSPCreate(PETSC_COMM_WORLD, &s->filter));
   PetscCall(KSPSetOptionsPrefix(s->filter, "wfl_filter_"));
   PetscCall(KSPSetFromOptions(s->filter));
@@ -258,10 +260,15 @@ int wfl_solver_take(Solver *s, Mat hierarchy, int *reason, int *null_pivots)
     PetscCall(PCSetOperators(s->cycle, hierarchy, hierarchy));
     PetscCall(PCSetFromOptions(s->cycle));
     PetscCall(PCSetUp(s->cycle));
+    /* where it is made of the matrix itself, its coarser levels stay as that gets other values */
+    PetscCall(PCSetReusePreconditioner(s->cycle, PETSC_TRUE));
   }
   if (s->contact) {
-    PetscCall(MatCreateSubMatrix(s->a, s->contact, s->contact, s->part ? MAT_REUSE_MATRIX : MAT_INITIAL_MATRIX, &s->part));
+    const MatReuse reuse = s->part ? MAT_REUSE_MATRIX : MAT_INITIAL_MATRIX;
+    PetscCall(MatCreateSubMatrix(s->a, s->contact, s->contact, reuse, &s->part));
+    PetscCall(MatCreateSubMatrix(s->a, s->contact, s->all, reuse, &s->rows));
     if (!s->rhs) PetscCall(MatCreateVecs(s->part, &s->correction, &s->rhs));
+    if (!s->left) PetscCall(VecDuplicate(s->rhs, &s->left));
     PetscCall(KSPSetOperators(s->filter, s->part, s->part));
     PetscCall(KSPSetUp(s->filter));
     PetscCall(factor_of(s->filter, &pc));
@@ -311,8 +318,10 @@ void wfl_solver_free(Solver *s)
   KSPDestroy(&s->ksp);
   KSPDestroy(&s->filter);
   PCDestroy(&s->cycle);
+  MatDestroy(&s->rows);
   MatDestroy(&s->part);
   ISDestroy(&s->contact);
+  ISDestroy(&s->all);
   VecDestroy(&s->left);
   VecDestroy(&s->rhs);
   VecDestroy(&s->correction);

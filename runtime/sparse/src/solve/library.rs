@@ -50,8 +50,10 @@ pub struct Traits {
 pub struct Equations {
     /// What is known of them.
     pub traits: Traits,
-    /// Every matrix has its entries inside this pattern.
-    pub pattern: Arc<Pattern>,
+    /// The part that all matrices have in common.
+    pub constant: Arc<Csr>,
+    /// Where the other part has its entries: few in scenes with contact.
+    pub changing: Arc<Pattern>,
     /// The unknowns by nodes, multipliers included; `None` where [`Traits::obstacle`] says why.
     pub layout: Option<NodeLayout>,
     /// Rows of multipliers, increasing: without a stiffness of their own.
@@ -78,20 +80,28 @@ pub trait Library: Sync {
     fn engine(&self, equations: &Arc<Equations>, is_symmetric: bool) -> Result<Box<dyn Engine + Send>, SolveError>;
 }
 
-/// A solver of a library. Its solutions are not checked yet.
+impl Equations {
+    /// Number of rows.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        self.constant.n_rows()
+    }
+}
+
+/// A solver of a library. Its solutions are not checked yet. A matrix is told by the part that it adds to the constant one.
 pub trait Engine {
-    /// Takes the next matrix, on the pattern of the equations.
+    /// Takes the next matrix.
     ///
     /// # Errors
     /// [`SolveError`] of a factor that cannot be made.
-    fn take(&mut self, matrix: &Csr) -> Result<(), SolveError>;
+    fn take(&mut self, changing: &Csr) -> Result<(), SolveError>;
 
     /// Solves `A x = rhs`, `A` the matrix taken last, until the 2-norm of the residual is `tolerance` of that of `rhs`; a
     /// factor may do better. The number of iterations is returned.
     ///
     /// # Errors
     /// [`SolveError`] where no method of the library gets there.
-    fn solve(&mut self, matrix: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<usize, SolveError>;
+    fn solve(&mut self, changing: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<usize, SolveError>;
 
     /// Forgets what was learned of earlier matrices, so that what follows depends on later ones alone.
     fn restart(&mut self);
@@ -116,11 +126,13 @@ impl PartialEq for Linked {
     }
 }
 
-/// A solver of a library with its solutions checked.
+/// A solver of a library with its solutions checked. It is given the part of a matrix that changes; the constant part is
+/// shared, not copied.
 pub struct CheckedLibrary {
     engine: Box<dyn Engine + Send>,
     check: BackwardErrorCheck,
-    matrix: OnPattern,
+    constant: Arc<Csr>,
+    changing: OnPattern,
     points: Vec<[f64; 3]>,
     is_symmetric: bool,
     is_loaded: bool,
@@ -138,10 +150,13 @@ impl CheckedLibrary {
         points: &[[f64; 3]],
         options: SolverOptions,
     ) -> Result<Self, SolveError> {
+        let mut check = BackwardErrorCheck::new(equations.n_rows(), options).on(equations.owners.clone());
+        check.set_constant_part(&equations.constant);
         Ok(Self {
             engine: library.0.engine(equations, is_symmetric)?,
-            check: BackwardErrorCheck::new(equations.pattern.n_rows(), options).on(equations.owners.clone()),
-            matrix: OnPattern::new(&equations.pattern),
+            check,
+            constant: Arc::clone(&equations.constant),
+            changing: OnPattern::new(&equations.changing),
             points: points.to_vec(),
             is_symmetric,
             is_loaded: false,
@@ -154,13 +169,12 @@ impl CheckedLibrary {
             error,
             SolveError::VanishingPivot { .. } | SolveError::ResidualTooLarge { .. } | SolveError::Library { .. }
         );
-        if !may_be_singular || self.matrix.matrix.n_rows() > EXPLAINED {
+        if !may_be_singular || self.constant.n_rows() > EXPLAINED {
             return error;
         }
-        match self.check.whole(&self.matrix.matrix) {
-            Some(whole) => explain_singular(&mut self.check, &whole, Some(&self.points), error),
-            None => explain_singular(&mut self.check, &self.matrix.matrix, Some(&self.points), error),
-        }
+        let Ok(matrix) = self.constant.plus(&self.changing.matrix) else { return error };
+        let matrix = self.check.whole(&matrix).unwrap_or(matrix);
+        explain_singular(&mut self.check, &matrix, Some(&self.points), error)
     }
 
     /// Solves and refines; the number of iterations stands in the report.
@@ -169,12 +183,12 @@ impl CheckedLibrary {
             return Err(SolveError::NotFactored);
         }
         self.check.check_rhs(rhs, x)?;
-        let (engine, matrix) = (&mut self.engine, &self.matrix.matrix);
+        let (engine, changing) = (&mut self.engine, &self.changing.matrix);
         let (mut iterations, mut failure) = (0, None);
         let mut wanted = (OF_THE_TOLERANCE * tolerance).clamp(TIGHTEST, LOOSEST);
         let mut solver = |x: &mut [f64]| {
             let b = x.to_vec();
-            match engine.solve(matrix, &b, x, wanted) {
+            match engine.solve(changing, &b, x, wanted) {
                 Ok(n) => iterations += n,
                 Err(error) => {
                     // not a number: the check refuses it
@@ -185,7 +199,7 @@ impl CheckedLibrary {
             // what follows is a correction
             wanted = ROUGH;
         };
-        let outcome = self.check.solve(&[&self.matrix.matrix], &mut solver, rhs, x, tolerance);
+        let outcome = self.check.solve(&[&self.constant, changing], &mut solver, rhs, x, tolerance);
         match outcome {
             Ok(report) => {
                 if self.check.has_grown(rhs, x) {
@@ -199,14 +213,14 @@ impl CheckedLibrary {
 
     /// The error for a matrix that is singular although it was solved with.
     fn look_for_null_vector(&mut self) -> Result<(), SolveError> {
-        let (engine, matrix) = (&mut self.engine, &self.matrix.matrix);
+        let (engine, changing) = (&mut self.engine, &self.changing.matrix);
         let mut solver = |x: &mut [f64]| {
             let b = x.to_vec();
-            if engine.solve(matrix, &b, x, ROUGH).is_err() {
+            if engine.solve(changing, &b, x, ROUGH).is_err() {
                 x.fill(f64::NAN);
             }
         };
-        match self.check.find_null_vector(&[&self.matrix.matrix], &mut solver) {
+        match self.check.find_null_vector(&[&self.constant, changing], &mut solver) {
             Some(error) => Err(error),
             None => Ok(()),
         }
@@ -216,15 +230,18 @@ impl CheckedLibrary {
 impl LinearSolver for CheckedLibrary {
     fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
         self.is_loaded = false;
-        self.matrix.take(matrix)?;
-        self.check.set_matrix(&[&self.matrix.matrix])?;
+        self.changing.take(matrix)?;
+        self.check.set_matrix(&[&self.constant, &self.changing.matrix])?;
         if self.is_symmetric {
-            match self.check.owners() {
-                Some(owners) => check_own_symmetry(&self.matrix.matrix, owners)?,
-                None => check_symmetry(&self.matrix.matrix)?,
+            // the sum is what its terms promise to be symmetric, and each of them is
+            for part in [&*self.constant, &self.changing.matrix] {
+                match self.check.owners() {
+                    Some(owners) => check_own_symmetry(part, owners)?,
+                    None => check_symmetry(part)?,
+                }
             }
         }
-        let taken = if matrix.n_rows() == 0 { Ok(()) } else { self.engine.take(&self.matrix.matrix) };
+        let taken = if matrix.n_rows() == 0 { Ok(()) } else { self.engine.take(&self.changing.matrix) };
         match taken {
             Ok(()) => {
                 self.is_loaded = true;
@@ -253,13 +270,13 @@ impl LinearSolver for CheckedLibrary {
         if !self.is_symmetric {
             return Err(SolveError::Library { text: "no solutions with the transposed of a matrix".to_owned() });
         }
-        let (engine, matrix) = (&mut self.engine, &self.matrix.matrix);
+        let (engine, changing) = (&mut self.engine, &self.changing.matrix);
         let mut failure = None;
         let mut solver = |_, x: &mut [f64]| {
             let b = x.to_vec();
-            failure = engine.solve(matrix, &b, x, ROUGH).err().or_else(|| failure.take());
+            failure = engine.solve(changing, &b, x, ROUGH).err().or_else(|| failure.take());
         };
-        let inverse = inverse_norm_estimate(self.matrix.matrix.n_rows(), &mut solver);
+        let inverse = inverse_norm_estimate(self.constant.n_rows(), &mut solver);
         // the largest sum of a column is that of a row: the matrix is symmetric
         failure.map_or(Ok(inverse * self.check.norm()), Err)
     }

@@ -1,0 +1,109 @@
+//! Corrections that are solved as far as the contact they lead to asks for.
+//!
+//! Where a full step solves the equations but for branches that change, a correction is a means to find the next active
+//! set, and only that of the last iteration must be exact. A linked library solves it in parts: after each the branches at
+//! the end of the full step are looked at, and where what they change is large against what the solution has left, the
+//! next iteration takes over. Promises: a correction after which no branch changes is solved as far as one with a factor;
+//! decisions follow from whole vectors, so that all ranks take the same. Does not choose steps and active sets.
+
+use super::{
+    Evaluated, Method, NewtonError, StepHistory,
+    linear_solver::LEFT_OF_FULL_STEP,
+    load_step::{LoadStep, Measured, Norm},
+};
+
+/// What a solution may leave, relative to what changed branches leave: with a hundredth the iterations of the scenes in
+/// `runtime/cli/tests/petsc.rs` are as many as with a factor.
+const OF_THE_CHANGES: f64 = 0.01;
+/// The part of that which is asked for, so that it is met in one attempt more often than not.
+const ASKED: f64 = 0.3;
+/// The first attempt at a correction leaves no more than this, and no attempt is asked for less than a few digits.
+const FIRST: f64 = 1e-3;
+const LEAST: f64 = 0.1;
+/// The most that one attempt is asked for while branches change: they may change for what the last has left.
+const MOST: f64 = 1e-4;
+/// What the last solution of a step may leave, relative to the tolerance: less than shows in any measure.
+const OF_THE_TOLERANCE: f64 = 1e-4;
+
+/// How far a correction is to be solved.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Inexact {
+    /// What the first solution may leave of its right-hand side.
+    first: f64,
+    /// What is left in the end where no branch changes.
+    last: f64,
+}
+
+impl Inexact {
+    /// For an iteration from a state with this relative residual after one with the residual `before`; `best` is the
+    /// smallest of earlier ones. `None` where a solution to all digits is due: other methods, nonlinear bodies, our own
+    /// solvers, and iterations without progress, which are told by states that come back.
+    pub(super) fn of(
+        step: &LoadStep<'_>,
+        method: Method,
+        here: f64,
+        before: Option<f64>,
+        best: Option<f64>,
+    ) -> Option<Self> {
+        let applies =
+            method == Method::ActiveSet && step.solver.solves_in_parts(step.system) && !step.has_single_equations();
+        if !applies || best.is_some_and(|best| here >= best) {
+            return None;
+        }
+        let last = (OF_THE_TOLERANCE * step.options.tolerance / here).max(LEFT_OF_FULL_STEP);
+        let next = before.map_or(1.0, |before| (here / before) * (here / before));
+        Some(Self { first: (ASKED * OF_THE_CHANGES * next).min(FIRST).max(last), last })
+    }
+
+    /// The correction of `here`, the tangent assembled, as far as the state at its end asks for.
+    pub(super) fn correct(
+        self,
+        step: &mut LoadStep<'_>,
+        from: (&[f64], &Measured),
+        norm: &Norm,
+        direction: &mut Vec<f64>,
+        history: &mut StepHistory,
+    ) -> Result<(), NewtonError> {
+        let (start, here) = from;
+        step.factor()?;
+        // one correction, however often it is gone on with
+        step.spent.linear_solves += 1;
+        let mut report = step.solve_part(&here.residual, self.first, direction)?;
+        let mut asked = self.first;
+        let mut u = start.to_vec();
+        while asked > self.last {
+            step.go(start, direction, 1.0, &mut u);
+            let found = step.measure(&u, norm)?;
+            let Some(part) = self.still(step, here, &found, norm, asked)? else { break };
+            let mut more = Vec::new();
+            let iterations = report.krylov_iterations;
+            report = step.solve_part(&found.residual, part, &mut more)?;
+            report.krylov_iterations += iterations;
+            direction.iter_mut().zip(&more).for_each(|(d, more)| *d += more);
+            asked *= part;
+        }
+        history.solves.push(report);
+        Ok(())
+    }
+
+    /// The part of what is left that the next attempt may leave; `None` where what the branches change is large against it.
+    fn still(
+        self,
+        step: &LoadStep<'_>,
+        here: &Measured,
+        found: &Measured,
+        norm: &Norm,
+        asked: f64,
+    ) -> Evaluated<Option<f64>> {
+        let changed: Vec<f64> = found.written.values.iter().zip(&found.residual).map(|(w, r)| w - r).collect();
+        let (changes, left) = (step.weighted_norm(&changed, norm), found.norm);
+        if left <= OF_THE_CHANGES * changes || left <= self.last * here.norm {
+            return Ok(None);
+        }
+        let last = self.last / asked;
+        let wanted = (ASKED * OF_THE_CHANGES * changes / left).clamp(MOST, LEAST);
+        // rounding of both residuals, and branches that change for nothing but what is left
+        let is_last = changes <= self.last * here.norm;
+        Ok(Some(if is_last { last } else { wanted.max(last) }))
+    }
+}
