@@ -245,6 +245,23 @@ static PetscErrorCode factor_of(KSP ksp, PC *pc)
   return 0;
 }
 
+/* Gives back what products keep for being computed again: levels are made anew from nothing. */
+static PetscErrorCode forget_products(PC cycle)
+{
+  PetscInt levels;
+  PetscCall(PCMGGetLevels(cycle, &levels));
+  for (PetscInt k = 0; k + 1 < levels; k++) {
+    KSP smoother;
+    Mat coarse, interpolation;
+    PetscCall(PCMGGetSmoother(cycle, k, &smoother));
+    PetscCall(KSPGetOperators(smoother, &coarse, NULL));
+    PetscCall(MatProductClear(coarse));
+    PetscCall(PCMGGetInterpolation(cycle, k + 1, &interpolation));
+    PetscCall(MatProductClear(interpolation));
+  }
+  return 0;
+}
+
 /* The values of the matrix have changed; hierarchy: what the levels are made of, or null to keep them. reason: 0, or why
    a factor could not be made; null_pivots: found by a direct solver. */
 int wfl_solver_take(Solver *s, Mat hierarchy, int *reason, int *null_pivots)
@@ -260,6 +277,7 @@ int wfl_solver_take(Solver *s, Mat hierarchy, int *reason, int *null_pivots)
     PetscCall(PCSetOperators(s->cycle, hierarchy, hierarchy));
     PetscCall(PCSetFromOptions(s->cycle));
     PetscCall(PCSetUp(s->cycle));
+    PetscCall(forget_products(s->cycle));
     /* where it is made of the matrix itself, its coarser levels stay as that gets other values */
     PetscCall(PCSetReusePreconditioner(s->cycle, PETSC_TRUE));
   }
