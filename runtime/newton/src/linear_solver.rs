@@ -103,7 +103,8 @@ impl LinearSolver {
                 system.bulk(),
                 system.changing_pattern(),
                 Some(&self.coordinates),
-                (&at_points(system), &pairs),
+                &at_points(system),
+                &pairs,
                 self.options,
             ) {
                 Ok(mut condensed) => {

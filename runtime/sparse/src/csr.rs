@@ -21,6 +21,9 @@ const ROWS_PER_TASK: usize = 1024;
 /// Below this number of entries a product costs less than waking a second thread.
 const PARALLEL_ENTRIES: usize = 100_000;
 
+/// The same rows of three vectors.
+type RowsOfThree<'a> = ((&'a mut [f64], &'a mut [f64]), &'a mut [f64]);
+
 /// A sparse matrix: a shared [`Pattern`] and one value for each of its entries.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Csr {
@@ -334,7 +337,7 @@ pub fn residual_and_size(parts: &[&Csr], b: &[f64], x: &[f64], r: &mut [f64], m:
 pub fn product_and_sizes(a: &Csr, d: &[f64], x: &[f64], outs: [&mut [f64]; 3], threads: usize) {
     let [p, s, t] = outs;
     assert!([p.len(), s.len(), t.len()] == [a.n_rows(); 3] && [d.len(), x.len()] == [a.n_cols(); 2]);
-    let share = |(chunk, ((p, s), t)): (usize, ((&mut [f64], &mut [f64]), &mut [f64]))| {
+    let share = |(chunk, ((p, s), t)): (usize, RowsOfThree<'_>)| {
         for (offset, ((p, s), t)) in p.iter_mut().zip(s).zip(t).enumerate() {
             let (columns, values) = a.row(chunk * ROWS_PER_TASK + offset);
             (*p, *s, *t) = (0.0, 0.0, 0.0);

@@ -145,25 +145,22 @@ impl TangentPlan {
                     .collect(),
             })
             .collect();
-        let (row_nodes, column_nodes) = (
-            group.bases[row.basis].functions(rows_on_support),
-            group.bases[column.basis].functions(columns_on_support),
-        );
+        let (of_rows, of_columns) = (&group.bases[row.basis], &group.bases[column.basis]);
+        let (row_nodes, column_nodes) = (of_rows.functions(rows_on_support), of_columns.functions(columns_on_support));
         let (n_tests, n_trials) = (row_nodes.len(), column_nodes.len());
         if n_tests == 0 || n_trials == 0 {
             return;
         }
         let is_triangle = entries.symmetric && row == column && rows_on_support == columns_on_support;
         let n_dofs = group.n_dofs();
-        let (of_tests, of_trials) = (&group.bases[row.basis], &group.bases[column.basis]);
         for (i, test) in row_nodes.iter().enumerate() {
             for (j, trial) in column_nodes.iter().enumerate() {
-                if rows_on_support && columns_on_support && of_tests.is_apart(*test, of_trials, *trial) {
+                if rows_on_support && columns_on_support && of_rows.is_apart(*test, of_columns, *trial) {
                     self.has_apart = true;
                     continue;
                 }
-                let test = group.bases[row.basis].dof(*test, row.component);
-                let trial = group.bases[column.basis].dof(*trial, column.component);
+                let test = of_rows.dof(*test, row.component);
+                let trial = of_columns.dof(*trial, column.component);
                 let (i, j) = if is_triangle { (i.min(j), i.max(j)) } else { (i, j) };
                 let source = u32::try_from(self.n_local + i * n_trials + j).expect("small local matrices");
                 self.sources[test * n_dofs + trial] = source;
@@ -172,7 +169,7 @@ impl TangentPlan {
                 }
             }
         }
-        let n_points = group.bases[column.basis].table.n_points;
+        let n_points = of_columns.table.n_points;
         self.flux = self.flux.max(rows.len() * n_points * n_trials);
         self.blocks.push(Block { rows, n_tests, n_trials, start: self.n_local, is_triangle, sum: Vec::new() });
         self.n_local += n_tests * n_trials;

@@ -502,7 +502,7 @@ impl CheckedCondensed {
             let limits = Limits { target: wanted.max(smallest * size), max_iterations, trial_iterations };
             let target = (WITHIN * tolerance).max(smallest) * b.iter().map(|value| value * value).sum::<f64>().sqrt();
             let plain = Limits { target, ..limits };
-            if let Some(outcome) = engine.solve_stale(b, gmres, (limits, plain), &scale, difference) {
+            if let Some(outcome) = engine.solve_stale(b, gmres, limits, plain, &scale, difference) {
                 iterations += outcome.iterations;
                 converged &= outcome.converged;
                 return;

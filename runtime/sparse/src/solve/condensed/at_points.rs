@@ -58,7 +58,8 @@ impl CheckedAtPoints {
         bulk: &Csr,
         changing: &Arc<Pattern>,
         coordinates: Option<&[[f64; 3]]>,
-        (candidates, pairs): (&[u32], &[(u32, u32)]),
+        candidates: &[u32],
+        pairs: &[(u32, u32)],
         options: SolverOptions,
     ) -> Result<Self, SolveError> {
         let given = Given {
@@ -131,7 +132,7 @@ impl CheckedAtPoints {
     /// As [`CheckedCondensed::solve_to`].
     pub fn solve_to(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
         let Some(reduced) = &mut self.reduced else { return self.solver_mut().solve_to(rhs, x, tolerance) };
-        if let Ok(report) = reduced.solve(&self.given.bulk, &self.changing.matrix, (rhs, x), tolerance) {
+        if let Ok(report) = reduced.solve(&self.given.bulk, &self.changing.matrix, rhs, x, tolerance) {
             return Ok(report);
         }
         let changing = self.changing.matrix.clone();
@@ -239,7 +240,8 @@ impl Reduced {
         &mut self,
         bulk: &Csr,
         changing: &Csr,
-        (rhs, x): (&[f64], &mut [f64]),
+        rhs: &[f64],
+        x: &mut [f64],
         tolerance: f64,
     ) -> Result<SolveReport, SolveError> {
         let Self { points, inner, check } = self;
@@ -311,7 +313,7 @@ mod tests {
 
         fn solver(&self, laws: &Csr) -> CheckedAtPoints {
             let options = SolverOptions::default();
-            CheckedAtPoints::new(&self.bulk, laws.pattern(), None, (&self.points(), &[]), options).unwrap()
+            CheckedAtPoints::new(&self.bulk, laws.pattern(), None, &self.points(), &[], options).unwrap()
         }
 
         fn load(&self) -> Vec<f64> {

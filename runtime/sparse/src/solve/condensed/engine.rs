@@ -287,12 +287,14 @@ impl Engine {
     }
 
     /// Solves in place, by dof, with the changing part taken last and the factor of an older one, or of single
-    /// precision; `difference` is what the older one lacks, on the changing dofs. `None` where the caller has to iterate.
+    /// precision, to the limits `plain` where equations are not scaled; `difference` is what the older one lacks, on
+    /// the changing dofs. `None` where the caller has to iterate.
     pub(super) fn solve_stale(
         &mut self,
         x: &mut [f64],
         gmres: &mut Gmres,
-        (limits, plain): (Limits, Limits),
+        limits: Limits,
+        plain: Limits,
         scale: &[f64],
         difference: &Csr,
     ) -> Option<Outcome> {
@@ -306,7 +308,7 @@ impl Engine {
                 let cholesky = |front: usize| FrontFactor::Cholesky { panel: constant.panel(front) };
                 let mut outcome = None;
                 let iterate = |interface: &mut [f64]| {
-                    outcome = Some(iterate_dense(dense, (order, difference), gmres, plain, interface));
+                    outcome = Some(iterate_dense(dense, order, difference, gmres, plain, interface));
                 };
                 self.triangular.solve(symbolic, cholesky, Transpose::No, iterate, x);
                 outcome
@@ -363,7 +365,8 @@ impl Engine {
 /// iterations do not get there.
 fn iterate_dense(
     dense: &mut Dense,
-    (order, difference): (&[u32], &Csr),
+    order: &[u32],
+    difference: &Csr,
     gmres: &mut Gmres,
     limits: Limits,
     b: &mut [f64],
