@@ -404,6 +404,17 @@ impl System {
             .collect()
     }
 
+    /// Whether loads act on the free dofs of a field, or of one whose forces it meets: forces that depend neither on the
+    /// unknowns nor on the past.
+    #[must_use]
+    pub fn is_loaded(&self, field: usize) -> bool {
+        let acts = |k: usize| {
+            let is_loaded = |d: usize| self.numbering.free[d] != FIXED && self.constant[d] != 0.0;
+            self.meets[k] == self.meets[field] && self.range(k).is_some_and(|mut range| range.any(is_loaded))
+        };
+        self.base.is_empty() && self.fields[field].kind == FieldKind::Unknown && (0..self.fields.len()).any(acts)
+    }
+
     /// By dof: |K| |u| of linear and changing terms, what rounding errors of the residual `here` at `u` are relative to.
     #[must_use]
     pub fn sizes(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {

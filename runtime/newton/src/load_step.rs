@@ -139,7 +139,12 @@ impl LoadStep<'_> {
                 let cancelled = largest_of(range.clone().map(|d| sizes[d]));
                 let largest = largest_of(range.clone().filter(is_free).map(|d| written.values[d]));
                 let kept = range.map(|d| written.linear_sizes[d]);
-                let kept = if faces_alone { rounding * largest_of(kept) } else { f64::INFINITY };
+                // loads are known exactly: a state so far away that they are rounding beside it balances none of them
+                let kept = match (system.is_loaded(field), faces_alone) {
+                    (true, _) => 0.0,
+                    (false, true) => rounding * largest_of(kept),
+                    (false, false) => f64::INFINITY,
+                };
                 all.add_forces(system.alike(field), largest, scales[field], [rounding * cancelled, kept]);
             }
         }

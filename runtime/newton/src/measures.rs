@@ -33,7 +33,8 @@ impl FieldMeasures {
     }
 
     /// Adds forces: the largest residual, the largest force, and what rounding leaves: of all terms, and of those whose
-    /// stiffness does not change. A law that is steep where it has hardly begun (friction at a slip rate of zero) has a
+    /// rounding is a reason to stop with much of the forces open: none where loads act, those whose stiffness does not
+    /// change where a law on faces may be steep. A law that is steep where it has hardly begun (friction at a slip rate of zero) has a
     /// stiffness against which every force is rounding: that is no reason to stop with much of the forces open.
     pub(crate) fn add_forces(&mut self, field: usize, residual: f64, scale: f64, rounding: [f64; 2]) {
         if residual > 0.0 {
