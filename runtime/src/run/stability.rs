@@ -19,10 +19,10 @@ const STEPS_FOR_EACH: usize = 10;
 /// What is known of the limit.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stability {
-    /// The branches of all terms where it was computed last, or at the start.
+    /// The branches of all terms where it was computed last.
     seen: Option<Vec<BranchCounts>>,
-    /// It was computed behind the start.
-    again: bool,
+    /// How often it was computed.
+    looks: usize,
     /// Steps until it may be computed again.
     wait: usize,
     /// Where it was first below the steps, and the limit there.
@@ -42,15 +42,12 @@ impl Stability {
         if self.found.is_some() || scene.system.is_linear() {
             return Ok(());
         }
-        if at.time - at.increment <= scene.steps.first() {
-            (self.seen, self.wait) = (Some(branches.to_vec()), STEPS_FOR_EACH * explicit.limit.evaluations);
-            return Ok(());
-        }
         self.wait = self.wait.saturating_sub(1);
         let changed = self.seen.as_deref() != Some(branches);
         let is_smooth = || scene.system.terms.iter().any(|t| t.law.class == Class::Nonlinear);
-        // the first change is looked at at once: the limit of the start says nothing of a contact that closes
-        let is_due = if changed { self.wait == 0 || !self.again } else { self.wait == 0 && is_smooth() };
+        // the end of the first step, and the first change behind it, are looked at at once: the limit of the start says
+        // nothing of a contact that closes
+        let is_due = if changed { self.wait == 0 || self.looks < 2 } else { self.wait == 0 && is_smooth() };
         if !is_due {
             return Ok(());
         }
@@ -59,7 +56,7 @@ impl Stability {
         scene.system.known.rates = rates;
         scene.system.set_laws(at.time, at.increment);
         let limit = limit?;
-        (self.seen, self.again) = (Some(branches.to_vec()), true);
+        (self.seen, self.looks) = (Some(branches.to_vec()), self.looks + 1);
         self.wait = STEPS_FOR_EACH * limit.evaluations;
         if at.increment.abs() > limit.step {
             self.found = Some((at.time, limit.step));

@@ -36,6 +36,8 @@ struct Reduced {
     points: Points,
     inner: CheckedCondensed,
     check: BackwardErrorCheck,
+    /// A matrix has been taken, and its unknowns at points are eliminated.
+    is_updated: bool,
 }
 
 /// Solver for a constant symmetric bulk and a part that changes, some of whose unknowns may stand at points.
@@ -132,6 +134,9 @@ impl CheckedAtPoints {
     /// As [`CheckedCondensed::solve_to`].
     pub fn solve_to(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
         let Some(reduced) = &mut self.reduced else { return self.solver_mut().solve_to(rhs, x, tolerance) };
+        if !reduced.is_updated {
+            return Err(SolveError::NotFactored);
+        }
         if let Ok(report) = reduced.solve(&self.given.bulk, &self.changing.matrix, rhs, x, tolerance) {
             return Ok(report);
         }
@@ -225,7 +230,7 @@ impl Given {
         let inner = CheckedCondensed::with_choice(&bulk, pattern, coordinates, &[], self.options, |_, _| choice)?;
         let mut check = BackwardErrorCheck::new(self.bulk.n_rows(), self.options);
         check.set_constant_part(&self.bulk);
-        Ok(Reduced { points, inner, check })
+        Ok(Reduced { points, inner, check, is_updated: false })
     }
 }
 
@@ -233,7 +238,9 @@ impl Reduced {
     fn update(&mut self, bulk: &Csr, changing: &Csr) -> Result<(), SolveError> {
         self.check.set_matrix(&[bulk, changing])?;
         self.points.reduce(changing)?;
-        self.inner.update(self.points.reduced())
+        self.inner.update(self.points.reduced())?;
+        self.is_updated = true;
+        Ok(())
     }
 
     fn solve(
@@ -244,7 +251,7 @@ impl Reduced {
         x: &mut [f64],
         tolerance: f64,
     ) -> Result<SolveReport, SolveError> {
-        let Self { points, inner, check } = self;
+        let Self { points, inner, check, .. } = self;
         check.check_rhs(rhs, x)?;
         let (mut krylov_iterations, mut refactored) = (0, false);
         let mut solver = |x: &mut [f64]| {
@@ -352,6 +359,14 @@ mod tests {
         whole.update(&laws(3)).unwrap();
         let (estimate, wanted) = (solver.condition_estimate().unwrap(), whole.condition_estimate().unwrap());
         assert!((estimate / wanted - 1.0).abs() < 1e-3, "{estimate} {wanted}");
+    }
+
+    #[test]
+    fn nothing_is_solved_before_a_matrix_was_taken() {
+        let fault = Fault::new();
+        let mut solver = fault.solver(&fault.laws(|_| 1e7));
+        let mut x = fault.load();
+        assert_eq!(solver.solve_to(&fault.load(), &mut x, 0.0), Err(SolveError::NotFactored));
     }
 
     #[test]
