@@ -13,7 +13,7 @@ type Params = BTreeMap<String, Constant>;
 
 /// True for an expression that is zero for the present values of parameters.
 #[must_use]
-pub fn vanishes(params: &Params, e: &Expr) -> bool {
+pub(crate) fn vanishes(params: &Params, e: &Expr) -> bool {
     match &e.kind {
         ExprKind::Name(name) => params.get(name).is_some_and(|c| c.values.iter().all(|v| *v == 0.0)),
         ExprKind::Product(first, rest) => {

@@ -48,7 +48,7 @@ pub use constant::{constant, without_fields};
 pub use dd::Dd;
 pub use degree::Degree;
 pub use dual::Dual;
-pub use effect::{each_name_in_effect, vanishes};
+pub use effect::each_name_in_effect;
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};
 pub use law::{Class, Kink, KinkKind, Listing, Prologue, TermLaw, ValueJump, ValueLaw, run_prologue};

@@ -125,6 +125,28 @@ fn ranks_have_the_residuals_and_tangents_of_one() {
     }
 }
 
+/// What is added to the mass by itself is whole on every rank, as a term by itself is: energies are made of it.
+#[test]
+fn the_mass_that_nodes_gave_away_is_whole_on_every_rank() {
+    let edits = [("beta=0.2652 gamma=0.53", "massless=wall".to_owned())];
+    let forces = |scene: &Scene| {
+        let mut out = vec![0.0; scene.system.numbering.n_dofs];
+        scene.system.add_redistributed(&state(scene), &mut out);
+        bits(&out)
+    };
+    let alone = forces(&example("dynamics/bar.wfl", &edits));
+    assert!(alone.iter().any(|word| *word != 0));
+    std::thread::scope(|scope| {
+        for team in in_threads(2) {
+            scope.spawn(|| {
+                let mut scene = example("dynamics/bar.wfl", &edits);
+                scene.system.share_rows(team).expect("fits");
+                assert_eq!(forces(&scene), alone);
+            });
+        }
+    });
+}
+
 #[test]
 fn a_number_that_is_not_finite_is_the_same_error_on_every_rank() {
     let told = |scene: &mut Scene| {

@@ -195,8 +195,9 @@ fn mass(system: &mut System) -> Result<Csr, SystemError> {
         }
         made = at(factor)?;
     }
-    at(0.0)?;
     system.known.hold_rates();
+    let (time, increment) = system.step();
+    system.set_laws(time, increment);
     made.values_mut().iter_mut().zip(without.values()).for_each(|(a, b)| *a = (*a - b) / factor);
     Ok(made)
 }

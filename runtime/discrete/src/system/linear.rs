@@ -141,22 +141,26 @@ impl System {
         }
     }
 
-    /// Adds the forces of the difference of masses at accelerations by dof: the rows of this rank, in the axes of the
-    /// scene.
+    /// Adds the forces of the difference of masses at accelerations by dof, in the axes of the scene: all rows, on every
+    /// rank, as [`Self::term_residual`].
     pub fn add_redistributed(&self, accelerations: &[f64], out: &mut [f64]) {
+        self.add_rows_of_difference(accelerations, out, |_| true);
+    }
+
+    fn add_rows_of_difference(&self, accelerations: &[f64], out: &mut [f64], wanted: impl Fn(usize) -> bool) {
         let Some(redistribution) = &self.redistribution else { return };
         let difference = &redistribution.difference;
-        for (row, out) in out.iter_mut().enumerate().filter(|(row, _)| self.owns(*row)) {
+        for (row, out) in out.iter_mut().enumerate().filter(|(row, _)| wanted(*row)) {
             let (columns, values) = difference.row(row);
             *out += columns.iter().zip(values).map(|(c, v)| v * accelerations[*c as usize]).sum::<f64>();
         }
     }
 
-    /// The same at the accelerations that the unknowns `u` have in the present step.
+    /// The same at the accelerations that the unknowns `u` have in the present step: the rows of this rank.
     pub(super) fn add_redistributed_at(&self, u: &[f64], out: &mut [f64]) {
         let (Some(_), Some(rates), Some(past)) = (&self.redistribution, &self.known.rates, &self.known.previous) else {
             return;
         };
-        self.add_redistributed(&rates.second(u, &past.unknowns), out);
+        self.add_rows_of_difference(&rates.second(u, &past.unknowns), out, |row| self.owns(row));
     }
 }
