@@ -24,6 +24,7 @@ use std::sync::Arc;
 
 pub use form::{ActiveSet, Branches, Form, LinearTerms, StateValues};
 pub use known::{Known, Past};
+use linear::LinearMatrix;
 pub use linear::Redistribution;
 pub use numbering::{FIXED, Numbering, Tie};
 pub use residual::Residual;
@@ -84,7 +85,7 @@ pub struct System {
     /// The step variable.
     time: f64,
     increment: f64,
-    linear: Option<Csr>,
+    linear: Option<LinearMatrix>,
     /// By linear term: the uniforms that the matrix was assembled with.
     linear_uniforms: Vec<Vec<f64>>,
     bulk: Arc<Csr>,

@@ -6,6 +6,7 @@
 
 mod error;
 mod pattern;
+mod products;
 
 use std::sync::Arc;
 
@@ -15,14 +16,12 @@ use wfl_host::team::Team;
 use crate::{index::NONE, norm::largest};
 pub use error::CsrError;
 pub use pattern::{Pattern, PatternBuilder};
+pub use products::{Outside, Rows, Whole, product_and_size, product_and_sizes};
 
 /// Rows handled by one parallel task of a product.
 const ROWS_PER_TASK: usize = 1024;
 /// Below this number of entries a product costs less than waking a second thread.
 const PARALLEL_ENTRIES: usize = 100_000;
-
-/// The same rows of three vectors.
-type RowsOfThree<'a> = ((&'a mut [f64], &'a mut [f64]), &'a mut [f64]);
 
 /// A sparse matrix: a shared [`Pattern`] and one value for each of its entries.
 #[derive(Debug, Clone, PartialEq)]
@@ -326,35 +325,6 @@ pub fn residual_and_size(parts: &[&Csr], b: &[f64], x: &[f64], r: &mut [f64], m:
         r.par_chunks_mut(ROWS_PER_TASK).zip(m.par_chunks_mut(ROWS_PER_TASK)).enumerate().for_each(share);
     } else {
         r.chunks_mut(ROWS_PER_TASK).zip(m.chunks_mut(ROWS_PER_TASK)).enumerate().for_each(share);
-    }
-}
-
-/// `p = A d` with its sizes `s_i = Σ |a_ij d_j|`, and the sizes `t_i = Σ |a_ij x_j|` of another vector, in one pass over
-/// the matrix: `outs` are p, s and t.
-///
-/// # Panics
-/// When a length does not fit.
-pub fn product_and_sizes(a: &Csr, d: &[f64], x: &[f64], outs: [&mut [f64]; 3], threads: usize) {
-    let [p, s, t] = outs;
-    assert!([p.len(), s.len(), t.len()] == [a.n_rows(); 3] && [d.len(), x.len()] == [a.n_cols(); 2]);
-    let share = |(chunk, ((p, s), t)): (usize, RowsOfThree<'_>)| {
-        for (offset, ((p, s), t)) in p.iter_mut().zip(s).zip(t).enumerate() {
-            let (columns, values) = a.row(chunk * ROWS_PER_TASK + offset);
-            (*p, *s, *t) = (0.0, 0.0, 0.0);
-            for (&column, value) in columns.iter().zip(values) {
-                let product = value * d[column as usize];
-                *p += product;
-                *s += product.abs();
-                *t += (value * x[column as usize]).abs();
-            }
-        }
-    };
-    if threads > 1 && a.values.len() > PARALLEL_ENTRIES {
-        let s = s.par_chunks_mut(ROWS_PER_TASK);
-        p.par_chunks_mut(ROWS_PER_TASK).zip(s).zip(t.par_chunks_mut(ROWS_PER_TASK)).enumerate().for_each(share);
-    } else {
-        let s = s.chunks_mut(ROWS_PER_TASK);
-        p.chunks_mut(ROWS_PER_TASK).zip(s).zip(t.chunks_mut(ROWS_PER_TASK)).enumerate().for_each(share);
     }
 }
 

@@ -3,10 +3,21 @@
 use std::sync::Arc;
 
 use wfl_compiler::Class;
-use wfl_sparse::csr::{Csr, CsrError, Pattern, PatternBuilder, Restriction};
+use wfl_sparse::csr::{
+    Csr, CsrError, Outside, Pattern, PatternBuilder, Restriction, product_and_size, product_and_sizes,
+};
 
 use super::{System, SystemError, pattern};
 use crate::assemble::AssembledTerm;
+
+/// The matrix of the linear terms by dof, in the axes of the scene.
+#[derive(Clone, Debug)]
+pub(super) enum LinearMatrix {
+    /// All of it: it is assembled again, or the bulk has other entries (local frames, dofs that follow others).
+    Whole(Csr),
+    /// What the bulk does not have: rows and columns of fixed dofs.
+    BesideBulk(Outside),
+}
 
 /// What takes the mass from some dofs and gives it to others.
 #[derive(Clone, Debug)]
@@ -48,17 +59,18 @@ impl System {
     /// Assembles the matrix of the linear terms, and its part over the free dofs.
     pub(super) fn assemble_linear(&mut self, zero: &[f64]) -> Result<(), SystemError> {
         let mut linear = match self.linear.take() {
-            Some(mut before) => {
+            Some(LinearMatrix::Whole(mut before)) => {
                 before.values_mut().fill(0.0);
                 before
             }
-            None => Csr::zeros(self.linear_pattern()?),
+            _ => Csr::zeros(self.linear_pattern()?),
         };
         let wanted: Vec<usize> = (0..self.terms.len()).filter(|k| self.terms[*k].law.class == Class::Linear).collect();
         self.add_terms(&wanted, zero, &mut linear)?;
         self.add_redistributed_mass(&mut linear);
         let frames = &self.numbering.frames;
-        let map = Restriction::new(linear.pattern(), &self.numbering.equations(), self.numbering.n_free())?;
+        let equations = self.numbering.equations();
+        let map = Restriction::new(linear.pattern(), &equations, self.numbering.n_free())?;
         self.bulk = Arc::new(if frames.is_empty() {
             map.apply(&linear)
         } else {
@@ -66,8 +78,30 @@ impl System {
             frames.turn_matrix(&mut turned, |d| d);
             map.apply(&turned)
         });
-        self.linear = Some(linear);
+        let as_it_is = frames.is_empty() && self.numbering.ties().is_empty();
+        self.linear = Some(if as_it_is && !self.bulk_follows_steps() && self.redistribution.is_none() {
+            LinearMatrix::BesideBulk(Outside::new(&linear, &equations)?)
+        } else {
+            LinearMatrix::Whole(linear)
+        });
         Ok(())
+    }
+
+    /// Products and sizes of the matrix of the linear terms: `p = K d`, `s = |K| |d|`, and `t = |K| |x|` where `x` is given.
+    /// False before it was assembled.
+    pub(super) fn multiply_linear(&self, d: &[f64], x: Option<&[f64]>, outs: [&mut [f64]; 3]) -> bool {
+        let threads = rayon::current_num_threads();
+        let [p, s, t] = outs;
+        match (&self.linear, x) {
+            (None, _) => return false,
+            (Some(LinearMatrix::Whole(a)), None) => product_and_size(a, d, [p, s], threads),
+            (Some(LinearMatrix::Whole(a)), Some(x)) => product_and_sizes(a, d, x, [p, s, t], threads),
+            (Some(LinearMatrix::BesideBulk(a)), None) => product_and_size(&a.around(&self.bulk), d, [p, s], threads),
+            (Some(LinearMatrix::BesideBulk(a)), Some(x)) => {
+                product_and_sizes(&a.around(&self.bulk), d, x, [p, s, t], threads);
+            }
+        }
+        true
     }
 
     /// Adds the tangents of linear terms to a matrix by dof.

@@ -5,7 +5,6 @@ use wfl_compiler::Class;
 use super::{ActiveSet, Branches, Form, LinearTerms, System};
 use crate::assemble::{BranchCounts, TermError};
 use crate::finite::largest;
-use wfl_sparse::csr::{product_and_sizes, residual_and_size};
 
 /// A residual by dof, fixed ones included (their entries are reactions), in local frames where there are some.
 #[derive(Clone, Debug, Default)]
@@ -104,22 +103,22 @@ impl System {
     /// Adds the linear terms at `u` to `out`, which holds what affine ones give at `base` (by dof, in the axes of the scene,
     /// the rows of this rank).
     fn add_linear(&self, u: &[f64], form: &Form<'_>, out: &mut [f64], sum: &mut Residual) -> Result<(), TermError> {
-        let Some(linear) = &self.linear else { return Ok(()) };
         let (mut part, mut sizes) = (vec![0.0; out.len()], vec![0.0; out.len()]);
-        let threads = rayon::current_num_threads();
         let add = |sum: &mut Residual, sizes: &[f64]| {
             sum.linear_sizes.iter_mut().zip(sizes).for_each(|(sum, size)| *sum += size);
         };
-        if self.base.is_empty() {
-            let nothing = vec![0.0; out.len()];
-            residual_and_size(&[linear], &nothing, u, &mut part, &mut sizes, threads);
-            part.iter_mut().for_each(|r| *r = -*r);
+        let is_assembled = if self.base.is_empty() {
+            self.multiply_linear(u, None, [&mut part, &mut sizes, &mut []])
         } else {
             let change: Vec<f64> = u.iter().zip(&self.base).map(|(u, base)| u - base).collect();
             let mut whole = vec![0.0; out.len()];
-            product_and_sizes(linear, &change, u, [&mut part, &mut sizes, &mut whole], threads);
+            let is_assembled = self.multiply_linear(&change, Some(u), [&mut part, &mut sizes, &mut whole]);
             // unknowns are rounded as a whole, however small the change is that they are made of
             add(sum, &whole);
+            is_assembled
+        };
+        if !is_assembled {
+            return Ok(());
         }
         add(sum, &sizes);
         self.grow(&mut sum.forces, &part);
