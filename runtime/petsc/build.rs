@@ -42,7 +42,9 @@ mod found {
     }
 
     pub(super) fn compile() {
-        println!("cargo:rerun-if-changed=src/shim.c");
+        for file in ["shim.c", "sweeps.c", "sweeps.h", "sweeps_loops.h"] {
+            println!("cargo:rerun-if-changed=src/{file}");
+        }
         for name in ["PKG_CONFIG_PATH", "WFL_PETSC_PC", "WFL_MPI_PC"] {
             println!("cargo:rerun-if-env-changed={name}");
         }
@@ -50,7 +52,7 @@ mod found {
         // the MPI must be the one that PETSc was built with
         let packages = [named("WFL_PETSC_PC", "PETSc"), named("WFL_MPI_PC", "ompi-c")];
         let mut shim = cc::Build::new();
-        shim.file("src/shim.c").warnings_into_errors(true);
+        shim.files(["src/shim.c", "src/sweeps.c"]).warnings_into_errors(true);
         for package in &packages {
             for flag in asked("--cflags", package) {
                 if let Some(folder) = flag.strip_prefix("-I") {

@@ -4,6 +4,8 @@
 #include <petscksp.h>
 #include <stdlib.h>
 
+#include "sweeps.h"
+
 _Static_assert(sizeof(PetscInt) == 4, "PETSc with 32-bit indices is needed");
 _Static_assert(sizeof(PetscScalar) == 8, "PETSc with real numbers of double precision is needed");
 _Static_assert(sizeof(PetscErrorCode) == 4, "PetscErrorCode is an int");
@@ -182,7 +184,9 @@ void wfl_matrix_free(Mat *a) { MatDestroy(a); }
 typedef struct {
   KSP ksp;
   PC cycle;
-  Mat a; /* borrowed from the caller */
+  Sweeps *sweeps; /* the smoother of the finest level of the cycle */
+  int is_of_a;    /* the cycle was made of `a` */
+  Mat a;          /* borrowed from the caller */
   IS contact, all;
   Mat rows, part;
   KSP filter;
@@ -271,7 +275,11 @@ int wfl_solver_take(Solver *s, Mat hierarchy, int *reason, int *null_pivots)
   *reason = *null_pivots = 0;
   if (hierarchy) {
     /* GAMG cannot take a matrix that coarsens otherwise: a new object, not one that is reset */
+    PetscInt block;
     PetscCall(PCDestroy(&s->cycle));
+    sweeps_free(s->sweeps);
+    s->sweeps = NULL;
+    s->is_of_a = hierarchy == s->a;
     PetscCall(PCCreate(PETSC_COMM_WORLD, &s->cycle));
     PetscCall(PCSetOptionsPrefix(s->cycle, "wfl_cycle_"));
     PetscCall(PCSetOperators(s->cycle, hierarchy, hierarchy));
@@ -280,7 +288,12 @@ int wfl_solver_take(Solver *s, Mat hierarchy, int *reason, int *null_pivots)
     PetscCall(forget_products(s->cycle));
     /* where it is made of the matrix itself, its coarser levels stay as that gets other values */
     PetscCall(PCSetReusePreconditioner(s->cycle, PETSC_TRUE));
-  }
+    PetscCall(MatGetBlockSize(hierarchy, &block));
+    if (block <= MOST_OF_A_NODE) {
+      PetscCall(sweeps_new(hierarchy, &s->sweeps));
+      PetscCall(sweeps_install(s->sweeps, s->cycle));
+    }
+  } else if (s->sweeps && s->is_of_a) PetscCall(sweeps_take(s->sweeps, s->a));
   if (s->contact) {
     const MatReuse reuse = s->part ? MAT_REUSE_MATRIX : MAT_INITIAL_MATRIX;
     PetscCall(MatCreateSubMatrix(s->a, s->contact, s->contact, reuse, &s->part));
@@ -336,6 +349,7 @@ void wfl_solver_free(Solver *s)
   KSPDestroy(&s->ksp);
   KSPDestroy(&s->filter);
   PCDestroy(&s->cycle);
+  sweeps_free(s->sweeps);
   MatDestroy(&s->rows);
   MatDestroy(&s->part);
   ISDestroy(&s->contact);
