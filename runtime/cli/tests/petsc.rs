@@ -213,6 +213,26 @@ mod linked {
     }
 
     #[test]
+    fn boomeramg_makes_levels_where_iterations_do_not_end() {
+        let folder = Folder::new("petsc-boomeramg");
+        let scene = scene(&folder, "fault", "nitsche.wfl", SMALL_FAULT);
+        let out = folder.0.join("without_levels");
+        let [file, to] = [&scene, &out].map(|path| path.display().to_string());
+        let mut command = Command::new(env!("CARGO_BIN_EXE_wfl"));
+        command.args(["run", &file, "--out", &to, "--threads", "1", "--backend", "petsc:iterative", "cells=[8,8,8]"]);
+        // what a user puts in place of GAMG is taken, and here does nothing
+        let done = command
+            .env("PETSC_OPTIONS", "-wfl_cycle_pc_type none -wfl_gmres_ksp_gmres_restart 10")
+            .output()
+            .expect("the command starts");
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let text = std::fs::read_to_string(out.join("report.json")).expect("a report");
+        let found: Value = serde_json::from_str(&text).expect("JSON");
+        assert!(solver(&found).contains("by BoomerAMG in place of GAMG"), "{}", solver(&found));
+        same(&report(&scene, "own", &["cells=[8,8,8]"]), &found, "levels of BoomerAMG");
+    }
+
+    #[test]
     fn iterations_of_contact_hardly_depend_on_gamma() {
         let folder = Folder::new("petsc-gamma");
         // on 4x4x4 cells a contact that gives way has so few unknowns that a solution takes fewer iterations

@@ -4,8 +4,8 @@
 //! runs need not have the same bits. Levels of the bodies alone know no
 //! smooth motion that contact holds, and take two to three times as many iterations; what is left of large penalty or
 //! augmentation parameters the filter takes, so the number of iterations hardly depends on them. The levels are made anew
-//! of the present matrix where an iteration does not end, or becomes [`SLOWER`] times as slow; after that a factor of
-//! MUMPS takes over. Promises: what is decided follows from numbers that all ranks have, and after [`Engine::restart`]
+//! of the present matrix where an iteration does not end, or becomes [`SLOWER`] times as slow; after that BoomerAMG makes
+//! levels, and then a factor of MUMPS takes over. Promises: what is decided follows from numbers that all ranks have, and after [`Engine::restart`]
 //! from later matrices alone.
 
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use wfl_sparse::{
 
 use crate::{
     method::{Choice, Method, in_words, method},
-    objects::{Call, Failure, Kind, Levels, Matrix, Solver, agree, gather},
+    objects::{Call, Cycle, Failure, Kind, Levels, Matrix, Solver, agree, gather},
     rows::{Numbers, Rows, middle_of_diagonal},
 };
 
@@ -44,6 +44,8 @@ pub(crate) struct PetscEngine {
     is_symmetric: bool,
     /// That of the present matrix; a factor where multigrid gave up.
     method: Method,
+    /// What makes the levels of multigrid; another one where the first gave up.
+    cycle: Cycle,
     /// Rows of a node.
     block: usize,
     numbers: Numbers,
@@ -68,6 +70,7 @@ struct Counts {
     iterations: usize,
     solutions: usize,
     levels: usize,
+    of_boomeramg: usize,
     factors_instead: usize,
 }
 
@@ -91,6 +94,7 @@ impl PetscEngine {
             equations: Arc::clone(equations),
             is_symmetric,
             method,
+            cycle: Cycle::Gamg,
             block,
             numbers,
             unit: None,
@@ -131,7 +135,7 @@ impl PetscEngine {
         }
         let levels = self.levels(call, parts, unit)?;
         let solver = self.solver.as_mut().expect("made above");
-        let taken = solver.take(call, &levels)?;
+        let taken = solver.take(call, &levels, self.cycle)?;
         if taken.null_pivots > 0 {
             return Err(SolveError::VanishingPivot { dof: 0, ratio: 0.0 });
         }
@@ -175,6 +179,7 @@ impl PetscEngine {
         }
         (self.has_levels, self.are_new, self.is_slow, self.rate) = (true, true, false, None);
         self.counts.levels += 1;
+        self.counts.of_boomeramg += usize::from(self.cycle == Cycle::BoomerAmg);
         Ok(levels)
     }
 
@@ -230,12 +235,32 @@ impl PetscEngine {
         Call::begin().is_ok_and(|call| call.ranks().repeat)
     }
 
+    /// Turns to the next method that can be made after one that did not end.
+    fn turn_to_next(&mut self, call: &Call, changing: &Csr, tolerance: f64, before: usize) -> Result<(), SolveError> {
+        loop {
+            if !self.fall_back() {
+                let iterations = self.counts.iterations - before;
+                return Err(SolveError::Library {
+                    text: format!("PETSc: no solution to {tolerance:.1e}, {iterations} iterations and a factor"),
+                });
+            }
+            match self.load(call, changing) {
+                // another library, which may refuse what is no matrix of a body
+                Err(_) if self.cycle == Cycle::BoomerAmg && self.method == Method::Multigrid => {}
+                other => return other,
+            }
+        }
+    }
+
     /// Turns to the next method after one that did not end; false if there is none.
     fn fall_back(&mut self) -> bool {
         if self.method == Method::Direct {
             return false;
         }
-        if self.are_new {
+        if self.are_new && self.cycle == Cycle::Gamg && Cycle::BoomerAmg.exists() {
+            self.cycle = Cycle::BoomerAmg;
+            self.has_levels = false;
+        } else if self.are_new {
             self.method = Method::Direct;
             (self.solver, self.has_levels) = (None, false);
             self.counts.factors_instead += 1;
@@ -303,19 +328,14 @@ impl Engine for PetscEngine {
                 self.learn(iterations, tolerance);
                 return Ok(self.counts.iterations - before);
             }
-            if !self.fall_back() {
-                let iterations = self.counts.iterations - before;
-                return Err(SolveError::Library {
-                    text: format!("PETSc: no solution to {tolerance:.1e}, {iterations} iterations and a factor"),
-                });
-            }
-            self.load(&call, changing)?;
+            self.turn_to_next(&call, changing, tolerance, before)?;
         }
     }
 
     fn restart(&mut self) {
         let (first, _) = method(self.choice, &self.equations.traits);
-        if self.method != first {
+        if self.method != first || self.cycle != Cycle::Gamg {
+            self.cycle = Cycle::Gamg;
             (self.method, self.solver, self.has_levels, self.is_slow, self.rate) = (first, None, false, false, None);
         }
         if self.repeats() {
@@ -325,10 +345,13 @@ impl Engine for PetscEngine {
     }
 
     fn describe(&self) -> String {
-        let Counts { iterations, solutions, levels, factors_instead } = self.counts;
+        let Counts { iterations, solutions, levels, of_boomeramg, factors_instead } = self.counts;
         let mut text = in_words(self.choice, &self.equations.traits);
         if levels > 0 {
             text.push_str(&format!("; {iterations} iterations in {solutions} solutions, levels made {levels} times"));
+        }
+        if of_boomeramg > 0 {
+            text.push_str(&format!(", {of_boomeramg} of them by BoomerAMG in place of GAMG"));
         }
         if factors_instead > 0 {
             text.push_str(&format!("; a factor in place of iterations {factors_instead} times"));

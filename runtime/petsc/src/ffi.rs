@@ -47,7 +47,14 @@ unsafe extern "C" {
         has_contact: c_int,
         out: *mut Solver,
     ) -> c_int;
-    pub(super) fn wfl_solver_take(s: Solver, hierarchy: Mat, reason: *mut c_int, null_pivots: *mut c_int) -> c_int;
+    pub(super) fn wfl_has_boomeramg() -> c_int;
+    pub(super) fn wfl_solver_take(
+        s: Solver,
+        hierarchy: Mat,
+        cycle: *const c_char,
+        reason: *mut c_int,
+        null_pivots: *mut c_int,
+    ) -> c_int;
     pub(super) fn wfl_solver_solve(
         s: Solver,
         n: c_int,

@@ -315,6 +315,31 @@ pub(crate) enum Levels {
     Of(Matrix),
 }
 
+/// What makes levels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cycle {
+    /// Smoothed aggregation, of PETSc.
+    Gamg,
+    /// Classical multigrid, of hypre.
+    BoomerAmg,
+}
+
+impl Cycle {
+    /// The prefix of its options.
+    fn prefix(self) -> &'static CStr {
+        match self {
+            Self::Gamg => c"wfl_cycle_",
+            Self::BoomerAmg => c"wfl_boomeramg_",
+        }
+    }
+
+    /// Whether the PETSc of this program has it.
+    pub(crate) fn exists(self) -> bool {
+        // SAFETY: a constant of the C side.
+        self == Self::Gamg || unsafe { ffi::wfl_has_boomeramg() } != 0
+    }
+}
+
 /// What became of a matrix that was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Taken {
@@ -358,7 +383,7 @@ impl Solver {
     }
 
     /// Takes the values that the matrix has now, and makes the levels anew where they are due.
-    pub(crate) fn take(&mut self, _call: &Call, levels: &Levels) -> Result<Taken, Failure> {
+    pub(crate) fn take(&mut self, _call: &Call, levels: &Levels, cycle: Cycle) -> Result<Taken, Failure> {
         let mut taken = Taken { reason: 0, null_pivots: 0 };
         let levels = match levels {
             Levels::Kept => null_mut(),
@@ -366,7 +391,10 @@ impl Solver {
             Levels::Of(matrix) => matrix.raw,
         };
         // SAFETY: handles are alive; PETSc counts its own references to the matrix of the levels.
-        check(unsafe { ffi::wfl_solver_take(self.raw, levels, &mut taken.reason, &mut taken.null_pivots) })?;
+        check(unsafe {
+            let cycle = cycle.prefix().as_ptr();
+            ffi::wfl_solver_take(self.raw, levels, cycle, &mut taken.reason, &mut taken.null_pivots)
+        })?;
         Ok(taken)
     }
 

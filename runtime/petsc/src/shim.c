@@ -25,7 +25,10 @@ static const char *const options =
   " -wfl_gmres_ksp_norm_type unpreconditioned"
   " -wfl_cycle_pc_type gamg -wfl_cycle_pc_gamg_agg_nsmooths 1 -wfl_cycle_pc_gamg_threshold 0.01"
   " -wfl_cycle_pc_gamg_coarse_eq_limit 500 -wfl_cycle_mg_levels_ksp_type chebyshev"
-  " -wfl_cycle_mg_levels_pc_type jacobi -wfl_cycle_mg_levels_ksp_max_it 2";
+  " -wfl_cycle_mg_levels_pc_type jacobi -wfl_cycle_mg_levels_ksp_max_it 2"
+  /* three dimensions: the threshold of hypre's manual */
+  " -wfl_boomeramg_pc_type hypre -wfl_boomeramg_pc_hypre_type boomeramg"
+  " -wfl_boomeramg_pc_hypre_boomeramg_strong_threshold 0.5";
 
 /* The same bits in every run on so many ranks: MUMPS orders its sums by the arrival of messages, so each rank makes a
    whole factor for itself. The products that make the levels have the same bits one way alone, three to five times as slow
@@ -266,30 +269,42 @@ static PetscErrorCode forget_products(PC cycle)
   return 0;
 }
 
-/* The values of the matrix have changed; hierarchy: what the levels are made of, or null to keep them. reason: 0, or why
-   a factor could not be made; null_pivots: found by a direct solver. */
-int wfl_solver_take(Solver *s, Mat hierarchy, int *reason, int *null_pivots)
+int wfl_has_boomeramg(void)
+{
+#if defined(PETSC_HAVE_HYPRE)
+  return 1;
+#else
+  return 0;
+#endif
+}
+
+/* The values of the matrix have changed; hierarchy: what the levels are made of, or null to keep them; cycle: the prefix of
+   the options of what makes them. reason: 0, or why a factor could not be made; null_pivots: found by a direct solver. */
+int wfl_solver_take(Solver *s, Mat hierarchy, const char *cycle, int *reason, int *null_pivots)
 {
   PC pc;
   PCFailedReason failed;
   *reason = *null_pivots = 0;
   if (hierarchy) {
     /* GAMG cannot take a matrix that coarsens otherwise: a new object, not one that is reset */
+    PetscBool has_levels;
     PetscInt block;
     PetscCall(PCDestroy(&s->cycle));
     sweeps_free(s->sweeps);
     s->sweeps = NULL;
     s->is_of_a = hierarchy == s->a;
     PetscCall(PCCreate(PETSC_COMM_WORLD, &s->cycle));
-    PetscCall(PCSetOptionsPrefix(s->cycle, "wfl_cycle_"));
+    PetscCall(PCSetOptionsPrefix(s->cycle, cycle));
     PetscCall(PCSetOperators(s->cycle, hierarchy, hierarchy));
     PetscCall(PCSetFromOptions(s->cycle));
     PetscCall(PCSetUp(s->cycle));
-    PetscCall(forget_products(s->cycle));
+    /* not those of hypre, nor what a user has put in place of them */
+    PetscCall(PetscObjectTypeCompare((PetscObject)s->cycle, PCGAMG, &has_levels));
+    if (has_levels) PetscCall(forget_products(s->cycle));
     /* where it is made of the matrix itself, its coarser levels stay as that gets other values */
     PetscCall(PCSetReusePreconditioner(s->cycle, PETSC_TRUE));
     PetscCall(MatGetBlockSize(hierarchy, &block));
-    if (block <= MOST_OF_A_NODE) {
+    if (has_levels && block <= MOST_OF_A_NODE) {
       PetscCall(sweeps_new(hierarchy, &s->sweeps));
       PetscCall(sweeps_install(s->sweeps, s->cycle));
     }
