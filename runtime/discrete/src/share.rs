@@ -15,6 +15,8 @@ use crate::{field::Field, system::Numbering};
 #[derive(Clone, Debug)]
 pub struct Share {
     team: Arc<dyn Team>,
+    /// Number of this rank.
+    own: u16,
     /// By dof.
     owner: Vec<u16>,
 }
@@ -37,7 +39,8 @@ impl Share {
             }
         }
         numbering.ties().iter().for_each(|tie| owner[tie.follower] = owner[tie.leader]);
-        Self { team, owner }
+        let own = u16::try_from(team.rank()).expect("fewer than 2^16 ranks");
+        Self { team, own, owner }
     }
 
     /// The ranks.
@@ -57,13 +60,14 @@ impl Share {
     #[inline]
     #[must_use]
     pub fn owns(&self, dof: usize) -> bool {
-        self.owner(dof) == self.team.rank()
+        self.owner[dof] == self.own
     }
 
     /// Clears what other ranks own of numbers by dof.
     pub fn keep_own(&self, values: &mut [f64]) {
-        let others = (0..values.len()).filter(|dof| !self.owns(*dof));
-        others.for_each(|dof| values[dof] = 0.0);
+        assert_eq!(values.len(), self.owner.len(), "a number for each dof");
+        let of_others = values.iter_mut().zip(&self.owner).filter(|(_, owner)| **owner != self.own);
+        of_others.for_each(|(value, _)| *value = 0.0);
     }
 }
 

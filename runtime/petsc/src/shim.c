@@ -1,5 +1,5 @@
-/* The only place that sees the headers of PETSc and MPI: handles of MPI (pointers in Open MPI, integers in MPICH) never
-   cross into Rust, and the sizes that src/ffi.rs relies on are asserted. Every function that returns an int returns 0, or
+/* With sweeps.c the only place that sees the headers of PETSc and MPI: handles of MPI (pointers in Open MPI, integers in
+   MPICH) never cross into Rust, and the sizes that src/ffi.rs relies on are asserted. Every function that returns an int returns 0, or
    an error whose text wfl_last_error() gives. All of them are collective over the ranks of the run. */
 #include <petscksp.h>
 #include <stdlib.h>

@@ -22,9 +22,14 @@ pub(crate) fn summary(run: &RunFolder) -> Section {
         ("iterations".to_owned(), iterations.to_string()),
         ("time".to_owned(), format!("{} s on {} threads", short(report.timings.total), report.threads)),
     ];
-    if let Some(bytes) = report.peak_memory_bytes {
-        #[expect(clippy::cast_precision_loss, reason = "shown with four digits")]
-        facts.push(("memory".to_owned(), format!("{} MB", short((bytes as f64 / 1e6).round()))));
+    #[expect(clippy::cast_precision_loss, reason = "shown with four digits")]
+    let megabytes = |bytes: u64| format!("{} MB", short((bytes as f64 / 1e6).round()));
+    let by_rank = &report.peak_memory_by_rank;
+    if let Some(most) = by_rank.iter().max() {
+        let (most, all, n) = (megabytes(*most), megabytes(by_rank.iter().sum()), by_rank.len());
+        facts.push(("memory".to_owned(), format!("at most {most} on each of {n} ranks, {all} in all")));
+    } else if let Some(bytes) = report.peak_memory_bytes {
+        facts.push(("memory".to_owned(), megabytes(bytes)));
     }
     let mut section = Section::new("The run").facts(facts);
     if let Some(solver) = report.solver.as_ref().filter(|s| !s.is_empty()) {

@@ -34,6 +34,9 @@ pub struct Report {
     pub threads: u64,
     /// Largest resident memory of the process, see [`peak_memory_bytes`].
     pub peak_memory_bytes: Option<u64>,
+    /// The same of each rank; left out of the file if there is one alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub peak_memory_by_rank: Vec<u64>,
     /// Where the time went.
     pub timings: Timings,
     /// One entry a step tried, also for steps that did not converge.
@@ -316,7 +319,13 @@ impl Report {
     /// A hash of what a run decides: without what depends on the machine at that hour (times, threads, memory).
     #[must_use]
     pub fn meaning(&self) -> Hash {
-        let lasting = Report { timings: Timings::default(), threads: 0, peak_memory_bytes: None, ..self.clone() };
+        let lasting = Report {
+            timings: Timings::default(),
+            threads: 0,
+            peak_memory_bytes: None,
+            peak_memory_by_rank: Vec::new(),
+            ..self.clone()
+        };
         // a report is JSON for all numbers
         Hash::of(&serde_json::to_vec(&lasting).unwrap_or_default())
     }

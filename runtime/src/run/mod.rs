@@ -267,6 +267,9 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
         other => other,
     };
     let mut outcome = run.outcome(scene, options, finished.as_ref().err());
+    if finished.is_ok() {
+        outcome.report.peak_memory_by_rank = report::memory_by_rank(scene.system.team());
+    }
     let mut written = files.written;
     if let Some(dir) = &dir {
         let measures = files::write_measures(dir, scene.steps.variable.as_deref(), &outcome.steps);

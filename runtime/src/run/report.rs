@@ -13,6 +13,7 @@ use crate::{
     },
     pruning::Saving,
     scene::Scene,
+    team::Team,
 };
 
 /// The report of a run, finished or not.
@@ -73,6 +74,17 @@ pub(super) fn report(
         total: options.started.elapsed().as_secs_f64(),
     };
     report
+}
+
+/// Largest resident memory of each rank in bytes, 0 where that is not known; asked by all of them. Empty for one alone.
+pub(super) fn memory_by_rank(team: &dyn Team) -> Vec<u64> {
+    if team.is_alone() {
+        return Vec::new();
+    }
+    let mut all = vec![0; team.size()];
+    all[team.rank()] = peak_memory_bytes().unwrap_or(0);
+    team.sum_words(&mut all);
+    all
 }
 
 fn mesh_report(mesh: &Mesh) -> MeshReport {

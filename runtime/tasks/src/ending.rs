@@ -11,7 +11,7 @@ use wfl_runtime::{
     AttemptEnd, Episode, FRUITLESS, Outcome, RunError, Scene, Singular, StepResult,
     assemble::{AssembledTerm, NonFinitePlace, TermError},
     finite::{self, BadState, position, short, word},
-    memory::TooMuchMemory,
+    memory::{self, TooMuchMemory},
     newton::{Iteration, NewtonError},
     output::Report,
     solve::SolveError,
@@ -266,10 +266,18 @@ pub fn summary(out: Option<&Path>, outcome: &Outcome) -> String {
         "  time {:.3} s: mesh {:.3}, check {:.3}, assemble {:.3}, factor {:.3}, solve {:.3}, measure {:.3}, write {:.3}\n",
         t.total, t.mesh, t.check, t.assemble, t.factor, t.solve, t.measure, t.write
     );
+    text += &memory_of_ranks(&report.peak_memory_by_rank);
     if let Some(out) = out {
         text += &format!("  results in {}\n", out.display());
     }
     text
+}
+
+/// What the ranks of a run took, in a line; nothing for one alone.
+fn memory_of_ranks(peaks: &[u64]) -> String {
+    let Some(most) = peaks.iter().max() else { return String::new() };
+    let (n, all) = (peaks.len(), peaks.iter().sum());
+    format!("  memory: at most {} on each of {n} ranks, {} in all\n", memory::shown(*most), memory::shown(all))
 }
 
 /// When the events of a run were, a line each: all times of few episodes, the first and the last one of many.
