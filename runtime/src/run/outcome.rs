@@ -29,6 +29,8 @@ pub struct Outcome {
     pub kept: Vec<KeptStep>,
     /// Expectations of the scene: place and whether they hold.
     pub expectations: Vec<(wfl::Expect, Option<bool>)>,
+    /// What expectations know beside params: the measures at the last step, and the numbers of the events.
+    pub known: Vec<(String, f64)>,
     /// Messages of the expectations.
     pub diagnostics: Vec<wfl::Diagnostic>,
     /// The events of the scene by name, each with the times that it lasted.
@@ -123,7 +125,8 @@ impl Run {
         report.events = events.iter().map(|(name, list)| (name.as_str(), list.iter().map(event).collect())).collect();
         report.error = error.map(ToString::to_string);
         let kept = self.kept;
-        Outcome { steps: self.steps, report, files: Vec::new(), kept, expectations, diagnostics, warnings, events }
+        let (steps, files) = (self.steps, Vec::new());
+        Outcome { steps, report, files, kept, expectations, known, diagnostics, warnings, events }
     }
 
     /// The events of the scene by name.

@@ -26,6 +26,11 @@ const CORRECTIONS: usize = 20;
 const MISSED: f64 = 1e-11;
 /// Known fields may vary by so much inside a cell, relative, to count as constant.
 const VARIES: f64 = 1e-9;
+/// Cosine of the largest angle between the normal of a face and the direction of contact there: an obstacle that a face
+/// looks at.
+const TILTED: f64 = 0.25;
+/// Directions are one if their product is within this of 1.
+const ALIGNED: f64 = 1e-9;
 /// Normals that are opposite but for this belong to faces that look at each other.
 const OPPOSITE: f64 = -0.9;
 
@@ -101,8 +106,11 @@ struct Watched<'a> {
 /// See the module.
 pub(super) struct Place<'a> {
     pub(super) dim: usize,
-    /// Out of the first body.
+    /// The direction of contact, out of the first body: that in which its projections see it move. It is the normal of
+    /// the face, but for a law of an obstacle with a normal of its own.
     pub(super) normal: Vector,
+    /// The normal of the face out of the first body.
+    face: Vector,
     /// From the face to the centre of the cell.
     pub(super) size: f64,
     roles: Roles,
@@ -374,13 +382,43 @@ impl<'a> Place<'a> {
         let bulk = [finder.bulk(0, roles.displacement[0])?, finder.bulk(1, roles.displacement[1])?];
         let (a, b) = (mesh.centroid(here), mesh.facet_centroid(facet));
         let size = (0..3).fold(0.0f64, |m, k| m.hypot(a[k] - b[k]));
-        let place = Self { dim: domain.dim, normal, size, roles, interface, watched, bulk };
+        let mut place = Self { dim: domain.dim, normal, face: normal, size, roles, interface, watched, bulk };
+        place.normal = place.direction();
         let rest = place.rest();
         let loads = place.interface.iter().filter(|l| l.is_load);
         if loads.flat_map(|l| l.fluxes(&place.roles, &rest)).any(|x| x != 0.0) {
             return Err("a load acts on these faces".to_owned());
         }
         Ok(place)
+    }
+
+    /// The direction in which all half lines grow most as the first body moves, where that is about the normal of the
+    /// face; else the normal.
+    fn direction(&self) -> Vector {
+        let arguments = |component: usize, by: f64| {
+            let mut state = self.rest();
+            state.bodies[0].value[component] = by;
+            let mut found = Vec::new();
+            self.projections(&state, |p, out| {
+                if p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts {
+                    found.push(out[p.output]);
+                }
+            });
+            found
+        };
+        let step = STRAIN * self.size;
+        let mut slopes: Vec<Vector> = Vec::new();
+        for component in 0..self.dim {
+            let (ahead, behind) = (arguments(component, step), arguments(component, -step));
+            slopes.resize(ahead.len(), [0.0; 3]);
+            slopes.iter_mut().zip(ahead.iter().zip(&behind)).for_each(|(slope, (a, b))| slope[component] = a - b);
+        }
+        let units = slopes.iter().map(|s| s.map(|x| x / dot(s, s).sqrt()));
+        let mut units = units.filter(|s| s.iter().all(|x| x.is_finite()));
+        let Some(first) = units.next() else { return self.face };
+        let agree = |with: &Vector, by: f64| dot(&first, with) > by;
+        let is_one = units.all(|other| agree(&other, 1.0 - ALIGNED));
+        if is_one && agree(&self.face, TILTED) && !agree(&self.face, 1.0 - ALIGNED) { first } else { self.face }
     }
 
     /// Nothing has moved.
@@ -440,7 +478,7 @@ impl<'a> Place<'a> {
                 if slot.op == FieldOp::Grad && self.roles.displacement[body] == Some(slot.field.index()) {
                     let (component, direction) =
                         (usize::from(slot.entry) % self.dim, usize::from(slot.entry) / self.dim);
-                    sum[component] += flux * outward * self.normal[direction];
+                    sum[component] += flux * outward * self.face[direction];
                 }
             }
         }
