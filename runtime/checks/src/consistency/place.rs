@@ -29,6 +29,8 @@ const VARIES: f64 = 1e-9;
 /// Cosine of the largest angle between the normal of a face and the direction of contact there: an obstacle that a face
 /// looks at.
 const TILTED: f64 = 0.25;
+/// Overlaps that are tried until a force acts: from the strain of the tests to many times the size of the cell.
+const DOUBLINGS: i32 = 30;
 /// Directions are one if their product is within this of 1.
 const ALIGNED: f64 = 1e-9;
 /// Normals that are opposite but for this belong to faces that look at each other.
@@ -106,8 +108,8 @@ struct Watched<'a> {
 /// See the module.
 pub(super) struct Place<'a> {
     pub(super) dim: usize,
-    /// The direction of contact, out of the first body: that in which its projections see it move. It is the normal of
-    /// the face, but for a law of an obstacle with a normal of its own.
+    /// The direction of contact, out of the first body: the normal of the face, but for a law of an obstacle with a
+    /// normal of its own.
     pub(super) normal: Vector,
     /// The normal of the face out of the first body.
     face: Vector,
@@ -392,33 +394,21 @@ impl<'a> Place<'a> {
         Ok(place)
     }
 
-    /// The direction in which all half lines grow most as the first body moves, where that is about the normal of the
+    /// The direction of the force that presses the first body out of an overlap, where that is about the normal of the
     /// face; else the normal.
     fn direction(&self) -> Vector {
-        let arguments = |component: usize, by: f64| {
+        let force = |by: f64| {
             let mut state = self.rest();
-            state.bodies[0].value[component] = by;
-            let mut found = Vec::new();
-            self.projections(&state, |p, out| {
-                if p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts {
-                    found.push(out[p.output]);
-                }
-            });
-            found
+            let value = self.face.map(|n| by * n);
+            // without slip in the step
+            state.bodies[0] = Motion { value, before: value, ..Motion::default() };
+            self.fluxes(&state).map(|f| f.force[0]).filter(|f| dot(f, f) > 0.0)
         };
-        let step = STRAIN * self.size;
-        let mut slopes: Vec<Vector> = Vec::new();
-        for component in 0..self.dim {
-            let (ahead, behind) = (arguments(component, step), arguments(component, -step));
-            slopes.resize(ahead.len(), [0.0; 3]);
-            slopes.iter_mut().zip(ahead.iter().zip(&behind)).for_each(|(slope, (a, b))| slope[component] = a - b);
-        }
-        let units = slopes.iter().map(|s| s.map(|x| x / dot(s, s).sqrt()));
-        let mut units = units.filter(|s| s.iter().all(|x| x.is_finite()));
-        let Some(first) = units.next() else { return self.face };
-        let agree = |with: &Vector, by: f64| dot(&first, with) > by;
-        let is_one = units.all(|other| agree(&other, 1.0 - ALIGNED));
-        if is_one && agree(&self.face, TILTED) && !agree(&self.face, 1.0 - ALIGNED) { first } else { self.face }
+        let overlaps = (0..DOUBLINGS).map(|k| STRAIN * self.size * f64::powi(2.0, k));
+        let Some(force) = overlaps.filter_map(force).next() else { return self.face };
+        let unit = force.map(|x| x / dot(&force, &force).sqrt());
+        let along = dot(&unit, &self.face);
+        if along > TILTED && along < 1.0 - ALIGNED { unit } else { self.face }
     }
 
     /// Nothing has moved.
