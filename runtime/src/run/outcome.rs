@@ -102,6 +102,9 @@ impl KeptStep {
     }
 }
 
+/// Steps by `auto` of which the last is the first with an estimate of its error.
+const FEWEST: usize = 3;
+
 impl Run {
     /// Ends the run; `error` is what it ended with, if that was no solution.
     pub(super) fn outcome(self, scene: &Scene, options: &RunOptions, error: Option<&RunError>) -> Outcome {
@@ -118,6 +121,7 @@ impl Run {
         let longest = || scene.steps.values.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
         warnings.extend(self.stepper.stability.told(longest).map(|text| ("W621", text)));
         warnings.extend(self.forced(scene).map(|text| ("W618", text)));
+        warnings.extend(self.unestimated(scene).filter(|_| done).map(|text| ("W618", text)));
         warnings.extend(self.unlimited(scene).map(|text| ("W619", text)));
         let mut report = report::report(scene, options, &self, &expectations);
         report.warnings.extend(warnings.iter().map(|(code, text)| format!("{code}: {text}")));
@@ -149,6 +153,19 @@ impl Run {
         Some(format!(
             "the error of {count} steps is larger than the demanded {:e}, the first at t = {}: an increment is at least {:e}",
             rules.error, first.time, rules.least
+        ))
+    }
+
+    /// What is said of a run whose steps are too few for an estimate of their error.
+    fn unestimated(&self, scene: &Scene) -> Option<String> {
+        let rules = scene.steps.auto.as_ref()?;
+        // the state where time starts is no step
+        let count = self.steps.len().checked_sub(1).filter(|n| (1..FEWEST).contains(n))?;
+        let steps = if count == 1 { "1 step".to_owned() } else { format!("{count} steps") };
+        Some(format!(
+            "the run made {steps}, the first of {:e}: the error of none is known, an estimate needs {FEWEST}. Give a smaller \
+             `first`, well below the shortest time of the scene",
+            rules.first
         ))
     }
 
