@@ -179,3 +179,30 @@ fn steps_without_an_estimate_are_told() {
     assert!(text.contains("1 step") && text.contains("smaller `first`"), "{text}");
     assert_eq!(warning(&run(&scene("1e-3")), "W618"), None);
 }
+
+/// A mass falls on a spring. Steps of the duration of the impact throw it up to twice its height, while the balance of each
+/// step closes; the contact has not given back what it took. Steps that the run chooses give the closed form.
+#[test]
+fn a_contact_that_gives_more_than_it_took_is_told() {
+    let scene = |steps: &str| {
+        format!(
+            "param m = 2\nparam g = 9.81\nparam k = 1e4\nmesh box [0] to [1] cells [1] segment with idle_cells=allowed\n\
+             unknown u : scalar global\nstart u = 1\nterm mass on global : m*(Dot2_u + g)*Test_u\n\
+             term stop on global : -k*pos_part(-u)*Test_u\nscheme newmark energy\nsteps t = 0 to 1.2 by {steps}\n\
+             measure height = max(u) on global\nevent touch = 0 > height\n"
+        )
+    };
+    let long = run(&scene("0.05"));
+    assert!(last(&long, "height") > 1.2, "{}", last(&long, "height"));
+    assert!(last(&long, "energy_lost").abs() < 1e-9);
+    let text = warning(&long, "W620").expect("a warning");
+    assert!(text.contains("`stop` has no force") && text.contains("5.351e1"), "{text}");
+    let chosen = run(&scene("auto with first=1e-4, error=1e-8"));
+    assert_eq!(warning(&chosen, "W620"), None);
+    let (fall, w) = ((2.0f64 / 9.81).sqrt(), 5000.0f64.sqrt());
+    let lasts = 2.0 / w * (std::f64::consts::PI - ((2.0f64 * 9.81).sqrt() * w / 9.81).atan());
+    let touch = chosen.outcome.events[0].1[0];
+    assert!((touch.begin / fall - 1.0).abs() < 1e-4, "{} {fall}", touch.begin);
+    let found = touch.end.expect("an end") - touch.begin;
+    assert!((found / lasts - 1.0).abs() < 1e-2, "{found} {lasts}");
+}

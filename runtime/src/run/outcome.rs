@@ -117,7 +117,8 @@ impl Run {
         let mut warnings = report::warnings(&self.steps);
         warnings.extend(self.bad.iter().map(|bad| ("W610", bad.text())));
         let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
-        warnings.extend(scene.energy.as_ref().and_then(|e| lost(e, measured)).map(|text| ("W620", text)));
+        let balance = self.stepper.balance.as_ref();
+        warnings.extend(lost(scene, balance, measured).map(|text| ("W620", text)));
         let longest = || scene.steps.values.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
         warnings.extend(self.stepper.stability.told(longest).map(|text| ("W621", text)));
         warnings.extend(self.forced(scene).map(|text| ("W618", text)));

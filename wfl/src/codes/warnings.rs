@@ -381,7 +381,10 @@ pub(super) const PAGES: &[CodePage] = &[
          trapezoidal rule, and compares it with the kinetic energy. What is left is lost, or gained where it is negative: the \
          damping of the scheme, steps that are too long for what happens in them, or an unstable contact term. The message has \
          the part of the largest energy of the run, and the limit that the scene gives (`energy=1e-3`). Smaller steps \
-         show which it is: the error of the steps falls with their length, a sign or a law that is wrong does not.",
+         show which it is: the error of the steps falls with their length, a sign or a law that is wrong does not. The balance of a \
+         step closes for every law, also for a contact that begins and ends within a few steps and throws the body back \
+         faster than it came: a contact without friction that has taken up, or given, energy between two times without \
+         force is told, too.",
         "steps t = 0 to 1 by 0.5\nterm inertia on all : Dot2_u.Test_u\nstart Dot_u = [x,0,0]\n\
          scheme backward_euler energy",
         "steps t = 0 to 1 by 0.5\nterm inertia on all : Dot2_u.Test_u\nstart Dot_u = [x,0,0]\n\
