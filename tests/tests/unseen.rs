@@ -206,3 +206,22 @@ fn a_contact_that_gives_more_than_it_took_is_told() {
     let found = touch.end.expect("an end") - touch.begin;
     assert!((found / lasts - 1.0).abs() < 1e-2, "{found} {lasts}");
 }
+
+/// A state that no term reads, such as the impulse of a contact, is all error in the step in which it begins: it does not
+/// shorten steps, and one that a term reads by way of a definition and of another state does.
+#[test]
+fn states_that_nothing_reads_leave_the_steps_as_they_are() {
+    let scene = |states: &str, law: &str| {
+        format!(
+            "mesh box [0] to [1] cells [1] segment with idle_cells=allowed\nunknown u : scalar global\nstart u = 1\n\
+             {states}term mass on global : 2*(Dot2_u + 9.81)*Test_u\nterm stop on global : -1e4*pos_part(-u)*Test_u{law}\n\
+             scheme newmark\nsteps t = 0 to 1.2 by auto with first=1e-4, error=1e-6, least=1e-8\n"
+        )
+    };
+    let impulse = "state J : scalar global := J + timestep*1e4*pos_part(-u)\n";
+    let count = |states: &str, law: &str| run(&scene(states, law)).outcome.steps.len();
+    let alone = count("", "");
+    assert_eq!(count(impulse, ""), alone);
+    let read = format!("{impulse}state K : scalar global := K + timestep*J\ndef worn = 0*K\n");
+    assert!(count(&read, " + worn*Test_u") > alone + 10);
+}
