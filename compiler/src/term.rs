@@ -300,8 +300,8 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
 }
 
 /// By test slot what cancels in the flux of a term that is not affine, zero for slots of which nothing is asked; `None` if
-/// that is all of them. Asked is it of the equations of single numbers, those of scalars and of global fields: forces on
-/// nodes balance between terms and cells.
+/// that is all of them. Asked is it of the equations of single numbers, those of scalars and of global fields; of forces on
+/// nodes, which balance between terms and cells, only for what rounding leaves of them, and not of laws of contact.
 fn summand_sizes(
     fields: &[FieldSig],
     tests: &[BasisSlot],
@@ -310,16 +310,17 @@ fn summand_sizes(
     changes: &[Changes],
     fluxes: &[Val],
 ) -> Option<Vec<Val>> {
-    let is_single = |slot: &BasisSlot| {
+    let is_asked = |slot: &BasisSlot| {
         let field = &fields[slot.field.index()];
-        slot.op == FieldOp::Value && (field.global || field.shape.len() == 1)
+        let is_single = field.global || field.shape.len() == 1;
+        slot.op == FieldOp::Value && (is_single || class == Class::Nonlinear)
     };
-    if class < Class::Nonlinear || !tests.iter().any(is_single) {
+    if class < Class::Nonlinear || !tests.iter().any(is_asked) {
         return None;
     }
     let moves = |v: Val| changes[v.index()].unknown;
     let one = |(slot, flux): (&BasisSlot, &Val)| {
-        if is_single(slot) { summands::size(scalars, &moves, *flux) } else { scalars.constant(0.0) }
+        if is_asked(slot) { summands::size(scalars, &moves, *flux) } else { scalars.constant(0.0) }
     };
     Some(tests.iter().zip(fluxes).map(one).collect())
 }

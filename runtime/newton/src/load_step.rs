@@ -136,6 +136,7 @@ impl LoadStep<'_> {
                 }
                 all.add_equations(field, &equations, self.options.tolerance);
             } else {
+                range.clone().zip(summands.get(range.clone()).unwrap_or_default()).for_each(|(d, s)| sizes[d] += s);
                 let cancelled = largest_of(range.clone().map(|d| sizes[d]));
                 let largest = largest_of(range.clone().filter(is_free).map(|d| written.values[d]));
                 let kept = range.map(|d| written.linear_sizes[d]);

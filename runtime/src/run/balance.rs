@@ -33,6 +33,8 @@ pub(super) struct Balance {
     pub(super) forces: Vec<Vec<f64>>,
     /// The sum of all forces then, by dof in the local frames of nodes.
     pub(super) total: Vec<f64>,
+    /// By term the least and the most that it had taken up at states without any force of it; none where it never was.
+    pub(super) free: Vec<Vec<f64>>,
 }
 
 /// Forces at a state, as [`Balance`] keeps them, and the kinetic energy.
@@ -47,7 +49,29 @@ impl Balance {
     pub(super) fn start(scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<Self, NewtonError> {
         let Forces { by_term, total, kinetic } = forces(scene, at, u)?;
         let works = vec![0.0; by_term.len()];
-        Ok(Self { kinetic: [kinetic; 2], works, prescribed: 0.0, forces: by_term, total })
+        let free = vec![Vec::new(); by_term.len()];
+        let mut start = Self { kinetic: [kinetic; 2], works, prescribed: 0.0, forces: by_term, total, free };
+        start.keep_free();
+        Ok(start)
+    }
+
+    /// Keeps what terms without force have taken up.
+    fn keep_free(&mut self) {
+        for ((free, force), work) in self.free.iter_mut().zip(&self.forces).zip(&self.works) {
+            if force.iter().all(|f| *f == 0.0) {
+                let [least, most] = *free.as_slice() else {
+                    *free = vec![*work; 2];
+                    continue;
+                };
+                *free = vec![least.min(*work), most.max(*work)];
+            }
+        }
+    }
+
+    /// By term how much more it had taken up at one state without force of it than at another: nothing, if its forces
+    /// have a potential and the rule is exact.
+    pub(super) fn unreturned(&self) -> impl Iterator<Item = f64> + '_ {
+        self.free.iter().map(|free| free.last().zip(free.first()).map_or(0.0, |(most, least)| most - least))
     }
 
     /// Adds a step that has ended at `u`; its start is the past of the scene.
@@ -68,6 +92,7 @@ impl Balance {
         let supports = (0..u.len()).filter(|d| numbering.free[*d] == FIXED);
         self.prescribed += supports.map(|d| mean(&self.total, &total, d) * change[d]).sum::<f64>();
         (self.forces, self.total, self.kinetic[1]) = (by_term, total, kinetic);
+        self.keep_free();
         Ok(())
     }
 

@@ -40,7 +40,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 14;
+const FORMAT: u64 = 16;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -361,6 +361,8 @@ fn balance(w: &mut Writer, b: Option<&Balance>) {
     [&b.kinetic[..], &b.works, &[b.prescribed], &b.total].iter().for_each(|numbers| w.numbers(numbers));
     w.count(b.forces.len());
     b.forces.iter().for_each(|f| w.numbers(f));
+    w.count(b.free.len());
+    b.free.iter().for_each(|f| w.numbers(f));
 }
 
 fn read_balance(r: &mut Reader<'_>) -> Result<Option<Balance>, Unreadable> {
@@ -371,11 +373,12 @@ fn read_balance(r: &mut Reader<'_>) -> Result<Option<Balance>, Unreadable> {
     let works = r.numbers()?;
     let [prescribed] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let total = r.numbers()?;
-    let forces = r.list(Reader::numbers)?;
-    if forces.is_empty() || works.len() != forces.len() || forces.iter().any(|f| f.len() != total.len()) {
+    let (forces, free) = (r.list(Reader::numbers)?, r.list(Reader::numbers)?);
+    let fits = works.len() == forces.len() && free.len() == forces.len();
+    if forces.is_empty() || !fits || forces.iter().any(|f| f.len() != total.len()) {
         return Err(Unreadable);
     }
-    Ok(Some(Balance { kinetic, works, prescribed, forces, total }))
+    Ok(Some(Balance { kinetic, works, prescribed, forces, total, free }))
 }
 
 fn step(w: &mut Writer, s: &StepResult) {

@@ -1,5 +1,10 @@
 //! The end of a step, or of a part of one: the balance of energy, new states, rates. Solves nothing.
 
+use wfl_compiler::{
+    KinkKind, TermLaw,
+    types::{FieldKind, InputSlot},
+};
+
 use super::{
     balance::Balance,
     rates::{self, StepTime},
@@ -46,8 +51,14 @@ impl Stepper {
     }
 }
 
-/// What is said of a run that loses more energy than the scene allows: steps by the step variable and their measures.
-pub(super) fn lost<'s>(energy: &Energy, steps: impl Iterator<Item = (f64, &'s [(String, f64)])>) -> Option<String> {
+/// What is said of a run that loses more energy than the scene allows, or whose contact does: steps by the step variable and
+/// their measures, and the balance at the end.
+pub(super) fn lost<'s>(
+    scene: &Scene,
+    balance: Option<&Balance>,
+    steps: impl Iterator<Item = (f64, &'s [(String, f64)])>,
+) -> Option<String> {
+    let energy = scene.energy.as_ref()?;
     let names = energy.measures();
     let lost = names.last().expect("the last is what is lost");
     let (mut largest, mut worst) = (0.0f64, (0.0f64, 0.0f64));
@@ -63,12 +74,36 @@ pub(super) fn lost<'s>(energy: &Energy, steps: impl Iterator<Item = (f64, &'s [(
     let (time, value) = worst;
     let part = value.abs() / largest;
     let word = if value < 0.0 { "gained" } else { "lost" };
-    (part > energy.limit).then(|| {
-        format!(
+    if part > energy.limit {
+        return Some(format!(
             "by t = {time} the energy {:.3e} is {word}, {part:.1e} of the largest energy of the run, at most {:.0e} \
              expected: smaller steps show whether the steps or a term are the cause",
             value.abs(),
             energy.limit
+        ));
+    }
+    let works = energy.terms.iter().zip(balance?.unreturned()).filter(|(name, _)| has_a_potential(scene, name));
+    let (name, value) = works.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let part = value / largest;
+    (part > energy.limit).then(|| {
+        format!(
+            "between two times at which `{name}` has no force it took up, or gave, the energy {value:.3e}, {part:.1e} of the \
+             largest energy of the run, at most {:.0e} expected: contact begins and ends within steps that are too long \
+             for it, which the balance of the steps does not show; smaller steps, or a softer contact",
+            energy.limit
         )
     })
+}
+
+/// Whether a term is a contact whose force follows from the state alone: it gives back what it takes.
+fn has_a_potential(scene: &Scene, name: &str) -> bool {
+    let kind = |field: usize| scene.system.fields.get(field).map(|f| f.kind);
+    let is_of_state = |slot: &InputSlot| match slot {
+        InputSlot::Field(b) => matches!(kind(b.field.index()), Some(FieldKind::Unknown | FieldKind::Multiplier)),
+        InputSlot::Previous(_) | InputSlot::History(..) => false,
+        _ => true,
+    };
+    let laws = || scene.system.terms.iter().map(|t| &t.law).filter(|law| Energy::is_of(name, &law.name));
+    let selects = |law: &TermLaw| law.kinks.iter().all(|k| k.kind == KinkKind::Select) && !law.kinks.is_empty();
+    laws().all(|law| law.prologue.slots.is_empty() && law.inputs.iter().all(is_of_state)) && laws().any(selects)
 }

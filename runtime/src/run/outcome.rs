@@ -29,6 +29,8 @@ pub struct Outcome {
     pub kept: Vec<KeptStep>,
     /// Expectations of the scene: place and whether they hold.
     pub expectations: Vec<(wfl::Expect, Option<bool>)>,
+    /// What expectations know beside params: the measures at the last step, and the numbers of the events.
+    pub known: Vec<(String, f64)>,
     /// Messages of the expectations.
     pub diagnostics: Vec<wfl::Diagnostic>,
     /// The events of the scene by name, each with the times that it lasted.
@@ -100,6 +102,9 @@ impl KeptStep {
     }
 }
 
+/// Steps by `auto` of which the last is the first with an estimate of its error.
+const FEWEST: usize = 3;
+
 impl Run {
     /// Ends the run; `error` is what it ended with, if that was no solution.
     pub(super) fn outcome(self, scene: &Scene, options: &RunOptions, error: Option<&RunError>) -> Outcome {
@@ -112,10 +117,12 @@ impl Run {
         let mut warnings = report::warnings(&self.steps);
         warnings.extend(self.bad.iter().map(|bad| ("W610", bad.text())));
         let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
-        warnings.extend(scene.energy.as_ref().and_then(|e| lost(e, measured)).map(|text| ("W620", text)));
+        let balance = self.stepper.balance.as_ref();
+        warnings.extend(lost(scene, balance, measured).map(|text| ("W620", text)));
         let longest = || scene.steps.values.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
         warnings.extend(self.stepper.stability.told(longest).map(|text| ("W621", text)));
         warnings.extend(self.forced(scene).map(|text| ("W618", text)));
+        warnings.extend(self.unestimated(scene).filter(|_| done).map(|text| ("W618", text)));
         warnings.extend(self.unlimited(scene).map(|text| ("W619", text)));
         let mut report = report::report(scene, options, &self, &expectations);
         report.warnings.extend(warnings.iter().map(|(code, text)| format!("{code}: {text}")));
@@ -123,7 +130,8 @@ impl Run {
         report.events = events.iter().map(|(name, list)| (name.as_str(), list.iter().map(event).collect())).collect();
         report.error = error.map(ToString::to_string);
         let kept = self.kept;
-        Outcome { steps: self.steps, report, files: Vec::new(), kept, expectations, diagnostics, warnings, events }
+        let (steps, files) = (self.steps, Vec::new());
+        Outcome { steps, report, files, kept, expectations, known, diagnostics, warnings, events }
     }
 
     /// The events of the scene by name.
@@ -146,6 +154,19 @@ impl Run {
         Some(format!(
             "the error of {count} steps is larger than the demanded {:e}, the first at t = {}: an increment is at least {:e}",
             rules.error, first.time, rules.least
+        ))
+    }
+
+    /// What is said of a run whose steps are too few for an estimate of their error.
+    fn unestimated(&self, scene: &Scene) -> Option<String> {
+        let rules = scene.steps.auto.as_ref()?;
+        // the state where time starts is no step
+        let count = self.steps.len().checked_sub(1).filter(|n| (1..FEWEST).contains(n))?;
+        let steps = if count == 1 { "1 step".to_owned() } else { format!("{count} steps") };
+        Some(format!(
+            "the run made {steps}, the first of {:e}: the error of none is known, an estimate needs {FEWEST}. Give a smaller \
+             `first`, well below the shortest time of the scene",
+            rules.first
         ))
     }
 

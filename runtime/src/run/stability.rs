@@ -10,7 +10,7 @@ use super::rates::StepTime;
 use crate::{
     assemble::BranchCounts,
     newton::NewtonError,
-    scene::{Explicit, Scene},
+    scene::{Explicit, MOST_FRACTION, Scene},
 };
 
 /// Steps for each evaluation that a limit takes: what is spent on limits is a tenth of the steps.
@@ -25,8 +25,23 @@ pub(super) struct Stability {
     looks: usize,
     /// Steps until it may be computed again.
     wait: usize,
-    /// Where it was first below the steps, and the limit there.
-    found: Option<(f64, f64)>,
+    /// Where the steps were first too near to it, or above it.
+    found: Option<Fallen>,
+}
+
+/// A limit that has fallen to the steps.
+#[derive(Clone, Copy, Debug)]
+struct Fallen {
+    time: f64,
+    limit: f64,
+    /// The increment there, in parts of the limit.
+    share: f64,
+}
+
+impl Fallen {
+    fn is_above(self) -> bool {
+        self.share > 1.0
+    }
 }
 
 impl Stability {
@@ -39,7 +54,7 @@ impl Stability {
         at: StepTime,
         branches: &[BranchCounts],
     ) -> Result<(), NewtonError> {
-        if self.found.is_some() || scene.system.is_linear() {
+        if self.found.is_some_and(Fallen::is_above) || scene.system.is_linear() {
             return Ok(());
         }
         self.wait = self.wait.saturating_sub(1);
@@ -58,20 +73,33 @@ impl Stability {
         let limit = limit?;
         (self.seen, self.looks) = (Some(branches.to_vec()), self.looks + 1);
         self.wait = STEPS_FOR_EACH * limit.evaluations;
-        if at.increment.abs() > limit.step {
-            self.found = Some((at.time, limit.step));
+        let found = Fallen { time: at.time, limit: limit.step, share: at.increment.abs() / limit.step };
+        // steps that the scene itself asks for are near the limit of the start, and nothing has fallen
+        let is_near = found.share > MOST_FRACTION && limit.step < explicit.limit.step && self.found.is_none();
+        if found.is_above() || is_near {
+            self.found = Some(found);
         }
         Ok(())
     }
 
     /// What is said of steps of this length that have become too long.
     pub(super) fn told(&self, increment: impl FnOnce() -> f64) -> Option<String> {
-        let (time, limit) = self.found?;
+        let found = self.found?;
+        let Fallen { time, limit, share } = found;
         let increment = increment();
-        Some(format!(
-            "explicit steps of {increment:.3e} are above the stability limit, which had fallen to {limit:.3e} at t = \
-             {time:.6e}: a contact has closed or a body stiffened since the start. The results behind that are not to be \
-             used: take a smaller `fraction`, or shorter steps"
-        ))
+        let since = "a contact has closed or a body stiffened since the start";
+        Some(if found.is_above() {
+            format!(
+                "explicit steps of {increment:.3e} are above the stability limit, which had fallen to {limit:.3e} at t = \
+                 {time:.6e}: {since}. The results behind that are not to be used: take a smaller `fraction`, or shorter \
+                 steps"
+            )
+        } else {
+            format!(
+                "explicit steps of {increment:.3e} are {share:.3} of the stability limit, which had fallen to {limit:.3e} \
+                 at t = {time:.6e}: {since}. Contact that opens and closes so near the limit gains energy in each step \
+                 that it does: take a smaller `fraction`, or shorter steps"
+            )
+        })
     }
 }

@@ -294,12 +294,18 @@ impl Builder<'_> {
         Values { steps, newton, accuracy, starts, start_rates, integration, data, measures, watched, tables }
     }
 
-    /// The fields whose values in time have an error: those with a past.
+    /// The fields whose values in time have an error: those with a past. Beside unknowns that have one, a state that no term
+    /// reads, not even by way of other states, changes nothing of the solution and does not count: the impulse of a contact
+    /// is all error in the step in which it begins, however short that is.
     fn fields_in_time(&self, numbered: &Numbered) -> Vec<usize> {
         let of = |wanted: &dyn Fn(usize, &Field) -> bool| -> Vec<usize> {
             self.fields.iter().enumerate().filter(|(k, f)| wanted(*k, f)).map(|(k, _)| k).collect()
         };
-        let with_past = of(&|k, f| f.kind == FieldKind::State || numbered.past.contains(&k));
+        let names = names_in_terms(self.script);
+        let read = states::read_by(&numbered.states, of(&|_, f| names.contains(&f.name)));
+        let moves = of(&|k, f| f.kind == FieldKind::Unknown && numbered.past.contains(&k));
+        let counts = |k: &usize| moves.is_empty() || read.contains(k);
+        let with_past = of(&|k, f| if f.kind == FieldKind::State { counts(&k) } else { numbered.past.contains(&k) });
         if with_past.is_empty() { of(&|_, f| f.kind == FieldKind::Unknown) } else { with_past }
     }
 

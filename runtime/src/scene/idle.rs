@@ -126,7 +126,14 @@ impl Partners {
         let unknown = |f: &usize| system.fields.get(*f).is_some_and(|f| f.kind == FieldKind::Unknown);
         let mut this = Self { fields: BTreeSet::new(), images: BTreeMap::new() };
         for term in system.terms.iter().filter(|t| t.coupled_fields().any(|f| f.index() == field)) {
-            this.fields.extend(term.coupled_fields().map(|f| f.index()).filter(unknown));
+            // those that stand in its rows or in its columns: a law may read others beside it, such as a slip rate
+            let law = &term.law;
+            let pairs = law.entries.iter().map(|(test, trial)| {
+                let (test, trial) = (&law.tests[usize::from(*test)], &law.trials[usize::from(*trial)]);
+                [test.field.index(), trial.field.index()]
+            });
+            let with_it = pairs.filter(|pair| pair.contains(&field)).flatten();
+            this.fields.extend(with_it.filter(unknown));
             if term.law.listing.graph.mapping.is_none() {
                 continue;
             }

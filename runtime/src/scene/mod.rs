@@ -91,6 +91,7 @@ pub use inputs::InputFile;
 pub use mesh::SceneBox;
 pub use options::{Auto, Steps};
 pub use outputs::{CsvOutput, VtkOutput};
+pub(crate) use rates::MOST_FRACTION;
 pub use refined::Refined;
 pub use regions::{NamedRegion, Regions};
 pub use rest::{Sketch, without_auto};

@@ -94,8 +94,8 @@ pub(super) struct Integration {
 /// The part of the stability limit that explicit steps by `auto` take where the scene does not say: it leaves a tenth for
 /// what becomes stiffer after the start.
 const FRACTION: f64 = 0.9;
-/// The largest such part.
-const MOST_FRACTION: f64 = 0.95;
+/// The largest such part: what a contact that opens and closes bears, a penalty of E/h on a bar above all.
+pub(crate) const MOST_FRACTION: f64 = 0.95;
 /// The part of the energy that may be lost where the scene does not say.
 const LOST: f64 = 1e-3;
 

@@ -10,8 +10,8 @@ use wfl_compiler::{Constant, backend::KernelBackend};
 
 use crate::{
     mesh::{
-        CellId, InterfaceFacet, Mesh, RegionError, RegionSet, Topology, boundary_of, interface, outer_boundary,
-        pick_cells, pick_facets, pick_nodes,
+        CellId, FacetRef, InterfaceFacet, Mesh, RegionError, RegionSet, Topology, boundary_of, interface,
+        outer_boundary, pick_cells, pick_facets, pick_nodes,
     },
     scene::{
         conditions::{ConditionMaker, holds, not_a_number},
@@ -36,6 +36,16 @@ pub struct NamedRegion {
     pub here_name: Option<String>,
     /// Faces with a cell on both sides: an `interface along` them exists.
     pub inside: bool,
+}
+
+/// What a region is picked from.
+enum Part {
+    /// The mesh and its outer boundary.
+    Whole,
+    /// Some cells.
+    Cells(Vec<CellId>),
+    /// Faces, or an interface whose sides stay what they are.
+    Faces { of: RegionSet, faces: Vec<FacetRef> },
 }
 
 /// All regions of a scene.
@@ -71,6 +81,7 @@ impl RegionMaker<'_> {
         for region in &self.script.regions {
             let here_name = match &region.region {
                 RegionExpr::Interface { from, .. } => Some(from.name.clone()),
+                RegionExpr::Picked { of: Some(of), .. } => self.lookup(of).and_then(|r| r.here_name.clone()),
                 _ => None,
             };
             let Some(set) = self.evaluate(&region.region, region.name.span) else { continue };
@@ -181,6 +192,20 @@ impl RegionMaker<'_> {
         }
     }
 
+    /// What is picked from: of cells themselves, their boundary or their nodes, of faces and interfaces the faces.
+    fn part_of(&mut self, entity: EntityKind, name: &Ident) -> Option<Part> {
+        let set = &self.lookup(name)?.set;
+        let faces = match set {
+            RegionSet::Facets(faces) => faces.clone(),
+            RegionSet::Interface(pairs) => pairs.iter().map(|p| p.here).collect(),
+            _ => Vec::new(),
+        };
+        match entity {
+            EntityKind::Faces if !faces.is_empty() => Some(Part::Faces { of: set.clone(), faces }),
+            _ => self.cells_of(name).map(Part::Cells),
+        }
+    }
+
     /// A region that exists already; unknown names have a message.
     fn lookup(&self, name: &Ident) -> Option<&NamedRegion> {
         self.regions.get(&name.name)
@@ -235,9 +260,9 @@ impl RegionMaker<'_> {
     }
 
     fn picked(&mut self, entity: EntityKind, of: Option<&Ident>, cond: Option<&Cond>, span: Span) -> Option<RegionSet> {
-        let cells = match of {
-            Some(name) => Some(self.cells_of(name)?),
-            None => None,
+        let part = match of {
+            Some(name) => self.part_of(entity, name)?,
+            None => Part::Whole,
         };
         let condition = match cond {
             Some(c) => Some(self.condition(c)?),
@@ -252,7 +277,16 @@ impl RegionMaker<'_> {
             }
             Ok(holds == Some(true))
         };
-        let set = self.pick(entity, cells.as_deref(), &mut picks);
+        let set = match part {
+            Part::Whole => self.pick(entity, None, &mut picks),
+            Part::Cells(cells) => self.pick(entity, Some(&cells), &mut picks),
+            Part::Faces { of, faces } => {
+                pick_facets(self.mesh, &faces, &mut picks).map(|picked| match of.intersection(&picked) {
+                    Ok(set) => set,
+                    Err(_) => picked,
+                })
+            }
+        };
         if let Some(x) = bad {
             self.diagnostics.push(not_a_number(x, span));
             return None;
@@ -302,7 +336,7 @@ fn names_interior(script: &ResolvedScript) -> bool {
 
 fn mentions_interior(region: &RegionExpr) -> bool {
     match region {
-        RegionExpr::Name(name) => name.name == "interior",
+        RegionExpr::Name(name) | RegionExpr::Picked { of: Some(name), .. } => name.name == "interior",
         RegionExpr::Combine(first, rest) => mentions_interior(first) || rest.iter().any(|(_, r)| mentions_interior(r)),
         _ => false,
     }

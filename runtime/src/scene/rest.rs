@@ -250,7 +250,15 @@ fn kind_of(script: &ResolvedScript, name: &str) -> Option<PlaceKind> {
     loop {
         region = match region {
             Some(RegionExpr::Picked { entity: EntityKind::Cells, .. }) => return Some(PlaceKind::Cells),
-            Some(RegionExpr::Picked { entity: EntityKind::Faces, .. }) => return Some(PlaceKind::Facets),
+            // faces of an interface are a part of it
+            Some(RegionExpr::Picked { entity: EntityKind::Faces, of, .. }) => {
+                let whole = of.as_ref().filter(|of| of.name != name).and_then(|of| kind_of(script, &of.name));
+                return Some(if whole == Some(PlaceKind::Interface) {
+                    PlaceKind::Interface
+                } else {
+                    PlaceKind::Facets
+                });
+            }
             Some(RegionExpr::Picked { entity: EntityKind::Nodes, .. }) => return None,
             Some(RegionExpr::Interface { .. } | RegionExpr::Along { .. }) | None => return Some(PlaceKind::Interface),
             Some(RegionExpr::Name(n)) if n.name == "all" => return Some(PlaceKind::Cells),

@@ -50,6 +50,22 @@ impl StateUpdate {
     }
 }
 
+/// The fields that terms name, with those that the updates of states among them read.
+pub(super) fn read_by(states: &[StateUpdate], named: Vec<usize>) -> BTreeSet<usize> {
+    let field = |slot: &InputSlot| match slot {
+        InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => Some(b.field.index()),
+        _ => None,
+    };
+    let mut read = BTreeSet::from_iter(named);
+    // each pass finds states that the ones before are made of
+    for _ in states {
+        let found = states.iter().filter(|s| read.contains(&s.field)).flat_map(|s| &s.value.law.inputs);
+        let found: Vec<usize> = found.filter_map(field).collect();
+        read.extend(found);
+    }
+    read
+}
+
 /// A compiled update, before its points are known.
 pub(super) struct StateLaw {
     pub(super) law: ValueLaw,

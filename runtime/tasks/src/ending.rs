@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use wfl::{Diagnostic, ast::Cond};
+use wfl::{Diagnostic, Span, ast::Cond};
 use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
     AttemptEnd, Episode, FRUITLESS, Outcome, RunError, Scene, Singular, StepResult,
@@ -122,6 +122,10 @@ fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said>
         for table in &scene.tables.states {
             text += &format!("  = note: a state outside the rows of {table} is no solution\n");
         }
+        if !scene.tables.states.is_empty() {
+            text += "  = help: if the solution is out there: more rows, or a law that holds the last value, such as ";
+            text += "table(\"law.csv\", max(first, min(x, last)))\n";
+        }
         if is_below(loaded) {
             text += "  = note: a Nitsche parameter is below its coercivity bound (W503): a solution need not exist\n";
             text += "  = help: raise it to the value given there, or use theta = -1\n";
@@ -133,11 +137,10 @@ fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said>
 
 /// The expectations that do not hold.
 fn not_as_expected(scene: &Scene, outcome: &Outcome, picked: Option<&str>) -> Vec<Said> {
-    let last = outcome.steps.last().map(|s| s.measures.as_slice()).unwrap_or_default();
     let broken = outcome.expectations.iter().filter(|(_, holds)| *holds != Some(true));
     let told = |expect: &wfl::Expect| {
         let d = Diagnostic::new("E604", "an expectation of the scene does not hold");
-        let d = d.at(expect.span, sides(scene, &expect.condition, last));
+        let d = d.at(expect.span, sides(scene, &expect.condition, &outcome.known));
         match picked {
             Some(setting) => d
                 .note(format!(
@@ -188,9 +191,12 @@ fn not_finite(loaded: &Loaded, outcome: &Outcome) -> Vec<Said> {
 }
 
 /// The values on both sides of the comparisons of a condition.
-fn sides(scene: &Scene, condition: &Cond, measures: &[(String, f64)]) -> String {
-    let sides = scene.sides(condition, measures);
-    sides.iter().map(|(span, value)| format!("{} is {value}", wfl::quote(*span))).collect::<Vec<_>>().join(", ")
+fn sides(scene: &Scene, condition: &Cond, known: &[(String, f64)]) -> String {
+    let told = |(span, value): &(Span, f64)| {
+        let value = if value.is_finite() { value.to_string() } else { word(*value).to_owned() };
+        format!("{} is {value}", wfl::quote(*span))
+    };
+    scene.sides(condition, known).iter().map(told).collect::<Vec<_>>().join(", ")
 }
 
 /// True if a Nitsche parameter is below its smallest safe value.

@@ -359,7 +359,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps with a larger error than demanded",
         "`steps ... by auto` found no increment with the demanded error: one was as small as `least`, and the step was taken \
          with the error that it has. That is right where a value jumps at once: no increment resolves a jump. Elsewhere \
-         choose a smaller `least`, or a larger `error`. `report.json` lists the attempts of each step.",
+         choose a smaller `least`, or a larger `error`. `report.json` lists the attempts of each step. The first steps have no \
+         estimate, because it needs a past: a run of one or two steps says that it has none, and needs a smaller `first`.",
         "steps t = 0 to 1 by auto with first=0.1, least=0.1, error=1e-9",
         "steps t = 0 to 1 by auto with error=1e-3",
     ),
@@ -380,7 +381,10 @@ pub(super) const PAGES: &[CodePage] = &[
          trapezoidal rule, and compares it with the kinetic energy. What is left is lost, or gained where it is negative: the \
          damping of the scheme, steps that are too long for what happens in them, or an unstable contact term. The message has \
          the part of the largest energy of the run, and the limit that the scene gives (`energy=1e-3`). Smaller steps \
-         show which it is: the error of the steps falls with their length, a sign or a law that is wrong does not.",
+         show which it is: the error of the steps falls with their length, a sign or a law that is wrong does not. The balance of a \
+         step closes for every law, also for a contact that begins and ends within a few steps and throws the body back \
+         faster than it came: a contact without friction that has taken up, or given, energy between two times without \
+         force is told, too.",
         "steps t = 0 to 1 by 0.5\nterm inertia on all : Dot2_u.Test_u\nstart Dot_u = [x,0,0]\n\
          scheme backward_euler energy",
         "steps t = 0 to 1 by 0.5\nterm inertia on all : Dot2_u.Test_u\nstart Dot_u = [x,0,0]\n\
@@ -393,7 +397,9 @@ pub(super) const PAGES: &[CodePage] = &[
          stiffens, lowers it: a penalty g on a face adds about 2 g/(rho h) to the square of the highest frequency of elements \
          of length h. It is computed again during the run where a scene is not linear: when the branches of contact first change, and \
          later for a tenth of the time of the steps. The results behind that are wrong, also where contact keeps them \
-         finite. Take a smaller `fraction`, or steps below the limit that the message has.",
+         finite. Steps of more than 0.95 of a limit that has fallen are told, too: each side of a kink is stable then, but \
+         contact that opens and closes gains energy, and the balance of energy does not show it. Take a smaller `fraction`, \
+         or steps below the limit that the message has.",
         "mesh box [0] to [1] cells [4] segment\nregion wall = faces where x == 0\nunknown u : scalar\n\
          start u = 0.1\nstart Dot_u = -1\nterm inertia on all : Dot2_u*Test_u\n\
          term stress on all : Grad_u.Grad_Test_u\nterm contact on wall : -1000*neg_part(u)*Test_u\n\

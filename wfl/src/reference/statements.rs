@@ -40,7 +40,8 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "region",
         usage: "`region r = cells/faces/nodes [of s] [where condition]`",
-        meaning: "entities selected by position; `==` on coordinates holds within 1e-9 of the mesh size",
+        meaning: "entities selected by position; `==` on coordinates holds within 1e-9 of the mesh size; `faces of s` are those of \
+                  the boundary of the cells `s`, or a part of the faces or of the interface `s`",
         default: "`all`, `boundary`, `interior`, `global` exist",
     },
     StatementRow {

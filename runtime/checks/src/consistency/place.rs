@@ -26,6 +26,13 @@ const CORRECTIONS: usize = 20;
 const MISSED: f64 = 1e-11;
 /// Known fields may vary by so much inside a cell, relative, to count as constant.
 const VARIES: f64 = 1e-9;
+/// Cosine of the largest angle between the normal of a face and the direction of contact there: an obstacle that a face
+/// looks at.
+const TILTED: f64 = 0.25;
+/// Overlaps that are tried until a force acts: from the strain of the tests to many times the size of the cell.
+const DOUBLINGS: i32 = 30;
+/// Directions are one if their product is within this of 1.
+const ALIGNED: f64 = 1e-9;
 /// Normals that are opposite but for this belong to faces that look at each other.
 const OPPOSITE: f64 = -0.9;
 
@@ -101,8 +108,11 @@ struct Watched<'a> {
 /// See the module.
 pub(super) struct Place<'a> {
     pub(super) dim: usize,
-    /// Out of the first body.
+    /// The direction of contact, out of the first body: the normal of the face, but for a law of an obstacle with a
+    /// normal of its own.
     pub(super) normal: Vector,
+    /// The normal of the face out of the first body.
+    face: Vector,
     /// From the face to the centre of the cell.
     pub(super) size: f64,
     roles: Roles,
@@ -374,13 +384,31 @@ impl<'a> Place<'a> {
         let bulk = [finder.bulk(0, roles.displacement[0])?, finder.bulk(1, roles.displacement[1])?];
         let (a, b) = (mesh.centroid(here), mesh.facet_centroid(facet));
         let size = (0..3).fold(0.0f64, |m, k| m.hypot(a[k] - b[k]));
-        let place = Self { dim: domain.dim, normal, size, roles, interface, watched, bulk };
+        let mut place = Self { dim: domain.dim, normal, face: normal, size, roles, interface, watched, bulk };
+        place.normal = place.direction();
         let rest = place.rest();
         let loads = place.interface.iter().filter(|l| l.is_load);
         if loads.flat_map(|l| l.fluxes(&place.roles, &rest)).any(|x| x != 0.0) {
             return Err("a load acts on these faces".to_owned());
         }
         Ok(place)
+    }
+
+    /// The direction of the force that presses the first body out of an overlap, where that is about the normal of the
+    /// face; else the normal.
+    fn direction(&self) -> Vector {
+        let force = |by: f64| {
+            let mut state = self.rest();
+            let value = self.face.map(|n| by * n);
+            // without slip in the step
+            state.bodies[0] = Motion { value, before: value, ..Motion::default() };
+            self.fluxes(&state).map(|f| f.force[0]).filter(|f| dot(f, f) > 0.0)
+        };
+        let overlaps = (0..DOUBLINGS).map(|k| STRAIN * self.size * f64::powi(2.0, k));
+        let Some(force) = overlaps.filter_map(force).next() else { return self.face };
+        let unit = force.map(|x| x / dot(&force, &force).sqrt());
+        let along = dot(&unit, &self.face);
+        if along > TILTED && along < 1.0 - ALIGNED { unit } else { self.face }
     }
 
     /// Nothing has moved.
@@ -440,7 +468,7 @@ impl<'a> Place<'a> {
                 if slot.op == FieldOp::Grad && self.roles.displacement[body] == Some(slot.field.index()) {
                     let (component, direction) =
                         (usize::from(slot.entry) % self.dim, usize::from(slot.entry) / self.dim);
-                    sum[component] += flux * outward * self.normal[direction];
+                    sum[component] += flux * outward * self.face[direction];
                 }
             }
         }

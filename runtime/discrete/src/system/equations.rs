@@ -43,7 +43,9 @@ impl System {
     }
 
     /// By dof what the residual `here` at `u` is relative to in fields with single equations: the sum of the magnitudes
-    /// of what is summed; other dofs have any number. Empty without such fields, and then nothing is evaluated.
+    /// of what is summed. Of other fields what cancels in the smooth terms that are not linear, such as a friction of 30
+    /// that a load of 30 balances: rounding of it is left. Empty without fields of the first kind, and then nothing is
+    /// evaluated.
     #[must_use]
     pub fn summands(&self, u: &[f64], here: &Residual) -> Vec<f64> {
         let single: Vec<bool> = (0..self.fields.len()).map(|k| self.has_single_equations(k)).collect();
@@ -53,14 +55,18 @@ impl System {
         let mut out = vec![0.0; u.len()];
         let values = self.values(u);
         for term in self.terms.iter().filter(|t| t.law.class >= Class::Nonlinear) {
-            if term.law.tests.iter().any(|slot| single[slot.field.index()]) {
+            let is_smooth = term.law.class == Class::Nonlinear;
+            if is_smooth || term.law.tests.iter().any(|slot| single[slot.field.index()]) {
                 term.add_own_summands(&self.mesh, values.view(), &mut out, self.share.as_deref());
             }
         }
         self.team().sum(&mut out);
         self.numbering.turn_sizes(&mut out);
-        out.iter_mut().zip(&here.linear_sizes).for_each(|(sum, linear)| *sum += linear);
         for range in (0..single.len()).filter(|k| single[*k]).filter_map(|k| self.range(k)) {
+            out[range.clone()]
+                .iter_mut()
+                .zip(&here.linear_sizes[range.clone()])
+                .for_each(|(sum, linear)| *sum += linear);
             let least = LEAST * largest(range.clone().map(|d| out[d]));
             out[range].iter_mut().for_each(|size| *size = size.max(least));
         }
