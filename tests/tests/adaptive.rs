@@ -52,28 +52,48 @@ fn largest_error(outcome: &Outcome, k: f64) -> f64 {
 /// Steps of a method of order p have the error h^(p+1): their number grows as the demand to the power -1/(p+1), and the error
 /// of all of them falls as the demand to the power p/(p+1).
 #[test]
-fn bdf2_takes_as_many_steps_as_a_method_of_second_order() {
+fn bdf_takes_as_many_steps_as_a_method_of_its_order() {
     let demands: [f64; 5] = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7];
-    for k in [1.0, 100.0] {
+    for (scheme, order, k) in [("bdf2", 2.0, 1.0), ("bdf2", 2.0, 100.0), ("bdf3", 3.0, 1.0), ("bdf3", 3.0, 100.0)] {
         let run = |demand: &f64| {
-            let steps = format!("steps t = 0 to 10 by auto with first=1e-8, least=1e-10, error={demand}");
+            let steps =
+                format!("scheme {scheme}\nsteps t = 0 to 10 by auto with first=1e-8, least=1e-10, error={demand}");
             let outcome = outcome(&forced(k, &steps));
             (largest_error(&outcome, k), count(&outcome))
         };
         let found: Vec<(f64, f64)> = demands.iter().map(run).collect();
         for (pair, demand) in found.windows(2).zip(demands.windows(2)) {
             let demand = [demand[0], demand[1]];
-            assert!(pair[1].0 < 0.5 * pair[0].0, "{k}: {found:?}");
+            assert!(pair[1].0 < 0.5 * pair[0].0, "{scheme} {k}: {found:?}");
             // the steps of the start, which double from the first one, are as many for every demand
             let steps = power([pair[0].1, pair[1].1], demand);
-            assert!((-0.36..-0.15).contains(&steps), "{k}: {steps} {found:?}");
+            assert!((-1.0 / (order + 1.0) - 0.03..-0.1).contains(&steps), "{scheme} {k}: {steps} {found:?}");
         }
         let [.., before, last] = found[..] else { unreachable!("as many as there are demands") };
-        let steps = power([before.1, last.1], [1e-6, 1e-7]);
-        assert!((steps + 1.0 / 3.0).abs() < 0.03, "{k}: {steps} {found:?}");
+        // those of the start are left out: they double until the demand limits them
+        let start =
+            (count(&outcome(&forced(k, "steps t = 0 to 1e-3 by auto with first=1e-8, least=1e-10"))) - 1.0).max(0.0);
+        let steps = power([before.1 - start, last.1 - start], [1e-6, 1e-7]);
+        assert!((steps + 1.0 / (order + 1.0)).abs() < 0.05, "{scheme} {k}: {steps} {found:?}");
         let error = power([before.0, last.0], [1e-6, 1e-7]);
-        assert!((error - 2.0 / 3.0).abs() < 0.15, "{k}: {error} {found:?}");
+        assert!((error - order / (order + 1.0)).abs() < 0.15, "{scheme} {k}: {error} {found:?}");
     }
+}
+
+/// Without a statement first rates are those of BDF3, and second ones those of BDF2.
+#[test]
+fn bdf3_is_the_scheme_of_steps_that_the_run_chooses_where_there_are_first_rates_alone() {
+    let states = |scheme: &str, rate: &str| {
+        let text = format!(
+            "wfl 1\nmesh box [0] to [1] cells [1] segment\nunknown u : scalar\n\
+             term balance on all : ({rate} + 2*(u - cos(t)))*Test_u\nstart u = 1\n{scheme}\n\
+             steps t = 0 to 2 by auto with first=1e-3, error=1e-5\n"
+        );
+        outcome(&text).steps.iter().map(|s| (s.time, s.state.clone())).collect::<Vec<_>>()
+    };
+    let (first, second) = ("Dot_u", "Dot2_u + Dot_u");
+    assert!(states("", first) == states("scheme bdf3", first) && states("", first) != states("scheme bdf2", first));
+    assert!(states("", second) == states("scheme bdf2", second) && states("", second) == states("scheme bdf3", second));
 }
 
 /// A state is renewed by its text, here of first order: its steps are those of a method of first order.
@@ -118,7 +138,7 @@ fn an_unknown_without_a_rate_has_the_order_of_the_others() {
 /// The formulas once more, by hand: backward Euler once, then BDF2.
 #[test]
 fn the_steps_are_those_of_bdf2_with_variable_increments() {
-    let outcome = outcome(&forced(3.0, "steps t = 0 to 2 by auto with first=1e-3, error=1e-3"));
+    let outcome = outcome(&forced(3.0, "scheme bdf2\nsteps t = 0 to 2 by auto with first=1e-3, error=1e-3"));
     let (mut u, mut quotient) = (1.0, None);
     let (mut widest, mut before): (f64, f64) = (0.0, f64::INFINITY);
     for step in &outcome.steps[1..] {
@@ -133,6 +153,41 @@ fn the_steps_are_those_of_bdf2_with_variable_increments() {
         assert!((step.measures[0].1 - u).abs() < 1e-9, "{} {u} at {t}", step.measures[0].1);
     }
     assert!(widest > 1.2 && widest < 1.0 + 2.0f64.sqrt(), "{widest}");
+}
+
+/// The same of the orders that the run chooses: each step is that of BDF2 or of BDF3 from the values before it, most of them
+/// of BDF3, and behind steps of BDF3 increments grow by half at most.
+#[test]
+fn the_steps_are_those_of_bdf2_or_bdf3_with_variable_increments() {
+    let outcome = outcome(&forced(3.0, "steps t = 0 to 6 by auto with first=1e-3, error=1e-5"));
+    let points: Vec<(f64, f64)> = outcome.steps.iter().map(|s| (s.time, s.measures[0].1)).collect();
+    // the derivative at the first of some points of the polynomial through them
+    let rate = |points: &[(f64, f64)]| -> f64 {
+        let t = points[0].0;
+        let of = |i: usize| -> f64 {
+            let others = || (0..points.len()).filter(move |k| *k != i);
+            let basis = |m: usize| {
+                let rest = others().filter(|k| *k != m);
+                rest.map(|k| (t - points[k].0) / (points[i].0 - points[k].0)).product::<f64>()
+                    / (points[i].0 - points[m].0)
+            };
+            others().map(basis).sum::<f64>() * points[i].1
+        };
+        (0..points.len()).map(of).sum()
+    };
+    let mut cubic = vec![false; points.len()];
+    for k in 3..points.len() {
+        let newest: Vec<(f64, f64)> = points[k - 3..=k].iter().rev().copied().collect();
+        // a residual of u' + 3 (u - cos t) relative to the rates of two steps
+        let left = |n: usize| (rate(&newest[..n]) + 3.0 * (points[k].1 - points[k].0.cos())).abs();
+        let size = 1e-9 / (points[k].0 - points[k - 1].0);
+        assert!(left(3) < size || left(4) < size, "{k}: {} {} {size}", left(3), left(4));
+        cubic[k] = left(4) < left(3);
+        let growth = (points[k].0 - points[k - 1].0) / (points[k - 1].0 - points[k - 2].0);
+        assert!(growth < if cubic[k] { 1.5 } else { 2.0 } + 1e-9, "{k}: {growth}");
+    }
+    let cubics = cubic.iter().filter(|c| **c).count();
+    assert!(cubics > points.len() / 2 && !cubic[3], "{cubics} of {}", points.len());
 }
 
 #[test]
@@ -189,6 +244,31 @@ fn a_sudden_load_is_met_by_shorter_steps_and_rejected_attempts_are_listed() {
     // the state is the sum over accepted steps alone
     let sum: f64 = outcome.steps.iter().skip(1).map(|s| s.increment * s.measures[0].1).sum();
     assert!((last.measures[1].1 - sum).abs() < 1e-12 * sum, "{sum} {:?}", last.measures);
+}
+
+/// A load that jumps, one that jumps there and back, and a block that friction holds, lets go and stops again: the higher
+/// order costs no steps where the past says nothing, and the error is what one unsmooth step leaves.
+#[test]
+fn the_higher_order_is_no_worse_where_rates_jump_or_have_a_kink() {
+    let loads = ["(if t > 1 then 1 else 0) - u", "(if t > 1 and t < 1.5 then 1 else 0) - u", "max(2*sin(3*t) - 1, 0)"];
+    for load in loads {
+        let run = |scheme: &str, error: &str| {
+            let text = format!(
+                "wfl 1\nmesh box [0] to [1] cells [1] segment\nunknown u : scalar\n\
+                 term all on all : (Dot_u - ({load}))*Test_u\nscheme {scheme}\n\
+                 steps t = 0 to 3 by auto with first=1e-3, most=0.1, error={error}\nmeasure m = max(u) on all\n"
+            );
+            let outcome = outcome(&text);
+            (outcome.steps.last().expect("steps").measures[0].1, count(&outcome))
+        };
+        let (exact, _) = run("bdf2", "1e-9");
+        for error in ["1e-4", "1e-6"] {
+            let [second, third] = ["bdf2", "bdf3"].map(|scheme| run(scheme, error));
+            let demand: f64 = error.parse().expect("a number");
+            assert!((third.0 / exact - 1.0).abs() < 100.0 * demand, "{load} {error}: {third:?} {exact}");
+            assert!(third.1 < 1.2 * second.1, "{load} {error}: {third:?} {second:?}");
+        }
+    }
 }
 
 #[test]

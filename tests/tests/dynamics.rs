@@ -7,15 +7,21 @@ use wfl_runtime::StepResult;
 use wfl_tests::{Solved, examples, solve};
 
 /// Schemes with their orders.
-const SCHEMES: [(&str, f64); 7] = [
+const SCHEMES: [(&str, f64); 8] = [
     ("backward_euler", 1.0),
     ("bdf2", 2.0),
+    ("bdf3", 3.0),
     ("newmark", 2.0),
     ("newmark beta=0.3025 gamma=0.6", 1.0),
     ("hht alpha=-0.1", 2.0),
     ("generalised_alpha rho_inf=0.8", 2.0),
     ("generalised_alpha rho_inf=0", 2.0),
 ];
+
+/// Backward differentiation of order three integrates second rates as that of order two.
+fn of_second_rates(order: f64) -> f64 {
+    order.min(2.0)
+}
 
 fn run(text: String) -> Solved {
     solve(&examples(), text, &[], &[]).unwrap_or_else(|messages| panic!("{messages}"))
@@ -61,7 +67,7 @@ fn a_vibrating_bar_shows_the_order_of_each_scheme_with_initial_velocity_and_acce
                 last(&run(bar(4, &rest)), "tip") - exact
             };
             let found = order(error(0.005), error(0.0025));
-            assert!((found - wanted).abs() < 0.1, "{scheme}, {start}: {found}");
+            assert!((found - of_second_rates(wanted)).abs() < 0.1, "{scheme}, {start}: {found}");
         }
     }
 }
@@ -118,18 +124,22 @@ fn a_prescribed_motion_brings_its_rates() {
     }
 }
 
+/// Rounding leaves no drift, whatever the length of the steps: it would be of one sign in each step.
 #[test]
 fn the_trapezoidal_rule_keeps_the_energy_of_a_linear_body_over_ten_thousand_steps() {
-    let rest = "fix u = 0 on left\nstart Dot_u = sin(pi*x/2)\n\
-                steps t = 0 to 1000 by 0.1\nmeasure all_energy = integral(0.5*Dot_u*Dot_u + 0.5*Grad_u.Grad_u) on all\n\
-                quadrature on all degree 2\n";
-    let solved = run(bar(4, rest));
-    assert_eq!(solved.outcome.steps.len(), 10_001);
-    assert_eq!(solved.outcome.report.factorisations, 1);
-    let first = solved.measure(0, "all_energy");
-    let drift = (0..=10_000).map(|k| (solved.measure(k, "all_energy") / first - 1.0).abs()).fold(0.0, f64::max);
-    // 2.1e-12: rounding adds up over the steps
-    assert!(drift < 5e-12, "{drift:e}");
+    for h in [0.1, 0.37, 0.013, 1e-3] {
+        let rest = format!(
+            "fix u = 0 on left\nstart Dot_u = sin(pi*x/2)\nsteps t = 0 to {} by {h}\n\
+             measure all_energy = integral(0.5*Dot_u*Dot_u + 0.5*Grad_u.Grad_u) on all\nquadrature on all degree 2\n",
+            h * 1e4
+        );
+        let solved = run(bar(4, &rest));
+        assert_eq!(solved.outcome.steps.len(), 10_001);
+        assert_eq!(solved.outcome.report.factorisations, 1);
+        let first = solved.measure(0, "all_energy");
+        let drift = (0..=10_000).map(|k| (solved.measure(k, "all_energy") / first - 1.0).abs()).fold(0.0, f64::max);
+        assert!(drift < 1e-12, "{h}: {drift:e}");
+    }
 }
 
 #[test]
@@ -150,7 +160,7 @@ fn a_state_that_sums_the_velocity_by_the_trapezoidal_rule_is_the_displacement() 
 #[test]
 fn steps_of_the_runs_own_choice_keep_the_order_of_each_scheme_with_second_rates() {
     let w = discrete(0.5 * PI, 4).sqrt();
-    for (scheme, order) in SCHEMES {
+    for (scheme, order) in SCHEMES.map(|(scheme, order)| (scheme, of_second_rates(order))) {
         let steps = |error: f64| {
             let rest = format!(
                 "fix u = 0 on left\nstart u = sin(pi*x/2)\nscheme {scheme}\n\

@@ -178,7 +178,7 @@ fn integral(t: f64) -> f64 {
 #[test]
 fn steps_that_the_run_chooses_end_at_the_corners_and_keep_their_error() {
     let folder = Folder::with("auto", CORNERS);
-    let (mut found, mut of_bdf2) = (Vec::new(), Vec::new());
+    let (mut found, mut of_bdf3) = (Vec::new(), Vec::new());
     let schemes = [("scheme backward_euler", &["1e-3", "1e-4", "1e-5"][..]), ("", &["1e-3", "1e-5"][..])];
     for (scheme, error) in schemes.into_iter().flat_map(|(s, errors)| errors.iter().map(move |e| (s, e))) {
         let steps = format!("steps t = 0 to 4 by auto with first=1e-3, error={error}\n{scheme}");
@@ -189,13 +189,13 @@ fn steps_that_the_run_chooses_end_at_the_corners_and_keep_their_error() {
             assert!(times.contains(&corner), "{corner} is not met: {times:?}");
         }
         let missed = times.iter().zip(values(&outcome, "m")).map(|(t, u)| (u - integral(*t)).abs());
-        let list = if scheme.is_empty() { &mut of_bdf2 } else { &mut found };
+        let list = if scheme.is_empty() { &mut of_bdf3 } else { &mut found };
         list.push((missed.fold(0.0, f64::max), times.len()));
     }
-    // BDF2 integrates a line exactly; the first steps behind the start and the corners are of backward Euler, each with an
+    // BDF2 and BDF3 integrate a line exactly; the first steps behind the start and the corners are of backward Euler, each with an
     // error of half the slope times the square of `first`
     let slopes = 1.0 + 3.1 / 0.6 + 3.0 / 1.1;
-    assert!(of_bdf2.iter().all(|(missed, _)| *missed < 2.0 * 0.5 * slopes * 1e-6), "{of_bdf2:?}");
+    assert!(of_bdf3.iter().all(|(missed, _)| *missed < 2.0 * 0.5 * slopes * 1e-6), "{of_bdf3:?}");
     for (e, pair) in [1e-3f64, 1e-4].iter().zip(found.windows(2)) {
         assert!(pair[1].0 < 0.5 * pair[0].0 && pair[0].0 < 3.0 * e.sqrt(), "{found:?}");
     }

@@ -54,7 +54,7 @@ pub const OPTIONS: &[(&str, &[&str])] = &[
 pub const FORMATS: &[&str] = &["vtk", "csv"];
 
 /// Schemes of time integration.
-pub const SCHEMES: &[&str] = &["backward_euler", "bdf2", "newmark", "hht", "generalised_alpha", "explicit"];
+pub const SCHEMES: &[&str] = &["backward_euler", "bdf2", "bdf3", "newmark", "hht", "generalised_alpha", "explicit"];
 
 /// Methods of `solver`.
 pub const SOLVERS: &[&str] = &["newton", "linear"];

@@ -5,11 +5,12 @@
 //! one; a step can be begun again with another increment as often as needed; fields without rates keep nothing.
 //! Does not solve anything and knows no equations.
 
+mod rounding;
 mod scheme;
 
 use std::ops::Range;
 
-pub use scheme::{Alpha, KEPT, Lengths, Row, Rows, Scheme};
+pub use scheme::{Alpha, KEPT, Lengths, MOST_ORDER, Row, Rows, Scheme};
 use wfl_compiler::types::{RateFactor, RateForm, RateOrder};
 
 /// What point laws are told of a step.
@@ -65,6 +66,17 @@ pub struct FieldRates {
     /// What the last step has left, by dof: its first and its second rate at the end, and the quotients of the changes of
     /// its value and of its first rate; those that the scheme does not read are empty.
     pub kept: [Vec<f64>; KEPT],
+    /// What rounding has taken from its values at the end of the last step, and at that of the step that was begun: with it
+    /// they add up to all changes. Empty where the scheme does not carry it.
+    lost: [Vec<f64>; 2],
+}
+
+impl FieldRates {
+    /// The change of the value of one of its dofs over the step that was begun, from what is left of it in the values.
+    fn change(&self, k: usize, rounded: f64) -> f64 {
+        let [before, now] = &self.lost;
+        now.get(k).map_or(rounded, |now| rounded + (now - before[k]))
+    }
 }
 
 /// The rates of all fields that have some.
@@ -79,8 +91,10 @@ pub struct Rates {
     histories: [Vec<Vec<f64>>; 2],
     /// The increment of the step that was begun and whose end is not kept yet.
     open: Option<f64>,
-    /// The increment of the last step whose end is kept.
-    before: Option<f64>,
+    /// The increments of the last steps whose ends are kept, the newest first.
+    before: Vec<f64>,
+    /// The largest order of backward differentiation in the next step.
+    order: usize,
 }
 
 /// Where rates stand between two steps, to go on from later with the same bits.
@@ -88,9 +102,9 @@ pub struct Rates {
 pub struct RatesMemory {
     /// The scalars of the last step.
     pub factors: [f64; 3],
-    /// The increment of the last step; `None` before the first one.
-    pub before: Option<f64>,
-    /// What each field that has rates keeps.
+    /// The increments of the last steps, the newest first; empty before the first one.
+    pub before: Vec<f64>,
+    /// What each field that has rates keeps, and what rounding has taken from its values.
     pub kept: Vec<Vec<f64>>,
 }
 
@@ -103,8 +117,9 @@ impl Rates {
             .filter(has)
             .filter_map(|field| {
                 let (form, dofs) = (forms[field], ranges[field].clone()?);
-                let kept = scheme.keeps(form).map(|keeps| vec![0.0; if keeps { dofs.len() } else { 0 }]);
-                Some(FieldRates { field, form, dofs, kept })
+                let zeros = |wanted: bool| vec![0.0; if wanted { dofs.len() } else { 0 }];
+                let (kept, carried) = (scheme.keeps(form).map(zeros), zeros(scheme.carries_rounding(form)));
+                Some(FieldRates { field, form, dofs, kept, lost: [carried.clone(), carried] })
             })
             .collect();
         if fields.is_empty() {
@@ -118,7 +133,8 @@ impl Rates {
             fields,
             histories,
             open: None,
-            before: None,
+            before: Vec::new(),
+            order: MOST_ORDER,
         };
         this.hold();
         Some(this)
@@ -126,15 +142,33 @@ impl Rates {
 
     /// Every rate is zero, as before the first step.
     pub fn clear(&mut self) {
-        self.fields.iter_mut().flat_map(|of| &mut of.kept).for_each(|kept| kept.fill(0.0));
+        let numbers = self.fields.iter_mut().flat_map(|of| of.kept.iter_mut().chain(&mut of.lost));
+        numbers.for_each(|numbers| numbers.fill(0.0));
         self.of_step = RateFactors::default();
-        self.before = None;
+        self.before.clear();
         self.hold();
     }
 
-    /// Rates jump here: BDF2 begins again with a step of backward Euler.
+    /// Rates jump here: backward differentiation begins again with a step of backward Euler.
     pub fn turn(&mut self) {
-        self.before = None;
+        self.before.clear();
+    }
+
+    /// The rates at the start, which were taken, are exact: backward differentiation begins with a quotient over a step of no
+    /// length. The first step is then one of the trapezoidal rule, of second order, and the second one of third order.
+    pub fn begin_with_rates(&mut self) {
+        for of in &mut self.fields {
+            let [first, second, of_value, of_rate, ..] = &mut of.kept;
+            for (rate, quotient) in [(first, of_value), (second, of_rate)].into_iter().filter(|(_, q)| !q.is_empty()) {
+                quotient.clone_from(rate);
+            }
+        }
+        self.before = vec![0.0];
+    }
+
+    /// Backward differentiation takes at most this order in the steps that follow, until it is told another one.
+    pub fn take_order(&mut self, order: usize) {
+        self.order = order;
     }
 
     /// The scheme.
@@ -206,9 +240,11 @@ impl Rates {
 
     /// Histories and scalars of a step of this length.
     pub fn begin(&mut self, increment: f64) {
-        let Self { scheme, factors, of_step, fields, histories, open, before } = self;
-        let lengths = Lengths { now: increment, before: *before };
+        let Self { scheme, factors, of_step, fields, histories, open, before, order } = self;
+        let lengths = Lengths::new(increment, before).at_most(*order);
         for of in fields {
+            let [before, now] = &mut of.lost;
+            now.clone_from(before);
             let Rows(rows) = scheme.in_equations(of.form, lengths);
             for (order, row) in rows.iter().enumerate().filter(|(order, _)| !of.kept[*order].is_empty()) {
                 past(row, &of.kept, &mut histories[order][of.field]);
@@ -270,22 +306,52 @@ impl Rates {
     /// What the step that was begun misses of a smooth solution, see [`Scheme::misses`]; `None` for a field without rates
     /// and where no step was begun.
     #[must_use]
-    pub fn misses(&self, field: usize) -> Option<[f64; 2]> {
-        let of = self.fields.iter().find(|of| of.field == field)?;
-        Some(self.scheme.misses(of.form, self.lengths()?))
+    pub fn misses(&self, field: usize) -> Option<[f64; MOST_ORDER]> {
+        Some(self.scheme.misses(self.of(field)?.form, self.lengths()?))
+    }
+
+    /// What the step that was begun would miss by backward differentiation of an order, times the derivative behind it;
+    /// `None` where that cannot be chosen.
+    #[must_use]
+    pub fn misses_with(&self, field: usize, order: usize) -> Option<f64> {
+        let of = self.of(field)?;
+        let (lengths, most) = (Lengths::new(self.open?, &self.before), self.scheme.most_order(of.form));
+        let is_choice = most > 2 && (2..=most.min(lengths.order())).contains(&order);
+        is_choice.then(|| self.scheme.misses(of.form, lengths.at_most(order))[order - 1])
+    }
+
+    /// The order of backward differentiation in the step that was begun, of a field whose order can be chosen.
+    #[must_use]
+    pub fn order(&self, field: usize) -> Option<usize> {
+        let most = self.scheme.most_order(self.of(field)?.form);
+        Some(self.lengths()?.at_most(most).order()).filter(|_| most > 2)
+    }
+
+    fn of(&self, field: usize) -> Option<&FieldRates> {
+        self.fields.iter().find(|of| of.field == field)
     }
 
     /// Those of the step that was begun.
     fn lengths(&self) -> Option<Lengths> {
-        Some(Lengths { now: self.open?, before: self.before })
+        Some(Lengths::new(self.open?, &self.before).at_most(self.order))
     }
 
     /// The end `u` of the step that was begun at `before` becomes the past.
     pub fn keep(&mut self, u: &[f64], before: &[f64]) {
         if let Some(kept) = self.at_end(u, before) {
-            self.fields.iter_mut().zip(kept).for_each(|(of, kept)| of.kept = kept);
-            self.before = self.open.take();
+            for (of, kept) in self.fields.iter_mut().zip(kept) {
+                of.kept = kept;
+                let [before, now] = &mut of.lost;
+                before.clone_from(now);
+            }
+            self.before = self.with_open();
+            self.open = None;
         }
+    }
+
+    /// The increments of the last steps with the one that was begun.
+    fn with_open(&self) -> Vec<f64> {
+        self.open.iter().chain(&self.before).copied().take(MOST_ORDER - 1).collect()
     }
 
     /// What is kept at the end `u` of the step that was begun at `before`; `None` where that is done.
@@ -296,7 +362,11 @@ impl Rates {
             let mut made: [Vec<f64>; KEPT] = std::array::from_fn(|slot| vec![0.0; of.kept[slot].len()]);
             for (row, made) in rows.iter().zip(&mut made).filter(|(_, made)| !made.is_empty()) {
                 past(row, &of.kept, made);
-                made.iter_mut().zip(of.dofs.clone()).for_each(|(k, d)| *k += row.change * (u[d] - before[d]));
+                let change = |k: usize, d: usize| of.change(k, u[d] - before[d]);
+                made.iter_mut()
+                    .zip(of.dofs.clone())
+                    .enumerate()
+                    .for_each(|(k, (m, d))| *m += row.change * change(k, d));
             }
             made
         };
@@ -307,26 +377,30 @@ impl Rates {
     #[must_use]
     pub fn memory(&self, u: &[f64], before: &[f64]) -> RatesMemory {
         let RateFactors { rate, velocity, acceleration } = self.of_step;
-        let kept = match self.at_end(u, before) {
-            Some(kept) => kept.into_iter().flatten().collect(),
-            None => self.fields.iter().flat_map(|of| of.kept.clone()).collect(),
-        };
-        RatesMemory { factors: [rate, velocity, acceleration], before: self.open.or(self.before), kept }
+        let ended = self.at_end(u, before);
+        let ended = ended.unwrap_or_else(|| self.fields.iter().map(|of| of.kept.clone()).collect());
+        let lost = self.fields.iter().map(|of| of.lost[1].clone());
+        let kept = ended.into_iter().zip(lost).flat_map(|(kept, lost)| kept.into_iter().chain([lost])).collect();
+        RatesMemory { factors: [rate, velocity, acceleration], before: self.with_open(), kept }
     }
 
     /// Goes back to what was remembered; false, and nothing is changed, if that belongs to other fields.
     #[must_use]
     pub fn recall(&mut self, memory: &RatesMemory) -> bool {
-        let lengths = self.fields.iter().flat_map(|of| of.kept.iter().map(Vec::len));
+        let lengths = self.fields.iter().flat_map(|of| of.kept.iter().chain(&of.lost[..1]).map(Vec::len));
         if !lengths.eq(memory.kept.iter().map(Vec::len)) {
             return false;
         }
         let mut kept = memory.kept.iter();
-        for slot in self.fields.iter_mut().flat_map(|of| &mut of.kept) {
-            slot.clone_from(kept.next().expect("as many as were counted"));
+        for of in &mut self.fields {
+            for slot in of.kept.iter_mut().chain(&mut of.lost[..1]) {
+                slot.clone_from(kept.next().expect("as many as were counted"));
+            }
+            let [before, now] = &mut of.lost;
+            now.clone_from(before);
         }
         self.hold();
-        self.before = memory.before;
+        self.before.clone_from(&memory.before);
         let [rate, velocity, acceleration] = memory.factors;
         self.factors = RateFactors { rate, velocity, acceleration };
         self.of_step = self.factors;
@@ -353,7 +427,7 @@ fn order_index(order: RateOrder) -> usize {
 mod tests {
     use super::*;
 
-    fn rates(scheme: Scheme) -> Rates {
+    pub(super) fn rates(scheme: Scheme) -> Rates {
         let forms = [RateForm::Difference, RateForm::First, RateForm::Second];
         let mut made = Rates::new(scheme, &forms, &[Some(0..2), Some(2..3), Some(3..5)]).unwrap();
         let [first, second, ..] = &mut made.fields_mut()[1].kept;
@@ -381,7 +455,7 @@ mod tests {
     #[test]
     fn bdf2_begins_again_with_backward_euler_behind_a_turn() {
         let begun = |turns: bool| {
-            let mut made = rates(Scheme::Bdf2);
+            let mut made = rates(Scheme::Bdf { most: 2 });
             made.begin(0.2);
             made.keep(&[0.7; 5], &[0.1; 5]);
             if turns {
@@ -400,8 +474,31 @@ mod tests {
     }
 
     #[test]
+    fn bdf3_begins_with_the_rates_at_the_start_where_they_are_known() {
+        let mut made = rates(Scheme::Bdf { most: 3 });
+        made.begin_with_rates();
+        made.begin(0.5);
+        // the trapezoidal rule: r = 2 (x - x_n)/h - r_n
+        assert_eq!((made.factors().rate, made.history(RateOrder::First, 1)), (4.0, &[-0.25][..]));
+        assert_eq!(made.order(1), Some(2));
+        made.keep(&[1.0; 5], &[0.0; 5]);
+        made.begin(0.5);
+        // the cubic through three values with the rate at the first one: 2 (x - x_n)/h - 2 (x_n - x_s)/h + r_s
+        assert_eq!((made.factors().rate, made.history(RateOrder::First, 1)), (4.0, &[-4.0 + 0.25][..]));
+        assert_eq!((made.order(1), made.order(2)), (Some(3), None));
+        made.take_order(2);
+        made.begin(0.5);
+        assert_eq!((made.order(1), made.factors().rate), (Some(2), 3.0));
+    }
+
+    #[test]
     fn a_memory_brings_back_the_same_bits() {
-        for scheme in [Scheme::BackwardEuler, Scheme::Alpha(Alpha::generalised(0.8)), Scheme::Bdf2] {
+        for scheme in [
+            Scheme::BackwardEuler,
+            Scheme::Alpha(Alpha::generalised(0.8)),
+            Scheme::Bdf { most: 2 },
+            Scheme::Bdf { most: 3 },
+        ] {
             let (before, mut after) = ([0.1; 5], [1.0 / 3.0, 2.0, 3.0, 4.7, 5.1]);
             let mut ended = rates(scheme);
             ended.begin(0.2);

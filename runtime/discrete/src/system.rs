@@ -286,9 +286,9 @@ impl System {
     /// Begins a step: constant terms are summed, linear ones assembled where they are new. Returns true if the
     /// matrix of the linear terms has changed.
     ///
-    /// With rates, affine terms are summed at the state at the start of the step and their matrix acts on the change
-    /// from there: a rate multiplies a change by 1/increment^2, and of two products with the whole state that nearly
-    /// cancel the rounding would be left.
+    /// With rates, affine terms are summed at the state at the start of the step, or for linear bodies at the predictor
+    /// ([`Rates::predicted`]), and their matrix acts on the change from there: a rate multiplies a change by 1/increment^2,
+    /// and of two products with the whole state that nearly cancel the rounding would be left.
     ///
     /// # Errors
     /// [`SystemError`] with its place.
@@ -296,10 +296,18 @@ impl System {
         self.set_laws(time, increment);
         let zero = vec![0.0; self.numbering.n_dofs];
         let before = self.steady.take();
-        let start = match (&self.known.rates, &self.known.previous) {
-            (Some(_), Some(past)) => past.unknowns.clone(),
-            _ => Vec::new(),
+        let linear = self.is_linear();
+        let (start, held) = match (&self.known.rates, &self.known.previous) {
+            (Some(rates), Some(past)) => match rates.predicted(&past.unknowns).filter(|_| linear) {
+                Some((base, held)) => (base, Some(held)),
+                None => (past.unknowns.clone(), None),
+            },
+            _ => (Vec::new(), None),
         };
+        let own = held.and_then(|held| self.known.rates.replace(held));
+        if own.is_some() {
+            self.set_laws(time, increment);
+        }
         let base = if start.is_empty() { &zero } else { &start };
         let is_steady = |t: &AssembledTerm| start.is_empty() && self.is_steady(t);
         let at_base = |out: &mut Vec<f64>, steady: bool| {
@@ -323,6 +331,10 @@ impl System {
         at_base(&mut constant, false)?;
         self.add_redistributed_at(base, &mut constant);
         self.team().sum(&mut constant);
+        if own.is_some() {
+            self.known.rates = own;
+            self.set_laws(time, increment);
+        }
         (self.constant, self.steady, self.base) = (constant, Some(steady), start);
         let stale = self.linear_is_stale();
         if stale {
@@ -330,6 +342,22 @@ impl System {
             self.linear_uniforms = self.linear_terms().map(|t| t.uniforms().to_vec()).collect();
         }
         Ok(stale)
+    }
+
+    /// Moves the free part of `u` to the predictor, if there the constants of the present step were summed.
+    pub fn start_from_predictor(&self, u: &mut [f64]) {
+        let rates = self.known.rates.as_ref().zip(self.known.previous.as_ref());
+        if !self.is_linear() || rates.is_none_or(|(rates, past)| rates.predicted(&past.unknowns).is_none()) {
+            return;
+        }
+        let mut change: Vec<f64> = self.base.iter().zip(&*u).map(|(base, u)| base - u).collect();
+        self.numbering.frames.turn(&mut change);
+        for (x, _) in change.iter_mut().zip(&self.numbering.free).filter(|(_, free)| **free == FIXED) {
+            *x = 0.0;
+        }
+        self.numbering.frames.turn_back(&mut change);
+        u.iter_mut().zip(change).for_each(|(u, change)| *u += change);
+        self.numbering.follow(u);
     }
 
     fn affine_terms(&self) -> impl Iterator<Item = &AssembledTerm> {

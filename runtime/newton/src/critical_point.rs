@@ -58,7 +58,7 @@ impl CriticalPoint<'_> {
     /// it was; leaves the state in `u`. `None` where it does not go downhill, or no such place is found.
     pub(super) fn descend(
         &self,
-        step: &LoadStep<'_>,
+        step: &mut LoadStep<'_>,
         u: &mut [f64],
         start: &[f64],
         here: &Measured,

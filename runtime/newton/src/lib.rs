@@ -29,7 +29,7 @@ pub use error::{NewtonError, Singular};
 pub use history::{Iteration, StepHistory, Stop};
 pub use iterative::obstacle;
 pub use linear_solver::{LinearSolver, condenses, shares_forces};
-pub use load_step::{LoadStep, Spent};
+pub use load_step::{LoadStep, Rounding, Spent};
 pub use method::Method;
 pub use schedule::{PlannedStage, planned_stages};
 

@@ -48,7 +48,7 @@ struct Ways<'a> {
 }
 
 impl Ways<'_> {
-    fn go(&self, step: &LoadStep<'_>, alpha: f64, bent: bool, u: &mut [f64]) {
+    fn go(&self, step: &mut LoadStep<'_>, alpha: f64, bent: bool, u: &mut [f64]) {
         step.go(self.start, self.direction, alpha, u);
         for (dof, ratio) in self.bent.iter().filter(|_| bent) {
             u[*dof] = self.start[*dof] * (alpha * ratio).max(-LARGEST_CHANGE).exp();

@@ -42,6 +42,36 @@ pub struct LoadStep<'a> {
     pub watch: &'a mut dyn Watch,
     /// What was spent on the step so far, attempts that failed included.
     pub spent: Spent,
+    /// What rounding has taken from the state that was reached last; `None` where nobody asks.
+    pub rounding: Option<Rounding>,
+}
+
+/// What rounding takes from a state when a correction is added.
+#[derive(Clone, Debug, Default)]
+pub struct Rounding {
+    /// The state that was reached last.
+    state: Vec<f64>,
+    /// By dof: the sum of the state before and the correction, less the state.
+    lost: Vec<f64>,
+}
+
+impl Rounding {
+    /// What was taken from a state: nothing is known of one that was not reached by a correction.
+    #[must_use]
+    pub fn of(self, state: &[f64]) -> Vec<f64> {
+        if self.state == state { self.lost } else { vec![0.0; state.len()] }
+    }
+
+    /// The state at the end of a correction (Knuth's sum of two numbers, The Art of Computer Programming 2, 4.2.2).
+    fn note(&mut self, start: &[f64], change: &[f64], state: &[f64]) {
+        let lost = |start: &f64, change: &f64, sum: &f64| {
+            let added = sum - start;
+            (start - (sum - added)) + (change - added)
+        };
+        self.lost.clear();
+        self.lost.extend(start.iter().zip(change).zip(state).map(|((a, b), s)| lost(a, b, s)));
+        state.clone_into(&mut self.state);
+    }
 }
 
 /// What a step costs.
@@ -336,8 +366,14 @@ impl LoadStep<'_> {
     }
 
     /// `u = start + alpha * direction`, the direction by free number.
-    pub(super) fn go(&self, start: &[f64], direction: &[f64], alpha: f64, u: &mut [f64]) {
-        self.system.numbering.advance(start, direction, alpha, u);
+    pub(super) fn go(&mut self, start: &[f64], direction: &[f64], alpha: f64, u: &mut [f64]) {
+        let numbering = &self.system.numbering;
+        numbering.advance(start, direction, alpha, u);
+        if let Some(rounding) = &mut self.rounding {
+            let mut change = vec![0.0; u.len()];
+            numbering.advance(&change.clone(), direction, alpha, &mut change);
+            rounding.note(start, &change, u);
+        }
     }
 
     /// Lists an iteration and tells it.

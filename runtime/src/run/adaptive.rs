@@ -18,6 +18,13 @@ use crate::{
     system::FIXED,
 };
 
+/// Iterations after which a shorter step is tried, where one may help. Steps of an earthquake cycle take 2; of those that
+/// were four times too long some took 1500 and found nothing (`examples/friction/bp1.wfl` with n=2 tol=1e-3 years=300).
+const FEW: usize = 20;
+/// So many attempts of a step may come to nothing before the whole schedule of Newton's method is gone through: then it is
+/// not its length.
+const SHORTER: usize = 4;
+
 /// Where a step begins, and where it ends at the latest.
 #[derive(Clone, Copy)]
 pub(super) struct Reach {
@@ -54,14 +61,15 @@ impl Stepper {
             scene.system.known.rates.iter_mut().for_each(Rates::turn);
         }
         let known_before = scene.system.known.clone();
-        let (mut attempts, mut guess) = (Vec::new(), true);
+        let (mut attempts, mut guess, mut fruitless) = (Vec::new(), true, 0);
         loop {
             let to = self.adaptive(&rules).control.aim(&rules, at, stop, limit);
             let increment = to - at;
             let before = (u.to_vec(), self.memory(scene));
             let guessed = guess && self.guess(scene, &rules, increment, u);
             let target = Target { time: to, increment, load: None };
-            let result = self.attempt(scene, u, &target, clock, progress);
+            let patient = fruitless >= SHORTER || Control::is_least(&rules, at, increment);
+            let result = self.attempt_within(patient, scene, u, &target, clock, progress);
             let tried = self.judge(scene, &rules, increment, result, u);
             attempts.push(self.listed(&tried, increment));
             let failed = match tried {
@@ -77,6 +85,7 @@ impl Stepper {
             debug_assert!(known, "the memory is that of this system");
             guess = true;
             let Some((result, state)) = failed else { continue };
+            fruitless += 1;
             match result {
                 Err(StepError::Newton(error)) if error.ends_the_run() => {
                     scene.system.known = known_before;
@@ -92,6 +101,26 @@ impl Stepper {
                 _ => self.adaptive(&rules).control.fail(increment),
             }
         }
+    }
+
+    /// One attempt with the present order; one that is not patient ends after a few iterations.
+    fn attempt_within(
+        &mut self,
+        patient: bool,
+        scene: &mut Scene,
+        u: &mut [f64],
+        target: &Target<'_>,
+        clock: &mut Clock,
+        progress: &mut dyn Progress,
+    ) -> Result<StepHistory, StepError> {
+        if let (Some(rates), Some(adaptive)) = (&mut scene.system.known.rates, &self.adaptive) {
+            rates.take_order(adaptive.control.order as usize);
+        }
+        let most = scene.newton.max_iterations;
+        scene.newton.max_iterations = if patient { most } else { most.min(FEW) };
+        let result = self.attempt(scene, u, target, clock, progress);
+        scene.newton.max_iterations = most;
+        result
     }
 
     fn adaptive(&mut self, rules: &Auto) -> &mut Adaptive {

@@ -40,7 +40,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 16;
+const FORMAT: u64 = 17;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -129,7 +129,7 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Memory) -> Co
     let rates = known.rates.as_ref().zip(known.previous.as_ref());
     let rates = rates.map(|(rates, past)| rates.memory(&run.u, &past.unknowns)).unwrap_or_default();
     w.numbers(&rates.factors);
-    w.numbers(rates.before.as_slice());
+    w.numbers(&rates.before);
     w.count(rates.kept.len());
     rates.kept.iter().for_each(|kept| w.numbers(kept));
     let solver = run.stepper.solver.as_ref().map(LinearSolver::memory).unwrap_or_default();
@@ -265,11 +265,7 @@ fn read_log(folder: &FilePath, bytes: &[u8], log: &Log, count: usize) -> Result<
 fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Found, Unreadable> {
     let (u, memory) = (r.numbers()?, read_memory(r)?);
     let [rate, velocity, acceleration] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-    let before = match *r.numbers()?.as_slice() {
-        [] => None,
-        [increment] => Some(increment),
-        _ => return Err(Unreadable),
-    };
+    let before = r.numbers()?;
     let factors = [rate, velocity, acceleration];
     let rates = RatesMemory { factors, before, kept: r.list(Reader::numbers)? };
     let solver = SolverMemory {
@@ -336,8 +332,10 @@ fn read_memory(r: &mut Reader<'_>) -> Result<Memory, Unreadable> {
 fn adaptive(w: &mut Writer, a: Option<&Adaptive>) {
     w.flag(a.is_some());
     let Some(a) = a else { return };
-    w.numbers(&[a.control.next]);
-    w.flag(a.control.failed);
+    let Control { next, order, last: [allowed, increment], failed } = a.control;
+    w.numbers(&[next, allowed, increment]);
+    w.count(order as usize);
+    w.flag(failed);
     w.numbers(&a.scales);
     w.numbers(&a.past.increments);
     w.count(a.past.solutions.len());
@@ -348,8 +346,8 @@ fn read_adaptive(r: &mut Reader<'_>) -> Result<Option<Adaptive>, Unreadable> {
     if !r.flag()? {
         return Ok(None);
     }
-    let [next] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-    let control = Control { next, failed: r.flag()? };
+    let [next, allowed, increment] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let control = Control { next, order: r.small()?, last: [allowed, increment], failed: r.flag()? };
     let scales = r.numbers()?;
     let past = Past { increments: r.numbers()?, solutions: r.list(Reader::numbers)? };
     Ok(Some(Adaptive { control, past, scales }))

@@ -14,16 +14,13 @@ pub(super) struct Past {
     pub(super) solutions: Vec<Vec<f64>>,
 }
 
-/// Solutions that are kept at most.
-const KEPT: usize = 3;
-
 impl Past {
-    /// Adds the solution at the end of an increment.
-    pub(super) fn add(&mut self, increment: f64, solution: Vec<f64>) {
+    /// Adds the solution at the end of an increment; so many are kept.
+    pub(super) fn add(&mut self, increment: f64, solution: Vec<f64>, kept: usize) {
         self.increments.insert(0, increment);
         self.solutions.insert(0, solution);
-        self.increments.truncate(KEPT);
-        self.solutions.truncate(KEPT);
+        self.increments.truncate(kept);
+        self.solutions.truncate(kept);
     }
 
     /// The polynomial through the newest `order + 1` solutions, behind another increment; `None` where there are fewer.
@@ -41,18 +38,22 @@ impl Past {
         Some((0..through[0].len()).map(value).collect())
     }
 
+    /// What the polynomial through the newest `order + 1` solutions misses of the one behind another increment, times the
+    /// derivative behind its order: with h the increment, g the one before and k the one before that, the line misses
+    /// h (h + g)/2 times the second derivative, the parabola h (h + g) (h + g + k)/6 times the third one.
+    pub(super) fn missed(&self, increment: f64, order: usize) -> f64 {
+        let (mut age, mut product) = (increment, 1.0);
+        for (number, before) in (1u32..).zip(&self.increments).take(order + 1) {
+            product *= age / f64::from(number);
+            age += before;
+        }
+        product
+    }
+
     /// The part of the difference to the extrapolation through `order + 1` solutions that is the error of a method of this
-    /// order, which misses the solution by `method` times its derivative of the next order.
-    ///
-    /// With h the increment, g the one before and k the one before that, the line misses it by h (h + g)/2 times the second
-    /// derivative, the parabola by h (h + g) (h + g + k)/6 times the third one, and both to the other side.
+    /// order, which misses the solution by `method` times its derivative of the next order, to the other side.
     pub(super) fn share(&self, increment: f64, order: usize, method: f64) -> f64 {
-        let (h, g) = (increment, self.increments[0]);
-        let expected = match order {
-            1 => h * (h + g) / 2.0,
-            _ => h * (h + g) * (h + g + self.increments[1]) / 6.0,
-        };
-        method / (method + expected)
+        method / (method + self.missed(increment, order))
     }
 }
 
@@ -70,10 +71,10 @@ mod tests {
     fn a_polynomial_is_extrapolated_exactly_through_unequal_increments() {
         let f = |t: f64| 3.0 - 2.0 * t + 0.5 * t * t;
         let mut past = Past::default();
-        past.add(0.0, vec![f(1.0)]);
+        past.add(0.0, vec![f(1.0)], 3);
         assert_eq!(past.extrapolated(0.1, 1), None);
-        past.add(0.3, vec![f(1.3)]);
-        past.add(0.1, vec![f(1.4)]);
+        past.add(0.3, vec![f(1.3)], 3);
+        past.add(0.1, vec![f(1.4)], 3);
         let found = past.extrapolated(0.25, 2).unwrap()[0];
         assert!((found - f(1.65)).abs() < 1e-14, "{found}");
         let line = past.extrapolated(0.1, 1).unwrap()[0];
@@ -86,8 +87,8 @@ mod tests {
         let (t, h, g) = (2.0, 0.3, 0.2);
         let f = |t: f64| 0.5 * t * t;
         let mut past = Past::default();
-        past.add(0.0, vec![f(t - g)]);
-        past.add(g, vec![f(t)]);
+        past.add(0.0, vec![f(t - g)], 3);
+        past.add(g, vec![f(t)], 3);
         let (line, method) = (past.extrapolated(h, 1).unwrap()[0], f(t) + h * (t + h));
         let estimate = past.share(h, 1, 0.5 * h * h) * (method - line).abs();
         assert!((estimate - (method - f(t + h)).abs()).abs() < 1e-14);
@@ -99,9 +100,9 @@ mod tests {
         let (t, h, g, k) = (2.0f64, 0.3, 0.2, 0.35);
         let f = |t: f64| t.powi(3);
         let mut past = Past::default();
-        past.add(0.0, vec![f(t - g - k)]);
-        past.add(k, vec![f(t - g)]);
-        past.add(g, vec![f(t)]);
+        past.add(0.0, vec![f(t - g - k)], 3);
+        past.add(k, vec![f(t - g)], 3);
+        past.add(g, vec![f(t)], 3);
         let c = (2.0 * h + g) / (h * (h + g));
         let method = f(t) + (3.0 * (t + h).powi(2) + h / (h + g) * (f(t) - f(t - g)) / g) / c;
         let (parabola, exact) = (past.extrapolated(h, 2).unwrap()[0], f(t + h));
@@ -109,6 +110,19 @@ mod tests {
         assert!((estimate - (method - exact).abs()).abs() < 1e-13, "{estimate} {}", method - exact);
         // h^2 (h + g)^2/(6 (2 h + g)) times the third derivative, which is 6
         assert!((method - exact - (h * (h + g)).powi(2) / (2.0 * h + g)).abs() < 1e-13);
+    }
+
+    #[test]
+    fn the_cubic_misses_what_is_said_of_a_fourth_power() {
+        let f = |t: f64| t.powi(4);
+        let mut past = Past::default();
+        for (increment, t) in [(0.0, 1.0f64), (0.3, 1.3), (0.1, 1.4), (0.2, 1.6)] {
+            past.add(increment, vec![f(t)], 4);
+        }
+        let found = f(2.0) - past.extrapolated(0.4, 3).unwrap()[0];
+        assert!((found - 24.0 * past.missed(0.4, 3)).abs() < 1e-13, "{found}");
+        // 0.4 (0.4 + 0.2) (0.4 + 0.3) (0.4 + 0.6)
+        assert!((found - 0.4 * 0.6 * 0.7 * 1.0).abs() < 1e-13, "{found}");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::{
     csr::Csr,
     finite::BadGiven,
     newton::NewtonError,
-    rates::{RateFactors, Rates, Scheme},
+    rates::{RateFactors, Rates},
     scene::{Explicit, Scene, node_positions},
     solve::{CheckedLlt, CheckedLu, LinearSolver, SolverOptions},
     system::{Branches, FIXED, Form, SystemError},
@@ -75,10 +75,12 @@ pub(super) fn leave(scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Result<()
 
 /// The rates where time starts, at the state `u` and the first increment `at`.
 pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), NewtonError> {
-    // the first step of BDF2 is one of backward Euler: of the rates at the start it reads the first ones of fields that
-    // have second ones
+    // the first step of BDF is one of backward Euler: of the rates at the start it reads the first ones of fields that have
+    // second ones; BDF3 with steps of a list would be of second order after it
+    let most = scene.system.known.rates.as_ref().map_or(0, |rates| rates.scheme().most_order(RateForm::First));
+    let begins_with_rates = most > 2 && scene.steps.auto.is_none();
     let is_read =
-        |rates: &Rates| rates.scheme() != Scheme::Bdf2 || rates.fields().iter().any(|of| of.form == RateForm::Second);
+        |rates: &Rates| begins_with_rates || most == 1 || rates.fields().iter().any(|of| of.form == RateForm::Second);
     if !scene.system.known.rates.as_ref().is_some_and(is_read) {
         return Ok(());
     }
@@ -104,8 +106,8 @@ pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), Ne
         numbering.follow(rate);
     }
     keep(scene, &first, &second);
-    let highest = match scene.explicit.clone() {
-        Some(explicit) => highest_by_diagonal(scene, &explicit, u, at, [&first, &second])?,
+    let (highest, all_known) = match scene.explicit.clone() {
+        Some(explicit) => (highest_by_diagonal(scene, &explicit, u, at, [&first, &second])?, true),
         None => highest(scene, u, at, [&first, &second])?,
     };
     let form_of = |scene: &Scene, form| {
@@ -115,6 +117,9 @@ pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), Ne
     form_of(scene, RateForm::First).into_iter().for_each(|d| first[d] = highest[d]);
     form_of(scene, RateForm::Second).into_iter().for_each(|d| second[d] = highest[d]);
     keep(scene, &first, &second);
+    if let Some(rates) = scene.system.known.rates.as_mut().filter(|_| begins_with_rates && all_known) {
+        rates.begin_with_rates();
+    }
     Ok(())
 }
 
@@ -144,8 +149,8 @@ fn prescribed_rates(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<[Vec<f
 }
 
 /// The highest rate of each dof of a field with rates, from the equations with the other rates as they are kept; those
-/// that are prescribed stay.
-fn highest(scene: &mut Scene, u: &[f64], at: StepTime, known: [&[f64]; 2]) -> Result<Vec<f64>, NewtonError> {
+/// that are prescribed stay. Behind them whether the equations say something of each.
+fn highest(scene: &mut Scene, u: &[f64], at: StepTime, known: [&[f64]; 2]) -> Result<(Vec<f64>, bool), NewtonError> {
     let mut rhs = Vec::new();
     let held = tangent(scene, u, at)?;
     let residual = scene.system.residual(u, &Form::AS_WRITTEN)?;
@@ -185,7 +190,7 @@ fn highest(scene: &mut Scene, u: &[f64], at: StepTime, known: [&[f64]; 2]) -> Re
     }
     let mut out = base.clone();
     numbering.advance(&base, &found, 1.0, &mut out);
-    Ok(out)
+    Ok((out, !massless.contains(&true)))
 }
 
 /// The accelerations with a mass on the diagonal; those that are prescribed stay.

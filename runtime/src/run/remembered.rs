@@ -4,11 +4,11 @@
 use std::ops::Range;
 
 use super::{
-    control::{Control, Errors},
+    control::{Chosen, Control, Errors},
     past::{Past, distance},
 };
 use crate::{
-    rates::Scheme,
+    rates::{MOST_ORDER, Scheme},
     scene::{Auto, Scene},
 };
 
@@ -30,7 +30,7 @@ impl Adaptive {
     /// Behind a corner of a load earlier solutions say nothing of the next one: the first increment follows, as at the
     /// start.
     pub(super) fn turn(&mut self, rules: &Auto) {
-        self.control.next = self.control.next.min(rules.first);
+        self.control.turn(rules);
         self.past = Past::default();
     }
 
@@ -40,13 +40,13 @@ impl Adaptive {
         for (scale, range) in self.scales.iter_mut().zip(ranges(scene, rules)) {
             *scale = solution[range].iter().fold(*scale, |m, v| m.max(v.abs()));
         }
-        self.past.add(increment, solution);
+        self.past.add(increment, solution, most_order(scene) + 1);
     }
 
     /// What is expected behind another increment; `None` where nothing is known of the past.
     pub(super) fn expected(&self, scene: &Scene, increment: f64) -> Option<Vec<f64>> {
-        let parabola = if has_second_order(scene) { self.past.extrapolated(increment, 2) } else { None };
-        parabola.or_else(|| self.past.extrapolated(increment, 1))
+        let most = most_order(scene).min(self.control.order as usize);
+        (1..=most).rev().find_map(|order| self.past.extrapolated(increment, order))
     }
 
     /// The estimated errors of a solution, relative to the demanded one; `None` where nothing is known of the past.
@@ -54,33 +54,62 @@ impl Adaptive {
     /// What the scheme does not integrate, states among it, counts as a solution of backward Euler; so does everything in
     /// the second step, behind which no parabola is known yet: its error is smaller than that.
     pub(super) fn errors(&self, scene: &Scene, rules: &Auto, increment: f64, solution: &[f64]) -> Option<Errors> {
-        let line = self.past.extrapolated(increment, 1)?;
-        let parabola = if has_second_order(scene) { self.past.extrapolated(increment, 2) } else { None };
+        let most = most_order(scene);
+        let expected: Vec<Vec<f64>> = (1..=most).map_while(|order| self.past.extrapolated(increment, order)).collect();
+        if expected.is_empty() {
+            return None;
+        }
         let size = |range: &Range<usize>| solution[range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        let of_euler = [0.5 * increment * increment, 0.0];
+        let rates = scene.system.known.rates.as_ref();
         let mut errors = Errors::default();
         for (field, (range, scale)) in rules.fields.iter().zip(ranges(scene, rules).zip(&self.scales)) {
             let scale = scale.max(size(&range));
-            let rates = scene.system.known.rates.as_ref();
-            let [first, second] = rates.and_then(|rates| rates.misses(*field)).unwrap_or(of_euler);
-            let known = match &parabola {
-                Some(parabola) => [(1, first, &line), (2, second, parabola)],
-                None => [(1, if second > 0.0 { of_euler[0] } else { first }, &line), (2, 0.0, &line)],
+            let error = |order: usize, method: f64| {
+                let missed = distance(solution, &expected[order - 1], range.clone(), scale);
+                self.past.share(increment, order, method) * missed / rules.error
             };
-            for (order, method, expected) in known.into_iter().filter(|(_, method, _)| *method > 0.0) {
-                let missed = distance(solution, expected, range.clone(), scale);
-                let error = self.past.share(increment, order, method) * missed / rules.error;
+            let order = rates.and_then(|rates| rates.order(*field)).filter(|order| *order <= expected.len());
+            if let (Some(order), Some(rates)) = (order, rates) {
+                let chosen = errors.chosen.get_or_insert(Chosen { order: self.control.order, around: [None; 3] });
+                for (around, order) in chosen.around.iter_mut().zip(order - 1..=expected.len()) {
+                    if let Some(method) = rates.misses_with(*field, order) {
+                        *around = Some(larger(around.unwrap_or(0.0), error(order, method)));
+                    }
+                }
+                continue;
+            }
+            let misses = rates.and_then(|rates| rates.misses(*field));
+            for (order, method) in fixed(misses, increment, expected.len()) {
                 let largest = &mut errors.by_order[order - 1];
-                *largest = if error.is_nan() { error } else { largest.max(error) };
+                *largest = larger(*largest, error(order, method));
             }
         }
         Some(errors)
     }
 }
 
-/// True where the scheme integrates a field with second order.
-fn has_second_order(scene: &Scene) -> bool {
-    scene.system.known.rates.as_ref().is_some_and(|rates| rates.scheme() != Scheme::BackwardEuler)
+/// By order what a field misses whose order is not chosen, with so many known extrapolations.
+fn fixed(misses: Option<[f64; MOST_ORDER]>, increment: f64, known: usize) -> impl Iterator<Item = (usize, f64)> {
+    let of_euler = 0.5 * increment * increment;
+    let [first, second, ..] = misses.unwrap_or([of_euler, 0.0, 0.0]);
+    let by_order = match known {
+        1 => [(1, if second > 0.0 { of_euler } else { first }), (2, 0.0)],
+        _ => [(1, first), (2, second)],
+    };
+    by_order.into_iter().filter(|(_, method)| *method > 0.0)
+}
+
+/// The larger one, or no number where one is none.
+fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a > b { a } else { b }
+}
+
+/// The largest order with which the scheme integrates a field.
+fn most_order(scene: &Scene) -> usize {
+    scene.system.known.rates.as_ref().map_or(1, |rates| match rates.scheme() {
+        Scheme::BackwardEuler => 1,
+        scheme => rates.fields().iter().map(|of| scheme.most_order(of.form)).fold(2, usize::max),
+    })
 }
 
 /// Where the fields that count lie in a solution.

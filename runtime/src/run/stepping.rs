@@ -19,7 +19,8 @@ use thiserror::Error;
 use crate::{
     assemble::BranchCounts,
     checks::explained,
-    newton::{LinearSolver, LoadStep, NewtonError, Spent, StepHistory, solve_step},
+    newton::{LinearSolver, LoadStep, NewtonError, Rounding, Spent, StepHistory, solve_step},
+    rates::Rates,
     run::{
         Attempt, AttemptEnd, Clock, Forward, Path, Progress,
         balance::Balance,
@@ -312,8 +313,10 @@ impl Stepper {
             scene.system.numbering.part_of_prescribed(&start.u, s, u);
             offset.extend(start.residual.iter().map(|r| (s - 1.0) * r));
         }
+        scene.system.start_from_predictor(u);
         let begin = Instant::now();
         let mut watch = Forward { progress };
+        let carries = scene.system.known.rates.as_ref().is_some_and(Rates::carries_rounding);
         let mut step = LoadStep {
             system: &scene.system,
             contact: &mut scene.contact,
@@ -324,15 +327,21 @@ impl Stepper {
             options: scene.newton,
             watch: &mut watch,
             spent: Spent::default(),
+            rounding: carries.then(Rounding::default),
         };
         let result = solve_step(&mut step, &from, u);
         (self.linear, self.spent) = (step.linear, step.spent);
+        let rounding = step.rounding;
         clock.factor += self.spent.factor;
         clock.solve += self.spent.solve;
         clock.assemble += begin.elapsed().as_secs_f64() - self.spent.factor - self.spent.solve;
         let history = result.map_err(|error| self.explained(scene, error, u))?;
         // a state that is written, measured or continued is finite
         scene.system.check_finite("value", u, u).map_err(NewtonError::from)?;
+        if let (Some(rounding), Some(rates)) = (rounding, &mut scene.system.known.rates) {
+            rates.carry_rounding(u, &rounding.of(u));
+            scene.system.numbering.follow(u);
+        }
         // parts of a load lead to the first state, they are none themselves
         if history.converged() && target.load.is_none() {
             self.next_states = next_states(scene, at.time, increment, u)?;

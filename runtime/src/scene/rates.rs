@@ -15,13 +15,13 @@ use wfl_compiler::{
 use super::{Builder, Energy, Given, constants};
 use crate::{
     field::Field,
-    rates::{Alpha, Rates, Scheme},
+    rates::{Alpha, MOST_ORDER, Rates, Scheme},
     system::Numbering,
 };
 
 /// By field, what its rates are compiled to. The equations decide: a field has a second rate where a term or the update of
 /// a state has it, and a first one of its own where one has it and the scheme is not backward Euler; a factor that is zero
-/// for the present parameters asks for neither. Without a statement the scheme is BDF2 for steps that the run chooses, that
+/// for the present parameters asks for neither. Without a statement the scheme is BDF for steps that the run chooses, that
 /// of second rates where there are some, else backward Euler.
 pub(super) fn forms(script: &ResolvedScript, sigs: &[FieldSig], params: &BTreeMap<String, Constant>) -> Vec<RateForm> {
     let (mut first, mut second) = (vec![false; sigs.len()], vec![false; sigs.len()]);
@@ -100,14 +100,15 @@ pub(crate) const MOST_FRACTION: f64 = 0.95;
 const LOST: f64 = 1e-3;
 
 impl Builder<'_> {
-    /// The scheme of time integration: that of the statement, else BDF2 for steps that the run chooses, the trapezoidal
+    /// The scheme of time integration: that of the statement, else BDF for steps that the run chooses, the trapezoidal
     /// rule where a term has a second rate, and backward Euler.
     pub(super) fn scheme(&mut self) -> Integration {
         let second = self.env.rates.contains(&RateForm::Second);
         let mut made = Integration { scheme: Scheme::BackwardEuler, fraction: FRACTION, energy: None, massless: None };
         let Some(statement) = &self.script.scheme else {
             made.scheme = match (second, is_auto(self.script)) {
-                (_, true) => Scheme::Bdf2,
+                // more than two orders leave the vibrations of second rates undamped
+                (second, true) => Scheme::Bdf { most: if second { 2 } else { MOST_ORDER } },
                 (true, false) => Scheme::Newmark { beta: 0.25, gamma: 0.5 },
                 (false, false) => Scheme::BackwardEuler,
             };
@@ -141,7 +142,8 @@ impl Builder<'_> {
             "newmark" => Scheme::Newmark { beta: values[0], gamma: values[1] },
             "hht" => Scheme::Alpha(Alpha::hht(values[0])),
             "generalised_alpha" => Scheme::Alpha(Alpha::generalised(values[0])),
-            "bdf2" => Scheme::Bdf2,
+            "bdf2" => Scheme::Bdf { most: 2 },
+            "bdf3" => Scheme::Bdf { most: 3 },
             "explicit" => {
                 made.fraction = values[0];
                 Scheme::Explicit

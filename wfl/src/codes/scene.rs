@@ -328,8 +328,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "E452",
         "a setting that a scheme does not take",
         "newmark has beta (more than 0, at most 1) and gamma (1/2 to 1; of second order with 1/2), hht has alpha (-1/3 to \
-         0), generalised_alpha has rho_inf (0 to 1), explicit has fraction (above 0, at most 0.95), bdf2 and backward_euler \
-         have none. All take `energy` where a term has `Dot2_`, and all but explicit `massless=REGION`: two layers of other \
+         0), generalised_alpha has rho_inf (0 to 1), explicit has fraction (above 0, at most 0.95), bdf3, bdf2 and \
+         backward_euler have none. All take `energy` where a term has `Dot2_`, and all but explicit `massless=REGION`: two layers of other \
          nodes have to stand behind those of the region, and inertia has to be a linear term that stays the same.",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=0.1",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=-0.1",
@@ -338,7 +338,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "E453",
         "a scheme that cannot renew states",
         "The equations of hht and generalised_alpha stand within the step, the values of a state at its end: what a state \
-         becomes would not belong to the displacements. newmark, bdf2 and backward_euler have both at the end.",
+         becomes would not belong to the displacements. newmark, bdf3, bdf2 and backward_euler have both at the \
+         end.",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nstate s : scalar on all := s + u(1)\n\
          scheme hht alpha=-0.1",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nstate s : scalar on all := s + u(1)\n\

@@ -213,10 +213,10 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "scheme",
         usage: "`scheme newmark beta=1/4 gamma=1/2`, `scheme hht alpha=-0.1`, `scheme generalised_alpha rho_inf=0.8`, \
-                `scheme bdf2`, `scheme backward_euler`, `scheme explicit fraction=0.9`",
+                `scheme bdf3`, `scheme bdf2`, `scheme backward_euler`, `scheme explicit fraction=0.9`",
         meaning: "how `Dot_u` and `Dot2_u` are made of the values at the steps (`docs/dynamics.md`)",
-        default: "`bdf2` for steps by `auto`; of others `newmark` with 1/4 and 1/2 where a term has `Dot2_`, else \
-                  `backward_euler`",
+        default: "for steps by `auto` `bdf3`, or `bdf2` where a term has `Dot2_`; of others `newmark` with 1/4 and 1/2 where \
+                  a term has `Dot2_`, else `backward_euler`",
     },
     StatementRow {
         word: "scheme",
