@@ -278,7 +278,7 @@ mod tests {
         let control = Control::new(&rules);
         assert_eq!(control.aim(&rules, 0.0, 10.0, 0.05), 0.05);
         assert_eq!(control.aim(&rules, 0.0, 10.0, 1e-5), 0.01);
-        assert_eq!(Control { next: 5.0, failed: false }.aim(&rules, 0.0, 10.0, f64::INFINITY), 0.2);
+        assert_eq!(Control { next: 5.0, ..Control::new(&rules) }.aim(&rules, 0.0, 10.0, f64::INFINITY), 0.2);
     }
 
     #[test]
