@@ -19,8 +19,8 @@ fn number(of: &Value) -> f64 {
 }
 
 /// The first two events of BP1-QD with cells of 104 m, four times those of the published series. The second one is not
-/// periodic yet: with cells of 45 m it follows the first one after 76.1 years (`examples/friction/README.md`). A quarter of a minute
-/// with optimisation, so only in the release suite.
+/// periodic yet: with cells of 45 m it follows the first one after 76.1 years (`examples/friction/README.md`). 15 s with
+/// optimisation, so only in the release suite.
 #[test]
 fn the_cycle_of_bp1_on_coarse_cells_is_near_the_published_series() {
     if cfg!(debug_assertions) {
