@@ -287,7 +287,7 @@ impl System {
     /// matrix of the linear terms has changed.
     ///
     /// With rates, affine terms are summed at the state at the start of the step, or for linear bodies at the predictor
-    /// ([`Rates::predicted`]), and their matrix acts on the change from there: a rate multiplies a change by 1/increment^2,
+    /// (`Rates::predicted`), and their matrix acts on the change from there: a rate multiplies a change by 1/increment^2,
     /// and of two products with the whole state that nearly cancel the rounding would be left.
     ///
     /// # Errors
