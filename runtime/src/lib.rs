@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
+mod bytes;
 pub mod compare;
 pub mod knobs;
 mod left_out;
@@ -18,8 +19,10 @@ pub use wfl_checks::{self as checks, consistency};
 pub use wfl_contact as contact;
 use wfl_discrete::value;
 pub use wfl_discrete::{
-    assemble, field, finite, frames, lumped, point_space, point_values, pruning, rates, redistribution, space, system,
+    assemble, field, finite, frames, lumped, point_space, point_values, pruning, rates, redistribution, share, space,
+    system,
 };
+use wfl_host::halo;
 pub use wfl_host::{input, memory, reading, team};
 pub use wfl_mesh::{element, mesh, quadrature, refine};
 pub use wfl_newton as newton;
@@ -30,16 +33,16 @@ pub use left_out::LeftOut;
 pub use newton::{LinearSolver, Singular};
 pub use pruning::{Pruning, Saving};
 pub use run::{
-    Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Episode, FRUITLESS, KeptStep, KeptTable, Memory, Outcome,
-    Path, Progress, Quiet, RunError, RunOptions, Session, StepResult, finished, may_begin, run, save,
+    Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Episode, FRUITLESS, Holders, KeptStep, KeptTable, Memory,
+    Outcome, Path, Progress, Quiet, RunError, RunOptions, Session, StepResult, finished, may_begin, run, save,
 };
 pub use savings::{SavingError, savings};
 pub use scene::{
-    Auto, Cadence, CallerValues, CsvOutput, Energy, EventRule, Every, Explicit, GiveError, Given, InputFile, Measure,
-    NamedRegion, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples,
-    Scene, SceneBox, Sketch, Source, StateAt, StateUpdate, StepPlace, Steps, TermSummary, VtkOutput, coarse_loads,
-    coercivity, contact_forms, hourglasses, locked_bodies, messages_without_mesh, negative_bodies, prepare,
-    prepare_keeping, prepare_refined, without_auto,
+    Auto, Cadence, CallerValues, CsvOutput, Energy, EventRule, Every, Explicit, FromWhole, GiveError, Given, InputFile,
+    Measure, NamedRegion, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt,
+    Samples, Scene, SceneBox, ScenePart, Sketch, Source, StateAt, StateUpdate, StepPlace, Steps, TermSummary,
+    VtkOutput, coarse_loads, coercivity, contact_forms, hourglasses, locked_bodies, messages_without_mesh,
+    negative_bodies, prepare, prepare_keeping, prepare_part, prepare_refined, without_auto,
 };
 pub use solve::SolverMemory;
 pub use system::{

@@ -4,11 +4,12 @@ pub mod corpus;
 pub mod fuzz;
 pub mod mutants;
 pub mod plate;
+pub mod ranks;
 pub mod verification;
 
 use std::path::{Path, PathBuf};
 
-use wfl::{Diagnostic, Loader, Override, SourceId, SourceMap, parse_expr, render, resolve};
+use wfl::{Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, parse_expr, render, resolve};
 use wfl_compiler::backend::KernelBackend;
 use wfl_jit::JitBackend;
 use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, prepare, run};
@@ -117,14 +118,13 @@ pub struct Solved {
     pub outcome: Outcome,
 }
 
-/// Reads and prepares a scene; the messages tell of errors and warnings.
-fn scene_and_messages(
+/// Reads a scene; the messages tell of errors and warnings. No script after an error.
+fn script_and_messages(
     folder: &Path,
     text: String,
     edits: &[(&str, String)],
     params: &[(&str, f64)],
-    backend: &dyn KernelBackend,
-) -> (Option<Scene>, String) {
+) -> (Option<ResolvedScript>, SourceMap, String) {
     let mut sources = SourceMap::new();
     let main = sources.add("scene.wfl", edited(text, edits));
     let mut overrides = Vec::new();
@@ -135,12 +135,25 @@ fn scene_and_messages(
     }
     let mut loader = Edited { folder: folder.to_path_buf(), edits };
     let checked = resolve(&mut sources, main, &mut loader, &overrides);
-    let told = |d: &[Diagnostic], s: &SourceMap| d.iter().map(|d| render(d, s, false)).collect::<Vec<_>>().join("\n");
-    let mut messages = told(&checked.diagnostics, &sources);
-    if checked.diagnostics.iter().any(Diagnostic::is_error) {
-        return (None, messages);
-    }
-    let Some(script) = checked.value else { return (None, messages + "no script") };
+    let messages = told(&checked.diagnostics, &sources);
+    let script = checked.value.filter(|_| !checked.diagnostics.iter().any(Diagnostic::is_error));
+    (script, sources, messages)
+}
+
+fn told(diagnostics: &[Diagnostic], sources: &SourceMap) -> String {
+    diagnostics.iter().map(|d| render(d, sources, false)).collect::<Vec<_>>().join("\n")
+}
+
+/// Reads and prepares a scene; the messages tell of errors and warnings.
+fn scene_and_messages(
+    folder: &Path,
+    text: String,
+    edits: &[(&str, String)],
+    params: &[(&str, f64)],
+    backend: &dyn KernelBackend,
+) -> (Option<Scene>, String) {
+    let (script, sources, mut messages) = script_and_messages(folder, text, edits, params);
+    let Some(script) = script else { return (None, messages) };
     let made = prepare(&script, folder, backend);
     messages += &told(&made.diagnostics, &sources);
     (made.scene, messages)

@@ -12,6 +12,7 @@ use wfl_compiler::{
     types::{BasisSlot, FieldKind, FieldOp},
 };
 
+use crate::worst::Finding;
 use wfl_discrete::assemble::{AssembledTerm, FieldValues, PointTangent};
 use wfl_discrete::system::System;
 use wfl_mesh::mesh::CellId;
@@ -62,7 +63,7 @@ impl Bodies<'_> {
         let mixed = |(t, s): (BasisSlot, BasisSlot)| (t.field.index() == field) != (s.field.index() == field);
         let saddle = self.system.terms.iter().filter(acts_on_cells).any(|t| pairs(t).any(mixed));
         let mut worst: Option<NegativeBody> = None;
-        for cell in terms.iter().flat_map(|t| sampled_cells(t)) {
+        for cell in terms.iter().flat_map(|t| sampled_cells(self.system, t)).collect::<Vec<_>>() {
             let Some(found) = self.at_cell(field, &terms, cell, values) else { continue };
             let negative = found.smallest < -NEGATIVE * found.largest.abs().max(found.smallest.abs());
             let whole = found.largest <= NEGATIVE * found.smallest.abs();
@@ -71,7 +72,15 @@ impl Bodies<'_> {
                 worst = Some(found);
             }
         }
-        worst
+        let own = worst.map(|NegativeBody { terms, smallest, largest, position: [x, y, z], .. }| Finding {
+            size: -smallest,
+            numbers: vec![smallest, largest, x, y, z],
+            names: terms,
+        });
+        let Finding { numbers, names, .. } = Finding::worst(own, self.system.team())?;
+        let [smallest, largest, x, y, z] = numbers.try_into().ok()?;
+        let field = self.system.fields[field].name.clone();
+        Some(NegativeBody { field, terms: names, smallest, largest, position: [x, y, z] })
     }
 
     /// The extreme eigenvalues at the first point of a cell.
@@ -150,10 +159,14 @@ fn is_stiffness(field: usize, test: BasisSlot, trial: BasisSlot) -> bool {
     [test, trial].iter().all(|slot| slot.field.index() == field && slot.op == FieldOp::Grad)
 }
 
-/// Cells of a term, spread evenly over it.
-pub(crate) fn sampled_cells(term: &AssembledTerm) -> Vec<CellId> {
-    let groups = &term.integrator.domain.groups;
-    let all: usize = groups.iter().map(|g| g.here.cells.len()).sum();
-    let stride = all.div_ceil(CELLS).max(1);
-    groups.iter().flat_map(|g| g.here.cells.iter().copied()).step_by(stride).collect()
+/// Cells of a term, spread evenly over those of all ranks: those of them that this rank counts.
+pub(crate) fn sampled_cells(system: &System, term: &AssembledTerm) -> Vec<CellId> {
+    let domain = &term.integrator.domain;
+    let places = domain.places(&system.mesh);
+    let stride = places.iter().map(|p| p.n).sum::<usize>().div_ceil(CELLS).max(1);
+    let cells = domain.groups.iter().zip(&places).flat_map(|(g, places)| {
+        let cells = g.here.cells.iter().zip(&places.of);
+        cells.filter_map(|(cell, place)| Some((*cell, places.before + (*place)?)))
+    });
+    cells.filter(|(_, place)| place % stride == 0).map(|(cell, _)| cell).collect()
 }

@@ -50,9 +50,10 @@ pub fn digits(state: Solved<'_>, solver: &mut LinearSolver, correction: Option<f
         if worst.as_ref().is_some_and(|w| w.error < CLEAR) {
             break;
         }
-        let disturbed: Vec<f64> = (0..u.len()).map(|d| residual[d] + sign(sample, d as u64) * uncertainty[d]).collect();
+        let disturbed: Vec<f64> =
+            (0..u.len()).map(|d| residual[d] + sign(sample, system.dof_number(d)) * uncertainty[d]).collect();
         system.numbering.gather(&disturbed, &mut rhs);
-        if rhs.iter().all(|r| *r == 0.0) {
+        if system.team().all(rhs.iter().all(|r| *r == 0.0)) {
             continue;
         }
         solver.solve(&rhs, &mut x, LEFT).ok()?;

@@ -16,6 +16,7 @@ mod rigid_motions;
 mod singular;
 mod turned;
 mod uniqueness;
+mod worst;
 
 pub use definite::{NegativeBody, negative_bodies};
 pub use digits::{Accuracy, digits};

@@ -7,12 +7,12 @@
 
 use wfl_compiler::Class;
 use wfl_discrete::{
-    assemble::{AssembledTerm, Domain},
+    assemble::{AssembledTerm, Domain, Over},
     system::{FIXED, System},
 };
 use wfl_mesh::mesh::{InterfaceFacet, RegionSet};
 
-use crate::singular::with_rule;
+use crate::{singular::with_rule, worst::Finding};
 
 /// What the degree of a rule is raised by.
 const MORE: usize = 4;
@@ -56,7 +56,7 @@ fn coarse_load(system: &System, term: usize, degree: usize) -> Option<CoarseLoad
     let forces = |term: &AssembledTerm| {
         let mut out = vec![0.0; zero.len()];
         // where the load has no finite value the run itself says so with the place
-        term.add_residual(&system.mesh, system.values(&zero).view(), &mut out).ok().map(|_| out)
+        system.residual_of(term, &zero, &mut out).ok().map(|()| out)
     };
     let (own, fine) = (forces(load)?, forces(&finer)?);
     let (mut moved, mut size, mut worst) = (0.0, 0.0, (0.0f64, 0));
@@ -68,21 +68,26 @@ fn coarse_load(system: &System, term: usize, degree: usize) -> Option<CoarseLoad
             worst = (change, dof);
         }
     }
-    let field = system.field_of(worst.1);
-    let node = (worst.1 - system.range(field)?.start) / system.fields[field].n_components;
-    let position = system.fields[field].node_position(node);
-    let (share, time) = (moved / size, system.step().0);
+    let mut sums = [moved, size];
+    system.team().sum(&mut sums);
+    let own = (worst.0 > 0.0).then(|| {
+        let (field, node, _) = system.numbering.describe(&system.fields, worst.1);
+        Finding { size: worst.0, numbers: system.fields[field].node_position(node).to_vec(), names: Vec::new() }
+    });
+    let position = Finding::worst(own, system.team())?.numbers.try_into().ok()?;
+    let (share, time) = (sums[0] / sums[1], system.step().0);
     (share > MOVED).then_some(CoarseLoad { term, degree, share, time, position })
 }
 
 /// The region of a domain; `None` for loads at nodes and on `global`.
 fn region(domain: &Domain) -> Option<RegionSet> {
     let groups = &domain.groups;
-    if groups.iter().any(|g| g.is_global) {
-        return None;
-    }
-    if groups.iter().all(|g| g.tangents.is_none()) {
-        return Some(RegionSet::Cells(groups.iter().flat_map(|g| g.here.cells.iter().copied()).collect()));
+    match domain.over {
+        Over::Points => return None,
+        Over::Cells => {
+            return Some(RegionSet::Cells(groups.iter().flat_map(|g| g.here.cells.iter().copied()).collect()));
+        }
+        Over::Facets => {}
     }
     if groups.iter().all(|g| g.there.is_none()) {
         return Some(RegionSet::Facets(groups.iter().flat_map(|g| g.here.facets.iter().copied()).collect()));

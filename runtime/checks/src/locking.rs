@@ -15,6 +15,7 @@ use wfl_discrete::{
 use wfl_mesh::mesh::CellId;
 
 use crate::definite::{PointStiffness, sampled_cells, stiff_terms, stiffness};
+use crate::worst::Finding;
 
 /// Lame's first parameter over the second from which a body counts as nearly incompressible: that of a Poisson number of
 /// 0.495, above which the manuals of commercial programs ask for mixed elements.
@@ -51,7 +52,7 @@ pub fn locked_bodies(system: &System) -> Vec<LockedBody> {
 fn locked_body(system: &System, field: usize, values: FieldValues<'_>) -> Option<LockedBody> {
     let terms = stiff_terms(system, field);
     let mut worst: Option<LockedBody> = None;
-    for cell in terms.iter().flat_map(|t| sampled_cells(t)) {
+    for cell in terms.iter().flat_map(|t| sampled_cells(system, t)).collect::<Vec<_>>() {
         let full = |t: &&AssembledTerm| integrates(t, cell);
         let terms: Vec<&AssembledTerm> = terms.iter().copied().filter(full).collect();
         let Some(PointStiffness { matrix, terms, position }) = stiffness(system, field, &terms, cell, values) else {
@@ -62,7 +63,14 @@ fn locked_body(system: &System, field: usize, values: FieldValues<'_>) -> Option
             worst = Some(LockedBody { field: system.fields[field].name.clone(), terms, ratio, position });
         }
     }
-    worst
+    let own = worst.map(|LockedBody { terms, ratio, position: [x, y, z], .. }| Finding {
+        size: ratio,
+        numbers: vec![x, y, z],
+        names: terms,
+    });
+    let Finding { size, numbers, names } = Finding::worst(own, system.team())?;
+    let position = numbers.try_into().ok()?;
+    Some(LockedBody { field: system.fields[field].name.clone(), terms: names, ratio: size, position })
 }
 
 /// True on simplices, and for rules of more than one point.

@@ -40,7 +40,7 @@ impl Solved<'_> {
     /// True if the forces of a multiplier at some node are more than `least` of the largest of the unknowns.
     fn presses(&self, field: usize, least: f64) -> bool {
         let slices = self.system.slices(self.u);
-        let largest = slices[field].iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let largest = self.system.team().largest(slices[field].iter().fold(0.0f64, |m, x| m.max(x.abs())));
         let unknown = |k: &usize| self.system.fields[*k].kind == FieldKind::Unknown;
         let force = (0..self.system.fields.len()).filter(unknown).fold(0.0f64, |m, k| m.max(self.residual.forces[k]));
         let fields: Vec<usize> =
@@ -51,9 +51,7 @@ impl Solved<'_> {
             let own = columns.iter().zip(values).filter(|(c, _)| fields[**c as usize] == field);
             acts = own.fold(acts, |m, (_, value)| m.max(value.abs()));
         }
-        let mut largest_entry = [acts];
-        self.system.team().max(&mut largest_entry);
-        let [acts] = largest_entry;
+        let acts = self.system.team().largest(acts);
         acts == 0.0 || acts * largest > least * force
     }
 
@@ -102,6 +100,8 @@ impl Solved<'_> {
             });
         }
         let length = |v: &[f64]| v.iter().fold(0.0f64, |m, x| m.hypot(*x));
-        sums.chunks_exact(n).zip(&weights).map(|(sum, weight)| weight * length(sum)).sum()
+        let counted = terms.first().map_or_else(Vec::new, |t| t.integrator.domain.counted_points(&self.system.mesh));
+        let points = sums.chunks_exact(n).zip(&weights).zip(counted).filter(|(_, counts)| *counts);
+        self.system.team().total(points.map(|((sum, weight), _)| weight * length(sum)).sum())
     }
 }

@@ -11,6 +11,7 @@ use wfl_compiler::{
 use super::{Solved, multiplier_law::LawDefect};
 use wfl_contact::{ContactGaps, PressedFaces, contact_gaps};
 use wfl_discrete::assemble::TermError;
+use wfl_discrete::field::FieldSpace;
 use wfl_discrete::finite::{largest, short};
 use wfl_discrete::system::{Form, System};
 
@@ -102,7 +103,7 @@ pub fn rests(system: &System, u: &[f64], form: &Form<'_>) -> Result<bool, TermEr
     system.numbering.part_of_free(0.0, &mut still);
     let residual = system.residual(&still, form)?.values;
     let free = &system.numbering.free_dofs;
-    Ok(free.iter().all(|d| residual[*d as usize] == 0.0))
+    Ok(system.team().all(free.iter().all(|d| residual[*d as usize] == 0.0)))
 }
 
 /// Fields of displacements by the bodies that meet: vectors of the space; along a line, any scalar could be one.
@@ -111,12 +112,8 @@ fn displacement_groups(system: &System) -> Vec<Vec<usize>> {
     let dim = system.mesh.dim();
     for k in 0..system.fields.len() {
         let f = &system.fields[k];
-        if dim < 2
-            || f.n_components != dim
-            || f.kind != FieldKind::Unknown
-            || system.range(k).is_none()
-            || f.n_nodes() < 2
-        {
+        let is_number = matches!(f.space, FieldSpace::Global) || system.mesh.is_whole() && f.n_nodes() < 2;
+        if dim < 2 || f.n_components != dim || f.kind != FieldKind::Unknown || system.range(k).is_none() || is_number {
             continue;
         }
         match groups.iter_mut().find(|g| system.alike(g[0]) == system.alike(k)) {
@@ -150,6 +147,7 @@ fn equilibrium(system: &System, group: &[usize], residual: &[f64], tolerance: f6
     let (held, free) = (part(true), part(false));
     let (mut load, mut reaction, mut left) = (vec![0.0; dim], vec![0.0; dim], vec![0.0; dim]);
     let mut size = 0.0;
+    // the rows of this rank: those of others are zero
     for d in group.iter().filter_map(|k| system.range(*k)).flatten() {
         let component = (d - system.range(system.field_of(d))?.start) % dim;
         load[component] -= loads[d];
@@ -158,6 +156,10 @@ fn equilibrium(system: &System, group: &[usize], residual: &[f64], tolerance: f6
         size += held[d].abs();
         left[component] += free[d];
     }
+    for sums in [&mut load, &mut reaction, &mut left] {
+        system.team().sum(sums);
+    }
+    let size = system.team().total(size);
     if size == 0.0 {
         return None;
     }
@@ -202,6 +204,8 @@ fn balance_of_term(system: &System, term: usize, u: &[f64]) -> Option<PhysicsChe
             size += forces[d].abs() + loads[d].abs();
         }
     }
+    system.team().sum(&mut sums);
+    let size = system.team().total(size);
     (size > 0.0).then(|| PhysicsCheck {
         name: format!("action and reaction of `{}`", system.terms[term].law.name),
         value: share(largest(sums.iter().copied()), size),
@@ -217,7 +221,7 @@ pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
     let (system, u) = (state.system, state.u);
     let groups = displacement_groups(system);
     let ranges = groups.iter().flatten().filter_map(|k| system.range(*k));
-    let largest = largest(ranges.flat_map(|r| u[r].iter().copied()));
+    let largest = system.team().largest(largest(ranges.flat_map(|r| u[r].iter().copied())));
     let extent = || {
         let (low, high) = system.mesh.bounds();
         (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]))

@@ -83,7 +83,10 @@ impl Examined<'_> {
     /// By node of a field: the body it belongs to, parts of the field that hang together through cells.
     fn bodies(&self, field: usize) -> Vec<usize> {
         let f = &self.system.fields[field];
-        let FieldSpace::Nodal(space) = &f.space else { return vec![0; f.n_nodes()] };
+        // what hangs together through cells of other ranks is not known here
+        let (FieldSpace::Nodal(space), true) = (&f.space, self.system.mesh.is_whole()) else {
+            return vec![0; f.n_nodes()];
+        };
         let mut above: Vec<usize> = (0..f.n_nodes()).collect();
         let root = |above: &[usize], mut at: usize| {
             while above[at] != at {
@@ -174,29 +177,33 @@ impl Examined<'_> {
 
     /// The dimension of the space of these motions in which nothing resists.
     fn n_loose(&self, motions: &[Vec<f64>]) -> usize {
-        let n = self.system.numbering.n_free();
+        let (n, team) = (self.system.numbering.n_free(), self.system.team());
         let (zero, mut met, mut size) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         let (mut products, mut scale) = (Vec::new(), 0.0f64);
         let mut free = Vec::new();
         for motion in motions {
             self.system.numbering.gather(motion, &mut free);
             residual_and_size(&[self.system.bulk(), &self.tangent.changing], &zero, &free, &mut met, &mut size, 1);
-            self.system.team().sum(&mut met);
-            self.system.team().sum(&mut size);
             scale = size.iter().fold(scale, |m, s| m.max(*s));
             products.push(met.clone());
         }
+        let scale = team.largest(scale);
         if scale.is_nan() || scale <= 0.0 {
             return 0;
         }
-        let fixed: Vec<usize> =
-            (0..self.system.numbering.n_dofs).filter(|d| self.system.numbering.free[*d] == FIXED).collect();
+        let is_fixed = |d: &usize| self.system.numbering.free[*d] == FIXED && self.system.owns(*d);
+        let fixed: Vec<usize> = (0..self.system.numbering.n_dofs).filter(is_fixed).collect();
         for (met, motion) in products.iter_mut().zip(motions) {
             met.iter_mut().for_each(|x| *x /= scale);
             met.extend(fixed.iter().map(|d| motion[*d]));
         }
         #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let limit = LOOSE * (n as f64).sqrt();
-        triangular(products).singular_values().iter().filter(|x| **x <= limit).count()
+        let limit = LOOSE * (self.system.n_unknowns() as f64).sqrt();
+        // the factor of the rows of all ranks is that of the factors of each
+        let own = triangular(products);
+        let k = own.ncols();
+        let all = team.all_numbers(own.transpose().as_slice());
+        let columns = (0..k).map(|column| all.iter().skip(column).step_by(k).copied().collect()).collect();
+        triangular(columns).singular_values().iter().filter(|x| **x <= limit).count()
     }
 }

@@ -27,6 +27,11 @@ const OUTSIDE: f64 = 1e-6;
 impl Examined<'_> {
     /// Why the last tangent is singular; `u` is the state it belongs to. `None` where nothing can be said.
     pub(crate) fn why_singular(&self, u: &[f64]) -> Option<Singular> {
+        if !self.system.mesh.is_whole() {
+            // rigid motions are met in the rows of each rank, a null space is one of all rows
+            let motions = self.loose_motions();
+            return (!motions.is_empty()).then(|| self.loose_bodies(&motions, u));
+        }
         let tangent = self.system.whole(self.system.bulk().plus(&self.tangent.changing).ok()?).ok()?;
         let positions: Vec<[f64; 3]> = self
             .system

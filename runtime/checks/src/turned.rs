@@ -15,7 +15,7 @@ use wfl_discrete::{
 };
 use wfl_mesh::mesh::CellId;
 
-use crate::definite::sampled_cells;
+use crate::{definite::sampled_cells, worst::Finding};
 
 /// What rounding may leave of P(R F) - R P(F), in parts of the largest stress: stresses of nearly incompressible bodies
 /// cancel to 1e-6 of their parts.
@@ -50,7 +50,7 @@ pub fn turned_cells(system: &System, u: &[f64]) -> Vec<TurnedCells> {
     for term in system.terms.iter().filter(|t| bodies(t)) {
         for field in (0..system.fields.len()).filter(displacement) {
             if allows_negative_volumes(system, term, field, values.view())
-                && let Some(volumes) = term.negative_volumes(&system.mesh, values.view(), field)
+                && let Some(volumes) = of_all(system, term, term.negative_volumes(&system.mesh, values.view(), field))
             {
                 found.push(TurnedCells {
                     term: term.law.name.clone(),
@@ -63,17 +63,25 @@ pub fn turned_cells(system: &System, u: &[f64]) -> Vec<TurnedCells> {
     found
 }
 
+/// From the cells that this rank counts to those of all ranks.
+fn of_all(system: &System, term: &AssembledTerm, own: Option<NegativeVolumes>) -> Option<NegativeVolumes> {
+    let (team, of) = (system.team(), term.integrator.domain.n_of_all(&system.mesh));
+    let n_cells = team.count(own.map_or(0, |own| own.n_cells));
+    let own = own.map(|NegativeVolumes { smallest, position, .. }| Finding {
+        size: -smallest,
+        numbers: position.to_vec(),
+        names: Vec::new(),
+    });
+    let Finding { size, numbers, .. } = Finding::worst(own, team)?;
+    Some(NegativeVolumes { n_cells, of, smallest: -size, position: numbers.try_into().ok()? })
+}
+
 /// True for a law of finite strain that has a stress at negative determinants.
 fn allows_negative_volumes(system: &System, term: &AssembledTerm, field: usize, values: FieldValues<'_>) -> bool {
-    let mut some = false;
-    for cell in sampled_cells(term) {
-        match at_cell(system, term, field, cell, values) {
-            Some(true) => some = true,
-            Some(false) => return false,
-            None => {}
-        }
-    }
-    some
+    let cells = sampled_cells(system, term).into_iter();
+    let found: Vec<Option<bool>> = cells.map(|cell| at_cell(system, term, field, cell, values)).collect();
+    let is_refused = system.team().any(found.contains(&Some(false)));
+    system.team().any(found.contains(&Some(true))) && !is_refused
 }
 
 /// The same at a point; `None` where there is no stress.

@@ -74,7 +74,7 @@ mod linked {
         /// Shares the rows of a scene out over the ranks.
         pub(crate) fn share(&self, scene: &mut Scene) -> Result<(), String> {
             let Some(session) = &self.session else { return Ok(()) };
-            scene.system.share_rows(session.team()).map_err(|error| error.to_string())
+            scene.share_rows(session.team()).map_err(|error| error.to_string())
         }
 
         /// Whether something holds on one rank at least; asked by all.

@@ -56,8 +56,9 @@ impl ContactTerm {
             open &= within(reach);
             near.push(within(moved));
         });
-        if open {
-            let every = !near.contains(&true);
+        let team = system.team();
+        if team.all(open) {
+            let every = !team.any(near.contains(&true));
             for (point, _) in data.chunks_exact_mut(self.n_data).zip(&near).filter(|(_, near)| every || **near) {
                 self.stick_point(point);
             }
@@ -108,7 +109,7 @@ impl ContactTerm {
         }
     }
 
-    /// Points whose branches differ: open or closed, stick or slip, slip against itself.
+    /// Points that this rank counts whose branches differ: open or closed, stick or slip, slip against itself.
     pub(super) fn n_differing(&self, a: &[f64], b: &[f64]) -> usize {
         let differs = |p: &Projection, a: &[f64], b: &[f64]| match p.kind {
             ProjectionKind::HalfLine => a[p.guide..][..p.n] != b[p.guide..][..p.n],
@@ -119,7 +120,8 @@ impl ContactTerm {
             }
         };
         let points = a.chunks_exact(self.n_data).zip(b.chunks_exact(self.n_data));
-        points.filter(|(a, b)| self.projections.iter().any(|p| differs(p, a, b))).count()
+        let counted = points.enumerate().filter(|(point, _)| self.counts(*point));
+        counted.filter(|(_, (a, b))| self.projections.iter().any(|p| differs(p, a, b))).count()
     }
 
     /// Branch data before any branch is chosen: open.

@@ -5,6 +5,7 @@
 //! is not found again. Does not decide which way the path goes on: `newton/path_following.rs` does.
 
 use wfl_compiler::{BALL_NUMBERS, Projection, ProjectionKind};
+use wfl_host::team::Team;
 
 use super::{ContactTerm, ProjectionState};
 
@@ -13,7 +14,7 @@ const TURN: f64 = 0.5;
 
 /// Where a branch changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
+pub(super) struct Place {
     /// The integration point.
     pub point: usize,
     /// The projection there.
@@ -41,8 +42,34 @@ pub struct Ray<'a> {
     pub sign: f64,
 }
 
-/// Breakpoints that are passed together, with the term they belong to: those of terms with the same projections.
-pub type Breakpoints = Vec<(usize, Place)>;
+/// Breakpoints that are passed together, with the term they belong to: those of terms with the same projections. They
+/// are equal if all ranks call them the same.
+#[derive(Clone, Debug, Default)]
+pub struct Breakpoints {
+    /// What all ranks call the first of them, and the terms; empty for none.
+    name: Vec<u64>,
+    /// Those whose point this rank has.
+    here: Vec<(usize, Place)>,
+}
+
+impl Breakpoints {
+    /// True for none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.name.is_empty()
+    }
+
+    /// Those whose point this rank has.
+    pub(super) fn here(&self) -> &[(usize, Place)] {
+        &self.here
+    }
+}
+
+impl PartialEq for Breakpoints {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
 
 /// Breakpoints of one point in several terms are passed together if they are nearer than this, relative or in parts of the
 /// line.
@@ -53,23 +80,46 @@ pub(super) fn next<'a>(
     terms: impl Iterator<Item = ((&'a ContactTerm, Ray<'a>), &'a [f64])>,
     friction: f64,
     end: f64,
+    team: &dyn Team,
 ) -> (f64, Breakpoints) {
     let (mut all, mut at) = (Vec::new(), end);
     for (k, ((term, ray), data)) in terms.enumerate() {
         let (found, room) = term.breakpoints(ray, data, friction);
         at = at.min(room);
-        all.extend(found.into_iter().map(|breakpoint| (k, breakpoint)));
+        all.extend(found.into_iter().map(|breakpoint| (k, term, breakpoint)));
     }
-    let Some((_, first)) = all.iter().min_by(|a, b| a.1.at.total_cmp(&b.1.at)).filter(|(_, b)| b.at < at) else {
-        return (at, Vec::new());
+    let [at, _] = team.range(at, at);
+    let name = |k: usize, term: &ContactTerm, place: &Place| {
+        let [first, second] = term.name(place.point);
+        [k as u64, first, second, place.projection as u64, place.entry as u64]
     };
-    let near = first.at + TOGETHER.0 * first.at + TOGETHER.1;
-    let same = all.iter().filter(|(_, b)| b.place == first.place && b.at <= near);
-    (first.at, same.map(|(k, b)| (*k, b.place)).collect())
+    let counted = all.iter().filter(|(_, term, b)| term.counts(b.place.point));
+    let own = counted.min_by(|a, b| a.2.at.total_cmp(&b.2.at)).filter(|(_, _, b)| b.at < at);
+    let own: Vec<u8> = own.map_or_else(Vec::new, |(k, term, b)| {
+        // adding zero takes the sign off a zero
+        let words = std::iter::once((b.at + 0.0).to_bits()).chain(name(*k, term, &b.place));
+        words.flat_map(u64::to_le_bytes).collect()
+    });
+    let words = |bytes: Vec<u8>| bytes.as_chunks().0.iter().map(|word| u64::from_le_bytes(*word)).collect();
+    let mut firsts: Vec<(usize, Vec<u64>)> = team.gather(&own).into_iter().map(words).enumerate().collect();
+    firsts.retain(|(_, words)| !words.is_empty());
+    // of those that are met at once, the first as one rank alone has them; places are not negative, so their bits have
+    // their order
+    let Some((rank, first)) = firsts.into_iter().min_by(|a, b| a.1.cmp(&b.1)) else {
+        return (at, Breakpoints::default());
+    };
+    let at = f64::from_bits(first[0]);
+    let near = at + TOGETHER.0 * at + TOGETHER.1;
+    let same = all.iter().filter(|(k, term, b)| name(*k, term, &b.place)[1..] == first[2..] && b.at <= near);
+    let here: Vec<(usize, Place)> = same.map(|(k, _, b)| (*k, b.place)).collect();
+    // the rank that counts the point knows all terms that are on it
+    let terms: Vec<u8> = here.iter().flat_map(|(k, _)| (*k as u64).to_le_bytes()).collect();
+    let terms: Vec<u64> = words(team.of_rank(rank, &terms));
+    (at, Breakpoints { name: [&first[1..], &terms].concat(), here })
 }
 
 impl ContactTerm {
-    /// Each change of branch ahead, and how far the directions of slip let the ray go.
+    /// Each change of branch ahead at the points of this rank, and how far the directions of slip let the ray go.
     fn breakpoints(&self, ray: Ray<'_>, data: &[f64], friction: f64) -> (Vec<Breakpoint>, f64) {
         let (mut found, mut room) = (Vec::new(), f64::INFINITY);
         let points = data.chunks_exact(self.n_data).zip(ray.from.points().zip(ray.to.points()));

@@ -110,15 +110,17 @@ fn of_term(system: &System, term: &ContactTerm, zero: FieldValues<'_>) -> Option
         return None;
     }
     let probe = Probe { term, system, zero };
-    let mut worst: Option<Coercivity> = None;
-    for place in probe.places() {
-        let Some(found) = probe.facet(place) else { continue };
-        let ratio = |c: &Coercivity| c.smallest() / c.gamma;
-        if worst.as_ref().is_none_or(|w| (ratio(&found), found.trace) > (ratio(w), w.trace)) {
-            worst = Some(found);
+    let own: Vec<f64> = probe.places().into_iter().filter_map(|place| probe.facet(place)).flatten().collect();
+    let all = system.team().all_numbers(&own);
+    let mut worst: Option<[f64; 4]> = None;
+    for found in all.as_chunks().0 {
+        let rank = |[gamma, _, trace, bound]: &[f64; 4]| (bound / gamma, *trace);
+        if worst.as_ref().is_none_or(|w| rank(found) > rank(w)) {
+            worst = Some(*found);
         }
     }
-    worst
+    let name = &system.terms[term.term].law.name;
+    worst.map(|[gamma, theta, trace, bound]| Coercivity { term: name.clone(), gamma, theta, trace, bound })
 }
 
 struct Probe<'a> {
@@ -128,17 +130,30 @@ struct Probe<'a> {
 }
 
 impl Probe<'_> {
-    /// The facets that are looked at.
+    /// The facets that are looked at, those of them that this rank counts; made by all ranks together.
     fn places(&self) -> Vec<Place> {
-        let groups = &self.term.sampled.domain.groups;
-        let all: Vec<Place> =
-            groups.iter().enumerate().flat_map(|(g, group)| (0..group.entities.len()).map(move |e| (g, e))).collect();
-        let stride = all.len().div_ceil(FACETS).max(1);
-        let mut chosen: Vec<Place> = all.iter().step_by(stride).copied().collect();
+        let groups = self.term.sampled.domain.places(&self.system.mesh);
+        let stride = groups.iter().map(|g| g.n).sum::<usize>().div_ceil(FACETS).max(1);
+        let own = groups.iter().enumerate().flat_map(|(g, group)| {
+            let facets = group.of.iter().enumerate();
+            facets.filter_map(move |(e, position)| Some((group.before + (*position)?, (g, e))))
+        });
+        let own: Vec<(usize, Place)> = own.collect();
+        let mut chosen: Vec<Place> = own.iter().filter(|(n, _)| n % stride == 0).map(|(_, place)| *place).collect();
         if stride > 1 {
-            let mut thin: Vec<(f64, Place)> = all.iter().map(|p| (self.height(*p), *p)).collect();
-            thin.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            chosen.extend(thin.iter().take(FACETS).map(|(_, p)| *p));
+            let in_order = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+            let mut thin: Vec<(f64, usize)> = own.iter().map(|(n, place)| (self.height(*place), *n)).collect();
+            thin.sort_by(in_order);
+            thin.truncate(FACETS);
+            let numbers: Vec<f64> = thin.iter().flat_map(|(height, n)| [*height, f64::from_bits(*n as u64)]).collect();
+            let all = self.system.team().all_numbers(&numbers);
+            let number = |bits: f64| usize::try_from(bits.to_bits()).expect("a number of a facet");
+            let mut all: Vec<(f64, usize)> = all.as_chunks().0.iter().map(|[h, n]| (*h, number(*n))).collect();
+            all.sort_by(in_order);
+            let is_chosen = |n: &usize| all.iter().take(FACETS).any(|(_, thin)| thin == n);
+            let mut thin: Vec<&(usize, Place)> = own.iter().filter(|(n, _)| is_chosen(n)).collect();
+            thin.sort_by_key(|(n, _)| all.iter().position(|(_, thin)| thin == n));
+            chosen.extend(thin.into_iter().map(|(_, place)| *place));
         }
         chosen
     }
@@ -152,7 +167,8 @@ impl Probe<'_> {
         (0..3).fold(0.0f64, |m, k| m.hypot(a[k] - b[k]))
     }
 
-    fn facet(&self, place: Place) -> Option<Coercivity> {
+    /// Parameter, variant, trace constant and bound of a facet, in the order of [`Coercivity`].
+    fn facet(&self, place: Place) -> Option<[f64; 4]> {
         let group = &self.term.sampled.domain.groups[place.0];
         let mut cells = vec![group.here.cells[place.1]];
         if self.term.law.law.inputs.iter().any(|slot| is_stress(&self.system.fields, slot, Some(Side::There))) {
@@ -176,7 +192,7 @@ impl Probe<'_> {
         // of a form without weights the formula says the same with less rounding
         let usual = (1.0 + theta).powi(2) / 4.0 * trace;
         let bound = if (bound - usual).abs() <= SAME * usual { usual } else { bound };
-        Some(Coercivity { term: self.system.terms[self.term.term].law.name.clone(), gamma, theta, trace, bound })
+        Some([gamma, theta, trace, bound])
     }
 
     /// The tangent of the facet terms by slots: of the contact term where it is closed and sticks, if `closed`, and of the

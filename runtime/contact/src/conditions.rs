@@ -18,6 +18,7 @@ use super::{Contact, ContactTerm, slopes::is_displacement};
 use wfl_discrete::assemble::{Bound, FieldValues, Workspace};
 use wfl_discrete::field::Field;
 use wfl_discrete::system::System;
+use wfl_host::team::Team;
 
 /// The violations of the conditions of contact at the points of a term.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -51,6 +52,14 @@ pub struct PressedFaces {
 }
 
 impl PressedFaces {
+    /// From the faces that this rank has counted to those of all ranks.
+    fn of_all(self, team: &dyn Team) -> Self {
+        let mut counts = [self.some, self.whole, self.of].map(|n| n as u64);
+        team.sum_words(&mut counts);
+        let [some, whole, of] = counts.map(|n| usize::try_from(n).expect("a number of faces"));
+        Self { some, whole, of }
+    }
+
     /// True if the zone of contact covers no face: its size and its pressures are those of the points of a rule.
     #[must_use]
     pub fn are_too_large(&self) -> bool {
@@ -105,6 +114,20 @@ struct Point<'a> {
 }
 
 impl Violations {
+    /// From the points that this rank has counted to those of all ranks.
+    fn of_all(&mut self, team: &dyn Team) {
+        let mut sizes = [self.penetration, self.drift];
+        team.max(&mut sizes);
+        [self.penetration, self.drift] = sizes;
+        let parts = [&mut self.pulled, &mut self.driven, &mut self.cone];
+        let mut sums: Vec<f64> = parts.iter().flat_map(|share| [share.part, share.whole]).collect();
+        team.sum(&mut sums);
+        parts
+            .into_iter()
+            .zip(sums.as_chunks().0)
+            .for_each(|(share, [part, whole])| *share = Share { part: *part, whole: *whole });
+    }
+
     fn add_normal(&mut self, at: &Point<'_>, presses: bool, pulls: impl FnOnce() -> bool) {
         self.penetration = at.gap.iter().fold(self.penetration, |m, g| m.max(g / at.slope));
         if presses {
@@ -192,10 +215,19 @@ impl ContactTerm {
         let mut fluxes = fluxes.iter();
         let motions = self.motions(system);
         let mut found = Violations { moved, ..Violations::default() };
-        let groups = &self.sampled.domain.groups;
-        let mut faces = FaceCount::new(groups.iter().flat_map(|g| g.entities.iter().map(|_| g.n_points())));
+        let sizes = self.sampled.domain.groups.iter().flat_map(|g| g.entities.iter().map(|_| g.n_points()));
+        let mut end = 0;
+        let mut faces = FaceCount::new(sizes.filter(|n_points| {
+            end += n_points;
+            self.counts(end - n_points)
+        }));
+        let mut point = 0;
         self.arguments(system, values, |full, gap, slopes| {
             let Some((flux, weight)) = fluxes.next() else { return };
+            point += 1;
+            if !self.counts(point - 1) {
+                return;
+            }
             let mut presses = false;
             let each = self.projections.iter().zip(&largest).zip(&motions);
             for ((p, slope), motions) in each.filter(|((_, s), _)| **s > 0.0) {
@@ -220,8 +252,10 @@ impl ContactTerm {
             }
             faces.add_point(presses);
         });
+        let faces = faces.pressed.of_all(system.team());
+        found.of_all(system.team());
         ContactGaps {
-            pressed: faces.pressed,
+            pressed: faces,
             penetration: found.penetration,
             drift: found.drift,
             pulled: found.pulled.value(),

@@ -8,27 +8,30 @@
 //!
 //! Promises: the same number in every run. Does not solve anything.
 
-use wfl_host::team::Team;
-use wfl_sparse::csr::Csr;
+use wfl_host::team::{Alone, Team};
+use wfl_sparse::{csr::Csr, solve::RowOwners};
 
 /// Most products with the matrix, and the part of what was found below which one more is not worth it.
 const PRODUCTS: usize = 60;
 const SMALL: f64 = 5e-3;
 
 /// The stiffness (force by displacement) of `matrix` at `dofs`: the inverse of the mean of the diagonal of its inverse.
-/// `None` where that is no positive number, as it is not for an indefinite matrix. Each rank of the team has its rows of
-/// the matrix.
-pub(super) fn stiffness(matrix: &Csr, dofs: &[u32], team: &dyn Team) -> Option<f64> {
+/// `None` where that is no positive number, as it is not for an indefinite matrix. Of several ranks each has its rows of
+/// the matrix, and gives the dofs among them.
+pub(super) fn stiffness(matrix: &Csr, dofs: &[u32], owners: Option<&RowOwners>) -> Option<f64> {
+    let team: &dyn Team = owners.map_or(&Alone, |owners| &*owners.team);
     let n = matrix.n_rows();
-    let mut diagonal: Vec<f64> = (0..n).map(|d| matrix.get(d, d)).collect();
-    team.sum(&mut diagonal);
-    let inverse: Vec<f64> = diagonal.into_iter().map(|k| if k > 0.0 { 1.0 / k } else { 0.0 }).collect();
+    let inverse = |d: usize| Some(matrix.get(d, d)).filter(|k| *k > 0.0).map_or(0.0, |k| 1.0 / k);
+    let inverse: Vec<f64> = (0..n).map(inverse).collect();
     let mut residual = vec![0.0; n];
     let mut count = 0usize;
     for dof in dofs.iter().map(|d| *d as usize).filter(|d| inverse[*d] > 0.0) {
-        residual[dof] = sign(dof as u64);
+        residual[dof] = sign(owners.map_or(dof as u64, |owners| owners.number(dof)));
         count += 1;
     }
+    let count = team.count(count);
+    // over the rows of all ranks: one of the vectors is zero in those of others
+    let dot = |a: &[f64], b: &[f64]| team.total(a.iter().zip(b).map(|(a, b)| a * b).sum());
     let scaled = |r: &[f64]| -> Vec<f64> { r.iter().zip(&inverse).map(|(r, d)| r * d).collect() };
     let mut direction = scaled(&residual);
     let mut size = dot(&residual, &direction);
@@ -38,8 +41,10 @@ pub(super) fn stiffness(matrix: &Csr, dofs: &[u32], team: &dyn Team) -> Option<f
         if size == 0.0 {
             break;
         }
+        if let Some(owners) = owners {
+            owners.update(&mut direction);
+        }
         matrix.multiply(&direction, &mut product, 1);
-        team.sum(&mut product);
         let curvature = dot(&direction, &product);
         if curvature <= 0.0 || curvature.is_nan() {
             return None;
@@ -62,10 +67,6 @@ pub(super) fn stiffness(matrix: &Csr, dofs: &[u32], team: &dyn Team) -> Option<f
     (stiffness > 0.0 && stiffness.is_finite()).then_some(stiffness)
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 /// A sign that looks random, the same for the same dof (the mixing of SplitMix64, Steele et al. 2014).
 fn sign(dof: u64) -> f64 {
     let mut z = dof.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -79,7 +80,6 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use wfl_host::team::Alone;
     use wfl_sparse::csr::Pattern;
 
     fn tridiagonal(n: usize, diagonal: impl Fn(usize) -> f64, beside: f64) -> Csr {
@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn without_coupling_it_is_the_harmonic_mean_of_the_diagonal() {
         let matrix = tridiagonal(4, |i| [2.0, 1e6, 4.0, 1.0][i], 0.0);
-        let found = stiffness(&matrix, &[0, 1, 2], &Alone).unwrap();
+        let found = stiffness(&matrix, &[0, 1, 2], None).unwrap();
         assert!((found - 3.0 / (0.5 + 1e-6 + 0.25)).abs() < 1e-9 * found, "{found}");
     }
 
@@ -106,13 +106,13 @@ mod tests {
     fn at_the_end_of_a_chain_of_springs_it_is_that_of_the_chain() {
         // ten springs of stiffness 1 in series, fixed at one end: 1/10 at the other, 2 on the diagonal
         let matrix = tridiagonal(10, |i| if i == 9 { 1.0 } else { 2.0 }, -1.0);
-        let found = stiffness(&matrix, &[9], &Alone).unwrap();
+        let found = stiffness(&matrix, &[9], None).unwrap();
         assert!((found - 0.1).abs() < 1e-10, "{found}");
     }
 
     #[test]
     fn an_indefinite_matrix_has_none() {
-        assert_eq!(stiffness(&tridiagonal(6, |_| 1.0, -1.0), &[0, 1, 2, 3, 4, 5], &Alone), None);
-        assert_eq!(stiffness(&tridiagonal(3, |_| 0.0, 0.0), &[0, 1], &Alone), None);
+        assert_eq!(stiffness(&tridiagonal(6, |_| 1.0, -1.0), &[0, 1, 2, 3, 4, 5], None), None);
+        assert_eq!(stiffness(&tridiagonal(3, |_| 0.0, 0.0), &[0, 1], None), None);
     }
 }

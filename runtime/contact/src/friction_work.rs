@@ -85,7 +85,7 @@ impl ContactTerm {
         term.for_each_flux(mesh, now, |flux, weight| {
             let (Some(end), Some(start)) = (ends.get(at), starts.get(at)) else { return };
             at += 1;
-            if !(slides(end) || slides(start)) {
+            if !self.counts(at - 1) || !(slides(end) || slides(start)) {
                 return;
             }
             let change =
@@ -105,8 +105,10 @@ impl ContactTerm {
             work.size += weight * own.norm() * along.norm();
             work.bound += weight * end.outputs[ball.output + ball.n].max(start.outputs[ball.output + ball.n]).max(0.0);
         });
-        work.bound *= largest;
-        Some(work)
+        let mut sums = [work.taken, work.size, work.bound];
+        system.team().sum(&mut sums);
+        let [taken, size, bound] = sums;
+        Some(FrictionWork { taken, size, bound: bound * system.team().largest(largest) })
     }
 
     /// What the law reads and gives at every point, in the order of groups, entities and points.

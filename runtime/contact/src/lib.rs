@@ -23,6 +23,7 @@ mod points;
 mod projection_state;
 mod regularisation;
 mod scaling;
+mod sharing;
 mod slopes;
 mod term;
 
@@ -34,12 +35,15 @@ pub use friction_work::{FrictionWork, friction_work};
 pub use points::{ContactPoints, PointState, contact_points};
 pub use projection_state::{ConvergedState, ProjectionState};
 pub use regularisation::{Complementarity, Regularisation};
+use std::sync::Arc;
 pub use term::{ContactParts, ContactTerm};
+
 use wfl_compiler::{Class, types::FieldKind};
 
 use wfl_discrete::assemble::FieldValues;
 use wfl_discrete::rates::StepAt;
 use wfl_discrete::system::{ActiveSet, System};
+use wfl_host::team::Team;
 
 /// The first choices from a start without a past are made for whole entities.
 const CHOICES_BY_ENTITY: usize = 3;
@@ -57,6 +61,8 @@ pub struct Contact {
     is_warm: bool,
     complementarity: Complementarity,
     time: f64,
+    /// Where several ranks have the points.
+    team: Option<Arc<dyn Team>>,
 }
 
 impl Contact {
@@ -131,7 +137,7 @@ impl Contact {
         let wrong = |states: &[ProjectionState]| -> usize {
             let each = self.terms.iter().zip(states).zip(&self.active.branch_data);
             let next = |term: &ContactTerm, state, data: &[f64]| term.next_branches(&self.complementarity, state, data);
-            each.map(|((term, state), data)| term.n_differing(&next(term, state, data), data)).sum()
+            self.team().count(each.map(|((term, state), data)| term.n_differing(&next(term, state, data), data)).sum())
         };
         wrong(&ahead) <= wrong(&last.states)
     }
@@ -166,7 +172,7 @@ impl Contact {
         // each side may move by the largest displacement that is known
         let unknown = |f: &usize| system.fields[*f].kind == FieldKind::Unknown;
         let known = (0..system.fields.len()).filter(unknown).filter_map(|f| system.range(f));
-        let moved = 2.0 * known.flatten().fold(0.0f64, |m, d| m.max(u[d].abs()));
+        let moved = 2.0 * self.team().largest(known.flatten().fold(0.0f64, |m, d| m.max(u[d].abs())));
         self.active = self.chosen(system, u, |term, values, data| term.close_if_open(system, values, data, moved));
     }
 
@@ -175,7 +181,7 @@ impl Contact {
         let mut diagonal = vec![0.0; system.numbering.n_dofs];
         let values = system.values_with(u, &self.active);
         for term in system.terms.iter().filter(|t| t.law.class > Class::Constant && t.on_cells()) {
-            term.add_diagonal(&system.mesh, values.view(), &mut diagonal);
+            system.add_diagonal(term, values.view(), &mut diagonal);
         }
         self.terms.iter_mut().for_each(|term| term.fit(system, values.view(), &diagonal));
     }
@@ -233,7 +239,10 @@ impl Contact {
             self.states = to;
             return 1.0;
         }
-        projection_state::search(&self.terms, &self.complementarity, &mut self.states, &to)
+        let mut from = std::mem::take(&mut self.states);
+        let part = projection_state::search(self, &mut from, &to);
+        self.states = from;
+        part
     }
 
     /// Freezes the branches of the terms as they are written at `u`.
@@ -259,20 +268,24 @@ impl Contact {
         let rays = line[0].iter().zip(&line[1]).map(|(from, to)| Ray { from, to, sign });
         let data = self.active.branch_data.iter().map(Vec::as_slice);
         let friction = self.complementarity.regularisation.friction;
-        breakpoints::next(self.terms.iter().zip(rays).zip(data), friction, end)
+        breakpoints::next(self.terms.iter().zip(rays).zip(data), friction, end, self.team())
     }
 
     /// How fast the first of some breakpoints is passed along a line, `at` this part of it.
     #[must_use]
     pub fn passage(&self, line: &[Vec<ProjectionState>; 2], at: f64, breakpoints: &Breakpoints) -> f64 {
-        let Some((k, place)) = breakpoints.first() else { return 0.0 };
-        let ray = Ray { from: &line[0][*k], to: &line[1][*k], sign: 1.0 };
-        self.terms[*k].passage(ray, at, *place, self.complementarity.regularisation.friction)
+        let own = breakpoints.here().first().map(|(k, place)| {
+            let ray = Ray { from: &line[0][*k], to: &line[1][*k], sign: 1.0 };
+            self.terms[*k].passage(ray, at, *place, self.complementarity.regularisation.friction)
+        });
+        // each rank that has the point finds the same
+        let Some(rank) = self.team().first(own.is_some()) else { return 0.0 };
+        self.team().numbers_of(rank, &own.map_or_else(Vec::new, |rate| vec![rate]))[0]
     }
 
     /// Changes the branches at some breakpoints, and turns the directions of slip to the arguments at `u`.
     pub fn cross(&mut self, system: &System, u: &[f64], breakpoints: &Breakpoints) {
-        for (k, place) in breakpoints {
+        for (k, place) in breakpoints.here() {
             self.terms[*k].cross(*place, &mut self.active.branch_data[*k]);
         }
         let states = self.read(system, u);
@@ -305,10 +318,13 @@ impl Contact {
             let mean = (by_entity && term.locks_entities()).then(|| term.averaged(state));
             let next = term.next_branches(&self.complementarity, mean.as_ref().unwrap_or(state), data);
             changes.changed += term.n_differing(data, &next);
-            changes.points += state.points().count();
+            changes.points += (0..state.points().count()).filter(|point| term.counts(*point)).count();
             *data = next;
         }
-        changes
+        let mut counts = [changes.changed as u64, changes.points as u64];
+        self.team().sum_words(&mut counts);
+        let [changed, points] = counts.map(|n| usize::try_from(n).expect("a number of points"));
+        Changes { changed, points }
     }
 
     /// True if contact is stiff against the bodies: then making it compliant for a while helps.

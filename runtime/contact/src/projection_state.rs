@@ -9,7 +9,7 @@
 
 use wfl_compiler::{Projection, ProjectionKind};
 
-use super::{Complementarity, ContactTerm};
+use super::{Complementarity, Contact, ContactTerm};
 use wfl_discrete::assemble::FieldValues;
 use wfl_mesh::mesh::Mesh;
 
@@ -83,11 +83,13 @@ impl ContactTerm {
         found
     }
 
-    /// By how much the arguments of the half-lines grow from one state to another, integrated: above 0 the sides close.
+    /// By how much the arguments of the half-lines grow from one state to another, integrated over the points that this
+    /// rank counts: above 0 the sides close.
     #[must_use]
     pub fn closing(&self, from: &ProjectionState, to: &ProjectionState) -> f64 {
         let mut total = 0.0;
-        for ((a, b), weight) in from.points().zip(to.points()).zip(&from.weights) {
+        let points = from.points().zip(to.points()).zip(&from.weights).enumerate();
+        for (_, ((a, b), weight)) in points.filter(|(point, _)| self.counts(*point)) {
             for p in self.projections.iter().filter(|p| p.kind == ProjectionKind::HalfLine && p.acts) {
                 let entries = p.output..p.output + p.n;
                 total += weight.abs() * entries.map(|k| b[k] - a[k]).sum::<f64>();
@@ -97,11 +99,12 @@ impl ContactTerm {
     }
 
     /// The squared defect of the projections on the way from `from` to `to`, as an energy: traction squared over
-    /// stiffness, integrated.
+    /// stiffness, integrated over the points that this rank counts.
     fn defect(&self, law: &Complementarity, from: &ProjectionState, to: &ProjectionState, part: f64) -> f64 {
         let mut total = 0.0;
         let mut out = Vec::new();
-        for ((a, b), weight) in from.points().zip(to.points()).zip(&from.weights) {
+        let points = from.points().zip(to.points()).zip(&from.weights).enumerate();
+        for (_, ((a, b), weight)) in points.filter(|(point, _)| self.counts(*point)) {
             out.clear();
             out.extend(a.iter().zip(b).map(|(a, b)| a + part * (b - a)));
             for (k, p) in self.projections.iter().enumerate() {
@@ -175,16 +178,12 @@ impl ConvergedState {
     }
 }
 
-/// The part of a step of all `terms` that reduces their defect, and the projections there; `from` and `to` by term.
-pub(super) fn search(
-    terms: &[ContactTerm],
-    law: &Complementarity,
-    from: &mut [ProjectionState],
-    to: &[ProjectionState],
-) -> f64 {
+/// The part of a step that reduces the defect of all terms, and the projections there; `from` and `to` by term.
+pub(super) fn search(contact: &Contact, from: &mut [ProjectionState], to: &[ProjectionState]) -> f64 {
+    let law = &contact.complementarity;
     let defect = |part: f64| {
-        let each = terms.iter().zip(from.iter().zip(to));
-        each.map(|(t, (a, b))| t.defect(law, a, b, part)).sum::<f64>().sqrt()
+        let each = contact.terms.iter().zip(from.iter().zip(to));
+        contact.team().total(each.map(|(t, (a, b))| t.defect(law, a, b, part)).sum()).sqrt()
     };
     let start = defect(0.0);
     let mut best = (f64::INFINITY, 1.0);

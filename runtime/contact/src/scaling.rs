@@ -66,17 +66,18 @@ impl ContactTerm {
     /// Fits `c` of each projection to the stiffness of the bodies: that of the linear terms, or the `diagonal` of the
     /// cell terms, by dof.
     pub(super) fn fit(&mut self, system: &System, values: FieldValues<'_>, diagonal: &[f64]) {
-        let (bulk, free) = (system.bulk(), &system.numbering.free);
-        let dofs = self.form(system).dofs();
+        let (bulk, free, team) = (system.bulk(), &system.numbering.free, system.team());
+        let dofs: Vec<u32> = self.form(system).dofs().into_iter().filter(|d| system.owns(*d as usize)).collect();
         let stiff: Vec<f64> = dofs.iter().map(|d| diagonal[*d as usize]).filter(|k| *k > 0.0).collect();
+        let n_stiff = team.count(stiff.len());
         let area = self.entity_area(&system.mesh, values);
-        if stiff.is_empty() || area <= 0.0 {
+        if n_stiff == 0 || area <= 0.0 {
             return;
         }
         #[expect(clippy::cast_precision_loss, reason = "a mean")]
-        let mean = stiff.iter().sum::<f64>() / stiff.len() as f64;
+        let mean = team.total(stiff.iter().sum()) / n_stiff as f64;
         let places: Vec<u32> = dofs.iter().map(|d| free[*d as usize]).filter(|f| *f != FIXED).collect();
-        let stiffness = match flexibility::stiffness(bulk, &places, system.team()) {
+        let stiffness = match flexibility::stiffness(bulk, &places, system.owners().as_ref()) {
             Some(gives) if mean > LOCKED * gives => GIVING_WAY * gives,
             _ => STIFFNESS_FACTOR * mean,
         };
@@ -95,15 +96,14 @@ impl ContactTerm {
         scaling.slopes = slopes;
         scaling.stiffness = if stiffness.is_finite() { stiffness } else { 0.0 };
         let cells: f64 = dofs.iter().filter(|d| free[**d as usize] != FIXED).map(|d| diagonal[*d as usize]).sum();
-        let mut on_diagonal: Vec<f64> = places.iter().map(|f| bulk.get(*f as usize, *f as usize)).collect();
-        system.team().sum(&mut on_diagonal);
-        let linear: f64 = on_diagonal.iter().sum();
+        let linear: f64 = places.iter().map(|f| bulk.get(*f as usize, *f as usize)).sum();
+        let (cells, linear) = (team.total(cells), team.total(linear));
         scaling.is_over_constrained =
             largest == 1.0 && linear > STIFF_FACES * cells && scaling.stiffness_ratio() > SOFT_ARGUMENTS;
     }
 
     /// By projection: the largest derivative of its argument with respect to a component of a displacement, median of
-    /// some points.
+    /// some points of all ranks.
     pub(super) fn largest_slopes(&self, system: &System, values: FieldValues<'_>) -> Vec<f64> {
         let moving: Vec<(usize, usize)> = (self.slopes.list().iter().enumerate())
             .filter(|(_, s)| is_displacement(&system.fields, &s.slot))
@@ -112,20 +112,26 @@ impl ContactTerm {
         let mut found: Vec<Vec<f64>> = vec![Vec::new(); self.projections.len()];
         let bound = Bound { mesh: &system.mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
         let mut workspace = Workspace::default();
-        for (g, group) in self.sampled.domain.groups.iter().enumerate() {
-            let stride = (group.n_batches() * group.n_points()).div_ceil(SLOPE_POINTS).max(1);
-            for at in (0..group.n_batches() * group.n_points()).step_by(stride) {
-                let (batch, q) = (at / group.n_points(), at % group.n_points());
-                workspace.prepare(bound, g, batch, values);
-                let slopes = self.slopes.at_point(&self.point_inputs(&workspace, q, 0));
-                let mut largest = vec![0.0f64; self.projections.len()];
-                for (at, projection) in &moving {
-                    largest[*projection] = largest[*projection].max(slopes[*at].abs());
+        let places = self.sampled.domain.places(&system.mesh);
+        for (g, (group, places)) in self.sampled.domain.groups.iter().zip(&places).enumerate() {
+            let n_points = group.n_points();
+            let stride = (places.n.div_ceil(LANES) * n_points).div_ceil(SLOPE_POINTS).max(1);
+            // a point of the first entity of a batch, as one rank alone has them
+            let first = |(k, place): (usize, &Option<usize>)| Some((k, place.filter(|p| p % LANES == 0)? / LANES));
+            for (entity, batch) in places.of.iter().enumerate().filter_map(first) {
+                for q in (0..n_points).filter(|q| (batch * n_points + q) % stride == 0) {
+                    workspace.prepare(bound, g, entity / LANES, values);
+                    let slopes = self.slopes.at_point(&self.point_inputs(&workspace, q, entity % LANES));
+                    let mut largest = vec![0.0f64; self.projections.len()];
+                    for (at, projection) in &moving {
+                        largest[*projection] = largest[*projection].max(slopes[*at].abs());
+                    }
+                    found.iter_mut().zip(largest).for_each(|(list, x)| list.push(x));
                 }
-                found.iter_mut().zip(largest).for_each(|(list, x)| list.push(x));
             }
         }
-        found.into_iter().map(median).collect()
+        let of_all = |own: Vec<f64>| system.team().all_numbers(&own);
+        found.into_iter().map(of_all).map(median).collect()
     }
 
     /// What the law reads at a point of a prepared batch.

@@ -2,8 +2,8 @@
 
 use wfl_compiler::{Projection, ProjectionKind, SlopesLaw, types::FieldKind};
 
-use super::{Complementarity, slopes::ArgumentSlopes};
-use wfl_discrete::assemble::{AssembledTerm, FieldValues};
+use super::{Complementarity, sharing::SharedPoints, slopes::ArgumentSlopes};
+use wfl_discrete::assemble::{AssembledTerm, FieldValues, Over};
 use wfl_discrete::field::Field;
 use wfl_discrete::rates::StepAt;
 use wfl_discrete::system::System;
@@ -32,6 +32,8 @@ pub struct ContactTerm {
     /// It acts on a multiplier, or reads one.
     pub(super) has_multiplier: bool,
     pub(super) scaling: Scaling,
+    /// Where several ranks have the points.
+    pub(super) shared: Option<SharedPoints>,
 }
 
 /// How the projections of a term are scaled to the stiffness of the bodies.
@@ -82,7 +84,7 @@ impl ContactTerm {
         };
         let slopes = ArgumentSlopes::new(slopes);
         let has_multiplier = form.coupled_fields().any(|f| is_multiplier(f.index()));
-        Self { term, frozen, field, projections, n_data, law, slopes, sampled, has_multiplier, scaling }
+        Self { term, frozen, field, projections, n_data, law, slopes, sampled, has_multiplier, scaling, shared: None }
     }
 
     /// Sets the step.
@@ -134,7 +136,7 @@ impl ContactTerm {
     /// True if the term is integrated over cells: its projections are no contact.
     #[must_use]
     pub fn on_cells(&self) -> bool {
-        self.sampled.domain.groups.iter().all(|g| g.tangents.is_none() && !g.is_global)
+        self.sampled.domain.over == Over::Cells
     }
 
     /// True if the sides are so stiff against each other that making contact compliant for a while helps.
@@ -182,10 +184,13 @@ impl ContactTerm {
 
     /// Mean measure of an entity.
     pub(super) fn entity_area(&self, mesh: &Mesh, values: FieldValues<'_>) -> f64 {
-        let mut total = 0.0;
-        self.law.for_each_point(mesh, &self.sampled, values, |_, _, _, weight, _| total += weight);
+        let (mut total, mut point) = (0.0, 0);
+        self.law.for_each_point(mesh, &self.sampled, values, |_, _, _, weight, _| {
+            total += if self.counts(point) { weight } else { 0.0 };
+            point += 1;
+        });
         #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let entities = self.sampled.domain.n_entities.max(1) as f64;
-        total / entities
+        let entities = self.sampled.domain.n_of_all(mesh).max(1) as f64;
+        mesh.team().total(total) / entities
     }
 }

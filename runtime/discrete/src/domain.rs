@@ -9,13 +9,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use wfl_compiler::{ir::LANES, types::EntityGeometry};
 
 use crate::space::{Space, Support};
+use wfl_host::team::Team;
 use wfl_mesh::{
     element::Table,
     mesh::{CellId, CellKind, FacetRef, Image, Mesh, MeshError, RegionSet, neighbour_points},
     quadrature::{Rule, facet_points},
 };
 
-/// The shapes of the entities of a region, each once, sorted: what the degree of their quadrature rule depends on.
+/// The shapes of the entities of a region, each once, sorted: what the degree of their quadrature rule depends on. Of all
+/// ranks, which look together, where each has a part of the mesh alone.
 #[must_use]
 pub fn entity_geometries(mesh: &Mesh, region: &RegionSet) -> Vec<EntityGeometry> {
     let of_cell = |cell: CellId| EntityGeometry {
@@ -34,7 +36,20 @@ pub fn entity_geometries(mesh: &Mesh, region: &RegionSet) -> Vec<EntityGeometry>
         RegionSet::Interface(pairs) => pairs.iter().map(|p| of_facet(p.here)).collect(),
         RegionSet::Nodes(_) => BTreeSet::new(),
     };
-    shapes.into_iter().collect()
+    if mesh.is_whole() { shapes.into_iter().collect() } else { shapes_of_all(&shapes, mesh.team()) }
+}
+
+/// The shapes that some rank has.
+fn shapes_of_all(own: &BTreeSet<EntityGeometry>, team: &dyn Team) -> Vec<EntityGeometry> {
+    // cells of dimension 3 at most, maps of order 2 at most
+    let all = (0..2 * 4 * 4).map(|k| EntityGeometry { tensor: k / 16 == 1, dim: k / 4 % 4, order: k % 4 });
+    let all: Vec<EntityGeometry> = all.collect();
+    let mut is_there: Vec<u64> = all.iter().map(|shape| u64::from(own.contains(shape))).collect();
+    team.max_words(&mut is_there);
+    let mut shapes: Vec<EntityGeometry> =
+        all.into_iter().zip(is_there).filter(|(_, is)| *is > 0).map(|s| s.0).collect();
+    shapes.sort_unstable();
+    shapes
 }
 
 /// One side of a group: cells with the same reference points.
@@ -54,11 +69,19 @@ pub struct GroupSide {
     pub corners: Table,
 }
 
+/// Which entities have the same reference points: kind and local facet of both sides, and how they are turned against each
+/// other. Groups of a domain are sorted by it.
+type Key = (CellKind, usize, CellKind, usize, usize);
+
 /// Entities with the same reference points.
 #[derive(Clone, Debug)]
 pub struct Group {
+    /// What they have in common, as numbers; groups without a common kind of entity have none.
+    pub key: [u8; 5],
     /// Positions of the entities in the region.
     pub entities: Vec<usize>,
+    /// No other rank has it: points that ranks with parts of the mesh have looked for together.
+    pub is_own: bool,
     /// Weights of the rule on the reference entity.
     pub weights: Vec<f64>,
     /// Points of the rule in the parameters of the facet; the reference points on cells.
@@ -91,6 +114,25 @@ impl Group {
         self.weights.len()
     }
 
+    /// Whether this rank counts an entity of the group: sums over all ranks have each once.
+    #[must_use]
+    pub fn is_counted(&self, mesh: &Mesh, k: usize) -> bool {
+        if self.is_own {
+            return true;
+        }
+        match self.here.facets.get(k) {
+            Some(facet) => mesh.counts_facet(*facet),
+            None => mesh.counts_cell(self.here.cells[k]),
+        }
+    }
+
+    /// What all ranks call an entity of the group: no other entity of the domain has this number.
+    #[must_use]
+    pub fn name(&self, mesh: &Mesh, k: usize) -> usize {
+        let local = self.here.facets.get(k).map_or(u8::MAX, |facet| facet.local);
+        (mesh.cell_number(self.here.cells[k]) as usize) << 8 | usize::from(local)
+    }
+
     /// The requested side.
     #[must_use]
     pub fn side(&self, side: wfl_compiler::types::Side) -> &GroupSide {
@@ -116,9 +158,22 @@ impl Group {
     }
 }
 
+/// What integrals of a domain are taken over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Over {
+    /// Cells.
+    Cells,
+    /// Facets, with one side or two.
+    Facets,
+    /// Single points, of weight 1.
+    Points,
+}
+
 /// A region with a quadrature rule.
 #[derive(Clone, Debug)]
 pub struct Domain {
+    /// What it consists of, also where a rank has no entity of it.
+    pub over: Over,
     /// Space dimension.
     pub dim: usize,
     /// The groups.
@@ -127,7 +182,16 @@ pub struct Domain {
     pub n_entities: usize,
 }
 
-type Key = (CellKind, usize, CellKind, usize, usize);
+/// Where the entities of a group stand among those of all ranks.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Places {
+    /// Entities in the groups before, of all ranks.
+    pub before: usize,
+    /// Entities of the group on all ranks.
+    pub n: usize,
+    /// By entity of this rank: its position in the group; `None` where another rank counts it.
+    pub of: Vec<Option<usize>>,
+}
 
 impl Domain {
     /// The domain of a region under a rule per entity kind (facet kinds on facets).
@@ -135,19 +199,97 @@ impl Domain {
     /// # Errors
     /// [`MeshError`] when the two sides of an interface do not match.
     pub fn new(mesh: &Mesh, region: &RegionSet, rule: &dyn Fn(CellKind) -> Rule) -> Result<Self, MeshError> {
-        let groups = match region {
-            RegionSet::Cells(cells) => cell_groups(mesh, cells, rule),
+        let (over, groups) = match region {
+            RegionSet::Cells(cells) => (Over::Cells, cell_groups(mesh, cells, rule)),
             RegionSet::Facets(facets) => {
                 let sides: Vec<(FacetRef, Option<FacetRef>)> = facets.iter().map(|f| (*f, None)).collect();
-                facet_groups(mesh, &sides, rule)?
+                (Over::Facets, facet_groups(mesh, &sides, rule)?)
             }
             RegionSet::Interface(pairs) => {
                 let sides: Vec<(FacetRef, Option<FacetRef>)> = pairs.iter().map(|p| (p.here, Some(p.there))).collect();
-                facet_groups(mesh, &sides, rule)?
+                (Over::Facets, facet_groups(mesh, &sides, rule)?)
             }
-            RegionSet::Nodes(_) => Vec::new(),
+            RegionSet::Nodes(_) => (Over::Points, Vec::new()),
         };
-        Ok(Self { dim: mesh.dim(), n_entities: region.len(), groups })
+        Ok(Self { over, dim: mesh.dim(), n_entities: region.len(), groups })
+    }
+}
+
+impl Domain {
+    /// By point, in the order of groups, entities and points, whether this rank counts it.
+    #[must_use]
+    pub fn counted_points(&self, mesh: &Mesh) -> Vec<bool> {
+        let entities = self.groups.iter().flat_map(|g| (0..g.entities.len()).map(move |k| (g, k)));
+        entities.flat_map(|(g, k)| std::iter::repeat_n(g.is_counted(mesh, k), g.n_points())).collect()
+    }
+
+    /// The number of entities on all ranks.
+    #[must_use]
+    pub fn n_of_all(&self, mesh: &Mesh) -> usize {
+        if mesh.is_whole() {
+            return self.n_entities;
+        }
+        let own = self.groups.iter().map(|g| (0..g.entities.len()).filter(|k| g.is_counted(mesh, *k)).count()).sum();
+        mesh.team().count(own)
+    }
+
+    /// By group where its entities stand among those of all ranks, made by all of them together: on facets in the order in
+    /// which one rank alone has them, on cells those of one rank behind those of the other.
+    #[must_use]
+    pub fn places(&self, mesh: &Mesh) -> Vec<Places> {
+        let counted = |g: &Group| -> Vec<bool> { (0..g.entities.len()).map(|k| g.is_counted(mesh, k)).collect() };
+        if mesh.is_whole() {
+            let mut before = 0;
+            let place = |g: &Group| {
+                let of = (0..).zip(counted(g)).map(|(k, counts)| counts.then_some(k)).collect();
+                before += g.entities.len();
+                Places { before: before - g.entities.len(), n: g.entities.len(), of }
+            };
+            return self.groups.iter().map(place).collect();
+        }
+        // what is gathered is small: facets, or a number for each group of cells
+        let on_facets = self.over == Over::Facets;
+        let mut words: Vec<u64> = Vec::new();
+        let key = |g: &Group| g.key.iter().fold(0, |word, byte| word << 8 | u64::from(*byte));
+        for group in &self.groups {
+            let cells = group.here.cells.iter().zip(counted(group)).filter(|(_, counts)| *counts);
+            if on_facets {
+                words.extend(cells.flat_map(|(cell, _)| [key(group), u64::from(mesh.cell_number(*cell))]));
+            } else {
+                words.extend([key(group), cells.count() as u64]);
+            }
+        }
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        let size = |n: u64| usize::try_from(n).expect("a count of entities");
+        let of_rank = |bytes: Vec<u8>| -> Vec<[u64; 2]> {
+            let words: Vec<u64> = bytes.as_chunks().0.iter().map(|word| u64::from_le_bytes(*word)).collect();
+            words.as_chunks().0.to_vec()
+        };
+        let ranks: Vec<Vec<[u64; 2]>> = mesh.team().gather(&bytes).into_iter().map(of_rank).collect();
+        let mut all: Vec<[u64; 2]> = if on_facets { ranks.concat() } else { Vec::new() };
+        all.sort_unstable();
+        let counts = |ranks: &[Vec<[u64; 2]>], wanted: &dyn Fn(u64) -> bool| -> usize {
+            let of = |pair: &&[u64; 2]| wanted(pair[0]);
+            let each = |[_, n]: &[u64; 2]| if on_facets { 1 } else { size(*n) };
+            ranks.iter().flatten().filter(of).map(each).sum()
+        };
+        let place = |group: &Group| {
+            let own = key(group);
+            let before = counts(&ranks, &|other| other < own);
+            let on_ranks_before = counts(&ranks[..mesh.team().rank()], &|other| other == own);
+            let first = all.partition_point(|pair| pair[0] < own);
+            let mut next = on_ranks_before;
+            let position = |(cell, counts): (&CellId, bool)| {
+                counts.then(|| {
+                    next += 1;
+                    let found = all.binary_search(&[own, u64::from(mesh.cell_number(*cell))]);
+                    if on_facets { found.expect("it was gathered") - first } else { next - 1 }
+                })
+            };
+            let of = group.here.cells.iter().zip(counted(group)).map(position).collect();
+            Places { before, n: counts(&ranks, &|other| other == own), of }
+        };
+        self.groups.iter().map(place).collect()
     }
 }
 
@@ -160,7 +302,7 @@ impl Domain {
         let mut here = GroupSide::new(mesh, kind, vec![kind.reference_centre()]);
         here.cells.push(cell);
         let group = Group { entities: vec![0], ..one_point(here) };
-        Self { dim: mesh.dim(), n_entities: 1, groups: vec![group] }
+        Self { over: Over::Points, dim: mesh.dim(), n_entities: 1, groups: vec![group] }
     }
 }
 
@@ -169,7 +311,7 @@ impl Domain {
     #[must_use]
     pub fn at_nodes(mesh: &Mesh, space: &Space, nodes: &[u32]) -> Self {
         let Support::Cells(cells) = space.support() else {
-            return Self { dim: mesh.dim(), groups: Vec::new(), n_entities: 0 };
+            return Self { over: Over::Points, dim: mesh.dim(), groups: Vec::new(), n_entities: 0 };
         };
         let mut wanted: BTreeMap<u32, usize> = nodes.iter().enumerate().map(|(k, node)| (*node, k)).collect();
         let mut groups: BTreeMap<(CellKind, usize), Group> = BTreeMap::new();
@@ -188,13 +330,16 @@ impl Domain {
                 break;
             }
         }
-        Self { dim: mesh.dim(), groups: groups.into_values().collect(), n_entities: nodes.len() }
+        let groups = groups.into_values().collect();
+        Self { over: Over::Points, dim: mesh.dim(), groups, n_entities: nodes.len() }
     }
 }
 
 /// A group without entities whose only point has weight 1, independent of the cell.
 fn one_point(here: GroupSide) -> Group {
     Group {
+        key: [0; 5],
+        is_own: false,
         entities: Vec::new(),
         weights: vec![1.0],
         parameters: vec![[0.0; 3]],
@@ -240,7 +385,7 @@ impl Domain {
                 groups.extend(parts.into_iter().map(|(image, points)| part(mesh, group, k, image, &points)));
             }
         }
-        (Self { dim: base.dim, groups, n_entities: base.n_entities }, lost)
+        (Self { over: base.over, dim: base.dim, groups, n_entities: base.n_entities }, lost)
     }
 }
 
@@ -255,6 +400,8 @@ fn part(mesh: &Mesh, group: &Group, k: usize, image: Image, points: &[ImagePoint
     there.cells.push(image.cell);
     there.facets.extend(image.facet);
     Group {
+        key: group.key,
+        is_own: group.is_own,
         entities: vec![group.entities[k]],
         weights: points.iter().map(|(q, _)| group.weights[*q]).collect(),
         parameters: pick(&group.parameters),
@@ -284,6 +431,11 @@ impl GroupSide {
     }
 }
 
+fn numbers((here, facet, there, opposite, orientation): Key) -> [u8; 5] {
+    let small = |n: usize| u8::try_from(n).expect("kinds, facets and orientations are few");
+    [here.index(), facet, there.index(), opposite, orientation].map(small)
+}
+
 fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -> Vec<Group> {
     let mut groups: BTreeMap<CellKind, Group> = BTreeMap::new();
     for (k, cell) in cells.iter().enumerate() {
@@ -291,6 +443,8 @@ fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -
         let group = groups.entry(kind).or_insert_with(|| {
             let rule = rule(kind);
             Group {
+                key: numbers((kind, 0, CellKind::Point, 0, 0)),
+                is_own: false,
                 entities: Vec::new(),
                 weights: rule.weights.clone(),
                 parameters: rule.points.clone(),
@@ -327,6 +481,8 @@ fn facet_groups(
             }
         };
         let group = groups.entry(key).or_insert_with(|| Group {
+            key: numbers(key),
+            is_own: false,
             entities: Vec::new(),
             weights: rule.weights.clone(),
             parameters: rule.points.clone(),

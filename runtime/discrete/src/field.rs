@@ -84,6 +84,33 @@ impl Field {
         }
     }
 
+    /// Number of nodes on all ranks.
+    #[must_use]
+    pub fn n_nodes_of_whole(&self) -> usize {
+        match &self.space {
+            FieldSpace::Nodal(space) => space.n_nodes_of_whole(),
+            FieldSpace::Global | FieldSpace::Points(_) => self.n_nodes(),
+        }
+    }
+
+    /// What all ranks call a node.
+    #[must_use]
+    pub fn node_number(&self, node: usize) -> usize {
+        match &self.space {
+            FieldSpace::Nodal(space) => space.node_number(node),
+            FieldSpace::Global | FieldSpace::Points(_) => node,
+        }
+    }
+
+    /// The node that all ranks call so, where this rank has it.
+    #[must_use]
+    pub fn numbered_node(&self, number: usize) -> Option<usize> {
+        match &self.space {
+            FieldSpace::Nodal(space) => space.numbered_node(number),
+            FieldSpace::Global | FieldSpace::Points(_) => (number < self.n_nodes()).then_some(number),
+        }
+    }
+
     /// Polynomial degree; 0 for a global field and at integration points.
     #[must_use]
     pub fn degree(&self) -> usize {

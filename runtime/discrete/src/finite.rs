@@ -5,8 +5,9 @@
 //! residuals pass [`crate::system::System::residual`], which refuses them. Does not decide what a run does then.
 
 use thiserror::Error;
-use wfl::{Diagnostic, Span, ast::Expansions};
+use wfl::{Diagnostic, SourceId, Span, ast::Expansions};
 use wfl_compiler::{NonFinite, locate};
+use wfl_host::team::Team;
 pub use wfl_sparse::norm::largest;
 
 /// A value of an expression that is not finite.
@@ -34,6 +35,33 @@ pub struct BadGiven {
 }
 
 impl BadGiven {
+    /// What the first of several ranks that has met such a value says of it, on all of them.
+    ///
+    /// # Errors
+    /// That value, if there is one.
+    pub fn agreed<T>(own: Result<T, Self>, team: &dyn Team) -> Result<T, Self> {
+        let Some(rank) = team.first(own.is_err()) else { return own };
+        let bad = own.err();
+        let told = bad.as_ref().filter(|_| rank == team.rank());
+        let [value, x, y, z] = told.map_or([0.0; 4], |bad| {
+            let [x, y, z] = bad.at.position;
+            [bad.at.value, x, y, z]
+        });
+        let what = team.of_rank(rank, told.map_or(&[], |bad| bad.what.as_bytes()));
+        let span = told.map_or([0; 3], |bad| [bad.span.source.index(), bad.span.start as usize, bad.span.end as usize]);
+        #[expect(clippy::cast_precision_loss, reason = "places in texts")]
+        let numbers = [&[value, x, y, z][..], &span.map(|n| n as f64)].concat();
+        let numbers = team.numbers_of(rank, if told.is_some() { &numbers } else { &[] });
+        if let Some(bad) = bad.filter(|_| rank == team.rank()) {
+            return Err(bad);
+        }
+        let [value, x, y, z, source, start, end] = numbers[..] else { unreachable!("seven numbers of one rank") };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "places in texts")]
+        let span = Span { source: SourceId::new(source as usize), start: start as u32, end: end as u32 };
+        let at = Box::new(NotFinite { value, cause: None, position: [x, y, z] });
+        Err(Self { what: String::from_utf8_lossy(&what).into_owned(), span, at })
+    }
+
     /// E610 at the operation that made the value, or at the statement. `time` is the step variable, where there is one.
     #[must_use]
     pub fn diagnostic(&self, expansions: &Expansions, time: Option<f64>) -> Diagnostic {

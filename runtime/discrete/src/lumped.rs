@@ -254,7 +254,7 @@ fn rest(system: &mut System, time: f64) {
     system.set_laws(time, 0.0);
 }
 
-/// The residual of some terms, by dof in the axes of the scene.
+/// The residual of some terms, by dof in the axes of the scene: the rows of this rank.
 fn sum(system: &System, u: &[f64], wanted: &dyn Fn(&AssembledTerm) -> bool) -> Result<Vec<f64>, SystemError> {
     let mut out = vec![0.0; system.numbering.n_dofs];
     for k in (0..system.terms.len()).filter(|k| wanted(&system.terms[*k])) {
@@ -333,6 +333,7 @@ fn in_frames(system: &System, mut diagonal: Vec<f64>) -> Vec<f64> {
     for tie in numbering.ties() {
         diagonal[tie.leader] += diagonal[tie.follower];
     }
+    system.update_copies(&mut diagonal);
     diagonal
 }
 
@@ -340,7 +341,7 @@ fn in_frames(system: &System, mut diagonal: Vec<f64>) -> Vec<f64> {
 struct Operator {
     /// That of the terms that are not linear, over the free dofs.
     changing: Csr,
-    /// The linear terms where nothing has moved and nothing moves, by dof in the axes of the scene.
+    /// The linear terms where nothing has moved and nothing moves, by dof in the axes of the scene: the rows of this rank.
     at_rest: Vec<f64>,
     /// Of the velocities.
     of_rates: bool,
@@ -351,7 +352,7 @@ impl Operator {
         rest(system, time);
         let mut tangent = system.new_tangent();
         system.tangent(u, Branches::AsWritten, &mut tangent)?;
-        let mut changing = system.whole(tangent.changing)?;
+        let mut changing = tangent.changing;
         if of_rates {
             // with the velocity factor 1 the derivative has both parts
             if let Some(rates) = &mut system.known.rates {
@@ -360,7 +361,7 @@ impl Operator {
             system.set_laws(time, 0.0);
             let mut moving = system.new_tangent();
             system.tangent(u, Branches::AsWritten, &mut moving)?;
-            let mut moving = system.whole(moving.changing)?;
+            let mut moving = moving.changing;
             moving.values_mut().iter_mut().zip(changing.values()).for_each(|(a, b)| *a -= b);
             changing = moving;
             rest(system, time);
@@ -372,7 +373,8 @@ impl Operator {
 
     /// True if no term has it.
     fn is_nothing(&self, system: &System) -> bool {
-        self.changing.values().iter().all(|v| *v == 0.0) && !system.terms.iter().any(|t| self.takes(t))
+        let is_zero = self.changing.values().iter().all(|v| *v == 0.0);
+        system.team().all(is_zero) && !system.terms.iter().any(|t| self.takes(t))
     }
 
     fn takes(&self, term: &AssembledTerm) -> bool {
@@ -408,6 +410,10 @@ impl Operator {
         let mut y = Vec::new();
         numbering.gather(&all, &mut y);
         self.changing.multiply_add(x, &mut y, rayon::current_num_threads());
+        // of several ranks each has found its rows
+        if let Some(owners) = system.owners() {
+            owners.update(&mut y);
+        }
         if self.of_rates {
             for ((y, x), d) in y.iter_mut().zip(x).zip(&numbering.free_dofs) {
                 *y -= lumped.damping[*d as usize] * x;

@@ -5,7 +5,11 @@
 //! dofs alike for any local orientation (dofs along an edge run from its vertex of lower
 //! number, those inside a quadrilateral from its lowest vertex, first towards the lower neighbour). Does not know components, values or constraints.
 
+mod part;
 mod split;
+
+use part::OfWhole;
+pub use part::SpacePart;
 
 use std::collections::BTreeSet;
 
@@ -44,6 +48,8 @@ pub struct Space {
     /// The faces along which it is split.
     torn: Vec<FacetRef>,
     torn_ids: BTreeSet<FacetId>,
+    /// Where this rank has a part of the space alone.
+    of_whole: Option<OfWhole>,
 }
 
 /// First node of each mesh entity, `NONE` where there is none.
@@ -143,6 +149,7 @@ impl Space {
             copies: Vec::new(),
             torn: Vec::new(),
             torn_ids: BTreeSet::new(),
+            of_whole: None,
         })
     }
 

@@ -69,6 +69,13 @@ pub struct FrozenTerm {
     pub form: AssembledTerm,
 }
 
+/// Free dofs of all ranks: all of them, and those that changing terms touch.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    unknowns: usize,
+    changing: usize,
+}
+
 /// The assembled problem.
 pub struct System {
     /// The mesh.
@@ -94,6 +101,8 @@ pub struct System {
     /// Where they are summed before they are rotated; `None` without local frames and dofs that follow others.
     scene_axes: Option<SceneAxes>,
     constant: Vec<f64>,
+    /// By field: it acts on free dofs.
+    loaded: Vec<bool>,
     /// The state at which `constant` is what affine terms give; empty for zero.
     base: Vec<f64>,
     /// What of it stays from step to step.
@@ -104,8 +113,7 @@ pub struct System {
     kept: Vec<Pruning>,
     /// The rows of this rank where several assemble: matrices have no others.
     share: Option<Arc<Share>>,
-    /// Of all rows, where this rank has some.
-    n_changing: Option<usize>,
+    counts: Counts,
     /// What takes the mass from some nodes.
     redistribution: Option<Arc<Redistribution>>,
 }
@@ -123,7 +131,7 @@ impl System {
         known: Known,
     ) -> Result<Self, CsrError> {
         let n_free = numbering.n_free();
-        let constant = vec![0.0; numbering.n_dofs];
+        let (constant, loaded) = (vec![0.0; numbering.n_dofs], vec![false; fields.len()]);
         let meets = meeting_fields(&fields, &terms);
         let mut this = Self {
             mesh,
@@ -140,14 +148,17 @@ impl System {
             changing: Arc::new(Pattern::empty(n_free, n_free)),
             scene_axes: None,
             constant,
+            loaded,
             base: Vec::new(),
             steady: None,
             meets,
             kept: Vec::new(),
             share: None,
-            n_changing: None,
+            counts: Counts::default(),
             redistribution: None,
         };
+        // on a part of a mesh there is nobody who has all rows
+        this.share_again();
         this.locate()?;
         Ok(this)
     }
@@ -191,6 +202,7 @@ impl System {
             term.locate_own(pattern, rows, self.share.as_ref());
         }
         self.scene_axes = axes;
+        self.count();
         Ok(())
     }
 
@@ -246,19 +258,38 @@ impl System {
         Arc::clone(&self.bulk)
     }
 
-    /// Number of free dofs that the changing terms touch, by row or by column.
+    /// Number of free dofs, of all ranks.
+    #[must_use]
+    pub fn n_unknowns(&self) -> usize {
+        self.counts.unknowns
+    }
+
+    /// Number of free dofs that the changing terms touch, by row or by column; of all ranks.
     #[must_use]
     pub fn n_changing_dofs(&self) -> usize {
-        if let Some(n) = self.n_changing {
-            return n;
-        }
-        let mut is_touched = vec![false; self.numbering.n_free()];
-        for row in 0..is_touched.len() {
+        self.counts.changing
+    }
+
+    /// Counts what there is in the rows of all ranks.
+    fn count(&mut self) {
+        let n = self.numbering.n_free();
+        // a flag as a number
+        let mut is_touched = vec![0.0; n];
+        for row in 0..n {
             let columns = self.changing.row(row);
-            is_touched[row] |= !columns.is_empty();
-            columns.iter().for_each(|c| is_touched[*c as usize] = true);
+            if !columns.is_empty() {
+                is_touched[row] = 1.0;
+            }
+            columns.iter().for_each(|c| is_touched[*c as usize] = 1.0);
         }
-        is_touched.iter().filter(|t| **t).count()
+        let owners = self.owners();
+        let is_own = |row: &usize| owners.as_ref().is_none_or(|owners| owners.owns(*row));
+        if let Some(owners) = &owners {
+            owners.halo.largest_at_owners(&*owners.team, &mut is_touched);
+        }
+        let changing = (0..n).filter(is_own).filter(|row| is_touched[*row] > 0.0).count();
+        let unknowns = (0..n).filter(is_own).count();
+        self.counts = Counts { unknowns: self.team().count(unknowns), changing: self.team().count(changing) };
     }
 
     /// True if every term is affine in the unknowns once its branches are frozen: then a full step solves the frozen
@@ -322,20 +353,18 @@ impl System {
             _ => {
                 let mut sum = zero.clone();
                 at_base(&mut sum, true)?;
-                self.team().sum(&mut sum);
                 Steady { uniforms, sum }
             }
         };
         let mut constant = steady.sum.clone();
-        self.keep_own(&mut constant);
         at_base(&mut constant, false)?;
         self.add_redistributed_at(base, &mut constant);
-        self.team().sum(&mut constant);
         if own.is_some() {
             self.known.rates = own;
             self.set_laws(time, increment);
         }
         (self.constant, self.steady, self.base) = (constant, Some(steady), start);
+        self.loaded = self.loaded_fields();
         let stale = self.linear_is_stale();
         if stale {
             self.assemble_linear(&zero)?;
@@ -386,10 +415,7 @@ impl System {
         self.numbering.set_frames(frames);
         self.numbering.fix(dofs);
         self.numbering.tie(ties);
-        if let Some(team) = self.share.as_ref().map(|share| share.team().clone()) {
-            self.share = Some(Arc::new(Share::new(team, &self.fields, &self.numbering)));
-            self.terms.iter_mut().for_each(AssembledTerm::forget_share);
-        }
+        self.share_again();
         (self.linear, self.steady) = (None, None);
         self.bulk = Arc::new(nothing(self.numbering.n_free()));
         self.locate()
@@ -420,7 +446,8 @@ impl System {
     /// for multipliers, whose equations balance inside one term, the size of what cancels: of [`Self::sizes`].
     #[must_use]
     pub fn scales(&self, here: &Residual, sizes: &[f64]) -> Vec<f64> {
-        let sizes = self.largest_by_field(sizes);
+        let mut sizes = self.largest_by_field(sizes);
+        self.team().max(&mut sizes);
         let mut forces = vec![0.0f64; self.fields.len()];
         for (force, group) in here.forces.iter().zip(&self.meets) {
             forces[*group] = largest([forces[*group], *force]);
@@ -437,21 +464,27 @@ impl System {
     /// unknowns nor on the past.
     #[must_use]
     pub fn is_loaded(&self, field: usize) -> bool {
-        let acts = |k: usize| {
-            let is_loaded = |d: usize| self.numbering.free[d] != FIXED && self.constant[d] != 0.0;
-            self.meets[k] == self.meets[field] && self.range(k).is_some_and(|mut range| range.any(is_loaded))
-        };
+        let acts = |k: usize| self.meets[k] == self.meets[field] && self.loaded[k];
         self.base.is_empty() && self.fields[field].kind == FieldKind::Unknown && (0..self.fields.len()).any(acts)
     }
 
-    /// By dof: |K| |u| of linear and changing terms, what rounding errors of the residual `here` at `u` are relative to.
+    /// By field whether constant terms act on its free dofs, on any rank.
+    fn loaded_fields(&self) -> Vec<bool> {
+        let is_loaded = |d: usize| self.numbering.free[d] != FIXED && self.constant[d] != 0.0;
+        let of = |k: usize| u64::from(self.range(k).is_some_and(|mut range| range.any(is_loaded)));
+        let mut loaded: Vec<u64> = (0..self.fields.len()).map(of).collect();
+        self.team().max_words(&mut loaded);
+        loaded.into_iter().map(|loaded| loaded != 0).collect()
+    }
+
+    /// By dof, in the rows of this rank: |K| |u| of linear and changing terms, what rounding errors of the residual `here`
+    /// at `u` are relative to.
     #[must_use]
     pub fn sizes(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
         let mut out = here.linear_sizes.clone();
         if self.is_linear() {
             return out;
         }
-        self.keep_own(&mut out);
         let mut sizes: Vec<f64> = u.iter().map(|x| x.abs()).collect();
         self.numbering.frames.turn_sizes(&mut sizes);
         for row in 0..self.numbering.n_free() {
@@ -460,11 +493,10 @@ impl System {
             let size: f64 = columns.iter().zip(values).map(|(c, v)| v.abs() * at(*c)).sum();
             out[self.numbering.free_dofs[row] as usize] += size;
         }
-        self.team().sum(&mut out);
         out
     }
 
-    /// By dof: what rounding leaves of a residual. Where linear terms are evaluated at their points only the others
+    /// By dof, in the rows of this rank: what rounding leaves of a residual. Where linear terms are evaluated at their points only the others
     /// count: what rounds there moves nothing.
     #[must_use]
     pub fn rounding(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {

@@ -124,9 +124,19 @@ impl Value {
         }
     }
 
-    /// The first point of a domain where the value is not finite.
+    /// The first point of a domain where the value is not finite: of several ranks, which look together, that of the first
+    /// one that has such a point.
     #[must_use]
     pub fn first_not_finite(&self, mesh: &Mesh, sampled: &Sampled, values: FieldValues<'_>) -> Option<NotFinite> {
+        let team = mesh.team();
+        let own = self.own_not_finite(mesh, sampled, values);
+        let found = team.numbers_of(team.first(own.is_some())?, &own.unwrap_or_default());
+        let [value, x, y, z, inputs @ ..] = found.as_slice() else { return None };
+        Some(NotFinite { value: *value, cause: self.cause(inputs).map(Box::new), position: [*x, *y, *z] })
+    }
+
+    /// The first point of this rank where the value is not finite: the value, where, and what was read there.
+    fn own_not_finite(&self, mesh: &Mesh, sampled: &Sampled, values: FieldValues<'_>) -> Option<Vec<f64>> {
         let mut first = None;
         self.for_each_point(mesh, sampled, values, |g, entity, q, _, value| {
             if first.is_none()
@@ -137,12 +147,12 @@ impl Value {
         });
         let (g, entity, q, value) = first?;
         let here = &sampled.domain.groups[g].here;
-        let position = mesh.point_at(here.cells[entity], &here.geometry, q);
+        let [x, y, z] = mesh.point_at(here.cells[entity], &here.geometry, q);
         let bound = Bound { mesh, domain: &sampled.domain, binding: &sampled.binding };
         let (mut workspace, n_in) = (Workspace::default(), self.law.inputs.len());
         workspace.prepare(bound, g, entity / LANES, values);
-        let inputs: Vec<f64> = (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES + entity % LANES]).collect();
-        Some(NotFinite { value, cause: self.cause(&inputs).map(Box::new), position })
+        let inputs = (0..n_in).map(|s| workspace.inputs[(q * n_in + s) * LANES + entity % LANES]);
+        Some([value, x, y, z].into_iter().chain(inputs).collect())
     }
 
     /// Binds the expression to a domain.
@@ -161,6 +171,30 @@ impl Value {
         mesh: &Mesh,
         sampled: &Sampled,
         values: FieldValues<'_>,
+        f: impl FnMut(usize, usize, usize, f64, &[f64]),
+    ) {
+        self.at_points(mesh, sampled, values, |_, _| true, f);
+    }
+
+    /// Calls `f(weight, value)` at each point of a domain that this rank counts, in order.
+    pub fn for_each_counted_point(
+        &self,
+        mesh: &Mesh,
+        sampled: &Sampled,
+        values: FieldValues<'_>,
+        mut f: impl FnMut(f64, &[f64]),
+    ) {
+        let counts = |g: usize, k: usize| sampled.domain.groups[g].is_counted(mesh, k);
+        self.at_points(mesh, sampled, values, counts, |_, _, _, weight, value| f(weight, value));
+    }
+
+    /// Calls `f` at the points of the entities that are wanted.
+    fn at_points(
+        &self,
+        mesh: &Mesh,
+        sampled: &Sampled,
+        values: FieldValues<'_>,
+        wanted: impl Fn(usize, usize) -> bool,
         mut f: impl FnMut(usize, usize, usize, f64, &[f64]),
     ) {
         let n_out = self.n_components();
@@ -169,10 +203,15 @@ impl Value {
         let mut value = vec![0.0; n_out];
         for (g, group) in sampled.domain.groups.iter().enumerate() {
             for batch in 0..group.n_batches() {
+                let entities = group.entities.len() - batch * LANES;
+                let is_wanted: [bool; LANES] = std::array::from_fn(|l| l < entities && wanted(g, batch * LANES + l));
+                if !is_wanted.contains(&true) {
+                    continue;
+                }
                 workspace.prepare(bound, g, batch, values);
                 workspace.outputs.resize(group.n_points() * n_out * LANES, 0.0);
                 self.kernel.run(&self.uniforms, &workspace.inputs, &mut workspace.outputs, group.n_points());
-                for l in 0..LANES.min(group.entities.len() - batch * LANES) {
+                for l in (0..LANES).filter(|l| is_wanted[*l]) {
                     for q in 0..group.n_points() {
                         for (c, v) in value.iter_mut().enumerate() {
                             *v = workspace.output(n_out, q, c)[l];

@@ -67,7 +67,7 @@ impl CriticalPoint<'_> {
         let (motion, forces) = self.parts(system);
         let slope = |residual: &[f64]| -> f64 {
             let dofs = system.numbering.free_dofs.iter();
-            dofs.zip(&motion).map(|(dof, d)| residual[*dof as usize] * d).sum()
+            system.team().total(dofs.zip(&motion).map(|(dof, d)| residual[*dof as usize] * d).sum())
         };
         let mut base = start.to_vec();
         let first = if let Some(forces) = &forces {

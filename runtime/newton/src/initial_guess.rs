@@ -44,7 +44,8 @@ pub(super) struct Predicted {
 pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Result<Option<Predicted>, NewtonError> {
     let system = step.system;
     let bodies = system.terms.iter().any(|t| t.on_cells() && t.law.class >= Class::Nonlinear);
-    if !bodies || from == u || (0..u.len()).any(|d| system.numbering.free[d] != FIXED && from[d] != u[d]) {
+    let is_moved = || (0..u.len()).any(|d| system.numbering.free[d] != FIXED && from[d] != u[d]);
+    if !bodies || system.team().all(from == u) || system.team().any(is_moved()) {
         return Ok(None);
     }
     let mut at = from.to_vec();
@@ -111,13 +112,13 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// True if `u` is the state of rest and a term on cells is smooth and not linear in it.
 pub(super) fn may_be_degenerate(system: &System, u: &[f64]) -> bool {
     let at_rest = system.numbering.free_dofs.iter().all(|d| u[*d as usize] == 0.0);
-    at_rest && system.terms.iter().any(|t| t.on_cells() && t.law.class == Class::Nonlinear)
+    system.team().all(at_rest) && system.terms.iter().any(|t| t.on_cells() && t.law.class == Class::Nonlinear)
 }
 
 /// Displaces the free dofs of the fields on cells. True if there are any.
 pub(super) fn displace(system: &System, u: &mut [f64]) -> bool {
     let (low, high) = system.mesh.bounds();
-    let largest = u.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    let largest = system.team().largest(u.iter().fold(0.0f64, |m, x| m.max(x.abs())));
     let size = if largest > 0.0 { largest } else { 1.0 };
     let mut moved = false;
     for (k, field) in system.fields.iter().enumerate() {
@@ -137,5 +138,5 @@ pub(super) fn displace(system: &System, u: &mut [f64]) -> bool {
             moved = true;
         }
     }
-    moved
+    system.team().any(moved)
 }

@@ -106,7 +106,7 @@ fn iteration(n: usize, solutions: usize) -> Cost {
 /// Whether the iteration is to be used.
 #[must_use]
 pub(super) fn is_chosen(system: &System, method: LinearMethod, solutions: usize) -> bool {
-    let n = system.numbering.n_free();
+    let n = system.n_unknowns();
     let pays = || {
         let (direct, iterative) = (factor(n, solutions), iteration(n, solutions));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
@@ -126,7 +126,7 @@ pub(super) fn plan(system: &System, method: LinearMethod, solutions: usize) -> O
     if !is_chosen(system, method, solutions) {
         return None;
     }
-    let n = system.numbering.n_free();
+    let n = system.n_unknowns();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
     let size = |cost: Cost| shown(cost.bytes as u64);
     let mut text = format!("one linear system, symmetric: {NAME}, levels of about {}", size(iteration(n, solutions)));

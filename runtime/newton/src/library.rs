@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use wfl_compiler::{Class, types::FieldKind};
 use wfl_discrete::{
-    assemble::AssembledTerm,
+    assemble::{AssembledTerm, Over},
     pruning::Pruning,
     system::{FIXED, System},
 };
@@ -15,12 +15,19 @@ use wfl_sparse::solve::{Equations, Traits};
 
 /// What the choice of a method depends on.
 pub(super) fn traits(system: &System) -> Traits {
-    traits_with(system, on_contact(system).len())
+    traits_with(system, &on_contact(system))
 }
 
-fn traits_with(system: &System, on_contact: usize) -> Traits {
+fn traits_with(system: &System, on_contact: &[u32]) -> Traits {
+    let numbering = &system.numbering;
+    let is_own = |free: &&u32| system.owns(numbering.free_dofs[**free as usize] as usize);
+    let on_contact = system.team().count(on_contact.iter().filter(is_own).count());
+    let is_multiplier = |dof: &&u32| system.fields[system.field_of(**dof as usize)].kind == FieldKind::Multiplier;
+    let own = numbering.free_dofs.iter().filter(|dof| system.owns(**dof as usize));
+    let multipliers = system.team().count(own.filter(is_multiplier).count());
     Traits {
-        unknowns: system.numbering.n_free(),
+        unknowns: system.n_unknowns(),
+        multipliers,
         dimension: system.mesh.dim(),
         is_linear: system.is_linear(),
         is_symmetric: system.is_symmetric() && system.uses(Pruning::Symmetric),
@@ -32,7 +39,7 @@ fn traits_with(system: &System, on_contact: usize) -> Traits {
 /// The equations after the linear terms of a step have been assembled.
 pub(super) fn equations(system: &System) -> Equations {
     let on_contact = on_contact(system);
-    let traits = traits_with(system, on_contact.len());
+    let traits = traits_with(system, &on_contact);
     let (layout, multipliers) = system.node_layout_with_multipliers().map_or((None, Vec::new()), |(l, m)| (Some(l), m));
     let (constant, changing) = (system.shared_bulk(), Arc::clone(system.changing_pattern()));
     Equations { traits, constant, changing, layout, multipliers, on_contact, owners: system.owners() }
@@ -44,10 +51,11 @@ fn nonlinear(system: &System) -> impl Iterator<Item = &AssembledTerm> {
 }
 
 fn is_on_faces(term: &AssembledTerm) -> bool {
-    term.integrator.domain.groups.iter().all(|group| !group.here.facets.is_empty())
+    term.integrator.domain.over == Over::Facets
 }
 
-/// Free dofs that nonlinear terms on faces touch, those of multipliers, and those that these are coupled to.
+/// Free dofs that nonlinear terms on faces touch, those of multipliers, and those that these are coupled to: of this rank
+/// and of those in its rows.
 fn on_contact(system: &System) -> Vec<u32> {
     let numbering = &system.numbering;
     let mut touched = vec![false; numbering.n_dofs];

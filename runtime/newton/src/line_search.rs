@@ -7,7 +7,6 @@ use super::{
     critical_point::{self, CriticalPoint},
     load_step::{Measured, Norm},
 };
-use wfl_discrete::finite::largest;
 
 /// Most of the residual at hand that a linear solve may leave.
 pub(super) const LARGEST_FORCING: f64 = 1e-4;
@@ -93,7 +92,7 @@ impl LineSearch<'_> {
     ) -> Result<(f64, Measured), NewtonError> {
         let ways = self.ways(step, start);
         let mut best = None;
-        if !ways.bent.is_empty() && step.options.search {
+        if step.system.team().any(!ways.bent.is_empty()) && step.options.search {
             ways.go(step, 1.0, false, u);
             if let Ok(found) = step.measure(u, self.norm)
                 && (found.stop(step.options).is_some() || found.norm <= SOLVED * here.norm)
@@ -169,7 +168,7 @@ impl LineSearch<'_> {
                 }
             }
         }
-        if bent.iter().all(|(_, ratio)| *ratio >= -1.0) {
+        if system.team().all(bent.iter().all(|(_, ratio)| *ratio >= -1.0)) {
             bent.clear();
         }
         Ways { start, direction: self.direction, bent }
@@ -209,9 +208,12 @@ impl LineSearch<'_> {
         let (mut rhs, mut correction) = (Vec::new(), Vec::new());
         step.system.numbering.gather(&found.residual, &mut rhs);
         step.solve(&rhs, &mut correction, LARGEST_FORCING)?;
-        let sizes = self.sizes(step, start);
+        let (system, sizes) = (step.system, self.sizes(step, start));
         let size = |k: usize| sizes.get(k).copied().unwrap_or(1.0);
-        let norm = |v: &[f64]| v.iter().enumerate().map(|(k, x)| (x / size(k)).powi(2)).sum::<f64>().sqrt();
+        let norm = |v: &[f64]| {
+            let own = v.iter().enumerate().filter(|(k, _)| system.owns(system.numbering.free_dofs[*k] as usize));
+            system.team().total(own.map(|(k, x)| (x / size(k)).powi(2)).sum()).sqrt()
+        };
         Ok(norm(&correction) / norm(self.direction))
     }
 
@@ -222,9 +224,10 @@ impl LineSearch<'_> {
         if self.norm.equations.is_empty() {
             return sizes;
         }
-        let of_field = |k: usize| system.range(k).map_or(0.0, |range| largest(start[range].iter().copied()));
+        let mut most = system.largest_by_field(start);
+        system.team().max(&mut most);
         let fields: Vec<(bool, f64)> =
-            (0..system.fields.len()).map(|k| (system.has_single_equations(k), of_field(k))).collect();
+            (0..).zip(most).map(|(k, largest)| (system.has_single_equations(k), largest)).collect();
         for dof in &system.numbering.free_dofs {
             let (single, all) = fields[system.field_of(*dof as usize)];
             let own = start[*dof as usize].abs();

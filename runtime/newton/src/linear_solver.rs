@@ -541,6 +541,6 @@ fn facing(system: &System, coordinates: &[[f64; 3]]) -> Vec<(u32, u32)> {
 /// True if the nonlinear terms touch few dofs beside a symmetric linear part.
 pub fn condenses(system: &System) -> bool {
     #[expect(clippy::cast_precision_loss, reason = "a ratio of counts")]
-    let few = (system.n_changing_dofs() as f64) < CONDENSE_BELOW * system.numbering.n_free() as f64;
+    let few = (system.n_changing_dofs() as f64) < CONDENSE_BELOW * system.n_unknowns() as f64;
     few && system.bulk_is_symmetric() && system.uses(Pruning::Condense)
 }

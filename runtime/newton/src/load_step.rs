@@ -154,9 +154,11 @@ impl LoadStep<'_> {
         system.check_finite("sum of the sizes of summands", &summands, u)?;
         let mut all = FieldMeasures::new(system.fields.len());
         let faces_alone = self.contact.is_empty() && !system.has_nonlinear_bodies();
+        let mut unknowns = system.largest_by_field(u);
+        system.team().max(&mut unknowns);
         for field in 0..system.fields.len() {
             let Some(range) = system.range(field) else { continue };
-            let rounding = FLOOR_FACTOR * roundoff(&u[range.clone()]);
+            let rounding = FLOOR_FACTOR * roundoff(unknowns[field]);
             let is_free = |d: &usize| system.numbering.free[*d] != FIXED;
             if system.has_single_equations(field) {
                 let mut equations = Vec::new();
@@ -179,6 +181,7 @@ impl LoadStep<'_> {
                 all.add_forces(system.alike(field), largest, scales[field], [rounding * cancelled, kept]);
             }
         }
+        all.of_all(system.team());
         let is_multiplier = |k: usize| system.fields[k].kind == FieldKind::Multiplier;
         let settled = all.are_settled(is_multiplier, self.options.tolerance);
         let (relative, floor) = (all.relative(), all.floor());
@@ -204,12 +207,14 @@ impl LoadStep<'_> {
             });
             all.filter(|(d, _)| self.system.numbering.free[*d] != FIXED).map(|(d, w)| w * residual[d])
         };
-        let norm = |unit: f64| entries().fold(0.0, |total, x| total + (x / unit).powi(2)).sqrt();
+        // of each rank its rows: the others are zero
+        let team = self.system.team();
+        let norm = |unit: f64| team.total(entries().fold(0.0, |total, x| total + (x / unit).powi(2))).sqrt();
         let plain = norm(1.0);
         if plain.is_finite() && plain >= f64::MIN_POSITIVE.sqrt() {
             return plain;
         }
-        let largest = largest_of(entries());
+        let largest = team.largest(largest_of(entries()));
         if largest == 0.0 || !largest.is_finite() {
             return largest;
         }
@@ -233,8 +238,10 @@ impl LoadStep<'_> {
         let others = (0..system.fields.len()).filter(|k| !single(k) && system.fields[*k].kind == FieldKind::Unknown);
         let force = largest_of(others.map(|k| here.written.forces[k]));
         let unit = if force > 0.0 { force } else { 1.0 };
-        for range in (0..system.fields.len()).filter(single).filter_map(|k| system.range(k)) {
-            let least = LEAST_IN_SEARCH * largest_of(range.clone().map(|d| out[d]));
+        let mut most = system.largest_by_field(&out);
+        system.team().max(&mut most);
+        for (k, range) in (0..system.fields.len()).filter(single).filter_map(|k| Some((k, system.range(k)?))) {
+            let least = LEAST_IN_SEARCH * most[k];
             for size in &mut out[range] {
                 let scale = size.max(least);
                 *size = if scale > 0.0 { unit / scale } else { 0.0 };
@@ -410,8 +417,7 @@ pub(super) struct Done {
 }
 
 /// Unit of rounding of some unknowns, relative to the largest: numbers below 1e-308 have fewer digits.
-fn roundoff(values: &[f64]) -> f64 {
-    let largest = largest_of(values.iter().copied());
+fn roundoff(largest: f64) -> f64 {
     if largest > 0.0 { f64::EPSILON.max(f64::from_bits(1) / largest) } else { f64::EPSILON }
 }
 

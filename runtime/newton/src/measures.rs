@@ -4,6 +4,8 @@
 //! global unknown) are each measured by what cancels in them. Promises: knows no system; decides nothing but whether
 //! rounding is all that is left.
 
+use wfl_host::team::Team;
+
 /// This part of the forces out of balance is much: the largest tolerance that can be asked for.
 const MUCH: f64 = crate::LARGEST_TOLERANCE;
 
@@ -53,6 +55,17 @@ impl FieldMeasures {
             f.relative = f.relative.max(residual / scale);
             f.floor = f.floor.max(rounding / scale);
             f.open |= *residual > tolerance * scale && !(rounding.is_finite() && *residual <= *rounding);
+        }
+    }
+
+    /// From the rows of this rank to those of all.
+    pub(crate) fn of_all(&mut self, team: &dyn Team) {
+        let flag = |holds: bool| f64::from(u8::from(holds));
+        let mut sizes: Vec<f64> =
+            self.fields.iter().flat_map(|f| [f.relative, f.floor, flag(f.open), flag(f.steep)]).collect();
+        team.max(&mut sizes);
+        for (f, [relative, floor, open, steep]) in self.fields.iter_mut().zip(sizes.as_chunks().0) {
+            (f.relative, f.floor, f.open, f.steep) = (*relative, *floor, *open > 0.5, *steep > 0.5);
         }
     }
 

@@ -65,7 +65,8 @@ impl Path {
         let mut direction = Vec::new();
         let beside: Vec<f64> =
             here.residual.iter().zip(&self.start).map(|(r, start)| r - (1.0 - self.done) * start).collect();
-        let free = |v: &[f64]| largest(system.numbering.free_dofs.iter().map(|d| v[*d as usize]));
+        let free =
+            |v: &[f64]| system.team().largest(largest(system.numbering.free_dofs.iter().map(|d| v[*d as usize])));
         if free(&beside) > ON_THE_PATH * free(&self.start) {
             step.correct(&beside, UNSEEN, &mut direction, history)?;
             let from = u.to_vec();

@@ -30,8 +30,12 @@ pub(super) fn helps(step: &LoadStep<'_>, u: &[f64], here: &Measured) -> bool {
     let (linear, scales) = (&here.written.linear_sizes, system.scales(&here.written, &all));
     let fields = (0..system.fields.len()).filter_map(|k| Some((system.range(k)?, scales[k])));
     let sizes = fields.filter(|(_, scale)| *scale > 0.0).flat_map(|(range, scale)| range.map(move |d| (d, scale)));
-    let largest = sizes.max_by(|a, b| (all[a.0] / a.1).total_cmp(&(all[b.0] / b.1)));
-    largest.is_some_and(|(d, _)| linear[d] > 0.5 * all[d])
+    let sizes = sizes.map(|(d, scale)| [all[d] / scale, f64::from(u8::from(linear[d] > 0.5 * all[d]))]);
+    let of_largest = |sizes: &mut dyn Iterator<Item = [f64; 2]>| sizes.max_by(|a, b| a[0].total_cmp(&b[0]));
+    // of each rank, then of all
+    let own = of_largest(&mut sizes.into_iter());
+    let all = system.team().all_numbers(own.as_ref().map_or(&[], |own| own.as_slice()));
+    of_largest(&mut all.as_chunks().0.iter().copied()).is_some_and(|[_, is_linear]| is_linear > 0.5)
 }
 
 /// Refines `u`; a state that cannot be improved stays as it is.

@@ -10,6 +10,7 @@
 
 use std::sync::Arc;
 
+use wfl_host::team::{Alone, Team};
 use wfl_sparse::{
     csr::Csr,
     index::NONE,
@@ -18,7 +19,7 @@ use wfl_sparse::{
 
 use crate::{
     method::{Choice, Method, in_words, method},
-    objects::{Call, Cycle, Failure, Kind, Levels, Matrix, Solver, agree, gather},
+    objects::{Call, Cycle, Failure, Kind, Levels, Matrix, Solver},
     rows::{Numbers, Rows, middle_of_diagonal},
 };
 
@@ -48,6 +49,8 @@ pub(crate) struct PetscEngine {
     cycle: Cycle,
     /// Rows of a node.
     block: usize,
+    /// What the points of nodes are measured from and by.
+    extent: ([f64; 3], f64),
     numbers: Numbers,
     /// What stands on the diagonal of rows that are not solved for; none before the first matrix of an attempt.
     unit: Option<f64>,
@@ -60,7 +63,6 @@ pub(crate) struct PetscEngine {
     /// Iterations for a digit of the first telling solution with these levels.
     rate: Option<f64>,
     own: Vec<f64>,
-    all: Vec<f64>,
     counts: Counts,
 }
 
@@ -84,11 +86,13 @@ impl PetscEngine {
         let (block, numbers) = match (method, &equations.layout) {
             (Method::Multigrid, Some(layout)) => {
                 let components = layout.components;
-                (components, Numbers::new(&layout.places, layout.points.len(), components, owners)?)
+                (components, Numbers::new(&layout.places, components, owners)?)
             }
             _ => (1, in_order(equations.n_rows(), owners)?),
         };
-        let (own, all) = (vec![0.0; numbers.part.n_own()], vec![0.0; numbers.part.n_all()]);
+        let own = vec![0.0; numbers.part.n_own()];
+        let team: &dyn Team = owners.map_or(&Alone, |owners| &*owners.team);
+        let extent = equations.layout.as_ref().map_or(([0.0; 3], 1.0), |layout| layout.extent(team));
         Ok(Self {
             choice,
             equations: Arc::clone(equations),
@@ -96,6 +100,7 @@ impl PetscEngine {
             method,
             cycle: Cycle::Gamg,
             block,
+            extent,
             numbers,
             unit: None,
             solver: None,
@@ -104,7 +109,6 @@ impl PetscEngine {
             is_slow: false,
             rate: None,
             own,
-            all,
             counts: Counts::default(),
         })
     }
@@ -113,7 +117,7 @@ impl PetscEngine {
         match (self.method, self.is_symmetric) {
             (Method::Direct, true) => Kind::Cholesky,
             (Method::Direct, false) => Kind::Lu,
-            (Method::Multigrid, true) if self.equations.on_contact.is_empty() => Kind::ConjugateGradients,
+            (Method::Multigrid, true) if self.equations.traits.on_contact == 0 => Kind::ConjugateGradients,
             (Method::Multigrid, _) => Kind::Gmres,
         }
     }
@@ -130,7 +134,7 @@ impl PetscEngine {
         } else {
             let a = self.matrix(call, parts, &[], unit)?;
             let contact = self.numbers.own_of(&equations.on_contact);
-            let filtered = !(kind.is_direct() || equations.on_contact.is_empty());
+            let filtered = !kind.is_direct() && equations.traits.on_contact > 0;
             self.solver = Some(Solver::new(call, kind, a, filtered.then_some(contact.as_slice()))?);
         }
         let levels = self.levels(call, parts, unit)?;
@@ -165,15 +169,15 @@ impl PetscEngine {
         }
         let equations = Arc::clone(&self.equations);
         let Some(layout) = &equations.layout else { return Ok(Levels::Kept) };
-        let mut levels = match equations.multipliers.as_slice() {
-            [] => Levels::OfItself,
-            multipliers => Levels::Of(self.matrix(call, parts, multipliers, unit)?),
+        let mut levels = match equations.traits.multipliers {
+            0 => Levels::OfItself,
+            _ => Levels::Of(self.matrix(call, parts, &equations.multipliers, unit)?),
         };
         if layout.modes == NearNullSpace::RigidBody {
-            let (modes, n) = (self.modes(layout), self.numbers.own_rows.len());
+            let (modes, k) = (self.modes(layout), layout.n_modes());
             match (&mut levels, &mut self.solver) {
-                (Levels::Of(matrix), _) => matrix.set_modes(call, n, &modes)?,
-                (_, Some(solver)) => solver.matrix().set_modes(call, n, &modes)?,
+                (Levels::Of(matrix), _) => matrix.set_modes(call, k, &modes)?,
+                (_, Some(solver)) => solver.matrix().set_modes(call, k, &modes)?,
                 _ => {}
             }
         }
@@ -185,7 +189,7 @@ impl PetscEngine {
 
     /// Rigid motions at the rows of this rank, one behind the other; none at multipliers.
     fn modes(&self, layout: &NodeLayout) -> Vec<f64> {
-        let (values, k) = (layout.mode_values(), layout.n_modes());
+        let (values, k) = (layout.mode_values(self.extent), layout.n_modes());
         let is_multiplier = |row: u32| self.equations.multipliers.binary_search(&row).is_ok();
         let mut modes = Vec::with_capacity(k * self.numbers.own_rows.len());
         for mode in 0..k {
@@ -194,6 +198,24 @@ impl PetscEngine {
             }
         }
         modes
+    }
+
+    /// Solves for the rows of this rank, with another method where one does not end.
+    fn solve_own(
+        &mut self,
+        call: &Call,
+        changing: &Csr,
+        (rhs, x): (&[f64], &mut [f64]),
+        tolerance: f64,
+    ) -> Result<(), SolveError> {
+        let before = self.counts.iterations;
+        loop {
+            if let Some(iterations) = self.attempt(call, rhs, x, tolerance)? {
+                self.learn(iterations, tolerance);
+                return Ok(());
+            }
+            self.turn_to_next(call, changing, tolerance, before)?;
+        }
     }
 
     /// One solution with the present method: iterations, or `None` where it did not end.
@@ -212,9 +234,8 @@ impl PetscEngine {
         if ended.reason <= 0 {
             return Ok(None);
         }
-        gather(call, &self.numbers.part, &self.own, &mut self.all)?;
-        for (x, number) in x.iter_mut().zip(&self.numbers.of_row) {
-            *x = self.all[usize::try_from(*number).expect("numbers are not negative")];
+        for (row, value) in self.numbers.own_rows.iter().zip(&self.own).filter(|(row, _)| **row != NONE) {
+            x[*row as usize] = *value;
         }
         Ok(Some(ended.iterations))
     }
@@ -287,26 +308,10 @@ fn put(
     Ok(matrix.finish(call)?)
 }
 
-/// Refuses numbers that are not the same on all ranks: each of them decides from whole vectors, so that every decision is the
-/// same on all, and processors that round otherwise would leave them waiting for each other.
-fn agreed(call: &Call, what: &str, numbers: &[f64]) -> Result<(), SolveError> {
-    if call.ranks().all == 1 {
-        return Ok(());
-    }
-    // by position and bits (the multiplier of Knuth's generator MMIX)
-    let mixed = |hash: u64, x: &f64| (hash.rotate_left(5) ^ x.to_bits()).wrapping_mul(6_364_136_223_846_793_005);
-    if agree(call, numbers.iter().fold(numbers.len() as u64, mixed))? {
-        return Ok(());
-    }
-    Err(SolveError::Library {
-        text: format!("the ranks have {what} that differ: they need processors of one kind and the same program"),
-    })
-}
-
 /// Rows in their order: for factors, which have an order of their own.
 fn in_order(n: usize, owners: Option<&RowOwners>) -> Result<Numbers, SolveError> {
     let places: Vec<u32> = (0..u32::try_from(n).map_err(|_| SolveError::TooLarge { what: "the matrix" })?).collect();
-    Numbers::new(&places, n, 1, owners)
+    Numbers::new(&places, 1, owners)
 }
 
 impl Engine for PetscEngine {
@@ -319,17 +324,14 @@ impl Engine for PetscEngine {
     }
 
     fn solve(&mut self, changing: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<usize, SolveError> {
-        let call = Call::begin()?;
-        agreed(&call, "right-hand sides", rhs)?;
         let before = self.counts.iterations;
         self.counts.solutions += 1;
-        loop {
-            if let Some(iterations) = self.attempt(&call, rhs, x, tolerance)? {
-                self.learn(iterations, tolerance);
-                return Ok(self.counts.iterations - before);
-            }
-            self.turn_to_next(&call, changing, tolerance, before)?;
+        self.solve_own(&Call::begin()?, changing, (rhs, x), tolerance)?;
+        // other ranks are heard after the right to call is given back
+        if let Some(owners) = &self.equations.owners {
+            owners.update(x);
         }
+        Ok(self.counts.iterations - before)
     }
 
     fn restart(&mut self) {

@@ -14,6 +14,15 @@ pub(super) struct SolverObject {
     _private: [u8; 0],
 }
 
+/// Words for a rank (`from`), or room for those of one (`to`); the other is null.
+#[repr(C)]
+pub(super) struct Message {
+    pub(super) rank: c_int,
+    pub(super) n: c_int,
+    pub(super) to: *mut u64,
+    pub(super) from: *const u64,
+}
+
 pub(super) type Mat = *mut MatObject;
 pub(super) type Solver = *mut SolverObject;
 
@@ -25,7 +34,7 @@ unsafe extern "C" {
     pub(super) fn wfl_sum(values: *mut f64, n: c_int);
     pub(super) fn wfl_sum_words(words: *mut u64, n: c_int);
     pub(super) fn wfl_max_words(words: *mut u64, n: c_int);
-    pub(super) fn wfl_agree(number: u64, same: *mut c_int) -> c_int;
+    pub(super) fn wfl_exchange(messages: *const Message, n: c_int);
     pub(super) fn wfl_matrix_new(
         n: c_int,
         block: c_int,
@@ -66,11 +75,4 @@ unsafe extern "C" {
         reason: *mut c_int,
     ) -> c_int;
     pub(super) fn wfl_solver_free(s: Solver);
-    pub(super) fn wfl_gather(
-        own: *const f64,
-        n: c_int,
-        all: *mut f64,
-        counts: *const c_int,
-        starts: *const c_int,
-    ) -> c_int;
 }

@@ -7,13 +7,13 @@
 use std::{
     ffi::{CStr, c_int},
     marker::PhantomData,
-    ptr::null_mut,
+    ptr::{null, null_mut},
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
 use wfl_host::team::Team;
 
-use crate::{ffi, rows::Part};
+use crate::ffi;
 
 /// Where the session is: `None` before its start and behind its end.
 static DOOR: Mutex<Option<Ranks>> = Mutex::new(None);
@@ -168,6 +168,33 @@ impl Team for Mpi {
             unsafe { ffi::wfl_max_words(part.as_mut_ptr(), c(part.len())) };
         }
     }
+
+    fn exchange(&self, sends: &[(usize, Vec<u64>)], from: &[(usize, usize)]) -> Vec<Vec<u64>> {
+        let _call = Call::begin().expect("a session lives as long as its ranks assemble");
+        let mut received: Vec<Vec<u64>> = from.iter().map(|(_, n)| vec![0; *n]).collect();
+        let (mut messages, mut before) = (Vec::new(), 0);
+        let lengths = sends.iter().map(|(_, words)| words.len()).chain(from.iter().map(|(_, n)| *n));
+        let longest = lengths.max().unwrap_or(0);
+        // a long message comes in parts, of which both sides know
+        while before < longest {
+            messages.clear();
+            let part = |n: usize| before.min(n)..n.min(before + MOST);
+            for (rank, words) in sends {
+                let words = &words[part(words.len())];
+                messages.push(ffi::Message { rank: c(*rank), n: c(words.len()), to: null_mut(), from: words.as_ptr() });
+            }
+            for ((rank, _), words) in from.iter().zip(&mut received) {
+                let range = part(words.len());
+                let words = &mut words[range];
+                messages.push(ffi::Message { rank: c(*rank), n: c(words.len()), to: words.as_mut_ptr(), from: null() });
+            }
+            messages.retain(|message| message.n > 0);
+            // SAFETY: each message has so many words to read or to write, which outlive the call; none is of two messages.
+            unsafe { ffi::wfl_exchange(messages.as_ptr(), c(messages.len())) };
+            before += MOST;
+        }
+        received
+    }
 }
 
 impl Session {
@@ -222,14 +249,6 @@ impl Call {
     }
 }
 
-/// Whether all ranks have the same number.
-pub(crate) fn agree(_call: &Call, number: u64) -> Result<bool, Failure> {
-    let mut same = 0;
-    // SAFETY: the number outlives the call.
-    check(unsafe { ffi::wfl_agree(number, &mut same) })?;
-    Ok(same != 0)
-}
-
 /// A square sparse matrix, rows by rank.
 pub(crate) struct Matrix {
     raw: ffi::Mat,
@@ -263,14 +282,11 @@ impl Matrix {
         check(unsafe { ffi::wfl_matrix_finish(self.raw) })
     }
 
-    /// Tells motions without energy, each with a number for every row of this rank, one behind the other.
-    pub(crate) fn set_modes(&mut self, _call: &Call, n_rows: usize, modes: &[f64]) -> Result<(), Failure> {
-        if n_rows == 0 && modes.is_empty() {
-            return Ok(());
-        }
-        let k = modes.len().checked_div(n_rows).unwrap_or(0);
+    /// Tells `k` motions without energy, each with a number for every row of this rank, one behind the other; on all ranks.
+    pub(crate) fn set_modes(&mut self, _call: &Call, k: usize, modes: &[f64]) -> Result<(), Failure> {
+        let n_rows = modes.len().checked_div(k).unwrap_or(0);
         assert_eq!(modes.len(), k * n_rows, "a number for each row");
-        // SAFETY: the handle is alive; k vectors of so many numbers.
+        // SAFETY: the handle is alive; k vectors of so many numbers, as many as the matrix has rows here.
         check(unsafe { ffi::wfl_matrix_set_modes(self.raw, c(n_rows), c(k), modes.as_ptr()) })
     }
 }
@@ -426,12 +442,4 @@ impl Drop for Solver {
             put_aside(Dropped::Solver(self.raw));
         }
     }
-}
-
-/// The numbers of all ranks, rank after rank; `own` are those of this one.
-pub(crate) fn gather(_call: &Call, part: &Part, own: &[f64], all: &mut [f64]) -> Result<(), Failure> {
-    assert!(own.len() == part.n_own() && all.len() == part.n_all(), "numbers of the rows");
-    let (counts, starts) = (part.counts.as_ptr(), part.starts.as_ptr());
-    // SAFETY: counts and starts have a number for each rank, and the sum of the counts is the length of `all`.
-    check(unsafe { ffi::wfl_gather(own.as_ptr(), c(own.len()), all.as_mut_ptr(), counts, starts) })
 }

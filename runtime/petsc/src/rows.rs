@@ -1,9 +1,10 @@
 //! Which rank has which rows, and the rows of a rank as PETSc takes them.
 //!
 //! Rows come by whole nodes: a component that is not solved for is a row of the unit matrix, so that blocks of nodes have
-//! one size. The system says which rank has a row; PETSc's number of a row is that of its rank, then of its node.
-//! Promises: a function of its arguments alone, the same on every rank but for what is its own.
+//! one size. The system says which rank has a row; PETSc's number of a row is that of its rank, then of its node. A rank
+//! knows the numbers of its own rows and of those in their columns.
 
+use wfl_host::team::{Alone, Team};
 use wfl_sparse::{
     csr::Csr,
     index::NONE,
@@ -11,30 +12,22 @@ use wfl_sparse::{
 };
 
 /// Rows by rank.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Part {
-    /// Rows of each rank, and the first of each.
-    pub(crate) counts: Vec<i32>,
-    pub(crate) starts: Vec<i32>,
-    own: usize,
+    /// PETSc's number of the first row of this rank.
+    first: i32,
+    /// Rows of this rank.
+    n: i32,
 }
 
 impl Part {
     pub(crate) fn n_own(&self) -> usize {
-        at(self.counts[self.own])
-    }
-
-    pub(crate) fn n_all(&self) -> usize {
-        self.counts.iter().map(|count| at(*count)).sum()
-    }
-
-    fn first(&self) -> i32 {
-        self.starts[self.own]
+        at(self.n)
     }
 
     /// PETSc's numbers of the rows of this rank.
     fn range(&self) -> std::ops::Range<i32> {
-        self.first()..self.first() + self.counts[self.own]
+        self.first..self.first + self.n
     }
 }
 
@@ -47,12 +40,15 @@ fn number(n: usize) -> Result<i32, SolveError> {
     i32::try_from(n).map_err(|_| SolveError::TooLarge { what: "the matrix of a rank, or its unknowns" })
 }
 
+/// What has no number: a row that neither this rank has nor one that it meets in its own.
+const NOBODY: u64 = u64::MAX;
+
 /// Where rows of a matrix stand in PETSc's numbers.
 #[derive(Clone, Debug)]
 pub(crate) struct Numbers {
     pub(crate) part: Part,
-    /// By row of the matrix.
-    pub(crate) of_row: Vec<i32>,
+    /// By row of the matrix; -1 for one that stands in no column of the rows of this rank.
+    of_row: Vec<i32>,
     /// By own row of PETSc: row of the matrix, or [`NONE`] for one of the unit matrix.
     pub(crate) own_rows: Vec<u32>,
     /// By own row of PETSc: node times components plus component.
@@ -60,54 +56,49 @@ pub(crate) struct Numbers {
 }
 
 impl Numbers {
-    /// For rows at `places` (node times `components` plus component, each once) of so many nodes, on one of the ranks that
-    /// own them; `None` for one rank that has all. A node has the rank of its rows.
-    pub(crate) fn new(
-        places: &[u32],
-        n_nodes: usize,
-        components: usize,
-        owners: Option<&RowOwners>,
-    ) -> Result<Self, SolveError> {
-        number(n_nodes * components)?;
-        let (own, all) = owners.map_or((0, 1), |owners| (owners.team.rank(), owners.team.size()));
-        let mut owner = vec![0; n_nodes];
-        for (place, rank) in places.iter().zip(owners.iter().flat_map(|owners| &owners.of_row)) {
-            owner[*place as usize / components] = usize::from(*rank);
-        }
-        let mut counts = vec![0; all];
-        owner.iter().for_each(|rank| counts[*rank] += components);
-        let starts: Vec<usize> = (0..all).map(|rank| counts[..rank].iter().sum()).collect();
-        // the first row of each node
-        let mut next = starts.clone();
-        let mut first = vec![0; n_nodes];
-        let mut own_places = Vec::with_capacity(counts[own]);
-        for (node, rank) in owner.iter().enumerate() {
-            first[node] = next[*rank];
-            next[*rank] += components;
-            if *rank == own {
-                own_places.extend((0..components).map(|c| (node * components + c) as u32));
+    /// For rows at `places` (node times `components` plus component, increasing), on one of the ranks that own them; `None`
+    /// for one rank that has all. A node has the rank of its rows. Made by all ranks together.
+    pub(crate) fn new(places: &[u32], components: usize, owners: Option<&RowOwners>) -> Result<Self, SolveError> {
+        let is_own = |row: usize| owners.is_none_or(|owners| owners.owns(row));
+        let node = |row: usize| places[row] as usize / components;
+        let mut own_places: Vec<u32> = Vec::new();
+        for row in (0..places.len()).filter(|row| is_own(*row)) {
+            if own_places.last().is_none_or(|last| *last as usize / components != node(row)) {
+                own_places.extend((0..components).map(|c| (node(row) * components + c) as u32));
             }
         }
-        let mut of_row = Vec::with_capacity(places.len());
-        let mut own_rows = vec![NONE; counts[own]];
-        for (row, place) in (0..).zip(places) {
-            let (node, component) = (*place as usize / components, *place as usize % components);
-            let petsc = first[node] + component;
-            of_row.push(number(petsc)?);
-            if owner[node] == own {
-                own_rows[petsc - starts[own]] = row;
-            }
+        // of all ranks before
+        let mut counts = vec![own_places.len() as u64; 1];
+        let mut own = 0;
+        if let Some(owners) = owners {
+            own = owners.team.rank();
+            counts = vec![0; owners.team.size()];
+            counts[own] = own_places.len() as u64;
+            owners.team.sum_words(&mut counts);
         }
-        let numbers = |list: Vec<usize>| list.into_iter().map(number).collect::<Result<Vec<i32>, _>>();
-        let part = Part { counts: numbers(counts)?, starts: numbers(starts)?, own };
+        let sum = |counts: &[u64]| usize::try_from(counts.iter().sum::<u64>()).unwrap_or(usize::MAX);
+        number(sum(&counts))?;
+        let part = Part { first: number(sum(&counts[..own]))?, n: number(own_places.len())? };
+        let (mut words, mut own_rows) = (vec![NOBODY; places.len()], vec![NONE; own_places.len()]);
+        let mut first = 0;
+        for row in (0..places.len()).filter(|row| is_own(*row)) {
+            while own_places[first] as usize / components != node(row) {
+                first += components;
+            }
+            let petsc = first + places[row] as usize % components;
+            (words[row], own_rows[petsc]) = ((at(part.first) + petsc) as u64, row as u32);
+        }
+        if let Some(owners) = owners {
+            owners.halo.update_words(&*owners.team, &mut words);
+        }
+        let of_row = words.into_iter().map(|word| i32::try_from(word).unwrap_or(-1)).collect();
         Ok(Self { part, of_row, own_rows, own_places })
     }
 
     /// The numbers of those rows of a list that this rank has, in the order of PETSc.
     pub(crate) fn own_of(&self, rows: &[u32]) -> Vec<i32> {
-        let (first, n) = (self.part.first(), self.part.n_own());
         let of = rows.iter().map(|row| self.of_row[*row as usize]);
-        let mut own: Vec<i32> = of.filter(|k| *k >= first && at(*k - first) < n).collect();
+        let mut own: Vec<i32> = of.filter(|k| self.part.range().contains(k)).collect();
         own.sort_unstable();
         own
     }
@@ -160,7 +151,7 @@ impl<'a> Rows<'a> {
 
     /// A row of this rank: its number, columns and values.
     pub(crate) fn row(&mut self, k: usize) -> (i32, &[i32], &[f64]) {
-        let number = self.numbers.part.first() + k as i32;
+        let number = self.numbers.part.first + k as i32;
         let row = self.numbers.own_rows[k];
         let is_hidden = |row: u32| self.is_hidden.get(row as usize).copied().unwrap_or(false);
         self.entries.clear();
@@ -200,21 +191,33 @@ fn sum(first: (&[u32], &[f64]), second: (&[u32], &[f64]), mut take: impl FnMut(u
     others.for_each(|(column, value)| take(column, value));
 }
 
-/// The middle one of the positive entries of the diagonal of a sum: what rows that are not solved for are made as large as.
+/// The middle one of the positive entries of the diagonal of a sum, of the rows of all ranks: what rows that are not solved
+/// for are made as large as.
 pub(crate) fn middle_of_diagonal(parts: [&Csr; 2], owners: Option<&RowOwners>) -> f64 {
     let of_row = |row| parts.iter().map(|part| part.get(row, row)).sum();
     let mut sizes: Vec<f64> = (0..parts[0].n_rows()).map(of_row).collect();
-    if let Some(owners) = owners {
-        owners.team.sum(&mut sizes);
-    }
     sizes.retain(|x| *x > 0.0 && x.is_finite());
     sizes.sort_unstable_by(f64::total_cmp);
-    sizes.get(sizes.len() / 2).copied().unwrap_or(1.0)
+    let team: &dyn Team = owners.map_or(&Alone, |owners| &*owners.team);
+    let middle = team.count(sizes.len()) / 2;
+    // the largest number that so many lie below, bit after bit: positive numbers have the order of their bits
+    let mut found = 0;
+    for bit in (0..63).rev() {
+        let tried = found | 1 << bit;
+        let below = sizes.partition_point(|x| x.to_bits() < tried);
+        if team.count(below) <= middle {
+            found = tried;
+        }
+    }
+    let middle = f64::from_bits(found);
+    if middle.is_finite() && team.any(!sizes.is_empty()) { middle } else { 1.0 }
 }
 
 #[cfg(test)]
 mod tests {
-    use wfl_host::team::in_threads;
+    use std::sync::Arc;
+
+    use wfl_host::{halo::Halo, team::in_threads};
 
     use super::*;
 
@@ -224,14 +227,46 @@ mod tests {
         for all in 1..=4 {
             let owner = |place: &u32| u16::try_from(*place as usize / 3 % all).expect("few ranks");
             let of_row: Vec<u16> = places.iter().map(owner).collect();
-            let of = |team| RowOwners { team, of_row: of_row.clone() };
-            let made = in_threads(all).into_iter().map(|team| Numbers::new(&places, 12, 3, Some(&of(team))));
-            let numbers: Vec<Numbers> = made.map(|numbers| numbers.expect("numbers")).collect();
+            let of = |team: Arc<dyn Team>| {
+                let halo = Halo::of_all(&*team, &of_row);
+                RowOwners { team, of_row: of_row.clone(), halo, numbers: None }
+            };
+            let numbers: Vec<Numbers> =
+                each(all.into(), |team| Numbers::new(&places, 3, Some(&of(team))).expect("numbers"));
             let mut seen: Vec<u32> = numbers.iter().flat_map(|n| n.own_rows.clone()).filter(|r| *r != NONE).collect();
             seen.sort_unstable();
             assert!(seen.into_iter().eq(0..places.len() as u32), "{all} ranks");
-            assert!(numbers.iter().all(|n| n.of_row == numbers[0].of_row && n.part.n_all() == 36));
+            assert!(numbers.iter().all(|n| n.of_row == numbers[0].of_row));
+            assert_eq!(numbers.iter().map(|n| n.part.n_own()).sum::<usize>(), 36);
         }
+    }
+
+    /// What each of some ranks finds.
+    fn each<T: Send>(size: usize, work: impl Fn(Arc<dyn Team>) -> T + Sync) -> Vec<T> {
+        std::thread::scope(|scope| {
+            let ranks: Vec<_> = in_threads(size).into_iter().map(|team| scope.spawn(|| work(team))).collect();
+            ranks.into_iter().map(|rank| rank.join().expect("a rank ends")).collect()
+        })
+    }
+
+    #[test]
+    fn the_middle_of_the_diagonal_is_that_of_all_ranks() {
+        let all = [3.0, -1.0, 0.0, 1e-3, 7.0, 2.5, 1e300];
+        let of = |rows: &[u32]| {
+            let entries: Vec<_> = rows.iter().map(|row| (*row, *row, all[*row as usize])).collect();
+            Csr::from_triplets(7, 7, &entries).expect("a matrix")
+        };
+        let nothing = of(&[]);
+        assert_eq!(middle_of_diagonal([&of(&[0, 1, 2, 3, 4, 5, 6]), &nothing], None), 3.0);
+        assert_eq!(middle_of_diagonal([&nothing, &nothing], None), 1.0);
+        let of_row = [0, 0, 1, 1, 1, 0, 1];
+        let found = each(2, |team| {
+            let halo = Halo::of_all(&*team, &of_row);
+            let own: Vec<u32> = (0..7).filter(|row| usize::from(of_row[*row as usize]) == team.rank()).collect();
+            let owners = RowOwners { team, of_row: of_row.to_vec(), halo, numbers: None };
+            middle_of_diagonal([&of(&own), &nothing], Some(&owners))
+        });
+        assert_eq!(found, [3.0, 3.0]);
     }
 
     #[test]
@@ -239,7 +274,7 @@ mod tests {
         let of = |entries: &[_]| Csr::from_triplets(3, 3, entries).expect("a matrix");
         let constant = of(&[(0, 0, 2.0), (0, 2, 1.0), (1, 1, 4.0)]);
         let changing = of(&[(0, 1, 3.0), (0, 2, 5.0), (2, 0, 1.0)]);
-        let numbers = Numbers::new(&[0, 1, 2], 3, 1, None).expect("numbers");
+        let numbers = Numbers::new(&[0, 1, 2], 1, None).expect("numbers");
         let all = |hidden: &[u32]| {
             let mut rows = Rows::new(&numbers, [&constant, &changing], hidden, 9.0);
             let room = rows.room();

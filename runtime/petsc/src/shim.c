@@ -87,15 +87,6 @@ int wfl_start(int is_repeatable, int *rank, int *size)
 /* Ends all ranks at once. */
 void wfl_abort(int code) { MPI_Abort(PETSC_COMM_WORLD, code); }
 
-/* Whether all ranks have the same number. */
-int wfl_agree(unsigned long long number, int *same)
-{
-  unsigned long long own[2] = {number, ~number}, least[2];
-  int code = MPI_Allreduce(own, least, 2, MPI_UNSIGNED_LONG_LONG, MPI_MIN, PETSC_COMM_WORLD);
-  *same = least[0] == ~least[1];
-  return code;
-}
-
 /* Sums, and largest numbers, over all ranks, in place. Errors end all ranks, as MPI does by itself. */
 void wfl_sum(double *values, int n)
 {
@@ -110,6 +101,30 @@ void wfl_sum_words(unsigned long long *words, int n)
 void wfl_max_words(unsigned long long *words, int n)
 {
   MPI_Allreduce(MPI_IN_PLACE, words, n, MPI_UNSIGNED_LONG_LONG, MPI_MAX, PETSC_COMM_WORLD);
+}
+
+/* Words for a rank, or room for those of one. */
+typedef struct {
+  int rank, n;
+  unsigned long long *to;
+  const unsigned long long *from;
+} Message;
+
+/* Sends and receives between some ranks; each pair has one message in each direction at most. */
+void wfl_exchange(const Message *messages, int n)
+{
+  MPI_Request *requests = malloc((n > 0 ? n : 1) * sizeof *requests);
+  if (!requests) {
+    MPI_Abort(PETSC_COMM_WORLD, 1);
+    return;
+  }
+  for (int k = 0; k < n; k++) {
+    const Message m = messages[k];
+    if (m.to) (void)MPI_Irecv(m.to, m.n, MPI_UNSIGNED_LONG_LONG, m.rank, 0, MPI_COMM_WORLD, &requests[k]);
+    else (void)MPI_Isend(m.from, m.n, MPI_UNSIGNED_LONG_LONG, m.rank, 0, MPI_COMM_WORLD, &requests[k]);
+  }
+  (void)MPI_Waitall(n, requests, MPI_STATUSES_IGNORE);
+  free(requests);
 }
 
 void wfl_finish(void)
@@ -375,10 +390,4 @@ void wfl_solver_free(Solver *s)
   VecDestroy(&s->b);
   VecDestroy(&s->x);
   free(s);
-}
-
-/* The numbers of all ranks on every rank, rank after rank. */
-int wfl_gather(const double *own, int n, double *all, const int *counts, const int *starts)
-{
-  return MPI_Allgatherv(own, n, MPI_DOUBLE, all, counts, starts, MPI_DOUBLE, PETSC_COMM_WORLD);
 }

@@ -16,6 +16,7 @@ mod lock;
 mod manifest;
 mod names;
 mod ordered;
+mod part;
 mod real;
 mod report;
 #[cfg(test)]

@@ -9,6 +9,7 @@ use crate::{
     field::{Field, FieldError},
     mesh::Mesh,
     results::Located,
+    team::Team,
     value::{Sampled, Value},
 };
 
@@ -16,8 +17,8 @@ struct LineItem {
     name: String,
     value: Value,
     sampled: Sampled,
-    /// The sample of each point of each group of its domain.
-    samples: Vec<Vec<usize>>,
+    /// The sample of each point of each group of its domain; `None` for one that has the value of an earlier place.
+    samples: Vec<Vec<Option<usize>>>,
 }
 
 /// Samples on a line from one point to another.
@@ -26,6 +27,8 @@ pub struct LineSample {
     length: f64,
     dim: usize,
     items: Vec<LineItem>,
+    /// By point: a place of the last expression has it, on whichever rank.
+    taken: Vec<bool>,
 }
 
 impl LineSample {
@@ -36,13 +39,14 @@ impl LineSample {
         let at = |k: usize| if n < 2 { 0.0 } else { k as f64 / (n - 1) as f64 };
         let point = |k: usize| [0, 1, 2].map(|d| from[d] + at(k) * (to[d] - from[d]));
         let length = [0, 1, 2].map(|d| to[d] - from[d]).iter().map(|x| x * x).sum::<f64>().sqrt();
-        Self { points: (0..n).map(point).collect(), length, dim: mesh.dim(), items: Vec::new() }
+        Self { length, ..Self::at(mesh, (0..n).map(point).collect()) }
     }
 
     /// Single points.
     #[must_use]
     pub fn at(mesh: &Mesh, points: Vec<[f64; 3]>) -> Self {
-        Self { points, length: 0.0, dim: mesh.dim(), items: Vec::new() }
+        let taken = vec![false; points.len()];
+        Self { points, length: 0.0, dim: mesh.dim(), items: Vec::new(), taken }
     }
 
     /// Adds an expression that lives where the points of the line were found. Places of one expression follow each other.
@@ -58,7 +62,13 @@ impl LineSample {
         located: Located,
     ) -> Result<(), FieldError> {
         let sampled = value.bind(mesh, located.domain, fields)?;
-        self.items.push(LineItem { name, value, sampled, samples: located.points });
+        if self.items.last().is_none_or(|last| last.name != name) {
+            self.taken.fill(false);
+        }
+        let free = |k: usize| (!self.taken[k]).then_some(k);
+        let samples = located.points.into_iter().map(|group| group.into_iter().map(free).collect()).collect();
+        self.taken.iter_mut().zip(located.found).for_each(|(taken, found)| *taken |= found);
+        self.items.push(LineItem { name, value, sampled, samples });
         Ok(())
     }
 
@@ -105,7 +115,7 @@ impl LineSample {
     #[must_use]
     pub fn found(&self) -> Vec<bool> {
         let mut found = vec![false; self.points.len()];
-        self.items.iter().flat_map(|i| &i.samples).flatten().for_each(|k| found[*k] = true);
+        self.items.iter().flat_map(|i| &i.samples).flatten().flatten().for_each(|k| found[*k] = true);
         found
     }
 
@@ -145,7 +155,7 @@ impl LineSample {
         time: f64,
         increment: f64,
         values: FieldValues<'_>,
-        mut bad: impl FnMut(&str, f64, [f64; 3]),
+        bad: impl FnMut(&str, f64, [f64; 3]),
     ) -> Vec<Vec<f64>> {
         let n = self.points.len();
         #[expect(clippy::cast_precision_loss, reason = "few points")]
@@ -158,28 +168,80 @@ impl LineSample {
             })
             .collect();
         let mut before: Option<&str> = None;
-        let (mut start, mut filled) = (0, Vec::new());
+        let mut start = 0;
+        let first = rows.first().map_or(0, Vec::len);
         for item in &mut self.items {
             item.value.set_step(values.step(time, increment));
             if before != Some(item.name.as_str()) {
                 let nc = item.value.n_components();
                 start = rows.first().map_or(0, Vec::len);
                 rows.iter_mut().for_each(|r| r.resize(start + nc, f64::NAN));
-                filled = vec![false; n];
             }
             before = Some(&item.name);
-            let (samples, points, name) = (&item.samples, &self.points, &item.name);
+            let samples = &item.samples;
             item.value.for_each_point(mesh, &item.sampled, values, |g, _, q, _, value| {
-                let k = samples[g][q];
-                if std::mem::replace(&mut filled[k], true) {
-                    return;
-                }
-                rows[k][start..].copy_from_slice(value);
-                if let Some(v) = value.iter().find(|v| !v.is_finite()) {
-                    bad(name, *v, points[k]);
+                if let Some(k) = samples[g][q] {
+                    rows[k][start..].copy_from_slice(value);
                 }
             });
         }
+        let mut is_taken = self.own_columns(&rows, first);
+        if !mesh.is_whole() {
+            of_all(mesh.team(), first, &mut rows, &mut is_taken);
+        }
+        self.tell_not_finite(&rows, first, &is_taken, bad);
         rows
+    }
+
+    /// Tells the first number that is not finite of each expression at each point where it lives.
+    fn tell_not_finite(
+        &self,
+        rows: &[Vec<f64>],
+        first: usize,
+        is_taken: &[bool],
+        mut bad: impl FnMut(&str, f64, [f64; 3]),
+    ) {
+        let mut start = first;
+        for item in self.quantities() {
+            let columns = start..start + item.value.n_components();
+            start = columns.end;
+            for (k, row) in rows.iter().enumerate() {
+                let is_here = is_taken[k * (row.len() - first) + columns.start - first];
+                if let Some(v) = row[columns.clone()].iter().find(|v| is_here && !v.is_finite()) {
+                    bad(&item.name, *v, self.points[k]);
+                }
+            }
+        }
+    }
+
+    /// By point and column whether this rank takes the sample.
+    fn own_columns(&self, rows: &[Vec<f64>], first: usize) -> Vec<bool> {
+        let width = rows.first().map_or(0, |row| row.len() - first);
+        let mut own = vec![false; width * rows.len()];
+        let (mut start, mut end, mut before) = (0, 0, None);
+        for item in &self.items {
+            if before != Some(item.name.as_str()) {
+                (start, end) = (end, end + item.value.n_components());
+            }
+            before = Some(&item.name);
+            for k in item.samples.iter().flatten().flatten() {
+                own[k * width..][start..end].fill(true);
+            }
+        }
+        own
+    }
+}
+
+/// From the samples that this rank has taken to those of all ranks, behind the first columns: each was taken by one.
+fn of_all(team: &dyn Team, first: usize, rows: &mut [Vec<f64>], is_taken: &mut [bool]) {
+    let all = rows.iter().flat_map(|row| &row[first..]);
+    let mut values: Vec<f64> = all.zip(&*is_taken).map(|(x, own)| if *own { *x } else { 0.0 }).collect();
+    let mut words: Vec<u64> = is_taken.iter().map(|own| u64::from(*own)).collect();
+    team.sum(&mut values);
+    team.sum_words(&mut words);
+    let slots = rows.iter_mut().flat_map(|row| &mut row[first..]);
+    for (((slot, value), taken), word) in slots.zip(values).zip(is_taken).zip(words) {
+        *taken = word > 0;
+        *slot = if *taken { value } else { f64::NAN };
     }
 }

@@ -1,13 +1,14 @@
 //! Expressions at given points: points are found in cells or on faces, values taken there.
 //!
 //! Points of one cell or face form one group, so a cloud of points costs about one group a cell. A point on a face
-//! between two bodies belongs to each of them: the first cell of the list that holds it is taken. Promises nothing
-//! about points outside: they are left out, and the caller sees which ones were found.
+//! between two bodies belongs to each of them: the first cell of the list that holds it is taken; of ranks that have parts
+//! of the mesh, one has it. Promises nothing about points outside: they are left out, and the caller sees which ones were
+//! found.
 
 use std::{collections::BTreeMap, sync::Arc};
 
 use crate::{
-    assemble::{Domain, Group, GroupSide},
+    assemble::{Domain, Group, GroupSide, Over},
     mesh::{CellFinder, CellId, FacetFinder, FacetRef, InterfaceFacet, Mesh, MeshError, RegionSet},
     quadrature::Rule,
 };
@@ -18,6 +19,33 @@ pub struct Located {
     pub domain: Arc<Domain>,
     /// `points[group][q]`: which of the requested points is point `q` of a group.
     pub points: Vec<Vec<usize>>,
+    /// By requested point whether it was found, on whichever rank.
+    pub found: Vec<bool>,
+}
+
+/// An entity that holds a point: what all ranks call it, its place in the list, the parameters of the point.
+type Holder = (u64, usize, [f64; 3]);
+
+/// Of the holders that the ranks have found for each point the first one, on one rank; and which points have one.
+fn of_one_rank(mesh: &Mesh, mut found: Vec<Option<Holder>>) -> (Vec<Option<Holder>>, Vec<bool>) {
+    if mesh.is_whole() {
+        let is_found = found.iter().map(Option::is_some).collect();
+        return (found, is_found);
+    }
+    let team = mesh.team();
+    let own: Vec<u64> = found.iter().map(|holder| holder.map_or(0, |(name, ..)| u64::MAX - name)).collect();
+    let mut first = own.clone();
+    team.max_words(&mut first);
+    let is_first = |k: usize| own[k] > 0 && own[k] == first[k];
+    let before_end = (team.size() - team.rank()) as u64;
+    let mut rank: Vec<u64> = (0..own.len()).map(|k| if is_first(k) { before_end } else { 0 }).collect();
+    team.max_words(&mut rank);
+    for (k, holder) in found.iter_mut().enumerate() {
+        if !(is_first(k) && rank[k] == before_end) {
+            *holder = None;
+        }
+    }
+    (found, first.iter().map(|word| *word > 0).collect())
 }
 
 impl Located {
@@ -44,47 +72,60 @@ impl Located {
     #[must_use]
     pub fn in_cells(mesh: &Mesh, cells: &[CellId], points: &[[f64; 3]]) -> Self {
         let finder = CellFinder::new(mesh, cells);
-        let mut found: BTreeMap<CellId, Vec<(usize, [f64; 3])>> = BTreeMap::new();
-        for (k, x) in points.iter().enumerate() {
-            if let Some(image) = finder.find(mesh, *x) {
-                found.entry(image.cell).or_default().push((k, image.reference));
-            }
-        }
+        let holder = |x: &[f64; 3]| {
+            let image = finder.find(mesh, *x)?;
+            Some((u64::from(mesh.cell_number(image.cell)), image.cell.index(), image.reference))
+        };
+        let (held, found) = of_one_rank(mesh, points.iter().map(holder).collect());
         let (mut groups, mut numbers) = (Vec::new(), Vec::new());
-        for (cell, held) in found {
-            groups.push(cell_group(mesh, cell, held.iter().map(|h| h.1).collect()));
+        for (cell, held) in by_entity(&held) {
+            groups.push(cell_group(mesh, CellId::new(cell), held.iter().map(|h| h.1).collect()));
             numbers.push(held.iter().map(|h| h.0).collect());
         }
-        Self { domain: domain(mesh, groups), points: numbers }
+        Self { domain: domain(mesh, Over::Cells, groups), points: numbers, found }
     }
 
     fn on_faces(mesh: &Mesh, faces: Vec<(FacetRef, RegionSet)>, points: &[[f64; 3]]) -> Result<Self, MeshError> {
         let finder = FacetFinder::new(mesh, &faces.iter().map(|f| f.0).collect::<Vec<_>>());
-        let mut found: BTreeMap<usize, Vec<(usize, [f64; 3])>> = BTreeMap::new();
-        for (k, x) in points.iter().enumerate() {
-            if let Some((n, parameters)) = finder.holding(mesh, *x) {
-                found.entry(n).or_default().push((k, parameters));
-            }
-        }
+        let holder = |x: &[f64; 3]| {
+            let (n, parameters) = finder.holding(mesh, *x)?;
+            let facet = faces[n].0;
+            Some((u64::from(mesh.cell_number(facet.cell)) << 8 | u64::from(facet.local), n, parameters))
+        };
+        let (held, found) = of_one_rank(mesh, points.iter().map(holder).collect());
         let (mut groups, mut numbers) = (Vec::new(), Vec::new());
-        for (n, held) in found {
+        for (n, held) in by_entity(&held) {
             let points: Vec<[f64; 3]> = held.iter().map(|h| h.1).collect();
             let rule = |kind| Rule { kind, degree: 0, weights: vec![1.0; points.len()], points: points.clone() };
-            groups.extend(Domain::new(mesh, &faces[n].1, &rule)?.groups);
+            let made = Domain::new(mesh, &faces[n].1, &rule)?.groups;
+            groups.extend(made.into_iter().map(|group| Group { is_own: !mesh.is_whole(), ..group }));
             numbers.push(held.iter().map(|h| h.0).collect());
         }
-        Ok(Self { domain: domain(mesh, groups), points: numbers })
+        Ok(Self { domain: domain(mesh, Over::Facets, groups), points: numbers, found })
     }
 }
 
-fn domain(mesh: &Mesh, groups: Vec<Group>) -> Arc<Domain> {
-    Arc::new(Domain { dim: mesh.dim(), n_entities: groups.len(), groups })
+/// By place of an entity in its list the points that it holds, with their parameters.
+fn by_entity(holders: &[Option<Holder>]) -> BTreeMap<usize, Vec<(usize, [f64; 3])>> {
+    let mut found: BTreeMap<usize, Vec<(usize, [f64; 3])>> = BTreeMap::new();
+    for (k, holder) in holders.iter().enumerate() {
+        if let Some((_, place, parameters)) = holder {
+            found.entry(*place).or_default().push((k, *parameters));
+        }
+    }
+    found
+}
+
+fn domain(mesh: &Mesh, over: Over, groups: Vec<Group>) -> Arc<Domain> {
+    Arc::new(Domain { over, dim: mesh.dim(), n_entities: groups.len(), groups })
 }
 
 /// Points of one cell as a group.
 fn cell_group(mesh: &Mesh, cell: CellId, points: Vec<[f64; 3]>) -> Group {
     let here = GroupSide { cells: vec![cell], ..GroupSide::new(mesh, mesh.kind(cell), points.clone()) };
     Group {
+        key: [0; 5],
+        is_own: !mesh.is_whole(),
         entities: vec![0],
         weights: vec![1.0; points.len()],
         parameters: points,

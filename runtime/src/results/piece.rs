@@ -3,7 +3,7 @@
 //! Points are the nodes of a Lagrange space on the piece (degree 1, or 2 where a field has degree 2 or more), shared
 //! between neighbours; an expression that jumps between cells (a stress) is averaged over the cells at a point.
 
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 
 use wfl_compiler::types::Shape;
 
@@ -11,10 +11,12 @@ use crate::{
     assemble::{Domain, FieldValues},
     element::{ElementError, Family},
     field::{Field, FieldError, FieldSpace},
-    mesh::{CellKind, FacetRef, Mesh, MeshError, SupportSet, Topology},
+    halo::Halo,
+    mesh::{CellKind, FacetRef, Mesh, MeshError, Part, SupportSet, Topology},
     output::{Array, Cells, Piece, VtkCell},
     quadrature::Rule,
-    space::Space,
+    share::owners_of_space,
+    space::{Space, Support},
     value::{Sampled, Value},
 };
 
@@ -38,6 +40,53 @@ pub struct SampledPiece {
     support: SupportSet,
     /// An array that is written again under another name: the item, and the name.
     again: Option<(usize, &'static str)>,
+    /// Where this rank has a part of the mesh alone.
+    part: Option<PartOfPiece>,
+}
+
+/// A piece on one of several ranks that have parts of the mesh.
+struct PartOfPiece {
+    /// By entity whether this rank counts it: it writes those.
+    is_counted: Vec<bool>,
+    /// Nodes whose owners are other ranks: they have all cells around them.
+    halo: Halo,
+}
+
+impl PartOfPiece {
+    /// Made by all ranks together.
+    fn new(mesh: &Mesh, part: &Part, space: &Space, support: &Support) -> Self {
+        let facet = |position: usize| match support {
+            Support::Cells(cells) => (cells[position], u8::MAX),
+            Support::Facets(facets) => (facets[position].cell, facets[position].local),
+        };
+        let is_counted = (0..space.n_positions()).map(|position| match support {
+            Support::Cells(cells) => mesh.counts_cell(cells[position]),
+            Support::Facets(facets) => mesh.counts_facet(facets[position]),
+        });
+        let (owners, own) = (owners_of_space(space, mesh, part), part.team().rank());
+        // what an owner is asked: which node of which entity
+        let mut copies: BTreeMap<u32, (usize, Vec<u64>)> = BTreeMap::new();
+        for position in 0..space.n_positions() {
+            let (cell, local) = facet(position);
+            let number = u64::from(mesh.cell_number(cell));
+            for (dof, node) in space.entity_nodes(position).iter().enumerate() {
+                let rank = usize::from(owners[*node as usize]);
+                if rank != own {
+                    copies.entry(*node).or_insert_with(|| (rank, vec![number, u64::from(local), dof as u64]));
+                }
+            }
+        }
+        let find = |words: &[u64]| {
+            let cell = mesh.numbered_cell(u32::try_from(words[0]).ok()?)?;
+            let position = match u8::try_from(words[1]).ok()? {
+                u8::MAX => space.position_of_cell(cell)?,
+                local => space.position_of_facet(FacetRef { cell, local })?,
+            };
+            space.entity_nodes(position).get(usize::try_from(words[2]).ok()?).copied()
+        };
+        let copies = copies.into_iter().map(|(node, (rank, words))| (node, rank, words));
+        Self { is_counted: is_counted.collect(), halo: Halo::found(&**part.team(), 3, copies, find) }
+    }
 }
 
 impl SampledPiece {
@@ -71,7 +120,9 @@ impl SampledPiece {
             let kind = vtk_cell(space.element_at(position).kind(), degree);
             cells.push_local(kind, space.entity_nodes(position));
         }
-        Ok(Self { space, cells, domain, items: Vec::new(), support: support.clone(), again: None })
+        let part = mesh.part().filter(|_| !mesh.is_whole());
+        let part = part.map(|part| PartOfPiece::new(mesh, part, &space, space.support()));
+        Ok(Self { space, cells, domain, items: Vec::new(), support: support.clone(), again: None, part })
     }
 
     /// Adds an expression under a name.
@@ -143,7 +194,16 @@ impl SampledPiece {
         grid + self.items.iter().map(item).chain(again).sum::<usize>()
     }
 
-    /// The piece at a state.
+    /// The entities of a sampled piece that this rank writes: all of them, or those that it counts.
+    #[must_use]
+    pub fn written(&self, piece: Piece) -> Piece {
+        match &self.part {
+            Some(part) => piece.kept(&part.is_counted),
+            None => piece,
+        }
+    }
+
+    /// The piece at a state, with all entities that this rank has; sampled by all ranks together.
     pub fn sample(&mut self, mesh: &Mesh, time: f64, increment: f64, values: FieldValues<'_>) -> Piece {
         let n = self.space.n_nodes();
         let (mut point_data, mut cell_data) = (Vec::with_capacity(self.items.len()), Vec::new());
@@ -166,6 +226,9 @@ impl SampledPiece {
             });
             for (node, count) in counts.iter().enumerate() {
                 sums[node * nc..][..nc].iter_mut().for_each(|s| *s /= count);
+            }
+            if let Some(part) = &self.part {
+                part.halo.of_entries(nc).update(mesh.team(), &mut sums);
             }
             point_data.push(array(&item.name, item.value.law.shape, sums));
         }

@@ -17,7 +17,8 @@ use crate::{
     newton::NewtonError,
     rates::Rates,
     scene::{Energy, Scene},
-    system::{FIXED, Numbering},
+    system::{FIXED, System},
+    team::Team,
 };
 
 /// Energies since the start, in the units of the scene.
@@ -29,7 +30,7 @@ pub(super) struct Balance {
     pub(super) works: Vec<f64>,
     /// The work of supports and prescribed motions.
     pub(super) prescribed: f64,
-    /// By term and loads the forces at the end of the last step, by dof in the axes of the scene.
+    /// By term and loads the forces at the end of the last step, by dof in the axes of the scene: the rows of this rank.
     pub(super) forces: Vec<Vec<f64>>,
     /// The sum of all forces then, by dof in the local frames of nodes.
     pub(super) total: Vec<f64>,
@@ -51,14 +52,28 @@ impl Balance {
         let works = vec![0.0; by_term.len()];
         let free = vec![Vec::new(); by_term.len()];
         let mut start = Self { kinetic: [kinetic; 2], works, prescribed: 0.0, forces: by_term, total, free };
-        start.keep_free();
+        start.keep_free(scene.system.team());
         Ok(start)
     }
 
+    /// The same with the rows of all ranks, made by all together.
+    pub(super) fn of_all(&self, team: &dyn Team) -> Self {
+        let mut all = self.clone();
+        all.forces.iter_mut().chain([&mut all.total]).for_each(|forces| team.sum(forces));
+        all
+    }
+
+    /// The rows of this rank of what [`Self::of_all`] has.
+    pub(super) fn keep_own(&mut self, system: &System) {
+        for forces in self.forces.iter_mut().chain([&mut self.total]) {
+            (0..forces.len()).filter(|d| !system.owns(*d)).for_each(|d| forces[d] = 0.0);
+        }
+    }
+
     /// Keeps what terms without force have taken up.
-    fn keep_free(&mut self) {
+    fn keep_free(&mut self, team: &dyn Team) {
         for ((free, force), work) in self.free.iter_mut().zip(&self.forces).zip(&self.works) {
-            if force.iter().all(|f| *f == 0.0) {
+            if team.all(force.iter().all(|f| *f == 0.0)) {
                 let [least, most] = *free.as_slice() else {
                     *free = vec![*work; 2];
                     continue;
@@ -85,14 +100,14 @@ impl Balance {
         }
         let mean = |a: &[f64], b: &[f64], d: usize| 0.5 * (a[d] + b[d]);
         for ((work, before), now) in self.works.iter_mut().zip(&self.forces).zip(&by_term) {
-            *work += (0..u.len()).map(|d| mean(before, now, d) * change[d]).sum::<f64>();
+            *work += system.team().total((0..u.len()).map(|d| mean(before, now, d) * change[d]).sum());
         }
         let numbering = &system.numbering;
         numbering.frames.turn(&mut change);
         let supports = (0..u.len()).filter(|d| numbering.free[*d] == FIXED);
-        self.prescribed += supports.map(|d| mean(&self.total, &total, d) * change[d]).sum::<f64>();
+        self.prescribed += system.team().total(supports.map(|d| mean(&self.total, &total, d) * change[d]).sum());
         (self.forces, self.total, self.kinetic[1]) = (by_term, total, kinetic);
-        self.keep_free();
+        self.keep_free(system.team());
         Ok(())
     }
 
@@ -164,20 +179,21 @@ fn forces_at_end(scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<Forces, N
         Ok(sum)
     };
     if let Some(explicit) = explicit {
-        let kinetic = on_the_diagonal(&explicit.lumped, &system.numbering, at, [&first, &second], &mut total);
+        let kinetic = on_the_diagonal(&explicit.lumped, system, at, [&first, &second], &mut total);
         return Ok(Forces { by_term, total, kinetic });
     }
     let momentum = of_mass(&first)?;
     let inertial = of_mass(&second)?;
     total.iter_mut().zip(&inertial).for_each(|(a, b)| *a += b);
     system.numbering.turn(&mut total);
-    let kinetic = 0.5 * first.iter().zip(&momentum).map(|(v, p)| v * p).sum::<f64>();
+    let kinetic = 0.5 * system.team().total(first.iter().zip(&momentum).map(|(v, p)| v * p).sum());
     Ok(Forces { by_term, total, kinetic })
 }
 
 /// The kinetic energy of explicit steps; adds inertia to the sum of the other forces by dof in the axes of the scene, which
 /// becomes that in the local frames.
-fn on_the_diagonal(lumped: &Lumped, numbering: &Numbering, at: StepTime, rates: [&[f64]; 2], total: &mut [f64]) -> f64 {
+fn on_the_diagonal(lumped: &Lumped, system: &System, at: StepTime, rates: [&[f64]; 2], total: &mut [f64]) -> f64 {
+    let numbering = &system.numbering;
     let [velocity, acceleration] = rates.map(|v| {
         let mut v = v.to_vec();
         numbering.frames.turn(&mut v);
@@ -185,7 +201,7 @@ fn on_the_diagonal(lumped: &Lumped, numbering: &Numbering, at: StepTime, rates: 
     });
     let mut follows = vec![false; total.len()];
     numbering.ties().iter().for_each(|tie| follows[tie.follower] = true);
-    let own = |d: &usize| !follows[*d];
+    let own = |d: &usize| !follows[*d] && system.owns(*d);
     numbering.turn(total);
     // the product of the velocities half a step before and behind: the energy that central differences keep
     let turn = 0.5 * at.increment;
@@ -194,5 +210,5 @@ fn on_the_diagonal(lumped: &Lumped, numbering: &Numbering, at: StepTime, rates: 
         total[d] += lumped.mass[d] * acceleration[d];
         twice += lumped.mass[d] * (velocity[d] * velocity[d] - (turn * acceleration[d]) * (turn * acceleration[d]));
     }
-    0.5 * twice
+    0.5 * system.team().total(twice)
 }

@@ -7,8 +7,6 @@
 //! the checkpoint says how long it is: the cost of a step does not grow with their number, and what a killed run wrote
 //! behind that length is cut off. Does not keep the states of earlier steps: their results are in their files.
 
-mod bytes;
-
 use std::{
     cmp::Ordering,
     path::{Path as FilePath, PathBuf},
@@ -20,6 +18,7 @@ use super::{
     Attempt, AttemptEnd, Clock, Path, Run, RunError, StepResult, balance::Balance, control::Control, memory::Memory,
     past::Past, remembered::Adaptive,
 };
+use crate::bytes::{HASH_OF_NOTHING, Reader, Unreadable, Writer, hash, hash_on};
 use crate::{
     assemble::NegativeVolumes,
     checks::{Accuracy, Others, PhysicsCheck, TurnedCells},
@@ -30,9 +29,7 @@ use crate::{
     rates::RatesMemory,
     scene::Scene,
     solve::{Reference, SolveReport, SolverMemory},
-    team::Team,
 };
-use bytes::{HASH_OF_NOTHING, Reader, Unreadable, Writer, hash, hash_on};
 
 /// The name of the file in the folder of the results.
 pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
@@ -40,7 +37,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 17;
+const FORMAT: u64 = 18;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -74,6 +71,18 @@ pub enum CheckpointError {
         /// What differs: "another version of wfl (0.1.0)", "another content of `fault.wfl`".
         what: String,
     },
+    /// Each rank went on with a part of the mesh, and there are others now.
+    #[error(
+        "the results in `{}` are of {}; they are continued in the same way only; without --resume the run starts from the \
+         beginning",
+        path.display(), of.in_words()
+    )]
+    Ranks {
+        /// The folder.
+        path: PathBuf,
+        /// The ranks that wrote them.
+        of: Holders,
+    },
     /// A file of an earlier step is not there.
     #[error(
         "the results in `{}` are incomplete: `{name}` is missing; without --resume the run starts from the beginning",
@@ -85,6 +94,29 @@ pub enum CheckpointError {
         /// The file.
         name: String,
     },
+}
+
+/// Who has the state of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Holders {
+    /// Every rank has all of it.
+    Each,
+    /// So many ranks have a part each.
+    Parts(usize),
+}
+
+impl Holders {
+    /// Those of a scene.
+    fn of(scene: &Scene) -> Self {
+        if scene.system.mesh.is_whole() { Self::Each } else { Self::Parts(scene.system.mesh.team().size()) }
+    }
+
+    fn in_words(self) -> String {
+        match self {
+            Self::Each => "a run with the whole mesh on each rank (`--mesh whole`, or one rank)".to_owned(),
+            Self::Parts(n) => format!("{n} ranks with a part of the mesh each (`mpirun -n {n}`)"),
+        }
+    }
 }
 
 /// Where a run stands, as it is kept in the files.
@@ -110,8 +142,21 @@ impl Default for Log {
     }
 }
 
-/// Where the run stands after its last step, which has left `kept`; `log` grows by the steps that it does not have.
-pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Memory) -> Content {
+/// What a checkpoint keeps of all ranks.
+pub(super) struct Kept {
+    pub(super) memory: Memory,
+    pub(super) balance: Option<Balance>,
+}
+
+/// Where the run stands after its last step, which has left `kept`; `log` grows by the steps that it does not have. Of
+/// ranks that have parts of the mesh the first one has the content of all, and all make it together.
+pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Kept) -> Content {
+    let holders = Holders::of(scene);
+    let own = state_of(run, scene, kept);
+    let states = match holders {
+        Holders::Each => vec![own],
+        Holders::Parts(_) => scene.system.team().at_first(&own),
+    };
     let mut entry = Writer::default();
     run.steps[log.count..].iter().for_each(|s| step(&mut entry, s));
     let (entry, at) = (entry.bytes, log.length);
@@ -120,11 +165,22 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Memory) -> Co
     log.hash = hash_on(log.hash, &entry);
     let mut w = Writer::default();
     w.text(&run.identity.to_string());
-    w.count(scene.system.numbering.n_dofs);
     w.count(run.steps.len());
     [log.length, log.hash].iter().for_each(|x| w.word(*x));
+    w.count(match holders {
+        Holders::Each => 0,
+        Holders::Parts(n) => n,
+    });
+    w.list(&states, |w, state| w.all(state));
+    Content { state: w.bytes, entry, at }
+}
+
+/// What a rank has of the state of a run.
+fn state_of(run: &Run, scene: &Scene, kept: &Kept) -> Vec<u8> {
+    let mut w = Writer::default();
+    w.count(scene.system.numbering.n_dofs);
     w.numbers(&run.u);
-    memory(&mut w, kept);
+    memory(&mut w, &kept.memory);
     let known = &scene.system.known;
     let rates = known.rates.as_ref().zip(known.previous.as_ref());
     let rates = rates.map(|(rates, past)| rates.memory(&run.u, &past.unknowns)).unwrap_or_default();
@@ -152,10 +208,10 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Memory) -> Co
     w.count(run.stepper.level as usize);
     w.count(run.stepper.easy as usize);
     adaptive(&mut w, run.stepper.adaptive.as_ref());
-    balance(&mut w, run.stepper.balance.as_ref());
+    balance(&mut w, kept.balance.as_ref());
     let c = run.clock;
     w.numbers(&[c.assemble, c.factor, c.solve, c.write, c.check, c.measure]);
-    Content { state: w.bytes, entry, at }
+    w.bytes
 }
 
 /// Writes where a run stands.
@@ -189,20 +245,47 @@ pub(super) struct Found {
     pub(super) log: Log,
 }
 
-/// The bytes of a checkpoint and of the log beside it.
+/// What a checkpoint and the log beside it hold.
 #[derive(Default)]
 pub(super) struct Files {
     /// There is a checkpoint.
     is_there: bool,
-    state: Vec<u8>,
-    log: Vec<u8>,
+    of: String,
+    log: Log,
+    holders: Option<Holders>,
+    /// Of all, or by rank.
+    states: Vec<Vec<u8>>,
+    /// The bytes of the log.
+    steps: Vec<u8>,
 }
 
 impl Files {
-    /// Those that the first rank has read, on every rank; empty where it has none.
-    pub(super) fn of_first(self, team: &dyn Team) -> Self {
-        let is_there = team.any(self.is_there);
-        Self { is_there, state: team.of_first(&self.state), log: team.of_first(&self.log) }
+    /// Those that the first rank has read, on every rank: each has the state that it goes on from. Empty where the first one
+    /// has none.
+    pub(super) fn of_first(mut self, scene: &Scene, folder: &FilePath) -> Result<Self, CheckpointError> {
+        let team = scene.system.team();
+        if !team.any(self.is_there) {
+            return Ok(Self::default());
+        }
+        if let Some(of) = self.holders.filter(|of| *of != Holders::of(scene)) {
+            return Err(CheckpointError::Ranks { path: folder.to_path_buf(), of });
+        }
+        let mut states = std::mem::take(&mut self.states).into_iter();
+        let mut next = |_| states.next().unwrap_or_default();
+        let state = match Holders::of(scene) {
+            Holders::Each => team.of_rank(0, &next(0)),
+            Holders::Parts(_) => team.hand_out(&mut next),
+        };
+        let mut log = [self.log.count as u64, self.log.length, self.log.hash];
+        if team.rank() > 0 {
+            log = [0; 3];
+        }
+        team.sum_words(&mut log);
+        let [count, length, hash] = log;
+        let count = usize::try_from(count).expect("a number of steps in memory");
+        let of = String::from_utf8_lossy(&team.of_rank(0, self.of.as_bytes())).into_owned();
+        let (log, steps) = (Log { count, length, hash }, team.of_rank(0, &self.steps));
+        Ok(Self { is_there: true, of, log, holders: None, states: vec![state], steps })
     }
 
     /// True where there is nothing to go on from.
@@ -222,25 +305,37 @@ pub(super) fn read(folder: &FilePath) -> Result<Files, CheckpointError> {
         Err((_, InputError::NotFound)) => return Ok(Files::default()),
         Err((path, source)) => return Err(CheckpointError::Read { path, source }),
     };
-    let log = bytes_of(LOG_FILE).map_err(|(path, source)| CheckpointError::Read { path, source })?;
-    Ok(Files { is_there: true, state, log })
+    let steps = bytes_of(LOG_FILE).map_err(|(path, source)| CheckpointError::Read { path, source })?;
+    let damaged = |what| CheckpointError::Damaged { path: folder.join(CHECKPOINT_FILE), what };
+    let head = read_head(&mut Reader::new(content(&state).map_err(damaged)?));
+    Ok(Files { steps, ..head.map_err(|_| damaged("its content does not fit together"))? })
+}
+
+/// Whose checkpoint it is, and the states that it holds.
+fn read_head(r: &mut Reader<'_>) -> Result<Files, Unreadable> {
+    let (of, count) = (r.text()?, r.count()?);
+    let log = Log { count, length: r.word()?, hash: r.word()? };
+    let holders = match r.count()? {
+        0 => Holders::Each,
+        n => Holders::Parts(n),
+    };
+    let states = r.list(|r| Ok(r.all()?.to_vec()))?;
+    r.end()?;
+    Ok(Files { is_there: true, of, log, holders: Some(holders), states, steps: Vec::new() })
 }
 
 /// What a checkpoint in `folder` says.
 pub(super) fn found(scene: &Scene, identity: Hash, folder: &FilePath, files: &Files) -> Result<Found, CheckpointError> {
-    let (path, bytes) = (folder.join(CHECKPOINT_FILE), &files.state);
+    let path = folder.join(CHECKPOINT_FILE);
     let damaged = |what| CheckpointError::Damaged { path: path.clone(), what };
-    let content = content(bytes).map_err(damaged)?;
-    let mut r = Reader::new(content);
     let cut = |_: Unreadable| damaged("its content does not fit together");
-    let (of, dofs) = (r.text().map_err(cut)?, r.count().map_err(cut)?);
-    if of != identity.to_string() || dofs != scene.system.numbering.n_dofs {
+    let [state] = files.states.as_slice() else { return Err(cut(Unreadable)) };
+    let mut r = Reader::new(state);
+    if files.of != identity.to_string() || r.count().map_err(cut)? != scene.system.numbering.n_dofs {
         return Err(damaged("it belongs to another run"));
     }
-    let count = r.count().map_err(cut)?;
-    let log = Log { count, length: r.word().map_err(cut)?, hash: r.word().map_err(cut)? };
-    let steps = read_log(folder, &files.log, &log, count)?;
-    found_in(&mut r, steps, log).map_err(cut)
+    let steps = read_log(folder, &files.steps, &files.log, files.log.count)?;
+    found_in(&mut r, steps, files.log.clone()).map_err(cut)
 }
 
 /// The steps in the log, as far as the checkpoint knows them.

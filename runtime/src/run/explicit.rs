@@ -87,6 +87,7 @@ impl Stepper {
             .map(|d| if fixed[d] { (moved[d] - old_half[d]) / h } else { -residual[d] / lumped.divisor(d, h) })
             .collect();
         system.numbering.frames.turn_back(&mut acceleration);
+        system.update_copies(&mut acceleration);
         system.numbering.follow(&mut acceleration);
         self.keep_states(scene, at, u)?;
         let velocity: Vec<f64> = half.iter().zip(&acceleration).map(|(r, s)| r + 0.5 * h * s).collect();

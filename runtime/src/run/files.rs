@@ -17,7 +17,9 @@ use std::{
 use super::{CHECKPOINT_FILE, CheckpointError, RunError, StepResult, checkpoint};
 use crate::{
     assemble::{AssembledTerm, FieldValues},
+    bytes::{Reader, Writer},
     finite::BadOutput,
+    mesh::Mesh,
     output::{self, MEASURES_FILE, OutputDir, OutputError, Piece, Plan, REPORT_FILE, Series, write_csv},
     scene::{CsvOutput, Scene, StepPlace},
 };
@@ -101,8 +103,11 @@ impl<'d> Files<'d> {
         let Some(dir) = self.dir else { return Ok(()) };
         self.add_rows(&step.rows);
         for (pieces, series) in step.grids.iter().zip(&mut self.series) {
-            let Some(pieces) = pieces else { continue };
-            self.written.push(series.write_step(step.number, step.time, pieces)?);
+            match pieces {
+                None => {}
+                Some(Grid::Whole(pieces)) => self.written.push(series.write_step(step.number, step.time, pieces)?),
+                Some(Grid::Parts(_)) => todo!(),
+            }
         }
         for table in &step.tables {
             self.written.push(write_csv(dir, &table.name, &table.columns, &table.rows)?);
@@ -222,8 +227,8 @@ fn csv_name(output: &CsvOutput, number: usize, several: bool) -> String {
 pub(super) struct StepFiles {
     pub(super) number: usize,
     pub(super) time: f64,
-    /// One list of pieces for each VTU output of the scene, if it has this step.
-    pub(super) grids: Vec<Option<Vec<Piece>>>,
+    /// The grid of each VTU output of the scene, if it has this step.
+    pub(super) grids: Vec<Option<Grid>>,
     pub(super) tables: Vec<Table>,
     /// What it adds to the tables over the steps.
     pub(super) rows: Vec<Vec<Vec<f64>>>,
@@ -238,6 +243,45 @@ impl StepFiles {
             && self.tables.is_empty()
             && self.rows.is_empty()
             && self.checkpoint.is_none()
+    }
+}
+
+/// What a file for viewers shows.
+pub(super) enum Grid {
+    /// The pieces of a whole mesh.
+    Whole(Vec<Piece>),
+    /// By rank the pieces of its part of the mesh.
+    Parts(Vec<Vec<Piece>>),
+}
+
+impl Grid {
+    /// Of pieces that this rank has: those of all ranks on the first one, where each has a part of the mesh.
+    fn of(pieces: Vec<Piece>, mesh: &Mesh) -> Self {
+        if mesh.is_whole() {
+            return Self::Whole(pieces);
+        }
+        let mut w = Writer::default();
+        w.list(&pieces, |w, piece| piece.write_to(w));
+        drop(pieces);
+        let parts = mesh.team().at_first(&w.bytes);
+        let read = |bytes: Vec<u8>| Reader::new(&bytes).list(Piece::read_from).expect("pieces as they were written");
+        Self::Parts(parts.into_iter().map(read).collect())
+    }
+
+    /// The pieces of all ranks, one rank's behind the other's.
+    pub(super) fn into_pieces(self) -> Vec<Piece> {
+        match self {
+            Self::Whole(pieces) => pieces,
+            Self::Parts(parts) => parts.into_iter().flatten().collect(),
+        }
+    }
+
+    fn pieces(&self) -> impl Iterator<Item = &Piece> {
+        let (whole, parts) = match self {
+            Self::Whole(pieces) => (pieces.as_slice(), [].as_slice()),
+            Self::Parts(parts) => ([].as_slice(), parts.as_slice()),
+        };
+        whole.iter().chain(parts.iter().flatten())
     }
 }
 
@@ -266,7 +310,6 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, place: StepPlace<'_>
         let mut pieces = Vec::with_capacity(output.pieces.len());
         for sampled in &mut output.pieces {
             let mut piece = sampled.sample(&system.mesh, time, increment, values);
-            bad.extend(not_finite(&piece, &output.file, time));
             let entities = piece.cells.len();
             let mut terms = system.terms.iter().zip(&step.branches);
             let here = |t: &AssembledTerm| t.place.as_ref() == Some(sampled.support());
@@ -274,9 +317,18 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, place: StepPlace<'_>
             if let Some(states) = states.filter(|s| s.len() == entities) {
                 piece.cell_data.push(output::Array::scalar("contact_state", states));
             }
-            pieces.push(piece);
+            pieces.push(sampled.written(piece));
         }
-        grids.push(Some(pieces));
+        let grid = Grid::of(pieces, &system.mesh);
+        for piece in grid.pieces() {
+            not_finite(piece, &output.file, time).for_each(|found| {
+                // each part of a mesh may have some
+                if bad.iter().all(|known: &BadOutput| known.what != found.what) {
+                    bad.push(found);
+                }
+            });
+        }
+        grids.push(Some(grid));
     }
     let tables = csv
         .iter_mut()
@@ -294,14 +346,14 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, place: StepPlace<'_>
 }
 
 /// The quantities of a piece that are not finite, each with the first such value.
-fn not_finite(piece: &Piece, file: &str, time: f64) -> Vec<BadOutput> {
+fn not_finite<'a>(piece: &'a Piece, file: &'a str, time: f64) -> impl Iterator<Item = BadOutput> + 'a {
     let point = |k: usize| piece.points[k];
     let corner = |k: usize| piece.cells.first_node(k).map_or([0.0; 3], |n| piece.points[n as usize]);
-    let of = |array: &output::Array, place: &dyn Fn(usize) -> [f64; 3]| {
+    let of = move |array: &output::Array, place: &dyn Fn(usize) -> [f64; 3]| {
         let bad = array.values.iter().position(|v| !v.is_finite())?;
         let what = format!("`{}` in `{file}.vtu`", array.name);
         Some(BadOutput { what, time, value: array.values[bad], position: place(bad / array.components.max(1)) })
     };
-    let points = piece.point_data.iter().filter_map(|a| of(a, &point));
-    points.chain(piece.cell_data.iter().filter_map(|a| of(a, &corner))).collect()
+    let points = piece.point_data.iter().filter_map(move |a| of(a, &point));
+    points.chain(piece.cell_data.iter().filter_map(move |a| of(a, &corner)))
 }

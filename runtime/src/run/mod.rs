@@ -35,7 +35,7 @@ use std::{
 };
 
 pub use attempts::{Attempt, AttemptEnd, Path};
-pub use checkpoint::{CHECKPOINT_FILE, CheckpointError};
+pub use checkpoint::{CHECKPOINT_FILE, CheckpointError, Holders};
 pub use events::Episode;
 pub use folder::{finished, may_begin};
 pub use memory::Memory;
@@ -414,6 +414,8 @@ impl Run {
         let several = scene.steps.several();
         let mut checkpoint_before: Option<Instant> = None;
         let mut gathering = Duration::ZERO;
+        // of ranks with parts of the mesh each makes its own of a file, and the first one gets them
+        let has_part = !scene.system.mesh.is_whole() && scene.system.team().any(writer.is_some());
         while let Some(asked) = self.next_asked(scene) {
             let number = asked.number;
             let step = self.step(scene, asked, progress)?;
@@ -429,11 +431,13 @@ impl Run {
             });
             let begin = Instant::now();
             // what a checkpoint keeps is made by all ranks together, when the one that writes wants it
-            let kept = scene.system.team().any(due).then(|| self.stepper.memory_of_all(scene));
+            let kept = scene.system.team().any(due).then(|| self.stepper.kept_of_all(scene));
             if kept.is_some() {
                 gathering = begin.elapsed();
             }
-            let Some((writer, _)) = writer else { continue };
+            if writer.is_none() && !has_part {
+                continue;
+            }
             let (last, lasting) = (&self.steps[number], self.steps[number].lasting());
             let (mut step, bad) = files::collect(scene, last, self.place_of(last, &lasting, number));
             bad.into_iter().for_each(|bad| self.add_bad(bad));
@@ -443,6 +447,7 @@ impl Run {
                 step.checkpoint = Some(checkpoint::pack(self, &mut log, scene, &kept));
                 self.log = log;
             }
+            let Some((writer, _)) = writer else { continue };
             let taken = step.is_empty() || writer.send(step).is_ok();
             self.clock.write += begin.elapsed().as_secs_f64();
             if !taken {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::{
     Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult,
     events::episodes,
-    files::{StepFiles, write_measures},
+    files::{Grid, StepFiles, write_measures},
     folder,
     leaving::lost,
     report,
@@ -13,7 +13,7 @@ use super::{
 use crate::{
     finite::BadMeasure,
     output::{self, EventReport, OutputDir, Piece, Real, Report, State, write_csv, write_report, write_vtu},
-    scene::Scene,
+    scene::{Scene, VtkOutput},
 };
 
 /// What a run ends with.
@@ -96,7 +96,8 @@ pub struct KeptStep {
 impl KeptStep {
     pub(super) fn new(scene: &Scene, files: StepFiles) -> Self {
         let StepFiles { number, time, grids, tables, .. } = files;
-        let grids = scene.vtk.iter().zip(grids).filter_map(|(v, pieces)| Some((v.file.clone(), pieces?))).collect();
+        let of = |(v, grid): (&VtkOutput, Option<Grid>)| Some((v.file.clone(), grid?.into_pieces()));
+        let grids = scene.vtk.iter().zip(grids).filter_map(of).collect();
         let tables = tables.into_iter().map(|t| KeptTable { file: t.name, columns: t.columns, rows: t.rows }).collect();
         Self { number, time, grids, tables }
     }

@@ -11,7 +11,7 @@ use crate::{
     rates::{RateFactors, Rates},
     scene::{Explicit, Scene, node_positions},
     solve::{CheckedLlt, CheckedLu, LinearSolver, SolverOptions},
-    system::{Branches, FIXED, Form, SystemError},
+    system::{Branches, FIXED, Form, System, SystemError},
 };
 use wfl_compiler::types::RateForm;
 
@@ -47,7 +47,8 @@ pub(super) fn prescribe(scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Resul
     let StepTime { time, increment } = at;
     let offset = offset(scene);
     if offset == 0.0 {
-        return scene.prescribed.apply(time, increment, u);
+        let applied = scene.prescribed.apply(time, increment, u);
+        return agreed(&scene.system, applied, u);
     }
     let before = u.to_vec();
     let mut end = before.clone();
@@ -58,6 +59,17 @@ pub(super) fn prescribe(scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Resul
             u[d] = end[d] + offset * (before[d] - end[d]);
         }
     }
+    Ok(())
+}
+
+/// What all ranks make of prescribed values: of a part of the mesh those of its copies come from their owners, which have
+/// all faces around them.
+fn agreed(system: &System, applied: Result<(), BadGiven>, u: &mut [f64]) -> Result<(), BadGiven> {
+    if system.mesh.is_whole() {
+        return applied;
+    }
+    BadGiven::agreed(applied, system.team())?;
+    system.update_copies(u);
     Ok(())
 }
 
@@ -155,6 +167,8 @@ fn highest(scene: &mut Scene, u: &[f64], at: StepTime, known: [&[f64]; 2]) -> Re
     let held = tangent(scene, u, at)?;
     let residual = scene.system.residual(u, &Form::AS_WRITTEN)?;
     scene.system.numbering.gather(&residual.values, &mut rhs);
+    // each rank solves the whole system: the others have their rows, and zeros in those of this one
+    scene.system.team().sum(&mut rhs);
     #[expect(clippy::cast_possible_truncation, reason = "an exponent")]
     let exponent = WEIGHT - at.increment.abs().log2().floor() as i32;
     let (weight, root) = (2.0f64.powi(2 * exponent), 2.0f64.powi(exponent));
@@ -212,6 +226,7 @@ fn highest_by_diagonal(
         out[d] = -residual[d] / explicit.lumped.mass[d];
     }
     numbering.frames.turn_back(&mut out);
+    scene.system.update_copies(&mut out);
     numbering.follow(&mut out);
     Ok(out)
 }

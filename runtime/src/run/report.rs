@@ -5,7 +5,7 @@ use crate::{
     checks::{NarrowZone, TurnedCells},
     finite,
     left_out::LeftOut,
-    mesh::Mesh,
+    mesh::{CellKind, Mesh},
     newton::{LinearSolver, Stop},
     output::{
         self, AttemptReport, Check, ContactCounts, LeftOutReport, MeshReport, OrderedMap, ParameterValue, Real, Report,
@@ -28,7 +28,7 @@ pub(super) fn report(
     let mut report = Report {
         scene: options.name.clone(),
         version: options.version.clone(),
-        dofs: scene.system.numbering.n_free() as u64,
+        dofs: scene.system.n_unknowns() as u64,
         threads: options.threads as u64,
         peak_memory_bytes: peak_memory_bytes(),
         solver: Some(solver.or(explicit).unwrap_or_default()),
@@ -47,7 +47,8 @@ pub(super) fn report(
     report.mesh = mesh_report(&scene.system.mesh);
     for (k, field) in scene.system.fields.iter().enumerate() {
         if let Some(range) = scene.system.range(k) {
-            let free = range.filter(|d| scene.system.numbering.free[*d] != crate::system::FIXED).count();
+            let is_free = |d: &usize| scene.system.numbering.free[*d] != crate::system::FIXED && scene.system.owns(*d);
+            let free = scene.system.team().count(range.filter(is_free).count());
             report.fields.insert(field.name.clone(), free as u64);
         }
     }
@@ -89,15 +90,14 @@ pub(super) fn memory_by_rank(team: &dyn Team) -> Vec<u64> {
 
 fn mesh_report(mesh: &Mesh) -> MeshReport {
     let mut kinds: OrderedMap<u64> = OrderedMap::default();
-    for kind in mesh.kinds() {
-        let name = kind.to_string();
-        let count = kinds.get(&name).copied().unwrap_or(0);
-        kinds.insert(name, count + 1);
+    let counts = mesh.counts_by_kind();
+    for (kind, count) in CellKind::ALL.iter().zip(&counts).filter(|(_, count)| **count > 0) {
+        kinds.insert(kind.to_string(), u64::from(*count));
     }
     MeshReport {
         dim: mesh.dim() as u64,
-        cells: mesh.n_cells() as u64,
-        nodes: mesh.n_nodes() as u64,
+        cells: counts.into_iter().map(u64::from).sum(),
+        nodes: mesh.n_nodes_of_whole() as u64,
         kinds,
         ..MeshReport::default()
     }

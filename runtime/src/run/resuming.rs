@@ -25,12 +25,9 @@ impl Run {
     ) -> Result<(), RunError> {
         let dir = files.dir;
         let read = if options.resume { dir.map(|dir| folder::found(identity, dir)).transpose()? } else { None };
-        let read = if options.resume {
-            read.unwrap_or_default().of_first(scene.system.team())
-        } else {
-            checkpoint::Files::default()
-        };
         let path = dir.map_or(FilePath::new(""), OutputDir::path);
+        let read =
+            if options.resume { read.unwrap_or_default().of_first(scene, path)? } else { checkpoint::Files::default() };
         if !read.is_empty() {
             let found = checkpoint::found(scene, identity.hash(), path, &read)?;
             self.go_on_from(found, scene, path, progress)?;
@@ -87,7 +84,9 @@ impl Run {
         if found.balance.is_some() != scene.energy.is_some() {
             return Err(misfit().into());
         }
-        (self.stepper.adaptive, self.stepper.balance) = (found.adaptive, found.balance);
+        let mut balance = found.balance;
+        balance.iter_mut().for_each(|balance| balance.keep_own(&scene.system));
+        (self.stepper.adaptive, self.stepper.balance) = (found.adaptive, balance);
         (self.stepper.level, self.stepper.easy) = (found.level, found.easy);
         (self.u, self.steps, self.log) = (found.u, found.steps, found.log);
         Ok(())

@@ -24,6 +24,7 @@ use crate::{
     run::{
         Attempt, AttemptEnd, Clock, Forward, Path, Progress,
         balance::Balance,
+        checkpoint::Kept,
         memory::Memory,
         rates::{self, StepTime},
         remembered::Adaptive,
@@ -157,19 +158,24 @@ impl Stepper {
         }
     }
 
-    /// The same for a checkpoint, made by all ranks together.
-    pub(super) fn memory_of_all(&self, scene: &Scene) -> Memory {
-        match &self.tangent {
+    /// What a checkpoint keeps, made by all ranks together.
+    pub(super) fn kept_of_all(&self, scene: &Scene) -> Kept {
+        let memory = match &self.tangent {
+            _ if !scene.system.mesh.is_whole() => self.memory(scene),
             Some(tangent) => Memory::of_all(scene, tangent),
             None if scene.explicit.is_some() => Memory::without_tangent(scene),
             None => Memory::of_all(scene, &scene.system.new_tangent()),
-        }
+        };
+        Kept { memory, balance: self.balance.as_ref().map(|balance| balance.of_all(scene.system.team())) }
     }
 
     /// Goes back to what a checkpoint kept; false if that belongs to another scene.
     pub(super) fn recall_of_all(&mut self, scene: &mut Scene, memory: &Memory) -> bool {
         if scene.explicit.is_some() {
             return memory.recall_without_tangent(scene);
+        }
+        if !scene.system.mesh.is_whole() {
+            return self.recall(scene, memory);
         }
         let tangent = self.tangent.get_or_insert_with(|| scene.system.new_tangent());
         memory.recall_of_all(scene, tangent)
@@ -455,9 +461,15 @@ fn next_states(scene: &mut Scene, time: f64, increment: f64, u: &[f64]) -> Resul
     let next: Vec<Vec<f64>> = states.iter_mut().map(|s| s.next(system, time, increment, u)).collect();
     for (state, values) in states.iter().zip(&next) {
         let field = &system.fields[state.field];
-        if let Some(bad) = values.iter().position(|v| !v.is_finite()) {
-            let position = field.node_position(bad / field.n_components);
-            return Err(StepError::State { state: field.name.clone(), value: values[bad], position });
+        let bad = values.iter().position(|v| !v.is_finite());
+        if let Some(rank) = system.team().first(bad.is_some()) {
+            let told = |bad: usize| {
+                let [x, y, z] = field.node_position(bad / field.n_components);
+                vec![values[bad], x, y, z]
+            };
+            let own = bad.filter(|_| rank == system.team().rank()).map_or_else(Vec::new, told);
+            let [value, x, y, z] = system.team().numbers_of(rank, &own)[..] else { unreachable!("four numbers") };
+            return Err(StepError::State { state: field.name.clone(), value, position: [x, y, z] });
         }
     }
     Ok(next)

@@ -78,7 +78,9 @@ impl Builder<'_> {
                 complete = false;
                 continue;
             };
-            low_rules::check(self.script, &placed, &domain, &self.fields, self.diagnostics);
+            if self.mesh.is_whole() {
+                low_rules::check(self.script, &placed, &domain, &self.fields, self.diagnostics);
+            }
             let slots = LawSlots { inputs: &placed.law.inputs, tests: &placed.law.tests, trials: &placed.law.trials };
             match Binding::new(&self.mesh, &domain, &self.fields, slots) {
                 Ok(binding) => {
@@ -177,7 +179,9 @@ impl Builder<'_> {
         let there = fields_there(&law.inputs, law.tests.iter().chain(&law.trials));
         let mapping = law.listing.graph.mapping.map(|mapping| Through { mapping, there });
         let place = ((placed.place.clone(), placed.set.clone(), mapping), choice);
-        let shared = known.iter().find(|d| d.0 == place).map(|d| d.1.clone());
+        // a set that is one with another on some ranks alone is another one
+        let is_known = |d: &&((Place, RuleChoice), Arc<Domain>)| self.mesh.team().all(d.0 == place);
+        let shared = known.iter().find(is_known).map(|d| d.1.clone());
         placed.at_nodes.clone().or(shared).or_else(|| {
             let made = self.domain(&place.0, choice, placed.span)?;
             known.push((place, made.clone()));

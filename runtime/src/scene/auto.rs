@@ -24,7 +24,7 @@ pub(super) fn prepare(script: &ResolvedScript, with: With<'_>) -> Prepared {
     let mut given = script.clone();
     let domain = given.params[param].domain.take();
     given.params[param].value.kind = ExprKind::Number(1.0);
-    let mut trial = prepare_as_written(&given, with);
+    let mut trial = prepare_as_written(&given, with, None);
     let Some(scene) = &mut trial.scene else { return trial };
     let wanted = gammas(scene).into_iter().map(|(gamma, usual)| usual / gamma).fold(0.0f64, f64::max);
     if !(wanted > 0.0 && wanted.is_finite()) {
@@ -32,7 +32,7 @@ pub(super) fn prepare(script: &ResolvedScript, with: With<'_>) -> Prepared {
     }
     given.params[param].domain = domain;
     given.params[param].value.kind = ExprKind::Number(wanted);
-    let mut made = prepare_as_written(&given, with);
+    let mut made = prepare_as_written(&given, with, None);
     if let Some(scene) = &mut made.scene
         && !gammas(scene).iter().any(|(gamma, usual)| (gamma / usual - 1.0).abs() < AGREEMENT)
     {

@@ -6,6 +6,7 @@
 use std::{
     cell::Cell,
     collections::{BTreeMap, BTreeSet},
+    sync::Arc,
     time::Instant,
 };
 
@@ -17,11 +18,12 @@ use wfl_compiler::{
 };
 
 use super::{
-    Builder, CsvOutput, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Regions, Scene,
-    StateUpdate, Steps, TablesOf, VtkOutput, With,
+    Builder, CsvOutput, EventRule, Given, InputFile, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Refined,
+    Regions, Scene, StateUpdate, Steps, TablesOf, VtkOutput, With,
     assemble::Assembled,
     batch::Batch,
     constants, constraints, coverage, explicit, fields, idle, mappings, massless, meeting, mesh, options, outputs,
+    part::{PartOfUnknowns, ScenePart},
     rates::{self, Integration},
     regions, rest, states, terms,
 };
@@ -34,7 +36,9 @@ use crate::{
     pruning::Pruning,
     rates::Scheme,
     results::SampledPiece,
+    space::SpacePart,
     system::{FrozenTerm, Known, Numbering, Past, System},
+    team::Team,
 };
 
 /// What is found while a scene is made, also where it cannot be.
@@ -46,10 +50,28 @@ pub(super) struct Findings {
     pub(super) dim: Option<usize>,
 }
 
-/// Makes the problem of a script.
-pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Findings) -> Option<Scene> {
-    let begin = Instant::now();
-    let With { folder, backend, keep, rounds } = with;
+/// Where a scene is made: its mesh, with what is found on it before anything is compiled.
+struct Place {
+    mesh: Mesh,
+    refined: Option<Refined>,
+    topology: Topology,
+    regions: Regions,
+    inputs: Vec<InputFile>,
+    params: BTreeMap<String, Constant>,
+}
+
+/// A part of a scene on the team of its ranks.
+pub(super) type OnTeam = (ScenePart, Arc<dyn Team>);
+
+/// What the first rank says of fields and unknowns.
+struct Told {
+    spaces: Vec<Option<SpacePart>>,
+    unknowns: PartOfUnknowns,
+}
+
+/// The whole mesh of a script.
+fn whole(script: &ResolvedScript, with: With<'_>, found: &mut Findings) -> Option<Place> {
+    let With { folder, backend, rounds, .. } = with;
     let mut inputs = Vec::new();
     let read = mesh::read(script, folder, &mut inputs, &mut found.diagnostics);
     let params = constants::parameters(script, mesh::dimension(script, read.as_ref()), &mut found.diagnostics);
@@ -62,9 +84,40 @@ pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Finding
     let topology = topology(script, &mesh, found)?;
     let smallest = refined.as_ref().map_or(f64::INFINITY, |r| r.smallest);
     let regions = regions_of(script, &mesh, &topology, &params, backend, smallest, found);
+    Some(Place { mesh, refined, topology, regions, inputs, params })
+}
+
+/// The part of a mesh that a rank was sent.
+fn part_of_mesh(script: &ResolvedScript, (part, team): OnTeam, found: &mut Findings) -> Option<(Place, Told)> {
+    let ScenePart { mesh, regions, spaces, unknowns, inputs, .. } = part;
+    let mesh = Mesh::of_part(team, mesh);
+    let params = constants::parameters(script, mesh.dim(), &mut found.diagnostics);
+    found.dim = Some(mesh.dim());
+    let topology = topology(script, &mesh, found)?;
+    let regions = ScenePart::regions(regions, script);
+    Some((Place { mesh, refined: None, topology, regions, inputs, params }, Told { spaces, unknowns }))
+}
+
+/// Makes the problem of a script; `part` on one of several ranks that has a part of the mesh.
+pub(super) fn build(
+    script: &ResolvedScript,
+    with: With<'_>,
+    part: Option<OnTeam>,
+    found: &mut Findings,
+) -> Option<Scene> {
+    let begin = Instant::now();
+    let (place, mut told) = match part {
+        None => (whole(script, with, found)?, None),
+        Some(part) => part_of_mesh(script, part, found).map(|(place, told)| (place, Some(told)))?,
+    };
+    let Place { mesh, refined, topology, regions, inputs, params } = place;
+    let With { folder, backend, keep, .. } = with;
     let bare = Env { dim: mesh.dim(), ..constants::bare_env(script, mesh.dim(), &params) };
     let diagnostics = &mut found.diagnostics;
-    let fields::Fields { fields, sigs } = fields::fields(script, &bare, &mesh, &topology, &regions, diagnostics)?;
+    let spaces = told.as_mut().map(|told| std::mem::take(&mut told.spaces));
+    let maker =
+        fields::FieldMaker { script, env: &bare, mesh: &mesh, topology: &topology, regions: &regions, diagnostics };
+    let fields::Fields { fields, sigs } = maker.make(spaces)?;
     let known = Env { fields: &sigs, ..bare };
     let made = mappings::MappingMaker {
         parts: Parts { script, env: &known, mesh: &mesh, topology: &topology, regions: &regions, fields: &fields },
@@ -98,6 +151,7 @@ pub(super) fn build(script: &ResolvedScript, with: With<'_>, found: &mut Finding
         prints: Vec::new(),
         inputs,
         keep,
+        unknowns: told.map(|told| told.unknowns),
     }
     .build()?;
     with_its_mass(&mut scene, script, &integration).map_err(|told| found.diagnostics.push(*told)).ok()?;
@@ -218,7 +272,9 @@ impl Builder<'_> {
     fn build(mut self) -> Option<(Scene, Integration)> {
         let begin = Instant::now();
         let (laws, renewed, rules) = self.laws();
-        coverage::check(self.script.mesh.as_ref(), &self.mesh, &laws, self.diagnostics);
+        if self.mesh.is_whole() {
+            coverage::check(self.script.mesh.as_ref(), &self.mesh, &laws, self.diagnostics);
+        }
         let compile_terms = begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
@@ -261,7 +317,7 @@ impl Builder<'_> {
         let mut numbering = self.numbering(&used);
         let prescribed = self.constraints(&mut numbering, &laws, &used);
         let broken = !self.script.lost.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error);
-        if !broken {
+        if !broken && self.mesh.is_whole() {
             self.effects(&laws, &prescribed, &numbering);
             self.read_but_in_no_term(&numbering);
         }
@@ -319,20 +375,28 @@ impl Builder<'_> {
         let of_measures = measures.iter().chain(&watched).any(Measure::reads_past);
         let reads_past = !past.is_empty() || of_measures || outputs_read_past(&vtk, csv.iter().chain(&series));
         let steps = steps?;
-        self.statements_without_effect(&numbering, &mut prescribed, &steps, reads_past || rates)?;
+        if self.mesh.is_whole() {
+            self.statements_without_effect(&numbering, &mut prescribed, &steps, reads_past || rates)?;
+        }
         let rates = rates::of(integration.scheme, self.env.rates, &self.fields, &numbering);
         let known = Known { rates, ..nothing_known(&self.fields, &numbering, reads_past) };
         let unused_fields = self.unused_fields(&used, &numbering);
         let env = self.owned_env();
         let made = System::new(self.mesh, self.fields, numbering, terms, known)
             .and_then(|system| with_contact(system, contact, self.keep, within(&steps)))
-            .and_then(|(mut system, contact)| {
+            .and_then(|(mut system, mut contact)| {
+                if !system.mesh.is_whole() {
+                    contact.share(&system);
+                    return Ok((system, contact, idle::Idle::default()));
+                }
                 let idle = idle::leave_out(self.script, &self.topology, &mut system, &contact, self.diagnostics)?;
                 Ok((system, contact, idle))
             });
         let told = |e| self.diagnostics.push(structure_error(self.script, e));
         let (system, contact, idle) = made.map_err(told).ok()?;
-        fits_its_solver(self.script, &system, self.diagnostics)?;
+        if system.mesh.is_whole() {
+            fits_its_solver(self.script, &system, self.diagnostics)?;
+        }
         Some(Scene {
             explicit: None,
             energy: integration.energy,
@@ -460,6 +524,12 @@ impl Builder<'_> {
         let backend = self.batch;
         let (parts, diagnostics) = self.parts();
         let prescribed = constraints::ConstraintMaker { parts, numbering: &*numbering, backend, diagnostics }.make();
+        if let Some(told) = self.unknowns.take() {
+            numbering.set_frames(told.frames.clone());
+            numbering.fix(told.fixed());
+            numbering.free_of_whole = Some(told.free);
+            return prescribed;
+        }
         let (fixed, components) = (prescribed.dofs(), prescribed.components());
         numbering.set_frames(prescribed.frames());
         let multipliers = meeting::Multipliers {

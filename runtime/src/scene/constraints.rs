@@ -316,7 +316,8 @@ impl ConstraintMaker<'_> {
             let region = self.parts.regions.get(&place.name)?;
             field.nodes_in(self.parts.mesh, self.parts.topology, &region.set)
         };
-        if nodes.is_empty() {
+        // a part of the mesh may have none of them
+        if nodes.is_empty() && self.parts.mesh.is_whole() {
             let d = Diagnostic::new("E401", format!("`fix {}` meets no node of `{}`", field.name, field.name));
             let region = &self.parts.regions[&place.name];
             let text = self.elsewhere(&place.name, &region.set, &field.name);

@@ -17,7 +17,7 @@ pub(crate) fn start(scene: &mut Scene) -> Result<Vec<f64>, BadGiven> {
     let time = scene.steps.first();
     for (field, value) in &mut scene.starts {
         let positions = node_positions(&scene.system, *field);
-        let values = value.at(&positions, time, 0.0)?;
+        let values = agreed(&scene.system, value.at(&positions, time, 0.0))?;
         match scene.system.numbering.starts[*field] {
             Some(first) => u[first..first + values.len()].copy_from_slice(&values),
             None => scene.system.known.data[*field] = values,
@@ -132,9 +132,15 @@ pub fn contact_forms(scene: &mut Scene) -> Vec<ContactForm> {
 pub(crate) fn set_data(scene: &mut Scene, time: f64, increment: f64) -> Result<(), SystemError> {
     for (field, value) in &mut scene.data {
         let positions = node_positions(&scene.system, *field);
-        scene.system.known.data[*field] = value.at(&positions, time, increment).map_err(Box::new)?;
+        let values = agreed(&scene.system, value.at(&positions, time, increment));
+        scene.system.known.data[*field] = values.map_err(Box::new)?;
     }
     Ok(())
+}
+
+/// Values at the nodes that this rank has: of a part of the mesh the others have other nodes, and other errors.
+fn agreed(system: &System, own: Result<Vec<f64>, BadGiven>) -> Result<Vec<f64>, BadGiven> {
+    if system.mesh.is_whole() { own } else { BadGiven::agreed(own, system.mesh.team()) }
 }
 
 pub(crate) fn node_positions(system: &System, field: usize) -> Vec<[f64; 3]> {

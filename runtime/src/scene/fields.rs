@@ -11,7 +11,7 @@ use wfl_compiler::{
 
 use crate::{
     assemble::{Domain, entity_geometries},
-    element::Family,
+    element::{ElementError, Family},
     field::{Field, FieldSpace},
     mesh::{FacetRef, Mesh, RegionSet, Topology},
     point_space::PointSpace,
@@ -20,7 +20,7 @@ use crate::{
         constants::number,
         regions::{NamedRegion, Regions},
     },
-    space::{Space, Support},
+    space::{Space, SpacePart, Support},
 };
 
 /// Fields and their signatures, by position.
@@ -29,85 +29,92 @@ pub(super) struct Fields {
     pub(super) sigs: Vec<FieldSig>,
 }
 
-pub(super) fn fields(
-    script: &ResolvedScript,
-    env: &Env<'_>,
-    mesh: &Mesh,
-    topology: &Topology,
-    regions: &Regions,
-    diagnostics: &mut Vec<Diagnostic>,
-) -> Option<Fields> {
-    let (mut fields, mut sigs) = (Vec::new(), Vec::new());
-    let mut complete = true;
-    for declared in &script.fields {
-        match field(script, declared, env, mesh, topology, regions, diagnostics) {
-            Some((field, sig)) => {
-                fields.push(field);
-                sigs.push(sig);
-            }
-            None => complete = false,
-        }
-    }
-    complete.then_some(Fields { fields, sigs })
+/// Makes the fields of a scene.
+pub(super) struct FieldMaker<'a> {
+    pub(super) script: &'a ResolvedScript,
+    pub(super) env: &'a Env<'a>,
+    pub(super) mesh: &'a Mesh,
+    pub(super) topology: &'a Topology,
+    pub(super) regions: &'a Regions,
+    pub(super) diagnostics: &'a mut Vec<Diagnostic>,
 }
 
-fn field(
-    script: &ResolvedScript,
-    declared: &wfl::Field,
-    env: &Env<'_>,
-    mesh: &Mesh,
-    topology: &Topology,
-    regions: &Regions,
-    diagnostics: &mut Vec<Diagnostic>,
-) -> Option<(Field, FieldSig)> {
-    let name = declared.name.name.clone();
-    let kind = kind(&declared.kind);
-    let shape = shape(&declared.space.rank, env, diagnostics)?;
-    let global = matches!(declared.space.place, Place::Global(_));
-    if global || kind == FieldKind::State {
-        let space = match global {
-            true => FieldSpace::Global,
-            false => FieldSpace::Points(state_points(declared, mesh, regions, diagnostics)?),
-        };
-        let field = Field { name: name.clone(), kind, n_components: shape.len(), space };
-        return Some((field, FieldSig { name, shape, degree: 0, kind, global }));
+impl FieldMaker<'_> {
+    /// All fields; `parts` has their spaces by field where this rank has a part of the mesh alone. `None` after a message.
+    pub(super) fn make(mut self, parts: Option<Vec<Option<SpacePart>>>) -> Option<Fields> {
+        let (mut fields, mut sigs) = (Vec::new(), Vec::new());
+        let mut complete = true;
+        let mut parts = parts.unwrap_or_default().into_iter();
+        for declared in &self.script.fields {
+            match self.field(declared, parts.next().flatten()) {
+                Some((field, sig)) => {
+                    fields.push(field);
+                    sigs.push(sig);
+                }
+                None => complete = false,
+            }
+        }
+        complete.then_some(Fields { fields, sigs })
     }
-    let (degree, family) = match &declared.space.element {
-        None => (1, Family::Continuous),
-        Some(word) => element(word, mesh, diagnostics)?,
-    };
-    let support = support(&declared.space.place, &declared.name, regions, diagnostics)?;
-    let made = match &support {
-        RegionSet::Cells(cells) => Space::on_cells(mesh, topology, cells, degree, family),
-        RegionSet::Facets(facets) => Space::on_facets(mesh, topology, facets, degree, family),
-        RegionSet::Interface(pairs) => {
-            let facets: Vec<FacetRef> = pairs.iter().map(|p| p.here).collect();
-            Space::on_facets(mesh, topology, &facets, degree, family)
+
+    fn field(&mut self, declared: &wfl::Field, part: Option<SpacePart>) -> Option<(Field, FieldSig)> {
+        let name = declared.name.name.clone();
+        let kind = kind(&declared.kind);
+        let shape = shape(&declared.space.rank, self.env, self.diagnostics)?;
+        let global = matches!(declared.space.place, Place::Global(_));
+        if global || kind == FieldKind::State {
+            let space = match global {
+                true => FieldSpace::Global,
+                false => FieldSpace::Points(state_points(declared, self.mesh, self.regions, self.diagnostics)?),
+            };
+            let field = Field { name: name.clone(), kind, n_components: shape.len(), space };
+            return Some((field, FieldSig { name, shape, degree: 0, kind, global }));
         }
-        RegionSet::Nodes(_) => {
-            let d = Diagnostic::new("E405", "a field is defined on cells or faces, not on nodes");
-            diagnostics.push(d.at(declared.space.span, ""));
-            return None;
-        }
-    };
-    match made {
-        Ok(mut space) => {
-            // all tears at once: where one ends on another, three nodes are needed
-            let facets = torn(script, &name, topology, regions, diagnostics);
-            if let Some(d) = untearable(script, &name, &space).filter(|_| !facets.is_empty()) {
-                diagnostics.push(d);
+        let space = match part {
+            Some(part) => self.told(Space::of_part(self.mesh, self.topology, part), declared)?,
+            None => self.space(declared, &name)?,
+        };
+        let degree = space.degree();
+        let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Nodal(space) };
+        Some((field, FieldSig { name, shape, degree, kind, global: false }))
+    }
+
+    /// The nodes of a field on the whole mesh.
+    fn space(&mut self, declared: &wfl::Field, name: &str) -> Option<Space> {
+        let (degree, family) = match &declared.space.element {
+            None => (1, Family::Continuous),
+            Some(word) => element(word, self.mesh, self.diagnostics)?,
+        };
+        let (mesh, topology) = (self.mesh, self.topology);
+        let made = match support(&declared.space.place, &declared.name, self.regions, self.diagnostics)? {
+            RegionSet::Cells(cells) => Space::on_cells(mesh, topology, &cells, degree, family),
+            RegionSet::Facets(facets) => Space::on_facets(mesh, topology, &facets, degree, family),
+            RegionSet::Interface(pairs) => {
+                let facets: Vec<FacetRef> = pairs.iter().map(|p| p.here).collect();
+                Space::on_facets(mesh, topology, &facets, degree, family)
+            }
+            RegionSet::Nodes(_) => {
+                let d = Diagnostic::new("E405", "a field is defined on cells or faces, not on nodes");
+                self.diagnostics.push(d.at(declared.space.span, ""));
                 return None;
             }
-            if !facets.is_empty() {
-                space.split(topology, &facets);
-            }
-            let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Nodal(space) };
-            Some((field, FieldSig { name, shape, degree, kind, global: false }))
+        };
+        let mut space = self.told(made, declared)?;
+        // all tears at once: where one ends on another, three nodes are needed
+        let facets = torn(self.script, name, topology, self.regions, self.diagnostics);
+        if let Some(d) = untearable(self.script, name, &space).filter(|_| !facets.is_empty()) {
+            self.diagnostics.push(d);
+            return None;
         }
-        Err(e) => {
-            diagnostics.push(Diagnostic::new("E406", e.to_string()).at(declared.space.span, ""));
-            None
+        if !facets.is_empty() {
+            space.split(topology, &facets);
         }
+        Some(space)
+    }
+
+    /// A space, or the message why there is none.
+    fn told(&mut self, made: Result<Space, ElementError>, declared: &wfl::Field) -> Option<Space> {
+        made.map_err(|e| self.diagnostics.push(Diagnostic::new("E406", e.to_string()).at(declared.space.span, ""))).ok()
     }
 }
 
@@ -134,7 +141,7 @@ fn state_points(
     }
     let set = support(&declared.space.place, &declared.name, regions, diagnostics)?;
     match Domain::new(mesh, &set, &vertex) {
-        Ok(domain) if !domain.groups.is_empty() => Some(PointSpace::new(mesh, &domain)),
+        Ok(domain) if !mesh.is_whole() || !domain.groups.is_empty() => Some(PointSpace::new(mesh, &domain)),
         Ok(_) => {
             let d = Diagnostic::new("E405", "a state is defined on cells or faces, not on nodes");
             diagnostics.push(d.at(declared.space.span, ""));
@@ -269,7 +276,7 @@ pub(super) fn support(
     total
 }
 
-/// What the compiler knows of a region.
+/// What the compiler knows of a region; found by all ranks together where each has a part of the mesh alone.
 pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &[Field]) -> PlaceSig {
     let (kind, description) = match &region.set {
         RegionSet::Cells(c) => (PlaceKind::Cells, format!("a region of {} cells", c.len())),
@@ -288,7 +295,10 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
         }
         RegionSet::Nodes(_) => (false, false),
     };
-    let (here, there) = fields.iter().map(lives).unzip();
+    let (mut here, mut there): (Vec<bool>, Vec<bool>) = fields.iter().map(lives).unzip();
+    if !mesh.is_whole() {
+        here.iter_mut().chain(&mut there).for_each(|lives| *lives = mesh.team().all(*lives));
+    }
     PlaceSig {
         name: name.to_owned(),
         kind,

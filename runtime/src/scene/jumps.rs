@@ -29,7 +29,11 @@ pub(super) fn check(
     jumps: &[ValueJump],
     diagnostics: &mut Vec<Diagnostic>,
 ) {
+    // found with the whole mesh
     let RegionSet::Interface(faces) = set else { return };
+    if !parts.mesh.is_whole() {
+        return;
+    }
     for jump in jumps {
         let Some(origin) = jump.origin else { continue };
         if faces.is_empty() || !jump.fields.iter().all(|f| is_one_valued(parts, *f, faces)) {

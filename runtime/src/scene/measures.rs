@@ -144,7 +144,7 @@ impl Builder<'_> {
                 continue;
             }
             let Ok(located) = Located::new(&self.mesh, &target.support.region(), &[point]) else { continue };
-            if located.points.is_empty() {
+            if !located.found.contains(&true) {
                 continue;
             }
             if !self.is_number(measure, &law) {
@@ -195,7 +195,7 @@ impl Measure {
         let mut broken: Option<f64> = None;
         for (value, sampled) in &mut self.parts {
             value.set_step(values.step(time, increment));
-            value.for_each_point(&system.mesh, sampled, values, |_, _, _, weight, v| {
+            value.for_each_counted_point(&system.mesh, sampled, values, |weight, v| {
                 sum += weight * v[0];
                 size += weight;
                 largest = largest.max(v[0]);
@@ -205,9 +205,15 @@ impl Measure {
                 }
             });
         }
-        if let Some(value) = broken {
-            return value;
+        let team = system.team();
+        if let Some(rank) = team.first(broken.is_some()) {
+            return team.numbers_of(rank, broken.as_slice())[0];
         }
+        let mut sums = [sum, size];
+        team.sum(&mut sums);
+        let [sum, size] = sums;
+        let [_, largest] = team.range(largest, largest);
+        let [smallest, _] = team.range(smallest, smallest);
         match self.reduction {
             Reduction::Integral => sum,
             Reduction::Mean => sum / size,

@@ -36,6 +36,7 @@ mod method;
 mod normals;
 mod options;
 mod outputs;
+mod part;
 mod point_loads;
 mod quantities;
 mod rates;
@@ -67,12 +68,14 @@ use wfl_compiler::{
 
 use crate::{
     contact::{Contact, ContactMemory},
+    csr::CsrError,
     field::Field,
     mesh::{Mesh, Topology},
     newton::NewtonOptions,
     pruning::Pruning,
     refine::Mark,
     system::System,
+    team::Team,
     value::{Sampled, Value},
 };
 
@@ -91,6 +94,8 @@ pub use inputs::InputFile;
 pub use mesh::SceneBox;
 pub use options::{Auto, Steps};
 pub use outputs::{CsvOutput, VtkOutput};
+use part::PartOfUnknowns;
+pub use part::{FromWhole, ScenePart};
 pub(crate) use rates::MOST_FRACTION;
 pub use refined::Refined;
 pub use regions::{NamedRegion, Regions};
@@ -223,6 +228,16 @@ impl Scene {
         }
         self.data.iter_mut().chain(&mut self.starts).chain(&mut self.start_rates).for_each(|(_, given)| given.forget());
     }
+
+    /// Shares the rows of the equations out over ranks that have prepared the same scene; before the first step.
+    ///
+    /// # Errors
+    /// [`CsrError`] when the matrices of a rank do not fit the index types.
+    pub fn share_rows(&mut self, team: Arc<dyn Team>) -> Result<(), CsrError> {
+        self.system.share_rows(team)?;
+        self.contact.share(&self.system);
+        Ok(())
+    }
 }
 
 /// What begins and ends during the steps.
@@ -281,6 +296,8 @@ struct Builder<'a> {
     prints: Vec<Printed>,
     inputs: Vec<InputFile>,
     keep: &'a [Pruning],
+    /// Where this rank has a part of the mesh alone: what the first one says of the unknowns.
+    unknowns: Option<PartOfUnknowns>,
 }
 
 /// A scene and every message; no scene after an error.
@@ -327,7 +344,23 @@ pub fn prepare_refined(
     if script.params.iter().any(auto::is_auto) {
         return auto::prepare(script, with);
     }
-    prepare_as_written(script, with)
+    prepare_as_written(script, with, None)
+}
+
+/// Prepares the scene of one of several ranks with the part of the mesh that it was sent; made by all of them together.
+/// The first rank has told every message of the scene: there are none left to tell.
+#[must_use]
+pub fn prepare_part(
+    script: &ResolvedScript,
+    folder: &Path,
+    backend: &dyn KernelBackend,
+    keep: &[Pruning],
+    part: ScenePart,
+    team: Arc<dyn Team>,
+) -> Prepared {
+    let script = part.with_params(script);
+    let with = With { folder, backend, keep, rounds: &[] };
+    prepare_as_written(&script, with, Some((part, team)))
 }
 
 /// The errors of a script that need no mesh: shapes, names and test functions of all statements. Takes milliseconds, so an
@@ -350,9 +383,9 @@ struct With<'a> {
     rounds: &'a [Vec<Mark>],
 }
 
-fn prepare_as_written(script: &ResolvedScript, with: With<'_>) -> Prepared {
+fn prepare_as_written(script: &ResolvedScript, with: With<'_>, part: Option<build::OnTeam>) -> Prepared {
     let mut found = Findings { diagnostics: Vec::new(), lost: script.lost.clone(), dim: None };
-    let scene = build::build(script, with, &mut found);
+    let scene = build::build(script, with, part, &mut found);
     let Findings { mut diagnostics, mut lost, dim } = found;
     if scene.is_none() || !lost.is_empty() {
         rest::rest(script, dim, &mut lost, &mut diagnostics);

@@ -136,6 +136,11 @@ impl OutputMaker<'_> {
         Target { sig: place_sig(name, &region, self.parts.mesh, self.parts.fields), support }
     }
 
+    /// Whether two supports are the same on all ranks.
+    fn are_one(&self, a: &SupportSet, b: &SupportSet) -> bool {
+        self.parts.mesh.team().all(a == b)
+    }
+
     /// The distinct cell sets on which fields live.
     pub(super) fn bodies(&self) -> Vec<Target> {
         let mut sets: Vec<Vec<CellId>> = Vec::new();
@@ -149,7 +154,9 @@ impl OutputMaker<'_> {
                 FieldSpace::Global => continue,
             };
             cells.sort_unstable();
-            if !cells.is_empty() && !sets.contains(&cells) {
+            // of ranks with parts of the mesh all have the same list of bodies
+            let team = self.parts.mesh.team();
+            if team.any(!cells.is_empty()) && !sets.iter().any(|set| team.all(*set == cells)) {
                 sets.push(cells);
             }
         }
@@ -165,7 +172,7 @@ impl OutputMaker<'_> {
             for place in &term.places {
                 let Some(region) = self.parts.regions.get(&place.name) else { continue };
                 let Some(support) = facet_support(&region.set) else { continue };
-                if out.iter().all(|t| t.support != support) {
+                if !out.iter().any(|t| self.are_one(&t.support, &support)) {
                     out.push(self.target(&place.name, region.set.clone(), support));
                 }
             }
@@ -256,7 +263,7 @@ impl OutputMaker<'_> {
             let mut homes = self.homes(bodies, faces, &item.expr);
             if matches!(item.expr.kind, ExprKind::Name(_)) {
                 for face in faces {
-                    if homes.iter().all(|(t, _)| t.support != face.support)
+                    if !homes.iter().any(|(t, _)| self.are_one(&t.support, &face.support))
                         && let Some(law) = self.on_face(face, &item.expr)
                     {
                         homes.push((face, law));
@@ -293,7 +300,7 @@ impl OutputMaker<'_> {
             if field.kind != FieldKind::Unknown || field.n_components != dim || dim == 1 || found.contains_key(&k) {
                 continue;
             }
-            if !cells.iter().all(|c| taken.insert(*c)) {
+            if !self.parts.mesh.team().all(cells.iter().all(|c| taken.insert(*c))) {
                 return Vec::new();
             }
             found.insert(k, (order, item.name.as_str()));
@@ -309,7 +316,7 @@ impl OutputMaker<'_> {
     /// E435 for a line of which nothing is sampled, W415 for one with points outside the mesh or a quantity that lives
     /// on no point of it.
     fn outside(&mut self, output: &wfl::Output, line: &LineSample) {
-        let Some((from, to)) = &output.along else { return };
+        let Some((from, to)) = output.along.as_ref().filter(|_| self.parts.mesh.is_whole()) else { return };
         let span = from.span.to(to.span);
         let n = line.n_points();
         let found = line.found();
@@ -440,7 +447,7 @@ impl OutputMaker<'_> {
             return;
         }
         jumps::check(self.parts, &target.sig.name, &target.support.region(), &law.jumps, self.diagnostics);
-        let position = match pieces.iter().position(|(s, _)| *s == target.support) {
+        let position = match pieces.iter().position(|(s, _)| self.are_one(s, &target.support)) {
             Some(p) => p,
             None => match SampledPiece::new(
                 self.parts.mesh,
@@ -493,7 +500,7 @@ impl OutputMaker<'_> {
         let mut out = self.faces();
         for (name, region) in self.parts.regions {
             let Some(support) = facet_support(&region.set) else { continue };
-            if out.iter().all(|t| t.support != support) {
+            if !out.iter().any(|t| self.are_one(&t.support, &support)) {
                 out.push(self.target(name, region.set.clone(), support));
             }
         }

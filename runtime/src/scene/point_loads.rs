@@ -93,7 +93,9 @@ impl TermMaker<'_> {
             }
         }
         let place = |list: &[NodeId]| format!("{:?}", &self.parts.mesh.node(list[0])[..self.parts.mesh.dim()]);
-        if !missing.is_empty() {
+        // what a part of the mesh lacks is on other ranks
+        let is_whole = self.parts.mesh.is_whole();
+        if is_whole && !missing.is_empty() {
             let what = format!(
                 "`{}` has no node at {} of its {} nodes, the first at {}",
                 field.name,
@@ -103,7 +105,7 @@ impl TermMaker<'_> {
             );
             return Err((what, "nodes of a body alone: region tip = nodes of left where x == 0"));
         }
-        if !torn.is_empty() {
+        if is_whole && !torn.is_empty() {
             let what =
                 format!("`split` gives `{}` two nodes at {}: the load does not say which", field.name, place(&torn));
             return Err((what, faces));

@@ -53,7 +53,8 @@ impl OutputMaker<'_> {
                 }
             }
         }
-        for name in line.nowhere() {
+        let nowhere = if self.parts.mesh.is_whole() { line.nowhere() } else { Vec::new() };
+        for name in nowhere {
             let span = output.items.iter().find(|i| i.name == name).map_or(output.span, |i| i.span);
             let d = Diagnostic::new("E435", format!("`{name}` lives on none of the points of `{}`", output.file));
             self.diagnostics.push(d.at(span, "").at(output.at[0].span, "the first point"));

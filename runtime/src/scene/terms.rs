@@ -162,7 +162,7 @@ impl TermMaker<'_> {
             return;
         }
         let set = restricted(field, &region.set);
-        if set.is_empty() {
+        if self.parts.mesh.team().all(set.is_empty()) {
             let d = Diagnostic::new(
                 "E401",
                 format!("`load {}` meets no part of `{}`", target.field.name, target.field.name),
@@ -280,7 +280,7 @@ pub(super) fn domain(
     let Some(set) = set else { return Some(Arc::new(Domain::global(mesh))) };
     // only a field of a higher degree than those found is looked for there: scenes may have many fields
     let higher = |most: Option<usize>, f: &Field| {
-        let counts = most.is_none_or(|m| f.degree() > m) && !restricted(f, set).is_empty();
+        let counts = most.is_none_or(|m| f.degree() > m) && mesh.team().any(!restricted(f, set).is_empty());
         if counts { Some(f.degree()) } else { most }
     };
     let nodes = fields.iter().fold(None, higher).unwrap_or(1);

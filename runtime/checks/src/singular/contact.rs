@@ -7,6 +7,7 @@ use crate::Examined;
 use crate::LooseMotions;
 use wfl_contact::ContactTerm;
 use wfl_discrete::assemble::AssembledTerm;
+use wfl_discrete::assemble::Over;
 use wfl_discrete::system::{ActiveSet, Branches, Form, Tangent};
 use wfl_newton::Singular;
 
@@ -91,8 +92,7 @@ impl Examined<'_> {
     fn terms_without_force(&self) -> Vec<String> {
         let empty = |t: &&AssembledTerm| {
             let is_load = t.law.name.starts_with("load") && t.law.name.contains(" of ");
-            let is_global = t.integrator.domain.groups.iter().any(|g| g.is_global);
-            !t.on_cells() && !is_global && !is_load && t.law.tests.is_empty()
+            t.integrator.domain.over == Over::Facets && !is_load && t.law.tests.is_empty()
         };
         self.system.terms.iter().filter(empty).map(|t| format!("`{}`", t.law.name)).collect()
     }
@@ -134,8 +134,7 @@ impl Examined<'_> {
         let mut energies = Vec::new();
         for motion in &translations {
             tied.changing.multiply(motion, &mut met, 1);
-            self.system.team().sum(&mut met);
-            energies.push(motion.iter().zip(&met).map(|(a, b)| a * b).sum::<f64>());
+            energies.push(self.system.team().total(motion.iter().zip(&met).map(|(a, b)| a * b).sum()));
         }
         let largest = energies.iter().fold(0.0f64, |m, e| m.max(e.abs()));
         let drives = energies.iter().any(|e| *e < -NONE * largest);
@@ -195,6 +194,8 @@ impl Examined<'_> {
                 size += loads[d].abs();
             }
         }
+        self.system.team().sum(&mut force);
+        let size = self.system.team().total(size);
         let length = force.iter().fold(0.0f64, |m, f| m.hypot(*f));
         if length <= NONE * size || length == 0.0 {
             return None;
@@ -216,6 +217,7 @@ impl Examined<'_> {
                 closing += term.closing(&from[k], &to[k]);
             }
         }
+        let closing = self.system.team().total(closing);
         let unknown = own.iter().all(|k| self.system.fields[*k].kind == FieldKind::Unknown);
         (closing != 0.0 && unknown).then_some(closing > 0.0)
     }

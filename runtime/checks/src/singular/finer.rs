@@ -5,7 +5,7 @@ use std::sync::Arc;
 use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
 
 use crate::Examined;
-use wfl_discrete::assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots, tangent_kernel};
+use wfl_discrete::assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots, tangent_kernel};
 use wfl_discrete::system::System;
 use wfl_mesh::mesh::RegionSet;
 use wfl_mesh::quadrature::{rule, vertex};
@@ -27,12 +27,12 @@ impl Examined<'_> {
         let points = terms.iter().flat_map(|t| &t.integrator.domain.groups).map(|g| g.n_points()).max()?;
         for degree in 1..=2 * f.degree() + 2 {
             let finer: Option<Vec<AssembledTerm>> = terms.iter().map(|t| self.with_degree(t, degree)).collect();
-            let mut finer = finer?;
+            let finer = finer?;
             // a rule with fewer points may see this vector, and not see others
             if finer.iter().flat_map(|t| &t.integrator.domain.groups).any(|g| g.n_points() <= points) {
                 continue;
             }
-            if !self.has_energy(&mut finer, vector, u)? {
+            if !self.has_energy(&finer, vector, u)? {
                 continue;
             }
             let names: Vec<String> = terms.iter().map(|t| format!("`{}`", t.law.name)).collect();
@@ -57,34 +57,31 @@ impl Examined<'_> {
     }
 
     /// True if a motion from `u` meets forces.
-    fn has_energy(&self, terms: &mut [AssembledTerm], vector: &[f64], u: &[f64]) -> Option<bool> {
+    fn has_energy(&self, terms: &[AssembledTerm], vector: &[f64], u: &[f64]) -> Option<bool> {
         let (low, high) = self.system.mesh.bounds();
         let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
         let largest = vector.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let step = STEP * extent / largest;
         let mut moved = u.to_vec();
         self.system.numbering.advance(u, vector, step, &mut moved);
-        let previous = self.system.previous_slices();
         let (mut here, mut there) = (vec![0.0; u.len()], vec![0.0; u.len()]);
         let mut diagonal = vec![0.0; u.len()];
         for (state, out) in [(u, &mut here), (moved.as_slice(), &mut there)] {
-            let current = self.system.slices(state);
-            let values =
-                FieldValues { current: &current, previous: &previous, rates: self.system.known.rates.as_ref() };
-            for term in &mut *terms {
-                term.add_residual(&self.system.mesh, values, out).ok()?;
+            for term in terms {
+                self.system.residual_of(term, state, out).ok()?;
             }
         }
-        let current = self.system.slices(u);
-        let values = FieldValues { current: &current, previous: &previous, rates: self.system.known.rates.as_ref() };
+        let values = self.system.values(u);
         let known = self.system.terms.iter().filter(|t| t.on_cells() && t.law.class > Class::Constant);
-        known.for_each(|t| t.add_diagonal(&self.system.mesh, values, &mut diagonal));
+        known.for_each(|t| self.system.add_diagonal(t, values.view(), &mut diagonal));
+        // in the rows of this rank: those of others are zero
         let (mut energy, mut scale) = (0.0, 0.0);
         for d in 0..u.len() {
             let motion = moved[d] - u[d];
             energy += motion * (there[d] - here[d]);
             scale += motion * motion * diagonal[d].abs();
         }
+        let (energy, scale) = (self.system.team().total(energy), self.system.team().total(scale));
         Some(energy.abs() > SOME * scale)
     }
 }

@@ -261,6 +261,11 @@ impl Binding {
         Ok(binding)
     }
 
+    /// Number of fields and sides that are evaluated in a group, also where this rank has no entity of it.
+    pub(super) fn n_bases(&self) -> usize {
+        self.needs.orders.len()
+    }
+
     /// What evaluation has to make for a kernel that reads some of the inputs, and for the test and trial slots.
     pub(super) fn needs_of(&self, n_bases: usize, reads: impl Fn(usize) -> bool, tests: bool, trials: bool) -> Needs {
         let mut needs = Needs {

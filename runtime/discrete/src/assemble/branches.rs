@@ -11,7 +11,7 @@ pub struct BranchCounts {
     pub kinks: Vec<[usize; 3]>,
     /// A number that changes when any point changes its branch.
     pub fingerprint: u64,
-    /// By entity of the region: points on each branch of the contact kink, 16 bits each; empty without one.
+    /// By entity of the region that this rank has: points on each branch of the contact kink, 16 bits each; empty without one.
     pub(super) by_entity: Vec<u64>,
 }
 
@@ -29,10 +29,12 @@ impl BranchCounts {
         self.fingerprint = self.fingerprint.wrapping_add(other.fingerprint);
     }
 
-    /// From the points that this rank has counted to those of all ranks.
-    pub(super) fn of_all(&mut self, team: &Arc<dyn Team>) {
+    /// From the points that this rank has counted to those of all ranks; entities of a part of the mesh stay those of this
+    /// rank.
+    pub(super) fn of_all(&mut self, team: &Arc<dyn Team>, is_whole: bool) {
         let counts = self.kinks.iter().flatten().map(|n| *n as u64);
-        let mut words: Vec<u64> = counts.chain([self.fingerprint]).chain(self.by_entity.iter().copied()).collect();
+        let entities = if is_whole { self.by_entity.as_slice() } else { &[] };
+        let mut words: Vec<u64> = counts.chain([self.fingerprint]).chain(entities.iter().copied()).collect();
         team.sum_words(&mut words);
         let mut words = words.into_iter();
         for (count, word) in self.kinks.iter_mut().flatten().zip(&mut words) {

@@ -19,7 +19,7 @@ mod simd;
 mod strips;
 mod term;
 
-pub use crate::domain::{Domain, Group, GroupSide, entity_geometries};
+pub use crate::domain::{Domain, Group, GroupSide, Over, Places, entity_geometries};
 pub use binding::{Basis, Binding, GroupBinding, Input, LawSlots, Needs, SlotPlace};
 pub use branches::BranchCounts;
 pub use entries::tangent_kernel;

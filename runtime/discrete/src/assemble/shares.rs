@@ -12,6 +12,7 @@ use crate::{
     share::Share,
 };
 use wfl_compiler::ir::LANES;
+use wfl_mesh::mesh::Mesh;
 use wfl_sparse::index::NONE;
 
 /// A batch as one thread sees it.
@@ -21,8 +22,8 @@ pub(super) struct Duty {
     pub(super) batch: usize,
     /// All its rows belong to this thread of this rank.
     pub(super) all_rows: bool,
-    /// This thread counts its points; one thread of one rank does.
-    pub(super) counts: bool,
+    /// By entity of the batch, a bit each: this thread counts its points; one thread of one rank does.
+    pub(super) counts: u8,
 }
 
 /// The batches of each thread.
@@ -51,6 +52,7 @@ impl Shares {
 
     /// Shares for `n` threads of the rank that has `share`; without one all rows.
     pub(super) fn new(
+        mesh: &Mesh,
         domain: &Domain,
         binding: &Binding,
         touched: &Touched<'_>,
@@ -58,15 +60,15 @@ impl Shares {
         n: usize,
     ) -> Self {
         let is_own = |d: u32| share.is_none_or(|share| share.owns(d as usize));
-        // the rank of its first rows counts the points of a batch
-        let is_counted = |g: usize, b: usize| {
-            share.is_none_or(|share| {
-                touched.dofs(g, b).map(|d| share.owner(d as usize)).min().unwrap_or(0) == share.team().rank()
-            })
+        let counted = |g: usize, batch: usize| {
+            let group = &domain.groups[g];
+            let entities = (batch * LANES..group.entities.len()).take(LANES).enumerate();
+            let counts = entities.filter(|(_, k)| share.is_none() || group.is_counted(mesh, *k));
+            counts.fold(0, |bits, (lane, _)| bits | 1 << lane)
         };
         let all = (0..domain.groups.len()).flat_map(|g| (0..domain.groups[g].n_batches()).map(move |b| (g, b)));
         let batches: Vec<(usize, usize)> =
-            all.filter(|(g, b)| touched.dofs(*g, *b).any(is_own) || is_counted(*g, *b)).collect();
+            all.filter(|(g, b)| touched.dofs(*g, *b).any(is_own) || counted(*g, *b) != 0).collect();
         let home = homes(domain, binding, &batches, n);
         let size = touched.dofs.iter().flatten().filter(|d| **d != NONE).max().map_or(0, |d| *d as usize + 1);
         let mut owner = vec![NOBODY; size];
@@ -86,9 +88,10 @@ impl Shares {
             owners.extend(touched.dofs(group, batch).map(|d| owner[d as usize]));
             owners.sort_unstable();
             owners.dedup();
-            let counts = is_counted(group, batch);
+            let counts = counted(group, batch);
             for o in owners.iter().filter(|o| **o != NOBODY) {
-                let duty = Duty { group, batch, all_rows: owners.len() == 1, counts: counts && o == home };
+                let counts = if o == home { counts } else { 0 };
+                let duty = Duty { group, batch, all_rows: owners.len() == 1, counts };
                 duties[usize::from(*o)].push(duty);
             }
         }

@@ -24,7 +24,7 @@ use wfl_compiler::{
     types::FieldId,
 };
 
-use crate::domain::Domain;
+use crate::domain::{Domain, Over};
 use crate::{
     assemble::{
         binding::{Binding, GroupBinding, Needs},
@@ -42,6 +42,7 @@ use crate::{
     share::Share,
 };
 use summands::Summands;
+use wfl_host::team::{Alone, Team};
 use wfl_mesh::mesh::{Mesh, SupportSet};
 use wfl_sparse::{csr::Pattern, index::NONE};
 use work::{Kept, Located};
@@ -109,12 +110,6 @@ pub struct AssembledTerm {
     workspaces: Mutex<Vec<Workspace>>,
 }
 
-/// Whether the numbers of all ranks are finite: each of them then tells the same error.
-fn all_finite(finite: AtomicBool, share: Option<&Share>) -> bool {
-    let finite = finite.into_inner();
-    share.map_or(finite, |share| share.team().all(finite))
-}
-
 /// Dofs of a group, `[entity][local dof]`: node after node, its components one after the other. `starts` are the first
 /// dofs of the fields; a field without one is known and has none ([`NONE`]).
 fn local_dofs(binding: &GroupBinding, n_entities: usize, starts: &[Option<usize>]) -> Vec<u32> {
@@ -153,7 +148,7 @@ impl AssembledTerm {
         let dofs = groups.map(|(binding, group)| local_dofs(binding, group.entities.len(), starts)).collect();
         let binding = &integrator.binding;
         let entries = Entries::new(&law);
-        let n_bases = binding.groups.first().map_or(0, |g| g.bases.len());
+        let n_bases = binding.n_bases();
         let kernel = law.residual.kernel();
         let read = inputs_behind(kernel, &kernel.outputs);
         let residual_needs = binding.needs_of(n_bases, |k| read[k], true, false);
@@ -212,16 +207,16 @@ impl AssembledTerm {
     /// True if it is integrated over cells.
     #[must_use]
     pub fn on_cells(&self) -> bool {
-        self.integrator.domain.groups.iter().all(|g| g.tangents.is_none() && !g.is_global)
+        self.integrator.domain.over == Over::Cells
     }
 
-    /// Adds the diagonal of the tangent, by dof.
-    pub fn add_diagonal(&self, mesh: &Mesh, values: FieldValues<'_>, diagonal: &mut [f64]) {
+    /// Adds the diagonal of the tangent, by dof, in the rows of this rank.
+    pub fn add_own_diagonal(&self, mesh: &Mesh, values: FieldValues<'_>, diagonal: &mut [f64], share: Option<&Share>) {
         if self.entries.list.is_empty() {
             return;
         }
         let diagonal = shared(diagonal);
-        self.share_out(None, |workspace, duties, owns| {
+        self.share_out(mesh, share, |workspace, duties, owns| {
             for duty in duties {
                 self.local_tangents(mesh, values, workspace, duty);
                 let n = self.integrator.binding.groups[duty.group].n_dofs();
@@ -352,44 +347,38 @@ impl AssembledTerm {
         let total = Mutex::new(&mut *branches);
         let finite = AtomicBool::new(true);
         let out = shared(out);
-        self.share_out(share, |workspace, duties, owns| {
+        self.share_out(mesh, share, |workspace, duties, owns| {
             let mut branches = std::mem::take(&mut workspace.branches);
             branches.clear(self.law.kinks.len());
             for duty in duties {
                 if !self.residual_of(mesh, values, workspace, duty, out, &owns) {
                     finite.store(false, Ordering::Relaxed);
                 }
-                if duty.counts {
-                    self.count(workspace, duty, &mut branches, states);
-                }
+                self.count(mesh, workspace, duty, &mut branches, states);
             }
             total.lock().unwrap_or_else(PoisonError::into_inner).add(&branches);
             workspace.branches = branches;
         });
         branches.by_entity = by_entity;
         if let Some(share) = share.filter(|_| !self.law.kinks.is_empty()) {
-            branches.of_all(share.team());
+            branches.of_all(share.team(), mesh.is_whole());
         }
-        self.result(all_finite(finite, share), mesh, values, &self.law.residual)
+        self.result(finite.into_inner(), mesh, values, (&self.law.residual, share))
     }
 
+    /// The error, if a number is not finite: of several ranks that of the first one that has such a number, the same on all.
     fn result(
         &self,
         finite: bool,
         mesh: &Mesh,
         values: FieldValues<'_>,
-        kernel: &VerifiedKernel,
+        on: (&VerifiedKernel, Option<&Share>),
     ) -> Result<(), TermError> {
-        if finite {
-            return Ok(());
-        }
-        let place = self.find_non_finite(mesh, values, kernel).unwrap_or_else(|| NonFinitePlace {
-            cause: None,
-            term: self.law.name.clone(),
-            entity: 0,
-            point: 0,
-            position: [0.0; 3],
-        });
+        let (kernel, share) = on;
+        let team: &dyn Team = share.map_or(&Alone, |share| &**share.team());
+        let Some(rank) = team.first(!finite) else { return Ok(()) };
+        let own = if rank == team.rank() { self.find_non_finite(mesh, values, kernel) } else { None };
+        let place = self.non_finite_at(own.unwrap_or_default().told(team, rank), kernel);
         Err(TermError::NonFinite(Box::new(place)))
     }
 
@@ -457,7 +446,7 @@ impl AssembledTerm {
         }
         let located = self.located.as_ref().expect("a pattern before the tangent");
         let share = located.share.as_deref();
-        let (shares, rows, halves) = self.shared_rows(located, is_new);
+        let (shares, rows, halves) = self.shared_rows(mesh, located, is_new);
         let finite = AtomicBool::new(true);
         rows.share_out(matrix, |me, own| {
             let clear = |duty: usize, own: &mut Own<'_, '_>| {
@@ -484,7 +473,7 @@ impl AssembledTerm {
             });
             clear(shares.duties[me].len(), own);
         });
-        self.result(all_finite(finite, share), mesh, values, &self.law.tangent)
+        self.result(finite.into_inner(), mesh, values, (&self.law.tangent, share))
     }
 
     /// Computes the local tangents of a batch. False if a number is not finite.
@@ -515,13 +504,22 @@ impl AssembledTerm {
     }
 
     /// Counts the branches of a batch; their codes are the last outputs of the residual.
-    fn count(&self, workspace: &Workspace, duty: &Duty, branches: &mut BranchCounts, by_entity: &[AtomicU64]) {
+    fn count(
+        &self,
+        mesh: &Mesh,
+        workspace: &Workspace,
+        duty: &Duty,
+        branches: &mut BranchCounts,
+        by_entity: &[AtomicU64],
+    ) {
         let n_out = self.law.residual.kernel().outputs.len();
         let first = self.law.tests.len();
         let group = &self.integrator.domain.groups[duty.group];
         let contact = self.contact_kink();
-        for (lane, entity) in self.entities(duty).enumerate() {
+        for (lane, entity) in self.entities(duty).enumerate().filter(|(lane, _)| duty.counts >> lane & 1 == 1) {
             let place = group.entities[entity];
+            // a name that no entity of another rank has
+            let name = if mesh.is_whole() { place } else { group.name(mesh, entity) };
             let mut state = 0u64;
             for q in 0..group.n_points() {
                 for (k, counts) in branches.kinks.iter_mut().enumerate() {
@@ -531,7 +529,7 @@ impl AssembledTerm {
                     if contact == Some(k) {
                         state += 1 << (16 * code);
                     }
-                    branches.fingerprint = branches.fingerprint.wrapping_add(mixed(place, q, k, code));
+                    branches.fingerprint = branches.fingerprint.wrapping_add(mixed(name, q, k, code));
                 }
             }
             if contact.is_some() {

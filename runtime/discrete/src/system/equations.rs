@@ -42,7 +42,7 @@ impl System {
         changes
     }
 
-    /// By dof what the residual `here` at `u` is relative to in fields with single equations: the sum of the magnitudes
+    /// By dof, in the rows of this rank, what the residual `here` at `u` is relative to in fields with single equations: the sum of the magnitudes
     /// of what is summed. Of other fields what cancels in the smooth terms that are not linear, such as a friction of 30
     /// that a load of 30 balances: rounding of it is left. Empty without fields of the first kind, and then nothing is
     /// evaluated.
@@ -60,15 +60,17 @@ impl System {
                 term.add_own_summands(&self.mesh, values.view(), &mut out, self.share.as_deref());
             }
         }
-        self.team().sum(&mut out);
         self.numbering.turn_sizes(&mut out);
-        for range in (0..single.len()).filter(|k| single[*k]).filter_map(|k| self.range(k)) {
-            out[range.clone()]
-                .iter_mut()
-                .zip(&here.linear_sizes[range.clone()])
-                .for_each(|(sum, linear)| *sum += linear);
-            let least = LEAST * largest(range.clone().map(|d| out[d]));
-            out[range].iter_mut().for_each(|size| *size = size.max(least));
+        let ranges: Vec<_> = (0..single.len()).filter(|k| single[*k]).filter_map(|k| self.range(k)).collect();
+        for d in ranges.iter().cloned().flatten() {
+            out[d] += here.linear_sizes[d];
+        }
+        let mut most: Vec<f64> = ranges.iter().map(|range| largest(range.clone().map(|d| out[d]))).collect();
+        self.team().max(&mut most);
+        for (range, most) in ranges.into_iter().zip(most) {
+            for d in range.filter(|d| self.owns(*d)) {
+                out[d] = out[d].max(LEAST * most);
+            }
         }
         out
     }

@@ -41,7 +41,8 @@ pub struct Form<'a> {
     pub branches: Branches<'a>,
     /// How linear terms are evaluated; both ways give the same but for rounding.
     pub linear: LinearTerms,
-    /// By dof, in the axes of the scene and the unit of the residual: a constant that is added. Empty for none.
+    /// By dof, in the axes of the scene and the unit of the residual, in the rows of this rank: a constant that is added.
+    /// Empty for none.
     pub offset: &'a [f64],
 }
 

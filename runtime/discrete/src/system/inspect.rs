@@ -3,8 +3,9 @@
 use wfl_compiler::types::FieldKind;
 
 use super::System;
-use crate::assemble::TermError;
+use crate::assemble::{AssembledTerm, TermError};
 use crate::finite::{BadState, largest as largest_of};
+use crate::share::NumbersOfWhole;
 
 impl System {
     /// The first of the fields whose values have the unit and size of those of `field`: displacements of bodies that
@@ -24,8 +25,13 @@ impl System {
             let values = kind.filter_map(|f| self.range(f)).flat_map(|r| w[r].iter());
             largest_of(values.copied())
         };
-        let sizes = (0..self.fields.len()).filter(unknown).map(|k| (k, largest(u, k)));
-        sizes.filter(|(_, size)| *size > 0.0).map(|(k, size)| (k, largest(v, k) / size)).collect()
+        let of = |w: &[f64]| {
+            let mut sizes: Vec<f64> = (0..self.fields.len()).filter(unknown).map(|k| largest(w, k)).collect();
+            self.team().max(&mut sizes);
+            sizes
+        };
+        let sizes = (0..self.fields.len()).filter(unknown).zip(of(u).into_iter().zip(of(v)));
+        sizes.filter(|(_, (of_u, _))| *of_u > 0.0).map(|(k, (of_u, of_v))| (k, of_v / of_u)).collect()
     }
 
     /// Refuses numbers by dof that are not finite, of the state `u`.
@@ -33,16 +39,21 @@ impl System {
     /// # Errors
     /// [`TermError::State`] with the first of them; `what` says what they are.
     pub fn check_finite(&self, what: &'static str, numbers: &[f64], u: &[f64]) -> Result<(), TermError> {
-        let Some(dof) = numbers.iter().position(|x| !x.is_finite()) else { return Ok(()) };
-        let (field, node, _) = self.numbering.describe(&self.fields, dof);
-        let f = &self.fields[field];
-        Err(TermError::State(Box::new(BadState {
-            what,
-            field: f.name.clone(),
-            value: numbers[dof],
-            position: f.node_position(node),
-            largest: largest_of(u.iter().copied()),
-        })))
+        let (team, bad) = (self.team(), numbers.iter().position(|x| !x.is_finite()));
+        let Some(rank) = team.first(bad.is_some()) else { return Ok(()) };
+        #[expect(clippy::cast_precision_loss, reason = "a number of a field")]
+        let told = |dof: usize| {
+            let (field, node, _) = self.numbering.describe(&self.fields, dof);
+            let [x, y, z] = self.fields[field].node_position(node);
+            vec![field as f64, numbers[dof], x, y, z]
+        };
+        let own = bad.filter(|_| rank == team.rank()).map_or_else(Vec::new, told);
+        let found = team.numbers_of(rank, &own);
+        let [field, value, x, y, z] = found.as_slice() else { unreachable!("five numbers of one rank") };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of a field")]
+        let field = self.fields[*field as usize].name.clone();
+        let largest = team.largest(largest_of(u.iter().copied()));
+        Err(TermError::State(Box::new(BadState { what, field, value: *value, position: [*x, *y, *z], largest })))
     }
 
     /// The unknown field that a dof belongs to.
@@ -51,17 +62,36 @@ impl System {
         self.numbering.describe(&self.fields, dof).0
     }
 
-    /// By dof: the residual of what does not depend on the unknowns at this step; loads with the other sign.
+    /// By dof, in the rows of this rank: the residual of what does not depend on the unknowns at this step; loads with the
+    /// other sign.
     #[must_use]
     pub fn constant_residual(&self) -> &[f64] {
         &self.constant
     }
 
-    /// Adds the residual of one term at `u` to `out`, by dof.
+    /// Adds the rows of this rank of the residual of one term at `u` to `out`, by dof.
     ///
     /// # Errors
     /// [`TermError`] with its place.
     pub fn term_residual(&self, term: usize, u: &[f64], out: &mut [f64]) -> Result<(), TermError> {
-        self.terms[term].add_residual(&self.mesh, self.values(u).view(), out).map(|_| ())
+        self.residual_of(&self.terms[term], u, out)
+    }
+
+    /// The same of a term that need not be one of the system.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub fn residual_of(&self, term: &AssembledTerm, u: &[f64], out: &mut [f64]) -> Result<(), TermError> {
+        self.add_own(term, self.values(u).view(), out).map(drop)
+    }
+
+    /// What all ranks call a dof.
+    #[must_use]
+    pub fn dof_number(&self, dof: usize) -> u64 {
+        if self.mesh.is_whole() {
+            dof as u64
+        } else {
+            NumbersOfWhole::new(&self.fields, &self.numbering).of(dof) as u64
+        }
     }
 }

@@ -146,10 +146,6 @@ impl System {
         Ok(Arc::new(own.pattern().union(&builder.build()?)?))
     }
 
-    fn owns(&self, dof: usize) -> bool {
-        self.share.as_ref().is_none_or(|share| share.owns(dof))
-    }
-
     /// Takes the mass from some nodes, from now on.
     pub fn redistribute(&mut self, redistribution: Redistribution) {
         self.redistribution = Some(Arc::new(redistribution));
@@ -175,26 +171,21 @@ impl System {
         }
     }
 
-    /// Adds the forces of the difference of masses at accelerations by dof, in the axes of the scene: all rows, on every
-    /// rank, as [`Self::term_residual`].
+    /// Adds the forces of the difference of masses at accelerations by dof, in the axes of the scene: the rows of this rank.
     pub fn add_redistributed(&self, accelerations: &[f64], out: &mut [f64]) {
-        self.add_rows_of_difference(accelerations, out, |_| true);
-    }
-
-    fn add_rows_of_difference(&self, accelerations: &[f64], out: &mut [f64], wanted: impl Fn(usize) -> bool) {
         let Some(redistribution) = &self.redistribution else { return };
         let difference = &redistribution.difference;
-        for (row, out) in out.iter_mut().enumerate().filter(|(row, _)| wanted(*row)) {
+        for (row, out) in out.iter_mut().enumerate().filter(|(row, _)| self.owns(*row)) {
             let (columns, values) = difference.row(row);
             *out += columns.iter().zip(values).map(|(c, v)| v * accelerations[*c as usize]).sum::<f64>();
         }
     }
 
-    /// The same at the accelerations that the unknowns `u` have in the present step: the rows of this rank.
+    /// The same at the accelerations that the unknowns `u` have in the present step.
     pub(super) fn add_redistributed_at(&self, u: &[f64], out: &mut [f64]) {
         let (Some(_), Some(rates), Some(past)) = (&self.redistribution, &self.known.rates, &self.known.previous) else {
             return;
         };
-        self.add_rows_of_difference(&rates.second(u, &past.unknowns), out, |row| self.owns(row));
+        self.add_redistributed(&rates.second(u, &past.unknowns), out);
     }
 }

@@ -19,6 +19,8 @@ pub struct Numbering {
     pub free_dofs: Vec<u32>,
     /// Nodes whose equations are written in frames of their own.
     pub frames: Frames,
+    /// Where this rank has a part of the mesh alone: by dof its free number among those of all ranks, or [`FIXED`].
+    pub free_of_whole: Option<Vec<u32>>,
     /// Dofs that follow others.
     ties: Vec<Tie>,
 }

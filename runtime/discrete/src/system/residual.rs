@@ -6,7 +6,8 @@ use super::{ActiveSet, Branches, Form, LinearTerms, System};
 use crate::assemble::{BranchCounts, TermError};
 use crate::finite::largest;
 
-/// A residual by dof, fixed ones included (their entries are reactions), in local frames where there are some.
+/// A residual by dof, fixed ones included (their entries are reactions), in local frames where there are some. Of several
+/// ranks each has its rows.
 #[derive(Clone, Debug, Default)]
 pub struct Residual {
     /// Of the equations that were asked for.
@@ -42,17 +43,12 @@ impl System {
             *slot += offset;
             *size += offset.abs();
         }
-        // each rank adds to its rows
-        self.keep_own(&mut out);
-        self.keep_own(&mut sum.linear_sizes);
         self.add_linear(u, form, &mut out, &mut sum)?;
         sum.branches.resize_with(self.terms.len(), BranchCounts::default);
         if !self.is_linear() {
             self.add_changing(u, &mut out, &mut sum)?;
         }
-        let team = self.team();
-        [&mut out, &mut sum.linear_sizes, &mut sum.without_frozen].into_iter().for_each(|part| team.sum(part));
-        team.max(&mut sum.forces);
+        self.team().max(&mut sum.forces);
         self.numbering.turn(&mut out);
         self.numbering.turn_sizes(&mut sum.linear_sizes);
         self.check_finite("residual", &out, u)?;
@@ -74,7 +70,6 @@ impl System {
         let values = self.values(u);
         let branches = self.terms.iter().map(|term| self.add_own(term, values.view(), &mut out));
         let branches = branches.collect::<Result<Vec<_>, _>>()?;
-        self.team().sum(&mut out);
         self.numbering.turn(&mut out);
         self.check_finite("residual", &out, u)?;
         Ok((out, branches))
@@ -90,18 +85,16 @@ impl System {
             return Ok(here.values.clone());
         }
         let mut out = here.without_frozen.clone();
-        self.keep_own(&mut out);
         let values = self.values_with(u, active);
         for frozen in &self.frozen {
             self.add_own(&frozen.form, values.view(), &mut out)?;
         }
-        self.team().sum(&mut out);
         self.numbering.turn(&mut out);
         Ok(out)
     }
 
     /// Adds the linear terms at `u` to `out`, which holds what affine ones give at `base` (by dof, in the axes of the scene,
-    /// the rows of this rank).
+    /// in the rows of this rank).
     fn add_linear(&self, u: &[f64], form: &Form<'_>, out: &mut [f64], sum: &mut Residual) -> Result<(), TermError> {
         let (mut part, mut sizes) = (vec![0.0; out.len()], vec![0.0; out.len()]);
         let add = |sum: &mut Residual, sizes: &[f64]| {
@@ -129,7 +122,6 @@ impl System {
         // the terms bring their constants with them
         out.fill(0.0);
         out.iter_mut().zip(form.offset).for_each(|(slot, s)| *slot = *s);
-        self.keep_own(out);
         let values = self.values(u);
         for term in self.terms.iter().filter(|t| t.law.class <= Class::Linear) {
             self.add_own(term, values.view(), out)?;
@@ -166,7 +158,9 @@ impl System {
         }
     }
 
-    pub(super) fn largest_by_field(&self, v: &[f64]) -> Vec<f64> {
+    /// By field the largest of numbers by dof that this rank has; zero for fields that are not solved for.
+    #[must_use]
+    pub fn largest_by_field(&self, v: &[f64]) -> Vec<f64> {
         let by_field = |k: usize| self.range(k).map_or(0.0, |r| largest(v[r].iter().copied()));
         (0..self.fields.len()).map(by_field).collect()
     }

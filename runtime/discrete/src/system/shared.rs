@@ -1,8 +1,8 @@
-//! One system on several ranks: each assembles its rows, and all have every number by dof.
+//! One system on several ranks: each assembles its rows.
 //!
-//! Vectors are whole on every rank, with the bits of a run on one rank alone, so what is decided from them is decided
-//! alike everywhere. Matrices have the rows of their rank. What assembles is made by all ranks together: residuals,
-//! tangents, the beginning of a step; a term by itself ([`System::term_residual`]) is not.
+//! Vectors of equations and matrices have the rows of their rank; vectors of states have copies of what other ranks own
+//! ([`crate::share`]). What is decided follows from numbers that all ranks have agreed on: largest ones, sums. What
+//! assembles is made by all ranks together: residuals, tangents, the beginning of a step.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use wfl_host::team::{Alone, Team};
 use wfl_sparse::csr::{Csr, CsrError};
 use wfl_sparse::solve::RowOwners;
 
-use super::System;
+use super::{FIXED, System};
 use crate::{
     assemble::{AssembledTerm, BranchCounts, FieldValues, TermError},
     share::Share,
@@ -25,12 +25,42 @@ impl System {
         if team.is_alone() {
             return Ok(());
         }
-        self.n_changing = Some(self.n_changing_dofs());
-        self.share = Some(Arc::new(Share::new(team, &self.fields, &self.numbering)));
+        if self.mesh.part().is_none() {
+            self.mesh.share(team);
+            self.share_again();
+            return self.locate();
+        }
+        Ok(())
+    }
+
+    /// Shares the dofs out as the nodes of the mesh are, where several ranks have them.
+    pub(super) fn share_again(&mut self) {
+        let Some(part) = self.mesh.part() else { return };
+        self.share = Some(Arc::new(Share::new(&self.mesh, part, &self.fields, &self.numbering)));
         for term in self.terms.iter_mut().chain(self.frozen.iter_mut().map(|f| &mut f.form)) {
             term.forget_share();
         }
-        self.locate()
+    }
+
+    /// Gives a vector by dof that is right in the rows of this rank the numbers of the other ranks at copies.
+    pub fn update_copies(&self, values: &mut [f64]) {
+        if let Some(share) = &self.share {
+            share.update(values);
+        }
+    }
+
+    /// Whether this rank has the row of a dof.
+    #[inline]
+    #[must_use]
+    pub fn owns(&self, dof: usize) -> bool {
+        self.share.as_ref().is_none_or(|share| share.owns(dof))
+    }
+
+    /// The sum of products over all dofs, of the rows of all ranks.
+    #[must_use]
+    pub fn dot(&self, a: &[f64], b: &[f64]) -> f64 {
+        let own = a.iter().zip(b).enumerate().filter(|(d, _)| self.owns(*d)).map(|(_, (a, b))| a * b);
+        self.team().total(own.sum())
     }
 
     /// The ranks that assemble.
@@ -45,7 +75,17 @@ impl System {
         let share = self.share.as_ref()?;
         let of = |dof: &u32| u16::try_from(share.owner(*dof as usize)).expect("fewer than 2^16 ranks");
         let of_row = self.numbering.free_dofs.iter().map(of).collect();
-        Some(RowOwners { team: Arc::clone(share.team()), of_row })
+        let free = |dof: u32| Some(self.numbering.free[dof as usize]).filter(|row| *row != FIXED);
+        Some(RowOwners {
+            team: Arc::clone(share.team()),
+            of_row,
+            halo: share.halo().renumbered(free),
+            numbers: self
+                .numbering
+                .free_of_whole
+                .as_ref()
+                .map(|whole| self.numbering.free_dofs.iter().map(|dof| u64::from(whole[*dof as usize])).collect()),
+        })
     }
 
     /// A matrix with the rows of all ranks, made by all together: for looking at it, where it is small.
@@ -66,10 +106,8 @@ impl System {
         term.add_own_residual(&self.mesh, values, out, self.share.as_deref())
     }
 
-    /// Clears what other ranks add to numbers by dof.
-    pub(super) fn keep_own(&self, values: &mut [f64]) {
-        if let Some(share) = &self.share {
-            share.keep_own(values);
-        }
+    /// Adds the rows of this rank of the diagonal of the tangent of a term, by dof.
+    pub fn add_diagonal(&self, term: &AssembledTerm, values: FieldValues<'_>, diagonal: &mut [f64]) {
+        term.add_own_diagonal(&self.mesh, values, diagonal, self.share.as_deref());
     }
 }

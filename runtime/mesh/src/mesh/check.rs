@@ -41,6 +41,15 @@ impl Mesh {
         Ok(mesh)
     }
 
+    /// Takes over cells of a mesh that was checked.
+    pub(super) fn checked_before(raw: RawMesh) -> Mesh {
+        let mut starts = vec![0];
+        for kind in &raw.kinds {
+            starts.push(starts[starts.len() - 1] + n_nodes(*kind, raw.order));
+        }
+        Mesh::assemble(raw, starts)
+    }
+
     /// Checks a refined mesh and takes it over: `warnings` are those of the mesh it was made of, whose nodes it has.
     pub(crate) fn from_refined(raw: RawMesh, warnings: MeshWarnings) -> Result<Mesh, MeshError> {
         let starts = structure(&raw)?;

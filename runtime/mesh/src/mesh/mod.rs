@@ -11,6 +11,7 @@ mod index;
 mod locate;
 mod map_order;
 mod pair;
+mod part;
 mod points;
 mod quality;
 mod raw;
@@ -27,6 +28,7 @@ pub use index::{CellId, EdgeId, FacetId, FacetRef, InterfaceFacet, NodeId};
 pub use locate::{CellFinder, FacetFinder, Image};
 pub(crate) use pair::coincident_nodes;
 pub use pair::{neighbour_points, orientation};
+pub use part::{MeshPart, Part, PlacesInPart};
 pub use quality::{QualitySummary, cell_volumes, element_sizes, facet_heights, facet_measures, summary};
 pub use raw::{FileNumbers, Group, GroupEntities, GroupFacet, RawMesh};
 pub(crate) use raw::{cell_bytes, node_bytes};
@@ -37,7 +39,7 @@ pub use region::{
 pub use sheet::{Sheet, SheetError, both_sides, front_nodes, oriented_sheets, sheets_of};
 pub use topology::{EdgeTable, Facet, Topology};
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use crate::{
     element::{Element, Family, Table},
@@ -71,6 +73,8 @@ pub struct Mesh {
     geometry: Vec<KindGeometry>,
     /// Degree of the map of every cell, once somebody has asked.
     map_orders: OnceLock<Vec<u8>>,
+    /// Who owns its nodes; `None` where one rank has all.
+    part: Option<Arc<Part>>,
 }
 
 impl Mesh {
@@ -113,6 +117,7 @@ impl Mesh {
             warnings: MeshWarnings::default(),
             geometry,
             map_orders: OnceLock::new(),
+            part: None,
         }
     }
 
@@ -332,9 +337,12 @@ impl Mesh {
         largest
     }
 
-    /// Bounds of the used nodes: lowest and highest coordinates.
+    /// Bounds of the used nodes: lowest and highest coordinates; of the whole mesh where this rank has a part of it.
     #[must_use]
     pub fn bounds(&self) -> ([f64; 3], [f64; 3]) {
+        if let Some([low, high]) = self.bounds_of_whole() {
+            return (low, high);
+        }
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
         for node in &self.connectivity {

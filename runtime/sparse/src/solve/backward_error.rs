@@ -4,7 +4,10 @@
 //! counts as singular when a vector v is found with `‖S A v‖ < 64 ε ‖S⁻¹ v‖` (maximum norms), where S scales A to a
 //! unit diagonal: no digit of that pivot is left in double precision. The same must hold where rows and columns are scaled
 //! each for itself: equations of unlike units (friction and a state variable) leave small products in one scale and none
-//! in the other. Does not know how systems are solved: a solver is a function that overwrites a vector.
+//! in the other. Does not know how systems are solved: a solver is a function that overwrites a vector, of several ranks
+//! one of equations ([`RowOwners`]) by one of unknowns.
+
+use wfl_host::team::{Alone, Team};
 
 use super::row_owners::RowOwners;
 use super::scaling::{equilibration, symmetric_scale};
@@ -81,6 +84,16 @@ impl BackwardErrorCheck {
         self.owners.as_ref().and_then(|owners| matrix.of_all(&*owners.team).ok())
     }
 
+    /// The ranks.
+    fn team(&self) -> &dyn Team {
+        self.owners.as_ref().map_or(&Alone, |owners| &*owners.team)
+    }
+
+    /// The largest size of numbers by row, of all ranks.
+    fn largest(&self, values: impl IntoIterator<Item = f64>) -> f64 {
+        self.team().largest(largest(values))
+    }
+
     /// Which rank has which rows, where there are several.
     pub(super) fn owners(&self) -> Option<&RowOwners> {
         self.owners.as_ref()
@@ -91,19 +104,9 @@ impl BackwardErrorCheck {
         self.norm
     }
 
-    /// Makes numbers whole that were computed with the rows of this rank.
-    fn gather(&self, values: &mut [f64]) {
-        if let Some(owners) = &self.owners {
-            owners.gather(values);
-        }
-    }
-
     /// `r = b - A x` in double-double, kept in `self.residual`.
     fn residual_of(&mut self, parts: &[&Csr], b: &[f64], x: &[f64]) {
-        let mut residual = std::mem::take(&mut self.residual);
-        residual_compensated(parts, b, x, &mut residual, self.options.threads);
-        self.gather(&mut residual);
-        self.residual = residual;
+        residual_compensated(parts, b, x, &mut self.residual, self.options.threads);
     }
 
     pub(super) fn options(&self) -> &SolverOptions {
@@ -140,19 +143,27 @@ impl BackwardErrorCheck {
             add(&absolute_sums(part), &mut (0..part.n_rows()).map(|dof| part.get(dof, dof)));
         }
         if let Some(owners) = &self.owners {
-            owners.gather(&mut self.row_sums);
-            owners.gather(&mut diagonal);
+            owners.update(&mut diagonal);
         }
-        if let Some(row) = self.row_sums.iter().position(|sum| !sum.is_finite()) {
+        let infinite = self.row_sums.iter().position(|sum| !sum.is_finite());
+        if self.team().any(infinite.is_some()) {
             let mut places = parts.iter().filter_map(|part| part.first_non_finite());
-            let (row, column) = places.next().unwrap_or((row, row));
+            let (row, column) = places.next().unwrap_or_else(|| infinite.map_or((0, 0), |row| (row, row)));
             return Err(SolveError::NonFiniteMatrix { row, column });
         }
-        self.norm = self.row_sums.iter().copied().fold(0.0, f64::max);
-        if let Some(dof) = self.row_sums.iter().position(|&sum| sum == 0.0) {
+        self.norm = self.largest(self.row_sums.iter().copied());
+        let is_own = |row: usize| self.owners.as_ref().is_none_or(|owners| owners.owns(row));
+        let empty = (0..self.row_sums.len()).find(|row| self.row_sums[*row] == 0.0 && is_own(*row));
+        if let Some(rank) = self.team().first(empty.is_some()) {
             let mut values = vec![0.0; self.row_sums.len()];
-            values[dof] = 1.0;
-            return Err(SolveError::Singular { dof, ratio: 0.0, mode: NullVector::new(values) });
+            if let Some(row) = empty.filter(|_| rank == self.team().rank()) {
+                values[row] = 1.0;
+            }
+            if let Some(owners) = &self.owners {
+                owners.update(&mut values);
+            }
+            let mode = NullVector::new(values);
+            return Err(SolveError::Singular { dof: mode.largest().unwrap_or(0), ratio: 0.0, mode });
         }
         self.scale = symmetric_scale(parts, &diagonal, self.owners.as_ref());
         Ok(())
@@ -166,9 +177,10 @@ impl BackwardErrorCheck {
                 return Err(SolveError::Shape { what, expected: n, found });
             }
         }
-        match rhs.iter().position(|value| !value.is_finite()) {
-            Some(dof) => Err(SolveError::NonFiniteRightHandSide { dof }),
-            None => Ok(()),
+        let bad = rhs.iter().position(|value| !value.is_finite());
+        match self.team().any(bad.is_some()) {
+            true => Err(SolveError::NonFiniteRightHandSide { dof: bad.unwrap_or(0) }),
+            false => Ok(()),
         }
     }
 
@@ -186,7 +198,7 @@ impl BackwardErrorCheck {
         tolerance: f64,
     ) -> Result<SolveReport, SolveError> {
         x.copy_from_slice(rhs);
-        if rhs.iter().all(|&value| value == 0.0) {
+        if self.team().all(rhs.iter().all(|&value| value == 0.0)) {
             return Ok(SolveReport::default());
         }
         solver(x);
@@ -265,41 +277,45 @@ impl BackwardErrorCheck {
 
     /// Backward errors; infinite for a solution that is not finite. Leaves the residual in `self.residual`.
     fn measure(&mut self, parts: &[&Csr], rhs: &[f64], x: &[f64]) -> Measure {
-        if x.iter().any(|value| !value.is_finite()) {
+        if self.team().any(x.iter().any(|value| !value.is_finite())) {
             return Measure { relative: f64::INFINITY, componentwise: f64::INFINITY, left: f64::INFINITY };
         }
         let threads = self.options.threads;
         residual_and_size(parts, rhs, x, &mut self.residual, &mut self.magnitude, threads);
-        if let Some(owners) = &self.owners {
-            owners.gather(&mut self.residual);
-            owners.gather(&mut self.magnitude);
-        }
-        // a product that is no number is no small residual
-        let scaled_residual = largest(self.residual.iter().zip(&self.scale).map(|(r, s)| r * s));
-        let scaled_size = largest(self.magnitude.iter().zip(&self.scale).map(|(m, s)| m * s));
-        let plain_residual = largest(self.residual.iter().copied());
-        let plain_size = self.norm * largest(x.iter().copied()) + largest(rhs.iter().copied());
         let quotient = |residual: f64, size: f64| if residual == 0.0 { 0.0 } else { residual / size };
+        // a product that is no number is no small residual
+        let mut sizes = [
+            largest(self.residual.iter().zip(&self.scale).map(|(r, s)| r * s)),
+            largest(self.magnitude.iter().zip(&self.scale).map(|(m, s)| m * s)),
+            largest(self.residual.iter().copied()),
+            largest(x.iter().copied()),
+            largest(rhs.iter().copied()),
+            largest(self.residual.iter().zip(&self.magnitude).map(|(r, m)| quotient(r.abs(), *m))),
+        ];
+        self.team().max(&mut sizes);
+        let [scaled_residual, scaled_size, plain_residual, of_x, of_rhs, componentwise] = sizes;
+        let plain_size = self.norm * of_x + of_rhs;
         Measure {
             relative: largest([quotient(scaled_residual, scaled_size), quotient(plain_residual, plain_size)]),
             left: quotient(self.scaled_norm(&self.residual), self.scaled_norm(rhs)),
-            componentwise: largest(self.residual.iter().zip(&self.magnitude).map(|(r, m)| quotient(r.abs(), *m))),
+            componentwise,
         }
     }
 
     /// 2-norm of a vector of equations in units of their scale.
     pub(super) fn scaled_norm(&self, b: &[f64]) -> f64 {
-        b.iter().zip(&self.scale).map(|(value, scale)| (value * scale) * (value * scale)).sum::<f64>().sqrt()
+        let own = b.iter().zip(&self.scale).map(|(value, scale)| (value * scale) * (value * scale)).sum::<f64>();
+        self.team().total(own).sqrt()
     }
 
     /// Largest component of a vector of unknowns in units of their scale.
     fn scaled_size(&self, x: &[f64]) -> f64 {
-        largest(x.iter().zip(&self.scale).map(|(value, scale)| value / scale))
+        self.largest(x.iter().zip(&self.scale).map(|(value, scale)| value / scale))
     }
 
     /// Whether a solution is so large that the null space must be looked at.
     pub(super) fn has_grown(&self, rhs: &[f64], x: &[f64]) -> bool {
-        let loads = rhs.iter().zip(&self.scale).map(|(value, scale)| (value * scale).abs()).fold(0.0, f64::max);
+        let loads = self.largest(rhs.iter().zip(&self.scale).map(|(value, scale)| value * scale));
         let size = self.scaled_size(x);
         size.is_nan() || size > SUSPICIOUS_GROWTH * loads
     }
@@ -308,7 +324,7 @@ impl BackwardErrorCheck {
     pub(super) fn null_ratio(&mut self, parts: &[&Csr], v: &[f64]) -> f64 {
         let zeros = vec![0.0; v.len()];
         self.residual_of(parts, &zeros, v);
-        let product = largest(self.residual.iter().zip(&self.scale).map(|(r, s)| r * s));
+        let product = self.largest(self.residual.iter().zip(&self.scale).map(|(r, s)| r * s));
         product / self.scaled_size(v)
     }
 
@@ -339,21 +355,19 @@ impl BackwardErrorCheck {
     /// found, or with the scales R and C that of an inverse iteration for `R A C`. A solver of a shifted matrix is exact for
     /// the first alone.
     fn is_singular_when_even(&mut self, parts: &[&Csr], found: Vec<f64>, solver: &mut dyn FnMut(&mut [f64])) -> bool {
-        let sum = parts.split_first().map(|(first, rest)| {
-            rest.iter()
-                .try_fold((*first).clone(), |sum, part| sum.plus(part))
-                .map(|sum| self.whole(&sum).unwrap_or(sum))
-        });
+        let sum =
+            parts.split_first().map(|(first, rest)| rest.iter().try_fold((*first).clone(), |sum, part| sum.plus(part)));
         let Some(Ok(matrix)) = sum else { return true };
-        let (rows, columns) = equilibration(&matrix);
-        let size = |v: &[f64]| largest(v.iter().zip(&columns).map(|(value, scale)| value / scale));
-        let mut is_null = |v: &[f64]| {
-            self.residual_of(parts, &vec![0.0; v.len()], v);
-            let ratio = largest(self.residual.iter().zip(&rows).map(|(r, s)| r * s)) / size(v);
+        let (rows, columns) = equilibration(&matrix, self.owners.as_ref());
+        drop(matrix);
+        let size = |this: &Self, v: &[f64]| this.largest(v.iter().zip(&columns).map(|(value, scale)| value / scale));
+        let is_null = |this: &mut Self, v: &[f64]| {
+            this.residual_of(parts, &vec![0.0; v.len()], v);
+            let ratio = this.largest(this.residual.iter().zip(&rows).map(|(r, s)| r * s)) / size(this, v);
             // what is no number is no proof of the contrary
             ratio.is_nan() || ratio <= SINGULAR
         };
-        if is_null(&found) {
+        if is_null(self, &found) {
             return true;
         }
         let start = |dof: usize| ((dof + 1) as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
@@ -361,13 +375,13 @@ impl BackwardErrorCheck {
         for _ in 0..INVERSE_ITERATIONS {
             v.iter_mut().zip(&rows).zip(&columns).for_each(|((value, row), column)| *value /= row * column);
             solver(&mut v);
-            let size = size(&v);
+            let size = size(self, &v);
             if !(size.is_finite() && size > 0.0) {
                 return true;
             }
             v.iter_mut().for_each(|value| *value /= size);
         }
-        is_null(&v)
+        is_null(self, &v)
     }
 
     /// The error for a null vector, if it is one.

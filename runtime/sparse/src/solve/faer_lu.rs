@@ -56,7 +56,7 @@ impl FaerLu {
     /// Factors a matrix on the analysed pattern.
     pub(super) fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
         self.factor = None;
-        (self.row_scale, self.column_scale) = equilibration(matrix);
+        (self.row_scale, self.column_scale) = equilibration(matrix, None);
         let columns = matrix.pattern().columns();
         for ((value, &source), &row) in self.matrix.val_mut().iter_mut().zip(&self.sources).zip(&self.rows) {
             let column = columns[source] as usize;

@@ -31,7 +31,7 @@ const EXPLAINED: usize = 50_000;
 /// What the choice of a method depends on.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Traits {
-    /// Number of unknowns.
+    /// Number of unknowns, of all ranks.
     pub unknowns: usize,
     /// Dimensions of space.
     pub dimension: usize,
@@ -39,8 +39,10 @@ pub struct Traits {
     pub is_linear: bool,
     /// Every matrix is symmetric.
     pub is_symmetric: bool,
-    /// Unknowns that nonlinear terms on faces and multipliers touch.
+    /// Unknowns that nonlinear terms on faces and multipliers touch, of all ranks.
     pub on_contact: usize,
+    /// Unknowns that are multipliers, of all ranks.
+    pub multipliers: usize,
     /// Why the unknowns cannot be told node by node; `None` if they can.
     pub obstacle: Option<String>,
 }
@@ -60,8 +62,8 @@ pub struct Equations {
     pub multipliers: Vec<u32>,
     /// Rows that nonlinear terms on faces and multipliers touch, those of multipliers included, increasing.
     pub on_contact: Vec<u32>,
-    /// Where several ranks solve: which rows each of them has. Matrices have the rows of their rank, patterns too; vectors
-    /// are whole.
+    /// Where several ranks solve: which rows each of them has. Matrices have the rows of their rank, patterns too; solutions
+    /// have copies of the unknowns of other ranks.
     pub owners: Option<RowOwners>,
 }
 
@@ -169,7 +171,8 @@ impl CheckedLibrary {
             error,
             SolveError::VanishingPivot { .. } | SolveError::ResidualTooLarge { .. } | SolveError::Library { .. }
         );
-        if !may_be_singular || self.constant.n_rows() > EXPLAINED {
+        let is_known = self.check.owners().is_none_or(RowOwners::are_whole);
+        if !may_be_singular || !is_known || self.constant.n_rows() > EXPLAINED {
             return error;
         }
         let Ok(matrix) = self.constant.plus(&self.changing.matrix) else { return error };
@@ -267,8 +270,9 @@ impl LinearSolver for CheckedLibrary {
         if !self.is_loaded {
             return Err(SolveError::NotFactored);
         }
-        if !self.is_symmetric {
-            return Err(SolveError::Library { text: "no solutions with the transposed of a matrix".to_owned() });
+        if !self.is_symmetric || self.check.owners().is_some() {
+            let text = "no solutions with the transposed of a matrix, nor columns of those of several ranks".to_owned();
+            return Err(SolveError::Library { text });
         }
         let (engine, changing) = (&mut self.engine, &self.changing.matrix);
         let mut failure = None;

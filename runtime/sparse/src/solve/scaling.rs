@@ -9,7 +9,7 @@ use crate::csr::Csr;
 /// `s` such that the diagonal of `S A S` is about 1. An unknown without a diagonal entry (a multiplier) gets the scale
 /// that makes the largest entry of its row about 1.
 ///
-/// `diagonal` is that of the sum of the parts; of several ranks each has its rows of the parts.
+/// `diagonal` is that of the sum of the parts; of several ranks each has its rows of the parts, and copies of the diagonal.
 pub(super) fn symmetric_scale(parts: &[&Csr], diagonal: &[f64], owners: Option<&RowOwners>) -> Vec<f64> {
     let mut scale: Vec<f64> = diagonal.iter().map(|value| power_of_two(1.0 / value.abs().sqrt())).collect();
     let without: Vec<usize> = (0..diagonal.len()).filter(|&dof| diagonal[dof] == 0.0).collect();
@@ -24,17 +24,17 @@ pub(super) fn symmetric_scale(parts: &[&Csr], diagonal: &[f64], owners: Option<&
             if diagonal[column] == 0.0 { largest } else { largest.max(value.abs() * scale[column]) }
         })
     };
-    let mut largest: Vec<f64> = without.iter().map(largest_of).collect();
-    if let Some(owners) = owners {
-        owners.team.max(&mut largest);
-    }
+    let largest: Vec<f64> = without.iter().map(largest_of).collect();
     without.iter().zip(largest).for_each(|(dof, largest)| scale[*dof] = power_of_two(1.0 / largest));
+    if let Some(owners) = owners {
+        owners.update(&mut scale);
+    }
     scale
 }
 
 /// `(r, c)` such that the largest entries of the columns, and nearly those of the rows, of `R A C` are about 1: rows
-/// first, then columns, as in LAPACK's geequ.
-pub(super) fn equilibration(matrix: &Csr) -> (Vec<f64>, Vec<f64>) {
+/// first, then columns, as in LAPACK's geequ. Of several ranks each has its rows of the matrix.
+pub(super) fn equilibration(matrix: &Csr, owners: Option<&RowOwners>) -> (Vec<f64>, Vec<f64>) {
     let mut rows = vec![1.0; matrix.n_rows()];
     let mut largest_in_column = vec![0.0f64; matrix.n_cols()];
     for (row, scale) in rows.iter_mut().enumerate() {
@@ -44,6 +44,10 @@ pub(super) fn equilibration(matrix: &Csr) -> (Vec<f64>, Vec<f64>) {
             let largest = &mut largest_in_column[column as usize];
             *largest = (value * *scale).abs().max(*largest);
         }
+    }
+    if let Some(owners) = owners {
+        owners.halo.largest_at_owners(&*owners.team, &mut largest_in_column);
+        owners.update(&mut largest_in_column);
     }
     let columns = largest_in_column.into_iter().map(|largest| power_of_two(1.0 / largest)).collect();
     (rows, columns)
@@ -86,7 +90,7 @@ mod tests {
         }
         let a = Csr::from_triplets(4, 4, &triplets).unwrap();
         let s = symmetric_scale(&[&a], &diagonal(&a), None);
-        let (r, c) = equilibration(&a);
+        let (r, c) = equilibration(&a, None);
         for i in 0..4 {
             let entry = s[i] * a.get(i, i) * s[i];
             assert!((0.4..2.5).contains(&entry), "{entry}");

@@ -31,7 +31,7 @@ pub(super) fn check_symmetry(matrix: &Csr) -> Result<(), SolveError> {
 /// # Errors
 /// [`SolveError::NotSymmetric`].
 pub(super) fn check_own_symmetry(matrix: &Csr, owners: &RowOwners) -> Result<(), SolveError> {
-    let bound = ASYMMETRY * matrix.max_abs();
+    let bound = ASYMMETRY * owners.team.largest(matrix.max_abs());
     let own = (0..matrix.n_rows()).filter(|row| owners.owns(*row));
     let entries = own.flat_map(|row| {
         let (columns, values) = matrix.row(row);

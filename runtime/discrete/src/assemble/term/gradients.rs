@@ -25,7 +25,7 @@ pub type Gradient = [[f64; 3]; 3];
 pub struct NegativeVolumes {
     /// How many.
     pub n_cells: usize,
-    /// The cells of the term.
+    /// The cells of the term that this rank has.
     pub of: usize,
     /// The smallest determinant.
     pub smallest: f64,
@@ -102,14 +102,14 @@ impl AssembledTerm {
         Some(fluxes)
     }
 
-    /// The cells in which Id + Grad_u of a vector field of the space has no positive determinant at a point of the rule.
-    /// `None` if there is no such cell, or if the law does not read all of the gradient.
+    /// The cells in which Id + Grad_u of a vector field of the space has no positive determinant at a point of the rule, of
+    /// those that this rank counts. `None` if there is no such cell, or if the law does not read all of the gradient.
     #[must_use]
     pub fn negative_volumes(&self, mesh: &Mesh, values: FieldValues<'_>, field: usize) -> Option<NegativeVolumes> {
         let (domain, binding) = (&self.integrator.domain, &self.integrator.binding);
         let places = self.gradient_inputs(domain.dim, field)?;
         let wanted: Vec<usize> = places[..domain.dim].iter().flat_map(|row| &row[..domain.dim]).copied().collect();
-        let n_bases = binding.groups.first().map_or(0, |g| g.bases.len());
+        let n_bases = binding.n_bases();
         let needs = binding.needs_of(n_bases, |k| wanted.contains(&k), false, false);
         let mut found: Vec<Found> = Vec::new();
         for (g, group) in domain.groups.iter().enumerate() {
@@ -150,7 +150,8 @@ impl AssembledTerm {
         }
         let own = LANES.min(group.entities.len() - at.batch * LANES);
         let negative = smallest[..own].iter().enumerate().filter(|(_, (d, _))| *d <= 0.0);
-        let found = negative.map(|(lane, (determinant, q))| Found {
+        let counted = negative.filter(|(lane, _)| group.is_counted(mesh, at.batch * LANES + lane));
+        let found = counted.map(|(lane, (determinant, q))| Found {
             determinant: *determinant,
             n_cells: 1,
             group: at.g,

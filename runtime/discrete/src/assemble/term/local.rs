@@ -10,6 +10,7 @@ use wfl_compiler::{
     ir::{LANES, VerifiedKernel},
     types::BasisSlot,
 };
+use wfl_host::team::Team;
 use wfl_mesh::mesh::{CellId, Mesh};
 use wfl_sparse::index::NONE;
 
@@ -19,6 +20,30 @@ struct Point<'a> {
     /// Position of the entity in the group.
     entity: usize,
     q: usize,
+}
+
+/// A point at which a law gives a number that is not finite.
+#[derive(Clone, Debug, Default)]
+pub(super) struct BadPoint {
+    inputs: Vec<f64>,
+    entity: usize,
+    q: usize,
+    position: [f64; 3],
+}
+
+impl BadPoint {
+    /// The point that one rank has found, on every rank.
+    #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts")]
+    pub(super) fn told(self, team: &dyn Team, rank: usize) -> Self {
+        let Self { inputs, entity, q, position: [x, y, z] } = self;
+        let own = [&[entity as f64, q as f64, x, y, z], inputs.as_slice()].concat();
+        match team.numbers_of(rank, &own).as_slice() {
+            [entity, q, x, y, z, inputs @ ..] => {
+                Self { inputs: inputs.to_vec(), entity: *entity as usize, q: *q as usize, position: [*x, *y, *z] }
+            }
+            _ => Self::default(),
+        }
+    }
 }
 
 /// What a term adds to the tangent at one point.
@@ -110,22 +135,30 @@ impl AssembledTerm {
         mesh: &Mesh,
         values: FieldValues<'_>,
         kernel: &VerifiedKernel,
-    ) -> Option<NonFinitePlace> {
+    ) -> Option<BadPoint> {
         self.points(mesh, values, |inputs, point| {
-            let cause = first_non_finite(kernel, &self.uniforms, inputs).map(|f| self.origin(kernel, f));
+            let cause = first_non_finite(kernel, &self.uniforms, inputs);
             if cause.is_none() && inputs.iter().all(|x| x.is_finite()) {
                 return ControlFlow::Continue(());
             }
             let (group, k) = (point.group, point.entity);
-            ControlFlow::Break(NonFinitePlace {
-                cause,
-                term: self.law.name.clone(),
-                entity: group.entities[k],
-                point: point.q,
-                position: mesh.point_at(group.here.cells[k], &group.here.geometry, point.q),
-            })
+            let position = mesh.point_at(group.here.cells[k], &group.here.geometry, point.q);
+            ControlFlow::Break(BadPoint { inputs: inputs.to_vec(), entity: group.entities[k], q: point.q, position })
         })
         .break_value()
+    }
+
+    /// What is said of a point.
+    pub(super) fn non_finite_at(&self, at: BadPoint, kernel: &VerifiedKernel) -> NonFinitePlace {
+        let is_known = at.inputs.len() == self.integrator.binding.inputs.len();
+        let found = is_known.then(|| first_non_finite(kernel, &self.uniforms, &at.inputs)).flatten();
+        NonFinitePlace {
+            cause: found.map(|found| self.origin(kernel, found)),
+            term: self.law.name.clone(),
+            entity: at.entity,
+            point: at.q,
+            position: at.position,
+        }
     }
 
     /// Calls `f` with the inputs of the law at every point, in the order of groups, entities and points.

@@ -43,7 +43,7 @@ impl AssembledTerm {
         let binding = &self.integrator.binding;
         let n_out = binding.tests.len();
         let out = shared(out);
-        self.share_out(share, |workspace, duties, owns| {
+        self.share_out(mesh, share, |workspace, duties, owns| {
             for duty in duties {
                 let (g, group) = (duty.group, &binding.groups[duty.group]);
                 workspace.prepare_some(self.bound(mesh), g, duty.batch, values, needs);

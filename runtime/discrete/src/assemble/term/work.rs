@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
+use wfl_mesh::mesh::Mesh;
 use wfl_sparse::csr::Pattern;
 
 use super::AssembledTerm;
@@ -43,14 +44,14 @@ impl Kept {
 
 impl AssembledTerm {
     /// Who computes what on the threads of the current pool that are worth while.
-    fn shares(&self, share: Option<&Share>, kept: &mut Kept) -> Arc<Shares> {
+    fn shares(&self, mesh: &Mesh, share: Option<&Share>, kept: &mut Kept) -> Arc<Shares> {
         let domain = &self.integrator.domain;
         let n = Shares::count(domain, rayon::current_num_threads());
         if let Some(shares) = kept.shares.as_ref().filter(|s| s.duties.len() == n) {
             return shares.clone();
         }
         kept.forget_places();
-        let made = Shares::new(domain, &self.integrator.binding, &self.touched(), share, n);
+        let made = Shares::new(mesh, domain, &self.integrator.binding, &self.touched(), share, n);
         kept.shares.insert(Arc::new(made)).clone()
     }
 
@@ -59,10 +60,15 @@ impl AssembledTerm {
     }
 
     /// The same with the rows of the located matrix, and with its halves if it is filled again.
-    pub(super) fn shared_rows(&self, located: &Located, is_new: bool) -> (Arc<Shares>, Arc<Rows>, Option<Arc<Halves>>) {
+    pub(super) fn shared_rows(
+        &self,
+        mesh: &Mesh,
+        located: &Located,
+        is_new: bool,
+    ) -> (Arc<Shares>, Arc<Rows>, Option<Arc<Halves>>) {
         let Located { pattern, rows: free, share } = located;
         let mut kept = self.kept(share.as_deref()).lock().unwrap_or_else(PoisonError::into_inner);
-        let shares = self.shares(share.as_deref(), &mut kept);
+        let shares = self.shares(mesh, share.as_deref(), &mut kept);
         let rows = || Arc::new(Rows::new(pattern, free, &shares, &self.touched()));
         let rows = kept.rows.get_or_insert_with(rows).clone();
         let halves = || Arc::new(Halves::new(&self.scatters, &shares, pattern.n_entries()));
@@ -96,10 +102,11 @@ impl AssembledTerm {
     /// Calls `work(workspace, batches, owns)` on each of the threads of the current pool that are worth while.
     pub(super) fn share_out(
         &self,
+        mesh: &Mesh,
         share: Option<&Share>,
         work: impl Fn(&mut Workspace, &[Duty], &dyn Fn(u32) -> bool) + Sync,
     ) {
-        let shares = self.shares(share, &mut self.kept(share).lock().unwrap_or_else(PoisonError::into_inner));
+        let shares = self.shares(mesh, share, &mut self.kept(share).lock().unwrap_or_else(PoisonError::into_inner));
         let one = |me: usize| {
             self.with_workspace(|workspace| {
                 work(workspace, &shares.duties[me], &|dof| usize::from(shares.owner[dof as usize]) == me);

@@ -7,6 +7,8 @@
 //! Promises: a cycle is the same symmetric operator every time, up to rounding, with the same bits for any number of
 //! threads.
 
+use wfl_host::team::Alone;
+
 use super::aggregate::aggregates;
 use super::blocks::{Blocks, Rows, Transfer};
 use super::level::{Level, inverted_diagonal};
@@ -152,7 +154,7 @@ impl Hierarchy {
         }
         let inverse = inverted_diagonal(matrix)?;
         let level = Level::new(Blocks::<f32>::rounded(matrix)?, &inverse);
-        let modes = layout.mode_values();
+        let modes = layout.mode_values(layout.extent(&Alone));
         let mut threshold = WEAK;
         let most = |a: &dyn Rows| (LARGEST_SHARE * (a.n_nodes() * a.size()) as f64 / k as f64) as usize;
         let coarsened = match &layout.interpolation {

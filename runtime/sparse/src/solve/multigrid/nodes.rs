@@ -3,6 +3,8 @@
 //! Promises: no finite elements here; points, components and weights are plain numbers. A component of a node that is
 //! not solved for stays in its block as an equation `x = 0` of its own.
 
+use wfl_host::team::Team;
+
 use super::blocks::{RowBuffer, Rows};
 use crate::csr::Csr;
 use crate::index::NONE;
@@ -80,11 +82,11 @@ impl NodeLayout {
     }
 
     /// By node a matrix of components by modes, row by row: its part of each mode, zero where it is not solved for.
-    /// Points are taken from their centre and in units of the size of the body, so that all modes have one size.
+    /// Points are taken from the centre and in units of the size of an extent ([`Self::extent`]), so that all modes have
+    /// one size.
     #[must_use]
-    pub fn mode_values(&self) -> Vec<f64> {
+    pub fn mode_values(&self, (centre, size): ([f64; 3], f64)) -> Vec<f64> {
         let (b, k) = (self.components, self.n_modes());
-        let (centre, size) = self.extent();
         let mut values = vec![0.0; self.points.len() * b * k];
         for (point, mode) in self.points.iter().zip(values.chunks_exact_mut(b * k)) {
             let x = [0, 1, 2].map(|d| (point[d] - centre[d]) / size);
@@ -123,13 +125,15 @@ impl NodeLayout {
         solved
     }
 
-    /// Centre of all points and largest distance along an axis from it.
-    fn extent(&self) -> ([f64; 3], f64) {
-        let n = self.points.len().max(1) as f64;
-        let centre = [0, 1, 2].map(|d| self.points.iter().map(|p| p[d] / n).sum::<f64>());
-        let far = self.points.iter().flat_map(|p| [0, 1, 2].map(|d| (p[d] - centre[d]).abs()));
-        let size = far.fold(0.0, f64::max);
-        (centre, if size > 0.0 { size } else { 1.0 })
+    /// Centre of the box around the points of all ranks and largest distance along an axis from it.
+    #[must_use]
+    pub fn extent(&self, team: &dyn Team) -> ([f64; 3], f64) {
+        let ranges = [0, 1, 2].map(|d| {
+            let along = self.points.iter().map(|p| p[d]);
+            team.range(along.clone().fold(f64::INFINITY, f64::min), along.fold(f64::NEG_INFINITY, f64::max))
+        });
+        let size = ranges.iter().fold(0.0, |size: f64, [low, high]| size.max(0.5 * (high - low)));
+        (ranges.map(|[low, high]| 0.5 * (low + high)), if size > 0.0 { size } else { 1.0 })
     }
 }
 

@@ -4,29 +4,46 @@
 
 /// Gathers bytes.
 #[derive(Default)]
-pub(super) struct Writer {
-    pub(super) bytes: Vec<u8>,
+pub(crate) struct Writer {
+    pub(crate) bytes: Vec<u8>,
 }
 
 impl Writer {
-    pub(super) fn word(&mut self, x: u64) {
+    pub(crate) fn word(&mut self, x: u64) {
         self.bytes.extend_from_slice(&x.to_le_bytes());
     }
 
-    pub(super) fn count(&mut self, n: usize) {
+    pub(crate) fn count(&mut self, n: usize) {
         self.word(n as u64);
     }
 
-    pub(super) fn flag(&mut self, yes: bool) {
+    pub(crate) fn flag(&mut self, yes: bool) {
         self.word(u64::from(yes));
     }
 
-    pub(super) fn text(&mut self, t: &str) {
+    pub(crate) fn text(&mut self, t: &str) {
         self.count(t.len());
         self.bytes.extend_from_slice(t.as_bytes());
     }
 
-    pub(super) fn numbers(&mut self, list: &[f64]) {
+    /// Numbers of 32 bits, one behind the other.
+    pub(crate) fn smalls(&mut self, list: &[u32]) {
+        self.count(list.len());
+        list.iter().for_each(|x| self.bytes.extend_from_slice(&x.to_le_bytes()));
+    }
+
+    pub(crate) fn list<T>(&mut self, list: &[T], mut item: impl FnMut(&mut Self, &T)) {
+        self.count(list.len());
+        list.iter().for_each(|one| item(self, one));
+    }
+
+    /// Bytes behind their length.
+    pub(crate) fn all(&mut self, bytes: &[u8]) {
+        self.count(bytes.len());
+        self.bytes.extend_from_slice(bytes);
+    }
+
+    pub(crate) fn numbers(&mut self, list: &[f64]) {
         self.count(list.len());
         list.iter().for_each(|x| self.word(x.to_bits()));
     }
@@ -34,15 +51,15 @@ impl Writer {
 
 /// The bytes are not what was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Unreadable;
+pub(crate) struct Unreadable;
 
 /// Reads what [`Writer`] wrote.
-pub(super) struct Reader<'b> {
+pub(crate) struct Reader<'b> {
     rest: &'b [u8],
 }
 
 impl<'b> Reader<'b> {
-    pub(super) fn new(bytes: &'b [u8]) -> Self {
+    pub(crate) fn new(bytes: &'b [u8]) -> Self {
         Self { rest: bytes }
     }
 
@@ -52,19 +69,19 @@ impl<'b> Reader<'b> {
         Ok(head)
     }
 
-    pub(super) fn word(&mut self) -> Result<u64, Unreadable> {
+    pub(crate) fn word(&mut self) -> Result<u64, Unreadable> {
         self.take(8)?.try_into().map(u64::from_le_bytes).map_err(|_| Unreadable)
     }
 
-    pub(super) fn count(&mut self) -> Result<usize, Unreadable> {
+    pub(crate) fn count(&mut self) -> Result<usize, Unreadable> {
         usize::try_from(self.word()?).map_err(|_| Unreadable)
     }
 
-    pub(super) fn small(&mut self) -> Result<u32, Unreadable> {
+    pub(crate) fn small(&mut self) -> Result<u32, Unreadable> {
         u32::try_from(self.word()?).map_err(|_| Unreadable)
     }
 
-    pub(super) fn flag(&mut self) -> Result<bool, Unreadable> {
+    pub(crate) fn flag(&mut self) -> Result<bool, Unreadable> {
         match self.word()? {
             0 => Ok(false),
             1 => Ok(true),
@@ -72,18 +89,29 @@ impl<'b> Reader<'b> {
         }
     }
 
-    pub(super) fn text(&mut self) -> Result<String, Unreadable> {
+    pub(crate) fn text(&mut self) -> Result<String, Unreadable> {
         let n = self.count()?;
         String::from_utf8(self.take(n)?.to_vec()).map_err(|_| Unreadable)
     }
 
-    pub(super) fn numbers(&mut self) -> Result<Vec<f64>, Unreadable> {
+    pub(crate) fn numbers(&mut self) -> Result<Vec<f64>, Unreadable> {
         let n = self.count()?.checked_mul(8).ok_or(Unreadable)?;
         let number = |b: &[u8]| b.try_into().map(u64::from_le_bytes).map(f64::from_bits).map_err(|_| Unreadable);
         self.take(n)?.chunks_exact(8).map(number).collect()
     }
 
-    pub(super) fn list<T>(
+    pub(crate) fn all(&mut self) -> Result<&'b [u8], Unreadable> {
+        let n = self.count()?;
+        self.take(n)
+    }
+
+    pub(crate) fn smalls(&mut self) -> Result<Vec<u32>, Unreadable> {
+        let n = self.count()?.checked_mul(4).ok_or(Unreadable)?;
+        let number = |b: &[u8]| b.try_into().map(u32::from_le_bytes).map_err(|_| Unreadable);
+        self.take(n)?.chunks_exact(4).map(number).collect()
+    }
+
+    pub(crate) fn list<T>(
         &mut self,
         mut item: impl FnMut(&mut Self) -> Result<T, Unreadable>,
     ) -> Result<Vec<T>, Unreadable> {
@@ -95,19 +123,19 @@ impl<'b> Reader<'b> {
         Ok(out)
     }
 
-    pub(super) fn end(&self) -> Result<(), Unreadable> {
+    pub(crate) fn end(&self) -> Result<(), Unreadable> {
         if self.rest.is_empty() { Ok(()) } else { Err(Unreadable) }
     }
 }
 
 /// FNV-1a of 64 bits (Fowler, Noll and Vo): detects changed files, is no protection against intent.
-pub(super) fn hash(bytes: &[u8]) -> u64 {
+pub(crate) fn hash(bytes: &[u8]) -> u64 {
     hash_on(HASH_OF_NOTHING, bytes)
 }
 
 /// The hash of nothing, and that of a text and `bytes` behind it from the one of the text.
-pub(super) const HASH_OF_NOTHING: u64 = 0xcbf2_9ce4_8422_2325;
-pub(super) fn hash_on(hash: u64, bytes: &[u8]) -> u64 {
+pub(crate) const HASH_OF_NOTHING: u64 = 0xcbf2_9ce4_8422_2325;
+pub(crate) fn hash_on(hash: u64, bytes: &[u8]) -> u64 {
     bytes.iter().fold(hash, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 
@@ -120,15 +148,16 @@ mod tests {
         let mut w = Writer::default();
         w.numbers(&[f64::NAN, -0.0, 5e-324]);
         w.text("σ");
+        w.smalls(&[7, u32::MAX]);
         w.flag(true);
         for cut in 0..w.bytes.len() {
             let mut r = Reader::new(&w.bytes[..cut]);
-            assert!(r.numbers().and(r.text()).and(r.flag()).is_err(), "{cut} bytes");
+            assert!(r.numbers().and(r.text()).and(r.smalls()).and(r.flag()).is_err(), "{cut} bytes");
         }
         let mut r = Reader::new(&w.bytes);
         let bits: Vec<u64> = r.numbers().unwrap().iter().map(|x| x.to_bits()).collect();
         assert_eq!(bits, [f64::NAN.to_bits(), (-0.0f64).to_bits(), 1]);
-        assert_eq!((r.text().unwrap().as_str(), r.flag()), ("σ", Ok(true)));
+        assert_eq!((r.text().unwrap().as_str(), r.smalls(), r.flag()), ("σ", Ok(vec![7, u32::MAX]), Ok(true)));
         assert_eq!(r.end(), Ok(()));
         assert_eq!(Reader::new(&u64::MAX.to_le_bytes()).numbers(), Err(Unreadable));
     }

@@ -1,0 +1,346 @@
+//! A scene on ranks of which each has a part of the mesh alone.
+//!
+//! The first rank prepares the scene with the whole mesh, tells every message, and sends to each rank what follows from
+//! the whole mesh: cells, regions, the nodes of fields, which unknowns are solved for ([`ScenePart`]). Each rank then
+//! prepares the scene with its part. Promises: unknowns, equations and quadrature rules are those of the whole scene.
+//! Does not solve; what runs on parts agrees by the team of the mesh.
+
+use wfl::{ResolvedScript, ast::ExprKind};
+
+use super::{InputFile, NamedRegion, Regions, Scene, auto::is_auto};
+use crate::{
+    bytes::{Reader, Unreadable, Writer},
+    element::Family,
+    field::FieldSpace,
+    frames::Frame,
+    mesh::{
+        CellId, CellKind, FacetRef, FileNumbers, InterfaceFacet, MeshPart, NodeId, Part, PlacesInPart, RawMesh,
+        RegionSet,
+    },
+    output::Hash,
+    scene::Given,
+    space::{SpacePart, Support},
+    system::FIXED,
+};
+
+/// What a rank prepares its part of a scene with.
+#[derive(Debug, Default)]
+pub struct ScenePart {
+    pub(super) mesh: MeshPart,
+    pub(super) regions: Vec<PartOfRegion>,
+    /// By field; `None` for one that is not on nodes.
+    pub(super) spaces: Vec<Option<SpacePart>>,
+    pub(super) unknowns: PartOfUnknowns,
+    /// Values of params that are `auto`.
+    params: Vec<(String, f64)>,
+    /// The files that were read for the mesh.
+    pub(super) inputs: Vec<InputFile>,
+}
+
+/// A region in a part of the mesh.
+#[derive(Debug)]
+pub(super) struct PartOfRegion {
+    name: String,
+    set: RegionSet,
+    here_name: Option<String>,
+    inside: bool,
+}
+
+/// Which unknowns of a part are solved for.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PartOfUnknowns {
+    /// By dof of the part its free number among those of the whole scene, or [`FIXED`].
+    pub(super) free: Vec<u32>,
+    pub(super) frames: Vec<Frame>,
+}
+
+impl Scene {
+    /// Why every rank must have the whole mesh; `None` where each can have a part of it.
+    #[must_use]
+    pub fn needs_whole_mesh(&self) -> Option<&'static str> {
+        let system = &self.system;
+        let is_global = |k: usize| matches!(system.fields[k].space, FieldSpace::Global);
+        let of_file = |(_, given): &(usize, Given)| !matches!(given, Given::Formula(..));
+        let reasons = [
+            (!self.env.mappings.is_empty(), "a mapping leads to any place of it"),
+            ((0..system.fields.len()).any(|k| is_global(k) && system.range(k).is_some()), "an unknown is `global`"),
+            (system.known.rates.is_some() || self.explicit.is_some(), "terms read rates"),
+            (self.steps.auto.is_some(), "the run chooses its steps"),
+            (system.numbering.has_ties(), "unknowns follow others (W404)"),
+            (!self.prints.is_empty(), "terms print"),
+            (self.data.iter().chain(&self.starts).any(of_file), "values at nodes come from a file"),
+        ];
+        reasons.into_iter().find(|(holds, _)| *holds).map(|(_, why)| why)
+    }
+
+    /// What a rank prepares its part with, as bytes. `part` says who owns the nodes of the mesh.
+    #[must_use]
+    pub fn part_of(&self, part: &Part, rank: usize) -> Vec<u8> {
+        let mesh = &self.system.mesh;
+        let coupled: Vec<(CellId, CellId)> = self.coupled_cells();
+        let (mesh, places) = part.cut(mesh, &part.cells_of(mesh, rank, &coupled));
+        let regions = self.regions.iter().map(|(name, region)| PartOfRegion {
+            name: name.clone(),
+            set: cut(&region.set, &places),
+            here_name: region.here_name.clone(),
+            inside: region.inside,
+        });
+        let space = |space: &FieldSpace| match space {
+            FieldSpace::Nodal(space) => Some(space.cut(&places)),
+            FieldSpace::Global | FieldSpace::Points(_) => None,
+        };
+        let spaces: Vec<Option<SpacePart>> = self.system.fields.iter().map(|f| space(&f.space)).collect();
+        let unknowns = self.unknowns_of(&spaces);
+        let params = self.params.iter().filter_map(|(name, value)| Some((name.clone(), *value.values.first()?)));
+        let inputs = self.inputs.clone();
+        ScenePart { mesh, regions: regions.collect(), spaces, unknowns, params: params.collect(), inputs }.to_bytes()
+    }
+
+    /// Cells of which one enters the equations of the other across an interface.
+    fn coupled_cells(&self) -> Vec<(CellId, CellId)> {
+        let pairs = self.regions.values().filter_map(|region| match &region.set {
+            RegionSet::Interface(pairs) => Some(pairs),
+            _ => None,
+        });
+        pairs.flatten().map(|pair| (pair.here.cell, pair.there.cell)).collect()
+    }
+
+    fn unknowns_of(&self, spaces: &[Option<SpacePart>]) -> PartOfUnknowns {
+        let numbering = &self.system.numbering;
+        let mut made = PartOfUnknowns::default();
+        for (k, field) in self.system.fields.iter().enumerate() {
+            let (Some(start), Some(space)) = (numbering.starts[k], &spaces[k]) else { continue };
+            let mut nodes = space.nodes.clone();
+            nodes.sort_unstable();
+            nodes.dedup();
+            for node in nodes {
+                let (first, own) = (start + node as usize * field.n_components, made.free.len());
+                if let Some(frame) = numbering.frames.of(first) {
+                    made.frames.push(Frame { first: own, axes: frame.axes.clone() });
+                }
+                made.free.extend_from_slice(&numbering.free[first..][..field.n_components]);
+            }
+        }
+        made
+    }
+
+    /// Takes over from the scene with the whole mesh what was found there alone.
+    pub fn take_over(&mut self, whole: FromWhole) {
+        let FromWhole { idle, unused_fields, times, refined } = whole;
+        (self.idle, self.unused_fields, self.refined) = (idle, unused_fields, refined);
+        self.times.compile += times.compile;
+        self.times.mesh += times.mesh;
+    }
+
+    /// What the scene of a part takes over.
+    #[must_use]
+    pub fn from_whole(self) -> FromWhole {
+        let Self { idle, unused_fields, times, refined, .. } = self;
+        FromWhole { idle, unused_fields, times, refined }
+    }
+}
+
+/// What was found with the whole mesh alone.
+pub struct FromWhole {
+    idle: Vec<(String, String)>,
+    unused_fields: Vec<String>,
+    times: super::PrepareTimes,
+    refined: Option<super::Refined>,
+}
+
+/// The members of a region that a part has.
+fn cut(set: &RegionSet, places: &PlacesInPart) -> RegionSet {
+    match set {
+        RegionSet::Cells(cells) => RegionSet::Cells(cells.iter().filter_map(|cell| places.cell(*cell)).collect()),
+        RegionSet::Facets(facets) => RegionSet::Facets(facets.iter().filter_map(|f| places.facet(*f)).collect()),
+        RegionSet::Interface(pairs) => {
+            let pair = |p: &InterfaceFacet| {
+                Some(InterfaceFacet { here: places.facet(p.here)?, there: places.facet(p.there)? })
+            };
+            RegionSet::Interface(pairs.iter().filter_map(pair).collect())
+        }
+        RegionSet::Nodes(nodes) => RegionSet::Nodes(nodes.iter().filter_map(|node| places.node(*node)).collect()),
+    }
+}
+
+impl ScenePart {
+    /// The regions by name.
+    pub(super) fn regions(regions: Vec<PartOfRegion>, script: &ResolvedScript) -> Regions {
+        let span = |name: &str| script.regions.iter().find(|r| r.name.name == name).map(|r| r.span);
+        let named = |PartOfRegion { name, set, here_name, inside }| {
+            let span = span(&name);
+            (name, NamedRegion { set, span, here_name, inside })
+        };
+        regions.into_iter().map(named).collect()
+    }
+
+    /// The script with the values of params that the first rank has found.
+    #[must_use]
+    pub fn with_params(&self, script: &ResolvedScript) -> ResolvedScript {
+        let mut given = script.clone();
+        for param in given.params.iter_mut().filter(|param| is_auto(param)) {
+            if let Some((_, value)) = self.params.iter().find(|(name, _)| *name == param.name.name) {
+                param.value.kind = ExprKind::Number(*value);
+                param.domain = None;
+            }
+        }
+        given
+    }
+
+    fn to_bytes(&self) -> Vec<u8> {
+        let mut w = Writer::default();
+        let MeshPart { raw, cells, owner, place, bounds, n_nodes, n_cells } = &self.mesh;
+        w.count(raw.dim);
+        w.count(raw.order);
+        w.numbers(raw.nodes.as_flattened());
+        w.smalls(&raw.kinds.iter().map(|kind| kind.index() as u32).collect::<Vec<_>>());
+        w.smalls(&raw.connectivity);
+        w.list(&raw.numbers.cells, |w, n| w.word(*n));
+        w.list(&raw.numbers.nodes, |w, n| w.word(*n));
+        w.smalls(cells);
+        w.smalls(&owner.iter().map(|rank| u32::from(*rank)).collect::<Vec<_>>());
+        w.smalls(place);
+        w.numbers(bounds.as_flattened());
+        w.count(*n_nodes);
+        w.smalls(n_cells);
+        w.list(&self.regions, |w, region| {
+            w.text(&region.name);
+            set(w, &region.set);
+            w.flag(region.here_name.is_some());
+            w.text(region.here_name.as_deref().unwrap_or_default());
+            w.flag(region.inside);
+        });
+        w.list(&self.spaces, |w, space| {
+            w.flag(space.is_some());
+            space.iter().for_each(|space| of_space(w, space));
+        });
+        w.smalls(&self.unknowns.free);
+        w.list(&self.unknowns.frames, |w, frame| {
+            w.count(frame.first);
+            w.list(&frame.axes, |w, axis| w.numbers(axis));
+        });
+        w.list(&self.params, |w, (name, value)| {
+            w.text(name);
+            w.numbers(&[*value]);
+        });
+        w.list(&self.inputs, |w, input| {
+            w.text(&input.name);
+            w.text(&input.path.to_string_lossy());
+            w.text(&input.hash.to_string());
+        });
+        w.bytes
+    }
+
+    /// What [`Scene::part_of`] wrote; `None` where it is something else.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let mut r = Reader::new(bytes);
+        let made = Self::read(&mut r).ok()?;
+        r.end().ok().map(|()| made)
+    }
+
+    fn read(r: &mut Reader<'_>) -> Result<Self, Unreadable> {
+        let mesh = read_mesh(r)?;
+        let regions = r.list(|r| {
+            let (name, set, has_name, here) = (r.text()?, read_set(r)?, r.flag()?, r.text()?);
+            Ok(PartOfRegion { name, set, here_name: has_name.then_some(here), inside: r.flag()? })
+        })?;
+        let spaces = r.list(|r| if r.flag()? { read_space(r).map(Some) } else { Ok(None) })?;
+        let free = r.smalls()?;
+        let frames = r.list(|r| Ok(Frame { first: r.count()?, axes: r.list(Reader::numbers)? }))?;
+        let params = r.list(|r| Ok((r.text()?, *r.numbers()?.first().ok_or(Unreadable)?)))?;
+        let inputs = r.list(|r| {
+            let (name, path) = (r.text()?, r.text()?.into());
+            Ok(InputFile { name, path, hash: Hash::read(&r.text()?).ok_or(Unreadable)? })
+        })?;
+        Ok(Self { mesh, regions, spaces, unknowns: PartOfUnknowns { free, frames }, params, inputs })
+    }
+}
+
+impl PartOfUnknowns {
+    /// The dofs that are not solved for.
+    pub(super) fn fixed(&self) -> impl Iterator<Item = usize> + '_ {
+        self.free.iter().enumerate().filter(|(_, free)| **free == FIXED).map(|(dof, _)| dof)
+    }
+}
+
+fn read_mesh(r: &mut Reader<'_>) -> Result<MeshPart, Unreadable> {
+    let (dim, order) = (r.count()?, r.count()?);
+    let nodes = r.numbers()?.as_chunks().0.to_vec();
+    let kind = |k: u32| CellKind::ALL.get(k as usize).copied().ok_or(Unreadable);
+    let kinds = r.smalls()?.into_iter().map(kind).collect::<Result<_, _>>()?;
+    let connectivity = r.smalls()?;
+    let numbers = FileNumbers { cells: r.list(Reader::word)?, nodes: r.list(Reader::word)? };
+    let cells = r.smalls()?;
+    let rank = |rank: u32| u16::try_from(rank).map_err(|_| Unreadable);
+    let owner = r.smalls()?.into_iter().map(rank).collect::<Result<_, _>>()?;
+    let place = r.smalls()?;
+    let bounds = r.numbers()?.as_chunks().0.try_into().map_err(|_| Unreadable)?;
+    let (n_nodes, n_cells) = (r.count()?, r.smalls()?);
+    let raw = RawMesh { dim, order, nodes, kinds, connectivity, groups: Vec::new(), numbers };
+    Ok(MeshPart { raw, cells, owner, place, bounds, n_nodes, n_cells })
+}
+
+fn set(w: &mut Writer, set: &RegionSet) {
+    let (kind, members): (usize, Vec<u32>) = match set {
+        RegionSet::Cells(cells) => (0, cells.iter().map(|cell| cell.index() as u32).collect()),
+        RegionSet::Facets(facets) => (1, facets.iter().flat_map(|f| words(*f)).collect()),
+        RegionSet::Interface(pairs) => {
+            (2, pairs.iter().flat_map(|p| [words(p.here), words(p.there)]).flatten().collect())
+        }
+        RegionSet::Nodes(nodes) => (3, nodes.iter().map(|node| node.index() as u32).collect()),
+    };
+    w.count(kind);
+    w.smalls(&members);
+}
+
+fn words(facet: FacetRef) -> [u32; 2] {
+    [facet.cell.index() as u32, u32::from(facet.local)]
+}
+
+fn facet([cell, local]: [u32; 2]) -> FacetRef {
+    FacetRef::new(CellId::new(cell as usize), local as usize)
+}
+
+fn read_set(r: &mut Reader<'_>) -> Result<RegionSet, Unreadable> {
+    let (kind, members) = (r.count()?, r.smalls()?);
+    Ok(match kind {
+        0 => RegionSet::Cells(members.into_iter().map(|cell| CellId::new(cell as usize)).collect()),
+        1 => RegionSet::Facets(members.as_chunks().0.iter().map(|words| facet(*words)).collect()),
+        2 => {
+            let pair = |[a, b, c, d]: &[u32; 4]| InterfaceFacet { here: facet([*a, *b]), there: facet([*c, *d]) };
+            RegionSet::Interface(members.as_chunks().0.iter().map(pair).collect())
+        }
+        3 => RegionSet::Nodes(members.into_iter().map(|node| NodeId::new(node as usize)).collect()),
+        _ => return Err(Unreadable),
+    })
+}
+
+fn of_space(w: &mut Writer, space: &SpacePart) {
+    let SpacePart { support, degree, family, nodes, n_nodes, torn } = space;
+    set(
+        w,
+        &match support {
+            Support::Cells(cells) => RegionSet::Cells(cells.clone()),
+            Support::Facets(facets) => RegionSet::Facets(facets.clone()),
+        },
+    );
+    w.count(*degree);
+    w.flag(*family == Family::Continuous);
+    w.smalls(nodes);
+    w.count(*n_nodes);
+    set(w, &RegionSet::Facets(torn.clone()));
+}
+
+fn read_space(r: &mut Reader<'_>) -> Result<SpacePart, Unreadable> {
+    let support = match read_set(r)? {
+        RegionSet::Cells(cells) => Support::Cells(cells),
+        RegionSet::Facets(facets) => Support::Facets(facets),
+        _ => return Err(Unreadable),
+    };
+    let degree = r.count()?;
+    let family = if r.flag()? { Family::Continuous } else { Family::Discontinuous };
+    let (nodes, n_nodes) = (r.smalls()?, r.count()?);
+    let RegionSet::Facets(torn) = read_set(r)? else { return Err(Unreadable) };
+    Ok(SpacePart { support, degree, family, nodes, n_nodes, torn })
+}

@@ -1,0 +1,109 @@
+//! Ranks that have parts of the mesh: unknowns, equations and results are those of the whole scene.
+
+use wfl_runtime::{Outcome, Scene};
+use wfl_tests::{
+    examples,
+    ranks::{Holding, Shared, solved},
+    scene_files,
+};
+
+/// What measures may differ by, relative to their largest value; below the second part of the largest of all they are zero.
+const WITHIN: f64 = 1e-10;
+const ZERO: f64 = 1e-9;
+/// An error this small is rounding of a solution of order 1.
+const ROUNDING: f64 = 1e-13;
+
+/// Newton iterations by step, and the measures.
+fn found(outcome: &Outcome) -> (Vec<usize>, Vec<(String, Vec<f64>)>) {
+    let counts = outcome.steps.iter().map(|s| s.history.iterations.len()).collect();
+    let names = outcome.steps.first().map_or_else(Vec::new, |s| s.measures.clone());
+    let of = |k: usize| outcome.steps.iter().map(|s| s.measures[k].1).collect();
+    (counts, names.into_iter().enumerate().map(|(k, (name, _))| (name, of(k))).collect())
+}
+
+fn agree(path: &str, edits: &[(&str, String)], ranks: usize, holding: Holding) {
+    let shared = Shared::example(path, edits);
+    let (counts, measures) = found(&solved(shared.whole()));
+    for (rank, outcome) in shared.on_ranks(ranks, holding, solved).iter().enumerate() {
+        let (own_counts, own) = found(outcome);
+        let name = format!("{path}, rank {rank} of {ranks}, {holding:?}");
+        assert!(outcome.converged(), "{name}");
+        assert_eq!(own_counts, counts, "{name}: Newton iterations");
+        assert!(!measures.is_empty(), "{name}: measures");
+        let size = |values: &[f64]| values.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let of_all = measures.iter().fold(0.0f64, |m, (_, values)| m.max(size(values)));
+        for ((what, expected), (_, found)) in measures.iter().zip(&own) {
+            // what is rounding of others is relative to them
+            let largest = if size(expected) > ZERO * of_all { size(expected) } else { of_all };
+            let apart = expected.iter().zip(found).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+            assert!(apart <= (WITHIN * largest).max(ROUNDING), "{name}: {what} {found:?}, expected {expected:?}");
+        }
+    }
+}
+
+fn smaller() -> Vec<(&'static str, String)> {
+    vec![("cells [8, 8, 8]", "cells [4, 4, 4]".to_owned())]
+}
+
+#[test]
+fn the_fault_with_three_methods() {
+    for method in ["nitsche", "penalty", "augmented_lagrangian"] {
+        for ranks in [2, 3, 4] {
+            agree(&format!("fault/{method}.wfl"), &smaller(), ranks, Holding::Parts);
+        }
+    }
+}
+
+/// Every example whose ranks can have parts, and some of those whose ranks need the whole mesh.
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+fn examples_have_the_results_of_one_rank() {
+    /// Scenes that need the whole mesh and are solved soon.
+    const WHOLE: [&str; 7] = [
+        "creep/maxwell_auto.wfl",
+        "dynamics/bar.wfl",
+        "dynamics/vibration.wfl",
+        "heat/layers.wfl",
+        "hertz/hertz.wfl",
+        "mapping/periodic.wfl",
+        "mapping/pressed.wfl",
+    ];
+    for file in scene_files() {
+        let path = file.strip_prefix(examples()).expect("an example").display().to_string();
+        let needs_whole = Shared::example(&path, &[]).whole().needs_whole_mesh().is_some();
+        let holding = if needs_whole { Holding::Whole } else { Holding::Parts };
+        if !needs_whole || WHOLE.contains(&path.as_str()) {
+            for ranks in [2, 3, 4] {
+                agree(&path, &smaller(), ranks, holding);
+            }
+        }
+    }
+}
+
+/// Elements of both kinds, a crack, faces without a mesh of their own, states, local frames, finite strain with contact.
+#[test]
+fn small_scenes_of_each_kind() {
+    for path in [
+        "dg/poisson.wfl",
+        "elasticity/rollers.wfl",
+        "friction/weakening.wfl",
+        "hyperelastic/contact.wfl",
+        "interface/cohesive.wfl",
+        "plasticity/perzyna.wfl",
+        "signorini/signorini.wfl",
+        "stokes/stokes.wfl",
+        "surfaces/tjunction.wfl",
+    ] {
+        agree(path, &[], 3, Holding::Parts);
+    }
+    agree("mapping/pressed.wfl", &[], 3, Holding::Whole);
+}
+
+/// What a rank has of the mesh falls with the number of ranks.
+#[test]
+fn no_rank_has_the_whole_mesh() {
+    let shared = Shared::example("fault/nitsche.wfl", &[]);
+    let cells = |scene: Scene| scene.system.mesh.n_cells();
+    let (all, of) = (cells(shared.whole()), shared.on_ranks(4, Holding::Parts, cells));
+    assert!(of.iter().all(|n| *n < 3 * all / 4), "{of:?} of {all}");
+}
