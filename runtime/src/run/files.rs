@@ -61,12 +61,14 @@ impl<'d> Files<'d> {
         }
     }
 
-    /// Takes over the files of steps that were done before.
+    /// Takes over the files of steps that were done before, by whatever number of ranks: each step is taken whole or in
+    /// parts, as it was written.
     pub(super) fn go_on_from(&mut self, scene: &Scene, steps: &[StepResult], dir: &OutputDir) -> Result<(), RunError> {
         let several = scene.steps.several();
+        let Self { series, written, .. } = self;
         let mut adopt = |name: String| match dir.verify(&name)? {
             Some(file) => {
-                self.written.push(file);
+                written.push(file);
                 Ok(())
             }
             None => Err(RunError::from(CheckpointError::Gone { path: dir.path().to_path_buf(), name })),
@@ -79,8 +81,9 @@ impl<'d> Files<'d> {
             events: &lasting[k],
         };
         for number in 0..steps.len() {
-            for output in scene.vtk.iter().filter(|o| o.every.has(place(number), &scene.steps)) {
-                adopt(output::step_name(&output.file, number, "vtu"))?;
+            let of_step = series.iter_mut().zip(&scene.vtk).filter(|(_, o)| o.every.has(place(number), &scene.steps));
+            for (series, _) in of_step {
+                series.go_on_from(number, steps[number].time, &mut adopt)?;
             }
             for output in scene.csv.iter().filter(|o| o.every.has(place(number), &scene.steps)) {
                 adopt(csv_name(output, number, several))?;
@@ -88,10 +91,6 @@ impl<'d> Files<'d> {
         }
         for step in steps {
             self.add_rows(&step.series);
-        }
-        for (series, output) in self.series.iter_mut().zip(&scene.vtk) {
-            let written = steps.iter().enumerate().filter(|(k, _)| output.every.has(place(*k), &scene.steps));
-            series.go_on_from(written.map(|(k, s)| (k, s.time)));
         }
         Ok(())
     }
@@ -164,17 +163,19 @@ impl<'d> Files<'d> {
     }
 }
 
-/// The names that a run of a scene uses.
-pub(super) fn plan(scene: &Scene) -> Plan {
+/// The names that a run of a scene uses. `parts` is the number of ranks that hold the mesh in parts, `None` for a whole
+/// mesh.
+pub(super) fn plan(scene: &Scene, parts: Option<usize>) -> Plan {
     let n = scene.steps.listed().unwrap_or(usize::MAX);
-    let mut plan = Plan { files: vec![REPORT_FILE.to_owned()], series: Vec::new() };
+    let mut plan = Plan { files: vec![REPORT_FILE.to_owned()], series: Vec::new(), parts: parts.unwrap_or_default() };
+    let grids = if parts.is_some() { "pvtu" } else { "vtu" };
     if !scene.measures.is_empty() {
         plan.files.push(MEASURES_FILE.to_owned());
     }
     plan.files.extend(tables_over_time(scene).into_iter().map(|table| table.name));
     for output in &scene.vtk {
         plan.files.push(format!("{}.pvd", output.file));
-        plan.series.push((output.file.clone(), "vtu", n));
+        plan.series.push((output.file.clone(), grids, n));
     }
     if n > 1 {
         plan.files.extend([CHECKPOINT_FILE, checkpoint::LOG_FILE].map(str::to_owned));

@@ -44,7 +44,7 @@ pub(super) fn identity(scene: &Scene, options: &RunOptions) -> Identity {
 pub fn may_begin(scene: &Scene, out: &Path, more: &[&str]) -> Result<(), RunError> {
     let dir = OutputDir::open(out)?;
     spares_inputs(scene, &dir)?;
-    let mut plan = files::plan(scene);
+    let mut plan = files::plan(scene, None);
     plan.files.extend(more.iter().map(|name| (*name).to_owned()));
     Ok(dir.may_begin(Kind::Run, &plan)?)
 }
@@ -52,7 +52,7 @@ pub fn may_begin(scene: &Scene, out: &Path, more: &[&str]) -> Result<(), RunErro
 /// Begins a run in a folder.
 pub(super) fn begin(scene: &Scene, identity: &Identity, dir: &OutputDir) -> Result<(), RunError> {
     spares_inputs(scene, dir)?;
-    dir.begin(Kind::Run, identity, &files::plan(scene))?;
+    dir.begin(Kind::Run, identity, &files::plan(scene, None))?;
     // of an earlier run: this one does not continue it
     remove_checkpoint(dir)
 }
@@ -60,7 +60,7 @@ pub(super) fn begin(scene: &Scene, identity: &Identity, dir: &OutputDir) -> Resu
 /// Goes on with a run in its folder.
 pub(super) fn go_on(scene: &Scene, dir: &OutputDir) -> Result<(), RunError> {
     spares_inputs(scene, dir)?;
-    Ok(dir.go_on(Kind::Run, &files::plan(scene))?)
+    Ok(dir.go_on(Kind::Run, &files::plan(scene, None))?)
 }
 
 /// The checkpoint that a run continues; empty at the beginning.
@@ -123,7 +123,7 @@ fn same(identity: &Identity, former: &Identity, dir: &OutputDir) -> Result<(), C
 
 /// Whether no result has the place of a file that the scene reads.
 fn spares_inputs(scene: &Scene, dir: &OutputDir) -> Result<(), OutputError> {
-    let plan = files::plan(scene);
+    let plan = files::plan(scene, None);
     let Ok(folder) = dir.path().canonicalize() else { return Ok(()) };
     for input in &scene.inputs {
         let Ok(file) = input.path.canonicalize() else { continue };
