@@ -165,7 +165,7 @@ fn a_grid_in_parts_is_the_whole_one() {
 }
 
 #[test]
-fn the_sides_of_a_crack_stay_apart_and_means_of_a_rank_do_not_count() {
+fn the_sides_of_a_crack_stay_apart() {
     // two boxes that are joined below and torn above the plane between them: nodes of the same place, other values
     let mut body = box_of([2, 1, 4], 0.0, "u");
     let torn = |p: &[f64; 3]| p[0] == 1.0 / 3.0 && p[2] > 2.0;
