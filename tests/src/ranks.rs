@@ -106,8 +106,18 @@ impl Shared {
 /// # Panics
 /// If the run ends with an error.
 #[must_use]
-pub fn solved(mut scene: Scene) -> Outcome {
-    let options = RunOptions { library: Some(Linked(&Gathered)), ..RunOptions::without_files(1, Instant::now()) };
+pub fn solved(scene: Scene) -> Outcome {
+    solved_keeping(scene, Vec::new())
+}
+
+/// The same, and what the outputs hold at some steps is kept.
+///
+/// # Panics
+/// If the run ends with an error.
+#[must_use]
+pub fn solved_keeping(mut scene: Scene, keep_outputs: Vec<usize>) -> Outcome {
+    let usual = RunOptions::without_files(1, Instant::now());
+    let options = RunOptions { library: Some(Linked(&Gathered)), keep_outputs, ..usual };
     run(&mut scene, &options, &mut Quiet).unwrap_or_else(|error| panic!("{error}"))
 }
 

@@ -1,9 +1,11 @@
 //! Ranks that have parts of the mesh: unknowns, equations and results are those of the whole scene.
 
-use wfl_runtime::{Outcome, Scene};
+use std::collections::BTreeMap;
+
+use wfl_runtime::{Outcome, Scene, output::Piece};
 use wfl_tests::{
     examples,
-    ranks::{Holding, Shared, solved},
+    ranks::{Holding, Shared, solved, solved_keeping},
     scene_files,
 };
 
@@ -97,6 +99,64 @@ fn small_scenes_of_each_kind() {
         agree(path, &[], 3, Holding::Parts);
     }
     agree("mapping/pressed.wfl", &[], 3, Holding::Whole);
+}
+
+/// By cell of a grid, told by its corners and its body: its values.
+type Cells = BTreeMap<(usize, Vec<[u64; 3]>), Vec<f64>>;
+
+fn cells(pieces: &[Piece], n_pieces: usize) -> Cells {
+    let mut found = Cells::new();
+    for (k, piece) in pieces.iter().enumerate() {
+        for (cell, (_, nodes)) in piece.cells.iter().enumerate() {
+            let place = |node: &u32| piece.points[*node as usize].map(|x| (x + 0.0).to_bits());
+            let mut order: Vec<&u32> = nodes.iter().collect();
+            order.sort_by_key(|node| place(node));
+            let at_points = piece.point_data.iter().flat_map(|array| {
+                let n = array.components;
+                order.iter().flat_map(move |node| array.values[**node as usize * n..][..n].iter().copied())
+            });
+            let of_cell = piece
+                .cell_data
+                .iter()
+                .flat_map(|array| array.values[cell * array.components..][..array.components].iter().copied());
+            let values = at_points.chain(of_cell).collect();
+            let before = found.insert((k % n_pieces, order.iter().map(|node| place(node)).collect()), values);
+            assert!(before.is_none(), "a cell that two ranks write");
+        }
+    }
+    found
+}
+
+/// The grids of all ranks together are the grid of one rank: each cell once, with its values.
+#[test]
+fn the_parts_of_a_grid_are_the_grid() {
+    for path in ["fault/nitsche.wfl", "surfaces/tjunction.wfl", "plasticity/perzyna.wfl", "signorini/signorini.wfl"] {
+        let shared = Shared::example(path, &smaller());
+        let last = |scene: &Scene| scene.steps.values.len().saturating_sub(1);
+        let whole = shared.whole();
+        let n = last(&whole);
+        let whole = solved_keeping(whole, vec![n]);
+        let parts = shared.on_ranks(3, Holding::Parts, |scene| solved_keeping(scene, vec![n]));
+        let grids = &whole.kept[0].grids;
+        assert!(!grids.is_empty() && parts[1].kept[0].grids.iter().all(|(_, pieces)| pieces.is_empty()));
+        for ((name, expected), (_, found)) in grids.iter().zip(&parts[0].kept[0].grids) {
+            let of_one = cells(expected, expected.len());
+            let of_all = cells(found, expected.len());
+            assert_eq!(of_one.len(), of_all.len(), "{path}, {name}: cells");
+            let largest = of_one.values().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+            for (cell, values) in &of_one {
+                let found = &of_all[cell];
+                let apart = values.iter().zip(found).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+                assert!(values.len() == found.len() && apart <= 1e-9 * largest, "{path}, {name}: {values:?} {found:?}");
+            }
+        }
+        for (expected, found) in whole.kept[0].tables.iter().zip(&parts[0].kept[0].tables) {
+            let pairs = expected.rows.iter().flatten().zip(found.rows.iter().flatten());
+            let largest = expected.rows.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+            let same = |a: f64, b: f64| (a - b).abs() <= 1e-9 * largest || a.is_nan() && b.is_nan();
+            assert!(pairs.clone().count() > 0 && pairs.clone().all(|(a, b)| same(*a, *b)), "{path}: {}", expected.file);
+        }
+    }
 }
 
 /// What a rank has of the mesh falls with the number of ranks.

@@ -50,7 +50,9 @@ impl WholeRun for Whole<'_> {
         begun: Instant,
     ) -> Result<Outcome, String> {
         ready::shape(self.args, scene);
-        let mut ready = ready::ready(self.args, loaded, scene, parse_seconds, begun)?;
+        let checks = ready::checked(self.args, loaded, scene)?;
+        let times = ready::Times { parse: parse_seconds, checks, started: begun };
+        let mut ready = ready::ready(self.args, loaded, times)?;
         ready.resumable = false;
         let ended = ready.go(scene).map_err(|e| e.to_string());
         self.last = Some(ready);

@@ -257,6 +257,9 @@ pub(crate) struct RunArgs {
     /// levels of multigrid take three to five times as long
     #[arg(long)]
     pub(crate) repeatable: bool,
+    /// With PETSc on several ranks: each holds the whole mesh, also where it could hold a part of it (docs/scale.md)
+    #[arg(long)]
+    pub(crate) whole_mesh: bool,
     /// Most Newton iterations of an attempt, in place of the value of the scene; path following may pass 450 changes of
     /// the active set in addition
     #[arg(long, value_name = "N")]

@@ -23,6 +23,7 @@ mod new;
 mod plot;
 mod prepared;
 mod progress;
+mod ranks;
 mod ready;
 mod report;
 mod run;

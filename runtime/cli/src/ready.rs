@@ -58,14 +58,8 @@ impl Ready {
     }
 }
 
-/// Checks what there is to check before a run, and makes its options.
-pub(crate) fn ready(
-    args: &RunArgs,
-    loaded: &mut Loaded,
-    scene: &mut Scene,
-    parse_seconds: f64,
-    started: Instant,
-) -> Result<Ready, String> {
+/// Checks what there is to check before a run; the seconds that it takes.
+pub(crate) fn checked(args: &RunArgs, loaded: &mut Loaded, scene: &mut Scene) -> Result<f64, String> {
     let begin = Instant::now();
     let found = before_run(loaded, scene);
     let check_seconds = begin.elapsed().as_secs_f64();
@@ -75,6 +69,18 @@ pub(crate) fn ready(
         print_all(&loaded.messages, &loaded.sources);
         return Err("a Nitsche parameter is below its safe value, which --strict does not allow".to_owned());
     }
+    Ok(check_seconds)
+}
+
+/// When a run began, and what it has taken so far, in seconds.
+pub(crate) struct Times {
+    pub(crate) parse: f64,
+    pub(crate) checks: f64,
+    pub(crate) started: Instant,
+}
+
+/// Makes the options of a run.
+pub(crate) fn ready(args: &RunArgs, loaded: &Loaded, times: Times) -> Result<Ready, String> {
     let loudness = match (args.quiet, args.verbose) {
         (true, _) => Loudness::Quiet,
         (_, true) => Loudness::Verbose,
@@ -90,10 +96,10 @@ pub(crate) fn ready(
         precision: args.precision,
         library: args.backend.library(),
         version: VERSION.to_owned(),
-        parse_seconds,
-        check_seconds,
+        parse_seconds: times.parse,
+        check_seconds: times.checks,
         judge: true,
-        started,
+        started: times.started,
         warnings: loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
         about: loaded.about(),
         savings: Vec::new(),

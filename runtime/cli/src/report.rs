@@ -67,7 +67,7 @@ fn plots(folder: &Path, run: &RunFolder, pages: &Pages) -> Result<(), OutputErro
     }
     let dir = OutputDir::open(folder)?;
     let names = pages.pictures.iter().map(|Picture { name, .. }| format!("{name}.svg"));
-    let plan = Plan { files: names.collect(), series: Vec::new() };
+    let plan = Plan { files: names.collect(), ..Plan::default() };
     let identity = run.dir().holds().map(|(_, _, identity)| identity).unwrap_or_default();
     dir.begin(Kind::Charts, &identity, &plan)?;
     for (Picture { chart, .. }, name) in pages.pictures.iter().zip(&plan.files) {

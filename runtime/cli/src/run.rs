@@ -17,7 +17,8 @@ use crate::{
     load::{load_with_knobs, out, say},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     progress::Loudness,
-    ready::{Ready, folder, ready, shape},
+    ranks,
+    ready::{Ready, Times, checked, folder, ready, shape},
     solvers::{self, Running, Solvers},
 };
 
@@ -37,7 +38,8 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
 
 /// Runs with solvers that took `started_in` to start.
 fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Duration) -> ExitCode {
-    if running.is_shared() && args.savings {
+    let team = running.team();
+    if team.is_some() && args.savings {
         say("error: --savings does not go with several ranks\n  = help: run it without mpirun\n");
         return ExitCode::from(EXIT_ERROR);
     }
@@ -47,6 +49,10 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
     let parse_seconds = (started.elapsed() - started_in).as_secs_f64();
     let preparing = (!args.quiet).then(|| Heartbeat::new(|t| say(&format!("{t}\n"))));
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
+    if let Some(team) = team {
+        drop(preparing);
+        return ranks::run(args, &team, loaded, &*backend, ranks::Begun { parse_seconds, started });
+    }
     // for an accuracy the scene as it stands is looked at and not run
     let looked_at: &dyn KernelBackend = if args.accuracy.is_some() { &InterpreterBackend } else { &*backend };
     let Some(mut scene) = prepare_scene(&mut loaded, looked_at, &args.no_prune) else {
@@ -59,46 +65,37 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         drop(preparing);
         return accuracy::run(args, &demand, loaded, scene, &*backend, started);
     }
-    if args.of.is_some() || args.budget.is_some() {
-        say("error: --of and --budget say more about an accuracy\n  = help: --accuracy 1e-3\n");
+    if says_more_of_no_accuracy(args) {
         return ExitCode::from(EXIT_ERROR);
     }
     shape(args, &mut scene);
     if args.savings && !may_write(args, &loaded, &scene, &[]) {
         return ExitCode::from(EXIT_ERROR);
     }
-    let ready = ready(args, &mut loaded, &mut scene, parse_seconds, started);
-    let mut ready = match ready.and_then(|ready| measured(args, &loaded, &*backend, ready)) {
+    let ready = checked(args, &mut loaded, &mut scene)
+        .and_then(|checks| ready(args, &loaded, Times { parse: parse_seconds, checks, started }));
+    let ready = match ready.and_then(|ready| measured(args, &loaded, &*backend, ready)) {
         Ok(ready) => ready,
         Err(why) => {
             say(&error_line(&why));
             return ExitCode::from(EXIT_ERROR);
         }
     };
-    share(args, running, &mut ready);
-    if let Err(why) = running.share(&mut scene) {
-        say(&error_line(&why));
-        return ExitCode::from(EXIT_ERROR);
-    }
     drop(preparing);
-    go(running, &loaded, scene, ready)
-}
-
-/// Runs what is ready, unless that was done before.
-fn go(running: &Running, loaded: &Loaded, mut scene: Scene, mut ready: Ready) -> ExitCode {
     match finished(&scene, &ready.options) {
-        Ok(Some(report)) => {
-            running.any(true);
-            return ended_before(&ready, &report);
-        }
-        Ok(None) if running.any(false) => return ExitCode::SUCCESS,
+        Ok(Some(report)) => return ended_before(&ready, &report),
         Ok(None) => {}
         Err(error) => {
-            explain(loaded, &scene, &error);
+            explain(&loaded, &scene, &error);
             return ExitCode::from(EXIT_ERROR);
         }
     }
-    ready.announce(loaded, &scene);
+    ready.announce(&loaded, &scene);
+    go(&loaded, scene, ready)
+}
+
+/// Runs what is ready.
+pub(crate) fn go(loaded: &Loaded, mut scene: Scene, mut ready: Ready) -> ExitCode {
     match ready.go(&mut scene) {
         Ok(outcome) => finish(loaded, &scene, &ready, &outcome, None),
         Err(error) => {
@@ -108,18 +105,17 @@ fn go(running: &Running, loaded: &Loaded, mut scene: Scene, mut ready: Ready) ->
     }
 }
 
-/// Of several ranks, one writes files and tells; each has one thread unless it is asked for more.
-fn share(args: &RunArgs, running: &Running, ready: &mut Ready) {
-    if running.is_shared() && args.threads.is_none() {
-        ready.options.threads = 1;
+/// Says that there is no accuracy of which the command line says more.
+pub(crate) fn says_more_of_no_accuracy(args: &RunArgs) -> bool {
+    let says_more = args.of.is_some() || args.budget.is_some();
+    if says_more {
+        say("error: --of and --budget say more about an accuracy\n  = help: --accuracy 1e-3\n");
     }
-    if !running.is_first() {
-        (ready.options.out, ready.loudness) = (None, Loudness::Quiet);
-    }
+    says_more
 }
 
 /// Whether a setting can be picked for an accuracy; says why not.
-fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
+pub(crate) fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
     if !loaded.knobs.is_empty() {
         say("error: mesh, degree and tolerance are picked for the accuracy: they cannot be given, too\n");
         return false;

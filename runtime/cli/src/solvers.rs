@@ -20,10 +20,10 @@ pub(crate) enum Solvers {
 
 #[cfg(feature = "petsc")]
 mod linked {
-    use std::{process::ExitCode, time::Duration};
+    use std::{process::ExitCode, sync::Arc, time::Duration};
 
     use wfl_petsc::{Petsc, Session};
-    use wfl_runtime::Scene;
+    use wfl_runtime::team::Team;
 
     use super::{Linked, Solvers};
     use crate::{
@@ -66,25 +66,10 @@ mod linked {
     }
 
     impl Running {
-        /// True if the run goes on several ranks.
-        pub(crate) fn is_shared(&self) -> bool {
-            self.session.as_ref().is_some_and(|session| session.size() > 1)
-        }
-
-        /// Shares the rows of a scene out over the ranks.
-        pub(crate) fn share(&self, scene: &mut Scene) -> Result<(), String> {
-            let Some(session) = &self.session else { return Ok(()) };
-            scene.share_rows(session.team()).map_err(|error| error.to_string())
-        }
-
-        /// Whether something holds on one rank at least; asked by all.
-        pub(crate) fn any(&self, holds: bool) -> bool {
-            self.session.as_ref().map_or(holds, |session| session.team().any(holds))
-        }
-
-        /// True on the rank that writes files and speaks.
-        pub(crate) fn is_first(&self) -> bool {
-            self.session.as_ref().is_none_or(|session| session.rank() == 0)
+        /// The ranks of a run on several; `None` where there is one.
+        pub(crate) fn team(&self) -> Option<Arc<dyn Team>> {
+            let session = self.session.as_ref().filter(|session| session.size() > 1)?;
+            Some(session.team())
         }
 
         /// Ends the library. An error ends all ranks: those that do not have it would wait for this one.
@@ -130,24 +115,8 @@ mod linked {
 
     impl Running {
         /// There is one rank.
-        pub(crate) fn is_shared(&self) -> bool {
-            false
-        }
-
-        /// It decides alone.
-        pub(crate) fn any(&self, holds: bool) -> bool {
-            holds
-        }
-
-        /// It has all rows.
-        #[expect(clippy::unnecessary_wraps, reason = "as with a library")]
-        pub(crate) fn share(&self, _: &mut wfl_runtime::Scene) -> Result<(), String> {
-            Ok(())
-        }
-
-        /// This one.
-        pub(crate) fn is_first(&self) -> bool {
-            true
+        pub(crate) fn team(&self) -> Option<std::sync::Arc<dyn wfl_runtime::team::Team>> {
+            None
         }
 
         /// Has nothing to end.

@@ -268,9 +268,14 @@ mod linked {
 
     /// A run on several ranks has the iterations and measures of one with our own solvers, and one rank tells.
     fn ranks_agree(scene: &Path, backend: &str, n: usize) {
+        ranks_with_agree(scene, backend, n, &[]);
+    }
+
+    /// The same with more words of the command.
+    fn ranks_with_agree(scene: &Path, backend: &str, n: usize, more: &[&str]) {
         let out = scene.with_extension(format!("ranks{n}"));
         let (file, folder) = (scene.display().to_string(), out.display().to_string());
-        let done = on_ranks(n, &["run", &file, "--out", &folder, "--backend", backend]);
+        let done = on_ranks(n, &[&["run", &file, "--out", &folder, "--backend", backend], more].concat());
         let (told, summary) = (String::from_utf8_lossy(&done.stderr), String::from_utf8_lossy(&done.stdout));
         assert!(matches!(done.status.code(), Some(0 | 3)), "{n} ranks: {told}");
         assert_eq!(summary.matches("unknowns, ").count(), 1, "{n} ranks: {summary}");
@@ -285,6 +290,7 @@ mod linked {
         let fault = scene(&folder, "fault", "nitsche.wfl", SMALL_FAULT);
         (1..=4).for_each(|n| ranks_agree(&fault, "petsc:iterative", n));
         ranks_agree(&fault, "petsc:direct", 2);
+        ranks_with_agree(&fault, "petsc:iterative", 2, &["--whole-mesh"]);
         ranks_agree(&fault.with_file_name("augmented_lagrangian.wfl"), "petsc:iterative", 3);
         let stress = ("max(Norm(stress(u) - p*(Normal@Normal))) on east", "max(Norm(stress(u))) on east");
         let others = [
@@ -398,9 +404,14 @@ mod linked {
             assert!(!running.wait().expect("a child").success());
             assert!(begin.elapsed().as_secs() < 5, "the others ended after {:?}", begin.elapsed());
             assert!(count(&killed) < count(&whole), "killed too late");
+            let mut others = arguments(&killed);
+            others.push("--resume".to_owned());
+            let told = on_ranks(3, &others.iter().map(String::as_str).collect::<Vec<_>>());
+            let text = String::from_utf8_lossy(&told.stderr).into_owned();
+            assert!(!told.status.success() && text.contains("E714") && text.contains("`mpirun -n 2`"), "{text}");
             let told = done(&killed, "--resume");
             assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
-            for name in ["nitsche_0090.vtu", "across_0090.csv"] {
+            for name in ["nitsche_0090.pvtu", "nitsche_0090.p0000.vtu", "nitsche_0090.p0001.vtu", "across_0090.csv"] {
                 let read = |out: &str| std::fs::read(Path::new(out).join(name)).expect("a result");
                 assert!(read(&whole) == read(&killed), "{backend}: {name} differs");
             }

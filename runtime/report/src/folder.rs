@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use wfl_runtime::{
     accuracy::MESH_FILE,
     input::{InputError, InputKind, read_input},
-    output::{Kind, MANIFEST_FILE, MEASURES_FILE, OutputDir, OutputError, REPORT_FILE, Report, State},
+    output::{
+        Kind, MANIFEST_FILE, MEASURES_FILE, OutputDir, OutputError, REPORT_FILE, Report, State, part_of, sources,
+    },
 };
 
 /// Why there is no page.
@@ -106,10 +108,18 @@ impl RunFolder {
                 return Err(damaged(&folder.join(name), "it is missing"));
             }
         }
-        let mut grids = series(folder, &report.files, ".vtu");
+        for list in report.files.iter().filter(|name| name.ends_with(".pvtu")) {
+            let file = folder.join(list);
+            let known = |name: &String| report.files.contains(name);
+            let found = parts(&file)?.into_iter().find(|name| !known(name));
+            if let Some(name) = found {
+                return Err(damaged(&file, format!("`{name}` is no file of the run")));
+            }
+        }
+        let mut grids = series(folder, &report.files, &[".vtu", ".pvtu"]);
         grids.retain(|s| s.steps.iter().all(|(_, file)| !file.ends_with(MESH_FILE)));
         let mesh = report.files.iter().any(|f| f == MESH_FILE).then(|| folder.join(MESH_FILE));
-        let mut tables = series(folder, &report.files, ".csv");
+        let mut tables = series(folder, &report.files, &[".csv"]);
         // the charts over the steps have the measures; tables are lines through the body
         tables.retain(|s| s.steps.iter().all(|(_, file)| !file.ends_with(MEASURES_FILE)));
         Ok(RunFolder { dir, report, grids, tables, mesh })
@@ -147,10 +157,11 @@ impl RunFolder {
     }
 }
 
-fn series(folder: &Path, files: &[String], ending: &str) -> Vec<Series> {
+/// The files with one of these endings. Of a step in parts that is the list of them: they are read through it.
+fn series(folder: &Path, files: &[String], endings: &[&str]) -> Vec<Series> {
     let mut found: Vec<Series> = Vec::new();
-    for file in files {
-        let Some(stem) = file.strip_suffix(ending) else { continue };
+    for file in files.iter().filter(|file| part_of(file).is_none()) {
+        let Some(stem) = endings.iter().find_map(|ending| file.strip_suffix(ending)) else { continue };
         let (name, step) = numbered(stem).unwrap_or((stem, 0));
         let entry = (step, folder.join(file));
         match found.iter_mut().find(|s| s.name == name) {
@@ -176,6 +187,12 @@ pub(crate) fn bytes(file: &Path) -> Result<Vec<u8>, ReportError> {
     read_input(file, InputKind::Results).map_err(|source| ReportError::Read { file: file.to_owned(), source })
 }
 
+/// The names of the files that a list of parts has.
+pub(crate) fn parts(list: &Path) -> Result<Vec<String>, ReportError> {
+    let text = String::from_utf8(bytes(list)?).ok();
+    text.as_deref().and_then(sources).ok_or_else(|| damaged(list, "it is no list of parts"))
+}
+
 pub(crate) fn damaged(file: &Path, what: impl Into<String>) -> ReportError {
     ReportError::Damaged { file: file.to_owned(), what: what.into() }
 }
@@ -187,15 +204,23 @@ mod tests {
     #[test]
     fn files_are_gathered_by_name_and_step() {
         let files = ["a_b_0001.vtu", "a_b_0000.vtu", "line.csv", "x_12.csv"].map(str::to_owned);
-        let grids = series(Path::new("o"), &files, ".vtu");
+        let grids = series(Path::new("o"), &files, &[".vtu"]);
         assert_eq!(grids.len(), 1);
         assert_eq!(grids[0].name, "a_b");
         let steps: Vec<usize> = grids[0].steps.iter().map(|s| s.0).collect();
         assert_eq!(steps, [0, 1]);
-        let tables = series(Path::new("o"), &files, ".csv");
+        let tables = series(Path::new("o"), &files, &[".csv"]);
         assert_eq!(
             tables.iter().map(|t| (t.name.as_str(), t.steps[0].0)).collect::<Vec<_>>(),
             [("line", 0), ("x_12", 0)]
         );
+    }
+
+    #[test]
+    fn a_step_in_parts_is_its_list() {
+        let files = ["a_0000.vtu", "a_0001.p0000.vtu", "a_0001.p0001.vtu", "a_0001.pvtu"].map(str::to_owned);
+        let grids = series(Path::new("o"), &files, &[".vtu", ".pvtu"]);
+        let steps = [(0, Path::new("o/a_0000.vtu").to_owned()), (1, Path::new("o/a_0001.pvtu").to_owned())];
+        assert_eq!(grids, [Series { name: "a".to_owned(), steps: steps.to_vec() }]);
     }
 }

@@ -1,16 +1,19 @@
 //! Grids as the runtime writes them: VTK XML, one line a tag, data appended raw, little endian, `UInt64` sizes, the bodies
 //! and faces one after the other and told apart by the cell array [`PART`].
 //!
+//! Grids in parts, one a rank, are read and joined ([`joined`]): they then are as the whole grid.
+//!
 //! Promises: offsets and sizes are checked, so a file that was cut off is an error and never half a picture.
 //! Reads no other dialect of the format.
 
+mod joined;
 mod whole;
 
 use std::{ops::Range, path::Path};
 
 use wfl_runtime::output::PART;
 
-use crate::folder::{ReportError, bytes, damaged};
+use crate::folder::{ReportError, damaged};
 
 pub(crate) use whole::{Whole, WholeCell, read_whole};
 
@@ -38,16 +41,13 @@ pub(crate) struct Piece {
 /// Reads the parts whose cells have this dimension. Point data that another part with larger cells has, too, belongs to
 /// the bodies and is left out, as is what the part itself lacks.
 pub(crate) fn read_pieces(file: &Path, dim: usize) -> Result<Vec<Piece>, ReportError> {
-    let all = bytes(file)?;
-    let reader = Reader::new(file, &all)?;
     let mut pieces = Vec::new();
-    for tags in &reader.pieces {
-        let parts = reader.parts(tags)?;
+    for grid in joined::read(file)? {
+        let parts = grid.parts();
         for part in parts.iter().filter(|p| p.dim == dim) {
-            let mut piece = reader.piece(tags, part)?;
-            for array in tags.arrays.iter().filter(|a| a.section == "PointData") {
-                let numbers = reader.floats(tags, array)?;
-                let has = |p: &Part| entries(&numbers, array.width, &p.points).iter().any(|x| !x.is_nan());
+            let mut piece = grid.piece(file, part)?;
+            for array in &grid.point_data {
+                let has = |p: &Part| array.of(&p.points).iter().any(|x| !x.is_nan());
                 if parts.iter().any(|p| p.dim > dim && has(p)) {
                     piece.point_data.retain(|v| v.name != array.name);
                 }
@@ -58,9 +58,31 @@ pub(crate) fn read_pieces(file: &Path, dim: usize) -> Result<Vec<Piece>, ReportE
     Ok(pieces)
 }
 
-/// The numbers of some of the entries of an array.
-fn entries<'n>(numbers: &'n [f64], width: usize, which: &Range<usize>) -> &'n [f64] {
-    &numbers[width * which.start..width * which.end]
+impl Values {
+    /// The same array without entries.
+    fn empty(&self) -> Self {
+        Values { name: self.name.clone(), width: self.width, numbers: Vec::new() }
+    }
+
+    /// The numbers of some of the entries.
+    fn of(&self, which: &Range<usize>) -> &[f64] {
+        &self.numbers[self.width * which.start..self.width * which.end]
+    }
+}
+
+/// A grid as it stands in a file: bodies and faces one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Raw {
+    points: Vec<[f64; 3]>,
+    /// The nodes of each cell, in the order of VTK.
+    cells: Vec<Vec<usize>>,
+    /// Their numbers in `vtkCellType.h`.
+    types: Vec<u8>,
+    /// The number of the body or interface of each cell.
+    part: Vec<f64>,
+    point_data: Vec<Values>,
+    /// Without `part`.
+    cell_data: Vec<Values>,
 }
 
 /// Dimension and number of corners of a cell type (`vtkCellType.h`).
@@ -177,47 +199,63 @@ impl<'a> Reader<'a> {
         ends.into_iter().map(one).collect()
     }
 
-    /// The parts of a piece, in their order.
-    fn parts(&self, tags: &PieceTags) -> Result<Vec<Part>, ReportError> {
-        let (types, cells) = (self.types(tags)?, self.cells(tags)?);
-        let tag = tags.arrays.iter().find(|a| a.section == "CellData" && a.name == PART);
-        let numbers = self.floats(tags, tag.ok_or_else(|| damaged(self.file, format!("it has no `{PART}`")))?)?;
-        let (mut parts, mut first) = (Vec::new(), 0);
-        for own in numbers.chunk_by(|a, b| a == b) {
-            let range = first..first + own.len();
-            first = range.end;
-            let nodes = || cells[range.clone()].iter().flatten().copied();
-            let points = nodes().min().unwrap_or(0)..nodes().max().map_or(0, |n| n + 1);
-            let dim = cell(types[range.start]).map_or(0, |c| c.0);
-            parts.push(Part { dim, cells: range, points });
-        }
-        Ok(parts)
-    }
-
-    fn piece(&self, tags: &PieceTags, part: &Part) -> Result<Piece, ReportError> {
-        let wrong = || damaged(self.file, "its cells do not fit its points");
+    /// A piece of the file.
+    fn raw(&self, tags: &PieceTags) -> Result<Raw, ReportError> {
         let flat = self.floats(tags, self.find(tags, "Points")?)?;
-        let points = entries(&flat, 3, &part.points).chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
-        let (types, all) = (self.types(tags)?, self.cells(tags)?);
-        let mut cells = Vec::with_capacity(part.cells.len());
-        for k in part.cells.clone() {
-            let corners = cell(types[k]).filter(|c| c.0 == part.dim).ok_or_else(wrong)?.1;
-            let corners = all[k].get(..corners).ok_or_else(wrong)?;
-            cells.push(corners.iter().map(|n| n - part.points.start).collect());
-        }
-        let mut piece = Piece { points, cells, dim: part.dim, ..Piece::default() };
+        let tag = tags.arrays.iter().find(|a| a.section == "CellData" && a.name == PART);
+        let mut raw = Raw {
+            points: flat.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect(),
+            cells: self.cells(tags)?,
+            types: self.types(tags)?,
+            part: self.floats(tags, tag.ok_or_else(|| damaged(self.file, format!("it has no `{PART}`")))?)?,
+            ..Raw::default()
+        };
         for tag in &tags.arrays {
-            let (list, own) = match tag.section.as_str() {
-                "PointData" => (&mut piece.point_data, &part.points),
-                "CellData" if tag.name != PART => (&mut piece.cell_data, &part.cells),
+            let list = match tag.section.as_str() {
+                "PointData" => &mut raw.point_data,
+                "CellData" if tag.name != PART => &mut raw.cell_data,
                 _ => continue,
             };
-            let numbers = entries(&self.floats(tags, tag)?, tag.width, own).to_vec();
-            if numbers.iter().any(|x| !x.is_nan()) {
-                list.push(Values { name: tag.name.clone(), width: tag.width, numbers });
-            }
+            list.push(Values { name: tag.name.clone(), width: tag.width, numbers: self.floats(tags, tag)? });
         }
-        Ok(piece)
+        Ok(raw)
+    }
+}
+
+impl Raw {
+    /// The bodies and faces, in their order.
+    fn parts(&self) -> Vec<Part> {
+        let (mut parts, mut first) = (Vec::new(), 0);
+        for own in self.part.chunk_by(|a, b| a == b) {
+            let range = first..first + own.len();
+            first = range.end;
+            let nodes = || self.cells[range.clone()].iter().flatten().copied();
+            let points = nodes().min().unwrap_or(0)..nodes().max().map_or(0, |n| n + 1);
+            let dim = cell(self.types[range.start]).map_or(0, |c| c.0);
+            parts.push(Part { dim, cells: range, points });
+        }
+        parts
+    }
+
+    fn piece(&self, file: &Path, part: &Part) -> Result<Piece, ReportError> {
+        let wrong = || damaged(file, "its cells do not fit its points");
+        let mut cells = Vec::with_capacity(part.cells.len());
+        for k in part.cells.clone() {
+            let corners = cell(self.types[k]).filter(|c| c.0 == part.dim).ok_or_else(wrong)?.1;
+            let corners = self.cells[k].get(..corners).ok_or_else(wrong)?;
+            cells.push(corners.iter().map(|n| n - part.points.start).collect());
+        }
+        let own = |data: &[Values], which: &Range<usize>| {
+            let cut = data.iter().map(|v| Values { numbers: v.of(which).to_vec(), ..v.empty() });
+            cut.filter(|v| v.numbers.iter().any(|x| !x.is_nan())).collect()
+        };
+        Ok(Piece {
+            points: self.points[part.points.clone()].to_vec(),
+            cells,
+            dim: part.dim,
+            point_data: own(&self.point_data, &part.points),
+            cell_data: own(&self.cell_data, &part.cells),
+        })
     }
 }
 

@@ -262,6 +262,14 @@ impl OutputDir {
         books.manifest.as_ref().map(own).unwrap_or_default()
     }
 
+    /// Names of the files of this writer that begin so, in order.
+    pub(super) fn own_files_of(&self, beginning: &str) -> Vec<String> {
+        let books = self.books();
+        let Some(manifest) = &books.manifest else { return Vec::new() };
+        let here = manifest.files.range(beginning.to_owned()..).take_while(|(name, _)| name.starts_with(beginning));
+        here.filter(|(_, f)| !f.former).map(|(name, _)| name.clone()).collect()
+    }
+
     /// Removes a file of the manifest, if it is there.
     ///
     /// # Errors

@@ -88,7 +88,7 @@ fn what_the_manifest_does_not_name_is_left_alone() {
     fs::create_dir(scratch.path().join("place.csv")).unwrap();
     fs::remove_file(scratch.path().join("gone.csv")).unwrap();
     fs::create_dir(scratch.path().join("gone.csv")).unwrap();
-    let plan = |file: &str| Plan { files: vec![file.to_owned()], series: Vec::new() };
+    let plan = |file: &str| Plan { files: vec![file.to_owned()], ..Plan::default() };
     let dir = OutputDir::open(scratch.path()).unwrap();
     for name in ["theirs.csv", "place.csv", "gone.csv"] {
         match dir.begin(Kind::Run, &Identity::default(), &plan(name)) {
@@ -96,7 +96,7 @@ fn what_the_manifest_does_not_name_is_left_alone() {
             other => panic!("{name}: {other:?}"),
         }
     }
-    let steps = |n| Plan { files: Vec::new(), series: vec![("u".to_owned(), "vtu", n)] };
+    let steps = |n| Plan { series: vec![("u".to_owned(), "vtu", n)], ..Plan::default() };
     assert!(matches!(dir.begin(Kind::Run, &Identity::default(), &steps(4)), Err(OutputError::Foreign { .. })));
     // nothing was begun: the manifest is that of the earlier run
     assert_eq!(dir.holds().unwrap().1, State::Finished);

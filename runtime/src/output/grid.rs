@@ -201,6 +201,24 @@ pub enum VtuError {
         /// The name.
         name: String,
     },
+    /// The parts of a grid that ranks hold have not the same number of pieces.
+    #[error("part {part} of the grid has {found} pieces, the first part has {expected}")]
+    PartPieces {
+        /// The part, counted from 0.
+        part: usize,
+        /// Pieces of the first part.
+        expected: usize,
+        /// Pieces of this part.
+        found: usize,
+    },
+    /// The parts of a grid that ranks hold have not the same arrays in the same order.
+    #[error("array `{name}` is in one of the first part and part {part} of the grid only, or is another one there")]
+    PartArrays {
+        /// The part, counted from 0.
+        part: usize,
+        /// The first array that differs.
+        name: String,
+    },
 }
 
 /// Every cell has the nodes that its kind needs, and they exist.

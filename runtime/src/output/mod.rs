@@ -4,7 +4,7 @@
 //! same input gives the same bytes; a folder never shows steps of two runs as one result: its manifest says which files
 //! belong to what; nothing else is replaced or removed.
 //! Does not know meshes, fields or solvers, does not choose what is written or when, and reads
-//! nothing back except the manifest.
+//! nothing back except the manifest, and of a step in parts which files it has.
 
 mod atomic;
 mod csv;
@@ -16,11 +16,12 @@ mod lock;
 mod manifest;
 mod names;
 mod ordered;
-mod part;
+mod parts;
 mod real;
 mod report;
 #[cfg(test)]
 mod scratch;
+mod sent;
 mod series;
 mod vtk_cell;
 mod vtu;
@@ -32,8 +33,9 @@ pub use hash::{Hash, Hasher};
 pub use identity::Identity;
 pub use lock::abandon;
 pub use manifest::{Kind, MANIFEST_FILE, State};
-pub use names::{Plan, check_name, step_name};
+pub use names::{Plan, check_name, part_name, part_of, step_name};
 pub use ordered::OrderedMap;
+pub use parts::sources;
 pub use real::Real;
 pub use report::{
     About, AttemptReport, Check, ContactCounts, EventReport, LeftOutReport, MeshReport, ParameterValue, REPORT_FILE,

@@ -7,6 +7,9 @@ use super::OutputError;
 
 /// Digits of the step number in the names of step files; longer numbers use more.
 const STEP_DIGITS: usize = 4;
+/// What stands in the name of a file before the number of its part, and the digits of that.
+const PART_MARK: &str = "p";
+const PART_DIGITS: usize = 4;
 /// Bytes that a file name may have on the usual file systems.
 const LONGEST: usize = 255;
 /// What Windows keeps for devices, with any ending; the last two also with a digit behind.
@@ -65,6 +68,39 @@ pub(super) fn step_of(name: &str, base: &str, extension: &str) -> Option<usize> 
     (step_name(base, step, extension) == name).then_some(step)
 }
 
+/// The name of the file of a part (counted from 0) of step `step` of a series whose grids come in parts:
+/// `base_0003.p0000.vtu`. The file that names all of them is `step_name(base, step, "pvtu")`.
+#[must_use]
+pub fn part_name(base: &str, step: usize, part: usize) -> String {
+    step_name(base, step, &format!("{PART_MARK}{part:0PART_DIGITS$}.vtu"))
+}
+
+/// The number of the part of a name that [`part_name`] made, for any series; `None` for other names.
+#[must_use]
+pub fn part_of(name: &str) -> Option<usize> {
+    let (base, _) = name.rsplit_once('_')?;
+    part_step_of(name, base).map(|(_, part)| part)
+}
+
+/// The step of a file of a series of grids: of a whole grid, of a part, or of the file that names the parts.
+pub(super) fn grid_step_of(name: &str, base: &str) -> Option<usize> {
+    let whole = step_of(name, base, "vtu").or_else(|| step_of(name, base, "pvtu"));
+    whole.or_else(|| part_step_of(name, base).map(|(step, _)| step))
+}
+
+/// Step and part of a name that [`part_name`] made of this base.
+fn part_step_of(name: &str, base: &str) -> Option<(usize, usize)> {
+    let rest = name.strip_prefix(base)?.strip_prefix('_')?.strip_suffix(".vtu")?;
+    let (step, part) = rest.split_once('.')?;
+    let (step, part) = (step.parse().ok()?, part.strip_prefix(PART_MARK)?.parse().ok()?);
+    (part_name(base, step, part) == name).then_some((step, part))
+}
+
+/// What the names of all files of a step of a series of grids begin with.
+pub(super) fn step_beginning(base: &str, step: usize) -> String {
+    step_name(base, step, "")
+}
+
 /// A name under which this process writes a file before it gets its own.
 pub(super) fn temporary_name(count: u64) -> String {
     let [start, end] = TEMPORARY;
@@ -96,6 +132,8 @@ pub struct Plan {
     pub files: Vec<String>,
     /// Base and extension of files of steps, and the number of steps.
     pub series: Vec<(String, &'static str, usize)>,
+    /// How many files of parts a step of a series with the extension `pvtu` has.
+    pub parts: usize,
 }
 
 impl Plan {
@@ -103,15 +141,19 @@ impl Plan {
     #[must_use]
     pub fn takes(&self, name: &str) -> bool {
         let of = |(base, extension, steps): &(String, &str, usize)| {
-            step_of(name, base, extension).is_some_and(|s| s < *steps)
+            let own = step_of(name, base, extension).is_some_and(|s| s < *steps);
+            let part = || part_step_of(name, base).is_some_and(|(s, part)| s < *steps && part < self.parts);
+            own || (*extension == "pvtu" && part())
         };
         self.files.iter().any(|f| f == name) || self.series.iter().any(of)
     }
 
     /// The names with the most letters of each kind: where these are allowed, all are.
     pub(super) fn names(&self) -> impl Iterator<Item = String> {
-        let last =
-            |(base, extension, steps): &(String, &str, usize)| step_name(base, steps.saturating_sub(1), extension);
+        let last = |(base, extension, steps): &(String, &str, usize)| match (*extension, steps.saturating_sub(1)) {
+            ("pvtu", step) => part_name(base, step, self.parts.saturating_sub(1)),
+            (extension, step) => step_name(base, step, extension),
+        };
         self.files.iter().cloned().chain(self.series.iter().map(last))
     }
 }
@@ -145,5 +187,43 @@ mod tests {
         for name in others.iter().chain(&["u_.csv", "u_0007csv", "u"]) {
             assert_eq!(step_of(name, "u", "csv"), None, "{name}");
         }
+    }
+
+    #[test]
+    fn a_part_has_one_name_which_is_a_plain_one_of_its_step() {
+        assert_eq!(part_name("u", 3, 0), "u_0003.p0000.vtu");
+        for (step, part) in [(0, 0), (9999, 12), (10_000, 10_000)] {
+            for base in ["u", "a_0001", "x.p0001"] {
+                let name = part_name(base, step, part);
+                assert!(check_name(&name).is_ok() && name.starts_with(&step_beginning(base, step)), "{name}");
+                assert_eq!((part_of(&name), part_step_of(&name, base)), (Some(part), Some((step, part))));
+                assert_eq!((grid_step_of(&name, base), step_of(&name, base, "vtu")), (Some(step), None));
+            }
+        }
+        let others = ["u_0003.vtu", "u_0003.pvtu", "u_0003.p000.vtu", "u_0003.p00000.vtu", "u_3.p0000.vtu"];
+        for name in others.iter().chain(&["u.p0000.vtu", "u_0003.p+000.vtu", "u_0003.p0000.csv", "u_0003_p0000.vtu"]) {
+            assert_eq!((part_of(name), part_step_of(name, "u")), (None, None), "{name}");
+        }
+        assert_eq!(grid_step_of("u_0003.pvtu", "u"), Some(3));
+        assert_eq!((grid_step_of("u.pvd", "u"), grid_step_of("uu_0003.p0000.vtu", "u")), (None, None));
+    }
+
+    #[test]
+    fn a_plan_of_steps_in_parts_takes_their_parts_and_no_whole_grids() {
+        let plan = Plan { series: vec![("u".to_owned(), "pvtu", 3)], parts: 2, ..Plan::default() };
+        for (name, taken) in [
+            ("u_0002.pvtu", true),
+            ("u_0002.p0001.vtu", true),
+            ("u_0002.p0002.vtu", false),
+            ("u_0003.p0000.vtu", false),
+            ("u_0003.pvtu", false),
+            ("u_0002.vtu", false),
+            ("v_0002.p0001.vtu", false),
+        ] {
+            assert_eq!(plan.takes(name), taken, "{name}");
+        }
+        assert_eq!(plan.names().collect::<Vec<_>>(), ["u_0002.p0001.vtu"]);
+        let whole = Plan { series: vec![("u".to_owned(), "vtu", 3)], ..Plan::default() };
+        assert!(whole.takes("u_0002.vtu") && !whole.takes("u_0002.p0000.vtu") && !whole.takes("u_0002.pvtu"));
     }
 }

@@ -1,18 +1,21 @@
 //! The steps of a run as one animation: step files and their index, `base.pvd`.
 //!
-//! Promises: the index names whole step files of one run only, so that an interrupted run can be opened;
-//! step files left by an earlier run of the same name stay until [`Series::finish`], and are untouched
-//! if the new run fails before.
+//! Promises: the index names whole step files of one run only, so that an interrupted run can be opened; a step in parts
+//! is there with all of them or not at all; step files left by an earlier run of the same name stay until
+//! [`Series::finish`], and are untouched if the new run fails before.
 //! Does not keep an earlier result: step files of the same number are replaced. Does not decide when
 //! the index is brought up to date.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-use super::vtu::{XML_DECLARATION, escape, stage_vtu};
-use super::{OutputDir, OutputError, Piece, step_name};
+use super::names::{grid_step_of, part_name, step_beginning};
+use super::parts::{files_of_step, same_outline, write_pvtu};
+use super::vtu::{Outline, XML_DECLARATION, escape, stage_outlined, stage_vtu};
+use super::{OutputDir, OutputError, Piece, VtuError, step_name};
 
-/// Step files `base_0000.vtu`, `base_0001.vtu`, ... with the index `base.pvd`.
+/// Step files `base_0000.vtu`, `base_0001.vtu`, ... with the index `base.pvd`. A step whose grid ranks hold in parts has
+/// `base_0000.p0000.vtu`, `base_0000.p0001.vtu`, ... and `base_0000.pvtu`, which names them.
 #[derive(Debug)]
 pub struct Series<'d> {
     dir: &'d OutputDir,
@@ -30,10 +33,25 @@ impl<'d> Series<'d> {
         Series { dir, base: base.into(), steps: Vec::new(), indexed: 0 }
     }
 
-    /// Goes on behind steps that are in the folder already, written by a run that was stopped: their numbers and times.
-    pub fn go_on_from(&mut self, steps: impl Iterator<Item = (usize, f64)>) {
-        self.steps = steps.map(|(number, time)| (time, step_name(&self.base, number, "vtu"))).collect();
+    /// Goes on behind a step that is in the folder already, written by a run that was stopped: whole or in any number of
+    /// parts, as it was written. `adopt` takes over each of its files by its name; the last one is that which the index
+    /// names.
+    ///
+    /// # Errors
+    /// Those of `adopt`; [`OutputError::Damaged`] for a list of parts that cannot be read. The step does not count then.
+    pub fn go_on_from<E: From<OutputError>>(
+        &mut self,
+        number: usize,
+        time: f64,
+        adopt: &mut impl FnMut(String) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let files = files_of_step(self.dir, &self.base, number)?;
+        files.iter().cloned().try_for_each(adopt)?;
+        self.remove_others(number, &files)?;
+        let index = files.into_iter().next_back();
+        self.steps.extend(index.map(|name| (time, name)));
         self.indexed = 0;
+        Ok(())
     }
 
     /// Writes the next step and returns the path of its file; the index does not name it yet. Both are on the disc
@@ -45,13 +63,65 @@ impl<'d> Series<'d> {
     pub fn write_step(&mut self, number: usize, time: f64, pieces: &[Piece]) -> Result<PathBuf, OutputError> {
         let name = step_name(&self.base, number, "vtu");
         let staged = stage_vtu(self.dir, &name, Some(time), pieces)?;
-        if self.steps.is_empty() && self.dir.path().join(self.index_name()).exists() {
-            // From the next line on an index of an earlier run would name files of two runs.
-            self.write_index()?;
-        }
+        self.disown_index()?;
         let file = staged.commit_unsynced()?;
+        self.remove_others(number, std::slice::from_ref(&name))?;
         self.steps.push((time, name));
         Ok(file)
+    }
+
+    /// [`Series::write_step`] for a grid that comes in parts, one a rank, and returns the paths of all its files, that
+    /// which names the others last. `parts` is asked for one part after the other, and each is written and dropped before
+    /// the next one is asked for. All parts have the same pieces (bodies, faces) in the same order with the same arrays;
+    /// a piece of which a rank has nothing has no points and no cells, and its arrays no entries.
+    ///
+    /// # Errors
+    /// Those of [`Series::write_step`], [`OutputError::Vtu`] also for parts that do not fit together, and those that
+    /// `parts` gives. Until all parts are written under temporary names, the folder is as it was.
+    pub fn write_parts<E: From<OutputError>>(
+        &mut self,
+        number: usize,
+        time: f64,
+        parts: impl IntoIterator<Item = Result<impl AsRef<[Piece]>, E>>,
+    ) -> Result<Vec<PathBuf>, E> {
+        let index = step_name(&self.base, number, "pvtu");
+        let (mut staged, mut names) = (Vec::new(), Vec::new());
+        let mut first: Option<Outline> = None;
+        for (part, pieces) in parts.into_iter().enumerate() {
+            let name = part_name(&self.base, number, part);
+            let (file, own) = stage_outlined(self.dir, &name, Some(time), pieces?.as_ref())?;
+            let wrong = |source| OutputError::Vtu { file: self.dir.path().join(&name), source };
+            same_outline(part, first.get_or_insert_with(|| own.clone()), &own).map_err(wrong)?;
+            staged.push(file);
+            names.push(name);
+        }
+        let empty = || OutputError::Vtu { file: self.dir.path().join(&index), source: VtuError::NoPiece };
+        let outline = first.ok_or_else(empty)?;
+        let list = self.dir.stage(&index, |out| write_pvtu(out, time, &outline, &names))?;
+        self.disown_index()?;
+        // a kill from here on must not leave a list that names parts of two runs
+        self.dir.remove(&index)?;
+        staged.push(list);
+        let files = staged.into_iter().map(|file| file.commit_unsynced()).collect::<Result<Vec<_>, _>>()?;
+        names.push(index.clone());
+        self.remove_others(number, &names)?;
+        self.steps.push((time, index));
+        Ok(files)
+    }
+
+    /// From the first step on an index of an earlier run would name files of two runs.
+    fn disown_index(&self) -> Result<(), OutputError> {
+        if self.steps.is_empty() && self.dir.path().join(self.index_name()).exists() {
+            self.write_index()?;
+        }
+        Ok(())
+    }
+
+    /// Removes what this run wrote of a step before it was stopped, whole or in another number of parts.
+    fn remove_others(&self, number: usize, keep: &[String]) -> Result<(), OutputError> {
+        let own = self.dir.own_files_of(&step_beginning(&self.base, number));
+        let other = |name: &&String| grid_step_of(name, &self.base) == Some(number) && !keep.contains(name);
+        own.iter().filter(other).try_for_each(|name| self.dir.remove(name))
     }
 
     /// Brings the index up to date: it names all steps written so far.
@@ -76,7 +146,11 @@ impl<'d> Series<'d> {
         if self.steps.is_empty() {
             return Ok(Vec::new());
         }
-        self.dir.remove_stale_steps(&self.base, "vtu")
+        // lists before the parts that they name
+        let mut removed = self.dir.remove_stale_steps(&self.base, "pvtu")?;
+        removed.extend(self.dir.remove_former(|name| grid_step_of(name, &self.base).is_some())?);
+        removed.sort();
+        Ok(removed)
     }
 
     fn index_name(&self) -> String {
@@ -101,115 +175,5 @@ fn write_pvd(out: &mut dyn Write, steps: &[(f64, String)]) -> io::Result<()> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::scratch::Scratch;
-    use super::super::{Array, VtkCell};
-    use super::*;
-
-    fn grid(value: f64) -> Vec<Piece> {
-        vec![Piece {
-            points: vec![[value, 0.0, 0.0]],
-            cells: [(VtkCell::Vertex, vec![0])].into_iter().collect(),
-            point_data: vec![Array::scalar("u", vec![value])],
-            cell_data: Vec::new(),
-        }]
-    }
-
-    /// Runs a series over `times` and leaves it unfinished.
-    fn run<'d>(dir: &'d OutputDir, times: &[f64]) -> Series<'d> {
-        let mut series = Series::new(dir, "hertz");
-        for (number, &time) in times.iter().enumerate() {
-            series.write_step(number, time, &grid(time)).unwrap();
-            series.update_index().unwrap();
-        }
-        series
-    }
-
-    /// Times and files of the index, in order.
-    fn index(scratch: &Scratch) -> Vec<(f64, String)> {
-        let text = scratch.read("hertz.pvd");
-        let value = |line: &str, key: &str| {
-            let rest = line.split_once(&format!("{key}=\"")).unwrap().1;
-            rest.split_once('"').unwrap().0.to_owned()
-        };
-        text.lines()
-            .filter(|line| line.starts_with("<DataSet"))
-            .map(|line| (value(line, "timestep").parse().unwrap(), value(line, "file")))
-            .collect()
-    }
-
-    #[test]
-    fn the_index_names_the_steps_up_to_its_last_update() {
-        let scratch = Scratch::new();
-        let dir = OutputDir::create(scratch.path()).unwrap();
-        let mut series = Series::new(&dir, "hertz");
-        for (step, time) in [0.1, 1.0 / 3.0, 1e-300].into_iter().enumerate() {
-            let file = series.write_step(step, time, &grid(time)).unwrap();
-            assert_eq!(file, scratch.path().join(format!("hertz_000{step}.vtu")));
-            if step == 1 {
-                assert_eq!(index(&scratch).len(), 1);
-                continue;
-            }
-            series.update_index().unwrap();
-            let steps = index(&scratch);
-            assert_eq!(steps.len(), step + 1);
-            assert_eq!(steps[step], (time, format!("hertz_000{step}.vtu")));
-        }
-    }
-
-    #[test]
-    fn a_shorter_second_run_cleans_up_only_when_it_has_finished() {
-        let scratch = Scratch::new();
-        drop(OutputDir::create(scratch.path()).map(|dir| drop(run(&dir, &[0.0, 1.0, 2.0]))));
-        let dir = OutputDir::create(scratch.path()).unwrap();
-        let series = run(&dir, &[7.0]);
-        assert_eq!(index(&scratch), [(7.0, "hertz_0000.vtu".to_owned())]);
-        let with_leftovers = scratch.names();
-        let removed = series.finish().unwrap();
-        assert_eq!(removed, ["hertz_0001.vtu", "hertz_0002.vtu"]);
-        // with the manifest and the lock
-        assert_eq!(with_leftovers.len(), 4 + 2);
-        drop(dir);
-        assert_eq!(scratch.names(), ["hertz.pvd", "hertz_0000.vtu", "manifest.json"]);
-    }
-
-    #[test]
-    fn a_run_that_fails_at_its_first_step_touches_nothing() {
-        let scratch = Scratch::new();
-        drop(OutputDir::create(scratch.path()).map(|dir| drop(run(&dir, &[0.0, 1.0]))));
-        let dir = OutputDir::create(scratch.path()).unwrap();
-        let before = (scratch.names(), scratch.read("hertz.pvd"));
-        let mut series = Series::new(&dir, "hertz");
-        assert!(matches!(series.write_step(0, f64::NAN, &grid(0.0)), Err(OutputError::Time { .. })));
-        assert!(matches!(series.write_step(0, 0.0, &[]), Err(OutputError::Vtu { .. })));
-        assert_eq!(series.finish().unwrap(), [""; 0]);
-        assert_eq!((scratch.names(), scratch.read("hertz.pvd")), before);
-    }
-
-    #[test]
-    fn an_index_of_two_runs_never_exists() {
-        let scratch = Scratch::new();
-        drop(OutputDir::create(scratch.path()).map(|dir| drop(run(&dir, &[0.0, 1.0]))));
-        // The step file cannot be renamed into place: the run stops between index and step.
-        std::fs::remove_file(scratch.path().join("hertz_0000.vtu")).unwrap();
-        std::fs::create_dir(scratch.path().join("hertz_0000.vtu")).unwrap();
-        let dir = OutputDir::create(scratch.path()).unwrap();
-        let mut series = Series::new(&dir, "hertz");
-        assert!(series.write_step(0, 5.0, &grid(5.0)).is_err());
-        assert_eq!(index(&scratch), []);
-    }
-
-    #[test]
-    fn the_same_run_gives_the_same_bytes() {
-        let [first, second] = [Scratch::new(), Scratch::new()];
-        for scratch in [&first, &second] {
-            let dir = OutputDir::create(scratch.path()).unwrap();
-            run(&dir, &[0.0, 0.5]).finish().unwrap();
-        }
-        assert_eq!(first.names(), second.names());
-        for name in first.names() {
-            let read = |scratch: &Scratch| std::fs::read(scratch.path().join(&name)).unwrap();
-            assert_eq!(read(&first), read(&second), "{name}");
-        }
-    }
-}
+#[path = "series_tests.rs"]
+mod tests;

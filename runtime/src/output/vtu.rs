@@ -40,12 +40,32 @@ pub(super) fn stage_vtu<'d>(
     time: Option<f64>,
     pieces: &[Piece],
 ) -> Result<Staged<'d>, OutputError> {
+    stage_outlined(dir, name, time, pieces).map(|(staged, _)| staged)
+}
+
+/// What the grids of all parts of a step have in common.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Outline {
+    pub(super) n_pieces: usize,
+    /// Name and components in the file of each array, in the order of the file.
+    pub(super) point_data: Vec<(String, usize)>,
+    /// The same of the arrays on cells, [`PART`] first.
+    pub(super) cell_data: Vec<(String, usize)>,
+}
+
+/// [`stage_vtu`], with what the grid has.
+pub(super) fn stage_outlined<'d>(
+    dir: &'d OutputDir,
+    name: &str,
+    time: Option<f64>,
+    pieces: &[Piece],
+) -> Result<(Staged<'d>, Outline), OutputError> {
     let file = || dir.path().join(name);
     if let Some(time) = time.filter(|time| !time.is_finite()) {
         return Err(OutputError::Time { file: file(), time });
     }
     let grid = Grid::check(time, pieces).map_err(|source| OutputError::Vtu { file: file(), source })?;
-    dir.stage(name, |out| grid.write(out))
+    Ok((dir.stage(name, |out| grid.write(out))?, grid.outline()))
 }
 
 /// A grid without contradictions.
@@ -112,6 +132,13 @@ impl<'a> Grid<'a> {
             return Err(VtuError::DuplicateArray { piece, name: PART.to_owned() });
         }
         Ok(Grid { time, pieces, point_channels, cell_channels })
+    }
+
+    fn outline(&self) -> Outline {
+        let of =
+            |channels: &[Channel<'_>]| -> Vec<_> { channels.iter().map(|c| (c.name.to_owned(), c.width())).collect() };
+        let cell_data = std::iter::once((PART.to_owned(), 1)).chain(of(&self.cell_channels)).collect();
+        Outline { n_pieces: self.pieces.len(), point_data: of(&self.point_channels), cell_data }
     }
 
     fn write(&self, out: &mut dyn Write) -> io::Result<()> {

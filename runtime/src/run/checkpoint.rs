@@ -113,7 +113,7 @@ impl Holders {
 
     fn in_words(self) -> String {
         match self {
-            Self::Each => "a run with the whole mesh on each rank (`--mesh whole`, or one rank)".to_owned(),
+            Self::Each => "a run with the whole mesh on each rank (one rank, or `--whole-mesh`)".to_owned(),
             Self::Parts(n) => format!("{n} ranks with a part of the mesh each (`mpirun -n {n}`)"),
         }
     }

@@ -63,12 +63,14 @@ impl<'d> Files<'d> {
         }
     }
 
-    /// Takes over the files of steps that were done before.
+    /// Takes over the files of steps that were done before, by whatever number of ranks: each step is taken whole or in
+    /// parts, as it was written.
     pub(super) fn go_on_from(&mut self, scene: &Scene, steps: &[StepResult], dir: &OutputDir) -> Result<(), RunError> {
         let several = scene.steps.several();
+        let Self { series, written, .. } = self;
         let mut adopt = |name: String| match dir.verify(&name)? {
             Some(file) => {
-                self.written.push(file);
+                written.push(file);
                 Ok(())
             }
             None => Err(RunError::from(CheckpointError::Gone { path: dir.path().to_path_buf(), name })),
@@ -81,8 +83,9 @@ impl<'d> Files<'d> {
             events: &lasting[k],
         };
         for number in 0..steps.len() {
-            for output in scene.vtk.iter().filter(|o| o.every.has(place(number), &scene.steps)) {
-                adopt(output::step_name(&output.file, number, "vtu"))?;
+            let of_step = series.iter_mut().zip(&scene.vtk).filter(|(_, o)| o.every.has(place(number), &scene.steps));
+            for (series, _) in of_step {
+                series.go_on_from(number, steps[number].time, &mut adopt)?;
             }
             for output in scene.csv.iter().filter(|o| o.every.has(place(number), &scene.steps)) {
                 adopt(csv_name(output, number, several))?;
@@ -90,10 +93,6 @@ impl<'d> Files<'d> {
         }
         for step in steps {
             self.add_rows(&step.series);
-        }
-        for (series, output) in self.series.iter_mut().zip(&scene.vtk) {
-            let written = steps.iter().enumerate().filter(|(k, _)| output.every.has(place(*k), &scene.steps));
-            series.go_on_from(written.map(|(k, s)| (k, s.time)));
         }
         Ok(())
     }
@@ -106,7 +105,10 @@ impl<'d> Files<'d> {
             match pieces {
                 None => {}
                 Some(Grid::Whole(pieces)) => self.written.push(series.write_step(step.number, step.time, pieces)?),
-                Some(Grid::Parts(_)) => todo!(),
+                Some(Grid::Parts(parts)) => {
+                    let parts = parts.iter().map(Ok::<_, OutputError>);
+                    self.written.extend(series.write_parts(step.number, step.time, parts)?);
+                }
             }
         }
         for table in &step.tables {
@@ -172,14 +174,16 @@ impl<'d> Files<'d> {
 /// The names that a run of a scene uses.
 pub(super) fn plan(scene: &Scene) -> Plan {
     let n = scene.steps.listed().unwrap_or(usize::MAX);
-    let mut plan = Plan { files: vec![REPORT_FILE.to_owned()], series: Vec::new() };
+    let mesh = &scene.system.mesh;
+    let (grids, parts) = if mesh.is_whole() { ("vtu", 0) } else { ("pvtu", mesh.team().size()) };
+    let mut plan = Plan { files: vec![REPORT_FILE.to_owned()], series: Vec::new(), parts };
     if !scene.measures.is_empty() {
         plan.files.push(MEASURES_FILE.to_owned());
     }
     plan.files.extend(tables_over_time(scene).into_iter().map(|table| table.name));
     for output in &scene.vtk {
         plan.files.push(format!("{}.pvd", output.file));
-        plan.series.push((output.file.clone(), "vtu", n));
+        plan.series.push((output.file.clone(), grids, n));
     }
     if n > 1 {
         plan.files.extend([CHECKPOINT_FILE, checkpoint::LOG_FILE].map(str::to_owned));
@@ -314,7 +318,10 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, place: StepPlace<'_>
             let mut terms = system.terms.iter().zip(&step.branches);
             let here = |t: &AssembledTerm| t.place.as_ref() == Some(sampled.support());
             let states = terms.find_map(|(t, branches)| t.contact_states(branches).filter(|_| here(t)));
-            if let Some(states) = states.filter(|s| s.len() == entities) {
+            let states = states.filter(|s| s.len() == entities);
+            // a rank without faces takes other terms without any for those of the piece
+            let is_there = system.mesh.is_whole() || system.team().all(states.is_some());
+            if let Some(states) = states.filter(|_| is_there) {
                 piece.cell_data.push(output::Array::scalar("contact_state", states));
             }
             pieces.push(sampled.written(piece));

@@ -37,6 +37,7 @@ pub fn told(error: &OutputError) -> String {
 pub fn told_of_resuming(error: &CheckpointError) -> String {
     let (code, help) = match error {
         CheckpointError::Other { .. } => ("E714", "restore what differs, or write elsewhere: --out DIR"),
+        CheckpointError::Ranks { .. } => ("E714", "go on with as many ranks, or run without --resume"),
         CheckpointError::Read { .. } | CheckpointError::Damaged { .. } | CheckpointError::Gone { .. } => {
             ("E715", "restore the file, or run without --resume")
         }

@@ -6,6 +6,7 @@
 use std::{
     collections::BTreeMap,
     path::{Component, Path, PathBuf},
+    sync::Arc,
 };
 
 use wfl::{
@@ -16,13 +17,14 @@ use wfl::{
 };
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
-    Pruning, Scene,
+    Pruning, Scene, ScenePart,
     accuracy::{self, Rounds, marks_of},
     input::{self, InputError, InputKind},
     knobs::{self, OF_STATEMENTS},
     output::{About, Hash, OrderedMap, Report, SceneText},
-    prepare_refined,
+    prepare_part, prepare_refined,
     reading::{self, ReadingError},
+    team::Team,
 };
 
 /// A scene that was read, with its texts.
@@ -142,6 +144,23 @@ impl Loaded {
             self.messages.retain(|d| d.code != "W702");
         }
         prepared.scene.filter(|_| !has_error)
+    }
+
+    /// The problem of one of several ranks that was sent a part of it ([`Scene::part_of`]), made by all of them together.
+    ///
+    /// # Errors
+    /// What is wrong with the part: the first rank has told what is wrong with the scene.
+    pub fn prepare_part(
+        &self,
+        backend: &dyn KernelBackend,
+        keep: &[Pruning],
+        bytes: &[u8],
+        team: Arc<dyn Team>,
+    ) -> Result<Scene, String> {
+        let part = ScenePart::from_bytes(bytes).ok_or("the part of the scene is not what was sent")?;
+        let prepared = prepare_part(&self.script, &self.folder, backend, keep, part, team);
+        let why = prepared.diagnostics.iter().find(|d| d.is_error()).map(|d| d.message.clone());
+        prepared.scene.ok_or_else(|| why.unwrap_or_else(|| "the part of the scene cannot be prepared".to_owned()))
     }
 }
 

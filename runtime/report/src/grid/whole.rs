@@ -2,10 +2,8 @@
 
 use std::path::Path;
 
-use wfl_runtime::output::PART;
-
-use super::{Reader, Tag, Values, cell, entries};
-use crate::folder::{ReportError, bytes, damaged};
+use super::{Values, cell, joined};
+use crate::folder::{ReportError, damaged};
 
 /// A cell with all its nodes, in the order of VTK.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,33 +30,28 @@ impl WholeCell {
 
 /// Reads the cells of this dimension of all parts, and the names of all point and cell arrays of the file.
 pub(crate) fn read_whole(file: &Path, dim: usize) -> Result<(Whole, Vec<String>), ReportError> {
-    let all = bytes(file)?;
-    let reader = Reader::new(file, &all)?;
     let wrong = || damaged(file, "its cells do not fit its points");
     let (mut whole, mut names) = (Whole::default(), Vec::new());
-    for tags in &reader.pieces {
-        let own = |a: &&Tag| matches!(a.section.as_str(), "PointData" | "CellData") && a.name != PART;
-        for tag in tags.arrays.iter().filter(own) {
-            if !names.contains(&tag.name) {
-                names.push(tag.name.clone());
+    for grid in joined::read(file)? {
+        for array in grid.point_data.iter().chain(&grid.cell_data) {
+            if !names.contains(&array.name) {
+                names.push(array.name.clone());
             }
         }
-        let (types, nodes) = (reader.types(tags)?, reader.cells(tags)?);
-        let flat = reader.floats(tags, reader.find(tags, "Points")?)?;
-        for part in reader.parts(tags)?.iter().filter(|part| part.dim == dim) {
+        for part in grid.parts().iter().filter(|part| part.dim == dim) {
             let before = whole.points.len();
-            whole.points.extend(entries(&flat, 3, &part.points).chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
+            whole.points.extend(&grid.points[part.points.clone()]);
             for k in part.cells.clone() {
-                let (found, corners) = cell(types[k]).ok_or_else(wrong)?;
-                if found != dim || nodes[k].len() < corners {
+                let (kind, nodes) = (grid.types[k], &grid.cells[k]);
+                let (found, corners) = cell(kind).ok_or_else(wrong)?;
+                if found != dim || nodes.len() < corners {
                     return Err(wrong());
                 }
-                let nodes = nodes[k].iter().map(|n| n - part.points.start + before).collect();
-                whole.cells.push(WholeCell { kind: types[k], nodes });
+                let nodes = nodes.iter().map(|n| n - part.points.start + before).collect();
+                whole.cells.push(WholeCell { kind, nodes });
             }
-            for tag in tags.arrays.iter().filter(|a| a.section == "PointData") {
-                let numbers = entries(&reader.floats(tags, tag)?, tag.width, &part.points).to_vec();
-                add(&mut whole.point_data, &tag.name, tag.width, before, numbers);
+            for array in &grid.point_data {
+                add(&mut whole.point_data, &array.name, array.width, before, array.of(&part.points).to_vec());
             }
         }
     }

@@ -9,6 +9,8 @@ mod field;
 mod interface;
 mod section;
 mod skin;
+#[cfg(test)]
+pub(crate) use skin::skin;
 mod view;
 
 use crate::{

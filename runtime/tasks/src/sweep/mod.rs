@@ -127,7 +127,7 @@ fn plan(methods: &[Method], problems: usize) -> Plan {
     let outputs = methods.iter().flat_map(|m| &m.known.loaded.script.outputs).flat_map(|o| &o.items);
     let quantities = ["L2", "H1"].into_iter().chain(outputs.map(|i| i.name.as_str()));
     files.extend(quantities.map(|q| format!("{}.svg", page::plot_name(q))));
-    Plan { files, series: Vec::new() }
+    Plan { files, ..Plan::default() }
 }
 
 /// The rows of earlier sweeps, if the table is what they wrote.
@@ -163,7 +163,7 @@ fn replot(folder: &Path, rows: &[Row]) -> Result<(), OutputError> {
     let dir = OutputDir::open(folder)?;
     let charts = page::charts(rows).into_iter().map(|(name, _)| format!("{name}.svg"));
     let files = charts.chain([page::PAGE_FILE.to_owned()]).collect();
-    dir.go_on(Kind::Sweep, &Plan { files, series: Vec::new() })?;
+    dir.go_on(Kind::Sweep, &Plan { files, ..Plan::default() })?;
     page::write(&dir, rows)?;
     dir.finish(State::Finished)
 }
