@@ -7,7 +7,7 @@ use std::{path::Path, sync::Arc, time::Instant};
 use wfl::ResolvedScript;
 use wfl_jit::JitBackend;
 use wfl_runtime::{
-    Outcome, Quiet, RunOptions, Scene, ScenePart,
+    Outcome, Quiet, RunError, RunOptions, Scene, ScenePart,
     csr::Csr,
     mesh::Part,
     prepare, prepare_part, run,
@@ -107,10 +107,19 @@ impl Shared {
 /// If the run ends with an error.
 #[must_use]
 pub fn solved(scene: Scene) -> Outcome {
-    solved_keeping(scene, Vec::new())
+    run_with_gathered(scene).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The same, and what the outputs hold at some steps is kept.
+/// The same, with the error of the run.
+///
+/// # Errors
+/// That of the run.
+pub fn run_with_gathered(mut scene: Scene) -> Result<Outcome, RunError> {
+    let options = RunOptions { library: Some(Linked(&Gathered)), ..RunOptions::without_files(1, Instant::now()) };
+    run(&mut scene, &options, &mut Quiet)
+}
+
+/// Solves a scene of a rank, and keeps what its outputs hold at some steps.
 ///
 /// # Panics
 /// If the run ends with an error.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use wfl_runtime::{Outcome, Scene, output::Piece};
 use wfl_tests::{
     examples,
-    ranks::{Holding, Shared, solved, solved_keeping},
+    ranks::{Holding, Shared, run_with_gathered, solved, solved_keeping},
     scene_files,
 };
 
@@ -166,4 +166,32 @@ fn no_rank_has_the_whole_mesh() {
     let cells = |scene: Scene| scene.system.mesh.n_cells();
     let (all, of) = (cells(shared.whole()), shared.on_ranks(4, Holding::Parts, cells));
     assert!(of.iter().all(|n| *n < 3 * all / 4), "{of:?} of {all}");
+}
+
+/// What a number that is not finite is told as: on one rank alone, and on each of three.
+fn told(text: &str) -> (String, Vec<String>) {
+    let shared = Shared::text(&examples(), text.to_owned(), &[]);
+    let error = |scene: Scene| match run_with_gathered(scene) {
+        Err(error) => error.to_string(),
+        Ok(outcome) => format!("{:?}", outcome.steps[0].bad_measures),
+    };
+    (error(shared.whole()), shared.on_ranks(3, Holding::Parts, error))
+}
+
+#[test]
+fn a_number_that_one_rank_has_alone_is_the_same_error_on_all() {
+    let body = "wfl 1\nmesh box [0,0] to [1,1] cells [6,6] quad\nregion left = faces where x == 0\n\
+                region corner = cells where x + y >= 1.8\nunknown u : vector\nparam big = 0.9\n\
+                term body on all : (Div_u*Id(2) + 2*Sym(Grad_u)):Grad_Test_u\n";
+    for (statements, word) in [
+        ("fix u = [0, log(big - y)] on left\n", "the prescribed value of `u`"),
+        ("fix u = [0, 0] on left\nload u = [log(big - x - y + 0.9), 0] on corner\n", "load"),
+        ("fix u = [0, y] on left\nmeasure m = max(log(big - y)) on left\n", "name: \"m\""),
+    ] {
+        let (alone, ranks) = told(&format!("{body}{statements}"));
+        assert!(alone.contains(word), "{alone}");
+        for found in ranks {
+            assert_eq!(found, alone);
+        }
+    }
 }

@@ -36,6 +36,17 @@ fn print(loaded: &Loaded, said: &Said) {
     }
 }
 
+/// Runs what is ready, and says how it ended.
+pub(crate) fn go(loaded: &Loaded, mut scene: Scene, mut ready: Ready) -> ExitCode {
+    match ready.go(&mut scene) {
+        Ok(outcome) => finish(loaded, &scene, &ready, &outcome, None),
+        Err(error) => {
+            explain(loaded, &scene, &error);
+            ExitCode::from(EXIT_ERROR)
+        }
+    }
+}
+
 /// Ends a run: messages, summary, expectations. `picked` is the setting that was picked for an accuracy.
 pub(crate) fn finish(
     loaded: &Loaded,

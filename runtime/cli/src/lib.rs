@@ -32,6 +32,7 @@ mod show;
 mod solvers;
 mod sweep;
 mod table;
+mod together;
 mod verify;
 
 use std::{ffi::OsString, path::PathBuf, process::ExitCode, time::Instant};

@@ -9,13 +9,14 @@ use wfl_tasks::{Loaded, folder::error_line};
 use crate::{
     accuracy,
     args::RunArgs,
-    ended::{ended_before, explain},
+    ended::{ended_before, explain, go},
     heartbeat::Heartbeat,
     load::{out, say},
     prepared::{EXIT_ERROR, prepare_scene},
     progress::Loudness,
     ready::{Ready, Times, checked, ready, shape},
-    run::{go, may_pick, says_more_of_no_accuracy},
+    solvers::Running,
+    together::{may_pick, says_more_of_no_accuracy},
 };
 
 /// What the first rank says to the others: the first byte of what it sends.
@@ -33,12 +34,13 @@ pub(crate) struct Begun {
 /// Runs a scene on several ranks. An error of one of them ends all.
 pub(crate) fn run(
     args: &RunArgs,
+    running: &Running,
     team: &Arc<dyn Team>,
     loaded: Loaded,
     backend: &dyn KernelBackend,
     begun: Begun,
 ) -> ExitCode {
-    let shared = Shared { args, team, backend, begun };
+    let shared = Shared { args, running, team, backend, begun };
     let ended = if team.rank() == 0 { shared.first(loaded) } else { shared.other(loaded) };
     ended.unwrap_or_else(|why| {
         if !why.is_empty() {
@@ -51,6 +53,7 @@ pub(crate) fn run(
 /// A run on several ranks.
 struct Shared<'a> {
     args: &'a RunArgs,
+    running: &'a Running,
     team: &'a Arc<dyn Team>,
     backend: &'a dyn KernelBackend,
     begun: Begun,
@@ -155,6 +158,7 @@ impl Shared<'_> {
         });
         let whole = scene.from_whole();
         drop(part);
+        self.running.trim_memory();
         let mut scene = self.part(loaded, &sent[1..])?;
         scene.take_over(whole);
         self.tell(&format!(
@@ -169,6 +173,8 @@ impl Shared<'_> {
         let made = loaded.prepare_part(self.backend, &self.args.no_prune, bytes, Arc::clone(self.team));
         let mut scene = made?;
         shape(self.args, &mut scene);
+        // what preparing took is not what solving takes
+        self.running.trim_memory();
         Ok(scene)
     }
 }

@@ -6,20 +6,21 @@ use std::{
 };
 
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
-use wfl_runtime::{Saving, Scene, accuracy::MESH_FILE, finished, may_begin, savings};
+use wfl_runtime::{Saving, finished, savings};
 use wfl_tasks::{Loaded, folder::error_line};
 
 use crate::{
     accuracy,
     args::RunArgs,
-    ended::{ended_before, explain, finish},
+    ended::{ended_before, explain, go},
     heartbeat::Heartbeat,
     load::{load_with_knobs, out, say},
     prepared::{EXIT_ERROR, backend, prepare_scene},
     progress::Loudness,
     ranks,
-    ready::{Ready, Times, checked, folder, ready, shape},
-    solvers::{self, Running, Solvers},
+    ready::{Ready, Times, checked, ready, shape},
+    solvers::{self, Running},
+    together::{may_pick, may_write, says_more_of_no_accuracy},
 };
 
 pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
@@ -51,7 +52,7 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
     if let Some(team) = team {
         drop(preparing);
-        return ranks::run(args, &team, loaded, &*backend, ranks::Begun { parse_seconds, started });
+        return ranks::run(args, running, &team, loaded, &*backend, ranks::Begun { parse_seconds, started });
     }
     // for an accuracy the scene as it stands is looked at and not run
     let looked_at: &dyn KernelBackend = if args.accuracy.is_some() { &InterpreterBackend } else { &*backend };
@@ -92,57 +93,6 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
     }
     ready.announce(&loaded, &scene);
     go(&loaded, scene, ready)
-}
-
-/// Runs what is ready.
-pub(crate) fn go(loaded: &Loaded, mut scene: Scene, mut ready: Ready) -> ExitCode {
-    match ready.go(&mut scene) {
-        Ok(outcome) => finish(loaded, &scene, &ready, &outcome, None),
-        Err(error) => {
-            explain(loaded, &scene, &error);
-            ExitCode::from(EXIT_ERROR)
-        }
-    }
-}
-
-/// Says that there is no accuracy of which the command line says more.
-pub(crate) fn says_more_of_no_accuracy(args: &RunArgs) -> bool {
-    let says_more = args.of.is_some() || args.budget.is_some();
-    if says_more {
-        say("error: --of and --budget say more about an accuracy\n  = help: --accuracy 1e-3\n");
-    }
-    says_more
-}
-
-/// Whether a setting can be picked for an accuracy; says why not.
-pub(crate) fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
-    if !loaded.knobs.is_empty() {
-        say("error: mesh, degree and tolerance are picked for the accuracy: they cannot be given, too\n");
-        return false;
-    }
-    if args.backend != Solvers::Own {
-        say("error: for an accuracy a scene is run with the solvers of this program\n  = help: leave --backend out\n");
-        return false;
-    }
-    // on the command line these exclude each other; the scene may ask for an accuracy, too
-    if args.savings || args.resume {
-        say(
-            "error: a scene that asks for an accuracy is run on several meshes: --savings and --resume do not go with it\n",
-        );
-        return false;
-    }
-    may_write(args, loaded, scene, &[MESH_FILE])
-}
-
-/// Whether the results can be written, and the files `more` beside them, looked at before other runs are made for this
-/// one; says why not.
-fn may_write(args: &RunArgs, loaded: &Loaded, scene: &Scene, more: &[&str]) -> bool {
-    match folder(args, loaded).map(|out| may_begin(scene, &out, more)) {
-        Ok(Ok(())) => return true,
-        Ok(Err(error)) => explain(loaded, scene, &error),
-        Err(why) => say(&error_line(&why)),
-    }
-    false
 }
 
 /// A run with the measured effect of its optimisations, on request.

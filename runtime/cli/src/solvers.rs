@@ -72,6 +72,11 @@ mod linked {
             Some(session.team())
         }
 
+        /// Gives memory that is not used any more back to the system.
+        pub(crate) fn trim_memory(&self) {
+            self.session.iter().for_each(Session::trim_memory);
+        }
+
         /// Ends the library. An error ends all ranks: those that do not have it would wait for this one.
         pub(crate) fn end(self, code: ExitCode) -> ExitCode {
             let Some(session) = self.session.filter(|session| session.size() > 1) else { return code };
@@ -118,6 +123,9 @@ mod linked {
         pub(crate) fn team(&self) -> Option<std::sync::Arc<dyn wfl_runtime::team::Team>> {
             None
         }
+
+        /// One rank goes on with the memory that it has.
+        pub(crate) fn trim_memory(&self) {}
 
         /// Has nothing to end.
         pub(crate) fn end(self, code: std::process::ExitCode) -> std::process::ExitCode {

@@ -215,12 +215,7 @@ impl ContactTerm {
         let mut fluxes = fluxes.iter();
         let motions = self.motions(system);
         let mut found = Violations { moved, ..Violations::default() };
-        let sizes = self.sampled.domain.groups.iter().flat_map(|g| g.entities.iter().map(|_| g.n_points()));
-        let mut end = 0;
-        let mut faces = FaceCount::new(sizes.filter(|n_points| {
-            end += n_points;
-            self.counts(end - n_points)
-        }));
+        let mut faces = FaceCount::new(self.counted_faces());
         let mut point = 0;
         self.arguments(system, values, |full, gap, slopes| {
             let Some((flux, weight)) = fluxes.next() else { return };
@@ -262,6 +257,16 @@ impl ContactTerm {
             driven: found.driven.value(),
             cone: found.cone.value().filter(|_| self.has_friction() && self.has_traction(&system.fields)),
         }
+    }
+
+    /// The numbers of points of the faces that this rank counts.
+    fn counted_faces(&self) -> impl Iterator<Item = usize> + '_ {
+        let sizes = self.sampled.domain.groups.iter().flat_map(|g| g.entities.iter().map(|_| g.n_points()));
+        let mut end = 0;
+        sizes.filter(move |n_points| {
+            end += n_points;
+            self.counts(end - n_points)
+        })
     }
 
     /// True if the force of a term acts on displacements, so that it can be judged by what it does to them.

@@ -35,6 +35,7 @@ pub use friction_work::{FrictionWork, friction_work};
 pub use points::{ContactPoints, PointState, contact_points};
 pub use projection_state::{ConvergedState, ProjectionState};
 pub use regularisation::{Complementarity, Regularisation};
+use sharing::SharedPoints;
 use std::sync::Arc;
 pub use term::{ContactParts, ContactTerm};
 
@@ -43,7 +44,7 @@ use wfl_compiler::{Class, types::FieldKind};
 use wfl_discrete::assemble::FieldValues;
 use wfl_discrete::rates::StepAt;
 use wfl_discrete::system::{ActiveSet, System};
-use wfl_host::team::Team;
+use wfl_host::team::{Alone, Team};
 
 /// The first choices from a start without a past are made for whole entities.
 const CHOICES_BY_ENTITY: usize = 3;
@@ -269,6 +270,20 @@ impl Contact {
         let data = self.active.branch_data.iter().map(Vec::as_slice);
         let friction = self.complementarity.regularisation.friction;
         breakpoints::next(self.terms.iter().zip(rays).zip(data), friction, end, self.team())
+    }
+
+    /// Shares the points out as the nodes of the mesh are, where several ranks have them.
+    pub fn share(&mut self, system: &System) {
+        let Some(part) = system.mesh.part() else { return };
+        self.team = Some(Arc::clone(part.team()));
+        for term in &mut self.terms {
+            term.shared = Some(SharedPoints::new(&system.mesh, &term.sampled.domain));
+        }
+    }
+
+    /// The ranks that have the points.
+    fn team(&self) -> &dyn Team {
+        self.team.as_deref().unwrap_or(&Alone)
     }
 
     /// How fast the first of some breakpoints is passed along a line, `at` this part of it.

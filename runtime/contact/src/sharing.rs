@@ -3,13 +3,8 @@
 //! Every rank that has an entity evaluates it, so copies of a point have the same numbers and the same branches; one rank
 //! counts it. Promises: what is decided for all points follows from sums and largest numbers of all ranks.
 
-use std::sync::Arc;
-
-use wfl_discrete::{assemble::Domain, system::System};
-use wfl_host::team::{Alone, Team};
+use wfl_discrete::assemble::Domain;
 use wfl_mesh::mesh::Mesh;
-
-use super::{Contact, ContactTerm};
 
 /// What all ranks call a point of a term: names of points of one rank increase.
 pub(super) type PointName = [u64; 2];
@@ -23,7 +18,7 @@ pub(super) struct SharedPoints {
 }
 
 impl SharedPoints {
-    fn new(mesh: &Mesh, domain: &Domain) -> Self {
+    pub(super) fn new(mesh: &Mesh, domain: &Domain) -> Self {
         let (mut counted, mut names) = (Vec::new(), Vec::new());
         for group in &domain.groups {
             let key = group.key.iter().fold(0, |word, byte| word << 8 | u64::from(*byte));
@@ -38,33 +33,15 @@ impl SharedPoints {
         }
         Self { counted, names }
     }
-}
 
-impl ContactTerm {
     /// Whether this rank counts a point.
     #[inline]
     pub(super) fn counts(&self, point: usize) -> bool {
-        self.shared.as_ref().is_none_or(|shared| shared.counted[point])
+        self.counted[point]
     }
 
     /// What all ranks call a point.
     pub(super) fn name(&self, point: usize) -> PointName {
-        self.shared.as_ref().map_or([0, point as u64], |shared| shared.names[point])
-    }
-}
-
-impl Contact {
-    /// Shares the points out as the nodes of the mesh are, where several ranks have them.
-    pub fn share(&mut self, system: &System) {
-        let Some(part) = system.mesh.part() else { return };
-        self.team = Some(Arc::clone(part.team()));
-        for term in &mut self.terms {
-            term.shared = Some(SharedPoints::new(&system.mesh, &term.sampled.domain));
-        }
-    }
-
-    /// The ranks that have the points.
-    pub(super) fn team(&self) -> &dyn Team {
-        self.team.as_deref().unwrap_or(&Alone)
+        self.names[point]
     }
 }

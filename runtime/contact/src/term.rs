@@ -2,7 +2,11 @@
 
 use wfl_compiler::{Projection, ProjectionKind, SlopesLaw, types::FieldKind};
 
-use super::{Complementarity, sharing::SharedPoints, slopes::ArgumentSlopes};
+use super::{
+    Complementarity,
+    sharing::{PointName, SharedPoints},
+    slopes::ArgumentSlopes,
+};
 use wfl_discrete::assemble::{AssembledTerm, FieldValues, Over};
 use wfl_discrete::field::Field;
 use wfl_discrete::rates::StepAt;
@@ -180,6 +184,17 @@ impl ContactTerm {
 
     pub(super) fn n_points(&self) -> usize {
         self.sampled.domain.groups.iter().map(|g| g.entities.len() * g.n_points()).sum()
+    }
+
+    /// Whether this rank counts a point.
+    #[inline]
+    pub(super) fn counts(&self, point: usize) -> bool {
+        self.shared.as_ref().is_none_or(|shared| shared.counts(point))
+    }
+
+    /// What all ranks call a point.
+    pub(super) fn name(&self, point: usize) -> PointName {
+        self.shared.as_ref().map_or([0, point as u64], |shared| shared.name(point))
     }
 
     /// Mean measure of an entity.

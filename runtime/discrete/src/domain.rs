@@ -431,7 +431,8 @@ impl GroupSide {
     }
 }
 
-fn numbers((here, facet, there, opposite, orientation): Key) -> [u8; 5] {
+fn numbers(key: Key) -> [u8; 5] {
+    let (here, facet, there, opposite, orientation) = key;
     let small = |n: usize| u8::try_from(n).expect("kinds, facets and orientations are few");
     [here.index(), facet, there.index(), opposite, orientation].map(small)
 }

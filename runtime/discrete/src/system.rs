@@ -28,6 +28,7 @@ use linear::LinearMatrix;
 pub use linear::Redistribution;
 pub use numbering::{FIXED, Numbering, Tie};
 pub use residual::Residual;
+use shared::Counts;
 use tangent::SceneAxes;
 pub use tangent::Tangent;
 use thiserror::Error;
@@ -67,13 +68,6 @@ pub struct FrozenTerm {
     pub term: usize,
     /// The term that reads its branches; its branch data are a field behind those of the scene.
     pub form: AssembledTerm,
-}
-
-/// Free dofs of all ranks: all of them, and those that changing terms touch.
-#[derive(Clone, Copy, Debug, Default)]
-struct Counts {
-    unknowns: usize,
-    changing: usize,
 }
 
 /// The assembled problem.
@@ -256,40 +250,6 @@ impl System {
     #[must_use]
     pub fn shared_bulk(&self) -> Arc<Csr> {
         Arc::clone(&self.bulk)
-    }
-
-    /// Number of free dofs, of all ranks.
-    #[must_use]
-    pub fn n_unknowns(&self) -> usize {
-        self.counts.unknowns
-    }
-
-    /// Number of free dofs that the changing terms touch, by row or by column; of all ranks.
-    #[must_use]
-    pub fn n_changing_dofs(&self) -> usize {
-        self.counts.changing
-    }
-
-    /// Counts what there is in the rows of all ranks.
-    fn count(&mut self) {
-        let n = self.numbering.n_free();
-        // a flag as a number
-        let mut is_touched = vec![0.0; n];
-        for row in 0..n {
-            let columns = self.changing.row(row);
-            if !columns.is_empty() {
-                is_touched[row] = 1.0;
-            }
-            columns.iter().for_each(|c| is_touched[*c as usize] = 1.0);
-        }
-        let owners = self.owners();
-        let is_own = |row: &usize| owners.as_ref().is_none_or(|owners| owners.owns(*row));
-        if let Some(owners) = &owners {
-            owners.halo.largest_at_owners(&*owners.team, &mut is_touched);
-        }
-        let changing = (0..n).filter(is_own).filter(|row| is_touched[*row] > 0.0).count();
-        let unknowns = (0..n).filter(is_own).count();
-        self.counts = Counts { unknowns: self.team().count(unknowns), changing: self.team().count(changing) };
     }
 
     /// True if every term is affine in the unknowns once its branches are frozen: then a full step solves the frozen
@@ -496,8 +456,8 @@ impl System {
         out
     }
 
-    /// By dof, in the rows of this rank: what rounding leaves of a residual. Where linear terms are evaluated at their points only the others
-    /// count: what rounds there moves nothing.
+    /// By dof, in the rows of this rank: what rounding leaves of a residual. Where linear terms are evaluated at their
+    /// points only the others count: what rounds there moves nothing.
     #[must_use]
     pub fn rounding(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
         let mut sizes = self.sizes(u, here, tangent);

@@ -138,8 +138,15 @@ pub trait Team: Debug + Send + Sync {
         lengths.iter().map(&mut next).collect()
     }
 
-    /// The bytes of all ranks on the first one, which takes those of one rank after the other; the others get nothing back.
+    /// The bytes of all ranks on the first one; the others get nothing.
     fn at_first(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
+        let mut all = Vec::new();
+        self.each_at_first(bytes, &mut |_, bytes| all.push(bytes));
+        all
+    }
+
+    /// Gives the first rank the bytes of each, one rank after the other.
+    fn each_at_first(&self, bytes: &[u8], take: &mut dyn FnMut(usize, Vec<u8>)) {
         let mut lengths = vec![0; self.size()];
         lengths[self.rank()] = bytes.len() as u64;
         self.sum_words(&mut lengths);
@@ -148,14 +155,18 @@ pub trait Team: Debug + Send + Sync {
             if !bytes.is_empty() {
                 self.exchange(&[(0, packed(bytes).collect())], &[]);
             }
-            return Vec::new();
+            return;
         }
-        let of = |(rank, n): (usize, usize)| match (rank, n) {
-            (0, _) => bytes.to_vec(),
-            (_, 0) => Vec::new(),
-            _ => unpacked(&self.exchange(&[], &[(rank, n.div_ceil(8))])[0], n),
-        };
-        lengths.into_iter().map(length).enumerate().map(of).collect()
+        for (rank, n) in lengths.into_iter().map(length).enumerate() {
+            take(
+                rank,
+                match (rank, n) {
+                    (0, _) => bytes.to_vec(),
+                    (_, 0) => Vec::new(),
+                    _ => unpacked(&self.exchange(&[], &[(rank, n.div_ceil(8))])[0], n),
+                },
+            );
+        }
     }
 
     /// What the first rank makes for this one. It makes the bytes for one rank after the other, and keeps none of them.

@@ -205,7 +205,8 @@ impl PetscEngine {
         &mut self,
         call: &Call,
         changing: &Csr,
-        (rhs, x): (&[f64], &mut [f64]),
+        rhs: &[f64],
+        x: &mut [f64],
         tolerance: f64,
     ) -> Result<(), SolveError> {
         let before = self.counts.iterations;
@@ -326,7 +327,7 @@ impl Engine for PetscEngine {
     fn solve(&mut self, changing: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<usize, SolveError> {
         let before = self.counts.iterations;
         self.counts.solutions += 1;
-        self.solve_own(&Call::begin()?, changing, (rhs, x), tolerance)?;
+        self.solve_own(&Call::begin()?, changing, rhs, x, tolerance)?;
         // other ranks are heard after the right to call is given back
         if let Some(owners) = &self.equations.owners {
             owners.update(x);

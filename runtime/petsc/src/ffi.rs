@@ -34,6 +34,7 @@ unsafe extern "C" {
     pub(super) fn wfl_sum(values: *mut f64, n: c_int);
     pub(super) fn wfl_sum_words(words: *mut u64, n: c_int);
     pub(super) fn wfl_max_words(words: *mut u64, n: c_int);
+    pub(super) fn wfl_trim_memory();
     pub(super) fn wfl_exchange(messages: *const Message, n: c_int);
     pub(super) fn wfl_matrix_new(
         n: c_int,

@@ -204,6 +204,13 @@ impl Session {
         Arc::new(Mpi { ranks: self.ranks })
     }
 
+    /// Gives memory that is not used any more back to the system: what the allocator of C keeps counts for this rank
+    /// however little of it is used again.
+    pub fn trim_memory(&self) {
+        // SAFETY: changes nothing that is in use.
+        unsafe { ffi::wfl_trim_memory() };
+    }
+
     /// Ends the run on all ranks at once: what one of them cannot go on with the others would wait for. Does not return
     /// where there are several; one rank alone has nobody to wait for it.
     pub fn abort(self, code: u8) {

@@ -2,6 +2,9 @@
    MPICH) never cross into Rust, and the sizes that src/ffi.rs relies on are asserted. Every function that returns an int returns 0, or
    an error whose text wfl_last_error() gives. All of them are collective over the ranks of the run. */
 #include <petscksp.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 #include <stdlib.h>
 
 #include "sweeps.h"
@@ -125,6 +128,14 @@ void wfl_exchange(const Message *messages, int n)
   }
   (void)MPI_Waitall(n, requests, MPI_STATUSES_IGNORE);
   free(requests);
+}
+
+/* Gives memory that is not used any more back to the system, where the allocator of C keeps it. */
+void wfl_trim_memory(void)
+{
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
 }
 
 void wfl_finish(void)

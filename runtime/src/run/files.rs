@@ -6,20 +6,21 @@
 //! write the report.
 
 use std::{
+    borrow::Cow,
+    io,
     path::PathBuf,
     sync::{
         Arc,
         atomic::{AtomicU64, Ordering},
+        mpsc::Receiver,
     },
     time::{Duration, Instant},
 };
 
-use super::{CHECKPOINT_FILE, CheckpointError, RunError, StepResult, checkpoint};
+use super::{CHECKPOINT_FILE, CheckpointError, RunError, StepResult, checkpoint, others};
 use crate::{
     assemble::{AssembledTerm, FieldValues},
-    bytes::{Reader, Writer},
     finite::BadOutput,
-    mesh::Mesh,
     output::{self, MEASURES_FILE, OutputDir, OutputError, Piece, Plan, REPORT_FILE, Series, write_csv},
     scene::{CsvOutput, Scene, StepPlace},
 };
@@ -102,14 +103,18 @@ impl<'d> Files<'d> {
         let Some(dir) = self.dir else { return Ok(()) };
         self.add_rows(&step.rows);
         for (pieces, series) in step.grids.iter().zip(&mut self.series) {
-            match pieces {
-                None => {}
-                Some(Grid::Whole(pieces)) => self.written.push(series.write_step(step.number, step.time, pieces)?),
-                Some(Grid::Parts(parts)) => {
-                    let parts = parts.iter().map(Ok::<_, OutputError>);
-                    self.written.extend(series.write_parts(step.number, step.time, parts)?);
-                }
-            }
+            let Some(pieces) = pieces else { continue };
+            let Some(others) = &step.others else {
+                self.written.push(series.write_step(step.number, step.time, pieces)?);
+                continue;
+            };
+            let gone = |_| OutputError::Write {
+                file: dir.path().to_path_buf(),
+                source: io::Error::other("the run has ended"),
+            };
+            let received = (1..others.ranks).map(|_| others.pieces.recv().map(Cow::Owned).map_err(gone));
+            let parts = std::iter::once(Ok(Cow::Borrowed(pieces.as_slice()))).chain(received);
+            self.written.extend(series.write_parts(step.number, step.time, parts)?);
         }
         for table in &step.tables {
             self.written.push(write_csv(dir, &table.name, &table.columns, &table.rows)?);
@@ -231,13 +236,23 @@ fn csv_name(output: &CsvOutput, number: usize, several: bool) -> String {
 pub(super) struct StepFiles {
     pub(super) number: usize,
     pub(super) time: f64,
-    /// The grid of each VTU output of the scene, if it has this step.
-    pub(super) grids: Vec<Option<Grid>>,
+    /// The pieces that this rank has of each VTU output of the scene, if it has this step.
+    pub(super) grids: Vec<Option<Vec<Piece>>>,
+    /// Where each rank has a part of the mesh: what brings the pieces of the others, grid after grid.
+    pub(super) others: Option<OfOthers>,
     pub(super) tables: Vec<Table>,
     /// What it adds to the tables over the steps.
     pub(super) rows: Vec<Vec<Vec<f64>>>,
     /// The checkpoint, in runs of several steps if the last one is old.
     pub(super) checkpoint: Option<checkpoint::Content>,
+}
+
+/// The pieces of other ranks.
+pub(super) struct OfOthers {
+    /// How many ranks there are.
+    pub(super) ranks: usize,
+    /// Brings the pieces of one after the other.
+    pub(super) pieces: Receiver<Vec<Piece>>,
 }
 
 impl StepFiles {
@@ -247,45 +262,6 @@ impl StepFiles {
             && self.tables.is_empty()
             && self.rows.is_empty()
             && self.checkpoint.is_none()
-    }
-}
-
-/// What a file for viewers shows.
-pub(super) enum Grid {
-    /// The pieces of a whole mesh.
-    Whole(Vec<Piece>),
-    /// By rank the pieces of its part of the mesh.
-    Parts(Vec<Vec<Piece>>),
-}
-
-impl Grid {
-    /// Of pieces that this rank has: those of all ranks on the first one, where each has a part of the mesh.
-    fn of(pieces: Vec<Piece>, mesh: &Mesh) -> Self {
-        if mesh.is_whole() {
-            return Self::Whole(pieces);
-        }
-        let mut w = Writer::default();
-        w.list(&pieces, |w, piece| piece.write_to(w));
-        drop(pieces);
-        let parts = mesh.team().at_first(&w.bytes);
-        let read = |bytes: Vec<u8>| Reader::new(&bytes).list(Piece::read_from).expect("pieces as they were written");
-        Self::Parts(parts.into_iter().map(read).collect())
-    }
-
-    /// The pieces of all ranks, one rank's behind the other's.
-    pub(super) fn into_pieces(self) -> Vec<Piece> {
-        match self {
-            Self::Whole(pieces) => pieces,
-            Self::Parts(parts) => parts.into_iter().flatten().collect(),
-        }
-    }
-
-    fn pieces(&self) -> impl Iterator<Item = &Piece> {
-        let (whole, parts) = match self {
-            Self::Whole(pieces) => (pieces.as_slice(), [].as_slice()),
-            Self::Parts(parts) => ([].as_slice(), parts.as_slice()),
-        };
-        whole.iter().chain(parts.iter().flatten())
     }
 }
 
@@ -326,16 +302,8 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, place: StepPlace<'_>
             }
             pieces.push(sampled.written(piece));
         }
-        let grid = Grid::of(pieces, &system.mesh);
-        for piece in grid.pieces() {
-            not_finite(piece, &output.file, time).for_each(|found| {
-                // each part of a mesh may have some
-                if bad.iter().all(|known: &BadOutput| known.what != found.what) {
-                    bad.push(found);
-                }
-            });
-        }
-        grids.push(Some(grid));
+        pieces.iter().for_each(|piece| bad.extend(not_finite(piece, &output.file, time)));
+        grids.push(Some(pieces));
     }
     let tables = csv
         .iter_mut()
@@ -349,7 +317,8 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, place: StepPlace<'_>
             }),
         })
         .collect();
-    (StepFiles { number, time, grids, tables, rows, checkpoint: None }, bad)
+    let bad = others::bad_of_all(bad, &system.mesh);
+    (StepFiles { number, time, grids, others: None, tables, rows, checkpoint: None }, bad)
 }
 
 /// The quantities of a piece that are not finite, each with the first such value.

@@ -18,6 +18,7 @@ mod judged;
 mod leaving;
 mod memory;
 mod options;
+mod others;
 mod outcome;
 mod past;
 mod quantities;
@@ -52,7 +53,7 @@ use crate::{
     contact::{FrictionWork, friction_work},
     finite::{BadGiven, BadMeasure, BadOutput},
     newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
-    output::{Hash, OutputDir, OutputError, State, write_report},
+    output::{Hash, OutputDir, OutputError, Piece, State, write_report},
     scene::{Scene, set_data, start},
     solve::SolverOptions,
     system::Form,
@@ -61,7 +62,7 @@ use adaptive::Reach;
 use asked::Asked;
 use checkpoint::Log;
 use events::{Sides, lasts};
-use files::{CheckpointCost, Files, StepFiles};
+use files::{CheckpointCost, Files, OfOthers, StepFiles};
 use judged::Judged;
 use stepping::{Reached, StepError, Stepper};
 
@@ -447,14 +448,32 @@ impl Run {
                 step.checkpoint = Some(checkpoint::pack(self, &mut log, scene, &kept));
                 self.log = log;
             }
-            let Some((writer, _)) = writer else { continue };
-            let taken = step.is_empty() || writer.send(step).is_ok();
+            let taken = self.hand_over(scene, step, writer.map(|(writer, _)| writer));
             self.clock.write += begin.elapsed().as_secs_f64();
             if !taken {
                 break;
             }
         }
         Ok(())
+    }
+
+    /// Gives a step to the thread that writes; false where that has ended. Of ranks that have parts of the mesh each gives
+    /// its pieces to the first one.
+    fn hand_over(&self, scene: &Scene, mut step: StepFiles, writer: Option<&SyncSender<StepFiles>>) -> bool {
+        let mesh = &scene.system.mesh;
+        if mesh.is_whole() {
+            return writer.is_none_or(|writer| step.is_empty() || writer.send(step).is_ok());
+        }
+        let (team, grids) = (mesh.team(), step.grids.iter().flatten().count());
+        let Some(writer) = writer else {
+            let own: Vec<&[Piece]> = step.grids.iter().flatten().map(Vec::as_slice).collect();
+            return others::pass_on(&own, team, None).is_some() || team.rank() > 0;
+        };
+        let (sender, pieces) = sync_channel(0);
+        step.others = Some(OfOthers { ranks: team.size(), pieces });
+        let is_sent = step.is_empty() || writer.send(step).is_ok();
+        // the others send, whether or not somebody writes
+        others::pass_on(&vec![[].as_slice(); grids], team, Some(&sender)).is_some() && is_sent
     }
 
     fn step(&mut self, scene: &mut Scene, asked: Asked, progress: &mut dyn Progress) -> Result<StepResult, RunError> {

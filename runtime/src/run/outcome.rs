@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use super::{
     Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult,
     events::episodes,
-    files::{Grid, StepFiles, write_measures},
+    files::{StepFiles, write_measures},
     folder,
     leaving::lost,
-    report,
+    others, report,
 };
 use crate::{
     finite::BadMeasure,
@@ -96,7 +96,8 @@ pub struct KeptStep {
 impl KeptStep {
     pub(super) fn new(scene: &Scene, files: StepFiles) -> Self {
         let StepFiles { number, time, grids, tables, .. } = files;
-        let of = |(v, grid): (&VtkOutput, Option<Grid>)| Some((v.file.clone(), grid?.into_pieces()));
+        let mesh = &scene.system.mesh;
+        let of = |(v, pieces): (&VtkOutput, Option<_>)| Some((v.file.clone(), others::pieces_of_all(pieces?, mesh)));
         let grids = scene.vtk.iter().zip(grids).filter_map(of).collect();
         let tables = tables.into_iter().map(|t| KeptTable { file: t.name, columns: t.columns, rows: t.rows }).collect();
         Self { number, time, grids, tables }

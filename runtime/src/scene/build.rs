@@ -6,97 +6,36 @@
 use std::{
     cell::Cell,
     collections::{BTreeMap, BTreeSet},
-    sync::Arc,
     time::Instant,
 };
 
-use wfl::{Diagnostic, Lost, ResolvedScript};
+use wfl::{Diagnostic, ResolvedScript};
 use wfl_compiler::{
     Constant, Env,
-    backend::KernelBackend,
     types::{FieldKind, InputSlot, UniformSlot},
 };
 
 use super::{
-    Builder, CsvOutput, EventRule, Given, InputFile, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Refined,
-    Regions, Scene, StateUpdate, Steps, TablesOf, VtkOutput, With,
+    Builder, CsvOutput, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Scene, StateUpdate,
+    Steps, TablesOf, VtkOutput, With,
     assemble::Assembled,
     batch::Batch,
     constants, constraints, coverage, explicit, fields, idle, mappings, massless, meeting, mesh, options, outputs,
-    part::{PartOfUnknowns, ScenePart},
+    place::{Findings, OnTeam, Place, part_of_mesh, whole},
     rates::{self, Integration},
-    regions, rest, states, terms,
+    rest, states, terms,
 };
 use crate::{
     contact::{Contact, ContactTerm},
     csr::CsrError,
     field::Field,
-    mesh::{Mesh, Topology},
+    mesh::Topology,
     newton::NewtonOptions,
     pruning::Pruning,
     rates::Scheme,
     results::SampledPiece,
-    space::SpacePart,
     system::{FrozenTerm, Known, Numbering, Past, System},
-    team::Team,
 };
-
-/// What is found while a scene is made, also where it cannot be.
-pub(super) struct Findings {
-    pub(super) diagnostics: Vec<Diagnostic>,
-    /// Names that were to be declared and are not known: what uses them is not to blame.
-    pub(super) lost: Lost,
-    /// The dimension of the space, once it is known.
-    pub(super) dim: Option<usize>,
-}
-
-/// Where a scene is made: its mesh, with what is found on it before anything is compiled.
-struct Place {
-    mesh: Mesh,
-    refined: Option<Refined>,
-    topology: Topology,
-    regions: Regions,
-    inputs: Vec<InputFile>,
-    params: BTreeMap<String, Constant>,
-}
-
-/// A part of a scene on the team of its ranks.
-pub(super) type OnTeam = (ScenePart, Arc<dyn Team>);
-
-/// What the first rank says of fields and unknowns.
-struct Told {
-    spaces: Vec<Option<SpacePart>>,
-    unknowns: PartOfUnknowns,
-}
-
-/// The whole mesh of a script.
-fn whole(script: &ResolvedScript, with: With<'_>, found: &mut Findings) -> Option<Place> {
-    let With { folder, backend, rounds, .. } = with;
-    let mut inputs = Vec::new();
-    let read = mesh::read(script, folder, &mut inputs, &mut found.diagnostics);
-    let params = constants::parameters(script, mesh::dimension(script, read.as_ref()), &mut found.diagnostics);
-    for param in script.params.iter().filter(|p| !params.contains_key(&p.name.name)) {
-        found.lost.add(&param.name.name);
-    }
-    let made = mesh::MeshMaker { script, params: &params, backend, diagnostics: &mut found.diagnostics };
-    let (mesh, refined) = made.make(read, rounds)?;
-    found.dim = Some(mesh.dim());
-    let topology = topology(script, &mesh, found)?;
-    let smallest = refined.as_ref().map_or(f64::INFINITY, |r| r.smallest);
-    let regions = regions_of(script, &mesh, &topology, &params, backend, smallest, found);
-    Some(Place { mesh, refined, topology, regions, inputs, params })
-}
-
-/// The part of a mesh that a rank was sent.
-fn part_of_mesh(script: &ResolvedScript, (part, team): OnTeam, found: &mut Findings) -> Option<(Place, Told)> {
-    let ScenePart { mesh, regions, spaces, unknowns, inputs, .. } = part;
-    let mesh = Mesh::of_part(team, mesh);
-    let params = constants::parameters(script, mesh.dim(), &mut found.diagnostics);
-    found.dim = Some(mesh.dim());
-    let topology = topology(script, &mesh, found)?;
-    let regions = ScenePart::regions(regions, script);
-    Some((Place { mesh, refined: None, topology, regions, inputs, params }, Told { spaces, unknowns }))
-}
 
 /// Makes the problem of a script; `part` on one of several ranks that has a part of the mesh.
 pub(super) fn build(
@@ -165,36 +104,6 @@ fn with_its_mass(scene: &mut Scene, script: &ResolvedScript, integration: &Integ
         None if integration.scheme == Scheme::Explicit => explicit::finish(scene, script, integration.fraction),
         None => Ok(()),
     }
-}
-
-fn topology(script: &ResolvedScript, mesh: &Mesh, found: &mut Findings) -> Option<Topology> {
-    match Topology::new(mesh) {
-        Ok(topology) => Some(topology),
-        Err(e) => {
-            found.diagnostics.push(mesh::mesh_error(&e, script.mesh.as_ref()?.span));
-            None
-        }
-    }
-}
-
-/// The regions; names of regions that cannot be made are lost.
-fn regions_of(
-    script: &ResolvedScript,
-    mesh: &Mesh,
-    topology: &Topology,
-    params: &BTreeMap<String, Constant>,
-    backend: &dyn KernelBackend,
-    smallest: f64,
-    found: &mut Findings,
-) -> Regions {
-    let (diagnostics, regions) = (&mut found.diagnostics, Regions::new());
-    let maker = regions::RegionMaker { script, mesh, topology, params, backend, smallest, diagnostics, regions };
-    let regions = maker.make();
-    let named = script.regions.iter().map(|r| &r.name).chain(&script.groups);
-    for name in named.filter(|n| !regions.contains_key(&n.name)) {
-        found.lost.add(&name.name);
-    }
-    regions
 }
 
 /// A matrix that cannot be made.
@@ -383,20 +292,8 @@ impl Builder<'_> {
         let unused_fields = self.unused_fields(&used, &numbering);
         let env = self.owned_env();
         let made = System::new(self.mesh, self.fields, numbering, terms, known)
-            .and_then(|system| with_contact(system, contact, self.keep, within(&steps)))
-            .and_then(|(mut system, mut contact)| {
-                if !system.mesh.is_whole() {
-                    contact.share(&system);
-                    return Ok((system, contact, idle::Idle::default()));
-                }
-                let idle = idle::leave_out(self.script, &self.topology, &mut system, &contact, self.diagnostics)?;
-                Ok((system, contact, idle))
-            });
-        let told = |e| self.diagnostics.push(structure_error(self.script, e));
-        let (system, contact, idle) = made.map_err(told).ok()?;
-        if system.mesh.is_whole() {
-            fits_its_solver(self.script, &system, self.diagnostics)?;
-        }
+            .and_then(|system| with_contact(system, contact, self.keep, within(&steps)));
+        let (system, contact, idle) = without_idle(made, self.script, &self.topology, self.diagnostics)?;
         Some(Scene {
             explicit: None,
             energy: integration.energy,
@@ -562,6 +459,25 @@ fn with_contact(
     system.set_laws(at, 1.0);
     contact.begin_step(system.known.step(at, 1.0));
     Ok((system, contact))
+}
+
+/// A system and its contact without idle multipliers, and what is said of those; `None` after a message. On a part of the
+/// mesh they are left out as on the whole one.
+fn without_idle(
+    made: Result<(System, Contact), CsrError>,
+    script: &ResolvedScript,
+    topology: &Topology,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<(System, Contact, idle::Idle)> {
+    let (mut system, mut contact) = made.map_err(|e| diagnostics.push(structure_error(script, e))).ok()?;
+    if !system.mesh.is_whole() {
+        contact.share(&system);
+        return Some((system, contact, idle::Idle::default()));
+    }
+    let idle = idle::leave_out(script, topology, &mut system, &contact, diagnostics);
+    let idle = idle.map_err(|e| diagnostics.push(structure_error(script, e))).ok()?;
+    fits_its_solver(script, &system, diagnostics)?;
+    Some((system, contact, idle))
 }
 
 /// A value of the step variable between the first and the last, where little vanishes that does at an end.

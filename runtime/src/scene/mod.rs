@@ -37,6 +37,7 @@ mod normals;
 mod options;
 mod outputs;
 mod part;
+mod place;
 mod point_loads;
 mod quantities;
 mod rates;
@@ -80,7 +81,6 @@ use crate::{
 };
 
 use batch::Batch;
-use build::Findings;
 pub use cadence::{Cadence, Every, StepPlace};
 pub use caller::GiveError;
 pub use constraints::Prescribed;
@@ -96,6 +96,7 @@ pub use options::{Auto, Steps};
 pub use outputs::{CsvOutput, VtkOutput};
 use part::PartOfUnknowns;
 pub use part::{FromWhole, ScenePart};
+use place::Findings;
 pub(crate) use rates::MOST_FRACTION;
 pub use refined::Refined;
 pub use regions::{NamedRegion, Regions};
@@ -383,7 +384,7 @@ struct With<'a> {
     rounds: &'a [Vec<Mark>],
 }
 
-fn prepare_as_written(script: &ResolvedScript, with: With<'_>, part: Option<build::OnTeam>) -> Prepared {
+fn prepare_as_written(script: &ResolvedScript, with: With<'_>, part: Option<place::OnTeam>) -> Prepared {
     let mut found = Findings { diagnostics: Vec::new(), lost: script.lost.clone(), dim: None };
     let scene = build::build(script, with, part, &mut found);
     let Findings { mut diagnostics, mut lost, dim } = found;

@@ -54,7 +54,18 @@ pub(super) const ARROWS: &[(&str, &str, &[&str])] = &[
     (
         "wfl-checks",
         "runtime/checks",
-        &["wfl-compiler", "wfl-contact", "wfl-discrete", "wfl-mesh", "wfl-newton", "wfl-sparse", "nalgebra", "rayon"],
+        // wfl-host: what is found on several ranks is brought together
+        &[
+            "wfl-compiler",
+            "wfl-contact",
+            "wfl-discrete",
+            "wfl-host",
+            "wfl-mesh",
+            "wfl-newton",
+            "wfl-sparse",
+            "nalgebra",
+            "rayon",
+        ],
     ),
     (
         "wfl-runtime",

@@ -42,8 +42,8 @@ impl System {
         changes
     }
 
-    /// By dof, in the rows of this rank, what the residual `here` at `u` is relative to in fields with single equations: the sum of the magnitudes
-    /// of what is summed. Of other fields what cancels in the smooth terms that are not linear, such as a friction of 30
+    /// By dof, in the rows of this rank, what the residual `here` at `u` is relative to in fields with single equations: the
+    /// sum of the magnitudes of what is summed. Of other fields what cancels in the smooth terms that are not linear, such as a friction of 30
     /// that a load of 30 balances: rounding of it is left. Empty without fields of the first kind, and then nothing is
     /// evaluated.
     #[must_use]

@@ -16,7 +16,48 @@ use crate::{
     share::Share,
 };
 
+/// Free dofs of all ranks: all of them, and those that changing terms touch.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Counts {
+    unknowns: usize,
+    changing: usize,
+}
+
 impl System {
+    /// Number of free dofs, of all ranks.
+    #[must_use]
+    pub fn n_unknowns(&self) -> usize {
+        self.counts.unknowns
+    }
+
+    /// Number of free dofs that the changing terms touch, by row or by column; of all ranks.
+    #[must_use]
+    pub fn n_changing_dofs(&self) -> usize {
+        self.counts.changing
+    }
+
+    /// Counts what there is in the rows of all ranks.
+    pub(super) fn count(&mut self) {
+        let n = self.numbering.n_free();
+        // a flag as a number
+        let mut is_touched = vec![0.0; n];
+        for row in 0..n {
+            let columns = self.changing.row(row);
+            if !columns.is_empty() {
+                is_touched[row] = 1.0;
+            }
+            columns.iter().for_each(|c| is_touched[*c as usize] = 1.0);
+        }
+        let owners = self.owners();
+        let is_own = |row: &usize| owners.as_ref().is_none_or(|owners| owners.owns(*row));
+        if let Some(owners) = &owners {
+            owners.halo.largest_at_owners(&*owners.team, &mut is_touched);
+        }
+        let changing = (0..n).filter(is_own).filter(|row| is_touched[*row] > 0.0).count();
+        let unknowns = (0..n).filter(is_own).count();
+        self.counts = Counts { unknowns: self.team().count(unknowns), changing: self.team().count(changing) };
+    }
+
     /// Shares the rows out over ranks that have prepared the same scene; before the first step.
     ///
     /// # Errors

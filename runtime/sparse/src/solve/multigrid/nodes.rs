@@ -85,7 +85,8 @@ impl NodeLayout {
     /// Points are taken from the centre and in units of the size of an extent ([`Self::extent`]), so that all modes have
     /// one size.
     #[must_use]
-    pub fn mode_values(&self, (centre, size): ([f64; 3], f64)) -> Vec<f64> {
+    pub fn mode_values(&self, extent: ([f64; 3], f64)) -> Vec<f64> {
+        let (centre, size) = extent;
         let (b, k) = (self.components, self.n_modes());
         let mut values = vec![0.0; self.points.len() * b * k];
         for (point, mode) in self.points.iter().zip(values.chunks_exact_mut(b * k)) {
