@@ -78,7 +78,7 @@ fn tables(loaded: &Loaded, scene: &Scene, library: Option<Linked>, parse: f64) -
     list.push(units(loaded));
     list.extend(tables_read(loaded));
     list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded, scene)]);
-    list.extend([system(scene, library), schedule(scene), left_out(loaded, scene), times(scene, parse)]);
+    list.extend([system(scene, library), ranks(scene, library), schedule(scene), left_out(loaded, scene), times(scene, parse)]);
     list
 }
 
@@ -416,6 +416,19 @@ fn system(scene: &Scene, library: Option<Linked>) -> Table {
     let options = SolverOptions { method: scene.newton.linear, solutions, library, ..SolverOptions::default() };
     let solver = LinearSolver::plan(&scene.system, &options);
     table.push(vec![numbering.n_dofs.into(), (numbering.n_dofs - free).into(), free.into(), solver.into()]);
+    table
+}
+
+/// What several ranks would have of the mesh; empty with the solvers of this program, which run on one.
+fn ranks(scene: &Scene, library: Option<Linked>) -> Table {
+    let mut table = Table::new("several ranks", &["mesh", "why"]);
+    if library.is_some() {
+        let row = match scene.needs_whole_mesh() {
+            None => vec!["a part on each rank".into(), Value::Null],
+            Some(why) => vec!["whole on each rank".into(), why.into()],
+        };
+        table.push(row);
+    }
     table
 }
 

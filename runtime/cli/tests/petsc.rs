@@ -321,13 +321,36 @@ mod linked {
     }
 
     #[test]
+    fn a_number_that_one_rank_has_alone_is_told_once_and_ends_all() {
+        let folder = Folder::new("petsc-not-finite");
+        let file = folder.0.join("scene.wfl");
+        let text = "wfl 1\nmesh box [0,0,0] to [1,1,1] cells [4,4,4] hex\nregion left = faces where x == 0\n\
+            unknown u : vector\nparam big = 0.9\n\
+            term elastic on all : (Div_u*Id(3) + 2*Sym(Grad_u)):Grad_Test_u\nfix u = [0, 0, log(big - z)] on left\n";
+        std::fs::write(&file, text).expect("writable");
+        let out = folder.0.join("out").display().to_string();
+        let begin = std::time::Instant::now();
+        let told = on_ranks(3, &["run", &file.display().to_string(), "--backend", "petsc", "--out", &out]);
+        let text = String::from_utf8_lossy(&told.stderr).into_owned();
+        assert!(told.status.code() == Some(1) && text.matches("E610").count() == 1, "{text}");
+        assert!(begin.elapsed().as_secs() < 5, "{:?}", begin.elapsed());
+    }
+
+    #[test]
     fn check_says_what_would_be_used() {
         let scene = examples().join("fault/nitsche.wfl").display().to_string();
         let told =
             |backend: &str| String::from_utf8_lossy(&wfl(&["check", &scene, "--backend", backend]).stdout).into_owned();
         assert!(told("petsc").contains("PETSc: Newton; MUMPS"), "{}", told("petsc"));
         assert!(told("petsc:iterative").contains("PETSc: Newton; GMRES with multigrid (GAMG), then a direct solution"));
-        assert!(!told("own").contains("PETSc"));
+        assert!(!told("own").contains("PETSc") && !told("own").contains("several ranks"));
+        assert!(told("petsc").contains("a part on each rank"), "{}", told("petsc"));
+        let scene = examples().join("heat/heat.wfl").display().to_string();
+        let told = String::from_utf8_lossy(&wfl(&["check", &scene, "--backend", "petsc"]).stdout).into_owned();
+        assert!(told.contains("a part on each rank"), "{told}");
+        let scene = examples().join("hertz/hertz.wfl").display().to_string();
+        let told = String::from_utf8_lossy(&wfl(&["check", &scene, "--backend", "petsc"]).stdout).into_owned();
+        assert!(told.contains("whole on each rank") && told.contains("an unknown is `global`"), "{told}");
     }
 
     #[test]
