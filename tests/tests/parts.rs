@@ -24,7 +24,10 @@ fn found(outcome: &Outcome) -> (Vec<usize>, Vec<(String, Vec<f64>)>) {
 }
 
 fn agree(path: &str, edits: &[(&str, String)], ranks: usize, holding: Holding) {
-    let shared = Shared::example(path, edits);
+    agree_in(&Shared::example(path, edits), path, ranks, holding);
+}
+
+fn agree_in(shared: &Shared, path: &str, ranks: usize, holding: Holding) {
     let (counts, measures) = found(&solved(shared.whole()));
     for (rank, outcome) in shared.on_ranks(ranks, holding, solved).iter().enumerate() {
         let (own_counts, own) = found(outcome);
@@ -131,31 +134,34 @@ fn cells(pieces: &[Piece], n_pieces: usize) -> Cells {
 #[test]
 fn the_parts_of_a_grid_are_the_grid() {
     for path in ["fault/nitsche.wfl", "surfaces/tjunction.wfl", "plasticity/perzyna.wfl", "signorini/signorini.wfl"] {
-        let shared = Shared::example(path, &smaller());
-        let last = |scene: &Scene| scene.steps.values.len().saturating_sub(1);
-        let whole = shared.whole();
-        let n = last(&whole);
-        let whole = solved_keeping(whole, vec![n]);
-        let parts = shared.on_ranks(3, Holding::Parts, |scene| solved_keeping(scene, vec![n]));
-        let grids = &whole.kept[0].grids;
-        assert!(!grids.is_empty() && parts[1].kept[0].grids.iter().all(|(_, pieces)| pieces.is_empty()));
-        for ((name, expected), (_, found)) in grids.iter().zip(&parts[0].kept[0].grids) {
-            let of_one = cells(expected, expected.len());
-            let of_all = cells(found, expected.len());
-            assert_eq!(of_one.len(), of_all.len(), "{path}, {name}: cells");
-            let largest = of_one.values().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
-            for (cell, values) in &of_one {
-                let found = &of_all[cell];
-                let apart = values.iter().zip(found).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-                assert!(values.len() == found.len() && apart <= 1e-9 * largest, "{path}, {name}: {values:?} {found:?}");
-            }
+        grids_agree(&Shared::example(path, &smaller()), path, 3);
+    }
+}
+
+fn grids_agree(shared: &Shared, path: &str, ranks: usize) {
+    let last = |scene: &Scene| scene.steps.values.len().saturating_sub(1);
+    let whole = shared.whole();
+    let n = last(&whole);
+    let whole = solved_keeping(whole, vec![n]);
+    let parts = shared.on_ranks(ranks, Holding::Parts, |scene| solved_keeping(scene, vec![n]));
+    let grids = &whole.kept[0].grids;
+    assert!(parts[1].kept[0].grids.iter().all(|(_, pieces)| pieces.is_empty()));
+    for ((name, expected), (_, found)) in grids.iter().zip(&parts[0].kept[0].grids) {
+        let of_one = cells(expected, expected.len());
+        let of_all = cells(found, expected.len());
+        assert_eq!(of_one.len(), of_all.len(), "{path}, {name}: cells");
+        let largest = of_one.values().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+        for (cell, values) in &of_one {
+            let found = &of_all[cell];
+            let apart = values.iter().zip(found).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+            assert!(values.len() == found.len() && apart <= 1e-9 * largest, "{path}, {name}: {values:?} {found:?}");
         }
-        for (expected, found) in whole.kept[0].tables.iter().zip(&parts[0].kept[0].tables) {
-            let pairs = expected.rows.iter().flatten().zip(found.rows.iter().flatten());
-            let largest = expected.rows.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
-            let same = |a: f64, b: f64| (a - b).abs() <= 1e-9 * largest || a.is_nan() && b.is_nan();
-            assert!(pairs.clone().count() > 0 && pairs.clone().all(|(a, b)| same(*a, *b)), "{path}: {}", expected.file);
-        }
+    }
+    for (expected, found) in whole.kept[0].tables.iter().zip(&parts[0].kept[0].tables) {
+        let pairs = expected.rows.iter().flatten().zip(found.rows.iter().flatten());
+        let largest = expected.rows.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+        let same = |a: f64, b: f64| (a - b).abs() <= 1e-9 * largest || a.is_nan() && b.is_nan();
+        assert!(pairs.clone().count() > 0 && pairs.clone().all(|(a, b)| same(*a, *b)), "{path}: {}", expected.file);
     }
 }
 
@@ -193,5 +199,181 @@ fn a_number_that_one_rank_has_alone_is_the_same_error_on_all() {
         for found in ranks {
             assert_eq!(found, alone);
         }
+    }
+}
+
+/// Scenes that no example is.
+const UNSEEN: [(&str, &str); 9] = [
+    (
+        "P2 on triangles, a region of nodes, point loads, a line on faces",
+        "wfl 1
+mesh box [0,0] to [2,1] cells [4,2] tri
+region left = faces where x == 0
+region top = faces where y == 1
+region tip = nodes where x == 2 and y == 1
+unknown u : vector P2
+def sigma(v) = Div_v*Id(2) + 2*Sym(Grad_v)
+term elastic on all : sigma(u):Grad_Test_u
+fix u = [0,0] on left
+load u = [0.1,-1] on tip
+load u = [0, x*y] on top
+measure tip_u = value(u(2)) at [2,1]
+measure mean_top = mean(u(2)) on top
+measure highest = max(Norm(u)) at nodes of top
+measure work = integral(sigma(u):Grad_u) on all
+output vtk \"r\" : u, sigma(u) as stress
+output csv \"line\" : u, sigma(u)*Normal as traction along [0,1] to [2,1] with points=7
+output csv \"across\" : u, sigma(u) as s along [0,0.5] to [2,0.5] with points=9
+",
+    ),
+    (
+        "Q2 hexahedra with data and a map",
+        "wfl 1
+mesh box [0,0,0] to [1,1,1] cells [3,2,2] hex map [x + 0.1*y*z, y, z + 0.1*x*x]
+unknown u : vector Q2
+data k : scalar = 1 + x*y
+term elastic on all : k*(Div_u*Id(3) + 2*Sym(Grad_u)):Grad_Test_u
+fix u = [0,0,0] on boundary
+load u = [1, x, y*z] on all
+measure m = integral(u.u) on all
+measure g = max(Norm(Grad_u)) on all
+output vtk \"r\" : u, k
+",
+    ),
+    (
+        "discontinuous elements over all inner faces",
+        "wfl 1
+mesh box [0,0] to [1,1] cells [5,4] tri
+unknown u : scalar DP2
+def jump(v) = v - Interpolate(v, neighbor_element)
+def flux(v) = 0.5*(Grad_v + Interpolate(Grad_v, neighbor_element)).Normal
+term body on all : Grad_u.Grad_Test_u
+term edges on interior : 100*jump(u)*jump(Test_u) - flux(u)*jump(Test_u)
+term nitsche on boundary : 100*u*Test_u
+load u = x on all
+measure m = integral(u) on all
+measure j = integral(sqr(jump(u))) on interior
+",
+    ),
+    (
+        "contact of two blocks with a P2 multiplier",
+        "wfl 1
+mesh box [0,0] to [2,2] cells [6,6] quad
+region lower = cells where y <= 1
+region upper = cells where y >= 1
+region top = faces where y == 2
+region bottom = faces where y == 0
+region fault = interface from lower to upper
+unknown a : vector on lower
+unknown b : vector on upper
+multiplier l : scalar Q1 on fault
+def s(v) = 3*Div_v*Id(2) + 2*Sym(Grad_v)
+def jump(a,b) = a - Interpolate(b, neighbor_element)
+term la on lower : s(a):Grad_Test_a
+term lb on upper : s(b):Grad_Test_b
+term c on fault : -neg_part(l + 10*jump(a,b).Normal)*jump(Test_a,Test_b).Normal
+term e on fault : -0.1*(l + neg_part(l + 10*jump(a,b).Normal))*Test_l
+fix a = [0,0] on bottom
+fix b = [0, -0.1*t*(1 + 0.3*x)] on top
+steps t = 0.5 to 1.5 by 0.5
+measure f = integral(l) on fault
+measure p = max(Norm(a)) on lower
+output vtk \"r\" : a, b, l
+output csv \"c\" : l, a, b along [0,1] to [2,1] with points=11
+",
+    ),
+    (
+        "a crack that ends inside, pressure, P2",
+        "wfl 1
+mesh box [-1,-1] to [1,1] cells [8,8] tri
+region low = cells where y <= 0
+region high = cells where y >= 0
+region crack = interface from low to high & faces of low where y == 0 and x*x <= 0.26
+region ends = faces where y*y == 1
+unknown u : vector P2
+split u across crack
+def jump(v) = v - Interpolate(v, neighbor_element)
+term elastic on all : (Div_u*Id(2) + 2*Sym(Grad_u)):Grad_Test_u
+term pressure on crack : 0.1*Normal.jump(Test_u)
+fix u = [0,0] on ends
+measure open = integral(jump(u).Normal) on crack
+measure most = max(jump(u).Normal) on crack
+output vtk \"r\" : u
+output csv \"c\" : u along [-1,0] to [1,0] with points=21
+",
+    ),
+    (
+        "states in the body, several steps",
+        "wfl 1
+mesh box [0,0] to [1,1] cells [4,4] quad
+region left = faces where x == 0
+region right = faces where x == 1
+unknown u : scalar
+state d : scalar := d + 0.1*Norm(Grad_u)
+term body on all : (1 + d)*Grad_u.Grad_Test_u
+fix u = 0 on left
+fix u = t on right
+steps t = 1 to 4 by 1
+measure m = integral(d) on all
+measure q = integral(Grad_u.Normal) on right
+output vtk \"r\" : u, d
+",
+    ),
+    (
+        "normal displacements on a round wall, nonlinear body",
+        "wfl 1
+mesh box [0,0] to [1,1] cells [5,5] quad map [(1 + x)*cos(y), (1 + x)*sin(y)]
+region inner = faces where x*x + y*y <= 1.05
+region outer = faces where x*x + y*y >= 3.9
+unknown u : vector
+def F = Id(2) + Grad_u
+energy body on all : 0.5*(Trace(F'*F) - 2 - 2*log(Det(F))) + 0.5*sqr(log(Det(F)))
+fix u.Normal = 0 on inner
+fix u = [0.05*t*x, 0.1*t*y] on outer
+steps t = 1 to 2 by 1
+measure m = integral(u.u) on all
+measure j = min(Det(F)) on all
+",
+    ),
+    (
+        "one dimension",
+        "wfl 1
+mesh box [0] to [1] cells [9]
+region left = faces where x == 0
+unknown u : scalar P2
+term body on all : Grad_u.Grad_Test_u
+fix u = 0 on left
+load u = 1 on all
+measure m = integral(u) on all
+measure v = value(u) at [0.77]
+",
+    ),
+    (
+        "fewer cells than ranks",
+        "wfl 1
+mesh box [0,0] to [1,1] cells [2,1] quad
+region left = faces where x == 0
+region right = faces where x == 1
+unknown u : scalar
+term body on all : Grad_u.Grad_Test_u
+fix u = 0 on left
+load u = 1 on right
+measure m = integral(u) on all
+measure r = max(u) at nodes of right
+output vtk \"r\" : u
+",
+    ),
+];
+
+/// They have the results of one rank on up to seven, of which some have next to nothing.
+#[test]
+fn unseen_scenes() {
+    for (what, text) in UNSEEN {
+        let shared = Shared::text(&examples(), text.to_owned(), &[]);
+        assert_eq!(shared.whole().needs_whole_mesh(), None, "{what}");
+        for ranks in [2, 4, 7] {
+            agree_in(&shared, what, ranks, Holding::Parts);
+        }
+        grids_agree(&shared, what, 5);
     }
 }

@@ -78,7 +78,13 @@ fn tables(loaded: &Loaded, scene: &Scene, library: Option<Linked>, parse: f64) -
     list.push(units(loaded));
     list.extend(tables_read(loaded));
     list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded, scene)]);
-    list.extend([system(scene, library), ranks(scene, library), schedule(scene), left_out(loaded, scene), times(scene, parse)]);
+    list.extend([
+        system(scene, library),
+        ranks(scene, library),
+        schedule(scene),
+        left_out(loaded, scene),
+        times(scene, parse),
+    ]);
     list
 }
 

@@ -221,7 +221,7 @@ impl LineSearch<'_> {
     /// with that of others. Empty where there are none.
     fn sizes(&self, step: &LoadStep<'_>, start: &[f64]) -> Vec<f64> {
         let (system, mut sizes) = (step.system, Vec::new());
-        if self.norm.equations.is_empty() {
+        if system.team().all(self.norm.equations.is_empty()) {
             return sizes;
         }
         let mut most = system.largest_by_field(start);

@@ -228,7 +228,8 @@ impl LoadStep<'_> {
     /// state measured by its own numbers alone, states could follow each other in a circle, each better than the last.
     pub(super) fn equation_weights(&self, here: &Measured, norm: &mut Norm) {
         let system = self.system;
-        if here.summands.is_empty() {
+        // a rank may have no dofs of its own
+        if system.team().all(here.summands.is_empty()) {
             return;
         }
         norm.scales.resize(here.summands.len(), 0.0);
