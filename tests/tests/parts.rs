@@ -64,12 +64,11 @@ fn the_fault_with_three_methods() {
 #[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn examples_have_the_results_of_one_rank() {
     /// Scenes that need the whole mesh and are solved soon.
-    const WHOLE: [&str; 7] = [
+    const WHOLE: [&str; 6] = [
         "creep/maxwell_auto.wfl",
         "dynamics/bar.wfl",
         "dynamics/vibration.wfl",
         "heat/layers.wfl",
-        "hertz/hertz.wfl",
         "mapping/periodic.wfl",
         "mapping/pressed.wfl",
     ];
@@ -92,6 +91,7 @@ fn small_scenes_of_each_kind() {
         "dg/poisson.wfl",
         "elasticity/rollers.wfl",
         "friction/weakening.wfl",
+        "hertz/hertz.wfl",
         "hyperelastic/contact.wfl",
         "interface/cohesive.wfl",
         "plasticity/perzyna.wfl",

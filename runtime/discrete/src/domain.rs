@@ -117,6 +117,9 @@ impl Group {
     /// Whether this rank counts an entity of the group: sums over all ranks have each once.
     #[must_use]
     pub fn is_counted(&self, mesh: &Mesh, k: usize) -> bool {
+        if self.is_global {
+            return mesh.team().rank() == 0;
+        }
         if self.is_own {
             return true;
         }
@@ -298,6 +301,10 @@ impl Domain {
     #[must_use]
     pub fn global(mesh: &Mesh) -> Self {
         let cell = CellId::new(0);
+        if mesh.n_cells() == 0 {
+            // a part of a mesh without cells: the first rank has the equation
+            return Self { over: Over::Points, dim: mesh.dim(), n_entities: 0, groups: Vec::new() };
+        }
         let kind = mesh.kind(cell);
         let mut here = GroupSide::new(mesh, kind, vec![kind.reference_centre()]);
         here.cells.push(cell);

@@ -9,6 +9,7 @@ use wfl::{ResolvedScript, ast::ExprKind};
 
 use super::{InputFile, NamedRegion, Regions, Scene, auto::is_auto};
 use crate::{
+    assemble::AssembledTerm,
     bytes::{Reader, Unreadable, Writer},
     element::Family,
     field::FieldSpace,
@@ -59,11 +60,11 @@ impl Scene {
     #[must_use]
     pub fn needs_whole_mesh(&self) -> Option<&'static str> {
         let system = &self.system;
-        let is_global = |k: usize| matches!(system.fields[k].space, FieldSpace::Global);
+        let of_bodies = |term: &AssembledTerm| term.on_cells() && self.acts_on_all(term);
         let of_file = |(_, given): &(usize, Given)| !matches!(given, Given::Formula(..));
         let reasons = [
             (!self.env.mappings.is_empty(), "a mapping leads to any place of it"),
-            ((0..system.fields.len()).any(|k| is_global(k) && system.range(k).is_some()), "an unknown is `global`"),
+            (system.terms.iter().any(of_bodies), "the equation of a `global` unknown is an integral over bodies"),
             (system.known.rates.is_some() || self.explicit.is_some(), "terms read rates"),
             (self.steps.auto.is_some(), "the run chooses its steps"),
             (system.numbering.has_ties(), "unknowns follow others (W404)"),
@@ -78,7 +79,7 @@ impl Scene {
     pub fn part_of(&self, part: &Part, rank: usize) -> Vec<u8> {
         let mesh = &self.system.mesh;
         let coupled: Vec<(CellId, CellId)> = self.coupled_cells();
-        let (mesh, places) = part.cut(mesh, &part.cells_of(mesh, rank, &coupled));
+        let (mesh, places) = part.cut(mesh, &part.cells_of(mesh, rank, &coupled, &self.cells_of_all()));
         let regions = self.regions.iter().map(|(name, region)| PartOfRegion {
             name: name.clone(),
             set: cut(&region.set, &places),
@@ -96,6 +97,26 @@ impl Scene {
         ScenePart { mesh, regions: regions.collect(), spaces, unknowns, params: params.collect(), inputs }.to_bytes()
     }
 
+    /// Whether a term acts on an unknown that is one for the whole scene.
+    fn acts_on_all(&self, term: &AssembledTerm) -> bool {
+        let system = &self.system;
+        let is_global = |k: usize| matches!(system.fields[k].space, FieldSpace::Global) && system.range(k).is_some();
+        term.law
+            .tests
+            .iter()
+            .any(|slot| system.fields.get(slot.field.index()).is_some() && is_global(slot.field.index()))
+    }
+
+    /// The cells of all terms in the equations of unknowns that are one for the whole scene: the first rank has these.
+    fn cells_of_all(&self) -> Vec<CellId> {
+        let terms = self.system.terms.iter().filter(|term| self.acts_on_all(term));
+        let groups = terms.flat_map(|term| &term.integrator.domain.groups);
+        groups
+            .flat_map(|group| group.here.cells.iter().chain(group.there.iter().flat_map(|there| &there.cells)))
+            .copied()
+            .collect()
+    }
+
     /// Cells of which one enters the equations of the other across an interface.
     fn coupled_cells(&self) -> Vec<(CellId, CellId)> {
         let pairs = self.regions.values().filter_map(|region| match &region.set {
@@ -109,8 +130,9 @@ impl Scene {
         let numbering = &self.system.numbering;
         let mut made = PartOfUnknowns::default();
         for (k, field) in self.system.fields.iter().enumerate() {
-            let (Some(start), Some(space)) = (numbering.starts[k], &spaces[k]) else { continue };
-            let mut nodes = space.nodes.clone();
+            let Some(start) = numbering.starts[k] else { continue };
+            // one that is not on nodes is one for the whole scene
+            let mut nodes = spaces[k].as_ref().map_or_else(|| vec![0], |space| space.nodes.clone());
             nodes.sort_unstable();
             nodes.dedup();
             for node in nodes {

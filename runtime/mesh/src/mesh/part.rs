@@ -126,10 +126,11 @@ impl PlacesInPart {
 }
 
 impl Part {
-    /// By cell of the whole mesh whether a rank that has these nodes needs it: it is around one of them, or coupled to such
-    /// a cell by a pair of cells.
+    /// The cells of the whole mesh that a rank needs, increasing: those around its nodes, those that these are coupled to
+    /// by a pair of cells, and on the first rank some more.
     #[must_use]
-    pub fn cells_of(&self, mesh: &Mesh, rank: usize, coupled: &[(CellId, CellId)]) -> Vec<CellId> {
+    pub fn cells_of(&self, mesh: &Mesh, rank: usize, coupled: &[(CellId, CellId)], of_first: &[CellId]) -> Vec<CellId> {
+        let of_first = if rank == 0 { of_first } else { &[] };
         let rank = u16::try_from(rank).expect("fewer than 2^16 ranks");
         let is_around = |cell: CellId| mesh.cell_vertices(cell).iter().any(|node| self.owner[node.index()] == rank);
         let around: Vec<bool> = mesh.cells().map(is_around).collect();
@@ -138,6 +139,7 @@ impl Part {
             needed[a.index()] |= around[b.index()];
             needed[b.index()] |= around[a.index()];
         }
+        of_first.iter().for_each(|cell| needed[cell.index()] = true);
         mesh.cells().filter(|cell| needed[cell.index()]).collect()
     }
 
