@@ -140,6 +140,15 @@ impl Rates {
         Some(this)
     }
 
+    /// Whether steps read the rates where time starts: those with second rates, and of first ones all but BDF, whose first
+    /// step is one of backward Euler; BDF3 with steps of a list would be of second order after it, and reads them too.
+    #[must_use]
+    pub fn are_read_at_start(&self, of_a_list: bool) -> bool {
+        let most = self.scheme.most_order(RateForm::First);
+        let has_second = || self.fields.iter().any(|of| of.form == RateForm::Second);
+        most == 1 || most > 2 && of_a_list || has_second()
+    }
+
     /// Every rate is zero, as before the first step.
     pub fn clear(&mut self) {
         let numbers = self.fields.iter_mut().flat_map(|of| of.kept.iter_mut().chain(&mut of.lost));

@@ -87,13 +87,10 @@ pub(super) fn leave(scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Result<()
 
 /// The rates where time starts, at the state `u` and the first increment `at`.
 pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), NewtonError> {
-    // the first step of BDF is one of backward Euler: of the rates at the start it reads the first ones of fields that have
-    // second ones; BDF3 with steps of a list would be of second order after it
     let most = scene.system.known.rates.as_ref().map_or(0, |rates| rates.scheme().most_order(RateForm::First));
-    let begins_with_rates = most > 2 && scene.steps.auto.is_none();
-    let is_read =
-        |rates: &Rates| begins_with_rates || most == 1 || rates.fields().iter().any(|of| of.form == RateForm::Second);
-    if !scene.system.known.rates.as_ref().is_some_and(is_read) {
+    let of_a_list = scene.steps.auto.is_none();
+    let begins_with_rates = most > 2 && of_a_list;
+    if !scene.system.known.rates.as_ref().is_some_and(|rates| rates.are_read_at_start(of_a_list)) {
         return Ok(());
     }
     let given = |bad: BadGiven| NewtonError::Given(Box::new(bad));

@@ -40,6 +40,7 @@ impl Adaptive {
         for (scale, range) in self.scales.iter_mut().zip(ranges(scene, rules)) {
             *scale = solution[range].iter().fold(*scale, |m, v| m.max(v.abs()));
         }
+        scene.system.team().max(&mut self.scales);
         self.past.add(increment, solution, most_order(scene) + 1);
     }
 
@@ -59,13 +60,15 @@ impl Adaptive {
         if expected.is_empty() {
             return None;
         }
-        let size = |range: &Range<usize>| solution[range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let team = scene.system.team();
+        let own_size = |range: &Range<usize>| solution[range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let size = |range: &Range<usize>| team.largest(own_size(range));
         let rates = scene.system.known.rates.as_ref();
         let mut errors = Errors::default();
         for (field, (range, scale)) in rules.fields.iter().zip(ranges(scene, rules).zip(&self.scales)) {
             let scale = scale.max(size(&range));
             let error = |order: usize, method: f64| {
-                let missed = distance(solution, &expected[order - 1], range.clone(), scale);
+                let missed = team.largest(distance(solution, &expected[order - 1], range.clone(), scale));
                 self.past.share(increment, order, method) * missed / rules.error
             };
             let order = rates.and_then(|rates| rates.order(*field)).filter(|order| *order <= expected.len());

@@ -19,6 +19,7 @@ use crate::{
         RegionSet,
     },
     output::Hash,
+    rates::Rates,
     scene::Given,
     space::{SpacePart, Support},
     system::FIXED,
@@ -61,12 +62,13 @@ impl Scene {
     pub fn needs_whole_mesh(&self) -> Option<&'static str> {
         let system = &self.system;
         let of_bodies = |term: &AssembledTerm| term.on_cells() && self.acts_on_all(term);
+        let rates = system.known.rates.as_ref();
+        let begins = |rates: &Rates| rates.are_read_at_start(self.steps.auto.is_none());
         let of_file = |(_, given): &(usize, Given)| !matches!(given, Given::Formula(..));
         let reasons = [
             (!self.env.mappings.is_empty(), "a mapping leads to any place of it"),
             (system.terms.iter().any(of_bodies), "the equation of a `global` unknown is an integral over bodies"),
-            (system.known.rates.is_some() || self.explicit.is_some(), "terms read rates"),
-            (self.steps.auto.is_some(), "the run chooses its steps"),
+            (self.explicit.is_some() || rates.is_some_and(begins), "the first rates follow from all equations"),
             (system.numbering.has_ties(), "unknowns follow others (W404)"),
             (!self.prints.is_empty(), "terms print"),
             (self.data.iter().chain(&self.starts).any(of_file), "values at nodes come from a file"),
