@@ -240,6 +240,9 @@ impl Team for Alone {
     }
 }
 
+/// What was sent to a rank, with the sender, and the word that something came.
+type Mail = (Mutex<VecDeque<(usize, Vec<u64>)>>, Condvar);
+
 /// What the threads of a team have in common.
 #[derive(Debug)]
 struct Table {
@@ -247,8 +250,8 @@ struct Table {
     round: Mutex<Round>,
     /// Something has changed in the round.
     turned: Condvar,
-    /// By receiver: what was sent, with the sender.
-    mail: Vec<(Mutex<VecDeque<(usize, Vec<u64>)>>, Condvar)>,
+    /// By receiver.
+    mail: Vec<Mail>,
 }
 
 /// The operation that the threads are in.

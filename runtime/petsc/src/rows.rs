@@ -231,8 +231,7 @@ mod tests {
                 let halo = Halo::of_all(&*team, &of_row);
                 RowOwners { team, of_row: of_row.clone(), halo, numbers: None }
             };
-            let numbers: Vec<Numbers> =
-                each(all.into(), |team| Numbers::new(&places, 3, Some(&of(team))).expect("numbers"));
+            let numbers: Vec<Numbers> = each(all, |team| Numbers::new(&places, 3, Some(&of(team))).expect("numbers"));
             let mut seen: Vec<u32> = numbers.iter().flat_map(|n| n.own_rows.clone()).filter(|r| *r != NONE).collect();
             seen.sort_unstable();
             assert!(seen.into_iter().eq(0..places.len() as u32), "{all} ranks");
