@@ -36,9 +36,27 @@ impl System {
         self.counts.changing
     }
 
+    /// Free dofs that the changing terms touch, of one rank that has all.
+    fn n_touched(&self) -> usize {
+        if self.changing.n_entries() == 0 {
+            return 0;
+        }
+        let mut is_touched = vec![false; self.numbering.n_free()];
+        for row in 0..is_touched.len() {
+            let columns = self.changing.row(row);
+            is_touched[row] |= !columns.is_empty();
+            columns.iter().for_each(|c| is_touched[*c as usize] = true);
+        }
+        is_touched.iter().filter(|t| **t).count()
+    }
+
     /// Counts what there is in the rows of all ranks.
     pub(super) fn count(&mut self) {
         let n = self.numbering.n_free();
+        let Some(owners) = self.owners() else {
+            self.counts = Counts { unknowns: n, changing: self.n_touched() };
+            return;
+        };
         // a flag as a number
         let mut is_touched = vec![0.0; n];
         for row in 0..n {
@@ -48,11 +66,8 @@ impl System {
             }
             columns.iter().for_each(|c| is_touched[*c as usize] = 1.0);
         }
-        let owners = self.owners();
-        let is_own = |row: &usize| owners.as_ref().is_none_or(|owners| owners.owns(*row));
-        if let Some(owners) = &owners {
-            owners.halo.largest_at_owners(&*owners.team, &mut is_touched);
-        }
+        owners.halo.largest_at_owners(&*owners.team, &mut is_touched);
+        let is_own = |row: &usize| owners.owns(*row);
         let changing = (0..n).filter(is_own).filter(|row| is_touched[*row] > 0.0).count();
         let unknowns = (0..n).filter(is_own).count();
         self.counts = Counts { unknowns: self.team().count(unknowns), changing: self.team().count(changing) };
