@@ -36,41 +36,37 @@ impl System {
         self.counts.changing
     }
 
-    /// Free dofs that the changing terms touch, of one rank that has all.
-    fn n_touched(&self) -> usize {
+    /// By free dof 1 where the changing terms of this rank touch it, by row or by column, and 0 elsewhere; empty where
+    /// there are none.
+    fn touched(&self) -> Vec<f64> {
         if self.changing.n_entries() == 0 {
-            return 0;
+            return Vec::new();
         }
-        let mut is_touched = vec![false; self.numbering.n_free()];
-        for row in 0..is_touched.len() {
+        let mut touched = vec![0.0; self.numbering.n_free()];
+        for row in 0..touched.len() {
             let columns = self.changing.row(row);
-            is_touched[row] |= !columns.is_empty();
-            columns.iter().for_each(|c| is_touched[*c as usize] = true);
+            if !columns.is_empty() {
+                touched[row] = 1.0;
+            }
+            columns.iter().for_each(|column| touched[*column as usize] = 1.0);
         }
-        is_touched.iter().filter(|t| **t).count()
+        touched
     }
 
     /// Counts what there is in the rows of all ranks.
     pub(super) fn count(&mut self) {
-        let n = self.numbering.n_free();
+        let (n, mut touched) = (self.numbering.n_free(), self.touched());
         let Some(owners) = self.owners() else {
-            self.counts = Counts { unknowns: n, changing: self.n_touched() };
+            let changing = touched.iter().filter(|flag| **flag > 0.0).count();
+            self.counts = Counts { unknowns: n, changing };
             return;
         };
-        // a flag as a number
-        let mut is_touched = vec![0.0; n];
-        for row in 0..n {
-            let columns = self.changing.row(row);
-            if !columns.is_empty() {
-                is_touched[row] = 1.0;
-            }
-            columns.iter().for_each(|c| is_touched[*c as usize] = 1.0);
-        }
-        owners.halo.largest_at_owners(&*owners.team, &mut is_touched);
-        let is_own = |row: &usize| owners.owns(*row);
-        let changing = (0..n).filter(is_own).filter(|row| is_touched[*row] > 0.0).count();
-        let unknowns = (0..n).filter(is_own).count();
-        self.counts = Counts { unknowns: self.team().count(unknowns), changing: self.team().count(changing) };
+        // other ranks may touch what this one has no changing terms for
+        touched.resize(n, 0.0);
+        owners.halo.largest_at_owners(&*owners.team, &mut touched);
+        let own = || (0..n).filter(|row| owners.owns(*row));
+        let changing = own().filter(|row| touched[*row] > 0.0).count();
+        self.counts = Counts { unknowns: self.team().count(own().count()), changing: self.team().count(changing) };
     }
 
     /// Shares the rows out over ranks that have prepared the same scene; before the first step.
