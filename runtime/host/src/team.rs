@@ -20,7 +20,7 @@ pub trait Team: Debug + Send + Sync {
     /// Number of ranks.
     fn size(&self) -> usize;
 
-    /// Adds the numbers of all ranks, place by place.
+    /// Adds the numbers of all ranks, place by place: the same bits on all, which decide from them.
     fn sum(&self, values: &mut [f64]);
 
     /// Adds words of all ranks, place by place, modulo 2^64.

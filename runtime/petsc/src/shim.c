@@ -93,7 +93,12 @@ void wfl_abort(int code) { MPI_Abort(PETSC_COMM_WORLD, code); }
 /* Sums, and largest numbers, over all ranks, in place. Errors end all ranks, as MPI does by itself. */
 void wfl_sum(double *values, int n)
 {
-  MPI_Allreduce(MPI_IN_PLACE, values, n, MPI_DOUBLE, MPI_SUM, PETSC_COMM_WORLD);
+  /* each rank decides from sums by itself, so all need the same bits: MPI promises them of a broadcast, and only recommends
+     them of MPI_Allreduce (MPI 4.1, 6.9.1) */
+  int rank;
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  (void)MPI_Reduce(rank ? values : MPI_IN_PLACE, rank ? NULL : values, n, MPI_DOUBLE, MPI_SUM, 0, PETSC_COMM_WORLD);
+  (void)MPI_Bcast(values, n, MPI_DOUBLE, 0, PETSC_COMM_WORLD);
 }
 
 void wfl_sum_words(unsigned long long *words, int n)
