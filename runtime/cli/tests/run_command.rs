@@ -266,13 +266,13 @@ fn a_need_above_the_memory_allowed_is_told_before_it_is_taken() {
     let factor = huge.replace("500,500,500", "24,24,24");
     folder.write("factor.wfl", format!("{factor}solver linear with direct\n"));
     folder.write("chosen.wfl", &factor);
-    for (scene, limit, words) in
-        [("huge.wfl", "2GB", "the mesh needs about"), ("factor.wfl", "60MB", "the factor of the matrix needs about")]
-    {
-        for command in ["run", "sweep"] {
-            // a sweep begins with its reference of a higher degree, of which something else is the first too much: its
-            // pattern, which at 60 MB is what the process itself comes to, and at 74 MB is far from it
-            let limit = if (command, limit) == ("sweep", "60MB") { "74MB" } else { limit };
+    for (scene, limits, words) in [
+        ("huge.wfl", ["2GB", "2GB"], "the mesh needs about"),
+        // a sweep begins with its reference of a higher degree, of which something else is the first too much: limits
+        // that are not what the process has come to just before
+        ("factor.wfl", ["60MB", "74MB"], "the factor of the matrix needs about"),
+    ] {
+        for (command, limit) in ["run", "sweep"].into_iter().zip(limits) {
             let output = folder.wfl(&[command, scene, "--memory", limit]);
             let told = format!("{}{}", said(&output), String::from_utf8_lossy(&output.stdout));
             let table = std::fs::read_to_string(folder.0.join("out/sweep/sweep.csv")).unwrap_or_default();
