@@ -54,15 +54,19 @@ fn class(graph: &mut Graph, env: &Env<'_>, root: ExprId) -> Class {
     } else {
         None
     };
-    if derivative.is_some_and(|d| !graph.depends(d).unknown) {
-        return Class::Linear;
-    }
     let moves = |e: &ExprId| match *graph.node(*e) {
         Node::Select(mask, ..) => graph.depends(mask).unknown,
         Node::Ball(v, r) => graph.depends(v).unknown || graph.depends(r).unknown,
         _ => false,
     };
-    if graph.reachable(root).iter().any(moves) { Class::Kinked } else { Class::Nonlinear }
+    // also where the derivative has no unknown: a law that jumps from one affine form to another is not affine
+    if graph.reachable(root).iter().any(moves) {
+        Class::Kinked
+    } else if derivative.is_some_and(|d| !graph.depends(d).unknown) {
+        Class::Linear
+    } else {
+        Class::Nonlinear
+    }
 }
 
 /// The messages of [`crate::compile_term`] that need no point law.

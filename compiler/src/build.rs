@@ -81,6 +81,8 @@ pub struct Builder<'a> {
     pub(crate) order2: bool,
     /// Below a product that is zero for the present parameters.
     pub(crate) without_effect: bool,
+    /// In a branch that the present parameters never take: what a number there is says nothing.
+    pub(crate) dead: bool,
 }
 
 /// A call of a function, ready for `ops/`.
@@ -103,6 +105,7 @@ impl<'a> Builder<'a> {
             reached: None,
             order2: false,
             without_effect: false,
+            dead: false,
         }
     }
 
@@ -182,7 +185,9 @@ impl<'a> Builder<'a> {
             ExprKind::Tensor(rows) => self.tensor(e, rows),
             ExprKind::If(cond, a, b) => {
                 let mask = self.condition(cond);
-                let (a_built, b_built) = (self.expr(a), self.expr(b));
+                let taken = mask.and_then(|mask| self.graph.constant_mask(mask));
+                let [a_dead, b_dead] = [false, true].map(|v| taken.as_ref().is_some_and(|m| m.iter().all(|x| *x == v)));
+                let (a_built, b_built) = (self.branch(a, a_dead), self.branch(b, b_dead));
                 let (mask, x, y) = (mask?, a_built?, b_built?);
                 let (x, y) = self.same_shape(e, x, y, "the two branches of `if`")?;
                 for (part, x) in [(a, x), (b, y)] {
@@ -191,6 +196,15 @@ impl<'a> Builder<'a> {
                 Some(self.graph.select(mask, x, y))
             }
         }
+    }
+
+    /// An operand that, where it is dead, the present parameters never ask for.
+    fn branch(&mut self, e: &Expr, dead: bool) -> Option<ExprId> {
+        let before = self.dead;
+        self.dead |= dead;
+        let built = self.expr(e);
+        self.dead = before;
+        built
     }
 
     /// Refuses test functions inside a nonlinear function.

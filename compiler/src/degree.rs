@@ -13,7 +13,8 @@
 //! quadratic quantity takes the place of the linear law. Functions of the coordinates alone count one degree more, because
 //! no element has smoothed them. `docs/quadrature.md` has what these rules cost and what they leave.
 //!
-//! **Kinks** that depend on the unknowns add 2 once: where the contact set cuts a facet no rule is exact.
+//! **Kinks** that depend on the unknowns add 2 once: where the contact set cuts a facet no rule is exact. Facets with such
+//! terms have another rule than that of this degree unless they are mapped (`runtime/src/scene/face_rules.rs`).
 //!
 //! **The geometry.** Where the map `x(r)` from the reference entity is not affine, the measure and the cofactors of its
 //! gradient `J` are polynomials. With `x` of degree `g` (1 for straight edges, 2 for second-order cells) in a cell of
@@ -27,7 +28,9 @@
 //! | `det J grad v`, row `j` times the derivative of `v` in variable `j` | `g(d-1) + k - 1` | `(g-1)(d-1) + k - 1` |
 //! | normal times measure of a face, the cofactors with the face as variable `j` | `g(d-1) - 1` | `(g-1)(d-1)` |
 //!
-//! for `v` of degree `k`. In both columns `det J grad v` has the degree of `det J` and `k - g`, so that a gradient counts
+//! for `v` of degree `k`. Wedges and pyramids count as tensor products: on a wedge the total degree in x and y and the degree
+//! in z, on a pyramid the degrees in x/(1 - z), y/(1 - z) and 1 - z are at most those of the column, and their rules are
+//! exact for them. In both columns `det J grad v` has the degree of `det J` and `k - g`, so that a gradient counts
 //! as `k - g` and the measure as its degree; one gradient in an integral over cells leaves a polynomial. Two gradients
 //! leave `det J` in a denominator; then, as for the other quotients, the degree on an affine entity is kept, and the
 //! state that must come out exactly is that of constant gradients (constant stress): there the unknowns are constants

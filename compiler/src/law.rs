@@ -1,6 +1,6 @@
 //! What compiling gives: point laws with their kernels, and what is known of them.
 //!
-//! Data only. `term.rs` makes laws from texts, `pieces.rs` from laws; the runtime binds them to meshes.
+//! Data only. `term.rs` makes laws from texts, `frozen.rs` from laws; the runtime binds them to meshes.
 
 use crate::{
     degree::Degree,

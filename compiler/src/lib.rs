@@ -7,6 +7,7 @@
 mod about;
 mod asinh_exp;
 pub mod backend;
+mod branch;
 mod build;
 mod compare;
 mod constant;
@@ -18,6 +19,7 @@ mod dual;
 mod effect;
 mod emitter;
 mod float;
+mod frozen;
 mod graph;
 mod interp;
 pub mod ir;
@@ -28,7 +30,6 @@ mod lower;
 mod math;
 mod matrix_fn;
 mod ops;
-mod pieces;
 mod print;
 mod random;
 mod real;
@@ -43,21 +44,21 @@ pub mod types;
 mod verify;
 
 pub use about::{About, about, check_condition, check_term, check_value};
+pub use branch::{Branch, BranchLayout, BranchRegularisation, BranchSizes, ProjectionKind, SlipMut};
 pub use build::{Builder, Constant, DEPTH_LIMIT, Env, locate};
 pub use constant::{constant, without_fields};
 pub use dd::Dd;
 pub use degree::Degree;
 pub use dual::Dual;
 pub use effect::each_name_in_effect;
+pub use frozen::{
+    ArgumentSlope, FrozenLaw, Projection, ScaledPart, Scaling, SlopesLaw, compile_frozen, scaling_parameters,
+};
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};
 pub use law::{Class, Kink, KinkKind, Listing, Prologue, TermLaw, ValueJump, ValueLaw, run_prologue};
 pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions, function_table};
-pub use pieces::{
-    ArgumentSlope, BALL_NUMBERS, PiecesLaw, Projection, ProjectionKind, ScaledPart, Scaling, SlopesLaw, compile_pieces,
-    scaling_parameters,
-};
 pub use print::{PrintLaw, compile_prints};
 pub use real::Real;
 pub use symmetry::unit_normals;

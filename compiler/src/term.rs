@@ -300,8 +300,8 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
 }
 
 /// By test slot what cancels in the flux of a term that is not affine, zero for slots of which nothing is asked; `None` if
-/// that is all of them. Asked is it of the equations of single numbers, those of scalars and of global fields; of forces on
-/// nodes, which balance between terms and cells, only for what rounding leaves of them, and not of laws of contact.
+/// that is all of them. Asked is it of the equations of single numbers, those of scalars and of global fields; of forces and
+/// stresses, which balance between terms and cells, only for what rounding leaves of them, and not of laws of contact.
 fn summand_sizes(
     fields: &[FieldSig],
     tests: &[BasisSlot],
@@ -310,17 +310,21 @@ fn summand_sizes(
     changes: &[Changes],
     fluxes: &[Val],
 ) -> Option<Vec<Val>> {
-    let is_asked = |slot: &BasisSlot| {
+    let is_single = |slot: &BasisSlot| {
         let field = &fields[slot.field.index()];
-        let is_single = field.global || field.shape.len() == 1;
-        slot.op == FieldOp::Value && (is_single || class == Class::Nonlinear)
+        field.global || field.shape.len() == 1
     };
+    let is_smooth = class == Class::Nonlinear;
+    let is_asked = |slot: &BasisSlot| is_smooth || slot.op == FieldOp::Value && is_single(slot);
     if class < Class::Nonlinear || !tests.iter().any(is_asked) {
         return None;
     }
     let moves = |v: Val| changes[v.index()].unknown;
-    let one = |(slot, flux): (&BasisSlot, &Val)| {
-        if is_asked(slot) { summands::size(scalars, &moves, *flux) } else { scalars.constant(0.0) }
+    let mut known = BTreeMap::new();
+    let one = |(slot, flux): (&BasisSlot, &Val)| match slot.op {
+        _ if !is_asked(slot) => scalars.constant(0.0),
+        FieldOp::Value => summands::size(scalars, &moves, *flux),
+        FieldOp::Grad | FieldOp::Hess => summands::magnitude(scalars, &mut known, *flux),
     };
     Some(tests.iter().zip(fluxes).map(one).collect())
 }
@@ -328,8 +332,11 @@ fn summand_sizes(
 /// How a term with these fluxes and entries depends on the unknowns.
 fn class_of(changes: &[Changes], fluxes: &[Val], entries: &BTreeMap<(u16, u16), Val>, has_kinks: bool) -> Class {
     let moves = |v: &Val| changes[v.index()].unknown;
-    if entries.values().any(moves) {
-        if has_kinks { Class::Kinked } else { Class::Nonlinear }
+    if has_kinks {
+        // also where no entry moves: a law that jumps from one affine form to another is not affine
+        Class::Kinked
+    } else if entries.values().any(moves) {
+        Class::Nonlinear
     } else if entries.is_empty() && !fluxes.iter().any(moves) {
         Class::Constant
     } else {

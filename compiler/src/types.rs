@@ -230,7 +230,8 @@ pub enum PlaceKind {
 /// The shape of the cells or faces that integrals are taken over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct EntityGeometry {
-    /// The cells are tensor products of lines, whose gradients keep the full degree; else simplices.
+    /// The cells are tensor products of lines, whose gradients keep the full degree, or wedges or pyramids, of which each
+    /// direction of the reference cell has at most the degrees of such a product; else simplices.
     pub tensor: bool,
     /// Dimension of the cells or faces themselves.
     pub dim: usize,

@@ -90,7 +90,12 @@ pub fn items(run: &Solved) -> impl Iterator<Item = &OutputQuantity> {
 
 /// The state of the last step.
 fn state(run: &Solved) -> Option<StateAt<'_>> {
-    run.outcome.steps.last().map(|s| StateAt { time: s.time, increment: s.increment, unknowns: &s.state })
+    run.outcome.steps.last().map(|s| StateAt {
+        system: &run.outcome.equations.system,
+        time: s.time,
+        increment: s.increment,
+        unknowns: &s.state,
+    })
 }
 
 /// Unknowns, their gradients and the outputs on contact faces.

@@ -2,18 +2,21 @@
 //!
 //! A knob that is a parameter of the scene replaces its value, as on the command line of `wfl run`. Others change
 //! statements: `h`, `refine` and `cells` the mesh, `degree` the unknowns on cells (multipliers stay as they are), `marks` the refinement of the mesh,
-//! `quadrature` the rule of the terms with kinks, `tol`, `max_iter` and `search` the iterations, `solver` how systems
+//! `quadrature` the rule of the terms with kinks, `tol`, `max_iter`, `search` and `perturb` the iterations, `solver` how systems
 //! are solved, `threads` the number of threads, `precision` that of a factor, `no_prune` what is left out. Promises
 //! that a text that means nothing is refused before anything is run; does not judge whether the scene that comes out
 //! makes sense.
 
-use crate::{Pruning, newton::LARGEST_TOLERANCE, solve::Precision};
+use crate::{
+    DEFAULT_STEP_ERROR, ON_ANY_CELLS, Pruning,
+    newton::{LARGEST_PERTURBATION, LARGEST_TOLERANCE},
+    solve::Precision,
+};
 use thiserror::Error;
 use wfl::{
     ResolvedScript, Span,
     ast::{
-        Argument, BoxDivision, BoxShape, Expr, ExprKind, Ident, MeshSource, MulOp, OptionItem, OptionValue, Place,
-        QuadratureRule,
+        Argument, BoxDivision, Expr, ExprKind, Ident, MeshSource, MulOp, OptionItem, OptionValue, Place, QuadratureRule,
     },
 };
 
@@ -21,16 +24,18 @@ use wfl::{
 pub type Setting = [(String, String)];
 
 /// Knobs that are no parameters of a scene.
-pub const KNOWN: [&str; 13] = [
+pub const KNOWN: [&str; 15] = [
     "h",
     "refine",
     "cells",
     "degree",
     MARKS,
+    SUBSTEPS,
     "quadrature",
     "tol",
     "max_iter",
     "search",
+    "perturb",
     "solver",
     "threads",
     "precision",
@@ -42,7 +47,10 @@ pub const KNOWN: [&str; 13] = [
 pub const RICHER: &str = "richer";
 
 /// Knobs that change the statements of a scene and nothing else: what a run can be given beside parameters.
-pub const OF_STATEMENTS: [&str; 6] = ["h", "refine", "cells", "degree", "tol", MARKS];
+pub const OF_STATEMENTS: [&str; 8] = ["h", "refine", "cells", "degree", "tol", "perturb", MARKS, SUBSTEPS];
+
+/// The number of parts of each step; of steps that the run chooses the error is divided by its square.
+pub const SUBSTEPS: &str = "substeps";
 
 /// The report of a run with a demanded accuracy, whose refinement of the mesh is taken. Who reads the scene reads it, too.
 pub const MARKS: &str = "marks";
@@ -107,13 +115,17 @@ pub fn apply(
             "degree" => degree(script, value).ok_or_else(|| wrong("1, 2, 3, …"))?,
             "quadrature" => quadrature(script, value, kinked).ok_or_else(|| wrong("vertex or a degree"))?,
             MARKS => {}
+            SUBSTEPS => substeps(script, whole(value).ok_or_else(|| wrong("1, 2, 3, …"))?),
             "tol" if number(value).is_none_or(|t| !(0.0..=LARGEST_TOLERANCE).contains(&t)) => {
                 return Err(wrong("a number from 0 to 0.1"));
             }
             "max_iter" if value.parse::<usize>().is_ok_and(|n| n > 0) => solver(script, name, value),
             "max_iter" => return Err(wrong("1, 2, 3, …")),
             "search" if !["auto", "none"].contains(&value.as_str()) => return Err(wrong("auto or none")),
-            "tol" | "search" => solver(script, name, value),
+            "perturb" if number(value).is_none_or(|size| !(size > 0.0 && size <= LARGEST_PERTURBATION)) => {
+                return Err(wrong("a number above 0, at most 0.1"));
+            }
+            "tol" | "search" | "perturb" => solver(script, name, value),
             "threads" => drop(threads(setting)?),
             "precision" => drop(precision(setting)?),
             "no_prune" | "solver" => drop(kept(setting)?),
@@ -242,23 +254,14 @@ fn mesh(script: &mut ResolvedScript, name: &str, size: Option<f64>, refine: f64)
     Ok(())
 }
 
-/// Whether the cells of a box are simplices.
-fn has_simplices(script: &ResolvedScript) -> bool {
-    matches!(
-        script.mesh.as_ref().map(|m| &m.source),
-        Some(MeshSource::Box { shape: Some((BoxShape::Tri | BoxShape::Tet, _)), .. })
-    )
-}
-
 fn richer(script: &mut ResolvedScript) -> Option<()> {
-    let simplices = has_simplices(script);
     let mut most = 0;
     for field in &mut script.fields {
         let solved = matches!(field.kind, wfl::FieldKind::Unknown | wfl::FieldKind::Multiplier { .. });
         if !solved || matches!(field.space.place, Place::Global(_)) {
             continue;
         }
-        let written = field.space.element.as_ref().map_or(if simplices { "P1" } else { "Q1" }, |e| e.name.as_str());
+        let written = field.space.element.as_ref().map_or("degree 1", |e| e.name.as_str());
         let family = written.trim_end_matches(|c: char| c.is_ascii_digit());
         let degree: usize = written.strip_prefix(family)?.parse().ok()?;
         field.space.element = Some(Ident { name: format!("{family}{}", degree + 1), span: field.space.span });
@@ -286,16 +289,43 @@ const MORE_DEGREES: f64 = 4.0;
 
 fn degree(script: &mut ResolvedScript, value: &str) -> Option<()> {
     let degree: usize = value.parse().ok().filter(|d| *d > 0)?;
-    let simplices = has_simplices(script);
     for field in &mut script.fields {
         if !matches!(field.kind, wfl::FieldKind::Unknown) || matches!(field.space.place, Place::Global(_)) {
             continue;
         }
         let written = field.space.element.as_ref().map(|e| e.name.trim_end_matches(|c: char| c.is_ascii_digit()));
-        let family = written.unwrap_or(if simplices { "P" } else { "Q" });
+        let family = written.unwrap_or(ON_ANY_CELLS);
         field.space.element = Some(Ident { name: format!("{family}{degree}"), span: field.space.span });
     }
     Some(())
+}
+
+/// A whole number from 1.
+fn whole(text: &str) -> Option<f64> {
+    text.parse::<u32>().ok().filter(|n| *n > 0).map(f64::from)
+}
+
+fn substeps(script: &mut ResolvedScript, parts: f64) {
+    let Some(steps) = &mut script.steps else { return };
+    let span = steps.span;
+    let over = |e: &Expr, by: f64| Expr {
+        kind: ExprKind::Product(Box::new(e.clone()), vec![(MulOp::Divide, span, plain(by, span))]),
+        span: e.span,
+        expansion: e.expansion,
+    };
+    if !steps.is_auto() {
+        steps.by = over(&steps.by, parts);
+        return;
+    }
+    let error = |o: &&mut OptionItem| o.name.name == "error";
+    match steps.options.iter_mut().find(error).map(|o| &mut o.value) {
+        Some(Some(OptionValue::Expr(e))) => *e = over(e, parts * parts),
+        _ => {
+            let value = plain(DEFAULT_STEP_ERROR / (parts * parts), span);
+            let name = Ident { name: "error".to_owned(), span };
+            steps.options.push(OptionItem { name, value: Some(OptionValue::Expr(value)), places: Vec::new() });
+        }
+    }
 }
 
 fn quadrature(script: &mut ResolvedScript, value: &str, places: &[String]) -> Option<()> {

@@ -28,21 +28,26 @@ pub use wfl_mesh::{element, mesh, quadrature, refine};
 pub use wfl_newton as newton;
 pub use wfl_sparse::{csr, solve};
 
-pub use checks::{Accuracy, CoarseLoad, Hourglass, LockedBody, LooseMotions, NegativeBody, Others, PhysicsCheck};
+pub use checks::{
+    Accuracy, CoarseLoad, CubicBody, DrivenSides, Hourglass, LockedBody, LooseMotions, NegativeBody, Others,
+    PhysicsCheck, ReversedGap, Turning, TurningBody, UnbalancedLoad,
+};
 pub use left_out::LeftOut;
 pub use newton::{LinearSolver, Singular};
 pub use pruning::{Pruning, Saving};
 pub use run::{
     Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Episode, FRUITLESS, Holders, KeptStep, KeptTable, Memory,
-    Outcome, Path, Progress, Quiet, RunError, RunOptions, Session, StepResult, finished, may_begin, run, save,
+    Outcome, Path, Progress, Quiet, RunError, RunOptions, RunState, Session, Standing, StepResult, finished, may_begin,
+    run, save,
 };
 pub use savings::{SavingError, savings};
 pub use scene::{
-    Auto, Cadence, CallerValues, CsvOutput, Energy, EventRule, Every, Explicit, FromWhole, GiveError, Given, InputFile,
-    Measure, NamedRegion, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt,
-    Samples, Scene, SceneBox, ScenePart, Sketch, Source, StateAt, StateUpdate, StepPlace, Steps, TermSummary,
-    VtkOutput, coarse_loads, coercivity, contact_forms, hourglasses, locked_bodies, messages_without_mesh,
-    negative_bodies, prepare, prepare_keeping, prepare_part, prepare_refined, without_auto,
+    Auto, Between, Bodies, Cadence, CallerValues, CsvOutput, DEFAULT_STEP_ERROR, Energy, Equations, EventRule, Every,
+    Explicit, Forcing, FromWhole, GiveError, Given, InputFile, Measure, NO_SAMPLING, NamedRegion, ON_ANY_CELLS, Over,
+    PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples, Sampling, Scene,
+    SceneBox, ScenePart, Sketch, Solving, Source, StateAt, StateUpdate, StepPlace, Steps, TermSummary, VtkOutput,
+    messages_without_mesh, parts, prepare, prepare_keeping, prepare_part, prepare_refined, prepare_sampled,
+    without_auto,
 };
 pub use solve::SolverMemory;
 pub use system::{

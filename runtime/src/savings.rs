@@ -46,9 +46,9 @@ pub fn savings(
     let solve = |pruning: Option<Pruning>| {
         let started = Instant::now();
         let keep: Vec<Pruning> = pruning.into_iter().collect();
-        let mut scene = shape(prepare_keeping(&script, folder, backend, &keep).scene.ok_or(SavingError::Scene)?);
+        let scene = shape(prepare_keeping(&script, folder, backend, &keep).scene.ok_or(SavingError::Scene)?);
         let options = RunOptions::without_files(threads, started);
-        let outcome = run(&mut scene, &options, &mut Quiet).map_err(|error| SavingError::Run { pruning, error })?;
+        let outcome = run(&scene, &options, &mut Quiet).map_err(|error| SavingError::Run { pruning, error })?;
         Ok((started.elapsed().as_secs_f64(), outcome, scene.left_out()))
     };
     let (mut base, with, left_out) = solve(None)?;

@@ -14,8 +14,8 @@ fn measured(scene: &str, method: &str) -> (Vec<(String, f64)>, String) {
     assert!(script.diagnostics.is_empty(), "{:?}", script.diagnostics);
     let backend = JitBackend::new().expect("machine code");
     let made = prepare(&script.value.expect("a script"), Path::new("."), &backend);
-    let mut scene = made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics));
-    let outcome = run(&mut scene, &RunOptions::without_files(2, Instant::now()), &mut Quiet).expect("a run");
+    let scene = made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics));
+    let outcome = run(&scene, &RunOptions::without_files(2, Instant::now()), &mut Quiet).expect("a run");
     assert!(outcome.converged());
     let solver = outcome.report.solver.clone().unwrap_or_default();
     (outcome.steps.last().expect("a step").measures.clone(), solver)

@@ -205,9 +205,9 @@ pub fn attempt_with(
 ) -> Attempt {
     let backend = JitBackend::new().expect("machine code on this processor");
     let (scene, mut messages) = scene_and_messages(folder, text, edits, params, &backend);
-    let Some(mut scene) = scene else { return Attempt { solved: None, messages } };
+    let Some(scene) = scene else { return Attempt { solved: None, messages } };
     let options = RunOptions { keep_states: true, ..options.clone() };
-    match run(&mut scene, &options, &mut Quiet) {
+    match run(&scene, &options, &mut Quiet) {
         Ok(outcome) => Attempt { solved: Some(Solved { scene, outcome }), messages },
         Err(error) => {
             messages += &error.to_string();
@@ -253,5 +253,34 @@ impl Solved {
         assert!(distance(node) < 1e-18, "no node of {field} at {x:?}");
         let start = system.range(k).expect("an unknown").start + node * f.n_components;
         self.outcome.steps[step].state[start..start + f.n_components].to_vec()
+    }
+}
+
+/// A folder of its own with the mesh file `body.msh`; removed at the end.
+pub struct MeshFolder(PathBuf);
+
+impl MeshFolder {
+    /// A folder for a suite and one of its tests.
+    ///
+    /// # Panics
+    /// If it cannot be written.
+    #[must_use]
+    pub fn new(name: &str, mesh: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("wfl-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a temporary folder");
+        std::fs::write(folder.join("body.msh"), mesh).expect("a temporary file");
+        Self(folder)
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for MeshFolder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
     }
 }

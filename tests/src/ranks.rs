@@ -114,9 +114,9 @@ pub fn solved(scene: Scene) -> Outcome {
 ///
 /// # Errors
 /// That of the run.
-pub fn run_with_gathered(mut scene: Scene) -> Result<Outcome, RunError> {
+pub fn run_with_gathered(scene: Scene) -> Result<Outcome, RunError> {
     let options = RunOptions { library: Some(Linked(&Gathered)), ..RunOptions::without_files(1, Instant::now()) };
-    run(&mut scene, &options, &mut Quiet)
+    run(&scene, &options, &mut Quiet)
 }
 
 /// Solves a scene of a rank, and keeps what its outputs hold at some steps.
@@ -124,10 +124,10 @@ pub fn run_with_gathered(mut scene: Scene) -> Result<Outcome, RunError> {
 /// # Panics
 /// If the run ends with an error.
 #[must_use]
-pub fn solved_keeping(mut scene: Scene, keep_outputs: Vec<usize>) -> Outcome {
+pub fn solved_keeping(scene: Scene, keep_outputs: Vec<usize>) -> Outcome {
     let usual = RunOptions::without_files(1, Instant::now());
     let options = RunOptions { library: Some(Linked(&Gathered)), keep_outputs, ..usual };
-    run(&mut scene, &options, &mut Quiet).unwrap_or_else(|error| panic!("{error}"))
+    run(&scene, &options, &mut Quiet).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// A library that factors the equations of all ranks on each of them.

@@ -16,7 +16,7 @@ fn options() -> RunOptions {
 }
 
 fn outcome(text: &str) -> Outcome {
-    let outcome = run(&mut scene(text), &options(), &mut Quiet).expect("a run");
+    let outcome = run(&scene(text), &options(), &mut Quiet).expect("a run");
     assert!(outcome.converged());
     outcome
 }
@@ -228,12 +228,13 @@ fn a_limit_is_taken_from_the_state_at_the_beginning_of_a_step() {
     }
 }
 
-/// A sudden change is found: the load jumps at t = 1.
+/// A sudden change is found that no formula of the step variable shows: the load jumps where an unknown, which is t, is 1.
 #[test]
 fn a_sudden_load_is_met_by_shorter_steps_and_rejected_attempts_are_listed() {
     let text = "wfl 1\nmesh box [0] to [1] cells [1] segment\nunknown u : scalar\nstate s : scalar on all := Previous_s + timestep*u\n\
-                term on all : (Dot_u + u - (if t > 1 then 1 else 0))*Test_u\n\
-                steps t = 0 to 2 by auto with error=1e-4\nmeasure m = max(u) on all\nmeasure i = mean(s) on all\n";
+                unknown v : scalar\nterm clock on all : (Dot_v - 1)*Test_v\n\
+                term on all : (Dot_u + u - (if v > 1 then 1 else 0))*Test_u\n\
+                steps t = 0 to 2 by auto with error=1e-4\nmeasure m = mean(u) on all\nmeasure i = mean(s) on all\n";
     let outcome = outcome(text);
     let rejected = |s: &&wfl_runtime::StepResult| s.attempts.iter().any(|a| matches!(a.end, AttemptEnd::Rejected(_)));
     let first = outcome.steps.iter().find(rejected).expect("a rejected attempt");
@@ -244,6 +245,20 @@ fn a_sudden_load_is_met_by_shorter_steps_and_rejected_attempts_are_listed() {
     // the state is the sum over accepted steps alone
     let sum: f64 = outcome.steps.iter().skip(1).map(|s| s.increment * s.measures[0].1).sum();
     assert!((last.measures[1].1 - sum).abs() < 1e-12 * sum, "{sum} {:?}", last.measures);
+}
+
+/// A jump that a formula of the step variable shows is met: a step ends there, and none is rejected.
+#[test]
+fn a_load_that_jumps_over_time_is_met_exactly() {
+    let text = "wfl 1\nmesh box [0] to [1] cells [1] segment\nunknown u : scalar\n\
+                term on all : (Dot_u + u - (if t > 1 then 1 else 0))*Test_u\n\
+                steps t = 0 to 2 by auto with error=1e-4\nmeasure m = max(u) on all\n";
+    let outcome = outcome(text);
+    assert!(outcome.steps.iter().any(|s| s.time == 1.0 && s.measures[0].1 == 0.0));
+    let rejected = |a: &wfl_runtime::Attempt| matches!(a.end, AttemptEnd::Rejected(_));
+    assert!(!outcome.steps.iter().flat_map(|s| &s.attempts).any(rejected));
+    let last = outcome.steps.last().unwrap().measures[0].1;
+    assert!((last - (1.0 - (-1.0f64).exp())).abs() < 0.002, "{last}");
 }
 
 /// A load that jumps, one that jumps there and back, and a block that friction holds, lets go and stops again: the higher
@@ -275,10 +290,10 @@ fn the_higher_order_is_no_worse_where_rates_jump_or_have_a_kink() {
 fn steps_one_by_one_have_the_bits_of_a_run() {
     let text = forced(30.0, "steps t = 0 to 2 by auto with error=1e-4");
     let known = outcome(&text);
-    let mut scene = scene(&text);
-    let mut session = Session::new(&mut scene, options()).expect("a session");
+    let scene = scene(&text);
+    let mut session = Session::new(&scene, options()).expect("a session");
     let mut n = 0;
-    while let Some(step) = session.step(&mut scene, &mut Quiet).expect("a step") {
+    while let Some(step) = session.step(&scene, &mut Quiet).expect("a step") {
         assert_eq!((step.time, &step.state), (known.steps[n].time, &known.steps[n].state));
         n += 1;
     }

@@ -134,3 +134,11 @@ fn a_closed_crack_slips_as_the_closed_form_says() {
 fn a_pressurised_crack_opens_as_the_closed_form_says() {
     assert_holds("B8");
 }
+
+/// Right scenes of other programs' manuals and reports: their numbers, without a message.
+#[test]
+fn public_cases_have_the_values_of_their_sources() {
+    for k in 1..=15 {
+        assert_holds(&format!("P{k}"));
+    }
+}

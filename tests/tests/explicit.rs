@@ -256,11 +256,11 @@ fn a_session_makes_explicit_steps_with_the_bits_of_a_run_and_no_equations_to_sol
         "fix u = 0 on left\nstart Dot_u = x\nscheme explicit\nsteps t = 0 to 1 by auto\nmeasure tip = mean(u) on right\n",
     );
     let whole = run(text.clone());
-    let mut scene = prepared(&examples(), text, &[], &[], &backend).unwrap_or_else(|messages| panic!("{messages}"));
+    let scene = prepared(&examples(), text, &[], &[], &backend).unwrap_or_else(|messages| panic!("{messages}"));
     let options = RunOptions::without_files(1, std::time::Instant::now());
-    let mut session = Session::new(&mut scene, options).expect("a session");
-    assert!(session.begin(&mut scene, 0.0).is_err());
-    while session.step(&mut scene, &mut wfl_runtime::Quiet).expect("a step").is_some() {}
+    let mut session = Session::new(&scene, options).expect("a session");
+    assert!(session.begin(&scene, 0.0).is_err());
+    while session.step(&scene, &mut wfl_runtime::Quiet).expect("a step").is_some() {}
     let bits = |steps: &[wfl_runtime::StepResult]| steps.iter().map(|s| s.measures[0].1.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(session.steps()), bits(&whole.outcome.steps));
 }
@@ -289,7 +289,7 @@ fn ranks_make_the_steps_of_one() {
                     let mut scene = prepared(&examples(), text.to_owned(), &[], &[], &backend).expect("a scene");
                     scene.share_rows(team).expect("fits");
                     let options = RunOptions::without_files(1, std::time::Instant::now());
-                    wfl_runtime::run(&mut scene, &options, &mut wfl_runtime::Quiet).expect("a run").steps
+                    wfl_runtime::run(&scene, &options, &mut wfl_runtime::Quiet).expect("a run").steps
                 })
             });
             let each: Vec<_> = each.collect();

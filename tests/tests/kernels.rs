@@ -24,7 +24,7 @@ fn laws() -> Vec<(String, TermLaw)> {
             continue;
         };
         let name = path.file_stem().expect("a name").to_string_lossy().into_owned();
-        laws.extend(scene.system.terms.into_iter().map(|t| (format!("{name}: {}", t.law.name), t.law)));
+        laws.extend(scene.system.terms.into_iter().map(|t| (format!("{name}: {}", t.law.name), (*t.law).clone())));
     }
     assert!(laws.len() > 40, "only {} terms found", laws.len());
     laws

@@ -37,12 +37,12 @@ fn a_file_that_is_not_there_is_named_with_the_nearest_one() {
     refused("missing", &[], &[("plate.msh", "plat.msh")], &words);
 }
 
-/// X28, X29: the element of the file, its group and the determinant.
+/// X29: the element of the file, its group and the determinant.
 #[test]
 fn cells_without_a_positive_volume_are_named() {
-    let turned = [("11 3 2 6 2 2 3 6 5", "11 3 2 6 2 2 5 6 3")];
-    let words = ["E410", "element 11 of `right` is inside out: its jacobian determinant is -1e0 everywhere", LINE];
-    refused("turned", &turned, &[], &words);
+    let over = [("3 2 0 0", "3 0.2 0 0"), ("6 2 1 0", "6 0.2 1 0")];
+    let words = ["E410", "element 11 of `right` is inside out: its jacobian determinant is -8e-1 everywhere", LINE];
+    refused("over its neighbour", &over, &[], &words);
     let folded = [("5 1 1 0", "5 1.9 0.1 0")];
     refused("folded", &folded, &[], &["element 11 of `right` is folded", "at (1.9, 0.1, 0)", LINE]);
     let flat = [("3 2 0 0", "3 1 0.25 0"), ("6 2 1 0", "6 1 0.75 0")];
@@ -52,6 +52,15 @@ fn cells_without_a_positive_volume_are_named() {
     refused("pointed", &pointed, &[], &["element 11 of `right` is folded: its jacobian determinant is 0e0", LINE]);
     let twice = [("11 3 2 6 2 2 3 6 5", "11 3 2 6 2 2 3 6 6")];
     refused("twice", &twice, &[], &["element 11 lists node 6 twice", LINE]);
+}
+
+/// X28: a cell whose nodes run clockwise lies where it lies.
+#[test]
+fn a_cell_that_runs_clockwise_is_turned() {
+    let turned = [("11 3 2 6 2 2 3 6 5", "11 3 2 6 2 2 5 6 3")];
+    let words = ["W423", "1 cell runs clockwise", "the first is element 11", LINE];
+    let (found, right) = (solved("turned", &turned, &[], &words), solved("plate", &[], &[], &[]));
+    assert!((found - right).abs() < 1e-13 * right, "{found} {right}");
 }
 
 /// X33, X34.
@@ -177,9 +186,9 @@ fn a_damaged_file_is_told_with_its_line() {
     refused("letters", &[("3 2 0 0", "3 2,0 0 0")], &[], &["line 17: found `2,0`, needed a coordinate", LINE]);
     refused(
         "prism",
-        &[("11 3 2", "11 6 2")],
+        &[("11 3 2", "11 18 2")],
         &[],
-        &["element 11 is a prism (Gmsh type 6), which is not supported", LINE],
+        &["element 11 is a wedge (prism) with 15 nodes (Gmsh type 18), which is not supported; write the mesh", LINE],
     );
     refused("version", &[("2.2 0 8", "4 0 8")], &[], &["save the mesh as 2.2 or 4.1", LINE]);
     refused("no mesh", &[("$MeshFormat\n2.2", "solid\n2.2")], &[], &["not a mesh file of a known format", LINE]);

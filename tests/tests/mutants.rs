@@ -44,8 +44,8 @@ fn plate(more: &[&str]) -> Mutant {
 
 /// Its steps, whatever is warned of.
 fn steps(mutant: &Mutant) -> Vec<StepResult> {
-    let mut scene = ready(mutant, &InterpreterBackend, &[]).scene.expect("a scene");
-    let outcome = run(&mut scene, &RunOptions::without_files(1, Instant::now()), &mut Quiet).expect("a run");
+    let scene = ready(mutant, &InterpreterBackend, &[]).scene.expect("a scene");
+    let outcome = run(&scene, &RunOptions::without_files(1, Instant::now()), &mut Quiet).expect("a run");
     assert!(outcome.converged());
     outcome.steps
 }

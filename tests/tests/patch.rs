@@ -5,7 +5,7 @@
 //! has the cofactors of the map in it, the load the normal and the measure of faces that are not plane. The reference
 //! is the closed form.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use wfl_jit::JitBackend;
 use wfl_runtime::{
@@ -13,7 +13,7 @@ use wfl_runtime::{
     element::{Element, Family},
     mesh::{BoxShape, CellKind, Mesh, generate_box},
 };
-use wfl_tests::{Solved, prepared, solve};
+use wfl_tests::{MeshFolder, Solved, prepared, solve};
 
 /// Displacements and stresses are met to this part of the largest.
 const EXACT: f64 = 1e-12;
@@ -78,24 +78,6 @@ fn curved(shape: BoxShape, n: usize) -> String {
     text + &format!("$EndNodes\n$Elements\n{}\n{cells}$EndElements\n", mesh.n_cells())
 }
 
-/// A folder of our own with a mesh file; removed at the end.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn with(name: &str, mesh: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("wfl-patch-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).expect("a temporary folder");
-        std::fs::write(folder.join("body.msh"), mesh).expect("a temporary file");
-        Self(folder)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
 /// The meshes: what they are, their dimension, and the lines or the file they come from.
 fn meshes() -> Vec<(&'static str, usize, Result<String, BoxShape>)> {
     let boxed = |cells: &str, dim: usize| {
@@ -125,11 +107,11 @@ fn on_every_mesh(name: &str, scene: impl Fn(usize, &str) -> String, judge: impl 
         let (mesh, folder) = match made {
             Ok(line) => (line, None),
             Err(shape) => {
-                let folder = Folder::with(&format!("{name}-{}", what.replace(' ', "-")), &curved(shape, 2));
+                let folder = MeshFolder::new(&format!("patch-{name}-{}", what.replace(' ', "-")), &curved(shape, 2));
                 ("mesh file \"body.msh\"\n".to_owned(), Some(folder))
             }
         };
-        let place = folder.as_ref().map_or(Path::new("."), |f| &f.0);
+        let place = folder.as_ref().map_or(Path::new("."), MeshFolder::path);
         for degree in degrees {
             let element = format!("{family}{degree}");
             let text = mesh.clone() + &scene(dim, &element);
@@ -255,14 +237,14 @@ fn a_constant_pressure_passes_through_contact_of_cells_of_second_order() {
         (BoxShape::Hexahedron, "Q2", "hexahedra"),
     ] {
         let dim = shape.kind().dim();
-        let folder = Folder::with(&format!("contact-{name}"), &curved(shape, 2));
+        let folder = MeshFolder::new(&format!("patch-contact-{name}"), &curved(shape, 2));
         let none = if dim == 3 { "[0,0,0]" } else { "[0,0]" };
         let text = blocks(dim, "tri", "x", "x < 0.5", &NITSCHE.replace("theta", "0"), none);
         let (_, rest) = text.split_once('\n').expect("the line of the mesh");
         let text = format!("mesh file \"body.msh\"\n{rest}")
             .replace("x == -1", "x == 0")
             .replace("vector on", &format!("vector {element} on"));
-        let solved = solve(&folder.0, text, &[], &[]).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let solved = solve(folder.path(), text, &[], &[]).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert!(solved.outcome.converged(), "{name}");
         is_exact(name, &solved);
     }
@@ -299,6 +281,26 @@ fn a_constant_pressure_passes_through_contact_of_distorted_cells() {
         is_exact(&what, &solved);
         let there = solved.measure(0, "there") / 0.05;
         assert!(there < EXACT, "{what}: the right block is wrong by {there:e}");
+    }
+}
+
+/// Contact at the nodes of quadratic elements on hexahedra of first order: the faces between are neither plane nor
+/// parallelograms, those outside are plane.
+#[test]
+fn a_constant_pressure_passes_at_the_nodes_of_quadratic_hexahedra() {
+    let map = "[x + 0.1*(1 - x^2)*sin(4*y + 5*z), y + 0.1*sin(pi*y)*sin(4*z), z + 0.1*sin(pi*z)*sin(3*y)]";
+    for theta in ["(-1)", "0", "1"] {
+        // above the smallest safe value
+        let text = blocks(3, "hex", map, "x < 0.1*sin(4*y + 5*z)", &NITSCHE.replace("theta", theta), "[0,0,0]")
+            .replace("vector on", "vector Q2 on")
+            .replace("gamma = 1000", "gamma = 1e5");
+        // laws that read a traction keep Gauss points on quadrilaterals where nothing is said
+        let text = text + "quadrature on fault vertex\n";
+        let rule = degrees(&text).into_iter().find(|term| term.0 == "contact").map(|term| term.1);
+        assert_eq!(rule, Some(RuleChoice::Vertex), "{theta}");
+        let solved = solve(Path::new("."), text, &[], &[]).unwrap_or_else(|e| panic!("{theta}: {e}"));
+        assert!(solved.outcome.converged(), "{theta}");
+        is_exact(theta, &solved);
     }
 }
 
@@ -339,10 +341,13 @@ fn a_law_that_is_no_polynomial_gets_2p_plus_1_and_3p_on_simplices() {
         )
     };
     for (cells, element, body, contact) in
-        [("hex", "Q1", 3, 4), ("hex", "Q2", 5, 6), ("tet", "P1", 0, 4), ("tet", "P2", 3, 6), ("tet", "P3", 6, 9)]
+        [("hex", "Q1", 3, 4), ("hex", "Q2", 5, 6), ("tet", "P1", 0, 1), ("tet", "P2", 3, 2), ("tet", "P3", 6, 3)]
     {
         let found: Vec<RuleChoice> = degrees(&scene(cells, element)).into_iter().map(|d| d.1).collect();
-        assert_eq!(found, [body, contact].map(RuleChoice::Degree), "{element}");
+        // faces with contact have a point a node; quadrilaterals the points of the degree, as the law reads a traction
+        let nodes = RuleChoice::Nodes { degree: contact, axis: None };
+        let rule = if cells == "hex" { RuleChoice::Degree(contact) } else { nodes };
+        assert_eq!(found, [RuleChoice::Degree(body), rule], "{element}");
     }
 }
 

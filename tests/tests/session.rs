@@ -13,7 +13,7 @@ use std::{
 use wfl_compiler::InterpreterBackend;
 use wfl_jit::JitBackend;
 use wfl_runtime::{
-    FIXED, Outcome, Progress, Quiet, RunError, RunOptions, Scene, Session,
+    Equations, FIXED, Outcome, Progress, Quiet, RunError, RunOptions, Scene, Session,
     contact::{ContactPoints, PointState, contact_points},
     newton::NewtonError,
     results::field_grids,
@@ -41,9 +41,9 @@ fn bits(values: &[f64]) -> Vec<u64> {
 }
 
 /// Contact on the region of some terms at the end of a run.
-fn contact(scene: &Scene, region: &str, u: &[f64]) -> ContactPoints {
+fn contact(scene: &Scene, end: &Equations, region: &str, u: &[f64]) -> ContactPoints {
     let terms: Vec<usize> = (0..scene.terms.len()).filter(|k| scene.terms[*k].place == region).collect();
-    contact_points(&scene.system, &scene.contact, u, &terms).expect("a law of contact")
+    contact_points(&end.system, &end.contact, u, &terms).expect("a law of contact")
 }
 
 /// The slipping fault with so many cells along each edge.
@@ -58,12 +58,12 @@ fn steps_one_by_one_have_the_bits_of_a_run() {
     let fault = || fault(2);
     let makers: [(&str, &dyn Fn() -> Scene); 3] = [("weakening", &weakening), ("maxwell", &maxwell), ("fault", &fault)];
     for (name, made) in makers {
-        let mut whole = made();
-        let outcome = run(&mut whole, &options(), &mut Quiet).expect("a run");
-        let mut scene = made();
-        let mut session = Session::new(&mut scene, options()).expect("a start");
+        let whole = made();
+        let outcome = run(&whole, &options(), &mut Quiet).expect("a run");
+        let scene = made();
+        let mut session = Session::new(&scene, options()).expect("a start");
         let mut n = 0;
-        while let Some(step) = session.step(&mut scene, &mut Quiet).expect("a step") {
+        while let Some(step) = session.step(&scene, &mut Quiet).expect("a step") {
             let known = &outcome.steps[n];
             assert_eq!((step.time, bits(&step.state)), (known.time, bits(&known.state)), "{name}: step {n}");
             assert_eq!(format!("{:?}", step.measures), format!("{:?}", known.measures), "{name}: step {n}");
@@ -74,15 +74,15 @@ fn steps_one_by_one_have_the_bits_of_a_run() {
         let holds = |o: &Outcome| o.expectations.iter().map(|(_, holds)| *holds).collect::<Vec<_>>();
         assert!(ended.converged() && holds(&ended) == holds(&outcome), "{name}");
         // nothing of a run is left to the next one of the same scene
-        let again = run(&mut whole, &options(), &mut Quiet).expect("a run");
+        let again = run(&whole, &options(), &mut Quiet).expect("a run");
         for (a, b) in again.steps.iter().zip(&outcome.steps) {
             assert_eq!(bits(&a.state), bits(&b.state), "{name}: again, t = {}", a.time);
         }
         // values that the caller chooses are solved as those of the scene
-        let mut scene = made();
-        let mut session = Session::new(&mut scene, options()).expect("a start");
+        let scene = made();
+        let mut session = Session::new(&scene, options()).expect("a start");
         for known in outcome.steps.iter().take(4) {
-            let step = session.step_to(&mut scene, known.time, &mut Quiet).expect("a step");
+            let step = session.step_to(&scene, known.time, &mut Quiet).expect("a step");
             assert_eq!(bits(&step.state), bits(&known.state), "{name}: t = {}", known.time);
         }
     }
@@ -116,16 +116,16 @@ fn solved(matrix: &wfl_runtime::csr::Csr, r: &[f64]) -> Vec<f64> {
 #[test]
 fn an_own_newton_iteration_in_an_own_loop_over_time_finds_what_a_run_finds() {
     for path in ["creep/maxwell.wfl", "elasticity/rollers.wfl", "hyperelastic/contact.wfl", "plasticity/perzyna.wfl"] {
-        let mut whole = example(path, &[], &[]);
-        let outcome = run(&mut whole, &options(), &mut Quiet).expect("a run");
-        let mut scene = example(path, &[], &[]);
-        let mut session = Session::new(&mut scene, options()).expect("a start");
+        let whole = example(path, &[], &[]);
+        let outcome = run(&whole, &options(), &mut Quiet).expect("a run");
+        let scene = example(path, &[], &[]);
+        let mut session = Session::new(&scene, options()).expect("a start");
         for known in &outcome.steps {
-            let mut u = session.begin(&mut scene, known.time).expect("a step").to_vec();
+            let mut u = session.begin(&scene, known.time).expect("a step").to_vec();
             let given = session.steps().is_empty() && scene.steps.from_start;
             for _ in 0..if given { 0 } else { 30 } {
-                let r = session.residual(&scene, &u).expect("finite");
-                let k = session.tangent(&scene, &u).expect("finite");
+                let r = session.residual(&u).expect("finite");
+                let k = session.tangent(&u).expect("finite");
                 let correction = solved(&k, &r);
                 let from = u.clone();
                 scene.system.numbering.advance(&from, &correction, -1.0, &mut u);
@@ -133,7 +133,7 @@ fn an_own_newton_iteration_in_an_own_loop_over_time_finds_what_a_run_finds() {
                     break;
                 }
             }
-            let step = session.accept(&mut scene, &u, &mut Quiet).expect("a state");
+            let step = session.accept(&scene, &u, &mut Quiet).expect("a state");
             let size = known.state.iter().fold(0.0f64, |m, x| m.max(x.abs()));
             let apart = step.state.iter().zip(&known.state).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
             assert!(apart <= 1e-9 * size, "{path}, t = {}: {apart:e} of {size:e}", known.time);
@@ -146,22 +146,22 @@ fn an_own_newton_iteration_in_an_own_loop_over_time_finds_what_a_run_finds() {
 
 #[test]
 fn the_tangent_is_the_derivative_of_the_residual_and_reactions_balance_the_loads() {
-    let mut scene = example("hyperelastic/contact.wfl", &[], &[]);
-    let outcome = run(&mut scene, &options(), &mut Quiet).expect("a run");
+    let scene = example("hyperelastic/contact.wfl", &[], &[]);
+    let outcome = run(&scene, &options(), &mut Quiet).expect("a run");
     let u = outcome.steps[0].state.clone();
-    let mut session = Session::new(&mut scene, options()).expect("a start");
-    session.begin(&mut scene, 0.0).expect("a step");
+    let mut session = Session::new(&scene, options()).expect("a start");
+    session.begin(&scene, 0.0).expect("a step");
     let n = scene.system.numbering.n_free();
     let mut numbers = Sequence(7);
     let d: Vec<f64> = (0..n).map(|_| numbers.number()).collect();
     let at = |part: f64| {
         let mut moved = u.clone();
         scene.system.numbering.advance(&u, &d, part, &mut moved);
-        session.residual(&scene, &moved).expect("finite")
+        session.residual(&moved).expect("finite")
     };
     let step = 1e-6;
     let (ahead, behind) = (at(step), at(-step));
-    let tangent = session.tangent(&scene, &u).expect("finite");
+    let tangent = session.tangent(&u).expect("finite");
     let mut kd = vec![0.0; n];
     tangent.multiply(&d, &mut kd, 1);
     let size = kd.iter().fold(0.0f64, |m, x| m.max(x.abs()));
@@ -170,7 +170,7 @@ fn the_tangent_is_the_derivative_of_the_residual_and_reactions_balance_the_loads
         assert!((slope - kd[i]).abs() < 1e-6 * size, "{i}: {slope} and {}", kd[i]);
     }
     // at a solution all that is left are reactions
-    let forces = session.forces(&scene, &u).expect("finite");
+    let forces = session.forces(&u).expect("finite");
     let largest = |free: bool| {
         let own = forces.iter().zip(&scene.system.numbering.free).filter(|(_, f)| (**f != FIXED) == free);
         own.fold(0.0f64, |m, (x, _)| m.max(x.abs()))
@@ -180,10 +180,10 @@ fn the_tangent_is_the_derivative_of_the_residual_and_reactions_balance_the_loads
 
 #[test]
 fn contact_at_points_sums_up_to_the_measured_forces_and_keeps_the_conditions_of_signorini() {
-    let mut scene = fault(4);
-    let outcome = run(&mut scene, &options(), &mut Quiet).expect("a run");
+    let scene = fault(4);
+    let outcome = run(&scene, &options(), &mut Quiet).expect("a run");
     let step = outcome.steps.last().expect("a step");
-    let found = contact(&scene, "fault", &step.state);
+    let found = contact(&scene, &outcome.equations, "fault", &step.state);
     let n = found.positions.len();
     let sum = |of: &dyn Fn(usize) -> f64| (0..n).map(|k| found.weights[k] * of(k)).sum::<f64>();
     let measure = |name: &str| step.measures.iter().find(|m| m.0 == name).expect("a measure").1;
@@ -216,9 +216,9 @@ fn gap_and_slip_are_exact_on_a_face_that_is_not_normal_to_an_axis() {
         term bulk on all : 1e-6*Grad_u:Grad_Test_u + 1e6*(u - [0.3,-0.2]).Test_u\n\
         term contact on floor : (1e-9*pos_part(Pn)*Normal + 1e-9*Ball_projection(gamma*tang(u), 0.3*pos_part(Pn))).Test_u\n";
     let text = text.replace("region low = faces where y == 0.5*x - 0.0 or Normal.[0,1] < -10\n", "");
-    let mut scene = prepared(Path::new("."), text, &[], &[], &InterpreterBackend).expect("a scene");
-    let outcome = run(&mut scene, &options(), &mut Quiet).expect("a run");
-    let found = contact(&scene, "floor", &outcome.steps[0].state);
+    let scene = prepared(Path::new("."), text, &[], &[], &InterpreterBackend).expect("a scene");
+    let outcome = run(&scene, &options(), &mut Quiet).expect("a run");
+    let found = contact(&scene, &outcome.equations, "floor", &outcome.steps[0].state);
     let moved = [0.3, -0.2, 0.0];
     for k in 0..found.positions.len() {
         let n = found.normals[k];
@@ -238,7 +238,7 @@ const HEAT: &str = "wfl 1\nmesh box [0,0] to [1,1] cells [6,6] quad\nregion left
 #[test]
 fn data_that_the_caller_gives_are_asked_for_once_a_step_and_give_the_bits_of_the_formula() {
     let made = || prepared(Path::new("."), HEAT.to_owned(), &[], &[], &InterpreterBackend).expect("a scene");
-    let known = run(&mut made(), &options(), &mut Quiet).expect("a run");
+    let known = run(&made(), &options(), &mut Quiet).expect("a run");
     let mut scene = made();
     let asked = Arc::new(AtomicUsize::new(0));
     let count = Arc::clone(&asked);
@@ -248,19 +248,19 @@ fn data_that_the_caller_gives_are_asked_for_once_a_step_and_give_the_bits_of_the
         Some(x.iter().map(|x| 1.0 + x[0] * t).collect())
     };
     scene.give_data("k", span, Box::new(formula)).expect("a data field");
-    let given = run(&mut scene, &options(), &mut Quiet).expect("a run");
+    let given = run(&scene, &options(), &mut Quiet).expect("a run");
     assert_eq!(asked.load(Ordering::Relaxed), 5, "once for each value of t");
     for (a, b) in known.steps.iter().zip(&given.steps) {
         assert_eq!(bits(&a.state), bits(&b.state), "t = {}", a.time);
     }
     scene.set_steps(&[0.0, 0.5, 2.0]).expect("values");
-    let other = run(&mut scene, &options(), &mut Quiet).expect("a run");
+    let other = run(&scene, &options(), &mut Quiet).expect("a run");
     assert_eq!(other.steps.iter().map(|s| s.time).collect::<Vec<_>>(), [0.0, 0.5, 2.0]);
     let pairs = other.steps[1].state.iter().zip(&known.steps[2].state);
     assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-13 * b.abs()), "the same state by another way");
     // a source that fails ends the run before anything is assembled, and names what it was for
     scene.give_data("k", span, Box::new(|_, _, _| None)).expect("a data field");
-    let failed = run(&mut scene, &options(), &mut Quiet).expect_err("no values");
+    let failed = run(&scene, &options(), &mut Quiet).expect_err("no values");
     assert!(failed.to_string().contains("what the caller gives for `k`"), "{failed}");
     let wrong = scene.give_data("u", span, Box::new(|_, _, _| None)).expect_err("an unknown");
     assert!(wrong.to_string().contains("given as a start"), "{wrong}");
@@ -280,28 +280,28 @@ impl Progress for Patience {
 
 #[test]
 fn a_run_stops_before_the_next_iteration_and_goes_on_later_with_the_same_bits() {
-    let known = run(&mut fault(2), &options(), &mut Quiet).expect("a run");
-    let mut scene = fault(2);
-    let mut session = Session::new(&mut scene, options()).expect("a start");
+    let known = run(&fault(2), &options(), &mut Quiet).expect("a run");
+    let scene = fault(2);
+    let mut session = Session::new(&scene, options()).expect("a start");
     for step in &known.steps {
         let iterations = step.iterations();
         for patience in [1, 2] {
             if patience < iterations {
-                let stopped = session.step(&mut scene, &mut Patience(patience)).expect_err("a stop");
+                let stopped = session.step(&scene, &mut Patience(patience)).expect_err("a stop");
                 assert!(matches!(stopped, RunError::Newton { error: NewtonError::Stopped, .. }), "{stopped}");
             }
         }
-        let again = session.step(&mut scene, &mut Quiet).expect("a step").expect("one is left");
+        let again = session.step(&scene, &mut Quiet).expect("a step").expect("one is left");
         assert_eq!(bits(&again.state), bits(&step.state), "t = {}", step.time);
     }
 }
 
 #[test]
 fn the_grids_of_the_fields_have_their_values_at_their_nodes() {
-    let mut scene = fault(2);
-    let outcome = run(&mut scene, &options(), &mut Quiet).expect("a run");
+    let scene = fault(2);
+    let outcome = run(&scene, &options(), &mut Quiet).expect("a run");
     let u = &outcome.steps.last().expect("a step").state;
-    let grids = field_grids(&scene, u).expect("grids");
+    let grids = field_grids(&scene, &outcome.equations.system.known.data, u).expect("grids");
     assert_eq!(grids.len(), 2, "two bodies");
     for (grid, name) in grids.iter().zip(["uL", "uR"]) {
         assert_eq!(grid.point_data.iter().map(|a| a.name.as_str()).collect::<Vec<_>>(), [name]);
@@ -318,17 +318,17 @@ fn the_grids_of_the_fields_have_their_values_at_their_nodes() {
 #[test]
 fn a_run_without_files_can_be_saved_and_has_the_pages_of_one_with_files() {
     let folder = std::env::temp_dir().join(format!("wfl-session-{}", std::process::id()));
-    let mut scene = example("friction/weakening.wfl", &[], &[]);
+    let scene = example("friction/weakening.wfl", &[], &[]);
     let kept = RunOptions { keep_outputs: (0..9).collect(), name: "weakening".to_owned(), ..options() };
-    let outcome = run(&mut scene, &kept, &mut Quiet).expect("a run");
+    let outcome = run(&scene, &kept, &mut Quiet).expect("a run");
     assert_eq!(outcome.kept.iter().map(|s| s.number).collect::<Vec<_>>(), (0..9).collect::<Vec<_>>());
     save(&scene, &kept, &outcome, &folder).expect("a folder");
     let saved = wfl_report::RunFolder::read(&folder).expect("a run");
     let pages = wfl_report::Pages::new(&saved, &[]).expect("pages");
     let direct = folder.join("direct");
-    let mut scene = example("friction/weakening.wfl", &[], &[]);
+    let scene = example("friction/weakening.wfl", &[], &[]);
     let files = RunOptions { out: Some(direct.clone()), name: "weakening".to_owned(), ..options() };
-    run(&mut scene, &files, &mut Quiet).expect("a run");
+    run(&scene, &files, &mut Quiet).expect("a run");
     let of_files = wfl_report::Pages::new(&wfl_report::RunFolder::read(&direct).expect("a run"), &[]).expect("pages");
     let names = |p: &wfl_report::Pages| p.pictures.iter().map(|p| p.name.clone()).collect::<Vec<_>>();
     assert_eq!(names(&pages), names(&of_files));

@@ -33,7 +33,7 @@ impl Folder {
 
     fn outcome_of(&self, text: &str, backend: &dyn KernelBackend) -> Outcome {
         let options = RunOptions { keep_states: true, ..RunOptions::without_files(1, Instant::now()) };
-        let outcome = run(&mut self.scene(text, backend), &options, &mut Quiet).expect("a run");
+        let outcome = run(&self.scene(text, backend), &options, &mut Quiet).expect("a run");
         assert!(outcome.converged());
         outcome
     }

@@ -1,7 +1,7 @@
 //! Scenes as a stranger writes them from the pages, for cases that no example has: dipping faults, slip rates written
 //! directly over whole earthquake cycles, contact near the limit of explicit steps, floors with a normal of their own.
 
-use wfl_runtime::{consistency::Verdict, contact_forms};
+use wfl_runtime::consistency::Verdict;
 use wfl_tests::{Solved, examples, solve};
 
 fn run(text: &str) -> Solved {
@@ -158,7 +158,7 @@ fn a_floor_with_a_normal_of_its_own_is_judged_along_it() {
              term contact on skin : -p*Test_u(2) + q*Test_u(1)\nsteps t = 0 to 0.02 by 0.01\n"
         )
     };
-    let verdict = |text: &str| contact_forms(&mut run(text).scene)[0].verdict.clone();
+    let verdict = |text: &str| run(text).scene.contact_forms()[0].verdict.clone();
     let right = verdict(&scene("s(2)"));
     assert!(matches!(right, Verdict::Consistent), "{right:?}");
     let wrong = verdict(&scene("0.5*s(2)"));

@@ -62,6 +62,6 @@ pub use script::{
 pub use source::{Source, SourceId, SourceMap, Span};
 pub use tables::{Curve, Head, NoTable, Table};
 pub use templates::{TEMPLATES, Template};
-pub use units::{UnitOf, check_units, unit_report};
+pub use units::{UnitOf, check_units, is_length, unit_report};
 pub use walk::{children, cond_children, each_name, each_word};
 pub use words::{CONSTANTS, PREFIXES, REGIONS, UNSUPPORTED, functions, is_function, reserved, split_prefixes};

@@ -44,9 +44,9 @@ pub struct Override {
 pub const OPTIONS: &[(&str, &[&str])] = &[
     ("mesh", &["idle_cells"]),
     ("multiplier", &["crosspoints"]),
-    ("steps", &["error", "first", "halve", "least", "limit", "most", "on_fail"]),
+    ("steps", &["count", "error", "first", "halve", "least", "limit", "most", "on_fail"]),
     ("scheme", &["alpha", "beta", "energy", "fraction", "gamma", "massless", "rho_inf"]),
-    ("solver", &["accuracy", "amg", "cg", "direct", "max_iter", "of", "search", "tol"]),
+    ("solver", &["accuracy", "amg", "cg", "direct", "max_iter", "of", "perturb", "search", "tol"]),
     ("output", &["points"]),
 ];
 
@@ -97,6 +97,7 @@ pub fn resolve(
     let info =
         |(d, used): (&crate::ast::MacroDef, &bool)| MacroInfo { name: d.name.clone(), head: d.head, used: *used };
     resolver.script.macros = defs().zip(used).map(info).collect();
+    resolver.exact_solutions(&defs().collect::<Vec<_>>());
     resolver.finish(main)
 }
 
@@ -161,6 +162,32 @@ impl<'d> Resolver<'d> {
         let place = |d: &Diagnostic| d.labels.first().map(|l| (l.span.source.index(), l.span.start));
         self.diagnostics.sort_by_key(place);
         Checked { value: Some(self.script), diagnostics: self.diagnostics }
+    }
+
+    /// `exact`, `exact_u` of an unknown and `exact_slip` of an output are what `wfl sweep --reference exact` compares with:
+    /// they and what they are made of are needed, though no statement says so.
+    fn exact_solutions(&mut self, defs: &[&crate::ast::MacroDef]) {
+        let compared = |name: &str| {
+            let unknown = |f: &crate::script::Field| f.name.name == name;
+            let item = |i: &OutputQuantity| i.name == name;
+            self.script.fields.iter().any(unknown) || self.script.outputs.iter().flat_map(|o| &o.items).any(item)
+        };
+        let is_exact = |name: &str| name == "exact" || name.strip_prefix("exact_").is_some_and(compared);
+        let mut left: Vec<&str> = defs.iter().map(|d| d.name.name.as_str()).filter(|name| is_exact(name)).collect();
+        let mut seen: BTreeSet<&str> = left.iter().copied().collect();
+        while let Some(name) = left.pop() {
+            for def in defs.iter().filter(|d| d.name.name == name) {
+                crate::walk::each_name(&def.body, &mut |word| {
+                    if seen.insert(word) {
+                        left.push(word);
+                    }
+                });
+            }
+        }
+        for info in self.script.macros.iter_mut().filter(|m| seen.contains(m.name.name.as_str())) {
+            info.used = true;
+        }
+        self.words.extend(seen.into_iter().map(|word| split_prefixes(word).1.to_owned()));
     }
 
     /// Names whose statements were dropped for an error.

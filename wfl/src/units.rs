@@ -8,6 +8,7 @@ mod eval;
 mod explain;
 mod functions;
 mod infer;
+mod places;
 mod scene;
 mod statements;
 mod table;
@@ -18,7 +19,7 @@ mod value;
 use crate::{diag::Diagnostic, script::ResolvedScript, source::SourceMap};
 use scene::Scene;
 
-/// E501, E502 and W505 of a scene; nothing if no param or field of it has a unit.
+/// E501, E502, W422 and W505 of a scene; nothing if no param or field of it has a unit.
 #[must_use]
 pub fn check_units(script: &ResolvedScript, sources: &SourceMap) -> Vec<Diagnostic> {
     if !Scene::has_units(script) {
@@ -28,6 +29,9 @@ pub fn check_units(script: &ResolvedScript, sources: &SourceMap) -> Vec<Diagnost
     let scene = Scene::new(script, sources, &mut found);
     let pass = infer::checked(&scene);
     let solved = pass.solved;
+    if pass.diagnostics.is_empty() {
+        found.extend(infer::unnamed(&scene, &solved));
+    }
     found.extend(explain::explained(&scene, &solved, pass.diagnostics));
     found
 }
@@ -35,6 +39,13 @@ pub fn check_units(script: &ResolvedScript, sources: &SourceMap) -> Vec<Diagnost
 /// True for the name of a unit, such as `MPa`.
 pub(crate) fn is_unit(name: &str) -> bool {
     table::NamedUnit::find(name).is_some()
+}
+
+/// True for a unit of length as it is written: `mm`.
+#[must_use]
+pub fn is_length(unit: &crate::ast::Unit) -> bool {
+    let named = |name: &str| table::NamedUnit::find(name).is_some_and(table::NamedUnit::is_length);
+    matches!(unit.factors.as_slice(), [(name, 1)] if named(name))
 }
 
 /// The unit of a quantity of a scene, for a table.

@@ -26,8 +26,8 @@ impl Builder<'_> {
                 }
                 self.joined(&all, Graph::and)
             }
-            CondKind::And(parts) => self.join(parts, Graph::and),
-            CondKind::Or(parts) => self.join(parts, Graph::or),
+            CondKind::And(parts) => self.join(parts, Graph::and, false),
+            CondKind::Or(parts) => self.join(parts, Graph::or, true),
             CondKind::Not(a) => {
                 let a = self.condition(a)?;
                 Some(self.graph.not(a))
@@ -35,8 +35,17 @@ impl Builder<'_> {
         }
     }
 
-    fn join(&mut self, parts: &[Cond], f: fn(&mut Graph, ExprId, ExprId) -> ExprId) -> Option<ExprId> {
-        let built: Vec<Option<ExprId>> = parts.iter().map(|p| self.condition(p)).collect();
+    /// Conditions joined; `decides` is the value of one that makes the others say nothing.
+    fn join(&mut self, parts: &[Cond], f: fn(&mut Graph, ExprId, ExprId) -> ExprId, decides: bool) -> Option<ExprId> {
+        let before = self.dead;
+        let mut built = Vec::with_capacity(parts.len());
+        for part in parts {
+            let mask = self.condition(part);
+            let known = mask.and_then(|mask| self.graph.constant_mask(mask));
+            self.dead |= known.is_some_and(|m| m.iter().all(|x| *x == decides));
+            built.push(mask);
+        }
+        self.dead = before;
         let built: Vec<ExprId> = built.into_iter().collect::<Option<_>>()?;
         self.joined(&built, f)
     }

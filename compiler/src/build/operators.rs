@@ -195,6 +195,9 @@ impl Builder<'_> {
                     return self.report(d, eb, sb.to_string());
                 }
                 if self.graph.scalar_constant(b) == Some(0.0) {
+                    if self.dead {
+                        return Some(a);
+                    }
                     let d = Diagnostic::new("E109", "division by zero");
                     return self.report(d, eb, "this is 0");
                 }

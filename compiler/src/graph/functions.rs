@@ -104,7 +104,7 @@ impl Graph {
         self.intern(Node::Not(a), self.shape(a), true, self.arity(a), self.depends(a))
     }
 
-    /// The value of a mask all of whose operands are constants.
+    /// The value of a mask that constants decide.
     #[must_use]
     pub fn constant_mask(&self, e: ExprId) -> Option<Vec<bool>> {
         let zip = |a: Vec<bool>, b: Vec<bool>, f: fn(bool, bool) -> bool| {
@@ -115,8 +115,16 @@ impl Graph {
                 let (x, y) = (self.constant_value(a)?, self.constant_value(b)?);
                 Some(x.iter().zip(&y).map(|(x, y)| op.holds(*x, *y)).collect())
             }
-            Node::And(a, b) => Some(zip(self.constant_mask(a)?, self.constant_mask(b)?, |x, y| x && y)),
-            Node::Or(a, b) => Some(zip(self.constant_mask(a)?, self.constant_mask(b)?, |x, y| x || y)),
+            Node::And(a, b) | Node::Or(a, b) => {
+                let either = matches!(self.node(e), Node::Or(..));
+                match (self.constant_mask(a), self.constant_mask(b)) {
+                    (Some(x), Some(y)) if either => Some(zip(x, y, |x, y| x || y)),
+                    (Some(x), Some(y)) => Some(zip(x, y, |x, y| x && y)),
+                    // one side decides alone
+                    (Some(one), None) | (None, Some(one)) => one.iter().all(|x| *x == either).then_some(one),
+                    (None, None) => None,
+                }
+            }
             Node::Not(a) => Some(self.constant_mask(a)?.into_iter().map(|x| !x).collect()),
             _ => None,
         }

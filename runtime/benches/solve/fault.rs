@@ -79,10 +79,10 @@ impl Cost {
     /// Runs all steps on one thread.
     pub(crate) fn measure(method: &str, cells: [usize; 3]) -> Result<Self, String> {
         let begin = clock::processor_time().unwrap_or_default();
-        let mut scene = scene(method, cells)?;
+        let scene = scene(method, cells)?;
         let mut clock = Clock { at: Vec::new() };
         let outcome =
-            run(&mut scene, &RunOptions::without_files(1, Instant::now()), &mut clock).map_err(|e| e.to_string())?;
+            run(&scene, &RunOptions::without_files(1, Instant::now()), &mut clock).map_err(|e| e.to_string())?;
         let end = clock::processor_time().unwrap_or_default();
         // Between neighbouring calls within a step lies one iteration; the very first one also sets up.
         let spans: Vec<f64> =
@@ -138,10 +138,9 @@ fn options(threads: usize) -> SolverOptions {
 impl Alternating {
     /// Solves the scene for its states, then prepares a solver with factored bulk.
     pub(crate) fn new(method: &str, cells: [usize; 3], threads: usize) -> Result<Self, String> {
-        let mut scene = scene(method, cells)?;
+        let scene = scene(method, cells)?;
         let run_options = RunOptions { keep_states: true, ..RunOptions::without_files(threads, Instant::now()) };
-        let Outcome { steps, .. } =
-            run(&mut scene, &run_options, &mut wfl_runtime::Quiet).map_err(|e| e.to_string())?;
+        let Outcome { steps, .. } = run(&scene, &run_options, &mut wfl_runtime::Quiet).map_err(|e| e.to_string())?;
         let [.., before, last] = steps.as_slice() else { return Err("two steps are needed".to_owned()) };
         let states = [before.state.clone(), last.state.clone()];
         let solver = LinearSolver::new(&scene.system, options(threads)).map_err(|e| e.to_string())?;

@@ -22,6 +22,9 @@ const CELLS: usize = 16;
 /// An eigenvalue below minus this part of the largest is negative: what is smaller may be rounding of parameters.
 const NEGATIVE: f64 = 1e-9;
 
+/// A stress gives a turn at most three times its largest entry as a negative stiffness.
+const STRESSED: f64 = 3.0;
+
 /// A field whose terms on cells are not positive definite.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NegativeBody {
@@ -83,6 +86,22 @@ impl Bodies<'_> {
         Some(NegativeBody { field, terms: names, smallest, largest, position: [x, y, z] })
     }
 
+    /// The largest stress of the bodies where nothing has moved; not looked for where no eigenvalue is negative, or the
+    /// field is no displacement.
+    fn initial_stress(&self, field: usize, terms: &[&AssembledTerm], smallest: f64, values: FieldValues<'_>) -> f64 {
+        let mut largest = 0.0f64;
+        if smallest < 0.0 && self.system.fields[field].n_components == self.system.mesh.dim() {
+            for term in terms {
+                let own = |slot: &BasisSlot| slot.field.index() == field && slot.op == FieldOp::Grad;
+                term.for_each_flux(&self.system.mesh, values, |flux, _| {
+                    let stress = term.law.tests.iter().zip(flux).filter(|(slot, _)| own(slot));
+                    largest = stress.fold(largest, |m, (_, x)| m.max(x.abs()));
+                });
+            }
+        }
+        largest
+    }
+
     /// The extreme eigenvalues at the first point of a cell.
     fn at_cell(
         &self,
@@ -91,16 +110,31 @@ impl Bodies<'_> {
         cell: CellId,
         values: FieldValues<'_>,
     ) -> Option<NegativeBody> {
-        let PointStiffness { matrix, terms, position } = stiffness(self.system, field, terms, cell, values)?;
-        let eigenvalues = SymmetricEigen::new(0.5 * (&matrix + matrix.transpose())).eigenvalues;
+        let PointStiffness { matrix, terms: names, position } = stiffness(self.system, field, terms, cell, values)?;
+        let symmetric = 0.5 * (&matrix + matrix.transpose());
+        let mut eigenvalues = SymmetricEigen::new(symmetric.clone()).eigenvalues;
+        // a body of finite strain under pressure gains energy by a turn, as much as its stress: what counts is the strain
+        let stressed = STRESSED * self.initial_stress(field, terms, eigenvalues.min(), values);
+        if eigenvalues.min() < 0.0 && -eigenvalues.min() <= stressed {
+            eigenvalues = SymmetricEigen::new(of_strains(&symmetric, self.system.mesh.dim())).eigenvalues;
+        }
         Some(NegativeBody {
             field: self.system.fields[field].name.clone(),
-            terms,
+            terms: names,
             smallest: eigenvalues.min(),
             largest: eigenvalues.max(),
             position,
         })
     }
+}
+
+/// A stiffness over gradients, of symmetric gradients alone: `S K S` with S the symmetric part.
+fn of_strains(stiffness: &DMatrix<f64>, dim: usize) -> DMatrix<f64> {
+    let n = stiffness.nrows();
+    let turned = |k: usize| k / dim + dim * (k % dim);
+    let symmetric =
+        DMatrix::from_fn(n, n, |i, k| 0.5 * (f64::from(u8::from(i == k)) + f64::from(u8::from(i == turned(k)))));
+    &symmetric * stiffness * &symmetric
 }
 
 /// The tangent of the terms of a field at a point, gradients against gradients.

@@ -41,27 +41,19 @@ impl Accuracy {
 /// no less. `None` where no tangent was needed.
 #[must_use]
 pub fn digits(state: Solved<'_>, solver: &mut LinearSolver, correction: Option<f64>) -> Option<Accuracy> {
-    let Solved { system, u, residual, .. } = state;
-    let uncertainty = system.rounding(u, residual, state.tangent);
-    let residual = &residual.values;
+    let Solved { system, u, .. } = state;
+    let uncertainty = system.rounding(u, state.residual, state.tangent);
     let mut worst: Option<Accuracy> = None;
-    let (mut rhs, mut x) = (Vec::new(), Vec::new());
     for sample in 1..=SAMPLES {
         if worst.as_ref().is_some_and(|w| w.error < CLEAR) {
             break;
         }
-        let disturbed: Vec<f64> =
-            (0..u.len()).map(|d| residual[d] + sign(sample, system.dof_number(d)) * uncertainty[d]).collect();
-        system.numbering.gather(&disturbed, &mut rhs);
-        if system.team().all(rhs.iter().all(|r| *r == 0.0)) {
-            continue;
-        }
-        solver.solve(&rhs, &mut x, LEFT).ok()?;
-        let mut error = vec![0.0; u.len()];
-        for (d, e) in system.numbering.free_dofs.iter().zip(&x) {
-            error[*d as usize] = *e;
-        }
+        let Some(error) = disturbed(state, solver, &uncertainty, sample)? else { continue };
         for (field, error) in system.relative_sizes(u, &error) {
+            // of zero there are no digits
+            if error > CLEAR && system.is_zero_but_for_rounding(u, state.residual, state.tangent, field) {
+                continue;
+            }
             let error = correction.map_or(error, |c| if error > c || error.is_nan() { error } else { c });
             if worst.as_ref().is_none_or(|w| error.is_nan() || error > w.error) {
                 worst = Some(Accuracy { error, field: system.fields[field].name.clone() });
@@ -69,6 +61,37 @@ pub fn digits(state: Solved<'_>, solver: &mut LinearSolver, correction: Option<f
         }
     }
     worst
+}
+
+/// What rounding may change of the unknowns, by dof, as one set of signs says. `None` where that cannot be found.
+#[must_use]
+pub fn rounding_of_unknowns(state: Solved<'_>, solver: &mut LinearSolver) -> Option<Vec<f64>> {
+    let uncertainty = state.system.rounding(state.u, state.residual, state.tangent);
+    Some(disturbed(state, solver, &uncertainty, 1)?.unwrap_or_else(|| vec![0.0; state.u.len()]))
+}
+
+/// The change of the unknowns that an uncertainty of the equations makes, by dof; `Some(None)` without one.
+#[expect(clippy::option_option, reason = "a solution that fails is another matter than nothing to solve")]
+fn disturbed(
+    state: Solved<'_>,
+    solver: &mut LinearSolver,
+    uncertainty: &[f64],
+    sample: u64,
+) -> Option<Option<Vec<f64>>> {
+    let Solved { system, u, residual, .. } = state;
+    let (mut rhs, mut x) = (Vec::new(), Vec::new());
+    let disturbed: Vec<f64> =
+        (0..u.len()).map(|d| residual.values[d] + sign(sample, system.dof_number(d)) * uncertainty[d]).collect();
+    system.numbering.gather(&disturbed, &mut rhs);
+    if system.team().all(rhs.iter().all(|r| *r == 0.0)) {
+        return Some(None);
+    }
+    solver.solve(&rhs, &mut x, LEFT).ok()?;
+    let mut error = vec![0.0; u.len()];
+    for (d, e) in system.numbering.free_dofs.iter().zip(&x) {
+        error[*d as usize] = *e;
+    }
+    Some(Some(error))
 }
 
 /// 1 or -1, evenly (the finaliser of splitmix64, Steele, Lea and Flood 2014).

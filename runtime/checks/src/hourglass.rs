@@ -12,7 +12,7 @@ use wfl_discrete::{
 };
 use wfl_mesh::mesh::{CellId, CellKind, RegionSet};
 
-use crate::singular::with_rule;
+use crate::singular::with_rule_and_states;
 
 /// A singular value below this part of the largest is zero: rounding is 1e-15, the softest mode of a cell of aspect
 /// ratio 100 about 1e-4.
@@ -60,12 +60,14 @@ fn on_kind(system: &System, given: &[usize], kind: CellKind) -> Option<Hourglass
         for (k, term) in system.terms.iter().enumerate().filter(|(_, t)| stiff(t)) {
             match degree.filter(|_| ruled(k)) {
                 Some(degree) if acts(term, cell) => {
-                    sum.add(
-                        system,
-                        &with_rule(system, term, &RegionSet::Cells(vec![cell]), degree)?,
-                        values.view(),
-                        cell,
-                    );
+                    let finer = with_rule_and_states(system, term, &RegionSet::Cells(vec![cell]), degree)?;
+                    let (mut current, mut previous) = (values.view().current.to_vec(), values.view().previous.to_vec());
+                    for (state, values) in &finer.states {
+                        current[*state] = values;
+                        previous.get_mut(*state).into_iter().for_each(|slot| *slot = values);
+                    }
+                    let values = FieldValues { current: &current, previous: &previous, ..values.view() };
+                    sum.add(system, &finer.term, values, cell);
                 }
                 _ => sum.add(system, term, values.view(), cell),
             }

@@ -4,27 +4,44 @@
 //! Promises: reads systems and states, changes neither. Does not decide whether a run continues.
 #![forbid(unsafe_code)]
 
+mod alternating;
+mod bending;
 pub mod consistency;
+mod cubic;
 mod definite;
 mod digits;
+mod distances;
 mod hourglass;
 mod load_rules;
 mod locking;
+mod moments;
 mod multiplier_law;
+mod objectivity;
 mod physics;
 mod rigid_motions;
+mod signs;
 mod singular;
+mod stability;
+mod strains;
 mod turned;
 mod uniqueness;
 mod worst;
 
+pub use alternating::{Alternating, PorePressure, alternating, pore_pressures};
+pub use bending::{LockedBending, locked_bending};
+pub use cubic::{CubicBody, cubic_bodies};
 pub use definite::{NegativeBody, negative_bodies};
-pub use digits::{Accuracy, digits};
+pub use digits::{Accuracy, digits, rounding_of_unknowns};
+pub use distances::{DistantContact, ReversedGap, distant_contacts, has_closed, reversed_gaps};
 pub use hourglass::{Hourglass, hourglasses};
-pub use load_rules::{CoarseLoad, coarse_loads};
+pub use load_rules::{CoarseLoad, coarse_loads, under_rule};
 pub use locking::{LockedBody, locked_bodies};
-pub use physics::{Conditions, NarrowZone, PhysicsCheck, balance, conditions, rests};
+pub use objectivity::{Turning, TurningBody, turning_bodies};
+pub use physics::{Conditions, NarrowZone, PhysicsCheck, Zigzag, balance, conditions, rests};
 pub use rigid_motions::LooseMotions;
+pub use signs::{DrivenSides, UnbalancedLoad, driven_sides, unbalanced_loads};
+pub use stability::{Unstable, is_due, unstable};
+pub use strains::{LargeStrain, large_strains, small_strain_bodies};
 pub use turned::{TurnedCells, turned_cells};
 pub use uniqueness::{Others, others};
 
@@ -58,5 +75,5 @@ pub(crate) struct Examined<'a> {
 /// An error of a linear solver at the state `u`, with the reason where it is that the tangent is singular.
 #[must_use]
 pub fn explained(error: NewtonError, system: &System, contact: &Contact, tangent: &Tangent, u: &[f64]) -> NewtonError {
-    error.with_reason(|| Examined { system, contact, tangent }.why_singular(u))
+    error.with_reason(|met| Examined { system, contact, tangent }.why_singular(u, met))
 }

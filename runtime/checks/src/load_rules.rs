@@ -10,9 +10,15 @@ use wfl_discrete::{
     assemble::{AssembledTerm, Domain, Over},
     system::{FIXED, System},
 };
-use wfl_mesh::mesh::{InterfaceFacet, RegionSet};
+use wfl_mesh::{
+    mesh::{CellKind, InterfaceFacet, RegionSet},
+    quadrature::Rule,
+};
 
-use crate::{singular::with_rule, worst::Finding};
+use crate::{
+    singular::{with_points, with_rule},
+    worst::Finding,
+};
 
 /// What the degree of a rule is raised by.
 const MORE: usize = 4;
@@ -77,6 +83,14 @@ fn coarse_load(system: &System, term: usize, degree: usize) -> Option<CoarseLoad
     let position = Finding::worst(own, system.team())?.numbers.try_into().ok()?;
     let (share, time) = (sums[0] / sums[1], system.step().0);
     (share > MOVED).then_some(CoarseLoad { term, degree, share, time, position })
+}
+
+/// A term with the points of another rule, interpreted, at the step of the system; `None` for terms at nodes, on `global`
+/// and through a mapping, and for those that read states, which have values at the points of their own rule alone.
+#[must_use]
+pub fn under_rule(system: &System, term: &AssembledTerm, rule: &dyn Fn(CellKind) -> Rule) -> Option<AssembledTerm> {
+    let region = region(&term.integrator.domain).filter(|_| term.law.listing.graph.mapping.is_none())?;
+    with_points(system, term, &region, rule)
 }
 
 /// The region of a domain; `None` for loads at nodes and on `global`.

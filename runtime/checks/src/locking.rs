@@ -73,11 +73,11 @@ fn locked_body(system: &System, field: usize, values: FieldValues<'_>) -> Option
     Some(LockedBody { field: system.fields[field].name.clone(), terms: names, ratio: size, position })
 }
 
-/// True on simplices, and for rules of more than one point.
+/// True on cells of one gradient, and for rules of more than one point.
 fn integrates(term: &AssembledTerm, cell: CellId) -> bool {
     let groups = &term.integrator.domain.groups;
     let own = groups.iter().find(|g| g.here.cells.contains(&cell));
-    own.is_some_and(|g| g.here.kind.is_simplex() || g.n_points() > 1)
+    own.is_some_and(|g| g.here.kind.straight_is_affine() || g.n_points() > 1)
 }
 
 /// lambda / mu of the isotropic law lambda tr(e) 1 + 2 mu e with the resistance that a stiffness over the entries of the

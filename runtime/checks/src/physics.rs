@@ -8,11 +8,15 @@ use wfl_compiler::{
     types::{FieldKind, Side},
 };
 
-use super::{Solved, multiplier_law::LawDefect};
-use wfl_contact::{ContactGaps, PressedFaces, contact_gaps};
+use super::{
+    Solved,
+    moments::{Moments, moments},
+    multiplier_law::LawDefect,
+};
+use wfl_contact::{Alternation, ContactGaps, Look, PressedFaces, contact_gaps};
 use wfl_discrete::assemble::TermError;
 use wfl_discrete::field::FieldSpace;
-use wfl_discrete::finite::{largest, short};
+use wfl_discrete::finite::{largest, position as position_of, short};
 use wfl_discrete::system::{Form, System};
 
 /// Out of balance by more than this part of the forces is more than rounding and the tolerance of Newton.
@@ -34,6 +38,8 @@ const AGAINST: f64 = 0.25;
 const OUTSIDE: f64 = 0.5;
 /// Displacements below this part of the extent of the mesh are rounding: positions are known no better.
 const UNMOVED: f64 = 1e-12;
+/// Forces below this part of what cancels in them are rounding: some units of it, as Newton's method takes them.
+const ROUNDED: f64 = 4.0 * f64::EPSILON;
 /// Contact forces below this part of the forces of the bodies are rounding.
 const UNPRESSED: f64 = 1e-9;
 
@@ -42,6 +48,9 @@ const UNPRESSED: f64 = 1e-9;
 const AVERAGE: f64 = 1e-4;
 /// The same in units of what Newton leaves of the equations.
 const UNSOLVED: f64 = 10.0;
+
+/// How the detail of a condition begins that was not judged.
+const UNTESTED: &str = "not tested: ";
 
 /// A condition with what was found.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,6 +66,17 @@ pub struct PhysicsCheck {
 }
 
 impl PhysicsCheck {
+    /// A condition that cannot be judged, and why.
+    fn untested(name: String, limit: f64, why: &str) -> Self {
+        Self { name, value: 0.0, limit, detail: format!("{UNTESTED}{why}") }
+    }
+
+    /// Why it was not judged, if it was not.
+    #[must_use]
+    pub fn why_untested(&self) -> Option<&str> {
+        self.detail.strip_prefix(UNTESTED)
+    }
+
     /// True if it holds; never for a number that is none.
     #[must_use]
     pub fn holds(&self) -> bool {
@@ -73,6 +93,15 @@ pub struct NarrowZone {
     pub faces: PressedFaces,
 }
 
+/// Pressures of a term that alternate from point to point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Zigzag {
+    /// The term.
+    pub term: String,
+    /// How much.
+    pub size: Alternation,
+}
+
 /// What [`conditions`] found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Conditions {
@@ -80,30 +109,60 @@ pub struct Conditions {
     pub checks: Vec<PhysicsCheck>,
     /// What the mesh does not resolve.
     pub narrow: Vec<NarrowZone>,
+    /// Pressures that alternate.
+    pub zigzags: Vec<Zigzag>,
 }
 
-/// Whether forces balance at a state, reactions included: as far as Newton was asked to go.
+/// Whether forces balance at a state, reactions included: as far as Newton was asked to go; with the fields whose
+/// laws are known to know no rotations moments, too.
 #[must_use]
-pub fn balance(state: Solved<'_>, tolerance: f64) -> Vec<PhysicsCheck> {
+pub fn balance(state: Solved<'_>, tolerance: f64, turning: Option<&Vec<String>>) -> Vec<PhysicsCheck> {
     let mut out = Vec::new();
     for group in displacement_groups(state.system) {
-        out.extend(equilibrium(state.system, &group, &state.residual.values, tolerance));
+        let Some(mut forces) = equilibrium(state, &group, tolerance) else { continue };
+        let of_field = |turning: &Vec<String>| group.iter().map(|k| (*k, moments(state, *k, turning))).collect();
+        let found = turning.map_or_else(Vec::new, of_field);
+        let mut broken = Vec::new();
+        let said = of_moments(state.system, &found, &mut broken);
+        if forces.why_untested().is_none() && !said.is_empty() {
+            forces.detail += &format!(", moments {said}");
+        }
+        out.push(forces);
+        out.extend(broken);
     }
     out.extend(action_and_reaction(state.system, state.u));
     out
 }
 
-/// True if no force acts on the free dofs where all of them are zero, at what is prescribed in `u` now: then that is
-/// the solution.
+/// True if no force acts on the free dofs where the displacements are zero, at what is prescribed and at what the other
+/// unknowns are in `u` now: then that is the solution. No force is one that is rounding beside what it is made of, as under
+/// an initial stress that balances itself.
 ///
 /// # Errors
 /// [`TermError`] with its place.
 pub fn rests(system: &System, u: &[f64], form: &Form<'_>) -> Result<bool, TermError> {
     let mut still = u.to_vec();
     system.numbering.part_of_free(0.0, &mut still);
-    let residual = system.residual(&still, form)?.values;
+    if is_balanced(system, &still, form)? {
+        return Ok(true);
+    }
+    let mut held = u.to_vec();
+    for range in displacement_groups(system).iter().flatten().filter_map(|k| system.range(*k)) {
+        held[range.clone()].copy_from_slice(&still[range]);
+    }
+    is_balanced(system, &held, form)
+}
+
+/// True if the forces on all free dofs are zero, or rounding beside the largest that their fields are made of.
+fn is_balanced(system: &System, u: &[f64], form: &Form<'_>) -> Result<bool, TermError> {
+    let residual = system.residual(u, form)?.values;
     let free = &system.numbering.free_dofs;
-    Ok(system.team().all(free.iter().all(|d| residual[*d as usize] == 0.0)))
+    if system.team().all(free.iter().all(|d| residual[*d as usize] == 0.0)) {
+        return Ok(true);
+    }
+    let parts = system.largest_of_groups(&system.contributions(u)?);
+    let is_rounding = |d: &u32| residual[*d as usize].abs() <= ROUNDED * parts[system.field_of(*d as usize)];
+    Ok(system.team().all(free.iter().all(is_rounding)))
 }
 
 /// Fields of displacements by the bodies that meet: vectors of the space; along a line, any scalar could be one.
@@ -134,7 +193,8 @@ fn share(part: f64, whole: f64) -> f64 {
 }
 
 /// Loads against reactions: what the equations at the free nodes leave, summed, by component.
-fn equilibrium(system: &System, group: &[usize], residual: &[f64], tolerance: f64) -> Option<PhysicsCheck> {
+fn equilibrium(state: Solved<'_>, group: &[usize], tolerance: f64) -> Option<PhysicsCheck> {
+    let (system, residual) = (state.system, &state.residual.values);
     let dim = system.mesh.dim();
     let loads = system.constant_residual();
     let is_fixed = |d: usize| system.numbering.free[d] == wfl_discrete::system::FIXED;
@@ -148,7 +208,7 @@ fn equilibrium(system: &System, group: &[usize], residual: &[f64], tolerance: f6
     let (mut load, mut reaction, mut left) = (vec![0.0; dim], vec![0.0; dim], vec![0.0; dim]);
     let mut size = 0.0;
     // the rows of this rank: those of others are zero
-    for d in group.iter().filter_map(|k| system.range(*k)).flatten() {
+    for d in dofs(system, group) {
         let component = (d - system.range(system.field_of(d))?.start) % dim;
         load[component] -= loads[d];
         size += loads[d].abs();
@@ -159,20 +219,65 @@ fn equilibrium(system: &System, group: &[usize], residual: &[f64], tolerance: f6
     for sums in [&mut load, &mut reaction, &mut left] {
         system.team().sum(sums);
     }
-    let size = system.team().total(size);
+    let mut size = system.team().total(size);
+    let left = largest(left.iter().copied());
+    let limit = BALANCE.max(tolerance).min(LARGEST_BALANCE);
+    let name = format!("equilibrium of {}", names(system, group));
+    if share(left, size) > limit {
+        // neither loads nor reactions: forces inside balance each other, or nothing acts
+        let sum = |numbers: &[f64]| system.team().total(dofs(system, group).map(|d| numbers[d]).sum());
+        size = size.max(sum(&system.contributions(state.u).ok()?));
+        if share(left, size) > limit && left <= ROUNDED * sum(&system.cancelled(state.u, state.residual)) {
+            return Some(PhysicsCheck::untested(name, limit, "no force acts but what rounding leaves of the motion"));
+        }
+    }
     if size == 0.0 {
         return None;
     }
-    let value = share(largest(left.iter().copied()), size);
     // what is within the imbalance that rounding leaves is nothing
     let shown = |x: &f64| short(if x.abs() <= BALANCE * size { 0.0 } else { *x });
     let list = |v: &[f64]| v.iter().map(shown).collect::<Vec<_>>().join(", ");
-    Some(PhysicsCheck {
-        name: format!("equilibrium of {}", names(system, group)),
-        value,
-        limit: BALANCE.max(tolerance).min(LARGEST_BALANCE),
-        detail: format!("loads [{}], reactions [{}]", list(&load), list(&reaction)),
-    })
+    let detail = format!("loads [{}], reactions [{}]", list(&load), list(&reaction));
+    Some(PhysicsCheck { name, value: share(left, size), limit, detail })
+}
+
+/// True for moments that do not balance.
+fn is_broken(found: Option<&Moments>) -> bool {
+    matches!(found, Some(Moments::Left { share, limit, .. }) if share.is_nan() || share > limit)
+}
+
+/// Adds a condition for each field whose moments do not balance; in words what is known of the others.
+fn of_moments(system: &System, found: &[(usize, Option<Moments>)], out: &mut Vec<PhysicsCheck>) -> String {
+    let (mut most, mut words): (Option<f64>, Vec<String>) = (None, Vec::new());
+    for (field, found) in found.iter().filter_map(|(field, found)| Some((*field, found.as_ref()?))) {
+        let name = &system.fields[field].name;
+        match found {
+            Moments::Left { share, limit, position } if is_broken(Some(found)) => out.push(PhysicsCheck {
+                name: format!("equilibrium of moments of {name}"),
+                value: *share,
+                limit: *limit,
+                detail: format!(
+                    "at this state the law of the terms on cells against Grad_Test_{name} is one that a rotation changes, most \
+                     at {}: the stress of a body (of finite strains its product with F') is symmetric",
+                    position_of(*position)
+                ),
+            }),
+            Moments::Left { share, .. } => most = Some(most.map_or(*share, |m| m.max(*share))),
+            Moments::Untested(why) => {
+                let word = format!("not tested: {why}");
+                if !words.contains(&word) {
+                    words.push(word);
+                }
+            }
+        }
+    }
+    words.splice(0..0, most.map(|m| format!("{m:.1e}")));
+    words.join("; ")
+}
+
+/// The dofs of some fields.
+fn dofs<'a>(system: &'a System, group: &'a [usize]) -> impl Iterator<Item = usize> + 'a {
+    group.iter().filter_map(|k| system.range(*k)).flatten()
 }
 
 /// What a term on an interface does to one side it does to the other: it acts on no rigid translation of both.
@@ -193,25 +298,54 @@ fn action_and_reaction(system: &System, u: &[f64]) -> Vec<PhysicsCheck> {
 
 /// The forces of a term that come with the displacements, summed over both sides; loads written in it act on one.
 fn balance_of_term(system: &System, term: usize, u: &[f64]) -> Option<PhysicsCheck> {
-    let dim = system.mesh.dim();
-    let (mut loads, mut forces) = (vec![0.0; u.len()], vec![0.0; u.len()]);
-    system.term_residual(term, &vec![0.0; u.len()], &mut loads).ok()?;
-    system.term_residual(term, u, &mut forces).ok()?;
-    let (mut sums, mut size) = (vec![0.0; dim], 0.0);
-    for range in displacement_groups(system).iter().flatten().filter_map(|f| system.range(*f)) {
-        for (n, d) in range.enumerate() {
-            sums[n % dim] += forces[d] - loads[d];
-            size += forces[d].abs() + loads[d].abs();
+    let at = |u: &[f64]| {
+        let mut forces = vec![0.0; u.len()];
+        system.term_residual(term, u, &mut forces).ok()?;
+        Some(forces)
+    };
+    let forces = at(u)?;
+    let name = format!("action and reaction of `{}`", system.terms[term].law.name);
+    let (mut sum, mut size) = summed(system, &forces, None);
+    if share(sum, size) > BALANCE {
+        (sum, size) = summed(system, &forces, Some(&at(&vec![0.0; u.len()])?));
+    }
+    if share(sum, size) > BALANCE {
+        // a motion that is no rigid one: of both sides together the forces are the stiffness times the motion
+        let (_, cancels) = summed(system, &at(&scrambled(system, u))?, None);
+        if sum <= ROUNDED * cancels {
+            return Some(PhysicsCheck::untested(name, BALANCE, "the two sides move as one"));
         }
     }
-    system.team().sum(&mut sums);
-    let size = system.team().total(size);
     (size > 0.0).then(|| PhysicsCheck {
-        name: format!("action and reaction of `{}`", system.terms[term].law.name),
-        value: share(largest(sums.iter().copied()), size),
+        name,
+        value: share(sum, size),
         limit: BALANCE,
         detail: "the forces on the two sides do not cancel: is the test function the jump of both?".to_owned(),
     })
+}
+
+/// The sum of forces less loads on all displacements, its largest component, and the sum of their magnitudes.
+fn summed(system: &System, forces: &[f64], loads: Option<&[f64]>) -> (f64, f64) {
+    let dim = system.mesh.dim();
+    let (mut sums, mut size) = (vec![0.0; dim], 0.0);
+    for range in displacement_groups(system).iter().flatten().filter_map(|f| system.range(*f)) {
+        for (n, d) in range.enumerate() {
+            let load = loads.map_or(0.0, |loads| loads[d]);
+            sums[n % dim] += forces[d] - load;
+            size += forces[d].abs() + load.abs();
+        }
+    }
+    system.team().sum(&mut sums);
+    (largest(sums), system.team().total(size))
+}
+
+/// Numbers of the sizes of `u` with signs that follow no motion.
+fn scrambled(system: &System, u: &[f64]) -> Vec<f64> {
+    let sign = |d: usize| {
+        let mixed = (system.dof_number(d) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        if mixed >> 63 == 0 { 1.0 } else { -1.0 }
+    };
+    u.iter().enumerate().map(|(d, x)| sign(d) * x).collect()
 }
 
 /// Overlap, sliding of sticking points, signs, friction cone, laws of multipliers; the equations hold to the relative
@@ -222,43 +356,60 @@ pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
     let groups = displacement_groups(system);
     let ranges = groups.iter().flatten().filter_map(|k| system.range(*k));
     let largest = system.team().largest(largest(ranges.flat_map(|r| u[r].iter().copied())));
-    let extent = || {
-        let (low, high) = system.mesh.bounds();
-        (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]))
-    };
-    let has_moved = largest > 0.0 && largest > UNMOVED * extent();
-    let (mut out, mut narrow) = (Vec::new(), Vec::new());
+    let has_moved = largest > 0.0 && largest > UNMOVED * system.extent();
+    let mut found = Conditions::default();
     if has_moved {
-        for (term, gaps) in contact_gaps(system, state.contact, u, largest) {
-            if gaps.pressed.are_too_large() {
-                narrow.push(NarrowZone { term: term.to_owned(), faces: gaps.pressed });
-            }
-            lengths(&mut out, term, &gaps, largest);
-            shares(&mut out, term, &gaps);
+        found = of_contact(state, largest, Look::Quick);
+        if !found.narrow.is_empty() || !found.checks.iter().all(PhysicsCheck::holds) {
+            found = of_contact(state, largest, Look::Careful);
         }
     }
     if groups.is_empty() || has_moved {
         let defects = state.law_defects(UNPRESSED);
-        out.extend(defects.into_iter().map(|defect| law_at_points(defect, left)));
+        found.checks.extend(defects.into_iter().map(|defect| law_at_points(defect, left)));
     }
-    Conditions { checks: out, narrow }
+    found
+}
+
+/// The conditions of contact at a state with this largest displacement, zones that cover no face, and pressures that
+/// alternate.
+fn of_contact(state: Solved<'_>, largest: f64, look: Look) -> Conditions {
+    let mut found = Conditions::default();
+    for (term, gaps) in contact_gaps(state.system, state.contact, state.u, largest, look) {
+        if gaps.pressed.are_too_large() {
+            found.narrow.push(NarrowZone { term: term.to_owned(), faces: gaps.pressed });
+        }
+        found.zigzags.extend(gaps.alternates.map(|size| Zigzag { term: term.to_owned(), size }));
+        lengths(&mut found.checks, term, &gaps, largest);
+        shares(&mut found.checks, term, &gaps);
+    }
+    found
 }
 
 /// Lengths that should be zero, in parts of the largest displacement.
 fn lengths(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps, largest: f64) {
-    let mut add = |what: &str, length: f64, detail: String| {
+    let [overlaps, slips] = gaps.strained;
+    let mut add = |what: &str, length: f64, strained: f64, detail: String| {
         let name = format!("{what} `{term}`");
-        out.push(PhysicsCheck { name, value: length / largest, limit: OVERLAP, detail });
+        if strained > OVERLAP * largest && length <= OVERLAP * largest {
+            out.push(PhysicsCheck::untested(name, OVERLAP, "the law is that of an elastic joint, which holds tension"));
+        } else if gaps.turns && length <= OVERLAP * largest {
+            out.push(PhysicsCheck::untested(name, OVERLAP, "the normal of the law turns with the bodies"));
+        } else {
+            out.push(PhysicsCheck { name, value: length / largest, limit: OVERLAP, detail });
+        }
     };
     add(
         "penetration at",
         gaps.penetration,
+        overlaps,
         format!("the sides overlap by {:.3e}; the largest displacement is {largest:.3e}", gaps.penetration),
     );
-    if gaps.drift > 0.0 {
+    if gaps.drift.max(slips) > 0.0 {
         add(
             "slip of sticking points at",
             gaps.drift,
+            slips,
             format!("sticking points have slipped by {:.3e}; the largest displacement is {largest:.3e}", gaps.drift),
         );
     }
@@ -277,7 +428,9 @@ fn shares(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps) {
     add("friction along the slip at", gaps.driven, AGAINST, &|s| {
         format!("friction drives the slip on {} of the contact area: a wrong sign in the term?", percent(s))
     });
-    add("traction outside the friction cone at", gaps.cone, OUTSIDE, &|s| {
+    // of a zone that covers no face the mesh knows no tractions
+    let cone = gaps.cone.filter(|_| !gaps.pressed.are_too_large());
+    add("traction outside the friction cone at", cone, OUTSIDE, &|s| {
         format!(
             "{} of the contact traction (stress of the bodies or multiplier) is outside the friction cone, averaged over the area: it falls with the size of the faces if the law is that of friction",
             percent(s)

@@ -1,7 +1,8 @@
 //! Rigid motions that the tangent does not resist: what a singular system lacks, in words of mechanics.
 //!
-//! A motion r of a body is loose if K r vanishes but for rounding, and r at what is fixed. The motions of a field are
-//! three translations and three rotations (two and one in the plane), or a combination of them: small singular values
+//! A motion r of a body is loose if K r vanishes but for rounding, and r at what is fixed: each equation beside what
+//! cancels in it, (|K| |r|)_i, so that a soft body or a weak spring that holds a stiff one is seen. The motions of a field
+//! are three translations and three rotations (two and one in the plane), or a combination of them: small singular values
 //! of what these motions meet, taken from its triangular factor, because squares would hide the small ones beside the
 //! large. Promises: looks at the tangent only. Does not find mechanisms that are no rigid motions.
 
@@ -11,12 +12,14 @@ use wfl_compiler::types::FieldKind;
 
 use super::Examined;
 use wfl_discrete::field::FieldSpace;
+use wfl_discrete::finite;
 use wfl_discrete::system::FIXED;
 use wfl_sparse::csr::residual_and_size;
 use wfl_sparse::solve::triangular;
 
-/// A motion is loose if what it meets is below this part of what cancels in it.
-const LOOSE: f64 = 1e-9;
+/// A motion is loose if what it meets is below this part of what cancels in it: some thousand roundoffs, for positions that
+/// are rounded, too.
+const LOOSE: f64 = 1e-12;
 
 /// The rigid motions in which some fields move without resistance.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,16 +32,16 @@ pub struct LooseMotions {
     pub translations: usize,
     /// Motions that turn.
     pub rotations: usize,
+    /// Of one rotation in the plane the point that stays where it is: " about [0, 1]".
+    pub about: String,
 }
 
 impl fmt::Display for LooseMotions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let names: Vec<String> = self.fields.iter().map(|name| format!("`{name}`")).collect();
         let count = |n: usize, what: &str| (n > 0).then(|| format!("{n} {what}{}", if n == 1 { "" } else { "s" }));
-        let kinds: Vec<String> = [count(self.translations, "translation"), count(self.rotations, "rotation")]
-            .into_iter()
-            .flatten()
-            .collect();
+        let turns = count(self.rotations, "rotation").map(|text| text + &self.about);
+        let kinds: Vec<String> = [count(self.translations, "translation"), turns].into_iter().flatten().collect();
         let (total, mut names) = (self.translations + self.rotations, names.join(" and "));
         if !self.place.is_empty() {
             names = format!("the body of {names} {}", self.place);
@@ -142,11 +145,24 @@ impl Examined<'_> {
                 nodes.zip(own).filter(|(_, own)| !**own).for_each(|(node, _)| node.fill(0.0));
             }
         }
-        let all = self.n_loose(&motions);
-        let translations = self.n_loose(&motions[..dim]);
+        let (all, only) = self.n_loose(&motions);
+        let (translations, _) = self.n_loose(&motions[..dim]);
         let names = fields.iter().map(|f| self.system.fields[*f].name.clone()).collect();
         let rotations = all.saturating_sub(translations);
-        (all > 0).then(|| LooseMotions { fields: names, place: String::new(), translations, rotations })
+        let about = only.filter(|_| dim == 2 && rotations == 1).map_or_else(String::new, |parts| self.pole(&parts));
+        (all > 0).then(|| LooseMotions { fields: names, place: String::new(), translations, rotations, about })
+    }
+
+    /// Where nothing moves in a motion of the plane with these parts of the two translations and the rotation.
+    fn pole(&self, parts: &[f64]) -> String {
+        let (low, high) = self.system.mesh.bounds();
+        let size = (0..2).map(|d| high[d] - low[d]).fold(0.0f64, f64::max);
+        let centre = |d: usize| 0.5 * (low[d] + high[d]);
+        let at = [centre(0) - size * parts[1] / parts[2], centre(1) + size * parts[0] / parts[2]];
+        // rounding of the parts
+        let short = |x: f64| (x / size * 1e6).round() * 1e-6 * size;
+        let shown: Vec<String> = at.into_iter().map(|x| finite::short(short(x) + 0.0)).collect();
+        format!(" about [{}]", shown.join(", "))
     }
 
     /// Motion number `k` of some fields by dof, of length 1 at most: translations, then rotations about the centre of
@@ -175,26 +191,27 @@ impl Examined<'_> {
         all
     }
 
-    /// The dimension of the space of these motions in which nothing resists.
-    fn n_loose(&self, motions: &[Vec<f64>]) -> usize {
+    /// The dimension of the space of these motions in which nothing resists, and the parts that the motions have in it
+    /// where that is one.
+    fn n_loose(&self, motions: &[Vec<f64>]) -> (usize, Option<Vec<f64>>) {
         let (n, team) = (self.system.numbering.n_free(), self.system.team());
         let (zero, mut met, mut size) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let (mut products, mut scale) = (Vec::new(), 0.0f64);
+        let (mut products, mut scale) = (Vec::new(), vec![0.0f64; n]);
         let mut free = Vec::new();
         for motion in motions {
             self.system.numbering.gather(motion, &mut free);
             residual_and_size(&[self.system.bulk(), &self.tangent.changing], &zero, &free, &mut met, &mut size, 1);
-            scale = size.iter().fold(scale, |m, s| m.max(*s));
+            scale.iter_mut().zip(&size).for_each(|(scale, s)| *scale = scale.max(*s));
             products.push(met.clone());
         }
-        let scale = team.largest(scale);
-        if scale.is_nan() || scale <= 0.0 {
-            return 0;
+        let largest = team.largest(scale.iter().fold(0.0, |m: f64, s| if s.is_nan() || *s > m { *s } else { m }));
+        if largest.is_nan() || largest <= 0.0 {
+            return (0, None);
         }
         let is_fixed = |d: &usize| self.system.numbering.free[*d] == FIXED && self.system.owns(*d);
         let fixed: Vec<usize> = (0..self.system.numbering.n_dofs).filter(is_fixed).collect();
         for (met, motion) in products.iter_mut().zip(motions) {
-            met.iter_mut().for_each(|x| *x /= scale);
+            met.iter_mut().zip(&scale).filter(|(_, scale)| **scale > 0.0).for_each(|(x, scale)| *x /= scale);
             met.extend(fixed.iter().map(|d| motion[*d]));
         }
         #[expect(clippy::cast_precision_loss, reason = "a count")]
@@ -204,6 +221,42 @@ impl Examined<'_> {
         let k = own.ncols();
         let all = team.all_numbers(own.transpose().as_slice());
         let columns = (0..k).map(|column| all.iter().skip(column).step_by(k).copied().collect()).collect();
-        triangular(columns).singular_values().iter().filter(|x| **x <= limit).count()
+        let found = triangular(columns).svd(false, true);
+        let small: Vec<usize> = (0..k).filter(|j| found.singular_values[*j] <= limit).collect();
+        let parts = match (small.as_slice(), &found.v_t) {
+            ([only], Some(v)) => Some(v.row(*only).iter().copied().collect()),
+            _ => None,
+        };
+        (small.len(), parts)
+    }
+
+    /// Faces of the box around some bodies along which a displacement is prescribed, while that normal to them is free: what
+    /// is written where a symmetry was meant. In words, "`u(1)` where y = 0".
+    pub(super) fn held_along(&self, fields: &[usize]) -> Vec<String> {
+        let dim = self.system.mesh.dim();
+        let mut found = Vec::new();
+        for field in fields {
+            let (f, Some(range)) = (&self.system.fields[*field], self.system.range(*field)) else { continue };
+            let is_fixed = |node: usize, c: usize| self.system.numbering.free[range.start + node * dim + c] == FIXED;
+            let positions: Vec<[f64; 3]> = (0..f.n_nodes()).map(|node| f.node_position(node)).collect();
+            for (axis, name) in (0..dim).zip(["x", "y", "z"]) {
+                let low = positions.iter().fold(f64::INFINITY, |m, x| m.min(x[axis]));
+                let high = positions.iter().fold(f64::NEG_INFINITY, |m, x| m.max(x[axis]));
+                for (plane, c) in [low, high].into_iter().flat_map(|at| (0..dim).map(move |c| (at, c))) {
+                    let on_it: Vec<usize> = (0..positions.len())
+                        .filter(|node| (positions[*node][axis] - plane).abs() <= 1e-9 * (high - low))
+                        .collect();
+                    // the corner of two faces belongs to both
+                    let along = on_it.iter().filter(|node| is_fixed(**node, c) && !is_fixed(**node, axis)).count();
+                    if c != axis && 2 * along > on_it.len() && on_it.len() > 1 {
+                        let normal = format!("`{}({})`", f.name, axis + 1);
+                        let at = if plane.abs() <= 1e-9 * (high - low) { 0.0 } else { plane };
+                        let at = finite::short(at);
+                        found.push(format!("`{}({})`, and not {normal}, where {name} = {at}", f.name, c + 1));
+                    }
+                }
+            }
+        }
+        found
     }
 }

@@ -1,14 +1,15 @@
 //! Why a tangent is singular, in words: the field that is not determined, the term that should determine it, the
 //! remedy.
 //!
-//! The null space tells. An equation or an unknown that is zero is a matter of terms; motions of whole bodies are held
-//! by supports or by contact, and contact that holds nothing is open, slides, is zero or pulls; a null vector that has
+//! An equation or an unknown that is zero is a matter of terms; motions of whole bodies are held by supports or by contact,
+//! and contact that holds nothing is open, slides, is zero or pulls; then the null space tells. A null vector that has
 //! energy under a finer rule is one of quadrature; one in a field that no term couples with itself is one of a saddle
-//! point. No null vector at all is rounding. Promises: one cause, the first in that order.
+//! point; one that strains its body at the points is held, by less than rounding of the matrix leaves. No null vector at
+//! all is rounding, too. Promises: one cause, the first in that order.
 
 mod contact;
 mod finer;
-pub(crate) use finer::with_rule;
+pub(crate) use finer::{with_points, with_rule, with_rule_and_states};
 
 use nalgebra::DMatrix;
 use wfl_compiler::{Class, types::FieldKind};
@@ -17,7 +18,7 @@ use super::{Examined, LooseMotions};
 use wfl_discrete::field::FieldSpace;
 use wfl_newton::Singular;
 use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{NullSpace, null_space};
+use wfl_sparse::solve::{LargestEntries, NullSpace, NullVector, SolveError, largest_entries, null_space};
 
 /// Rows of a scaled matrix this far apart leave nothing of the smaller ones to double precision.
 const FAR_APART: f64 = 1e13;
@@ -25,14 +26,25 @@ const FAR_APART: f64 = 1e13;
 const OUTSIDE: f64 = 1e-6;
 
 impl Examined<'_> {
-    /// Why the last tangent is singular; `u` is the state it belongs to. `None` where nothing can be said.
-    pub(crate) fn why_singular(&self, u: &[f64]) -> Option<Singular> {
+    /// Why the last tangent is singular; `u` is the state it belongs to, `met` what the solver says. `None` where nothing can
+    /// be said.
+    pub(crate) fn why_singular(&self, u: &[f64], met: &SolveError) -> Option<Singular> {
         if !self.system.mesh.is_whole() {
             // rigid motions are met in the rows of each rank, a null space is one of all rows
             let motions = self.loose_motions();
             return (!motions.is_empty()).then(|| self.loose_bodies(&motions, u));
         }
         let tangent = self.system.whole(self.system.bulk().plus(&self.tangent.changing).ok()?).ok()?;
+        if let Some(found) = self.empty_equations(&largest_entries(&tangent)) {
+            return Some(found);
+        }
+        let motions = self.loose_motions();
+        if !motions.is_empty() {
+            return Some(self.loose_bodies(&motions, u));
+        }
+        if let Some(found) = self.far_stiffer_contact(u) {
+            return Some(found);
+        }
         let positions: Vec<[f64; 3]> = self
             .system
             .numbering
@@ -43,16 +55,14 @@ impl Examined<'_> {
                 self.system.fields[field].node_position(node)
             })
             .collect();
-        let space = null_space(&tangent, Some(&positions), rayon::current_num_threads())?;
-        if let Some(found) = self.empty_equations(&space) {
-            return Some(found);
-        }
+        let space = null_space(&tangent, Some(&positions), rayon::current_num_threads()).unwrap_or_default();
+        let space = match met {
+            // what is soft beyond rounding is lost in the square of the matrix
+            SolveError::Singular { mode, .. } if space.vectors.is_empty() => only(mode),
+            _ => space,
+        };
         if space.vectors.is_empty() {
-            return self.far_apart(&space);
-        }
-        let motions = self.loose_motions();
-        if !motions.is_empty() {
-            return Some(self.loose_bodies(&motions, u));
+            return self.far_apart(&largest_entries(&tangent).rows);
         }
         let pure = (0..self.system.fields.len()).find_map(|f| Some((f, self.pure(&space, f)?)));
         match pure {
@@ -79,11 +89,11 @@ impl Examined<'_> {
     }
 
     /// Fields with equations, or unknowns, that are zero.
-    fn empty_equations(&self, space: &NullSpace) -> Option<Singular> {
+    fn empty_equations(&self, sizes: &LargestEntries) -> Option<Singular> {
         for (field, f) in self.system.fields.iter().enumerate() {
             let free = self.free_of(field);
             let empty = |sizes: &[f64]| free.iter().filter(|d| sizes[**d] == 0.0).count();
-            let (rows, columns) = (empty(&space.rows), empty(&space.columns));
+            let (rows, columns) = (empty(&sizes.rows), empty(&sizes.columns));
             if rows == 0 && columns == 0 {
                 continue;
             }
@@ -136,9 +146,9 @@ impl Examined<'_> {
     }
 
     /// Rounding, where the numbers of the tangent are far apart.
-    fn far_apart(&self, space: &NullSpace) -> Option<Singular> {
+    fn far_apart(&self, rows: &[f64]) -> Option<Singular> {
         let (mut high, mut low) = ((0, 0.0f64), (0, f64::INFINITY));
-        for (free, size) in space.rows.iter().enumerate() {
+        for (free, size) in rows.iter().enumerate() {
             let field = self.system.field_of(self.system.numbering.free_dofs[free] as usize);
             if *size > high.1 {
                 high = (field, *size);
@@ -202,6 +212,9 @@ impl Examined<'_> {
         if let Some(found) = self.of_a_kind(field, vector, is_constant, alone) {
             return found;
         }
+        if self.resists_at_points(field, vector) == Some(true) {
+            return self.beyond_rounding(field, vector);
+        }
         self.unseen(field, vector, u).unwrap_or_else(|| {
             let terms = self.testing(field).join(", ");
             Singular {
@@ -217,21 +230,29 @@ impl Examined<'_> {
         })
     }
 
+    /// A direction that is held, by a stiffness that the rounding of the matrix hides.
+    fn beyond_rounding(&self, field: usize, vector: &[f64]) -> Singular {
+        let name = self.system.fields[field].name.clone();
+        Singular {
+            what: format!("the tangent is numerically singular: rounding of its entries hides what holds `{name}`"),
+            notes: vec![format!(
+                "`{name}` is held, but in one direction (largest at {}) by less than a part in 1e16 of the stiffness of its \
+                 terms, {}: the body is very long and thin, or has parts of very different stiffness",
+                self.places(vector),
+                self.testing(field).join(", ")
+            )],
+            help: "shorter or thicker bodies, or stiffnesses that are less far apart: what moves as a rigid body beside the \
+                   others may be a million times as stiff as they are, and not more"
+                .to_owned(),
+            name,
+        }
+    }
+
     /// Forces that cancel, a field that is constant, one that no term couples with itself.
     fn of_a_kind(&self, field: usize, vector: &[f64], is_constant: bool, alone: bool) -> Option<Singular> {
         let name = self.system.fields[field].name.clone();
         if self.system.fields[field].kind == FieldKind::Multiplier {
-            return Some(Singular {
-                what: format!("the multiplier `{name}` is not unique: some of its forces cancel"),
-                notes: vec![format!(
-                    "its laws constrain a jump that is constrained already, at {}",
-                    self.places(vector)
-                )],
-                help: "remove the second constraint of that jump: a `fix`, another multiplier, or `crosspoints=keep`; \
-                       or use an element of lower degree for the multiplier"
-                    .to_owned(),
-                name,
-            });
+            return Some(self.of_multiplier(field, vector));
         }
         if is_constant {
             return Some(Singular {
@@ -259,6 +280,44 @@ impl Examined<'_> {
             });
         }
         None
+    }
+
+    /// Forces of a multiplier that cancel: there are more of them than displacements for them to act on.
+    fn of_multiplier(&self, field: usize, vector: &[f64]) -> Singular {
+        let (name, place) = (self.system.fields[field].name.clone(), self.places(vector));
+        let what = format!("the multiplier `{name}` is not unique: some of its forces cancel");
+        let mut partners: Vec<usize> = {
+            let with_it = self.system.terms.iter().filter(|t| t.coupled_fields().any(|f| f.index() == field));
+            with_it
+                .flat_map(|t| t.coupled_fields().map(|f| f.index()))
+                .filter(|k| self.system.fields[*k].kind == FieldKind::Unknown)
+                .collect()
+        };
+        partners.sort_unstable();
+        partners.dedup();
+        let second = "remove a second constraint of that jump: a `fix`, another multiplier, or `crosspoints=keep`";
+        if self.system.fields[field].degree() > 0 {
+            return Singular {
+                what,
+                notes: vec![format!("its laws constrain a jump that is constrained already, at {place}")],
+                help: format!("{second}; or use an element of lower degree for the multiplier"),
+                name,
+            };
+        }
+        // the lowest degree there is: it is the other field that has too few
+        let degree = partners.iter().map(|k| self.system.fields[*k].degree()).max().unwrap_or(1);
+        let names: Vec<String> = partners.iter().map(|k| format!("`{}`", self.system.fields[*k].name)).collect();
+        let names = names.join(", ");
+        Singular {
+            what,
+            notes: vec![format!(
+                "`{name}` is constant on each face, and {names} of degree {degree} {} fewer displacements there than there \
+                 are faces: a force that alternates from face to face acts on none of them; it is largest at {place}",
+                if partners.len() == 1 { "has" } else { "have" }
+            )],
+            help: format!("a higher degree for {names}: P{} or Q{} beside it; or {second}", degree + 1, degree + 1),
+            name,
+        }
     }
 
     /// Where a vector is largest: "[0.5, 1]".
@@ -293,6 +352,17 @@ impl Examined<'_> {
                 .to_owned(),
             name: fields.first().map(|f| self.system.fields[*f].name.clone()).unwrap_or_default(),
         }
+    }
+}
+
+/// The null space of one vector; empty without one.
+fn only(mode: &NullVector) -> NullSpace {
+    let vector = mode.values().to_vec();
+    let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if length > 0.0 {
+        NullSpace { scaled: vec![vector.iter().map(|x| x / length).collect()], vectors: vec![vector] }
+    } else {
+        NullSpace::default()
     }
 }
 

@@ -5,7 +5,7 @@ use std::{process::ExitCode, time::Instant};
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     Outcome, Scene,
-    accuracy::{AccuracyRecord, Demand, Out, Ways},
+    accuracy::{AccuracyRecord, Demand, Out, Short, Ways},
     output::REPORT_FILE,
 };
 use wfl_tasks::{
@@ -31,7 +31,8 @@ const EXIT_ACCURACY: u8 = 4;
 
 /// The demand, on the command line or in the scene.
 pub(crate) fn demand(args: &RunArgs, scene: &Scene) -> Option<Demand> {
-    let given = Given { error: args.accuracy, quantity: args.of.clone(), budget: args.budget };
+    let given =
+        Given { error: args.accuracy, quantity: args.of.clone(), budget: args.budget, from_coarsest: args.coarsest };
     wfl_tasks::accuracy::demand(scene, given)
 }
 
@@ -42,14 +43,17 @@ struct Whole<'a> {
 }
 
 impl WholeRun for Whole<'_> {
+    fn shaped(&self, scene: Scene) -> Scene {
+        ready::shaped(self.args, scene)
+    }
+
     fn run(
         &mut self,
         loaded: &mut Loaded,
-        scene: &mut Scene,
+        scene: &Scene,
         parse_seconds: f64,
         begun: Instant,
     ) -> Result<Outcome, String> {
-        ready::shape(self.args, scene);
         let checks = ready::checked(self.args, loaded, scene)?;
         let times = ready::Times { parse: parse_seconds, checks, started: begun };
         let mut ready = ready::ready(self.args, loaded, times)?;
@@ -112,14 +116,31 @@ fn ended(args: &RunArgs, picked: &mut Picked, ready: &Ready) -> ExitCode {
     if let Some(why) = short {
         say(&format!(
             "error[E605]: an error of {:.1e} of {} was not reached: {why}\n  = note: the best of {} runs is kept; its \
-             estimated error is {}\n  = help: --budget SECONDS allows more time, --of another quantity\n",
+             estimated error is {}\n  = help: {}\n",
             record.asked,
             record.quantity,
             record.trial_runs.len(),
-            error(record.estimate.0)
+            error(record.estimate.0),
+            help(why)
         ));
     }
     if record.reached || code != ExitCode::SUCCESS { code } else { ExitCode::from(EXIT_ACCURACY) }
+}
+
+/// What can be done where a demand was not reached.
+fn help(why: &Short) -> &'static str {
+    match why {
+        Short::Geometry(_) => {
+            "a mesh file of second order (Gmsh: Mesh.ElementOrder = 2), or of smaller faces along the curves; a polygon \
+             that is one has no error of this kind: ask for more than this part"
+        }
+        Short::Data(_) => {
+            "cells or a `refine` statement that resolve the data, a smoother formula, or --of another quantity"
+        }
+        Short::Time(_) => "a shorter step in `steps`, or a scheme of higher order",
+        Short::Truth(_) => "a smaller demand refines further; the mesh of the scene is the first one that is looked at",
+        _ => "--budget SECONDS allows more time, --of another quantity",
+    }
 }
 
 /// What was picked and why, in lines.
@@ -143,12 +164,21 @@ fn told(record: &AccuracyRecord) -> String {
         setting_text(&record.picked)
     );
     text += &format!(
-        "  estimated error {}: mesh {}, tolerance {}, method {}\n",
+        "  estimated error {}: mesh {}, tolerance {}, method {}",
         error(record.estimate.0),
         error(record.mesh.0),
         error(record.tolerance.0),
         error(record.method.0)
     );
+    for (part, value) in [("steps", record.time.0), ("boundary", record.geometry.0)] {
+        if value > 0.0 {
+            text += &format!(", {part} {}", error(value));
+        }
+    }
+    if record.data.0 > 0.0 {
+        text += &format!("; loads and coefficients have {} of that of the mesh", error(record.data.0));
+    }
+    text += "\n";
     if let Some(truth) = record.truth {
         let times =
             record.over_truth().map_or_else(String::new, |x| format!(": the estimate is {x:.2} times as large"));

@@ -147,7 +147,9 @@ A knob is a parameter of the scenes, or one of
   refine=1/2,1,2     factor on the number of cells in each direction
   cells=8,[8,16]     the number of cells in each direction
   degree=1,2         degree of the unknowns on cells
+  perturb=1e-6       equilibria that are not stable are left for the branch that buckles
   marks=REPORT.json  refinement of the mesh, from the report of a run with --accuracy
+  substeps=1,2       parts of each step; where the run chooses the steps, their error is divided by the square
   quadrature=vertex,2,4   quadrature rule of the terms with kinks
   tol=1e-4,1e-8  max_iter=20  search=none  threads=1,2
   precision=f64,f32+f64   of the factors of contact matrix and bulk
@@ -183,7 +185,7 @@ pub(crate) struct SceneArgs {
     /// The scene, a .wfl file
     pub(crate) scene: PathBuf,
     /// Parameters to replace: gamma=1e6 theta=-1; for wfl run, check and verify also knobs of a sweep: refine=2
-    /// cells=[4,8] h=0.1 degree=2 tol=1e-6
+    /// cells=[4,8] h=0.1 degree=2 tol=1e-6, or perturb=1e-6: unstable equilibria are left for the branch that buckles
     #[arg(value_name = "NAME=VALUE")]
     pub(crate) overrides: Vec<String>,
 }
@@ -239,6 +241,9 @@ pub(crate) struct RunArgs {
     /// Time limit of the search for the demanded accuracy, in seconds; the best run by then is the result [default: 600]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub(crate) budget: Option<f64>,
+    /// Begin the search for the demanded accuracy with the coarsest mesh that has the regions of the scene, not with its own
+    #[arg(long)]
+    pub(crate) coarsest: bool,
     /// Treat a Nitsche parameter below its coercivity bound (W503) as an error
     #[arg(long)]
     pub(crate) strict: bool,
@@ -270,7 +275,7 @@ pub(crate) struct RunArgs {
     /// Measure the effect of each optimisation first, with two more solves for each; for the report
     #[arg(long, conflicts_with_all = ["no_prune", "accuracy"])]
     pub(crate) savings: bool,
-    /// Print errors only
+    /// Print errors and warnings only, and no advice on the text (W7)
     #[arg(short, long, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
     /// Print every iteration

@@ -13,16 +13,16 @@ use wfl::{
 };
 use wfl_compiler::types::FieldKind;
 use wfl_runtime::{
-    FIXED, LinearSolver, RuleChoice, Scene, contact_forms,
+    FIXED, LinearSolver, Scene,
     element::Family,
     field::FieldSpace,
-    mesh::{self, FacetId, RegionSet},
+    mesh::{self, FacetId, Polynomials, RegionSet},
     newton::planned_stages,
     solve::{Linked, SolverOptions},
 };
 use wfl_tasks::{
     Loaded,
-    advice::{contact::warnings, hourglass},
+    advice::{contact::warnings, hourglass, signs},
     folder::error_line,
 };
 
@@ -31,7 +31,7 @@ use crate::{
     args::CheckArgs,
     contact,
     load::{load_with_knobs, out, print_all, say},
-    prepared::{EXIT_ERROR, backend, prepare_scene},
+    prepared::{EXIT_ERROR, backend, prepare_scene, sign_of_life},
     solvers,
     table::{Table, number},
 };
@@ -45,11 +45,15 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
         return ExitCode::from(EXIT_ERROR);
     };
     let parse = started.elapsed().as_secs_f64();
+    let preparing = sign_of_life();
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
-    loaded.messages.extend(hourglass::rules(&loaded, &mut scene));
-    let forms = contact_forms(&mut scene);
-    loaded.messages.extend(warnings(&loaded, &forms));
+    let Some(scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
+    loaded.messages.extend(hourglass::rules(&loaded, &scene));
+    let forms = scene.contact_forms();
+    let of_contact = warnings(&loaded, &forms);
+    let of_signs = signs::forces(&loaded, &scene, &of_contact);
+    loaded.messages.extend(of_signs.into_iter().chain(of_contact));
+    drop(preparing);
     print_all(&loaded.messages, &loaded.sources);
     let accuracy = accuracy::table(&loaded, &scene);
     let mut tables = tables(&loaded, &scene, args.backend.library(), parse);
@@ -67,7 +71,7 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
         let texts: Vec<String> = tables.iter().map(Table::text).filter(|t| !t.is_empty()).collect();
         out(&texts.join("\n"));
     }
-    ExitCode::SUCCESS
+    if loaded.messages.iter().any(wfl::Diagnostic::is_error) { ExitCode::from(EXIT_ERROR) } else { ExitCode::SUCCESS }
 }
 
 fn tables(loaded: &Loaded, scene: &Scene, library: Option<Linked>, parse: f64) -> Vec<Table> {
@@ -279,7 +283,7 @@ fn fields(loaded: &Loaded, scene: &Scene) -> Table {
     let columns = ["name", "kind", "shape", "element", "on", "nodes", "dofs", "free dofs"];
     let mut table = Table::new("fields", &columns);
     let system = &scene.system;
-    let tensor = system.mesh.kinds().iter().any(|k| !k.is_simplex());
+    let tensor = system.mesh.kinds().iter().all(|k| k.polynomials() == Polynomials::Each);
     for (k, (field, declared)) in system.fields.iter().zip(&loaded.script.fields).enumerate() {
         let element = match &field.space {
             FieldSpace::Global => "one value".to_owned(),
@@ -331,10 +335,7 @@ pub(crate) fn terms(scene: &Scene) -> Table {
     let columns = ["name", "on", "class", "symmetric", "kinks", "rule", "points", "why", "residual", "tangent"];
     let mut table = Table::new("terms", &columns);
     for (summary, term) in scene.terms.iter().zip(&scene.system.terms) {
-        let rule = match summary.rule {
-            RuleChoice::Degree(d) => format!("degree {d}"),
-            RuleChoice::Vertex => "vertex".to_owned(),
-        };
+        let rule = summary.rule.words();
         table.push(vec![
             summary.name.clone().into(),
             summary.place.clone().into(),
@@ -420,7 +421,7 @@ fn system(scene: &Scene, library: Option<Linked>) -> Table {
     let free = numbering.n_free();
     let solutions = scene.steps.expected();
     let options = SolverOptions { method: scene.newton.linear, solutions, library, ..SolverOptions::default() };
-    let solver = LinearSolver::plan(&scene.system, &options);
+    let solver = LinearSolver::plan(&scene.system, &options).to_string();
     table.push(vec![numbering.n_dofs.into(), (numbering.n_dofs - free).into(), free.into(), solver.into()]);
     table
 }

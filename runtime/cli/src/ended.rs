@@ -37,8 +37,8 @@ fn print(loaded: &Loaded, said: &Said) {
 }
 
 /// Runs what is ready, and says how it ended.
-pub(crate) fn go(loaded: &Loaded, mut scene: Scene, mut ready: Ready) -> ExitCode {
-    match ready.go(&mut scene) {
+pub(crate) fn go(loaded: &Loaded, scene: Scene, mut ready: Ready) -> ExitCode {
+    match ready.go(&scene) {
         Ok(outcome) => finish(loaded, &scene, &ready, &outcome, None),
         Err(error) => {
             explain(loaded, &scene, &error);

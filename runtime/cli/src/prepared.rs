@@ -5,7 +5,10 @@ use wfl_jit::JitBackend;
 use wfl_runtime::{Pruning, Scene};
 use wfl_tasks::Loaded;
 
-use crate::load::{print_all, say};
+use crate::{
+    heartbeat::Heartbeat,
+    load::{print_all, say},
+};
 
 /// The exit code of every error.
 pub(crate) const EXIT_ERROR: u8 = 1;
@@ -22,6 +25,11 @@ pub(crate) fn backend(interpret: bool) -> Option<Box<dyn KernelBackend>> {
             None
         }
     }
+}
+
+/// Says on standard error that a scene is still being prepared, every few seconds until it is dropped.
+pub(crate) fn sign_of_life() -> Heartbeat {
+    Heartbeat::new(|text| say(&format!("{text}\n")))
 }
 
 /// Prepares a scene; what is in `keep` is done although it does not need it. Messages are printed here only when there

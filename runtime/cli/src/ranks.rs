@@ -10,11 +10,10 @@ use crate::{
     accuracy,
     args::RunArgs,
     ended::{ended_before, explain, go},
-    heartbeat::Heartbeat,
     load::{out, say},
-    prepared::{EXIT_ERROR, prepare_scene},
+    prepared::{EXIT_ERROR, prepare_scene, sign_of_life},
     progress::Loudness,
-    ready::{Ready, Times, checked, ready, shape},
+    ready::{Ready, Times, checked, ready, shaped},
     solvers::Running,
     together::{may_pick, says_more_of_no_accuracy},
 };
@@ -63,8 +62,8 @@ impl Shared<'_> {
     /// The rank that prepares the scene, tells and writes files; nothing is left to say of an empty error.
     fn first(&self, mut loaded: Loaded) -> Result<ExitCode, String> {
         let told = || String::new();
-        let preparing = (!self.args.quiet).then(|| Heartbeat::new(|t| say(&format!("{t}\n"))));
-        let mut scene = prepare_scene(&mut loaded, self.backend, &self.args.no_prune).ok_or_else(told)?;
+        let preparing = (!self.args.quiet).then(sign_of_life);
+        let scene = prepare_scene(&mut loaded, self.backend, &self.args.no_prune).ok_or_else(told)?;
         if accuracy::demand(self.args, &scene).is_some() {
             may_pick(self.args, &loaded, &scene);
             return Err(told());
@@ -72,8 +71,8 @@ impl Shared<'_> {
         if says_more_of_no_accuracy(self.args) {
             return Err(told());
         }
-        shape(self.args, &mut scene);
-        let checks = checked(self.args, &mut loaded, &mut scene)?;
+        let scene = shaped(self.args, scene);
+        let checks = checked(self.args, &mut loaded, &scene)?;
         let ready = self.ready(&loaded, checks)?;
         drop(preparing);
         match finished(&scene, &ready.options) {
@@ -141,8 +140,8 @@ impl Shared<'_> {
     }
 
     /// The scene of a rank that has the whole mesh.
-    fn whole(&self, mut scene: Scene) -> Result<Scene, String> {
-        shape(self.args, &mut scene);
+    fn whole(&self, scene: Scene) -> Result<Scene, String> {
+        let mut scene = shaped(self.args, scene);
         scene.share_rows(Arc::clone(self.team)).map_err(|error| error.to_string())?;
         Ok(scene)
     }
@@ -171,8 +170,7 @@ impl Shared<'_> {
 
     fn part(&self, loaded: &Loaded, bytes: &[u8]) -> Result<Scene, String> {
         let made = loaded.prepare_part(self.backend, &self.args.no_prune, bytes, Arc::clone(self.team));
-        let mut scene = made?;
-        shape(self.args, &mut scene);
+        let scene = shaped(self.args, made?);
         // what preparing took is not what solving takes
         self.running.trim_memory();
         Ok(scene)

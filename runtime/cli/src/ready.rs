@@ -2,6 +2,7 @@
 
 use std::{path::PathBuf, time::Instant};
 
+use wfl::Diagnostic;
 use wfl_runtime::{Outcome, RunError, RunOptions, Scene, output::check_name};
 use wfl_tasks::{
     Loaded, VERSION,
@@ -23,10 +24,11 @@ pub(crate) fn threads(args: &RunArgs) -> usize {
 }
 
 /// Gives a scene what the command line says of its solver.
-pub(crate) fn shape(args: &RunArgs, scene: &mut Scene) {
+pub(crate) fn shaped(args: &RunArgs, mut scene: Scene) -> Scene {
     if let Some(most) = args.max_iter {
         scene.newton.max_iterations = most.get();
     }
+    scene
 }
 
 /// A run that can begin.
@@ -37,10 +39,18 @@ pub(crate) struct Ready {
     pub(crate) resumable: bool,
 }
 
+/// Codes of advice on the text alone: what is declared and not needed.
+const ABOUT_THE_TEXT: &str = "W7";
+
 impl Ready {
     /// Says what there is to say of a scene.
     pub(crate) fn announce(&self, loaded: &Loaded, scene: &Scene) {
-        if self.loudness != Loudness::Quiet {
+        if self.loudness == Loudness::Quiet {
+            // what says that a result may be wrong is told always
+            let of_results = |d: &&Diagnostic| !d.code.starts_with(ABOUT_THE_TEXT);
+            let told: Vec<Diagnostic> = loaded.messages.iter().filter(of_results).cloned().collect();
+            print_all(&told, &loaded.sources);
+        } else {
             out(&found_parameters(loaded, scene));
             print_all(&loaded.messages, &loaded.sources);
         }
@@ -49,7 +59,7 @@ impl Ready {
         }
     }
 
-    pub(crate) fn go(&mut self, scene: &mut Scene) -> Result<Outcome, RunError> {
+    pub(crate) fn go(&mut self, scene: &Scene) -> Result<Outcome, RunError> {
         let mut terminal = Terminal::new(self.loudness);
         let several = scene.steps.several() && self.resumable;
         let hint = if several { "the steps done are kept: the same command with --resume continues" } else { "" };
@@ -59,7 +69,7 @@ impl Ready {
 }
 
 /// Checks what there is to check before a run; the seconds that it takes.
-pub(crate) fn checked(args: &RunArgs, loaded: &mut Loaded, scene: &mut Scene) -> Result<f64, String> {
+pub(crate) fn checked(args: &RunArgs, loaded: &mut Loaded, scene: &Scene) -> Result<f64, String> {
     let begin = Instant::now();
     let found = before_run(loaded, scene);
     let check_seconds = begin.elapsed().as_secs_f64();
@@ -68,6 +78,10 @@ pub(crate) fn checked(args: &RunArgs, loaded: &mut Loaded, scene: &mut Scene) ->
     if refused {
         print_all(&loaded.messages, &loaded.sources);
         return Err("a Nitsche parameter is below its safe value, which --strict does not allow".to_owned());
+    }
+    if loaded.messages.iter().any(Diagnostic::is_error) {
+        print_all(&loaded.messages, &loaded.sources);
+        return Err("nothing was solved: the scene has no solution as it is written".to_owned());
     }
     Ok(check_seconds)
 }

@@ -13,12 +13,11 @@ use crate::{
     accuracy,
     args::RunArgs,
     ended::{ended_before, explain, go},
-    heartbeat::Heartbeat,
     load::{load_with_knobs, out, say},
-    prepared::{EXIT_ERROR, backend, prepare_scene},
+    prepared::{EXIT_ERROR, backend, prepare_scene, sign_of_life},
     progress::Loudness,
     ranks,
-    ready::{Ready, Times, checked, ready, shape},
+    ready::{Ready, Times, checked, ready, shaped},
     solvers::{self, Running},
     together::{may_pick, may_write, says_more_of_no_accuracy},
 };
@@ -48,7 +47,7 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         return ExitCode::from(EXIT_ERROR);
     };
     let parse_seconds = (started.elapsed() - started_in).as_secs_f64();
-    let preparing = (!args.quiet).then(|| Heartbeat::new(|t| say(&format!("{t}\n"))));
+    let preparing = (!args.quiet).then(sign_of_life);
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
     if let Some(team) = team {
         drop(preparing);
@@ -56,7 +55,7 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
     }
     // for an accuracy the scene as it stands is looked at and not run
     let looked_at: &dyn KernelBackend = if args.accuracy.is_some() { &InterpreterBackend } else { &*backend };
-    let Some(mut scene) = prepare_scene(&mut loaded, looked_at, &args.no_prune) else {
+    let Some(scene) = prepare_scene(&mut loaded, looked_at, &args.no_prune) else {
         return ExitCode::from(EXIT_ERROR);
     };
     if let Some(demand) = accuracy::demand(args, &scene) {
@@ -69,11 +68,11 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
     if says_more_of_no_accuracy(args) {
         return ExitCode::from(EXIT_ERROR);
     }
-    shape(args, &mut scene);
+    let scene = shaped(args, scene);
     if args.savings && !may_write(args, &loaded, &scene, &[]) {
         return ExitCode::from(EXIT_ERROR);
     }
-    let ready = checked(args, &mut loaded, &mut scene)
+    let ready = checked(args, &mut loaded, &scene)
         .and_then(|checks| ready(args, &loaded, Times { parse: parse_seconds, checks, started }));
     let ready = match ready.and_then(|ready| measured(args, &loaded, &*backend, ready)) {
         Ok(ready) => ready,
@@ -99,10 +98,7 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
 fn measured(args: &RunArgs, loaded: &Loaded, backend: &dyn KernelBackend, mut ready: Ready) -> Result<Ready, String> {
     if args.savings {
         let begin = Instant::now();
-        let shape = |mut scene| {
-            shape(args, &mut scene);
-            scene
-        };
+        let shape = |scene| shaped(args, scene);
         ready.options.savings = savings(&loaded.script, &loaded.folder, backend, ready.options.threads, &shape)
             .map_err(|e| format!("{e}\n  = help: without --savings the run tells more"))?;
         if ready.loudness != Loudness::Quiet {

@@ -17,7 +17,7 @@ use crate::{
     args::{ShowArgs, View},
     ast_text, check,
     load::{load, out, print_all, say},
-    prepared::{EXIT_ERROR, backend, prepare_scene},
+    prepared::{EXIT_ERROR, backend, prepare_scene, sign_of_life},
     table::Table,
 };
 
@@ -31,8 +31,10 @@ pub(crate) fn show(args: &ShowArgs) -> ExitCode {
         out(&ast_text::text(&loaded.sources));
         return ExitCode::SUCCESS;
     }
+    let preparing = sign_of_life();
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
     let Some(scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
+    drop(preparing);
     let Some(chosen) = chosen(&scene, args.term.as_deref()) else { return ExitCode::from(EXIT_ERROR) };
     out(&match args.view {
         View::Terms => {
@@ -49,7 +51,7 @@ pub(crate) fn show(args: &ShowArgs) -> ExitCode {
 
 /// The laws with this name, all if there is none; a message when there is no such term.
 fn chosen<'s>(scene: &'s Scene, name: Option<&str>) -> Option<Vec<&'s TermLaw>> {
-    let all = || scene.system.terms.iter().map(|t| &t.law);
+    let all = || scene.system.terms.iter().map(|t| &*t.law);
     let Some(name) = name else { return Some(all().collect()) };
     // a term on several regions has the region in its name
     let several = format!("{name} on ");

@@ -4,7 +4,6 @@ use std::process::ExitCode;
 
 use serde_json::Value;
 use wfl_compiler::{KinkKind, TangentCheck, TermLaw, check_tangent, types::FieldSig};
-use wfl_runtime::contact_forms;
 use wfl_tasks::{
     advice::contact::warnings,
     tangents::{TOLERANCE, failure, group_text, sampling},
@@ -14,7 +13,7 @@ use crate::{
     args::VerifyArgs,
     contact,
     load::{load_with_knobs, out, print_all, say},
-    prepared::{EXIT_ERROR, backend, prepare_scene},
+    prepared::{EXIT_ERROR, backend, prepare_scene, sign_of_life},
     table::Table,
 };
 
@@ -22,11 +21,13 @@ pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
     let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "verify") else {
         return ExitCode::from(EXIT_ERROR);
     };
+    let preparing = sign_of_life();
     let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(mut scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
-    let forms = contact_forms(&mut scene);
+    let Some(scene) = prepare_scene(&mut loaded, &*backend, &[]) else { return ExitCode::from(EXIT_ERROR) };
+    let forms = scene.contact_forms();
     let inconsistent = warnings(&loaded, &forms);
     loaded.messages.extend(inconsistent.iter().cloned());
+    drop(preparing);
     print_all(&loaded.messages, &loaded.sources);
     let sampling = sampling(&scene, args.samples.get(), args.seed);
     let columns = ["term", "test", "trial", "entries", "tangent - difference", "rounding", ""];

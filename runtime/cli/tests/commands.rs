@@ -67,6 +67,14 @@ fn run_prints_a_summary_and_is_quiet_otherwise() {
     let quiet = wfl(&folder.0, &["run", "rod.wfl", "-q", "--out", "there"]);
     assert_eq!((quiet.code, quiet.out + &quiet.err), (0, String::new()));
     assert!(folder.0.join("there/report.json").is_file());
+    // what says that a result may be wrong is told also then, advice on the text is not
+    let jumps = "mesh box [0] to [1] cells [1] segment\nunknown u : scalar\nparam idle = 1\n\
+                 term relay on all : (u - Heaviside(u - 2))*Test_u\n";
+    folder.write("jumps.wfl", jumps);
+    for (words, advice) in [(&["run", "jumps.wfl", "-q"][..], false), (&["run", "jumps.wfl"], true)] {
+        let ran = wfl(&folder.0, words);
+        assert_eq!((ran.code, ran.err.contains("W501"), ran.err.contains("W702")), (0, true, advice), "{}", ran.err);
+    }
     // what was asked for and cannot be is told
     let single = wfl(&folder.0, &["run", "rod.wfl", "--precision", "f32+f64", "--out", "single"]);
     let report = std::fs::read_to_string(folder.0.join("single/report.json")).expect("a report");

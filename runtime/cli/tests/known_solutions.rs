@@ -69,8 +69,19 @@ fn known() -> Vec<Known> {
     ]
 }
 
+/// The run for a demand, from the coarsest mesh on: there estimates are at their worst.
 fn report(scene: &Path, asked: f64, of: &str, out: &Path) -> Value {
-    let words = ["run", &scene.display().to_string(), "-q", "--accuracy", &asked.to_string(), "--of", of, "--out"];
+    let words = [
+        "run",
+        &scene.display().to_string(),
+        "-q",
+        "--accuracy",
+        &asked.to_string(),
+        "--of",
+        of,
+        "--coarsest",
+        "--out",
+    ];
     let ended = Command::new(env!("CARGO_BIN_EXE_wfl")).args(words).arg(out).output().expect("wfl runs");
     let said = String::from_utf8_lossy(&ended.stderr).into_owned();
     assert_eq!(ended.status.code(), Some(0), "{} {of} {asked}: {said}", scene.display());

@@ -88,7 +88,9 @@ fn the_page_shows_the_closed_form_with_units() {
     for part in ["5 of 5 converged", "def Pn    = gamma*(jump(uL,uR).Normal)", "<h2>Newton</h2>", "<h2>Time</h2>"] {
         assert!(page.contains(part), "{part}");
     }
-    assert!(!page.contains("class=\"failure\"") && !page.contains("class=\"warning\""));
+    assert!(!page.contains("class=\"failure\""));
+    // round numbers make strains of 5 in both bodies, for which the law of small strains is not meant
+    assert!(page.contains("W645") && page.matches("class=\"warning\"").count() == 2, "{page}");
     // the deformed bodies come first: the left one alone, as the scene writes no other
     let place = |part: &str| page.find(part).unwrap_or_else(|| panic!("no {part}"));
     assert!(place("<h2>The result</h2>") < place("<h2>The run</h2>"));

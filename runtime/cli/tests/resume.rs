@@ -14,7 +14,7 @@ use common::Folder;
 /// The mesh of the fault as the example has it.
 const MESH: &str = "cells [8, 8, 8] hex";
 
-/// The fault by Nitsche's method with friction: a factored bulk, a condensed part, held pieces that pass from step to
+/// The fault by Nitsche's method with friction: a factored bulk, a condensed part, branches that pass from step to
 /// step.
 fn fault(folder: &Folder) -> PathBuf {
     let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/fault");

@@ -4,7 +4,8 @@
 //! of a linear or a quadratic equation. Promises: pure functions of projection states; a breakpoint that is left behind
 //! is not found again. Does not decide which way the path goes on: `newton/path_following.rs` does.
 
-use wfl_compiler::{BALL_NUMBERS, Projection, ProjectionKind};
+use wfl_compiler::{Projection, ProjectionKind, SlipMut};
+use wfl_discrete::system::TermBranches;
 use wfl_host::team::Team;
 
 use super::{ContactTerm, ProjectionState};
@@ -75,9 +76,9 @@ impl PartialEq for Breakpoints {
 /// line.
 const TOGETHER: (f64, f64) = (1e-6, 1e-12);
 
-/// How far rays go, at most to `end`, and the breakpoints they meet there; a term with its ray and branch data each.
+/// How far rays go, at most to `end`, and the breakpoints they meet there; a term with its ray and branches each.
 pub(super) fn next<'a>(
-    terms: impl Iterator<Item = ((&'a ContactTerm, Ray<'a>), &'a [f64])>,
+    terms: impl Iterator<Item = ((&'a ContactTerm, Ray<'a>), &'a TermBranches)>,
     friction: f64,
     end: f64,
     team: &dyn Team,
@@ -120,16 +121,16 @@ pub(super) fn next<'a>(
 
 impl ContactTerm {
     /// Each change of branch ahead at the points of this rank, and how far the directions of slip let the ray go.
-    fn breakpoints(&self, ray: Ray<'_>, data: &[f64], friction: f64) -> (Vec<Breakpoint>, f64) {
+    fn breakpoints(&self, ray: Ray<'_>, data: &TermBranches, friction: f64) -> (Vec<Breakpoint>, f64) {
         let (mut found, mut room) = (Vec::new(), f64::INFINITY);
-        let points = data.chunks_exact(self.n_data).zip(ray.from.points().zip(ray.to.points()));
+        let points = data.points.chunks_exact(self.sizes.point).zip(ray.from.points().zip(ray.to.points()));
         for (point, (data, (a, b))) in points.enumerate() {
             for (k, p) in self.projections.iter().enumerate() {
                 match p.kind {
                     ProjectionKind::HalfLine => {
                         for entry in 0..p.n {
                             let (x, slope) = line(a, b, p.output + entry, ray.sign);
-                            let closed = data[p.guide + entry] > 0.5;
+                            let closed = p.branch.sticks(data, entry);
                             if let Some(at) = half_line(x, slope, closed) {
                                 found.push(Breakpoint { at, place: Place { point, projection: k, entry } });
                             }
@@ -137,7 +138,7 @@ impl ContactTerm {
                     }
                     ProjectionKind::Ball => {
                         let ball = Ball::new(p, a, b, ray.sign, friction);
-                        let sticks = data[p.guide] > 0.5;
+                        let sticks = p.branch.sticks(data, 0);
                         if let Some(at) = ball.breakpoint(sticks) {
                             found.push(Breakpoint { at, place: Place { point, projection: k, entry: 0 } });
                         }
@@ -165,22 +166,22 @@ impl ContactTerm {
     }
 
     /// Changes the branch at a breakpoint.
-    pub(super) fn cross(&self, place: Place, data: &mut [f64]) {
+    pub(super) fn cross(&self, place: Place, data: &mut TermBranches) {
         let p = &self.projections[place.projection];
-        let at = place.point * self.n_data + p.guide + place.entry;
-        data[at] = 1.0 - data[at];
+        let n = self.sizes.point;
+        p.branch.cross(&mut data.points[place.point * n..][..n], place.entry);
     }
 
     /// Turns the directions of slip to the present arguments, as the term is written.
-    pub(super) fn turn_slip(&self, state: &ProjectionState, data: &mut [f64], friction: f64) {
-        for (data, out) in data.chunks_exact_mut(self.n_data).zip(state.points()) {
+    pub(super) fn turn_slip(&self, state: &ProjectionState, data: &mut TermBranches, friction: f64) {
+        for (data, out) in data.points.chunks_exact_mut(self.sizes.point).zip(state.points()) {
             for p in self.projections.iter().filter(|p| p.kind == ProjectionKind::Ball) {
-                let (numbers, along) = data[p.guide..][..BALL_NUMBERS + p.n].split_at_mut(BALL_NUMBERS);
+                let SlipMut { along, across } = p.branch.slip_mut(data);
                 let (x, radius) = (&out[p.output..][..p.n], (friction * out[p.output + p.n]).max(0.0));
                 let length = x.iter().fold(0.0f64, |m, x| m.hypot(*x));
                 if length > 0.0 {
                     along.iter_mut().zip(x).for_each(|(e, x)| *e = x / length);
-                    numbers[1] = (radius / length).min(1.0);
+                    *across = (radius / length).min(1.0);
                 }
             }
         }
@@ -259,12 +260,14 @@ impl Ball {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wfl_compiler::{BranchLayout, BranchSizes};
 
     const FRICTION: f64 = 0.5;
 
     /// A ball with an argument of two entries, behind them the bound before friction.
     fn ball(from: [f64; 3], to: [f64; 3], sign: f64) -> Ball {
-        let p = Projection { kind: ProjectionKind::Ball, n: 2, guide: 0, output: 0, acts: true };
+        let branch = BranchLayout::new(ProjectionKind::Ball, 2, BranchSizes::default());
+        let p = Projection { kind: ProjectionKind::Ball, n: 2, branch, output: 0, acts: true };
         Ball::new(&p, &from, &to, sign, FRICTION)
     }
 
@@ -311,5 +314,131 @@ mod tests {
         assert_eq!(half_line(0.0, 1.0, true), None);
         assert_eq!(half_line(-1e-17, -1.0, true), Some(0.0));
         assert_eq!(half_line(-3.0, 2.0, false), Some(1.5));
+    }
+
+    use crate::{
+        Contact,
+        test_block::{Block, LAPLACE, PENALTY},
+    };
+    use wfl_compiler::Branch;
+
+    /// Where points of a law without friction are on a ray: argument and value of each.
+    type Line<'a> = (&'a [[f64; 2]], &'a [[f64; 2]]);
+
+    fn line_of(line: Line<'_>, terms: usize) -> [Vec<ProjectionState>; 2] {
+        let state =
+            |points: &[[f64; 2]]| ProjectionState::of(&points.iter().map(<[f64; 2]>::as_slice).collect::<Vec<_>>());
+        [vec![state(line.0); terms], vec![state(line.1); terms]]
+    }
+
+    fn frictionless(terms: usize) -> Contact {
+        Block::new(1, &[LAPLACE], &vec![PENALTY; terms]).contact
+    }
+
+    #[test]
+    fn the_first_point_that_closes_is_found_at_its_exact_part_of_the_way() {
+        let contact = frictionless(1);
+        let line = line_of((&[[-3.0, 0.0], [-1.0, 0.0]], &[[1.0, 0.0], [2.0, 0.0]]), 1);
+        let (at, found) = contact.next_breakpoints(&line, 1.0, 1.0);
+        assert_eq!(at, 1.0 / 3.0);
+        assert_eq!(found.here(), [(0, Place { point: 1, projection: 0, entry: 0 })]);
+        assert_eq!(contact.passage(&line, at, &found), 3.0, "it is passed as fast as its argument grows");
+    }
+
+    #[test]
+    fn a_ray_that_no_point_meets_goes_to_its_end() {
+        let contact = frictionless(1);
+        let line = line_of((&[[-3.0, 0.0], [-1.0, 0.0]], &[[-4.0, 0.0], [-0.5, 0.0]]), 1);
+        let (at, found) = contact.next_breakpoints(&line, 1.0, 1.0);
+        assert!(at == 1.0 && found.is_empty());
+        assert_eq!(contact.passage(&line, at, &found), 0.0);
+        assert_eq!(contact.next_breakpoints(&line, 1.0, f64::INFINITY).0, 2.0, "beyond its end it meets one");
+    }
+
+    #[test]
+    fn backwards_a_ray_meets_what_lies_behind() {
+        let contact = frictionless(1);
+        let line = line_of((&[[-3.0, 0.0], [-1.0, 0.0]], &[[-4.0, 0.0], [-0.5, 0.0]]), 1);
+        let (at, found) = contact.next_breakpoints(&line, -1.0, f64::INFINITY);
+        assert_eq!((at, found.here()[0].1.point), (3.0, 0));
+    }
+
+    #[test]
+    fn points_that_are_met_at_once_are_passed_one_by_one_in_their_order() {
+        let contact = frictionless(1);
+        let line = line_of((&[[-1.0, 0.0], [-1.0, 0.0]], &[[1.0, 0.0], [1.0, 0.0]]), 1);
+        let (at, found) = contact.next_breakpoints(&line, 1.0, 1.0);
+        assert_eq!((at, found.here().len(), found.here()[0].1.point), (0.5, 1, 0));
+    }
+
+    #[test]
+    fn laws_of_one_point_are_passed_together() {
+        let contact = frictionless(2);
+        let line = line_of((&[[-3.0, 0.0], [-1.0, 0.0]], &[[1.0, 0.0], [2.0, 0.0]]), 2);
+        let (_, found) = contact.next_breakpoints(&line, 1.0, 1.0);
+        let place = Place { point: 1, projection: 0, entry: 0 };
+        assert_eq!(found.here(), [(0, place), (1, place)]);
+    }
+
+    #[test]
+    fn breakpoints_are_told_apart_by_their_place_and_not_by_the_ray() {
+        let contact = frictionless(1);
+        let first = |a: f64, b: f64| {
+            let line = line_of((&[[-a, 0.0], [-b, 0.0]], &[[1.0, 0.0], [1.0, 0.0]]), 1);
+            contact.next_breakpoints(&line, 1.0, 1.0).1
+        };
+        assert_eq!(first(1.0, 2.0), first(3.0, 4.0));
+        assert_ne!(first(1.0, 2.0), first(2.0, 1.0));
+        assert_ne!(first(1.0, 2.0), Breakpoints::default());
+    }
+
+    #[test]
+    fn a_crossing_changes_one_branch_and_a_second_one_changes_it_back() {
+        let contact = Block::with_friction(1).contact;
+        let term = &contact.terms()[0];
+        let open = term.open();
+        for projection in 0..2 {
+            let mut data = open.clone();
+            let place = Place { point: 1, projection, entry: 0 };
+            term.cross(place, &mut data);
+            assert_eq!(data.points.iter().zip(&open.points).filter(|(a, b)| a != b).count(), 1);
+            assert!(term.projections[projection].branch.sticks(&data.points[term.sizes.point..], 0));
+            term.cross(place, &mut data);
+            assert_eq!(data, open);
+        }
+    }
+
+    #[test]
+    fn slip_turns_to_its_argument_and_keeps_no_more_across_than_the_bound() {
+        let contact = Block::with_friction(1).contact;
+        let term = &contact.terms()[0];
+        let state = ProjectionState::of(&[&[2.0, 2.0, 3.0, 4.0, 1.0, 0.0, 0.0], &[2.0, 2.0, 0.0, 0.0, 1.0, 0.0, 0.0]]);
+        let turned = |friction: f64| {
+            let mut data = term.open();
+            term.turn_slip(&state, &mut data, friction);
+            data
+        };
+        let ball = term.projections[1].branch;
+        assert_eq!(ball.branch(&turned(1.0).points, 0), Branch::Slip { along: &[0.6, 0.8], across: 0.2 });
+        assert_eq!(ball.branch(&turned(9.0).points, 0), Branch::Slip { along: &[0.6, 0.8], across: 1.0 });
+        let still = Branch::Slip { along: &[0.0, 0.0], across: 0.0 };
+        assert_eq!(ball.branch(&turned(1.0).points[term.sizes.point..], 0), still, "nothing has no direction");
+    }
+
+    #[test]
+    fn a_slip_that_turns_lets_a_ray_go_half_its_length_sideways() {
+        let contact = Block::with_friction(1).contact;
+        let mut data = contact.terms()[0].open();
+        let at = |x: [f64; 2]| {
+            let point = [9.0, 9.0, x[0], x[1], 1.0, 0.0, 0.0];
+            ProjectionState::of(&[&point, &point])
+        };
+        contact.terms()[0].projections.iter().for_each(|p| p.branch.set_sticks(&mut data.points, 0, false));
+        let room = |to: [f64; 2]| {
+            let (from, to) = (at([4.0, 0.0]), at(to));
+            contact.terms()[0].breakpoints(Ray { from: &from, to: &to, sign: 1.0 }, &data, 1.0).1
+        };
+        assert_eq!(room([4.0, 8.0]), 0.25);
+        assert_eq!(room([5.0, 0.0]), f64::INFINITY, "straight on");
     }
 }

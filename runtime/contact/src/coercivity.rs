@@ -12,17 +12,20 @@
 //!
 //! Sufficient, not necessary. Facets are sampled where there are many: evenly, and the thinnest cells on top.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod point;
+
+use std::collections::BTreeSet;
 
 use nalgebra::{DMatrix, SymmetricEigen};
 use wfl_compiler::{
-    ArgumentSlope, Class, Dd, ProjectionKind, Real, interpret,
+    Class, Dd, ProjectionKind, Real, interpret,
     ir::LANES,
-    types::{BasisSlot, FieldId, FieldOp, InputSlot, Side},
+    types::{BasisSlot, FieldKind, FieldOp, InputSlot, Side},
 };
 
-use super::{Contact, ContactTerm, slopes::is_displacement};
-use wfl_discrete::assemble::{Bound, FieldValues, Group, Workspace};
+use super::{Contact, ContactTerm};
+use point::PointLaw;
+use wfl_discrete::assemble::{AssembledTerm, Bound, FieldValues, Group, Workspace};
 use wfl_discrete::field::Field;
 use wfl_discrete::system::System;
 use wfl_mesh::mesh::CellId;
@@ -36,6 +39,10 @@ const USUAL: std::ops::RangeInclusive<f64> = 1e-5..=1e6;
 const RIGID: f64 = 1e-11;
 /// Numbers that differ by less, relative, differ by rounding.
 const SAME: f64 = 1e-9;
+/// An argument below this part of the first one is closed, and the motions that are tried for it: a distance along a curved
+/// obstacle takes about five.
+const TOUCHING: f64 = 1e-6;
+const MOTIONS: usize = 12;
 
 /// The parameter of a Nitsche term against the smallest safe one.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,6 +87,8 @@ impl Coercivity {
 
 /// One facet: its place in the domain.
 type Place = (usize, usize);
+/// An entry of the tangent at a point: test and trial slot, and its value.
+type Entry = ((BasisSlot, BasisSlot), Dd);
 
 /// Whether a contact law of the scene holds stresses of the bodies in its projections, as Nitsche's method does: then
 /// the exact solution meets it whatever its parameter is.
@@ -113,14 +122,24 @@ fn of_term(system: &System, term: &ContactTerm, zero: FieldValues<'_>) -> Option
     let own: Vec<f64> = probe.places().into_iter().filter_map(|place| probe.facet(place)).flatten().collect();
     let all = system.team().all_numbers(&own);
     let mut worst: Option<[f64; 4]> = None;
+    let mut stiffest = 0.0f64;
     for found in all.as_chunks().0 {
-        let rank = |[gamma, _, trace, bound]: &[f64; 4]| (bound / gamma, *trace);
+        let rank = |[gamma, _, trace, bound]: &[f64; 4]| (bound / gamma, trace / gamma);
+        stiffest = stiffest.max(rank(found).1);
         if worst.as_ref().is_none_or(|w| rank(found) > rank(w)) {
             worst = Some(*found);
         }
     }
     let name = &system.terms[term.term].law.name;
-    worst.map(|[gamma, theta, trace, bound]| Coercivity { term: name.clone(), gamma, theta, trace, bound })
+    // the facet with the largest bound need not be the one with the largest trace constant
+    let of = |[gamma, theta, _, bound]: [f64; 4]| Coercivity {
+        term: name.clone(),
+        gamma,
+        theta,
+        trace: gamma * stiffest,
+        bound,
+    };
+    worst.map(of)
 }
 
 struct Probe<'a> {
@@ -178,52 +197,139 @@ impl Probe<'_> {
         if dofs.is_empty() {
             return None;
         }
-        let (traction, gradients) = self.traction(place, &dofs);
-        let gamma = self.slope(place)?;
+        let (gradients, laws) = (self.gradients(place, &dofs), self.laws(place));
+        let sum = |forms: Vec<DMatrix<f64>>| {
+            gradients.iter().zip(forms).fold(DMatrix::zeros(dofs.len(), dofs.len()), |sum, (at, form)| {
+                sum + at.weight * at.columns.transpose() * form * &at.columns
+            })
+        };
+        let traction = sum(laws.iter().map(|law| law.weight() * law.stresses.tr_mul(&law.stresses)).collect());
+        let gamma = laws.iter().find_map(|law| law.slope(self))?;
         let (trace, theta) = (largest(&bulk, &traction)?, self.theta(place)?);
         let lost = |closed: bool| {
-            let form = self.lost(place, closed)?;
-            let sum = gradients.iter().fold(DMatrix::zeros(dofs.len(), dofs.len()), |sum, at| {
-                sum + at.weight * at.columns.transpose() * &form * &at.columns
-            });
-            largest(&bulk, &sum)
+            let forms: Option<Vec<DMatrix<f64>>> = laws.iter().map(|law| law.lost(closed)).collect();
+            largest(&bulk, &sum(forms?))
         };
         let bound = gamma * [true, false].into_iter().filter_map(lost).fold(0.0, f64::max);
-        // of a form without weights the formula says the same with less rounding
+        // the formula says the same with less rounding, where nothing cancels (theta = -1) with none
         let usual = (1.0 + theta).powi(2) / 4.0 * trace;
-        let bound = if (bound - usual).abs() <= SAME * usual { usual } else { bound };
+        let summed = (1.0 + theta.abs()).powi(2) / 4.0 * trace;
+        let bound = if (bound - usual).abs() <= SAME * summed { usual } else { bound };
         Some([gamma, theta, trace, bound])
     }
 
-    /// The tangent of the facet terms by slots: of the contact term where it is closed and sticks, if `closed`, and of the
-    /// linear terms, in double-double arithmetic.
-    fn slots(&self, place: Place, closed: bool) -> Vec<((BasisSlot, BasisSlot), Dd)> {
+    /// The tangent at a point of a facet by slots: of the linear terms there, and of the contact term where it is closed and
+    /// sticks, in double-double arithmetic.
+    fn slots(&self, place: Place, point: usize, at: FieldValues<'_>) -> [Vec<Entry>; 2] {
         let p = self.term;
         let mut tied = p.open();
         p.stick_all(&mut tied);
-        let mut current = self.zero.current.to_vec();
-        current[p.field] = &tied;
-        let values = FieldValues { current: &current, ..self.zero };
+        let mut current = at.current.to_vec();
+        tied.stand_in(p.field, &mut current);
+        let values = FieldValues { current: &current, ..at };
         let facet = p.sampled.domain.groups[place.0].here.facets[place.1];
-        let linear = self.system.terms.iter().filter(|t| t.law.class == Class::Linear && !t.on_cells());
-        let mut found = Vec::new();
-        for term in linear.chain(closed.then(|| p.form(self.system))) {
+        let of = |term: &AssembledTerm| -> Vec<Entry> {
             let groups = term.integrator.domain.groups.iter().enumerate();
             let at = |(g, group): (usize, &Group)| Some((g, group.here.facets.iter().position(|f| *f == facet)?));
-            let Some((g, entity)) = groups.filter(|(_, group)| !group.is_global).find_map(at) else { continue };
+            let found = groups.filter(|(_, group)| !group.is_global && point < group.n_points()).find_map(at);
+            let Some((g, entity)) = found else { return Vec::new() };
             let (domain, binding) = (&term.integrator.domain, &term.integrator.binding);
             let mut workspace = Workspace::default();
             workspace.prepare(Bound { mesh: &self.system.mesh, domain, binding }, g, entity / LANES, values);
             let law = &term.law;
-            let input = |s: usize| Dd::from_f64(workspace.inputs[s * LANES + entity % LANES]);
-            let inputs: Vec<Dd> = (0..law.inputs.len()).map(input).collect();
+            let n = law.inputs.len();
+            let input = |s: usize| Dd::from_f64(workspace.inputs[(point * n + s) * LANES + entity % LANES]);
+            let inputs: Vec<Dd> = (0..n).map(input).collect();
             let uniforms: Vec<Dd> = term.uniforms().iter().map(|x| Dd::from_f64(*x)).collect();
             let mut out = vec![Dd::ZERO; law.tangent.kernel().outputs.len()];
             interpret(&law.tangent, &uniforms, &inputs, &mut Vec::new(), &mut out);
             let entries = law.entries.iter().zip(&out[law.tests.len()..]);
-            found.extend(entries.map(|((i, j), x)| ((law.tests[usize::from(*i)], law.trials[usize::from(*j)]), *x)));
+            entries.map(|((i, j), x)| ((law.tests[usize::from(*i)], law.trials[usize::from(*j)]), *x)).collect()
+        };
+        let linear = self.system.terms.iter().filter(|t| t.law.class == Class::Linear && !t.on_cells());
+        [linear.flat_map(of).collect(), of(p.form(self.system))]
+    }
+
+    /// The laws at the points of a facet.
+    fn laws(&self, place: Place) -> Vec<PointLaw> {
+        let n_points = self.term.sampled.domain.groups[place.0].n_points();
+        if !self.is_affine() {
+            let touching =
+                |point| self.touching(place, point).unwrap_or_else(|| self.law(place, point, self.zero).open());
+            return (0..n_points).map(touching).collect();
         }
-        found
+        // without a position in them they are one at all points
+        let terms = self.system.terms.iter().filter(|t| !t.on_cells());
+        let is_everywhere = |slot: &InputSlot| matches!(slot, InputSlot::Field(_) | InputSlot::Normal(..));
+        let facet = self.term.sampled.domain.groups[place.0].here.facets[place.1];
+        let is_plane = self.system.mesh.facet_map_order(facet) == 0;
+        if is_plane && terms.flat_map(|t| &t.law.inputs).all(is_everywhere) {
+            let first = self.law(place, 0, self.zero);
+            return vec![first; n_points];
+        }
+        (0..n_points).map(|point| self.law(place, point, self.zero)).collect()
+    }
+
+    fn law(&self, place: Place, point: usize, at: FieldValues<'_>) -> PointLaw {
+        PointLaw::new(self, &self.slots(place, point, at), &self.slopes(place, point, at))
+    }
+
+    /// True if the derivatives of the arguments are the same at all states.
+    fn is_affine(&self) -> bool {
+        let unknown = |slot: Option<&InputSlot>| match slot {
+            Some(InputSlot::Field(b)) => {
+                self.system.fields.get(b.field.index()).is_some_and(|f| f.kind == FieldKind::Unknown)
+            }
+            _ => false,
+        };
+        let inputs = &self.term.law.law.inputs;
+        self.term.slopes.inputs().all(|k| !unknown(inputs.get(k)))
+    }
+
+    /// The law at a point where the cell has moved, as a rigid body, until the sides touch there: a gap that is open, or
+    /// an overlap, times the derivative of a normal is no stress. `None` where no motion closes the gap.
+    fn touching(&self, place: Place, point: usize) -> Option<PointLaw> {
+        let (p, fields) = (self.term, &self.system.fields);
+        let half = p.projections.iter().find(|pr| pr.kind == ProjectionKind::HalfLine && pr.n == 1)?;
+        let copy = |list: &[&[f64]]| -> Vec<Vec<f64>> { list.iter().map(|values| values.to_vec()).collect() };
+        // the end of the previous step moves with it: there is no slip
+        let (mut moved, mut before) = (copy(self.zero.current), copy(self.zero.previous));
+        let mut size = 0.0f64;
+        for _ in 0..MOTIONS {
+            let [current, previous] = [&moved, &before].map(|list| list.iter().map(Vec::as_slice).collect::<Vec<_>>());
+            let at = FieldValues { current: &current, previous: &previous, ..self.zero };
+            let law = self.law(place, point, at);
+            let argument = self.argument(place, point, at, half.output);
+            let direction = law.motion(fields)?;
+            let slope: f64 = direction.iter().map(|(_, slope)| slope * slope).sum();
+            if !(slope > 0.0 && argument.is_finite()) {
+                return None;
+            }
+            size = size.max(argument.abs());
+            if argument.abs() <= TOUCHING * size {
+                return Some(law);
+            }
+            for (slot, along) in &direction {
+                let (k, n) = (slot.field.index(), fields[slot.field.index()].n_components);
+                for list in [&mut moved, &mut before] {
+                    let own = list.get_mut(k).into_iter().flatten().skip(usize::from(slot.entry)).step_by(n);
+                    own.for_each(|x| *x -= argument * along / slope);
+                }
+            }
+        }
+        None
+    }
+
+    /// The argument of a projection at a point.
+    fn argument(&self, place: Place, point: usize, at: FieldValues<'_>, output: usize) -> f64 {
+        let (g, entity) = place;
+        let p = self.term;
+        let mut workspace = Workspace::default();
+        workspace.prepare(self.bound(), g, entity / LANES, at);
+        let mut out = vec![0.0; p.n_outputs()];
+        let inputs = p.point_inputs(&workspace, point, entity % LANES);
+        interpret(&p.law.law.kernel, p.law.uniforms(), &inputs, &mut Vec::new(), &mut out);
+        out[output]
     }
 
     /// The gradients that the arguments of the projections change with.
@@ -232,50 +338,10 @@ impl Probe<'_> {
         slots.collect::<BTreeSet<_>>().into_iter().collect()
     }
 
-    /// What gradients take of the form at most: N of the module.
-    fn lost(&self, place: Place, closed: bool) -> Option<DMatrix<f64>> {
-        let entries = self.slots(place, closed);
-        let gradients = self.gradient_slots();
-        let mut values: Vec<BasisSlot> = Vec::new();
-        for ((a, b), _) in &entries {
-            values.extend([a, b].into_iter().filter(|s| s.op == FieldOp::Value));
-        }
-        values.sort_unstable();
-        values.dedup();
-        let (n, m) = (values.len(), gradients.len());
-        let (mut stiffness, mut mixed, mut own) = (DMatrix::zeros(n, n), DMatrix::zeros(n, m), DMatrix::zeros(m, m));
-        let value = |s: &BasisSlot| values.iter().position(|v| v == s);
-        let gradient = |s: &BasisSlot| gradients.iter().position(|g| g == s);
-        for ((a, b), x) in &entries {
-            let x = (*x).to_f64();
-            match (value(a), value(b), gradient(a), gradient(b)) {
-                (Some(i), Some(j), ..) => {
-                    stiffness[(i, j)] += 0.5 * x;
-                    stiffness[(j, i)] += 0.5 * x;
-                }
-                (Some(i), _, _, Some(j)) | (_, Some(i), Some(j), _) => mixed[(i, j)] += x,
-                (_, _, Some(i), Some(j)) => {
-                    own[(i, j)] += 0.5 * x;
-                    own[(j, i)] += 0.5 * x;
-                }
-                _ => {}
-            }
-        }
-        if n == 0 {
-            return Some(-own);
-        }
-        if [&stiffness, &mixed, &own].into_iter().flatten().any(|x| !x.is_finite()) {
-            return None;
-        }
-        let size = stiffness.amax();
-        let inverse = if size > 0.0 { stiffness.pseudo_inverse(SAME * size).ok()? } else { stiffness };
-        Some(0.25 * mixed.transpose() * inverse * &mixed - own)
-    }
-
     /// What is tested with gradients in parts of how forces depend on them. The derivatives are multiplied out in
     /// double-double arithmetic, so that a number of the scene comes out as it is written.
     fn theta(&self, place: Place) -> Option<f64> {
-        let entries = self.slots(place, true);
+        let entries = self.slots(place, 0, self.zero).concat();
         let (mut product, mut square) = (Dd::ZERO, Dd::ZERO);
         for ((a, b), force) in entries.iter().filter(|((a, b), _)| a.op == FieldOp::Value && b.op != FieldOp::Value) {
             for (_, facing) in entries.iter().filter(|(pair, _)| *pair == (*b, *a)) {
@@ -302,17 +368,6 @@ impl Probe<'_> {
         let mut sum = DMatrix::zeros(dofs.len(), dofs.len());
         blocks.iter().for_each(|(local, values)| add(&mut sum, &dofs, local, values));
         (dofs, sum)
-    }
-
-    /// The form `|s(v)|^2` on the facet over these dofs, and the gradients at its points.
-    fn traction(&self, place: Place, dofs: &[u32]) -> (DMatrix<f64>, Vec<Gradients>) {
-        let gradients = self.gradients(place, dofs);
-        let mut form = DMatrix::zeros(dofs.len(), dofs.len());
-        for (at, slopes) in gradients.iter().zip(self.stress_slopes(place)) {
-            let stresses = slopes * &at.columns;
-            form += at.weight * stresses.tr_mul(&stresses);
-        }
-        (form, gradients)
     }
 
     /// The gradients that a unit of each dof makes at the points of a facet.
@@ -345,52 +400,18 @@ impl Probe<'_> {
         found
     }
 
-    /// At each point of a facet: the derivatives of the arguments of all projections with respect to the gradients, the
-    /// whole traction: along the normal from half lines, across it from balls.
-    fn stress_slopes(&self, place: Place) -> Vec<DMatrix<f64>> {
-        let gradients = self.gradient_slots();
-        let first = |projection: usize| self.term.projections[..projection].iter().map(|p| p.n).sum::<usize>();
-        let n = first(self.term.projections.len());
-        let of = |slopes: Vec<f64>| {
-            let mut found = DMatrix::zeros(n, gradients.len());
-            for (slope, x) in self.term.slopes.list().iter().zip(slopes) {
-                if let Some(column) = gradients.iter().position(|g| *g == slope.slot) {
-                    found[(first(slope.projection) + slope.entry, column)] = x;
-                }
-            }
-            found
-        };
-        self.slopes(place).into_iter().map(of).collect()
-    }
-
-    /// The derivatives of the arguments at the points of a facet.
-    fn slopes(&self, place: Place) -> Vec<Vec<f64>> {
+    /// The derivatives of the arguments at a point of a facet.
+    fn slopes(&self, place: Place, point: usize, at: FieldValues<'_>) -> Vec<f64> {
         let (g, entity) = place;
         let p = self.term;
         let mut workspace = Workspace::default();
-        workspace.prepare(self.bound(), g, entity / LANES, self.zero);
-        let n_points = p.sampled.domain.groups[g].n_points();
-        (0..n_points).map(|q| p.slopes.at_point(&p.point_inputs(&workspace, q, entity % LANES))).collect()
+        workspace.prepare(self.bound(), g, entity / LANES, at);
+        p.slopes.at_point(&p.point_inputs(&workspace, point, entity % LANES))
     }
 
     fn bound(&self) -> Bound<'_> {
         let sampled = &self.term.sampled;
         Bound { mesh: &self.system.mesh, domain: &sampled.domain, binding: &sampled.binding }
-    }
-
-    /// The slope of the first half line in the displacement of one side.
-    fn slope(&self, place: Place) -> Option<f64> {
-        let p = self.term;
-        let half = p.projections.iter().position(|pr| pr.kind == ProjectionKind::HalfLine && pr.n == 1)?;
-        let slopes = self.slopes(place).into_iter().next()?;
-        let mut sides: BTreeMap<(FieldId, Side), f64> = BTreeMap::new();
-        for (at, ArgumentSlope { slot, .. }) in p.slopes.of_projection(half) {
-            if is_displacement(&self.system.fields, slot) {
-                let total = sides.entry((slot.field, slot.side)).or_default();
-                *total = total.hypot(slopes[at]);
-            }
-        }
-        sides.into_values().max_by(f64::total_cmp).filter(|s| *s > 0.0)
     }
 }
 
@@ -450,5 +471,28 @@ mod tests {
         let value = largest(&spring, &force).expect("a positive one");
         assert!((value - 3.0).abs() < 1e-13);
         assert_eq!(largest(&spring, &-force), None);
+    }
+
+    #[test]
+    fn a_form_that_the_bulk_does_not_bound_has_no_eigenvalue() {
+        let spring = DMatrix::from_row_slice(2, 2, &[3.0, -3.0, -3.0, 3.0]);
+        assert_eq!(largest(&spring, &DMatrix::from_element(2, 2, f64::NAN)), None);
+        assert_eq!(largest(&DMatrix::zeros(2, 2), &spring), None, "all motions are rigid");
+    }
+
+    #[test]
+    fn local_entries_of_cells_add_where_both_dofs_are_known() {
+        let mut sum = DMatrix::zeros(2, 2);
+        add(&mut sum, &[3, 8], &[8, 5, 3], &[1.0, 9.0, 2.0, 9.0, 9.0, 9.0, 4.0, 9.0, 8.0]);
+        add(&mut sum, &[3, 8], &[3], &[0.5]);
+        assert_eq!(sum, DMatrix::from_row_slice(2, 2, &[8.5, 4.0, 2.0, 1.0]));
+    }
+
+    #[test]
+    fn a_parameter_is_safe_from_its_bound_on() {
+        let with = |gamma: f64| Coercivity { term: String::new(), gamma, theta: 1.0, trace: 3.0, bound: 2.0 };
+        assert!(with(2.0).is_safe() && with(2.0 * (1.0 - 1e-10)).is_safe() && !with(1.99).is_safe());
+        assert_eq!(with(1.0).usual(), 4.0);
+        assert!(with(1.0).is_usual() && !with(1e-6).is_usual() && !with(1e7).is_usual());
     }
 }

@@ -4,18 +4,24 @@
 //! has one (the stress of Nitsche's, the multiplier of an augmentation). With gradients and multipliers set to zero the
 //! first part remains, and gamma is its slope in the displacement. So penetration, motion at points that stick and
 //! tractions outside the cone are known without knowing the method. Lengths are exact for normals along an axis, and
-//! too large by at most the root of the dimension otherwise, because the slope is that of one component.
+//! too large by at most the root of the dimension otherwise, because the slope is that of one component. A second look
+//! (`careful.rs`) sees laws that this is not true of.
 
 use std::collections::BTreeMap;
 
 use wfl_compiler::{
-    ProjectionKind, interpret_lanes,
+    Projection, ProjectionKind, interpret_lanes,
     ir::LANES,
-    types::{FieldKind, FieldOp, InputSlot},
+    types::{BasisSlot, FieldKind, FieldOp, InputSlot},
 };
 
-use super::{Contact, ContactTerm, slopes::is_displacement};
-use wfl_discrete::assemble::{Bound, FieldValues, Workspace};
+use super::{
+    Contact, ContactTerm,
+    alternation::{Alternation, PointGraph},
+    careful::{Careful, gap_of},
+    slopes::{is_displacement, is_traction},
+};
+use wfl_discrete::assemble::{AssembledTerm, Bound, FieldValues, Workspace};
 use wfl_discrete::field::Field;
 use wfl_discrete::system::System;
 use wfl_host::team::Team;
@@ -38,6 +44,14 @@ pub struct ContactGaps {
     pub driven: Option<f64>,
     /// The faces on which the sides press on each other.
     pub pressed: PressedFaces,
+    /// At some points the law has a normal of its own that turns with the bodies: there neither gaps nor tractions are
+    /// known; found by a careful look alone.
+    pub turns: bool,
+    /// Pressures that alternate from point to point.
+    pub alternates: Option<Alternation>,
+    /// Overlap and sliding of points that stick (length) where the law is that of an elastic joint, which are neither; found
+    /// by a careful look alone.
+    pub strained: [f64; 2],
 }
 
 /// Faces by how many of their points press.
@@ -67,12 +81,30 @@ impl PressedFaces {
     }
 }
 
+/// How contact is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// As if every law were one of contact without initial stresses, with the normal of the mesh.
+    Quick,
+    /// Careful: sees cohesion, initial stresses and normals that turn with the bodies. Costs several times as much.
+    Careful,
+}
+
 /// Work below this part of what it is if every component of a force resists has no sign.
 const SIGNLESS: f64 = 1e-6;
 /// The factor on friction of the law as it is written.
 const AS_WRITTEN: f64 = 1.0;
+/// A point slides if more than this part of its slip is beyond the friction bound.
+const MOSTLY: f64 = 0.5;
+/// A traction along the face may leave the cone by this part of the pressure: it is made of the same stresses, which a mesh
+/// of few faces a zone of contact has to a tenth. Beside a small friction bound that is much.
+const BETWEEN: f64 = 0.1;
+/// Roundoff of a difference of displacements and of the stresses beside it, in parts of the largest displacement.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// A motion below this part of the largest displacement has no direction, and an overlap that the law resists is none.
 const STILL: f64 = 1e-9;
+/// Overlap, or sliding of points that stick, beyond this part of the largest displacement may be that of an elastic joint.
+const STRAINED: f64 = 0.1;
 
 /// An integral, and the part of it that is looked for.
 #[derive(Clone, Copy, Default)]
@@ -99,6 +131,7 @@ struct Violations {
     moved: f64,
     penetration: f64,
     drift: f64,
+    strained: [f64; 2],
     pulled: Share,
     driven: Share,
     cone: Share,
@@ -111,14 +144,20 @@ struct Point<'a> {
     gap: &'a [f64],
     slope: f64,
     weight: f64,
+    /// Without gradients the law has another normal: gap and traction are not known apart.
+    turns: bool,
+    /// What a mesh may leave of a traction along the face (in the unit of the argument).
+    left: f64,
 }
 
 impl Violations {
     /// From the points that this rank has counted to those of all ranks.
     fn of_all(&mut self, team: &dyn Team) {
-        let mut sizes = [self.penetration, self.drift];
+        let [overlaps, slips] = self.strained;
+        let mut sizes = [self.penetration, self.drift, overlaps, slips];
         team.max(&mut sizes);
-        [self.penetration, self.drift] = sizes;
+        let [penetration, drift, overlaps, slips] = sizes;
+        (self.penetration, self.drift, self.strained) = (penetration, drift, [overlaps, slips]);
         let parts = [&mut self.pulled, &mut self.driven, &mut self.cone];
         let mut sums: Vec<f64> = parts.iter().flat_map(|share| [share.part, share.whole]).collect();
         team.sum(&mut sums);
@@ -128,18 +167,43 @@ impl Violations {
             .for_each(|(share, [part, whole])| *share = Share { part: *part, whole: *whole });
     }
 
+    /// Ends a point: its overlap, and its sliding if it sticks.
+    fn take_lengths(&mut self) -> [f64; 2] {
+        [&mut self.penetration, &mut self.drift].map(std::mem::take)
+    }
+
+    /// Takes in what [`Self::take_lengths`] gave at the points; `is_elastic` where the law is that of an elastic joint.
+    fn add_lengths(&mut self, lengths: &[[f64; 2]], is_elastic: &[bool]) {
+        for (point, [overlap, slip]) in lengths.iter().enumerate() {
+            if is_elastic.get(point) == Some(&true) {
+                self.strained = [self.strained[0].max(*overlap), self.strained[1].max(*slip)];
+            } else {
+                (self.penetration, self.drift) = (self.penetration.max(*overlap), self.drift.max(*slip));
+            }
+        }
+    }
+
     fn add_normal(&mut self, at: &Point<'_>, presses: bool, pulls: impl FnOnce() -> bool) {
-        self.penetration = at.gap.iter().fold(self.penetration, |m, g| m.max(g / at.slope));
+        if !at.turns {
+            self.penetration = at.gap.iter().fold(self.penetration, |m, g| m.max(g / at.slope));
+        }
         if presses {
             self.pulled.add(at.weight, pulls());
         }
     }
 
     fn add_tangential(&mut self, at: &Point<'_>, radius: f64, drives: impl FnOnce(&[f64]) -> bool) {
-        if radius <= 0.0 {
+        // of sides that move as one the argument is what rounding leaves of the motion, and so is the bound
+        if radius <= ROUNDING * self.moved * at.slope {
             return;
         }
-        let slips = norm(at.x) > radius && norm(at.gap) > STILL * self.moved * at.slope;
+        if at.turns {
+            self.driven.add(at.weight, drives(at.x));
+            return;
+        }
+        // where most of the slip is elastic its direction is that of an error of the mesh, as at a point that has stopped
+        let slides = norm(at.x) - radius > MOSTLY * norm(at.gap);
+        let slips = slides && norm(at.gap) > STILL * self.moved * at.slope;
         if norm(at.x) <= radius {
             self.drift = self.drift.max(norm(at.gap) / at.slope);
         }
@@ -147,7 +211,7 @@ impl Violations {
         self.driven.add(at.weight, drives(if slips { at.gap } else { at.x }));
         let traction = norm(&at.x.iter().zip(at.gap).map(|(x, g)| x - g).collect::<Vec<f64>>());
         self.cone.whole += at.weight * traction.max(radius);
-        self.cone.part += at.weight * (traction - radius).max(0.0);
+        self.cone.part += at.weight * (traction - radius - at.left).max(0.0);
     }
 }
 
@@ -190,53 +254,66 @@ struct Motion {
 }
 
 /// What each contact law leaves of gaps and friction cones at `u`, whose largest displacement is `moved`, with the name
-/// of its term. A law that moves nothing itself is left out beside one that does, and so are laws on cells.
+/// of its term. A law that moves nothing itself is left out beside one that does, and so are laws on cells, and laws that
+/// push nothing ([`ContactTerm::pushes`]).
 #[must_use]
-pub fn contact_gaps<'a>(system: &'a System, contact: &Contact, u: &[f64], moved: f64) -> Vec<(&'a str, ContactGaps)> {
+pub fn contact_gaps<'a>(
+    system: &'a System,
+    contact: &Contact,
+    u: &[f64],
+    moved: f64,
+    look: Look,
+) -> Vec<(&'a str, ContactGaps)> {
     let values = system.values_with(u, contact.active_set());
     let some_act = contact.terms().iter().any(|term| term.acts_on_displacements(system));
-    let counts = |t: &&ContactTerm| !t.on_cells() && (!some_act || t.acts_on_displacements(system));
-    let of = |t: &ContactTerm| (system.terms[t.term].law.name.as_str(), t.gaps(system, values.view(), moved));
+    let counts =
+        |t: &&ContactTerm| !t.on_cells() && if some_act { t.acts_on_displacements(system) } else { t.pushes(system) };
+    let still = vec![0.0; if look == Look::Careful { u.len() } else { 0 }];
+    let of = |t: &ContactTerm| {
+        let data = t.as_written_near(system, values.view(), AS_WRITTEN);
+        let mut current: Vec<&[f64]> = values.current.clone();
+        data.stand_in(t.field, &mut current);
+        let written = FieldValues { current: &current, ..values.view() };
+        let careful = (look == Look::Careful).then(|| {
+            let rest = system.values_with(&still, contact.active_set());
+            t.look(system, written, rest.view())
+        });
+        (system.terms[t.term].law.name.as_str(), t.gaps(system, written, moved, careful.as_ref()))
+    };
     contact.terms().iter().filter(counts).map(of).collect()
 }
 
 impl ContactTerm {
-    /// The violations at a state whose largest displacement is `moved`; `values` has room for the branch data.
-    fn gaps(&self, system: &System, values: FieldValues<'_>, moved: f64) -> ContactGaps {
-        let mesh = &system.mesh;
-        let data = self.as_written(system, values, AS_WRITTEN);
-        let mut current: Vec<&[f64]> = values.current.to_vec();
-        current[self.field] = &data;
-        let values = FieldValues { current: &current, ..values };
+    /// The violations at a state whose largest displacement is `moved`; `values` has the branches of the law as written.
+    fn gaps(&self, system: &System, values: FieldValues<'_>, moved: f64, careful: Option<&Careful>) -> ContactGaps {
         let largest = self.largest_slopes(system, values);
-        let mut fluxes = Vec::new();
-        let term = &system.terms[self.term];
-        term.for_each_flux(mesh, values, |flux, weight| fluxes.push((flux.to_vec(), weight)));
-        let mut fluxes = fluxes.iter();
+        let fluxes = self.own_fluxes(system, values, careful);
         let motions = self.motions(system);
         let mut found = Violations { moved, ..Violations::default() };
         let mut faces = FaceCount::new(self.counted_faces());
-        let mut point = 0;
+        let (mut point, mut pressures) = (0, Vec::new());
+        let mut lengths = vec![[0.0; 2]; fluxes.len()];
         self.arguments(system, values, |full, gap, slopes| {
-            let Some((flux, weight)) = fluxes.next() else { return };
+            let Some((flux, weight)) = fluxes.get(point) else { return };
             point += 1;
+            pressures.push((self.pressure(full, &largest), weight.abs()));
             if !self.counts(point - 1) {
                 return;
             }
-            let mut presses = false;
-            let each = self.projections.iter().zip(&largest).zip(&motions);
-            for ((p, slope), motions) in each.filter(|((_, s), _)| **s > 0.0) {
+            let (mut presses, mut pressure) = (false, 0.0f64);
+            let turns = careful.is_some_and(|careful| careful.turns[point - 1]);
+            let each = self.projections.iter().enumerate().zip(&largest).zip(&motions);
+            for (((k, p), slope), motions) in each.filter(|((_, s), _)| **s > 0.0) {
                 let mut works_along = |direction: &[f64]| works_along(flux, motions, direction, &slopes());
-                let at = Point {
-                    x: &full[p.output..][..p.n],
-                    gap: &gap[p.output..][..p.n],
-                    slope: *slope,
-                    weight: weight.abs(),
-                };
+                let gap = gap_of(careful, point - 1, gap, p);
+                let x = &full[p.output..][..p.n];
+                let left = if careful.is_some() { BETWEEN * pressure } else { 0.0 };
+                let at = Point { x, gap: &gap, slope: *slope, weight: weight.abs(), turns, left };
                 match p.kind {
-                    // a part of a friction bound is no gap
-                    ProjectionKind::HalfLine if !p.acts => {}
+                    // a part of a friction bound is no gap, and what grows as the sides part is no contact
+                    ProjectionKind::HalfLine if !p.acts || careful.is_some_and(|careful| !careful.closes[k]) => {}
                     ProjectionKind::HalfLine => {
+                        pressure = pressure.max(if p.n == 1 { at.x[0] } else { 0.0 });
                         presses |= p.n == 1 && at.x[0] > STILL * moved * slope;
                         found.add_normal(&at, p.n == 1 && at.x[0] > 0.0, || works_along(&[1.0]));
                     }
@@ -246,17 +323,51 @@ impl ContactTerm {
                 }
             }
             faces.add_point(presses);
+            lengths[point - 1] = found.take_lengths();
         });
+        let is_doubtful = |[overlap, slip]: &[f64; 2]| careful.is_some() && overlap.max(*slip) > STRAINED * moved;
+        let doubtful: Vec<bool> = lengths.iter().map(is_doubtful).collect();
+        let scales = [moved, careful.map_or(0.0, |careful| careful.initial)];
+        found.add_lengths(&lengths, &self.elastic_joint(system, values, &doubtful, scales));
         let faces = faces.pressed.of_all(system.team());
         found.of_all(system.team());
         ContactGaps {
+            alternates: if faces.some > 0 { self.alternation(system, &pressures) } else { None },
             pressed: faces,
+            turns: !system.team().all(careful.is_none_or(|careful| !careful.turns.contains(&true))),
             penetration: found.penetration,
             drift: found.drift,
+            strained: found.strained,
             pulled: found.pulled.value(),
             driven: found.driven.value(),
             cone: found.cone.value().filter(|_| self.has_friction() && self.has_traction(&system.fields)),
         }
+    }
+
+    /// The forces of the term by test slot at every point, with its weight; to a careful look less what they are without its
+    /// projections.
+    fn own_fluxes(&self, system: &System, values: FieldValues<'_>, careful: Option<&Careful>) -> Vec<(Vec<f64>, f64)> {
+        let (mut fluxes, term) = (Vec::new(), &system.terms[self.term]);
+        term.for_each_flux(&system.mesh, values, |flux, weight| fluxes.push((flux.to_vec(), weight)));
+        if let Some(careful) = careful {
+            let own = fluxes.iter_mut().zip(&careful.open);
+            own.for_each(|((flux, _), open)| flux.iter_mut().zip(open).for_each(|(f, open)| *f -= open));
+        }
+        fluxes
+    }
+
+    /// The zigzag of the pressures at the points, each with its weight. Made by all ranks together.
+    fn alternation(&self, system: &System, pressures: &[(f64, f64)]) -> Option<Alternation> {
+        let graph = self.graph.get_or_init(|| PointGraph::new(&system.mesh, &self.sampled.domain));
+        graph.alternation(pressures, |point| self.counts(point), system.team())
+    }
+
+    /// What the first projection on a half line that acts gives at a point: the pressure.
+    fn pressure(&self, full: &[f64], slopes: &[f64]) -> f64 {
+        let acts = |(p, slope): &(&Projection, &f64)| {
+            p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts && **slope > 0.0
+        };
+        self.projections.iter().zip(slopes).find(acts).map_or(0.0, |(p, _)| full[p.output].max(0.0))
     }
 
     /// The numbers of points of the faces that this rank counts.
@@ -269,13 +380,36 @@ impl ContactTerm {
         })
     }
 
-    /// True if the force of a term acts on displacements, so that it can be judged by what it does to them.
+    /// True if the force of a term acts on displacements, so that it can be judged by what it does to them. Where the
+    /// argument depends on vectors of the space, these are the displacements: a heat that flows across a pressed face acts
+    /// on a temperature that strains the bodies, too.
     fn acts_on_displacements(&self, system: &System) -> bool {
-        let tests = &system.terms[self.term].law.tests;
-        self.law.law.inputs.iter().any(|slot| match slot {
-            InputSlot::Field(b) => is_displacement(&system.fields, b) && tests.contains(b),
-            _ => false,
-        })
+        let (dim, tests) = (system.mesh.dim(), &system.terms[self.term].law.tests);
+        let moves = self.law.law.inputs.iter().filter_map(|slot| match slot {
+            InputSlot::Field(b) if is_displacement(&system.fields, b) => Some(b),
+            _ => None,
+        });
+        let is_vector = |b: &&BasisSlot| system.fields[b.field.index()].n_components == dim;
+        let vectors = moves.clone().any(|b| is_vector(&b));
+        moves.filter(|b| !vectors || is_vector(b)).any(|b| tests.contains(b))
+    }
+
+    /// True if the law is one of contact: its force acts on displacements that it reads, or it is the equation of a
+    /// multiplier, of a field that is tested with values on faces alone. The aperture of a flow along a fault pushes
+    /// nothing: its term is tested with gradients of the pressure.
+    #[must_use]
+    pub fn pushes(&self, system: &System) -> bool {
+        if self.acts_on_displacements(system) {
+            return true;
+        }
+        let is_multiplier = |f: usize| {
+            let mut all = system.terms.iter().filter(|t| t.law.tests.iter().any(|s| s.field.index() == f));
+            let alone = |t: &AssembledTerm| {
+                !t.on_cells() && t.law.tests.iter().all(|s| s.field.index() != f || s.op == FieldOp::Value)
+            };
+            system.fields[f].kind == FieldKind::Multiplier || all.all(alone)
+        };
+        system.terms[self.term].law.tests.iter().any(|slot| is_multiplier(slot.field.index()))
     }
 
     /// True if the projections read more than displacements: gradients or multipliers.
@@ -364,17 +498,10 @@ fn works_along(flux: &[f64], motions: &[Motion], direction: &[f64], slopes: &[f6
     resisted < -SIGNLESS * size
 }
 
-/// True for what is no displacement: a gradient or a multiplier of the scene.
-pub(super) fn is_traction(fields: &[Field], slot: &InputSlot) -> bool {
-    match slot {
-        InputSlot::Field(b) if b.field.index() < fields.len() => {
-            b.op != FieldOp::Value || fields[b.field.index()].kind == FieldKind::Multiplier
-        }
-        _ => false,
-    }
-}
-
 /// The length of a vector, without overflow.
 fn norm(v: &[f64]) -> f64 {
     v.iter().fold(0.0f64, |m, x| m.hypot(*x))
 }
+
+#[cfg(test)]
+mod tests;

@@ -84,11 +84,11 @@ fn closed(system: &System, contact: &Contact, u: &[f64], friction: Friction) -> 
         term.stick_all(&mut data);
         if friction == Friction::Slips {
             let mut current = values.current.clone();
-            current[term.field] = &data;
+            data.stand_in(term.field, &mut current);
             let state = term.read(&system.mesh, FieldValues { current: &current, ..values.view() });
             term.slide_all(&state, &mut data);
         }
         found.push(data);
     }
-    ActiveSet { branch_data: found }
+    ActiveSet { terms: found }
 }

@@ -1,22 +1,47 @@
-//! The work of friction from one state to the next: what it takes from the motion, or gives back to it.
+//! Friction from step to step: the energy that it takes, and whether a law keeps the points where its sides stick.
 //!
-//! At a point the forces of a term with a ball projection do the work f.J+ J du on the change du of the displacements of
-//! both sides, J the slope of the argument of the ball in them: the part of the work that is done along the face. Friction
-//! resists, so that this is not negative. A law on the total slip knows no way back: when loads go down, it drives the
-//! slip it allowed back to nothing, and gives the energy back that it had taken.
+//! At a point the argument x of the ball has the slip that the law sees, and what is beyond the ball, x - P(x), is what
+//! slides: over the slope of the argument in the displacements, the slip of return mapping. A law with a memory (a state, or
+//! the change since the last step) begins each step at rest, so that this is the slip of the step, obstacles that move
+//! included. A law on the total slip begins at what it had at the end of the last step. The work is the force of the term on
+//! the displacements times that slip. Friction resists, so that it is not negative; a law on the total slip knows no way
+//! back: when loads go down, it drives the slip it allowed back to nothing, and gives the energy back that it had taken.
 //!
-//! Counted are points that slide at the end, and those that slid before and are held now. Points that stick all the time
-//! are elastic in a penalty method, and give back what they have stored. Does not judge.
+//! At a point that sticks nothing slides; what its argument has left is elastic. The next step has to find the same
+//! argument there: with the past renewed and nothing moved ([`Rest`]). A law that finds none forgets the point where its
+//! sides stick, and they creep ([`Creep`]).
+//!
+//! Promises: nothing counts that the law itself does not see, whatever else moves. Does not judge the work.
 
-use nalgebra::{DMatrix, DVector};
-use wfl_compiler::{Projection, ProjectionKind, interpret_lanes, ir::LANES, types::InputSlot};
+use std::collections::BTreeSet;
 
-use super::{Contact, ContactTerm, slopes::is_displacement};
-use wfl_discrete::assemble::{Bound, FieldValues, Workspace};
-use wfl_discrete::system::System;
+use nalgebra::DVector;
+use wfl_compiler::{
+    Projection, ProjectionKind,
+    types::{BasisSlot, FieldKind, InputSlot},
+};
+
+use super::{
+    Contact, ContactTerm,
+    at_points::{Motions, Point},
+    creep::{Creep, Lost, Sticking},
+    slopes::is_displacement,
+};
+use wfl_discrete::{
+    assemble::FieldValues,
+    rates::StepAt,
+    system::{System, TermBranches},
+    value::uniforms_at,
+};
 
 /// The factor on friction of the law as it is written.
 const AS_WRITTEN: f64 = 1.0;
+/// A law is one of increments if its argument changes by less than this part when past and present move together, and it
+/// forgets a point if less than this part of the slip there is left when the past is renewed: rounding.
+const NOTHING: f64 = 1e-6;
+/// A force whose work is below this part of its size times the way is across the way: the way is the inverse of slopes, known
+/// to some hundred roundoffs.
+const ACROSS: f64 = 1e-13;
 
 /// Energies of friction (force times length).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,116 +54,457 @@ pub struct FrictionWork {
     pub bound: f64,
 }
 
-/// A point at one state.
-pub(super) struct Point {
-    /// What the law of the projections reads.
-    pub(super) inputs: Vec<f64>,
-    /// What it gives.
-    pub(super) outputs: Vec<f64>,
+impl FrictionWork {
+    /// The sum with that of a later part of a step.
+    #[must_use]
+    pub fn and(self, later: Self) -> Self {
+        Self { taken: self.taken + later.taken, size: self.size + later.size, bound: self.bound.max(later.bound) }
+    }
 }
 
-/// The work of friction from the state `before` to `u`, of all terms; `None` for a scene without friction.
-#[must_use]
-pub fn friction_work(system: &System, contact: &Contact, before: &[f64], u: &[f64]) -> Option<FrictionWork> {
-    let (now, then) = (system.values_with(u, contact.active_set()), system.values_with(before, contact.active_set()));
-    let of = |term: &ContactTerm| term.friction_work(system, now.view(), then.view());
-    let all: Vec<FrictionWork> = contact.terms().iter().filter_map(of).collect();
-    let sum = |part: fn(&FrictionWork) -> f64| all.iter().map(part).sum();
-    (!all.is_empty()).then(|| FrictionWork { taken: sum(|w| w.taken), size: sum(|w| w.size), bound: sum(|w| w.bound) })
+/// What friction remembers from one step to the next, by contact term; empty for one without friction.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrictionMemory {
+    /// What a law calls slip at the end of the last step: the entries of its argument beyond the ball, point after point.
+    pub slid: Vec<Vec<f64>>,
+    /// The slip that points which stick have lost, three numbers a point (length).
+    pub lost: Vec<Vec<f64>>,
 }
 
-impl ContactTerm {
-    /// The work of friction from the state `before` to `now`; both have room for the branch data of this term. `None`
-    /// for a term without friction.
-    fn friction_work(&self, system: &System, now: FieldValues<'_>, before: FieldValues<'_>) -> Option<FrictionWork> {
+/// What friction did in a step, or in a part of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrictionStep {
+    /// What it took.
+    pub work: FrictionWork,
+    /// What the worst of the terms that forget where points stick has lost.
+    pub creep: Option<Creep>,
+}
+
+/// The next values of states, by field.
+pub type NextStates<'a> = [(usize, &'a [f64])];
+
+impl FrictionMemory {
+    /// What friction did from the state that this remembers to `u`, whose states become `next`; `None` for a scene without
+    /// friction on displacements. Remembers the new state.
+    pub fn pass(
+        &mut self,
+        system: &System,
+        contact: &Contact,
+        u: &[f64],
+        next: &NextStates<'_>,
+    ) -> Option<FrictionStep> {
+        let n_terms = contact.terms().len();
+        let is_first = self.slid.is_empty();
+        self.slid.resize(n_terms, Vec::new());
+        self.lost.resize(n_terms, Vec::new());
+        let values = system.values_with(u, contact.active_set());
+        let mut step: Option<FrictionStep> = None;
+        for ((term, slid), lost) in contact.terms().iter().zip(&mut self.slid).zip(&mut self.lost) {
+            let Some(pass) = Pass::new(term, system, values.view(), next) else { continue };
+            let slips = pass.slips(if is_first { &[] } else { slid });
+            let own = FrictionStep { work: pass.work(&slips), creep: pass.creep(lost) };
+            *slid = pass.at_rest();
+            let all = step.get_or_insert_with(FrictionStep::default);
+            all.work = all.work.and(own.work);
+            all.creep = Creep::worse(all.creep.take(), own.creep);
+        }
+        step
+    }
+
+    /// True if it belongs to these laws.
+    #[must_use]
+    pub fn fits(&self, contact: &Contact) -> bool {
+        self.slid.len() == self.lost.len() && (self.slid.is_empty() || self.slid.len() == contact.terms().len())
+    }
+}
+
+/// A state after which nothing moves any more: the past is what was the present, states have their next values, and no
+/// time goes by.
+struct Rest {
+    points: Vec<Point>,
+    uniforms: Vec<f64>,
+}
+
+/// A term with friction at a state.
+struct Pass<'a> {
+    term: &'a ContactTerm,
+    system: &'a System,
+    values: FieldValues<'a>,
+    /// The ball and its position among the projections.
+    ball: &'a Projection,
+    position: usize,
+    points: Vec<Point>,
+    /// `None` for a law that reads no past: it finds what it has left.
+    rest: Option<Rest>,
+}
+
+impl<'a> Pass<'a> {
+    /// `None` for a term without friction, or whose force acts on no displacement that its friction depends on: the law of
+    /// a multiplier, whose force stands in another term.
+    fn new(term: &'a ContactTerm, system: &'a System, values: FieldValues<'a>, next: &NextStates<'_>) -> Option<Self> {
         let is_friction = |p: &Projection| p.kind == ProjectionKind::Ball && p.acts;
-        let (position, ball) = self.projections.iter().enumerate().find(|(_, p)| is_friction(p))?;
-        if self.on_cells() {
+        let (position, ball) = term.projections.iter().enumerate().find(|(_, p)| is_friction(p))?;
+        if term.on_cells() || !term.moves_something(system) {
             return None;
         }
-        let (mesh, fields, term) = (&system.mesh, &system.fields, &system.terms[self.term]);
-        let moves: Vec<(usize, usize)> = (self.law.law.inputs.iter().enumerate())
+        let data = term.as_written_near(system, values, AS_WRITTEN);
+        let points = term.points_on(system, values, &data, term.law.uniforms());
+        let rest = term.reads_past(system).then(|| term.rest(system, values, &data, next, ball));
+        Some(Self { term, system, values, ball, position, points, rest })
+    }
+
+    fn argument<'p>(&self, outputs: &'p [f64]) -> &'p [f64] {
+        &outputs[self.ball.output..][..self.ball.n]
+    }
+
+    fn radius(&self, point: usize) -> f64 {
+        self.points[point].outputs[self.ball.output + self.ball.n]
+    }
+
+    /// The argument at a point without tractions.
+    fn slip_of(&self, inputs: &[f64], uniforms: &[f64]) -> Vec<f64> {
+        let without = self.term.without_tractions(self.system, inputs);
+        self.argument(&self.term.outputs_of(&without, uniforms)).to_vec()
+    }
+
+    /// By point what slid in the step, in the measure of the argument; `before` what the law called slip before, empty where
+    /// nothing did.
+    fn slips(&self, before: &[f64]) -> Vec<Vec<f64>> {
+        let n = self.ball.n;
+        if self.takes_increments() {
+            // a law without a traction of its own has no elastic part: it retains nothing
+            let retains = self
+                .points
+                .iter()
+                .any(|p| self.slip_of(&p.inputs, self.term.law.uniforms()) != self.argument(&p.outputs));
+            let of = |k: usize| {
+                let x = self.argument(&self.points[k].outputs);
+                if retains { beyond(x, self.radius(k)) } else { x.to_vec() }
+            };
+            return (0..self.points.len()).map(of).collect();
+        }
+        let of = |k: usize| {
+            let mut slid = beyond(self.argument(&self.points[k].outputs), self.radius(k));
+            if let Some(before) = before.get(k * n..(k + 1) * n) {
+                slid.iter_mut().zip(before).for_each(|(s, b)| *s -= b);
+            }
+            slid
+        };
+        (0..self.points.len()).map(of).collect()
+    }
+
+    /// What the law calls slip at rest, point after point: what the next step begins with.
+    fn at_rest(&self) -> Vec<f64> {
+        let points = self.rest.as_ref().map_or(&self.points, |rest| &rest.points);
+        let of = |(k, point): (usize, &Point)| beyond(self.argument(&point.outputs), self.radius(k));
+        points.iter().enumerate().flat_map(of).collect()
+    }
+
+    /// True if the argument has the change of the displacements since the last step: what moves past and present alike does
+    /// not change it.
+    fn takes_increments(&self) -> bool {
+        let term = self.term;
+        let slots = &term.law.law.inputs;
+        let past: Vec<(usize, usize)> = (slots.iter().enumerate())
             .filter_map(|(s, slot)| match slot {
-                InputSlot::Field(b) if is_displacement(fields, b) => {
-                    Some((s, term.law.tests.iter().position(|t| t == b)?))
-                }
+                InputSlot::Previous(b) if is_displacement(&self.system.fields, b) => Some((s, term.present_of(b)?)),
                 _ => None,
             })
             .collect();
-        if moves.is_empty() {
-            // the law of a multiplier, whose force stands in another term
-            return None;
+        if past.is_empty() {
+            return false;
         }
-        let (ends, starts) = (self.points_at(system, now), self.points_at(system, before));
-        let slides = |point: &Point| {
-            let (x, r) = (&point.outputs[ball.output..][..ball.n], point.outputs[ball.output + ball.n]);
-            r > 0.0 && x.iter().fold(0.0f64, |m, x| m.hypot(*x)) > r
-        };
-        let (mut work, mut at, mut largest) = (FrictionWork::default(), 0, 0.0f64);
-        // the derivatives of the argument: where their value is found, row and column
-        let places: Vec<[usize; 3]> = (self.slopes.of_projection(position))
-            .filter_map(|(at, s)| {
-                let moved = |(input, _): &(usize, usize)| self.law.law.inputs[*input] == InputSlot::Field(s.slot);
-                Some([at, s.entry, moves.iter().position(moved)?])
-            })
-            .collect();
-        term.for_each_flux(mesh, now, |flux, weight| {
-            let (Some(end), Some(start)) = (ends.get(at), starts.get(at)) else { return };
-            at += 1;
-            if !self.counts(at - 1) || !(slides(end) || slides(start)) {
-                return;
-            }
-            let change =
-                DVector::from_iterator(moves.len(), moves.iter().map(|(s, _)| end.inputs[*s] - start.inputs[*s]));
-            let force = DVector::from_iterator(moves.len(), moves.iter().map(|(_, test)| flux[*test]));
-            let mut slope = DMatrix::zeros(ball.n, moves.len());
-            let slopes = self.slopes.at_point(&end.inputs);
-            places.iter().for_each(|[at, row, column]| slope[(*row, *column)] = slopes[*at]);
-            largest = moves.iter().fold(largest, |m, (s, _)| m.max(end.inputs[*s].abs()));
-            if slope.iter().any(|x| !x.is_finite()) {
-                return;
-            }
-            let Ok(inverse) = slope.clone().pseudo_inverse(1e-9 * slope.amax()) else { return };
-            let along = &inverse * (&slope * &change);
-            let own = &inverse * (&slope * &force);
-            work.taken += weight * own.dot(&along);
-            work.size += weight * own.norm() * along.norm();
-            work.bound += weight * end.outputs[ball.output + ball.n].max(start.outputs[ball.output + ball.n]).max(0.0);
-        });
-        let mut sums = [work.taken, work.size, work.bound];
-        system.team().sum(&mut sums);
-        let [taken, size, bound] = sums;
-        Some(FrictionWork { taken, size, bound: bound * system.team().largest(largest) })
+        let (mut change, mut size) = (0.0, 0.0);
+        for point in &self.points {
+            let Some(motions) = self.motions(point) else { continue };
+            let (mut moved, mut still) = (point.inputs.clone(), point.inputs.clone());
+            motions.inputs.iter().for_each(|s| still[*s] = 0.0);
+            past.iter().for_each(|(before, now)| (moved[*before], still[*before]) = (point.inputs[*now], still[*now]));
+            let [a, b] = [moved, still].map(|inputs| self.slip_of(&inputs, term.law.uniforms()));
+            change += a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum::<f64>();
+            let summands = motions.slope.row_iter().flat_map(|row| {
+                let summand = |(slope, s): (&f64, &usize)| (slope * point.inputs[*s]).abs();
+                row.iter().zip(&motions.inputs).map(summand).collect::<Vec<f64>>()
+            });
+            size += summands.sum::<f64>();
+        }
+        let mut sums = [change, size];
+        self.system.team().sum(&mut sums);
+        sums[0] <= NOTHING * sums[1]
     }
 
-    /// What the law reads and gives at every point, in the order of groups, entities and points.
-    pub(super) fn points_at(&self, system: &System, values: FieldValues<'_>) -> Vec<Point> {
-        let data = self.as_written(system, values, AS_WRITTEN);
-        let mut current: Vec<&[f64]> = values.current.to_vec();
-        current[self.field] = &data;
-        let values = FieldValues { current: &current, ..values };
-        let law = &self.law.law;
-        let (n_in, n_out) = (law.inputs.len(), law.kernel.kernel().outputs.len());
-        let bound = Bound { mesh: &system.mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
-        let (mut workspace, mut scratch, mut all) = (Workspace::default(), Vec::new(), Vec::new());
-        for (g, group) in self.sampled.domain.groups.iter().enumerate() {
-            for batch in 0..group.n_batches() {
-                workspace.prepare(bound, g, batch, values);
-                let inputs = workspace.inputs.as_chunks::<LANES>().0;
-                let mut outputs = vec![[0.0; LANES]; group.n_points() * n_out];
-                for q in 0..group.n_points() {
-                    let out = &mut outputs[q * n_out..][..n_out];
-                    interpret_lanes(&law.kernel, self.law.uniforms(), &inputs[q * n_in..], &mut scratch, out);
-                }
-                for lane in 0..LANES.min(group.entities.len() - batch * LANES) {
-                    let own = |all: &[[f64; LANES]]| all.iter().map(|values| values[lane]).collect();
-                    all.extend((0..group.n_points()).map(|q| Point {
-                        inputs: own(&inputs[q * n_in..][..n_in]),
-                        outputs: own(&outputs[q * n_out..][..n_out]),
-                    }));
-                }
+    fn motions(&self, point: &Point) -> Option<Motions> {
+        self.term.motions_at(self.system, self.position, self.ball.n, &point.inputs)
+    }
+
+    /// The work of the force on what slid.
+    fn work(&self, slips: &[Vec<f64>]) -> FrictionWork {
+        let (mut work, mut largest, mut at) = (FrictionWork::default(), 0.0f64, 0);
+        let term = &self.system.terms[self.term.term];
+        let slots = &self.term.law.law.inputs;
+        let test_of = |s: &usize| match &slots[*s] {
+            InputSlot::Field(b) => term.law.tests.iter().position(|t| t == b),
+            _ => None,
+        };
+        // of a fault under initial stress the force of the law is more than that of the term
+        let mut open = Vec::new();
+        if self.term.acts_when_open {
+            self.term.open_fluxes(self.system, self.values, |flux| open.push(flux));
+        }
+        term.for_each_flux(&self.system.mesh, self.values, |flux, weight| {
+            at += 1;
+            let (Some(point), Some(slid)) = (self.points.get(at - 1), slips.get(at - 1)) else { return };
+            if !self.term.counts(at - 1) || slid.iter().all(|x| *x == 0.0) {
+                return;
+            }
+            let Some(motions) = self.motions(point) else { return };
+            let along = &motions.inverse * DVector::from_column_slice(slid);
+            let beside = |test: usize| open.get(at - 1).map_or(0.0, |open: &Vec<f64>| open[test]);
+            let force = motions.inputs.iter().map(|s| test_of(s).map_or(0.0, |test| flux[test] - beside(test)));
+            let (mut power, mut forces) = (0.0, 0.0f64);
+            force.zip(&along).for_each(|(f, d)| (power, forces) = (power + f * d, forces.hypot(f)));
+            // a force across the slip: its part along it is what rounding leaves of the direction
+            if !power.is_finite() || power.abs() <= ACROSS * forces * along.norm() {
+                return;
+            }
+            largest = motions.inputs.iter().fold(largest, |m, s| m.max(point.inputs[*s].abs()));
+            work.taken += weight * power;
+            work.size += weight * power.abs();
+            work.bound += weight * self.radius(at - 1).max(0.0);
+        });
+        let mut sums = [work.taken, work.size, work.bound];
+        self.system.team().sum(&mut sums);
+        let [taken, size, bound] = sums;
+        FrictionWork { taken, size, bound: bound * self.system.team().largest(largest) }
+    }
+
+    /// Adds to what points that stick have lost, three numbers a point. `None` for a law that has lost nothing so far.
+    fn creep(&self, lost: &mut Vec<f64>) -> Option<Creep> {
+        // every rank has the law, so that all of them stay or go
+        let rest = self.rest.as_ref().filter(|_| !self.term.reads_rates())?;
+        lost.resize(3 * self.points.len(), 0.0);
+        let steps: Vec<Option<[f64; 3]>> = (0..self.points.len()).map(|k| self.lost_at(k, rest)).collect();
+        for (own, step) in lost.chunks_exact_mut(3).zip(&steps) {
+            match step {
+                Some(step) => own.iter_mut().zip(step).for_each(|(sum, x)| *sum += x),
+                // what opens sticks anew where it touches
+                None => own.fill(0.0),
             }
         }
-        all
+        let team = self.system.team();
+        if !team.any(lost.iter().any(|x| *x != 0.0)) {
+            return None;
+        }
+        let mut sum = Sticking::default();
+        let points = steps.iter().enumerate().zip(self.weights()).filter(|((k, _), _)| self.term.counts(*k));
+        for ((k, step), weight) in points.filter_map(|((k, step), weight)| Some(((k, (*step)?), weight))) {
+            let sticks = norm(self.argument(&self.points[k].outputs)) <= self.radius(k);
+            let own = Lost { point: k, slip: norm(&lost[3 * k..][..3]), step: norm(&step) };
+            sum.add(weight, self.moved(k), sticks.then_some(own));
+        }
+        let name = &self.system.terms[self.term.term].law.name;
+        let position = |k: usize| self.term.sampled.domain.position(&self.system.mesh, k);
+        sum.creep(name, self.deformed(), team, position)
+    }
+
+    /// The largest difference of the displacements of two points of one body, by component, of all ranks.
+    fn deformed(&self) -> f64 {
+        let mut largest = 0.0f64;
+        let moves = |slot: &BasisSlot| is_displacement(&self.system.fields, slot);
+        let slots = self.term.slopes.of_projection(self.position).map(|(_, s)| s.slot);
+        let fields: BTreeSet<usize> = slots.filter(moves).map(|slot| slot.field.index()).collect();
+        for field in fields {
+            let n = self.system.fields[field].n_components;
+            for component in 0..n {
+                let own = self.values.current[field].iter().skip(component).step_by(n);
+                let [low, high] =
+                    own.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
+                let [low, high] = self.system.team().range(low, high);
+                largest = largest.max(high - low);
+            }
+        }
+        largest
+    }
+
+    /// What a point has lost at the end of the step: nothing unless it sticks; `None` for one that is open.
+    fn lost_at(&self, k: usize, rest: &Rest) -> Option<[f64; 3]> {
+        let (point, quiet, radius) = (&self.points[k], &rest.points[k], self.radius(k));
+        let (x, next) = (self.argument(&point.outputs), self.argument(&quiet.outputs));
+        if radius.is_nan() || radius <= 0.0 {
+            return None;
+        }
+        let change: Vec<f64> = x.iter().zip(next).map(|(x, next)| x - next).collect();
+        if norm(x) > radius || norm(&change) <= NOTHING * norm(x) {
+            return Some([0.0; 3]);
+        }
+        let before = self.slip_of(&point.inputs, self.term.law.uniforms());
+        let left = self.slip_of(&quiet.inputs, &rest.uniforms);
+        let is_forgotten = norm(&left) <= NOTHING * norm(&before);
+        let lost = if is_forgotten { self.motion(point, &before) } else { None };
+        Some(lost.filter(|lost| lost.iter().all(|x| x.is_finite())).unwrap_or_default())
+    }
+
+    /// The motion of the near side behind a part of the argument.
+    fn motion(&self, point: &Point, x: &[f64]) -> Option<[f64; 3]> {
+        self.term.motion(self.system, self.position, x, &self.term.slopes.at_point(&point.inputs))
+    }
+
+    /// How far the sides have moved against each other along the face.
+    fn moved(&self, k: usize) -> f64 {
+        let point = &self.points[k];
+        let total = self.motions(point).map(|motions| motions.total(&point.inputs));
+        let moved = total.and_then(|x| self.motion(point, x.as_slice()));
+        moved.map_or(0.0, |moved| norm(&moved))
+    }
+
+    fn weights(&self) -> Vec<f64> {
+        let mut weights = Vec::with_capacity(self.points.len());
+        let (mesh, sampled) = (&self.system.mesh, &self.term.sampled);
+        self.term.law.for_each_point(mesh, sampled, self.values, |_, _, _, weight, _| weights.push(weight));
+        weights
+    }
+}
+
+impl Motions {
+    /// The part of the argument that the present displacements make: what has moved since the beginning.
+    fn total(&self, inputs: &[f64]) -> DVector<f64> {
+        &self.slope * DVector::from_iterator(self.inputs.len(), self.inputs.iter().map(|s| inputs[*s]))
+    }
+}
+
+impl ContactTerm {
+    /// True if the term has a force on a displacement that it reads.
+    fn moves_something(&self, system: &System) -> bool {
+        let tests = &system.terms[self.term].law.tests;
+        self.law.law.inputs.iter().any(|slot| match slot {
+            InputSlot::Field(b) => is_displacement(&system.fields, b) && tests.contains(b),
+            _ => false,
+        })
+    }
+
+    /// True if its law reads what was before: states, or displacements at the end of the last step.
+    fn reads_past(&self, system: &System) -> bool {
+        let is_state = |field: usize| system.fields.get(field).is_some_and(|f| f.kind == FieldKind::State);
+        self.law.law.inputs.iter().any(|slot| match slot {
+            InputSlot::Field(b) => is_state(b.field.index()),
+            InputSlot::Previous(_) => true,
+            _ => false,
+        })
+    }
+
+    /// True if its law reads rates: what sticks may move then.
+    fn reads_rates(&self) -> bool {
+        self.law.law.inputs.iter().any(|slot| matches!(slot, InputSlot::History(..)))
+    }
+
+    /// The law at rest, on the branches `data`.
+    fn rest(
+        &self,
+        system: &System,
+        values: FieldValues<'_>,
+        data: &TermBranches,
+        next: &NextStates<'_>,
+        ball: &Projection,
+    ) -> Rest {
+        let mut current: Vec<&[f64]> = values.current.to_vec();
+        next.iter().for_each(|(field, values)| current[*field] = values);
+        let past = &current[..system.fields.len()];
+        let values = FieldValues { current: &current, previous: past, ..values };
+        let uniforms = uniforms_at(&self.law.law.prologue, StepAt { increment: 0.0, ..self.step });
+        let points = self.points_on(system, values, data, &uniforms);
+        let is_finite = |p: &Point| p.outputs[ball.output..][..ball.n].iter().all(|x| x.is_finite());
+        if points.iter().all(is_finite) {
+            return Rest { points, uniforms };
+        }
+        // a law that divides by the increment stays with its own one
+        let uniforms = self.law.uniforms().to_vec();
+        Rest { points: self.points_on(system, values, data, &uniforms), uniforms }
+    }
+}
+
+/// The part of an argument beyond the ball: x - P(x).
+fn beyond(x: &[f64], radius: f64) -> Vec<f64> {
+    let size = norm(x);
+    if size <= radius {
+        return vec![0.0; x.len()];
+    }
+    let kept = if radius > 0.0 { radius / size } else { 0.0 };
+    x.iter().map(|x| (1.0 - kept) * x).collect()
+}
+
+/// The length of a vector, without overflow.
+fn norm(v: &[f64]) -> f64 {
+    v.iter().fold(0.0f64, |m, x| m.hypot(*x))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_block::Block;
+
+    /// What friction does where the floor of a square slides to each of some places in turn, pressed by an overlap of 0.1:
+    /// the bound is 0.5.
+    fn sliding(places: &[f64]) -> Vec<FrictionStep> {
+        let block = Block::with_friction(1);
+        let mut memory = FrictionMemory::default();
+        let pass = |x: &f64| memory.pass(&block.system, &block.contact, &block.moved([*x, -0.1], [0.0; 2]), &[]);
+        places.iter().map(pass).map(|step| step.expect("there is friction")).collect()
+    }
+
+    #[test]
+    fn a_point_that_sticks_takes_no_energy() {
+        let step = &sliding(&[0.04])[0];
+        assert_eq!((step.work.taken, step.work.size), (0.0, 0.0));
+        assert_eq!(step.creep, None);
+    }
+
+    #[test]
+    fn friction_takes_the_bound_times_the_slip() {
+        // of 0.3 an elastic slip of 0.05 is left
+        let work = sliding(&[0.3])[0].work;
+        assert!((work.taken - 0.5 * 0.25).abs() < 1e-14 && work.size == work.taken, "{work:?}");
+        assert!((work.bound - 0.5 * 0.3).abs() < 1e-14, "{work:?}");
+    }
+
+    #[test]
+    fn each_step_takes_what_slid_since_the_last() {
+        let steps = sliding(&[0.3, 0.7]);
+        assert!((steps[1].work.taken - 0.5 * 0.4).abs() < 1e-14, "{:?}", steps[1]);
+    }
+
+    #[test]
+    fn a_law_on_the_total_slip_gives_energy_back_on_the_way_back() {
+        let steps = sliding(&[0.7, 0.3]);
+        assert!((steps[1].work.taken + 0.5 * 0.4).abs() < 1e-14, "{:?}", steps[1]);
+        assert!((steps[1].work.size - 0.5 * 0.4).abs() < 1e-14);
+    }
+
+    #[test]
+    fn works_of_parts_of_a_step_add_and_their_bound_is_the_larger() {
+        let part = |taken: f64, bound: f64| FrictionWork { taken, size: taken.abs(), bound };
+        let sum = part(2.0, 5.0).and(part(-0.5, 3.0));
+        assert_eq!(sum, FrictionWork { taken: 1.5, size: 2.5, bound: 5.0 });
+    }
+
+    #[test]
+    fn what_is_beyond_a_ball_ends_on_it() {
+        assert_eq!(beyond(&[0.3, 0.4], 0.5), [0.0, 0.0], "on the border nothing is");
+        let over = beyond(&[3.0, 4.0], 1.0);
+        assert!((norm(&over) - 4.0).abs() < 1e-15 && (over[0] / over[1] - 0.75).abs() < 1e-15);
+        assert_eq!(beyond(&[3.0, 4.0], -1.0), [3.0, 4.0], "a ball without a radius holds nothing");
+    }
+
+    #[test]
+    fn lengths_neither_overflow_nor_underflow() {
+        assert_eq!(norm(&[3e300, 4e300]), 5e300);
+        assert!((norm(&[3e-300, 4e-300]) / 5e-300 - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_memory_fits_the_laws_it_is_of() {
+        let block = Block::with_friction(1);
+        let of = |n: usize| FrictionMemory { slid: vec![Vec::new(); n], lost: vec![Vec::new(); n] };
+        assert!(of(0).fits(&block.contact) && of(1).fits(&block.contact) && !of(2).fits(&block.contact));
+        assert!(!FrictionMemory { slid: vec![Vec::new()], lost: Vec::new() }.fits(&block.contact));
     }
 }

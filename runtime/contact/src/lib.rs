@@ -1,7 +1,7 @@
 //! Contact and friction: complementarity laws `t = P(x)` at integration points, their active set, and how far a step may
 //! go with it.
 //!
-//! A term with projections is solved in its frozen form (`compiler/src/pieces.rs`): each projection stays on a branch
+//! A term with projections is solved in its frozen form (`compiler/src/frozen.rs`): each projection stays on a branch
 //! while the unknowns move, and the branches are chosen anew afterwards. Each projection keeps a value `t` at every
 //! integration point, that of its frozen branch at the present unknowns. The next branch is that of `t + c (x - t)`;
 //! `c` is the stiffness of the bodies over the slope of `x` in the displacement, so that the choice does not depend on
@@ -13,44 +13,65 @@
 #![forbid(unsafe_code)]
 
 mod active_set;
+mod alternation;
+mod at_points;
+mod background;
 mod breakpoints;
+mod careful;
 mod coercivity;
 mod conditions;
 mod coupling;
+mod creep;
 mod flexibility;
 mod friction_work;
+mod joints;
 mod points;
 mod projection_state;
 mod regularisation;
 mod scaling;
 mod sharing;
+mod sliding;
 mod slopes;
 mod term;
 
+#[cfg(test)]
+extern crate self as wfl_contact;
+#[cfg(test)]
+mod test_block;
+#[cfg(test)]
+mod tests;
+
+use active_set::Near;
+pub use alternation::Alternation;
 pub use breakpoints::{Breakpoints, Ray};
 pub use coercivity::{Coercivity, coercivity, is_consistent};
-pub use conditions::{ContactGaps, PressedFaces, contact_gaps};
+pub use conditions::{ContactGaps, Look, PressedFaces, contact_gaps};
 pub use coupling::{Friction, couplings, has_multiplier};
-pub use friction_work::{FrictionWork, friction_work};
+pub use creep::Creep;
+pub use friction_work::{FrictionMemory, FrictionStep, FrictionWork, NextStates};
 pub use points::{ContactPoints, PointState, contact_points};
 pub use projection_state::{ConvergedState, ProjectionState};
 pub use regularisation::{Complementarity, Regularisation};
 use sharing::SharedPoints;
+pub use sliding::{SlidPast, slid_past_faces};
 use std::sync::Arc;
 pub use term::{ContactParts, ContactTerm};
 
-use wfl_compiler::{Class, types::FieldKind};
+use wfl_compiler::{
+    Class, Projection, ProjectionKind,
+    types::{FieldKind, FieldOp, InputSlot},
+};
 
 use wfl_discrete::assemble::FieldValues;
 use wfl_discrete::rates::StepAt;
-use wfl_discrete::system::{ActiveSet, System};
+use wfl_discrete::system::{ActiveSet, System, TermBranches};
 use wfl_host::team::{Alone, Team};
 
 /// The first choices from a start without a past are made for whole entities.
 const CHOICES_BY_ENTITY: usize = 3;
 
 /// The contact laws of a scene and the state they are in.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Contact {
     terms: Vec<ContactTerm>,
     active: ActiveSet,
@@ -60,6 +81,8 @@ pub struct Contact {
     converged: Vec<ConvergedState>,
     /// The active set belongs to a converged state; else it is chosen anew at the start of a step.
     is_warm: bool,
+    /// Points may be closed at the start that nothing prescribed brings together.
+    closes_far: bool,
     complementarity: Complementarity,
     time: f64,
     /// Where several ranks have the points.
@@ -81,6 +104,24 @@ impl Contact {
         &self.terms
     }
 
+    /// True if a law on faces that presses reads the values of a field: it is a displacement.
+    #[must_use]
+    pub fn presses(&self, field: usize) -> bool {
+        let is_value = |slot: &InputSlot| match slot {
+            InputSlot::Field(b) => b.op == FieldOp::Value && b.field.index() == field,
+            _ => false,
+        };
+        let is_half_line = |p: &Projection| p.acts && p.kind == ProjectionKind::HalfLine;
+        let laws = self.terms.iter().filter(|t| !t.on_cells() && t.projections.iter().any(is_half_line));
+        laws.into_iter().any(|t| t.law.law.inputs.iter().any(is_value))
+    }
+
+    /// False for a term on faces that has projections, of which none is one of contact ([`ContactTerm::pushes`]).
+    #[must_use]
+    pub fn pushes(&self, system: &System, term: usize) -> bool {
+        self.terms.iter().filter(|t| t.term == term).all(|t| t.on_cells() || t.pushes(system))
+    }
+
     /// True for a scene without projections.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -95,7 +136,7 @@ impl Contact {
 
     /// Goes back to open contact without a past.
     pub fn forget(&mut self) {
-        self.active = ActiveSet { branch_data: self.terms.iter().map(ContactTerm::open).collect() };
+        self.active = self.opened();
         self.states.clear();
     }
 
@@ -112,6 +153,12 @@ impl Contact {
         if !warm {
             self.converged.clear();
         }
+    }
+
+    /// Says whether bodies of finite strain may be tied at a start to what they do not touch and nothing prescribed brings
+    /// them to: that crumples cells, but a body that contact alone holds needs it. Linear bodies always may.
+    pub fn set_closes_far(&mut self, closes: bool) {
+        self.closes_far = closes;
     }
 
     /// True if the active set belongs to a converged state.
@@ -136,8 +183,9 @@ impl Contact {
         let [last, before] = self.converged.as_slice() else { return true };
         let Some(ahead) = last.extrapolated(before, self.time) else { return true };
         let wrong = |states: &[ProjectionState]| -> usize {
-            let each = self.terms.iter().zip(states).zip(&self.active.branch_data);
-            let next = |term: &ContactTerm, state, data: &[f64]| term.next_branches(&self.complementarity, state, data);
+            let each = self.terms.iter().zip(states).zip(&self.active.terms);
+            let next =
+                |term: &ContactTerm, state, data: &TermBranches| term.next_branches(&self.complementarity, state, data);
             self.team().count(each.map(|((term, state), data)| term.n_differing(&next(term, state, data), data)).sum())
         };
         wrong(&ahead) <= wrong(&last.states)
@@ -148,7 +196,7 @@ impl Contact {
         let [last, before] = self.converged.as_slice() else { return };
         let Some(ahead) = last.extrapolated(before, self.time).filter(|_| last.on_trend) else { return };
         self.complementarity.set_choices(0);
-        for ((term, ahead), data) in self.terms.iter().zip(&ahead).zip(&mut self.active.branch_data) {
+        for ((term, ahead), data) in self.terms.iter().zip(&ahead).zip(&mut self.active.terms) {
             *data = term.next_branches(&self.complementarity, ahead, data);
         }
     }
@@ -156,7 +204,7 @@ impl Contact {
     /// Holds all points closed and sticking, regularised as they are.
     pub fn stick_everywhere(&mut self) {
         self.states.clear();
-        for (term, data) in self.terms.iter().zip(&mut self.active.branch_data) {
+        for (term, data) in self.terms.iter().zip(&mut self.active.terms) {
             term.stick_all(data);
         }
     }
@@ -174,7 +222,8 @@ impl Contact {
         let unknown = |f: &usize| system.fields[*f].kind == FieldKind::Unknown;
         let known = (0..system.fields.len()).filter(unknown).filter_map(|f| system.range(f));
         let moved = 2.0 * self.team().largest(known.flatten().fold(0.0f64, |m, d| m.max(u[d].abs())));
-        self.active = self.chosen(system, u, |term, values, data| term.close_if_open(system, values, data, moved));
+        let near = Near { moved, or_all: self.closes_far || !system.has_nonlinear_bodies() };
+        self.active = self.chosen(system, u, |term, values, data| term.close_if_open(system, values, data, near));
     }
 
     /// Fits the scaling of the laws to the stiffness of the bodies at `u`.
@@ -214,7 +263,7 @@ impl Contact {
     }
 
     fn write_regularisation(&mut self) {
-        for (term, data) in self.terms.iter().zip(&mut self.active.branch_data) {
+        for (term, data) in self.terms.iter().zip(&mut self.active.terms) {
             term.write_regularisation(&self.complementarity.regularisation, data);
         }
     }
@@ -258,6 +307,12 @@ impl Contact {
         self.chosen(system, u, |term, _, data| term.stick_all(data))
     }
 
+    /// The active set with all points open.
+    #[must_use]
+    pub fn opened(&self) -> ActiveSet {
+        ActiveSet { terms: self.terms.iter().map(ContactTerm::open).collect() }
+    }
+
     /// The projections at the two ends of a line.
     pub fn along(&self, system: &System, from: &[f64], to: &[f64]) -> [Vec<ProjectionState>; 2] {
         [self.read(system, from), self.read(system, to)]
@@ -267,9 +322,8 @@ impl Contact {
     #[must_use]
     pub fn next_breakpoints(&self, line: &[Vec<ProjectionState>; 2], sign: f64, end: f64) -> (f64, Breakpoints) {
         let rays = line[0].iter().zip(&line[1]).map(|(from, to)| Ray { from, to, sign });
-        let data = self.active.branch_data.iter().map(Vec::as_slice);
         let friction = self.complementarity.regularisation.friction;
-        breakpoints::next(self.terms.iter().zip(rays).zip(data), friction, end, self.team())
+        breakpoints::next(self.terms.iter().zip(rays).zip(&self.active.terms), friction, end, self.team())
     }
 
     /// Shares the points out as the nodes of the mesh are, where several ranks have them.
@@ -301,11 +355,11 @@ impl Contact {
     /// Changes the branches at some breakpoints, and turns the directions of slip to the arguments at `u`.
     pub fn cross(&mut self, system: &System, u: &[f64], breakpoints: &Breakpoints) {
         for (k, place) in breakpoints.here() {
-            self.terms[*k].cross(*place, &mut self.active.branch_data[*k]);
+            self.terms[*k].cross(*place, &mut self.active.terms[*k]);
         }
         let states = self.read(system, u);
         let friction = self.complementarity.regularisation.friction;
-        for ((term, state), data) in self.terms.iter().zip(&states).zip(&mut self.active.branch_data) {
+        for ((term, state), data) in self.terms.iter().zip(&states).zip(&mut self.active.terms) {
             term.turn_slip(state, data, friction);
         }
     }
@@ -329,7 +383,7 @@ impl Contact {
         self.complementarity.set_choices(time);
         let by_entity = !self.is_warm && time <= CHOICES_BY_ENTITY;
         let mut changes = Changes::default();
-        for ((term, state), data) in self.terms.iter().zip(&self.states).zip(&mut self.active.branch_data) {
+        for ((term, state), data) in self.terms.iter().zip(&self.states).zip(&mut self.active.terms) {
             let mean = (by_entity && term.locks_entities()).then(|| term.averaged(state));
             let next = term.next_branches(&self.complementarity, mean.as_ref().unwrap_or(state), data);
             changes.changed += term.n_differing(data, &next);
@@ -366,7 +420,7 @@ impl Contact {
         &self,
         system: &System,
         u: &[f64],
-        change: impl Fn(&ContactTerm, FieldValues<'_>, &mut [f64]),
+        change: impl Fn(&ContactTerm, FieldValues<'_>, &mut TermBranches),
     ) -> ActiveSet {
         let values = system.values_with(u, &self.active);
         let friction = self.complementarity.regularisation.friction;
@@ -375,7 +429,7 @@ impl Contact {
             change(term, values.view(), &mut data);
             data
         };
-        ActiveSet { branch_data: self.terms.iter().map(one).collect() }
+        ActiveSet { terms: self.terms.iter().map(one).collect() }
     }
 
     /// The numbers that the next step depends on beside the unknowns.
@@ -383,7 +437,7 @@ impl Contact {
     pub fn memory(&self) -> ContactMemory {
         ContactMemory {
             warm: self.is_warm,
-            active: self.active.branch_data.clone(),
+            active: self.active.terms.iter().flat_map(|t| [t.points.clone(), t.regularisation.clone()]).collect(),
             terms: self.terms.iter().map(|t| t.memory(&self.complementarity)).collect(),
             converged: self.converged.iter().flat_map(ConvergedState::numbers).collect(),
         }
@@ -403,20 +457,22 @@ impl Contact {
     /// Goes back to what was remembered. False, and nothing is changed, if that belongs to other laws.
     #[must_use]
     pub fn recall(&mut self, memory: &ContactMemory) -> bool {
-        let sizes = |data: &[Vec<f64>]| data.iter().map(Vec::len).collect::<Vec<_>>();
         let converged: Option<Vec<ConvergedState>> = memory
             .converged
             .chunks(1 + 2 * self.terms.len())
             .map(|numbers| ConvergedState::from_numbers(numbers, &self.terms))
             .collect();
         let own = |t: &ContactTerm| t.memory(&self.complementarity).len();
-        let fits = sizes(&memory.active) == sizes(&self.active.branch_data)
+        let own_sizes = self.active.terms.iter().flat_map(|t| [t.points.len(), t.regularisation.len()]);
+        let fits = own_sizes.eq(memory.active.iter().map(Vec::len))
             && memory.terms.len() == self.terms.len()
             && self.terms.iter().zip(&memory.terms).all(|(t, m)| own(t) == m.len());
         let Some(converged) = converged.filter(|_| fits) else { return false };
         self.is_warm = memory.warm;
         self.converged = converged;
-        self.active.branch_data.clone_from(&memory.active);
+        for (own, known) in self.active.terms.iter_mut().zip(memory.active.chunks_exact(2)) {
+            (own.points, own.regularisation) = (known[0].clone(), known[1].clone());
+        }
         for (term, numbers) in self.terms.iter_mut().zip(&memory.terms) {
             term.recall(numbers, &mut self.complementarity);
         }
@@ -447,7 +503,7 @@ impl Changes {
 pub struct ContactMemory {
     /// Whether the active set belongs to a converged state.
     pub warm: bool,
-    /// By term: its branch data.
+    /// By term: the branches at its points, and its regularisation.
     pub active: Vec<Vec<f64>>,
     /// By term: the numbers by which its branches are chosen.
     pub terms: Vec<Vec<f64>>,

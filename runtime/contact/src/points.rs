@@ -11,20 +11,16 @@
 
 use std::sync::Arc;
 
-use nalgebra::DMatrix;
 use wfl_compiler::{
-    Class, Projection, ProjectionKind, interpret_lanes,
+    Class, Projection, ProjectionKind,
     types::{FieldKind, FieldOp, Side},
 };
 
-use super::{Contact, ContactTerm, conditions::is_traction, friction_work::Point, slopes::is_displacement};
+use super::{Contact, ContactTerm, at_points::Point};
 use wfl_discrete::{
     assemble::{AssembledTerm, FieldValues},
     system::System,
 };
-
-/// Singular values below this part of the largest slope are zero.
-const NO_SLOPE: f64 = 1e-9;
 
 /// The state of a point of contact, with the numbers that result files have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +59,8 @@ pub struct ContactPoints {
 #[must_use]
 pub fn contact_points(system: &System, contact: &Contact, u: &[f64], terms: &[usize]) -> Option<ContactPoints> {
     let values = system.values_with(u, contact.active_set());
-    let laws: Vec<&ContactTerm> = contact.terms().iter().filter(|t| terms.contains(&t.term) && !t.on_cells()).collect();
+    let is_law = |t: &&ContactTerm| terms.contains(&t.term) && !t.on_cells() && t.pushes(system);
+    let laws: Vec<&ContactTerm> = contact.terms().iter().filter(is_law).collect();
     let first = laws.first()?;
     let mut found = first.places(system, values.view());
     found.states = vec![PointState::Stick; found.positions.len()];
@@ -103,45 +100,14 @@ impl ContactTerm {
 
     /// What the projections of this term say of the points.
     fn add_points(&self, system: &System, values: FieldValues<'_>, found: &mut ContactPoints) {
-        let law = &self.law.law;
-        let traction: Vec<bool> = law.inputs.iter().map(|s| is_traction(&system.fields, s)).collect();
-        let n_out = law.kernel.kernel().outputs.len();
-        let mut scratch = Vec::new();
         for (at, point) in self.points_at(system, values).iter().enumerate() {
-            let mut without = point.inputs.clone();
-            without.iter_mut().zip(&traction).filter(|(_, t)| **t).for_each(|(x, _)| *x = 0.0);
-            let mut gap = vec![[0.0; 1]; n_out];
-            interpret_lanes(&law.kernel, self.law.uniforms(), without.as_chunks::<1>().0, &mut scratch, &mut gap);
+            let gap = self.outputs_of(&self.without_tractions(system, &point.inputs), self.law.uniforms());
             let slopes = self.slopes.at_point(&point.inputs);
             for (position, p) in self.projections.iter().enumerate().filter(|(_, p)| p.acts) {
-                let x0: Vec<f64> = gap[p.output..][..p.n].iter().map(|x| x[0]).collect();
-                let moved = self.motion(system, position, &x0, &slopes);
+                let moved = self.motion(system, position, &gap[p.output..][..p.n], &slopes);
                 place(p, point, moved, at, found);
             }
         }
-    }
-
-    /// The smallest displacement of the near side that gives a part `x0` of the argument of a projection; of the far
-    /// side where the argument knows that alone.
-    fn motion(&self, system: &System, projection: usize, x0: &[f64], slopes: &[f64]) -> Option<[f64; 3]> {
-        let of_side = |side: Side| {
-            let own = self.slopes.of_projection(projection).filter(|(_, s)| s.slot.side == side);
-            own.filter(|(_, s)| is_displacement(&system.fields, &s.slot)).collect::<Vec<_>>()
-        };
-        let (here, there) = (of_side(Side::Here), of_side(Side::There));
-        let (own, sign) = if here.is_empty() { (there, -1.0) } else { (here, 1.0) };
-        let field = own.first()?.1.slot.field;
-        let mut matrix = DMatrix::zeros(x0.len(), 3);
-        for (at, slope) in own.iter().filter(|(_, s)| s.slot.field == field) {
-            matrix[(slope.entry, usize::from(slope.slot.entry))] = slopes[*at];
-        }
-        let scale = matrix.amax();
-        if scale == 0.0 || !scale.is_finite() {
-            return None;
-        }
-        let inverse = matrix.pseudo_inverse(NO_SLOPE * scale).ok()?;
-        let moved = inverse * DMatrix::from_column_slice(x0.len(), 1, x0);
-        Some([sign * moved[0], sign * moved[1], sign * moved[2]])
     }
 }
 
@@ -188,4 +154,46 @@ fn add_traction(system: &System, term: &AssembledTerm, values: FieldValues<'_>, 
             tests.iter().for_each(|(k, component)| traction[*component] -= flux[*k]);
         }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wfl_compiler::{BranchLayout, BranchSizes};
+
+    /// The state of a point whose laws give a pressure, and an argument of friction with a radius.
+    fn state(pressure: f64, slip: [f64; 2], radius: f64) -> (PointState, f64, [f64; 3]) {
+        let branch = |kind| BranchLayout::new(kind, 2, BranchSizes::default());
+        let of = |kind, n, output| Projection { kind, n, branch: branch(kind), output, acts: true };
+        let point = Point { inputs: Vec::new(), outputs: vec![pressure, 0.0, slip[0], slip[1], radius] };
+        let mut found = ContactPoints {
+            states: vec![PointState::Stick],
+            gaps: vec![f64::NAN],
+            slips: vec![[0.0; 3]],
+            normals: vec![[0.0, -1.0, 0.0]],
+            ..ContactPoints::default()
+        };
+        place(&of(ProjectionKind::HalfLine, 1, 0), &point, Some([0.0, 0.25, 0.0]), 0, &mut found);
+        place(&of(ProjectionKind::Ball, 2, 2), &point, Some([0.5, 0.0, 0.0]), 0, &mut found);
+        (found.states[0], found.gaps[0], found.slips[0])
+    }
+
+    #[test]
+    fn a_point_sticks_up_to_its_bound_and_slips_beyond_it() {
+        assert_eq!(state(1.0, [0.3, 0.4], 0.5).0, PointState::Stick, "a tie sticks");
+        assert_eq!(state(1.0, [0.3, 0.5], 0.5).0, PointState::Slip);
+    }
+
+    #[test]
+    fn a_point_that_pulls_is_open_whatever_its_friction_says() {
+        assert_eq!(state(-1.0, [9.0, 0.0], 0.5).0, PointState::Open);
+        assert_eq!(state(0.0, [9.0, 0.0], 0.0).0, PointState::Open, "without a bound nothing slips");
+        assert_eq!(state(0.0, [0.0, 0.0], 0.0).0, PointState::Stick, "a tie is contact");
+    }
+
+    #[test]
+    fn a_gap_is_the_motion_against_the_normal_and_a_slip_is_that_of_the_friction() {
+        let (_, gap, slip) = state(1.0, [0.0, 0.0], 1.0);
+        assert_eq!((gap, slip), (0.25, [0.5, 0.0, 0.0]));
+    }
 }

@@ -36,6 +36,12 @@ impl ProjectionState {
         self.values.chunks_exact(n)
     }
 
+    /// A state with these outputs at points of weight 1.
+    #[cfg(test)]
+    pub(crate) fn of(points: &[&[f64]]) -> Self {
+        Self { values: points.concat(), weights: vec![1.0; points.len()] }
+    }
+
     /// What the projections would be if things went on as they did since `before`, for `part` of the time between.
     fn extrapolated(&self, before: &Self, part: f64) -> Self {
         let mut found = self.clone();
@@ -229,5 +235,97 @@ mod tests {
         assert_eq!(last.extrapolated(&before, 7.1), None);
         assert_eq!(last.extrapolated(&converged(3.0, 4.0), 4.0), None, "parts of a load are at one time");
         assert_eq!(last.extrapolated(&ConvergedState { time: 1.0, on_trend: true, states: Vec::new() }, 4.0), None);
+    }
+
+    use crate::test_block::{Block, LAPLACE, PENALTY};
+
+    /// A square on two points of a floor without friction: argument and value at each.
+    fn frictionless() -> Contact {
+        Block::new(1, &[LAPLACE], &[PENALTY]).contact
+    }
+
+    #[test]
+    fn a_state_that_meets_the_law_has_no_defect() {
+        let contact = frictionless();
+        let settled = ProjectionState::of(&[&[3.0, 3.0], &[-2.0, 0.0]]);
+        assert_eq!(contact.terms[0].defect(&contact.complementarity, &settled, &settled, 0.5), 0.0);
+        let tension = ProjectionState::of(&[&[-3.0, -3.0], &[-2.0, 0.0]]);
+        assert_eq!(contact.terms[0].defect(&contact.complementarity, &tension, &tension, 0.0), 9.0);
+    }
+
+    #[test]
+    fn a_defect_does_not_depend_on_gamma() {
+        // bodies of stiffness 4, a gap of -1/2 on a branch that is open, and a traction of 2 on one that is closed: the
+        // argument gamma g + t follows gamma, the error in traction is that of the bodies
+        let defect = |gamma: f64| {
+            let mut contact = frictionless();
+            let scaling = &mut contact.terms[0].scaling;
+            (scaling.ratios, scaling.slopes, scaling.stiffness) = (vec![4.0 / gamma], vec![gamma], 4.0);
+            let state = ProjectionState::of(&[&[0.5 * gamma, 0.0], &[2.0 - 0.25 * gamma, 2.0]]);
+            contact.terms[0].defect(&contact.complementarity, &state, &state, 1.0)
+        };
+        let found = [1e-3, 1.0, 1e3, 1e6].map(defect);
+        assert!((found[1] - (4.0 + 1.0) / 4.0).abs() < 1e-15, "{found:?}");
+        assert!(found.iter().all(|f| (f / found[1] - 1.0).abs() < 1e-9), "{found:?}");
+    }
+
+    #[test]
+    fn a_step_whose_end_meets_the_law_is_taken_as_a_whole() {
+        let contact = frictionless();
+        let (mut from, to) = ([ProjectionState::of(&[&[1.0, -1.0]])], [ProjectionState::of(&[&[2.0, 2.0]])]);
+        assert_eq!(search(&contact, &mut from, &to), 1.0);
+        assert_eq!(from, to);
+    }
+
+    #[test]
+    fn a_step_that_ends_in_a_larger_defect_is_halved_until_it_is_smaller() {
+        // the point is open, where its value is to be 0; on the way it is 0.1 - s
+        let contact = frictionless();
+        let start = ProjectionState::of(&[&[-9.0, 0.1]]);
+        let (mut from, to) = ([start.clone()], [ProjectionState::of(&[&[-9.0, -0.9]])]);
+        let part = search(&contact, &mut from, &to);
+        assert_eq!(part, 0.125, "at a quarter the defect is 0.15");
+        assert!((from[0].values[1] + 0.025).abs() < 1e-15, "the next choice starts from there: {:?}", from[0]);
+    }
+
+    #[test]
+    fn where_nothing_descends_the_best_trial_is_taken() {
+        let contact = frictionless();
+        let (mut from, to) = ([ProjectionState::of(&[&[-9.0, 0.0]])], [ProjectionState::of(&[&[-9.0, 1.0]])]);
+        assert_eq!(search(&contact, &mut from, &to), 0.5f64.powi(MAX_HALVINGS));
+    }
+
+    #[test]
+    fn sides_close_by_what_their_arguments_grow_over_the_area() {
+        let contact = frictionless();
+        let mut from = ProjectionState::of(&[&[1.0, 0.0], &[-2.0, 0.0]]);
+        from.weights = vec![0.5, 2.0];
+        let to = ProjectionState::of(&[&[2.0, 7.0], &[-1.5, 7.0]]);
+        assert_eq!(contact.terms[0].closing(&from, &to), 0.5 + 2.0 * 0.5);
+    }
+
+    #[test]
+    fn the_mean_over_an_entity_is_weighted_and_stays_in_it() {
+        let contact = Block::new(2, &[LAPLACE], &[PENALTY]).contact;
+        let mut state = ProjectionState::of(&[&[1.0, 0.0], &[5.0, 8.0], &[-7.0, 0.0], &[-7.0, 0.0]]);
+        state.weights = vec![0.75, 0.25, 0.5, 0.5];
+        let mean = contact.terms[0].averaged(&state);
+        assert_eq!(mean.values, [2.0, 2.0, 2.0, 2.0, -7.0, 0.0, -7.0, 0.0]);
+    }
+
+    #[test]
+    fn a_converged_state_comes_back_from_its_numbers_and_from_those_of_no_other_law() {
+        let contact = frictionless();
+        let state = ConvergedState {
+            time: 2.5,
+            on_trend: false,
+            states: vec![ProjectionState::of(&[&[1.0, 1.0], &[-2.0, 0.0]])],
+        };
+        let numbers = state.numbers();
+        assert_eq!(ConvergedState::from_numbers(&numbers, &contact.terms), Some(state));
+        assert_eq!(ConvergedState::from_numbers(&numbers[..2], &contact.terms), None, "values without weights");
+        assert_eq!(ConvergedState::from_numbers(&numbers, &[]), None);
+        let with_friction = Block::with_friction(1).contact;
+        assert_eq!(ConvergedState::from_numbers(&numbers, &with_friction.terms), None);
     }
 }

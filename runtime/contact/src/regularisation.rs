@@ -61,3 +61,34 @@ impl Complementarity {
         self.growth = SCALING_GROWTH.powi(exponent).min(LARGEST_GROWTH);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn growth(choices: usize) -> f64 {
+        let mut law = Complementarity::default();
+        law.set_choices(choices);
+        law.growth
+    }
+
+    #[test]
+    fn the_scaling_grows_once_an_active_set_should_have_settled_and_not_without_bound() {
+        assert_eq!([0, 1, 2].map(growth), [1.0; 3]);
+        assert_eq!([3, 4].map(growth), [3.0, 9.0]);
+        assert_eq!([5, 1000, usize::MAX].map(growth), [10.0; 3]);
+    }
+
+    #[test]
+    fn each_of_the_three_parameters_makes_a_law_another_one() {
+        let written = Regularisation::default();
+        assert!(written.is_as_written());
+        assert!(!Regularisation { overstress: 1e-300, ..written }.is_as_written());
+        assert!(!Regularisation { friction: 0.999, ..written }.is_as_written());
+        let mut compliant = written;
+        compliant.set_compliant(true);
+        assert!(!compliant.is_as_written());
+        compliant.set_compliant(false);
+        assert!(compliant.is_as_written(), "a layer of infinite stiffness is none");
+    }
+}

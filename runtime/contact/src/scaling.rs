@@ -119,8 +119,12 @@ impl ContactTerm {
             // a point of the first entity of a batch, as one rank alone has them
             let first = |(k, place): (usize, &Option<usize>)| Some((k, place.filter(|p| p % LANES == 0)? / LANES));
             for (entity, batch) in places.of.iter().enumerate().filter_map(first) {
+                let mut is_ready = false;
                 for q in (0..n_points).filter(|q| (batch * n_points + q) % stride == 0) {
-                    workspace.prepare(bound, g, entity / LANES, values);
+                    if !is_ready {
+                        workspace.prepare(bound, g, entity / LANES, values);
+                        is_ready = true;
+                    }
                     let slopes = self.slopes.at_point(&self.point_inputs(&workspace, q, entity % LANES));
                     let mut largest = vec![0.0f64; self.projections.len()];
                     for (at, projection) in &moving {
@@ -144,4 +148,78 @@ impl ContactTerm {
 fn median(mut list: Vec<f64>) -> f64 {
     list.sort_by(f64::total_cmp);
     list.get(list.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Regularisation;
+
+    /// Bodies of stiffness 4 against an argument with the slope gamma.
+    fn scaling(gamma: f64) -> Scaling {
+        Scaling { ratios: vec![4.0 / gamma], slopes: vec![gamma], stiffness: 4.0, ..Scaling::default() }
+    }
+
+    fn grown(growth: f64) -> Complementarity {
+        Complementarity { growth, ..Complementarity::default() }
+    }
+
+    #[test]
+    fn a_ratio_grows_towards_the_argument_as_written_and_never_past_it() {
+        for (gamma, at_first, later, at_last) in [(40.0, 0.1, 0.3, 1.0), (0.4, 10.0, 10.0 / 3.0, 1.0)] {
+            let found = [1.0, 3.0, 1e3].map(|growth| scaling(gamma).ratio(0, &grown(growth)));
+            assert!((found[0] - at_first).abs() < 1e-14 && (found[1] - later).abs() < 1e-14, "{gamma}: {found:?}");
+            assert_eq!(found[2], at_last, "{gamma}");
+        }
+    }
+
+    #[test]
+    fn a_layer_takes_the_same_part_of_the_gap_whatever_gamma_is() {
+        // springs in series: the layer has 0.3 of the stiffness of the bodies, so that c gamma is theirs for every gamma
+        for gamma in [1e-3, 1.0, 1e6] {
+            let compliance = scaling(gamma).compliance(0, 0.3);
+            let traction_by_gap = (1.0 - compliance) / compliance * gamma;
+            assert!((traction_by_gap / (0.3 * 4.0) - 1.0).abs() < 1e-12 / compliance.min(1.0 - compliance), "{gamma}");
+        }
+        assert_eq!(scaling(7.0).compliance(0, f64::INFINITY), 0.0, "as written");
+    }
+
+    #[test]
+    fn a_soft_layer_makes_the_ratio_that_of_both() {
+        let law = Complementarity {
+            regularisation: Regularisation { layer: 0.5, ..Regularisation::default() },
+            ..Complementarity::default()
+        };
+        let s = scaling(40.0);
+        let compliance = s.compliance(0, 0.5);
+        assert!(compliance > 0.9, "{compliance}");
+        assert!((s.ratio(0, &law) * (1.0 - compliance) - 0.1).abs() < 1e-15);
+    }
+
+    #[test]
+    fn overstress_keeps_half_of_what_is_beyond_a_bound_where_viscosity_is_as_stiff_as_the_argument() {
+        assert_eq!(scaling(2.0).overstress(0, 0.5), 0.5);
+        assert_eq!(scaling(2.0).overstress(0, 0.0), 0.0, "as written");
+        assert!(scaling(1e-6).overstress(0, 0.5) > 0.999_999 - 1e-9);
+    }
+
+    #[test]
+    fn an_argument_of_no_displacement_is_neither_softened_nor_held() {
+        let s = Scaling { ratios: vec![1.0], slopes: vec![0.0], stiffness: 4.0, ..Scaling::default() };
+        assert_eq!((s.compliance(0, 0.3), s.overstress(0, 0.5)), (0.0, 0.0));
+        assert_eq!((s.flexibility(0), s.stiffness_ratio()), (1.0, 0.0));
+    }
+
+    #[test]
+    fn the_flexibility_of_a_point_is_that_of_the_bodies_for_every_gamma() {
+        for gamma in [1e-8, 3.0, 1e8] {
+            assert!((scaling(gamma).flexibility(0) - 0.25).abs() < 1e-15, "{gamma}");
+        }
+    }
+
+    #[test]
+    fn a_median_is_that_of_a_sorted_list_and_zero_of_none() {
+        assert_eq!(median(vec![9.0, 1.0, 4.0]), 4.0);
+        assert_eq!(median(Vec::new()), 0.0);
+    }
 }

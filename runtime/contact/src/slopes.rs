@@ -3,23 +3,27 @@
 //! They read what the law of the projections reads, in the same order: a workspace that was prepared for the one serves
 //! the other. Promises: no differences, so that no step and no rounding of one enters. Says nothing of radii.
 
+use std::sync::Arc;
+
 use wfl_compiler::{
     ArgumentSlope, SlopesLaw, interpret_lanes,
-    types::{BasisSlot, FieldKind, FieldOp},
+    ir::Inst,
+    types::{BasisSlot, FieldKind, FieldOp, InputSlot},
 };
 use wfl_discrete::{field::Field, rates::StepAt, value::uniforms_at};
 
 /// The derivatives of the arguments of the projections of a term.
+#[derive(Clone)]
 pub(super) struct ArgumentSlopes {
     /// `None` if every argument is the same at all states.
-    law: Option<SlopesLaw>,
+    law: Option<Arc<SlopesLaw>>,
     uniforms: Vec<f64>,
 }
 
 impl ArgumentSlopes {
     /// Derivatives at step 0.
     pub(super) fn new(law: Option<SlopesLaw>) -> Self {
-        let mut this = Self { law, uniforms: Vec::new() };
+        let mut this = Self { law: law.map(Arc::new), uniforms: Vec::new() };
         this.set_step(StepAt::default());
         this
     }
@@ -27,6 +31,15 @@ impl ArgumentSlopes {
     /// Sets the step.
     pub(super) fn set_step(&mut self, step: StepAt) {
         self.uniforms = self.law.as_ref().map_or_else(Vec::new, |law| uniforms_at(&law.law.prologue, step));
+    }
+
+    /// The inputs that the derivatives read.
+    pub(super) fn inputs(&self) -> impl Iterator<Item = usize> + '_ {
+        let insts = self.law.iter().flat_map(|law| &law.law.kernel.kernel().insts);
+        insts.filter_map(|inst| match inst {
+            Inst::Input(k) => Some(*k as usize),
+            _ => None,
+        })
     }
 
     /// What each derivative is, sorted by projection, entry and slot; what is not listed is zero.
@@ -56,6 +69,16 @@ impl ArgumentSlopes {
 
 /// True for a component of a displacement.
 pub(super) fn is_displacement(fields: &[Field], slot: &BasisSlot) -> bool {
-    // branch data are numbered behind the fields
+    // branches are numbered behind the fields
     slot.op == FieldOp::Value && fields.get(slot.field.index()).is_some_and(|f| f.kind == FieldKind::Unknown)
+}
+
+/// True for what is no displacement: a gradient or a multiplier of the scene.
+pub(super) fn is_traction(fields: &[Field], slot: &InputSlot) -> bool {
+    match slot {
+        InputSlot::Field(b) if b.field.index() < fields.len() => {
+            b.op != FieldOp::Value || fields[b.field.index()].kind == FieldKind::Multiplier
+        }
+        _ => false,
+    }
 }

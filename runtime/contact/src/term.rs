@@ -1,16 +1,20 @@
 //! One term of contact: its projections, the law that reads them, and how they are scaled to the bodies.
 
-use wfl_compiler::{Projection, ProjectionKind, SlopesLaw, types::FieldKind};
+use std::sync::OnceLock;
+
+use wfl_compiler::{BranchSizes, Projection, ProjectionKind, SlopesLaw, types::FieldKind};
 
 use super::{
     Complementarity,
+    alternation::PointGraph,
+    background,
     sharing::{PointName, SharedPoints},
     slopes::ArgumentSlopes,
 };
 use wfl_discrete::assemble::{AssembledTerm, FieldValues, Over};
 use wfl_discrete::field::Field;
 use wfl_discrete::rates::StepAt;
-use wfl_discrete::system::System;
+use wfl_discrete::system::{System, TermBranches};
 use wfl_discrete::value::{Sampled, Value};
 use wfl_mesh::mesh::Mesh;
 
@@ -18,16 +22,17 @@ use wfl_mesh::mesh::Mesh;
 pub(super) const STIFF: f64 = 0.1;
 
 /// The projections of one term.
+#[derive(Clone)]
 pub struct ContactTerm {
     /// Position of the term in the system.
     pub term: usize,
     /// Position of its frozen form among those of the system.
     pub frozen: usize,
-    /// The number of the field of its branch data, behind those of the scene.
+    /// The number of the field of its branches, behind those of the scene; that of its regularisation is the next.
     pub field: usize,
     pub(super) projections: Vec<Projection>,
-    /// Branch data at an integration point.
-    pub(super) n_data: usize,
+    /// Numbers of its branches at an integration point, and of its regularisation.
+    pub(super) sizes: BranchSizes,
     /// Arguments, radii and values of the projections.
     pub(super) law: Value,
     /// The derivatives of the arguments.
@@ -35,9 +40,17 @@ pub struct ContactTerm {
     pub(super) sampled: Sampled,
     /// It acts on a multiplier, or reads one.
     pub(super) has_multiplier: bool,
+    /// It may have a force where all its projections are open.
+    pub(super) acts_when_open: bool,
     pub(super) scaling: Scaling,
+    /// The step that it was brought to.
+    pub(super) step: StepAt,
+    /// The shortest edge of a face of the other side, as soon as somebody has asked.
+    pub(super) shortest_face: OnceLock<f64>,
     /// Where several ranks have the points.
     pub(super) shared: Option<SharedPoints>,
+    /// Its points with their neighbours, as soon as somebody has asked for them.
+    pub(super) graph: OnceLock<PointGraph>,
 }
 
 /// How the projections of a term are scaled to the stiffness of the bodies.
@@ -61,12 +74,10 @@ pub struct ContactParts {
     pub term: usize,
     /// Position of its frozen form among those of the system.
     pub frozen: usize,
-    /// The number of the field of its branch data.
+    /// The number of the field of its branches.
     pub field: usize,
     /// Its projections, inner ones first.
     pub projections: Vec<Projection>,
-    /// Branch data at an integration point.
-    pub n_data: usize,
     /// Arguments, radii and values of the projections.
     pub law: Value,
     /// The derivatives of the arguments; `None` if no argument changes with the unknowns.
@@ -79,7 +90,7 @@ impl ContactTerm {
     /// The projections of a term; `form` is its frozen form.
     #[must_use]
     pub fn new(parts: ContactParts, form: &AssembledTerm, fields: &[Field]) -> Self {
-        let ContactParts { term, frozen, field, projections, n_data, law, slopes, sampled } = parts;
+        let ContactParts { term, frozen, field, projections, law, slopes, sampled } = parts;
         let is_multiplier = |f: usize| fields[f].kind == FieldKind::Multiplier;
         let scaling = Scaling {
             ratios: vec![1.0; projections.len()],
@@ -88,12 +99,29 @@ impl ContactTerm {
         };
         let slopes = ArgumentSlopes::new(slopes);
         let has_multiplier = form.coupled_fields().any(|f| is_multiplier(f.index()));
-        Self { term, frozen, field, projections, n_data, law, slopes, sampled, has_multiplier, scaling, shared: None }
+        Self {
+            term,
+            frozen,
+            field,
+            sizes: projections.last().map_or_else(BranchSizes::default, |p| p.branch.end()),
+            projections,
+            law,
+            slopes,
+            sampled,
+            has_multiplier,
+            acts_when_open: background::acts_when_open(&form.law, field),
+            scaling,
+            step: StepAt::default(),
+            shortest_face: OnceLock::new(),
+            shared: None,
+            graph: OnceLock::new(),
+        }
     }
 
     /// Sets the step.
     pub(super) fn begin_step(&mut self, step: StepAt) {
-        self.law.set_step(step);
+        self.step = step;
+        self.law = self.law.at_step(step);
         self.slopes.set_step(step);
     }
 
@@ -103,7 +131,7 @@ impl ContactTerm {
         &system.frozen()[self.frozen].form
     }
 
-    /// The numbers that the choice of branches depends on, beside the branch data.
+    /// The numbers that the choice of branches depends on, beside the branches.
     pub(super) fn memory(&self, complementarity: &Complementarity) -> Vec<f64> {
         let s = &self.scaling;
         let flags = [s.is_stiff, s.is_over_constrained].map(|f| f64::from(u8::from(f)));
@@ -171,10 +199,10 @@ impl ContactTerm {
         (&self.law, &self.sampled, &self.projections)
     }
 
-    /// Branch data at an integration point.
+    /// Its branches before any is chosen, open, at so many points.
     #[must_use]
-    pub fn n_branch_data(&self) -> usize {
-        self.n_data
+    pub fn open_at(&self, n_points: usize) -> TermBranches {
+        TermBranches { points: vec![0.0; n_points * self.sizes.point], regularisation: vec![0.0; self.sizes.term] }
     }
 
     /// Numbers that the law gives at a point.

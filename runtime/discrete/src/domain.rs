@@ -8,11 +8,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use wfl_compiler::{ir::LANES, types::EntityGeometry};
 
-use crate::space::{Space, Support};
+use crate::{
+    areas::{NodeAreas, cross},
+    space::{Space, Support},
+};
 use wfl_host::team::Team;
 use wfl_mesh::{
     element::Table,
-    mesh::{CellId, CellKind, FacetRef, Image, Mesh, MeshError, RegionSet, neighbour_points},
+    mesh::{CellId, CellKind, FacetRef, Image, Mesh, MeshError, Polynomials, RegionSet, neighbour_points},
     quadrature::{Rule, facet_points},
 };
 
@@ -21,7 +24,7 @@ use wfl_mesh::{
 #[must_use]
 pub fn entity_geometries(mesh: &Mesh, region: &RegionSet) -> Vec<EntityGeometry> {
     let of_cell = |cell: CellId| EntityGeometry {
-        tensor: !mesh.kind(cell).is_simplex(),
+        tensor: mesh.kind(cell).polynomials() != Polynomials::Total,
         dim: mesh.dim(),
         order: mesh.map_order(cell),
     };
@@ -70,8 +73,10 @@ pub struct GroupSide {
 }
 
 /// Which entities have the same reference points: kind and local facet of both sides, and how they are turned against each
-/// other. Groups of a domain are sorted by it.
+/// other, [`TURNS`] numbers for each rule. Groups of a domain are sorted by it.
 type Key = (CellKind, usize, CellKind, usize, usize);
+/// More than there are ways to turn a facet against another.
+const TURNS: usize = 16;
 
 /// Entities with the same reference points.
 #[derive(Clone, Debug)]
@@ -88,6 +93,8 @@ pub struct Group {
     pub parameters: Vec<[f64; 3]>,
     /// Derivatives of the reference point in the facet parameters; `None` on cells.
     pub tangents: Option<[[f64; 3]; 2]>,
+    /// The area vectors of the points of a nodal rule on quadrilateral faces; elsewhere they are those of the map there.
+    pub areas: Option<NodeAreas>,
     /// Outward normal of the reference facet.
     pub reference_normal: [f64; 3],
     /// Nothing is integrated: one point of weight 1, for terms on `global` and loads at nodes.
@@ -148,6 +155,15 @@ impl Group {
     /// Outward unit normal at point `q` of entity `k` of a group on facets.
     #[must_use]
     pub fn unit_normal(&self, mesh: &Mesh, k: usize, q: usize) -> [f64; 3] {
+        if let (Some(areas), Some(tangents)) = (&self.areas, self.tangents) {
+            let mut area = nalgebra::Vector3::zeros();
+            for (g, share) in areas.of_point(q).iter().enumerate() {
+                let jacobian = mesh.jacobian_at(self.here.cells[k], &areas.geometry, g);
+                let image = |t: [f64; 3]| jacobian.map(|row| row.iter().zip(t).map(|(a, b)| a * b).sum());
+                area += nalgebra::Vector3::from(cross(tangents.map(image))) * *share;
+            }
+            return area.normalize().into();
+        }
         let jacobian = mesh.jacobian_at(self.here.cells[k], &self.here.geometry, q);
         let dim = mesh.dim();
         let m =
@@ -197,20 +213,57 @@ pub struct Places {
 }
 
 impl Domain {
+    /// The group, the entity of it and the point of the rule that the `point`th point of this domain is, in the order of
+    /// groups, entities and points.
+    #[must_use]
+    pub fn place(&self, mut point: usize) -> Option<(usize, usize, usize)> {
+        for (g, group) in self.groups.iter().enumerate() {
+            let n = group.entities.len() * group.n_points();
+            if point < n {
+                return Some((g, point / group.n_points(), point % group.n_points()));
+            }
+            point -= n;
+        }
+        None
+    }
+
+    /// Where the `point`th point of this domain is (length), zero if there is none.
+    #[must_use]
+    pub fn position(&self, mesh: &Mesh, point: usize) -> [f64; 3] {
+        self.place(point).map_or([0.0; 3], |(g, k, q)| {
+            let here = &self.groups[g].here;
+            mesh.point_at(here.cells[k], &here.geometry, q)
+        })
+    }
+
     /// The domain of a region under a rule per entity kind (facet kinds on facets).
     ///
     /// # Errors
     /// [`MeshError`] when the two sides of an interface do not match.
     pub fn new(mesh: &Mesh, region: &RegionSet, rule: &dyn Fn(CellKind) -> Rule) -> Result<Self, MeshError> {
+        Self::by_facet(mesh, region, rule, &|_| None)
+    }
+
+    /// The same with another rule on some facets: which one of up to 16 it is, and the rule.
+    ///
+    /// # Errors
+    /// [`MeshError`] when the two sides of an interface do not match.
+    pub fn by_facet(
+        mesh: &Mesh,
+        region: &RegionSet,
+        rule: &dyn Fn(CellKind) -> Rule,
+        own: &dyn Fn(FacetRef) -> Option<(usize, Rule)>,
+    ) -> Result<Self, MeshError> {
+        let rule_of = |facet| own(facet).map_or_else(|| (0, rule(mesh.facet_kind(facet))), |(k, rule)| (k + 1, rule));
         let (over, groups) = match region {
             RegionSet::Cells(cells) => (Over::Cells, cell_groups(mesh, cells, rule)),
             RegionSet::Facets(facets) => {
                 let sides: Vec<(FacetRef, Option<FacetRef>)> = facets.iter().map(|f| (*f, None)).collect();
-                (Over::Facets, facet_groups(mesh, &sides, rule)?)
+                (Over::Facets, facet_groups(mesh, &sides, &rule_of)?)
             }
             RegionSet::Interface(pairs) => {
                 let sides: Vec<(FacetRef, Option<FacetRef>)> = pairs.iter().map(|p| (p.here, Some(p.there))).collect();
-                (Over::Facets, facet_groups(mesh, &sides, rule)?)
+                (Over::Facets, facet_groups(mesh, &sides, &rule_of)?)
             }
             RegionSet::Nodes(_) => (Over::Points, Vec::new()),
         };
@@ -351,6 +404,7 @@ fn one_point(here: GroupSide) -> Group {
         weights: vec![1.0],
         parameters: vec![[0.0; 3]],
         tangents: None,
+        areas: None,
         reference_normal: [0.0; 3],
         is_global: true,
         here,
@@ -413,6 +467,7 @@ fn part(mesh: &Mesh, group: &Group, k: usize, image: Image, points: &[ImagePoint
         weights: points.iter().map(|(q, _)| group.weights[*q]).collect(),
         parameters: pick(&group.parameters),
         tangents: group.tangents,
+        areas: None,
         reference_normal: group.reference_normal,
         is_global: group.is_global,
         here,
@@ -434,7 +489,7 @@ impl GroupSide {
     /// True if the derivatives of the map are the same everywhere in a cell: simplices with straight edges.
     #[must_use]
     pub fn is_affine(&self) -> bool {
-        self.kind.is_simplex() && self.geometry.n_dofs == self.kind.dim() + 1
+        self.kind.straight_is_affine() && self.geometry.n_dofs == self.kind.n_vertices()
     }
 }
 
@@ -457,6 +512,7 @@ fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -
                 weights: rule.weights.clone(),
                 parameters: rule.points.clone(),
                 tangents: None,
+                areas: None,
                 reference_normal: [0.0; 3],
                 is_global: false,
                 here: GroupSide::new(mesh, kind, rule.points),
@@ -473,18 +529,19 @@ fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -
 fn facet_groups(
     mesh: &Mesh,
     sides: &[(FacetRef, Option<FacetRef>)],
-    rule: &dyn Fn(CellKind) -> Rule,
+    rule: &dyn Fn(FacetRef) -> (usize, Rule),
 ) -> Result<Vec<Group>, MeshError> {
     let mut groups: BTreeMap<Key, Group> = BTreeMap::new();
     for (k, (here, there)) in sides.iter().enumerate() {
         let kind = mesh.kind(here.cell);
         let local = usize::from(here.local);
-        let rule = rule(mesh.facet_kind(*here));
+        let (which, rule) = rule(*here);
         let (key, opposite) = match there {
-            None => ((kind, local, CellKind::Point, 0, 0), None),
+            None => ((kind, local, CellKind::Point, 0, which * TURNS), None),
             Some(there) => {
                 let (orientation, points) = neighbour_points(mesh, *here, *there, &rule)?;
-                let key = (kind, local, mesh.kind(there.cell), usize::from(there.local), usize::from(orientation));
+                let turned = usize::from(orientation) + which * TURNS;
+                let key = (kind, local, mesh.kind(there.cell), usize::from(there.local), turned);
                 (key, Some((*there, points)))
             }
         };
@@ -495,6 +552,7 @@ fn facet_groups(
             weights: rule.weights.clone(),
             parameters: rule.points.clone(),
             tangents: Some(kind.facet_map(local).tangents),
+            areas: NodeAreas::new(mesh, kind, local, &rule),
             reference_normal: kind.facet_normal(local),
             is_global: false,
             here: GroupSide::new(mesh, kind, facet_points(kind, local, &rule)),

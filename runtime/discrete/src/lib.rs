@@ -1,6 +1,7 @@
 //! From point laws on a mesh to vectors and matrices.
 //!
-//! [`space`] numbers nodes, [`domain`] holds the points of integration, [`field`] gives them components, [`assemble`]
+//! [`space`] numbers nodes, [`domain`] holds the points of integration, [`areas`] what nodes of faces have of
+//! them, [`field`] gives them components, [`assemble`]
 //! integrates compiled point laws over domains into residuals and tangents, [`value`] evaluates expressions, [`frames`]
 //! holds the local frames of prescribed directions, [`rates`] what `Dot_u` and `Dot2_u` read of the past, [`lumped`] a
 //! mass on the diagonal, [`redistribution`] one that some nodes give away, [`share`] the rows of ranks. Promises sums in one fixed order for any number of threads, and
@@ -8,6 +9,7 @@
 //! results.
 #![forbid(unsafe_code)]
 
+pub mod areas;
 pub mod assemble;
 pub mod domain;
 pub mod field;

@@ -70,7 +70,8 @@ impl PointSpace {
     }
 
     /// Basis and nodes on a group; `None` where its points are not those of this space.
-    pub(crate) fn tabulate(&self, dim: usize, group: &Group) -> Option<(Table, Vec<u32>)> {
+    #[must_use]
+    pub fn tabulate(&self, dim: usize, group: &Group) -> Option<(Table, Vec<u32>)> {
         let n = group.n_points();
         let mut nodes = Vec::with_capacity(group.entities.len() * n);
         for k in 0..group.entities.len() {

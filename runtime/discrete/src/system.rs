@@ -8,7 +8,9 @@
 //! Promises: a residual or a tangent depends on its arguments, the step ([`System::begin_step`]) and the known fields
 //! alone. Knows no contact, no solver and no iteration.
 
+mod cancelled;
 mod equations;
+mod finite_strain;
 mod form;
 mod inspect;
 mod known;
@@ -17,29 +19,29 @@ mod node_layout;
 mod numbering;
 mod residual;
 mod shared;
+mod sizes;
 mod soften;
 mod tangent;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-pub use form::{ActiveSet, Branches, Form, LinearTerms, StateValues};
+pub use finite_strain::FiniteStrain;
+pub use form::{ActiveSet, Branches, Form, LinearTerms, StateValues, TermBranches};
 pub use known::{Known, Past};
 use linear::LinearMatrix;
 pub use linear::Redistribution;
 pub use numbering::{FIXED, Numbering, Tie};
 pub use residual::Residual;
 use shared::Counts;
+use sizes::meeting_fields;
 use tangent::SceneAxes;
 pub use tangent::Tangent;
 use thiserror::Error;
-use wfl_compiler::{
-    Class,
-    types::{FieldKind, InputSlot, Side},
-};
+use wfl_compiler::{Class, types::InputSlot};
 
 use crate::assemble::{AssembledTerm, TermError};
 use crate::field::Field;
-use crate::finite::{BadGiven, largest};
+use crate::finite::BadGiven;
 use crate::frames::{Frame, Frames};
 use crate::pruning::Pruning;
 use crate::share::Share;
@@ -50,11 +52,12 @@ use wfl_sparse::csr::{Csr, CsrError, Pattern, PatternBuilder};
 /// Raises terms of a class to terms of which nothing is known.
 fn forget(terms: &mut [AssembledTerm], class: Class) {
     for term in terms.iter_mut().filter(|t| t.law.class == class) {
-        term.law.class = Class::Nonlinear;
+        Arc::make_mut(&mut term.law).class = Class::Nonlinear;
     }
 }
 
 /// What terms give at the state zero where neither known fields nor the past enter.
+#[derive(Clone)]
 struct Steady {
     /// By such term: the uniforms that it was evaluated with.
     uniforms: Vec<Vec<f64>>,
@@ -63,21 +66,23 @@ struct Steady {
 }
 
 /// A term whose branches are data: what takes the place of a term with projections while its active set is frozen.
+#[derive(Clone)]
 pub struct FrozenTerm {
     /// Position of the term that it replaces.
     pub term: usize,
-    /// The term that reads its branches; its branch data are a field behind those of the scene.
+    /// The term that reads its branches; its branches and their regularisation are two fields behind those of the scene.
     pub form: AssembledTerm,
 }
 
-/// The assembled problem.
+/// The assembled problem at one step. A copy shares mesh, fields and code, and what was found of matrices.
+#[derive(Clone)]
 pub struct System {
     /// The mesh.
-    pub mesh: Mesh,
+    pub mesh: Arc<Mesh>,
     /// The fields.
-    pub fields: Vec<Field>,
+    pub fields: Arc<Vec<Field>>,
     /// The dofs.
-    pub numbering: Numbering,
+    pub numbering: Arc<Numbering>,
     /// Every term, loads included.
     pub terms: Vec<AssembledTerm>,
     /// Data and the past.
@@ -86,14 +91,14 @@ pub struct System {
     /// The step variable.
     time: f64,
     increment: f64,
-    linear: Option<LinearMatrix>,
+    linear: Option<Arc<LinearMatrix>>,
     /// By linear term: the uniforms that the matrix was assembled with.
     linear_uniforms: Vec<Vec<f64>>,
     bulk: Arc<Csr>,
     /// The pattern of the changing terms over the free dofs.
     changing: Arc<Pattern>,
     /// Where they are summed before they are rotated; `None` without local frames and dofs that follow others.
-    scene_axes: Option<SceneAxes>,
+    scene_axes: Option<Arc<SceneAxes>>,
     constant: Vec<f64>,
     /// By field: it acts on free dofs.
     loaded: Vec<bool>,
@@ -103,6 +108,8 @@ pub struct System {
     steady: Option<Steady>,
     /// By field: the first field of those whose forces meet on interfaces.
     meets: Vec<usize>,
+    /// Of the mesh along the axis where it is the largest.
+    extent: f64,
     /// What is done although the scene does not need it.
     kept: Vec<Pruning>,
     /// The rows of this rank where several assemble: matrices have no others.
@@ -110,6 +117,8 @@ pub struct System {
     counts: Counts,
     /// What takes the mass from some nodes.
     redistribution: Option<Arc<Redistribution>>,
+    /// The terms of finite strain, once they have been asked for.
+    finite_strain: OnceLock<Vec<FiniteStrain>>,
 }
 
 impl System {
@@ -127,10 +136,12 @@ impl System {
         let n_free = numbering.n_free();
         let (constant, loaded) = (vec![0.0; numbering.n_dofs], vec![false; fields.len()]);
         let meets = meeting_fields(&fields, &terms);
+        let (low, high) = mesh.bounds();
+        let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
         let mut this = Self {
-            mesh,
-            fields,
-            numbering,
+            mesh: Arc::new(mesh),
+            fields: Arc::new(fields),
+            numbering: Arc::new(numbering),
             terms,
             known,
             frozen: Vec::new(),
@@ -146,10 +157,12 @@ impl System {
             base: Vec::new(),
             steady: None,
             meets,
+            extent,
             kept: Vec::new(),
             share: None,
             counts: Counts::default(),
             redistribution: None,
+            finite_strain: OnceLock::new(),
         };
         // on a part of a mesh there is nobody who has all rows
         this.share_again();
@@ -157,7 +170,7 @@ impl System {
         Ok(this)
     }
 
-    /// Gives terms their frozen forms; their branch data are fields numbered behind those of the scene.
+    /// Gives terms their frozen forms; their branches are fields numbered behind those of the scene.
     ///
     /// # Errors
     /// [`CsrError`] when the pattern does not fit the index types.
@@ -195,7 +208,7 @@ impl System {
         for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(frozen) {
             term.locate_own(pattern, rows, self.share.as_ref());
         }
-        self.scene_axes = axes;
+        self.scene_axes = axes.map(Arc::new);
         self.count();
         Ok(())
     }
@@ -268,6 +281,16 @@ impl System {
         self.terms.iter_mut().chain(frozen).for_each(|t| t.set_step(step));
     }
 
+    /// Looks at the equations with other rates. Afterwards these are as they were, and laws stand at `step`: the step
+    /// variable and its increment.
+    pub fn with_other_rates<T>(&mut self, step: (f64, f64), look: impl FnOnce(&mut Self) -> T) -> T {
+        let rates = self.known.rates.clone();
+        let found = look(self);
+        self.known.rates = rates;
+        self.set_laws(step.0, step.1);
+        found
+    }
+
     /// The step variable and its increment.
     #[must_use]
     pub fn step(&self) -> (f64, f64) {
@@ -301,9 +324,9 @@ impl System {
         }
         let base = if start.is_empty() { &zero } else { &start };
         let is_steady = |t: &AssembledTerm| start.is_empty() && self.is_steady(t);
-        let at_base = |out: &mut Vec<f64>, steady: bool| {
+        let at_base = |out: &mut Vec<f64>, which: &dyn Fn(&AssembledTerm) -> bool| {
             let values = self.values(base);
-            let mut terms = self.affine_terms().filter(|t| is_steady(t) == steady);
+            let mut terms = self.affine_terms().filter(|t| which(t));
             terms.try_for_each(|term| self.add_own(term, values.view(), out).map(drop))
         };
         let uniforms: Vec<Vec<f64>> =
@@ -312,19 +335,26 @@ impl System {
             Some(before) if before.uniforms == uniforms => before,
             _ => {
                 let mut sum = zero.clone();
-                at_base(&mut sum, true)?;
+                at_base(&mut sum, &|t| is_steady(t))?;
                 Steady { uniforms, sum }
             }
         };
-        let mut constant = steady.sum.clone();
-        at_base(&mut constant, false)?;
+        let (mut constant, mut loaded) = (steady.sum.clone(), Vec::new());
+        // loads first, so that what they act on is known also where constants hold the past
+        let is_load = |t: &AssembledTerm| t.law.class == Class::Constant && self.is_steady(t);
+        for loads in [true, false] {
+            at_base(&mut constant, &|t| !is_steady(t) && is_load(t) == loads)?;
+            if loads {
+                loaded = self.loaded_by(&constant);
+            }
+        }
         self.add_redistributed_at(base, &mut constant);
         if own.is_some() {
             self.known.rates = own;
             self.set_laws(time, increment);
         }
         (self.constant, self.steady, self.base) = (constant, Some(steady), start);
-        self.loaded = self.loaded_fields();
+        self.loaded = loaded;
         let stale = self.linear_is_stale();
         if stale {
             self.assemble_linear(&zero)?;
@@ -372,9 +402,10 @@ impl System {
         ties: Vec<Tie>,
         frames: Vec<Frame>,
     ) -> Result<(), CsrError> {
-        self.numbering.set_frames(frames);
-        self.numbering.fix(dofs);
-        self.numbering.tie(ties);
+        let numbering = Arc::make_mut(&mut self.numbering);
+        numbering.set_frames(frames);
+        numbering.fix(dofs);
+        numbering.tie(ties);
         self.share_again();
         (self.linear, self.steady) = (None, None);
         self.bulk = Arc::new(nothing(self.numbering.n_free()));
@@ -387,11 +418,11 @@ impl System {
         StateValues { current: self.slices(u), previous: self.previous_slices(), rates: self.known.rates.as_ref() }
     }
 
-    /// The values of all fields at `u`, and behind them the branch data of an active set.
+    /// The values of all fields at `u`, and behind them the branches of an active set.
     #[must_use]
     pub fn values_with<'a>(&'a self, u: &'a [f64], active: &'a ActiveSet) -> StateValues<'a> {
         let mut values = self.values(u);
-        values.current.extend(active.branch_data.iter().map(Vec::as_slice));
+        values.current.extend(active.terms.iter().flat_map(|t| [t.points.as_slice(), t.regularisation.as_slice()]));
         values
     }
 
@@ -399,73 +430,6 @@ impl System {
     #[must_use]
     pub fn range(&self, field: usize) -> Option<std::ops::Range<usize>> {
         self.numbering.starts[field].map(|start| start..start + self.fields[field].n_dofs())
-    }
-
-    /// By field: what relative residuals are relative to. For unknowns the largest nodal force of loads, linear or
-    /// nonlinear terms, of all fields that meet on an interface (a body that nothing touches has no force of its own);
-    /// for multipliers, whose equations balance inside one term, the size of what cancels: of [`Self::sizes`].
-    #[must_use]
-    pub fn scales(&self, here: &Residual, sizes: &[f64]) -> Vec<f64> {
-        let mut sizes = self.largest_by_field(sizes);
-        self.team().max(&mut sizes);
-        let mut forces = vec![0.0f64; self.fields.len()];
-        for (force, group) in here.forces.iter().zip(&self.meets) {
-            forces[*group] = largest([forces[*group], *force]);
-        }
-        (0..self.fields.len())
-            .map(|k| match self.fields[k].kind {
-                FieldKind::Multiplier => sizes[k],
-                _ => forces[self.meets[k]],
-            })
-            .collect()
-    }
-
-    /// Whether loads act on the free dofs of a field, or of one whose forces it meets: forces that depend neither on the
-    /// unknowns nor on the past.
-    #[must_use]
-    pub fn is_loaded(&self, field: usize) -> bool {
-        let acts = |k: usize| self.meets[k] == self.meets[field] && self.loaded[k];
-        self.base.is_empty() && self.fields[field].kind == FieldKind::Unknown && (0..self.fields.len()).any(acts)
-    }
-
-    /// By field whether constant terms act on its free dofs, on any rank.
-    fn loaded_fields(&self) -> Vec<bool> {
-        let is_loaded = |d: usize| self.numbering.free[d] != FIXED && self.constant[d] != 0.0;
-        let of = |k: usize| u64::from(self.range(k).is_some_and(|mut range| range.any(is_loaded)));
-        let mut loaded: Vec<u64> = (0..self.fields.len()).map(of).collect();
-        self.team().max_words(&mut loaded);
-        loaded.into_iter().map(|loaded| loaded != 0).collect()
-    }
-
-    /// By dof, in the rows of this rank: |K| |u| of linear and changing terms, what rounding errors of the residual `here`
-    /// at `u` are relative to.
-    #[must_use]
-    pub fn sizes(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
-        let mut out = here.linear_sizes.clone();
-        if self.is_linear() {
-            return out;
-        }
-        let mut sizes: Vec<f64> = u.iter().map(|x| x.abs()).collect();
-        self.numbering.frames.turn_sizes(&mut sizes);
-        for row in 0..self.numbering.n_free() {
-            let (columns, values) = tangent.changing.row(row);
-            let at = |c: u32| sizes[self.numbering.free_dofs[c as usize] as usize];
-            let size: f64 = columns.iter().zip(values).map(|(c, v)| v.abs() * at(*c)).sum();
-            out[self.numbering.free_dofs[row] as usize] += size;
-        }
-        out
-    }
-
-    /// By dof, in the rows of this rank: what rounding leaves of a residual. Where linear terms are evaluated at their
-    /// points only the others count: what rounds there moves nothing.
-    #[must_use]
-    pub fn rounding(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
-        let mut sizes = self.sizes(u, here, tangent);
-        if here.linear == LinearTerms::AtPoints {
-            sizes.iter_mut().zip(&here.linear_sizes).for_each(|(s, linear)| *s -= linear);
-        }
-        sizes.iter_mut().for_each(|s| *s = f64::EPSILON * s.max(0.0));
-        sizes
     }
 
     /// Values of each field at the end of the previous step; empty unless something reads them.
@@ -480,7 +444,13 @@ impl System {
     /// Values of each field at `u`.
     #[must_use]
     pub fn slices<'a>(&'a self, u: &'a [f64]) -> Vec<&'a [f64]> {
-        field_slices(&self.fields, &self.numbering, &self.known.data, u)
+        self.slices_of(&self.known.data, u)
+    }
+
+    /// The same with values of known fields, by field.
+    #[must_use]
+    pub fn slices_of<'a>(&self, data: &'a [Vec<f64>], u: &'a [f64]) -> Vec<&'a [f64]> {
+        field_slices(&self.fields, &self.numbering, data, u)
     }
 }
 
@@ -493,26 +463,6 @@ fn field_slices<'a>(fields: &[Field], numbering: &Numbering, data: &'a [Vec<f64>
             None => data[k].as_slice(),
         })
         .collect()
-}
-
-/// By field: the first of the fields whose test functions stand on opposite sides of one interface term, with equal
-/// shapes: displacements of bodies that push each other, whose forces have one unit and one size.
-fn meeting_fields(fields: &[Field], terms: &[AssembledTerm]) -> Vec<usize> {
-    let mut group: Vec<usize> = (0..fields.len()).collect();
-    for tests in terms.iter().map(|t| &t.law.tests) {
-        let side = |side: Side| tests.iter().filter(move |t| t.side == side).map(|t| t.field.index());
-        for here in side(Side::Here) {
-            for there in side(Side::There) {
-                let alike = fields[here].n_components == fields[there].n_components;
-                let (low, high) = (group[here].min(group[there]), group[here].max(group[there]));
-                let unknowns = [here, there].iter().all(|f| fields[*f].kind == FieldKind::Unknown);
-                if alike && unknowns && low < high {
-                    group.iter_mut().filter(|g| **g == high).for_each(|g| *g = low);
-                }
-            }
-        }
-    }
-    group
 }
 
 /// The pattern of some terms, of all rows or those of a rank; `place` maps a dof to its row. Turned nodes come with all

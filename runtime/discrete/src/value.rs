@@ -21,11 +21,12 @@ use crate::{
 };
 use wfl_mesh::mesh::Mesh;
 
-/// A compiled expression, callable.
+/// A compiled expression, callable at one step; a copy shares its law and its code.
+#[derive(Clone)]
 pub struct Value {
     /// The law.
-    pub law: ValueLaw,
-    kernel: Box<dyn PointKernel>,
+    pub law: Arc<ValueLaw>,
+    kernel: Arc<dyn PointKernel>,
     uniforms: Vec<f64>,
     /// The step variable and its increment, as the prologue of the law takes them.
     step: Vec<f64>,
@@ -37,10 +38,10 @@ impl Value {
     /// # Errors
     /// [`BackendError`].
     pub fn new(law: ValueLaw, backend: &dyn KernelBackend) -> Result<Self, BackendError> {
-        let kernel = backend.compile(&[&law.kernel])?.swap_remove(0);
+        let kernel = backend.compile(&[&law.kernel])?.swap_remove(0).into();
         let step = step_slots(&law.prologue, StepAt::default());
         let uniforms = run_prologue(&law.prologue, &step);
-        Ok(Self { law, kernel, uniforms, step })
+        Ok(Self { law: Arc::new(law), kernel, uniforms, step })
     }
 
     /// Numbers of the law that are the same at all points, at the present step.
@@ -49,10 +50,12 @@ impl Value {
         &self.uniforms
     }
 
-    /// Sets the step.
-    pub fn set_step(&mut self, step: impl Into<StepAt>) {
-        self.step = step_slots(&self.law.prologue, step.into());
-        self.uniforms = run_prologue(&self.law.prologue, &self.step);
+    /// The same expression at a step.
+    #[must_use]
+    pub fn at_step(&self, step: impl Into<StepAt>) -> Self {
+        let step = step_slots(&self.law.prologue, step.into());
+        let uniforms = run_prologue(&self.law.prologue, &step);
+        Self { law: Arc::clone(&self.law), kernel: Arc::clone(&self.kernel), uniforms, step }
     }
 
     /// Entries of the value.
@@ -162,7 +165,7 @@ impl Value {
     pub fn bind(&self, mesh: &Mesh, domain: Arc<Domain>, fields: &[Field]) -> Result<Sampled, FieldError> {
         let slots = LawSlots { inputs: &self.law.inputs, tests: &[], trials: &[] };
         let binding = Binding::new(mesh, &domain, fields, slots)?;
-        Ok(Sampled { domain, binding })
+        Ok(Sampled { domain, binding: Arc::new(binding) })
     }
 
     /// Calls `f(group, entity of the group, point, weight, value)` at each point of a domain, in order.
@@ -225,9 +228,10 @@ impl Value {
 }
 
 /// An expression on a domain.
+#[derive(Clone)]
 pub struct Sampled {
     /// Where.
     pub domain: Arc<Domain>,
     /// Slots and tables.
-    pub binding: Binding,
+    pub binding: Arc<Binding>,
 }

@@ -12,7 +12,7 @@ use std::{
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use wfl::{Diagnostic, Span};
 use wfl_compiler::{Class, InterpreterBackend};
-use wfl_runtime::{RuleChoice, Scene, mesh::RegionSet};
+use wfl_runtime::{Scene, mesh::RegionSet};
 use wfl_tasks::{
     STACK,
     advice::before_run,
@@ -121,8 +121,8 @@ fn said(panic: &(dyn Any + Send)) -> String {
 fn check(job: Job) -> Option<Found> {
     let mut loaded = read_open_scene(&job.root, &job.open).ok()?;
     let scene = loaded.prepare(&InterpreterBackend, &[]);
-    let problem = scene.map(|mut scene| {
-        let advice = before_run(&loaded, &mut scene);
+    let problem = scene.map(|scene| {
+        let advice = before_run(&loaded, &scene);
         loaded.messages.extend(advice);
         problem(&scene)
     });
@@ -145,10 +145,7 @@ fn problem(scene: &Scene) -> Problem {
         place: t.place.clone(),
         class: t.class,
         symmetric: t.symmetric,
-        rule: match t.rule {
-            RuleChoice::Degree(d) => format!("degree {d}"),
-            RuleChoice::Vertex => "vertex".to_owned(),
-        },
+        rule: t.rule.words(),
         why: t.why.clone(),
         points: t.n_points,
     };

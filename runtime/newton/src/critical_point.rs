@@ -5,8 +5,8 @@
 //! times too short, and the norm grows before the energy does. With multipliers the energy is that with the multipliers
 //! the correction leads to: along it the sides then move as they are allowed to.
 //!
-//! Promises: a state whose slope is a part of what it was, or none. Needs no energy to exist: where the direction does
-//! not go downhill nothing is done.
+//! Promises: a state whose slope is a part of what it was, or the end of what volumes allow (`load_step`) where the way
+//! still goes downhill, or none. Needs no energy to exist: where the direction does not go downhill nothing is done.
 
 use wfl_compiler::{Class, types::FieldKind};
 
@@ -41,6 +41,17 @@ fn low_enough(left: f64) -> bool {
     (-UPHILL_LEFT..=DOWNHILL_LEFT).contains(&left)
 }
 
+/// The next trial between the longest step known to go downhill and the shortest known to go uphill.
+fn between(low: f64, high: f64) -> f64 {
+    if high == f64::INFINITY {
+        2.0 * low
+    } else if low == 0.0 {
+        UPHILL_CUT * high
+    } else {
+        (low * high).sqrt()
+    }
+}
+
 /// True if a step to `found` has left much of the frozen equations open: then what the projections say of the laws is not
 /// the state that the bodies are in, and no reason to shorten the step.
 pub(super) fn leaves_much(here: f64, found: &Measured) -> bool {
@@ -51,6 +62,8 @@ pub(super) fn leaves_much(here: f64, found: &Measured) -> bool {
 pub(super) struct CriticalPoint<'a> {
     pub(super) direction: &'a [f64],
     pub(super) norm: &'a Norm,
+    /// How far volumes allow to go, at most 1.
+    pub(super) allowed: f64,
 }
 
 impl CriticalPoint<'_> {
@@ -80,7 +93,9 @@ impl CriticalPoint<'_> {
         if first >= 0.0 || first.is_nan() {
             return Ok(None);
         }
-        let (mut low, mut high, mut alpha) = (0.0, f64::INFINITY, 1.0);
+        let (mut low, mut high, mut alpha) = (0.0, f64::INFINITY, self.allowed);
+        // looked for where a step longer than the correction is asked for
+        let mut allowed = (self.allowed < 1.0).then_some(self.allowed);
         for _ in 0..MOST_TRIALS {
             step.go(&base, &motion, alpha, u);
             match step.measure(u, self.norm) {
@@ -88,30 +103,46 @@ impl CriticalPoint<'_> {
                     let there = slope(&found.residual);
                     let good = alpha == 1.0 && found.norm <= GOOD * here.norm;
                     if low_enough(there / first) || good || found.stop(step.options).is_some() {
-                        if forces.is_none() || alpha >= 1.0 {
-                            return Ok(Some((alpha, found)));
-                        }
-                        // multipliers go as far as the bodies do, at most to what the correction leads to
-                        step.go(start, self.direction, alpha, u);
-                        return Ok(Some((alpha, step.measure(u, self.norm)?)));
+                        return self.taken(step, u, start, (alpha, found), forces.is_none()).map(Some);
                     }
-                    if there < 0.0 { low = alpha } else { high = alpha }
+                    if there < 0.0 {
+                        low = alpha
+                    } else {
+                        high = alpha
+                    }
+                    if high == f64::INFINITY {
+                        let most = *allowed.get_or_insert_with(|| step.longest_step(&base, &motion, LONGEST));
+                        if alpha >= 0.5 * most {
+                            return self.taken(step, u, start, (alpha, found), forces.is_none()).map(Some);
+                        }
+                    }
                 }
                 // out of the domain of a function or out of range
                 Err(_) => high = alpha,
             }
-            alpha = if high == f64::INFINITY {
-                2.0 * low
-            } else if low == 0.0 {
-                UPHILL_CUT * high
-            } else {
-                (low * high).sqrt()
-            };
+            alpha = between(low, high);
             if alpha > LONGEST {
                 break;
             }
         }
         Ok(None)
+    }
+
+    /// The step that is taken: multipliers go as far as the bodies do, at most to what the correction leads to.
+    fn taken(
+        &self,
+        step: &mut LoadStep<'_>,
+        u: &mut [f64],
+        start: &[f64],
+        end: (f64, Measured),
+        bodies_alone: bool,
+    ) -> Result<(f64, Measured), NewtonError> {
+        let (alpha, found) = end;
+        if bodies_alone || alpha >= 1.0 {
+            return Ok((alpha, found));
+        }
+        step.go(start, self.direction, alpha, u);
+        Ok((alpha, step.measure(u, self.norm)?))
     }
 
     /// The part of the direction that moves bodies, and that of the multipliers where there are any.
@@ -129,5 +160,73 @@ impl CriticalPoint<'_> {
             dofs.map(|(dof, d)| if is_force(*dof) == force { *d } else { 0.0 }).collect()
         };
         (part(false), Some(part(true)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{CriticalPoint, Method, Norm, applies, between, low_enough};
+    use crate::{
+        Silent,
+        test_block::{Block, LAPLACE, PENALTY},
+        tests::{CUBIC, Solving},
+    };
+
+    #[test]
+    fn a_step_may_end_uphill_by_half_of_the_slope_but_downhill_by_a_tenth_alone() {
+        assert!(low_enough(0.1) && low_enough(-0.5) && low_enough(0.0));
+        assert!(!low_enough(0.11) && !low_enough(-0.51) && !low_enough(f64::NAN));
+    }
+
+    #[test]
+    fn trials_double_until_they_go_uphill_and_then_close_in_by_factors() {
+        assert_eq!(between(3.0, f64::INFINITY), 6.0);
+        assert_eq!(between(0.0, 1.0), 0.125);
+        assert_eq!(between(2.0, 8.0), 4.0);
+    }
+
+    /// How far a body |grad u|^2 grad u that is strained by 1 is followed downhill, its floor loaded by a force of 1 down
+    /// and moved by `direction`: the slope of the energy at its floor x is x^3 + 1.
+    fn followed(start: f64, direction: f64) -> Option<(f64, f64)> {
+        let mut solving = Solving::new(&[CUBIC, "[0,2].Test_u"], &[]);
+        solving.u = solving.block.moved([0.0, start], [0.0; 2]);
+        solving.with(&mut Silent, |step, u| {
+            let norm = Norm { weights: vec![1.0], equations: Vec::new(), scales: Vec::new(), frozen: false };
+            let here = step.measure(u, &norm).unwrap();
+            let down = |dof: &u32| if dof % 2 == 1 { direction } else { 0.0 };
+            let direction_of: Vec<f64> = step.system.numbering.free_dofs.iter().map(down).collect();
+            let search = CriticalPoint { direction: &direction_of, norm: &norm, allowed: 1.0 };
+            let (from, mut to) = (u.clone(), u.clone());
+            let (alpha, _) = search.descend(step, &mut to, &from, &here).unwrap()?;
+            let x = start + alpha * direction;
+            Some((alpha, (x.powi(3) + 1.0) / (start.powi(3) + 1.0)))
+        })
+    }
+
+    #[test]
+    fn a_step_that_is_far_too_long_is_cut_to_the_minimum_of_the_energy() {
+        // from x = -0.1 the correction is x - (x^3 + 1)/(3 x^2)
+        let (alpha, left) = followed(-0.1, -0.999 / 0.03).expect("it goes downhill");
+        assert!(alpha < 0.1 && (-0.5..=0.1).contains(&left), "{alpha} {left}");
+    }
+
+    #[test]
+    fn a_step_that_is_too_short_is_doubled() {
+        let (alpha, left) = followed(-0.1, -0.125).expect("it goes downhill");
+        assert!(alpha >= 4.0 && (-0.5..=0.1).contains(&left), "{alpha} {left}");
+    }
+
+    #[test]
+    fn a_direction_uphill_is_not_followed() {
+        assert_eq!(followed(-0.1, 1.0), None);
+        assert_eq!(followed(-0.1, 0.0), None, "nor is one that goes nowhere");
+    }
+
+    #[test]
+    fn linear_bodies_have_no_critical_point_search() {
+        assert!(!applies(&Block::new(1, &[LAPLACE], &[PENALTY]).system, Method::ActiveSet));
+        let nonlinear = Block::new(1, &[CUBIC], &[PENALTY]).system;
+        assert!(applies(&nonlinear, Method::ActiveSet) && applies(&nonlinear, Method::Residual));
+        assert!(!applies(&nonlinear, Method::Natural), "it has a test of its own");
     }
 }

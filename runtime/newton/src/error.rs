@@ -64,15 +64,23 @@ impl NewtonError {
         matches!(self, Self::Term(_) | Self::Solve(SolveError::Singular { .. }))
     }
 
+    /// True if a tangent was singular.
+    #[must_use]
+    pub fn is_singular(&self) -> bool {
+        matches!(self, Self::Singular { .. } | Self::Solve(SolveError::Singular { .. }))
+    }
+
     /// Gives an error of the linear solver its reason where a singular tangent has one; `why` is asked then only.
     #[must_use]
-    pub fn with_reason(self, why: impl FnOnce() -> Option<Singular>) -> Self {
+    pub fn with_reason(self, why: impl FnOnce(&SolveError) -> Option<Singular>) -> Self {
         use SolveError::{ResidualTooLarge, Singular, VanishingPivot};
         match self {
-            Self::Solve(error @ (Singular { .. } | VanishingPivot { .. } | ResidualTooLarge { .. })) => match why() {
-                Some(why) => Self::Singular { why: Box::new(why), error },
-                None => Self::Solve(error),
-            },
+            Self::Solve(error @ (Singular { .. } | VanishingPivot { .. } | ResidualTooLarge { .. })) => {
+                match why(&error) {
+                    Some(why) => Self::Singular { why: Box::new(why), error },
+                    None => Self::Solve(error),
+                }
+            }
             other => other,
         }
     }
@@ -97,5 +105,59 @@ impl From<SystemError> for NewtonError {
             SystemError::TooMuchMemory(need) => Self::TooMuchMemory(need),
             other => Self::System(other),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wfl_sparse::solve::NullVector;
+
+    fn singular() -> SolveError {
+        SolveError::Singular { dof: 3, ratio: 1e-17, mode: NullVector::default() }
+    }
+
+    fn too_much() -> TooMuchMemory {
+        TooMuchMemory { what: "the factor", needed: Some(1 << 30), in_use: 0, limit: 1 << 20, of: "" }
+    }
+
+    #[test]
+    fn a_need_for_memory_ends_the_run_whoever_had_it() {
+        let needs = [
+            NewtonError::from(SolveError::TooMuchMemory(too_much())),
+            NewtonError::from(SystemError::TooMuchMemory(too_much())),
+        ];
+        for need in needs {
+            assert!(need.ends_the_run() && !need.is_of_the_state() && !need.is_singular(), "{need}");
+        }
+    }
+
+    #[test]
+    fn another_state_may_have_a_tangent_that_is_not_singular() {
+        let error = NewtonError::from(singular());
+        assert!(error.is_singular() && error.is_of_the_state() && !error.ends_the_run());
+        assert!(!NewtonError::Stopped.is_of_the_state() && NewtonError::Stopped.ends_the_run());
+    }
+
+    #[test]
+    fn a_singular_tangent_is_told_with_its_reason_first() {
+        let why = Singular { what: "nothing holds `u`".to_owned(), ..Singular::default() };
+        let error = NewtonError::from(singular()).with_reason(|_| Some(why));
+        assert!(error.to_string().starts_with("nothing holds `u`: the matrix is singular at dof 3"), "{error}");
+        assert!(error.is_singular() && !error.is_of_the_state(), "that is a matter of the scene");
+    }
+
+    #[test]
+    fn without_a_reason_the_solver_says_what_it_found() {
+        let error = NewtonError::from(singular()).with_reason(|_| None);
+        assert!(error.to_string().starts_with("the matrix is singular at dof 3"), "{error}");
+    }
+
+    #[test]
+    fn nobody_asks_why_where_no_tangent_is_singular() {
+        let shape = SolveError::Shape { what: "rows", expected: 1, found: 2 };
+        let asked = |error: NewtonError| error.with_reason(|_| unreachable!("it is not asked")).to_string();
+        assert_eq!(asked(NewtonError::Stopped), "stopped on request");
+        assert_eq!(asked(NewtonError::from(shape)), "rows: expected 1, found 2");
     }
 }

@@ -103,3 +103,53 @@ impl StepHistory {
         self.iterations.windows(3).filter(|w| cycle(w)).count()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A history of iterations with these branches and residuals.
+    fn history(list: &[(u64, f64)]) -> StepHistory {
+        let iteration = |(number, (fingerprint, residual)): (usize, &(u64, f64))| Iteration {
+            number,
+            residual: *residual,
+            floor: 0.0,
+            step: 1.0,
+            method: Method::ActiveSet,
+            merit: *residual,
+            changed: 0,
+            contact: None,
+            fingerprint: *fingerprint,
+        };
+        StepHistory { iterations: list.iter().enumerate().map(iteration).collect(), ..StepHistory::default() }
+    }
+
+    #[test]
+    fn branches_that_come_back_every_second_iteration_are_a_cycle() {
+        assert_eq!(history(&[(1, 0.5), (2, 0.4), (1, 0.5)]).cycles(), 1);
+        assert_eq!(history(&[(1, 0.5), (2, 0.4), (1, 0.5), (2, 0.4), (1, 0.5)]).cycles(), 3);
+    }
+
+    #[test]
+    fn branches_that_settle_or_come_back_with_a_smaller_residual_are_none() {
+        assert_eq!(history(&[(1, 0.5), (1, 0.5), (1, 0.5)]).cycles(), 0);
+        assert_eq!(history(&[(1, 0.5), (2, 0.4), (1, 0.25)]).cycles(), 0, "it has halved");
+        assert_eq!(history(&[(1, 0.5), (2, 0.4), (3, 0.5)]).cycles(), 0);
+        assert_eq!(history(&[(1, 0.5), (2, 0.4)]).cycles(), 0);
+    }
+
+    #[test]
+    fn a_step_without_a_reason_to_stop_is_no_solution() {
+        let with = |stop| StepHistory { stop, ..StepHistory::default() };
+        assert!(!with(None).converged() && !with(Some(Stop::MaxIterations)).converged());
+        assert!(with(Some(Stop::Tolerance)).converged() && with(Some(Stop::Floor)).converged());
+        assert!(StepHistory::given().converged() && StepHistory::given().n_iterations() == 0);
+    }
+
+    #[test]
+    fn iterations_are_counted_by_their_number_and_not_by_their_lines() {
+        let mut of_predictor = history(&[(1, 0.5), (1, 0.4)]);
+        of_predictor.iterations[1].number = 3;
+        assert_eq!(of_predictor.n_iterations(), 3, "a predictor takes several");
+    }
+}

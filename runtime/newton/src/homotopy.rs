@@ -4,7 +4,7 @@
 //! Where arguments are a thousand times softer than the bodies and the formulation ties the stresses of the bodies to
 //! the traction (Nitsche with theta = -1 and gamma far below E/h), a face has more points that may slip than its
 //! stresses have directions: the points hold each other, and branches chosen point by point circle. With
-//! t = p + w (x - p), p the projection of x (Duvaut and Lions 1976; `compiler/src/pieces.rs`), each of them yields on its
+//! t = p + w (x - p), p the projection of x (Duvaut and Lions 1976; `compiler/src/branch.rs`), each of them yields on its
 //! own. From a start where all stick w goes from nearly 1 to 0. Promises: pure functions of what is heard. Does not decide when
 //! to give up: `newton/schedule.rs` does.
 
@@ -136,5 +136,35 @@ mod tests {
         assert!((back.overstress() - AGAIN / 1e4).abs() < 1e-18);
         heard.push((0.01, 0.1));
         assert!((after(1e4, &heard).overstress() - OTHERS_LEAVE * AGAIN / 1e4).abs() < 1e-18, "and leaves slowly");
+    }
+
+    #[test]
+    fn friction_from_below_begins_with_none_and_ends_as_it_is_written() {
+        let at = |iteration: usize| Homotopy::friction(Method::LessFriction, iteration);
+        assert_eq!([at(0), at(1), at(FRICTION_BUDGET)], [0.0; 3], "one budget of iterations for a part");
+        assert_eq!(at(FRICTION_BUDGET + 1), 1.0 / 8.0);
+        assert_eq!([at(FRICTION_PARTS * FRICTION_BUDGET + 1), at(usize::MAX)], [1.0; 2]);
+    }
+
+    #[test]
+    fn friction_from_above_shrinks_to_what_is_written_and_never_grows() {
+        let all: Vec<f64> = (1..60).map(|k| Homotopy::friction(Method::MoreFriction, k)).collect();
+        assert!(all.windows(2).all(|pair| pair[1] <= pair[0]) && all[0] == 8.0 && all[58] == 1.0);
+    }
+
+    #[test]
+    fn other_methods_have_friction_as_it_is_written() {
+        for method in [Method::ActiveSet, Method::Compliance, Method::Overstress, Method::Path, Method::Residual] {
+            assert_eq!(Homotopy::friction(method, 1), 1.0, "{method:?}");
+        }
+    }
+
+    #[test]
+    fn a_stage_that_begins_again_has_heard_nothing() {
+        let mut homotopy = after(1e4, &[(0.01, 0.1); 5]);
+        assert!(homotopy.overstress() < FIRST);
+        homotopy.restart();
+        homotopy.hear(1.0, 1e9);
+        assert_eq!(homotopy.overstress(), FIRST, "the first iteration says nothing yet");
     }
 }

@@ -50,9 +50,14 @@ impl Inexact {
         if !applies || best.is_some_and(|best| here >= best) {
             return None;
         }
-        let last = (OF_THE_TOLERANCE * step.options.tolerance / here).max(LEFT_OF_FULL_STEP);
+        Some(Self::asked(here, before, step.options.tolerance))
+    }
+
+    /// What is asked of a correction of a state with this relative residual after one with the residual `before`.
+    fn asked(here: f64, before: Option<f64>, tolerance: f64) -> Self {
+        let last = (OF_THE_TOLERANCE * tolerance / here).max(LEFT_OF_FULL_STEP);
         let next = before.map_or(1.0, |before| (here / before) * (here / before));
-        Some(Self { first: (ASKED * OF_THE_CHANGES * next).min(FIRST).max(last), last })
+        Self { first: (ASKED * OF_THE_CHANGES * next).min(FIRST).max(last), last }
     }
 
     /// The correction of `here`, the tangent assembled, as far as the state at its end asks for.
@@ -96,14 +101,54 @@ impl Inexact {
         asked: f64,
     ) -> Evaluated<Option<f64>> {
         let changed: Vec<f64> = found.written.values.iter().zip(&found.residual).map(|(w, r)| w - r).collect();
-        let (changes, left) = (step.weighted_norm(&changed, norm), found.norm);
-        if left <= OF_THE_CHANGES * changes || left <= self.last * here.norm {
-            return Ok(None);
+        Ok(self.part_of(step.weighted_norm(&changed, norm), found.norm, here.norm, asked))
+    }
+
+    /// The same from norms: of what the branches change, of what is left, and of the residual that is corrected.
+    fn part_of(self, changes: f64, left: f64, here: f64, asked: f64) -> Option<f64> {
+        if left <= OF_THE_CHANGES * changes || left <= self.last * here {
+            return None;
         }
         let last = self.last / asked;
         let wanted = (ASKED * OF_THE_CHANGES * changes / left).clamp(MOST, LEAST);
         // rounding of both residuals, and branches that change for nothing but what is left
-        let is_last = changes <= self.last * here.norm;
-        Ok(Some(if is_last { last } else { wanted.max(last) }))
+        let is_last = changes <= self.last * here;
+        Some(if is_last { last } else { wanted.max(last) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_attempt_follows_the_speed_of_the_last_iteration() {
+        assert_eq!(Inexact::asked(1.0, None, 1e-10).first, 1e-3, "never less than a few digits");
+        // the residual has fallen to a tenth: to a hundredth next, of which 0.003 may be left
+        assert!((Inexact::asked(0.1, Some(1.0), 1e-10).first - 3e-5).abs() < 1e-19);
+    }
+
+    #[test]
+    fn near_the_tolerance_no_attempt_asks_for_more_than_shows() {
+        let asked = Inexact::asked(1e-9, Some(1.0), 1e-10);
+        assert!((asked.last - 1e-5).abs() < 1e-19 && asked.first == asked.last);
+        assert_eq!(Inexact::asked(1.0, Some(1.0), 1e-10).last, LEFT_OF_FULL_STEP);
+    }
+
+    #[test]
+    fn a_correction_ends_where_what_the_branches_change_hides_what_is_left() {
+        let asked = Inexact { first: 1e-3, last: 1e-8 };
+        assert_eq!(asked.part_of(1.0, 0.01, 1.0, 1e-3), None);
+        let part = asked.part_of(1.0, 0.02, 1.0, 1e-3).expect("twice as much is left as may be");
+        assert!(part == LEAST, "a tenth is asked for: {part}");
+        let part = asked.part_of(0.01, 0.01, 1.0, 1e-3).expect("a hundred times as much is");
+        assert!((part - 3e-3).abs() < 1e-17, "{part}");
+    }
+
+    #[test]
+    fn a_correction_after_which_no_branch_changes_is_solved_to_the_end() {
+        let asked = Inexact { first: 1e-3, last: 1e-8 };
+        assert_eq!(asked.part_of(0.0, 1e-3, 1.0, 1e-3), Some(1e-8 / 1e-3));
+        assert_eq!(asked.part_of(0.0, 1e-8, 1.0, 1e-5), None, "and then it is");
     }
 }

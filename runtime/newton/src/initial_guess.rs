@@ -14,6 +14,7 @@
 use wfl_compiler::{Class, types::FieldKind};
 
 use super::{LoadStep, NewtonError};
+use wfl_discrete::assemble::VolumeLimit;
 use wfl_discrete::field::FieldSpace;
 use wfl_discrete::system::{Branches, FIXED, Form, System};
 
@@ -30,6 +31,8 @@ const SHORTEST: f64 = 1.0 / 8.0;
 pub(super) struct Predicted {
     /// With the prescribed values.
     pub(super) state: Vec<f64>,
+    /// The prescribed values alone, without this state, turn cells inside out.
+    pub(super) is_needed: bool,
     /// How many there were.
     pub(super) corrections: usize,
 }
@@ -61,7 +64,8 @@ pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Resul
         };
         let Some((part, state)) = longest(step, &at, &correction) else { return Ok(None) };
         if part == 1.0 {
-            return Ok(Some(Predicted { state, corrections }));
+            let is_needed = system.way_of_volumes(from, u, VolumeLimit { kept: 0.0, most: 1.0 }) < 1.0;
+            return Ok(Some(Predicted { state, is_needed, corrections }));
         }
         at = state;
         left.iter_mut().for_each(|d| *d *= 1.0 - part);
@@ -69,9 +73,11 @@ pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Resul
     Ok(None)
 }
 
-/// The largest part of a correction, halved from all of it, at whose end the equations can be evaluated.
+/// The largest part of a correction, halved from all of it, on which volumes stay within what one iteration may change them
+/// by and at whose end the equations can be evaluated.
 fn longest(step: &LoadStep<'_>, at: &[f64], correction: &[f64]) -> Option<(f64, Vec<f64>)> {
-    let mut part = 1.0;
+    let end: Vec<f64> = at.iter().zip(correction).map(|(a, c)| a + c).collect();
+    let mut part = step.longest_way(at, &end, 1.0);
     while part >= SHORTEST {
         let state: Vec<f64> = at.iter().zip(correction).map(|(a, c)| a + part * c).collect();
         if step.system.residual(&state, &step.form()).is_ok() {
@@ -139,4 +145,44 @@ pub(super) fn displace(system: &System, u: &mut [f64]) -> bool {
         }
     }
     system.team().any(moved)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        test_block::{Block, LAPLACE, PENALTY},
+        tests::CUBIC,
+    };
+
+    #[test]
+    fn smooth_bodies_at_rest_may_be_degenerate_and_moved_ones_are_not() {
+        let block = Block::new(1, &[CUBIC], &[]);
+        let mut u = vec![0.0; 8];
+        assert!(may_be_degenerate(&block.system, &u));
+        let free = block.system.numbering.free_dofs[0] as usize;
+        u[free] = 1e-300;
+        assert!(!may_be_degenerate(&block.system, &u));
+        assert!(!may_be_degenerate(&Block::new(1, &[LAPLACE], &[PENALTY]).system, &[0.0; 8]));
+    }
+
+    #[test]
+    fn a_displaced_start_moves_free_dofs_a_little_and_the_same_way_each_time() {
+        let block = Block::new(1, &[CUBIC], &[]);
+        let displaced = |top: f64| {
+            let mut u = block.moved([0.0; 2], [top, 0.0]);
+            assert!(displace(&block.system, &mut u));
+            u
+        };
+        let (u, again, larger) = (displaced(0.0), displaced(0.0), displaced(100.0));
+        assert_eq!(u, again);
+        for (d, free) in block.system.numbering.free.iter().enumerate() {
+            if *free == FIXED {
+                assert_eq!(u[d], 0.0, "prescribed");
+            } else {
+                assert!(u[d].abs() < 0.04 && (larger[d] - 100.0 * u[d]).abs() < 1e-12, "{d}: {u:?}");
+            }
+        }
+        assert!(u.iter().any(|x| *x != 0.0));
+    }
 }

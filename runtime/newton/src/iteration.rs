@@ -40,7 +40,7 @@ pub(super) fn iterate(
     u: &mut [f64],
     predicted: Option<&Predicted>,
 ) -> Result<StepHistory, NewtonError> {
-    step.linear = LinearTerms::ByMatrix;
+    (step.linear, step.reached) = (LinearTerms::ByMatrix, None);
     step.contact.set_overstress(0.0);
     let schedule = Schedule::new(step, u);
     step.contact.set_compliant(schedule.method() == Method::Compliance);
@@ -67,9 +67,9 @@ fn begin(
     if let Ok(here) = &start {
         step.record(history, here, Done { method: Method::Start, step: 1.0, changed: 0, corrections: 0 });
     }
-    if let Some(Predicted { state, corrections }) = predicted
+    if let Some(Predicted { state, corrections, is_needed }) = predicted
         && let Ok(found) = step.measure(state, norm)
-        && start.as_ref().map_or(true, |here| found.norm < here.norm)
+        && start.as_ref().map_or(true, |here| *is_needed || found.norm < here.norm)
     {
         u.copy_from_slice(state);
         let done = Done { method: Method::Predictor, step: 1.0, changed: 0, corrections: *corrections };
@@ -133,6 +133,8 @@ impl Attempt<'_> {
         self.history.stop = Some(stop);
         if stop == Stop::Floor && step.options.search && refinement::helps(step, self.u, &self.here) {
             refinement::refine(step, self.u, &self.norm, &mut self.history)?;
+        } else {
+            step.reached = Some(std::mem::take(&mut self.here.written));
         }
         Ok(())
     }
@@ -258,4 +260,27 @@ impl Attempt<'_> {
 fn forcing(here: f64, before: Option<f64>, tolerance: f64) -> f64 {
     let next = before.map_or(1.0, |before| (here / before) * (here / before));
     (OF_THE_NEXT * next).max(OF_THE_TOLERANCE * tolerance / here).min(LARGEST_FORCING)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::forcing;
+
+    #[test]
+    fn the_first_linear_solve_is_as_rough_as_any_may_be() {
+        assert_eq!(forcing(1.0, None, 1e-10), super::LARGEST_FORCING);
+    }
+
+    #[test]
+    fn a_linear_solve_does_not_show_beside_the_residual_that_is_foretold() {
+        // the residual has fallen to a thousandth, so that it will fall to a millionth
+        assert!((forcing(1e-3, Some(1.0), 1e-10) - 1e-7).abs() < 1e-20);
+    }
+
+    #[test]
+    fn nobody_solves_for_more_than_the_tolerance_shows() {
+        // 1e-3 of the tolerance, relative to a residual that is ten times as large
+        assert!((forcing(1e-9, Some(1e-3), 1e-10) - 1e-4).abs() < 1e-18);
+        assert_eq!(forcing(1e-12, Some(1e-3), 1e-10), super::LARGEST_FORCING);
+    }
 }

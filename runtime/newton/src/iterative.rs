@@ -6,9 +6,11 @@
 use std::sync::Arc;
 
 use wfl_discrete::{pruning::Pruning, system::System};
-use wfl_host::memory::{claim, shown};
+use wfl_host::memory::claim;
 use wfl_sparse::csr::Csr;
 use wfl_sparse::solve::{CheckedMultigrid, LinearMethod, NodeLayout, SolveError, SolverOptions};
+
+use super::plan::{Extent, LinearPlan};
 
 /// Unknowns of a mesh in three dimensions that the models below were measured with.
 const REFERENCE: f64 = 1e5;
@@ -52,15 +54,11 @@ impl Iterative {
         &mut self.solver
     }
 
-    /// In words.
-    pub(super) fn describe(&self) -> String {
-        let sizes: Vec<String> = self.solver.level_sizes().iter().map(ToString::to_string).collect();
-        format!("one linear system, symmetric: {NAME} (unknowns by level: {})", sizes.join(", "))
+    /// What it is.
+    pub(super) fn method(&self) -> LinearPlan {
+        LinearPlan::Iterative(Extent::Made(self.solver.level_sizes().to_vec()))
     }
 }
-
-/// What the method is called.
-pub(super) const NAME: &str = "conjugate gradients with multigrid";
 
 /// Why a system cannot be solved by the iteration; `None` if it can.
 #[must_use]
@@ -121,19 +119,16 @@ pub(super) fn is_chosen(system: &System, method: LinearMethod, solutions: usize)
     is_wanted && obstacle(system).is_none()
 }
 
-/// What is chosen in words, with what it is foreseen to take; `None` for a factor that nothing need be said of.
-pub(super) fn plan(system: &System, method: LinearMethod, solutions: usize) -> Option<String> {
+/// The iteration with what it is foreseen to take; `None` for a factor.
+pub(super) fn plan(system: &System, method: LinearMethod, solutions: usize) -> Option<LinearPlan> {
     if !is_chosen(system, method, solutions) {
         return None;
     }
     let n = system.n_unknowns();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
-    let size = |cost: Cost| shown(cost.bytes as u64);
-    let mut text = format!("one linear system, symmetric: {NAME}, levels of about {}", size(iteration(n, solutions)));
-    if system.mesh.dim() == 3 && n >= SMALL {
-        text.push_str(&format!("; a factor would take about {}", size(factor(n, solutions))));
-    }
-    Some(text)
+    let size = |cost: Cost| cost.bytes as u64;
+    let in_place = (system.mesh.dim() == 3 && n >= SMALL).then(|| size(factor(n, solutions)));
+    Some(LinearPlan::Iterative(Extent::Foreseen((size(iteration(n, solutions)), in_place))))
 }
 
 #[cfg(test)]
@@ -151,5 +146,36 @@ mod tests {
     fn many_solutions_pay_for_a_factor() {
         let pays = |n, solutions| iteration(n, solutions).seconds < factor(n, solutions).seconds;
         assert!(pays(100_000, 1) && !pays(60_000, 1000) && pays(2_000_000, 10));
+    }
+
+    #[test]
+    fn a_factor_takes_more_for_each_unknown_the_more_there_are_and_the_levels_do_not() {
+        let by_unknown = |of: fn(usize, usize) -> Cost, n: usize| of(n, 0).bytes / n as f64;
+        assert!((by_unknown(factor, 800_000) / by_unknown(factor, 100_000) - 2.0).abs() < 1e-12, "the third root");
+        assert!((by_unknown(iteration, 800_000) / by_unknown(iteration, 100_000) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_scene_with_contact_is_factored_whatever_is_asked_for() {
+        use crate::test_block::Block;
+        let system = Block::with_friction(1).system;
+        assert!(obstacle(&system).is_some_and(|why| why.contains("not linear")));
+        assert!(!is_chosen(&system, LinearMethod::Iterative, 1));
+        assert_eq!(plan(&system, LinearMethod::Iterative, 1), None);
+    }
+
+    #[test]
+    fn a_small_plane_scene_is_iterated_on_request_alone() {
+        use crate::test_block::{Block, LAPLACE};
+        let system = Block::new(1, &[LAPLACE], &[]).system;
+        assert!(!is_chosen(&system, LinearMethod::Auto, 1) && !is_chosen(&system, LinearMethod::Direct, 1));
+        assert_eq!(is_chosen(&system, LinearMethod::Iterative, 1), obstacle(&system).is_none());
+    }
+
+    #[test]
+    fn a_term_that_is_not_symmetric_is_named() {
+        use crate::test_block::{Block, LAPLACE};
+        let system = Block::new(1, &[LAPLACE, "u(1)*Test_u(2)"], &[]).system;
+        assert_eq!(obstacle(&system).as_deref(), Some("the term `law` is not symmetric"));
     }
 }

@@ -7,6 +7,7 @@
 //! (`path_following`). Which of them a step uses, and when the next takes over, stands in one table (`schedule`).
 #![forbid(unsafe_code)]
 
+mod branch;
 mod critical_point;
 mod error;
 mod history;
@@ -22,8 +23,15 @@ mod load_step;
 mod measures;
 mod method;
 mod path_following;
+mod plan;
 mod refinement;
 mod schedule;
+
+#[cfg(test)]
+#[path = "../../contact/src/test_block.rs"]
+mod test_block;
+#[cfg(test)]
+mod tests;
 
 pub use error::{NewtonError, Singular};
 pub use history::{Iteration, StepHistory, Stop};
@@ -31,10 +39,11 @@ pub use iterative::obstacle;
 pub use linear_solver::{LinearSolver, condenses, shares_forces};
 pub use load_step::{LoadStep, Rounding, Spent};
 pub use method::Method;
+pub use plan::{Extent, LinearPlan};
 pub use schedule::{PlannedStage, planned_stages};
 
 use wfl_discrete::assemble::TermError;
-use wfl_sparse::solve::LinearMethod;
+use wfl_sparse::solve::{LinearMethod, SolveError};
 
 /// When an iteration stops and how it searches.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,17 +56,29 @@ pub struct NewtonOptions {
     pub search: bool,
     /// How the system of a linear scene is solved.
     pub linear: LinearMethod,
+    /// An equilibrium that is not stable is left, pushed by so much of the extent of the mesh; `None` stays there.
+    pub perturb: Option<f64>,
 }
 
 /// The largest relative tolerance that can be asked for: where a tenth of the forces is out of balance nothing is solved.
 pub const LARGEST_TOLERANCE: f64 = 0.1;
+
+/// The largest push that leaves an equilibrium, in parts of the extent of the mesh: beyond it the state that it is pushed to says
+/// little of where it came from.
+pub const LARGEST_PERTURBATION: f64 = 0.1;
 
 /// Default relative tolerance.
 pub const DEFAULT_TOLERANCE: f64 = 1e-10;
 
 impl Default for NewtonOptions {
     fn default() -> Self {
-        Self { tolerance: DEFAULT_TOLERANCE, max_iterations: 150, search: true, linear: LinearMethod::Auto }
+        Self {
+            tolerance: DEFAULT_TOLERANCE,
+            max_iterations: 150,
+            search: true,
+            linear: LinearMethod::Auto,
+            perturb: None,
+        }
     }
 }
 
@@ -88,10 +109,19 @@ impl Watch for Silent {}
 /// # Errors
 /// [`NewtonError`]; a step that does not converge is no error but is marked in the history.
 pub fn solve_step(step: &mut LoadStep<'_>, from: &[f64], u: &mut [f64]) -> Result<StepHistory, NewtonError> {
+    let was_warm = step.contact.is_warm();
     let degenerate = initial_guess::may_be_degenerate(step.system, u);
     let rest = u.to_vec();
     let predicted = if step.options.search { initial_guess::predict(step, from, u)? } else { None };
+    step.contact.set_closes_far(false);
     let mut result = iteration::iterate(step, u, predicted.as_ref());
+    let is_loose = matches!(&result, Err(NewtonError::Solve(SolveError::Singular { .. })));
+    if is_loose && !was_warm && !step.contact.is_empty() && step.system.has_nonlinear_bodies() {
+        // what holds a body may be the contact that is open at the start
+        u.copy_from_slice(&rest);
+        step.contact.set_closes_far(true);
+        result = iteration::iterate(step, u, predicted.as_ref());
+    }
     if degenerate && result.as_ref().is_err_and(NewtonError::is_of_the_state) {
         u.copy_from_slice(&rest);
         if initial_guess::displace(step.system, u) {
@@ -105,12 +135,34 @@ pub fn solve_step(step: &mut LoadStep<'_>, from: &[f64], u: &mut [f64]) -> Resul
             }
         }
     }
-    let converged = result.as_ref().is_ok_and(StepHistory::converged);
-    step.contact.set_warm(converged);
-    if converged {
+    if let (Ok(history), Some(size)) = (&mut result, step.options.perturb)
+        && history.converged()
+        && step.offset.is_empty()
+        && let Some(more) = branch::leave(step, u, size)?
+    {
+        let done = history.n_iterations();
+        history.iterations.extend(more.iterations.into_iter().map(|i| Iteration { number: done + i.number, ..i }));
+        history.stop = more.stop;
+    }
+    settle_contact(step, was_warm, u, result.as_ref().ok());
+    result
+}
+
+/// Leaves contact with the active set that belongs to the state that was reached. The one at hand does where the last
+/// correction was made with it. Where nothing had to be corrected it is a guess: of a step before, or of a start at which
+/// all points may be closed that nothing presses yet, which says nothing of the step to come.
+fn settle_contact(step: &mut LoadStep<'_>, was_warm: bool, u: &[f64], history: Option<&StepHistory>) {
+    let history = history.filter(|h| h.converged());
+    let last = history.and_then(|h| h.iterations.iter().rev().find(|i| i.method != Method::Refinement));
+    let is_solved = last.is_some_and(|i| i.method.freezes());
+    let is_moved = history.is_some_and(|h| h.n_iterations() > 0);
+    step.contact.set_warm(history.is_some() && (is_moved || was_warm));
+    if step.contact.is_warm() {
+        if !is_solved && !step.contact.is_empty() {
+            step.contact.freeze_as_written(step.system, u);
+        }
         step.contact.accept(step.system, u);
     }
-    result
 }
 
 /// A state that the equations cannot be evaluated at is an error of the step.

@@ -79,3 +79,28 @@ fn on_contact(system: &System) -> Vec<u32> {
     let free = touched.iter().zip(&numbering.free).filter(|(touched, free)| **touched && **free != FIXED);
     free.map(|(_, free)| *free).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_block::{Block, LAPLACE};
+
+    #[test]
+    fn unknowns_on_contact_are_those_of_the_floor() {
+        let with = traits(&Block::with_friction(2).system);
+        assert_eq!(
+            (with.unknowns, with.on_contact, with.multipliers),
+            (6, 6, 0),
+            "three nodes are free, all on the floor"
+        );
+        assert!(!with.is_linear && !with.is_symmetric, "friction is not");
+        let without = traits(&Block::new(2, &[LAPLACE], &[]).system);
+        assert_eq!((without.on_contact, without.is_linear, without.is_symmetric), (0, true, true));
+    }
+
+    #[test]
+    fn a_linear_spring_on_a_face_is_no_contact() {
+        let block = Block::new(1, &[LAPLACE], &["3*u.Test_u"]);
+        assert_eq!(traits(&block.system).on_contact, 0);
+    }
+}

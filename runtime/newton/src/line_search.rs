@@ -73,7 +73,8 @@ impl LineSearch<'_> {
             return self.damped(step, u, &start, 1.0, found);
         }
         if step.options.search && critical_point::applies(step.system, self.method) {
-            let search = CriticalPoint { direction: self.direction, norm: self.norm };
+            let allowed = step.longest_step(&start, self.direction, 1.0);
+            let search = CriticalPoint { direction: self.direction, norm: self.norm, allowed };
             if let Some((alpha, found)) = search.descend(step, u, &start, here)? {
                 return self.damped(step, u, &start, alpha, found);
             }
@@ -126,7 +127,7 @@ impl LineSearch<'_> {
         best: &mut Option<(f64, bool, f64)>,
     ) -> Result<Option<(f64, Measured)>, NewtonError> {
         let (ways, bent) = way;
-        let (mut alpha, mut halvings) = (1.0, 0);
+        let (mut alpha, mut halvings) = (step.longest_step(ways.start, self.direction, 1.0), 0);
         while halvings <= MAX_HALVINGS {
             ways.go(step, alpha, bent, u);
             let found = match step.measure(u, self.norm) {
@@ -190,7 +191,11 @@ impl LineSearch<'_> {
             return Ok((alpha, found));
         }
         step.go(start, self.direction, part * alpha, u);
-        Ok((part * alpha, step.measure(u, self.norm)?))
+        if let Ok(nearer) = step.measure(u, self.norm) {
+            return Ok((part * alpha, nearer));
+        }
+        step.go(start, self.direction, alpha, u);
+        Ok((alpha, step.measure(u, self.norm)?))
     }
 
     /// How large a state is against the one before: the norm of the residual, or that of the simplified Newton
@@ -235,5 +240,55 @@ impl LineSearch<'_> {
             sizes.push(if size > 0.0 { size } else { 1.0 });
         }
         sizes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Silent, test_block::LAPLACE, tests::Solving};
+
+    /// How far a direction is followed by the residual of a linear body, that is `part` times the Newton correction, and
+    /// what is left of the residual norm.
+    fn followed(part: f64, search: bool) -> (f64, f64) {
+        let mut solving = Solving::new(&[LAPLACE, "[0,2].Test_u"], &[]);
+        solving.options.search = search;
+        solving.with(&mut Silent, |step, u| {
+            let norm = Norm { weights: vec![1.0], equations: Vec::new(), scales: Vec::new(), frozen: false };
+            let here = step.measure(u, &norm).unwrap();
+            let down = |dof: &u32| if dof % 2 == 1 { -part } else { 0.0 };
+            let direction: Vec<f64> = step.system.numbering.free_dofs.iter().map(down).collect();
+            let (method, undamped) = (Method::Residual, false);
+            let line = LineSearch { direction: &direction, norm: &norm, method, before: here.norm, undamped };
+            let (alpha, found) = line.advance(step, u, &here).unwrap();
+            (alpha, found.norm / here.norm)
+        })
+    }
+
+    #[test]
+    fn a_correction_is_taken_as_it_is() {
+        let (alpha, left) = followed(1.0, true);
+        assert!(alpha == 1.0 && left < 1e-14, "{left}");
+    }
+
+    #[test]
+    fn a_step_is_halved_until_the_residual_is_smaller() {
+        // a step of 3.5 leaves 2.5 of the residual, its half 0.75; of 2 it leaves as much as there was
+        let (alpha, left) = followed(3.5, true);
+        assert!(alpha == 0.5 && (left - 0.75).abs() < 1e-14, "{alpha} {left}");
+        assert_eq!(followed(2.0, true).0, 0.5);
+        assert_eq!(followed(4.0, true).0, 0.25);
+    }
+
+    #[test]
+    fn without_a_search_a_step_is_as_long_as_its_direction() {
+        let (alpha, left) = followed(4.0, false);
+        assert!(alpha == 1.0 && (left - 3.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_direction_that_helps_nowhere_is_followed_to_its_best_trial() {
+        let (alpha, left) = followed(-1.0, true);
+        assert!(alpha == 0.5f64.powi(10) && (left - 1.0 - alpha).abs() < 1e-12, "{alpha} {left}");
     }
 }

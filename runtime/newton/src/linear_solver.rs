@@ -9,10 +9,13 @@
 //!
 //! Symmetric matrices are tried as positive definite; where that fails the general solver takes over, with a note.
 
+mod definite;
+
 use std::sync::Arc;
 
 use super::iterative::{self, Iterative};
 use super::library;
+use super::plan::{Extent, ITERATION, LinearPlan};
 use wfl_compiler::types::FieldKind;
 
 use wfl_discrete::pruning::Pruning;
@@ -25,6 +28,9 @@ use wfl_sparse::solve::{
 
 /// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
 const CONDENSE_BELOW: f64 = 0.6;
+
+/// What is noted where LU takes the place of Cholesky.
+const INDEFINITE: &str = "the tangent is symmetric but not positive definite: LU in place of LLT";
 
 enum Kind {
     /// Matrix of the linear terms only.
@@ -52,6 +58,8 @@ pub struct LinearSolver {
     /// What a linked library is told; `None` where our own solvers serve.
     equations: Option<Arc<Equations>>,
     symmetric: bool,
+    /// The equations are symmetric, whatever has become of the factors.
+    may_be_symmetric: bool,
     options: SolverOptions,
     coordinates: Vec<[f64; 3]>,
     factorisations: usize,
@@ -70,13 +78,15 @@ impl LinearSolver {
     /// [`SolveError`] when the bulk cannot be analysed.
     pub fn new(system: &System, options: SolverOptions) -> Result<Self, SolveError> {
         let coordinates = positions(system);
+        let symmetric = system.is_symmetric() && system.uses(Pruning::Symmetric);
         let mut this = Self {
             kind: Kind::Linear,
             solver: None,
             iterative: None,
             matrix: None,
             equations: None,
-            symmetric: system.is_symmetric() && system.uses(Pruning::Symmetric),
+            symmetric,
+            may_be_symmetric: symmetric,
             options,
             coordinates,
             factorisations: 0,
@@ -133,29 +143,23 @@ impl LinearSolver {
         self.equations = Some(Arc::new(library::equations(system)));
     }
 
-    /// The solver that a system asks for, in words; nothing is assembled for it. A linear part that turns out not
-    /// to be positive definite changes it.
+    /// The solver that a system asks for; nothing is assembled for it. A linear part that turns out not to be positive
+    /// definite changes it.
     #[must_use]
-    pub fn plan(system: &System, options: &SolverOptions) -> String {
+    pub fn plan(system: &System, options: &SolverOptions) -> LinearPlan {
         let SolverOptions { method, solutions, library, .. } = *options;
         if let Some(Linked(library)) = library {
-            return library.plan(&library::traits(system));
+            return LinearPlan::Library(library.plan(&library::traits(system)));
         }
-        if let Some(text) = iterative::plan(system, method, solutions) {
-            return text;
+        if let Some(iterative) = iterative::plan(system, method, solutions) {
+            return iterative;
         }
-        let is_symmetric = system.is_symmetric() && system.uses(Pruning::Symmetric);
-        let (symmetric, method) = if is_symmetric { ("symmetric", "LLT") } else { ("unsymmetric", "LU") };
-        if system.is_linear() {
-            return format!("one linear system, {symmetric} ({method}), factored once");
+        let symmetric = system.is_symmetric() && system.uses(Pruning::Symmetric);
+        match (system.is_linear(), condenses(system)) {
+            (true, _) => LinearPlan::Once { symmetric },
+            (_, true) => LinearPlan::Condensed(Extent::Foreseen(system.n_changing_dofs())),
+            _ => LinearPlan::Whole { symmetric },
         }
-        if condenses(system) {
-            let touched = system.n_changing_dofs();
-            return format!(
-                "Newton; linear part factored once (LLT), Schur complement on the {touched} dofs of the nonlinear terms"
-            );
-        }
-        format!("Newton; whole tangent, {symmetric} ({method}), factored where an older factor does not serve")
     }
 
     /// The solver in words, with what was noticed while solving.
@@ -165,33 +169,23 @@ impl LinearSolver {
         let double = "precision: double, no matrix of contact forces is factored in single precision here";
         let missed = (self.options.precision == Precision::Mixed && !single).then_some(double);
         let notes = self.notes.iter().map(String::as_str).chain(missed);
-        notes.fold(self.method(), |text, note| format!("{text}; {note}"))
+        notes.fold(self.method().to_string(), |text, note| format!("{text}; {note}"))
     }
 
-    fn method(&self) -> String {
+    /// What solves now.
+    fn method(&self) -> LinearPlan {
         if let Some(iterative) = &self.iterative {
-            return iterative.describe();
+            return iterative.method();
         }
         if let (Some(Linked(library)), Some(equations)) = (self.options.library, &self.equations) {
             let found = self.solver.as_ref().and_then(|solver| solver.describe());
-            return found.unwrap_or_else(|| library.plan(&equations.traits));
+            return LinearPlan::Library(found.unwrap_or_else(|| library.plan(&equations.traits)));
         }
         match &self.kind {
-            Kind::Linear if self.symmetric => "one linear system, symmetric (LLT), factored once".to_owned(),
-            Kind::Linear => "one linear system, unsymmetric (LU), factored once".to_owned(),
-            Kind::Condensed(c) => {
-                let points = match c.n_at_points() {
-                    0 => String::new(),
-                    n => format!("{n} unknowns at points eliminated first, "),
-                };
-                format!("Newton; linear part factored once, {points}{}", c.elimination())
-            }
-            Kind::Full { .. } if self.symmetric => {
-                "Newton; whole tangent, symmetric (LLT), factored where an older factor does not serve".to_owned()
-            }
-            Kind::Full { .. } | Kind::Linked => {
-                "Newton; whole tangent, unsymmetric (LU), factored where an older factor does not serve".to_owned()
-            }
+            Kind::Linear => LinearPlan::Once { symmetric: self.symmetric },
+            Kind::Condensed(c) => LinearPlan::Condensed(Extent::Made((c.n_at_points(), c.elimination().to_string()))),
+            Kind::Full { .. } => LinearPlan::Whole { symmetric: self.symmetric },
+            Kind::Linked => LinearPlan::Whole { symmetric: false },
         }
     }
 
@@ -237,7 +231,7 @@ impl LinearSolver {
         match self.factor(system.bulk()) {
             Err(need @ SolveError::TooMuchMemory(_)) if method == LinearMethod::Auto && self.symmetric => {
                 self.solver = None;
-                self.notes.push(format!("no factor fits into the memory: {}", iterative::NAME));
+                self.notes.push(format!("no factor fits into the memory: {}", ITERATION));
                 self.iterate(system).map_err(|_| need)
             }
             other => other,
@@ -255,7 +249,7 @@ impl LinearSolver {
 
     /// Says why a factor takes the place of the iteration.
     fn note_factor(&mut self, error: &SolveError) {
-        self.notes.push(format!("a factor in place of {}: {error}", iterative::NAME));
+        self.notes.push(format!("a factor in place of {}: {error}", ITERATION));
     }
 
     /// Takes over a tangent of `system`; `as_written` says that it is that of the laws as they are written.
@@ -319,7 +313,7 @@ impl LinearSolver {
         match first {
             Err(SolveError::NotPositiveDefinite { .. } | SolveError::NotSymmetric { .. }) if self.symmetric => {
                 self.symmetric = false;
-                self.notes.push("the tangent is symmetric but not positive definite: LU in place of LLT".to_owned());
+                self.notes.push(INDEFINITE.to_owned());
                 let mut general = self.fresh(matrix)?;
                 general.factor(matrix)?;
                 self.solver = Some(general);

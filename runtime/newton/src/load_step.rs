@@ -8,6 +8,7 @@ use crate::LinearSolver;
 use crate::measures::FieldMeasures;
 use wfl_compiler::types::FieldKind;
 use wfl_contact::Contact;
+use wfl_discrete::assemble::VolumeLimit;
 use wfl_discrete::finite::largest as largest_of;
 use wfl_discrete::system::{Branches, FIXED, Form, LinearTerms, Residual, System, Tangent};
 use wfl_sparse::solve::{SolveError, SolveReport};
@@ -15,9 +16,18 @@ use wfl_sparse::solve::{SolveError, SolveReport};
 /// The rounding floor in units of roundoff times |K||u|.
 const FLOOR_FACTOR: f64 = 4.0;
 
+/// Forces of bodies that are strained by no more than this many units of roundoff are taken for rounding until what they
+/// are made of is known.
+const UNSTRAINED: f64 = 1e3;
+
 /// A line search sees an equation relative to at least this part of the largest of its field: the square root of roundoff,
 /// so that rounding of the larger ones weighs as much as a residual of that size does.
 const LEAST_IN_SEARCH: f64 = 1.5e-8;
+
+/// What a volume of a body of finite strain may change by in one iteration: to a fifth, or to five times, of what it is. A
+/// load step that crushes or blows up a cell by more takes another iteration; a correction that does so on the way leads
+/// into another basin, with cells crumpled, more often than not.
+const KEPT_OF_VOLUMES: f64 = 0.2;
 
 /// What an iteration keeps of the scales of equations in the search that were larger before.
 const FORGETS: f64 = 0.5;
@@ -44,6 +54,9 @@ pub struct LoadStep<'a> {
     pub spent: Spent,
     /// What rounding has taken from the state that was reached last; `None` where nobody asks.
     pub rounding: Option<Rounding>,
+    /// The residual at the state that was reached, as the scene is written and with the offset; `None` where it is not at
+    /// hand.
+    pub reached: Option<Residual>,
 }
 
 /// What rounding takes from a state when a correction is added.
@@ -87,6 +100,16 @@ pub struct Spent {
     pub solve: f64,
 }
 
+/// What relative residuals are relative to.
+struct Scales {
+    /// By field.
+    scales: Vec<f64>,
+    /// By field whether it has loads that are more than rounding.
+    loaded: Vec<bool>,
+    /// Fields have no force but rounding.
+    no_force: bool,
+}
+
 /// A residual with its measures.
 pub(super) struct Measured {
     /// Of the scene as written, or with the frozen active set.
@@ -101,6 +124,8 @@ pub(super) struct Measured {
     pub(super) floor: f64,
     /// The residual of every kind of field is as small as rounding or the tolerance allows in fields of that kind.
     pub(super) settled: bool,
+    /// Fields have no force but rounding.
+    pub(super) no_force: bool,
     /// Weighted 2-norm of `residual` over the free dofs, for the search.
     pub(super) norm: f64,
     /// What rounding leaves of that norm.
@@ -110,10 +135,10 @@ pub(super) struct Measured {
 impl Measured {
     /// Why an iteration stops here, if it does.
     pub(super) fn stop(&self, options: NewtonOptions) -> Option<Stop> {
-        if self.relative <= options.tolerance {
+        if self.relative <= options.tolerance && !self.no_force {
             return Some(Stop::Tolerance);
         }
-        self.settled.then_some(Stop::Floor)
+        (self.settled || self.no_force && self.relative <= options.tolerance).then_some(Stop::Floor)
     }
 }
 
@@ -147,7 +172,7 @@ impl LoadStep<'_> {
         let system = self.system;
         let written = system.residual(u, &self.form())?;
         let mut sizes = system.sizes(u, &written, self.tangent);
-        let scales = system.scales(&written, &sizes);
+        let Scales { scales, loaded, no_force } = self.scales(u, &written, &sizes)?;
         let summands = system.summands(u, &written);
         // against a scale without bound every residual is small
         system.check_finite("sum of the sizes of forces", &sizes, u)?;
@@ -173,7 +198,7 @@ impl LoadStep<'_> {
                 let largest = largest_of(range.clone().filter(is_free).map(|d| written.values[d]));
                 let kept = range.map(|d| written.linear_sizes[d]);
                 // loads are known exactly: a state so far away that they are rounding beside it balances none of them
-                let kept = match (system.is_loaded(field), faces_alone) {
+                let kept = match (loaded[field], faces_alone) {
                     (true, _) => 0.0,
                     (false, true) => rounding * largest_of(kept),
                     (false, false) => f64::INFINITY,
@@ -192,7 +217,48 @@ impl LoadStep<'_> {
             written.values.clone()
         };
         let norm = self.weighted_norm(&residual, norm);
-        Ok(Measured { residual, written, summands, relative, floor, settled, norm, rounding })
+        Ok(Measured { residual, written, summands, relative, floor, settled, no_force, norm, rounding })
+    }
+
+    /// By field what relative residuals are relative to ([`System::scales`]), and whether some fields have no force but
+    /// rounding: then that is relative to what cancels. Where the largest force is so small that rounding hides the
+    /// tolerance, it is what is left of larger ones, and these are asked for one by one.
+    fn scales(&self, u: &[f64], written: &Residual, sizes: &[f64]) -> Evaluated<Scales> {
+        let system = self.system;
+        let mut scales = system.scales(written, sizes);
+        let of_forces: Vec<usize> = (0..scales.len())
+            .filter(|k| system.range(*k).is_some() && system.fields[*k].kind == FieldKind::Unknown)
+            .filter(|k| !system.has_single_equations(*k))
+            .collect();
+        let (cancels, moved) = (system.largest_of_groups(sizes), system.largest_of_groups(u));
+        let extent = system.extent();
+        let is_hidden = |k: &usize| {
+            let rounding = FLOOR_FACTOR * f64::EPSILON * cancels[*k];
+            // a stiffness over the extent: of a gradient beside 1 the rounding is that of 1
+            let strained = if moved[*k] > 0.0 { cancels[*k] / moved[*k] * extent } else { 0.0 };
+            rounding > self.options.tolerance * scales[*k]
+                || !system.is_linear() && UNSTRAINED * f64::EPSILON * strained > scales[*k]
+        };
+        let mut loaded: Vec<bool> = (0..scales.len()).map(|k| system.is_loaded(k)).collect();
+        if !of_forces.iter().any(is_hidden) {
+            return Ok(Scales { scales, loaded, no_force: false });
+        }
+        let parts = system.largest_of_groups(&system.contributions(u)?);
+        let cancels = system.largest_of_groups(&system.cancelled(u, written));
+        let before = system.known.previous.as_ref().map(|past| system.largest_of_groups(&past.unknowns));
+        let mut no_force = false;
+        for k in of_forces {
+            scales[k] = largest_of([scales[k], parts[k]]);
+            let rounding = FLOOR_FACTOR * f64::EPSILON * cancels[k];
+            // loads are known exactly, however small they are, but for those that were rounding already beside the state at
+            // the end of the last step: what stores much heat feels no load of 1e-300
+            let part = before.as_ref().map_or(0.0, |b| if moved[k] > 0.0 { (b[k] / moved[k]).min(1.0) } else { 0.0 });
+            loaded[k] &= scales[k] > rounding * part;
+            if !loaded[k] && scales[k] <= rounding {
+                (scales[k], no_force) = (cancels[k], true);
+            }
+        }
+        Ok(Scales { scales, loaded, no_force })
     }
 
     /// The 2-norm over the free dofs, each times the weight of its field or of its equation. Where squares leave the range of
@@ -384,9 +450,25 @@ impl LoadStep<'_> {
         }
     }
 
+    /// How far the way between two states may be followed, up to `most` times its length, with the volumes of bodies of
+    /// finite strain within what one iteration may change them by.
+    pub(super) fn longest_way(&self, from: &[f64], to: &[f64], most: f64) -> f64 {
+        self.system.way_of_volumes(from, to, VolumeLimit { kept: KEPT_OF_VOLUMES, most })
+    }
+
+    /// The same along a direction by free number.
+    pub(super) fn longest_step(&self, start: &[f64], direction: &[f64], most: f64) -> f64 {
+        if !(self.options.search && self.system.has_nonlinear_bodies()) {
+            return most;
+        }
+        let mut to = start.to_vec();
+        self.system.numbering.advance(start, direction, 1.0, &mut to);
+        self.longest_way(start, &to, most)
+    }
+
     /// Lists an iteration and tells it.
     pub(super) fn record(&mut self, history: &mut StepHistory, here: &Measured, done: Done) {
-        let (contact, fingerprint) = branches(self.system, &here.written);
+        let (contact, fingerprint) = branches(self.system, self.contact, &here.written);
         let number = history.iterations.last().map_or(0, |last| last.number) + done.corrections;
         let iteration = Iteration {
             number,
@@ -422,16 +504,17 @@ fn roundoff(largest: f64) -> f64 {
     if largest > 0.0 { f64::EPSILON.max(f64::from_bits(1) / largest) } else { f64::EPSILON }
 }
 
-/// Contact counts of the terms with kinks (the first of each region) and the fingerprint of all branches.
-fn branches(system: &System, here: &Residual) -> (Option<[usize; 3]>, u64) {
+/// Contact counts of the terms with kinks that push (the first of each region) and the fingerprint of all branches.
+fn branches(system: &System, contact: &Contact, here: &Residual) -> (Option<[usize; 3]>, u64) {
     let mut total: Option<[usize; 3]> = None;
     let mut fingerprint = 0;
     let mut seen: Vec<*const wfl_discrete::assemble::Domain> = Vec::new();
-    for (term, branches) in system.terms.iter().zip(&here.branches) {
+    for (k, (term, branches)) in system.terms.iter().zip(&here.branches).enumerate() {
         fingerprint ^= branches.fingerprint.rotate_left(u32::try_from(seen.len() % 64).expect("below 64"));
         let domain = std::sync::Arc::as_ptr(&term.integrator.domain);
         if let Some(counts) = term.contact_counts(branches)
             && !seen.contains(&domain)
+            && contact.pushes(system, k)
         {
             seen.push(domain);
             let sum = total.get_or_insert([0; 3]);
@@ -442,3 +525,6 @@ fn branches(system: &System, here: &Residual) -> (Option<[usize; 3]>, u64) {
     }
     (total, fingerprint)
 }
+
+#[cfg(test)]
+mod tests;

@@ -126,4 +126,36 @@ mod tests {
         };
         assert!(!settled(1e-12) && settled(31.0) && settled(f64::INFINITY));
     }
+
+    #[test]
+    fn one_field_that_is_open_keeps_all_open() {
+        let mut all = FieldMeasures::new(2);
+        all.add_forces(0, 1e-14, 1.0, [0.0, f64::INFINITY]);
+        all.add_forces(1, 1e-9, 1.0, [1e-15, f64::INFINITY]);
+        assert!(!all.are_settled(|_| false, 1e-10));
+        assert_eq!(all.relative(), 1e-9);
+    }
+
+    #[test]
+    fn a_floor_that_is_not_finite_says_that_nothing_is_known() {
+        let mut all = FieldMeasures::new(1);
+        all.add_forces(0, 1e-3, 1.0, [f64::INFINITY, f64::INFINITY]);
+        assert!(!all.are_settled(|_| false, 1e-10));
+    }
+
+    #[test]
+    fn fields_that_share_a_measure_have_the_larger_of_both() {
+        let mut all = FieldMeasures::new(2);
+        all.add_forces(0, 2e-3, 1.0, [1e-15, f64::INFINITY]);
+        all.add_forces(0, 1e-3, 0.25, [2e-15, f64::INFINITY]);
+        assert_eq!((all.relative(), all.floor()), (4e-3, 8e-15));
+    }
+
+    #[test]
+    fn a_residual_of_zero_needs_no_scale() {
+        let mut all = FieldMeasures::new(1);
+        all.add_forces(0, 0.0, 0.0, [0.0, 0.0]);
+        all.add_equations(0, &[[0.0, 0.0, 0.0]], 1e-10);
+        assert!(all.are_settled(|_| false, 1e-10) && all.relative() == 0.0);
+    }
 }

@@ -27,6 +27,8 @@ pub enum Method {
     Natural,
     /// Corrections where the residual is rounding already.
     Refinement,
+    /// Downhill from an equilibrium that is not stable (`branch`).
+    Branch,
 }
 
 impl Method {
@@ -46,6 +48,7 @@ impl Method {
             Self::Residual => "residual",
             Self::Natural => "natural test",
             Self::Refinement => "refinement",
+            Self::Branch => "branch",
         }
     }
 
@@ -61,7 +64,7 @@ impl Method {
         Self::ALL.get(number).copied()
     }
 
-    const ALL: [Self; 12] = [
+    const ALL: [Self; 13] = [
         Self::Start,
         Self::Predictor,
         Self::ActiveSet,
@@ -74,6 +77,7 @@ impl Method {
         Self::Residual,
         Self::Natural,
         Self::Refinement,
+        Self::Branch,
     ];
 
     /// True if a piecewise linear path is followed.
@@ -83,6 +87,34 @@ impl Method {
 
     /// True if the active set is frozen.
     pub(super) fn freezes(self) -> bool {
-        !matches!(self, Self::Residual | Self::Natural | Self::Start | Self::Predictor | Self::Refinement)
+        !matches!(
+            self,
+            Self::Residual | Self::Natural | Self::Start | Self::Predictor | Self::Refinement | Self::Branch
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_method_comes_back_from_its_number_in_files() {
+        for (number, method) in Method::ALL.into_iter().enumerate() {
+            assert_eq!((method.number(), Method::from_number(number)), (number, Some(method)));
+        }
+        assert_eq!(Method::from_number(Method::ALL.len()), None);
+    }
+
+    #[test]
+    fn no_two_methods_have_one_name() {
+        let names: std::collections::BTreeSet<&str> = Method::ALL.iter().map(|m| m.name()).collect();
+        assert_eq!(names.len(), Method::ALL.len());
+    }
+
+    #[test]
+    fn a_path_goes_on_a_frozen_active_set() {
+        assert!(Method::ALL.iter().filter(|m| m.is_path()).all(|m| m.freezes()));
+        assert!(!Method::Residual.freezes() && !Method::Natural.freezes(), "they damp the equations as written");
     }
 }

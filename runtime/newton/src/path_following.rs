@@ -109,3 +109,64 @@ impl Path {
         Ok((part, found))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        Silent,
+        test_block::{LAPLACE, PENALTY_WITH_FRICTION},
+        tests::Solving,
+    };
+
+    /// Follows a path from rest to its end: the part that each advance passes, and the state there.
+    fn follow(cells: &[&str], floor: &str) -> (Vec<f64>, Vec<f64>, bool) {
+        let mut solving = Solving::new(cells, &[floor]);
+        solving.with(&mut Silent, |step, u| {
+            let norm = Norm { weights: vec![1.0], equations: Vec::new(), scales: Vec::new(), frozen: true };
+            step.contact.freeze_as_written(step.system, u);
+            let residual = step.system.residual(u, &step.form()).unwrap();
+            let mut path = Path::new(&residual.values);
+            let (mut parts, mut history) = (Vec::new(), StepHistory::default());
+            let mut here = step.measure(u, &norm).unwrap();
+            for _ in 0..20 {
+                step.assemble_tangent(u, true).unwrap();
+                let (part, next) = path.advance(step, u, &here, &norm, &mut history).unwrap();
+                parts.push(part);
+                here = next;
+                if path.is_lost() || here.stop(step.options).is_some() {
+                    break;
+                }
+            }
+            (parts, u.clone(), path.is_lost())
+        })
+    }
+
+    /// A floor that is 1/4 below the body.
+    const BELOW: &str = "pos_part(10*(u.Normal - 0.25))*(Test_u.Normal)";
+
+    #[test]
+    fn a_path_passes_each_breakpoint_at_its_exact_part() {
+        // without the floor the body goes down by 1: it touches after a quarter, with one point and then with the other
+        let (parts, u, lost) = follow(&[LAPLACE, "[0,2].Test_u"], BELOW);
+        assert!((parts[0] - 0.25).abs() < 1e-14 && !lost, "{parts:?}");
+        assert!((parts.iter().sum::<f64>() - 1.0).abs() < 1e-13, "{parts:?}");
+        let lowest = u.iter().copied().fold(0.0, f64::min);
+        assert!((lowest + 3.5 / 11.0).abs() < 1e-13, "x + 10 (x - 1/4) = 1: {lowest}");
+    }
+
+    #[test]
+    fn a_path_that_meets_nothing_goes_to_its_end_at_once() {
+        let (parts, u, lost) = follow(&[LAPLACE, "[0,0.4].Test_u"], BELOW);
+        assert!(parts == [1.0] && !lost);
+        assert!((u.iter().copied().fold(0.0, f64::min) + 0.2).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_path_ends_in_slip_where_the_force_is_beyond_the_bound() {
+        let (parts, u, lost) = follow(&[LAPLACE, "[-4,2].Test_u"], PENALTY_WITH_FRICTION);
+        assert!(!lost, "{parts:?}");
+        let slip = u.iter().copied().fold(0.0, f64::max);
+        assert!((slip - (2.0 - 5.0 / 11.0)).abs() < 1e-9, "{slip}");
+    }
+}

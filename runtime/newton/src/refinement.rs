@@ -74,7 +74,10 @@ fn one(step: &mut LoadStep<'_>, u: &mut [f64], norm: &Norm, history: &mut StepHi
     step.correct(&here.residual, 0.0, &mut direction, history)?;
     let mut by_dof = vec![0.0; u.len()];
     step.system.numbering.free_dofs.iter().zip(&direction).for_each(|(d, x)| by_dof[*d as usize] = *x);
-    let size = largest(step.system.relative_sizes(u, &by_dof).into_iter().map(|(_, size)| size));
+    // a field that is zero has no digits that could get better
+    let is_zero = |field: usize| step.system.is_zero_but_for_rounding(u, &here.written, step.tangent, field);
+    let sizes = step.system.relative_sizes(u, &by_dof).into_iter();
+    let size = largest(sizes.filter(|(field, size)| *size <= ENOUGH || !is_zero(*field)).map(|(_, size)| size));
     step.go(&start, &direction, 1.0, u);
     let next = step.measure(u, norm)?;
     let mut changed = 0;

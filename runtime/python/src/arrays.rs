@@ -60,6 +60,10 @@ fn name(kind: VtkCell) -> &'static str {
         VtkCell::QuadraticTetra => "tetra10",
         VtkCell::Hexahedron => "hexahedron",
         VtkCell::TriquadraticHexahedron => "hexahedron27",
+        VtkCell::Wedge => "wedge",
+        VtkCell::QuadraticWedge => "wedge18",
+        VtkCell::Pyramid => "pyramid",
+        VtkCell::QuadraticPyramid => "pyramid13",
     }
 }
 

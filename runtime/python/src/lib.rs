@@ -27,6 +27,7 @@ fn command(py: Python<'_>, program: PathBuf, arguments: Vec<OsString>) -> u8 {
 #[pymodule]
 fn _wfl(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::PyScene>()?;
+    module.add_class::<scene::PyStanding>()?;
     module.add_class::<outcome::PyOutcome>()?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
     module.add("version", wfl_tasks::VERSION)

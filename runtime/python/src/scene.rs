@@ -12,7 +12,7 @@ use pyo3::{
     types::{PyDict, PyList, PyTuple},
 };
 use wfl_compiler::types::FieldKind;
-use wfl_runtime::{RunError, Source, StepResult, newton::NewtonError, results};
+use wfl_runtime::{RunError, Source, Standing, StepResult, newton::NewtonError, results};
 
 use crate::{
     arrays,
@@ -28,6 +28,32 @@ use crate::{
 pub(crate) struct PyScene {
     work: Mutex<Work>,
     desk: Arc<Desk>,
+}
+
+/// Where a run stands between two steps; `wfl.State` in Python.
+#[pyclass(frozen, name = "State", module = "wfl._wfl")]
+pub(crate) struct PyStanding {
+    standing: Standing,
+}
+
+#[pymethods]
+impl PyStanding {
+    /// The number of steps that were done.
+    #[getter]
+    fn n_steps(&self) -> usize {
+        self.standing.n_steps()
+    }
+
+    /// The unknowns there.
+    #[getter]
+    fn u<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.standing.state().unknowns())
+    }
+
+    fn __repr__(&self) -> String {
+        let n = self.standing.n_steps();
+        format!("<wfl state behind {n} step{}>", if n == 1 { "" } else { "s" })
+    }
 }
 
 /// Why something could not be done, without Python.
@@ -94,7 +120,7 @@ fn wrong_length(name: &str, found: usize, needed: usize) -> PyErr {
 
 /// An error of the equations at the step that was begun.
 fn of_equations(work: &Work, error: NewtonError) -> Failed {
-    let time = work.scene.system.step().0;
+    let time = work.session.as_ref().map_or(0.0, |session| session.equations().system.step().0);
     work.stopped(&RunError::Newton { step: 0, time, error })
 }
 
@@ -289,6 +315,29 @@ impl PyScene {
         Ok(())
     }
 
+    /// Where the run stands between two steps.
+    fn standing(&self, py: Python<'_>) -> PyResult<PyStanding> {
+        self.at_work(py, &Listeners::default(), |work, _| {
+            let (session, scene) = work.session()?;
+            match session.standing(scene) {
+                Ok(standing) => Ok(PyStanding { standing }),
+                Err(error) => Err(work.stopped(&error)),
+            }
+        })
+    }
+
+    /// Goes back to where the run has stood.
+    fn go_back(&self, py: Python<'_>, to: &Bound<'_, PyStanding>) -> PyResult<()> {
+        let to = to.get().standing.clone();
+        self.at_work(py, &Listeners::default(), |work, teller| {
+            let (session, scene) = work.session()?;
+            match session.go_back(scene, &to, teller) {
+                Ok(()) => Ok(()),
+                Err(error) => Err(work.stopped(&error)),
+            }
+        })
+    }
+
     /// The unknowns between two steps.
     fn unknowns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let u = self.at_work(py, &Listeners::default(), |work, _| Ok(work.session()?.0.unknowns().to_vec()))?;
@@ -318,8 +367,8 @@ impl PyScene {
     fn residual<'py>(&self, py: Python<'py>, u: PyReadonlyArray1<'_, f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let u = Self::unknowns_of(&*self.held()?, &u)?;
         let r = self.quickly(py, |work| {
-            let (session, scene) = work.begun()?;
-            session.residual(scene, &u).map_err(|e| of_equations(work, e))
+            let (session, _) = work.begun()?;
+            session.residual(&u).map_err(|e| of_equations(work, e))
         })?;
         Ok(PyArray1::from_vec(py, r))
     }
@@ -327,8 +376,8 @@ impl PyScene {
     fn forces<'py>(&self, py: Python<'py>, u: PyReadonlyArray1<'_, f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let u = Self::unknowns_of(&*self.held()?, &u)?;
         let r = self.quickly(py, |work| {
-            let (session, scene) = work.begun()?;
-            session.forces(scene, &u).map_err(|e| of_equations(work, e))
+            let (session, _) = work.begun()?;
+            session.forces(&u).map_err(|e| of_equations(work, e))
         })?;
         Ok(PyArray1::from_vec(py, r))
     }
@@ -336,8 +385,8 @@ impl PyScene {
     fn tangent<'py>(&self, py: Python<'py>, u: PyReadonlyArray1<'_, f64>) -> PyResult<Bound<'py, PyTuple>> {
         let u = Self::unknowns_of(&*self.held()?, &u)?;
         let matrix = self.quickly(py, |work| {
-            let (session, scene) = work.begun()?;
-            session.tangent(scene, &u).map_err(|e| of_equations(work, e))
+            let (session, _) = work.begun()?;
+            session.tangent(&u).map_err(|e| of_equations(work, e))
         })?;
         arrays::csr(py, &matrix)
     }
@@ -395,9 +444,7 @@ impl PyScene {
         let known = known.iter().map(|v| Ok(v.as_slice()?.to_vec())).collect::<PyResult<Vec<_>>>()?;
         let u = Self::unknowns_of(&*self.held()?, &u)?;
         let pieces = self.quickly(py, |work| {
-            let before = std::mem::replace(&mut work.scene.system.known.data, known);
-            let pieces = results::field_grids(&work.scene, &u);
-            work.scene.system.known.data = before;
+            let pieces = results::field_grids(&work.scene, &known, &u);
             pieces.map_err(|e| vec![Told::text(&format!("error: {e}\n"))])
         })?;
         pieces.iter().map(|piece| arrays::piece(py, piece)).collect()

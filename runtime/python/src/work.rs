@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, path::PathBuf, time::Instant};
 use wfl::Diagnostic;
 use wfl_jit::JitBackend;
 use wfl_runtime::{
-    Cadence, Outcome, RunError, RunOptions, Scene, Session,
+    Cadence, Equations, Outcome, RunError, RunOptions, Scene, Session,
     contact::{ContactPoints, contact_points},
     field::FieldSpace,
 };
@@ -96,7 +96,7 @@ impl Work {
     pub(crate) fn check(&mut self) -> Vec<Told> {
         if !self.judged {
             self.judged = true;
-            let found = advice::before_run(&self.loaded, &mut self.scene);
+            let found = advice::before_run(&self.loaded, &self.scene);
             self.loaded.messages.extend(found);
         }
         told::all(&self.loaded.messages, &self.loaded.sources)
@@ -143,7 +143,7 @@ impl Work {
         self.refuse_accuracy()?;
         self.check();
         let options = self.options(asked, started, started.elapsed().as_secs_f64());
-        match wfl_runtime::run(&mut self.scene, &options, teller) {
+        match wfl_runtime::run(&self.scene, &options, teller) {
             Ok(outcome) => Ok(self.finished(outcome, options)),
             Err(error) => Err(self.stopped(&error)),
         }
@@ -165,8 +165,9 @@ impl Work {
         let mut list = told::all(&ended.messages, &self.loaded.sources);
         list.extend(ended.said.iter().map(|said| Told::said(said, &self.loaded.sources)));
         let summary = ending::summary(options.out.as_deref(), &outcome);
-        let contact = outcome.steps.last().map_or_else(Vec::new, |step| self.contact(&step.state));
-        let known = self.scene.system.known.data.clone();
+        let end = &outcome.equations;
+        let contact = outcome.steps.last().map_or_else(Vec::new, |step| self.contact(end, &step.state));
+        let known = end.system.known.data.clone();
         Finished { outcome, options, ending: ended.ending, told: list, summary, contact, known }
     }
 
@@ -177,8 +178,8 @@ impl Work {
     }
 
     /// Regions on faces with a law of contact, and the law at their points.
-    fn contact(&self, u: &[f64]) -> Vec<(String, ContactPoints)> {
-        let Scene { system, contact, terms, .. } = &self.scene;
+    fn contact(&self, end: &Equations, u: &[f64]) -> Vec<(String, ContactPoints)> {
+        let (Equations { system, contact }, terms) = (end, &self.scene.terms);
         let mut regions: Vec<&str> = Vec::new();
         for law in contact.terms().iter().filter(|t| !t.on_cells()) {
             let place = terms[law.term].place.as_str();
@@ -194,24 +195,24 @@ impl Work {
     }
 
     /// The run between two steps; begun where there is none.
-    pub(crate) fn session(&mut self) -> Result<(&mut Session, &mut Scene), Vec<Told>> {
+    pub(crate) fn session(&mut self) -> Result<(&mut Session, &Scene), Vec<Told>> {
         if self.session.is_none() {
             let started = Instant::now();
             self.refuse_accuracy()?;
             self.check();
             let asked = RunAsked { out: None, threads: None, keep_states: false, keep_outputs: true };
             let options = self.options(&asked, started, started.elapsed().as_secs_f64());
-            match Session::new(&mut self.scene, options) {
+            match Session::new(&self.scene, options) {
                 Ok(session) => self.session = Some(session),
                 Err(error) => return Err(self.stopped(&error)),
             }
         }
         let session = self.session.as_mut().expect("made above");
-        Ok((session, &mut self.scene))
+        Ok((session, &self.scene))
     }
 
     /// The same at a step: one that was begun, or the last one that was solved.
-    pub(crate) fn begun(&mut self) -> Result<(&mut Session, &mut Scene), Vec<Told>> {
+    pub(crate) fn begun(&mut self) -> Result<(&mut Session, &Scene), Vec<Told>> {
         match &self.session {
             Some(session) if session.has_begun() || !session.steps().is_empty() => self.session(),
             _ => Err(Self::not_begun()),

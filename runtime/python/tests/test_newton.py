@@ -85,6 +85,29 @@ def test_an_own_loop_over_time_with_the_solver_of_the_package(examples):
     assert step.measures["total"] == pytest.approx(known.steps[-1].measures["total"], rel=1e-6)
 
 
+def test_a_run_goes_back_to_where_it_has_stood(examples):
+    scene = wfl.Scene(examples / "friction" / "weakening.wfl")
+    known = scene.run(keep_states=True)
+    scene.solve_step()
+    here = scene.state()
+    assert here.n_steps == 1 and "1 step>" in repr(here)
+    np.testing.assert_array_equal(here.u, scene.u)
+    for _ in range(2):
+        for number in (1, 2):
+            np.testing.assert_array_equal(scene.solve_step().u, known.steps[number].u)
+        scene.go_back(here)
+        np.testing.assert_array_equal(scene.u, here.u)
+    scene.restart()
+    scene.go_back(here)
+    np.testing.assert_array_equal(scene.solve_step().u, known.steps[1].u)
+    scene.begin(0.5)
+    with pytest.raises(wfl.WflError, match="a step was begun"):
+        scene.state()
+    other = wfl.Scene.from_text(HEAT)
+    with pytest.raises(wfl.WflError, match="another scene"):
+        other.go_back(here)
+
+
 def test_unknowns_can_be_set_between_steps():
     scene = wfl.Scene.from_text(HEAT)
     scene.solve_step()

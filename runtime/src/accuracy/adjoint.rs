@@ -15,12 +15,13 @@ use std::sync::Arc;
 use wfl::ast::{Argument, Expr, ExprKind, MulOp, Reduction};
 use wfl_compiler::backend::KernelBackend;
 
+use super::data::{around, to_cells};
 use crate::{
     FIXED, Form, Over, StateAt, System,
     compare::{MEASURE, Solved, items, name, unknowns},
     element::{DofEntity, Element},
     field::{Field, FieldSpace},
-    mesh::CellKind,
+    mesh::{CellKind, Subdivision},
     solve::{CheckedLlt, CheckedLu, LinearSolver as _, SolverOptions},
     space::{Space, Support},
     system::Branches,
@@ -31,6 +32,9 @@ use crate::{
 pub struct Indicator {
     /// `parts[cell][direction]`; a simplex has no directions of its own, the sum counts.
     pub parts: Vec<[f64; 3]>,
+    /// Their sum in the unit of a measure: what its error could be if nothing cancelled. `None` where the parts are those
+    /// of another quantity, which only say where the error comes from.
+    pub size: Option<f64>,
 }
 
 /// Two solutions on one mesh.
@@ -48,10 +52,10 @@ impl Pair<'_> {
     /// # Errors
     /// Why there are none, in words.
     pub fn indicator(&self, quantity: &str, backend: &dyn KernelBackend, threads: usize) -> Result<Indicator, String> {
-        let rich = &self.rich.scene.system;
+        let rich = &self.rich.outcome.equations.system;
         let last = self.rich.outcome.steps.last().ok_or("there is no step")?;
         let embedded = self.embedded(&last.state)?;
-        let at = |unknowns| StateAt { time: last.time, increment: last.increment, unknowns };
+        let at = |unknowns| StateAt { system: rich, time: last.time, increment: last.increment, unknowns };
         let goal = self.goal(quantity, backend, [&embedded, &last.state], &at).unwrap_or_default();
         // the residual of a step whose states have been renewed is not at hand; the size of a zone has no derivative, what
         // is read through a mapping none that is compiled here
@@ -61,18 +65,78 @@ impl Pair<'_> {
         }
         let adjoint = adjoint(rich, &last.state, goal, threads)?;
         let products = self.products(&embedded, &adjoint)?;
-        Ok(Indicator { parts: by_cell(rich, &products, &adjoint) })
+        let mut parts = by_cell(rich, &products, &adjoint);
+        for (all, more) in parts.iter_mut().zip(self.of_data(&embedded, &adjoint)?) {
+            (0..3).for_each(|d| all[d] += more[d]);
+        }
+        let size = parts.iter().flatten().sum::<f64>() * self.scale(quantity);
+        Ok(Indicator { parts, size: Some(size) })
+    }
+
+    /// What the parts of a goal are multiplied with so that they are those of the quantity: the goal of an extreme value
+    /// is the integral of a power of it over its size.
+    fn scale(&self, quantity: &str) -> f64 {
+        let wanted = quantity.strip_prefix(MEASURE).unwrap_or(quantity);
+        let of = |run: &Solved| {
+            run.outcome.steps.last().and_then(|s| s.measures.iter().find(|m| m.0 == wanted).map(|m| m.1))
+        };
+        let extreme = self.rich.script.measures.iter().find(|m| m.name.name == wanted);
+        match extreme.filter(|m| matches!(m.reduction, Reduction::Max | Reduction::Min)) {
+            Some(_) => of(self.coarse).map_or(1.0, f64::abs),
+            None => 1.0,
+        }
+    }
+
+    /// The same for the residual in the coarser space itself, which is zero but for rules: those of the richer run see
+    /// more of loads and coefficients. In equal parts to all directions of a cell.
+    fn of_data(&self, embedded: &[f64], adjoint: &[f64]) -> Result<Vec<[f64; 3]>, String> {
+        let [coarse, fine] = [&self.coarse.outcome.equations.system, &self.rich.outcome.equations.system];
+        let mut parts = vec![[0.0; 3]; coarse.mesh.n_cells()];
+        if fine.numbering.has_ties() {
+            return Ok(parts);
+        }
+        let mut residual = fine.residual(embedded, &Form::AS_WRITTEN).map_err(|e| e.to_string())?.values;
+        residual.iter_mut().zip(&fine.numbering.free).filter(|(_, free)| **free == FIXED).for_each(|(r, _)| *r = 0.0);
+        fine.numbering.frames.turn_back(&mut residual);
+        let (forces, weights) = (gathered(coarse, fine, &residual)?, transfer(fine, coarse, adjoint)?);
+        let products: Vec<f64> = forces.iter().zip(&weights).map(|(r, w)| (r * w).abs()).collect();
+        let mut cells = vec![0.0; parts.len()];
+        to_cells(coarse, &products, &mut cells);
+        let dim = coarse.mesh.dim();
+        for (part, whole) in parts.iter_mut().zip(cells) {
+            part.iter_mut().take(dim).for_each(|p| *p = whole / dim as f64);
+        }
+        Ok(parts)
     }
 
     /// By dof of the richer space: minus the residual of the coarser solution times what the adjoint solution has beyond the
     /// coarser space. In sum the difference of the goal between both solutions, but for what is prescribed.
     fn products(&self, embedded: &[f64], adjoint: &[f64]) -> Result<Vec<f64>, String> {
-        let rich = &self.rich.scene.system;
+        let rich = &self.rich.outcome.equations.system;
         let residual = rich.residual(embedded, &Form::AS_WRITTEN).map_err(|e| e.to_string())?.values;
         let mut weights = self.beyond(adjoint)?;
         rich.numbering.turn(&mut weights);
         let by_dof = residual.iter().zip(&weights).zip(&rich.numbering.free);
         Ok(by_dof.map(|((r, w), free)| if *free == FIXED { 0.0 } else { -r * w }).collect())
+    }
+
+    /// Parts of the difference of gradients: where the solution itself is not resolved.
+    ///
+    /// # Errors
+    /// Why there are none, in words.
+    pub fn of_gradients(&self, backend: &dyn KernelBackend) -> Result<Indicator, String> {
+        let last = self.rich.outcome.steps.last().ok_or("there is no step")?;
+        let embedded = self.embedded(&last.state)?;
+        let apart: Vec<f64> = last.state.iter().zip(&embedded).map(|(a, b)| a - b).collect();
+        self.difference(
+            backend,
+            StateAt {
+                system: &self.rich.outcome.equations.system,
+                time: last.time,
+                increment: last.increment,
+                unknowns: &apart,
+            },
+        )
     }
 
     /// The squares of the gradients of a difference.
@@ -84,13 +148,13 @@ impl Pair<'_> {
             let found = run.scene.integrals_by_cell(&run.script, backend, &square, apart)?;
             parts.iter_mut().zip(found).for_each(|(p, x)| *p = p.map(|p| p + x));
         }
-        Ok(Indicator { parts })
+        Ok(Indicator { parts, size: None })
     }
 
     /// The coarser solution in the richer space, with the values that are prescribed there.
     fn embedded(&self, rich: &[f64]) -> Result<Vec<f64>, String> {
         let coarse = self.coarse.outcome.steps.last().ok_or("there is no step")?;
-        let [from, to] = [&self.coarse.scene.system, &self.rich.scene.system];
+        let [from, to] = [&self.coarse.outcome.equations.system, &self.rich.outcome.equations.system];
         let inside = transfer(from, to, &coarse.state)?;
         let mut apart: Vec<f64> = inside.iter().zip(rich).map(|(a, b)| a - b).collect();
         to.numbering.frames.turn(&mut apart);
@@ -102,7 +166,7 @@ impl Pair<'_> {
 
     /// What a vector of the richer space has beyond its interpolation in the coarser one.
     fn beyond(&self, rich: &[f64]) -> Result<Vec<f64>, String> {
-        let [coarse, fine] = [&self.coarse.scene.system, &self.rich.scene.system];
+        let [coarse, fine] = [&self.coarse.outcome.equations.system, &self.rich.outcome.equations.system];
         let inside = transfer(coarse, fine, &transfer(fine, coarse, rich)?)?;
         Ok(rich.iter().zip(&inside).map(|(a, b)| a - b).collect())
     }
@@ -130,16 +194,26 @@ impl Pair<'_> {
             let measure = run.script.measures.iter().find(|m| m.name.name == wanted);
             let measure = measure.ok_or_else(|| format!("no quantity `{quantity}`"))?;
             if measure.reduction == Reduction::Value {
-                return Err(format!(
-                    "`{wanted}` is a value at a point, whose error is not estimated: take a mean near it"
-                ));
+                return run.scene.derivative(&run.script, backend, &measure.expr, Over::Point(wanted), at(to));
+            }
+            if measure.reduction == Reduction::Mean {
+                // by the size of its region
+                let one = number(run, 1.0);
+                let size = run.scene.integral(&run.script, backend, &one, (Over::Regions(&measure.places), at(to)))?;
+                let mut goal = integrals(&measure.expr, Over::Regions(&measure.places), to)?;
+                goal.iter_mut().for_each(|g| *g /= size);
+                return Ok(goal);
             }
             if matches!(measure.reduction, Reduction::Max | Reduction::Min) {
                 // the largest value is approached by a mean of a high power of it
                 let found = self.coarse.outcome.steps.last().and_then(|s| s.measures.iter().find(|m| m.0 == wanted));
                 let size = found.map_or(1.0, |m| m.1.abs()).max(f64::MIN_POSITIVE);
                 let power = call(run, "pow", vec![over_number(run, &measure.expr, size), number(run, HIGH_POWER)]);
-                return integrals(&power, Over::Regions(&measure.places), to);
+                let mut goal = integrals(&power, Over::Regions(&measure.places), to)?;
+                // by the size of the integral and the power it is that of the extreme value over its size
+                let all = run.scene.integral(&run.script, backend, &power, (Over::Regions(&measure.places), at(to)))?;
+                goal.iter_mut().for_each(|g| *g /= HIGH_POWER * all.abs().max(f64::MIN_POSITIVE));
+                return Ok(goal);
             }
             return integrals(&measure.expr, Over::Regions(&measure.places), to);
         }
@@ -211,7 +285,7 @@ fn adjoint(system: &System, u: &[f64], mut goal: Vec<f64>, threads: usize) -> Re
 /// The values of one space at the nodes of another one on the same cells and faces.
 fn transfer(from: &System, to: &System, values: &[f64]) -> Result<Vec<f64>, String> {
     let mut out = vec![0.0; to.numbering.n_dofs];
-    for (source, target) in from.fields.iter().zip(&to.fields) {
+    for (source, target) in from.fields.iter().zip(&*to.fields) {
         let place = |system: &System, field: &Field| system.fields.iter().position(|f| f.name == field.name);
         let (Some(a), Some(b)) = (place(from, source), place(to, target)) else { continue };
         let (Some(read), Some(write)) = (from.range(a), to.range(b)) else { continue };
@@ -228,6 +302,44 @@ fn transfer(from: &System, to: &System, values: &[f64]) -> Result<Vec<f64>, Stri
 }
 
 fn interpolate(from: &Space, to: &Space, n: usize, values: &[f64], out: &mut [f64]) -> Result<(), String> {
+    let shared = around(to);
+    out.fill(0.0);
+    each_weight(from, to, |node, source, weight| {
+        // all cells of a node have the same value there
+        let weight = weight / f64::from(shared[node as usize]);
+        (0..n).for_each(|c| out[node as usize * n + c] += weight * values[source as usize * n + c]);
+    })
+}
+
+/// Forces at the nodes of one space as those at the nodes of a coarser one on the same cells and faces: the transpose of
+/// [`transfer`] from there.
+fn gathered(coarse: &System, fine: &System, forces: &[f64]) -> Result<Vec<f64>, String> {
+    let mut out = vec![0.0; coarse.numbering.n_dofs];
+    for (source, target) in fine.fields.iter().zip(&*coarse.fields) {
+        let place = |system: &System, field: &Field| system.fields.iter().position(|f| f.name == field.name);
+        let (Some(a), Some(b)) = (place(fine, source), place(coarse, target)) else { continue };
+        let (Some(read), Some(write)) = (fine.range(a), coarse.range(b)) else { continue };
+        let n = source.n_components;
+        match (&source.space, &target.space) {
+            (FieldSpace::Nodal(from), FieldSpace::Nodal(to)) => {
+                let (shared, values) = (around(from), &forces[read]);
+                each_weight(to, from, |node, other, weight| {
+                    for c in 0..n {
+                        let part = values[node as usize * n + c] / f64::from(shared[node as usize]);
+                        out[write.start + other as usize * n + c] += weight * part;
+                    }
+                })?;
+            }
+            (FieldSpace::Global, FieldSpace::Global) => out[write].copy_from_slice(&forces[read]),
+            _ => return Err(format!("`{}` is of another kind on the same mesh", source.name)),
+        }
+    }
+    Ok(out)
+}
+
+/// By node of a space on each of its cells or faces: the basis functions of another space on the same ones, by node and
+/// value there.
+fn each_weight(from: &Space, to: &Space, mut f: impl FnMut(u32, u32, f64)) -> Result<(), String> {
     if from.support() != to.support() {
         return Err("the meshes of two degrees differ".to_owned());
     }
@@ -237,9 +349,8 @@ fn interpolate(from: &Space, to: &Space, n: usize, values: &[f64], out: &mut [f6
         let Some(table) = &tables[to.element_at(position).kind().index()] else { continue };
         let sources = from.entity_nodes(position);
         for (point, node) in to.entity_nodes(position).iter().enumerate() {
-            for c in 0..n {
-                let part = |(k, s): (usize, &u32)| table.values[point * table.n_dofs + k] * values[*s as usize * n + c];
-                out[*node as usize * n + c] = sources.iter().enumerate().map(part).sum();
+            for (k, source) in sources.iter().enumerate() {
+                f(*node, *source, table.values[point * table.n_dofs + k]);
             }
         }
     }
@@ -254,10 +365,7 @@ fn by_cell(system: &System, products: &[f64], adjoint: &[f64]) -> Vec<[f64; 3]> 
         let (Some(range), FieldSpace::Nodal(space)) = (system.range(k), &field.space) else { continue };
         let n = field.n_components;
         let (products, adjoint) = (&products[range.clone()], &adjoint[range]);
-        let mut around = vec![0u32; space.n_nodes()];
-        for position in 0..space.n_positions() {
-            space.entity_nodes(position).iter().for_each(|node| around[*node as usize] += 1);
-        }
+        let around = around(space);
         for position in 0..space.n_positions() {
             let (element, nodes) = (space.element_at(position), space.entity_nodes(position));
             let (cell, axes) = match space.support() {
@@ -305,7 +413,7 @@ impl Lines<'_> {
         let dim = kind.dim();
         let even = std::array::from_fn(|d| if d < dim { 1.0 / dim as f64 } else { 0.0 });
         let is_vertex = matches!(self.element.entities()[local], DofEntity::Vertex(_));
-        if kind.is_simplex() || is_vertex || degree == 0 {
+        if kind.subdivision() != Some(Subdivision::Layers) || is_vertex || degree == 0 {
             return if dim == 0 { [1.0, 0.0, 0.0] } else { even };
         }
         let mut size = [0.0f64; 3];

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use super::Indicator;
 use crate::{
-    mesh::{CellId, Mesh},
+    mesh::{CellId, Mesh, Subdivision},
     refine::{Axes, Mark},
 };
 
@@ -32,11 +32,20 @@ pub(super) fn marked(mesh: &Mesh, indicator: &Indicator, part: f64) -> Vec<Mark>
         }
         held += item.error;
         for (cell, axis) in item.members {
-            let simplex = mesh.kind(cell).is_simplex();
-            axes.entry(cell).or_default().extend(if simplex { 0..3 } else { axis..axis + 1 });
+            let layered = mesh.kind(cell).subdivision() == Some(Subdivision::Layers);
+            axes.entry(cell).or_default().extend(if layered { axis..axis + 1 } else { 0..3 });
         }
     }
     axes.into_iter().map(|(cell, axes)| Mark { cell, axes: Axes::of(&axes) }).collect()
+}
+
+/// The cells of two lists, each along the axes of both.
+pub(super) fn also(one: Vec<Mark>, other: Vec<Mark>) -> Vec<Mark> {
+    let mut axes: BTreeMap<CellId, u8> = BTreeMap::new();
+    for mark in one.into_iter().chain(other) {
+        *axes.entry(mark.cell).or_default() |= mark.axes.bits();
+    }
+    axes.into_iter().map(|(cell, bits)| Mark { cell, axes: Axes::from_bits(bits) }).collect()
 }
 
 /// Every cell along all its axes.
@@ -49,7 +58,7 @@ fn items(mesh: &Mesh, indicator: &Indicator) -> Vec<Item> {
     let mut groups = Layers::default();
     for cell in mesh.cells() {
         let (kind, parts) = (mesh.kind(cell), indicator.parts[cell.index()]);
-        if kind.is_simplex() {
+        if kind.subdivision() != Some(Subdivision::Layers) {
             items.push(Item { members: vec![(cell, 0)], error: parts.iter().sum() });
             continue;
         }
@@ -122,7 +131,7 @@ mod tests {
         let mesh = square(BoxShape::Triangle);
         let mut parts = vec![[0.0; 3]; mesh.n_cells()];
         (parts[3][0], parts[7][0], parts[9][1]) = (5.0, 4.0, 1.0);
-        let indicator = Indicator { parts };
+        let indicator = Indicator { parts, size: None };
         let cells = |part| marked(&mesh, &indicator, part).iter().map(|m| m.cell.index()).collect::<Vec<_>>();
         assert_eq!((cells(0.5), cells(0.8), cells(1.0)), (vec![3], vec![3, 7], vec![3, 7, 9]));
     }
@@ -132,7 +141,7 @@ mod tests {
         let mesh = square(BoxShape::Quadrilateral);
         let mut parts = vec![[0.0; 3]; mesh.n_cells()];
         (parts[5][0], parts[9][0], parts[2][1]) = (2.0, 2.0, 1.0);
-        let marks = marked(&mesh, &Indicator { parts }, 0.7);
+        let marks = marked(&mesh, &Indicator { parts, size: None }, 0.7);
         assert_eq!(marks.len(), 4);
         let column = |m: &Mark| m.cell.index() % 4 == 1 && m.axes == Axes::of(&[0]);
         assert!(marks.iter().all(column), "{marks:?}");

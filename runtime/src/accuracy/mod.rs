@@ -12,6 +12,7 @@
 //! when the budget is used up; what was reached by then is the result. Does not estimate the error of time steps.
 
 mod adjoint;
+mod data;
 mod marking;
 mod outcome;
 mod picture;
@@ -22,7 +23,8 @@ mod tests;
 mod ways;
 
 pub use adjoint::{Indicator, Pair};
-pub use outcome::{Cost, Found, Out, Short, Trials};
+pub use data::{Probed, curvature, probe};
+pub use outcome::{Cost, Found, OfData, Out, Short, Trials};
 pub use picture::{MESH_FILE, REFINED, SHARE, mesh_piece};
 pub use record::{AccuracyRecord, Marks, Other, Rounds, TrialRun, marks_of, rounds_of};
 pub use search::seek;
@@ -37,6 +39,8 @@ pub struct Demand {
     pub quantity: String,
     /// Seconds that the search may take.
     pub budget: f64,
+    /// Begin with the coarsest mesh that has the regions of the scene, not with the scene's own.
+    pub from_coarsest: bool,
 }
 
 /// The quantity where nothing is said: the unknowns themselves, in the mean over the bodies.

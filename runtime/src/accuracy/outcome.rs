@@ -17,6 +17,22 @@ pub trait Trials {
     /// Why it has no solution, or none that can be compared with the scene's own mesh.
     fn run(&mut self, setting: &Setting, fineness: usize, rounds: &Rounds, last: bool) -> Result<Self::Run, String>;
 
+    /// The run of the next degree on the mesh of a run, which sees of loads and coefficients what the rules of that one may
+    /// miss.
+    ///
+    /// # Errors
+    /// Why it has no solution.
+    fn rich(
+        &mut self,
+        run: &mut Self::Run,
+        setting: &Setting,
+        fineness: usize,
+        rounds: &Rounds,
+    ) -> Result<Self::Run, String>;
+
+    /// What such a run does not resolve of loads and coefficients.
+    fn data(&self, rich: &Self::Run) -> OfData;
+
     /// What a run took.
     fn cost(&self, run: &Self::Run) -> Cost;
 
@@ -32,11 +48,12 @@ pub trait Trials {
     /// Why there is none.
     fn distance(&mut self, run: &Self::Run, from: &Self::Run) -> Result<f64, String>;
 
-    /// Where the error of a run comes from; `rich` is a run of a higher degree on the same mesh.
+    /// Where the error of a run comes from; `rich` is a run of a higher degree on the same mesh. By gradients: of all
+    /// unknowns, whatever quantity is asked about.
     ///
     /// # Errors
     /// Why that is not known.
-    fn indicator(&mut self, run: &Self::Run, rich: &Self::Run) -> Result<Indicator, String>;
+    fn indicator(&mut self, run: &Self::Run, rich: &Self::Run, by_gradients: bool) -> Result<Indicator, String>;
 
     /// The relative distance of a run from the same with a smaller tolerance.
     ///
@@ -44,11 +61,26 @@ pub trait Trials {
     /// Why there is none.
     fn tighter(&mut self, run: &mut Self::Run, setting: &Setting, fineness: usize) -> Result<f64, String>;
 
+    /// What the boundary of the mesh adds where it is not that of the body, relative; the setting is that of the run.
+    fn geometry(&mut self, run: &Self::Run, setting: &Setting, fineness: usize) -> f64;
+
+    /// Whether bodies lock with the elements of a run of degree 1.
+    fn locks(&self, run: &Self::Run) -> bool;
+
     /// The relative distance of a run from a better one in every other quantity, by name.
     fn distances(&mut self, run: &Self::Run, from: &Self::Run) -> Vec<(String, f64)>;
 
     /// Seconds since the search began.
     fn elapsed(&self) -> f64;
+}
+
+/// What is not resolved of loads and coefficients.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OfData {
+    /// The relative error in the quantity asked about.
+    pub error: f64,
+    /// Where it comes from, by cell, all not negative; empty where there is none.
+    pub parts: Vec<f64>,
 }
 
 /// What a run took.
@@ -92,6 +124,24 @@ pub enum Short {
     /// No mesh has an estimate.
     #[error("no mesh has an estimate: {0}")]
     Blind(String),
+    /// Loads or coefficients change within a part of a cell.
+    #[error(
+        "loads, coefficients or prescribed values change within less than the distance of the points where they are \
+         looked at: that leaves an error of about {0:.1e}"
+    )]
+    Data(f64),
+    /// The mesh has another boundary than the body.
+    #[error(
+        "the boundary of the mesh is a polygon where that of the body seems to be curved, and refinement keeps it: that \
+         leaves an error of about {0:.1e}"
+    )]
+    Geometry(f64),
+    /// The steps are too long.
+    #[error("the length of the steps alone adds an error of about {0:.1e}")]
+    Time(f64),
+    /// The exact solution of the scene says so.
+    #[error("the exact solution of the scene says that the true error is {0:.1e}: the estimate is wrong")]
+    Truth(f64),
     /// The tolerance and the parameter of the method cannot be set so that they add less than the demand.
     #[error("the tolerance and the parameter of the method alone add an error of {0:.1e}")]
     Method(f64),

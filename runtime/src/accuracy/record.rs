@@ -36,6 +36,15 @@ pub struct AccuracyRecord {
     pub tolerance: Real,
     /// Error of the method's parameter, measured on the first mesh; 0 for a method that needs none.
     pub method: Real,
+    /// What is not resolved of loads, coefficients and prescribed values; in the error of the mesh.
+    #[serde(default)]
+    pub data: Real,
+    /// Error of the length of the steps, measured on the first mesh; 0 where the solution does not depend on it.
+    #[serde(default)]
+    pub time: Real,
+    /// Error of a boundary that is a polygon where the body is curved; 0 where refinement follows the body.
+    #[serde(default)]
+    pub geometry: Real,
     /// Estimated error of the run: the sum.
     pub estimate: Real,
     /// Whether the estimate is at most the demanded error.

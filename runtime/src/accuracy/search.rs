@@ -7,13 +7,16 @@
 //! an estimate that fell faster than elements of its degree can is checked before it is believed. All cells are refined
 //! first.
 
+mod begin;
+mod checks;
 mod told;
 
 use super::{
-    Demand, Found, Out, Role, Rounds, Short, TrialRun, Trials, Ways,
-    marking::{everything, marked},
+    Demand, Found, Indicator, Out, Rounds, Short, TrialRun, Trials, Ways,
+    marking::{also, everything, marked},
+    outcome::OfData,
     record::Other,
-    ways::{Wanted, work},
+    ways::Wanted,
 };
 use crate::{knobs::Setting, output::Real, refine::Mark};
 
@@ -25,28 +28,23 @@ const FALL: f64 = 2.0;
 const ROUNDING: f64 = 1e-11;
 /// So many levels are checked with each new one.
 const LAGS: usize = 2;
-/// An order of convergence is that of the elements from this part of it on.
-const NEARLY: f64 = 0.75;
-/// In scenes with kinks two checks in a row have to agree within this factor: until the active set is resolved, one says
-/// little of the next.
-const AGREE: f64 = 1.6;
 /// A check that says that estimates are too small by more than this says that they mean nothing yet.
 const MOST_SAFETY: f64 = 4.0;
 /// What the next mesh is planned for, in parts of what is allowed.
 const AIM: f64 = 0.8;
 /// Least and largest part of the error that is marked at once.
 const PARTS: [f64; 2] = [0.2, 0.8];
-/// Parts of the demand that tolerance and method may have.
-const PART_OF_TOLERANCE: f64 = 0.05;
-const PART_OF_METHOD: f64 = 0.2;
 /// The tolerance that is tried first, in parts of the demand, and the range it may have.
 const FIRST_TOLERANCE: f64 = 1e-1;
 pub(super) const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-10..=1e-3;
-/// A penalty is raised by at most this factor.
-const MOST_STIFFER: f64 = 1e6;
 /// The error of a richer run may be this part of the demand for that run to judge the next mesh: squares add up in a norm,
 /// so that it adds 5 %.
 const PART_OF_JUDGE: f64 = 0.3;
+/// A measure may meet its value by accident, where errors of other signs cancel: its error is at least this part of what
+/// the parts of all cells add up to without their signs. In smooth problems between a tenth and all of it is left.
+const PART_OF_PARTS: f64 = 0.25;
+/// What is not resolved of loads and coefficients may have this part of the demand before cells are refined for it.
+const PART_OF_DATA: f64 = 0.1;
 /// Meshes without an estimate (a solution that is zero, an iteration that does not converge) before the search gives up.
 const BLIND: usize = 4;
 /// Meshes in a row whose estimates may be no smaller than the best one.
@@ -55,11 +53,18 @@ const STALLED: usize = 12;
 /// One mesh with its run.
 struct Level<R> {
     setting: Vec<(String, String)>,
+    fineness: usize,
     rounds: Rounds,
     run: R,
     rich: R,
-    /// Distance of both.
+    /// Distance of both; of a measure at least a part of what the parts of all cells add up to.
     apart: f64,
+    /// What the error of the richer run may add to it, from its distance to that of the mesh before.
+    of_rich: f64,
+    /// Where that comes from, if it is known already.
+    indicator: Option<Indicator>,
+    /// What is not resolved of loads and coefficients.
+    data: OfData,
     /// What the distance is multiplied with; infinite while it is not to be believed.
     factor: f64,
     /// What a finer level said of `apart`: the error over it.
@@ -72,13 +77,15 @@ struct Level<R> {
 
 impl<R> Level<R> {
     fn estimate(&self) -> f64 {
-        if self.factor.is_finite() { self.factor * self.apart } else { f64::INFINITY }
+        let apart = self.apart + self.of_rich;
+        if self.factor.is_finite() { self.factor * apart + self.data.error } else { f64::INFINITY }
     }
 }
 
 /// A mesh that is to be run.
 struct Planned {
     degree: usize,
+    fineness: usize,
     rounds: Rounds,
     finer: f64,
     /// Whether the error on it should be as small as is demanded.
@@ -92,6 +99,8 @@ struct End {
     /// Distance from a richer run, and the error that is told.
     apart: f64,
     error: f64,
+    /// The part of it that is not resolved of loads and coefficients.
+    data: f64,
     others: Vec<Other>,
     short: Option<Short>,
 }
@@ -130,8 +139,14 @@ pub fn seek<T: Trials>(trials: &mut T, ways: &Ways, demand: &Demand) -> Result<F
         stiffer: 1.0,
         tolerance_error: 0.0,
         method_error: 0.0,
+        time_error: 0.0,
+        geometry_error: 0.0,
+        substeps: 1,
         trial_runs: Vec::new(),
         first: Vec::new(),
+        first_fineness: ways.own,
+        size: None,
+        by_gradients: false,
         blind: String::new(),
         parts: Vec::new(),
     };
@@ -149,9 +164,17 @@ struct Search<'a, T: Trials> {
     stiffer: f64,
     tolerance_error: f64,
     method_error: f64,
+    time_error: f64,
+    geometry_error: f64,
+    /// Parts of each step.
+    substeps: usize,
     trial_runs: Vec<TrialRun>,
     /// Runs on the first mesh by degree, until they are taken.
     first: Vec<(usize, T::Run)>,
+    first_fineness: usize,
+    /// What the parts of the last mesh added up to, of a measure, and whether marks follow gradients instead.
+    size: Option<f64>,
+    by_gradients: bool,
     /// Why the last level without an estimate has none.
     blind: String,
     /// The parts of the error by cell, for meshes of so many rounds.
@@ -160,12 +183,17 @@ struct Search<'a, T: Trials> {
 
 impl<T: Trials> Search<'_, T> {
     fn setting(&self, degree: usize, richer: bool, finer: f64) -> Vec<(String, String)> {
-        let Search { fineness, tolerance, stiffer, .. } = *self;
-        self.ways.setting(Wanted { degree, fineness, finer, tolerance, stiffer, richer })
+        let Search { fineness, tolerance, stiffer, substeps, .. } = *self;
+        self.ways.setting(Wanted { degree, fineness, finer, tolerance, stiffer, substeps, richer })
     }
 
     fn one(&mut self, setting: &Setting, rounds: &Rounds, last: bool) -> Result<T::Run, String> {
         let run = self.trials.run(setting, self.fineness, rounds, last)?;
+        Ok(self.noted(setting, rounds, run))
+    }
+
+    /// Puts a run into the list.
+    fn noted(&mut self, setting: &Setting, rounds: &Rounds, run: T::Run) -> T::Run {
         let cost = self.trials.cost(&run);
         self.trial_runs.push(TrialRun {
             setting: setting.to_vec(),
@@ -175,109 +203,12 @@ impl<T: Trials> Search<'_, T> {
             seconds: cost.seconds,
             error: Real(f64::NAN),
         });
-        Ok(run)
+        run
     }
 
-    /// What tolerance and method add.
+    /// What tolerance, method, steps and the boundary add.
     fn other(&self) -> f64 {
-        self.tolerance_error + self.method_error
-    }
-
-    /// The coarsest mesh with a solution; tolerance and penalty are set there.
-    fn begin(&mut self) -> Result<(), Out> {
-        let own = self.ways.own;
-        let mut wanted = self.ways.least.min(own);
-        let degree = self.ways.degrees[0];
-        let mut run = loop {
-            self.fineness = wanted;
-            match self.one(&self.setting(degree, false, 1.0), &Rounds::new(), false) {
-                Ok(run) => break run,
-                Err(why) if wanted >= own => return Err(Out::Failed(why)),
-                Err(_) => wanted = (2 * wanted).min(own),
-            }
-        };
-        self.set_tolerance(degree, &mut run)?;
-        let run = self.set_penalty(degree, run)?;
-        self.first.push((degree, run));
-        Ok(())
-    }
-
-    /// Measures what the tolerance adds, and tightens it where that is too much.
-    fn set_tolerance(&mut self, degree: usize, run: &mut T::Run) -> Result<(), Out> {
-        let own = self.tolerance;
-        self.tolerance = *TOLERANCES.start();
-        let tight = self.setting(degree, false, 1.0);
-        self.tolerance = own;
-        // a solution that is zero has no relative error, and no part of it
-        let found = self.trials.tighter(run, &tight, self.fineness).unwrap_or(0.0);
-        self.tolerance_error = found;
-        let allowed = PART_OF_TOLERANCE * self.demand.error;
-        if found > allowed {
-            let wanted = (self.tolerance * 0.5 * allowed / found).max(*TOLERANCES.start());
-            // a power of ten is as good as another number, and is read more easily
-            self.tolerance = 10f64.powf(wanted.log10().floor()).max(*TOLERANCES.start());
-            self.tolerance_error = 0.5 * allowed;
-        }
-        Ok(())
-    }
-
-    /// Raises a penalty until ten times as much changes little.
-    fn set_penalty(&mut self, degree: usize, mut run: T::Run) -> Result<T::Run, Out> {
-        if self.ways.role != Role::Penalty {
-            return Ok(run);
-        }
-        loop {
-            let own = self.stiffer;
-            self.stiffer = 10.0 * own;
-            let setting = self.setting(degree, false, 1.0);
-            let other = self.one(&setting, &Rounds::new(), false).map_err(Out::Failed)?;
-            // the error of a penalty falls like its inverse: the distance is nine tenths of it
-            self.method_error = self.trials.distance(&run, &other).map_err(Out::Failed)? / 0.9;
-            let allowed = PART_OF_METHOD * self.demand.error;
-            if self.method_error <= allowed || own >= MOST_STIFFER {
-                self.stiffer = own;
-                return Ok(run);
-            }
-            let factor = 10f64.powf((self.method_error / allowed).log10().ceil().max(1.0));
-            self.stiffer = own * factor.min(MOST_STIFFER / own);
-            run = if factor == 10.0 {
-                other
-            } else {
-                let setting = self.setting(degree, false, 1.0);
-                self.one(&setting, &Rounds::new(), false).map_err(Out::Failed)?
-            };
-        }
-    }
-
-    /// The degree that should need the least work, from the errors on the first mesh against the highest degree there.
-    fn choose_degree(&mut self) -> usize {
-        let least = self.ways.degrees[0];
-        if self.ways.degrees.len() < 2 {
-            return least;
-        }
-        for degree in least + 1..=self.ways.degrees.iter().max().map_or(least, |d| d + 1) {
-            let setting = self.setting(degree, false, 1.0);
-            match self.one(&setting, &Rounds::new(), false) {
-                Ok(run) => self.first.push((degree, run)),
-                Err(_) => break,
-            }
-        }
-        let Some((best, rest)) = self.first.split_last() else { return least };
-        let allowed = (self.demand.error - self.other()).max(f64::MIN_POSITIVE);
-        let mut choice = (least, f64::INFINITY);
-        for (degree, run) in rest.iter().filter(|(d, _)| self.ways.degrees.contains(d)) {
-            let error = SAFETY * self.trials.distance(run, &best.1).unwrap_or(f64::NAN);
-            let order = self.order(*degree) as f64;
-            let more = (error / (AIM * allowed)).max(1.0).powf(self.ways.dim as f64 / order);
-            // on a few cells most unknowns may be prescribed, and those of a finer mesh are not
-            let inside = self.trials.mesh(run).n_cells() as f64 * (*degree as f64).powf(self.ways.dim as f64);
-            let dofs = inside.max(self.trials.cost(run).dofs as f64);
-            let work = work(self.ways.dim, *degree, dofs * more);
-            if work < choice.1 {
-                choice = (*degree, work);
-            }
-        }
-        choice.0
+        self.tolerance_error + self.method_error + self.time_error + self.geometry_error
     }
 
     /// The order in the cell size by which an error falls on meshes that are refined where it comes from.
@@ -297,27 +228,45 @@ impl<T: Trials> Search<'_, T> {
 
     /// The run of a degree, where it is not there yet, and of the next one on a mesh.
     fn level(&mut self, mesh: Planned, made: Option<T::Run>) -> Result<Level<T::Run>, String> {
-        let Planned { degree, rounds, finer, .. } = mesh;
+        let Planned { degree, fineness, rounds, finer, .. } = mesh;
+        self.fineness = fineness;
         let setting = self.setting(degree, false, finer);
-        let take = |list: &mut Vec<(usize, T::Run)>, degree: usize| {
-            let at = list.iter().position(|(d, _)| *d == degree && rounds.is_empty())?;
-            Some(list.swap_remove(at).1)
-        };
-        let run = match made.or_else(|| take(&mut self.first, degree)) {
+        let first = if rounds.is_empty() { self.first.iter().position(|f| f.0 == degree) } else { None };
+        let first = first.filter(|_| fineness == self.first_fineness).map(|at| self.first.swap_remove(at).1);
+        let mut run = match made.or(first) {
             Some(run) => run,
             None => self.one(&setting, &rounds, false)?,
         };
-        let rich = self.one(&self.setting(degree, true, finer), &rounds, false)?;
-        let apart = self.trials.distance(&run, &rich).unwrap_or_else(|why| {
+        let richer = self.setting(degree, true, finer);
+        let rich = self.trials.rich(&mut run, &richer, fineness, &rounds)?;
+        let rich = self.noted(&richer, &rounds, rich);
+        let data = self.trials.data(&rich);
+        let mut apart = self.trials.distance(&run, &rich).unwrap_or_else(|why| {
             self.blind = why;
             f64::INFINITY
         });
+        let mut indicator = None;
+        if apart.is_finite() && !self.is_norm() {
+            let found = self.trials.indicator(&run, &rich, false)?;
+            let size = found.size.unwrap_or(0.0);
+            apart = apart.max(PART_OF_PARTS * size);
+            // parts that grow cancel each other: the adjoint solution of a flux through a boundary with given values is no
+            // function, and to follow its parts would refine there for ever. Parts of scenes with kinks may grow until the
+            // active set is resolved.
+            self.by_gradients |= !self.ways.kinked && self.size.is_some_and(|before| size > before);
+            self.size = Some(size);
+            indicator = if self.by_gradients { None } else { Some(found) };
+        }
         Ok(Level {
             setting,
+            fineness,
             rounds,
             run,
             rich,
             apart,
+            of_rich: 0.0,
+            indicator,
+            data,
             factor: f64::INFINITY,
             checked: None,
             degree,
@@ -328,13 +277,13 @@ impl<T: Trials> Search<'_, T> {
 
     fn refine_to_demand(mut self) -> Result<Found<T::Run>, Out> {
         let degree = self.choose_degree();
-        let first = Planned { degree, rounds: Rounds::new(), finer: 1.0, enough: false };
-        let mut levels = vec![self.level(first, None).map_err(Out::Failed)?];
-        self.first.clear();
         let allowed = self.demand.error - self.other();
+        let mut levels = self.first_levels(degree).map_err(Out::Failed)?;
+        self.first.clear();
         loop {
             // the first that is good enough is the cheapest
             if let Some(good) = levels.iter().position(|l| l.unfit.is_none() && l.estimate() <= allowed) {
+                self.fineness = levels[good].fineness;
                 match self.one(&levels[good].setting, &levels[good].rounds, true) {
                     Ok(run) => return Ok(self.found_level(&levels, good, run, None)),
                     Err(why) => levels[good].unfit = Some(why),
@@ -348,6 +297,7 @@ impl<T: Trials> Search<'_, T> {
                 Ok(mesh) => mesh,
                 Err(why) => return self.best(levels, Short::Failed(why)),
             };
+            self.fineness = mesh.fineness;
             let (made, unfit) = match self.last(&levels, &mesh, allowed) {
                 Some(Ok((run, error))) if error <= allowed => return Ok(self.found_last(&levels, &mesh, run, error)),
                 Some(Ok((run, _))) => (Some(run), None),
@@ -361,13 +311,32 @@ impl<T: Trials> Search<'_, T> {
         }
     }
 
+    /// The mesh that the search begins with. It is not coarser than that of the scene, unless that is asked for: who made
+    /// a mesh may know why. Where half of its division fits the scene it is solved, too: it says what estimates are worth.
+    fn first_levels(&mut self, degree: usize) -> Result<Vec<Level<T::Run>>, String> {
+        let planned = |fineness| Planned { degree, fineness, rounds: Rounds::new(), finer: 1.0, enough: false };
+        let mut levels = Vec::new();
+        self.first_fineness = self.fineness;
+        let begin = if self.demand.from_coarsest { self.fineness } else { self.ways.own };
+        if begin > self.fineness
+            && begin.is_multiple_of(2)
+            && let Ok(level) = self.level(planned(begin / 2), None)
+        {
+            let why = "the mesh is coarser than that of the scene".to_owned();
+            levels.push(Level { unfit: Some(why), ..level });
+        }
+        let level = self.level(planned(begin), None)?;
+        self.check(&mut levels, level);
+        Ok(levels)
+    }
+
     /// The mesh behind the last one.
     fn next(&mut self, levels: &[Level<T::Run>], allowed: f64) -> Result<Planned, String> {
         let here = levels.last().ok_or("no run")?;
-        let (marks, enough) = self.marks(here, allowed)?;
+        let (marks, enough) = self.marks(here, levels.len(), allowed)?;
         let finer = if self.trials.at_contact(&here.run, &marks) { 2.0 * here.finer } else { here.finer };
         let rounds = here.rounds.iter().cloned().chain([marks]).collect();
-        Ok(Planned { degree: here.degree, rounds, finer, enough })
+        Ok(Planned { degree: here.degree, fineness: here.fineness, rounds, finer, enough })
     }
 
     /// The run with everything that the scene asks for on a mesh that should be the last one, and its error from the richer
@@ -386,8 +355,11 @@ impl<T: Trials> Search<'_, T> {
             Err(why) => return Some(Err(why)),
         };
         let apart = self.trials.distance(&run, &here.rich).unwrap_or(f64::INFINITY);
-        let sum = if self.is_norm() { apart.hypot(judge) } else { apart + judge };
-        let error = if self.fell(here, apart) { f64::INFINITY } else { here.factor * sum };
+        let fell = self.fell(here, apart);
+        // of a measure the distance may be small by accident
+        let least = here.apart * 0.5f64.powi(i32::try_from(self.order(here.degree)).unwrap_or(1));
+        let sum = if self.is_norm() { apart.hypot(judge) } else { apart.max(least) + judge };
+        let error = if fell { f64::INFINITY } else { here.factor * sum + here.data.error };
         Some(Ok((run, error)))
     }
 
@@ -409,10 +381,16 @@ impl<T: Trials> Search<'_, T> {
 
     /// Runs the best level with everything that the scene asks for, where none is good enough.
     fn best(mut self, levels: Vec<Level<T::Run>>, short: Short) -> Result<Found<T::Run>, Out> {
+        let data = levels.last().map_or(0.0, |l| l.data.error);
+        let short = match short {
+            Short::Budget { .. } | Short::Stalled if data > 0.5 * self.demand.error => Short::Data(data),
+            other => other,
+        };
         let mut order: Vec<usize> = (0..levels.len()).filter(|k| levels[*k].unfit.is_none()).collect();
         order.sort_by(|a, b| levels[*a].estimate().total_cmp(&levels[*b].estimate()).then(b.cmp(a)));
         let mut reason = levels.iter().rev().find_map(|l| l.unfit.clone()).unwrap_or_default();
         for k in order {
+            self.fineness = levels[k].fineness;
             match self.one(&levels[k].setting, &levels[k].rounds, true) {
                 Ok(run) => return Ok(self.found_level(&levels, k, run, Some(short))),
                 Err(why) => reason = why,
@@ -421,60 +399,17 @@ impl<T: Trials> Search<'_, T> {
         Err(Out::Failed(reason))
     }
 
-    /// Adds a level, and checks the estimates of those before with it.
-    fn check(&mut self, levels: &mut Vec<Level<T::Run>>, next: Level<T::Run>) {
-        let power = if self.demand.quantity == "H1" { 2.0 } else { 1.0 };
-        // a part of the error that the last round left as it was shows from further back only
-        for before in levels.iter_mut().rev().take(LAGS).filter(|l| l.apart.is_finite()) {
-            let truth = self.trials.distance(&before.run, &next.rich).unwrap_or(f64::NAN);
-            let found = match (before.apart <= ROUNDING, truth <= ROUNDING) {
-                (_, true) => Some(1.0),
-                // both degrees have the same solution and the finer mesh another: nothing is known of the error
-                (true, false) => Some(f64::INFINITY),
-                _ => error_over_distance(truth / before.apart, next.apart / before.apart, power),
-            };
-            before.checked = before.checked.into_iter().chain(found).reduce(f64::max);
-        }
-        levels.push(next);
-        for k in 0..levels.len() {
-            levels[k].factor = self.factor(levels, k);
-            tell_error(&mut self.trial_runs, &levels[k]);
-        }
-    }
-
-    /// Whether the first two estimates fall about as fast as elements of their degree can: both degrees may share an error
-    /// that falls more slowly, and a second mesh has to show it then.
-    fn converges(&self, levels: &[Level<T::Run>]) -> bool {
-        let [first, second, ..] = levels else { return false };
-        let order = NEARLY * self.order(first.degree) as f64;
-        second.apart <= ROUNDING || second.apart <= first.apart * 0.5f64.powf(order)
-    }
-
-    /// Whether an estimate is so much smaller than that of the mesh before that it may be so by accident.
-    fn fell(&self, before: &Level<T::Run>, apart: f64) -> bool {
-        let order = i32::try_from(self.order(before.degree)).unwrap_or(1);
-        apart * FALL < before.apart * 0.5f64.powi(order)
-    }
-
-    /// What the checks of a level and of those before say of its estimate.
-    fn factor(&self, levels: &[Level<T::Run>], k: usize) -> f64 {
-        let (here, first) = (&levels[k], k.saturating_sub(LAGS));
-        let fell = k > 0 && self.fell(&levels[k - 1], here.apart);
-        let needed = if self.ways.kinked || !self.converges(levels) { 2 } else { 1 };
-        let checks: Vec<f64> = levels[first..=k].iter().filter_map(|l| l.checked).collect();
-        let (least, most) = checks.iter().fold((f64::INFINITY, 0.0f64), |(a, b), c| (a.min(*c), b.max(*c)));
-        let differ = self.ways.kinked && most > AGREE * least;
-        if fell && here.checked.is_none() || checks.len() < needed || most > MOST_SAFETY || differ {
-            return f64::INFINITY;
-        }
-        SAFETY * most.max(1.0)
-    }
-
     /// Whether there is no use, or no time, for another level.
     fn stop(&self, levels: &[Level<T::Run>]) -> Option<Short> {
         let blind = levels.iter().rev().take_while(|l| !l.apart.is_finite()).count();
         if self.other() >= self.demand.error {
-            return Some(Short::Method(self.other()));
+            let own = self.tolerance_error + self.method_error;
+            let (time, geometry) = (self.time_error, self.geometry_error);
+            return Some(match geometry >= time.max(own) {
+                true => Short::Geometry(geometry),
+                false if time >= own => Short::Time(time),
+                false => Short::Method(own),
+            });
         }
         if blind > BLIND {
             return Some(Short::Blind(self.blind.clone()));
@@ -494,10 +429,17 @@ impl<T: Trials> Search<'_, T> {
     }
 
     /// The cells to refine, and whether that should be enough.
-    fn marks(&mut self, here: &Level<T::Run>, allowed: f64) -> Result<(Vec<Mark>, bool), String> {
-        let begins = here.rounds.is_empty() && self.ways.refines() || here.unfit.is_some();
-        let (marks, enough) = if here.apart.is_finite() && !begins {
-            let indicator = self.trials.indicator(&here.run, &here.rich)?;
+    fn marks(&mut self, here: &Level<T::Run>, n_levels: usize, allowed: f64) -> Result<(Vec<Mark>, bool), String> {
+        let begins = n_levels < 2 && self.ways.refines() || here.unfit.is_some();
+        let (mut marks, mut enough) = if here.apart.is_finite() && !begins {
+            let made;
+            let indicator = match &here.indicator {
+                Some(known) => known,
+                None => {
+                    made = self.trials.indicator(&here.run, &here.rich, self.by_gradients)?;
+                    &made
+                }
+            };
             self.parts.push((here.rounds.len(), indicator.parts.iter().map(|p| p.iter().sum()).collect()));
             let mesh = self.trials.mesh(&here.run);
             let power = if self.is_norm() { 2 } else { 1 };
@@ -505,10 +447,15 @@ impl<T: Trials> Search<'_, T> {
             // parts fall with the square of the order of the gradients
             let left = 0.25f64.powi(i32::try_from(here.degree).unwrap_or(1));
             let part = ((1.0 - AIM.powi(power) * may) / (1.0 - left)).clamp(PARTS[0], PARTS[1]);
-            (marked(mesh, &indicator, part), 1.0 - part * (1.0 - left) <= may)
+            (marked(mesh, indicator, part), 1.0 - part * (1.0 - left) <= may)
         } else {
             (everything(self.trials.mesh(&here.run)), false)
         };
+        if here.data.error > PART_OF_DATA * self.demand.error && !begins {
+            let of_data = Indicator { parts: here.data.parts.iter().map(|p| [*p; 3]).collect(), size: None };
+            marks = also(marks, marked(self.trials.mesh(&here.run), &of_data, PARTS[1]));
+            enough = false;
+        }
         if marks.is_empty() {
             return Err("no cell has a part of the error".to_owned());
         }

@@ -1,6 +1,8 @@
 //! The search with known errors and costs: formulas replace the runs.
 
-use super::{AccuracyRecord, Cost, Demand, Indicator, Out, Role, Rounds, Short, Trials, Ways, seek, ways::test_ways};
+use super::{
+    AccuracyRecord, Cost, Demand, Indicator, OfData, Out, Role, Rounds, Short, Trials, Ways, seek, ways::test_ways,
+};
 use crate::{
     knobs::Setting,
     mesh::{BoxShape, Mesh, generate_box},
@@ -18,6 +20,8 @@ struct Law {
     common: f64,
     /// The whole scene needs so many cells.
     least: usize,
+    /// Error of the boundary.
+    polygon: f64,
     seconds: f64,
     clock: f64,
 }
@@ -31,7 +35,7 @@ struct Point {
 
 impl Law {
     fn new(errors: [(f64, f64); 3]) -> Self {
-        Law { errors, penalty: 0.0, common: 0.0, least: 0, seconds: 1e-6, clock: 0.0 }
+        Law { errors, penalty: 0.0, common: 0.0, least: 0, polygon: 0.0, seconds: 1e-6, clock: 0.0 }
     }
 
     fn smooth() -> Self {
@@ -73,6 +77,22 @@ impl Trials for Law {
         Ok(Point { at, mesh, dofs })
     }
 
+    fn rich(&mut self, _: &mut Point, setting: &Setting, fineness: usize, rounds: &Rounds) -> Result<Point, String> {
+        self.run(setting, fineness, rounds, false)
+    }
+
+    fn data(&self, _: &Point) -> OfData {
+        OfData::default()
+    }
+
+    fn geometry(&mut self, _: &Point, _: &Setting, _: usize) -> f64 {
+        self.polygon
+    }
+
+    fn locks(&self, _: &Point) -> bool {
+        false
+    }
+
     fn cost(&self, run: &Point) -> Cost {
         let seconds = self.seconds * run.dofs as f64;
         Cost { dofs: run.dofs, seconds, whole: seconds }
@@ -90,8 +110,8 @@ impl Trials for Law {
         Ok(run.at.iter().zip(&from.at).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt())
     }
 
-    fn indicator(&mut self, run: &Point, _: &Point) -> Result<Indicator, String> {
-        Ok(Indicator { parts: vec![[1.0, 0.0, 0.0]; run.mesh.n_cells()] })
+    fn indicator(&mut self, run: &Point, _: &Point, _: bool) -> Result<Indicator, String> {
+        Ok(Indicator { parts: vec![[1.0, 0.0, 0.0]; run.mesh.n_cells()], size: None })
     }
 
     fn tighter(&mut self, _: &mut Point, setting: &Setting, _: usize) -> Result<f64, String> {
@@ -109,7 +129,7 @@ impl Trials for Law {
 }
 
 fn ask(law: &mut Law, ways: &Ways, error: f64) -> Result<super::Found<Point>, Out> {
-    seek(law, ways, &Demand { error, quantity: "H1".to_owned(), budget: 10.0 })
+    seek(law, ways, &Demand { error, quantity: "H1".to_owned(), budget: 10.0, from_coarsest: true })
 }
 
 fn truth(run: &Point) -> f64 {
@@ -186,4 +206,23 @@ fn an_estimate_is_compared_with_a_true_error_only_where_that_is_a_positive_numbe
     for truth in [None, Some(0.0), Some(f64::NAN), Some(f64::INFINITY)] {
         assert_eq!(over(truth), None, "{truth:?}");
     }
+}
+
+#[test]
+fn a_boundary_that_refinement_keeps_is_named() {
+    for (polygon, reached) in [(0.2, false), (1e-3, true)] {
+        let mut law = Law { polygon, ..Law::smooth() };
+        let found = ask(&mut law, &test_ways(2, Role::None, 8), 0.1).expect("a run");
+        assert_eq!(found.record.reached, reached);
+        assert_eq!(matches!(found.short, Some(Short::Geometry(_))), !reached);
+        assert!(found.record.estimate.0 >= polygon);
+    }
+}
+
+#[test]
+fn the_mesh_of_the_scene_is_the_coarsest_result() {
+    let mut law = Law::smooth();
+    let demand = Demand { error: 0.3, quantity: "H1".to_owned(), budget: 10.0, from_coarsest: false };
+    let found = seek(&mut law, &test_ways(2, Role::None, 16), &demand).expect("a run");
+    assert!(found.record.reached && found.run.mesh.n_cells() == 2 * 16 * 16, "{:?}", found.record);
 }

@@ -13,7 +13,7 @@ use crate::{
     Scene, SceneBox,
     compare::MEASURE,
     field::FieldSpace,
-    knobs::{RICHER, mesh_words},
+    knobs::{RICHER, SUBSTEPS, mesh_words},
     mesh::RegionSet,
 };
 
@@ -57,6 +57,17 @@ enum Division {
     Size(String, f64),
 }
 
+/// What divides the steps.
+#[derive(Clone, Debug, PartialEq)]
+enum Increment {
+    /// The solution does not depend on their length.
+    None,
+    /// A parameter that is the length of a step, with its value: equations may be made with it, too.
+    Param(String, f64),
+    /// The knob.
+    Knob,
+}
+
 /// A setting that is wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wanted {
@@ -70,6 +81,8 @@ pub struct Wanted {
     pub tolerance: f64,
     /// Factor on the parameter of a penalty method.
     pub stiffer: f64,
+    /// Parts of each step.
+    pub substeps: usize,
     /// Elements of the next degree and finer rules: what errors are estimated with.
     pub richer: bool,
 }
@@ -96,6 +109,7 @@ pub struct Ways {
     /// Its name; empty if there is none.
     pub parameter: String,
     division: Division,
+    increment: Increment,
     fixed_degree: bool,
     /// The value of that parameter in the scene.
     value: f64,
@@ -121,6 +135,7 @@ impl Ways {
             role,
             parameter,
             division,
+            increment: increment(script, scene),
             fixed_degree,
             value,
         };
@@ -165,10 +180,16 @@ impl Ways {
         self.division != Division::Fixed
     }
 
+    /// Whether the solution depends on the length of the steps, which can be divided.
+    #[must_use]
+    pub fn divides_steps(&self) -> bool {
+        self.increment != Increment::None
+    }
+
     /// The words of a setting.
     #[must_use]
     pub fn setting(&self, wanted: Wanted) -> Vec<(String, String)> {
-        let Wanted { degree, fineness, finer, tolerance, stiffer, richer } = wanted;
+        let Wanted { degree, fineness, finer, tolerance, stiffer, substeps, richer } = wanted;
         let mut out: Vec<(String, String)> = Vec::new();
         let mut set = |name: &str, value: String| out.push((name.to_owned(), value));
         let raised = degree + usize::from(richer);
@@ -193,6 +214,11 @@ impl Ways {
         match self.role {
             Role::Consistent if ratio != 1.0 => set(&self.parameter, number(self.value * ratio)),
             Role::Penalty if stiffer != 1.0 => set(&self.parameter, number(self.value * stiffer)),
+            _ => {}
+        }
+        match &self.increment {
+            Increment::Param(name, value) if substeps > 1 => set(name, number(value / substeps as f64)),
+            Increment::Knob if substeps > 1 => set(SUBSTEPS, substeps.to_string()),
             _ => {}
         }
         set("tol", number(tolerance));
@@ -270,6 +296,22 @@ fn degrees(script: &ResolvedScript, scene: &Scene) -> (Vec<usize>, usize, bool) 
         || !scene.states.is_empty()
         || script.quadratures.iter().any(at_vertices);
     if bound || first > 2 { (vec![first], first, true) } else { (vec![1, 2], first, false) }
+}
+
+/// What divides the steps of a scene whose steps depend on those before them.
+fn increment(script: &ResolvedScript, scene: &Scene) -> Increment {
+    let remembers = scene.system.known.previous.is_some() || !scene.states.is_empty();
+    let Some(steps) = script.steps.as_ref().filter(|_| remembers && scene.steps.values.len() > 1) else {
+        return Increment::None;
+    };
+    let ExprKind::Name(name) = &steps.by.kind else { return Increment::Knob };
+    let given = script.params.iter().find(|p| p.name.name == *name);
+    let plain = given.is_some_and(|p| matches!(p.value.kind, ExprKind::Number(_)));
+    let value = scene.params.iter().find(|p| p.0 == *name).and_then(|p| p.1.values.first().copied());
+    match value.filter(|_| plain) {
+        Some(value) => Increment::Param(name.clone(), value),
+        None => Increment::Knob,
+    }
 }
 
 fn division(script: &ResolvedScript, scene: &Scene) -> (Division, usize, usize) {
@@ -388,6 +430,7 @@ pub(super) fn test_ways(dim: usize, role: Role, own: usize) -> Ways {
         role,
         parameter: "gamma".to_owned(),
         division: Division::Cells(vec![1; dim]),
+        increment: Increment::None,
         fixed_degree: false,
         value: 1.0,
     }

@@ -66,7 +66,7 @@ impl Cells {
     /// Adds a cell with its nodes in the local order of our elements, see [`vtk_order`]. A list
     /// of the wrong length is kept as it is and refused when the grid is written.
     pub fn push_local(&mut self, kind: VtkCell, nodes: &[u32]) {
-        if nodes.len() == kind.n_nodes() {
+        if nodes.len() == kind.n_local_nodes() {
             self.push_nodes(kind, vtk_order(kind).iter().map(|&local| nodes[local]));
         } else {
             self.push(kind, nodes);

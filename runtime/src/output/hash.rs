@@ -61,6 +61,17 @@ pub struct Hasher {
     length: u64,
 }
 
+impl std::io::Write for Hasher {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.add(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
 impl Hasher {
     /// Takes the next bytes.
     pub fn add(&mut self, mut bytes: &[u8]) {

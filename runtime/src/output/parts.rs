@@ -3,7 +3,10 @@
 //! Promises: a list names plain files of its own folder only, when it is written and when it is read. Does not write the
 //! parts, and does not join their nodes.
 
-use std::io::{self, Write};
+use std::{
+    collections::BTreeSet,
+    io::{self, Write},
+};
 
 use super::names::step_beginning;
 use super::vtu::{Outline, XML_DECLARATION, escape};
@@ -56,7 +59,7 @@ pub(super) fn write_pvtu(out: &mut dyn Write, time: f64, outline: &Outline, file
 }
 
 /// The files that a list of parts names, in its order; `None` for a text that is no list as it is written here, or names
-/// what is no plain file name.
+/// what is no plain file name, or one file twice: what is read is no more than what lies in the folder.
 #[must_use]
 pub fn sources(pvtu: &str) -> Option<Vec<String>> {
     pvtu.strip_suffix("</PUnstructuredGrid>\n</VTKFile>\n")?;
@@ -64,7 +67,9 @@ pub fn sources(pvtu: &str) -> Option<Vec<String>> {
     // of what a name of an attribute escapes a file name can have these two
     let name = |rest: &str| Some(rest.strip_suffix("\"/>")?.replace("&apos;", "'").replace("&amp;", "&"));
     let names = pvtu.lines().filter_map(rest).map(name).collect::<Option<Vec<String>>>()?;
-    (!names.is_empty() && names.iter().all(|name| check_name(name).is_ok())).then_some(names)
+    let distinct: BTreeSet<&String> = names.iter().collect();
+    let each_once = distinct.len() == names.len();
+    (!names.is_empty() && each_once && names.iter().all(|name| check_name(name).is_ok())).then_some(names)
 }
 
 /// The names of the files of a step that this writer has written: that of the whole grid, or those of the parts and of
@@ -82,4 +87,23 @@ pub(super) fn files_of_step(dir: &OutputDir, base: &str, number: usize) -> Resul
     let mut names = parts.ok_or(OutputError::Damaged { file, what: "it is no list of parts".to_owned() })?;
     names.push(list);
     Ok(names)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_that_names_a_part_twice_is_none() {
+        let list = |names: &[&str]| {
+            let files: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+            let mut text = Vec::new();
+            let outline = Outline { n_pieces: 1, point_data: Vec::new(), cell_data: Vec::new() };
+            write_pvtu(&mut text, 0.0, &outline, &files).unwrap();
+            String::from_utf8(text).unwrap()
+        };
+        let own = ["f_0000.p0000.vtu", "f_0000.p0001.vtu"];
+        assert_eq!(sources(&list(&own)).unwrap(), own);
+        assert_eq!(sources(&list(&[own[0]; 20_000])), None);
+    }
 }

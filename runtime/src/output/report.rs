@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Hash, OrderedMap, OutputDir, OutputError, Real};
+use super::{Hash, OrderedMap, OutputDir, OutputError, Real, hash::Hasher};
 use crate::accuracy::{AccuracyRecord, Marks};
 
 /// The name of the report in the output folder.
@@ -326,8 +326,12 @@ impl Report {
             peak_memory_by_rank: Vec::new(),
             ..self.clone()
         };
-        // a report is JSON for all numbers
-        Hash::of(&serde_json::to_vec(&lasting).unwrap_or_default())
+        // a report is JSON for all numbers; its text, as long as the run, is never held as a whole
+        let mut hasher = Hasher::default();
+        match serde_json::to_writer(&mut hasher, &lasting) {
+            Ok(()) => hasher.end(),
+            Err(_) => Hash::of(&[]),
+        }
     }
 
     /// Whether the report in the folder says what this one says and was written by this writer.

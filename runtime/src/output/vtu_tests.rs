@@ -233,3 +233,22 @@ fn contradictions_are_found_before_the_file_is_touched() {
     piece.point_data = vec![array("u", 3, &[0.0; 6])];
     assert!(matches!(fault(&[square(), piece]), VtuError::ArrayComponents { piece: 1, expected: 2, found: 3, .. }));
 }
+
+#[test]
+fn wedges_and_pyramids_read_back_in_the_order_of_vtk() {
+    let mut cells = Cells::default();
+    let all = |n: u32| (0..n).collect::<Vec<u32>>();
+    cells.push_local(VtkCell::Wedge, &all(6));
+    cells.push_local(VtkCell::Pyramid, &all(5));
+    // the middle of the base stays a point of the file and is no node of the cell
+    cells.push_local(VtkCell::QuadraticPyramid, &all(14));
+    let points = (0..14).map(|k| [f64::from(k), 0.0, 0.0]).collect();
+    let piece = Piece { points, cells, point_data: Vec::new(), cell_data: Vec::new() };
+    let arrays = write(&[piece], None).unwrap();
+    let find = |name: &str| arrays.iter().find(|a| a.name == name).unwrap();
+    assert_eq!(find("types").bytes, [13, 14, 27]);
+    assert_eq!(find("offsets").integers(), [6, 11, 24]);
+    let nodes = find("connectivity").integers();
+    assert_eq!(nodes[..11], [0, 2, 1, 3, 5, 4, 0, 1, 3, 2, 4]);
+    assert!(nodes.len() == 24 && !nodes[11..].contains(&4));
+}

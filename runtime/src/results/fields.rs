@@ -32,7 +32,7 @@ fn cells_of(space: &Space) -> Cells {
     cells
 }
 
-/// One grid for each body with the fields on its cells at the unknowns `u`: bodies in the order of the fields that live on
+/// One grid for each body with the fields on its cells at the unknowns `u` and the values `data` of known fields: bodies in the order of the fields that live on
 /// them. A vector in 2-D has two components, matrices are 3 by 3 in rows.
 ///
 /// # Errors
@@ -40,9 +40,9 @@ fn cells_of(space: &Space) -> Cells {
 ///
 /// # Panics
 /// If `u` has not as many numbers as there are unknowns.
-pub fn field_grids(scene: &Scene, u: &[f64]) -> Result<Vec<Piece>, PieceError> {
+pub fn field_grids(scene: &Scene, data: &[Vec<f64>], u: &[f64]) -> Result<Vec<Piece>, PieceError> {
     let system = &scene.system;
-    let values = system.slices(u);
+    let values = system.slices_of(data, u);
     let mut bodies: Vec<Vec<CellId>> = Vec::new();
     for (space, _) in system.fields.iter().zip(&values).filter_map(|(f, v)| on_cells(f, v)) {
         let Support::Cells(cells) = space.support() else { continue };

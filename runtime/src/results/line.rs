@@ -150,7 +150,7 @@ impl LineSample {
     /// One row a point; not a number where an expression does not live.
     /// `bad(name, value, position)` receives expressions that are defined there and not finite.
     pub fn rows(
-        &mut self,
+        &self,
         mesh: &Mesh,
         time: f64,
         increment: f64,
@@ -170,8 +170,8 @@ impl LineSample {
         let mut before: Option<&str> = None;
         let mut start = 0;
         let first = rows.first().map_or(0, Vec::len);
-        for item in &mut self.items {
-            item.value.set_step(values.step(time, increment));
+        for item in &self.items {
+            let value = item.value.at_step(values.step(time, increment));
             if before != Some(item.name.as_str()) {
                 let nc = item.value.n_components();
                 start = rows.first().map_or(0, Vec::len);
@@ -179,7 +179,7 @@ impl LineSample {
             }
             before = Some(&item.name);
             let samples = &item.samples;
-            item.value.for_each_point(mesh, &item.sampled, values, |g, _, q, _, value| {
+            value.for_each_point(mesh, &item.sampled, values, |g, _, q, _, value| {
                 if let Some(k) = samples[g][q] {
                     rows[k][start..].copy_from_slice(value);
                 }

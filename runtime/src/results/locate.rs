@@ -130,6 +130,7 @@ fn cell_group(mesh: &Mesh, cell: CellId, points: Vec<[f64; 3]>) -> Group {
         weights: vec![1.0; points.len()],
         parameters: points,
         tangents: None,
+        areas: None,
         reference_normal: [0.0; 3],
         is_global: false,
         here,

@@ -204,19 +204,19 @@ impl SampledPiece {
     }
 
     /// The piece at a state, with all entities that this rank has; sampled by all ranks together.
-    pub fn sample(&mut self, mesh: &Mesh, time: f64, increment: f64, values: FieldValues<'_>) -> Piece {
+    pub fn sample(&self, mesh: &Mesh, time: f64, increment: f64, values: FieldValues<'_>) -> Piece {
         let n = self.space.n_nodes();
         let (mut point_data, mut cell_data) = (Vec::with_capacity(self.items.len()), Vec::new());
-        for item in &mut self.items {
-            item.value.set_step(values.step(time, increment));
+        for item in &self.items {
+            let value = item.value.at_step(values.step(time, increment));
             if item.means {
-                cell_data.push(array(&item.name, item.value.law.shape, item.means(mesh, values)));
+                cell_data.push(array(&item.name, value.law.shape, item.means(&value, mesh, values)));
                 continue;
             }
             let nc = item.value.n_components();
             let (mut sums, mut counts) = (vec![0.0; n * nc], vec![0.0; n]);
             let (domain, space) = (&self.domain, &self.space);
-            item.value.for_each_point(mesh, &item.sampled, values, |g, entity, q, _, value| {
+            value.for_each_point(mesh, &item.sampled, values, |g, entity, q, _, value| {
                 let position = domain.groups[g].entities[entity];
                 let node = space.entity_nodes(position)[q] as usize;
                 counts[node] += 1.0;
@@ -243,10 +243,10 @@ impl SampledPiece {
 
 impl Item {
     /// Means over the entities: `out[entity * n_components + component]`.
-    fn means(&self, mesh: &Mesh, values: FieldValues<'_>) -> Vec<f64> {
-        let (domain, nc) = (&self.sampled.domain, self.value.n_components());
+    fn means(&self, value: &Value, mesh: &Mesh, values: FieldValues<'_>) -> Vec<f64> {
+        let (domain, nc) = (&self.sampled.domain, value.n_components());
         let (mut sums, mut sizes) = (vec![0.0; domain.n_entities * nc], vec![0.0; domain.n_entities]);
-        self.value.for_each_point(mesh, &self.sampled, values, |g, k, _, weight, value| {
+        value.for_each_point(mesh, &self.sampled, values, |g, k, _, weight, value| {
             let entity = domain.groups[g].entities[k];
             sizes[entity] += weight;
             for (slot, v) in sums[entity * nc..][..nc].iter_mut().zip(value) {
@@ -309,5 +309,9 @@ pub(crate) fn vtk_cell(kind: CellKind, degree: usize) -> VtkCell {
         (CellKind::Tetrahedron, _) => VtkCell::QuadraticTetra,
         (CellKind::Hexahedron, 1) => VtkCell::Hexahedron,
         (CellKind::Hexahedron, _) => VtkCell::TriquadraticHexahedron,
+        (CellKind::Wedge, 1) => VtkCell::Wedge,
+        (CellKind::Wedge, _) => VtkCell::QuadraticWedge,
+        (CellKind::Pyramid, 1) => VtkCell::Pyramid,
+        (CellKind::Pyramid, _) => VtkCell::QuadraticPyramid,
     }
 }

@@ -8,14 +8,16 @@
 use super::{
     Attempt, AttemptEnd, Clock, Path, Progress,
     control::Control,
+    leg::Leg,
     remembered::{Adaptive, joined},
-    stepping::{self, Leg, Reached, StepError, Stepper, Target},
+    stepping::{self, Reached, StepError, Stepper, Target},
 };
 use crate::{
+    checks::{Solved, rounding_of_unknowns},
     newton::StepHistory,
     rates::Rates,
-    scene::{Auto, Scene},
-    system::FIXED,
+    scene::{Auto, Solving},
+    system::{FIXED, Form},
 };
 
 /// Iterations after which a shorter step is tried, where one may help. Steps of an earthquake cycle take 2; of those that
@@ -24,6 +26,11 @@ const FEW: usize = 20;
 /// So many attempts of a step may come to nothing before the whole schedule of Newton's method is gone through: then it is
 /// not its length.
 const SHORTER: usize = 4;
+
+/// So many attempts may end with a singular tangent before the step is given up: a body that nothing holds is held by no
+/// shorter step. Two where nothing was solved yet.
+const SINGULAR: usize = 4;
+const SINGULAR_AT_FIRST: usize = 2;
 
 /// Where a step begins, and where it ends at the latest.
 #[derive(Clone, Copy)]
@@ -47,7 +54,7 @@ impl Stepper {
     /// calls [`Self::remember`].
     pub(super) fn advance(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         u: &mut [f64],
         reach: Reach,
         clock: &mut Clock,
@@ -55,59 +62,70 @@ impl Stepper {
     ) -> Result<Reached, StepError> {
         let rules = scene.steps.auto.clone().expect("steps that the run chooses");
         let Reach { at, stop, limit } = reach;
-        stepping::begin(scene, Leg { from: Some(at), to: stop, first_increment: rules.first }, u)?;
+        stepping::begin(scene, Leg { from: Some(at), to: stop, first_increment: rules.first, told: None }, u)?;
         if scene.tables.corners.contains(&at) {
             self.adaptive(&rules).turn(&rules);
             scene.system.known.rates.iter_mut().for_each(Rates::turn);
         }
-        let known_before = scene.system.known.clone();
-        let (mut attempts, mut guess, mut fruitless) = (Vec::new(), true, 0);
+        let before = self.snapshot(scene, u);
+        let (mut attempts, mut guess, mut fruitless, mut singular) = (Vec::new(), true, 0, 0);
+        let most_singular = if self.adaptive(&rules).past.solutions.is_empty() { SINGULAR_AT_FIRST } else { SINGULAR };
         loop {
             let to = self.adaptive(&rules).control.aim(&rules, at, stop, limit);
             let increment = to - at;
-            let before = (u.to_vec(), self.memory(scene));
             let guessed = guess && self.guess(scene, &rules, increment, u);
-            let target = Target { time: to, increment, load: None };
+            let target = Target { time: to, increment, load: None, iterations: usize::MAX };
             let patient = fruitless >= SHORTER || Control::is_least(&rules, at, increment);
             let result = self.attempt_within(patient, scene, u, &target, clock, progress);
             let tried = self.judge(scene, &rules, increment, result, u);
             attempts.push(self.listed(&tried, increment));
             let failed = match tried {
-                Tried::Accepted(history, _) => {
-                    parts_of(&mut attempts, increment);
-                    return Ok(Reached { history, time: to, increment, attempts });
-                }
+                Tried::Accepted(history, _) => return Ok(taken(history, to, increment, attempts)),
                 Tried::Rejected(_) => None,
-                Tried::Nothing(result, state) => Some((result, state)),
+                Tried::Nothing(result, state) => {
+                    singular += usize::from(!guessed && is_singular(&result));
+                    let ends = !guessed && (singular >= most_singular || Control::is_least(&rules, at, increment));
+                    // while the tangent is that of this attempt
+                    let result = if ends { self.with_reason(scene, result, &state) } else { result };
+                    Some((result, state, ends))
+                }
             };
-            u.copy_from_slice(&before.0);
-            let known = self.recall(scene, &before.1);
-            debug_assert!(known, "the memory is that of this system");
+            self.go_back(scene, u, &before);
             guess = true;
-            let Some((result, state)) = failed else { continue };
+            let Some((result, state, ends)) = failed else { continue };
             fruitless += 1;
             match result {
                 Err(StepError::Newton(error)) if error.ends_the_run() => {
-                    scene.system.known = known_before;
                     return Err(error.into());
                 }
                 _ if guessed => guess = false,
-                result if Control::is_least(&rules, at, increment) => {
-                    scene.system.known = known_before;
+                result if ends => {
                     u.copy_from_slice(&state);
-                    parts_of(&mut attempts, increment);
-                    return result.map(|history| Reached { history, time: to, increment, attempts });
+                    return result.map(|history| taken(history, to, increment, attempts));
                 }
                 _ => self.adaptive(&rules).control.fail(increment),
             }
         }
     }
 
+    /// The end of an attempt, with its reason where that is an error of the linear solver.
+    fn with_reason(
+        &self,
+        scene: &Solving<'_>,
+        result: Result<StepHistory, StepError>,
+        state: &[f64],
+    ) -> Result<StepHistory, StepError> {
+        result.map_err(|error| match error {
+            StepError::Newton(error) => self.explained(scene, error, state).into(),
+            other => other,
+        })
+    }
+
     /// One attempt with the present order; one that is not patient ends after a few iterations.
     fn attempt_within(
         &mut self,
         patient: bool,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         u: &mut [f64],
         target: &Target<'_>,
         clock: &mut Clock,
@@ -116,11 +134,17 @@ impl Stepper {
         if let (Some(rates), Some(adaptive)) = (&mut scene.system.known.rates, &self.adaptive) {
             rates.take_order(adaptive.control.order as usize);
         }
-        let most = scene.newton.max_iterations;
-        scene.newton.max_iterations = if patient { most } else { most.min(FEW) };
-        let result = self.attempt(scene, u, target, clock, progress);
-        scene.newton.max_iterations = most;
-        result
+        self.explains = false;
+        let iterations = if patient { usize::MAX } else { FEW };
+        self.attempt(scene, u, &Target { iterations, ..*target }, clock, progress)
+    }
+
+    /// The increment that leaves out nothing of what drives a scene; infinite where that is more than the next one.
+    pub(super) fn driven(&mut self, scene: &Solving<'_>, at: f64, stop: f64) -> f64 {
+        let Some(rules) = &scene.steps.auto else { return f64::INFINITY };
+        let to = stop.min(at + self.adaptive(rules).control.next);
+        let reached = scene.tables.forcing.reach(at, to);
+        if reached < to { reached - at } else { f64::INFINITY }
     }
 
     fn adaptive(&mut self, rules: &Auto) -> &mut Adaptive {
@@ -128,7 +152,7 @@ impl Stepper {
     }
 
     /// Writes what is expected into the free unknowns; false where nothing is known of the past.
-    fn guess(&mut self, scene: &Scene, rules: &Auto, increment: f64, u: &mut [f64]) -> bool {
+    fn guess(&mut self, scene: &Solving<'_>, rules: &Auto, increment: f64, u: &mut [f64]) -> bool {
         let Some(mut expected) = self.adaptive(rules).expected(scene, increment) else { return false };
         let known = &scene.system.known;
         if let (Some(rates), Some(past)) = (&known.rates, &known.previous) {
@@ -144,7 +168,7 @@ impl Stepper {
 
     fn judge(
         &mut self,
-        scene: &Scene,
+        scene: &Solving<'_>,
         rules: &Auto,
         increment: f64,
         result: Result<StepHistory, StepError>,
@@ -160,7 +184,12 @@ impl Stepper {
             rates.extrapolate(&mut end, &past.unknowns);
         }
         let solution = joined(&end, self.next_states.iter().map(Vec::as_slice));
-        let errors = self.adaptive(rules).errors(scene, rules, increment, &solution);
+        let mut errors = self.adaptive(rules).errors(scene, rules, increment, &solution, &[]);
+        if errors.is_some_and(|e| e.largest() > 1.0) {
+            // a field that is zero but for rounding has no error to be made smaller
+            let rounding = self.rounding(scene, u).unwrap_or_default();
+            errors = self.adaptive(rules).errors(scene, rules, increment, &solution, &rounding);
+        }
         let least = Control::is_least(rules, scene.system.step().0 - increment, increment);
         let keeps = scene.system.bulk_follows_steps();
         let control = &mut self.adaptive(rules).control;
@@ -178,6 +207,15 @@ impl Stepper {
         }
     }
 
+    /// By dof what rounding may change of the unknowns at `u`.
+    fn rounding(&mut self, scene: &Solving<'_>, u: &[f64]) -> Option<Vec<f64>> {
+        let system = &scene.system;
+        let residual = system.residual(u, &Form { linear: self.linear, ..Form::AS_WRITTEN }).ok()?;
+        let (solver, tangent) = (self.solver.as_mut()?, self.tangent.as_ref()?);
+        let state = Solved { system, contact: scene.contact, tangent, u, residual: &residual };
+        rounding_of_unknowns(state, solver)
+    }
+
     fn listed(&self, tried: &Tried, increment: f64) -> Attempt {
         let end = match tried {
             Tried::Accepted(_, None) => AttemptEnd::Converged,
@@ -191,14 +229,20 @@ impl Stepper {
     }
 
     /// Takes the end of a step, with its states, as what later ones are expected from.
-    pub(super) fn remember(&mut self, scene: &Scene, increment: f64, u: &[f64]) {
+    pub(super) fn remember(&mut self, scene: &Solving<'_>, increment: f64, u: &[f64]) {
         if let Some(rules) = &scene.steps.auto {
             self.adaptive(rules).add(scene, rules, increment, u);
         }
     }
 }
 
-/// Ends of attempts in units of the increment that was taken at last.
-fn parts_of(attempts: &mut [Attempt], taken: f64) {
-    attempts.iter_mut().for_each(|a| a.part.1 /= taken);
+/// True if an attempt ended with a singular tangent.
+fn is_singular(result: &Result<StepHistory, StepError>) -> bool {
+    matches!(result, Err(StepError::Newton(error)) if error.is_singular())
+}
+
+/// A step that ends here; ends of attempts are in units of its increment.
+fn taken(history: StepHistory, time: f64, increment: f64, mut attempts: Vec<Attempt>) -> Reached {
+    attempts.iter_mut().for_each(|a| a.part.1 /= increment);
+    Reached { history, time, increment, attempts }
 }

@@ -1,6 +1,6 @@
 //! Where a run starts, which step comes next, and where it lies among the others. Solves nothing.
 
-use super::{Run, StepResult, stepping::Leg};
+use super::{Run, StepResult, leg::Leg};
 use crate::scene::{Scene, StepPlace};
 
 /// A step that is to be solved.
@@ -18,7 +18,8 @@ impl Asked {
     fn of_scene(scene: &Scene, number: usize) -> Self {
         let values = &scene.steps.values;
         let from = number.checked_sub(1).map(|k| values[k]);
-        let leg = Leg { from, to: values[number], first_increment: scene.steps.first_increment() };
+        let told = from.map(|_| scene.steps.increment(number));
+        let leg = Leg { from, to: values[number], first_increment: scene.steps.first_increment(), told };
         Self { number, count: Some(values.len()), leg }
     }
 }
@@ -35,14 +36,16 @@ impl Run {
             return None;
         }
         let to = from.map_or(steps.first(), |at| self.stop(scene, at));
-        Some(Asked { number, count: None, leg: Leg { from, to, first_increment: steps.first_increment() } })
+        Some(Asked { number, count: None, leg: Leg { from, to, first_increment: steps.first_increment(), told: None } })
     }
 
     /// Where a step behind a value of the step variable has to end at the latest.
     fn stop(&self, scene: &Scene, at: f64) -> f64 {
         let cadences = scene.vtk.iter().map(|o| &o.every).chain(scene.csv.iter().map(|o| &o.every));
         let corner = scene.tables.corners.get(scene.tables.corners.partition_point(|c| *c <= at)).copied();
-        let met = cadences.filter_map(|c| c.next_met(at, &scene.steps)).chain(corner);
+        // what lies within rounding of a corner is met there
+        let is_apart = |t: &f64| corner.is_none_or(|c| (t - c).abs() > scene.tables.forcing.same());
+        let met = cadences.filter_map(|c| c.next_met(at, &scene.steps)).filter(is_apart).chain(corner);
         met.fold(scene.steps.last(), f64::min)
     }
 

@@ -4,7 +4,7 @@
 //! Work over a step is the trapezoidal rule: the mean of the forces at its ends times the change of the unknowns with second
 //! rates. Exact for forces that are linear in them. With K the kinetic energy, W the work that terms take up and A that of
 //! loads and supports, lost = A - W - (K - K_0): the damping of the scheme, what the equations leave, and the error of the
-//! rule. Promises: the system is left as it was. Scenes that do not ask for it have none.
+//! rule. Promises: the rates of the system are left as they were. Scenes that do not ask for it have none.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ use crate::{
     lumped::Lumped,
     newton::NewtonError,
     rates::Rates,
-    scene::{Energy, Scene},
+    scene::{Energy, Scene, Solving},
     system::{FIXED, System},
     team::Team,
 };
@@ -47,7 +47,7 @@ struct Forces {
 
 impl Balance {
     /// The state where time starts.
-    pub(super) fn start(scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<Self, NewtonError> {
+    pub(super) fn start(scene: &mut Solving<'_>, at: StepTime, u: &[f64]) -> Result<Self, NewtonError> {
         let Forces { by_term, total, kinetic } = forces(scene, at, u)?;
         let works = vec![0.0; by_term.len()];
         let free = vec![Vec::new(); by_term.len()];
@@ -90,7 +90,7 @@ impl Balance {
     }
 
     /// Adds a step that has ended at `u`; its start is the past of the scene.
-    pub(super) fn add(&mut self, scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<(), NewtonError> {
+    pub(super) fn add(&mut self, scene: &mut Solving<'_>, at: StepTime, u: &[f64]) -> Result<(), NewtonError> {
         let Forces { by_term, total, kinetic } = forces(scene, at, u)?;
         let system = &scene.system;
         let Some(past) = &system.known.previous else { return Ok(()) };
@@ -134,16 +134,13 @@ fn has_inertia(term: &AssembledTerm) -> bool {
 }
 
 /// Forces and kinetic energy at the end `u` of a step, with the rates there.
-fn forces(scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<Forces, NewtonError> {
-    let before = scene.system.known.rates.clone();
-    let found = forces_at_end(scene, at, u);
-    scene.system.known.rates = before;
-    scene.system.set_laws(at.time, at.increment);
-    found
+fn forces(scene: &mut Solving<'_>, at: StepTime, u: &[f64]) -> Result<Forces, NewtonError> {
+    let Solving { system, scene, .. } = scene;
+    system.with_other_rates((at.time, at.increment), |system| forces_at_end(scene, system, at, u))
 }
 
-fn forces_at_end(scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<Forces, NewtonError> {
-    let Scene { system, explicit, energy, .. } = scene;
+fn forces_at_end(scene: &Scene, system: &mut System, at: StepTime, u: &[f64]) -> Result<Forces, NewtonError> {
+    let Scene { explicit, energy, .. } = scene;
     let names: &[String] = energy.as_ref().map_or(&[], |e| &e.terms);
     let zero = vec![0.0; u.len()];
     let past = system.known.previous.as_ref().map_or(u, |past| &past.unknowns);

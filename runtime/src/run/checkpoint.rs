@@ -17,17 +17,16 @@ use std::{
 use thiserror::Error;
 
 use super::{
-    Clock, Run, RunError, StepResult, balance::Balance, control::Control, memory::Memory, past::Past,
+    Clock, Run, RunError, RunState, StepResult, balance::Balance, control::Control, memory::Memory, past::Past,
     remembered::Adaptive,
 };
 use crate::{
     bytes::{HASH_OF_NOTHING, Reader, Unreadable, Writer, hash, hash_on},
-    contact::ContactMemory,
+    contact::{ContactMemory, FrictionMemory},
     input::{InputError, InputKind, read_input},
-    newton::LinearSolver,
     output::{Hash, OutputDir},
     rates::RatesMemory,
-    scene::Scene,
+    scene::Solving,
     solve::{Reference, SolverMemory},
 };
 use steps::{read_step, step};
@@ -38,7 +37,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 18;
+const FORMAT: u64 = 20;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -108,7 +107,7 @@ pub enum Holders {
 
 impl Holders {
     /// Those of a scene.
-    fn of(scene: &Scene) -> Self {
+    fn of(scene: &Solving<'_>) -> Self {
         if scene.system.mesh.is_whole() { Self::Each } else { Self::Parts(scene.system.mesh.team().size()) }
     }
 
@@ -143,17 +142,11 @@ impl Default for Log {
     }
 }
 
-/// What a checkpoint keeps of all ranks.
-pub(super) struct Kept {
-    pub(super) memory: Memory,
-    pub(super) balance: Option<Balance>,
-}
-
-/// Where the run stands after its last step, which has left `kept`; `log` grows by the steps that it does not have. Of
+/// Where the run stands after its last step, at `state`; `log` grows by the steps that it does not have. Of
 /// ranks that have parts of the mesh the first one has the content of all, and all make it together.
-pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Kept) -> Content {
+pub(super) fn pack(run: &Run, log: &mut Log, scene: &Solving<'_>, state: &RunState) -> Content {
     let holders = Holders::of(scene);
-    let own = state_of(run, scene, kept);
+    let own = written(state, run.clock);
     let states = match holders {
         Holders::Each => vec![own],
         Holders::Parts(_) => scene.system.team().at_first(&own),
@@ -176,20 +169,17 @@ pub(super) fn pack(run: &Run, log: &mut Log, scene: &Scene, kept: &Kept) -> Cont
     Content { state: w.bytes, entry, at }
 }
 
-/// What a rank has of the state of a run.
-fn state_of(run: &Run, scene: &Scene, kept: &Kept) -> Vec<u8> {
+/// A state and the time that was spent, as bytes.
+fn written(state: &RunState, c: Clock) -> Vec<u8> {
+    let RunState { u, memory: m, rates, solver, level, easy, adaptive: a, balance: b, friction: f } = state;
     let mut w = Writer::default();
-    w.count(scene.system.numbering.n_dofs);
-    w.numbers(&run.u);
-    memory(&mut w, &kept.memory);
-    let known = &scene.system.known;
-    let rates = known.rates.as_ref().zip(known.previous.as_ref());
-    let rates = rates.map(|(rates, past)| rates.memory(&run.u, &past.unknowns)).unwrap_or_default();
+    w.count(u.len());
+    w.numbers(u);
+    memory(&mut w, m);
     w.numbers(&rates.factors);
     w.numbers(&rates.before);
     w.count(rates.kept.len());
     rates.kept.iter().for_each(|kept| w.numbers(kept));
-    let solver = run.stepper.solver.as_ref().map(LinearSolver::memory).unwrap_or_default();
     w.numbers(&solver.factored);
     w.flag(solver.dense);
     w.flag(solver.symmetric);
@@ -206,11 +196,11 @@ fn state_of(run: &Run, scene: &Scene, kept: &Kept) -> Vec<u8> {
         group.iter().for_each(|row| w.count(*row as usize));
     }
     w.count(reference.whole);
-    w.count(run.stepper.level as usize);
-    w.count(run.stepper.easy as usize);
-    adaptive(&mut w, run.stepper.adaptive.as_ref());
-    balance(&mut w, kept.balance.as_ref());
-    let c = run.clock;
+    w.count(*level as usize);
+    w.count(*easy as usize);
+    adaptive(&mut w, a.as_ref());
+    balance(&mut w, b.as_ref());
+    friction(&mut w, f.as_ref());
     w.numbers(&[c.assemble, c.factor, c.solve, c.write, c.check, c.measure]);
     w.bytes
 }
@@ -234,14 +224,7 @@ pub(super) fn write(content: &Content, dir: &OutputDir) -> Result<(), RunError> 
 /// What a checkpoint brings back.
 pub(super) struct Found {
     pub(super) steps: Vec<StepResult>,
-    pub(super) u: Vec<f64>,
-    pub(super) memory: Memory,
-    pub(super) rates: RatesMemory,
-    pub(super) solver: SolverMemory,
-    pub(super) level: u32,
-    pub(super) easy: u32,
-    pub(super) adaptive: Option<Adaptive>,
-    pub(super) balance: Option<Balance>,
+    pub(super) state: RunState,
     pub(super) clock: Clock,
     pub(super) log: Log,
 }
@@ -263,7 +246,7 @@ pub(super) struct Files {
 impl Files {
     /// Those that the first rank has read, on every rank: each has the state that it goes on from. Empty where the first one
     /// has none.
-    pub(super) fn of_first(mut self, scene: &Scene, folder: &FilePath) -> Result<Self, CheckpointError> {
+    pub(super) fn of_first(mut self, scene: &Solving<'_>, folder: &FilePath) -> Result<Self, CheckpointError> {
         let team = scene.system.team();
         if !team.any(self.is_there) {
             return Ok(Self::default());
@@ -326,7 +309,12 @@ fn read_head(r: &mut Reader<'_>) -> Result<Files, Unreadable> {
 }
 
 /// What a checkpoint in `folder` says.
-pub(super) fn found(scene: &Scene, identity: Hash, folder: &FilePath, files: &Files) -> Result<Found, CheckpointError> {
+pub(super) fn found(
+    scene: &Solving<'_>,
+    identity: Hash,
+    folder: &FilePath,
+    files: &Files,
+) -> Result<Found, CheckpointError> {
     let path = folder.join(CHECKPOINT_FILE);
     let damaged = |what| CheckpointError::Damaged { path: path.clone(), what };
     let cut = |_: Unreadable| damaged("its content does not fit together");
@@ -375,11 +363,12 @@ fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Foun
         reference: Reference { values: r.numbers()?, groups: r.list(|r| r.list(Reader::small))?, whole: r.count()? },
     };
     let (level, easy) = (r.small()?, r.small()?);
-    let (adaptive, balance) = (read_adaptive(r)?, read_balance(r)?);
+    let (adaptive, balance, friction) = (read_adaptive(r)?, read_balance(r)?, read_friction(r)?);
     let [assemble, factor, solve, write, check, measure] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let clock = Clock { assemble, factor, solve, write, check, measure };
     r.end()?;
-    Ok(Found { steps, u, memory, rates, solver, level, easy, adaptive, balance, clock, log })
+    let state = RunState { u, memory, rates, solver, level, easy, adaptive, balance, friction };
+    Ok(Found { steps, state, clock, log })
 }
 
 /// The content behind the header, if the file is whole.
@@ -457,6 +446,22 @@ fn balance(w: &mut Writer, b: Option<&Balance>) {
     b.forces.iter().for_each(|f| w.numbers(f));
     w.count(b.free.len());
     b.free.iter().for_each(|f| w.numbers(f));
+}
+
+fn friction(w: &mut Writer, f: Option<&FrictionMemory>) {
+    w.flag(f.is_some());
+    let Some(f) = f else { return };
+    for lists in [&f.slid, &f.lost] {
+        w.count(lists.len());
+        lists.iter().for_each(|l| w.numbers(l));
+    }
+}
+
+fn read_friction(r: &mut Reader<'_>) -> Result<Option<FrictionMemory>, Unreadable> {
+    if !r.flag()? {
+        return Ok(None);
+    }
+    Ok(Some(FrictionMemory { slid: r.list(Reader::numbers)?, lost: r.list(Reader::numbers)? }))
 }
 
 fn read_balance(r: &mut Reader<'_>) -> Result<Option<Balance>, Unreadable> {

@@ -12,12 +12,13 @@ use std::time::Instant;
 
 use super::{
     Clock,
+    leg::Leg,
     rates::StepTime,
-    stepping::{self, Leg, Reached, StepError, Stepper},
+    stepping::{self, Reached, StepError, Stepper},
 };
 use crate::{
     newton::{NewtonError, StepHistory},
-    scene::{Explicit, Scene},
+    scene::{Explicit, Solving},
     system::FIXED,
 };
 
@@ -25,7 +26,7 @@ impl Stepper {
     /// Makes the step; `u` holds the state before and then the one after.
     pub(super) fn explicit(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         explicit: &Explicit,
         u: &mut [f64],
         leg: Leg,
@@ -35,12 +36,11 @@ impl Stepper {
         stepping::begin(scene, leg, u)?;
         let increment = leg.from.map_or(leg.first_increment, |from| leg.increment(from));
         let at = StepTime { time: leg.to, increment };
-        let before = (u.to_vec(), scene.system.known.rates.clone());
+        let before = self.snapshot(scene, u);
         let result = self.differences(scene, explicit, u, at);
         clock.assemble += clocked.elapsed().as_secs_f64();
         if let Err(error) = result {
-            u.copy_from_slice(&before.0);
-            scene.system.known.rates = before.1;
+            self.go_back(scene, u, &before);
             return Err(error);
         }
         let (history, attempts) = (StepHistory::given(), Vec::new());
@@ -49,7 +49,7 @@ impl Stepper {
 
     fn differences(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         explicit: &Explicit,
         u: &mut [f64],
         at: StepTime,
@@ -61,7 +61,7 @@ impl Stepper {
         let mut half: Vec<f64> = first.iter().zip(&second).map(|(r, s)| r + 0.5 * h * s).collect();
         u.iter_mut().zip(&half).for_each(|(x, r)| *x += h * r);
         scene.prescribed.apply(at.time, h, u).map_err(|bad| NewtonError::Given(Box::new(bad)))?;
-        let Scene { system, .. } = scene;
+        let Solving { system, .. } = scene;
         system.numbering.follow(u);
         // what is not free moves as it is prescribed, and was accelerated from the velocity half a step before
         let frames = &system.numbering.frames;
@@ -78,7 +78,7 @@ impl Stepper {
             frames.turn_back(&mut half);
         }
         take_rates(scene, &half, &vec![0.0; u.len()]);
-        crate::scene::set_data(scene, at.time, h).map_err(NewtonError::from)?;
+        scene.set_data(at.time, h).map_err(NewtonError::from)?;
         let system = &mut scene.system;
         system.set_laws(at.time, h);
         let (residual, branches) = system.residual_at_points(u).map_err(NewtonError::from)?;
@@ -99,7 +99,7 @@ impl Stepper {
 }
 
 /// Rates, by dof, that terms read until the next ones are taken.
-fn take_rates(scene: &mut Scene, first: &[f64], second: &[f64]) {
+fn take_rates(scene: &mut Solving<'_>, first: &[f64], second: &[f64]) {
     if let Some(rates) = &mut scene.system.known.rates {
         rates.take(first, second);
     }

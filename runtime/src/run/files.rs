@@ -22,7 +22,7 @@ use crate::{
     assemble::{AssembledTerm, FieldValues},
     finite::BadOutput,
     output::{self, MEASURES_FILE, OutputDir, OutputError, Piece, Plan, REPORT_FILE, Series, write_csv},
-    scene::{CsvOutput, Scene, StepPlace},
+    scene::{CsvOutput, Scene, Solving, StepPlace},
 };
 
 /// Where the steps of a run go; nowhere without a folder.
@@ -273,10 +273,10 @@ pub(super) struct Table {
 }
 
 /// What the scene wants in the files of a step, and what of it is not finite; the checkpoint is left to the caller.
-pub(super) fn collect(scene: &mut Scene, step: &StepResult, place: StepPlace<'_>) -> (StepFiles, Vec<BadOutput>) {
+pub(super) fn collect(scene: &Solving<'_>, step: &StepResult, place: StepPlace<'_>) -> (StepFiles, Vec<BadOutput>) {
     let (time, increment, number) = (step.time, step.increment, place.number);
     let rows = step.series.clone();
-    let Scene { system, vtk, csv, steps, .. } = scene;
+    let Solving { system, contact, scene: Scene { vtk, csv, steps, .. } } = scene;
     let current = system.slices(&step.state);
     let previous = system.previous_slices();
     let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
@@ -288,12 +288,14 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, place: StepPlace<'_>
             continue;
         }
         let mut pieces = Vec::with_capacity(output.pieces.len());
-        for sampled in &mut output.pieces {
+        for sampled in &output.pieces {
             let mut piece = sampled.sample(&system.mesh, time, increment, values);
             let entities = piece.cells.len();
-            let mut terms = system.terms.iter().zip(&step.branches);
-            let here = |t: &AssembledTerm| t.place.as_ref() == Some(sampled.support());
-            let states = terms.find_map(|(t, branches)| t.contact_states(branches).filter(|_| here(t)));
+            let mut terms = system.terms.iter().zip(&step.branches).enumerate();
+            let here = |t: &AssembledTerm| t.place.as_deref() == Some(sampled.support());
+            let states = terms.find_map(|(k, (t, branches))| {
+                t.contact_states(branches).filter(|_| here(t) && contact.pushes(system, k))
+            });
             let states = states.filter(|s| s.len() == entities);
             // a rank without faces takes other terms without any for those of the piece
             let is_there = system.mesh.is_whole() || system.team().all(states.is_some());
@@ -306,7 +308,7 @@ pub(super) fn collect(scene: &mut Scene, step: &StepResult, place: StepPlace<'_>
         grids.push(Some(pieces));
     }
     let tables = csv
-        .iter_mut()
+        .iter()
         .filter(|output| output.every.has(place, steps))
         .map(|output| Table {
             name: csv_name(output, number, steps.several()),
@@ -332,4 +334,18 @@ fn not_finite<'a>(piece: &'a Piece, file: &'a str, time: f64) -> impl Iterator<I
     };
     let points = piece.point_data.iter().filter_map(move |a| of(a, &point));
     points.chain(piece.cell_data.iter().filter_map(move |a| of(a, &corner)))
+}
+
+/// Puts names of files into the order of the outputs of a scene, and of their steps: a run that was interrupted lists the
+/// same as one that was not.
+pub(super) fn in_order(scene: &Scene, names: &mut [String]) {
+    let bases = scene.vtk.iter().map(|o| &o.file).chain(scene.csv.iter().chain(&scene.series).map(|o| &o.file));
+    let bases: Vec<&String> = bases.collect();
+    let is_of = |name: &str, base: &str| {
+        let rest = name.strip_prefix(base).unwrap_or_default();
+        rest.starts_with('.') || rest.strip_prefix('_').is_some_and(|r| r.starts_with(|c: char| c.is_ascii_digit()))
+    };
+    let rank = |name: &str| bases.iter().position(|base| is_of(name, base)).unwrap_or(bases.len());
+    // numbers of steps have at least four digits
+    names.sort_by_cached_key(|name| (rank(name), name.len(), name.clone()));
 }

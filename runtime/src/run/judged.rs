@@ -1,10 +1,13 @@
 //! How good a converged state is: its digits, the conditions of mechanics, other states that solve the same equations.
 
+use wfl_compiler::types::FieldKind;
+
 use super::{Run, report};
 use crate::{
-    checks::{self, Accuracy, NarrowZone, Others, PhysicsCheck, Solved, TurnedCells},
+    checks::{self, Accuracy, NarrowZone, Others, PhysicsCheck, Solved, TurnedCells, Unstable, Zigzag},
+    field::Field,
     newton::{NewtonError, StepHistory},
-    scene::Scene,
+    scene::{Scene, Solving},
     system::{Form, Residual},
 };
 
@@ -15,22 +18,58 @@ pub(super) struct Judged {
     pub(super) checks: Vec<PhysicsCheck>,
     pub(super) turned: Vec<TurnedCells>,
     pub(super) narrow: Vec<NarrowZone>,
+    pub(super) zigzags: Vec<Zigzag>,
     pub(super) others: Others,
+    pub(super) unstable: Option<Unstable>,
     /// The residual there.
     pub(super) residual: Residual,
 }
 
+/// The most that is known of other states, of so many steps: what a step costs does not grow with their number.
+#[derive(Clone, Copy, Default)]
+pub(super) struct KnownOfOthers {
+    steps: usize,
+    most: Others,
+    /// A step had directions in which it was not stable.
+    unstable: bool,
+}
+
+/// The fields whose laws know no rotations at the first step: the check of the scene has told them, or they are no bodies.
+pub(super) fn turning_fields(scene: &Scene, judges: bool) -> Vec<String> {
+    let dim = scene.system.mesh.dim();
+    let may_turn = |f: &Field| f.kind == FieldKind::Unknown && f.n_components == dim && dim > 1;
+    let judges = judges && scene.system.fields.iter().any(may_turn);
+    // a known field without a finite value is told by the step that reads it
+    let first = if judges { scene.at_first_step().ok() } else { None };
+    let found = first.map_or_else(Vec::new, |first| checks::turning_bodies(&first.system));
+    found.into_iter().map(|body| body.field).collect()
+}
+
 impl Run {
+    /// What the steps so far have shown of other states.
+    fn known_of_others(&mut self) -> KnownOfOthers {
+        let known = &mut self.known_of_others;
+        for step in &self.steps[known.steps.min(self.steps.len())..] {
+            known.most = known.most.max(step.others);
+            known.unstable |= step.unstable.is_some();
+        }
+        known.steps = self.steps.len();
+        *known
+    }
+
     /// How good the converged state is; `residual` is that of the scene there.
-    pub(super) fn judge(&mut self, scene: &Scene, history: &StepHistory) -> Result<Judged, NewtonError> {
+    pub(super) fn judge(&mut self, scene: &Solving<'_>, history: &StepHistory) -> Result<Judged, NewtonError> {
         let form = Form { linear: self.stepper.linear, ..Form::AS_WRITTEN };
-        let residual = scene.system.residual(&self.u, &form)?;
-        let known = self.steps.iter().map(|s| s.others).max().unwrap_or_default();
+        let residual = match self.stepper.residual.take() {
+            Some(residual) => residual,
+            None => scene.system.residual(&self.u, &form)?,
+        };
+        let known = self.known_of_others();
         let (solver, tangent) = (self.stepper.solver.as_mut(), self.stepper.tangent.as_ref());
         let (Some(solver), Some(tangent)) = (solver, tangent) else {
             return Ok(Judged { residual, ..Judged::default() });
         };
-        let Scene { system, contact, .. } = scene;
+        let Solving { system, contact, .. } = scene;
         let state = Solved { system, contact, tangent, u: &self.u, residual: &residual };
         let left = history.iterations.last().map_or(0.0, |i| i.residual);
         let mut digits = || checks::digits(state, solver, history.correction);
@@ -40,16 +79,22 @@ impl Run {
             // ranks exchange numbers in one order
             (digits(), checks::conditions(state, left))
         };
-        let mut found = checks::balance(state, scene.newton.tolerance);
+        let due = checks::is_due(self.steps.len(), scene.steps.is_last(self.steps.len(), system.step().0));
+        let mut found = checks::balance(state, scene.newton.tolerance, due.then_some(&self.turning));
         found.extend(conditions.checks);
-        let (narrow, turned) = (conditions.narrow, checks::turned_cells(system, &self.u));
-        let others = checks::others(system, contact, solver, &self.u, known)?;
+        let (narrow, zigzags) = (conditions.narrow, conditions.zigzags);
+        let turned = checks::turned_cells(system, &self.u);
+        // told once: later states lie on the branch of the first
+        let unstable = if known.unstable { None } else { checks::unstable(state, solver, due) };
+        // a check never fails a state that has converged: what it cannot evaluate it does not judge
+        let others = checks::others(system, contact, solver, &self.u, known.most).unwrap_or_default();
         let doubtful =
             accuracy.as_ref().is_some_and(|a| a.digits() < report::FEW_DIGITS) || found.iter().any(|c| !c.holds());
-        if doubtful && checks::rests(system, &self.u, &form)? {
+        // where the prescribed values alone turn cells inside out, the state of rest is no state at all
+        if doubtful && checks::rests(system, &self.u, &form).unwrap_or(false) {
             // what differs from zero is rounding, and so is every number made of it
-            return Ok(Judged { others, residual, ..Judged::default() });
+            return Ok(Judged { others, unstable, residual, ..Judged::default() });
         }
-        Ok(Judged { accuracy, checks: found, turned, narrow, others, residual })
+        Ok(Judged { accuracy, checks: found, turned, narrow, zigzags, others, unstable, residual })
     }
 }

@@ -1,5 +1,7 @@
 //! The end of a step, or of a part of one: the balance of energy, new states, rates. Solves nothing.
 
+use std::sync::Arc;
+
 use wfl_compiler::{
     KinkKind, TermLaw,
     types::{FieldKind, InputSlot},
@@ -12,13 +14,13 @@ use super::{
 };
 use crate::{
     newton::NewtonError,
-    scene::{Energy, Scene},
+    scene::{Energy, Solving},
 };
 
 impl Stepper {
     /// Renews states and moves `u` to the end of the step. The forces of the balance are those of the equations, so with the
     /// states before; where the equations stand within the step no state is renewed.
-    pub(super) fn leave(&mut self, scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Result<(), NewtonError> {
+    pub(super) fn leave(&mut self, scene: &mut Solving<'_>, at: StepTime, u: &mut [f64]) -> Result<(), NewtonError> {
         let within = rates::offset(scene) != 0.0;
         if !within {
             self.balance(scene, at, u)?;
@@ -31,7 +33,14 @@ impl Stepper {
         Ok(())
     }
 
-    fn balance(&mut self, scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<(), NewtonError> {
+    /// Adds a part of a step that has converged at `u` to what friction did, before its states are renewed.
+    pub(super) fn slide(&mut self, scene: &Solving<'_>, u: &[f64]) {
+        if let Some(friction) = &mut self.friction {
+            friction.slide(scene, u, &self.next_states);
+        }
+    }
+
+    fn balance(&mut self, scene: &mut Solving<'_>, at: StepTime, u: &[f64]) -> Result<(), NewtonError> {
         if scene.energy.is_none() {
             return Ok(());
         }
@@ -45,7 +54,7 @@ impl Stepper {
     }
 
     /// The energies of a scene that asks for them, by the names of measures.
-    pub(super) fn energies(&self, scene: &Scene) -> Vec<(String, f64)> {
+    pub(super) fn energies(&self, scene: &Solving<'_>) -> Vec<(String, f64)> {
         let (Some(energy), Some(balance)) = (&scene.energy, &self.balance) else { return Vec::new() };
         energy.measures().into_iter().zip(balance.values()).collect()
     }
@@ -54,7 +63,7 @@ impl Stepper {
 /// What is said of a run that loses more energy than the scene allows, or whose contact does: steps by the step variable and
 /// their measures, and the balance at the end.
 pub(super) fn lost<'s>(
-    scene: &Scene,
+    scene: &Solving<'_>,
     balance: Option<&Balance>,
     steps: impl Iterator<Item = (f64, &'s [(String, f64)])>,
 ) -> Option<String> {
@@ -96,7 +105,7 @@ pub(super) fn lost<'s>(
 }
 
 /// Whether a term is a contact whose force follows from the state alone: it gives back what it takes.
-fn has_a_potential(scene: &Scene, name: &str) -> bool {
+fn has_a_potential(scene: &Solving<'_>, name: &str) -> bool {
     let kind = |field: usize| scene.system.fields.get(field).map(|f| f.kind);
     let is_of_state = |slot: &InputSlot| match slot {
         InputSlot::Field(b) => matches!(kind(b.field.index()), Some(FieldKind::Unknown | FieldKind::Multiplier)),
@@ -104,6 +113,6 @@ fn has_a_potential(scene: &Scene, name: &str) -> bool {
         _ => true,
     };
     let laws = || scene.system.terms.iter().map(|t| &t.law).filter(|law| Energy::is_of(name, &law.name));
-    let selects = |law: &TermLaw| law.kinks.iter().all(|k| k.kind == KinkKind::Select) && !law.kinks.is_empty();
+    let selects = |law: &Arc<TermLaw>| law.kinks.iter().all(|k| k.kind == KinkKind::Select) && !law.kinks.is_empty();
     laws().all(|law| law.prologue.slots.is_empty() && law.inputs.iter().all(is_of_state)) && laws().any(selects)
 }

@@ -4,7 +4,7 @@ use wfl_compiler::types::FieldKind;
 
 use crate::{
     contact::ContactMemory,
-    scene::Scene,
+    scene::Solving,
     system::{System, Tangent},
 };
 
@@ -22,7 +22,7 @@ pub struct Memory {
 
 impl Memory {
     /// What later steps of a scene depend on beside the unknowns.
-    pub(super) fn of(scene: &Scene, tangent: &Tangent) -> Self {
+    pub(super) fn of(scene: &Solving<'_>, tangent: &Tangent) -> Self {
         let system = &scene.system;
         Self {
             changing: tangent.changing.values().to_vec(),
@@ -32,13 +32,13 @@ impl Memory {
     }
 
     /// The same with the tangent of all ranks, made by all together: what a run on any number of ranks goes on from.
-    pub(super) fn of_all(scene: &Scene, tangent: &Tangent) -> Self {
+    pub(super) fn of_all(scene: &Solving<'_>, tangent: &Tangent) -> Self {
         let changing = tangent.changing.values_of_all(scene.system.team());
         Self { changing, ..Self::of(scene, tangent) }
     }
 
     /// What steps without a tangent leave: the state of contact and the states.
-    pub(super) fn without_tangent(scene: &Scene) -> Self {
+    pub(super) fn without_tangent(scene: &Solving<'_>) -> Self {
         let system = &scene.system;
         let states = states(system).map(|k| system.known.data[k].clone()).collect();
         Self { changing: Vec::new(), contact: scene.contact.memory(), states }
@@ -46,13 +46,13 @@ impl Memory {
 
     /// Goes back to what [`Self::without_tangent`] kept, as [`Self::recall`] does.
     #[must_use]
-    pub(super) fn recall_without_tangent(&self, scene: &mut Scene) -> bool {
+    pub(super) fn recall_without_tangent(&self, scene: &mut Solving<'_>) -> bool {
         self.changing.is_empty() && self.recall_states(scene)
     }
 
     /// Goes back to what [`Self::of_all`] kept, as [`Self::recall`] does.
     #[must_use]
-    pub(super) fn recall_of_all(&self, scene: &mut Scene, tangent: &mut Tangent) -> bool {
+    pub(super) fn recall_of_all(&self, scene: &mut Solving<'_>, tangent: &mut Tangent) -> bool {
         let team = scene.system.team();
         if team.is_alone() {
             return self.recall(scene, tangent);
@@ -64,7 +64,7 @@ impl Memory {
 
     /// Goes back to what was remembered. False, and nothing is changed, if that belongs to another scene.
     #[must_use]
-    pub(super) fn recall(&self, scene: &mut Scene, tangent: &mut Tangent) -> bool {
+    pub(super) fn recall(&self, scene: &mut Solving<'_>, tangent: &mut Tangent) -> bool {
         if self.changing.len() != tangent.changing.values().len() || !self.recall_states(scene) {
             return false;
         }
@@ -73,13 +73,13 @@ impl Memory {
     }
 
     /// Contact and states alone.
-    fn recall_states(&self, scene: &mut Scene) -> bool {
+    fn recall_states(&self, scene: &mut Solving<'_>) -> bool {
         let known = &scene.system.known.data;
-        let fits = states(&scene.system).map(|k| known[k].len()).eq(self.states.iter().map(Vec::len));
+        let fits = states(scene.system).map(|k| known[k].len()).eq(self.states.iter().map(Vec::len));
         if !fits || !scene.contact.recall(&self.contact) {
             return false;
         }
-        let of: Vec<usize> = states(&scene.system).collect();
+        let of: Vec<usize> = states(scene.system).collect();
         of.iter().zip(&self.states).for_each(|(k, s)| scene.system.known.data[*k].clone_from(s));
         true
     }

@@ -14,13 +14,17 @@ mod events;
 mod explicit;
 mod files;
 mod folder;
+mod friction;
+mod growth;
 mod judged;
 mod leaving;
+mod leg;
 mod memory;
 mod options;
 mod others;
 mod outcome;
 mod past;
+mod progress;
 mod quantities;
 mod rates;
 mod remembered;
@@ -28,7 +32,10 @@ mod report;
 mod resuming;
 mod session;
 mod stability;
+mod standing;
+mod state;
 mod stepping;
+mod watched;
 
 use std::{
     sync::mpsc::{SyncSender, sync_channel},
@@ -42,20 +49,20 @@ pub use folder::{finished, may_begin};
 pub use memory::Memory;
 pub use options::RunOptions;
 pub use outcome::{KeptStep, KeptTable, Outcome, save};
-pub use session::Session;
+pub use progress::{Progress, Quiet};
+pub use session::{Session, Standing};
+pub use state::State as RunState;
 pub use stepping::FRUITLESS;
 use thiserror::Error;
-use wfl_compiler::ir::Origin;
 
 use crate::{
     assemble::BranchCounts,
-    checks::{Accuracy, NarrowZone, Others, PhysicsCheck, TurnedCells},
-    contact::{FrictionWork, friction_work},
+    checks::{Accuracy, NarrowZone, Others, PhysicsCheck, TurnedCells, Unstable, Zigzag},
+    contact::{Creep, FrictionWork, SlidPast, slid_past_faces},
     finite::{BadGiven, BadMeasure, BadOutput},
     newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
     output::{Hash, OutputDir, OutputError, Piece, State, write_report},
-    scene::{Scene, set_data, start},
-    solve::SolverOptions,
+    scene::{Scene, Solving},
     system::Form,
 };
 use adaptive::Reach;
@@ -63,8 +70,10 @@ use asked::Asked;
 use checkpoint::Log;
 use events::{Sides, lasts};
 use files::{CheckpointCost, Files, OfOthers, StepFiles};
-use judged::Judged;
+use friction::Friction;
+use judged::{Judged, KnownOfOthers};
 use stepping::{Reached, StepError, Stepper};
+use watched::Watched;
 
 /// Steps that may wait for their files to be written before the solver waits too.
 const STEPS_TO_WRITE: usize = 1;
@@ -75,32 +84,6 @@ const CHECKPOINT_EVERY: Duration = Duration::from_millis(100);
 const CHECKPOINT_SHARE: u32 = 20;
 /// Bytes of stack of the threads of a run: as many as the first thread of a program has.
 const STACK: usize = 8 << 20;
-
-/// Events of a run.
-pub trait Progress: Send {
-    /// The solver has been chosen.
-    fn solver(&mut self, _description: &str) {}
-    /// Where the run continues: after the steps of a checkpoint (the last one given), or at the beginning without one.
-    fn resumed(&mut self, _last: Option<&StepResult>) {}
-    /// A step begins: its number from 0, how many there are, the step variable at its end. Of steps that the run chooses
-    /// their number and end are not known: the step variable is that of its beginning.
-    fn step(&mut self, _number: usize, _count: Option<usize>, _time: f64) {}
-    /// After each iteration.
-    fn iteration(&mut self, _iteration: &Iteration) {}
-    /// A `Print` of a term: its name, where it is written, and its value at one of the points.
-    fn printed(&mut self, _term: &str, _origin: Option<Origin>, _position: [f64; 3], _value: &[f64]) {}
-    /// A step has ended.
-    fn step_done(&mut self, _step: &StepResult) {}
-    /// True if the run is to end before its next iteration, with [`NewtonError::Stopped`].
-    fn stops(&mut self) -> bool {
-        false
-    }
-}
-
-/// Tells nothing.
-pub struct Quiet;
-
-impl Progress for Quiet {}
 
 /// One step of a run.
 #[derive(Clone, Debug, Default)]
@@ -121,11 +104,19 @@ pub struct StepResult {
     pub turned: Vec<TurnedCells>,
     /// Zones of contact that cover no face; empty for a step that another process did.
     pub narrow: Vec<NarrowZone>,
+    /// Pressures that alternate from point to point; empty for a step that another process did.
+    pub zigzags: Vec<Zigzag>,
     /// Energy that friction took from the motion in this step (force times length), negative where it gave some back;
     /// `None` without friction.
     pub friction: Option<FrictionWork>,
+    /// What friction has lost of the slip of points that stick; `None` for laws that lose nothing.
+    pub creep: Option<Creep>,
+    /// Contact terms on two bodies that have slid by more than a face.
+    pub slid: Vec<SlidPast>,
     /// What is known of other states that solve the same equations; looked for until that is proved.
     pub others: Others,
+    /// Directions in which the state is not stable; of the first step that has some.
+    pub unstable: Option<Unstable>,
     /// What the scene says that the next increment is at most; infinite where it says nothing. Positive numbers count.
     pub limit: f64,
     /// By event of the scene its larger side and its smaller one.
@@ -144,6 +135,16 @@ pub struct StepResult {
 }
 
 impl StepResult {
+    /// Leaves what is needed of a step that is not the last one, in no more memory than that takes.
+    fn shrink(&mut self) {
+        (self.state, self.branches) = (Vec::new(), Vec::new());
+        self.history.iterations.shrink_to_fit();
+        self.history.solves.shrink_to_fit();
+        self.attempts.shrink_to_fit();
+        self.checks.shrink_to_fit();
+        self.measures.shrink_to_fit();
+    }
+
     /// Which events of the scene last at its end.
     #[must_use]
     pub fn lasting(&self) -> Vec<bool> {
@@ -207,6 +208,12 @@ pub enum RunError {
     /// The caller wants to solve the equations of a step, and the scheme has none.
     #[error("`scheme explicit` has no equations to solve: its steps are made by `step`, not by `begin`")]
     NoEquations,
+    /// The caller goes back to where a run of another scene has stood.
+    #[error("that is a state of another scene, or of other parameters: this one has never stood there")]
+    NotOfThisScene,
+    /// The caller asks where a run stands within a step.
+    #[error("a step was begun: the run stands again where `accept` ends it")]
+    Begun,
     /// A file could not be written.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -235,7 +242,7 @@ impl Watch for Forward<'_> {
 /// # Errors
 /// [`RunError`]; a step that does not converge is no error: it is marked, and the run stops there unless the scene
 /// says `on_fail=go_on`.
-pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress) -> Result<Outcome, RunError> {
+pub fn run(scene: &Scene, options: &RunOptions, progress: &mut dyn Progress) -> Result<Outcome, RunError> {
     let threads = options.threads.max(1);
     // On a thread of the pool work is shared out without waking another one to wait for it.
     if rayon::current_thread_index().is_some() && rayon::current_num_threads() == threads {
@@ -247,8 +254,10 @@ pub fn run(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress)
     }
 }
 
-fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress) -> Result<Outcome, RunError> {
+fn run_here(scene: &Scene, options: &RunOptions, progress: &mut dyn Progress) -> Result<Outcome, RunError> {
     let begin = Instant::now();
+    let mut equations = scene.equations();
+    let scene = &mut scene.solving(&mut equations);
     let dir = match &options.out {
         Some(path) => Some(OutputDir::open(path)?),
         None => None,
@@ -276,6 +285,7 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
         let measures = files::write_measures(dir, scene.steps.variable.as_deref(), &outcome.steps);
         let table = measures.map(|table| written.extend(table));
         outcome.report.files = written.iter().filter_map(outcome::file_name).collect();
+        files::in_order(scene, &mut outcome.report.files);
         let told = table.and_then(|()| dir.sync()).and_then(|()| write_report(dir, &outcome.report));
         // an error of the run itself is the one to tell
         match (told, &finished) {
@@ -291,17 +301,6 @@ fn run_here(scene: &mut Scene, options: &RunOptions, progress: &mut dyn Progress
     finished?;
     outcome.files = written;
     Ok(outcome)
-}
-
-fn solver_options(scene: &Scene, options: &RunOptions) -> SolverOptions {
-    SolverOptions {
-        threads: options.threads,
-        precision: options.precision,
-        method: scene.newton.linear,
-        solutions: scene.steps.expected(),
-        library: options.library,
-        ..SolverOptions::default()
-    }
 }
 
 /// Seconds by what they were spent on.
@@ -329,36 +328,48 @@ struct Run {
     bad: Vec<BadOutput>,
     /// Whether converged states are judged.
     judges: bool,
+    known_of_others: KnownOfOthers,
+    /// Fields whose laws know no rotations at the first step.
+    turning: Vec<String>,
     /// Outputs that stay in memory.
     kept: Vec<KeptStep>,
+    /// What is seen over the steps.
+    watched: Watched,
 }
 
 impl Run {
     /// A run before its first step.
-    fn new(scene: &mut Scene, options: &RunOptions, identity: Hash) -> Result<Self, RunError> {
-        scene.restart();
+    fn new(scene: &mut Solving<'_>, options: &RunOptions, identity: Hash) -> Result<Self, RunError> {
+        let turning = judged::turning_fields(scene, options.judge);
+        scene.forget_given();
+        let mut stepper = Stepper::new(options.of_solver(scene));
+        stepper.friction = Friction::of(scene).filter(|_| options.judge);
         Ok(Self {
-            u: start(scene).map_err(|bad| RunError::Start(Box::new(bad)))?,
-            stepper: Stepper::new(solver_options(scene, options)),
-            steps: Vec::new(),
+            u: scene.start().map_err(|bad| RunError::Start(Box::new(bad)))?,
+            stepper,
+            // growing by doubling would hold them twice
+            steps: Vec::with_capacity(scene.steps.listed().unwrap_or(0)),
             clock: Clock::default(),
             log: Log::default(),
             identity,
             bad: Vec::new(),
             kept: Vec::new(),
+            watched: Watched::default(),
             judges: options.judge,
+            known_of_others: KnownOfOthers::default(),
+            turning,
         })
     }
 
     /// True if every step of the scene is done and converged.
-    fn is_done(&self, scene: &Scene) -> bool {
+    fn is_done(&self, scene: &Solving<'_>) -> bool {
         self.next_asked(scene).is_none() && self.steps.iter().all(|s| s.history.converged())
     }
 
     /// Lists a step that was tried.
-    fn add(&mut self, step: StepResult, scene: &mut Scene, options: &RunOptions) {
+    fn add(&mut self, step: StepResult, scene: &mut Solving<'_>, options: &RunOptions) {
         if let Some(before) = self.steps.last_mut().filter(|_| !options.keep_states) {
-            (before.state, before.branches) = (Vec::new(), Vec::new());
+            before.shrink();
         }
         let number = self.steps.len();
         let last = scene.steps.auto.is_some() && scene.steps.is_last(number, step.time);
@@ -378,7 +389,7 @@ impl Run {
     /// The steps that have not been done yet. The files of a step are written while the next one is solved.
     fn all_steps(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         options: &RunOptions,
         files: &mut Files<'_>,
         progress: &mut dyn Progress,
@@ -408,7 +419,7 @@ impl Run {
     fn steps_to(
         &mut self,
         writer: Option<(&SyncSender<StepFiles>, &CheckpointCost)>,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         options: &RunOptions,
         progress: &mut dyn Progress,
     ) -> Result<(), RunError> {
@@ -432,7 +443,7 @@ impl Run {
             });
             let begin = Instant::now();
             // what a checkpoint keeps is made by all ranks together, when the one that writes wants it
-            let kept = scene.system.team().any(due).then(|| self.stepper.kept_of_all(scene));
+            let kept = scene.system.team().any(due).then(|| self.state(scene));
             if kept.is_some() {
                 gathering = begin.elapsed();
             }
@@ -459,7 +470,7 @@ impl Run {
 
     /// Gives a step to the thread that writes; false where that has ended. Of ranks that have parts of the mesh each gives
     /// its pieces to the first one.
-    fn hand_over(&self, scene: &Scene, mut step: StepFiles, writer: Option<&SyncSender<StepFiles>>) -> bool {
+    fn hand_over(&self, scene: &Solving<'_>, mut step: StepFiles, writer: Option<&SyncSender<StepFiles>>) -> bool {
         let mesh = &scene.system.mesh;
         if mesh.is_whole() {
             return writer.is_none_or(|writer| step.is_empty() || writer.send(step).is_ok());
@@ -476,22 +487,27 @@ impl Run {
         others::pass_on(&vec![[].as_slice(); grids], team, Some(&sender)).is_some() && is_sent
     }
 
-    fn step(&mut self, scene: &mut Scene, asked: Asked, progress: &mut dyn Progress) -> Result<StepResult, RunError> {
+    fn step(
+        &mut self,
+        scene: &mut Solving<'_>,
+        asked: Asked,
+        progress: &mut dyn Progress,
+    ) -> Result<StepResult, RunError> {
         let Asked { number, count, leg } = asked;
         let time = leg.to;
         progress.step(number, count, if count.is_none() { leg.from.unwrap_or(time) } else { time });
-        let before = scene.contact.has_sliding().then(|| self.u.clone());
         let reached = if number == 0 && scene.steps.from_start {
             self.stepper.given(scene, &self.u, leg, &mut self.clock, progress)
         } else if let Some(explicit) = scene.explicit.clone() {
             self.stepper.explicit(scene, &explicit, &mut self.u, leg, &mut self.clock)
         } else if let (None, Some(at)) = (count, leg.from) {
-            let reach = Reach { at, stop: leg.to, limit: self.limit() };
+            let limit = self.limit().min(self.stepper.driven(scene, at, leg.to));
+            let reach = Reach { at, stop: leg.to, limit };
             self.stepper.advance(scene, &mut self.u, reach, &mut self.clock, progress)
         } else {
             self.stepper.reach(scene, &mut self.u, leg, &mut self.clock, progress)
         };
-        let wrap = |run: &Self, scene: &Scene, error| match error {
+        let wrap = |run: &Self, scene: &Solving<'_>, error| match error {
             StepError::Newton(error) => {
                 RunError::Newton { step: number, time, error: run.stepper.explained(scene, error, &run.u) }
             }
@@ -505,11 +521,13 @@ impl Run {
         let begin = Instant::now();
         let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
         let judged = judged.map_err(|error| wrap(self, scene, error.into()))?;
-        let Judged { accuracy, checks, turned, narrow, others, residual } = judged;
+        if solved {
+            self.watched.look(scene, &self.u, time);
+        }
+        let Judged { accuracy, checks, turned, narrow, zigzags, others, unstable, residual } = judged;
         let known = self.stepper.branches.take();
         let branches = if solved { residual.branches } else { known.unwrap_or_else(|| self.branches(scene)) };
-        let before = before.filter(|_| solved);
-        let friction = before.and_then(|before| friction_work(&scene.system, &scene.contact, &before, &self.u));
+        let slid = if solved { slid_past_faces(scene.system, scene.contact, &self.u) } else { Vec::new() };
         self.clock.check += begin.elapsed().as_secs_f64();
         let step = StepResult {
             time,
@@ -520,8 +538,10 @@ impl Run {
             checks,
             turned,
             narrow,
-            friction,
+            slid,
+            zigzags,
             others,
+            unstable,
             branches,
             ..StepResult::default()
         };
@@ -531,13 +551,23 @@ impl Run {
     /// The end of a step: states are renewed, measures taken.
     fn ended(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         mut step: StepResult,
         progress: &mut dyn Progress,
     ) -> Result<StepResult, RunError> {
         let begin = Instant::now();
         let (time, increment) = (step.time, step.increment);
         let (number, at) = (self.steps.len(), rates::StepTime { time, increment });
+        if step.history.converged() {
+            self.stepper.slide(scene, &self.u);
+        }
+        // the state where time starts is no step: friction remembers it
+        let is_start = number == 0 && scene.steps.from_start;
+        let friction = self.stepper.friction.as_mut().and_then(Friction::take).filter(|_| !is_start);
+        step.friction = friction.as_ref().map(|f| f.work);
+        step.creep = friction.and_then(|f| f.creep);
+        self.clock.check += begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
         let left = self.stepper.leave(scene, at, &mut self.u);
         left.map_err(|error| RunError::Newton { step: number, time, error })?;
         self.stepper.remember(scene, increment, &self.u);
@@ -552,7 +582,7 @@ impl Run {
     }
 
     /// The branches of the terms at a state that was not solved for, where a file shows them.
-    fn branches(&self, scene: &Scene) -> Vec<BranchCounts> {
+    fn branches(&self, scene: &Solving<'_>) -> Vec<BranchCounts> {
         if scene.vtk.is_empty() {
             return Vec::new();
         }

@@ -5,7 +5,8 @@ use std::{path::PathBuf, time::Instant};
 use crate::{
     output::{About, Hash, OrderedMap},
     pruning::Saving,
-    solve::{Linked, Precision},
+    scene::Scene,
+    solve::{Linked, Precision, SolverOptions},
 };
 
 /// How a scene is run.
@@ -72,6 +73,18 @@ impl RunOptions {
             keep_states: false,
             keep_outputs: Vec::new(),
             judge: true,
+        }
+    }
+
+    /// What the linear solver of a scene is told.
+    pub(super) fn of_solver(&self, scene: &Scene) -> SolverOptions {
+        SolverOptions {
+            threads: self.threads,
+            precision: self.precision,
+            method: scene.newton.linear,
+            solutions: scene.steps.expected(),
+            library: self.library,
+            ..SolverOptions::default()
         }
     }
 }

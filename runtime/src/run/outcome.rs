@@ -6,14 +6,15 @@ use super::{
     Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult,
     events::episodes,
     files::{StepFiles, write_measures},
-    folder,
+    folder, friction,
     leaving::lost,
     others, report,
 };
 use crate::{
     finite::BadMeasure,
+    newton::Stop,
     output::{self, EventReport, OutputDir, Piece, Real, Report, State, write_csv, write_report, write_vtu},
-    scene::{Scene, VtkOutput},
+    scene::{Equations, Scene, Solving, VtkOutput},
 };
 
 /// What a run ends with.
@@ -35,8 +36,12 @@ pub struct Outcome {
     pub diagnostics: Vec<wfl::Diagnostic>,
     /// The events of the scene by name, each with the times that it lasted.
     pub events: Vec<(String, Vec<Episode>)>,
+    /// Why the energy of friction is not tested; `None` where it is, or where there is none.
+    pub friction_untested: Option<&'static str>,
     /// What the numbers themselves give cause to doubt, with its code.
     pub warnings: Vec<(&'static str, String)>,
+    /// The equations at the end of the last step.
+    pub equations: Equations,
 }
 
 impl Outcome {
@@ -109,7 +114,7 @@ const FEWEST: usize = 3;
 
 impl Run {
     /// Ends the run; `error` is what it ended with, if that was no solution.
-    pub(super) fn outcome(self, scene: &Scene, options: &RunOptions, error: Option<&RunError>) -> Outcome {
+    pub(super) fn outcome(self, scene: &Solving<'_>, options: &RunOptions, error: Option<&RunError>) -> Outcome {
         let last: Vec<(String, f64)> = self.steps.last().map(|s| s.measures.clone()).unwrap_or_default();
         let done = self.is_done(scene) && error.is_none();
         let events = self.episodes(scene);
@@ -117,11 +122,13 @@ impl Run {
         events.iter().for_each(|(name, episodes)| known.extend(numbers_of(name, episodes)));
         let (expectations, diagnostics) = if done { scene.expectations(&known) } else { (Vec::new(), Vec::new()) };
         let mut warnings = report::warnings(&self.steps);
+        let solved = |s: &&StepResult| s.history.converged() && s.history.stop != Some(Stop::Given);
+        warnings.extend(self.watched.told(scene, &self.u, self.steps.iter().filter(solved).count()));
         warnings.extend(self.bad.iter().map(|bad| ("W610", bad.text())));
         let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
         let balance = self.stepper.balance.as_ref();
         warnings.extend(lost(scene, balance, measured).map(|text| ("W620", text)));
-        let longest = || scene.steps.values.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+        let longest = || scene.steps.longest_increment();
         warnings.extend(self.stepper.stability.told(longest).map(|text| ("W621", text)));
         warnings.extend(self.forced(scene).map(|text| ("W618", text)));
         warnings.extend(self.unestimated(scene).filter(|_| done).map(|text| ("W618", text)));
@@ -131,9 +138,22 @@ impl Run {
         let event = |e: &Episode| EventReport { begin: Real(e.begin), end: e.end.map(Real) };
         report.events = events.iter().map(|(name, list)| (name.as_str(), list.iter().map(event).collect())).collect();
         report.error = error.map(ToString::to_string);
-        let kept = self.kept;
+        let friction_untested = friction::untested(scene, &self.steps).filter(|_| options.judge);
+        let (kept, equations) = (self.kept, scene.now());
         let (steps, files) = (self.steps, Vec::new());
-        Outcome { steps, report, files, kept, expectations, known, diagnostics, warnings, events }
+        Outcome {
+            steps,
+            report,
+            files,
+            kept,
+            expectations,
+            known,
+            diagnostics,
+            warnings,
+            events,
+            friction_untested,
+            equations,
+        }
     }
 
     /// The events of the scene by name.

@@ -4,18 +4,18 @@ use super::{Progress, Run, StepResult, events::Sides};
 use crate::{
     assemble::FieldValues,
     finite::{BadMeasure, BadOutput},
-    scene::{CsvOutput, Scene, StepPlace},
+    scene::{CsvOutput, Scene, Solving, StepPlace},
 };
 
 impl Run {
     /// The measures of the scene by name, and those that are not finite with the place.
     pub(super) fn measures(
         &self,
-        scene: &mut Scene,
+        scene: &Solving<'_>,
         time: f64,
         increment: f64,
     ) -> (Vec<(String, f64)>, Vec<BadMeasure>) {
-        let Scene { system, measures: asked, .. } = scene;
+        let Solving { system, scene: Scene { measures: asked, .. }, .. } = scene;
         let u = &self.u;
         let (mut measures, mut bad_measures) = (Vec::with_capacity(asked.len()), Vec::new());
         for measure in asked {
@@ -36,14 +36,14 @@ impl Run {
 
     /// What the scene says that the increment behind the present state is at most, infinite where it says nothing; and the
     /// sides of its events.
-    pub(super) fn watched(&self, scene: &mut Scene, time: f64, increment: f64) -> (f64, Vec<Sides>) {
+    pub(super) fn watched(&self, scene: &Solving<'_>, time: f64, increment: f64) -> (f64, Vec<Sides>) {
         let limit = scene.steps.auto.as_ref().and_then(|auto| auto.limit.clone());
         if limit.is_none() && scene.events.is_empty() {
             return (f64::INFINITY, Vec::new());
         }
-        let Scene { system, watched, measures, .. } = scene;
+        let Solving { system, scene: Scene { watched, measures, .. }, .. } = scene;
         let mut values: Vec<(String, f64)> = Vec::new();
-        for measure in watched.iter_mut().chain(measures) {
+        for measure in watched.iter().chain(measures) {
             values.push((measure.name.clone(), measure.evaluate(system, time, increment, &self.u)));
         }
         values.extend(scene.steps.variable.clone().map(|name| (name, time)));
@@ -54,19 +54,19 @@ impl Run {
             let found = scene.number_of(&e, &values).or_else(|| scene.number_of(&e, &moving()));
             found.unwrap_or(f64::NAN)
         });
-        let side = |e: &wfl::ast::Expr| scene.number_of(e, &values).unwrap_or(f64::NAN);
-        let sides = scene.events.iter().map(|event| event.sides.each_ref().map(side)).collect();
-        (limit, sides)
+        let sides = scene.numbers_of(scene.events.iter().flat_map(|event| &event.sides), &values);
+        let sides: Vec<f64> = sides.into_iter().map(|side| side.unwrap_or(f64::NAN)).collect();
+        (limit, sides.as_chunks().0.to_vec())
     }
 
     /// The rows of the series of the scene at the present state: by series the values of all points; nothing of a series
     /// that leaves the step out.
-    pub(super) fn series(&self, scene: &mut Scene, step: &StepResult, place: StepPlace<'_>) -> Vec<Vec<Vec<f64>>> {
-        let Scene { system, series, steps, .. } = scene;
+    pub(super) fn series(&self, scene: &Solving<'_>, step: &StepResult, place: StepPlace<'_>) -> Vec<Vec<Vec<f64>>> {
+        let Solving { system, scene: Scene { series, steps, .. }, .. } = scene;
         let current = system.slices(&self.u);
         let previous = system.previous_slices();
         let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
-        let mut rows = |output: &mut CsvOutput| {
+        let rows = |output: &CsvOutput| {
             if !output.every.has(place, steps) {
                 return Vec::new();
             }
@@ -74,12 +74,12 @@ impl Run {
             let rows = output.line.rows(&system.mesh, step.time, step.increment, values, |_, _, _| {});
             rows.into_iter().map(|row| std::iter::once(step.time).chain(row.into_iter().skip(1)).collect()).collect()
         };
-        series.iter_mut().map(&mut rows).collect()
+        series.iter().map(rows).collect()
     }
 
     /// What terms print at their points.
-    pub(super) fn print(&mut self, scene: &mut Scene, time: f64, increment: f64, progress: &mut dyn Progress) {
-        let Scene { system, prints, .. } = scene;
+    pub(super) fn print(&mut self, scene: &Solving<'_>, time: f64, increment: f64, progress: &mut dyn Progress) {
+        let Solving { system, scene: Scene { prints, .. }, .. } = scene;
         let u = &self.u;
         let mut bad_prints = Vec::new();
         for print in prints {

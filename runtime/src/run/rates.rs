@@ -9,7 +9,7 @@ use crate::{
     finite::BadGiven,
     newton::NewtonError,
     rates::{RateFactors, Rates},
-    scene::{Explicit, Scene, node_positions},
+    scene::{Explicit, Solving, node_positions},
     solve::{CheckedLlt, CheckedLu, LinearSolver, SolverOptions},
     system::{Branches, FIXED, Form, System, SystemError},
 };
@@ -31,24 +31,24 @@ const SECOND: [f64; 5] = [35.0, -104.0, 114.0, -56.0, 11.0];
 const WEIGHT: i32 = 40;
 
 /// Begins the rates of a step; gives the time at which its equations stand.
-pub(super) fn enter(scene: &mut Scene, at: StepTime) -> StepTime {
+pub(super) fn enter(scene: &mut Solving<'_>, at: StepTime) -> StepTime {
     scene.system.known.begin_rates(at.increment);
     StepTime { time: at.time - offset(scene) * at.increment, ..at }
 }
 
 /// How far before its end the equations of a step stand, as a part of it.
-pub(super) fn offset(scene: &Scene) -> f64 {
+pub(super) fn offset(scene: &Solving<'_>) -> f64 {
     scene.system.known.rates.as_ref().map_or(0.0, |r| r.scheme().offset())
 }
 
 /// Writes the prescribed values of a step into `u`, which holds the state at its start. Where the equations stand within
 /// the step, fields with rates are prescribed so that they have their values at its end.
-pub(super) fn prescribe(scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Result<(), BadGiven> {
+pub(super) fn prescribe(scene: &mut Solving<'_>, at: StepTime, u: &mut [f64]) -> Result<(), BadGiven> {
     let StepTime { time, increment } = at;
     let offset = offset(scene);
     if offset == 0.0 {
         let applied = scene.prescribed.apply(time, increment, u);
-        return agreed(&scene.system, applied, u);
+        return agreed(scene.system, applied, u);
     }
     let before = u.to_vec();
     let mut end = before.clone();
@@ -74,7 +74,7 @@ fn agreed(system: &System, applied: Result<(), BadGiven>, u: &mut [f64]) -> Resu
 }
 
 /// The state at the end of a step whose equations were solved: `u` moves there from where they stand.
-pub(super) fn leave(scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Result<(), SystemError> {
+pub(super) fn leave(scene: &mut Solving<'_>, at: StepTime, u: &mut [f64]) -> Result<(), SystemError> {
     if offset(scene) == 0.0 {
         return Ok(());
     }
@@ -82,11 +82,11 @@ pub(super) fn leave(scene: &mut Scene, at: StepTime, u: &mut [f64]) -> Result<()
     if let (Some(rates), Some(past)) = (&mut known.rates, &known.previous) {
         rates.finish(u, &past.unknowns);
     }
-    crate::scene::set_data(scene, at.time, at.increment)
+    scene.set_data(at.time, at.increment)
 }
 
 /// The rates where time starts, at the state `u` and the first increment `at`.
-pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), NewtonError> {
+pub(super) fn start(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<(), NewtonError> {
     let most = scene.system.known.rates.as_ref().map_or(0, |rates| rates.scheme().most_order(RateForm::First));
     let of_a_list = scene.steps.auto.is_none();
     let begins_with_rates = most > 2 && of_a_list;
@@ -95,8 +95,8 @@ pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), Ne
     }
     let given = |bad: BadGiven| NewtonError::Given(Box::new(bad));
     let mut first = vec![0.0; u.len()];
-    for (field, value) in &mut scene.start_rates {
-        let positions = node_positions(&scene.system, *field);
+    for (field, value) in &scene.scene.start_rates {
+        let positions = node_positions(scene.system, *field);
         let values = value.at(&positions, at.time, 0.0).map_err(given)?;
         if let Some(start) = scene.system.numbering.starts[*field] {
             first[start..start + values.len()].copy_from_slice(&values);
@@ -119,7 +119,7 @@ pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), Ne
         Some(explicit) => (highest_by_diagonal(scene, &explicit, u, at, [&first, &second])?, true),
         None => highest(scene, u, at, [&first, &second])?,
     };
-    let form_of = |scene: &Scene, form| {
+    let form_of = |scene: &Solving<'_>, form| {
         let rates = scene.system.known.rates.as_ref().into_iter().flat_map(Rates::fields);
         rates.filter(|f| f.form == form).flat_map(|f| f.dofs.clone()).collect::<Vec<_>>()
     };
@@ -133,7 +133,7 @@ pub(super) fn start(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<(), Ne
 }
 
 /// Takes rates by dof as those at the start.
-fn keep(scene: &mut Scene, first: &[f64], second: &[f64]) {
+fn keep(scene: &mut Solving<'_>, first: &[f64], second: &[f64]) {
     if let Some(rates) = &mut scene.system.known.rates {
         rates.take(first, second);
     }
@@ -141,7 +141,7 @@ fn keep(scene: &mut Scene, first: &[f64], second: &[f64]) {
 
 /// First and second derivatives of the prescribed values in the step variable, by dof; zero where nothing is prescribed.
 /// Five values within the first step give them with an error of the fourth and third power of the increment.
-fn prescribed_rates(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<[Vec<f64>; 2], BadGiven> {
+fn prescribed_rates(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<[Vec<f64>; 2], BadGiven> {
     let distance = 0.25 * at.increment;
     let (mut first, mut second) = (vec![0.0; u.len()], vec![0.0; u.len()]);
     let mut here = u.to_vec();
@@ -159,7 +159,12 @@ fn prescribed_rates(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<[Vec<f
 
 /// The highest rate of each dof of a field with rates, from the equations with the other rates as they are kept; those
 /// that are prescribed stay. Behind them whether the equations say something of each.
-fn highest(scene: &mut Scene, u: &[f64], at: StepTime, known: [&[f64]; 2]) -> Result<(Vec<f64>, bool), NewtonError> {
+fn highest(
+    scene: &mut Solving<'_>,
+    u: &[f64],
+    at: StepTime,
+    known: [&[f64]; 2],
+) -> Result<(Vec<f64>, bool), NewtonError> {
     let mut rhs = Vec::new();
     let held = tangent(scene, u, at)?;
     let residual = scene.system.residual(u, &Form::AS_WRITTEN)?;
@@ -206,7 +211,7 @@ fn highest(scene: &mut Scene, u: &[f64], at: StepTime, known: [&[f64]; 2]) -> Re
 
 /// The accelerations with a mass on the diagonal; those that are prescribed stay.
 fn highest_by_diagonal(
-    scene: &mut Scene,
+    scene: &mut Solving<'_>,
     explicit: &Explicit,
     u: &[f64],
     at: StepTime,
@@ -229,7 +234,7 @@ fn highest_by_diagonal(
 }
 
 /// The whole tangent over the free unknowns at the present rates.
-fn tangent(scene: &mut Scene, u: &[f64], at: StepTime) -> Result<Csr, NewtonError> {
+fn tangent(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<Csr, NewtonError> {
     scene.system.begin_step(at.time, at.increment)?;
     scene.contact.begin_step(scene.system.known.step(at.time, at.increment));
     let mut changing = scene.system.new_tangent();

@@ -9,8 +9,11 @@ use super::{
 };
 use crate::{
     rates::{MOST_ORDER, Scheme},
-    scene::{Auto, Scene},
+    scene::{Auto, Scene, Solving},
 };
+
+/// A difference of a solution from an extrapolation of others is up to so many times the rounding of each.
+const ROUNDED: f64 = 16.0;
 
 /// What steps that the run chooses remember.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +38,7 @@ impl Adaptive {
     }
 
     /// Takes a solution at the end of an increment.
-    pub(super) fn add(&mut self, scene: &Scene, rules: &Auto, increment: f64, u: &[f64]) {
+    pub(super) fn add(&mut self, scene: &Solving<'_>, rules: &Auto, increment: f64, u: &[f64]) {
         let solution = joined(u, scene.states.iter().map(|s| scene.system.known.data[s.field].as_slice()));
         for (scale, range) in self.scales.iter_mut().zip(ranges(scene, rules)) {
             *scale = solution[range].iter().fold(*scale, |m, v| m.max(v.abs()));
@@ -45,7 +48,7 @@ impl Adaptive {
     }
 
     /// What is expected behind another increment; `None` where nothing is known of the past.
-    pub(super) fn expected(&self, scene: &Scene, increment: f64) -> Option<Vec<f64>> {
+    pub(super) fn expected(&self, scene: &Solving<'_>, increment: f64) -> Option<Vec<f64>> {
         let most = most_order(scene).min(self.control.order as usize);
         (1..=most).rev().find_map(|order| self.past.extrapolated(increment, order))
     }
@@ -54,7 +57,17 @@ impl Adaptive {
     ///
     /// What the scheme does not integrate, states among it, counts as a solution of backward Euler; so does everything in
     /// the second step, behind which no parabola is known yet: its error is smaller than that.
-    pub(super) fn errors(&self, scene: &Scene, rules: &Auto, increment: f64, solution: &[f64]) -> Option<Errors> {
+    ///
+    /// `rounding` is by dof what rounding may change of the unknowns, or empty: where all that a field has missed is that, it
+    /// has no error.
+    pub(super) fn errors(
+        &self,
+        scene: &Solving<'_>,
+        rules: &Auto,
+        increment: f64,
+        solution: &[f64],
+        rounding: &[f64],
+    ) -> Option<Errors> {
         let most = most_order(scene);
         let expected: Vec<Vec<f64>> = (1..=most).map_while(|order| self.past.extrapolated(increment, order)).collect();
         if expected.is_empty() {
@@ -67,8 +80,11 @@ impl Adaptive {
         let mut errors = Errors::default();
         for (field, (range, scale)) in rules.fields.iter().zip(ranges(scene, rules).zip(&self.scales)) {
             let scale = scale.max(size(&range));
+            let own = rounding.get(range.clone()).unwrap_or_default();
+            let rounded = ROUNDED * team.largest(own.iter().fold(0.0f64, |m, v| m.max(v.abs())));
             let error = |order: usize, method: f64| {
                 let missed = team.largest(distance(solution, &expected[order - 1], range.clone(), scale));
+                let missed = if missed * scale <= rounded { 0.0 } else { missed };
                 self.past.share(increment, order, method) * missed / rules.error
             };
             let order = rates.and_then(|rates| rates.order(*field)).filter(|order| *order <= expected.len());
@@ -108,7 +124,7 @@ fn larger(a: f64, b: f64) -> f64 {
 }
 
 /// The largest order with which the scheme integrates a field.
-fn most_order(scene: &Scene) -> usize {
+fn most_order(scene: &Solving<'_>) -> usize {
     scene.system.known.rates.as_ref().map_or(1, |rates| match rates.scheme() {
         Scheme::BackwardEuler => 1,
         scheme => rates.fields().iter().map(|of| scheme.most_order(of.form)).fold(2, usize::max),

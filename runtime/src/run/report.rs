@@ -1,8 +1,8 @@
 //! The contents of `report.json` from what a run did.
 
-use super::{Attempt, AttemptEnd, Others, Path, PhysicsCheck, Run, RunOptions, StepResult};
+use super::{Attempt, AttemptEnd, Others, Path, PhysicsCheck, Run, RunOptions, StepResult, friction};
 use crate::{
-    checks::{NarrowZone, TurnedCells},
+    checks::{NarrowZone, TurnedCells, Unstable, Zigzag},
     finite,
     left_out::LeftOut,
     mesh::{CellKind, Mesh},
@@ -139,8 +139,11 @@ pub(super) fn warnings(steps: &[StepResult]) -> Vec<(&'static str, String)> {
     }
     out.extend(turned(steps).map(|(time, cells)| ("W616", turned_text(time, cells))));
     out.extend(narrow(steps).map(|text| ("W617", text)));
-    out.extend(energy_back(steps).map(|text| ("W615", text)));
+    out.extend(zigzags(steps).map(|text| ("W520", text)));
+    out.extend(friction::warnings(steps));
     out.extend(several(steps).map(|text| ("W609", text)));
+    out.extend(unstable(steps).map(|text| ("W640", text)));
+    out.extend(laborious(steps).map(|text| ("W641", text)));
     for (time, check) in worst_checks(steps).into_iter().filter(|(_, c)| !c.holds()) {
         let (name, value, limit, detail) = (&check.name, check.value, check.limit, &check.detail);
         out.push(("W606", format!("{name}: {value:.1e} at t = {time}, at most {limit:.0e} expected; {detail}")));
@@ -180,37 +183,26 @@ fn narrow(steps: &[StepResult]) -> impl Iterator<Item = String> {
     })
 }
 
-/// Energy that friction gives back counts if it is this part of the most that it had taken in the run: where loads only
-/// grow but turn, a few thousandths come back.
-const BACK: f64 = 0.1;
-/// It is rounding below this part of what it is summed from, and of the friction bound over the largest displacement.
-const CANCELLED: f64 = 1e-3;
-const MOVED: f64 = 1e-6;
-
-/// The step in which friction as a whole has given back a part of the energy that it took.
-fn energy_back(steps: &[StepResult]) -> Option<String> {
-    let works = || steps.iter().filter_map(|s| Some((s.time, s.friction?)));
-    let (mut sum, mut most, mut limit) = (0.0f64, 0.0f64, 0.0f64);
-    for (_, work) in works() {
-        sum += work.taken;
-        most = most.max(sum);
-        limit = limit.max(CANCELLED * work.size).max(MOVED * work.bound);
-    }
-    limit = limit.max(BACK * most);
-    let (mut sum, mut high) = (0.0f64, 0.0f64);
-    for (time, work) in works() {
-        sum += work.taken;
-        high = high.max(sum);
-        let back = high - sum;
-        if back > limit {
-            return Some(format!(
-                "by t = {time} friction has returned the energy {back:.3e} of {high:.3e} that it had dissipated: a law \
-                 for the total slip has no memory; write its argument with the slip increment, tang(jump(uL,uR) - \
-                 jump(Previous_uL,Previous_uR))"
-            ));
+/// By term the step in which its pressures alternate most.
+fn zigzags(steps: &[StepResult]) -> impl Iterator<Item = String> {
+    let mut worst: Vec<(f64, &Zigzag)> = Vec::new();
+    for (time, zigzag) in steps.iter().flat_map(|s| s.zigzags.iter().map(|z| (s.time, z))) {
+        match worst.iter_mut().find(|w| w.1.term == zigzag.term) {
+            Some(w) if w.1.size.amplitude >= zigzag.size.amplitude => {}
+            Some(w) => *w = (time, zigzag),
+            None => worst.push((time, zigzag)),
         }
     }
-    None
+    worst.into_iter().map(|(time, Zigzag { term, size })| {
+        format!(
+            "at t = {time} the pressures of `{term}` alternate from point to point by about {:.0} % of their mean, on {:.0} % \
+             of the zone of contact; forces and means over faces are not affected. Either contact acts at more points than \
+             the displacements can follow (leave `quadrature` out there, or `vertex`; through a mapping a smaller gamma), \
+             or the gap varies from face to face (smaller faces resolve it)",
+            100.0 * size.amplitude,
+            100.0 * size.area
+        )
+    })
 }
 
 /// The strongest of what says that a state has others beside it.
@@ -234,6 +226,45 @@ fn several(steps: &[StepResult]) -> Option<String> {
             "from t = {} on the solution may not be unique: the determinant of a tangent during the iteration has the \
              opposite sign to that of the tied bodies, so that some loads have several solutions",
             step.time
+        )
+    })
+}
+
+/// The first step that ends in an equilibrium which is no minimum of the energy.
+fn unstable(steps: &[StepResult]) -> Option<String> {
+    let (time, found) = steps.iter().find_map(|s| Some((s.time, s.unstable?)))?;
+    let directions = match found {
+        Unstable::Directions(1) => "1 direction (a negative eigenvalue of the tangent)".to_owned(),
+        Unstable::Directions(n) => format!("{n} directions (negative eigenvalues of the tangent)"),
+        Unstable::Odd => "an odd number of directions (the determinant of the tangent is negative)".to_owned(),
+    };
+    Some(format!(
+        "at t = {time} the equilibrium is not stable: the energy decreases in {directions}, so that the bodies do not stay \
+         there; a load at which they buckle or snap through lies before. `perturb=1e-6` follows the branch that buckles"
+    ))
+}
+
+/// A step is told that took so many times the iterations of the others: the median of those that took some, and no fewer than
+/// a nonlinear step takes whose start is good.
+const LABORIOUS: usize = 10;
+const FEW_ITERATIONS: usize = 3;
+
+/// The step that took the most iterations, if those are many times what the other steps took.
+fn laborious(steps: &[StepResult]) -> Option<String> {
+    let converged = || steps.iter().filter(|s| s.history.converged());
+    let most = converged().max_by(|a, b| a.iterations().cmp(&b.iterations()))?;
+    let mut all: Vec<usize> = converged().map(StepResult::iterations).filter(|n| *n > 0).collect();
+    all.sort_unstable();
+    let usual = all.get((all.len().max(1) - 1) / 2)?.max(&FEW_ITERATIONS);
+    // of one step there is nothing to compare it with
+    let several = converged().count() > 1;
+    let usual = if all.len() < 2 { FEW_ITERATIONS } else { *usual };
+    (several && most.iterations() >= LABORIOUS * usual).then(|| {
+        format!(
+            "the step to t = {} took {} iterations, other steps about {usual}: it may have ended in another state than that \
+             which the steps before lead to; compare its measures with those of smaller steps",
+            most.time,
+            most.iterations()
         )
     })
 }

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     newton::NewtonError,
     output::{Identity, OutputDir},
-    scene::Scene,
+    scene::Solving,
 };
 
 impl Run {
@@ -17,7 +17,7 @@ impl Run {
     /// others go on from what it has read.
     pub(super) fn take_up(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         options: &RunOptions,
         identity: &Identity,
         files: &mut Files<'_>,
@@ -50,45 +50,23 @@ impl Run {
     fn go_on_from(
         &mut self,
         found: checkpoint::Found,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         folder: &FilePath,
         progress: &mut dyn Progress,
     ) -> Result<(), RunError> {
         let misfit =
             || CheckpointError::Damaged { path: folder.join(CHECKPOINT_FILE), what: "it does not fit the scene" };
         let Some(last) = found.steps.last() else { return Ok(()) };
-        if found.u.len() != self.u.len() || scene.steps.listed().is_some_and(|n| found.steps.len() > n) {
+        if scene.steps.listed().is_some_and(|n| found.steps.len() > n) {
             return Err(misfit().into());
         }
         let wrap = |error: NewtonError| RunError::Newton { step: found.steps.len() - 1, time: last.time, error };
         self.clock = found.clock;
         let at = StepTime { time: last.time, increment: last.increment };
-        if let Some(rates) = &mut scene.system.known.rates
-            && !rates.recall(&found.rates)
-        {
+        if !self.set_state(scene, found.state, at, progress).map_err(wrap)? {
             return Err(misfit().into());
         }
-        let fits = if let Some(explicit) = &scene.explicit {
-            progress.solver(&explicit.describe(&scene.steps));
-            true
-        } else {
-            self.stepper.prepare(scene, at, &mut self.clock, progress).map_err(wrap)?;
-            let solver = self.stepper.solver.as_mut().expect("prepared above");
-            let fits = solver.recall(&found.solver).map_err(|e| wrap(e.into()))?;
-            solver.starts_elsewhere();
-            fits
-        };
-        if !(fits && self.stepper.recall_of_all(scene, &found.memory)) {
-            return Err(misfit().into());
-        }
-        if found.balance.is_some() != scene.energy.is_some() {
-            return Err(misfit().into());
-        }
-        let mut balance = found.balance;
-        balance.iter_mut().for_each(|balance| balance.keep_own(&scene.system));
-        (self.stepper.adaptive, self.stepper.balance) = (found.adaptive, balance);
-        (self.stepper.level, self.stepper.easy) = (found.level, found.easy);
-        (self.u, self.steps, self.log) = (found.u, found.steps, found.log);
+        (self.steps, self.log) = (found.steps, found.log);
         Ok(())
     }
 }

@@ -7,25 +7,54 @@
 use rayon::ThreadPool;
 
 use super::{
-    Asked, Outcome, Progress, Run, RunError, RunOptions, STACK, StepError, StepResult,
+    Asked, Outcome, Progress, Run, RunError, RunOptions, RunState, STACK, StepError, StepResult, folder,
+    leg::Leg,
     rates::{self, StepTime},
-    stepping::{self, Leg},
+    stepping,
+    watched::Watched,
 };
 use crate::{
     csr::Csr,
+    finite::BadOutput,
     newton::{NewtonError, StepHistory},
     output::Hash,
-    scene::Scene,
+    scene::{Equations, Scene},
     system::{Branches, Form},
 };
 
 /// A run between two steps. The scene is handed to every call: always the one that the session was made with.
 pub struct Session {
     run: Run,
+    equations: Equations,
     options: RunOptions,
     pool: Option<ThreadPool>,
     /// The step that [`Self::begin`] has prepared: the step variable and its increment.
     begun: Option<(f64, f64)>,
+}
+
+/// Where a session has stood: [`Session::go_back`] returns there.
+#[derive(Clone, Debug)]
+pub struct Standing {
+    /// What the run is: scene, parameters, files.
+    of: Hash,
+    steps: Vec<StepResult>,
+    state: Box<RunState>,
+    watched: Watched,
+    bad: Vec<BadOutput>,
+}
+
+impl Standing {
+    /// The number of steps that were done.
+    #[must_use]
+    pub fn n_steps(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// All that the next step depends on beside the scene.
+    #[must_use]
+    pub fn state(&self) -> &RunState {
+        &self.state
+    }
 }
 
 impl Session {
@@ -33,10 +62,11 @@ impl Session {
     ///
     /// # Errors
     /// [`RunError::Start`].
-    pub fn new(scene: &mut Scene, options: RunOptions) -> Result<Self, RunError> {
-        let run = Run::new(scene, &options, Hash::of(b""))?;
+    pub fn new(scene: &Scene, options: RunOptions) -> Result<Self, RunError> {
+        let mut equations = scene.equations();
+        let run = Run::new(&mut scene.solving(&mut equations), &options, Hash::of(b""))?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads.max(1)).stack_size(STACK).build().ok();
-        Ok(Self { run, options, pool, begun: None })
+        Ok(Self { run, equations, options, pool, begun: None })
     }
 
     /// The steps that were done.
@@ -49,6 +79,12 @@ impl Session {
     #[must_use]
     pub fn unknowns(&self) -> &[f64] {
         &self.run.u
+    }
+
+    /// The equations at the present step.
+    #[must_use]
+    pub fn equations(&self) -> &Equations {
+        &self.equations
     }
 
     /// Sets the unknowns that the next step starts from; they count as the end of the last step.
@@ -74,7 +110,7 @@ impl Session {
     ///
     /// # Errors
     /// [`RunError`]; a step that does not converge is no error.
-    pub fn step(&mut self, scene: &mut Scene, progress: &mut dyn Progress) -> Result<Option<&StepResult>, RunError> {
+    pub fn step(&mut self, scene: &Scene, progress: &mut dyn Progress) -> Result<Option<&StepResult>, RunError> {
         let failed = self.run.steps.last().is_some_and(|s| !s.history.converged());
         match self.run.next_asked(scene) {
             Some(asked) if !failed || scene.steps.go_on => self.solve(scene, asked, progress).map(Some),
@@ -87,23 +123,20 @@ impl Session {
     ///
     /// # Errors
     /// [`RunError`]; a step that does not converge is no error.
-    pub fn step_to(
-        &mut self,
-        scene: &mut Scene,
-        time: f64,
-        progress: &mut dyn Progress,
-    ) -> Result<&StepResult, RunError> {
+    pub fn step_to(&mut self, scene: &Scene, time: f64, progress: &mut dyn Progress) -> Result<&StepResult, RunError> {
         let number = self.run.steps.len();
-        let leg = Leg { from: self.last_value(), to: time, first_increment: self.first_increment(scene, time) };
+        let first_increment = self.first_increment(scene, time);
+        let leg = Leg { from: self.last_value(), to: time, first_increment, told: None };
         self.solve(scene, Asked { number, count: Some(number + 1), leg }, progress)
     }
 
-    fn solve(&mut self, scene: &mut Scene, asked: Asked, progress: &mut dyn Progress) -> Result<&StepResult, RunError> {
+    fn solve(&mut self, scene: &Scene, asked: Asked, progress: &mut dyn Progress) -> Result<&StepResult, RunError> {
         self.begun = None;
-        let Self { run, options, pool, .. } = self;
-        let step = on(pool.as_ref(), || run.step(scene, asked, progress))?;
+        let Self { run, equations, options, pool, .. } = self;
+        let solving = &mut scene.solving(equations);
+        let step = on(pool.as_ref(), || run.step(solving, asked, progress))?;
         progress.step_done(&step);
-        run.add(step, scene, options);
+        run.add(step, solving, options);
         Ok(run.steps.last().expect("added above"))
     }
 
@@ -130,25 +163,27 @@ impl Session {
     /// # Errors
     /// [`RunError::Newton`] for a given value that is not finite, and for terms that cannot be assembled;
     /// [`RunError::NoEquations`] for explicit steps.
-    pub fn begin(&mut self, scene: &mut Scene, time: f64) -> Result<&[f64], RunError> {
+    pub fn begin(&mut self, scene: &Scene, time: f64) -> Result<&[f64], RunError> {
         if scene.explicit.is_some() {
             return Err(RunError::NoEquations);
         }
-        let leg = Leg { from: self.last_value(), to: time, first_increment: self.first_increment(scene, time) };
+        let first_increment = self.first_increment(scene, time);
+        let leg = Leg { from: self.last_value(), to: time, first_increment, told: None };
         let increment = leg.from.map_or(leg.first_increment, |from| leg.increment(from));
         let number = self.run.steps.len();
         let given = number == 0 && scene.steps.from_start;
-        let Self { run, pool, .. } = self;
+        let Self { run, equations, pool, .. } = self;
+        let solving = &mut scene.solving(equations);
         let begun = on(pool.as_ref(), || {
-            stepping::begin(scene, leg, &run.u)?;
+            stepping::begin(solving, leg, &run.u)?;
             let at = StepTime { time, increment };
             if given {
-                rates::start(scene, &run.u, at)?;
+                rates::start(solving, &run.u, at)?;
             }
-            let stands = if given { at } else { rates::enter(scene, at) };
-            super::set_data(scene, stands.time, increment)?;
-            let changed = scene.system.begin_step(stands.time, increment)?;
-            scene.contact.begin_step(scene.system.known.step(stands.time, increment));
+            let stands = if given { at } else { rates::enter(solving, at) };
+            solving.set_data(stands.time, increment)?;
+            let changed = solving.system.begin_step(stands.time, increment)?;
+            solving.contact.begin_step(solving.system.known.step(stands.time, increment));
             if changed {
                 // a factor of the matrix before serves no step that is solved later
                 run.stepper.solver = None;
@@ -157,7 +192,7 @@ impl Session {
                 return Ok(());
             }
             let bad = |bad| NewtonError::Given(Box::new(bad));
-            rates::prescribe(scene, at, &mut run.u).map_err(bad)
+            rates::prescribe(solving, at, &mut run.u).map_err(bad)
         });
         begun.map_err(|error| RunError::Newton { step: number, time, error })?;
         self.begun = Some((time, increment));
@@ -178,10 +213,11 @@ impl Session {
     ///
     /// # Panics
     /// If `u` has not as many numbers as there are unknowns.
-    pub fn residual(&self, scene: &Scene, u: &[f64]) -> Result<Vec<f64>, NewtonError> {
-        let all = on(self.pool.as_ref(), || scene.system.residual(u, &Form::AS_WRITTEN))?;
+    pub fn residual(&self, u: &[f64]) -> Result<Vec<f64>, NewtonError> {
+        let system = &self.equations.system;
+        let all = on(self.pool.as_ref(), || system.residual(u, &Form::AS_WRITTEN))?;
         let mut free = Vec::new();
-        scene.system.numbering.gather(&all.values, &mut free);
+        system.numbering.gather(&all.values, &mut free);
         Ok(free)
     }
 
@@ -193,9 +229,10 @@ impl Session {
     ///
     /// # Panics
     /// As [`Self::residual`].
-    pub fn forces(&self, scene: &Scene, u: &[f64]) -> Result<Vec<f64>, NewtonError> {
-        let mut all = on(self.pool.as_ref(), || scene.system.residual(u, &Form::AS_WRITTEN))?.values;
-        scene.system.numbering.frames.turn_back(&mut all);
+    pub fn forces(&self, u: &[f64]) -> Result<Vec<f64>, NewtonError> {
+        let system = &self.equations.system;
+        let mut all = on(self.pool.as_ref(), || system.residual(u, &Form::AS_WRITTEN))?.values;
+        system.numbering.frames.turn_back(&mut all);
         Ok(all)
     }
 
@@ -206,8 +243,8 @@ impl Session {
     ///
     /// # Panics
     /// As [`Self::residual`].
-    pub fn tangent(&self, scene: &Scene, u: &[f64]) -> Result<Csr, NewtonError> {
-        let system = &scene.system;
+    pub fn tangent(&self, u: &[f64]) -> Result<Csr, NewtonError> {
+        let system = &self.equations.system;
         on(self.pool.as_ref(), || {
             let mut tangent = system.new_tangent();
             system.tangent(u, Branches::AsWritten, &mut tangent)?;
@@ -223,20 +260,16 @@ impl Session {
     ///
     /// # Panics
     /// If no step was begun, or `u` has not as many numbers as there are unknowns.
-    pub fn accept(
-        &mut self,
-        scene: &mut Scene,
-        u: &[f64],
-        progress: &mut dyn Progress,
-    ) -> Result<&StepResult, RunError> {
+    pub fn accept(&mut self, scene: &Scene, u: &[f64], progress: &mut dyn Progress) -> Result<&StepResult, RunError> {
         let (time, increment) = self.begun.take().expect("a step was begun");
         let number = self.run.steps.len();
-        let Self { run, options, pool, .. } = self;
-        let finite = scene.system.check_finite("value", u, u);
+        let Self { run, equations, options, pool, .. } = self;
+        let solving = &mut scene.solving(equations);
+        let finite = solving.system.check_finite("value", u, u);
         finite.map_err(|error| RunError::Newton { step: number, time, error: error.into() })?;
         run.u.copy_from_slice(u);
         let step = on(pool.as_ref(), || {
-            let next = run.stepper.keep_states(scene, StepTime { time, increment }, &run.u);
+            let next = run.stepper.keep_states(solving, StepTime { time, increment }, &run.u);
             next.map_err(|error| match error {
                 StepError::Newton(error) => RunError::Newton { step: number, time, error },
                 StepError::State { state, value, position } => {
@@ -244,20 +277,72 @@ impl Session {
                 }
             })?;
             // the active set is that of another state: a step that is solved next chooses its own
-            scene.contact.set_warm(false);
-            let (history, branches) = (StepHistory::given(), run.branches(scene));
+            solving.contact.set_warm(false);
+            let (history, branches) = (StepHistory::given(), run.branches(solving));
             let step = StepResult { time, increment, history, branches, ..StepResult::default() };
-            run.ended(scene, step, progress)
+            run.ended(solving, step, progress)
         })?;
         progress.step_done(&step);
-        run.add(step, scene, options);
+        run.add(step, solving, options);
         Ok(run.steps.last().expect("added above"))
+    }
+
+    /// Where the run stands: a value to go back to, as often as one likes. It holds a copy of the steps so far.
+    ///
+    /// # Errors
+    /// [`RunError::Begun`] between [`Self::begin`] and [`Self::accept`]: there the unknowns are those of no step.
+    pub fn standing(&mut self, scene: &Scene) -> Result<Standing, RunError> {
+        if self.begun.is_some() {
+            return Err(RunError::Begun);
+        }
+        let run = &self.run;
+        let state = run.state(&scene.solving(&mut self.equations));
+        let (of, steps) = (folder::identity(scene, &self.options).hash(), run.steps.clone());
+        Ok(Standing { of, steps, state: Box::new(state), watched: run.watched.clone(), bad: run.bad.clone() })
+    }
+
+    /// Goes back to where a run of this scene has stood: its steps are those from then on, and the next one has the bits
+    /// that it had from there. After an error the run stands where it stood before.
+    ///
+    /// # Errors
+    /// [`RunError::Newton`] where terms cannot be assembled, [`RunError::Start`] for a first value that is not finite,
+    /// [`RunError::NotOfThisScene`] for a state of another scene.
+    pub fn go_back(&mut self, scene: &Scene, to: &Standing, progress: &mut dyn Progress) -> Result<(), RunError> {
+        if to.of != folder::identity(scene, &self.options).hash() {
+            return Err(RunError::NotOfThisScene);
+        }
+        let mut equations = scene.equations();
+        let solving = &mut scene.solving(&mut equations);
+        let mut run = Run::new(solving, &self.options, Hash::of(b""))?;
+        let (n, state) = (to.steps.len(), (*to.state).clone());
+        let fits = match to.steps.last() {
+            Some(last) => {
+                let (time, at) = (last.time, StepTime { time: last.time, increment: last.increment });
+                let fits = on(self.pool.as_ref(), || run.set_state(solving, state, at, progress));
+                fits.map_err(|error| RunError::Newton { step: n - 1, time, error })?
+            }
+            // nothing was done yet: what the caller may have set are the unknowns
+            None => {
+                let fits = run.u.len() == state.u.len();
+                run.u = state.u;
+                fits
+            }
+        };
+        if !fits {
+            return Err(RunError::NotOfThisScene);
+        }
+        (run.steps, run.watched, run.bad) = (to.steps.clone(), to.watched.clone(), to.bad.clone());
+        run.clock = self.run.clock;
+        run.kept = std::mem::take(&mut self.run.kept);
+        run.kept.retain(|kept| kept.number < n);
+        (self.run, self.equations, self.begun) = (run, equations, None);
+        Ok(())
     }
 
     /// Ends the run.
     #[must_use]
-    pub fn outcome(self, scene: &Scene) -> Outcome {
-        self.run.outcome(scene, &self.options, None)
+    pub fn outcome(mut self, scene: &Scene) -> Outcome {
+        self.run.outcome(&scene.solving(&mut self.equations), &self.options, None)
     }
 }
 

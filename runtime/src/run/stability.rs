@@ -10,7 +10,7 @@ use super::rates::StepTime;
 use crate::{
     assemble::BranchCounts,
     newton::NewtonError,
-    scene::{Explicit, MOST_FRACTION, Scene},
+    scene::{Explicit, MOST_FRACTION, Solving},
 };
 
 /// Steps for each evaluation that a limit takes: what is spent on limits is a tenth of the steps.
@@ -48,7 +48,7 @@ impl Stability {
     /// Looks at the end `u` of a step, whose terms are on these branches.
     pub(super) fn look(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         explicit: &Explicit,
         u: &[f64],
         at: StepTime,
@@ -66,11 +66,9 @@ impl Stability {
         if !is_due {
             return Ok(());
         }
-        let rates = scene.system.known.rates.clone();
-        let limit = explicit.lumped.longest_step(&mut scene.system, u, at.time);
-        scene.system.known.rates = rates;
-        scene.system.set_laws(at.time, at.increment);
-        let limit = limit?;
+        let limit = scene
+            .system
+            .with_other_rates((at.time, at.increment), |system| explicit.lumped.longest_step(system, u, at.time))?;
         (self.seen, self.looks) = (Some(branches.to_vec()), self.looks + 1);
         self.wait = STEPS_FOR_EACH * limit.evaluations;
         let found = Fallen { time: at.time, limit: limit.step, share: at.increment.abs() / limit.step };

@@ -19,20 +19,22 @@ use thiserror::Error;
 use crate::{
     assemble::BranchCounts,
     checks::explained,
-    newton::{LinearSolver, LoadStep, NewtonError, Rounding, Spent, StepHistory, solve_step},
+    newton::{LinearSolver, LoadStep, NewtonError, NewtonOptions, Rounding, Spent, StepHistory, solve_step},
     rates::Rates,
     run::{
         Attempt, AttemptEnd, Clock, Forward, Path, Progress,
         balance::Balance,
-        checkpoint::Kept,
+        friction::Friction,
+        leg::Leg,
         memory::Memory,
         rates::{self, StepTime},
         remembered::Adaptive,
         stability::Stability,
+        state::Snapshot,
     },
-    scene::Scene,
+    scene::{Scene, Solving},
     solve::SolverOptions,
-    system::{FIXED, Form, LinearTerms, System, Tangent},
+    system::{FIXED, Form, LinearTerms, Residual, System, Tangent},
 };
 
 /// Converged parts in a row after which the increment doubles.
@@ -60,27 +62,6 @@ pub(super) enum StepError {
     },
 }
 
-/// A requested step.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Leg {
-    /// The value before; `None` for the first step.
-    pub(super) from: Option<f64>,
-    /// The value to reach.
-    pub(super) to: f64,
-    /// The increment of the first step.
-    pub(super) first_increment: f64,
-}
-
-impl Leg {
-    /// The increment from the value before. Values of equal steps differ by rounding from those of exact ones; their
-    /// increments are the same number, so that matrices made with it stay.
-    pub(super) fn increment(&self, from: f64) -> f64 {
-        let rounding = 2.0 * f64::EPSILON * from.abs().max(self.to.abs());
-        let increment = self.to - from;
-        if (increment - self.first_increment).abs() <= rounding { self.first_increment } else { increment }
-    }
-}
-
 /// How a step ended.
 pub(super) struct Reached {
     /// The attempt that reached the end, or of those that failed the one at the whole step.
@@ -104,6 +85,8 @@ pub(super) struct Target<'a> {
     pub(super) time: f64,
     pub(super) increment: f64,
     pub(super) load: Option<(&'a LoadStart, f64)>,
+    /// Iterations after which it ends, where the scene allows more.
+    pub(super) iterations: usize,
 }
 
 /// Solves steps one after the other and remembers how large their parts may be.
@@ -111,6 +94,8 @@ pub(super) struct Stepper {
     pub(super) solver: Option<LinearSolver>,
     /// The tangent that was assembled last.
     pub(super) tangent: Option<Tangent>,
+    /// The residual at the state that the last attempt reached, if it is at hand.
+    pub(super) residual: Option<Residual>,
     /// How linear terms were evaluated at the end of the last part.
     pub(super) linear: LinearTerms,
     /// The present increment is 2^-level of a step.
@@ -128,8 +113,12 @@ pub(super) struct Stepper {
     pub(super) balance: Option<Balance>,
     /// What is watched of explicit steps.
     pub(super) stability: Stability,
+    /// What is kept of friction, where that is asked for.
+    pub(super) friction: Option<Friction>,
     /// By term the branches at the end of a step for which nothing was solved.
     pub(super) branches: Option<Vec<BranchCounts>>,
+    /// An error of the linear solver gets its reason: that takes longer than another attempt.
+    pub(super) explains: bool,
 }
 
 impl Stepper {
@@ -137,6 +126,7 @@ impl Stepper {
         Self {
             solver: None,
             tangent: None,
+            residual: None,
             linear: LinearTerms::ByMatrix,
             level: 0,
             easy: 0,
@@ -146,65 +136,59 @@ impl Stepper {
             adaptive: None,
             balance: None,
             stability: Stability::default(),
+            friction: None,
             branches: None,
+            explains: true,
         }
     }
 
     /// What later steps depend on beside the unknowns.
-    pub(super) fn memory(&self, scene: &Scene) -> Memory {
+    pub(super) fn memory(&self, scene: &Solving<'_>) -> Memory {
         match &self.tangent {
             Some(tangent) => Memory::of(scene, tangent),
             None => Memory::of(scene, &scene.system.new_tangent()),
         }
     }
 
-    /// What a checkpoint keeps, made by all ranks together.
-    pub(super) fn kept_of_all(&self, scene: &Scene) -> Kept {
-        let memory = match &self.tangent {
+    /// The same of all ranks, made by all together.
+    pub(super) fn memory_of_all(&self, scene: &Solving<'_>) -> Memory {
+        match &self.tangent {
             _ if !scene.system.mesh.is_whole() => self.memory(scene),
             Some(tangent) => Memory::of_all(scene, tangent),
             None if scene.explicit.is_some() => Memory::without_tangent(scene),
             None => Memory::of_all(scene, &scene.system.new_tangent()),
-        };
-        Kept { memory, balance: self.balance.as_ref().map(|balance| balance.of_all(scene.system.team())) }
+        }
     }
 
     /// Goes back to what a checkpoint kept; false if that belongs to another scene.
-    pub(super) fn recall_of_all(&mut self, scene: &mut Scene, memory: &Memory) -> bool {
+    pub(super) fn recall_of_all(&mut self, scene: &mut Solving<'_>, memory: &Memory) -> bool {
         if scene.explicit.is_some() {
             return memory.recall_without_tangent(scene);
         }
-        if !scene.system.mesh.is_whole() {
-            return self.recall(scene, memory);
-        }
         let tangent = self.tangent.get_or_insert_with(|| scene.system.new_tangent());
-        memory.recall_of_all(scene, tangent)
-    }
-
-    /// Goes back to what was remembered; false if that belongs to another scene.
-    pub(super) fn recall(&mut self, scene: &mut Scene, memory: &Memory) -> bool {
-        let tangent = self.tangent.get_or_insert_with(|| scene.system.new_tangent());
-        memory.recall(scene, tangent)
+        if scene.system.mesh.is_whole() { memory.recall_of_all(scene, tangent) } else { memory.recall(scene, tangent) }
     }
 
     /// Solves the step; `u` holds the state before and then the one after.
     pub(super) fn reach(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         u: &mut [f64],
         leg: Leg,
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
         let mut parts = Parts::new(leg, if scene.system.is_linear() { 0 } else { scene.steps.halve });
-        self.level = self.level.min(parts.halve);
         begin(scene, leg, u)?;
-        let known_before = scene.system.known.clone();
+        let mut start = self.snapshot(scene, u);
+        self.level = self.level.min(parts.halve);
+        // behind the parts that have passed
+        let mut passed: Option<Snapshot> = None;
         loop {
             let span = parts.next(self.level);
-            let before = (u.to_vec(), self.memory(scene));
             let target = parts.target(span);
             let at = StepTime { time: target.time, increment: target.increment };
+            self.explains = span.to - span.from == parts.whole;
             let result = self.attempt(scene, u, &target, clock, progress);
             parts.list(span, &result, self.spent);
             match result {
@@ -215,24 +199,22 @@ impl Stepper {
                         return Ok(self.reached(parts, history, at.increment));
                     }
                     if parts.path == Path::Steps {
+                        self.keep_sums(&mut start);
+                        self.slide(scene, u);
                         self.leave(scene, at, u)?;
                         scene.system.known.keep(u);
                     }
+                    passed = Some(self.snapshot(scene, u));
                 }
                 Err(StepError::Newton(error)) if error.ends_the_run() => {
-                    u.copy_from_slice(&before.0);
-                    let known = self.recall(scene, &before.1);
-                    debug_assert!(known, "the memory is that of this system");
-                    scene.system.known = known_before;
+                    self.end_at(scene, u, &start);
                     return Err(error.into());
                 }
                 failed => {
                     parts.keep_whole(span, failed, u);
-                    u.copy_from_slice(&before.0);
-                    let known = self.recall(scene, &before.1);
-                    debug_assert!(known, "the memory is that of this system");
+                    self.go_back(scene, u, passed.as_ref().unwrap_or(&start));
                     if !self.halves(scene, &mut parts, u) {
-                        scene.system.known = known_before;
+                        self.go_back(scene, u, &start);
                         return self.give_up(scene, u, parts, clock, progress);
                     }
                 }
@@ -241,9 +223,9 @@ impl Stepper {
     }
 
     /// Halves the increment after an attempt that came to nothing; false where that is not to be tried.
-    fn halves(&mut self, scene: &Scene, parts: &mut Parts, u: &[f64]) -> bool {
+    fn halves(&mut self, scene: &Solving<'_>, parts: &mut Parts, u: &[f64]) -> bool {
         if parts.path == Path::Load && parts.load.is_none() {
-            parts.load = load_start(&scene.system, u);
+            parts.load = load_start(scene.system, u);
         }
         parts.fruitless += self.spent.iterations;
         let patient = parts.fruitless <= FRUITLESS * scene.newton.max_iterations;
@@ -258,7 +240,7 @@ impl Stepper {
     /// The attempt at the whole step is what is told of a step that was not solved.
     fn give_up(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         u: &mut [f64],
         mut parts: Parts,
         clock: &mut Clock,
@@ -271,6 +253,7 @@ impl Stepper {
         let (result, state) = match failed {
             Some(failed) => failed,
             None => {
+                self.explains = true;
                 let result = self.attempt(scene, u, &target, clock, progress);
                 parts.list(parts.all(), &result, self.spent);
                 (result, u.to_vec())
@@ -301,7 +284,7 @@ impl Stepper {
 
     pub(super) fn attempt(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         u: &mut [f64],
         target: &Target<'_>,
         clock: &mut Clock,
@@ -323,25 +306,29 @@ impl Stepper {
         let begin = Instant::now();
         let mut watch = Forward { progress };
         let carries = scene.system.known.rates.as_ref().is_some_and(Rates::carries_rounding);
+        let newton = scene.newton;
         let mut step = LoadStep {
-            system: &scene.system,
-            contact: &mut scene.contact,
+            system: scene.system,
+            contact: scene.contact,
             solver: self.solver.as_mut().expect("prepared above"),
             tangent: self.tangent.as_mut().expect("prepared above"),
             offset: &offset,
             linear: LinearTerms::ByMatrix,
-            options: scene.newton,
+            options: NewtonOptions { max_iterations: newton.max_iterations.min(target.iterations), ..newton },
             watch: &mut watch,
             spent: Spent::default(),
             rounding: carries.then(Rounding::default),
+            reached: None,
         };
         let result = solve_step(&mut step, &from, u);
         (self.linear, self.spent) = (step.linear, step.spent);
+        // a state with rates is moved once more below
+        self.residual = step.reached.take().filter(|_| target.load.is_none() && scene.system.known.rates.is_none());
         let rounding = step.rounding;
         clock.factor += self.spent.factor;
         clock.solve += self.spent.solve;
         clock.assemble += begin.elapsed().as_secs_f64() - self.spent.factor - self.spent.solve;
-        let history = result.map_err(|error| self.explained(scene, error, u))?;
+        let history = result.map_err(|error| if self.explains { self.explained(scene, error, u) } else { error })?;
         // a state that is written, measured or continued is finite
         scene.system.check_finite("value", u, u).map_err(NewtonError::from)?;
         if let (Some(rounding), Some(rates)) = (rounding, &mut scene.system.known.rates) {
@@ -356,22 +343,22 @@ impl Stepper {
     }
 
     /// An error of the linear solver with its reason, where the tangent is singular.
-    pub(super) fn explained(&self, scene: &Scene, error: NewtonError, u: &[f64]) -> NewtonError {
+    pub(super) fn explained(&self, scene: &Solving<'_>, error: NewtonError, u: &[f64]) -> NewtonError {
         match &self.tangent {
-            Some(tangent) => explained(error, &scene.system, &scene.contact, tangent, u),
+            Some(tangent) => explained(error, scene.system, scene.contact, tangent, u),
             None => error,
         }
     }
 
     /// Computes the states that follow from `u`; [`Self::renew`] takes them over.
-    pub(super) fn keep_states(&mut self, scene: &mut Scene, at: StepTime, u: &[f64]) -> Result<(), StepError> {
+    pub(super) fn keep_states(&mut self, scene: &mut Solving<'_>, at: StepTime, u: &[f64]) -> Result<(), StepError> {
         self.next_states = next_states(scene, at.time, at.increment, u)?;
         Ok(())
     }
 
     /// Takes over the states that follow from the last part that converged.
-    pub(super) fn renew(&mut self, scene: &mut Scene) {
-        for (state, values) in scene.states.iter().zip(self.next_states.drain(..)) {
+    pub(super) fn renew(&mut self, scene: &mut Solving<'_>) {
+        for (state, values) in scene.scene.states.iter().zip(self.next_states.drain(..)) {
             scene.system.known.data[state.field] = values;
         }
     }
@@ -379,7 +366,7 @@ impl Stepper {
     /// The first step of a scene with rates: its state is given, nothing is solved.
     pub(super) fn given(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         u: &[f64],
         leg: Leg,
         clock: &mut Clock,
@@ -408,13 +395,13 @@ impl Stepper {
     /// Brings known fields, terms and the linear solver to a value of the step variable.
     pub(super) fn prepare(
         &mut self,
-        scene: &mut Scene,
+        scene: &mut Solving<'_>,
         at: StepTime,
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<(), NewtonError> {
         let StepTime { time, increment } = at;
-        super::set_data(scene, time, increment)?;
+        scene.set_data(time, increment)?;
         let begin = Instant::now();
         let changed = scene.system.begin_step(time, increment)?;
         scene.contact.begin_step(scene.system.known.step(time, increment));
@@ -423,12 +410,12 @@ impl Stepper {
         let begin = Instant::now();
         match self.solver.take() {
             None => {
-                let mut made = LinearSolver::new(&scene.system, self.solver_options)?;
+                let mut made = LinearSolver::new(scene.system, self.solver_options)?;
                 if !scene.starts.is_empty() {
                     made.starts_elsewhere();
                 }
                 if scene.system.is_linear() {
-                    made.bulk_changed(&scene.system)?;
+                    made.bulk_changed(scene.system)?;
                 }
                 progress.solver(&made.describe());
                 self.solver = Some(made);
@@ -436,7 +423,7 @@ impl Stepper {
             Some(mut old) => {
                 old.expire();
                 if changed {
-                    old.bulk_changed(&scene.system)?;
+                    old.bulk_changed(scene.system)?;
                 }
                 self.solver = Some(old);
             }
@@ -447,18 +434,18 @@ impl Stepper {
 }
 
 /// The end of the last step becomes the past; before the first step the past is the start.
-pub(super) fn begin(scene: &mut Scene, leg: Leg, u: &[f64]) -> Result<(), NewtonError> {
+pub(super) fn begin(scene: &mut Solving<'_>, leg: Leg, u: &[f64]) -> Result<(), NewtonError> {
     if leg.from.is_none() {
-        super::set_data(scene, leg.to, leg.first_increment)?;
+        scene.set_data(leg.to, leg.first_increment)?;
     }
     scene.system.known.keep(u);
     Ok(())
 }
 
 /// The next values of the states, all from the same old ones.
-fn next_states(scene: &mut Scene, time: f64, increment: f64, u: &[f64]) -> Result<Vec<Vec<f64>>, StepError> {
-    let Scene { system, states, .. } = scene;
-    let next: Vec<Vec<f64>> = states.iter_mut().map(|s| s.next(system, time, increment, u)).collect();
+fn next_states(scene: &mut Solving<'_>, time: f64, increment: f64, u: &[f64]) -> Result<Vec<Vec<f64>>, StepError> {
+    let Solving { system, scene: Scene { states, .. }, .. } = scene;
+    let next: Vec<Vec<f64>> = states.iter().map(|s| s.next(system, time, increment, u)).collect();
     for (state, values) in states.iter().zip(&next) {
         let field = &system.fields[state.field];
         let bad = values.iter().position(|v| !v.is_finite());
@@ -580,7 +567,7 @@ impl Parts {
         let Some(from) = leg.from else {
             let load = if span.to == self.whole { None } else { self.load.as_ref() };
             let load = load.map(|l| (l, self.part(span.to)));
-            return Target { time: leg.to, increment: leg.first_increment, load };
+            return Target { time: leg.to, increment: leg.first_increment, load, iterations: usize::MAX };
         };
         let at = |k: u64| match k {
             0 => from,
@@ -588,6 +575,6 @@ impl Parts {
             k => from + self.part(k) * (leg.to - from),
         };
         let increment = (self.part(span.to) - self.part(span.from)) * leg.increment(from);
-        Target { time: at(span.to), increment, load: None }
+        Target { time: at(span.to), increment, load: None, iterations: usize::MAX }
     }
 }

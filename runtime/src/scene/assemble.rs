@@ -17,7 +17,7 @@ use super::{
     low_rules,
     mappings::{Through, fields_there},
     outputs::facet_support,
-    terms::{PlacedLaw, RuleChoice, Rules, domain},
+    terms::{PlacedLaw, PointsOf, RuleChoice, Rules, domain},
 };
 use crate::{
     assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots, tangent_kernel},
@@ -38,7 +38,7 @@ pub(super) struct Assembled {
 pub(super) type Place = (String, Option<RegionSet>, Option<Through>);
 
 /// The points of places that were made.
-type Domains = Vec<((Place, RuleChoice), Arc<Domain>)>;
+type Domains = Vec<((Place, PointsOf), Arc<Domain>)>;
 
 /// Residual and tangent.
 type Pair = (Box<dyn PointKernel>, Option<Box<dyn PointKernel>>);
@@ -69,12 +69,13 @@ impl Builder<'_> {
         let mut made = Assembled { terms: Vec::new(), summaries: Vec::new(), contact: Vec::new() };
         let mut complete = true;
         for (placed, kernels) in laws.into_iter().zip(kernels) {
-            let choice = match rules.get(&placed.place).copied().unwrap_or(RuleChoice::Degree(1)) {
+            let choice = match rules.get(&placed.place).map_or(RuleChoice::Degree(1), |choice| choice.of(&placed.law)) {
                 RuleChoice::Degree(degree) => RuleChoice::Degree(degree.max(least(&placed.law))),
-                nodes @ RuleChoice::Vertex => nodes,
+                nodes => nodes,
             };
             let choice = if placed.at_nodes.is_some() { RuleChoice::Vertex } else { choice };
-            let Some(domain) = self.domain_of(&placed, choice, &mut domains) else {
+            let points = PointsOf { rule: choice, parts: self.sampling.of_term(made.terms.len()) };
+            let Some(domain) = self.domain_of(&placed, points, &mut domains) else {
                 complete = false;
                 continue;
             };
@@ -86,7 +87,13 @@ impl Builder<'_> {
                 Ok(binding) => {
                     let why = why(&placed, choice, &reasons);
                     made.summaries.push(summary(&placed, choice, why, &domain));
-                    self.add_term(placed, kernels, Integrator { domain, binding }, numbering, &mut made);
+                    self.add_term(
+                        placed,
+                        kernels,
+                        Integrator { domain, binding: Arc::new(binding) },
+                        numbering,
+                        &mut made,
+                    );
                 }
                 Err(e) => {
                     self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(placed.span, ""));
@@ -117,13 +124,13 @@ impl Builder<'_> {
     fn kernels(&mut self, laws: &[PlacedLaw]) -> Option<Vec<Kernels>> {
         let tangents: Vec<[Option<VerifiedKernel>; 2]> = laws
             .iter()
-            .map(|l| [tangent_kernel(&l.law), l.pieces.as_ref().and_then(|p| tangent_kernel(&p.law))])
+            .map(|l| [tangent_kernel(&l.law), l.frozen.as_ref().and_then(|p| tangent_kernel(&p.law))])
             .collect();
         let kernels: Vec<&VerifiedKernel> = laws
             .iter()
             .zip(&tangents)
             .flat_map(|(l, [tangent, frozen])| {
-                let residual = l.pieces.as_ref().map(|p| &p.law.residual);
+                let residual = l.frozen.as_ref().map(|p| &p.law.residual);
                 std::iter::once(&l.law.residual).chain(tangent).chain(residual).chain(frozen)
             })
             .collect();
@@ -137,7 +144,7 @@ impl Builder<'_> {
         let mut all = Vec::with_capacity(laws.len());
         for (law, [tangent, frozen_tangent]) in laws.iter().zip(&tangents) {
             let as_written = (compiled.next()?, tangent.as_ref().and_then(|_| compiled.next()));
-            let frozen = match law.pieces {
+            let frozen = match law.frozen {
                 Some(_) => Some((compiled.next()?, frozen_tangent.as_ref().and_then(|_| compiled.next()))),
                 None => None,
             };
@@ -162,7 +169,7 @@ impl Builder<'_> {
                 Err(e) => self.diagnostics.push(Diagnostic::new("E609", e)),
             }
         }
-        if let (Some(law), Some(kernels)) = (placed.pieces, kernels.frozen) {
+        if let (Some(law), Some(kernels)) = (placed.frozen, kernels.frozen) {
             let frozen = Frozen { term: made.terms.len(), position: made.contact.len() };
             match self.freeze(law, kernels, &integrator.domain, frozen, numbering) {
                 Ok(contact) => made.contact.push(contact),
@@ -174,25 +181,25 @@ impl Builder<'_> {
     }
 
     /// The points of a law, shared with laws on the same place with the same rule; `None` after a message.
-    fn domain_of(&mut self, placed: &PlacedLaw, choice: RuleChoice, known: &mut Domains) -> Option<Arc<Domain>> {
+    fn domain_of(&mut self, placed: &PlacedLaw, points: PointsOf, known: &mut Domains) -> Option<Arc<Domain>> {
         let law = &placed.law;
         let there = fields_there(&law.inputs, law.tests.iter().chain(&law.trials));
         let mapping = law.listing.graph.mapping.map(|mapping| Through { mapping, there });
-        let place = ((placed.place.clone(), placed.set.clone(), mapping), choice);
+        let place = ((placed.place.clone(), placed.set.clone(), mapping), points);
         // a set that is one with another on some ranks alone is another one
-        let is_known = |d: &&((Place, RuleChoice), Arc<Domain>)| self.mesh.team().all(d.0 == place);
+        let is_known = |d: &&((Place, PointsOf), Arc<Domain>)| self.mesh.team().all(d.0 == place);
         let shared = known.iter().find(is_known).map(|d| d.1.clone());
         placed.at_nodes.clone().or(shared).or_else(|| {
-            let made = self.domain(&place.0, choice, placed.span)?;
+            let made = self.domain(&place.0, points, placed.span)?;
             known.push((place, made.clone()));
             Some(made)
         })
     }
 
     /// The points of a place, with images where a mapping is read through; `None` after a message.
-    pub(super) fn domain(&mut self, place: &Place, choice: RuleChoice, span: Span) -> Option<Arc<Domain>> {
+    pub(super) fn domain(&mut self, place: &Place, points: impl Into<PointsOf>, span: Span) -> Option<Arc<Domain>> {
         let (_, set, mapping) = place;
-        let base = domain(&self.mesh, &self.fields, set.as_ref(), choice, span, self.diagnostics)?;
+        let base = domain(&self.mesh, &self.fields, set.as_ref(), points, span, self.diagnostics)?;
         match mapping {
             None => Some(base),
             Some(at) => self.mappings.domain(at, &self.mesh, &self.fields, &base, span, self.diagnostics),
@@ -217,6 +224,10 @@ fn why(placed: &PlacedLaw, choice: RuleChoice, reasons: &Reasons) -> String {
     match (choice, reasons.get(&placed.place)) {
         _ if placed.at_nodes.is_some() => "at nodes".to_owned(),
         (_, Some(Reason::Given)) => "given".to_owned(),
+        (RuleChoice::Nodes { axis: Some(_), .. }, _) if own.kinked => {
+            "kinks: a point a node, none on the axis".to_owned()
+        }
+        (RuleChoice::Nodes { .. }, _) if own.kinked => "kinks: a point a node".to_owned(),
         (RuleChoice::Degree(degree), _) if degree == own.rule() => own.why().to_owned(),
         (RuleChoice::Degree(degree), Some(Reason::Term(highest, name))) if degree == *highest => {
             format!("that of `{name}`")

@@ -29,7 +29,6 @@ use crate::{
     contact::{Contact, ContactTerm},
     csr::CsrError,
     field::Field,
-    mesh::Topology,
     newton::NewtonOptions,
     pruning::Pruning,
     rates::Scheme,
@@ -50,7 +49,7 @@ pub(super) fn build(
         Some(part) => part_of_mesh(script, part, found).map(|(place, told)| (place, Some(told)))?,
     };
     let Place { mesh, refined, topology, regions, inputs, params } = place;
-    let With { folder, backend, keep, .. } = with;
+    let With { folder, backend, keep, sampling, .. } = with;
     let bare = Env { dim: mesh.dim(), ..constants::bare_env(script, mesh.dim(), &params) };
     let diagnostics = &mut found.diagnostics;
     let spaces = told.as_mut().map(|told| std::mem::take(&mut told.spaces));
@@ -90,6 +89,7 @@ pub(super) fn build(
         prints: Vec::new(),
         inputs,
         keep,
+        sampling,
         unknowns: told.map(|told| told.unknowns),
     }
     .build()?;
@@ -182,7 +182,7 @@ impl Builder<'_> {
         let begin = Instant::now();
         let (laws, renewed, rules) = self.laws();
         if self.mesh.is_whole() {
-            coverage::check(self.script.mesh.as_ref(), &self.mesh, &laws, self.diagnostics);
+            coverage::check(self.script, &self.mesh, &laws, self.diagnostics);
         }
         let compile_terms = begin.elapsed().as_secs_f64();
 
@@ -293,10 +293,12 @@ impl Builder<'_> {
         let env = self.owned_env();
         let made = System::new(self.mesh, self.fields, numbering, terms, known)
             .and_then(|system| with_contact(system, contact, self.keep, within(&steps)));
-        let (system, contact, idle) = without_idle(made, self.script, &self.topology, self.diagnostics)?;
+        let sides = idle::Sides { topology: &self.topology, mappings: self.mappings };
+        let (system, contact, idle) = without_idle(made, self.script, sides, self.diagnostics)?;
         Some(Scene {
             explicit: None,
             energy: integration.energy,
+            lengths: self.script.fields.iter().map(|f| f.space.unit.as_ref().map(wfl::is_length)).collect(),
             system,
             contact,
             topology: self.topology,
@@ -326,7 +328,6 @@ impl Builder<'_> {
             tables,
             idle: idle.notes,
             in_terms: names_in_terms(self.script),
-            pristine: None,
             env,
         })
     }
@@ -433,6 +434,7 @@ impl Builder<'_> {
             script: self.script,
             mesh: &self.mesh,
             topology: &self.topology,
+            mappings: self.mappings,
             fields: &self.fields,
             numbering,
             fixed: &components,
@@ -466,7 +468,7 @@ fn with_contact(
 fn without_idle(
     made: Result<(System, Contact), CsrError>,
     script: &ResolvedScript,
-    topology: &Topology,
+    sides: idle::Sides<'_>,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<(System, Contact, idle::Idle)> {
     let (mut system, mut contact) = made.map_err(|e| diagnostics.push(structure_error(script, e))).ok()?;
@@ -474,7 +476,7 @@ fn without_idle(
         contact.share(&system);
         return Some((system, contact, idle::Idle::default()));
     }
-    let idle = idle::leave_out(script, topology, &mut system, &contact, diagnostics);
+    let idle = idle::leave_out(script, sides, &mut system, &contact, diagnostics);
     let idle = idle.map_err(|e| diagnostics.push(structure_error(script, e))).ok()?;
     fits_its_solver(script, &system, diagnostics)?;
     Some((system, contact, idle))

@@ -109,7 +109,15 @@ mod tests {
     use crate::scene::Auto;
 
     fn listed(values: &[f64]) -> Steps {
-        Steps { variable: None, values: values.to_vec(), auto: None, go_on: false, halve: 0, from_start: true }
+        Steps {
+            variable: None,
+            values: values.to_vec(),
+            equal: None,
+            auto: None,
+            go_on: false,
+            halve: 0,
+            from_start: true,
+        }
     }
 
     fn always(every: Every) -> Cadence {

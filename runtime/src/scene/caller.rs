@@ -9,6 +9,7 @@ use wfl_compiler::types::FieldKind;
 use super::{
     Scene,
     given::{CallerValues, Given, Source},
+    options::Equal,
 };
 
 /// Why values cannot be given to a scene.
@@ -99,6 +100,7 @@ impl Scene {
             _ if !(runs(1.0) || runs(-1.0)) => no("go in one direction, each further than the one before"),
             _ => {
                 self.steps.values = values.to_vec();
+                self.steps.equal = Equal::of(values);
                 self.steps.auto = None;
                 Ok(())
             }

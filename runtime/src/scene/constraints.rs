@@ -23,7 +23,7 @@ use crate::{
         Parts,
         mesh::{POSITIONS_ONLY, position_place, with_zeros},
         normals::node_normals,
-        terms::component,
+        terms::{component, restricted},
     },
     space::Space,
     system::Numbering,
@@ -44,6 +44,9 @@ struct Fix {
     /// The field and the statement.
     field: String,
     statement: Span,
+    /// The field by its position, and the faces of the region, if it has some.
+    position: usize,
+    facets: Vec<FacetRef>,
 }
 
 /// One number of a `fix`: the value of which, at which node, with a factor (the sign of a normal).
@@ -98,23 +101,28 @@ impl Prescribed {
     ///
     /// # Errors
     /// [`BadGiven`] for a value that is not finite.
-    fn numbers(&mut self, time: f64, increment: f64) -> Result<Vec<Vec<f64>>, BadGiven> {
-        let at = |fix: &mut Fix| {
-            fix.value.set_step((time, increment));
-            let found = fix.value.at_positions(&fix.positions);
+    fn numbers(&self, time: f64, increment: f64) -> Result<Vec<Vec<f64>>, BadGiven> {
+        let at = |fix: &Fix| {
+            let found = fix.value.at_step((time, increment)).at_positions(&fix.positions);
             found.map_err(|at| BadGiven { what: fix.what.clone(), span: fix.span, at: Box::new(at) })
         };
-        self.fixes.iter_mut().map(at).collect()
+        self.fixes.iter().map(at).collect()
     }
 
     /// Writes the prescribed values at a step into the vector of all unknowns.
     ///
     /// # Errors
     /// [`BadGiven`] for a value that is not finite; `u` is then as it was.
-    pub fn apply(&mut self, time: f64, increment: f64, u: &mut [f64]) -> Result<(), BadGiven> {
+    pub fn apply(&self, time: f64, increment: f64, u: &mut [f64]) -> Result<(), BadGiven> {
         let values = self.numbers(time, increment)?;
         self.write(&values, u);
         Ok(())
+    }
+
+    /// The formulas that give values on faces: the field by its position, the faces, the formula.
+    pub(super) fn formulas(&self) -> impl Iterator<Item = (usize, &[FacetRef], &Value)> {
+        let on_faces = self.fixes.iter().filter(|fix| !fix.facets.is_empty());
+        on_faces.map(|fix| (fix.position, fix.facets.as_slice(), &fix.value))
     }
 
     fn write(&self, values: &[Vec<f64>], u: &mut [f64]) {
@@ -350,7 +358,12 @@ impl ConstraintMaker<'_> {
         let positions = nodes.iter().map(|node| field.node_position(*node as usize)).collect();
         let what = format!("the prescribed value of `{}` on `{}`", field.name, place.name);
         let (field, statement) = (field.name.clone(), statement.span);
-        Some((Fix { positions, value, what, span, field, statement }, conditions))
+        let facets = match self.parts.regions.get(&place.name).map(|r| restricted(&self.parts.fields[position], &r.set))
+        {
+            Some(RegionSet::Facets(facets)) => facets,
+            _ => Vec::new(),
+        };
+        Some((Fix { positions, value, what, span, field, statement, position, facets }, conditions))
     }
 
     /// "the 256 faces of `east` belong to `right`; uL lives on `left`"

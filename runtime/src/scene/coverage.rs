@@ -1,16 +1,17 @@
 //! Cells without a term: a hole in the model that no equation would show.
 
-use wfl::{Diagnostic, MeshStmt, ast::OptionValue};
+use wfl::{Diagnostic, MeshStmt, ResolvedScript, ast::OptionValue};
 
 use super::terms::PlacedLaw;
 use crate::mesh::{CellId, GroupEntities, Mesh, RegionSet};
 
 /// E425 if cells of the mesh are in no term, unless the mesh statement allows that. A scene whose terms all stand on
-/// faces has no such cells.
-pub(super) fn check(statement: Option<&MeshStmt>, mesh: &Mesh, laws: &[PlacedLaw], diagnostics: &mut Vec<Diagnostic>) {
-    let Some(statement) = statement else { return };
+/// faces has no such cells; of one with a term that has a mistake nothing is known.
+pub(super) fn check(script: &ResolvedScript, mesh: &Mesh, laws: &[PlacedLaw], diagnostics: &mut Vec<Diagnostic>) {
+    let Some(statement) = &script.mesh else { return };
     let (allowed, idle) = (allowed(statement, diagnostics), idle(mesh, laws));
-    let Some(first) = idle.first().filter(|_| !allowed) else { return };
+    let broken = !script.lost.is_empty() || script.terms.iter().any(|t| laws.iter().all(|law| law.span != t.span));
+    let Some(first) = idle.first().filter(|_| !allowed && !broken) else { return };
     let x = mesh.centroid(*first);
     let groups = mesh.groups().iter().filter(|g| matches!(&g.entities, GroupEntities::Cells(c) if c.contains(first)));
     let group = groups.map(|g| format!(" of group `{}`", g.name)).next().unwrap_or_default();

@@ -42,6 +42,7 @@ impl Builder<'_> {
         self.idle_splits();
         self.zero_terms(laws);
         self.jumps_of_one_value(laws);
+        self.twice(laws);
         self.free_between_fixed();
     }
 
@@ -334,7 +335,9 @@ impl Builder<'_> {
                 look(e);
             }
         }
-        if !reads {
+        // a caller may give other values at each step
+        let given = |f: &wfl::Field| matches!(f.kind, Declared::Data { value: wfl::DataValue::Caller });
+        if !reads && !script.fields.iter().any(given) {
             let n = steps.values.len();
             let d = Diagnostic::new("W411", format!("{n} steps solve the same problem"));
             let text = format!("nothing in the scene reads `{variable}`");
@@ -384,11 +387,7 @@ fn sampled(steps: &Steps) -> Vec<(f64, f64)> {
     let last = values.len().saturating_sub(1);
     let mut picked: Vec<usize> = (0..COMPARED_STEPS).map(|k| k * last / (COMPARED_STEPS - 1)).collect();
     picked.dedup();
-    let increment = |k: usize| match k {
-        0 => values.get(1).map_or(0.0, |next| next - values[0]),
-        k => values[k] - values[k - 1],
-    };
-    picked.into_iter().filter(|k| *k < values.len()).map(|k| (values[k], increment(k))).collect()
+    picked.into_iter().filter(|k| *k < values.len()).map(|k| (values[k], steps.increment(k.max(1)))).collect()
 }
 
 /// "`u(2)`", or "`p`" of a field of one component.

@@ -62,8 +62,19 @@ impl Scene {
     /// The number that an expression of params and the given values is; `None` where it is none.
     #[must_use]
     pub fn number_of(&self, e: &Expr, values: &[(String, f64)]) -> Option<f64> {
+        self.numbers_of([e], values)[0]
+    }
+
+    /// The numbers that expressions without fields give with these values by name, as [`Self::number_of`] each of them.
+    #[must_use]
+    pub fn numbers_of<'e>(
+        &self,
+        all: impl IntoIterator<Item = &'e Expr>,
+        values: &[(String, f64)],
+    ) -> Vec<Option<f64>> {
         let params = self.with_measures(values);
-        constant(&self.bare(&params), "a number", e).value?.values.first().copied()
+        let env = self.bare(&params);
+        all.into_iter().map(|e| constant(&env, "a number", e).value?.values.first().copied()).collect()
     }
 
     /// The params of the scene and its measures as numbers.

@@ -9,14 +9,8 @@ use std::sync::Arc;
 use wfl::{Diagnostic, ResolvedScript, Span};
 use wfl_compiler::{Class, types::InputSlot};
 
-use super::{
-    Given, Scene, Steps,
-    data::{set_data, start},
-};
-use crate::{
-    lumped::{Lumped, StepLimit, Unlumped},
-    system::SystemError,
-};
+use super::{Given, Scene, Steps, options::Equal};
+use crate::lumped::{Lumped, StepLimit, Unlumped};
 
 /// The mass of a scene on the diagonal.
 #[derive(Clone, Debug, Default)]
@@ -90,7 +84,6 @@ pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, fraction: f64) 
             .into());
     }
     let found = at_start(scene);
-    scene.system.known.clear();
     let (lumped, limit) = found.map_err(|why| Box::new(unlumped(scene, script, at, why)))?;
     let steps = script.steps.as_ref();
     if let (Some(auto), Some(statement)) = (scene.steps.auto.take(), steps) {
@@ -100,9 +93,12 @@ pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, fraction: f64) 
             let text = "explicit steps by `auto` are equal: most=1e-3 is the largest increment";
             return Err(d.at(option.name.span, text).into());
         }
-        scene.steps.values = equal_steps(scene, statement, auto.most.min(fraction * limit.step))?;
+        let values = equal_steps(scene, statement, auto.most.min(fraction * limit.step))?;
+        #[expect(clippy::cast_precision_loss, reason = "bounded where they are made")]
+        let by = (scene.steps.last() - scene.steps.first()) / (values.len() - 1) as f64;
+        (scene.steps.values, scene.steps.equal) = (values, Some(Equal { by, last: None }));
     }
-    let longest = scene.steps.values.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+    let longest = scene.steps.longest_increment();
     if longest > limit.step {
         let d = Diagnostic::new(
             "E456",
@@ -150,12 +146,14 @@ fn given_by_the_caller(scene: &Scene) -> Option<String> {
 }
 
 /// Mass and limit at the state where time starts.
-fn at_start(scene: &mut Scene) -> Result<(Lumped, StepLimit), Unlumped> {
+fn at_start(scene: &Scene) -> Result<(Lumped, StepLimit), Unlumped> {
     let (time, increment) = (scene.steps.first(), scene.steps.first_increment());
-    set_data(scene, time, increment)?;
-    let mut u = start(scene).map_err(Box::new).map_err(SystemError::from)?;
-    scene.prescribed.apply(time, increment, &mut u).map_err(Box::new).map_err(SystemError::from)?;
-    let Scene { system, .. } = scene;
+    let mut equations = scene.equations();
+    let mut solving = scene.solving(&mut equations);
+    solving.set_data(time, increment)?;
+    let mut u = solving.start().map_err(Box::new)?;
+    scene.prescribed.apply(time, increment, &mut u).map_err(Box::new)?;
+    let system = solving.system;
     system.known.keep(&u);
     let lumped = Lumped::of(system, &u, time)?;
     let limit = lumped.longest_step(system, &u, time)?;

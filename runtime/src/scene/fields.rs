@@ -13,7 +13,7 @@ use crate::{
     assemble::{Domain, entity_geometries},
     element::{ElementError, Family},
     field::{Field, FieldSpace},
-    mesh::{FacetRef, Mesh, RegionSet, Topology},
+    mesh::{FacetRef, Mesh, Polynomials, RegionSet, Topology},
     point_space::PointSpace,
     quadrature::vertex,
     scene::{
@@ -22,6 +22,10 @@ use crate::{
     },
     space::{Space, SpacePart, Support},
 };
+
+/// An element that no text of a scene can name: `degree 2` is continuous of this degree on whatever cells there are. What
+/// changes the degree of fields without a written element writes it.
+pub const ON_ANY_CELLS: &str = "degree ";
 
 /// Fields and their signatures, by position.
 pub(super) struct Fields {
@@ -217,16 +221,20 @@ pub(super) fn shape(rank: &Rank, env: &Env<'_>, diagnostics: &mut Vec<Diagnostic
 
 /// `P2`, `DQ1`: the degree and whether neighbours share nodes; the letter must fit the cells.
 fn element(word: &Ident, mesh: &Mesh, diagnostics: &mut Vec<Diagnostic>) -> Option<(usize, Family)> {
+    if let Some(degree) = word.name.strip_prefix(ON_ANY_CELLS).and_then(|d| d.parse().ok()) {
+        return Some((degree, Family::Continuous));
+    }
     let (family, rest) = match word.name.strip_prefix('D') {
         Some(rest) => (Family::Discontinuous, rest),
         None => (Family::Continuous, word.name.as_str()),
     };
     let degree = rest.get(1..).and_then(|d| d.parse::<usize>().ok());
-    let simplices = mesh.kinds().iter().any(|k| k.is_simplex() && k.dim() > 1);
-    let tensors = mesh.kinds().iter().any(|k| !k.is_simplex());
+    // a mesh with both kinds of faces takes both letters: P_k on triangles, Q_k on quadrilaterals
+    let only = |counted: Polynomials| mesh.kinds().iter().all(|k| k.polynomials() == counted);
+    let tensors = only(Polynomials::Each);
     let fits = match rest.chars().next() {
         Some('P') => !tensors,
-        Some('Q') => !simplices,
+        Some('Q') => mesh.dim() == 1 || !only(Polynomials::Total),
         _ => false,
     };
     match degree {
@@ -234,8 +242,10 @@ fn element(word: &Ident, mesh: &Mesh, diagnostics: &mut Vec<Diagnostic>) -> Opti
         _ => {
             let cells = if tensors {
                 "quadrilaterals or hexahedra: Q1, Q2, DQ0, ..."
-            } else {
+            } else if only(Polynomials::Total) {
                 "simplices: P1, P2, P3, DP0, ..."
+            } else {
+                "of several kinds: P1 or Q1, P2 or Q2, DP0, ..."
             };
             let d = Diagnostic::new("E406", format!("no element `{}` on this mesh", word.name));
             diagnostics.push(d.at(word.span, format!("the cells are {cells}")));

@@ -3,7 +3,10 @@
 //! Promises: a caller is asked once for each value of the step variable and its increment, however many attempts a step
 //! takes; numbers that are not finite, or too few, are an error before anything is assembled.
 
-use std::fmt;
+use std::{
+    fmt,
+    sync::{Mutex, MutexGuard, PoisonError},
+};
 
 use wfl::Span;
 
@@ -27,11 +30,10 @@ impl Given {
     ///
     /// # Errors
     /// [`BadGiven`] for a value that is not finite.
-    pub fn at(&mut self, positions: &[[f64; 3]], time: f64, increment: f64) -> Result<Vec<f64>, BadGiven> {
+    pub fn at(&self, positions: &[[f64; 3]], time: f64, increment: f64) -> Result<Vec<f64>, BadGiven> {
         match self {
             Given::Formula(value, what, span) => {
-                value.set_step((time, increment));
-                let found = value.at_positions(positions);
+                let found = value.at_step((time, increment)).at_positions(positions);
                 found.map_err(|at| BadGiven { what: what.clone(), span: *span, at: Box::new(at) })
             }
             Given::Values(values) => Ok(values.clone()),
@@ -42,7 +44,7 @@ impl Given {
 
 impl Given {
     /// Asks the caller anew for what it has given before.
-    pub(crate) fn forget(&mut self) {
+    pub(crate) fn forget(&self) {
         if let Given::Caller(caller) = self {
             caller.forget();
         }
@@ -54,11 +56,15 @@ impl Given {
 /// caller of the runtime knows.
 pub type Source = Box<dyn FnMut(&[[f64; 3]], f64, f64) -> Option<Vec<f64>> + Send + Sync>;
 
+/// A source, and what it said last, with the step variable and the increment that it was asked for.
+struct Asked {
+    source: Source,
+    last: Option<([u64; 2], Vec<f64>)>,
+}
+
 /// The values of one field, given by the caller.
 pub struct CallerValues {
-    source: Source,
-    /// What the source said last, with the step variable and the increment that it was asked for.
-    last: Option<([u64; 2], Vec<f64>)>,
+    asked: Mutex<Asked>,
     what: String,
     span: Span,
     n_dofs: usize,
@@ -71,19 +77,29 @@ impl CallerValues {
     }
 
     pub(super) fn new(name: &str, n_dofs: usize, span: Span, source: Source) -> Self {
-        Self { source, last: None, what: format!("what the caller gives for `{name}`"), span, n_dofs }
+        Self {
+            asked: Mutex::new(Asked { source, last: None }),
+            what: format!("what the caller gives for `{name}`"),
+            span,
+            n_dofs,
+        }
     }
 
     /// Asks the source again, whatever it has said.
-    pub(super) fn forget(&mut self) {
-        self.last = None;
+    pub(super) fn forget(&self) {
+        self.asked().last = None;
+    }
+
+    fn asked(&self) -> MutexGuard<'_, Asked> {
+        self.asked.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The values at a step.
-    pub(super) fn at(&mut self, positions: &[[f64; 3]], time: f64, increment: f64) -> Result<Vec<f64>, BadGiven> {
-        let asked = [time, increment].map(f64::to_bits);
-        if let Some((known, values)) = &self.last
-            && *known == asked
+    pub(super) fn at(&self, positions: &[[f64; 3]], time: f64, increment: f64) -> Result<Vec<f64>, BadGiven> {
+        let step = [time, increment].map(f64::to_bits);
+        let mut asked = self.asked();
+        if let Some((known, values)) = &asked.last
+            && *known == step
         {
             return Ok(values.clone());
         }
@@ -92,13 +108,13 @@ impl CallerValues {
             span: self.span,
             at: Box::new(NotFinite { value, cause: None, position }),
         };
-        let values = (self.source)(positions, time, increment).filter(|v| v.len() == self.n_dofs);
+        let values = (asked.source)(positions, time, increment).filter(|v| v.len() == self.n_dofs);
         let Some(values) = values else { return Err(bad(f64::NAN, [0.0; 3])) };
         if let Some(at) = values.iter().position(|v| !v.is_finite()) {
             let n_components = (self.n_dofs / positions.len().max(1)).max(1);
             return Err(bad(values[at], positions.get(at / n_components).copied().unwrap_or_default()));
         }
-        self.last = Some((asked, values.clone()));
+        asked.last = Some((step, values.clone()));
         Ok(values)
     }
 }

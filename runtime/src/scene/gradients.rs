@@ -5,17 +5,20 @@
 
 use std::{cell::Cell, sync::Arc};
 
-use wfl::{Diagnostic, ResolvedScript, ast::Expr};
+use wfl::{
+    Diagnostic, ResolvedScript,
+    ast::{Expr, ExprKind},
+};
 use wfl_compiler::{TermSource, backend::KernelBackend, compile_term, compile_value, types::PlaceSig};
 
 use super::{
-    Scene, StateAt,
+    Measure, Scene, StateAt,
     fields::place_sig,
     outputs::{OutputMaker, facet_support},
     terms::{RuleChoice, Rules, domain},
 };
 use crate::{
-    assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots},
+    assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
     mesh::RegionSet,
     system::System,
     value::Value,
@@ -34,6 +37,8 @@ pub enum Over<'a> {
     Everywhere,
     /// On regions of the scene.
     Regions(&'a [wfl::ast::Ident]),
+    /// At the point of a measure, by its name: the value there.
+    Point(&'a str),
 }
 
 impl Scene {
@@ -59,17 +64,47 @@ impl Scene {
             if law.tests.iter().any(|t| system.numbering.starts[t.field.index()].is_none()) {
                 return Err("it depends on a field that is in no term".to_owned());
             }
-            let domain = self.points(&home, law.degree.rule(), integrand)?;
+            let domain = match over {
+                Over::Point(_) => self.at_point(over)?,
+                _ => self.points(&home, law.degree.rule(), integrand)?,
+            };
             let slots = LawSlots { inputs: &law.inputs, tests: &law.tests, trials: &law.trials };
             let binding = Binding::new(&system.mesh, &domain, &system.fields, slots).map_err(|e| e.to_string())?;
             let kernel = backend.compile(&[&law.residual]).map_err(|e| e.to_string())?.swap_remove(0);
-            let (integrator, place) = (Integrator { domain, binding }, facet_support(&home.set));
+            let (integrator, place) = (Integrator { domain, binding: Arc::new(binding) }, facet_support(&home.set));
             let mut term = AssembledTerm::new(law, integrator, place, kernel, None, &system.numbering.starts);
-            term.set_step(system.known.step(at.time, at.increment));
-            let values = system.values(at.unknowns);
+            term.set_step(at.system.known.step(at.time, at.increment));
+            let values = at.system.values(at.unknowns);
             term.add_residual(&system.mesh, values.view(), &mut out).map_err(|e| e.to_string())?;
         }
+        if let Over::Point(_) = over {
+            let size = self.integral(script, backend, &one(integrand), (over, at))?;
+            out.iter_mut().for_each(|x| *x /= size);
+        }
         Ok(out)
+    }
+
+    /// The integral of a scalar expression at a state.
+    ///
+    /// # Errors
+    /// The first message about an expression that has no value at the state.
+    pub fn integral(
+        &self,
+        script: &ResolvedScript,
+        backend: &dyn KernelBackend,
+        integrand: &Expr,
+        place: (Over<'_>, StateAt<'_>),
+    ) -> Result<f64, String> {
+        let mut sum = 0.0;
+        self.each_point(script, backend, integrand, place, |_, weight, value| sum += weight * value)?;
+        Ok(sum)
+    }
+
+    /// The points of the measure of this name.
+    fn at_point(&self, over: Over<'_>) -> Result<Arc<Domain>, String> {
+        let Over::Point(name) = over else { return Err("it is not taken at a point".to_owned()) };
+        let measure = self.measures.iter().find(|m| m.name == name);
+        measure.and_then(Measure::domain).ok_or_else(|| format!("no value `{name}` at a point"))
     }
 
     /// By cell of the mesh: the integral of a scalar expression at a state; on faces it counts for the cell of their side.
@@ -83,23 +118,39 @@ impl Scene {
         integrand: &Expr,
         at: StateAt<'_>,
     ) -> Result<Vec<f64>, String> {
-        let system = &self.system;
-        let mut out = vec![0.0; system.mesh.n_cells()];
-        let env = self.open_env();
-        for home in self.homes(script, backend, integrand, Over::Everywhere)? {
+        let mut out = vec![0.0; self.system.mesh.n_cells()];
+        let place = (Over::Everywhere, at);
+        self.each_point(script, backend, integrand, place, |cell, weight, value| out[cell] += weight * value)?;
+        Ok(out)
+    }
+
+    /// Calls `f` with cell, weight and value at each point of an integral.
+    fn each_point(
+        &self,
+        script: &ResolvedScript,
+        backend: &dyn KernelBackend,
+        integrand: &Expr,
+        place: (Over<'_>, StateAt<'_>),
+        mut f: impl FnMut(usize, f64, f64),
+    ) -> Result<(), String> {
+        let (over, at) = place;
+        let (system, env) = (&self.system, self.open_env());
+        for home in self.homes(script, backend, integrand, over)? {
             let compiled = compile_value(&env, &home.sig, "an estimate", integrand);
             let Some(law) = compiled.value else { return Err(first(&compiled.diagnostics)) };
-            let domain = self.points(&home, law.degree.rule(), integrand)?;
-            let mut value = Value::new(law, backend).map_err(|e| e.to_string())?;
-            value.set_step(system.known.step(at.time, at.increment));
+            let domain = match over {
+                Over::Point(_) => self.at_point(over)?,
+                _ => self.points(&home, law.degree.rule(), integrand)?,
+            };
+            let value = Value::new(law, backend).map_err(|e| e.to_string())?;
+            let value = value.at_step(at.system.known.step(at.time, at.increment));
             let sampled = value.bind(&system.mesh, domain.clone(), &system.fields).map_err(|e| e.to_string())?;
-            let (current, previous) = (system.slices(at.unknowns), system.previous_slices());
-            let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
-            value.for_each_point(&system.mesh, &sampled, values, |g, entity, _, weight, v| {
-                out[domain.groups[g].here.cells[entity].index()] += weight * v[0];
+            let values = at.system.values(at.unknowns);
+            value.for_each_point(&system.mesh, &sampled, values.view(), |g, entity, _, weight, v| {
+                f(domain.groups[g].here.cells[entity].index(), weight, v[0]);
             });
         }
-        Ok(out)
+        Ok(())
     }
 
     /// The points of a rule of a degree.
@@ -138,8 +189,18 @@ impl Scene {
         let bodies = maker.bodies();
         let faces = self.compared_faces(&maker);
         let found = maker.homes(&bodies, &faces, integrand);
-        let homes: Vec<Home> =
+        let mut homes: Vec<Home> =
             found.into_iter().map(|(t, _)| Home { sig: t.sig.clone(), set: t.support.region() }).collect();
+        if let Over::Point(_) = over {
+            let domain = self.at_point(over)?;
+            let cell = domain.groups.iter().find_map(|g| g.here.cells.first().copied());
+            let has = |set: &RegionSet| match (set, cell) {
+                (RegionSet::Cells(cells), Some(cell)) => cells.contains(&cell),
+                _ => false,
+            };
+            homes.retain(|home| has(&home.set));
+            homes.truncate(1);
+        }
         if homes.is_empty() { Err(first(&diagnostics)) } else { Ok(homes) }
     }
 }
@@ -147,4 +208,9 @@ impl Scene {
 /// The first message.
 fn first(diagnostics: &[Diagnostic]) -> String {
     diagnostics.first().map_or_else(|| "it is defined nowhere".to_owned(), |d| d.message.clone())
+}
+
+/// The number one where an expression stands.
+fn one(like: &Expr) -> Expr {
+    Expr { kind: ExprKind::Number(1.0), span: like.span, expansion: like.expansion }
 }

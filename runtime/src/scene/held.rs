@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use wfl_compiler::{PiecesLaw, PrintLaw, backend::PointKernel, ir::Origin, types::FieldKind};
+use wfl_compiler::{FrozenLaw, PrintLaw, backend::PointKernel, ir::Origin, types::FieldKind};
 
 use super::Builder;
 use crate::{
@@ -26,20 +26,13 @@ pub struct Printed {
 
 impl Printed {
     /// Calls `f(position, value)` at each point of the term, at the state and step given.
-    pub fn for_each(
-        &mut self,
-        system: &System,
-        time: f64,
-        increment: f64,
-        u: &[f64],
-        mut f: impl FnMut([f64; 3], &[f64]),
-    ) {
-        self.value.set_step(system.known.step(time, increment));
+    pub fn for_each(&self, system: &System, time: f64, increment: f64, u: &[f64], mut f: impl FnMut([f64; 3], &[f64])) {
+        let printed = self.value.at_step(system.known.step(time, increment));
         let current = system.slices(u);
         let previous = system.previous_slices();
         let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
         let domain = self.sampled.domain.clone();
-        self.value.for_each_point(&system.mesh, &self.sampled, values, |g, entity, q, _, value| {
+        printed.for_each_point(&system.mesh, &self.sampled, values, |g, entity, q, _, value| {
             let here = &domain.groups[g].here;
             f(system.mesh.point_at(here.cells[entity], &here.geometry, q), value);
         });
@@ -54,29 +47,34 @@ impl Builder<'_> {
         Ok(Printed { term: term.to_owned(), origin: print.origin, value, sampled })
     }
 
-    /// The frozen form of a term, whose branch data are a field of its integration points behind the fields of the
-    /// scene, and its projections.
+    /// The frozen form of a term, whose branches and regularisation are fields behind those of the scene, and its
+    /// projections.
     pub(super) fn freeze(
         &self,
-        law: PiecesLaw,
+        law: FrozenLaw,
         kernels: (Box<dyn PointKernel>, Option<Box<dyn PointKernel>>),
         domain: &Arc<Domain>,
         of: Frozen,
         numbering: &Numbering,
     ) -> Result<(FrozenTerm, ContactTerm), String> {
-        let data =
-            |name: String, space: FieldSpace| Field { name, kind: FieldKind::Data, n_components: law.n_guides, space };
+        let data = |name: String, n_components: usize, space: FieldSpace| Field {
+            name,
+            kind: FieldKind::Data,
+            n_components,
+            space,
+        };
         let mut fields = self.fields.clone();
         while fields.len() < law.field.index() {
-            fields.push(data(String::new(), FieldSpace::Global));
+            fields.push(data(String::new(), 1, FieldSpace::Global));
         }
         let points = FieldSpace::Points(PointSpace::new(&self.mesh, domain));
-        fields.push(data(format!("branches of {}", law.law.name), points));
+        fields.push(data(format!("branches of {}", law.law.name), law.sizes.point, points));
+        fields.push(data(format!("regularisation of {}", law.law.name), law.sizes.term, FieldSpace::Global));
         let mut starts = numbering.starts.clone();
         starts.resize(fields.len(), None);
         let slots = LawSlots { inputs: &law.law.inputs, tests: &law.law.tests, trials: &law.law.trials };
         let binding = Binding::new(&self.mesh, domain, &fields, slots).map_err(|e| e.to_string())?;
-        let integrator = Integrator { domain: domain.clone(), binding };
+        let integrator = Integrator { domain: domain.clone(), binding: Arc::new(binding) };
         let slopes = law.slopes();
         let watch = Value::new(law.watch, self.batch).map_err(|e| e.to_string())?;
         let sampled = watch.bind(&self.mesh, domain.clone(), &fields).map_err(|e| e.to_string())?;
@@ -86,7 +84,6 @@ impl Builder<'_> {
             frozen: of.position,
             field: law.field.index(),
             projections: law.projections,
-            n_data: law.n_guides,
             law: watch,
             slopes,
             sampled,

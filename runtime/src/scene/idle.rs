@@ -17,7 +17,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use wfl::{Diagnostic, FieldKind as Declared, ResolvedScript};
 use wfl_compiler::types::{FieldKind, Side};
 
-use super::constraints::{Spot, at_place, extent};
+use super::{
+    constraints::{SAME_PLACE, Spot, at_place, extent},
+    mappings::Mappings,
+};
 use crate::{
     contact::{Contact, Friction, couplings, has_multiplier},
     csr::{Csr, CsrError},
@@ -48,18 +51,27 @@ struct Candidate {
     joined: bool,
 }
 
+/// What lies across the faces of a multiplier.
+#[derive(Clone, Copy)]
+pub(super) struct Sides<'a> {
+    /// Neighbours.
+    pub(super) topology: &'a Topology,
+    /// Images.
+    pub(super) mappings: &'a Mappings,
+}
+
 /// Takes the idle directions of all multipliers out of a system, with a message for each multiplier that loses some.
 ///
 /// # Errors
 /// [`CsrError`] when a pattern does not fit the index types.
 pub(super) fn leave_out(
     script: &ResolvedScript,
-    topology: &Topology,
+    at: Sides<'_>,
     system: &mut System,
     contact: &Contact,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Result<Idle, CsrError> {
-    let candidates = candidates(script, topology, system);
+    let candidates = candidates(script, at, system);
     if candidates.is_empty() {
         return Ok(Idle::default());
     }
@@ -76,7 +88,7 @@ pub(super) fn leave_out(
 }
 
 /// Nodes of multipliers that may have an idle direction.
-fn candidates(script: &ResolvedScript, topology: &Topology, system: &System) -> Vec<Candidate> {
+fn candidates(script: &ResolvedScript, sides: Sides<'_>, system: &System) -> Vec<Candidate> {
     let mut found = Vec::new();
     let scale = extent(&system.mesh);
     for (field, declared) in script.fields.iter().enumerate() {
@@ -86,12 +98,12 @@ fn candidates(script: &ResolvedScript, topology: &Topology, system: &System) -> 
         else {
             continue;
         };
-        let partners = Partners::new(system, field);
+        let partners = Partners::new(system, sides.mappings, field);
         for (node, facets) in facets_of_nodes(space) {
             let first = range.start + node as usize * system.fields[field].n_components;
             let x = space.node_coordinates()[node as usize];
-            let (mut place, joined) = partners.at(topology, system, &facets, Spot { x, extent: scale });
-            place.extend(partners.images(first));
+            let (mut place, joined) = partners.at(sides.topology, system, &facets, Spot { x, extent: scale });
+            place.extend(partners.images(system, first, x));
             let is_bound = |d: &usize| system.numbering.free[*d] == FIXED || system.numbering.frames.of(*d).is_some();
             if place.iter().any(is_bound) || (joined && place.is_empty()) {
                 found.push(Candidate { field, node, first, place, joined });
@@ -113,18 +125,19 @@ pub(super) fn facets_of_nodes(space: &Space) -> BTreeMap<u32, Vec<FacetRef>> {
 }
 
 /// The unknowns that a multiplier acts on.
-struct Partners {
+struct Partners<'a> {
     fields: BTreeSet<usize>,
-    /// By first dof of a node: the dofs of unknowns that its terms read through a mapping.
-    images: BTreeMap<usize, BTreeSet<usize>>,
+    /// By first dof of a node and mapping: the dofs of unknowns that its terms read there.
+    images: BTreeMap<(usize, usize), BTreeSet<usize>>,
+    mappings: &'a Mappings,
 }
 
-impl Partners {
-    fn new(system: &System, field: usize) -> Self {
+impl<'a> Partners<'a> {
+    fn new(system: &System, mappings: &'a Mappings, field: usize) -> Self {
         let range = system.range(field).unwrap_or_default();
         let n = system.fields[field].n_components;
         let unknown = |f: &usize| system.fields.get(*f).is_some_and(|f| f.kind == FieldKind::Unknown);
-        let mut this = Self { fields: BTreeSet::new(), images: BTreeMap::new() };
+        let mut this = Self { fields: BTreeSet::new(), images: BTreeMap::new(), mappings };
         for term in system.terms.iter().filter(|t| t.coupled_fields().any(|f| f.index() == field)) {
             // those that stand in its rows or in its columns: a law may read others beside it, such as a slip rate
             let law = &term.law;
@@ -134,9 +147,7 @@ impl Partners {
             });
             let with_it = pairs.filter(|pair| pair.contains(&field)).flatten();
             this.fields.extend(with_it.filter(unknown));
-            if term.law.listing.graph.mapping.is_none() {
-                continue;
-            }
+            let Some(mapping) = term.law.listing.graph.mapping else { continue };
             let there = term.law.tests.iter().chain(&term.law.trials).filter(|s| s.side == Side::There);
             let there: Vec<_> =
                 there.map(|s| s.field.index()).filter(unknown).filter_map(|f| system.range(f)).collect();
@@ -144,15 +155,29 @@ impl Partners {
                 let all = || tests.iter().chain(trials).map(|d| *d as usize);
                 let seen: BTreeSet<usize> = all().filter(|d| there.iter().any(|r| r.contains(d))).collect();
                 for d in all().filter(|d| range.contains(d)) {
-                    this.images.entry(d - (d - range.start) % n).or_default().extend(&seen);
+                    this.images.entry((d - (d - range.start) % n, mapping)).or_default().extend(&seen);
                 }
             });
         }
         this
     }
 
-    fn images(&self, first: usize) -> impl Iterator<Item = usize> + '_ {
-        self.images.get(&first).into_iter().flatten().copied()
+    /// The dofs at the images of a node at `x`: of the nodes that stand there, as on the other side of an interface; where
+    /// none does, all that its terms read.
+    fn images(&self, system: &System, first: usize, x: [f64; 3]) -> Vec<usize> {
+        let near = SAME_PLACE * extent(&system.mesh);
+        let mut found = Vec::new();
+        for ((_, mapping), read) in self.images.range((first, 0)..(first + 1, 0)) {
+            let image = self.mappings.image(*mapping, &system.mesh, x);
+            let stands_there = |dof: &usize| {
+                let (field, node, _) = system.numbering.describe(&system.fields, *dof);
+                let y = system.fields[field].node_position(node);
+                image.is_some_and(|image| (0..3).all(|d| (image[d] - y[d]).abs() <= near))
+            };
+            let there: Vec<usize> = read.iter().copied().filter(stands_there).collect();
+            if there.is_empty() { found.extend(read) } else { found.extend(there) }
+        }
+        found
     }
 
     /// The dofs of the unknowns that stand at a place on both sides of these facets, and whether a field has one node

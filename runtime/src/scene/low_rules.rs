@@ -4,11 +4,13 @@ use wfl::{
     Diagnostic, ResolvedScript,
     ast::{Ident, QuadratureRule},
 };
+use wfl_compiler::types::Side;
 
 use super::terms::PlacedLaw;
 use crate::{
     assemble::{Domain, Group},
     field::Field,
+    mesh::Polynomials,
 };
 
 /// W506 if a term on faces that depends on unknowns is integrated with fewer points than their faces have nodes, by a
@@ -25,11 +27,14 @@ pub(super) fn check(
     if statement.rule == QuadratureRule::Vertex {
         return;
     }
-    let degree = placed.law.trials.iter().filter_map(|t| fields.get(t.field.index())).map(Field::degree).max();
+    // of the mapped side the faces are others
+    let mapped = placed.law.listing.graph.mapping.is_some();
+    let trials = placed.law.trials.iter().filter(|t| !(mapped && t.side == Side::There));
+    let degree = trials.filter_map(|t| fields.get(t.field.index())).map(Field::degree).max();
     let Some(degree) = degree.filter(|k| *k > 0) else { return };
-    let short = |g: &&Group| g.tangents.is_some() && g.n_points() < face_nodes(domain.dim, g, degree);
-    let Some(group) = domain.groups.iter().find(short) else { return };
-    let (points, nodes) = (group.n_points(), face_nodes(domain.dim, group, degree));
+    let Some((points, nodes)) = of_faces(domain, degree).into_iter().find(|(points, nodes)| points < nodes) else {
+        return;
+    };
     let message = format!(
         "the rule on `{}` has {points} points a face for the {nodes} nodes of degree {degree}: displacements that \
          vanish at the points cause no force",
@@ -41,12 +46,35 @@ pub(super) fn check(
     }
 }
 
+/// Points of the rule and nodes of an element of this degree, for each kind of faces. Through a mapping the points of a face
+/// stand in a group for each image face, and those without an image in none: the rule has as many as the face with the most.
+fn of_faces(domain: &Domain, degree: usize) -> Vec<(usize, usize)> {
+    let mut points = vec![(0, 0); domain.n_entities];
+    for group in domain.groups.iter().filter(|g| g.tangents.is_some()) {
+        for entity in &group.entities {
+            points[*entity].0 += group.n_points();
+            points[*entity].1 = face_nodes(domain.dim, group, degree);
+        }
+    }
+    let mut kinds: Vec<(usize, usize)> = Vec::new();
+    for (points, nodes) in points.into_iter().filter(|(points, _)| *points > 0) {
+        match kinds.iter_mut().find(|kind| kind.1 == nodes) {
+            Some(kind) => kind.0 = kind.0.max(points),
+            None => kinds.push((points, nodes)),
+        }
+    }
+    kinds
+}
+
 /// Nodes of a Lagrange element of this degree on a face.
 fn face_nodes(dim: usize, group: &Group, degree: usize) -> usize {
-    match (dim, group.here.kind.is_simplex()) {
+    let local = group.here.facets.first().map_or(0, |facet| usize::from(facet.local));
+    let Some(face) = group.here.kind.facets().get(local) else { return 1 };
+    // one node stands for each place of the lattice of a face
+    match (dim, face.kind.polynomials()) {
         (0 | 1, _) => 1,
         (2, _) => degree + 1,
-        (_, true) => (degree + 1) * (degree + 2) / 2,
-        (_, false) => (degree + 1).pow(2),
+        (_, Polynomials::Total) => (degree + 1) * (degree + 2) / 2,
+        (_, Polynomials::Each | Polynomials::Both) => (degree + 1).pow(2),
     }
 }

@@ -185,6 +185,21 @@ pub(super) struct Through {
 }
 
 impl Mappings {
+    /// Where a mapping leads from `x`: the nearest point of faces; `None` where there is none.
+    pub(super) fn image(&self, mapping: usize, mesh: &Mesh, x: [f64; 3]) -> Option<[f64; 3]> {
+        match &self.list.get(mapping)?.1 {
+            Search::Position(value, _) => {
+                let y = value.at_positions(&[x]).ok()?;
+                Some([0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0)))
+            }
+            Search::Facets { finder, reach, .. } => {
+                let image = finder.nearest(mesh, x, *reach)?;
+                let table = mesh.geometry_element(mesh.kind(image.cell)).tabulate(&[image.reference], 0);
+                Some(mesh.point_at(image.cell, &table, 0))
+            }
+        }
+    }
+
     /// The domain of a law through a mapping: the points of `base` with their images, found where the fields live that the
     /// law reads there; `None` after a message.
     pub(super) fn domain(

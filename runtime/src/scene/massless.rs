@@ -5,7 +5,7 @@
 
 use wfl::{Diagnostic, ResolvedScript, ast::Ident, nearest};
 
-use super::{Scene, data::set_data};
+use super::Scene;
 use crate::redistribution::{Unmovable, redistribution};
 
 /// Takes the mass from the nodes of a region.
@@ -18,12 +18,11 @@ pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, region: &Ident)
     };
     let (time, increment) = (scene.steps.first(), scene.steps.first_increment());
     let given = |error| Diagnostic::new("E452", format!("the mass cannot be computed: {error}")).at(region.span, "");
-    set_data(scene, time, increment).map_err(|e| given(e.to_string()))?;
-    scene.system.set_laws(time, increment);
-    let Scene { system, topology, .. } = &mut *scene;
-    let mesh = system.mesh.clone();
-    let found = redistribution(system, &|field| field.nodes_in(&mesh, topology, &set));
-    scene.system.known.clear();
+    let mut equations = scene.equations();
+    scene.solving(&mut equations).set_data(time, increment).map_err(|e| given(e.to_string()))?;
+    equations.system.set_laws(time, increment);
+    let mesh = &scene.system.mesh;
+    let found = redistribution(&mut equations.system, &|field| field.nodes_in(mesh, &scene.topology, &set));
     let made = found.map_err(|why| Box::new(unmovable(scene, script, region, why)))?;
     scene.system.redistribute(made);
     Ok(())

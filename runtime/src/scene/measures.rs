@@ -7,13 +7,19 @@ use std::{cell::Cell, sync::Arc};
 
 use wfl::{
     Diagnostic,
-    ast::{Expr, MeasureAt, Reduction},
+    ast::{Expr, MeasureAt, Place, Reduction},
     at_expr,
 };
 use wfl_compiler::{ValueLaw, compile_value};
 
 use super::{
-    Builder, Measure, RuleChoice, constants::numbers, jumps, mappings, outputs::OutputMaker, states::states_read, terms,
+    Builder, Measure, RuleChoice,
+    constants::numbers,
+    jumps, mappings,
+    outputs::OutputMaker,
+    sampling::parts,
+    states::states_read,
+    terms::{self, PointsOf},
 };
 use crate::{
     assemble::{Domain, FieldValues},
@@ -21,11 +27,15 @@ use crate::{
     field::Field,
     finite::BadMeasure,
     mesh::{CellKind, RegionSet},
-    quadrature::{Rule, vertex},
+    quadrature::{Rule, composite, vertex},
     results::Located,
     system::System,
     value::{Sampled, Value},
 };
+
+/// An extreme value at nodes is looked for in so many parts of a cell along each direction, too, where its error is
+/// estimated: between nodes a parabola is larger by at most 1/(2 n)^2 of its height.
+const PARTS_BESIDE_NODES: usize = 8;
 
 impl Builder<'_> {
     /// The rule of the terms on the place, so that measured forces are those that act and states are met; a higher one for
@@ -35,11 +45,37 @@ impl Builder<'_> {
         let given = self.script.quadratures.iter().flat_map(|q| &q.places).any(|p| p.name == place);
         let summed = matches!(measure.reduction, Reduction::Integral | Reduction::Mean);
         let free = !given && summed && law.degree.is_exact() && states_read(&self.fields, &law.inputs).next().is_none();
-        match rules.get(place).copied() {
+        // on a part of the region of a state its points are those of the state
+        let of_state = |state: usize| match &self.script.fields.get(state)?.space.place {
+            Place::On(list) => list.iter().find_map(|p| rules.get(&p.name)),
+            _ => rules.get("all"),
+        };
+        let own_rule = rules.get(place).or_else(|| states_read(&self.fields, &law.inputs).find_map(of_state));
+        match own_rule.copied() {
             Some(RuleChoice::Degree(degree)) if free => RuleChoice::Degree(degree.max(own)),
+            Some(RuleChoice::Nodes { .. }) if free => RuleChoice::Degree(own),
             Some(choice) => choice,
             None => RuleChoice::Degree(own),
         }
+    }
+
+    /// Parts of an entity along each direction that have the rule of a measure.
+    fn parts_of_measure(
+        &self,
+        measure: &wfl::Measure,
+        set: Option<&RegionSet>,
+        law: &ValueLaw,
+        rule: RuleChoice,
+    ) -> usize {
+        let exact = matches!(measure.reduction, Reduction::Integral | Reduction::Mean) && law.degree.is_exact();
+        let (Some(set), RuleChoice::Degree(degree)) = (set, rule) else { return 1 };
+        // states have values at the points of their rule alone
+        let fixed = law.mapping.is_some() || states_read(&self.fields, &law.inputs).next().is_some();
+        if exact || fixed || !self.sampling.is_of(&measure.name.name) {
+            return 1;
+        }
+        let dim = self.mesh.dim() - usize::from(!matches!(set, RegionSet::Cells(_)));
+        parts(dim, set.len(), (degree / 2 + 1).pow(u32::try_from(dim).unwrap_or(3)))
     }
 
     pub(super) fn measures(&mut self, list: &[wfl::Measure], rules: &terms::Rules) -> Vec<Measure> {
@@ -49,8 +85,14 @@ impl Builder<'_> {
             if let MeasureAt::Point(x) = &measure.at {
                 parts.extend(self.at_point(measure, x, rules));
             }
+            let mut list = terms::Listed::default();
             for place in &measure.places {
                 let Some((sig, set)) = self.term_maker().place(place) else { continue };
+                // what is largest or smallest is the same however often it counts
+                let mut unsaid = Vec::new();
+                let counts = matches!(measure.reduction, Reduction::Integral | Reduction::Mean);
+                let told = if counts { &mut *self.diagnostics } else { &mut unsaid };
+                let Some(set) = list.rest(&self.mesh, place, set, told) else { continue };
                 let law = compile_value(self.env, &sig, "measure", &measure.expr);
                 self.diagnostics.extend(law.diagnostics);
                 let Some(law) = law.value else { continue };
@@ -62,12 +104,13 @@ impl Builder<'_> {
                     jumps::check(parts, &place.name, set, &law.jumps, diagnostics);
                 }
                 let domain = match (&measure.at, &set) {
-                    (MeasureAt::Nodes, Some(set)) => self.nodes_of(set, &measure.expr),
+                    (MeasureAt::Nodes, Some(set)) => self.nodes_of(set, measure),
                     _ => {
-                        let choice = self.rule_of_measure(measure, &law, &place.name, rules);
+                        let rule = self.rule_of_measure(measure, &law, &place.name, rules);
                         let there = mappings::fields_there(&law.inputs, []);
                         let through = law.mapping.map(|mapping| mappings::Through { mapping, there });
-                        self.domain(&(place.name.clone(), set, through), choice, measure.expr.span)
+                        let parts = self.parts_of_measure(measure, set.as_ref(), &law, rule);
+                        self.domain(&(place.name.clone(), set, through), PointsOf { rule, parts }, measure.expr.span)
                     }
                 };
                 parts.extend(domain.and_then(|domain| self.taken(measure, law, domain)));
@@ -103,11 +146,16 @@ impl Builder<'_> {
     }
 
     /// The nodes of the cells or faces of a region, as many as its fields of the highest degree have.
-    fn nodes_of(&mut self, set: &RegionSet, e: &Expr) -> Option<Arc<Domain>> {
+    fn nodes_of(&mut self, set: &RegionSet, measure: &wfl::Measure) -> Option<Arc<Domain>> {
+        let e = &measure.expr;
+        let is_sampled = self.sampling.is_of(&measure.name.name);
         let degree = self.fields.iter().map(Field::degree).max().unwrap_or(1).max(1);
         let rule = |kind: CellKind| match Element::lagrange(kind, degree, Family::Continuous) {
             Ok(element) => {
-                let points = element.points().to_vec();
+                let mut points = element.points().to_vec();
+                if is_sampled && let Ok(between) = composite(kind, 1, PARTS_BESIDE_NODES) {
+                    points.extend(between.points);
+                }
                 Rule { kind, degree: 0, weights: vec![1.0; points.len()], points }
             }
             Err(_) => vertex(kind),
@@ -151,6 +199,13 @@ impl Builder<'_> {
                 return None;
             }
             let (parts, diagnostics) = self.parts();
+            let maker = OutputMaker { parts, rules, backend, steps: None, diagnostics, law_seconds: Cell::new(0.0) };
+            let told = maker.state_at_points(&law, measure.expr.span, (x.span, "the point"));
+            if let Some(d) = told {
+                self.diagnostics.push(d);
+                return None;
+            }
+            let (parts, diagnostics) = self.parts();
             jumps::check(parts, &target.sig.name, &target.support.region(), &law.jumps, diagnostics);
             return self.taken(measure, law, located.domain);
         }
@@ -168,6 +223,12 @@ impl Builder<'_> {
 }
 
 impl Measure {
+    /// The points of a measure that is taken on one set of them.
+    pub(super) fn domain(&self) -> Option<Arc<Domain>> {
+        let [(_, sampled)] = self.parts.as_slice() else { return None };
+        Some(sampled.domain.clone())
+    }
+
     /// True if it reads the end of the previous step.
     #[must_use]
     pub fn reads_past(&self) -> bool {
@@ -185,7 +246,7 @@ impl Measure {
     }
 
     /// Its value at a state.
-    pub fn evaluate(&mut self, system: &System, time: f64, increment: f64, u: &[f64]) -> f64 {
+    pub fn evaluate(&self, system: &System, time: f64, increment: f64, u: &[f64]) -> f64 {
         let current = system.slices(u);
         let previous = system.previous_slices();
         let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
@@ -193,17 +254,21 @@ impl Measure {
         let (mut largest, mut smallest) = (f64::NEG_INFINITY, f64::INFINITY);
         // of a sum with an infinite part nothing is known, and neither of the largest of values of which one is none
         let mut broken: Option<f64> = None;
-        for (value, sampled) in &mut self.parts {
-            value.set_step(values.step(time, increment));
-            value.for_each_counted_point(&system.mesh, sampled, values, |weight, v| {
-                sum += weight * v[0];
-                size += weight;
-                largest = largest.max(v[0]);
-                smallest = smallest.min(v[0]);
-                if !v[0].is_finite() && !broken.is_some_and(f64::is_nan) {
-                    broken = Some(v[0]);
-                }
-            });
+        for (value, sampled) in &self.parts {
+            value.at_step(values.step(time, increment)).for_each_counted_point(
+                &system.mesh,
+                sampled,
+                values,
+                |weight, v| {
+                    sum += weight * v[0];
+                    size += weight;
+                    largest = largest.max(v[0]);
+                    smallest = smallest.min(v[0]);
+                    if !v[0].is_finite() && !broken.is_some_and(f64::is_nan) {
+                        broken = Some(v[0]);
+                    }
+                },
+            );
         }
         let team = system.team();
         if let Some(rank) = team.first(broken.is_some()) {

@@ -3,10 +3,12 @@
 //! At a corner of a body that sticks on both of its faces two multipliers fix one node: only the sum of their forces is
 //! determined, and the tangent is singular. The multiplier that is declared later is dropped there. Its law remains
 //! with a multiplier of zero, which for the augmented Lagrangian is a penalty of stiffness gamma at that node. The same
-//! holds where three bodies meet in a line: of three jumps two are independent.
+//! holds where three bodies meet in a line: of three jumps two are independent; and at the corners of a cell that is
+//! periodic in several directions: of four jumps between four nodes three are.
 //!
-//! Promises: drops nothing of a multiplier of one component (each constrains a direction of its own), of one whose laws
-//! do not constrain slip, or of two on the same faces. Prescribed values are the task of `constraints.rs`.
+//! Promises: drops nothing of a multiplier of one component that acts on vectors (each constrains a direction of its own),
+//! of one whose laws do not constrain slip, or of two on the same faces. Prescribed values are the task of
+//! `constraints.rs`.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,8 +16,9 @@ use wfl::{Diagnostic, FieldKind as Declared, ResolvedScript};
 use wfl_compiler::{ProjectionKind, types::FieldKind};
 
 use super::{
-    constraints::{Spot, at_place, extent},
+    constraints::{SAME_PLACE, Spot, at_place, extent},
     idle::facets_of_nodes,
+    mappings::Mappings,
     terms::PlacedLaw,
 };
 use crate::{
@@ -62,6 +65,7 @@ pub(super) struct Multipliers<'a> {
     pub(super) script: &'a ResolvedScript,
     pub(super) mesh: &'a Mesh,
     pub(super) topology: &'a Topology,
+    pub(super) mappings: &'a Mappings,
     pub(super) fields: &'a [Field],
     pub(super) numbering: &'a Numbering,
     /// Components that are prescribed.
@@ -83,7 +87,8 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
         let (Some(start), FieldSpace::Nodal(space)) = (numbering.starts[k], &fields[k].space) else { continue };
         let around = facets_of_nodes(space);
         let keeps = matches!(script.fields[k].kind, Declared::Multiplier { keep_crosspoints: true });
-        let jump = Jump { on, extent, acts_on: partners(k, fields, laws) };
+        let mut jump = Jump { on, extent, acts_on: partners(k, fields, laws), mapping: None, images: Vec::new() };
+        jump.look_through(laws.iter().filter(|l| tests(k, l)).find_map(|l| l.law.listing.graph.mapping));
         let n = fields[k].n_components;
         let mut nodes = 0;
         for (node, facets) in &around {
@@ -125,13 +130,19 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
 /// True for a multiplier of several components whose laws can constrain the whole jump.
 fn holds_a_jump(k: usize, fields: &[Field], laws: &[PlacedLaw]) -> bool {
     let slides = |law: &PlacedLaw| {
-        law.pieces.as_ref().is_some_and(|p| p.projections.iter().all(|p| p.kind != ProjectionKind::Ball))
+        law.frozen.as_ref().is_some_and(|p| p.projections.iter().all(|p| p.kind != ProjectionKind::Ball))
     };
-    let mut own = laws.iter().filter(|l| l.law.tests.iter().any(|t| t.field.index() == k)).peekable();
+    let mut own = laws.iter().filter(|law| tests(k, law)).peekable();
+    let vectors = |law: &PlacedLaw| law.law.trials.iter().any(|s| fields[s.field.index()].n_components > 1);
     fields[k].kind == FieldKind::Multiplier
-        && fields[k].n_components > 1
+        && (fields[k].n_components > 1 || !laws.iter().any(|law| tests(k, law) && vectors(law)))
         && own.peek().is_some()
         && own.all(|law| !slides(law))
+}
+
+/// Whether a law stands in the equations of field `k`.
+fn tests(k: usize, law: &PlacedLaw) -> bool {
+    law.law.tests.iter().any(|t| t.field.index() == k)
 }
 
 /// The unknowns on which multiplier `k` acts.
@@ -148,16 +159,64 @@ struct Jump<'a> {
     /// Of the mesh.
     extent: f64,
     acts_on: BTreeSet<usize>,
+    /// What leads to the other side, where that is no neighbour.
+    mapping: Option<usize>,
+    /// The nodes of the fields in the order of their first coordinate, where that is needed: coordinate, field, node.
+    images: Vec<(f64, usize, u32)>,
 }
 
 impl Jump<'_> {
+    /// Takes the other side from a mapping.
+    fn look_through(&mut self, mapping: Option<usize>) {
+        self.mapping = mapping;
+        if mapping.is_none() {
+            return;
+        }
+        for k in &self.acts_on {
+            let FieldSpace::Nodal(space) = &self.on.fields[*k].space else { continue };
+            self.images.extend(space.node_coordinates().iter().zip(0..).map(|(x, node)| (x[0], *k, node)));
+        }
+        self.images.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    }
+
+    /// Component `c` of the nodes at the image of `x`.
+    fn at_image(&self, mapping: usize, x: [f64; 3], c: usize) -> Vec<End> {
+        let Some(image) = self.on.mappings.image(mapping, self.on.mesh, x) else { return Vec::new() };
+        let near = SAME_PLACE * self.extent;
+        let from = self.images.partition_point(|(first, ..)| *first < image[0] - near);
+        let beside = self.images[from..].iter().take_while(|(first, ..)| *first <= image[0] + near);
+        let stands_there = |k: usize, node: u32| {
+            let y = self.on.fields[k].node_position(node as usize);
+            (0..3).all(|d| (image[d] - y[d]).abs() <= near)
+        };
+        beside
+            .filter(|(_, k, node)| stands_there(*k, *node))
+            .filter_map(|(_, k, node)| self.end(*k, *node, c))
+            .collect()
+    }
+
+    /// The end that a component of a node is.
+    fn end(&self, k: usize, node: u32, c: usize) -> Option<End> {
+        let start = self.on.numbering.starts[k]?;
+        let is_fixed = self.on.fixed.contains(&(start + node as usize * self.on.fields[k].n_components + c));
+        Some(if is_fixed { None } else { Some((k, node, c)) })
+    }
+
     /// The two ends of component `c` of the jumps at `x`, on each of the facets there, each pair once.
     fn ends(&self, x: [f64; 3], facets: &[FacetRef], c: usize) -> Vec<(End, End)> {
         let mut found = BTreeSet::new();
         for facet in facets {
             let here = self.at(x, *facet, c);
-            let there = self.on.topology.opposite(*facet).map(|f| self.at(x, f, c)).filter(|list| !list.is_empty());
-            let there = there.unwrap_or_else(|| vec![None]);
+            let there = match self.mapping {
+                Some(mapping) => Some(self.at_image(mapping, x, c)),
+                None => self.on.topology.opposite(*facet).map(|f| self.at(x, f, c)),
+            };
+            // an image between nodes is an end of its own
+            let there = match there.filter(|list| !list.is_empty()) {
+                Some(list) => list,
+                None if self.mapping.is_some() => continue,
+                None => vec![None],
+            };
             found.extend(here.iter().flat_map(|h| there.iter().map(|t| (*h, *t))).filter(|(h, t)| h != t));
         }
         found.into_iter().collect()
@@ -167,14 +226,9 @@ impl Jump<'_> {
         let mut ends = Vec::new();
         let spot = Spot { x, extent: self.extent };
         for k in &self.acts_on {
-            let (FieldSpace::Nodal(space), Some(start)) = (&self.on.fields[*k].space, self.on.numbering.starts[*k])
-            else {
-                continue;
-            };
-            for node in at_place(self.on.mesh, self.on.topology, space, &[facet], spot) {
-                let is_fixed = self.on.fixed.contains(&(start + node as usize * self.on.fields[*k].n_components + c));
-                ends.push(if is_fixed { None } else { Some((*k, node, c)) });
-            }
+            let FieldSpace::Nodal(space) = &self.on.fields[*k].space else { continue };
+            let nodes = at_place(self.on.mesh, self.on.topology, space, &[facet], spot);
+            ends.extend(nodes.into_iter().filter_map(|node| self.end(*k, node, c)));
         }
         ends
     }

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use wfl::{
-    Diagnostic, MeshStmt, ResolvedScript, Span,
+    Diagnostic, FieldKind, MeshStmt, ResolvedScript, Span,
     ast::{self, BoxDivision, Expr, MeshSource},
     nearest,
 };
@@ -19,13 +19,14 @@ use crate::{
     input::{InputError, InputKind},
     memory::TooMuchMemory,
     mesh::{
-        BoxShape, MapError, Mesh, MeshError, MeshWarnings, cells_for_size, generate_box, map_nodes, map_refined,
-        read::ReadError,
+        BoxShape, CellId, FacetRef, Group, GroupEntities, MapError, Mesh, MeshError, MeshWarnings, Topology,
+        along_curves, cells_for_size, faces_of, generate_box, map_nodes, map_refined, outer_boundary, read::ReadError,
+        second_order,
     },
     output::Hash,
     reading::{self, ReadingError},
     scene::{
-        InputFile,
+        Bodies, InputFile,
         constants::{bare_env, numbers},
     },
     value::Value,
@@ -64,6 +65,7 @@ pub(super) fn read(
                 let first = format!("the first pair: {a} at {a_at:?} and {b} at {b_at:?}");
                 diagnostics.push(d.at(*span, first).help("the body is torn there; merge them in the mesh generator"));
             }
+            diagnostics.extend(turned(&mesh, *span));
             Some(mesh)
         }
         Err(ReadError::Mesh(MeshError::TooMuchMemory(need))) => {
@@ -76,6 +78,20 @@ pub(super) fn read(
             None
         }
     }
+}
+
+/// W423 for cells of a file that ran clockwise.
+fn turned(mesh: &Mesh, span: Span) -> Option<Diagnostic> {
+    let cells = &mesh.warnings().turned_cells;
+    let first = mesh.numbers().cell(*cells.first()?);
+    let many = match (cells.len(), mesh.n_cells()) {
+        (1, _) => "1 cell runs".to_owned(),
+        (n, all) if n == all => format!("all {n} cells run"),
+        (n, _) => format!("{n} cells run"),
+    };
+    let d = Diagnostic::new("W423", format!("{many} clockwise in this file, and were turned"));
+    let d = d.at(span, format!("the first is {first}; places, groups and results are not changed by that"));
+    Some(d.help("in Gmsh: reverse the curve loop of the surface, or Reverse Surface{..}"))
 }
 
 /// A file that cannot be had: E217 if the scene may not read it, E606 if it is too large, else `code`.
@@ -122,6 +138,7 @@ pub(super) struct MeshMaker<'a> {
     pub(super) script: &'a ResolvedScript,
     pub(super) params: &'a BTreeMap<String, Constant>,
     pub(super) backend: &'a dyn KernelBackend,
+    pub(super) bodies: Bodies,
     pub(super) diagnostics: &'a mut Vec<Diagnostic>,
 }
 
@@ -140,7 +157,34 @@ impl MeshMaker<'_> {
             None => None,
             Some(map) => Some(self.map(mesh.dim(), map)?),
         };
-        Some((mesh, map))
+        match &statement.source {
+            MeshSource::Box { .. } if map.is_some() => Some((self.bent(mesh, map.as_ref()), map)),
+            MeshSource::File { .. } if self.bodies == Bodies::Arcs => Some((with_arcs(mesh), map)),
+            _ => Some((mesh, map)),
+        }
+    }
+
+    /// A box of cells of second order where its map bends them and unknowns are of degree 2 or higher: with straight edges
+    /// their errors would be those of the polygon, of order 2. A map that second order does not stand keeps the first.
+    fn bent(&mut self, mesh: Mesh, map: Option<&NodeMap>) -> Mesh {
+        let by_fields = || self.script.fields.iter().any(|f| matches!(f.kind, FieldKind::Unknown) && degree(f) > 1);
+        let wanted = match self.bodies {
+            Bodies::AsFields | Bodies::Arcs => by_fields(),
+            Bodies::First => false,
+            Bodies::Second => true,
+        };
+        if !wanted {
+            return mesh;
+        }
+        let Ok(curved) = second_order(mesh.clone()) else { return mesh };
+        // what is told of the map is told when the mesh itself is moved
+        let told = self.diagnostics.len();
+        let moved = self.moved(curved.clone(), map, None);
+        self.diagnostics.truncate(told);
+        // straight boundaries are those of cells of first order, whatever the map does inside
+        let outer = |mesh: &Mesh| Topology::new(mesh).map(|t| outer_boundary(&t)).unwrap_or_default();
+        let is_bent = moved.is_some_and(|m| outer(&m).into_iter().any(|facet| m.is_bent(facet)));
+        if is_bent { curved } else { mesh }
     }
 
     /// The map of the nodes of a mesh of dimension `dim`.
@@ -188,6 +232,31 @@ impl MeshMaker<'_> {
             }
         }
     }
+}
+
+/// The degree that the declaration of a field says.
+fn degree(field: &wfl::Field) -> usize {
+    let word = field.space.element.as_ref().map_or("1", |e| e.name.as_str());
+    let digits = word.trim_start_matches(|c: char| !c.is_ascii_digit());
+    digits.parse().unwrap_or(1)
+}
+
+/// A mesh from a file whose polygons are arcs where they seem to be those of curves; as it is where that makes no mesh.
+fn with_arcs(mesh: Mesh) -> Mesh {
+    let bodies = bodies_of(&mesh);
+    along_curves(mesh.clone(), &bodies).unwrap_or(mesh)
+}
+
+/// The faces of the whole mesh and of each of its groups of cells.
+pub(crate) fn bodies_of(mesh: &Mesh) -> Vec<Vec<FacetRef>> {
+    let Ok(topology) = Topology::new(mesh) else { return Vec::new() };
+    let group = |g: &Group| match &g.entities {
+        GroupEntities::Cells(cells) => Some(cells.clone()),
+        _ => None,
+    };
+    let all: Vec<CellId> = mesh.cells().collect();
+    let sets = mesh.groups().iter().filter_map(group).chain([all]);
+    sets.map(|cells| faces_of(mesh, &topology, &cells)).collect()
 }
 
 /// Where the nodes of a mesh go.

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 
 use wfl::{ResolvedScript, ast::Ident};
 use wfl_compiler::{
-    Env, ScaledPart, TermSource, compile_pieces, compile_term, scaling_parameters,
+    Env, ScaledPart, TermSource, compile_frozen, compile_term, scaling_parameters,
     types::{FieldId, PlaceKind, PlaceSig},
 };
 
@@ -63,10 +63,10 @@ impl Scene {
 /// For each projection of a term whose value is a force: the parameters that scale the displacements in its argument.
 fn scaling(env: &Env<'_>, place: &PlaceSig, source: TermSource<'_>) -> Vec<BTreeSet<String>> {
     let Some(law) = compile_term(env, place, "", source).value else { return Vec::new() };
-    let guides = FieldId::new(env.fields.len());
-    let Some(pieces) = compile_pieces(env, place, "", &law.listing, guides) else { return Vec::new() };
-    let all = scaling_parameters(env, place, source, &pieces);
-    let acting = pieces.projections.iter().enumerate().filter(|(_, p)| p.acts);
+    let branches = FieldId::new(env.fields.len());
+    let Some(frozen) = compile_frozen(env, place, "", &law.listing, branches) else { return Vec::new() };
+    let all = scaling_parameters(env, place, source, &frozen);
+    let acting = frozen.projections.iter().enumerate().filter(|(_, p)| p.acts);
     let of = |k: usize| all.iter().filter(move |s| s.projection == k && s.part == ScaledPart::Displacement);
     acting.map(|(k, _)| of(k).map(|s| s.parameter.clone()).collect()).collect()
 }

@@ -6,6 +6,7 @@
 mod assemble;
 mod auto;
 mod batch;
+mod between;
 mod build;
 mod cadence;
 mod caller;
@@ -14,11 +15,14 @@ mod constants;
 mod constraints;
 mod context;
 mod coverage;
-mod data;
+mod cut;
 mod effects;
+mod equations;
 mod expects;
 mod explicit;
+mod face_rules;
 mod fields;
+mod forcing;
 mod given;
 mod gradients;
 mod groups;
@@ -44,12 +48,15 @@ mod rates;
 mod refined;
 mod regions;
 mod rest;
+mod rule_choice;
 mod samples;
+mod sampling;
 mod series;
 mod states;
 mod surfaces;
 mod tables;
 mod terms;
+mod twice;
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashSet},
@@ -68,7 +75,7 @@ use wfl_compiler::{
 };
 
 use crate::{
-    contact::{Contact, ContactMemory},
+    contact::Contact,
     csr::CsrError,
     field::Field,
     mesh::{Mesh, Topology},
@@ -81,18 +88,22 @@ use crate::{
 };
 
 use batch::Batch;
+pub use between::Between;
 pub use cadence::{Cadence, Every, StepPlace};
 pub use caller::GiveError;
 pub use constraints::Prescribed;
-pub use data::{coarse_loads, coercivity, contact_forms, hourglasses, locked_bodies, negative_bodies};
-pub(crate) use data::{node_positions, set_data, start};
+pub(crate) use equations::node_positions;
+pub use equations::{Equations, Solving};
 pub use explicit::{Energy, Explicit};
+pub use fields::ON_ANY_CELLS;
+pub use forcing::Forcing;
 pub use given::{CallerValues, Given, Source};
 pub use gradients::Over;
 pub use held::Printed;
 pub use inputs::InputFile;
 pub use mesh::SceneBox;
-pub use options::{Auto, Steps};
+pub(crate) use mesh::bodies_of;
+pub use options::{Auto, DEFAULT_STEP_ERROR, Steps};
 pub use outputs::{CsvOutput, VtkOutput};
 use part::PartOfUnknowns;
 pub use part::{FromWhole, ScenePart};
@@ -102,6 +113,7 @@ pub use refined::Refined;
 pub use regions::{NamedRegion, Regions};
 pub use rest::{Sketch, without_auto};
 pub use samples::{SampleAt, Samples, StateAt};
+pub use sampling::{Bodies, NO_SAMPLING, Sampling, parts};
 pub use states::StateUpdate;
 pub(crate) use tables::TablesOf;
 pub use terms::RuleChoice;
@@ -206,28 +218,21 @@ pub struct Scene {
     pub refined: Option<Refined>,
     /// The files that were read for it.
     pub inputs: Vec<InputFile>,
-    /// What a run has to know of its tables.
+    /// What a run has to know of its tables, and of what else drives it.
     pub tables: TablesOf,
     /// Multipliers that have nodes without a jump by the mesh alone, and why.
     pub(crate) idle: Vec<(String, String)>,
+    /// By field whether its unit is a length; `None` where it has none.
+    pub(crate) lengths: Vec<Option<bool>>,
     /// Words in expressions of terms.
     pub(crate) in_terms: BTreeSet<String>,
-    /// The memory of contact as it was before the first run.
-    pristine: Option<ContactMemory>,
     env: OwnedEnv,
 }
 
 impl Scene {
-    /// Goes back to what the scene was before its first run: a run depends on no other one.
-    pub(crate) fn restart(&mut self) {
-        match &self.pristine {
-            None => self.pristine = Some(self.contact.memory()),
-            Some(contact) => {
-                self.contact.restart(contact);
-                self.system.known.clear();
-            }
-        }
-        self.data.iter_mut().chain(&mut self.starts).chain(&mut self.start_rates).for_each(|(_, given)| given.forget());
+    /// Asks callers who give values anew: a run depends on no other one.
+    pub(crate) fn forget_given(&self) {
+        self.data.iter().chain(&self.starts).chain(&self.start_rates).for_each(|(_, given)| given.forget());
     }
 
     /// Shares the rows of the equations out over ranks that have prepared the same scene; before the first step.
@@ -297,6 +302,7 @@ struct Builder<'a> {
     prints: Vec<Printed>,
     inputs: Vec<InputFile>,
     keep: &'a [Pruning],
+    sampling: &'a Sampling,
     /// Where this rank has a part of the mesh alone: what the first one says of the unknowns.
     unknowns: Option<PartOfUnknowns>,
 }
@@ -341,7 +347,22 @@ pub fn prepare_refined(
     keep: &[Pruning],
     rounds: &[Vec<Mark>],
 ) -> Prepared {
-    let with = With { folder, backend, keep, rounds };
+    prepare_sampled(script, folder, backend, keep, (rounds, &NO_SAMPLING))
+}
+
+/// [`prepare_refined`], and some integrals are taken with more points.
+///
+/// # Panics
+/// If a mark is of no cell of the mesh of its round.
+#[must_use]
+pub fn prepare_sampled(
+    script: &ResolvedScript,
+    folder: &Path,
+    backend: &dyn KernelBackend,
+    keep: &[Pruning],
+    mesh: (&[Vec<Mark>], &Sampling),
+) -> Prepared {
+    let with = With { folder, backend, keep, rounds: mesh.0, sampling: mesh.1 };
     if script.params.iter().any(auto::is_auto) {
         return auto::prepare(script, with);
     }
@@ -360,7 +381,7 @@ pub fn prepare_part(
     team: Arc<dyn Team>,
 ) -> Prepared {
     let script = part.with_params(script);
-    let with = With { folder, backend, keep, rounds: &[] };
+    let with = With { folder, backend, keep, rounds: &[], sampling: &NO_SAMPLING };
     prepare_as_written(&script, with, Some((part, team)))
 }
 
@@ -382,6 +403,7 @@ struct With<'a> {
     backend: &'a dyn KernelBackend,
     keep: &'a [Pruning],
     rounds: &'a [Vec<Mark>],
+    sampling: &'a Sampling,
 }
 
 fn prepare_as_written(script: &ResolvedScript, with: With<'_>, part: Option<place::OnTeam>) -> Prepared {

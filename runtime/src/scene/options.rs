@@ -8,7 +8,7 @@ use wfl::{
 use super::{Builder, constants};
 use crate::{
     accuracy::{DEFAULT_QUANTITY, LARGEST, SMALLEST, is_accuracy},
-    newton::{LARGEST_TOLERANCE, NewtonOptions, obstacle},
+    newton::{LARGEST_PERTURBATION, LARGEST_TOLERANCE, NewtonOptions, obstacle},
     solve::LinearMethod,
     system::System,
 };
@@ -20,6 +20,8 @@ pub struct Steps {
     pub variable: Option<String>,
     /// Its values; the first and the last one where the run chooses the steps between them.
     pub values: Vec<f64>,
+    /// What leads from one value to the next, where steps are equal.
+    pub equal: Option<Equal>,
     /// How the run chooses its steps, if it does.
     pub auto: Option<Auto>,
     /// Go on after a step that did not converge.
@@ -28,6 +30,29 @@ pub struct Steps {
     pub halve: u32,
     /// Something reads a rate or the increment: the first value is where time starts, and nothing is solved there.
     pub from_start: bool,
+}
+
+/// The increment of equal steps: what the scene says, and no difference of two values. Far from zero values of the step
+/// variable are rounded, their differences lose as many digits, and time that is measured from elsewhere would pass
+/// at another rate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Equal {
+    /// The increment.
+    pub by: f64,
+    /// That of a shorter last step.
+    pub last: Option<f64>,
+}
+
+impl Equal {
+    /// What leads through values that are equally spaced, within their rounding; `None` for others.
+    pub(super) fn of(values: &[f64]) -> Option<Self> {
+        let ([first, .., last], n) = (values, values.len()) else { return None };
+        #[expect(clippy::cast_precision_loss, reason = "as many steps as memory holds")]
+        let (at, by) = (|k: usize| k as f64, (last - first) / (n - 1) as f64);
+        let rounding = VALUE_ROUNDING * f64::EPSILON * first.abs().max(last.abs());
+        let is_met = |k: usize| (values[k] - (first + at(k) * by)).abs() <= rounding;
+        (0..n).all(is_met).then_some(Self { by, last: None })
+    }
 }
 
 /// How a run chooses its steps.
@@ -70,8 +95,26 @@ impl Steps {
     /// The first increment; 0 for a single solve.
     #[must_use]
     pub fn first_increment(&self) -> f64 {
-        let listed = self.values.get(1).map_or(0.0, |next| next - self.values[0]);
-        self.auto.as_ref().map_or(listed, |auto| auto.first)
+        self.auto.as_ref().map_or_else(|| self.increment(1), |auto| auto.first)
+    }
+
+    /// The increment that leads to a listed value, by its number; 0 where there is none before it.
+    #[must_use]
+    pub fn increment(&self, number: usize) -> f64 {
+        if number == 0 || number >= self.values.len() {
+            return 0.0;
+        }
+        match self.equal {
+            Some(Equal { last: Some(last), .. }) if number + 1 == self.values.len() => last,
+            Some(Equal { by, .. }) => by,
+            None => self.values[number] - self.values[number - 1],
+        }
+    }
+
+    /// The longest increment between listed values, without its sign.
+    #[must_use]
+    pub fn longest_increment(&self) -> f64 {
+        (1..self.values.len()).map(|k| self.increment(k).abs()).fold(0.0, f64::max)
     }
 
     /// How many steps there are, as far as that is known before a run.
@@ -102,11 +145,11 @@ const MANY: usize = 1000;
 /// begins fast, and growing by factors of two it costs twenty steps at most.
 const FIRST: f64 = 1e-6;
 /// The error of a step where the scene does not say.
-const ERROR: f64 = 1e-4;
+pub const DEFAULT_STEP_ERROR: f64 = 1e-4;
 /// The smallest increment where the scene does not say, in parts of the range.
 const LEAST: f64 = 1e-12;
-/// Largest error of a step.
-const LARGEST_ERROR: f64 = 0.1;
+/// Errors of a step that can be asked for: below the smallest one rounding of the state is all that is estimated.
+const ERRORS: std::ops::RangeInclusive<f64> = 1e-12..=0.1;
 
 /// Halvings where the scene does not say how many: the smallest part is then 1/32 of an increment.
 const DEFAULT_HALVE: u32 = 5;
@@ -120,6 +163,10 @@ const MAX_STEPS: f64 = 1e8;
 /// Steps that miss the last value by this part of a step meet it: the quotient of three rounded numbers is not better
 /// known.
 const SAME_STEP: f64 = 1e-9;
+/// Rounding of a value of the step variable that was computed from the ends of its range, in units of epsilon.
+const VALUE_ROUNDING: f64 = 2.0;
+/// Rounding of the step variable in units of an increment that formulas of it should not see: a hundredth of a step.
+const SEEN: f64 = 0.01;
 
 impl Builder<'_> {
     /// The values of the step variable; `rates` if something reads them.
@@ -127,7 +174,15 @@ impl Builder<'_> {
         let Some(steps) = &self.script.steps else {
             let values = vec![0.0];
             let halve = DEFAULT_HALVE;
-            return Some(Steps { variable: None, values, auto: None, go_on: false, halve, from_start: false });
+            return Some(Steps {
+                variable: None,
+                values,
+                equal: None,
+                auto: None,
+                go_on: false,
+                halve,
+                from_start: false,
+            });
         };
         if steps.is_auto() {
             return self.auto_steps(steps, rates);
@@ -155,7 +210,7 @@ impl Builder<'_> {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
                 ("halve", Some(n), _) if n.fract() == 0.0 && (0.0..=MAX_HALVE).contains(&n) => halve = n as u32,
                 ("most", Some(n), _) if n.fract() == 0.0 && (1.0..=MAX_STEPS).contains(&n) => most = n,
-                (name @ ("first" | "error" | "limit" | "least"), _, _) => {
+                (name @ ("count" | "first" | "error" | "limit" | "least"), _, _) => {
                     self.bad_option(option, name, "only steps that the run chooses have it: by auto");
                 }
                 (name, _, _) => {
@@ -164,9 +219,10 @@ impl Builder<'_> {
                 }
             }
         }
-        let values = self.listed(steps, [from, to, by], (count, left), most)?;
+        let equal = Equal { by: told_increment(from, to, by, (count, left)), last: left };
+        let values = self.listed(steps, [from, to, equal.by], (count, left), most)?;
         let variable = Some(steps.variable.name.clone());
-        Some(Steps { variable, values, auto: None, go_on, halve, from_start: rates })
+        Some(Steps { variable, values, equal: Some(equal), auto: None, go_on, halve, from_start: rates })
     }
 
     /// The values of so many whole steps, and of a shorter one behind them.
@@ -181,6 +237,9 @@ impl Builder<'_> {
         let n_steps = count + 1.0 + f64::from(u8::from(left.is_some()));
         if n_steps > most {
             self.diagnostics.push(too_many(steps, from, to, by, n_steps, most));
+            return None;
+        }
+        if !self.resolved(steps, range) {
             return None;
         }
         if let Some(left) = left {
@@ -200,6 +259,29 @@ impl Builder<'_> {
         Some(values)
     }
 
+    /// Whether the step variable moves from step to step: E413 where its values are one number, W421 where their rounding
+    /// is a part of a step that formulas of it see.
+    fn resolved(&mut self, steps: &wfl::Steps, range: [f64; 3]) -> bool {
+        let [from, to, by] = range;
+        let rounding = f64::EPSILON * from.abs().max(to.abs());
+        if rounding <= SEEN * by.abs() {
+            return true;
+        }
+        let name = &steps.variable.name;
+        let help = format!("count `{name}` from where the run begins: {name} = 0 to {}", short(to - from));
+        if rounding >= by.abs() {
+            let d = Diagnostic::new("E413", format!("`{name}` does not move in a step of {by:e}"));
+            let text = format!("numbers near {to:e} lie {:.1e} apart", rounding);
+            self.diagnostics.push(d.at(steps.by.span, text).help(help));
+            return false;
+        }
+        let part = 100.0 * rounding / by.abs();
+        let d = Diagnostic::new("W421", format!("`{name}` is rounded to {part:.0} % of a step"));
+        let text = format!("numbers near {to:e} lie {rounding:.1e} apart; formulas of `{name}` are that inexact");
+        self.diagnostics.push(d.at(steps.from.span.to(steps.to.span), text).help(help));
+        true
+    }
+
     /// Steps that the run chooses.
     fn auto_steps(&mut self, steps: &wfl::Steps, rates: bool) -> Option<Steps> {
         let from = constants::number(self.env, "the first value", &steps.from, self.diagnostics)?;
@@ -213,12 +295,13 @@ impl Builder<'_> {
         }
         let mut auto = Auto {
             first: FIRST * span,
-            error: ERROR,
+            error: DEFAULT_STEP_ERROR,
             least: LEAST * span,
             most: span,
             limit: None,
             fields: Vec::new(),
         };
+        let mut allowed = MOST_STEPS;
         for option in &steps.options {
             if let ("limit", Some(OptionValue::Expr(e))) = (option.name.name.as_str(), &option.value) {
                 auto.limit = Some(e.clone());
@@ -228,10 +311,11 @@ impl Builder<'_> {
                 ("first", Some(h)) if h > 0.0 => auto.first = h,
                 ("least", Some(h)) if h > 0.0 => auto.least = h,
                 ("most", Some(h)) if h > 0.0 => auto.most = h,
-                ("error", Some(e)) if e > 0.0 && e <= LARGEST_ERROR => auto.error = e,
+                ("error", Some(e)) if ERRORS.contains(&e) => auto.error = e,
+                ("count", Some(n)) if (1.0..=MAX_STEPS).contains(&n) => allowed = n,
                 (name, _) => {
-                    let known = "first, least and most are increments above 0; error=1e-12 to error=0.1; \
-                                 limit=0.2*Dc/max(V) on fault";
+                    let known = "first, least and most are increments above 0; error=1e-12 to error=0.1; count=100000 \
+                                 to count=1e8; limit=0.2*Dc/max(V) on fault";
                     self.bad_option(option, name, known);
                 }
             }
@@ -245,8 +329,23 @@ impl Builder<'_> {
             self.diagnostics.push(d.at(steps.span, ""));
             return None;
         }
+        // explicit steps are equal, and counted where their limit is known
+        let explicit = self.script.scheme.as_ref().is_some_and(|s| s.name.name == "explicit");
+        let fewest = (span / auto.most * (1.0 - SAME_STEP)).ceil();
+        if fewest > allowed && !explicit {
+            self.diagnostics.push(too_many_of_auto(steps, fewest, auto.most, allowed));
+            return None;
+        }
         let variable = Some(steps.variable.name.clone());
-        Some(Steps { variable, values: vec![from, to], auto: Some(auto), go_on: false, halve: 0, from_start: rates })
+        Some(Steps {
+            variable,
+            values: vec![from, to],
+            equal: None,
+            auto: Some(auto),
+            go_on: false,
+            halve: 0,
+            from_start: rates,
+        })
     }
 
     /// The number that an option of steps takes, which may be the name of a parameter.
@@ -290,6 +389,9 @@ impl Builder<'_> {
                 ("max_iter", Some(n), _) if n >= 1.0 && n.fract() == 0.0 && n < 1e6 => {
                     options.max_iterations = n as usize;
                 }
+                ("perturb", Some(size), _) if size > 0.0 && size <= LARGEST_PERTURBATION => {
+                    options.perturb = Some(size);
+                }
                 ("accuracy", Some(e), _) if is_accuracy(e) => asked = Some(e),
                 ("of", _, Some(quantity)) => of = quantity.to_owned(),
                 ("cg", None, None) if option.value.is_none() => iterative = Some(option),
@@ -305,8 +407,8 @@ impl Builder<'_> {
                     self.diagnostics.push(d.at(option.name.span, "such as accuracy=1e-3"));
                 }
                 (name, _, _) => {
-                    let known =
-                        "tol=1e-10, max_iter=50, search=auto, search=none, accuracy=1e-3, of=L2, direct, cg, amg";
+                    let known = "tol=1e-10, max_iter=50, search=auto, search=none, perturb=1e-6, accuracy=1e-3, of=L2, direct, cg, \
+                         amg";
                     self.bad_option(option, name, known);
                 }
             }
@@ -361,11 +463,24 @@ fn whole_steps(from: f64, to: f64, by: f64) -> Option<(f64, Option<f64>)> {
         return None;
     }
     let nearest = count.round();
-    if (count - nearest).abs() <= SAME_STEP * nearest.max(1.0) {
+    let rounding = VALUE_ROUNDING * f64::EPSILON * from.abs().max(to.abs()) / by.abs();
+    if (count - nearest).abs() <= rounding.max(SAME_STEP * nearest.max(1.0)) {
         return Some((nearest, None));
     }
     let whole = count.floor();
     Some((whole, Some(to - (from + whole * by))))
+}
+
+/// The increment of whole steps: as it is written, where so many of them lead to the last value within the rounding of
+/// both ends; else the part of the range that makes them do so.
+fn told_increment(from: f64, to: f64, by: f64, whole: (f64, Option<f64>)) -> f64 {
+    let (count, left) = whole;
+    let rounding = VALUE_ROUNDING * f64::EPSILON * from.abs().max(to.abs());
+    if count == 0.0 || left.is_some() || (count * by - (to - from)).abs() <= rounding {
+        by
+    } else {
+        (to - from) / count
+    }
 }
 
 /// Six digits of a number.
@@ -385,6 +500,17 @@ fn too_many(steps: &wfl::Steps, from: f64, to: f64, by: f64, n_steps: f64, most:
         return d.at(steps.by.span, "").help(format!("a scene has at most {MAX_STEPS:e} steps"));
     }
     d.at(steps.by.span, "").help(format!("to allow them: steps ... by {by} with most={n_steps}"))
+}
+
+/// E430 for increments so small that the run would choose more steps than allowed.
+fn too_many_of_auto(steps: &wfl::Steps, fewest: f64, most: f64, allowed: f64) -> Diagnostic {
+    let text = format!("at least {} steps of at most {most:e}, and at most {allowed} are allowed", short(fewest));
+    let option = steps.options.iter().find(|o| o.name.name == "most");
+    let d = Diagnostic::new("E430", text).at(option.map_or(steps.by.span, |o| o.name.span), "the largest increment");
+    if fewest > MAX_STEPS {
+        return d.help(format!("a larger `most`, or none: a scene has at most {MAX_STEPS:e} steps"));
+    }
+    d.help(format!("a larger `most`, or none; to allow them: count={}", short((1.1 * fewest).ceil())))
 }
 
 fn word(option: &OptionItem) -> Option<&str> {

@@ -160,6 +160,10 @@ impl OutputMaker<'_> {
                 sets.push(cells);
             }
         }
+        if sets.is_empty() {
+            // single numbers alone: they have their values wherever somebody asks
+            sets.push(self.parts.mesh.cells().collect());
+        }
         let target =
             |cells: Vec<CellId>| self.target("this body", RegionSet::Cells(cells.clone()), SupportSet::Cells(cells));
         sets.into_iter().map(target).collect()
@@ -217,6 +221,12 @@ impl OutputMaker<'_> {
         let at_home = refusals.into_iter().find(|told| !elsewhere(told));
         let last = faces.last().or(bodies.last());
         let told = at_home.or_else(|| last.and_then(|t| self.try_compile(t, e).err())).unwrap_or(problems);
+        let told = if told.is_empty() {
+            let d = Diagnostic::new("E416", "this quantity has a value nowhere");
+            vec![d.at(e.span, "no body and no face has its fields")]
+        } else {
+            told
+        };
         for d in told {
             if !self.diagnostics.contains(&d) {
                 self.diagnostics.push(d);
@@ -340,6 +350,12 @@ impl OutputMaker<'_> {
             let d = Diagnostic::new("W415", format!("{outside} of {n} points of a line lie outside the mesh"));
             let text = format!("`nan` there, the first at {:?}", &first[..self.parts.mesh.dim()]);
             self.diagnostics.push(d.at(span, text));
+        }
+        let between = missing.len() - outside;
+        if between > 0 {
+            let text = format!("{between} of {n} points of a line lie in no body of its quantities");
+            let d = Diagnostic::new("W415", text).at(span, "`nan` there, in a body that has none of them");
+            self.diagnostics.push(d);
         }
         for name in line.nowhere() {
             let item = output.items.iter().find(|i| i.name == name).map_or(span, |i| i.span);
@@ -550,6 +566,10 @@ impl OutputMaker<'_> {
                     continue;
                 }
                 let Parts { mesh, fields, .. } = self.parts;
+                if let Some(d) = self.state_at_points(&law, item.span, (from.span.to(to.span), "the line")) {
+                    self.diagnostics.push(d);
+                    break;
+                }
                 let added = Value::new(law, self.backend).map_err(|e| e.to_string()).and_then(|v| {
                     let located = Located::new(mesh, &target.support.region(), line.points());
                     let located = located.map_err(|e| e.to_string())?;

@@ -46,14 +46,20 @@ pub(super) struct Told {
 
 /// The whole mesh of a script.
 pub(super) fn whole(script: &ResolvedScript, with: With<'_>, found: &mut Findings) -> Option<Place> {
-    let With { folder, backend, rounds, .. } = with;
+    let With { folder, backend, rounds, sampling, .. } = with;
     let mut inputs = Vec::new();
     let read = mesh::read(script, folder, &mut inputs, &mut found.diagnostics);
     let params = constants::parameters(script, mesh::dimension(script, read.as_ref()), &mut found.diagnostics);
     for param in script.params.iter().filter(|p| !params.contains_key(&p.name.name)) {
         found.lost.add(&param.name.name);
     }
-    let made = mesh::MeshMaker { script, params: &params, backend, diagnostics: &mut found.diagnostics };
+    let made = mesh::MeshMaker {
+        script,
+        params: &params,
+        backend,
+        bodies: sampling.bodies,
+        diagnostics: &mut found.diagnostics,
+    };
     let (mesh, refined) = made.make(read, rounds)?;
     found.dim = Some(mesh.dim());
     let topology = topology(script, &mesh, found)?;
@@ -95,7 +101,17 @@ fn regions_of(
     found: &mut Findings,
 ) -> Regions {
     let (diagnostics, regions) = (&mut found.diagnostics, Regions::new());
-    let maker = regions::RegionMaker { script, mesh, topology, params, backend, smallest, diagnostics, regions };
+    let maker = regions::RegionMaker {
+        script,
+        mesh,
+        topology,
+        params,
+        backend,
+        smallest,
+        diagnostics,
+        regions,
+        counted: Default::default(),
+    };
     let regions = maker.make();
     let named = script.regions.iter().map(|r| &r.name).chain(&script.groups);
     for name in named.filter(|n| !regions.contains_key(&n.name)) {

@@ -14,7 +14,7 @@ use super::{
     regions::{RegionMaker, Regions},
 };
 use crate::{
-    mesh::{CellId, FacetRef, Mesh, MeshError, MeshWarnings, RegionSet, Topology, summary},
+    mesh::{CellId, FacetRef, Mesh, MeshError, MeshWarnings, RegionSet, Subdivision, Topology, summary},
     refine::{Axes, Descent, Mark, Refiner},
 };
 
@@ -129,7 +129,8 @@ impl MeshMaker<'_> {
         let along = &refinement.what.along;
         let Some(first) = along.first() else { return Some(Axes::ALL) };
         let is_box = matches!(self.script.mesh.as_ref()?.source, MeshSource::Box { .. });
-        let bisected = mesh.kinds().iter().find(|kind| kind.is_simplex() && kind.dim() > 1);
+        let bisected =
+            mesh.kinds().iter().find(|kind| kind.subdivision() == Some(Subdivision::Bisection) && kind.dim() > 1);
         let names = &["x", "y", "z"][..mesh.dim()];
         let why = match (bisected, along.iter().find(|a| !names.contains(&a.name.as_str()))) {
             _ if !is_box => "the cells of a mesh file have no common directions".to_owned(),
@@ -214,7 +215,18 @@ impl MeshMaker<'_> {
         let script: &ResolvedScript = self.script;
         let (params, backend, smallest) = (self.params, self.backend, summary(mesh).min_size);
         let (diagnostics, regions) = (&mut Vec::new(), Regions::new());
-        RegionMaker { script, mesh, topology, params, backend, smallest, diagnostics, regions }.make()
+        RegionMaker {
+            script,
+            mesh,
+            topology,
+            params,
+            backend,
+            smallest,
+            diagnostics,
+            regions,
+            counted: Default::default(),
+        }
+        .make()
     }
 }
 

@@ -16,7 +16,7 @@ use crate::{
     scene::{
         conditions::{ConditionMaker, holds, not_a_number},
         constants::{bare_env, number},
-        groups,
+        cut, groups,
         surfaces::Along,
     },
     value::Value,
@@ -61,6 +61,8 @@ pub(super) struct RegionMaker<'a> {
     pub(super) smallest: f64,
     pub(super) diagnostics: &'a mut Vec<Diagnostic>,
     pub(super) regions: Regions,
+    /// What the region that is made is for.
+    pub(super) counted: cut::Counted,
 }
 
 impl RegionMaker<'_> {
@@ -78,7 +80,9 @@ impl RegionMaker<'_> {
             self.regions.insert("interior".to_owned(), plain(RegionSet::Interface(pairs)));
         }
         self.groups();
+        let counted = cut::counted(self.script);
         for region in &self.script.regions {
+            self.counted = counted.get(region.name.name.as_str()).copied().unwrap_or_default();
             let here_name = match &region.region {
                 RegionExpr::Interface { from, .. } => Some(from.name.clone()),
                 RegionExpr::Picked { of: Some(of), .. } => self.lookup(of).and_then(|r| r.here_name.clone()),
@@ -277,24 +281,39 @@ impl RegionMaker<'_> {
             }
             Ok(holds == Some(true))
         };
-        let set = match part {
+        let Ok(set) = match &part {
             Part::Whole => self.pick(entity, None, &mut picks),
-            Part::Cells(cells) => self.pick(entity, Some(&cells), &mut picks),
-            Part::Faces { of, faces } => {
-                pick_facets(self.mesh, &faces, &mut picks).map(|picked| match of.intersection(&picked) {
-                    Ok(set) => set,
-                    Err(_) => picked,
-                })
-            }
+            Part::Cells(cells) => self.pick(entity, Some(cells), &mut picks),
+            Part::Faces { faces, .. } => pick_facets(self.mesh, faces, &mut picks),
         };
         if let Some(x) = bad {
             self.diagnostics.push(not_a_number(x, span));
             return None;
         }
-        match set {
-            Ok(set) => Some(set),
-            Err(never) => match never {},
+        if let (Some(value), Some(cond)) = (&condition, cond) {
+            self.tell_cut(entity, &part, &set, value, cond.span);
         }
+        match part {
+            Part::Faces { of, .. } => Some(of.intersection(&set).unwrap_or(set)),
+            _ => Some(set),
+        }
+    }
+
+    /// W419 for a condition that cuts what it selects; the first of several ranks has the whole mesh, and says it.
+    fn tell_cut(&mut self, entity: EntityKind, part: &Part, set: &RegionSet, condition: &Value, span: Span) {
+        if !self.mesh.is_whole() || set.is_empty() {
+            return;
+        }
+        let candidates = match (entity, part) {
+            (EntityKind::Nodes, _) => return,
+            (EntityKind::Faces, Part::Faces { faces, .. }) => RegionSet::Facets(faces.clone()),
+            (EntityKind::Faces, Part::Cells(cells)) => RegionSet::Facets(boundary_of(self.mesh, self.topology, cells)),
+            (EntityKind::Faces, Part::Whole) => RegionSet::Facets(outer_boundary(self.topology)),
+            (EntityKind::Cells, Part::Cells(cells)) => RegionSet::Cells(cells.clone()),
+            (EntityKind::Cells, _) => RegionSet::Cells(self.mesh.cells().collect()),
+        };
+        let mut holds = |x| holds(condition, x) == Some(true);
+        self.diagnostics.extend(cut::told(self.mesh, &candidates, set, &mut holds, (span, self.counted)));
     }
 
     fn pick(

@@ -16,10 +16,11 @@ use super::{
     terms::Rules,
 };
 use crate::{
-    assemble::{Domain, FieldValues},
+    assemble::Domain,
     mesh::{CellKind, RegionSet},
     quadrature::{rule, vertex},
     results::Located,
+    system::System,
     value::Value,
 };
 
@@ -50,8 +51,10 @@ pub enum SampleAt<'a> {
 }
 
 /// A state in which expressions are sampled.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct StateAt<'a> {
+    /// The discrete problem with what it knows beside the unknowns: the past, rates, known fields.
+    pub system: &'a System,
     /// The step variable.
     pub time: f64,
     /// Its last increment.
@@ -100,10 +103,10 @@ impl Scene {
         let mut places = Places::default();
         for (name, expression) in expressions {
             for (target, law) in maker.homes(&bodies, &faces, expression) {
-                let made = Value::new(law, backend).map_err(|e| e.to_string()).and_then(|mut value| {
-                    value.set_step(self.system.known.step(state.time, state.increment));
+                let made = Value::new(law, backend).map_err(|e| e.to_string()).and_then(|value| {
+                    let value = value.at_step(state.system.known.step(state.time, state.increment));
                     let wanted = Wanted { name, home: &home(target, &bodies), at };
-                    self.sample(wanted, target, &value, &mut places, state.unknowns)
+                    self.sample(wanted, target, &value, &mut places, state)
                 });
                 match made {
                     Ok(samples) => out.extend(samples),
@@ -153,7 +156,7 @@ impl Scene {
         target: &Target,
         value: &Value,
         places: &mut Places<'a>,
-        u: &[f64],
+        state: StateAt<'_>,
     ) -> Result<Option<Samples>, String> {
         let Wanted { name, home, at } = wanted;
         let mesh = &self.system.mesh;
@@ -183,10 +186,9 @@ impl Scene {
             }
         };
         let sampled = value.bind(mesh, domain.clone(), &self.system.fields).map_err(|e| e.to_string())?;
-        let (current, previous) = (self.system.slices(u), self.system.previous_slices());
-        let values = FieldValues { current: &current, previous: &previous, rates: self.system.known.rates.as_ref() };
+        let values = state.system.values(state.unknowns);
         let n = samples.components;
-        value.for_each_point(mesh, &sampled, values, |g, entity, q, weight, v| match &points {
+        value.for_each_point(mesh, &sampled, values.view(), |g, entity, q, weight, v| match &points {
             Some(points) => samples.values[points[g][q] * n..][..n].copy_from_slice(v),
             None => {
                 let here = &domain.groups[g].here;

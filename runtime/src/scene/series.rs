@@ -1,12 +1,14 @@
 //! Series over the steps: expressions at points, a row for each point and step.
 
-use wfl::Diagnostic;
+use wfl::{Diagnostic, Span};
+use wfl_compiler::ValueLaw;
 
 use super::{
     Cadence, Every, Parts,
     constants::numbers,
     mappings::refused,
     outputs::{CsvOutput, OutputMaker, Target},
+    states::states_read,
 };
 use crate::{
     results::{LineSample, Located},
@@ -17,6 +19,36 @@ use crate::{
 const MAX_AT: usize = 1000;
 
 impl OutputMaker<'_> {
+    /// W415 for points of a series at which none of its quantities has a value.
+    fn points_outside(&mut self, output: &wfl::Output, line: &LineSample) {
+        if !self.parts.mesh.is_whole() || line.is_empty() {
+            return;
+        }
+        let found = line.found();
+        let missing: Vec<usize> = (0..found.len()).filter(|k| !found[*k]).collect();
+        // none at all is an error of each quantity
+        let Some(first) = missing.first().filter(|_| missing.len() < found.len()) else { return };
+        let text = format!(
+            "{} of {} points of `{}` lie in no body of its quantities",
+            missing.len(),
+            found.len(),
+            output.file
+        );
+        let (low, high) = self.parts.mesh.bounds();
+        let dim = self.parts.mesh.dim();
+        let d = Diagnostic::new("W415", text).at(output.at[*first].span, "`nan` in its rows");
+        self.diagnostics.push(d.note(format!("the mesh spans {:?} to {:?}", &low[..dim], &high[..dim])));
+    }
+
+    /// E416 for a quantity with a state at a point that is asked for: states have values at integration points alone.
+    pub(super) fn state_at_points(&self, law: &ValueLaw, quantity: Span, at: (Span, &str)) -> Option<Diagnostic> {
+        let fields = self.parts.fields;
+        let state = states_read(fields, &law.inputs).next().map(|k| fields[k].name.as_str())?;
+        let text = format!("`{state}` lives at integration points, and has no value at a point that is asked for");
+        let d = Diagnostic::new("E416", text).at(quantity, format!("`{state}` is a state")).at(at.0, at.1);
+        Some(d.help("measure m = mean(...) on a region, or max, min; output vtk writes its mean over each cell"))
+    }
+
     /// A series over the steps at points.
     pub(super) fn series(&mut self, output: &wfl::Output, bodies: &[Target], faces: &[Target]) -> Option<CsvOutput> {
         if let Some(option) = output.options.first() {
@@ -43,6 +75,10 @@ impl OutputMaker<'_> {
                     continue;
                 }
                 let Parts { mesh, fields, .. } = self.parts;
+                if let Some(d) = self.state_at_points(&law, item.span, (output.at[0].span, "the first point")) {
+                    self.diagnostics.push(d);
+                    break;
+                }
                 let added = Value::new(law, self.backend).map_err(|e| e.to_string()).and_then(|v| {
                     let located = Located::new(mesh, &target.support.region(), line.points());
                     let located = located.map_err(|e| e.to_string())?;
@@ -59,6 +95,7 @@ impl OutputMaker<'_> {
             let d = Diagnostic::new("E435", format!("`{name}` lives on none of the points of `{}`", output.file));
             self.diagnostics.push(d.at(span, "").at(output.at[0].span, "the first point"));
         }
+        self.points_outside(output, &line);
         // a row of every step, unless the scene says otherwise
         let every = match output.every {
             None => Cadence { every: Every::Count(1), when: self.event(output)? },

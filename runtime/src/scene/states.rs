@@ -4,7 +4,10 @@
 //! solution. A state has values at the points of one rule, so all terms that contain it share one rule: the largest
 //! degree among them, or that of `quadrature` for one of them. Nothing is interpolated between points.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
 use wfl::{Diagnostic, FieldKind as Declared, Span, ast::Place};
 use wfl_compiler::{
@@ -15,13 +18,13 @@ use wfl_compiler::{
 use super::{
     Builder, RuleChoice,
     fields::{global_place, place_sig, support},
-    mappings::refused,
+    mappings::{Through, fields_there},
     terms::{self, PlacedLaw, Rules},
 };
 use crate::{
-    assemble::FieldValues,
+    assemble::{Domain, FieldValues},
     field::{Field, FieldSpace},
-    mesh::RegionSet,
+    mesh::{Mesh, RegionSet},
     point_space::PointSpace,
     scene::NamedRegion,
     system::System,
@@ -34,18 +37,30 @@ pub struct StateUpdate {
     pub field: usize,
     value: Value,
     sampled: Sampled,
+    /// By point its node, where the update reads through a mapping: points without an image have none.
+    nodes: Option<Vec<u32>>,
 }
 
 impl StateUpdate {
-    /// Its next values, in the order of its nodes, from the solution `u` at the end of a step.
-    pub fn next(&mut self, system: &System, time: f64, increment: f64, u: &[f64]) -> Vec<f64> {
-        self.value.set_step(system.known.step(time, increment));
+    /// Its next values, in the order of its nodes, from the solution `u` at the end of a step. Points without an image
+    /// under the mapping of the update keep theirs.
+    pub fn next(&self, system: &System, time: f64, increment: f64, u: &[f64]) -> Vec<f64> {
+        let value = self.value.at_step(system.known.step(time, increment));
         let current = system.slices(u);
         let previous = system.previous_slices();
         let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
-        let mut next = Vec::with_capacity(system.fields[self.field].n_dofs());
-        // points come in the order in which the nodes were numbered
-        self.value.for_each_point(&system.mesh, &self.sampled, values, |_, _, _, _, v| next.extend_from_slice(v));
+        let Some(nodes) = &self.nodes else {
+            let mut next = Vec::with_capacity(system.fields[self.field].n_dofs());
+            // points come in the order in which the nodes were numbered
+            value.for_each_point(&system.mesh, &self.sampled, values, |_, _, _, _, v| next.extend_from_slice(v));
+            return next;
+        };
+        let (mut next, mut nodes) = (system.known.data[self.field].clone(), nodes.iter());
+        value.for_each_point(&system.mesh, &self.sampled, values, |_, _, _, _, v| {
+            if let Some(node) = nodes.next() {
+                next[*node as usize * v.len()..][..v.len()].copy_from_slice(v);
+            }
+        });
         next
     }
 }
@@ -72,6 +87,8 @@ pub(super) struct StateLaw {
     field: usize,
     set: Option<RegionSet>,
     places: BTreeSet<String>,
+    /// The mapping that the update reads through.
+    through: Option<Through>,
     span: Span,
 }
 
@@ -100,16 +117,14 @@ impl Builder<'_> {
                 self.diagnostics.push(wfl::at_expr(d, update, self.env.expansions, found.to_string()));
                 continue;
             }
-            if let Some(d) = refused(law.mapping, "the update of a state", update.span) {
-                self.diagnostics.push(d);
-                continue;
-            }
+            let there = fields_there(&law.inputs, []);
+            let through = law.mapping.map(|mapping| Through { mapping, there });
             let places = match &declared.space.place {
                 Place::Everywhere => BTreeSet::from(["all".to_owned()]),
                 Place::Global(_) => BTreeSet::new(),
                 Place::On(list) => list.iter().map(|p| p.name.clone()).collect(),
             };
-            out.push(StateLaw { law, field, set, places, span: update.span });
+            out.push(StateLaw { law, field, set, places, through, span: update.span });
         }
         out
     }
@@ -153,6 +168,7 @@ impl Builder<'_> {
                 shared.places.iter().filter_map(|p| rules.get(p)).fold(None, |most, choice| match (most, choice) {
                     (None, choice) => Some(*choice),
                     (Some(RuleChoice::Degree(a)), RuleChoice::Degree(b)) => Some(RuleChoice::Degree(a.max(*b))),
+                    (Some(RuleChoice::Degree(_)), nodes @ RuleChoice::Nodes { .. }) => Some(*nodes),
                     (most, _) => most,
                 });
             let own = states.iter().filter(|s| shared.states.contains(&s.field)).map(|s| s.law.degree.rule()).max();
@@ -172,10 +188,12 @@ impl Builder<'_> {
             if let FieldSpace::Points(space) = &mut self.fields[state.field].space {
                 *space = PointSpace::new(&self.mesh, &domain);
             }
-            placed.push((state, domain));
+            let Some(images) = self.images(&state, &domain) else { continue };
+            placed.push((state, images));
         }
         let mut out = Vec::new();
         for (state, domain) in placed {
+            let nodes = state.through.as_ref().map(|_| nodes_of(&self.mesh, &self.fields[state.field], &domain));
             let value = match Value::new(state.law, self.batch) {
                 Ok(value) => value,
                 Err(e) => {
@@ -184,12 +202,31 @@ impl Builder<'_> {
                 }
             };
             match value.bind(&self.mesh, domain, &self.fields) {
-                Ok(sampled) => out.push(StateUpdate { field: state.field, value, sampled }),
+                Ok(sampled) => out.push(StateUpdate { field: state.field, value, sampled, nodes }),
                 Err(e) => self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(state.span, "")),
             }
         }
         out
     }
+
+    /// The points of a state with their images, where its update reads through a mapping. Terms that read the same tell of
+    /// points without one. `None` after a message.
+    fn images(&mut self, state: &StateLaw, points: &Arc<Domain>) -> Option<Arc<Domain>> {
+        let Some(through) = &state.through else { return Some(points.clone()) };
+        let mut said = Vec::new();
+        let made = self.mappings.domain(through, &self.mesh, &self.fields, points, state.span, &mut said);
+        if made.is_none() {
+            self.diagnostics.append(&mut said);
+        }
+        made
+    }
+}
+
+/// By point of a domain the node of a state there.
+fn nodes_of(mesh: &Mesh, state: &Field, domain: &Domain) -> Vec<u32> {
+    let FieldSpace::Points(space) = &state.space else { return Vec::new() };
+    let of = |group| space.tabulate(mesh.dim(), group).map(|(_, nodes)| nodes);
+    domain.groups.iter().filter_map(of).flatten().collect()
 }
 
 /// The states that a law reads.
@@ -198,7 +235,7 @@ pub(super) fn states_read<'i>(fields: &'i [Field], inputs: &'i [InputSlot]) -> i
         InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => Some(b.field.index()),
         _ => None,
     };
-    // the branch data of frozen terms are numbered after the fields
+    // the branches of frozen terms are numbered after the fields
     let is_state = |k: &usize| fields.get(*k).is_some_and(|f| f.kind == FieldKind::State && f.is_at_points());
     inputs.iter().filter_map(field).filter(is_state)
 }

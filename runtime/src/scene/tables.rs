@@ -18,7 +18,7 @@ use wfl_compiler::{
     types::UniformSlot,
 };
 
-use super::{Builder, Steps, fields::global_place, inputs::InputFile};
+use super::{Builder, Forcing, Steps, fields::global_place, inputs::InputFile};
 use crate::output::Hash;
 
 /// Values of the step variable at which arguments are looked at, where the run chooses its steps.
@@ -26,11 +26,14 @@ const SAMPLES: u32 = 1000;
 /// Halvings of an interval until its ends are next to each other.
 const HALVINGS: u32 = 60;
 
-/// What a run has to know of the tables of its scene.
+/// What a run has to know of the tables of its scene, and of what else drives it.
 #[derive(Clone, Debug, Default)]
 pub struct TablesOf {
-    /// Values of the step variable at which tables have corners, increasing: steps that the run chooses end there.
+    /// Values of the step variable at which tables have corners and other formulas jump, increasing: steps that the run
+    /// chooses end there.
     pub corners: Vec<f64>,
+    /// What steps that the run chooses do not pass over.
+    pub forcing: Forcing,
     /// Tables, each with the range of its rows, whose arguments are only known at a state.
     pub states: Vec<String>,
 }
@@ -65,9 +68,13 @@ impl Builder<'_> {
     /// E447 for values outside the rows; the values of the step variable at which tables have corners, and the tables
     /// whose arguments are only known at a state.
     pub(super) fn tables(&mut self, steps: &Steps) -> TablesOf {
-        if self.script.tables.is_empty() {
-            return TablesOf::default();
-        }
+        let mut found = if self.script.tables.is_empty() { TablesOf::default() } else { self.of_tables(steps) };
+        found.forcing = self.forcing(steps, &found.corners);
+        found.forcing.add_to(&mut found.corners);
+        found
+    }
+
+    fn of_tables(&mut self, steps: &Steps) -> TablesOf {
         let (tables, states) = tables_of(self.script, self.env);
         let times = times(steps);
         let mut corners = Vec::new();
@@ -84,7 +91,7 @@ impl Builder<'_> {
         corners.retain(|t| *t > steps.first() && *t < steps.last());
         corners.sort_by(f64::total_cmp);
         corners.dedup();
-        TablesOf { corners, states }
+        TablesOf { corners, states, forcing: Forcing::default() }
     }
 }
 

@@ -1,26 +1,27 @@
 //! Terms and loads compiled on their regions; one quadrature rule for each region.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::sync::Arc;
 
 use wfl::{
     Diagnostic, Span,
-    ast::{Ident, QuadratureRule, TargetPart},
+    ast::{Ident, TargetPart},
 };
 use wfl_compiler::{
-    Class, Env, LoadPart, PiecesLaw, PrintLaw, TermLaw, TermSource, compile_pieces, compile_prints, compile_term,
+    Class, Env, FrozenLaw, LoadPart, PrintLaw, TermLaw, TermSource, compile_frozen, compile_prints, compile_term,
     types::{FieldId, PlaceSig},
 };
 
 use crate::{
     assemble::Domain,
     field::Field,
-    mesh::{CellKind, Mesh, RegionSet},
-    quadrature::{Rule, nodal, rule, vertex},
+    mesh::{CellKind, Mesh, RegionKind, RegionSet},
+    quadrature::{Rule, beside_axis, composite, nodal, one_per_node, vertex},
     scene::{
         Parts,
         constants::number,
         fields::{global_place, place_sig},
         regions::NamedRegion,
+        rule_choice::end_on_axis,
     },
 };
 
@@ -37,7 +38,7 @@ pub(super) struct Loaded {
 pub(super) struct PlacedLaw {
     pub(super) law: TermLaw,
     /// The same term in its frozen form.
-    pub(super) pieces: Option<PiecesLaw>,
+    pub(super) frozen: Option<FrozenLaw>,
     /// What it prints.
     pub(super) prints: Vec<PrintLaw>,
     /// The name of the region, or of the restricted region of a load.
@@ -50,20 +51,8 @@ pub(super) struct PlacedLaw {
     pub(super) span: Span,
 }
 
-/// Degree of the rule, or the nodal rule, by region name.
-pub(super) type Rules = BTreeMap<String, RuleChoice>;
-
-/// How points are chosen on a region.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RuleChoice {
-    /// Gauss points exact to this degree.
-    Degree(usize),
-    /// The nodes of the fields on the region: the vertices for degree 1, Simpson's points for degree 2.
-    Vertex,
-}
-
-/// Largest degree that `quadrature` takes.
-const MAX_DEGREE: f64 = 60.0;
+pub use super::rule_choice::RuleChoice;
+pub(super) use super::rule_choice::Rules;
 
 pub(super) struct TermMaker<'a> {
     pub(super) parts: Parts<'a>,
@@ -75,8 +64,10 @@ impl TermMaker<'_> {
     pub(super) fn make(&mut self) -> Vec<PlacedLaw> {
         let mut out = Vec::new();
         for (k, term) in self.parts.script.terms.iter().enumerate() {
+            let mut list = Listed::default();
             for place in &term.places {
                 let Some((sig, set)) = self.place(place) else { continue };
+                let Some(set) = list.rest(self.parts.mesh, place, set, self.diagnostics) else { continue };
                 let mut name = term.name.as_ref().map_or_else(|| format!("term{}", k + 1), |n| n.name.clone());
                 if term.places.len() > 1
                     || self
@@ -97,8 +88,9 @@ impl TermMaker<'_> {
         }
         for (k, load) in self.parts.script.loads.iter().enumerate() {
             for target in &load.targets {
+                let mut list = Listed::default();
                 for place in &load.places {
-                    self.load(k, load, target, place, &mut out);
+                    self.load((k, load), target, place, &mut list, &mut out);
                 }
             }
         }
@@ -121,11 +113,12 @@ impl TermMaker<'_> {
             }
         }
         if let Some(law) = compiled.value {
-            let guides = FieldId::new(self.parts.fields.len() + out.iter().filter(|l| l.pieces.is_some()).count());
+            let before = out.iter().filter(|l| l.frozen.is_some()).count();
+            let branches = FieldId::new(self.parts.fields.len() + FrozenLaw::FIELDS * before);
             let kinked = law.class == Class::Kinked;
-            let pieces = if kinked { compile_pieces(self.parts.env, sig, name, &law.listing, guides) } else { None };
+            let frozen = if kinked { compile_frozen(self.parts.env, sig, name, &law.listing, branches) } else { None };
             let prints = compile_prints(self.parts.env, sig, name, &law.listing);
-            out.push(PlacedLaw { law, pieces, prints, place: sig.name.clone(), set, at_nodes: None, load: None, span });
+            out.push(PlacedLaw { law, frozen, prints, place: sig.name.clone(), set, at_nodes: None, load: None, span });
         }
     }
 
@@ -145,30 +138,32 @@ impl TermMaker<'_> {
         Some((place_sig(&place.name, region, self.parts.mesh, self.parts.fields), Some(region.set.clone())))
     }
 
-    fn load(
+    fn load<'s>(
         &mut self,
-        k: usize,
-        load: &wfl::Condition,
+        numbered: (usize, &wfl::Condition),
         target: &wfl::ast::Target,
-        place: &Ident,
+        place: &'s Ident,
+        list: &mut Listed<'s>,
         out: &mut Vec<PlacedLaw>,
     ) {
+        let (k, load) = numbered;
         let Some(position) = self.parts.fields.iter().position(|f| f.name == target.field.name) else { return };
         let Some(region) = self.parts.regions.get(&place.name) else { return };
+        let set = Some(region.set.clone());
+        let Some(Some(of_list)) = list.rest(self.parts.mesh, place, set, self.diagnostics) else { return };
         let field = &self.parts.fields[position];
         let name = format!("load{} of {} on {}", k + 1, target.field.name, place.name);
-        if let RegionSet::Nodes(nodes) = &region.set {
+        if let RegionSet::Nodes(nodes) = &of_list {
             self.point_load(load, &name, target, place, nodes, out);
             return;
         }
-        let set = restricted(field, &region.set);
+        let set = restricted(field, &of_list);
         if self.parts.mesh.team().all(set.is_empty()) {
             let d = Diagnostic::new(
                 "E401",
                 format!("`load {}` meets no part of `{}`", target.field.name, target.field.name),
             );
-            let text =
-                format!("the {} {} of `{}` belong to other fields", region.set.len(), region.set.kind(), place.name);
+            let text = format!("the {} {} of `{}` belong to other fields", of_list.len(), of_list.kind(), place.name);
             self.diagnostics.push(d.at(place.span, text));
             return;
         }
@@ -188,46 +183,51 @@ impl TermMaker<'_> {
         let own = Loaded { field: position, span: load.span, normal: part == LoadPart::Normal };
         out[before..].iter_mut().for_each(|law| law.load = Some(own));
     }
+}
 
-    /// The rule of every region that has terms: what `quadrature` says, else the largest degree its terms need.
-    pub(super) fn rules(&mut self, laws: &[PlacedLaw]) -> Rules {
-        let mut rules = Rules::new();
-        for law in laws {
-            let degree = law.law.degree.rule();
-            let slot = rules.entry(law.place.clone()).or_insert(RuleChoice::Degree(degree));
-            if let RuleChoice::Degree(d) = slot {
-                *d = (*d).max(degree);
+/// The regions of a list so far: what lies in several of them counts once, `on a, b` is the union of both.
+#[derive(Default)]
+pub(super) struct Listed<'s> {
+    before: Vec<(&'s Ident, RegionSet)>,
+}
+
+impl<'s> Listed<'s> {
+    /// What a region adds to those before it in the list, with W420 where that is not all of it; `None` for nothing.
+    #[expect(clippy::option_option, reason = "single numbers have no set")]
+    pub(super) fn rest(
+        &mut self,
+        mesh: &Mesh,
+        place: &'s Ident,
+        set: Option<RegionSet>,
+        diagnostics: &mut Vec<Diagnostic>,
+    ) -> Option<Option<RegionSet>> {
+        let Some(set) = set else { return Some(None) };
+        let mut rest = set.clone();
+        for (name, before) in self.before.iter().filter(|(_, before)| before.kind() == set.kind()) {
+            let left = rest.difference(before).unwrap_or_else(|_| rest.clone());
+            let shared = rest.len() - left.len();
+            if shared > 0 && mesh.is_whole() {
+                let one = match set.kind() {
+                    RegionKind::Cells => "cell",
+                    RegionKind::Facets | RegionKind::Interface => "face",
+                    RegionKind::Nodes => "node",
+                };
+                let many = if shared == 1 { format!("1 {one}") } else { format!("{shared} {one}s") };
+                let text =
+                    format!("`{}` and `{}` have {many} in common: what is in both counts once", name.name, place.name);
+                let d = Diagnostic::new("W420", text).at(place.span, format!("{shared} of {}", set.len()));
+                let d = d.at(name.span, "");
+                let d = d.help("a list is the union of its regions; what is to count twice stands in two statements");
+                if !diagnostics.contains(&d) {
+                    diagnostics.push(d);
+                }
             }
+            rest = left;
         }
-        for statement in &self.parts.script.quadratures {
-            let choice = match &statement.rule {
-                QuadratureRule::Vertex => Some(RuleChoice::Vertex),
-                QuadratureRule::Degree(e) => number(self.parts.env, "the degree of a rule", e, self.diagnostics)
-                    .and_then(|d| {
-                        #[expect(
-                            clippy::cast_possible_truncation,
-                            clippy::cast_sign_loss,
-                            reason = "checked in the guard"
-                        )]
-                        if d.fract() == 0.0 && (0.0..=MAX_DEGREE).contains(&d) {
-                            return Some(RuleChoice::Degree(d as usize));
-                        }
-                        let m = Diagnostic::new(
-                            "E411",
-                            format!(
-                                "the degree of a quadrature rule is a whole number from 0 to {MAX_DEGREE}, found {d}"
-                            ),
-                        );
-                        self.diagnostics.push(m.at(e.span, ""));
-                        None
-                    }),
-            };
-            let Some(choice) = choice else { continue };
-            for place in &statement.places {
-                rules.insert(place.name.clone(), choice);
-            }
-        }
-        rules
+        // where a rank has a part of the mesh, all of them keep or leave out a region
+        let adds = mesh.team().any(!rest.is_empty()) || mesh.team().all(set.is_empty());
+        self.before.push((place, set));
+        adds.then_some(Some(rest))
     }
 }
 
@@ -268,16 +268,31 @@ pub(super) fn restricted(field: &Field, set: &RegionSet) -> RegionSet {
     }
 }
 
+/// How the points of a domain are chosen: a rule on each of so many even parts of an entity along each direction. Nodal
+/// rules are of the whole entity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PointsOf {
+    pub(super) rule: RuleChoice,
+    pub(super) parts: usize,
+}
+
+impl From<RuleChoice> for PointsOf {
+    fn from(rule: RuleChoice) -> Self {
+        Self { rule, parts: 1 }
+    }
+}
+
 /// The domain of a set under a rule.
 pub(super) fn domain(
     mesh: &Mesh,
     fields: &[Field],
     set: Option<&RegionSet>,
-    choice: RuleChoice,
+    points: impl Into<PointsOf>,
     span: Span,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<Arc<Domain>> {
     let Some(set) = set else { return Some(Arc::new(Domain::global(mesh))) };
+    let PointsOf { rule, parts } = points.into();
     // only a field of a higher degree than those found is looked for there: scenes may have many fields
     let higher = |most: Option<usize>, f: &Field| {
         let counts = most.is_none_or(|m| f.degree() > m) && mesh.team().any(!restricted(f, set).is_empty());
@@ -286,16 +301,23 @@ pub(super) fn domain(
     let nodes = fields.iter().fold(None, higher).unwrap_or(1);
     let refused = std::cell::Cell::new(None);
     let make = |kind: CellKind| -> Rule {
-        let made = match choice {
+        let made = match rule {
             RuleChoice::Vertex => nodal(kind, nodes),
-            RuleChoice::Degree(d) => rule(kind, d),
+            RuleChoice::Nodes { degree, .. } => Ok(one_per_node(kind, degree)),
+            RuleChoice::Degree(d) => composite(kind, d, parts),
         };
         made.unwrap_or_else(|e| {
             refused.set(Some(e));
             vertex(kind)
         })
     };
-    let made = Domain::new(mesh, set, &make);
+    let made = match rule {
+        RuleChoice::Nodes { degree, axis: Some(axis) } => Domain::by_facet(mesh, set, &make, &|facet| {
+            let end = end_on_axis(mesh, facet, axis)?;
+            Some((end, beside_axis(degree, 1 - end)))
+        }),
+        _ => Domain::new(mesh, set, &make),
+    };
     if let Some(e) = refused.get() {
         diagnostics.push(Diagnostic::new("E411", e.to_string()).at(span, ""));
         return None;

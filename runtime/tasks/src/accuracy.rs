@@ -5,13 +5,15 @@
 
 use std::{path::Path, time::Instant};
 
+use wfl::ast::MeshSource;
 use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
 use wfl_runtime::{
-    Outcome, Pruning, Quiet, SampleAt, Samples, Scene,
+    Bodies, NO_SAMPLING, Outcome, Pruning, Quiet, SampleAt, Samples, Sampling, Scene,
     accuracy::{
-        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Indicator, MESH_FILE, Out, Pair, Rounds,
-        Short, Trials, Ways, mesh_piece, seek,
+        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Indicator, MESH_FILE, OfData, Out, Pair,
+        Probed, Rounds, Short, Trials, Ways, curvature, mesh_piece, probe, seek,
     },
+    checks::locked_bodies as locked,
     compare::{Compared, MEASURE, NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
     knobs::{self, Setting},
     mesh::{CellId, Mesh, RegionSet},
@@ -29,6 +31,8 @@ use crate::{
 
 /// The region of a term may differ from that of the scene's own mesh by this part of the demanded error.
 const SLACK: f64 = 0.1;
+/// What more points change of the nodal forces of a term counts from this part of the demanded error on.
+const SMALL_PART: f64 = 0.02;
 /// Degree to which norms are exact that are told as `about`.
 const ROUGH_DEGREE: usize = 2;
 /// Up to so many cells, the interpreter is done before machine code is made.
@@ -45,7 +49,7 @@ pub fn demand(scene: &Scene, given: Given) -> Option<Demand> {
         (None, None) => return None,
     };
     let quantity = given.quantity.or(of).unwrap_or_else(|| DEFAULT_QUANTITY.to_owned());
-    Some(Demand { error, quantity, budget: given.budget.unwrap_or(DEFAULT_BUDGET) })
+    Some(Demand { error, quantity, budget: given.budget.unwrap_or(DEFAULT_BUDGET), from_coarsest: given.from_coarsest })
 }
 
 /// What is given beside the scene.
@@ -57,10 +61,15 @@ pub struct Given {
     pub quantity: Option<String>,
     /// Seconds that one run may take.
     pub budget: Option<f64>,
+    /// Begin with the coarsest mesh that has the regions of the scene.
+    pub from_coarsest: bool,
 }
 
 /// Makes a run with everything a scene asks for.
 pub trait WholeRun {
+    /// The scene with the settings of the run.
+    fn shaped(&self, scene: Scene) -> Scene;
+
     /// Runs a scene that was read and prepared in `parse_seconds` and more since `begun`.
     ///
     /// # Errors
@@ -68,7 +77,7 @@ pub trait WholeRun {
     fn run(
         &mut self,
         loaded: &mut Loaded,
-        scene: &mut Scene,
+        scene: &Scene,
         parse_seconds: f64,
         begun: Instant,
     ) -> Result<Outcome, String>;
@@ -118,13 +127,25 @@ pub fn pick(job: &Job<'_>, loaded: Loaded, scene: Scene, whole: &mut dyn WholeRu
     has_quantity(&known, &job.demand.quantity).map_err(failed)?;
     let ways = Ways::of(&known.loaded.script, &known.scene);
     let only = Some(job.demand.quantity.clone());
-    let bench =
-        Bench { backend: job.backend, listener: job.listener, threads: job.threads, only, last: true, rounds: &[] };
+    let bench = Bench {
+        backend: job.backend,
+        listener: job.listener,
+        threads: job.threads,
+        only,
+        last: true,
+        rounds: &[],
+        sampling: &NO_SAMPLING,
+    };
     let mut lab = Lab { job, known: &known, ways: &ways, bench, whole };
     let Found { run, mut record, short, parts } = seek(&mut lab, &ways, job.demand)?;
     let Trial { mut solved, full, .. } = run;
     let Some(loaded) = full else { return Err(failed("the last run has no results".to_owned())) };
     record.truth = lab.truth(&mut solved, &record.picked).map(Real);
+    let mut short = short;
+    if let Some(Real(truth)) = record.truth.filter(|t| record.reached && t.0 > record.asked) {
+        record.reached = false;
+        short = Some(Short::Truth(truth));
+    }
     record.why.extend(free(&solved.outcome.report));
     let mesh = mesh_piece(&solved.scene, record.rounds as usize, parts.as_ref());
     let report = &mut solved.outcome.report;
@@ -157,6 +178,8 @@ struct Trial {
     solved: Solved,
     cost: Cost,
     samples: Option<Vec<Samples>>,
+    /// Of a richer run: what it does not resolve.
+    data: OfData,
     /// Of a run with its files: what is needed to end it.
     full: Option<Loaded>,
 }
@@ -171,12 +194,12 @@ struct Lab<'a> {
 
 impl Lab<'_> {
     /// A run on the way: nothing is written.
-    fn pilot(&self, setting: &Setting, fineness: usize, rounds: &Rounds) -> Result<Trial, String> {
+    fn pilot(&self, setting: &Setting, fineness: usize, rounds: &Rounds, sampling: &Sampling) -> Result<Trial, String> {
         let ratio = fineness as f64 / self.ways.own as f64;
         let cells = self.known.scene.system.mesh.n_cells() as f64 * ratio.powf(self.ways.dim as f64);
-        let few = cells <= FEW_CELLS && rounds.len() <= FEW_ROUNDS;
+        let few = cells <= FEW_CELLS && rounds.len() <= FEW_ROUNDS && sampling.terms.is_empty();
         let backend = if few { &InterpreterBackend } else { self.bench.backend };
-        let bench = Bench { backend, only: self.bench.only.clone(), rounds, ..self.bench };
+        let bench = Bench { backend, only: self.bench.only.clone(), rounds, sampling, ..self.bench };
         let run = bench.run(self.job.file, self.known, setting, "");
         match (run.status, run.solved) {
             (Status::Ok, Some(solved)) => Ok(trial(solved, run.seconds, self.known.scene.steps.values.len())),
@@ -192,9 +215,10 @@ impl Lab<'_> {
         self.known.apply(&mut loaded.script, setting)?;
         let parse_seconds = begin.elapsed().as_secs_f64();
         loaded.rounds = [&loaded.rounds, rounds.as_slice()].concat();
-        let (mut scene, mut loaded) = prepared(loaded, self.bench.backend, self.job.keep, &[])?;
+        let (scene, mut loaded) = prepared(loaded, self.bench.backend, self.job.keep, &[])?;
+        let scene = self.whole.shaped(scene);
         loaded.knobs = setting.iter().map(|(name, value)| format!("{name}={value}")).collect();
-        let outcome = self.whole.run(&mut loaded, &mut scene, parse_seconds, begin)?;
+        let outcome = self.whole.run(&mut loaded, &scene, parse_seconds, begin)?;
         if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {
             return Err(format!("step t = {} did not converge", step.time));
         }
@@ -218,6 +242,23 @@ impl Lab<'_> {
         let errors = exact::errors(solved, Self::SAMPLER);
         (solved.script, solved.outputs) = own;
         errors.ok()?.into_iter().find(|(q, _)| *q == self.job.demand.quantity).map(|(_, e)| e).filter(|e| e.is_finite())
+    }
+
+    /// Tells of a run, and samples it.
+    fn told(&self, setting: &Setting, made: Result<Trial, String>) -> Result<Trial, String> {
+        let what = match &made {
+            Ok(t) => format!(
+                "{} cells, {} unknowns, {:.2} s",
+                t.solved.scene.system.mesh.n_cells(),
+                t.cost.dofs,
+                t.cost.seconds
+            ),
+            Err(why) => why.lines().next().unwrap_or_default().trim_start_matches("error").to_owned(),
+        };
+        self.job.listener.progress(&format!("accuracy: {}: {what}", setting_text(setting)));
+        let mut made = made?;
+        made.samples = Some(self.samples(&made.solved)?);
+        Ok(made)
     }
 
     fn fits(&self, scene: &Scene, fineness: usize) -> Result<(), String> {
@@ -272,7 +313,13 @@ fn trial(solved: Solved, seconds: f64, steps: usize) -> Trial {
     let report = &solved.outcome.report;
     let more = steps.saturating_sub(solved.outcome.steps.len()) as f64;
     let whole = seconds + more * (report.timings.assemble + report.timings.solve);
-    Trial { cost: Cost { dofs: report.dofs, seconds, whole }, samples: None, full: None, solved }
+    Trial {
+        cost: Cost { dofs: report.dofs, seconds, whole },
+        samples: None,
+        data: OfData::default(),
+        full: None,
+        solved,
+    }
 }
 
 impl Trials for Lab<'_> {
@@ -284,27 +331,70 @@ impl Trials for Lab<'_> {
         } else {
             let fits =
                 |t: Trial| if rounds.is_empty() { self.fits(&t.solved.scene, fineness).map(|()| t) } else { Ok(t) };
-            self.pilot(setting, fineness, rounds).and_then(fits)
+            self.pilot(setting, fineness, rounds, &NO_SAMPLING).and_then(fits)
         };
-        let what = match &made {
-            Ok(t) => format!(
-                "{} cells, {} unknowns, {:.2} s",
-                t.solved.scene.system.mesh.n_cells(),
-                t.cost.dofs,
-                t.cost.seconds
-            ),
-            Err(why) => why.lines().next().unwrap_or_default().trim_start_matches("error").to_owned(),
-        };
-        self.job.listener.progress(&format!("accuracy: {}: {what}", setting_text(setting)));
-        let mut made = made?;
-        made.samples = Some(self.samples(&made.solved)?);
-        Ok(made)
+        self.told(setting, made)
+    }
+
+    fn rich(&mut self, run: &mut Trial, setting: &Setting, fineness: usize, rounds: &Rounds) -> Result<Trial, String> {
+        let small = SMALL_PART * self.job.demand.error;
+        let state = run.solved.outcome.steps.last().map(|s| s.state.clone()).ok_or("there is no step")?;
+        let Probed { mut sampling, mut other, apart, coefficients, parts } =
+            probe(&run.solved.scene, &run.solved.outcome.equations, &state, small).map_err(|e| e.to_string())?;
+        let measure = Some(self.job.demand.quantity.as_str());
+        let measure = measure.filter(|q| self.ways.measures.iter().any(|m| m == q));
+        let measure = measure.map(|q| q.strip_prefix(MEASURE).unwrap_or(q).to_owned());
+        (sampling.measure, other.measure) = (measure.clone(), measure);
+        let bodies = if run.solved.scene.system.mesh.order() > 1 { Bodies::Second } else { Bodies::First };
+        (sampling.bodies, other.bodies) = (bodies, bodies);
+        let made = self.pilot(setting, fineness, rounds, &sampling);
+        let mut rich = self.told(setting, made)?;
+        if apart > small {
+            // what a difference of nodal forces does to the quantity is measured, not guessed
+            let shifted = self.pilot(setting, fineness, rounds, &other).and_then(|mut t| {
+                t.samples = Some(self.samples(&t.solved)?);
+                self.distance(&t, &rich)
+            });
+            rich.data.error = shifted.unwrap_or(apart);
+        }
+        rich.data = OfData { error: rich.data.error + coefficients, parts };
+        let remembers = remembers(&run.solved.scene);
+        let end = run.solved.outcome.equations.system.step();
+        let between = run.solved.scene.between_nodes(end, 1, remembers);
+        if between.lost > small {
+            rich.data.error += between.lost;
+            rich.data.parts.resize(between.parts.len(), 0.0);
+            rich.data.parts.iter_mut().zip(&between.parts).for_each(|(a, b)| *a += b);
+        }
+        Ok(rich)
+    }
+
+    fn data(&self, rich: &Trial) -> OfData {
+        rich.data.clone()
+    }
+
+    fn geometry(&mut self, run: &Trial, setting: &Setting, fineness: usize) -> f64 {
+        if !matches!(self.known.loaded.script.mesh.as_ref().map(|m| &m.source), Some(MeshSource::File { .. })) {
+            return 0.0;
+        }
+        let mesh = &run.solved.scene.system.mesh;
+        let seen = curvature(mesh);
+        if seen == 0.0 || mesh.dim() != 2 {
+            return seen;
+        }
+        // what a polygon does to the quantity is measured where arcs can take its place
+        let sampling = Sampling { bodies: Bodies::Arcs, ..Sampling::default() };
+        let arcs = self.pilot(setting, fineness, &Rounds::new(), &sampling);
+        arcs.and_then(|arcs| self.distance(&arcs, run)).unwrap_or(seen)
+    }
+
+    fn locks(&self, run: &Trial) -> bool {
+        !locked(&run.solved.scene.system).is_empty()
     }
 
     fn cost(&self, run: &Trial) -> Cost {
         run.cost
     }
-
     fn mesh<'r>(&self, run: &'r Trial) -> &'r Mesh {
         &run.solved.scene.system.mesh
     }
@@ -325,9 +415,17 @@ impl Trials for Lab<'_> {
         marks.iter().any(|m| cells.binary_search(&m.cell).is_ok())
     }
 
-    fn indicator(&mut self, run: &Trial, rich: &Trial) -> Result<Indicator, String> {
+    fn indicator(&mut self, run: &Trial, rich: &Trial, by_gradients: bool) -> Result<Indicator, String> {
         let pair = Pair { coarse: &run.solved, rich: &rich.solved };
-        pair.indicator(&self.job.demand.quantity, self.bench.backend, self.job.threads)
+        let quantity = &self.job.demand.quantity;
+        if by_gradients {
+            return pair.of_gradients(self.bench.backend);
+        }
+        let mut found = pair.indicator(quantity, self.bench.backend, self.job.threads)?;
+        let name = quantity.strip_prefix(MEASURE).unwrap_or(quantity);
+        let value = measures(&rich.solved).into_iter().find(|m| m.0 == name).map_or(0.0, |m| m.1.abs());
+        found.size = found.size.map(|size| size / value).filter(|size| size.is_finite());
+        Ok(found)
     }
 
     fn elapsed(&self) -> f64 {
@@ -353,7 +451,7 @@ impl Trials for Lab<'_> {
         let tight = knobs::tolerance(setting).unwrap_or(scene.newton.tolerance);
         let tolerance = std::mem::replace(&mut scene.newton.tolerance, tight);
         let starts = std::mem::replace(&mut run.solved.scene.starts, starts);
-        let ended = wfl_runtime::run(&mut run.solved.scene, &self.bench.options(), &mut Quiet);
+        let ended = wfl_runtime::run(&run.solved.scene, &self.bench.options(), &mut Quiet);
         run.solved.scene.newton.tolerance = tolerance;
         run.solved.scene.starts = starts;
         let outcome = std::mem::replace(&mut run.solved.outcome, ended.map_err(|e| e.to_string())?);

@@ -12,12 +12,12 @@ use std::{
 use wfl::{Diagnostic, ResolvedScript, render};
 use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
 use wfl_runtime::{
-    Pruning, Quiet, RunOptions, Scene,
+    NO_SAMPLING, Pruning, Quiet, RunOptions, Sampling, Scene,
     accuracy::lean,
     compare::Solved,
     knobs::{self, Setting},
     output::{Hash, Identity, OrderedMap},
-    prepare_refined,
+    prepare_sampled,
     refine::Mark,
 };
 
@@ -115,13 +115,23 @@ pub(crate) fn size(path: &Path, known: &Known, setting: &Setting) -> Result<Size
 
 /// The problem of a scene that was read, its mesh refined round by round.
 pub(crate) fn prepared(
-    mut loaded: Loaded,
+    loaded: Loaded,
     backend: &dyn KernelBackend,
     keep: &[Pruning],
     rounds: &[Vec<Mark>],
 ) -> Result<(Scene, Loaded), String> {
-    let rounds = [&loaded.rounds, rounds].concat();
-    let made = prepare_refined(&loaded.script, &loaded.folder, backend, keep, &rounds);
+    sampled(loaded, backend, keep, (rounds, &NO_SAMPLING))
+}
+
+/// The same with some integrals taken with more points.
+fn sampled(
+    mut loaded: Loaded,
+    backend: &dyn KernelBackend,
+    keep: &[Pruning],
+    mesh: (&[Vec<Mark>], &Sampling),
+) -> Result<(Scene, Loaded), String> {
+    let rounds = [&loaded.rounds, mesh.0].concat();
+    let made = prepare_sampled(&loaded.script, &loaded.folder, backend, keep, (&rounds, mesh.1));
     loaded.messages.extend(made.diagnostics);
     match made.scene.filter(|_| !loaded.messages.iter().any(Diagnostic::is_error)) {
         Some(scene) => Ok((scene, loaded)),
@@ -176,6 +186,8 @@ pub(crate) struct Bench<'a> {
     pub(crate) last: bool,
     /// Refinement of the mesh.
     pub(crate) rounds: &'a [Vec<Mark>],
+    /// Integrals that are taken with more points.
+    pub(crate) sampling: &'a Sampling,
 }
 
 impl Bench<'_> {
@@ -223,7 +235,7 @@ impl Bench<'_> {
         script.expects.clear();
         let parse_seconds = started.elapsed().as_secs_f64();
         let kept = knobs::kept(setting).map_err(|e| e.to_string())?;
-        let (mut scene, loaded) = prepared(loaded, self.backend, &kept, self.rounds)?;
+        let (mut scene, loaded) = sampled(loaded, self.backend, &kept, (self.rounds, self.sampling))?;
         known.is_what_was_read(&inputs(&loaded, &scene), !more.is_empty())?;
         let threads = knobs::threads(setting)
             .map_err(|e| e.to_string())?
@@ -241,16 +253,16 @@ impl Bench<'_> {
             // nothing remembers the steps before the last: it is tried alone, and all of them where that fails
             let all = scene.steps.values.clone();
             scene.steps.values.drain(..all.len() - 1);
-            match wfl_runtime::run(&mut scene, &options, &mut Quiet) {
+            match wfl_runtime::run(&scene, &options, &mut Quiet) {
                 Ok(outcome) if outcome.converged() => {
                     return Ok(Solved { script: loaded.script, outputs, scene, outcome });
                 }
                 _ => scene.steps.values = all,
             }
         }
-        match wfl_runtime::run(&mut scene, &options, &mut Quiet) {
+        match wfl_runtime::run(&scene, &options, &mut Quiet) {
             Ok(outcome) => Ok(Solved { script: loaded.script, outputs, scene, outcome }),
-            Err(error) => Err(with_cause(&error.to_string(), &hourglass::rules(&loaded, &mut scene))),
+            Err(error) => Err(with_cause(&error.to_string(), &hourglass::rules(&loaded, &scene))),
         }
     }
 }

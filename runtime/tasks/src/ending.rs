@@ -321,7 +321,14 @@ fn quality(outcome: &Outcome) -> String {
     if !works.is_empty() {
         text += &format!("  energy dissipated by friction: {}\n", number(works.iter().sum()));
     }
+    if let Some(why) = outcome.friction_untested {
+        text += &format!("  energy dissipated by friction: not tested: {why}\n");
+    }
     for check in &step.checks {
+        if check.why_untested().is_some() {
+            text += &format!("  {}: {}\n", check.name, check.detail);
+            continue;
+        }
         let mark = if check.holds() { "" } else { "  NOT within its limit" };
         text += &format!("  {}: {}{mark}", check.name, words::error(check.value));
         text += &if check.name.starts_with("equilibrium") { format!(" ({})\n", check.detail) } else { "\n".to_owned() };
@@ -336,7 +343,7 @@ pub fn stopped(loaded: &Loaded, scene: &Scene, error: &RunError) -> Said {
         RunError::Newton { time, error: inner, .. } => newton_stopped(loaded, scene, *time, inner),
         RunError::Start(bad) => Said::Message(bad.diagnostic(&loaded.script.expansions, None)),
         RunError::State { .. } => Said::Text(format!("error[E612]: {error}\n")),
-        RunError::NoEquations => Said::Text(format!("error: {error}\n")),
+        RunError::NoEquations | RunError::NotOfThisScene | RunError::Begun => Said::Text(format!("error: {error}\n")),
         RunError::Output(error) => Said::Text(told(error)),
         RunError::Checkpoint(error) => Said::Text(told_of_resuming(error)),
     }

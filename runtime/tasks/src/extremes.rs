@@ -211,12 +211,13 @@ fn one(job: &Job<'_>, word: Option<String>, limit: Option<Duration>) -> Trial {
         let outside = error.code == "E701";
         return Trial { ending: if outside { Ending::Outside } else { Ending::Refused }, ..refused(line(error)) };
     }
-    let Some(mut scene) = prepared.scene else { return refused("no scene".to_owned()) };
+    let Some(scene) = prepared.scene else { return refused("no scene".to_owned()) };
     let options = options(job);
-    let doubt = advice::parameters(&loaded, &mut scene).first().map(line);
+    let first = scene.at_first_step().ok();
+    let doubt = first.and_then(|first| advice::parameters(&loaded, &scene, &first).first().map(line));
     let mut limited = Limited { end: limit.map(|l| Instant::now() + l) };
     // the scene is not looked at again
-    match catch_unwind(AssertUnwindSafe(|| run(&mut scene, &options, &mut limited))) {
+    match catch_unwind(AssertUnwindSafe(|| run(&scene, &options, &mut limited))) {
         Ok(Ok(outcome)) => judge(&outcome, doubt),
         Ok(Err(error)) => refused(error.to_string()),
         Err(thrown) if thrown.is::<TimeIsOver>() => {

@@ -227,6 +227,18 @@ long or p - 1 times too short, and the residual norm grows before the energy doe
 evaluated with the multipliers at the end of the correction. The line search on the complementarity defect is used only
 where a step has left less than a tenth of the residual of the active-set equations.
 
+**Volumes.** In bodies of finite strain (laws whose stress turns with a rotation of the body) no iteration may change a volume
+to less than a fifth or more than five times of what it is, nor pass through a determinant of zero on its way; predictors and
+line searches go no further. Where the prescribed values alone turn cells inside out, a step begins with the prediction.
+
+**Contact of nonlinear bodies.** A step that ends without a correction (no load yet, contact open) leaves no active set: the next
+one chooses its own, as a first step does. After a step that ended with a method of the equations as written the active set is
+the one of that state. An active set of a start at which all points are closed, taken over, ties a block to an indenter that it
+does not touch, and leads to states with crumpled cells.
+
+**Stability.** An equilibrium that is not a minimum of the energy is told (W640), and left where the scene asks for it
+(`branch`): [not_converging.md](not_converging.md#an-equilibrium-that-is-not-stable-w640).
+
 **Scales of residuals.** Forces on nodes balance between terms and cells: those of a field are relative to the largest
 of them. An equation of a single number, of a scalar that no term differentiates or of a global unknown, is relative to
 what cancels in it: the sum of the magnitudes of its summands, `|friction| + |eta*V| + |tau|` in

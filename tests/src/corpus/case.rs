@@ -120,7 +120,7 @@ fn assemble(setup: &Setup, law: TermLaw, backend: &dyn KernelBackend) -> Result<
     let current: Vec<&[f64]> = setup.values.iter().map(Vec::as_slice).collect();
     let values = FieldValues { current: &current, previous: &[], rates: None };
     let uniforms = uniforms_at(&law.prologue, (0.0, 0.0));
-    let integrator = Integrator { domain: Arc::clone(&setup.domain), binding };
+    let integrator = Integrator { domain: Arc::clone(&setup.domain), binding: Arc::new(binding) };
     let scalar = energy_kernel.map(|kernel| integral(setup, &integrator, &*kernel, &uniforms, values));
     let mut term = AssembledTerm::new(law, integrator, None, residual_kernel, tangent_kernel, &numbering.starts);
     term.set_step((0.0, 0.0));

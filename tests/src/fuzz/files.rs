@@ -81,14 +81,14 @@ fn heat() -> Mutant {
 }
 
 fn solve_in(folder: &Path, resume: bool, progress: &mut dyn Progress) -> Result<Vec<StepResult>, String> {
-    let mut scene = ready(&heat(), &InterpreterBackend, &[]).scene.ok_or("the scene is refused")?;
+    let scene = ready(&heat(), &InterpreterBackend, &[]).scene.ok_or("the scene is refused")?;
     let options = RunOptions {
         out: Some(folder.to_path_buf()),
         resume,
         name: "heat".to_owned(),
         ..RunOptions::without_files(1, Instant::now())
     };
-    run(&mut scene, &options, progress).map(|o| o.steps).map_err(|e| e.to_string())
+    run(&scene, &options, progress).map(|o| o.steps).map_err(|e| e.to_string())
 }
 
 fn contents(folder: &Path) -> Contents {

@@ -17,7 +17,8 @@ use wfl::{Diagnostic, NoFiles, SourceMap, resolve};
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_jit::JitBackend;
 use wfl_runtime::{
-    Outcome, Prepared, Pruning, Quiet, RuleChoice, RunOptions, Scene, coarse_loads, locked_bodies, prepare_keeping, run,
+    Equations, FIXED, Outcome, Prepared, Pruning, Quiet, RuleChoice, RunOptions, Scene, checks::locked_bodies,
+    prepare_keeping, run,
 };
 
 use crate::fuzz::Random;
@@ -32,6 +33,10 @@ const SAME: f64 = 1e-9;
 const FINER: f64 = 0.5;
 /// What the degree of a rule is raised by.
 const MORE: usize = 4;
+/// What rounding leaves of the unknowns, in parts of the largest one.
+const NOISE: f64 = 1e-13;
+/// States with such noise that are looked at.
+const NOISY: usize = 16;
 /// The warning that numbers are those of a quadrature rule: all else is judged.
 const RULE_DECIDES: &str = "W617";
 /// Steps of a mutant, at most; more are a longer run and not another one.
@@ -83,7 +88,7 @@ pub fn ready(mutant: &Mutant, backend: &dyn KernelBackend, keep: &[Pruning]) -> 
 pub fn judge(mutant: &Mutant, out: Option<PathBuf>) -> Verdict {
     let backend = JitBackend::new().expect("machine code on this processor");
     let prepared = ready(mutant, &backend, &[]);
-    let Some(mut scene) = prepared.scene else {
+    let Some(scene) = prepared.scene else {
         let error = prepared.diagnostics.iter().find(|d| d.is_error());
         return Verdict::Refused(error.map_or("no code", |d| d.code).to_owned());
     };
@@ -93,12 +98,12 @@ pub fn judge(mutant: &Mutant, out: Option<PathBuf>) -> Verdict {
     if let Some(d) = told.first() {
         return Verdict::Warned(d.code.to_owned());
     }
-    if let Some(code) = told_before(&mut scene) {
+    if let Some(code) = told_before(&scene) {
         return Verdict::Warned(code.to_owned());
     }
     let rules: Vec<(String, RuleChoice)> = scene.terms.iter().map(|t| (t.place.clone(), t.rule)).collect();
     let options = RunOptions { out: out.clone(), keep_states: true, ..RunOptions::without_files(2, Instant::now()) };
-    let outcome = match run(&mut scene, &options, &mut Quiet) {
+    let outcome = match run(&scene, &options, &mut Quiet) {
         Ok(outcome) => outcome,
         Err(error) => return Verdict::Refused(error.to_string().split(':').next().unwrap_or("").to_owned()),
     };
@@ -124,11 +129,11 @@ pub fn judge(mutant: &Mutant, out: Option<PathBuf>) -> Verdict {
 }
 
 /// What the command says of a prepared scene about the size of its numbers, before a run.
-fn told_before(scene: &mut Scene) -> Option<&'static str> {
-    if coarse_loads(scene).is_ok_and(|loads| !loads.is_empty()) {
+fn told_before(scene: &Scene) -> Option<&'static str> {
+    if scene.coarse_loads().is_ok_and(|loads| !loads.is_empty()) {
         return Some("W512");
     }
-    locked_bodies(scene).is_ok_and(|bodies| !bodies.is_empty()).then_some("W513")
+    scene.at_first_step().is_ok_and(|first| !locked_bodies(&first.system).is_empty()).then_some("W513")
 }
 
 /// The statement that a message points at.
@@ -201,6 +206,26 @@ fn not_the_same(mutant: &Mutant, outcome: &Outcome) -> Option<String> {
     }
 }
 
+/// True if what rounding leaves of the unknowns moves a measure by so much at the end of some step: a count of points that
+/// slip where two bodies touch without pressure says nothing, under any rule.
+fn rounding_decides(scene: &Scene, measure: usize, outcome: &Outcome, much: f64) -> bool {
+    let (mut random, Equations { system, .. }) = (Random(5), &outcome.equations);
+    outcome.steps.iter().any(|step| {
+        let size = NOISE * step.state.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        for _ in 0..NOISY {
+            let noisy = |(dof, value): (usize, &f64)| {
+                let is_free = system.numbering.free[dof] != FIXED;
+                if is_free { value + size * (random.below(2001) as f64 / 1000.0 - 1.0) } else { *value }
+            };
+            let beside: Vec<f64> = step.state.iter().enumerate().map(noisy).collect();
+            let found = scene.measures[measure].evaluate(system, step.time, step.increment, &beside);
+            (least, most) = (least.min(found), most.max(found));
+        }
+        most - least > much
+    })
+}
+
 /// The scene once more with rules of a higher degree, where it does not ask for its own.
 fn not_under_a_finer_rule(mutant: &Mutant, outcome: &Outcome, rules: &[(String, RuleChoice)]) -> Option<String> {
     if mutant.statements.iter().any(|s| word(s) == "quadrature") || outcome.steps.iter().all(|s| s.measures.is_empty())
@@ -216,8 +241,9 @@ fn not_under_a_finer_rule(mutant: &Mutant, outcome: &Outcome, rules: &[(String, 
         }
     }
     let backend = JitBackend::new().ok()?;
-    let mut scene = ready(&finer, &backend, &[]).scene?;
-    let again = run(&mut scene, &RunOptions::without_files(1, Instant::now()), &mut Quiet).ok()?;
+    let scene = ready(&finer, &backend, &[]).scene?;
+    let options = RunOptions { keep_states: true, ..RunOptions::without_files(1, Instant::now()) };
+    let again = run(&scene, &options, &mut Quiet).ok()?;
     if !again.converged() {
         return None;
     }
@@ -229,7 +255,8 @@ fn not_under_a_finer_rule(mutant: &Mutant, outcome: &Outcome, rules: &[(String, 
         let largest = outcome.steps.iter().flat_map(|s| &s.measures).fold(0.0f64, |m, (_, v)| m.max(v.abs()));
         let largest = outcome.steps.iter().flat_map(|s| &s.state).fold(largest, |m, v| m.max(v.abs()));
         let apart = coarse.iter().zip(&fine).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-        if apart > FINER * size && size > 1e-9 * largest && size < MEANINGFUL {
+        let moves = apart > FINER * size && size > 1e-9 * largest && size < MEANINGFUL;
+        if moves && !rounding_decides(&scene, measure, &again, FINER * apart) {
             let name = &outcome.steps[0].measures[measure].0;
             return Some(format!("a finer rule moves {name} by {apart:.2e} of {size:.2e}"));
         }

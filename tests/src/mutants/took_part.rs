@@ -147,7 +147,7 @@ fn not_held(mutant: &Mutant, at: usize, steps: &[StepResult]) -> Option<String> 
         .filter(|(k, s)| *k == at || word(s) != "fix")
         .map(|(_, s)| s.clone())
         .collect();
-    let mut scene = ready(&alone, &InterpreterBackend, &[]).scene?;
+    let scene = ready(&alone, &InterpreterBackend, &[]).scene?;
     if scene.prescribed.dofs().is_empty() {
         return Some(format!("meets no unknown: {statement}"));
     }

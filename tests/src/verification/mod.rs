@@ -18,6 +18,7 @@ mod invariance;
 mod meshes;
 mod numerics;
 mod page;
+mod public;
 mod robust;
 mod several;
 mod signorini;
@@ -29,7 +30,8 @@ pub use page::{page, updated};
 
 /// A group of cases with one identifier, as in the table of `docs/verification.md`.
 pub struct Benchmark {
-    /// Identifier: B1, B2, ... for benchmarks, X1, X2, ... for extreme input.
+    /// Identifier: B1, B2, ... for benchmarks, P1, P2, ... for public cases of other programs, X1, X2, ... for extreme
+    /// input.
     pub id: &'static str,
     /// What is compared, in one sentence.
     pub title: &'static str,
@@ -63,12 +65,14 @@ pub fn benchmarks() -> Vec<Benchmark> {
         cook::BENCHMARKS,
         invariance::BENCHMARKS,
         tangents::BENCHMARKS,
+        public::BENCHMARKS,
     ]
     .into_iter()
     .flat_map(|list| list.iter())
     .map(|b| Benchmark { ..*b })
     .collect::<Vec<_>>();
-    list.sort_by_key(|b| (b.id.starts_with('X'), digits(b.id)));
+    let chapter = |id: &str| "BPX".find(&id[..1]);
+    list.sort_by_key(|b| (chapter(b.id), digits(b.id)));
     list
 }
 

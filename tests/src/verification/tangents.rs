@@ -168,6 +168,6 @@ fn errors(system: &System, u: &[f64], d: &[f64], step: f64) -> Result<Vec<(Strin
         worst[field].0 = worst[field].0.max((exact - quotient).abs());
         worst[field].1 = worst[field].1.max(exact.abs());
     }
-    let named = worst.iter().zip(&system.fields).filter(|(w, _)| w.1 > 0.0);
+    let named = worst.iter().zip(&*system.fields).filter(|(w, _)| w.1 > 0.0);
     Ok(named.map(|(w, f)| (f.name.clone(), w.0 / w.1)).collect())
 }

@@ -46,8 +46,11 @@ pub(super) const PAGES: &[CodePage] = &[
         "E605",
         "an accuracy that was not reached",
         "The estimated error was not as small as demanded when the time of `--budget` or the memory was used up, or the \
-         estimates did not fall. The run with the smallest estimate is kept as the result, and the message says what it \
-         reached; `--of` selects another quantity, `--budget` allows more time.",
+         estimates did not fall. Or a part of the error that refinement does not reduce is larger: the boundary of a \
+         mesh file that is a polygon where the body is curved, the length of the steps, data that change within less \
+         than the distance of the points where they are looked at, or the true error where the scene has its exact \
+         solution. The run with the smallest estimate is kept as the result, and the message says which part it is; \
+         `--of` selects another quantity, `--budget` allows more time.",
         "solver newton with accuracy=1e-6, of=H1",
         "solver newton with accuracy=1e-2",
     ),
@@ -94,6 +97,26 @@ pub(super) const PAGES: &[CodePage] = &[
          Prescribed values, loads or initial values are far too large for the other numbers of the scene.",
         "fix u(1) = 1e308 on west",
         "fix u(1) = 1e-3 on west",
+    ),
+    page(
+        "E613",
+        "a load that nothing balances",
+        "The equation of a number of the whole scene (the depth of a punch that a force drives) has a constant load, and \
+         what the other terms give to it has the same sign whatever the number is: contact can only push. The sum is \
+         never zero. One of the two has the wrong sign. This is found before anything is solved, from the values of the \
+         terms at some values of the number.",
+        "term contact on top : pos_part(Pn)*(Test_u.Normal + Test_d)\nterm weight on global : P*Test_d",
+        "term contact on top : pos_part(Pn)*(Test_u.Normal + Test_d)\nterm weight on global : -P*Test_d",
+    ),
+    page(
+        "E614",
+        "an interface that drives its sides",
+        "One body is moved a little as a whole, in each direction and both ways: the forces of a law between two bodies \
+         resist such a motion or do not meet it. Those of this term do work with every motion that they meet, opening \
+         and closing, so the interface releases energy instead of storing it, and nothing is in equilibrium. The test \
+         functions have the two sides in the other order than the jump of the unknowns.",
+        "term cohesion on fault : k*jump(uL,uR).jump(Test_uR,Test_uL)",
+        "term cohesion on fault : k*jump(uL,uR).jump(Test_uL,Test_uR)",
     ),
     page(
         "E701",

@@ -38,7 +38,8 @@ pub(super) const PAGES: &[CodePage] = &[
         "E406",
         "an element that does not exist here",
         "P elements belong to segments, triangles and tetrahedra, Q elements to segments, quadrilaterals and \
-         hexahedra; D in front makes them discontinuous, and the digit is the degree.",
+         hexahedra. On wedges, pyramids and meshes of several kinds of cells both letters say the same: P on triangular \
+         faces, Q on quadrilateral ones. D in front makes them discontinuous, and the digit is the degree.",
         "unknown p : scalar Q7",
         "unknown p : scalar Q2",
     ),
@@ -112,8 +113,10 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E416",
         "an output that cannot be written",
-        "`output vtk` writes fields on the mesh, `output csv` samples along a line and needs `along A to B`. \
-         Quantities have up to two indices.",
+        "`output vtk` writes fields on the mesh, `output csv` samples along a line, `along A to B`, or at points, `at A`. \
+         Quantities have up to two indices. A quantity with a state has values at integration points alone: at a point, also \
+         of `measure value(...) at`, it has none. Take its mean or its largest value on a region, or write it with \
+         `output vtk`, which has the mean over each cell.",
         "output csv \"line\" : u",
         "output csv \"line\" : u along [0,0,0] to [1,1,1]",
     ),
@@ -189,8 +192,9 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E430",
         "very many load steps",
-        "More than 100,000 steps need `with most=` in the statement. Memory and report keep about 2 kB for each step, \
-         and every output writes a file for each unless it says `every`.",
+        "More than 100,000 steps need `with most=` in the statement; of steps by `auto`, whose `most` is the largest \
+         increment, `with count=`. Memory and report keep about 1 kB for each step, and every output writes a file for \
+         each unless it says `every`.",
         "steps t = 0 to 1 by 1e-7",
         "steps t = 0 to 1 by 1e-3",
     ),

@@ -71,7 +71,7 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E109",
         "a division that is not possible",
-        "`/` divides by a scalar, and not by a literal zero. Division component by component is written `./`.",
+        "`/` divides by a scalar, and not by zero; a branch of `if` that the parameters never take may do so. Division component by component is written `./`.",
         "term t on all : (u/u).Test_u",
         "term t on all : (u./(u + 1*[1,1,1])).Test_u",
     ),

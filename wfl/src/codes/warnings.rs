@@ -117,6 +117,55 @@ pub(super) const PAGES: &[CodePage] = &[
         "refine where x > 0.9 times 3",
     ),
     page(
+        "W419",
+        "a condition that cuts what it selects",
+        "A face belongs to a region where its corners and its centre meet the condition, a cell where its centre does. A \
+         condition that ends inside faces or cells selects other ones than it says: the message has the part of the area \
+         or volume that is wrong. With < a face whose corner lies on the limit is left out: write <=. Otherwise end the \
+         condition on lines of the mesh, or move lines of the mesh there. A coefficient needs no region: `if x < 0.9 then \
+         a else b` holds at each integration point.",
+        "region part = faces where x == 1 and y < 0.6\nload u = [0,1,0] on part",
+        "region part = faces where x == 1 and y <= 0.5\nload u = [0,1,0] on part",
+    ),
+    page(
+        "W420",
+        "regions of a list that overlap",
+        "`on a, b` means the union of both regions: what belongs to several regions of a list counts once, in terms, \
+         loads, integrals and means. Two statements, one for each region, add what they say where these overlap.",
+        "region east = faces where x == 1\nregion part = faces where x == 1 and y <= 0.5\nload u = [0,1,0] on east, part",
+        "region east = faces where x == 1\nregion part = faces where x == 0 and y <= 0.5\nload u = [0,1,0] on east, part",
+    ),
+    page(
+        "W421",
+        "a step variable that is coarser than its steps",
+        "Numbers have 16 digits: far from zero the values of the step variable are rounded to a visible part of a step. \
+         Increments are those that the scene says, so rates are right; formulas of the variable, such as a load, are taken \
+         at the rounded value. Count the variable from the beginning of the run.",
+        "steps t = 1e12 to 1e12+1 by 0.005",
+        "steps t = 0 to 1 by 0.005",
+    ),
+    page(
+        "W422",
+        "units that fit in other coordinates only",
+        "The terms of an equation have one unit only if coordinates are in a length, or time is in a unit, that the scene \
+         names nowhere. Numbers \
+         are never converted: GPa beside MPa, or m beside mm, is as wrong as another quantity. Either a unit is wrong, or \
+         the mesh has that unit: a param with a unit in the mesh or in the condition of a region says so.",
+        "param E = 210 [GPa]\nparam q = 100 [MPa]\nunknown u : vector [mm]\nregion east = faces where x == 1\n\
+         term base on all : E*Sym(Grad_u):Grad_Test_u\nload u = [0,q,0] on east",
+        "param E = 210000 [MPa]\nparam q = 100 [MPa]\nunknown u : vector [mm]\nregion east = faces where x == 1\n\
+         term base on all : E*Sym(Grad_u):Grad_Test_u\nload u = [0,q,0] on east",
+    ),
+    page(
+        "W423",
+        "cells that run clockwise",
+        "The nodes of plane cells stand in a file in clockwise order, along a curve loop or surface of the mesh generator \
+         that runs the other way. They were put in the other order; places, groups and results do not depend on it. A \
+         cell that is folded over its neighbour is an error (E410).",
+        "mesh file \"clockwise.msh\"",
+        "mesh file \"plate.msh\"",
+    ),
+    page(
         "W501",
         "a discontinuous term without a derivative",
         "Heaviside and sign have derivative 0. A term that depends on an unknown only through them looks constant to \
@@ -241,6 +290,65 @@ pub(super) const PAGES: &[CodePage] = &[
         "term body on all : 1e4*Div_u*Div_Test_u + Sym(Grad_u):Grad_Test_u\nunknown u : vector Q2",
     ),
     page(
+        "W514",
+        "a law that a rotation of the body changes",
+        "A rotation strains no body: it gives no stress, turns the stress that is there, and a stress that is symmetric \
+         keeps moments in balance. The law of the displacement, the sum of its terms on cells, was tried at points with \
+         gradients that are rotations, and is none of a body's: often `Sym` was forgotten (2*mu*Grad_u for \
+         2*mu*Sym(Grad_u)), or a transpose (F*F' for F'*F, Inv(F) for Inv(F)'). Such a body is far too stiff where it \
+         turns, as in bending. Not judged: laws whose components do not know of each other (a vector Laplacian, the \
+         viscous term of an incompressible flow) unless the field is a length or contact presses on it, micropolar \
+         bodies, the geometric stiffness of an initial stress, Navier's form where the whole boundary is prescribed. \
+         What a law does at the state of a step is part of W606, the equilibrium of moments.",
+        "term base on all : Div_u*Div_Test_u + 2*Grad_u:Grad_Test_u\nunknown u : vector",
+        "term base on all : Div_u*Div_Test_u + 2*Sym(Grad_u):Grad_Test_u\nunknown u : vector",
+    ),
+    page(
+        "W515",
+        "a shear that is counted twice or half",
+        "The stiffness of the body is that of an isotropic material, but for a factor of exactly 2, 4, 1/2 or 1/4 on its \
+         shear. An engineering shear strain, g(1,2) + g(2,1), is twice the component of the strain tensor: one was taken \
+         for the other, in the stress or in what the stress works on. Cubic materials with another factor give no \
+         warning.",
+        "def e(g) = [g(1,1), g(1,2)+g(2,1), g(1,3)+g(3,1); g(1,2)+g(2,1), g(2,2), g(2,3)+g(3,2); \
+         g(1,3)+g(3,1), g(2,3)+g(3,2), g(3,3)]\n\
+         term base on all : (Div_u*Id(3) + 2*e(Grad_u)):Grad_Test_u\nunknown u : vector",
+        "def e(g) = 0.5*(g + g')\nterm base on all : (Div_u*Id(3) + 2*e(Grad_u)):Grad_Test_u\nunknown u : vector",
+    ),
+    page(
+        "W516",
+        "the same statement twice",
+        "Two terms, or two loads, have the same law on the same entities, whatever their names and those of their regions \
+         are: it acts twice, and stiffness or load are doubled. Two equal `fix` statements hold once and give no warning.",
+        "load u = [1,0,0] on west\nload u = [1,0,0] on west\nregion east = faces where x == 1\nfix u = [0,0,0] on east",
+        "load u = [1,0,0] on west\nregion east = faces where x == 1\nfix u = [0,0,0] on east",
+    ),
+    page(
+        "W517",
+        "a contact distance with the wrong sign",
+        "The contact term reads the other side through a mapping onto its faces, so the mesh knows how far the sides are \
+         apart along the normal. The distance that the law takes, seen in its argument without displacement, is the opposite \
+         of it: bodies that are apart are pressed together. From a point X to its image the distance is \
+         (Interpolate(X, m) - X).Normal. An offset or an interference may be added to it.",
+        "def gap = (X - Interpolate(X, m)).Normal",
+        "def gap = (Interpolate(X, m) - X).Normal",
+    ),
+    page(
+        "W520",
+        "pressures that alternate from point to point",
+        "Inside the zone of contact the pressure of a term jumps up and down between neighbouring points by more than a fifth \
+         of its mean, on more than a third of the area; a smooth pressure, the edge of a punch and the edge of the zone do \
+         not. Usually the rule of the term has more points than the faces have nodes and gamma is large: the law then holds \
+         at more points than the displacements can follow, and the pressure of a face gathers at some of them. The \
+         displacements and the means over faces are right, forces but for some per cent on few faces; the largest \
+         pressure is not. Without `quadrature` faces with contact have one point a node, where this does not happen for \
+         any gamma. Through a mapping, on cells of second order, and in Nitsche's method on hexahedra they have Gauss \
+         points, and the upper end of gamma on curved gaps is E/h where a zone of contact ends; where all faces are \
+         closed, 2 E/h for elements of degree 1 and 10 E/h for degree 2 (docs/quadrature.md). A gap that itself changes from face to face has such a pressure on any mesh with faces of that size.",
+        "quadrature on top degree 5\nterm contact on top : 1e6*pos_part(u(2) - x^2)*Test_u(2)",
+        "term contact on top : 1e6*pos_part(u(2) - x^2)*Test_u(2)",
+    ),
+    page(
         "W602",
         "a cycle of active sets",
         "Newton's method met the same active set again at the same load: some points alternate between stick and slip, \
@@ -262,10 +370,12 @@ pub(super) const PAGES: &[CodePage] = &[
         "a mechanical condition that does not hold",
         "A converged state violates a condition that every solution satisfies; the message has the worst load step, \
          the value and its limit. Loads and reactions balance, and the forces on both sides of an interface are equal \
-         (limit 1e-6 of the forces); otherwise a term is wrong. Bodies in contact do not overlap, and sticking points \
-         have not slipped (0.2 of the largest displacement); a larger penalty, Nitsche's method or a multiplier \
-         improves this. Contact forces are compressive, and friction opposes the slip (on all but 0.25 of the contact \
-         area); otherwise a sign is wrong. Tractions lie in the friction cone (limit 0.5; between the points where the \
+         (limit 1e-6 of the forces); otherwise a term is wrong. Of the moments in a body the same is asked: the stress \
+         of its terms on cells is symmetric (P F' of a law of finite strains; 1e-6 of the stress, 0.05 with a geometric \
+         stiffness). Bodies in contact do not overlap, and sticking points have not slipped (0.2 of the largest \
+         displacement); a larger penalty, Nitsche's method or a multiplier improves this. Of an elastic joint, which \
+         resists being drawn apart with a force that grows, both are strains, and not tested. Contact forces are \
+         compressive, and friction opposes the slip (on all but 0.25 of the contact area); otherwise a sign is wrong. Tractions lie in the friction cone (limit 0.5; between the points where the \
          law holds they leave it by an amount that falls with the cell size). The law of a multiplier holds at every \
          point, and the result does not depend on its parameter, if the quadrature points are the nodes (`quadrature \
          ... vertex`, elements of degree 1) and all faces of a node have one normal. On a curved interface that slides \
@@ -327,10 +437,12 @@ pub(super) const PAGES: &[CodePage] = &[
         "friction that does not dissipate energy",
         "Friction dissipates energy. In the load step named, the friction forces as a whole returned energy instead. \
          The usual cause is a law for the total slip: it is valid for increasing loads, and when the loads decrease it \
-         drives the slip back. A law for the slip increment, written with `Previous_u`, has a memory. The report has \
-         the dissipated energy of each step (friction_work).",
+         drives the slip back. A law whose slip is kept in a state has a memory. The report has the dissipated energy of \
+         each step (friction_work): the force times what slides in the law, obstacles that move included; what sticks does \
+         not count.",
         "def Pt = gamma*tang(jump(uL,uR)) - tang(trac(uL))",
-        "def Pt = gamma*tang(jump(uL,uR) - jump(Previous_uL,Previous_uR)) - tang(trac(uL))",
+        "def Pt = gamma*(tang(jump(uL,uR)) - Previous_slid) - tang(trac(uL))\n\
+         state slid : vector on fault := Previous_slid + (Pt - Ball_projection(Pt, fric*pos_part(Pn)))/gamma",
     ),
     page(
         "W616",
@@ -408,6 +520,105 @@ pub(super) const PAGES: &[CodePage] = &[
          start u = 0.1\nstart Dot_u = -1\nterm inertia on all : Dot2_u*Test_u\n\
          term stress on all : Grad_u.Grad_Test_u\nterm contact on wall : -1000*neg_part(u)*Test_u\n\
          scheme explicit fraction=0.05\nsteps t = 0 to 2 by auto",
+    ),
+    page(
+        "W630",
+        "friction that forgets where points stick",
+        "A point that sticks has moved on in step after step. The law has the change of the slip since the last step, with \
+         `Previous_u`: a point is held by an elastic slip, and the next step begins without it, so that the point creeps by as \
+         much in every step, under constant loads, too, and the slip grows with the number of steps. A `state` that keeps \
+         what has slid holds a point for any number of steps: slid + (Pt - Ball_projection(Pt, r))/gamma (`use \"contact\"` \
+         has it as `nitsche_sliding` and `nitsche_slip`, and for the other methods; `docs/formulations.md`). Told where what \
+         points have lost is on average a twentieth of how far the sides have moved by then, a hundredth of the most that they \
+         move in the run, and a thousandth of how far the bodies are deformed. Laws on rates may creep and are not looked at, nor are explicit steps.",
+        "def Pt = gamma*(tang(jump(uL,uR)) - tang(jump(Previous_uL,Previous_uR))) - tang(trac(uL))",
+        "def Pt = gamma*(tang(jump(uL,uR)) - Previous_slid) - tang(trac(uL))\n\
+         state slid : vector on fault := Previous_slid + (Pt - Ball_projection(Pt, fric*pos_part(Pn)))/gamma",
+    ),
+    page(
+        "W631",
+        "sides that have slid by more than a face",
+        "The points of two bodies are paired once, on the initial mesh, by `neighbor_element` and by mappings (small sliding). A \
+         point that presses has slid by more than the face of the other side that it was paired with, measured along the slip: \
+         its force acts on a face where it is no longer, also where the bodies have left each other. The message has the first step, \
+         the place, the largest slip of the run and the part of the area in contact. Obstacles that are formulas of x + u \
+         follow what moves and are not looked at; nor are points that are open.",
+        "fix u1 = [3*t, -0.005, 0] on top",
+        "fix u1 = [0.1*t, -0.005, 0] on top",
+    ),
+    page(
+        "W640",
+        "an equilibrium that is not stable",
+        "The step ended in a state in which all forces balance, but the energy is no minimum there: the tangent has negative \
+         eigenvalues, so many as the message says, and a body leaves such a state at the slightest push. Newton's method finds \
+         it because a straight column under three times its buckling load is in equilibrium, too. A load of buckling, of \
+         snap-through or of wrinkling lies before the step that is named; the first one is told. `perturb=1e-6`, an option of \
+         `solver newton` or a word of `wfl run`, pushes such a state along its lowest direction by that part of the extent of \
+         the mesh and goes downhill to a stable one. Counted are the signs of pivots; what multipliers and pressures count for \
+         in a stable state is taken off. Where the tangent is not symmetric (friction) the sign of its determinant is looked \
+         at. Linear scenes and scenes with rates are not judged.",
+        "load u = [0, -3] on top",
+        "load u = [0, -3] on top\nsolver newton with perturb=1e-6",
+    ),
+    page(
+        "W641",
+        "a step with many times the iterations of the others",
+        "One step took more than ten times the Newton iterations that the other steps of the run took (the median). Newton's \
+         method may have wandered, and ended in another state than that which the steps before lead to: bodies of finite strain \
+         and contact with friction have several. Compare the measures with those of a run with smaller steps; an energy or a \
+         force that jumps there is wrong. A first step in which contact closes may also be hard and right.",
+        "steps t = 0 to 1 by 1",
+        "steps t = 0 to 1 by 0.1",
+    ),
+    page(
+        "W645",
+        "a strain beyond a law of small strains",
+        "A body whose law depends on Sym(Grad_u) alone was stretched by more than 0.3, or has moved by more than the extent of \
+         the mesh: such a law says nothing there. The load is beyond what the body bears (a limit load), or a unit or a power \
+         of ten is wrong; bodies that deform so much need a law of finite strain. The message has the first step and the place. \
+         Judged are displacements whose unit is a length, and bodies whose law has a memory.",
+        "load u = [1e5,0] on east",
+        "load u = [1,0] on east",
+    ),
+    page(
+        "W646",
+        "a contact that never closes",
+        "Without displacement the sides of the contact are apart, and in no step of the run did they meet: the statement had \
+         no effect. A distance or a load has the wrong sign, or the contact is not needed. Sides that lie on each other from the \
+         start and open give no warning.",
+        "def gap = x^2/(2*R) + d",
+        "def gap = x^2/(2*R) - d",
+    ),
+    page(
+        "W647",
+        "an unknown that grows without end",
+        "In the second half of the run an unknown grew by more than three decades (six where terms are not linear) beyond loads \
+         and prescribed values, and by like factors in both quarters of it. A stable body does not: the sign of a rate, of one of \
+         two couplings or of a term that should dissipate is wrong.",
+        "term heat on all : -Dot_T*Test_T + Grad_T.Grad_Test_T",
+        "term heat on all : Dot_T*Test_T + Grad_T.Grad_Test_T",
+    ),
+    page(
+        "W648",
+        "bending on elements of degree 1",
+        "A cell of degree 1 that is bent is sheared as well: of slender bodies with few cells across, the energy goes into that \
+         shear, and they move too little (shear locking). The message has the part of the energy of the last state that the \
+         elements add, a fifth or more; displacements under given loads are too small by about that part. On quadrilaterals and \
+         hexahedra it is measured with incompatible modes, on triangles and tetrahedra of slender bodies by the jumps of strain. \
+         Elements of degree 2 bend.",
+        "unknown u : vector Q1",
+        "unknown u : vector Q2",
+    ),
+    page(
+        "W649",
+        "a pressure that alternates from node to node",
+        "The pressure holds the volume of a body, and its values alternate between neighbouring nodes. A step shorter than \
+         h^2/(6 c), with the size h of the cells and the coefficient of consolidation c, leaves a jump of the pressure within \
+         one cell, and it overshoots (Vermeer and Verruijt 1981); with displacements of the same degree as the pressure \
+         nothing bounds it where the mobility or the step vanishes. Longer steps or smaller cells at the jump, and a \
+         displacement of one degree more. Short steps without a jump give no warning.",
+        "steps t = 0 to 3e-5 by 1e-5",
+        "steps t = 0 to 3 by 1",
     ),
     page(
         "W702",

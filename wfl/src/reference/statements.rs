@@ -13,7 +13,8 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "mesh",
         usage: "`mesh file \"m.msh\"`",
-        meaning: "Gmsh 2.2 or 4.1, ASCII or binary; its physical groups are regions",
+        meaning: "Gmsh 2.2 or 4.1, ASCII or binary, also with wedges, pyramids and cells of several kinds \
+                  (`docs/gmsh.md`); its physical groups are regions",
         default: "",
     },
     StatementRow {
@@ -40,8 +41,10 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "region",
         usage: "`region r = cells/faces/nodes [of s] [where condition]`",
-        meaning: "entities selected by position; `==` on coordinates holds within 1e-9 of the mesh size; `faces of s` are those of \
-                  the boundary of the cells `s`, or a part of the faces or of the interface `s`",
+        meaning: "entities selected by position: a cell where its centre meets the condition, a face where its centre \
+                  and all its corners do, a node where it does itself; a condition that cuts cells or faces is told with \
+                  the part that is cut (W419). `==` on coordinates holds within 1e-9 of the mesh size; `faces of s` are \
+                  those of the boundary of the cells `s`, or a part of the faces or of the interface `s`",
         default: "`all`, `boundary`, `interior`, `global` exist",
     },
     StatementRow {
@@ -77,7 +80,8 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "unknown",
         usage: "`unknown u : scalar/vector/matrix(m,n) [element] [on r]`",
-        meaning: "a field to be solved for; elements `P1 P2 P3 Q1 Q2`, `DP0 DP1 DQ1 ...` (discontinuous); `global` \
+        meaning: "a field to be solved for; elements `P1 P2 P3 Q1 Q2`, `DP0 DP1 DQ1 ...` (discontinuous); with wedges, \
+                  pyramids or cells of several kinds `P1` and `Q1` are the same; `global` \
                   for a single number",
         default: "degree 1, on all",
     },
@@ -192,11 +196,11 @@ pub(super) const ROWS: &[StatementRow] = &[
     },
     StatementRow {
         word: "steps",
-        usage: "`... with first=1e-3, error=1e-5, least=1e-6, most=10, limit=0.2*Dc/max(V) on fault`",
-        meaning: "the first increment; the largest error of a step, relative to the largest value of each field; the \
-                  smallest and the largest increment; what the increment is at most behind each state: arithmetic of \
+        usage: "`... with first=1e-3, error=1e-5, least=1e-6, most=10, count=1e6, limit=0.2*Dc/max(V) on fault`",
+        meaning: "the first increment; the largest error of a step, relative to the largest value of each field, 1e-12 to \
+                  0.1; the smallest and the largest increment; allows a `most` that needs more than 100,000 steps; what the increment is at most behind each state: arithmetic of \
                   parameters, measures, the step variable and `max(e)`, `min(e)`, `mean(e)`, `integral(e)` on a region",
-        default: "with b - a = 1: 1e-6, 1e-4, 1e-12, 1, none",
+        default: "with b - a = 1: 1e-6, 1e-4, 1e-12, 1, 100,000, none",
     },
     StatementRow {
         word: "steps",
@@ -242,6 +246,14 @@ pub(super) const ROWS: &[StatementRow] = &[
     },
     StatementRow {
         word: "solver",
+        usage: "`solver newton with perturb=1e-6`",
+        meaning: "a step that ends in an equilibrium which is not stable (W640) is pushed along the lowest direction, by so much of the \
+                  extent of the mesh (at most 0.1), and goes downhill from there: the branch that buckles. Also on the command \
+                  line of `wfl run`; needs a symmetric tangent without multipliers",
+        default: "the state stays",
+    },
+    StatementRow {
+        word: "solver",
         usage: "`solver linear with cg, amg` or `with direct`",
         meaning: "how one large symmetric system is solved: conjugate gradients with multigrid, or a factor \
                   (`docs/solvers.md`); an iteration that the scene does not allow is E442",
@@ -258,7 +270,8 @@ pub(super) const ROWS: &[StatementRow] = &[
         usage: "`quadrature on r degree n` or `vertex`",
         meaning: "Gauss rule of that degree, or the nodal rule",
         default: "from the degrees of the terms and of the geometry: exact for polynomials, `2p + 1` (`3p` on \
-                  simplices) for other laws (`docs/quadrature.md`); `wfl check` tells the rule and why",
+                  simplices) for other laws; faces with contact have one point a node, but through a mapping, on cells of \
+                  second order, and where a law on hexahedra reads the traction (`docs/quadrature.md`); `wfl check` tells the rule and why",
     },
     StatementRow {
         word: "measure",

@@ -36,6 +36,7 @@ pub(super) const MEANINGS: &[(&str, &str)] = &[
     ("crosspoints", "`keep`: no component of the multiplier is dropped; `drop` is the default"),
     ("halve", "how often the increment of a failed step is halved (5)"),
     ("most", "largest number of steps (100,000), of steps by `auto` the largest increment"),
+    ("count", "the most steps that a run by `auto` may take"),
     ("first", "first increment of steps by `auto`"),
     ("error", "largest error in time of a step by `auto`, relative to the largest value of each field (1e-4)"),
     ("least", "smallest increment of steps by `auto`"),
@@ -57,6 +58,10 @@ pub(super) const MEANINGS: &[(&str, &str)] = &[
     ("cg", "conjugate gradients for a large symmetric linear system"),
     ("direct", "one factorisation, also of a large system"),
     ("max_iter", "iterations of one attempt (150)"),
+    (
+        "perturb",
+        "an equilibrium that is not stable is left, pushed by so much of the extent of the mesh: the branch that buckles",
+    ),
     ("search", "`none`: undamped Newton steps; `auto` is the default"),
     ("tol", "relative residual at which the iteration stops (1e-10), at most 0.1"),
     ("at", "where a measure is taken: `at [0, 1]`, `at nodes of r`"),

@@ -23,7 +23,11 @@ use super::{
 #[derive(Clone, Debug, Default)]
 pub(super) struct Solved {
     pub(super) length: Option<Unit>,
+    /// The relation that says so; whether it is a sum of terms, which says something of each of its parts.
+    pub(super) length_from: Option<(Span, bool)>,
     pub(super) time: Option<Unit>,
+    /// The same of time.
+    pub(super) time_from: Option<(Span, bool)>,
     pub(super) volume: Option<Unit>,
 }
 
@@ -33,7 +37,7 @@ pub(super) struct Equation {
     pub(super) ratio: Unit,
     /// From a plain number or from the sum of terms: asked last.
     pub(super) weak: bool,
-    at: Span,
+    pub(super) at: Span,
 }
 
 /// Two operands whose units differ.
@@ -52,12 +56,14 @@ pub(super) struct Pass<'s> {
     pub(super) diagnostics: Vec<Diagnostic>,
     /// In a statement where a plain number takes the unit that is needed.
     pub(super) plain: bool,
+    /// ... that says where something is: a plain number is no factor with a unit there.
+    pub(super) located: bool,
 }
 
 impl<'s> Pass<'s> {
     pub(super) fn new(scene: &'s Scene<'s>, solved: Solved) -> Self {
         let (units, equations, diagnostics) = (BTreeMap::new(), Vec::new(), Vec::new());
-        Self { scene, solved, units, equations, diagnostics, plain: false }
+        Self { scene, solved, units, equations, diagnostics, plain: false, located: false }
     }
 
     pub(super) fn length(&self) -> Unit {
@@ -78,6 +84,7 @@ impl<'s> Pass<'s> {
                 let first = self.expr(first);
                 rest.iter().fold(first, |product, (op, _, factor)| {
                     let factor = self.expr(factor);
+                    let (product, factor) = self.with_number(product, factor);
                     match op {
                         MulOp::Divide | MulOp::DivideByComponent => product.over(&factor),
                         _ => product.times(&factor),
@@ -126,10 +133,24 @@ impl<'s> Pass<'s> {
         value
     }
 
+    /// Both factors of a product. In a plain statement a number beside coordinates may have any unit, `100*t`, and so has
+    /// the product.
+    fn with_number(&self, a: Value, b: Value) -> (Value, Value) {
+        let is_open = |soft: &Value, number: &Value| soft.soft && !number.named;
+        if self.plain && !self.located && (is_open(&a, &b) || is_open(&b, &a)) {
+            return (Value::zero(), Value::zero());
+        }
+        (a, b)
+    }
+
     fn constant(&self, word: &str) -> Value {
         let open = |unit: Option<Unit>| {
-            // in a plain statement a formula of the coordinates takes the unit that is needed
-            if self.plain { Value::zero() } else { Value::of(unit) }
+            // in a plain statement a formula of the coordinates takes the unit that is needed, as far as it is open
+            match unit {
+                Some(unit) if self.plain && (self.located || !unit.is_open()) => Value::soft(unit),
+                _ if self.plain => Value::zero(),
+                unit => Value::of(unit),
+            }
         };
         match word {
             "pi" => Value::number(),
@@ -187,6 +208,7 @@ impl<'s> Pass<'s> {
     pub(super) fn join(&mut self, at: Span, a: &Value, b: &Value) -> Result<Value, Clash> {
         let mut joined = a.clone();
         joined.named |= b.named;
+        joined.soft |= b.soft;
         if a.lost || b.lost {
             joined.lost = true;
             return Ok(joined.map(|_| None));
@@ -204,6 +226,13 @@ impl<'s> Pass<'s> {
                 known.unit = if a.named { known.unit.take() } else { part.unit.clone() };
                 continue;
             }
+            if a.soft || b.soft {
+                if !self.may_fit(at, left, right) {
+                    return Err(Clash { left: left.clone(), right: right.clone() });
+                }
+                known.unit = if a.soft { part.unit.clone() } else { known.unit.take() };
+                continue;
+            }
             let weak = !a.named || !b.named;
             if !self.fits(at, left, right, weak) {
                 return Err(Clash { left: left.clone(), right: right.clone() });
@@ -213,6 +242,18 @@ impl<'s> Pass<'s> {
             }
         }
         Ok(joined)
+    }
+
+    /// False for two units of one quantity that differ by a factor. Where something is, they say what coordinates are.
+    pub(super) fn may_fit(&mut self, at: Span, left: &Unit, right: &Unit) -> bool {
+        let Some(ratio) = left.over(right) else { return true };
+        if ratio.is_open() {
+            if self.located {
+                self.fits(at, left, right, false);
+            }
+            return true;
+        }
+        ratio.size().is_none_or(|s| s.has_dimension() || s.is_one())
     }
 
     /// True if the units are equal as far as they are known.
@@ -252,7 +293,11 @@ impl<'s> Pass<'s> {
     fn needs_pure(&mut self, value: &Value, part: &Expr, what: &str, owner: &Expr) {
         let Some(unit) = value.unit().filter(|_| value.named || !self.plain) else { return };
         let unit = unit.clone();
-        if !self.fits(part.span, &unit, &Unit::pure(), true) {
+        let fits = match value.soft {
+            true => unit.is_open() || self.may_fit(part.span, &unit, &Unit::pure()),
+            false => self.fits(part.span, &unit, &Unit::pure(), true),
+        };
+        if !fits {
             let text = format!("`{what}` needs a pure number");
             let d = Diagnostic::new("E501", text).at(self.scene.local(part, owner), unit.show());
             self.report(d, owner);

@@ -125,12 +125,7 @@ fn candidates(scene: &Scene<'_>, solved: &Solved, name: &str, declared: &Unit) -
 
 /// The length that the units of the scene are made of, if it is only one: good enough for a proposal.
 fn only_length(scene: &Scene<'_>) -> Option<Unit> {
-    let declared = scene.declared.values().filter_map(|d| d.unit.as_ref());
-    let mut lengths: Vec<Symbol> = declared.flat_map(|u| u.factors()).map(|f| f.0).collect();
-    lengths.retain(|s| matches!(s, Symbol::Named(u) if u.is_length()));
-    lengths.sort_unstable();
-    lengths.dedup();
-    match lengths.as_slice() {
+    match scene.named_lengths().as_slice() {
         [only] => Some(Unit::of(*only)),
         _ => None,
     }

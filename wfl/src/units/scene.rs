@@ -42,6 +42,8 @@ pub(super) struct Scene<'s> {
     pub(super) time: Option<&'s str>,
     /// The unit that `steps` gives its variable.
     pub(super) step_unit: Option<Unit>,
+    /// No field has a unit: displacements then have that of coordinates.
+    pub(super) no_field: bool,
     /// Some declared unit has a length in it, so coordinates are lengths, too.
     pub(super) lengths: bool,
     kinds: BTreeMap<&'s str, EntityKind>,
@@ -78,7 +80,9 @@ impl<'s> Scene<'s> {
                 kinds.insert(&region.name.name, kind);
             }
         }
-        Self { script, sources, declared, dimension, time, step_unit, lengths, kinds, values: values(script) }
+        let no_field = script.fields.iter().all(|f| f.space.unit.is_none());
+        let values = values(script);
+        Self { script, sources, declared, dimension, time, step_unit, no_field, lengths, kinds, values }
     }
 
     /// True if the scene has a unit anywhere; without one nothing is checked.
@@ -86,6 +90,25 @@ impl<'s> Scene<'s> {
         script.params.iter().any(|p| p.unit.is_some())
             || script.fields.iter().any(|f| f.space.unit.is_some())
             || script.steps.as_ref().is_some_and(|s| s.unit.is_some())
+    }
+
+    /// The lengths that declared units are made of.
+    pub(super) fn named_lengths(&self) -> Vec<Symbol> {
+        self.named(NamedUnit::is_length)
+    }
+
+    /// The times that declared units are made of.
+    pub(super) fn named_times(&self) -> Vec<Symbol> {
+        self.named(NamedUnit::is_time)
+    }
+
+    fn named(&self, wanted: fn(NamedUnit) -> bool) -> Vec<Symbol> {
+        let declared = self.declared.values().filter_map(|d| d.unit.as_ref());
+        let mut names: Vec<Symbol> = declared.flat_map(|u| u.factors()).map(|f| f.0).collect();
+        names.retain(|s| matches!(s, Symbol::Named(u) if wanted(*u)));
+        names.sort_unstable();
+        names.dedup();
+        names
     }
 
     /// The same scene with another unit of one name.

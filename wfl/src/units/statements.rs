@@ -1,7 +1,7 @@
 //! The statements of a scene, each with the units its values need.
 
 use crate::{
-    ast::{Expr, Ident, OptionValue, Reduction},
+    ast::{Expr, Ident, OptionValue, Place, Rank, Reduction},
     diag::Diagnostic,
     script::{Condition, DataValue, Field, FieldKind, StartKind, Term},
     source::Span,
@@ -20,6 +20,8 @@ struct Total {
     test: String,
     unit: Unit,
     at: Span,
+    /// Of a part whose own unit is not all known.
+    soft: bool,
 }
 
 impl<'s> Pass<'s> {
@@ -42,6 +44,7 @@ impl<'s> Pass<'s> {
             }
         }
         self.range_of_steps();
+        self.places();
         self.plain = false;
         self.watched();
         self.states();
@@ -126,7 +129,11 @@ impl<'s> Pass<'s> {
     fn fields(&mut self) {
         for field in &self.scene.script.fields {
             let declared = &self.scene.declared[field.name.name.as_str()];
-            self.units.insert(&field.name.name, of_declared(declared.unit.as_ref()));
+            let value = match self.displacement(field) {
+                true => Value::soft(self.length()),
+                false => of_declared(declared.unit.as_ref()),
+            };
+            self.units.insert(&field.name.name, value);
         }
         for field in &self.scene.script.fields {
             if let FieldKind::Data { value: DataValue::Formula(e) } = &field.kind {
@@ -135,9 +142,25 @@ impl<'s> Pass<'s> {
         }
     }
 
+    /// Where no field has a unit, the unit of a displacement is as open as that of coordinates, and the same: only a
+    /// factor is then wrong.
+    fn displacement(&self, field: &Field) -> bool {
+        let is_one = match field.space.rank {
+            Rank::Vector(_) => true,
+            Rank::Scalar => self.scene.dimension == Some(1),
+            Rank::Matrix(_) => false,
+        };
+        let in_space = !matches!(field.space.place, Place::Global(_));
+        self.scene.no_field && is_one && in_space && matches!(field.kind, FieldKind::Unknown)
+    }
+
     fn data(&mut self, field: &'s Field, e: &Expr) {
         let value = self.expr(e);
-        if value.named && !self.scene.declared[field.name.name.as_str()].written {
+        let written = self.scene.declared[field.name.name.as_str()].written;
+        if value.soft && !written {
+            return;
+        }
+        if value.named && !written {
             self.units.insert(&field.name.name, value);
         } else {
             self.given_value(&field.name, &value, e);
@@ -188,8 +211,9 @@ impl<'s> Pass<'s> {
                 let size = self.size_of(place);
                 let at = self.scene.outer(&term.expr);
                 for (test, unit) in self.residuals(term, &value) {
-                    let unit = size.as_ref().and_then(|s| s.times(&unit));
-                    self.add_to(&mut totals, test, unit, at, &term.expr);
+                    if let Some(unit) = size.as_ref().and_then(|s| s.times(&unit)) {
+                        self.add_to(&mut totals, Total { test, unit, at, soft: value.soft }, &term.expr);
+                    }
                 }
             }
         }
@@ -206,8 +230,10 @@ impl<'s> Pass<'s> {
         let at = self.scene.outer(&load.value);
         for place in &load.places {
             for target in &load.targets {
-                let unit = self.size_of(place).and_then(|s| s.times(&unit));
-                self.add_to(totals, target.field.name.clone(), unit, at, &load.value);
+                if let Some(unit) = self.size_of(place).and_then(|s| s.times(&unit)) {
+                    let test = target.field.name.clone();
+                    self.add_to(totals, Total { test, unit, at, soft: value.soft }, &load.value);
+                }
             }
         }
     }
@@ -228,20 +254,28 @@ impl<'s> Pass<'s> {
         used.filter_map(|f| Some((f.name.name.clone(), by(f)?))).collect()
     }
 
-    /// The sum of all terms is zero for each test function, so they have one unit (W505).
-    fn add_to(&mut self, totals: &mut Vec<Total>, test: String, unit: Option<Unit>, at: Span, owner: &Expr) {
-        let Some(unit) = unit else { return };
-        let Some(first) = totals.iter_mut().find(|t| t.test == test) else {
-            totals.push(Total { test, unit, at });
+    /// The sum of all terms is zero for each test function, so they have one unit (W505). Of a part whose own unit is not
+    /// all known (`soft`), only the same quantity with a factor is wrong.
+    fn add_to(&mut self, totals: &mut Vec<Total>, part: Total, owner: &Expr) {
+        let Some(first) = totals.iter_mut().find(|t| t.test == part.test) else {
+            totals.push(part);
             return;
         };
-        if !self.fits(at, &unit, &first.unit, true) {
-            let text = format!("the terms with `Test_{test}` have different units once they are integrated");
-            let d = Diagnostic::new("W505", text).at(at, unit.show()).at(first.at, first.unit.show());
-            self.report(scale_note(d, &first.unit, &unit), owner);
-        } else if first.unit.is_open() && !unit.is_open() {
-            first.unit = unit;
+        let fits = match part.soft || first.soft {
+            true => self.may_fit(part.at, &part.unit, &first.unit),
+            false => self.fits(part.at, &part.unit, &first.unit, true),
+        };
+        if !fits {
+            self.differ(first, &part.unit, part.at, owner);
+        } else if first.soft && !part.soft || first.unit.is_open() && !part.unit.is_open() {
+            *first = Total { at: first.at, ..part };
         }
+    }
+
+    fn differ(&mut self, first: &Total, unit: &Unit, at: Span, owner: &Expr) {
+        let text = format!("the terms with `Test_{}` have different units once they are integrated", first.test);
+        let d = Diagnostic::new("W505", text).at(at, unit.show()).at(first.at, first.unit.show());
+        self.report(scale_note(d, &first.unit, unit), owner);
     }
 
     fn measures(&mut self) {
@@ -263,7 +297,7 @@ fn of_declared(unit: Option<&Unit>) -> Value {
 }
 
 /// The first expression of a condition: every condition compares something.
-fn first_expr(c: &crate::ast::Cond) -> &Expr {
+pub(super) fn first_expr(c: &crate::ast::Cond) -> &Expr {
     use crate::ast::CondKind;
     match &c.kind {
         CondKind::Compare(first, _) => first,

@@ -162,6 +162,11 @@ impl NamedUnit {
         TABLE[self.row as usize].powers == [0, 1, 0, 0, 0, 0, 0]
     }
 
+    /// True for a time, with power one.
+    pub(super) fn is_time(self) -> bool {
+        TABLE[self.row as usize].powers == [0, 0, 1, 0, 0, 0, 0]
+    }
+
     /// True if lengths are part of it.
     pub(super) fn has_length(self) -> bool {
         TABLE[self.row as usize].powers[1] != 0

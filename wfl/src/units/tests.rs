@@ -342,3 +342,76 @@ fn the_unit_of_the_step_variable_is_declared_and_its_values_have_it() {
     assert_eq!(auto("0.1*lapse/max(l/l)"), [""; 0]);
     assert!(auto("0.1/max(l)").iter().any(|m| m.starts_with("E501")), "{:#?}", auto("0.1/max(l)"));
 }
+
+/// A plate in mm and MPa, with some text replaced and lines behind it.
+fn plate(changes: &[(&str, &str)], lines: &str) -> String {
+    let text =
+        "param E = 210e3 [MPa]\nparam q = 100 [MPa]\nparam L = 100 [mm]\nmesh box [0,0] to [L,L] cells [2,2] quad\n\
+        region left = faces where x == 0\nregion right = faces where x == L\nunknown u : vector [mm]\n\
+        term bar on all : E*Sym(Grad_u):Grad_Test_u\nfix u = [0,0] on left\nload u = [q,0] on right\n"
+            .to_owned();
+    let changed = changes.iter().fold(text, |text, (old, new)| {
+        assert!(text.contains(old), "{old}");
+        text.replace(old, new)
+    });
+    changed + lines
+}
+
+/// The mesh in plain numbers, so that nothing says what coordinates are.
+const PLAIN: [(&str, &str); 3] = [("[L,L]", "[100,100]"), ("== L", "== 100"), ("param L = 100 [mm]\n", "")];
+
+fn codes(text: &str) -> Vec<String> {
+    found(text).iter().map(|m| m[..4].to_owned()).collect()
+}
+
+#[test]
+fn a_prefix_is_wrong_between_any_two_parts_of_a_scene() {
+    let wrong = [
+        plate(&[("210e3 [MPa]", "210 [GPa]")], ""),
+        plate(&[("100 [MPa]", "1e5 [kPa]")], ""),
+        plate(&[("100 [mm]", "0.1 [m]")], ""),
+        plate(&[("vector [mm]", "vector [m]")], ""),
+        plate(&[("= [0,0] on", "(1) = d*y/L on")], "param d = 1 [m]\nfix u(2) = 0 on left\n"),
+        plate(&[("E*Sym", "k*Sym")], "data k : scalar [GPa] = 210\n"),
+        plate(&[("[q,0]", "[p,0]")], "data p : scalar [kPa] = 1e5\n"),
+        plate(&[], "region c = nodes where x == L and y == L\nparam F = 1 [kN/mm]\nload u = [F,0] on c\n"),
+        plate(&[], "param gamma = 1 [GPa/mm]\nterm c on right : gamma*pos_part(u.Normal)*(Test_u.Normal)\n"),
+        plate(&[], "multiplier l : scalar on right [kPa]\nterm t on right : l*(Test_u.Normal) + (u.Normal)*Test_l\n"),
+        plate(&[("[q,0]", "[r*t,0]")], "param r = 3 [MPa/year]\nsteps t = 0 to 5 by 1 [s]\n"),
+        plate(&[], "param c = 3 [MPa*s/mm]\nterm v on right : c*Dot_u.Test_u\nsteps t = 0 to 5 by 1 [h]\n"),
+        plate(&[], "param rho = 7850 [kg/m^3]\nterm m on all : rho*Dot2_u.Test_u\nsteps t = 0 to 1 by 0.1\n"),
+        plate(&[], "param w = 0.1 [m]\nmeasure tip = value(u(1)) at [w,0]\n"),
+        plate(&[("x == L", "x > w")], "param w = 0.09 [m]\n"),
+        plate(&[&PLAIN[..], &[("210e3 [MPa]", "210 [GPa]")]].concat(), ""),
+        plate(&[&PLAIN[..], &[("vector [mm]", "vector"), ("210e3 [MPa]", "210 [GPa]")]].concat(), ""),
+    ];
+    for scene in &wrong {
+        assert_eq!(codes(scene).len(), 1, "{scene}{:#?}", found(scene));
+    }
+}
+
+#[test]
+fn scenes_that_fit_and_scenes_with_few_units_are_silent() {
+    let right = [
+        plate(&[], ""),
+        plate(&PLAIN, ""),
+        plate(&[("L = 100 [mm]", "L = 100")], ""),
+        plate(&[("vector [mm]", "vector"), ("L = 100 [mm]", "L = 100")], ""),
+        plate(&[("[q,0]", "[100*t,0]")], "steps t = 0 to 5 by 1 [s]\n"),
+        plate(&[("[q,0]", "[r*t,0]")], "param r = 3 [MPa/s]\nsteps t = 0 to 5 by 1 [s]\n"),
+        plate(&[("[q,0]", "[q*sin(2*pi*t/T),0]")], "param T = 3 [s]\nsteps t = 0 to 5 by 1 [s]\n"),
+        plate(&[("[q,0]", "[q*(1 - y^2/2500),0]")], ""),
+        plate(&[("[q,0]", "[q*x,0]")], ""),
+        plate(&[("= [0,0] on", "(1) = 0.01*y on")], ""),
+        plate(&[("x == L", "x > 99 and y < 50*sin(x/10) + 60")], ""),
+        plate(&[], "param rho = 7.85e-9 [t/mm^3]\nterm m on all : rho*Dot2_u.Test_u\nsteps t = 0 to 1 by 0.1\n"),
+        plate(
+            &[],
+            "measure tip = value(u(1)) at [L,50]\nregion c = nodes where x == L and y == 50\n\
+            param F = 1 [N/mm]\nload u = [F,0] on c\n",
+        ),
+    ];
+    for scene in &right {
+        assert_eq!(found(scene), Vec::<String>::new(), "{scene}");
+    }
+}

@@ -21,6 +21,9 @@ pub(super) struct Value {
     pub(super) parts: Vec<Part>,
     /// False for what is made of plain numbers alone.
     pub(super) named: bool,
+    /// Made with coordinates or the step variable in a statement in which plain numbers take the unit that is needed:
+    /// whether such a number stands in it cannot be known, so that only a factor between equal quantities is wrong.
+    pub(super) soft: bool,
     /// Not known, or already reported: every sum with it is lost, too, so that one mistake gives one message.
     pub(super) lost: bool,
 }
@@ -28,7 +31,12 @@ pub(super) struct Value {
 impl Value {
     /// A value without test function.
     pub(super) fn of(unit: Option<Unit>) -> Value {
-        Value { parts: vec![Part { test: String::new(), unit }], named: true, lost: false }
+        Value { parts: vec![Part { test: String::new(), unit }], named: true, soft: false, lost: false }
+    }
+
+    /// A coordinate or the step variable in a statement in which plain numbers take the unit that is needed.
+    pub(super) fn soft(unit: Unit) -> Value {
+        Value { soft: true, ..Value::of(Some(unit)) }
     }
 
     /// A plain number.
@@ -48,7 +56,8 @@ impl Value {
 
     /// A pure number that has a test function.
     pub(super) fn test(field: &str) -> Value {
-        Value { parts: vec![Part { test: field.to_owned(), unit: Some(Unit::pure()) }], named: true, lost: false }
+        let parts = vec![Part { test: field.to_owned(), unit: Some(Unit::pure()) }];
+        Value { parts, named: true, soft: false, lost: false }
     }
 
     /// The unit, if there is one alone and known.
@@ -85,7 +94,8 @@ impl Value {
                 }
             }
         }
-        Value { parts: product, named: self.named || other.named, lost: self.lost || other.lost }
+        let (named, soft) = (self.named || other.named, self.soft || other.soft);
+        Value { parts: product, named, soft, lost: self.lost || other.lost }
     }
 
     pub(super) fn over(&self, other: &Value) -> Value {

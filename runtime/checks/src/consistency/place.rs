@@ -3,6 +3,8 @@
 //! Positions, normals and known fields are those of the mesh; the state replaces the unknowns. Promises: pure functions
 //! of the state. Does not judge.
 
+mod direction;
+
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
@@ -15,7 +17,7 @@ use wfl_compiler::{
 use wfl_contact::{Contact, ContactTerm};
 use wfl_discrete::assemble::{AssembledTerm, Binding, Bound, Domain, FieldValues, Workspace};
 use wfl_discrete::field::FieldSpace;
-use wfl_discrete::system::System;
+use wfl_discrete::system::{System, TermBranches};
 use wfl_mesh::mesh::{CellId, Mesh};
 
 /// Strain by which laws are differentiated: exact for laws that are linear, and as good as their rounding for others.
@@ -26,13 +28,6 @@ const CORRECTIONS: usize = 20;
 const MISSED: f64 = 1e-11;
 /// Known fields may vary by so much inside a cell, relative, to count as constant.
 const VARIES: f64 = 1e-9;
-/// Cosine of the largest angle between the normal of a face and the direction of contact there: an obstacle that a face
-/// looks at.
-const TILTED: f64 = 0.25;
-/// Overlaps that are tried until a force acts: from the strain of the tests to many times the size of the cell.
-const DOUBLINGS: i32 = 30;
-/// Directions are one if their product is within this of 1.
-const ALIGNED: f64 = 1e-9;
 /// Normals that are opposite but for this belong to faces that look at each other.
 const OPPOSITE: f64 = -0.9;
 
@@ -58,6 +53,8 @@ pub(super) struct State {
     pub(super) bodies: [Motion; 2],
     /// Components of all multipliers, one after the other.
     pub(super) multipliers: Vec<f64>,
+    /// What is added to states on the faces: zero, but where it is asked what they do.
+    pub(super) memory: f64,
 }
 
 /// What the terms of the interface do at the point.
@@ -86,6 +83,8 @@ struct Reader<'a> {
     inputs: Vec<f64>,
     /// What is `here` for the law is the other body.
     turned: bool,
+    /// By slot: a state of the scene.
+    memory: Vec<bool>,
 }
 
 struct Law<'a> {
@@ -101,8 +100,8 @@ struct Watched<'a> {
     kernel: &'a VerifiedKernel,
     reader: Reader<'a>,
     projections: &'a [Projection],
-    /// The field of its guides, and how many there are.
-    guides: (usize, usize),
+    /// The first field of its branches, and those of a point that is open.
+    branches: (usize, TermBranches),
 }
 
 /// See the module.
@@ -155,12 +154,18 @@ fn dot(a: &Vector, b: &Vector) -> f64 {
 }
 
 impl Reader<'_> {
-    fn read(&self, roles: &Roles, state: &State, guides: Option<(usize, &[f64])>) -> Vec<f64> {
+    fn read(&self, roles: &Roles, state: &State, branches: Option<(usize, &TermBranches)>) -> Vec<f64> {
         let mut inputs = self.inputs.clone();
+        if state.memory != 0.0 {
+            inputs.iter_mut().zip(&self.memory).filter(|(_, is_one)| **is_one).for_each(|(x, _)| *x += state.memory);
+        }
         for (x, slot) in inputs.iter_mut().zip(self.slots) {
             let known = match slot {
-                InputSlot::Field(b) => match guides {
-                    Some((field, numbers)) if field == b.field.index() => numbers.get(usize::from(b.entry)).copied(),
+                InputSlot::Field(b) => match branches {
+                    Some((field, own)) if field == b.field.index() => own.points.get(usize::from(b.entry)).copied(),
+                    Some((field, own)) if field + 1 == b.field.index() => {
+                        own.regularisation.get(usize::from(b.entry)).copied()
+                    }
                     _ => self.of_state(roles, state, b, false),
                 },
                 InputSlot::Previous(b) => self.of_state(roles, state, b, true),
@@ -248,7 +253,14 @@ impl<'a> Finder<'a> {
             _ => workspace.inputs[(q * slots.len() + s) * LANES + lane],
         };
         let inputs = slots.iter().enumerate().map(value).collect();
-        Reader { slots, uniforms, inputs, turned: at.turned }
+        let is_state = |slot: &InputSlot| match slot {
+            InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => {
+                self.system.fields.get(b.field.index()).is_some_and(|f| f.kind == FieldKind::State)
+            }
+            _ => false,
+        };
+        let memory = slots.iter().map(is_state).collect();
+        Reader { slots, uniforms, inputs, turned: at.turned, memory }
     }
 
     /// All terms on the face.
@@ -269,7 +281,7 @@ impl<'a> Finder<'a> {
             let at = self.locate(&sampled.domain, &sampled.binding)?;
             let bound = self.bound(&sampled.domain, &sampled.binding);
             let reader = self.reader(bound, &at, 0, &watch.law.inputs, watch.uniforms());
-            Some(Watched { kernel: &watch.law.kernel, reader, projections, guides: (p.field, p.n_branch_data()) })
+            Some(Watched { kernel: &watch.law.kernel, reader, projections, branches: (p.field, p.open_at(1)) })
         };
         self.contact.terms().iter().filter(|p| !p.on_cells()).filter_map(watch).collect()
     }
@@ -394,27 +406,10 @@ impl<'a> Place<'a> {
         Ok(place)
     }
 
-    /// The direction of the force that presses the first body out of an overlap, where that is about the normal of the
-    /// face; else the normal.
-    fn direction(&self) -> Vector {
-        let force = |by: f64| {
-            let mut state = self.rest();
-            let value = self.face.map(|n| by * n);
-            // without slip in the step
-            state.bodies[0] = Motion { value, before: value, ..Motion::default() };
-            self.fluxes(&state).map(|f| f.force[0]).filter(|f| dot(f, f) > 0.0)
-        };
-        let overlaps = (0..DOUBLINGS).map(|k| STRAIN * self.size * f64::powi(2.0, k));
-        let Some(force) = overlaps.filter_map(force).next() else { return self.face };
-        let unit = force.map(|x| x / dot(&force, &force).sqrt());
-        let along = dot(&unit, &self.face);
-        if along > TILTED && along < 1.0 - ALIGNED { unit } else { self.face }
-    }
-
     /// Nothing has moved.
     pub(super) fn rest(&self) -> State {
         let n = self.roles.multipliers.iter().map(|m| m.2).sum();
-        State { bodies: [Motion::default(); 2], multipliers: vec![0.0; n] }
+        State { bodies: [Motion::default(); 2], multipliers: vec![0.0; n], memory: 0.0 }
     }
 
     /// True if there is a second body that moves.
@@ -549,16 +544,15 @@ impl<'a> Place<'a> {
     /// Calls `f` with each projection and the outputs of its term.
     pub(super) fn projections(&self, state: &State, mut f: impl FnMut(&Projection, &[f64])) {
         for w in &self.watched {
-            let (field, n) = w.guides;
-            let mut guides = vec![0.0; n];
+            let (field, mut point) = w.branches.clone();
             let mut out = vec![0.0; w.kernel.kernel().outputs.len()];
             // inner projections are part of the radius of outer ones
             for _ in 0..=w.projections.len() {
-                let inputs = w.reader.read(&self.roles, state, Some((field, &guides)));
+                let inputs = w.reader.read(&self.roles, state, Some((field, &point)));
                 interpret(w.kernel, w.reader.uniforms, &inputs, &mut Vec::new(), &mut out);
                 for p in w.projections.iter().filter(|p| p.kind == ProjectionKind::HalfLine) {
                     for k in 0..p.n {
-                        guides[p.guide + k] = f64::from(u8::from(out[p.output + k] >= 0.0));
+                        p.branch.set_sticks(&mut point.points, k, out[p.output + k] >= 0.0);
                     }
                 }
             }

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use wfl_compiler::ProjectionKind;
 
-use super::place::{Fluxes, Place, State, Vector};
+use super::place::{Fluxes, Gradient, Place, State, Vector};
 
 /// Strain of the bodies in the states that are tried: small beside 1 for laws of finite strain.
 const STRAIN: f64 = 1e-3;
@@ -13,6 +13,10 @@ const STEPS: usize = 12;
 const PART: f64 = 1e-6;
 /// An initial gap that gradients change by less than this of the overlap of a pressure is one that they do not change.
 const OPENS: f64 = 1e-3;
+/// How far apart bodies are without contact, in units of the overlap of a pressure.
+const FAR: f64 = 1e3;
+/// What the forces there may differ by at twice the distance to be those of an initial stress, in parts of the pressure.
+const CONSTANT: f64 = 1e-9;
 /// Equations left by no more than this are satisfied.
 pub(super) const SATISFIED: f64 = 1e-6;
 
@@ -31,6 +35,14 @@ pub(super) struct Sizes {
     /// other, pull, are apart or overlap.
     stress: f64,
     law: f64,
+    /// What the terms put on each body where they are far apart, without a displacement gradient: the other part of an
+    /// initial stress that the terms of the bodies do not have (stress).
+    pub(super) background: [Vector; 2],
+    /// The gradients with which the bodies balance that: what they have without contact.
+    free: [Gradient; 2],
+    /// What has to be added to the displacement of the first body along the face so that nothing has slipped on it: an
+    /// obstacle moves on its own.
+    carried: Vector,
 }
 
 impl Sizes {
@@ -84,22 +96,92 @@ impl Place<'_> {
     /// `None` where no projection closes as the bodies come together.
     pub(super) fn sizes(&self) -> Option<Sizes> {
         let step = STRAIN * self.size;
-        let argument = |by: f64| {
+        let at = |by: f64, free: &[Gradient; 2]| {
             let mut state = self.rest();
             state.bodies[0].value = scaled(&self.normal, by);
-            self.contact_argument(&state)
+            state.bodies[0].before = state.bodies[0].value;
+            state.bodies.iter_mut().zip(free).for_each(|(body, free)| body.gradient = *free);
+            state
         };
-        let (rest, ahead) = (argument(0.0)?, argument(step)?);
+        let still = [[0.0; 9]; 2];
+        let argument = |by: f64, free: &[Gradient; 2]| self.contact_argument(&at(by, free));
+        let (rest, ahead) = (argument(0.0, &still)?, argument(step, &still)?);
         let slope = (ahead - rest) / step;
         if !(slope.is_finite() && slope != 0.0) {
             return None;
         }
-        let touching = -rest / slope;
         let pressure = STRAIN * self.stiffness()?;
+        let apart = |gap: f64| Some(self.fluxes(&at(-(rest + gap * pressure) / slope, &still))?.force);
+        let (near, far) = (apart(FAR)?, apart(2.0 * FAR)?);
+        let stays = near.iter().zip(&far).all(|(a, b)| {
+            let change = sum(a, &scaled(b, -1.0));
+            dot(&change, &change).sqrt() <= CONSTANT * pressure
+        });
+        let background = if stays { near } else { [[0.0; 3]; 2] };
+        let mut free = still;
+        for (body, free) in free.iter_mut().enumerate().take(if self.has_two_bodies() { 2 } else { 1 }) {
+            *free = self.gradient(body, &scaled(&background[body], -1.0), &[0.0; 9])?;
+        }
+        // bodies without contact: their stress may depend on nothing but what they started with
+        let touching = -argument(0.0, &free)? / slope;
         let shift = (STRAIN * self.size).min(pressure / slope.abs());
-        let mut sizes = Sizes { pressure, touching, slope, shift, stress: 0.0, law: 0.0 };
+        let mut sizes =
+            Sizes { pressure, touching, slope, shift, stress: 0.0, law: 0.0, background, free, carried: [0.0; 3] };
+        sizes.carried = self.carried(&sizes)?;
         self.measure(&mut sizes)?;
         Some(sizes)
+    }
+
+    /// The motion along the face for which the argument of the first ball vanishes between bodies that touch without
+    /// traction; zero where there is none, or where it already does.
+    fn carried(&self, sizes: &Sizes) -> Option<Vector> {
+        let none = [0.0; 3];
+        let state = self.trial(sizes, &none, &none, &none)?.state;
+        let argument = |by: &Vector| {
+            let mut state = state.clone();
+            state.bodies[0].value = sum(&state.bodies[0].value, by);
+            let mut found = None;
+            self.projections(&state, |p, out| {
+                if p.kind == ProjectionKind::Ball {
+                    found.get_or_insert_with(|| DVector::from_column_slice(&out[p.output..][..p.n]));
+                }
+            });
+            found
+        };
+        let Some(rest) = argument(&none) else { return Some(none) };
+        if rest.amax().is_nan() || rest.amax() <= SATISFIED * sizes.pressure {
+            return Some(none);
+        }
+        let step = sizes.length();
+        let mut slope = DMatrix::zeros(rest.len(), 3);
+        for k in 0..self.dim {
+            let mut by = none;
+            by[k] = step;
+            // along the face alone
+            let by = sum(&by, &scaled(&self.normal, -dot(&by, &self.normal)));
+            slope.set_column(k, &((argument(&by)? - &rest) / step));
+        }
+        let Ok(inverse) = slope.clone().pseudo_inverse(1e-9 * slope.amax()) else { return Some(none) };
+        let moved = -(inverse * &rest);
+        let moved = [moved[0], moved[1], moved[2]];
+        let moved = sum(&moved, &scaled(&self.normal, -dot(&moved, &self.normal)));
+        let is_still = argument(&moved)?.amax() <= OPENS * rest.amax();
+        Some(if is_still && moved.iter().all(|x| x.is_finite()) { moved } else { none })
+    }
+
+    /// True if the argument of contact follows a state on the faces, as a gap that wears does.
+    pub(super) fn gap_has_state(&self, sizes: &Sizes, state: &State) -> bool {
+        let mut other = state.clone();
+        other.memory = sizes.length();
+        self.contact_argument(&other) != self.contact_argument(state)
+    }
+
+    /// What the terms do beside what they do to bodies that are far apart.
+    pub(super) fn contact_fluxes(&self, sizes: &Sizes, state: &State) -> Option<Fluxes> {
+        let mut fluxes = self.fluxes(state)?;
+        let all = fluxes.force.iter_mut().zip(&sizes.background);
+        all.for_each(|(force, background)| *force = sum(force, &scaled(background, -1.0)));
+        Some(fluxes)
     }
 
     /// The argument of the first half line that acts.
@@ -182,9 +264,10 @@ impl Place<'_> {
         let common = if bodies == 2 { self.in_space(&shift) } else { [0.0; 3] };
         for body in 0..bodies {
             let (sign, own) = if body == 0 { (1.0, traction) } else { (-0.6, &opposite) };
-            let mut start = [0.0; 9];
+            let own = &sum(own, &scaled(&sizes.background[body], -1.0));
+            let mut start = sizes.free[body];
             for (k, g) in start.iter_mut().enumerate().take(self.dim * self.dim) {
-                *g = STRAIN * sign * [0.3, -0.5, 0.7, 0.2, -0.4, 0.6, -0.1, 0.8, -0.3][k];
+                *g += STRAIN * sign * [0.3, -0.5, 0.7, 0.2, -0.4, 0.6, -0.1, 0.8, -0.3][k];
             }
             state.bodies[body].gradient = self.gradient(body, own, &start)?;
             state.bodies[body].value = common;
@@ -195,6 +278,7 @@ impl Place<'_> {
             body.before = body.value;
         }
         state.bodies[0].before = sum(&state.bodies[0].before, &scaled(slid, -1.0));
+        state.bodies[0].value = sum(&state.bodies[0].value, &sizes.carried);
         Some(Trial { state, traction: *traction })
     }
 
@@ -224,7 +308,7 @@ impl Place<'_> {
 
     /// The equations, each divided by its size: balance of both bodies, stresses, laws.
     fn equations(&self, sizes: &Sizes, trial: &Trial, state: &State) -> Option<Vec<f64>> {
-        let Fluxes { force, stress, law } = self.fluxes(state)?;
+        let Fluxes { force, stress, law } = self.contact_fluxes(sizes, state)?;
         let mut left = Vec::new();
         for (body, sign) in [(0, 1.0), (1, -1.0)] {
             let known = body == 0 || self.has_two_bodies();

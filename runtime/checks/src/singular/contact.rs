@@ -14,6 +14,12 @@ use wfl_newton::Singular;
 /// A force below this part of the largest is none.
 const NONE: f64 = 1e-9;
 
+/// Displacement of a body that is moved, in parts of the extent of the mesh.
+const MOVED: f64 = 1e-6;
+
+/// A force that drives a motion by more than this part of the largest one that meets a motion is no rounding.
+const DRIVES: f64 = 1e-6;
+
 /// Contact this many times as stiff as the bodies leaves fewer than four digits of their stiffness.
 const FAR_STIFFER: f64 = 1e12;
 
@@ -40,6 +46,7 @@ impl Examined<'_> {
             (0..self.system.fields.len()).filter(|k| fields.contains(&self.system.fields[*k].name)).collect();
         let touching = self.touching(&own, u);
         if touching.is_empty() {
+            self.told_of_symmetry(&mut found, &own);
             let zero = self.terms_without_force();
             if !zero.is_empty() {
                 let zero = verb(&zero, "gives no force", "give no force");
@@ -51,29 +58,19 @@ impl Examined<'_> {
         let tied_set = self.contact.tied(self.system, u);
         let mut tied = self.system.new_tangent();
         let is_tied = self.system.tangent(u, Branches::Frozen(&tied_set), &mut tied).is_ok();
-        if let Some(name) = is_tied.then(|| self.pulling(&own, &tied)).flatten() {
+        if let Some(name) = self.pulling(&own, &tied_set, u) {
             found.notes.push(format!("closed contact of `{name}` attracts the sides instead of repelling them"));
             found.help = format!("a wrong sign in `{name}`: its force must resist what closes the gap");
             return found;
         }
         let left = is_tied.then(|| self.loose_when_tied(&fields, &tied)).flatten();
-        let mut largest = [tied.changing.max_abs(), self.system.bulk().max_abs()];
-        self.system.team().max(&mut largest);
-        let ratio = largest[0] / largest[1];
-        if ratio.is_finite() && ratio > FAR_STIFFER {
-            let names: Vec<String> = touching.iter().map(|t| format!("`{}`", t.name)).collect();
-            let names = names.join(", ");
-            found.what = format!(
-                "the tangent of {names} is {ratio:.0e} times that of the bodies: rounding removes the stiffness that \
-                 supports `{}`",
-                found.name
-            );
-            found.notes.push("the tangent is numerically singular".to_owned());
-            found.help =
-                format!("a smaller parameter in {names}: about the stiffness of the bodies over the size of a cell");
-            return found;
+        if let Some(stiff) = is_tied.then(|| self.far_stiffer(&tied, &touching)).flatten() {
+            return stiff;
         }
         if let Some(left) = left {
+            if self.told_of_symmetry(&mut found, &own) {
+                return found;
+            }
             if touching.iter().any(|t| t.has_friction) {
                 found.notes.push(format!("even if all points of the contact stick: {left}"));
             } else {
@@ -84,8 +81,55 @@ impl Examined<'_> {
             }
             return found;
         }
-        self.explain_state(&mut found, &touching, self.load_presses(&own, &tied_set, u));
+        self.explain_state(&mut found, &touching, self.pushed(&own, &tied_set, u));
         found
+    }
+
+    /// Contact beside which the bodies are rounding, where no motion of a whole body is loose.
+    pub(super) fn far_stiffer_contact(&self, u: &[f64]) -> Option<Singular> {
+        let all: Vec<usize> = (0..self.system.fields.len()).filter(|k| self.is_displacement(*k)).collect();
+        let touching = self.touching(&all, u);
+        let mut tied = self.system.new_tangent();
+        let set = self.contact.tied(self.system, u);
+        if touching.is_empty() || self.system.tangent(u, Branches::Frozen(&set), &mut tied).is_err() {
+            return None;
+        }
+        self.far_stiffer(&tied, &touching)
+    }
+
+    fn far_stiffer(&self, tied: &Tangent, touching: &[Touching]) -> Option<Singular> {
+        let mut largest = [tied.changing.max_abs(), self.system.bulk().max_abs()];
+        self.system.team().max(&mut largest);
+        let ratio = largest[0] / largest[1];
+        if !(ratio.is_finite() && ratio > FAR_STIFFER) {
+            return None;
+        }
+        let names: Vec<String> = touching.iter().map(|t| format!("`{}`", t.name)).collect();
+        let names = names.join(", ");
+        let bodies = (0..self.system.fields.len()).filter(|k| self.is_displacement(*k));
+        let name = bodies.map(|k| self.system.fields[k].name.clone()).last().unwrap_or_default();
+        Some(Singular {
+            what: format!(
+                "the tangent of {names} is {ratio:.0e} times that of the bodies: rounding removes the stiffness that \
+                 supports `{name}`"
+            ),
+            notes: vec!["the tangent is numerically singular".to_owned()],
+            help: format!("a smaller parameter in {names}: about the stiffness of the bodies over the size of a cell"),
+            name,
+        })
+    }
+
+    /// Says which displacements are prescribed along a face where a symmetry was meant; false where none is.
+    fn told_of_symmetry(&self, found: &mut Singular, own: &[usize]) -> bool {
+        let along = self.held_along(own);
+        if along.is_empty() {
+            return false;
+        }
+        found.notes.push(format!("prescribed along a face: {}", along.join("; ")));
+        found.help = "on a plane of symmetry the displacement normal to it is prescribed, and that along it is free: \
+                      exchange the components; or prescribe a displacement that this motion changes"
+            .to_owned();
+        true
     }
 
     /// Terms on faces that are zero whatever moves; loads may be.
@@ -116,29 +160,37 @@ impl Examined<'_> {
         self.acting_on(own).filter_map(of).collect()
     }
 
-    /// The translations of some fields together, by free number.
-    fn translations(&self, own: &[usize]) -> Vec<Vec<f64>> {
-        let mut free = Vec::new();
-        (0..self.system.mesh.dim())
-            .map(|d| {
-                self.system.numbering.gather(&self.rigid(own, d), &mut free);
-                free.clone()
-            })
-            .collect()
-    }
-
-    /// The term whose closed contact drives the bodies as they are moved as a whole.
-    fn pulling(&self, own: &[usize], tied: &Tangent) -> Option<String> {
-        let translations = self.translations(own);
-        let mut met = vec![0.0; self.system.numbering.n_free()];
+    /// The term whose closed contact drives a body as it is moved as a whole against the others. Prescribed values move
+    /// with it: a motion that stops at them strains the body, and its stress is part of a Nitsche term.
+    fn pulling(&self, own: &[usize], tied: &ActiveSet, u: &[f64]) -> Option<String> {
+        let extent = self.extent();
+        let forces = |u: &[f64]| {
+            let here = self.system.residual(u, &Form::AS_WRITTEN).ok()?;
+            let mut forces = self.system.frozen_residual(&here, u, tied).ok()?;
+            self.system.numbering.frames.turn_back(&mut forces);
+            Some(forces)
+        };
+        let start = forces(u)?;
         let mut energies = Vec::new();
-        for motion in &translations {
-            tied.changing.multiply(motion, &mut met, 1);
-            energies.push(self.system.team().total(motion.iter().zip(&met).map(|(a, b)| a * b).sum()));
+        for field in own {
+            for d in 0..self.system.mesh.dim() {
+                let mut motion = self.rigid(&[*field], d);
+                self.system.numbering.frames.turn_back(&mut motion);
+                let moved: Vec<f64> = u.iter().zip(&motion).map(|(u, m)| u + MOVED * extent * m).collect();
+                let end = forces(&moved)?;
+                let work: f64 = motion.iter().zip(end.iter().zip(&start)).map(|(m, (e, s))| m * (e - s)).sum();
+                energies.push(self.system.team().total(work));
+            }
         }
         let largest = energies.iter().fold(0.0f64, |m, e| m.max(e.abs()));
-        let drives = energies.iter().any(|e| *e < -NONE * largest);
+        let drives = energies.iter().any(|e| *e < -DRIVES * largest);
         drives.then(|| self.acting_on(own).next().map(|p| self.system.terms[p.term].law.name.clone())).flatten()
+    }
+
+    /// The largest edge of the box around the mesh.
+    fn extent(&self) -> f64 {
+        let (low, high) = self.system.mesh.bounds();
+        (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]))
     }
 
     /// The motions in which the same bodies are loose with contact closed and sticking everywhere.
@@ -147,17 +199,27 @@ impl Examined<'_> {
         tied.iter().find(|m| m.fields.iter().any(|f| fields.contains(f))).map(ToString::to_string)
     }
 
-    /// Open, sliding or pulled away.
-    fn explain_state(&self, found: &mut Singular, touching: &[Touching], presses: Option<bool>) {
+    /// Open, sliding, pulled away or lifted off.
+    fn explain_state(&self, found: &mut Singular, touching: &[Touching], pushed: Pushed) {
         let total = |k: usize| touching.iter().map(|t| t.counts[k]).sum::<usize>();
         let names: Vec<String> = touching.iter().map(|t| format!("`{}`", t.name)).collect();
         let names = names.join(", ");
         let (open, slip, stick) = (total(0), total(1), total(2));
         let friction = touching.iter().any(|t| t.has_friction);
-        if presses == Some(false) {
+        let is_open = slip + stick == 0;
+        if pushed.by_loads == Some(false) {
             found.notes.push(format!("the load pulls it away from {names}: the contact opens"));
             found.help =
                 "support the body by a `fix` or a spring, or reverse the load: it must press the sides together"
+                    .to_owned();
+        } else if pushed.by_all == Some(false) {
+            found.notes.push(format!(
+                "the contact has opened: the force of {names} at open points (the pressure of a fluid, say) lifts the body off, \
+                 against the load that presses it"
+            ));
+            found.help =
+                "a smaller pressure there, a larger load, or a `fix` or a spring that holds the body when it is \
+                          lifted; up to here the steps are right"
                     .to_owned();
         } else if friction && slip > 0 && stick == 0 {
             found.notes.push(format!(
@@ -166,7 +228,7 @@ impl Examined<'_> {
             found.help =
                 "a larger friction coefficient, a smaller tangential load, or a `fix` in the tangential direction"
                     .to_owned();
-        } else if presses == Some(true) && friction {
+        } else if pushed.by_loads == Some(true) && friction && !is_open {
             found.notes.push(format!(
                 "the load presses it on {names}; in the last iterate {open} points are open, {slip} slip and {stick} \
                  stick: friction does not balance the tangential load"
@@ -182,16 +244,30 @@ impl Examined<'_> {
         }
     }
 
-    /// Whether the resultant of the loads on some fields closes the gaps of their contact; `None` without a resultant.
-    fn load_presses(&self, own: &[usize], tied: &ActiveSet, u: &[f64]) -> Option<bool> {
+    /// What pushes some fields where their contact is open.
+    fn pushed(&self, own: &[usize], tied: &ActiveSet, u: &[f64]) -> Pushed {
+        let here = self.system.residual(u, &Form::AS_WRITTEN).ok();
+        let all = here.and_then(|here| self.system.frozen_residual(&here, u, &self.contact.opened()).ok());
+        let all = all.map(|mut forces| {
+            self.system.numbering.frames.turn_back(&mut forces);
+            forces
+        });
+        Pushed {
+            by_loads: self.presses(own, tied, u, self.system.constant_residual()),
+            by_all: all.and_then(|forces| self.presses(own, tied, u, &forces)),
+        }
+    }
+
+    /// Whether the resultant of some forces (a residual by dof) on some fields closes the gaps of their contact; `None`
+    /// without a resultant.
+    fn presses(&self, own: &[usize], tied: &ActiveSet, u: &[f64], residual: &[f64]) -> Option<bool> {
         let dim = self.system.mesh.dim();
-        let loads = self.system.constant_residual();
         let mut force = vec![0.0; dim];
         let mut size = 0.0f64;
         for range in own.iter().filter_map(|k| self.system.range(*k)) {
             for (n, d) in range.enumerate() {
-                force[n % dim] -= loads[d];
-                size += loads[d].abs();
+                force[n % dim] -= residual[d];
+                size += residual[d].abs();
             }
         }
         self.system.team().sum(&mut force);
@@ -200,12 +276,11 @@ impl Examined<'_> {
         if length <= NONE * size || length == 0.0 {
             return None;
         }
-        let (low, high) = self.system.mesh.bounds();
-        let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+        let extent = self.extent();
         let mut moved = u.to_vec();
         for range in own.iter().filter_map(|k| self.system.range(*k)) {
             for (n, d) in range.enumerate() {
-                moved[d] += 1e-6 * extent * force[n % dim] / length;
+                moved[d] += MOVED * extent * force[n % dim] / length;
             }
         }
         let [from, to] = [u, &moved].map(|end| self.contact.states_on(self.system, end, tied));
@@ -221,4 +296,13 @@ impl Examined<'_> {
         let unknown = own.iter().all(|k| self.system.fields[*k].kind == FieldKind::Unknown);
         (closing != 0.0 && unknown).then_some(closing > 0.0)
     }
+}
+
+/// Whether what pushes a body closes its contact; `None` where nothing does, or where it is not known.
+#[derive(Clone, Copy)]
+struct Pushed {
+    /// The loads.
+    by_loads: Option<bool>,
+    /// All forces that act on it where its contact is open.
+    by_all: Option<bool>,
 }

@@ -1,18 +1,23 @@
 //! Motions that a quadrature rule does not see: the terms on cells again under finer rules.
 
-use std::sync::Arc;
+use std::{collections::BTreeSet, sync::Arc};
 
-use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
+use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend, types::InputSlot};
 
 use crate::Examined;
 use wfl_discrete::assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots, tangent_kernel};
+use wfl_discrete::field::{Field, FieldSpace};
+use wfl_discrete::point_space::PointSpace;
 use wfl_discrete::system::System;
-use wfl_mesh::mesh::RegionSet;
-use wfl_mesh::quadrature::{rule, vertex};
+use wfl_mesh::mesh::{CellKind, RegionSet};
+use wfl_mesh::quadrature::{Rule, rule, vertex};
 use wfl_newton::Singular;
 
 /// Energy above this part of what the same numbers without cancelling give is some.
 const SOME: f64 = 1e-6;
+/// Energy at the points of a rule above this part of that is some, too: of a motion that strains nothing it is of the order
+/// of a roundoff squared, 5e-32, since strains are rounded and energies are their squares.
+const RESOLVED: f64 = 1e-26;
 /// Size of the motion whose forces are differenced, in parts of the extent of the mesh.
 const STEP: f64 = 1e-4;
 
@@ -48,6 +53,31 @@ impl Examined<'_> {
             });
         }
         None
+    }
+
+    /// Whether a null vector of one field, by free number, strains its cells: their terms are evaluated at their points, where
+    /// the strain of a soft direction is resolved that is lost in the sums of a matrix. `None` where they are not linear.
+    pub(super) fn resists_at_points(&self, field: usize, vector: &[f64]) -> Option<bool> {
+        let on_it = |t: &&AssembledTerm| {
+            t.on_cells() && t.law.class > Class::Constant && t.law.tests.iter().any(|s| s.field.index() == field)
+        };
+        let terms: Vec<&AssembledTerm> = self.system.terms.iter().filter(on_it).collect();
+        if terms.is_empty() || terms.iter().any(|t| t.law.class != Class::Linear) {
+            return None;
+        }
+        let (zero, n) = (vec![0.0; self.system.numbering.n_dofs], self.system.numbering.n_dofs);
+        let mut moved = zero.clone();
+        self.system.numbering.advance(&zero, vector, 1.0, &mut moved);
+        let (mut here, mut there, mut diagonal) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        let values = self.system.values(&zero);
+        for term in terms {
+            self.system.residual_of(term, &zero, &mut here).ok()?;
+            self.system.residual_of(term, &moved, &mut there).ok()?;
+            self.system.add_diagonal(term, values.view(), &mut diagonal);
+        }
+        let total = |entry: &dyn Fn(usize) -> f64| self.system.team().total((0..n).map(entry).sum());
+        let energy = total(&|d| moved[d] * (there[d] - here[d]));
+        Some(energy > RESOLVED * total(&|d| moved[d] * moved[d] * diagonal[d].abs()))
     }
 
     /// A term on cells under a rule of some degree, interpreted.
@@ -94,17 +124,70 @@ pub(crate) fn with_rule(
     region: &RegionSet,
     degree: usize,
 ) -> Option<AssembledTerm> {
-    let law = term.law.clone();
+    let domain = under_rule(system, region, degree)?;
+    interpreted(system, term, &system.fields, domain)
+}
+
+/// The same with the points of a rule.
+pub(crate) fn with_points(
+    system: &System,
+    term: &AssembledTerm,
+    region: &RegionSet,
+    make: &dyn Fn(CellKind) -> Rule,
+) -> Option<AssembledTerm> {
+    let domain = Domain::new(&system.mesh, region, make).ok().map(Arc::new)?;
+    interpreted(system, term, &system.fields, domain)
+}
+
+/// A term with states under another rule than theirs.
+pub(crate) struct WithStates {
+    /// The term.
+    pub(crate) term: AssembledTerm,
+    /// Its states, with their values at the points of the rule.
+    pub(crate) states: Vec<(usize, Vec<f64>)>,
+}
+
+/// The same also for a term that reads states: at the points of the rule they have the value of the first point of their
+/// own, which is that of all where they are as they start.
+pub(crate) fn with_rule_and_states(
+    system: &System,
+    term: &AssembledTerm,
+    region: &RegionSet,
+    degree: usize,
+) -> Option<WithStates> {
+    let domain = under_rule(system, region, degree)?;
+    let read = |slot: &InputSlot| match slot {
+        InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => Some(b.field.index()),
+        _ => None,
+    };
+    let at_points = |k: &usize| system.fields.get(*k).is_some_and(Field::is_at_points);
+    let states: BTreeSet<usize> = term.law.inputs.iter().filter_map(read).filter(at_points).collect();
+    let mut fields = system.fields.to_vec();
+    let mut values = Vec::new();
+    for state in states {
+        let points = PointSpace::new(&system.mesh, &domain);
+        let first = system.known.data[state].get(..fields[state].n_components)?;
+        values.push((state, first.repeat(points.coordinates().len())));
+        fields[state].space = FieldSpace::Points(points);
+    }
+    Some(WithStates { term: interpreted(system, term, &fields, domain)?, states: values })
+}
+
+fn under_rule(system: &System, region: &RegionSet, degree: usize) -> Option<Arc<Domain>> {
     let make = |kind| rule(kind, degree).unwrap_or_else(|_| vertex(kind));
-    let domain = Arc::new(Domain::new(&system.mesh, region, &make).ok()?);
+    Domain::new(&system.mesh, region, &make).ok().map(Arc::new)
+}
+
+fn interpreted(system: &System, term: &AssembledTerm, fields: &[Field], domain: Arc<Domain>) -> Option<AssembledTerm> {
+    let law = term.law.clone();
     let slots = LawSlots { inputs: &law.inputs, tests: &law.tests, trials: &law.trials };
-    let binding = Binding::new(&system.mesh, &domain, &system.fields, slots).ok()?;
+    let binding = Binding::new(&system.mesh, &domain, fields, slots).ok()?;
     let residual = InterpreterBackend.compile(&[&law.residual]).ok()?.pop()?;
     let tangent = match tangent_kernel(&law) {
         Some(kernel) => Some(InterpreterBackend.compile(&[&kernel]).ok()?.pop()?),
         None => None,
     };
-    let integrator = Integrator { domain, binding };
+    let integrator = Integrator { domain, binding: Arc::new(binding) };
     let mut made = AssembledTerm::new(law, integrator, None, residual, tangent, &system.numbering.starts);
     let (time, increment) = system.step();
     made.set_step(system.known.step(time, increment));

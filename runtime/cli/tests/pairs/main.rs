@@ -167,7 +167,8 @@ fn of_the_page(page: &wfl::CodePage) -> Pair {
 /// Every pair is tried, two at a time.
 #[test]
 fn every_code_appears_where_it_must_and_is_silent_beside() {
-    let tables: Vec<Pair> = scenes::pairs().into_iter().chain(runs::pairs()).chain([strip::one_sided()]).collect();
+    let alone = [strip::one_sided(), scenes::clockwise()];
+    let tables: Vec<Pair> = scenes::pairs().into_iter().chain(runs::pairs()).chain(alone).collect();
     let has_entry = |code: &str| tables.iter().any(|p| p.code == code);
     for (code, _) in OUT_OF_REACH {
         assert!(wfl::explain(code).is_some() && !has_entry(code), "{code} is out of reach, or it is not");

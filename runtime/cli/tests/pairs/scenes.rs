@@ -94,6 +94,14 @@ fn explicit(mesh: &str, space: &str, by: &str) -> String {
     )
 }
 
+/// That plate with its cells the other way round.
+pub(crate) fn clockwise() -> Pair {
+    Pair::new("W423", ON_PLATE)
+        .file("plate.msh", PLATE.replace("1 2 5 4\n", "1 4 5 2\n").replace("2 3 6 5\n", "2 5 6 3\n"))
+        .file("good.msh", PLATE)
+        .near("plate.msh", "good.msh")
+}
+
 /// Pairs by code.
 pub(crate) fn pairs() -> Vec<Pair> {
     let measured = |value: &str| format!("{FLOW}measure value = max({value}) on all\n");

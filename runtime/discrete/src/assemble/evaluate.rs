@@ -13,7 +13,7 @@ use wfl_compiler::{
 use crate::assemble::{
     binding::{Binding, GroupBinding, Input, Needs, Operand},
     branches::BranchCounts,
-    geometry::{PointGeometry, element_size, gather_nodes},
+    geometry::{PointGeometry, element_size, gather_nodes, length, make_unit},
     simd::{Lanes, ZERO, load, parts, plus_product, store},
 };
 use crate::domain::{Domain, Group};
@@ -52,6 +52,8 @@ pub struct Workspace {
     pub(super) derivatives: Vec<Lanes>,
     /// Weight times measure at each point.
     pub(super) weights: Vec<Lanes>,
+    /// Area vectors of the points, where they are not those of the map there.
+    areas: Vec<[Lanes; 3]>,
     /// Sizes of the cells here and there, if the law reads them.
     sizes: [Lanes; 2],
     current: Vec<Lanes>,
@@ -224,11 +226,17 @@ impl Points<'_> {
     #[inline(always)]
     fn all<S: Simd, const D: usize>(&mut self, simd: S) {
         let mut measure = ZERO;
+        self.node_areas::<S, D>(simd);
         for q in 0..self.group.n_points() {
             let (group, w) = (self.group, &mut *self.workspace);
             if q == 0 || !group.here.is_affine() {
                 w.here.evaluate::<S, D>(simd, &group.here.geometry, q, &w.nodes_here);
                 w.here.measure(D, group, &mut measure);
+            }
+            if let Some(area) = w.areas.get(q) {
+                for l in 0..LANES {
+                    measure[l] = length(area.map(|component| component[l]));
+                }
             }
             if let Some(there) = &group.there
                 && (q == 0 || !there.is_affine())
@@ -246,6 +254,17 @@ impl Points<'_> {
             }
             self.derivatives::<S, D>(simd, q);
             self.fill_inputs::<S, D>(simd, q);
+        }
+    }
+
+    /// The area vectors of the points of a nodal rule on quadrilateral faces; none elsewhere.
+    #[inline(always)]
+    fn node_areas<S: Simd, const D: usize>(&mut self, simd: S) {
+        let (group, w) = (self.group, &mut *self.workspace);
+        w.areas.clear();
+        if let (Some(of), Some(tangents), 3) = (&group.areas, &group.tangents, D) {
+            w.areas.resize(group.n_points(), [ZERO; 3]);
+            w.here.areas(simd, of, tangents, &w.nodes_here, &mut w.areas);
         }
     }
 
@@ -304,7 +323,13 @@ impl Points<'_> {
                 Input::Geometry(InputSlot::Normal(side, k)) => {
                     let n = normal.get_or_insert_with(|| {
                         let mut n = [ZERO; 3];
-                        w.here.normal(D, self.group.reference_normal, &mut n);
+                        match w.areas.get(q) {
+                            Some(area) => {
+                                n = *area;
+                                make_unit(D, &mut n);
+                            }
+                            None => w.here.normal(D, self.group.reference_normal, &mut n),
+                        }
                         n
                     });
                     let component = n[usize::from(*k)];

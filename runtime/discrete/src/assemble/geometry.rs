@@ -6,6 +6,7 @@ use pulp::Simd;
 use wfl_compiler::ir::LANES;
 
 use crate::{
+    areas::{NodeAreas, cross},
     assemble::simd::{Lanes, ZERO, load, parts, plus_product, store},
     domain::{Group, GroupSide},
 };
@@ -16,6 +17,22 @@ use wfl_mesh::{element::Table, mesh::Mesh};
 fn add_scaled(out: &mut Lanes, s: f64, a: &Lanes) {
     for l in 0..LANES {
         out[l] += s * a[l];
+    }
+}
+
+/// The vector product in one lane.
+#[inline(always)]
+fn cross_of(a: &[Lanes; 3], b: &[Lanes; 3], l: usize) -> [f64; 3] {
+    cross([[a[0][l], a[1][l], a[2][l]], [b[0][l], b[1][l], b[2][l]]])
+}
+
+/// Gives vectors the length 1.
+pub(super) fn make_unit(dim: usize, vectors: &mut [Lanes; 3]) {
+    for l in 0..LANES {
+        let size = length([vectors[0][l], vectors[1][l], vectors[2][l]]);
+        for component in vectors.iter_mut().take(dim) {
+            component[l] /= size;
+        }
     }
 }
 
@@ -142,28 +159,51 @@ impl PointGeometry {
             *out = Lanes(self.determinant.map(f64::abs));
             return;
         };
+        let [a, b] = &self.images(dim, &tangents);
+        for l in 0..LANES {
+            out[l] = match dim {
+                1 => 1.0,
+                2 => a[0][l].hypot(a[1][l]),
+                _ => length(cross_of(a, b, l)),
+            };
+        }
+    }
+
+    /// The derivatives of the position in the parameters of a face.
+    fn images(&self, dim: usize, tangents: &[[f64; 3]; 2]) -> [[Lanes; 3]; 2] {
         let mut images = [[ZERO; 3]; 2];
-        for (image, tangent) in images.iter_mut().zip(&tangents) {
+        for (image, tangent) in images.iter_mut().zip(tangents) {
             for i in 0..dim {
                 for j in 0..dim {
                     add_scaled(&mut image[i], tangent[j], &self.jacobian[i][j]);
                 }
             }
         }
-        let [a, b] = &images;
-        for l in 0..LANES {
-            out[l] = match dim {
-                1 => 1.0,
-                2 => a[0][l].hypot(a[1][l]),
-                _ => {
-                    let c = [
-                        a[1][l] * b[2][l] - a[2][l] * b[1][l],
-                        a[2][l] * b[0][l] - a[0][l] * b[2][l],
-                        a[0][l] * b[1][l] - a[1][l] * b[0][l],
-                    ];
-                    length(c)
+        images
+    }
+
+    /// The area vectors of the points of a nodal rule on a face in space.
+    #[inline(always)]
+    pub(super) fn areas<S: Simd>(
+        &mut self,
+        simd: S,
+        of: &NodeAreas,
+        tangents: &[[f64; 3]; 2],
+        nodes: &[[Lanes; 3]],
+        out: &mut [[Lanes; 3]],
+    ) {
+        out.fill([ZERO; 3]);
+        for g in 0..of.geometry.n_points {
+            self.evaluate::<S, 3>(simd, &of.geometry, g, nodes);
+            let [a, b] = &self.images(3, tangents);
+            for (q, area) in out.iter_mut().enumerate() {
+                let share = of.of_point(q)[g];
+                for l in 0..LANES {
+                    for (sum, part) in area.iter_mut().zip(cross_of(a, b, l)) {
+                        sum[l] += share * part;
+                    }
                 }
-            };
+            }
         }
     }
 
@@ -175,12 +215,7 @@ impl PointGeometry {
                 add_scaled(&mut out[i], reference[j], &self.inverse[j][i]);
             }
         }
-        for l in 0..LANES {
-            let size = length([out[0][l], out[1][l], out[2][l]]);
-            for component in out.iter_mut().take(dim) {
-                component[l] /= size;
-            }
-        }
+        make_unit(dim, out);
     }
 
     /// Physical gradients of the basis functions at point `q` of a table: derivative `i` of function `k` is written to
@@ -272,7 +307,7 @@ impl PointGeometry {
 }
 
 /// Length of a short vector, safe for very large and very small meshes.
-fn length(v: [f64; 3]) -> f64 {
+pub(super) fn length(v: [f64; 3]) -> f64 {
     let m = v[0].abs().max(v[1].abs()).max(v[2].abs());
     if m == 0.0 || !m.is_finite() {
         return m;

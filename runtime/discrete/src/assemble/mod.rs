@@ -27,6 +27,6 @@ pub use evaluate::{Bound, FieldValues, Workspace};
 pub use simd::Lanes;
 pub use term::{
     AssembledTerm, Integrator, NonFinitePlace, TermError,
-    gradients::{Gradient, NegativeVolumes},
+    gradients::{AskedGradients, Gradient, NegativeVolumes, StressAt, VolumeLimit},
     local::PointTangent,
 };

@@ -74,37 +74,38 @@ pub enum TermError {
 }
 
 /// A law on a domain, callable.
+#[derive(Clone)]
 pub struct Integrator {
     /// Where.
     pub domain: Arc<Domain>,
     /// Slots and tables.
-    pub binding: Binding,
+    pub binding: Arc<Binding>,
 }
 
-/// A term ready to be assembled.
+/// A term ready to be assembled at one step. A copy shares law, code, tables and places.
 pub struct AssembledTerm {
     /// The compiled law.
-    pub law: TermLaw,
+    pub law: Arc<TermLaw>,
     /// Where, and what it reads.
     pub integrator: Integrator,
     /// The entities, in the order of the domain; `None` on cells and on `global`.
-    pub place: Option<SupportSet>,
-    residual: Box<dyn PointKernel>,
-    tangent: Option<Box<dyn PointKernel>>,
-    summands: Option<Summands>,
+    pub place: Option<Arc<SupportSet>>,
+    residual: Arc<dyn PointKernel>,
+    tangent: Option<Arc<dyn PointKernel>>,
+    summands: Option<Arc<Summands>>,
     /// What the prologue was given at this step, and what it made of it.
     step: Vec<f64>,
     uniforms: Vec<f64>,
     /// For each group: global dof of each local dof, `dofs[entity * n_dofs + k]`.
-    dofs: Vec<Vec<u32>>,
-    entries: Entries,
+    dofs: Arc<Vec<Vec<u32>>>,
+    entries: Arc<Entries>,
     residual_needs: Needs,
     tangent_needs: Needs,
     /// For each group.
-    plans: Vec<TangentPlan>,
+    plans: Arc<Vec<TangentPlan>>,
     /// For each group, once a pattern is known.
-    scatters: Vec<Scatter>,
-    located: Option<Located>,
+    scatters: Arc<Vec<Scatter>>,
+    located: Option<Arc<Located>>,
     /// Of all rows, and of those of a rank.
     kept: [Mutex<Kept>; 2],
     workspaces: Mutex<Vec<Workspace>>,
@@ -137,13 +138,14 @@ impl AssembledTerm {
     /// [`crate::assemble::tangent_kernel`].
     #[must_use]
     pub fn new(
-        law: TermLaw,
+        law: impl Into<Arc<TermLaw>>,
         integrator: Integrator,
         place: Option<SupportSet>,
         residual: Box<dyn PointKernel>,
         tangent: Option<Box<dyn PointKernel>>,
         starts: &[Option<usize>],
     ) -> Self {
+        let law = law.into();
         let groups = integrator.binding.groups.iter().zip(&integrator.domain.groups);
         let dofs = groups.map(|(binding, group)| local_dofs(binding, group.entities.len(), starts)).collect();
         let binding = &integrator.binding;
@@ -158,20 +160,20 @@ impl AssembledTerm {
         let plans: Vec<TangentPlan> =
             (0..binding.groups.len()).map(|g| TangentPlan::new(binding, g, &entries)).collect();
         Self {
-            entries,
+            entries: Arc::new(entries),
             residual_needs,
             tangent_needs,
-            plans,
+            plans: Arc::new(plans),
             law,
             integrator,
-            place,
-            residual,
-            tangent,
-            summands,
+            place: place.map(Arc::new),
+            residual: residual.into(),
+            tangent: tangent.map(Arc::from),
+            summands: summands.map(Arc::new),
             step: Vec::new(),
             uniforms: Vec::new(),
-            dofs,
-            scatters: Vec::new(),
+            dofs: Arc::new(dofs),
+            scatters: Arc::default(),
             located: None,
             kept: Default::default(),
             workspaces: Mutex::default(),
@@ -266,22 +268,21 @@ impl AssembledTerm {
     /// The same in a matrix that has the rows of one rank alone; [`Self::add_tangent`] then adds to these, and is made by
     /// all ranks together.
     pub fn locate_own(&mut self, pattern: &Arc<Pattern>, free: &[u32], share: Option<&Arc<Share>>) {
-        self.located = Some(Located { pattern: pattern.clone(), rows: free.to_vec(), share: share.cloned() });
+        self.located = Some(Arc::new(Located { pattern: pattern.clone(), rows: free.to_vec(), share: share.cloned() }));
         self.forget_places();
         let owns = |dof: u32| share.is_none_or(|share| share.owns(dof as usize));
-        self.scatters = (0..self.dofs.len())
-            .map(|g| {
-                let (binding, plan) = (&self.integrator.binding.groups[g], &self.plans[g]);
-                let mut scatter = Scatter::new(binding, &plan.sources, plan.n_local);
-                scatter.locate(binding.n_dofs(), &self.dofs[g], pattern, free, owns);
-                scatter
-            })
-            .collect();
+        let place = |g: usize| {
+            let (binding, plan) = (&self.integrator.binding.groups[g], &self.plans[g]);
+            let mut scatter = Scatter::new(binding, &plan.sources, plan.n_local);
+            scatter.locate(binding.n_dofs(), &self.dofs[g], pattern, free, owns);
+            scatter
+        };
+        self.scatters = Arc::new((0..self.dofs.len()).map(place).collect());
     }
 
     /// Forgets what [`Self::locate`] found: for terms that are assembled once.
     pub fn forget(&mut self) {
-        self.scatters = Vec::new();
+        self.scatters = Arc::default();
         self.located = None;
         self.forget_places();
     }

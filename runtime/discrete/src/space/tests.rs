@@ -60,8 +60,18 @@ fn node_counts_are_those_of_the_lattice() {
 /// and orientation of neighbours that a shuffled mesh has.
 #[test]
 fn shared_nodes_have_one_place_for_all_cells() {
-    for (dim, shape, highest) in SHAPES {
-        let mesh = shuffled(unit(dim, shape, 3).0);
+    let boxes = SHAPES.map(|(dim, shape, highest)| (format!("{shape:?}"), highest, unit(dim, shape, 3).0));
+    // wedges alone, and all kinds of solid cells
+    let files: [(&[u8], usize); 2] = [
+        (include_bytes!("../../../mesh/src/mesh/read/data/wedges_22a.msh"), 3),
+        (include_bytes!("../../../mesh/src/mesh/read/data/solids_41a.msh"), 2),
+    ];
+    let files = files.map(|(bytes, highest)| {
+        let mesh = Mesh::from_raw(wfl_mesh::mesh::read::parse_mesh(bytes).unwrap()).unwrap();
+        (format!("file of {}", mesh.n_cells()), highest, mesh)
+    });
+    for (shape, highest, mesh) in boxes.into_iter().chain(files) {
+        let mesh = shuffled(mesh);
         let topology = Topology::new(&mesh).unwrap();
         for degree in 1..=highest {
             let space = Space::on_cells(&mesh, &topology, &everywhere(&mesh), degree, Family::Continuous).unwrap();
@@ -72,7 +82,7 @@ fn shared_nodes_have_one_place_for_all_cells() {
                 let table = mesh.geometry_element(element.kind()).tabulate(element.points(), 0);
                 for (dof, node) in space.entity_nodes(position).iter().enumerate() {
                     let (x, y) = (mesh.point_at(cell, &table, dof), space.node_coordinates()[*node as usize]);
-                    assert!((0..3).all(|i| (x[i] - y[i]).abs() < 1e-13), "{shape:?} {degree}");
+                    assert!((0..3).all(|i| (x[i] - y[i]).abs() < 1e-13), "{shape} {degree}");
                     seen[*node as usize] = true;
                 }
             }

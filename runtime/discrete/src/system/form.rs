@@ -2,12 +2,34 @@
 
 use crate::{assemble::FieldValues, rates::Rates};
 
-/// The branch of each projection at each integration point, by frozen term: values of a field of branch data that
-/// stands behind the fields of the scene.
+/// The branch of each projection at each integration point, by frozen term: values of two fields a term, which stand behind
+/// the fields of the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActiveSet {
-    /// By frozen term: branch data, point after point.
-    pub branch_data: Vec<Vec<f64>>,
+    /// By frozen term.
+    pub terms: Vec<TermBranches>,
+}
+
+/// The branches of a frozen term.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TermBranches {
+    /// The branches of its projections, point after point.
+    pub points: Vec<f64>,
+    /// How its law differs from what is written, once for all points.
+    pub regularisation: Vec<f64>,
+}
+
+impl TermBranches {
+    /// Puts the branches into the values of all fields, in which `field` is the first of their two.
+    pub fn stand_in<'a>(&'a self, field: usize, current: &mut [&'a [f64]]) {
+        (current[field], current[field + 1]) = (&self.points, &self.regularisation);
+    }
+
+    /// The branches in the values of all fields, in which `field` is the first of their two.
+    #[must_use]
+    pub fn from_values(field: usize, current: &[&[f64]]) -> Self {
+        Self { points: current[field].to_vec(), regularisation: current[field + 1].to_vec() }
+    }
 }
 
 /// The branches that projections are on.
@@ -52,7 +74,7 @@ impl Form<'_> {
         Form { branches: Branches::AsWritten, linear: LinearTerms::ByMatrix, offset: &[] };
 }
 
-/// The values of all fields at a state, those of branch data behind those of the scene.
+/// The values of all fields at a state, those of branches behind those of the scene.
 pub struct StateValues<'a> {
     /// Now.
     pub current: Vec<&'a [f64]>,

@@ -2,10 +2,13 @@
 
 use wfl_compiler::types::FieldKind;
 
-use super::System;
+use super::{FIXED, Residual, System, Tangent};
 use crate::assemble::{AssembledTerm, TermError};
 use crate::finite::{BadState, largest as largest_of};
 use crate::share::NumbersOfWhole;
+
+/// A displacement below this part of what the forces in its equation would do one by one is zero.
+const ZERO: f64 = 1e-12;
 
 impl System {
     /// The first of the fields whose values have the unit and size of those of `field`: displacements of bodies that
@@ -75,6 +78,27 @@ impl System {
     /// [`TermError`] with its place.
     pub fn term_residual(&self, term: usize, u: &[f64], out: &mut [f64]) -> Result<(), TermError> {
         self.residual_of(&self.terms[term], u, out)
+    }
+
+    /// Whether the values of a field are what rounding leaves of zero: other forces cancel in its equations (the load of an
+    /// undrained body and the pressure in its pores), and no displacement is left. They are below `ZERO` of what cancels,
+    /// over the stiffness of each equation.
+    #[must_use]
+    pub fn is_zero_but_for_rounding(&self, u: &[f64], here: &Residual, tangent: &Tangent, field: usize) -> bool {
+        let sizes = self.sizes(u, here, tangent);
+        let (mut found, mut natural) = (0.0f64, 0.0f64);
+        for d in self.range(field).unwrap_or_default() {
+            found = found.max(u[d].abs());
+            let free = self.numbering.free[d];
+            if free != FIXED {
+                let free = free as usize;
+                let stiffness = self.bulk.get(free, free) + tangent.changing.get(free, free);
+                natural = natural.max(if stiffness == 0.0 { 0.0 } else { sizes[d] / stiffness.abs() });
+            }
+        }
+        let mut all = [found, natural];
+        self.team().max(&mut all);
+        all[0] <= ZERO * all[1]
     }
 
     /// The same of a term that need not be one of the system.

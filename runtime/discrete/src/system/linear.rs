@@ -58,8 +58,8 @@ impl System {
 
     /// Assembles the matrix of the linear terms, and its part over the free dofs.
     pub(super) fn assemble_linear(&mut self, zero: &[f64]) -> Result<(), SystemError> {
-        let mut linear = match self.linear.take() {
-            Some(LinearMatrix::Whole(mut before)) => {
+        let mut linear = match self.linear.take().map(Arc::try_unwrap) {
+            Some(Ok(LinearMatrix::Whole(mut before))) => {
                 before.values_mut().fill(0.0);
                 before
             }
@@ -79,11 +79,11 @@ impl System {
             map.apply(&turned)
         });
         let as_it_is = frames.is_empty() && self.numbering.ties().is_empty();
-        self.linear = Some(if as_it_is && !self.bulk_follows_steps() && self.redistribution.is_none() {
+        self.linear = Some(Arc::new(if as_it_is && !self.bulk_follows_steps() && self.redistribution.is_none() {
             LinearMatrix::BesideBulk(Outside::new(&linear, &equations)?)
         } else {
             LinearMatrix::Whole(linear)
-        });
+        }));
         Ok(())
     }
 
@@ -92,7 +92,7 @@ impl System {
     pub(super) fn multiply_linear(&self, d: &[f64], x: Option<&[f64]>, outs: [&mut [f64]; 3]) -> bool {
         let threads = rayon::current_num_threads();
         let [p, s, t] = outs;
-        match (&self.linear, x) {
+        match (self.linear.as_deref(), x) {
             (None, _) => return false,
             (Some(LinearMatrix::Whole(a)), None) => product_and_size(a, d, [p, s], threads),
             (Some(LinearMatrix::Whole(a)), Some(x)) => product_and_sizes(a, d, x, [p, s, t], threads),

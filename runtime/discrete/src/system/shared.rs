@@ -78,7 +78,7 @@ impl System {
             return Ok(());
         }
         if self.mesh.part().is_none() {
-            self.mesh.share(team);
+            Arc::make_mut(&mut self.mesh).share(team);
             self.share_again();
             return self.locate();
         }

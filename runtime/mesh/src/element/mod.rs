@@ -1,22 +1,27 @@
 //! Lagrange elements on the reference cells: local dofs, where they sit, and their basis tables.
 //!
 //! Promises: `P_0` to `P_3` on point, segment, triangle and tetrahedron, `Q_0` to `Q_3` on
-//! quadrilateral and hexahedron, every one nodal at [`Element::points`].
+//! quadrilateral and hexahedron, products of `P_k` on wedges, `P_k` and `Q_k` on the faces of pyramids up to degree 2, every
+//! one nodal at [`Element::points`].
 //! Local order. Simplices: vertices, then the dofs of each edge from its first to its second local
-//! vertex, then one dof of each facet of a tetrahedron (degree 3), then the interior. Tensor cells:
-//! lexicographic, x fastest. [`Element::entities`] says for each dof which entity carries it.
+//! vertex, then one dof of each facet of a tetrahedron (degree 3), then the interior. Tensor cells and pyramids:
+//! lexicographic, x fastest. Wedges: the nodes of a triangle at each z in turn. [`Element::entities`] says for each dof
+//! which entity carries it.
 //! Does not know meshes, global numbers or physical coordinates.
 
+mod entity;
+mod pyramid_lagrange;
 mod simplex_lagrange;
 mod table;
 mod tensor_lagrange;
+mod wedge_lagrange;
 
-use crate::cell::CellKind;
+use crate::cell::{Basis, CellKind};
 pub use table::{DofEntity, Table};
 
 use table::Lattice;
 
-/// Highest degree on every cell.
+/// Highest degree on any cell; [`CellKind::highest_degree`] has that of each.
 pub const MAX_DEGREE: usize = 3;
 
 /// Whether neighbouring cells share the dofs on their common entities.
@@ -59,7 +64,7 @@ impl Element {
     /// # Errors
     /// [`ElementError::DegreeTooHigh`].
     pub fn lagrange(kind: CellKind, degree: usize, family: Family) -> Result<Self, ElementError> {
-        let highest = MAX_DEGREE;
+        let highest = kind.highest_degree();
         if degree > highest {
             return Err(ElementError::DegreeTooHigh { kind, degree, highest });
         }
@@ -69,36 +74,42 @@ impl Element {
     }
 
     fn without_closures(kind: CellKind, degree: usize, family: Family) -> Self {
-        let (places, mut entities) = match (degree, kind.is_simplex()) {
+        let basis = kind.basis();
+        let (places, mut entities) = match (degree, basis) {
             (0, _) => (vec![[0; 4]], vec![DofEntity::Interior(0)]),
-            (_, true) => simplex_lagrange::dofs(kind, degree),
-            (_, false) => tensor_lagrange::dofs(kind, degree),
+            (_, Basis::Simplex) => simplex_lagrange::dofs(kind, degree),
+            (_, Basis::Tensor) => tensor_lagrange::dofs(kind, degree),
+            (_, Basis::Wedge) => wedge_lagrange::dofs(kind, degree),
+            (_, Basis::Pyramid) => pyramid_lagrange::dofs(kind, degree),
         };
         let points = if degree == 0 {
             vec![kind.reference_centre()]
         } else {
-            let first = usize::from(kind.is_simplex());
-            places
-                .iter()
-                .map(|place: &[u8; 4]| {
-                    let mut point = [0.0; 3];
-                    for d in 0..kind.dim() {
-                        point[d] = f64::from(place[d + first]) / degree as f64;
-                    }
-                    point
-                })
-                .collect()
+            // barycentric places begin with the coordinate that the others leave
+            let first = usize::from(matches!(basis, Basis::Simplex | Basis::Wedge));
+            places.iter().map(|place| point_of(kind, degree, &place[first..])).collect()
         };
         if family == Family::Discontinuous {
             entities = (0..places.len()).map(DofEntity::Interior).collect();
         }
-        Element { lattice: Lattice { kind, degree, places }, family, points, entities, closures: Vec::new() }
+        let coefficients =
+            if basis == Basis::Pyramid { pyramid_lagrange::coefficients(degree, &points) } else { Vec::new() };
+        Element {
+            lattice: Lattice { kind, degree, places, coefficients },
+            family,
+            points,
+            entities,
+            closures: Vec::new(),
+        }
     }
 
     /// Every supported (cell, degree).
     #[must_use]
     pub fn registry() -> Vec<(CellKind, usize)> {
-        CellKind::ALL.into_iter().flat_map(|kind| (0..=MAX_DEGREE).map(move |degree| (kind, degree))).collect()
+        CellKind::ALL
+            .into_iter()
+            .flat_map(|kind| (0..=kind.highest_degree()).map(move |degree| (kind, degree)))
+            .collect()
     }
 
     /// Cell of the element.
@@ -108,7 +119,7 @@ impl Element {
         self.lattice.kind
     }
 
-    /// Polynomial degree: total on simplices, in each variable on tensor cells.
+    /// Polynomial degree: total on simplices and triangular faces, in each variable on tensor cells and quadrilateral faces.
     #[must_use]
     #[inline]
     pub fn degree(&self) -> usize {
@@ -177,14 +188,24 @@ impl Element {
             hessians: Vec::with_capacity(if derivatives > 1 { entries * dim * dim } else { 0 }),
         };
         for point in points {
-            if self.kind().is_simplex() {
-                simplex_lagrange::tabulate(&self.lattice, point, derivatives, &mut table);
-            } else {
-                tensor_lagrange::tabulate(&self.lattice, point, derivatives, &mut table);
+            match self.kind().basis() {
+                Basis::Simplex => simplex_lagrange::tabulate(&self.lattice, point, derivatives, &mut table),
+                Basis::Tensor => tensor_lagrange::tabulate(&self.lattice, point, derivatives, &mut table),
+                Basis::Wedge => wedge_lagrange::tabulate(&self.lattice, point, derivatives, &mut table),
+                Basis::Pyramid => pyramid_lagrange::tabulate(&self.lattice, point, derivatives, &mut table),
             }
         }
         table
     }
+}
+
+/// The reference point at a place in units of `1 / degree`.
+fn point_of(kind: CellKind, degree: usize, place: &[u8]) -> [f64; 3] {
+    let mut point = [0.0; 3];
+    for (x, part) in point.iter_mut().zip(place).take(kind.dim()) {
+        *x = f64::from(*part) / degree as f64;
+    }
+    point
 }
 
 /// Dofs on a facet, found by their points; see [`Element::facet_closure`] for the order.

@@ -50,7 +50,7 @@ pub(super) fn dofs(kind: CellKind, degree: usize) -> (Vec<[u8; 4]>, Vec<DofEntit
 }
 
 /// `N_m` at `l` with two derivatives.
-fn factor(m: u8, degree: f64, l: f64) -> Jet {
+pub(super) fn factor(m: u8, degree: f64, l: f64) -> Jet {
     let mut jet = [1.0, 0.0, 0.0];
     for j in 0..m {
         let j = f64::from(j);

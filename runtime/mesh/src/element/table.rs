@@ -34,8 +34,10 @@ pub(super) struct Lattice {
     /// Steps along an edge.
     pub(super) degree: usize,
     /// For each dof the integer coordinates of its point, in units of `1 / degree`: barycentric (dim + 1 of them) on
-    /// simplices, Cartesian (dim of them) on tensor cells.
+    /// simplices, Cartesian (dim of them) on tensor cells and pyramids, barycentric of the triangle and z on wedges.
     pub(super) places: Vec<[u8; 4]>,
+    /// Of functions that are no products of their places: those of each dof in a list of simpler ones; else empty.
+    pub(super) coefficients: Vec<f64>,
 }
 
 /// Basis functions tabulated at points. Arrays that were not requested are empty.

@@ -54,7 +54,7 @@ fn entity(kind: CellKind, k: u8, place: &[u8; 4]) -> DofEntity {
 }
 
 /// `L_m` at `t` with two derivatives.
-fn factor(m: u8, degree: usize, t: f64) -> Jet {
+pub(super) fn factor(m: u8, degree: usize, t: f64) -> Jet {
     let (m, k) = (f64::from(m), degree as f64);
     let mut jet = [1.0, 0.0, 0.0];
     for j in 0..=degree {

@@ -11,6 +11,7 @@ use super::{
     index::{CellId, NodeId},
     points::PointGrid,
     raw::{GroupEntities, RawMesh, cell_bytes, node_bytes},
+    turn::turn,
 };
 use crate::{
     cell::CellKind,
@@ -38,6 +39,17 @@ impl Mesh {
         let mut mesh = Mesh::assemble(raw, starts);
         jacobians(&mesh)?;
         mesh.warnings = warnings(&mesh);
+        Ok(mesh)
+    }
+
+    /// [`Mesh::from_raw`] for what a file says: plane cells that run clockwise are put in the other order.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn from_file(mut raw: RawMesh) -> Result<Mesh, MeshError> {
+        let turned = turn(&mut raw);
+        let mut mesh = Mesh::from_raw(raw)?;
+        mesh.warnings.turned_cells = turned;
         Ok(mesh)
     }
 
@@ -97,13 +109,7 @@ fn structure(raw: &RawMesh) -> Result<Vec<usize>, MeshError> {
 
 /// Number of geometry nodes of a cell.
 fn n_nodes(kind: CellKind, order: usize) -> usize {
-    match (kind, order) {
-        (_, 1) => kind.n_vertices(),
-        (CellKind::Point, _) => 1,
-        (CellKind::Quadrilateral, _) => 9,
-        (CellKind::Hexahedron, _) => 27,
-        _ => kind.n_vertices() + kind.edges().len(),
-    }
+    kind.gmsh(order).nodes.len()
 }
 
 fn finite(raw: &RawMesh) -> Result<(), MeshError> {
@@ -166,7 +172,7 @@ fn jacobians(mesh: &Mesh) -> Result<(), MeshError> {
 /// Geometry table at the points where determinants are checked: one point for an affine cell.
 fn sample(mesh: &Mesh, kind: CellKind) -> Table {
     let element = mesh.geometry_element(kind);
-    let points = if kind.is_simplex() && mesh.order() == 1 {
+    let points = if kind.straight_is_affine() && mesh.order() == 1 {
         vec![kind.reference_centre()]
     } else {
         let rule =
@@ -245,7 +251,7 @@ fn warnings(mesh: &Mesh) -> MeshWarnings {
     }
     let members: Vec<u32> = (0..mesh.n_nodes() as u32).filter(|node| shortest[*node as usize].is_finite()).collect();
     let unused_nodes = (0..mesh.n_nodes()).filter(|node| !used[*node]).map(NodeId::new).collect();
-    MeshWarnings { duplicate_nodes: duplicates(mesh, &members, &shortest), unused_nodes }
+    MeshWarnings { duplicate_nodes: duplicates(mesh, &members, &shortest), unused_nodes, turned_cells: Vec::new() }
 }
 
 fn duplicates(mesh: &Mesh, members: &[u32], shortest: &[f64]) -> Vec<(NodeId, NodeId)> {

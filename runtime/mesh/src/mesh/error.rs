@@ -154,6 +154,26 @@ pub enum MeshError {
         /// The higher number.
         second: CellName,
     },
+    /// A triangular face has its vertices on a quadrilateral one of another cell: neighbours do not match.
+    #[error(
+        "a triangular face of {triangle} lies on a quadrilateral one of {quadrilateral}: cells that share a place must share whole faces, with pyramids between tetrahedra and hexahedra"
+    )]
+    HalfFace {
+        /// The cell with the triangle.
+        triangle: CellName,
+        /// The cell with the quadrilateral.
+        quadrilateral: CellName,
+    },
+    /// A refinement reaches a cell that cannot be divided.
+    #[error(
+        "{cell} is a {kind}, and {kind}s are not divided: make the mesh finer where it is made (`Mesh.MeshSizeFactor = 0.5` in Gmsh), or refine only cells that no {kind} shares an edge with"
+    )]
+    NoRefinement {
+        /// The cell.
+        cell: CellName,
+        /// Its kind.
+        kind: CellKind,
+    },
     /// Facets of two surfaces lie on each other but their vertices do not coincide.
     #[error(
         "{facets} facets lie against each other without matching, largest distance of vertices {largest_distance:e}"
@@ -193,6 +213,8 @@ pub struct MeshWarnings {
     pub duplicate_nodes: Vec<(NodeId, NodeId)>,
     /// Nodes of no cell; nothing is numbered there.
     pub unused_nodes: Vec<NodeId>,
+    /// Plane cells of a file whose nodes ran clockwise, and were put in the other order.
+    pub turned_cells: Vec<CellId>,
 }
 
 /// Two nodes of one body are duplicates within this part of the shortest edge at them.

@@ -175,7 +175,7 @@ impl CellFinder {
         let bin = self.bins.get(self.grid.index(self.grid.place(x)))?;
         bin.iter().map(|k| *k as usize).filter(|k| self.boxes.distance(*k, x) == 0.0).find_map(|k| {
             let reference = inverse_map(mesh, self.cells[k], x, &self.centres)?;
-            if !inside(mesh.kind(self.cells[k]), &reference[..mesh.dim()], INSIDE) {
+            if !mesh.kind(self.cells[k]).contains(&reference[..mesh.dim()], INSIDE) {
                 return None;
             }
             Some(Image { cell: self.cells[k], reference, facet: None })
@@ -225,15 +225,6 @@ fn is_affine(mesh: &Mesh, cell: CellId, centre: [f64; 3], at: [f64; 3], jacobian
     })
 }
 
-/// True if parameters lie in a reference cell, or out of it by at most `margin`.
-fn inside(kind: CellKind, r: &[f64], margin: f64) -> bool {
-    if kind.is_simplex() {
-        r.iter().all(|c| *c >= -margin) && r.iter().sum::<f64>() <= 1.0 + margin
-    } else {
-        r.iter().all(|c| (-margin..=1.0 + margin).contains(c))
-    }
-}
-
 /// The parameters of a point of a facet; `None` when it is not on it.
 fn on_face(mesh: &Mesh, facet: FacetRef, x: [f64; 3], centres: &Centres) -> Option<[f64; 3]> {
     let r = inverse_map(mesh, facet.cell, x, centres)?;
@@ -256,7 +247,7 @@ fn on_face(mesh: &Mesh, facet: FacetRef, x: [f64; 3], centres: &Centres) -> Opti
     }
     let back = map.apply(s);
     let near = (0..mesh.dim()).all(|i| (back[i] - r[i]).abs() <= ON_FACE);
-    (near && inside(kind, &s[..kind.dim()], ON_FACE)).then_some(s)
+    (near && kind.contains(&s[..kind.dim()], ON_FACE)).then_some(s)
 }
 
 /// Facets onto which points are projected or rays are sent.
@@ -427,7 +418,7 @@ impl<'a> Side<'a> {
                 return None;
             }
         }
-        inside(self.kind, p.as_slice(), INSIDE).then(|| self.point(&p))
+        self.kind.contains(p.as_slice(), INSIDE).then(|| self.point(&p))
     }
 
     fn point(&self, p: &Vector2<f64>) -> Vector3<f64> {
@@ -469,7 +460,7 @@ impl<'a> Side<'a> {
         }
         let outward = jacobian.try_inverse()?.transpose() * reference;
         let facing = outward.dot(&n) < 0.0;
-        (facing && inside(self.kind, &p.as_slice()[..dim - 1], INSIDE)).then(|| (r.into(), distance.abs()))
+        (facing && self.kind.contains(&p.as_slice()[..dim - 1], INSIDE)).then(|| (r.into(), distance.abs()))
     }
 }
 

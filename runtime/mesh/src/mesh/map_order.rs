@@ -23,7 +23,7 @@ impl Mesh {
     /// nodes in the middle), else the order of the mesh.
     #[must_use]
     pub fn map_order(&self, cell: CellId) -> usize {
-        if self.order == 1 && self.kind(cell).is_simplex() {
+        if self.order == 1 && self.kind(cell).straight_is_affine() {
             return 0;
         }
         let orders = self.map_orders.get_or_init(|| self.cells().map(|cell| self.measured_order(cell)).collect());
@@ -40,6 +40,35 @@ impl Mesh {
         let nodes = self.cell_nodes(facet.cell);
         let x: Vec<[f64; 3]> = closure.iter().map(|dof| self.node(nodes[*dof])).collect();
         usize::from(self.order_of(self.facet_kind(facet), &x))
+    }
+
+    /// Whether a facet is curved: nodes that slide along a straight edge or a plane face do not bend it.
+    #[must_use]
+    pub fn is_bent(&self, facet: FacetRef) -> bool {
+        if self.facet_map_order(facet) < 2 {
+            return false;
+        }
+        let closure = self.geometry_element(self.kind(facet.cell)).facet_closure(facet.local as usize);
+        let nodes = self.cell_nodes(facet.cell);
+        let x: Vec<[f64; 3]> = closure.iter().map(|dof| self.node(nodes[*dof])).collect();
+        let kind = self.facet_kind(facet);
+        let corners: Vec<[f64; 3]> = self.geometry[kind.index()].vertices.iter().map(|k| x[*k]).collect();
+        let minus = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - b[i]) };
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let along = minus(corners[1], corners[0]);
+        let off = |x: &[f64; 3]| {
+            let from = minus(*x, corners[0]);
+            if kind.dim() == 1 {
+                return norm(cross(along, from)) / norm(along);
+            }
+            let normal = cross(along, minus(corners[2], corners[0]));
+            (0..3).map(|i| normal[i] * from[i]).sum::<f64>().abs() / norm(normal)
+        };
+        let size = corners.iter().fold(0.0f64, |m, x| m.max(distance(*x, corners[0])));
+        let magnitude = x.iter().fold(0.0, |m: f64, x| m.max(norm(*x)));
+        x.iter().any(|x| off(x) > SAME * size + ROUNDING * magnitude)
     }
 
     fn measured_order(&self, cell: CellId) -> u8 {
@@ -62,10 +91,9 @@ impl Mesh {
         let follows = |place: &dyn Fn([f64; 3]) -> [f64; 3]| {
             geometry.element.points().iter().zip(x).all(|(point, x)| distance(place(*point), *x) <= tolerance)
         };
-        // the vertices at the ends of the axes of the reference entity
-        let axis = |d: usize| if kind.is_simplex() { d + 1 } else { 1 << d };
+        let axes = kind.axes();
         let affine = |r: [f64; 3]| {
-            let slope = |i: usize| (0..kind.dim()).map(|d| r[d] * (corner(axis(d))[i] - corner(0)[i])).sum::<f64>();
+            let slope = |i: usize| (0..kind.dim()).map(|d| r[d] * (corner(axes[d])[i] - corner(0)[i])).sum::<f64>();
             std::array::from_fn(|i| corner(0)[i] + slope(i))
         };
         let multilinear = |r: [f64; 3]| {

@@ -17,10 +17,12 @@ mod quality;
 mod raw;
 pub mod read;
 mod region;
+mod second_order;
 mod sheet;
 mod topology;
+mod turn;
 
-pub use crate::cell::{CellKind, FacetMap, LocalFacet, facet_correspondences};
+pub use crate::cell::{CellKind, FacetMap, LocalFacet, Polynomials, Subdivision, facet_correspondences};
 pub use crate::vector::determinant;
 pub use error::{CellName, DUPLICATE_TOLERANCE, MeshError, MeshWarnings, NodeName};
 pub use generate::{BoxShape, MapError, cells_for_size, generate_box, map_nodes, map_refined};
@@ -36,6 +38,7 @@ pub use region::{
     RegionError, RegionKind, RegionSet, SupportSet, boundary_of, interface, outer_boundary, pick_cells, pick_facets,
     pick_nodes,
 };
+pub use second_order::{Curves, along_curves, curved_in_space, curves, faces_of, second_order};
 pub use sheet::{Sheet, SheetError, both_sides, front_nodes, oriented_sheets, sheets_of};
 pub use topology::{EdgeTable, Facet, Topology};
 
@@ -356,5 +359,7 @@ impl Mesh {
     }
 }
 
+#[cfg(test)]
+mod solids_tests;
 #[cfg(test)]
 mod tests;

@@ -45,12 +45,7 @@ fn sampled(mesh: &Mesh, kind: CellKind, degree: usize) -> Sampled {
 #[must_use]
 pub fn cell_volumes(mesh: &Mesh, cells: &[CellId]) -> Vec<f64> {
     let order = mesh.order();
-    // The determinant has degree dim * (order - 1) on simplices and at most dim * order - 1 in
-    // each variable on tensor cells.
-    let tables = CellKind::ALL.map(|kind| {
-        let degree = if kind.is_simplex() { kind.dim() * (order - 1) } else { kind.dim() * order - 1 };
-        sampled(mesh, kind, degree)
-    });
+    let tables = CellKind::ALL.map(|kind| sampled(mesh, kind, kind.determinant_degree(order)));
     let volume = |cell: &CellId| -> f64 {
         let sampled = &tables[mesh.kind(*cell).index()];
         let weights = sampled.rule.weights.iter().enumerate();
@@ -110,7 +105,7 @@ type Density<'a> = dyn Fn(&FacetRef, [[f64; 3]; 2], CellKind) -> [f64; 3] + 'a;
 /// Integral over each facet of what `density` makes of the tangents of its map from the facet parameters.
 fn over_facets(mesh: &Mesh, facets: &[FacetRef], density: &Density<'_>) -> Vec<[f64; 3]> {
     let tables = CellKind::ALL.map(|kind| {
-        let degree = match (kind.is_simplex(), mesh.order()) {
+        let degree = match (kind.straight_is_affine(), mesh.order()) {
             (true, 1) => 1,
             _ => 5,
         };
@@ -150,19 +145,17 @@ fn tangents(table: &Table, point: usize, x: &dyn Fn(usize) -> [f64; 3]) -> [[f64
 }
 
 /// Height of the cell of each facet over that facet, the `h` of penalty terms: `c V / A` with the
-/// cell volume `V`, the facet area `A` and `c = dim` on simplices, `c = 1` on tensor cells. For a
+/// cell volume `V`, the facet area `A` and `c` of [`CellKind::height_factor`]. For a
 /// brick it is the edge normal to the facet, for a simplex the distance of the opposite vertex
-/// (1 for a unit right simplex on an axis facet).
+/// (1 for a unit right simplex on an axis facet), for a wedge or a pyramid that of the opposite face, edge or vertex.
 #[must_use]
 pub fn facet_heights(mesh: &Mesh, facets: &[FacetRef]) -> Vec<f64> {
     let cells: Vec<CellId> = facets.iter().map(|facet| facet.cell).collect();
     let volumes = cell_volumes(mesh, &cells);
     let areas = facet_measures(mesh, facets);
-    let factor = |cell: &CellId| {
-        if mesh.kind(*cell).is_simplex() { mesh.dim() as f64 } else { 1.0 }
-    };
-    let triples = cells.iter().zip(volumes).zip(areas);
-    triples.map(|((cell, v), a)| factor(cell) * v / a).collect()
+    let factor = |facet: &FacetRef| mesh.kind(facet.cell).height_factor(usize::from(facet.local));
+    let triples = facets.iter().zip(volumes).zip(areas);
+    triples.map(|((facet, v), a)| factor(facet) * v / a).collect()
 }
 
 /// Diameter of each cell: the largest distance between two vertices (not what the language calls `element_size`).

@@ -4,10 +4,13 @@
 //! sorted into buckets by their lowest vertex, without hashing. Edges are built on request. Does not know geometry:
 //! entities are equal when their vertices are.
 
-use std::sync::OnceLock;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::OnceLock,
+};
 
 use super::{
-    Mesh,
+    CellKind, Mesh,
     error::MeshError,
     index::{CellId, EdgeId, FacetId, FacetRef, NodeId},
 };
@@ -62,7 +65,7 @@ impl Topology {
     /// Finds the facets of `mesh`.
     ///
     /// # Errors
-    /// [`MeshError::NonManifold`] and [`MeshError::DuplicateCell`].
+    /// [`MeshError::NonManifold`], [`MeshError::DuplicateCell`] and [`MeshError::HalfFace`].
     pub fn new(mesh: &Mesh) -> Result<Topology, MeshError> {
         let mut starts = Vec::with_capacity(mesh.n_cells() + 1);
         let mut slots = Vec::new();
@@ -77,6 +80,7 @@ impl Topology {
         let mut topology = Topology::number(mesh, &slots, starts, &partners);
         topology.fill_buckets(mesh);
         topology.refuse_duplicate_cells(mesh)?;
+        topology.refuse_half_faces(mesh)?;
         Ok(topology)
     }
 
@@ -127,6 +131,34 @@ impl Topology {
                 let name = |cell| mesh.numbers().cell(cell);
                 let (first, second) = (name(cell.min(first)), name(cell.max(first)));
                 return Err(MeshError::DuplicateCell { first, second });
+            }
+        }
+        Ok(())
+    }
+
+    /// Triangles of the boundary that lie on a quadrilateral of it: cells of two kinds that were meant to be neighbours.
+    fn refuse_half_faces(&self, mesh: &Mesh) -> Result<(), MeshError> {
+        let kinds: BTreeSet<CellKind> = mesh.kinds().iter().copied().collect();
+        let has = |facet: CellKind| kinds.iter().any(|kind| kind.facets().iter().any(|f| f.kind == facet));
+        if !has(CellKind::Triangle) || !has(CellKind::Quadrilateral) {
+            return Ok(());
+        }
+        let outer = |kind: CellKind| {
+            let all = self.facets.iter().filter(|f| f.there.is_none()).map(|f| f.here);
+            all.filter(move |f| mesh.facet_kind(*f) == kind)
+        };
+        let mut halves: BTreeMap<[u32; 3], CellId> = BTreeMap::new();
+        for facet in outer(CellKind::Quadrilateral) {
+            let [a, b, c, d] = key(mesh, facet);
+            for half in [[a, b, c], [a, b, d], [a, c, d], [b, c, d]] {
+                halves.insert(half, facet.cell);
+            }
+        }
+        for facet in outer(CellKind::Triangle) {
+            let [a, b, c, _] = key(mesh, facet);
+            if let Some(other) = halves.get(&[a, b, c]) {
+                let [triangle, quadrilateral] = [facet.cell, *other].map(|cell| mesh.numbers().cell(cell));
+                return Err(MeshError::HalfFace { triangle, quadrilateral });
             }
         }
         Ok(())

@@ -88,3 +88,36 @@ pub(super) fn gauss_jacobi(n: usize, alpha: u32) -> Vec<(f64, f64)> {
     }
     rule
 }
+
+/// Points and weights of the Gauss-Lobatto rule with `n >= 2` points on `[0, 1]`, points ascending: both ends and the
+/// extremes of the Legendre polynomial `P_{n-1}`, with the weights `1 / (n (n - 1) P_{n-1}^2)`. Exact for degree `2 n - 3`.
+pub(super) fn lobatto_line(n: usize) -> Vec<(f64, f64)> {
+    let degree = n - 1;
+    // an extreme lies between two roots: the derivative changes its sign there
+    let roots: Vec<f64> = gauss_jacobi(degree, 0).iter().map(|(t, _)| 2.0 * t - 1.0).collect();
+    let extreme = |pair: &[f64]| {
+        let (mut low, mut high) = (pair[0], pair[1]);
+        let sign = jacobi(degree, 0.0, low).1.signum();
+        while high - low > f64::EPSILON {
+            let middle = 0.5 * (low + high);
+            if middle <= low || middle >= high {
+                break;
+            }
+            *if jacobi(degree, 0.0, middle).1.signum() == sign { &mut low } else { &mut high } = middle;
+        }
+        0.5 * (low + high)
+    };
+    let mut inner: Vec<f64> = roots.windows(2).map(extreme).collect();
+    let count = inner.len();
+    for i in 0..count / 2 {
+        let x = 0.5 * (inner[count - 1 - i] - inner[i]);
+        (inner[i], inner[count - 1 - i]) = (-x, x);
+    }
+    if count % 2 == 1 {
+        inner[count / 2] = 0.0;
+    }
+    let places = std::iter::once(-1.0).chain(inner).chain([1.0]);
+    let weighted: Vec<(f64, f64)> = places.map(|x| (0.5 + 0.5 * x, 1.0 / jacobi(degree, 0.0, x).0.powi(2))).collect();
+    let sum: f64 = weighted.iter().map(|(_, weight)| weight).sum();
+    weighted.into_iter().map(|(t, weight)| (t, weight / sum)).collect()
+}

@@ -1,15 +1,21 @@
 //! Quadrature rules on the reference cells, and their points seen from the cells beside a facet.
 //!
 //! Promises: weights are positive, points lie in the cell, [`rule`] is exact for polynomials of
-//! its degree (total degree on simplices, degree in each variable on tensor cells). Every rule is
+//! its degree: total degree on simplices, degree in each variable on tensor cells, on wedges total degree on the triangle
+//! times the degree along z, on pyramids degree in each of x/(1 - z), y/(1 - z) and 1 - z. Every rule is
 //! a pure function of its arguments.
 
+mod composite;
 mod line;
+mod nodal;
+mod pyramid;
 mod rule;
 mod simplex;
 mod tensor;
 
-use crate::cell::{CellKind, facet_correspondences};
+use crate::cell::{Basis, CellKind, facet_correspondences};
+pub use composite::composite;
+pub use nodal::{beside_axis, nodal, one_per_node, vertex};
 pub use rule::Rule;
 
 /// Most points along one direction.
@@ -40,20 +46,36 @@ pub enum QuadratureError {
 }
 
 /// A rule exact for `degree`: Gauss-Legendre with the fewest points on tensor cells, a symmetric
-/// rule up to degree 6 and a collapsed Gauss-Jacobi rule above on triangles and tetrahedra. Degree
-/// 0 gives one point.
+/// rule up to degree 6 and a collapsed Gauss-Jacobi rule above on triangles and tetrahedra, the rule of a triangle times
+/// that of a segment on wedges, a collapsed one on pyramids. Degree 0 gives one point.
 ///
 /// # Errors
 /// [`QuadratureError::TooManyPoints`].
 pub fn rule(kind: CellKind, degree: usize) -> Result<Rule, QuadratureError> {
+    if kind.basis() == Basis::Wedge {
+        let (triangle, segment) = (self::rule(CellKind::Triangle, degree)?, self::rule(CellKind::Segment, degree)?);
+        return Ok(product(kind, &triangle, &segment));
+    }
     match simplex::symmetric(kind, degree) {
         Some(rule) => Ok(rule),
         None => gauss(kind, degree / 2 + 1),
     }
 }
 
+/// The rule of a triangle at each point of that of a segment.
+fn product(kind: CellKind, triangle: &Rule, segment: &Rule) -> Rule {
+    let all = || segment.points.iter().zip(&segment.weights);
+    let at = |z: f64| triangle.points.iter().map(move |p| [p[0], p[1], z]);
+    Rule {
+        kind,
+        degree: triangle.degree.min(segment.degree),
+        points: all().flat_map(|(z, _)| at(z[0])).collect(),
+        weights: all().flat_map(|(_, v)| triangle.weights.iter().map(move |w| w * v)).collect(),
+    }
+}
+
 /// The Gauss rule of `n` points along each direction, exact for degree `2 n - 1`; collapsed from
-/// the cube on triangles and tetrahedra.
+/// the cube on triangles, tetrahedra and pyramids, and on the triangles of wedges.
 ///
 /// # Errors
 /// [`QuadratureError`] when `n` is 0 or above [`MAX_POINTS_PER_DIRECTION`].
@@ -64,49 +86,13 @@ pub fn gauss(kind: CellKind, n: usize) -> Result<Rule, QuadratureError> {
     if n > MAX_POINTS_PER_DIRECTION {
         return Err(QuadratureError::TooManyPoints { per_direction: n });
     }
-    let (points, weights) = match kind {
-        CellKind::Triangle | CellKind::Tetrahedron => simplex::collapsed(kind.dim(), n),
-        _ => tensor::gauss(kind.dim(), n),
+    let (points, weights) = match kind.basis() {
+        Basis::Simplex if kind.dim() > 1 => simplex::collapsed(kind.dim(), n),
+        Basis::Simplex | Basis::Tensor => tensor::gauss(kind.dim(), n),
+        Basis::Wedge => return Ok(product(kind, &gauss(CellKind::Triangle, n)?, &gauss(CellKind::Segment, n)?)),
+        Basis::Pyramid => pyramid::collapsed(n),
     };
     Ok(Rule { kind, degree: 2 * n - 1, points, weights })
-}
-
-/// The nodal rule: the vertices, each with the integral of its hat function. Exact for degree 1.
-#[must_use]
-pub fn vertex(kind: CellKind) -> Rule {
-    let n = kind.n_vertices();
-    Rule { kind, degree: 1, points: kind.vertices().to_vec(), weights: vec![kind.reference_volume() / n as f64; n] }
-}
-
-/// The nodal rule of a Lagrange element: its nodes, in its order, each with the integral of its basis function.
-/// Degree 1 is [`vertex`]; degree 2 on tensor cells is Simpson's rule, exact for degree 3 in each variable.
-///
-/// # Errors
-/// [`QuadratureError::NoNodalRule`] on triangles and tetrahedra above degree 1, where the integrals of the vertex
-/// functions are not positive, and above degree 2.
-pub fn nodal(kind: CellKind, degree: usize) -> Result<Rule, QuadratureError> {
-    const SIMPSON: [(f64, f64); 3] = [(0.0, 1.0 / 6.0), (0.5, 2.0 / 3.0), (1.0, 1.0 / 6.0)];
-    let tensor = !kind.is_simplex() || kind == CellKind::Segment;
-    match degree {
-        0 | 1 => Ok(vertex(kind)),
-        2 if tensor && kind.dim() > 0 => {
-            let dim = kind.dim();
-            let (mut points, mut weights) = (Vec::new(), Vec::new());
-            for k in 0..3usize.pow(u32::try_from(dim).expect("at most 3")) {
-                let (mut point, mut weight, mut rest) = ([0.0; 3], 1.0, k);
-                for x in point.iter_mut().take(dim) {
-                    let (at, w) = SIMPSON[rest % 3];
-                    *x = at;
-                    weight *= w;
-                    rest /= 3;
-                }
-                points.push(point);
-                weights.push(weight);
-            }
-            Ok(Rule { kind, degree: 3, points, weights })
-        }
-        _ => Err(QuadratureError::NoNodalRule { kind, degree }),
-    }
 }
 
 /// Points of a rule of a facet's kind, as reference points of the cell with that local facet.
@@ -114,7 +100,7 @@ pub fn nodal(kind: CellKind, degree: usize) -> Result<Rule, QuadratureError> {
 #[must_use]
 pub fn facet_points(kind: CellKind, local_facet: usize, rule: &Rule) -> Vec<[f64; 3]> {
     let map = kind.facet_map(local_facet);
-    rule.points.iter().map(|point| map.apply(*point)).collect()
+    rule.points.iter().map(|point| kind.facet_point(local_facet, map.apply(*point))).collect()
 }
 
 /// Points of a facet rule given in the parameters of a facet here, as reference points of the cell
@@ -133,7 +119,7 @@ pub fn oriented_points(kind: CellKind, local_facet: usize, key: u8, rule: &Rule)
                 point[d] += hats[i] * vertex[d];
             }
         }
-        point
+        kind.facet_point(local_facet, point)
     };
     rule.points.iter().map(place).collect()
 }

@@ -101,6 +101,12 @@ pub(super) fn symmetric(kind: CellKind, degree: usize) -> Option<Rule> {
     Some(Rule { kind, degree, points, weights })
 }
 
+/// The midpoints of the edges of a triangle, exact for degree 2 (Strang and Fix).
+pub(super) fn edge_midpoints() -> Rule {
+    let points = vec![[0.5, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 0.5, 0.0]];
+    Rule { kind: CellKind::Triangle, degree: 2, points, weights: vec![1.0 / 6.0; 3] }
+}
+
 /// All distinct permutations of the first `n` coordinates, in a fixed order.
 fn permute(point: [f64; 4], fixed: usize, n: usize, seen: &mut Vec<[f64; 4]>) {
     if fixed == n {

@@ -4,7 +4,7 @@
 //! is halved as often as it has dimensions, so that its size is halved; of a marked quadrilateral or hexahedron every edge
 //! along the axes of the mark is halved, and with it the edge opposite in each cell: the layer of cells. Ends for every
 //! mesh: for triangles, quadrilaterals and hexahedra only edges of the mesh itself are halved, for tetrahedra Arnold,
-//! Mukherjee and Pouly prove it. Does not make cells.
+//! Mukherjee and Pouly prove it. A cell without a way to be divided that would have to be is an error. Does not make cells.
 
 use std::collections::VecDeque;
 
@@ -17,8 +17,8 @@ use super::{
     splits::{Halved, Splits},
 };
 use crate::{
-    cell::CellKind,
-    mesh::{CellId, Mesh},
+    cell::{CellKind, Subdivision},
+    mesh::{CellId, Mesh, MeshError},
 };
 
 /// Cells by the place of a vertex.
@@ -88,15 +88,16 @@ impl<'a, 's> Closure<'a, 's> {
     }
 
     /// Halves the edges of the marked cells and all that follow from it.
-    pub(super) fn close(&mut self, marks: &[Mark]) -> Result<(), TooMuchMemory> {
+    pub(super) fn close(&mut self, marks: &[Mark]) -> Result<(), MeshError> {
         for mark in marks.iter().filter(|mark| !mark.axes.is_empty()) {
             let kind = self.mesh.kind(mark.cell);
             let whole = self.whole(mark.cell);
-            if kind.is_simplex() {
-                self.bisect(mark.cell, kind, &whole, kind.dim())?;
-            } else {
-                for edge in kind.edges().iter().filter(|edge| mark.axes.contains(axis_of(**edge))) {
-                    self.halve(mark.cell, whole.edge(*edge))?;
+            match self.subdivision(mark.cell)? {
+                Subdivision::Bisection => self.bisect(mark.cell, kind, &whole, kind.dim())?,
+                Subdivision::Layers => {
+                    for edge in kind.edges().iter().filter(|edge| mark.axes.contains(axis_of(**edge))) {
+                        self.halve(mark.cell, whole.edge(*edge))?;
+                    }
                 }
             }
         }
@@ -118,11 +119,17 @@ impl<'a, 's> Closure<'a, 's> {
         Piece::whole(self.mesh, cell, self.labels[cell.index()])
     }
 
+    /// How a cell is divided, which it must be.
+    fn subdivision(&self, cell: CellId) -> Result<Subdivision, MeshError> {
+        let kind = self.mesh.kind(cell);
+        kind.subdivision().ok_or_else(|| MeshError::NoRefinement { cell: self.mesh.numbers().cell(cell), kind })
+    }
+
     /// Halves what a cell needs because of its neighbours.
-    fn visit(&mut self, cell: CellId) -> Result<(), TooMuchMemory> {
+    fn visit(&mut self, cell: CellId) -> Result<(), MeshError> {
         let (kind, whole) = (self.mesh.kind(cell), self.whole(cell));
-        if kind.is_simplex() {
-            return self.bisect(cell, kind, &whole, 0);
+        if self.subdivision(cell)? == Subdivision::Bisection {
+            return Ok(self.bisect(cell, kind, &whole, 0)?);
         }
         let axes = super::pieces::axes(&whole, kind, &self.splits);
         for edge in kind.edges().iter().filter(|edge| axes >> axis_of(**edge) & 1 == 1) {

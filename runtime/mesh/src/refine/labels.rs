@@ -7,7 +7,7 @@
 //! common face mark the same edge of it. Does not know which cells are to be refined.
 
 use crate::{
-    cell::CellKind,
+    cell::{CellKind, Subdivision},
     mesh::Mesh,
     vector::{difference, dot},
 };
@@ -39,7 +39,7 @@ const ROUNDED_BITS: u32 = 24;
 pub(super) fn first_labels(shape: &Mesh, same: impl Fn(u32) -> u32) -> Vec<Label> {
     let label = |cell| {
         let (kind, nodes) = (shape.kind(cell), shape.cell_vertices(cell));
-        if !kind.is_simplex() {
+        if kind.subdivision() != Some(Subdivision::Bisection) {
             return Label::default();
         }
         let key = |[a, b]: [usize; 2]| {

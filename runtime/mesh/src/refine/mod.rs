@@ -1,7 +1,8 @@
 //! Local refinement of a mesh that stays conforming.
 //!
 //! Segments are halved, triangles and tetrahedra bisected (labels.rs), quadrilaterals and hexahedra divided in whole
-//! layers: a node in the middle of an edge asks for one on the opposite edge, and so on to the boundary. Promises: every
+//! layers: a node in the middle of an edge asks for one on the opposite edge, and so on to the boundary.
+//! Wedges and pyramids are not divided yet, and a mark that reaches one is an error. Promises: every
 //! inner face has two cells with the same vertices; faces of two bodies that matched do so afterwards; the number of
 //! shapes of the parts of a cell is bounded; groups of a file come along; a curved cell of order 2 keeps its shape. The
 //! result depends on the mesh and the marks alone. Does not know conditions, scenes or the map of a mesh: the scene moves
@@ -25,7 +26,7 @@ pub use marks::{Axes, Mark};
 use wfl_host::memory::claim;
 
 use crate::{
-    cell::CellKind,
+    cell::{CellKind, Subdivision},
     mesh::{CellId, FacetRef, GroupFacet, Mesh, MeshError, NodeId, RawMesh, cell_bytes, node_bytes},
 };
 use carry::Middles;
@@ -89,7 +90,7 @@ impl Refiner {
     /// numbers, parts of a cell take its place.
     ///
     /// # Errors
-    /// [`MeshError::TooMuchMemory`] before it is taken, [`MeshError::TooLarge`], and what [`Mesh::from_raw`] finds where
+    /// [`MeshError::TooMuchMemory`] before it is taken, [`MeshError::TooLarge`], [`MeshError::NoRefinement`], and what [`Mesh::from_raw`] finds where
     /// cells become too small for their coordinates.
     ///
     /// # Panics
@@ -133,10 +134,10 @@ impl Refiner {
         let mut nodes = (self.mesh.n_nodes() + splits.positions().len()) as u64;
         for cell in self.mesh.cells() {
             let kind = self.mesh.kind(cell);
-            let parts = match (is_touched[cell.index()], kind.is_simplex()) {
-                (false, _) => 1,
-                (true, true) => pieces::count(&self.whole(cell), kind, splits) as u64,
-                (true, false) => {
+            let parts = match kind.subdivision().filter(|_| is_touched[cell.index()]) {
+                None => 1,
+                Some(Subdivision::Bisection) => pieces::count(&self.whole(cell), kind, splits) as u64,
+                Some(Subdivision::Layers) => {
                     let parts = 1 << pieces::axes(&self.whole(cell), kind, splits).count_ones();
                     // one in the middle, and three of its faces
                     nodes += if parts > 2 { 4 } else { 0 };
@@ -189,7 +190,7 @@ impl Refiner {
                 }
                 Ok(())
             };
-            if kind.is_simplex() {
+            if kind.subdivision() == Some(Subdivision::Bisection) {
                 pieces::simplex(whole, kind, splits, &mut each)?;
             } else {
                 pieces::tensor(&whole, kind, old.nodes(), splits, &mut each)?;

@@ -13,6 +13,7 @@ command ``wfl run``, which this package carries, too.
 from ._messages import Message, WflError, WflWarning
 from ._result import Charts, Contact, Iteration, Result, Step
 from ._scene import Field, Scene
+from ._wfl import State
 from ._wfl import version as __version__
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "Message",
     "Result",
     "Scene",
+    "State",
     "Step",
     "WflError",
     "WflWarning",

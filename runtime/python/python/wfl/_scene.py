@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import scipy.sparse
     from numpy.typing import ArrayLike, NDArray
 
+    from ._wfl import State
+
     Array = NDArray[np.float64]
     #: A number, an array, text of the language, or a function of the step variable.
     ParamValue = Union[float, str, ArrayLike, Callable[[float], float]]
@@ -429,6 +431,16 @@ class Scene:
     def restart(self) -> None:
         """Forgets the steps that were taken one by one: the next one is the first."""
         self._native.restart()
+
+    def state(self) -> State:
+        """Where the steps that are taken one by one stand: a value, to be kept for :meth:`go_back`, with a copy of the steps
+        so far. It has their number, ``n_steps``, and the unknowns, ``u``."""
+        return self._native.standing()
+
+    def go_back(self, state: State) -> None:
+        """Goes back to where steps of this scene, with these parameters, have stood: the next one has the bits that it had
+        from there. To try several increments, say: ``here = scene.state()``, then ``scene.go_back(here)`` before each."""
+        self._native.go_back(state)
 
     def result(self, *, check: bool = True) -> Result:
         """The result of the steps that were taken one by one."""

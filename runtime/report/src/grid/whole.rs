@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Values, cell, joined};
+use super::{Part, Values, cell, joined};
 use crate::folder::{ReportError, damaged};
 
 /// A cell with all its nodes, in the order of VTK.
@@ -19,6 +19,8 @@ pub(crate) struct Whole {
     pub(crate) points: Vec<[f64; 3]>,
     pub(crate) cells: Vec<WholeCell>,
     pub(crate) point_data: Vec<Values>,
+    /// Names of the arrays that the file has for cells: at the nodes stands the mean of the cells around each.
+    pub(crate) of_cells: Vec<String>,
 }
 
 impl WholeCell {
@@ -53,11 +55,38 @@ pub(crate) fn read_whole(file: &Path, dim: usize) -> Result<(Whole, Vec<String>)
             for array in &grid.point_data {
                 add(&mut whole.point_data, &array.name, array.width, before, array.of(&part.points).to_vec());
             }
+            for array in &grid.cell_data {
+                let numbers = at_nodes(array, &grid.cells, part);
+                add(&mut whole.point_data, &array.name, array.width, before, numbers);
+                if !whole.of_cells.contains(&array.name) {
+                    whole.of_cells.push(array.name.clone());
+                }
+            }
         }
     }
     // what lives on interfaces alone says nothing here
     whole.point_data.retain(|v| v.numbers.iter().any(|x| !x.is_nan()));
     Ok((whole, names))
+}
+
+/// Of numbers of cells the mean over those around each point of a part that have one; NaN elsewhere.
+fn at_nodes(array: &Values, cells: &[Vec<usize>], part: &Part) -> Vec<f64> {
+    let (width, first) = (array.width, part.points.start);
+    let mut sums = vec![0.0; width * part.points.len()];
+    let mut counts = vec![0.0; part.points.len()];
+    for k in part.cells.clone() {
+        let own = array.of(&(k..k + 1));
+        if own.iter().any(|x| x.is_nan()) {
+            continue;
+        }
+        for node in cells[k].iter().map(|n| n - first) {
+            counts[node] += 1.0;
+            sums[width * node..][..width].iter_mut().zip(own).for_each(|(sum, x)| *sum += x);
+        }
+    }
+    // 0/0 is NaN where no cell says something
+    sums.chunks_exact_mut(width.max(1)).zip(counts).for_each(|(entry, n)| entry.iter_mut().for_each(|x| *x /= n));
+    sums
 }
 
 /// Appends the numbers of a piece whose points begin at `before`.

@@ -111,16 +111,18 @@ pub(crate) fn numbers(whole: &Whole, dim: usize, wanted: &Wanted) -> Result<Opti
         part: part.to_owned(),
         known: known.iter().map(|k| format!("{name}:{k}")).collect(),
     };
-    let (part, label, note, of): (&str, String, &str, Part) = match array.width {
+    let means = whole.of_cells.contains(&source);
+    let note = if means { "means of the cells around each node" } else { "" };
+    let (part, label, note, of): (&str, String, &'static str, Part) = match array.width {
         1 => match &wanted.part {
-            None => ("", name.clone(), "", Box::new(|v| v[0])),
+            None => ("", name.clone(), note, Box::new(|v| v[0])),
             Some(part) => return Err(PlotError::Unfit(format!("`{name}` is a number and has no part `{part}`"))),
         },
         3 => {
             let part = wanted.part.as_deref().unwrap_or("magnitude");
             match VECTOR.iter().position(|k| *k == part) {
-                Some(0) => (part, format!("|{name}|"), "", Box::new(|v| v[0].hypot(v[1]).hypot(v[2]))),
-                Some(k) => (part, format!("{name} {part}"), "", Box::new(move |v| v[k - 1])),
+                Some(0) => (part, format!("|{name}|"), note, Box::new(|v| v[0].hypot(v[1]).hypot(v[2]))),
+                Some(k) => (part, format!("{name} {part}"), note, Box::new(move |v| v[k - 1])),
                 None => return Err(no_part(part, &VECTOR)),
             }
         }
@@ -129,7 +131,11 @@ pub(crate) fn numbers(whole: &Whole, dim: usize, wanted: &Wanted) -> Result<Opti
             let Some((words, of)) = tensor_part(part) else { return Err(no_part(part, &TENSOR)) };
             let plane = dim == 2 && array.numbers.chunks_exact(9).all(|t| t[8] == 0.0 || t[8].is_nan());
             let uses_zz = matches!(part, "vonmises" | "mean" | "max" | "min");
-            let note = if plane && uses_zz { "its zz component taken as 0" } else { "" };
+            let note = match (plane && uses_zz, means) {
+                (true, false) => "its zz component taken as 0",
+                (true, true) => "means of cells, its zz component taken as 0",
+                (false, _) => note,
+            };
             (part, format!("{name} {words}"), note, of)
         }
         other => {

@@ -79,6 +79,8 @@ fn edges(cell: &WholeCell) -> &'static [[usize; 2]] {
     match cell.kind {
         10 | 24 => &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]],
         12 | 29 => &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]],
+        13 | 32 => &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]],
+        14 | 27 => &[[0, 1], [1, 2], [2, 3], [3, 0], [0, 4], [1, 4], [2, 4], [3, 4]],
         _ => &[],
     }
 }
@@ -194,6 +196,8 @@ fn simplices(cell: &WholeCell) -> &'static [&'static [usize]] {
         10 | 24 => &[&[0, 1, 2, 3]],
         // around the diagonal from 0 to 6
         12 | 29 => &[&[0, 1, 2, 6], &[0, 2, 3, 6], &[0, 3, 7, 6], &[0, 7, 4, 6], &[0, 4, 5, 6], &[0, 5, 1, 6]],
+        13 | 32 => &[&[0, 1, 2, 5], &[0, 1, 5, 4], &[0, 4, 5, 3]],
+        14 | 27 => &[&[0, 1, 2, 4], &[0, 2, 3, 4]],
         _ => &[],
     }
 }
@@ -207,6 +211,32 @@ mod tests {
         let points = (0..8).map(|k| [f64::from(k % 2), f64::from(k / 2 % 2), f64::from(k / 4)]).collect();
         let cell = WholeCell { kind: 12, nodes: vec![0, 1, 3, 2, 4, 5, 7, 6] };
         Whole { points, cells: vec![cell], ..Whole::default() }
+    }
+
+    /// A wedge and a pyramid in the order of VTK, each of its volume by the simplices that a line is cut with.
+    #[test]
+    fn simplices_and_edges_of_wedges_and_pyramids_fill_the_cell() {
+        let wedge = vec![[0.0; 3], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]];
+        let pyramid = vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        for (kind, points, volume, corners_of_cut) in [(13, wedge, 0.5, 3), (14, pyramid, 1.0 / 3.0, 4)] {
+            let cell = WholeCell { kind, nodes: (0..points.len()).collect() };
+            let whole = Whole { points, cells: vec![cell], ..Whole::default() };
+            let of = |s: &[usize]| {
+                let p = |k: usize| difference(whole.points[s[k]], whole.points[s[0]]);
+                let (a, b, c) = (p(1), p(2), p(3));
+                (a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])
+                    + a[2] * (b[0] * c[1] - b[1] * c[0]))
+                    .abs()
+                    / 6.0
+            };
+            let sum: f64 = simplices(&whole.cells[0]).iter().map(|s| of(s)).sum();
+            assert!((sum - volume).abs() < 1e-14, "{kind}: {sum}");
+            assert_eq!(plane(&whole, &[0], 2, 0.5, true)[0].points.len(), corners_of_cut);
+        }
+    }
+
+    fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|d| a[d] - b[d])
     }
 
     fn corners(whole: &Whole, cut: &Cut) -> Vec<[f64; 3]> {

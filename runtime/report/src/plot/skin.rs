@@ -106,6 +106,20 @@ fn sides(cell: &WholeCell) -> Vec<Side> {
             side(&[0, 3, 2, 1], &[11, 10, 9, 8], Some(24)),
             side(&[4, 5, 6, 7], &[12, 13, 14, 15], Some(25)),
         ],
+        13 | 32 => vec![
+            side(&[0, 1, 2], &[6, 7, 8], None),
+            side(&[3, 5, 4], &[11, 10, 9], None),
+            side(&[0, 3, 4, 1], &[12, 9, 13, 6], Some(15)),
+            side(&[1, 4, 5, 2], &[13, 10, 14, 7], Some(16)),
+            side(&[2, 5, 3, 0], &[14, 11, 12, 8], Some(17)),
+        ],
+        14 | 27 => vec![
+            side(&[0, 3, 2, 1], &[8, 7, 6, 5], None),
+            side(&[0, 1, 4], &[5, 10, 9], None),
+            side(&[1, 2, 4], &[6, 11, 10], None),
+            side(&[2, 3, 4], &[7, 12, 11], None),
+            side(&[3, 0, 4], &[8, 9, 12], None),
+        ],
         _ => Vec::new(),
     }
 }
@@ -182,6 +196,19 @@ mod tests {
                 .fold([0.0; 3], |s, p| [0, 1, 2].map(|i| s[i] + p[i] / 4.0));
             let out: f64 = (0..3).map(|i| n[i] * (middle[i] - 0.5)).sum();
             assert!((out - 0.5).abs() < 1e-12, "{side:?}");
+        }
+        let wedge = vec![[0.0; 3], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]];
+        let pyramid = vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        for (kind, points) in [(13, wedge), (14, pyramid)] {
+            let n_points = points.len() as f64;
+            let centre = points.iter().fold([0.0; 3], |s, p| [0, 1, 2].map(|i| s[i] + p[i] / n_points));
+            let cell = WholeCell { kind, nodes: (0..points.len()).collect() };
+            let whole = Whole { points, cells: vec![cell], ..Whole::default() };
+            assert_eq!(skin(&whole, &[0], true).len(), 5);
+            for side in sides(&whole.cells[0]) {
+                let (n, at) = (normal(&whole, &side.corners), whole.points[side.corners[0]]);
+                assert!((0..3).map(|i| n[i] * (at[i] - centre[i])).sum::<f64>() > 0.1, "{kind} {side:?}");
+            }
         }
     }
 

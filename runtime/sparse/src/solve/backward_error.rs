@@ -1,30 +1,26 @@
-//! Backward-error checks, iterative refinement, null vectors, condition numbers.
+//! Backward-error checks, iterative refinement, condition numbers.
 //!
-//! Promises: residuals are those of the matrix itself, in double-double where they are used for corrections. A matrix
-//! counts as singular when a vector v is found with `‖S A v‖ < 64 ε ‖S⁻¹ v‖` (maximum norms), where S scales A to a
-//! unit diagonal: no digit of that pivot is left in double precision. The same must hold where rows and columns are scaled
-//! each for itself: equations of unlike units (friction and a state variable) leave small products in one scale and none
-//! in the other. Does not know how systems are solved: a solver is a function that overwrites a vector, of several ranks
+//! Promises: residuals are those of the matrix itself, in double-double where they are used for corrections; solutions
+//! with a matrix that is known to be ill-conditioned are refined until that gives no more. What is singular is defined in
+//! `singularity`. Does not know how systems are solved: a solver is a function that overwrites a vector, of several ranks
 //! one of equations ([`RowOwners`]) by one of unknowns.
 
 use wfl_host::team::{Alone, Team};
 
 use super::row_owners::RowOwners;
-use super::scaling::{equilibration, symmetric_scale};
+use super::scaling::symmetric_scale;
 use super::triangular_solve::Transpose;
 use super::{NullVector, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, residual_and_size, residual_compensated};
 use crate::norm::largest;
 
-/// See the module documentation.
-const SINGULAR: f64 = 64.0 * f64::EPSILON;
 /// Growth `‖A‖ ‖x‖ / ‖b‖` above which the null space is examined.
 const SUSPICIOUS_GROWTH: f64 = 1e12;
-/// Steps of inverse iteration.
-const INVERSE_ITERATIONS: usize = 3;
 /// Refinement starts above these backward errors: of the scaled matrix, and of single rows.
 const GOOD_RESIDUAL: f64 = 1e-13;
 const GOOD_COMPONENT: f64 = 1e-10;
+/// Steps of refinement with an ill-conditioned matrix: each halves the error at least, or is the last.
+const MOST_OF_WEAK: usize = 50;
 
 /// Row sums of magnitudes.
 fn absolute_sums(part: &Csr) -> Vec<f64> {
@@ -47,6 +43,8 @@ pub(super) struct BackwardErrorCheck {
     owners: Option<RowOwners>,
     /// Of the solution checked last.
     last: Measure,
+    /// The matrix is known to be ill-conditioned: a small residual says little of a solution.
+    is_weak: bool,
 }
 
 /// Backward errors of one solution.
@@ -71,7 +69,18 @@ impl BackwardErrorCheck {
             constant: None,
             owners: None,
             last: Measure::default(),
+            is_weak: false,
         }
+    }
+
+    /// Says whether the matrix to solve with is known to be ill-conditioned.
+    pub(super) fn set_weak(&mut self, is_weak: bool) {
+        self.is_weak = is_weak;
+    }
+
+    /// Whether it is.
+    pub(super) fn is_weak(&self) -> bool {
+        self.is_weak
     }
 
     /// For matrices with the rows of this rank alone; all ranks then check together.
@@ -85,12 +94,12 @@ impl BackwardErrorCheck {
     }
 
     /// The ranks.
-    fn team(&self) -> &dyn Team {
+    pub(super) fn team(&self) -> &dyn Team {
         self.owners.as_ref().map_or(&Alone, |owners| &*owners.team)
     }
 
     /// The largest size of numbers by row, of all ranks.
-    fn largest(&self, values: impl IntoIterator<Item = f64>) -> f64 {
+    pub(super) fn largest(&self, values: impl IntoIterator<Item = f64>) -> f64 {
         self.team().largest(largest(values))
     }
 
@@ -206,7 +215,8 @@ impl BackwardErrorCheck {
         let mut measure = self.measure(parts, rhs, x);
         let mut refinements = 0;
         let mut last_step = f64::INFINITY;
-        while refinements < self.options.max_refinements && self.should_refine(measure, tolerance) {
+        let most = if self.is_weak { MOST_OF_WEAK } else { self.options.max_refinements };
+        while refinements < most && self.should_refine(measure, tolerance) {
             self.residual_of(parts, rhs, x);
             let mut step = std::mem::take(&mut self.residual);
             solver(&mut step);
@@ -223,7 +233,7 @@ impl BackwardErrorCheck {
             let before = measure;
             measure = self.measure(parts, rhs, x);
             let is_done = size <= f64::EPSILON * self.scaled_size(x);
-            if is_done || (!self.options.extended_residual && measure.relative > 0.5 * before.relative) {
+            if is_done || (!self.refines_to_the_end() && measure.relative > 0.5 * before.relative) {
                 break;
             }
         }
@@ -272,7 +282,12 @@ impl BackwardErrorCheck {
     fn should_refine(&self, measure: Measure, tolerance: f64) -> bool {
         let is_exact = measure.relative <= GOOD_RESIDUAL && measure.componentwise <= GOOD_COMPONENT;
         let is_good = is_exact || measure.left <= tolerance;
-        measure.relative.is_finite() && (self.options.extended_residual || !is_good)
+        measure.relative.is_finite() && (self.refines_to_the_end() || !is_good)
+    }
+
+    /// Whether a small residual is no reason to stop.
+    fn refines_to_the_end(&self) -> bool {
+        self.options.extended_residual || self.is_weak
     }
 
     /// Backward errors; infinite for a solution that is not finite. Leaves the residual in `self.residual`.
@@ -309,7 +324,7 @@ impl BackwardErrorCheck {
     }
 
     /// Largest component of a vector of unknowns in units of their scale.
-    fn scaled_size(&self, x: &[f64]) -> f64 {
+    pub(super) fn scaled_size(&self, x: &[f64]) -> f64 {
         self.largest(x.iter().zip(&self.scale).map(|(value, scale)| value / scale))
     }
 
@@ -318,80 +333,6 @@ impl BackwardErrorCheck {
         let loads = self.largest(rhs.iter().zip(&self.scale).map(|(value, scale)| value * scale));
         let size = self.scaled_size(x);
         size.is_nan() || size > SUSPICIOUS_GROWTH * loads
-    }
-
-    /// `‖S A v‖ / ‖S⁻¹ v‖`, the product summed in double-double.
-    pub(super) fn null_ratio(&mut self, parts: &[&Csr], v: &[f64]) -> f64 {
-        let zeros = vec![0.0; v.len()];
-        self.residual_of(parts, &zeros, v);
-        let product = self.largest(self.residual.iter().zip(&self.scale).map(|(r, s)| r * s));
-        product / self.scaled_size(v)
-    }
-
-    /// Inverse iteration from a fixed start: the error that says that the matrix is singular, if it is.
-    pub(super) fn find_null_vector(
-        &mut self,
-        parts: &[&Csr],
-        solver: &mut dyn FnMut(&mut [f64]),
-    ) -> Option<SolveError> {
-        // Golden-ratio numbers: fixed, and orthogonal to no mode in particular.
-        let start = |dof: usize| ((dof + 1) as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
-        let mut v: Vec<f64> = (0..self.scale.len()).map(|dof| start(dof) * self.scale[dof]).collect();
-        for _ in 0..INVERSE_ITERATIONS {
-            // The right-hand side lives in scaled equations.
-            v.iter_mut().zip(&self.scale).for_each(|(value, scale)| *value /= scale * scale);
-            solver(&mut v);
-            let size = self.scaled_size(&v);
-            if !(size.is_finite() && size > 0.0) {
-                return None;
-            }
-            v.iter_mut().for_each(|value| *value /= size);
-        }
-        let found = self.as_singular(parts, v.clone())?;
-        self.is_singular_when_even(parts, v, solver).then_some(found)
-    }
-
-    /// Whether the matrix has a null vector, too, with rows and columns each brought to entries of about 1: the one that was
-    /// found, or with the scales R and C that of an inverse iteration for `R A C`. A solver of a shifted matrix is exact for
-    /// the first alone.
-    fn is_singular_when_even(&mut self, parts: &[&Csr], found: Vec<f64>, solver: &mut dyn FnMut(&mut [f64])) -> bool {
-        let sum =
-            parts.split_first().map(|(first, rest)| rest.iter().try_fold((*first).clone(), |sum, part| sum.plus(part)));
-        let Some(Ok(matrix)) = sum else { return true };
-        let (rows, columns) = equilibration(&matrix, self.owners.as_ref());
-        drop(matrix);
-        let size = |this: &Self, v: &[f64]| this.largest(v.iter().zip(&columns).map(|(value, scale)| value / scale));
-        let is_null = |this: &mut Self, v: &[f64]| {
-            this.residual_of(parts, &vec![0.0; v.len()], v);
-            let ratio = this.largest(this.residual.iter().zip(&rows).map(|(r, s)| r * s)) / size(this, v);
-            // what is no number is no proof of the contrary
-            ratio.is_nan() || ratio <= SINGULAR
-        };
-        if is_null(self, &found) {
-            return true;
-        }
-        let start = |dof: usize| ((dof + 1) as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
-        let mut v: Vec<f64> = (0..columns.len()).map(|dof| start(dof) * columns[dof]).collect();
-        for _ in 0..INVERSE_ITERATIONS {
-            v.iter_mut().zip(&rows).zip(&columns).for_each(|((value, row), column)| *value /= row * column);
-            solver(&mut v);
-            let size = size(self, &v);
-            if !(size.is_finite() && size > 0.0) {
-                return true;
-            }
-            v.iter_mut().for_each(|value| *value /= size);
-        }
-        is_null(self, &v)
-    }
-
-    /// The error for a null vector, if it is one.
-    pub(super) fn as_singular(&mut self, parts: &[&Csr], v: Vec<f64>) -> Option<SolveError> {
-        let ratio = self.null_ratio(parts, &v);
-        if ratio.is_nan() || ratio > SINGULAR {
-            return None;
-        }
-        let mode = NullVector::new(v);
-        Some(SolveError::Singular { dof: mode.largest().unwrap_or(0), ratio, mode })
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Promises: what is returned as a solution has a backward error below the limit, measured with the matrix itself and
 //! not with its factor; a failure is one of the classes of [`SolveError`], with dofs in the caller's numbering.
-//! What is small, large and singular is defined in `backward_error`.
+//! What is small and large is defined in `backward_error`, what is singular in `singularity`.
 
 use std::sync::Arc;
 
@@ -13,6 +13,7 @@ use super::llt::Llt;
 use super::lu::SparseLu;
 use super::older_factor::OlderFactor;
 use super::on_pattern::OnPattern;
+use super::singularity::Found;
 use super::symmetry::check_symmetry;
 use super::triangular_solve::Transpose;
 use super::{Kept, LinearSolver, SolveError, SolveReport, SolverOptions};
@@ -61,20 +62,27 @@ impl<F: Factorization> Checked<F> {
         explain_singular(&mut self.check, &self.matrix.matrix, None, error)
     }
 
+    /// Nothing is known of the matrix.
+    fn forget_null_space(&mut self) {
+        self.null_space_is_clear = false;
+        self.check.set_weak(false);
+    }
+
     /// Inverse iteration with the factor, once for each factor.
     fn check_null_space(&mut self) -> Result<(), SolveError> {
         if self.null_space_is_clear {
             return Ok(());
         }
         let factorization = &mut self.factorization;
-        let solver = &mut |x: &mut [f64]| factorization.solve(Transpose::No, x);
+        let solver = &mut |transpose, x: &mut [f64]| factorization.solve(transpose, x);
         match self.check.find_null_vector(&[&self.matrix.matrix], solver) {
-            Some(error) => {
+            Found::Singular(error) => {
                 self.is_factored = false;
                 Err(error)
             }
-            None => {
+            other => {
                 self.null_space_is_clear = true;
+                self.check.set_weak(matches!(other, Found::Weak));
                 Ok(())
             }
         }
@@ -99,7 +107,10 @@ pub(super) fn explain_singular(
     if solver.factor(&shifted).is_err() {
         return error;
     }
-    check.find_null_vector(&[matrix], &mut |x| solver.solve(Transpose::No, x)).unwrap_or(error)
+    match check.find_null_vector(&[matrix], &mut |transpose, x| solver.solve(transpose, x)) {
+        Found::Singular(found) => found,
+        _ => error,
+    }
 }
 
 /// The class of a bulk that is not positive definite with these dofs held fixed.
@@ -134,7 +145,7 @@ impl<F: Factorization> LinearSolver for Checked<F> {
     fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
         (self.is_factored, self.is_older) = (false, false);
         self.older.set_worn(false);
-        self.null_space_is_clear = false;
+        self.forget_null_space();
         self.matrix.take(matrix)?;
         self.check.set_matrix(&[&self.matrix.matrix])?;
         if F::NEEDS_SYMMETRY {
@@ -188,17 +199,22 @@ impl<F: Factorization> LinearSolver for Checked<F> {
         let first = self.check.solve(&matrix, &mut |x| factorization.solve(Transpose::No, x), rhs, x, 0.0);
         match first {
             Ok(report) => {
+                let was_weak = self.check.is_weak();
                 if self.check.has_grown(rhs, x) {
                     self.check_null_space()?;
                 }
-                Ok(report)
+                if self.check.is_weak() == was_weak {
+                    return Ok(report);
+                }
+                let (factorization, matrix) = (&mut self.factorization, &self.matrix.matrix);
+                self.check.solve(&[matrix], &mut |x| factorization.solve(Transpose::No, x), rhs, x, 0.0)
             }
             Err(error @ SolveError::ResidualTooLarge { .. }) => {
                 self.check_null_space()?;
                 if !self.factorization.retry(&self.matrix.matrix)? {
                     return Err(error);
                 }
-                self.null_space_is_clear = false;
+                self.forget_null_space();
                 let factorization = &mut self.factorization;
                 let mut report = self.check.solve(
                     &[&self.matrix.matrix],
@@ -226,6 +242,12 @@ impl<F: Factorization> LinearSolver for Checked<F> {
 
     fn is_negative(&self) -> Option<bool> {
         self.factorization.is_negative().filter(|_| self.is_factored && !self.is_older)
+    }
+
+    fn is_definite(&self) -> Option<bool> {
+        let negative = self.is_negative()?;
+        // a symmetric factor that exists is Cholesky's
+        if F::NEEDS_SYMMETRY { Some(true) } else { negative.then_some(false) }
     }
 }
 
@@ -299,6 +321,10 @@ macro_rules! checked_door {
 
             fn is_negative(&self) -> Option<bool> {
                 self.inner.is_negative()
+            }
+
+            fn is_definite(&self) -> Option<bool> {
+                self.inner.is_definite()
             }
         }
     };

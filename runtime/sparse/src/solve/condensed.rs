@@ -38,6 +38,7 @@ use super::checked::{explain_bulk, explain_singular};
 use super::dense::Kind;
 use super::krylov::{Gmres, Limits};
 use super::on_pattern::OnPattern;
+use super::singularity::Found;
 use super::symmetry::check_symmetry;
 use super::triangular_solve::Transpose;
 use super::{Precision, SolveError, SolveReport, SolverOptions};
@@ -332,6 +333,7 @@ impl CheckedCondensed {
         self.spent = 0;
         self.factorisations += 1;
         self.null_space_is_clear = false;
+        self.check.set_weak(false);
         let kind = if self.is_symmetric() { Kind::Symmetric } else { Kind::General };
         let mut outcome = self.engine.factor(&self.bulk, &self.changing.matrix, kind);
         if matches!(outcome, Err(SolveError::VanishingPivot { .. })) && self.rescue()? {
@@ -388,17 +390,25 @@ impl CheckedCondensed {
             return Ok(());
         }
         let (engine, check) = (&mut self.engine, &mut self.check);
-        let solver = &mut |x: &mut [f64]| engine.solve(Transpose::No, x);
+        let solver = &mut |transpose, x: &mut [f64]| engine.solve(transpose, x);
         match check.find_null_vector(&[&self.bulk, &self.changing.matrix], solver) {
-            Some(error) => {
+            Found::Singular(error) => {
                 self.state = State::Empty;
                 Err(error)
             }
-            None => {
+            other => {
                 self.null_space_is_clear = true;
+                self.check.set_weak(matches!(other, Found::Weak));
                 Ok(())
             }
         }
+    }
+
+    /// Looks for a null vector; true if the matrix turns out to be ill-conditioned, which was not known before.
+    fn is_found_weak(&mut self) -> Result<bool, SolveError> {
+        let was_weak = self.check.is_weak();
+        self.check_null_space()?;
+        Ok(self.check.is_weak() && !was_weak)
     }
 
     /// Solves `(bulk + changing) x = rhs`; vectors are by dof.
@@ -465,9 +475,9 @@ impl CheckedCondensed {
                 report = self.solve_fresh(rhs, x, tolerance);
             }
         }
-        let report = report?;
-        if self.check.has_grown(rhs, x) {
-            self.check_null_space()?;
+        let mut report = report?;
+        if self.check.has_grown(rhs, x) && self.is_found_weak()? {
+            report = self.solve_fresh(rhs, x, tolerance)?;
         }
         Ok(SolveReport { krylov_iterations, refactored, ..report })
     }

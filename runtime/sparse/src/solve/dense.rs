@@ -191,6 +191,11 @@ impl<T: Number> Dense<T> {
         self.state == State::Lu && (negative % 2 == 1) != is_odd(&self.pivots)
     }
 
+    /// True if the matrix is positive definite: it has a Cholesky factor.
+    pub(super) fn is_definite(&self) -> bool {
+        self.state == State::Cholesky
+    }
+
     /// Scales rows, then columns, to largest entries of about 1.
     fn equilibrate(&mut self) {
         let n = self.n;

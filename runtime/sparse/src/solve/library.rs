@@ -12,7 +12,9 @@ use super::checked::explain_singular;
 use super::multigrid::NodeLayout;
 use super::on_pattern::OnPattern;
 use super::row_owners::RowOwners;
+use super::singularity::Found;
 use super::symmetry::{check_own_symmetry, check_symmetry};
+use super::triangular_solve::Transpose;
 use super::{Kept, LinearSolver, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
 
@@ -217,15 +219,17 @@ impl CheckedLibrary {
     /// The error for a matrix that is singular although it was solved with.
     fn look_for_null_vector(&mut self) -> Result<(), SolveError> {
         let (engine, changing) = (&mut self.engine, &self.changing.matrix);
-        let mut solver = |x: &mut [f64]| {
+        let is_symmetric = self.is_symmetric;
+        let mut solver = |transpose, x: &mut [f64]| {
             let b = x.to_vec();
-            if engine.solve(changing, &b, x, ROUGH).is_err() {
+            let is_known = is_symmetric || transpose == Transpose::No;
+            if !is_known || engine.solve(changing, &b, x, ROUGH).is_err() {
                 x.fill(f64::NAN);
             }
         };
         match self.check.find_null_vector(&[&self.constant, changing], &mut solver) {
-            Some(error) => Err(error),
-            None => Ok(()),
+            Found::Singular(error) => Err(error),
+            _ => Ok(()),
         }
     }
 }

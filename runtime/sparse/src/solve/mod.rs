@@ -17,6 +17,7 @@ mod dense;
 mod factorization;
 mod faer_lu;
 mod frontal_lu;
+mod inertia;
 mod kernels;
 mod krylov;
 mod library;
@@ -34,6 +35,7 @@ mod packed;
 mod problems;
 mod row_owners;
 mod scaling;
+mod singularity;
 mod symbolic;
 mod symmetry;
 #[cfg(test)]
@@ -42,10 +44,11 @@ mod triangular_solve;
 
 pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
 pub use condensed::{CheckedAtPoints, CheckedCondensed, DENSE_LIMIT, Elimination, Reference};
+pub use inertia::{Inertia, inertia};
 pub use library::{CheckedLibrary, Engine, Equations, Library, Linked, Traits};
 pub use memory::SolverMemory;
 pub use multigrid::{CheckedMultigrid, Interpolation, NearNullSpace, NodeLayout};
-pub use null_space::{NullSpace, null_space, triangular};
+pub use null_space::{LargestEntries, NullSpace, largest_entries, null_space, triangular};
 pub use ordering::{Ordering, order};
 pub use row_owners::RowOwners;
 
@@ -216,11 +219,12 @@ pub enum SolveError {
         dof: usize,
     },
     /// The matrix is singular to working precision.
-    #[error("the matrix is singular at dof {dof} (its scaled product with a null vector is {ratio:.1e})")]
+    #[error("the matrix is singular at dof {dof} (a change of its entries by {ratio:.0e} of themselves makes it so)")]
     Singular {
         /// Dof with the largest component of the null vector.
         dof: usize,
-        /// `‖S A v‖ / ‖S⁻¹ v‖` for the null vector v, S scaling A to a unit diagonal: of the order of 1e-16.
+        /// The change of the entries, relative to themselves, that makes the matrix singular: at most the rounding with
+        /// which they are known.
         ratio: f64,
         /// The null vector.
         mode: NullVector,
@@ -369,6 +373,12 @@ pub trait LinearSolver {
     /// Whether the determinant of the matrix factored last is negative, by its pivots. `None` without a factor, or
     /// where the factor does not tell.
     fn is_negative(&self) -> Option<bool>;
+
+    /// Whether the matrix factored last is positive definite, as far as the factor tells: Cholesky's does, and a negative
+    /// determinant.
+    fn is_definite(&self) -> Option<bool> {
+        self.is_negative().filter(|negative| *negative).map(|_| false)
+    }
 
     /// The method in words, where it is more than the name of the solver.
     fn describe(&self) -> Option<String> {

@@ -33,9 +33,14 @@ pub struct NullSpace {
     pub vectors: Vec<Vec<f64>>,
     /// The same in scaled unknowns, orthonormal.
     pub scaled: Vec<Vec<f64>>,
-    /// The largest entry of each row of the matrix as it is.
+}
+
+/// The largest entries of a matrix, in size.
+#[derive(Clone, Debug, Default)]
+pub struct LargestEntries {
+    /// Of each row.
     pub rows: Vec<f64>,
-    /// The largest entry of each column.
+    /// Of each column.
     pub columns: Vec<f64>,
 }
 
@@ -44,7 +49,6 @@ pub struct NullSpace {
 #[must_use]
 pub fn null_space(matrix: &Csr, coordinates: Option<&[[f64; 3]]>, threads: usize) -> Option<NullSpace> {
     let n = matrix.n_rows();
-    let (rows, columns) = largest(matrix);
     let products: usize = (0..n).map(|row| matrix.row(row).0.len().pow(2)).sum();
     if n == 0 || products > MOST_PRODUCTS || matrix.first_non_finite().is_some() {
         return None;
@@ -77,11 +81,12 @@ pub fn null_space(matrix: &Csr, coordinates: Option<&[[f64; 3]]>, threads: usize
     };
     let scaled: Vec<Vec<f64>> = small.map(combined).collect();
     let unscaled = |v: &Vec<f64>| v.iter().zip(&column_scale).map(|(x, s)| x * s).collect();
-    Some(NullSpace { vectors: scaled.iter().map(unscaled).collect(), scaled, rows, columns })
+    Some(NullSpace { vectors: scaled.iter().map(unscaled).collect(), scaled })
 }
 
 /// The largest entries of rows and columns.
-fn largest(matrix: &Csr) -> (Vec<f64>, Vec<f64>) {
+#[must_use]
+pub fn largest_entries(matrix: &Csr) -> LargestEntries {
     let (mut rows, mut columns) = (vec![0.0f64; matrix.n_rows()], vec![0.0f64; matrix.n_cols()]);
     for (row, size) in rows.iter_mut().enumerate() {
         let (list, values) = matrix.row(row);
@@ -90,16 +95,16 @@ fn largest(matrix: &Csr) -> (Vec<f64>, Vec<f64>) {
             columns[*column as usize] = columns[*column as usize].max(value.abs());
         }
     }
-    (rows, columns)
+    LargestEntries { rows, columns }
 }
 
 /// The matrix with rows and columns scaled to largest entries of 1, and the scale of the columns.
-fn equilibrated(matrix: &Csr) -> (Csr, Vec<f64>) {
+pub(super) fn equilibrated(matrix: &Csr) -> (Csr, Vec<f64>) {
     let mut scaled = matrix.clone();
     let mut scale = vec![1.0; matrix.n_cols()];
     let factor = |size: &f64| if *size > 0.0 { 1.0 / size.sqrt() } else { 1.0 };
     for _ in 0..ROUNDS {
-        let (rows, columns) = largest(&scaled);
+        let LargestEntries { rows, columns } = largest_entries(&scaled);
         let (rows, columns): (Vec<f64>, Vec<f64>) =
             (rows.iter().map(factor).collect(), columns.iter().map(factor).collect());
         let pattern = scaled.pattern().clone();
@@ -204,9 +209,9 @@ mod tests {
     fn rows_far_apart_are_not_singular() {
         let matrix = Csr::from_triplets(2, 2, &[(0, 0, 1e30), (0, 1, 1.0), (1, 0, 1.0), (1, 1, 1.0)]).unwrap();
         let found = null_space(&matrix, None, 1).unwrap();
-        assert!(found.vectors.is_empty() && found.rows[0] == 1e30);
+        assert!(found.vectors.is_empty() && largest_entries(&matrix).rows[0] == 1e30);
         let matrix = Csr::from_triplets(2, 2, &[(0, 0, 1.0), (0, 1, 3.0)]).unwrap();
         let found = null_space(&matrix, None, 1).unwrap();
-        assert_eq!((found.vectors.len(), found.rows[1]), (1, 0.0));
+        assert_eq!((found.vectors.len(), largest_entries(&matrix).rows[1]), (1, 0.0));
     }
 }

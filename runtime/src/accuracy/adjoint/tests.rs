@@ -13,8 +13,8 @@ fn solved(text: &str) -> Solved {
     let main = sources.add("scene.wfl", text.to_owned());
     let script = resolve(&mut sources, main, &mut NoFiles, &[]).value.expect("a script");
     let made = prepare(&script, Path::new("."), &InterpreterBackend);
-    let mut scene = made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics));
-    let outcome = run(&mut scene, &RunOptions::without_files(1, Instant::now()), &mut Quiet).expect("a run");
+    let scene = made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics));
+    let outcome = run(&scene, &RunOptions::without_files(1, Instant::now()), &mut Quiet).expect("a run");
     let outputs = script.outputs.clone();
     Solved { script, outputs, scene, outcome }
 }
@@ -38,9 +38,9 @@ fn the_products_sum_up_to_the_difference_of_a_measure() {
         let pair = Pair { coarse: &coarse, rich: &rich };
         let state = &rich.outcome.steps[0].state;
         let embedded = pair.embedded(state).expect("the same mesh");
-        let at = |unknowns| StateAt { time: 0.0, increment: 0.0, unknowns };
+        let at = |unknowns| StateAt { system: &rich.outcome.equations.system, time: 0.0, increment: 0.0, unknowns };
         let goal = pair.goal("M", &InterpreterBackend, [&embedded, state], &at).expect("a derivative");
-        let adjoint = adjoint(&rich.scene.system, state, goal, 1).expect("a solution");
+        let adjoint = adjoint(&rich.outcome.equations.system, state, goal, 1).expect("a solution");
         let sum: f64 = pair.products(&embedded, &adjoint).expect("products").iter().sum();
         assert!(difference.abs() > 1e-6 && (sum / difference - 1.0).abs() < 1e-8, "{cells}: {sum:e} {difference:e}");
         // as parts of cells they lose their signs, and nothing else

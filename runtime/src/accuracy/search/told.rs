@@ -16,10 +16,17 @@ impl<T: Trials> Search<'_, T> {
         short: Option<Short>,
     ) -> Found<T::Run> {
         let level = &levels[best];
-        let setting = level.setting.clone();
+        let (setting, data) = (level.setting.clone(), level.data.error);
         let others = self.others(&level.run, &level.rich, level.factor);
-        let end =
-            End { setting, rounds: level.rounds.len(), apart: level.apart, error: level.estimate(), others, short };
+        let end = End {
+            setting,
+            rounds: level.rounds.len(),
+            apart: level.apart,
+            error: level.estimate(),
+            data,
+            others,
+            short,
+        };
         self.found(levels, run, end)
     }
 
@@ -36,7 +43,9 @@ impl<T: Trials> Search<'_, T> {
         }
         let others = levels.last().map_or_else(Vec::new, |judge| self.others(&run, &judge.rich, SAFETY));
         let setting = self.setting(mesh.degree, false, mesh.finer);
-        let end = End { setting, rounds: mesh.rounds.len(), apart: error / SAFETY, error, others, short: None };
+        let data = levels.last().map_or(0.0, |judge| judge.data.error);
+        let (rounds, apart) = (mesh.rounds.len(), error / SAFETY);
+        let end = End { setting, rounds, apart, error, data, others, short: None };
         self.found(levels, run, end)
     }
 
@@ -58,6 +67,9 @@ impl<T: Trials> Search<'_, T> {
             order: Real(self.order_seen(levels, &run, &end)),
             tolerance: Real(self.tolerance_error),
             method: Real(self.method_error),
+            data: Real(end.data),
+            time: Real(self.time_error),
+            geometry: Real(self.geometry_error),
             estimate: Real(end.error + self.other()),
             reached: end.short.is_none(),
             truth: None,
@@ -117,7 +129,16 @@ impl<T: Trials> Search<'_, T> {
                 one_digit(self.method_error)
             )),
         };
-        std::iter::once(tol).chain(method).collect()
+        let steps = self.ways.divides_steps().then(|| {
+            let error = one_digit(self.time_error);
+            let each = if self.substeps > 1 {
+                format!("each step in {} parts", self.substeps)
+            } else {
+                "steps as they are".to_owned()
+            };
+            format!("time: {each}, whose length adds an error of {error}, measured on the first mesh against halves")
+        });
+        std::iter::once(tol).chain(method).chain(steps).collect()
     }
 }
 

@@ -4,7 +4,7 @@ use crate::{
     assemble::NegativeVolumes,
     bytes::{Reader, Unreadable, Writer},
     checks::{Accuracy, Others, PhysicsCheck, TurnedCells},
-    contact::FrictionWork,
+    contact::{Creep, FrictionWork, SlidPast},
     newton::{Iteration, Method, StepHistory, Stop},
     run::{Attempt, AttemptEnd, Path, StepResult},
     solve::SolveReport,
@@ -64,6 +64,16 @@ pub(super) fn step(w: &mut Writer, s: &StepResult) {
     }
     w.count(usize::from(s.friction.is_some()));
     s.friction.iter().for_each(|f| w.numbers(&[f.taken, f.size, f.bound]));
+    w.count(usize::from(s.creep.is_some()));
+    if let Some(Creep { term, slip, step, position: [x, y, z], lost, moved, deformed }) = &s.creep {
+        w.text(term);
+        w.numbers(&[*slip, *step, *x, *y, *z, *lost, *moved, *deformed]);
+    }
+    w.count(s.slid.len());
+    for SlidPast { term, faces, slip, position: [x, y, z], share } in &s.slid {
+        w.text(term);
+        w.numbers(&[*faces, *slip, *x, *y, *z, *share]);
+    }
     quantities(w, s);
 }
 
@@ -114,6 +124,17 @@ pub(super) fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         Ok(FrictionWork { taken, size, bound })
     })?;
     step.friction = friction.into_iter().next();
+    let creep = r.list(|r| {
+        let term = r.text()?;
+        let [slip, step, x, y, z, lost, moved, deformed] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        Ok(Creep { term, slip, step, position: [x, y, z], lost, moved, deformed })
+    })?;
+    step.creep = creep.into_iter().next();
+    step.slid = r.list(|r| {
+        let term = r.text()?;
+        let [faces, slip, x, y, z, share] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+        Ok(SlidPast { term, faces, slip, position: [x, y, z], share })
+    })?;
     step.events = r.list(|r| r.numbers()?.try_into().map_err(|_| Unreadable))?;
     step.series = r.list(|r| r.list(Reader::numbers))?;
     step.measures = r.list(|r| {

@@ -1,14 +1,13 @@
 //! W611 for bodies that are not positive definite.
 
 use wfl::Diagnostic;
-use wfl_runtime::{NegativeBody, Scene, finite, negative_bodies};
+use wfl_runtime::{Equations, NegativeBody, checks::negative_bodies, finite};
 
 use crate::Loaded;
 
 /// W611 for each field whose terms on cells are not positive definite at the first step.
-pub(super) fn bodies(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
-    // where a known field has no finite value, the run itself says so with the place
-    negative_bodies(scene).unwrap_or_default().iter().map(|body| told(loaded, body)).collect()
+pub(super) fn bodies(loaded: &Loaded, first: &Equations) -> Vec<Diagnostic> {
+    negative_bodies(&first.system).iter().map(|body| told(loaded, body)).collect()
 }
 
 fn told(loaded: &Loaded, body: &NegativeBody) -> Diagnostic {

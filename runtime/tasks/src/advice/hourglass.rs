@@ -1,19 +1,19 @@
 //! W511 for rules of a scene that leave deformations of a cell without stiffness.
 
 use wfl::{Diagnostic, ast::QuadratureRule};
-use wfl_runtime::{Hourglass, Scene, hourglasses};
+use wfl_runtime::{Hourglass, Scene};
 
 use crate::Loaded;
 
 /// W511 for each kind of cells on which a rule that the scene gives does not see some deformations.
 #[must_use]
-pub fn rules(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
+pub fn rules(loaded: &Loaded, scene: &Scene) -> Vec<Diagnostic> {
     let mut found = Vec::new();
     for statement in loaded.script.quadratures.iter().filter(|q| matches!(q.rule, QuadratureRule::Degree(_))) {
         let on = |place: &str| statement.places.iter().any(|p| p.name == place);
         let given: Vec<usize> = (0..scene.terms.len()).filter(|k| on(&scene.terms[*k].place)).collect();
         // where a known field has no finite value, the run itself says so with the place
-        let modes = hourglasses(scene, &given).unwrap_or_default();
+        let modes = scene.hourglasses(&given).unwrap_or_default();
         found.extend(modes.iter().map(|mode| told(mode).at(statement.span, "")));
     }
     found

@@ -1,21 +1,18 @@
 //! W512 for loads that their quadrature rules do not resolve.
 
 use wfl::Diagnostic;
-use wfl_runtime::{CoarseLoad, RuleChoice, Scene, coarse_loads, finite};
+use wfl_runtime::{CoarseLoad, Scene, finite};
 
 /// W512 for each load whose nodal forces a rule with more points moves.
-pub(super) fn loads(scene: &mut Scene) -> Vec<Diagnostic> {
+pub(super) fn loads(scene: &Scene) -> Vec<Diagnostic> {
     // where a known field has no finite value, the run itself says so with the place
-    let found = coarse_loads(scene).unwrap_or_default();
+    let found = scene.coarse_loads().unwrap_or_default();
     found.iter().map(|load| told(scene, load)).collect()
 }
 
 fn told(scene: &Scene, load: &CoarseLoad) -> Diagnostic {
     let term = &scene.terms[load.term];
-    let own = match term.rule {
-        RuleChoice::Degree(degree) => format!("degree {degree}"),
-        RuleChoice::Vertex => "vertex".to_owned(),
-    };
+    let own = term.rule.words();
     let step = if scene.steps.values.len() > 1 { format!(" at t = {}", load.time) } else { String::new() };
     let text = format!(
         "degree {} moves its nodal forces by {:.0} %{step}, most at {}",

@@ -1,12 +1,11 @@
 //! W513 for nearly incompressible bodies on elements of degree 1.
 
 use wfl::Diagnostic;
-use wfl_runtime::{LockedBody, Scene, finite, locked_bodies};
+use wfl_runtime::{Equations, LockedBody, Scene, checks::locked_bodies, finite};
 
 /// W513 for each displacement of degree 1 whose body is nearly incompressible at the first step.
-pub(super) fn bodies(scene: &mut Scene) -> Vec<Diagnostic> {
-    // where a known field has no finite value, the run itself says so with the place
-    let found = locked_bodies(scene).unwrap_or_default();
+pub(super) fn bodies(scene: &Scene, first: &Equations) -> Vec<Diagnostic> {
+    let found = locked_bodies(&first.system);
     found.iter().map(|body| told(scene, body)).collect()
 }
 

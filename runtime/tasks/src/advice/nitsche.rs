@@ -1,7 +1,10 @@
 //! What is said of the parameters of Nitsche's method, at the place where they are given.
 
 use wfl::Diagnostic;
-use wfl_runtime::{Scene, coercivity, contact::Coercivity};
+use wfl_runtime::{
+    Equations, Scene,
+    contact::{Coercivity, coercivity},
+};
 
 use crate::{
     Loaded,
@@ -19,9 +22,8 @@ pub fn found_parameters(loaded: &Loaded, scene: &Scene) -> String {
 
 /// W503 for each Nitsche parameter below the smallest safe value, W504 for each that is out of proportion.
 #[must_use]
-pub fn parameters(loaded: &Loaded, scene: &mut Scene) -> Vec<Diagnostic> {
-    // where a term has no finite value, the run itself says so with the place
-    let Ok(found) = coercivity(scene) else { return Vec::new() };
+pub fn parameters(loaded: &Loaded, scene: &Scene, first: &Equations) -> Vec<Diagnostic> {
+    let found = coercivity(&first.system, &first.contact);
     found.iter().filter_map(|c| told(loaded, scene, c)).collect()
 }
 

@@ -259,8 +259,15 @@ In short:
 
 - **The mesh decides.** Most of the error is discretisation error. A Newton tolerance of 1e-2 or 1e-3 is enough for
   displacements, slip and gradients; pressures need a tighter one.
-- **gamma.** Nitsche's method is within 5 % of its best error from gamma = 2 E/h on, penalty from 20 E/h on. The augmented
-  Lagrangian does not depend on gamma. On one mesh the three methods cost about the same.
+- **gamma.** Nitsche's method is within 5 % of its best error from gamma = 2 E/h on, penalty from 20 E/h on. With the
+  default rule of contact, one point a node, pressures and forces are as good for any larger gamma: its upper end is
+  1e4 E/h, the largest one measured, on flat and on curved gaps. Under a Gauss rule (`quadrature ... degree n`, through a
+  mapping, on cells of second order, and of Nitsche's method on hexahedra) the upper end on curved gaps is E/h where a zone
+  of contact ends; where all faces are closed, 2 E/h for elements of degree 1 and 10 E/h for degree 2. Above it pressures alternate from point to point
+  (W520). The next table has errors. With one point a node the smallest safe gamma of Nitsche's method is larger (W503,
+  `gamma = auto`), on hexahedra about four times: there Nitsche's method keeps the Gauss rule; `quadrature on ... vertex`
+  and 10 E/h give right pressures. The augmented Lagrangian does not depend on gamma. On one mesh the three methods cost
+  about the same.
 - **Degree.** For a smooth solution quadratic elements are faster at every accuracy. With the singularities of a fault or a
   crack they are faster for small errors only: below 0.7 % of the displacement of the fault, below 1 % of the slip of the
   crack.
@@ -269,6 +276,21 @@ In short:
 - **`wfl run --accuracy`** picks such settings by itself. Its own last run is cheaper than the best uniform one where errors
   are small, and the search before it costs several times as much; the last section compares the whole command with the
   cheapest run of the tables. `marks=REPORT` takes the mesh without the search.
+
+Penalty on waves that are closed everywhere: errors of the pressure (relative, root of the mean square) and of the force in
+per cent, over gamma in E/h, with one point a node and under a Gauss rule. [quadrature.md](quadrature.md) has those of all
+methods, cells and gaps, and the command that prints them.
+
+| cells | rule | 0.1 | 1 | 2 | 10 | 20 | 100 | 1e3 | 1e4 |
+|---|---|---|---|---|---|---|---|---|---|
+| quad Q1 | **nodes** | 27 / 17 | 4.6 / 2.1 | 2.5 / 1.0 | 0.6 / 0.2 | 0.3 / 0.1 | 0.2 / 0.02 | 0.1 / 0.00 | 0.1 / 0.00 |
+| quad Q1 | degree 4 | 27 / 17 | 4.5 / 2.1 | 2.5 / 1.0 | 5.7 / 0.2 | 11 / 0.1 | 46 / 0.02 | 109 / 0.01 | 118 / 0.01 |
+| quad Q2 | **nodes** | 40 / 30 | 8.4 / 4.0 | 4.6 / 2.1 | 1.0 / 0.4 | 0.5 / 0.2 | 0.3 / 0.04 | 0.3 / 0.00 | 0.3 / 0.00 |
+| quad Q2 | degree 6 | 40 / 30 | 8.4 / 4.0 | 4.6 / 2.1 | 1.2 / 0.4 | 1.4 / 0.2 | 6.7 / 0.04 | 59 / 0.00 | 103 / 0.00 |
+| hex Q1 | **nodes** | 37 / 30 | 8.9 / 4.1 | 5.4 / 2.1 | 2.2 / 0.5 | 1.8 / 0.3 | 1.6 / 0.08 | 1.5 / 0.05 | 1.5 / 0.04 |
+| hex Q1 | degree 4 | 37 / 30 | 8.0 / 4.0 | 4.6 / 2.1 | 11 / 0.4 | 22 / 0.2 | 87 / 0.03 | 187 / 0.04 | 219 / 0.06 |
+| hex Q2 | **nodes** | 51 / 46 | 14 / 7.8 | 8.4 / 4.0 | 2.2 / 0.8 | 1.5 / 0.4 | 1.1 / 0.08 | 1.1 / 0.01 | 1.1 / 0.00 |
+| hex Q2 | degree 6 | 51 / 46 | 14 / 7.8 | 8.3 / 4.0 | 3.1 / 0.8 | 4.9 / 0.4 | 25 / 0.08 | 122 / 0.00 | 183 / 0.02 |
 
 This page is made by `wfl sweep --study docs` from the tables of the runs, failed runs included. Errors are relative. Each
 point of a figure is a run; lower and further left is better. The line is the Pareto front: no run is both faster and more

@@ -30,7 +30,7 @@ use std::{
 
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
-    knobs,
+    NO_SAMPLING, knobs,
     output::{Kind, OutputDir, OutputError, Plan, State},
 };
 
@@ -108,7 +108,15 @@ pub fn sweep(job: &Job<'_>) -> Result<(), String> {
     let mut sweep = Sweep {
         job,
         knobs: &knobs,
-        bench: Bench { backend: job.backend, listener: job.listener, threads, only: None, last: false, rounds: &[] },
+        bench: Bench {
+            backend: job.backend,
+            listener: job.listener,
+            threads,
+            only: None,
+            last: false,
+            rounds: &[],
+            sampling: &NO_SAMPLING,
+        },
         references: Vec::new(),
         problem_knobs: problems[0].iter().map(|k| k.0.clone()).collect(),
         rows: kept_rows(&dir)?,

@@ -8,7 +8,7 @@ use crate::domain::{Group, GroupSide};
 use wfl_compiler::{
     first_non_finite, interpret, interpret_lanes,
     ir::{LANES, VerifiedKernel},
-    types::BasisSlot,
+    types::{BasisSlot, InputSlot},
 };
 use wfl_host::team::Team;
 use wfl_mesh::mesh::{CellId, Mesh};
@@ -127,6 +127,33 @@ impl AssembledTerm {
                 }
             }
         }
+    }
+
+    /// The fluxes by test slot at the points that `is_wanted`, in their order, where the law reads `replace(point, slot,
+    /// value)` in place of the value of a slot. Points are numbered as [`Self::for_each_flux`] calls them.
+    pub fn fluxes_with(
+        &self,
+        mesh: &Mesh,
+        values: FieldValues<'_>,
+        is_wanted: impl Fn(usize) -> bool,
+        replace: impl Fn(usize, &InputSlot, f64) -> f64,
+    ) -> Vec<Vec<f64>> {
+        let n_tests = self.law.tests.len();
+        let mut out = vec![0.0; self.law.residual.kernel().outputs.len()];
+        let (mut scratch, mut found, mut next) = (Vec::new(), Vec::new(), 0);
+        let all = self.points::<()>(mesh, values, |inputs, _| {
+            let point = next;
+            next += 1;
+            if is_wanted(point) {
+                let slots = self.law.inputs.iter().zip(inputs);
+                let inputs: Vec<f64> = slots.map(|(slot, value)| replace(point, slot, *value)).collect();
+                interpret(&self.law.residual, &self.uniforms, &inputs, &mut scratch, &mut out);
+                found.push(out[..n_tests].to_vec());
+            }
+            ControlFlow::Continue(())
+        });
+        debug_assert!(all.is_continue(), "no point ends it");
+        found
     }
 
     /// Finds the first entity and point at which an instruction gives something that is not finite.

@@ -39,7 +39,7 @@ impl Summands {
 impl AssembledTerm {
     /// Adds the sizes of the summands to `out`, by dof, in the rows of this rank. Nothing for a law that has none.
     pub fn add_own_summands(&self, mesh: &Mesh, values: FieldValues<'_>, out: &mut [f64], share: Option<&Share>) {
-        let Some(Summands { kernel, needs }) = &self.summands else { return };
+        let Some(Summands { kernel, needs }) = self.summands.as_deref() else { return };
         let binding = &self.integrator.binding;
         let n_out = binding.tests.len();
         let out = shared(out);

@@ -27,7 +27,7 @@ pub(super) struct Located {
 }
 
 /// For the number of threads that assembled last.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Kept {
     shares: Option<Arc<Shares>>,
     /// Of the located pattern.
@@ -39,6 +39,32 @@ pub(super) struct Kept {
 impl Kept {
     fn forget_places(&mut self) {
         (self.rows, self.halves) = (None, None);
+    }
+}
+
+/// A copy has workspaces of its own.
+impl Clone for AssembledTerm {
+    fn clone(&self) -> Self {
+        let kept = |k: usize| Mutex::new(self.kept[k].lock().unwrap_or_else(PoisonError::into_inner).clone());
+        Self {
+            law: Arc::clone(&self.law),
+            integrator: self.integrator.clone(),
+            place: self.place.clone(),
+            residual: Arc::clone(&self.residual),
+            tangent: self.tangent.clone(),
+            summands: self.summands.clone(),
+            step: self.step.clone(),
+            uniforms: self.uniforms.clone(),
+            dofs: Arc::clone(&self.dofs),
+            entries: Arc::clone(&self.entries),
+            residual_needs: self.residual_needs.clone(),
+            tangent_needs: self.tangent_needs.clone(),
+            plans: Arc::clone(&self.plans),
+            scatters: Arc::clone(&self.scatters),
+            located: self.located.clone(),
+            kept: [kept(0), kept(1)],
+            workspaces: Mutex::default(),
+        }
     }
 }
 

@@ -57,7 +57,7 @@ pub enum ReadError {
         section: &'static str,
     },
     /// An element that is not supported.
-    #[error("{place}: element {element} is a {name} (Gmsh type {code}), which is not supported")]
+    #[error("{place}: element {element} is a {name} (Gmsh type {code}), which is not supported{remedy}")]
     ElementType {
         /// Number of the element.
         element: u64,
@@ -65,6 +65,8 @@ pub enum ReadError {
         code: i64,
         /// Its name, as far as known.
         name: &'static str,
+        /// How to write the file instead, after a semicolon; empty where nothing helps.
+        remedy: &'static str,
         /// Where.
         place: Place,
     },

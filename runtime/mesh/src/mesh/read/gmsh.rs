@@ -16,58 +16,40 @@ use crate::{
 };
 
 /// One of the supported element types.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ElementType {
-    code: i64,
     pub(super) kind: CellKind,
     order: usize,
+}
+
+impl ElementType {
     /// Place in Gmsh's node list of each node of our Lagrange element.
-    nodes: &'static [usize],
+    fn nodes(self) -> &'static [usize] {
+        self.kind.gmsh(self.order).nodes
+    }
 }
-
-const fn element_type(code: i64, kind: CellKind, order: usize, nodes: &'static [usize]) -> ElementType {
-    ElementType { code, kind, order, nodes }
-}
-
-/// Gmsh lists corners counter-clockwise and edges in its own order; ours are lexicographic on
-/// tensor cells, and edges (1,3), (2,3) of a tetrahedron change places.
-static ELEMENT_TYPES: [ElementType; 11] = [
-    element_type(15, CellKind::Point, 1, &[0]),
-    element_type(1, CellKind::Segment, 1, &[0, 1]),
-    element_type(2, CellKind::Triangle, 1, &[0, 1, 2]),
-    element_type(3, CellKind::Quadrilateral, 1, &[0, 1, 3, 2]),
-    element_type(4, CellKind::Tetrahedron, 1, &[0, 1, 2, 3]),
-    element_type(5, CellKind::Hexahedron, 1, &[0, 1, 3, 2, 4, 5, 7, 6]),
-    element_type(8, CellKind::Segment, 2, &[0, 1, 2]),
-    element_type(9, CellKind::Triangle, 2, &[0, 1, 2, 3, 4, 5]),
-    element_type(10, CellKind::Quadrilateral, 2, &[0, 4, 1, 7, 8, 5, 3, 6, 2]),
-    element_type(11, CellKind::Tetrahedron, 2, &[0, 1, 2, 3, 4, 5, 6, 7, 9, 8]),
-    element_type(
-        12,
-        CellKind::Hexahedron,
-        2,
-        &[0, 8, 1, 9, 20, 11, 3, 13, 2, 10, 21, 12, 22, 26, 23, 15, 24, 14, 4, 16, 5, 17, 25, 18, 7, 19, 6],
-    ),
-];
 
 /// The element type with this number. `place` is called only for an error: finding a line is slow.
-pub(super) fn find_type(
-    code: i64,
-    element: u64,
-    place: impl FnOnce() -> Place,
-) -> Result<&'static ElementType, ReadError> {
-    let found = ELEMENT_TYPES.iter().find(|t| t.code == code);
+pub(super) fn find_type(code: i64, element: u64, place: impl FnOnce() -> Place) -> Result<ElementType, ReadError> {
+    let all =
+        [1, 2].into_iter().flat_map(|order| CellKind::ALL.into_iter().map(move |kind| ElementType { kind, order }));
+    let found = all.into_iter().find(|t| t.kind.gmsh(t.order).code == code);
     found.ok_or_else(|| ReadError::ElementType {
         element,
         code,
         name: match code {
-            6 | 13 | 18 => "prism",
-            7 | 14 | 19 => "pyramid",
             16 => "quadrilateral with 8 nodes",
             17 => "hexahedron with 20 nodes",
+            18 => "wedge (prism) with 15 nodes",
+            19 => "pyramid with 13 nodes",
             20..=28 => "line or triangle of higher order",
             29..=31 => "tetrahedron of higher order",
             _ => "cell of unknown shape",
+        },
+        remedy: match code {
+            16..=19 => "; write the mesh with `Mesh.SecondOrderIncomplete = 0`",
+            20..=31 => "; write the mesh with `Mesh.ElementOrder = 2`",
+            _ => "",
         },
         place: place(),
     })
@@ -164,7 +146,7 @@ fn names(cursor: &mut Cursor<'_>, names: &mut Names) -> Result<(), ReadError> {
 /// A run of elements of one type on one geometric entity.
 #[derive(Debug)]
 pub(super) struct Block {
-    pub(super) element_type: &'static ElementType,
+    pub(super) element_type: ElementType,
     /// Physical groups of the elements.
     pub(super) groups: Vec<i64>,
     /// Numbers of the elements.
@@ -174,11 +156,11 @@ pub(super) struct Block {
 }
 
 impl ElementType {
-    pub(super) fn n_nodes(&self) -> usize {
-        self.nodes.len()
+    pub(super) fn n_nodes(self) -> usize {
+        self.nodes().len()
     }
 
-    fn dim(&self) -> usize {
+    fn dim(self) -> usize {
         self.kind.dim()
     }
 }
@@ -316,7 +298,7 @@ fn resolve(map: &NodeMap, element: u64, node: u64) -> Result<u32, ReadError> {
 }
 
 fn add_cells(block: &Block, map: &NodeMap, raw: &mut RawMesh, groups: &mut Groups) -> Result<(), ReadError> {
-    let places = block.element_type.nodes;
+    let places = block.element_type.nodes();
     let first = raw.kinds.len();
     for (element, nodes) in block.elements.iter().zip(block.nodes.chunks_exact(places.len())) {
         for place in places {
@@ -343,11 +325,8 @@ fn add_lower(block: &Block, dim: usize, map: &NodeMap, groups: &mut Groups) -> R
         for group in &block.groups {
             if kind.dim() + 1 == dim {
                 // Corners come first in Gmsh's lists, for every order.
-                let corner = |i: usize| nodes[if i < kind.n_vertices() { i } else { 0 }];
-                let mut vertices = std::array::from_fn(corner);
-                if kind == CellKind::Quadrilateral {
-                    vertices.swap(2, 3);
-                }
+                let corner = |i: usize| nodes[kind.gmsh(1).nodes.get(i).copied().unwrap_or(0)];
+                let vertices = std::array::from_fn(corner);
                 let facets = groups.facets.entry(*group).or_default();
                 facets.push(GroupFacet { kind, vertices });
             } else {
@@ -370,9 +349,7 @@ fn merge_repeated(raw: &mut RawMesh, groups: &mut Groups) {
     let mut starts = Vec::with_capacity(raw.kinds.len() + 1);
     starts.push(0);
     for kind in &raw.kinds {
-        let counts = |t: &&ElementType| t.kind == *kind && t.order == raw.order;
-        let element_type = ELEMENT_TYPES.iter().find(counts);
-        let n = element_type.map_or(1, ElementType::n_nodes);
+        let n = kind.gmsh(raw.order).nodes.len();
         starts.push(starts[starts.len() - 1] + n);
     }
     let nodes = |cell: u32| &raw.connectivity[starts[cell as usize]..starts[cell as usize + 1]];

@@ -32,7 +32,7 @@ const READERS: [Reader; 2] = [
 /// # Errors
 /// [`ReadError`].
 pub fn mesh_of(bytes: &[u8]) -> Result<Mesh, ReadError> {
-    Ok(Mesh::from_raw(parse_mesh(bytes)?)?)
+    Ok(Mesh::from_file(parse_mesh(bytes)?)?)
 }
 
 /// The mesh in the contents of a file, not yet checked.

@@ -75,7 +75,7 @@ fn element(
     cursor: &mut Cursor<'_>,
     contents: &mut Contents,
     number: u64,
-    element_type: &'static gmsh::ElementType,
+    element_type: gmsh::ElementType,
     n_tags: u64,
 ) -> Result<(), ReadError> {
     let mut group = 0;
@@ -87,10 +87,8 @@ fn element(
     }
     // A negative number says that the group takes the entity with its orientation reversed.
     let groups: &[i64] = if group == 0 { &[] } else { &[group.abs()] };
-    let joins = contents
-        .blocks
-        .last()
-        .is_some_and(|block| std::ptr::eq(block.element_type, element_type) && block.groups == groups);
+    let joins =
+        contents.blocks.last().is_some_and(|block| block.element_type == element_type && block.groups == groups);
     if !joins {
         contents.blocks.push(Block { element_type, groups: groups.to_vec(), elements: Vec::new(), nodes: Vec::new() });
     }

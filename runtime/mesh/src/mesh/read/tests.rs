@@ -4,12 +4,15 @@ use crate::mesh::{
 };
 
 /// Files of [`data/README.md`](data/README.md) in two formats each.
-const FILES: [(&str, [&[u8]; 2]); 5] = [
+const FILES: [(&str, [&[u8]; 2]); 8] = [
     ("disc", [include_bytes!("data/disc_22b.msh"), include_bytes!("data/disc_41a.msh")]),
     ("hex", [include_bytes!("data/hex_22a.msh"), include_bytes!("data/hex_41b.msh")]),
     ("tet", [include_bytes!("data/tet_22b.msh"), include_bytes!("data/tet_41a.msh")]),
     ("mixed", [include_bytes!("data/mixed_22a.msh"), include_bytes!("data/mixed_41b.msh")]),
     ("line", [include_bytes!("data/line_22b.msh"), include_bytes!("data/line_41a.msh")]),
+    ("wedges", [include_bytes!("data/wedges_22a.msh"), include_bytes!("data/wedges_41a.msh")]),
+    ("solids", [include_bytes!("data/solids_22b.msh"), include_bytes!("data/solids_41a.msh")]),
+    ("solids2", [include_bytes!("data/solids2_22a.msh"), include_bytes!("data/solids2_41b.msh")]),
 ];
 
 fn files(name: &str) -> [Mesh; 2] {
@@ -33,7 +36,7 @@ fn measure(mesh: &Mesh, topology: &Topology, name: &str) -> f64 {
 #[test]
 fn groups_have_the_measures_that_gmsh_finds() {
     type Expected = (&'static str, f64, f64);
-    let expected: [(&str, usize, &[Expected]); 5] = [
+    let expected: [(&str, usize, &[Expected]); 8] = [
         (
             "disc",
             7,
@@ -69,6 +72,10 @@ fn groups_have_the_measures_that_gmsh_finds() {
         ),
         ("mixed", 12, &[("squares", 1.0, 1e-13), ("triangles", 1.0, 1e-13), ("seam", 1.0, 1e-13)]),
         ("line", 3, &[("bar", 3.0, 1e-13), ("end", 1.0, 1e-13)]),
+        ("wedges", 2, &[("body", 1.0, 1e-14), ("bottom", 1.0, 1e-14)]),
+        // Gmsh's rule on tetrahedra has eleven digits
+        ("solids", 60, &[("body", 7.9999999999902, 2e-11), ("bottom", 4.0, 1e-13)]),
+        ("solids2", 60, &[("body", 8.174999999989588, 2e-11), ("bottom", 4.007434153696927, 1e-5)]),
     ];
     for (name, n_cells, groups) in expected {
         for mesh in files(name) {
@@ -160,7 +167,10 @@ fn errors_name_the_place() {
     assert_eq!(n("$Nodes\n3", "$Nodes\n4"), "line 9: found `$EndNodes`, needed the number of a node");
     assert_eq!(n("$Nodes\n3", "$Nodes\n2"), "line 8: found `9`, needed $EndNodes");
     assert_eq!(n("$Nodes\n3", "$Nodes\n-3"), "line 5: found `-3`, needed the number of nodes");
-    assert_eq!(e("5 2 2", "5 6 2"), "line 12: element 5 is a prism (Gmsh type 6), which is not supported");
+    assert_eq!(
+        e("5 2 2", "5 18 2"),
+        "line 12: element 5 is a wedge (prism) with 15 nodes (Gmsh type 18), which is not supported; write the mesh with `Mesh.SecondOrderIncomplete = 0`"
+    );
     assert_eq!(e("1 1 2 9", "1 1 2"), "line 13: found `$EndElements`, needed a node of an element");
     assert_eq!(e("1 2 9", "2 1 9"), "element 5 is inside out: its jacobian determinant is -1e0 everywhere checked");
     assert_eq!(e("\n1\n5", "\n0\n"), "line 12: found `2`, needed $EndElements");

@@ -192,6 +192,12 @@ impl CheckedAtPoints {
         self.solver().is_negative().map(|negative| negative != of_points)
     }
 
+    /// Whether the matrix factored last is positive definite, as far as the factor tells. What is eliminated at points is
+    /// not symmetric, and its factor says nothing.
+    pub fn is_definite(&self) -> Option<bool> {
+        if self.reduced.is_some() { None } else { self.solver().is_definite() }
+    }
+
     /// As that of [`CheckedCondensed`].
     ///
     /// # Errors

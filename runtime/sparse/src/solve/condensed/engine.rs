@@ -259,6 +259,11 @@ impl Engine {
         }
     }
 
+    /// True if the matrix factored last is known to be positive definite. What stays constant is.
+    pub(super) fn is_definite(&self) -> bool {
+        matches!(&self.method, Method::Dense { dense, .. } if dense.is_definite())
+    }
+
     /// Solves in place, by dof.
     pub(super) fn solve(&mut self, transpose: Transpose, x: &mut [f64]) {
         let (symbolic, constant) = (&self.symbolic, &self.constant);

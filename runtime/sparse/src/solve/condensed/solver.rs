@@ -50,4 +50,12 @@ impl LinearSolver for CheckedCondensed {
     fn is_negative(&self) -> Option<bool> {
         (self.state != State::Empty).then(|| self.engine.is_negative())
     }
+
+    fn is_definite(&self) -> Option<bool> {
+        match self.state {
+            State::Empty => None,
+            _ if self.engine.is_definite() => Some(true),
+            _ => self.engine.is_negative().then_some(false),
+        }
+    }
 }

@@ -1,0 +1,194 @@
+//! Derivatives of arguments against differences in double-double arithmetic, and the parameters that scale them.
+
+use std::collections::BTreeMap;
+
+use wfl::{SourceMap, ast::Expansions, parse_expr};
+
+use super::{FrozenLaw, ProjectionKind, ScaledPart, compile_frozen, scaling_parameters};
+use crate::{
+    build::{Constant, Env},
+    dd::Dd,
+    interp::interpret,
+    law::ValueLaw,
+    real::Real,
+    symmetry::unit_normals,
+    term::{TermSource, compile_term},
+    types::{FieldId, FieldKind, FieldOp, FieldSig, InputSlot, PlaceKind, PlaceSig, Shape},
+};
+
+const JUMP: &str = "(u - Interpolate(w, neighbor_element))";
+/// Penalty with Coulomb friction between `u` here and `w` there.
+const PENALTY: &str = "(pos_part(k*(J.Normal - g))*Normal
+    + Ball_projection(k*(J - (J.Normal)*Normal), mu*pos_part(k*(J.Normal - g)))).Test_u";
+/// Nitsche's method, stress of `u` alone.
+const NITSCHE: &str = "1/k*(pos_part(k*(J.Normal - g) - S.Normal)*Normal
+    + Ball_projection(k*(J - (J.Normal)*Normal) - (S - (S.Normal)*Normal), mu*pos_part(k*(J.Normal - g) - S.Normal)))
+    .(k*Test_u - theta*2*E*Sym(Grad_Test_u)*Normal)";
+/// A multiplier `l`.
+const AUGMENTED: &str = "(pos_part(k*(J.Normal - g) - l.Normal)*Normal).Test_u - 1/k*l.Test_l";
+/// An argument that is not linear in the displacement.
+const CURVED: &str = "pos_part(k*Norm_sqr(u + [1,2]) - exp(0.1*E*Det(Id(2) + Grad_u)))*Test_u(1)";
+
+/// Expressions as they stand in the tests: J is the jump, S the traction of `u`.
+fn written(text: &str) -> String {
+    text.replace('J', JUMP).replace('S', "(2*E*Sym(Grad_u)*Normal)").replace("(2*E*Sym(Grad_u)*Normal)ym", "Sym")
+}
+
+fn fields() -> Vec<FieldSig> {
+    let sig = |name: &str, shape, kind| FieldSig { name: name.to_owned(), shape, degree: 1, kind, global: false };
+    vec![
+        sig("u", Shape::vector(2), FieldKind::Unknown),
+        sig("w", Shape::vector(2), FieldKind::Unknown),
+        sig("l", Shape::vector(2), FieldKind::Multiplier),
+        sig("g", Shape::SCALAR, FieldKind::Data),
+    ]
+}
+
+fn place() -> PlaceSig {
+    PlaceSig {
+        name: "fault".to_owned(),
+        kind: PlaceKind::Interface,
+        here: vec![true, false, true, true],
+        there: vec![false, true, false, false],
+        entities: Vec::new(),
+        description: "an interface".to_owned(),
+        here_name: None,
+        inside: false,
+    }
+}
+
+/// Compiles the frozen form of a term and hands it over with all that it was made of.
+fn with_frozen<R>(text: &str, numbers: &[(&str, f64)], f: impl FnOnce(&Env<'_>, TermSource<'_>, &FrozenLaw) -> R) -> R {
+    let constant = |x: f64| Constant { shape: Shape::SCALAR, values: vec![x], declared: None };
+    let params: BTreeMap<String, Constant> = numbers.iter().map(|(n, x)| ((*n).to_owned(), constant(*x))).collect();
+    let (fields, expansions) = (fields(), Expansions::default());
+    let env = Env {
+        dim: 2,
+        fields: &fields,
+        mappings: &[],
+        params: &params,
+        expansions: &expansions,
+        step_variable: Some("t"),
+        rates: &[],
+        tables: &[],
+        equal_within: 0.0,
+    };
+    let mut sources = SourceMap::new();
+    let text = written(text);
+    let id = sources.add("law", text.as_str());
+    let expr = parse_expr(&sources, id).value.unwrap();
+    let source = TermSource::Residual(&expr);
+    let law = compile_term(&env, &place(), "law", source);
+    let law = law.value.unwrap_or_else(|| panic!("{:?}", law.diagnostics));
+    let frozen = compile_frozen(&env, &place(), "law", &law.listing, FieldId::new(fields.len())).unwrap();
+    f(&env, source, &frozen)
+}
+
+const NUMBERS: [(&str, f64); 4] = [("k", 3.7), ("mu", 0.4), ("theta", -1.0), ("E", 2.3)];
+
+fn outputs(law: &ValueLaw, inputs: &[Dd]) -> Vec<Dd> {
+    let step = vec![Dd::from_f64(1.0); law.prologue.slots.len()];
+    let mut uniforms = vec![Dd::from_f64(0.0); law.prologue.kernel.kernel().outputs.len()];
+    interpret(&law.prologue.kernel, &step, &[], &mut Vec::new(), &mut uniforms);
+    let mut out = vec![Dd::from_f64(0.0); law.kernel.kernel().outputs.len()];
+    interpret(&law.kernel, &uniforms, inputs, &mut Vec::new(), &mut out);
+    out
+}
+
+/// Inputs of a law at the n-th of some states, normals of length 1.
+fn state(law: &ValueLaw, n: usize) -> Vec<Dd> {
+    let wave = |k: usize| (1.7 * k as f64 + 0.9 * n as f64 + 0.3).sin();
+    let mut inputs: Vec<f64> = (0..law.inputs.len()).map(wave).collect();
+    unit_normals(&law.inputs, &mut inputs);
+    inputs.into_iter().map(Dd::from_f64).collect()
+}
+
+#[test]
+fn slopes_are_the_derivatives_of_the_arguments_with_respect_to_all_that_moves() {
+    let step = Dd::from_f64(1e-10);
+    for text in [PENALTY, NITSCHE, AUGMENTED, CURVED] {
+        with_frozen(text, &NUMBERS, |_, _, frozen| {
+            let slopes = frozen.slopes().unwrap();
+            assert_eq!(slopes.law.inputs, frozen.watch.inputs);
+            assert!(slopes.slopes.is_sorted());
+            for n in 0..6 {
+                let base = state(&frozen.watch, n);
+                let given = outputs(&slopes.law, &base);
+                for (at, slot) in frozen.watch.inputs.iter().enumerate() {
+                    let InputSlot::Field(slot) = slot else { continue };
+                    if !fields().get(slot.field.index()).is_some_and(FieldSig::is_unknown) {
+                        continue;
+                    }
+                    let moved = |by: Dd| {
+                        let mut inputs = base.clone();
+                        inputs[at] = inputs[at].add(by);
+                        outputs(&frozen.watch, &inputs)
+                    };
+                    let (ahead, behind) = (moved(step), moved(step.neg()));
+                    for (k, p) in frozen.projections.iter().enumerate() {
+                        for entry in 0..p.n {
+                            let o = p.output + entry;
+                            let difference = ahead[o].sub(behind[o]).div(step.add(step));
+                            let listed = slopes.of_projection(k).find(|(_, s)| s.entry == entry && s.slot == *slot);
+                            let slope = listed.map_or(Dd::from_f64(0.0), |(at, _)| given[at]);
+                            let error = slope.sub(difference).to_f64().abs();
+                            assert!(error < 1e-18 * slope.to_f64().abs().max(1.0), "{text}: {slot:?} {error}");
+                        }
+                    }
+                }
+            }
+        });
+    }
+}
+
+#[test]
+fn slopes_of_nitsche_are_gaps_and_stresses() {
+    with_frozen(NITSCHE, &NUMBERS, |_, _, frozen| {
+        let half = frozen.projections.iter().position(|p| p.kind == ProjectionKind::HalfLine).unwrap();
+        let slopes = frozen.slopes().unwrap();
+        let slots: Vec<(usize, FieldOp)> =
+            slopes.of_projection(half).map(|(_, s)| (s.slot.field.index(), s.slot.op)).collect();
+        let (value, gradient) = (FieldOp::Value, FieldOp::Grad);
+        assert_eq!(slots, [vec![(0, value); 2], vec![(0, gradient); 4], vec![(1, value); 2]].concat());
+    });
+}
+
+/// Parameters that scale the arguments of half-lines and balls.
+fn scaled(text: &str, numbers: &[(&str, f64)]) -> Vec<(String, ProjectionKind, ScaledPart)> {
+    with_frozen(text, numbers, |env, source, frozen| {
+        let found = scaling_parameters(env, &place(), source, frozen);
+        found.into_iter().map(|s| (s.parameter, frozen.projections[s.projection].kind, s.part)).collect()
+    })
+}
+
+#[test]
+fn the_parameter_of_a_method_is_found_whatever_its_name() {
+    use ProjectionKind::{Ball, HalfLine};
+    use ScaledPart::{Argument, Displacement};
+    let both = |part| vec![("k".to_owned(), HalfLine, part), ("k".to_owned(), Ball, part)];
+    assert_eq!(scaled(PENALTY, &NUMBERS), both(Displacement));
+    assert_eq!(scaled(NITSCHE, &NUMBERS), both(Displacement));
+    assert_eq!(scaled(AUGMENTED, &NUMBERS), both(Displacement)[..1]);
+    assert_eq!(scaled(CURVED, &NUMBERS), both(Displacement)[..1]);
+    let scaled_stress = "pos_part(E*k*J.Normal - E*S.Normal/E)*Test_u(1)";
+    let expected = [("E", HalfLine, Argument), ("k", HalfLine, Displacement)];
+    assert_eq!(scaled(scaled_stress, &NUMBERS), expected.map(|(n, k, p)| (n.to_owned(), k, p)));
+}
+
+#[test]
+fn a_parameter_that_is_not_a_factor_scales_nothing() {
+    for argument in ["u(1)/k", "k^2*u(1)", "(1 + k)*u(1)", "k*u(1) + w1", "u(1) + k", "abs(k - 1)*u(1)"] {
+        let argument = argument.replace("w1", "Interpolate(w, neighbor_element)(1)");
+        assert_eq!(scaled(&format!("pos_part({argument})*Test_u(1)"), &NUMBERS), [], "{argument}");
+    }
+    for argument in ["k*u(1) + k*Interpolate(w, neighbor_element)(1)", "sqrt(k)*u(1)*sqrt(k)", "k*(1 + u(1)^2)*u(1)"] {
+        assert_eq!(scaled(&format!("pos_part({argument})*Test_u(1)"), &NUMBERS).len(), 1, "{argument}");
+    }
+}
+
+#[test]
+fn a_parameter_of_value_zero_or_one_is_seen_all_the_same() {
+    assert_eq!(scaled("pos_part(k*u(1) - S.Normal)*Test_u(1)", &[("k", 1.0), ("E", 1.0)]).len(), 1);
+    // the term as compiled has no displacement in its argument
+    assert_eq!(scaled("pos_part(k*u(1) - S.Normal)*Test_u(1)", &[("k", 0.0), ("E", 1.0)]).len(), 1);
+}

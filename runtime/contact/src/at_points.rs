@@ -1,0 +1,150 @@
+//! The law of a term at its integration points: what it reads there and what it gives.
+//!
+//! Promises: points in the order of groups, entities and points of the rule; numbers of the law as it is written. A point
+//! can be asked again with other numbers: without tractions, or with another past. Does not judge.
+
+use nalgebra::DMatrix;
+use wfl_compiler::{
+    interpret_lanes,
+    ir::LANES,
+    types::{BasisSlot, InputSlot, Side},
+};
+use wfl_discrete::{
+    assemble::{Bound, FieldValues, Workspace},
+    system::{System, TermBranches},
+};
+
+use super::{
+    ContactTerm,
+    slopes::{is_displacement, is_traction},
+};
+
+/// The factor on friction of the law as it is written.
+const AS_WRITTEN: f64 = 1.0;
+/// Singular values below this part of the largest slope are zero.
+const NO_SLOPE: f64 = 1e-9;
+
+/// A point at one state.
+pub(super) struct Point {
+    /// What the law of the projections reads.
+    pub(super) inputs: Vec<f64>,
+    /// What it gives.
+    pub(super) outputs: Vec<f64>,
+}
+
+/// The displacements that an argument of n entries depends on, and the smallest change of them that gives a change of it.
+pub(super) struct Motions {
+    /// The inputs of the law that are displacements of either side.
+    pub(super) inputs: Vec<usize>,
+    /// The slope of the argument in them: a row by entry, a column by input.
+    pub(super) slope: DMatrix<f64>,
+    /// Its Moore-Penrose inverse.
+    pub(super) inverse: DMatrix<f64>,
+}
+
+impl ContactTerm {
+    /// What the law reads and gives at every point.
+    pub(super) fn points_at(&self, system: &System, values: FieldValues<'_>) -> Vec<Point> {
+        let data = self.as_written_near(system, values, AS_WRITTEN);
+        self.points_on(system, values, &data, self.law.uniforms())
+    }
+
+    /// The same on given branches, with given numbers of the step.
+    pub(super) fn points_on(
+        &self,
+        system: &System,
+        values: FieldValues<'_>,
+        data: &TermBranches,
+        uniforms: &[f64],
+    ) -> Vec<Point> {
+        let mut current: Vec<&[f64]> = values.current.to_vec();
+        data.stand_in(self.field, &mut current);
+        let values = FieldValues { current: &current, ..values };
+        let law = &self.law.law;
+        let (n_in, n_out) = (law.inputs.len(), law.kernel.kernel().outputs.len());
+        let bound = Bound { mesh: &system.mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
+        let (mut workspace, mut scratch, mut all) = (Workspace::default(), Vec::new(), Vec::new());
+        for (g, group) in self.sampled.domain.groups.iter().enumerate() {
+            for batch in 0..group.n_batches() {
+                workspace.prepare(bound, g, batch, values);
+                let inputs = workspace.inputs.as_chunks::<LANES>().0;
+                let mut outputs = vec![[0.0; LANES]; group.n_points() * n_out];
+                for q in 0..group.n_points() {
+                    let out = &mut outputs[q * n_out..][..n_out];
+                    interpret_lanes(&law.kernel, uniforms, &inputs[q * n_in..], &mut scratch, out);
+                }
+                for lane in 0..LANES.min(group.entities.len() - batch * LANES) {
+                    let own = |all: &[[f64; LANES]]| all.iter().map(|values| values[lane]).collect();
+                    all.extend((0..group.n_points()).map(|q| Point {
+                        inputs: own(&inputs[q * n_in..][..n_in]),
+                        outputs: own(&outputs[q * n_out..][..n_out]),
+                    }));
+                }
+            }
+        }
+        all
+    }
+
+    /// What the law gives for other inputs at a point.
+    pub(super) fn outputs_of(&self, inputs: &[f64], uniforms: &[f64]) -> Vec<f64> {
+        let law = &self.law.law;
+        let mut out = vec![[0.0; 1]; law.kernel.kernel().outputs.len()];
+        interpret_lanes(&law.kernel, uniforms, inputs.as_chunks::<1>().0, &mut Vec::new(), &mut out);
+        out.as_flattened().to_vec()
+    }
+
+    /// The same inputs without gradients and multipliers: of an argument the gap or the slip is left, times its slope.
+    pub(super) fn without_tractions(&self, system: &System, inputs: &[f64]) -> Vec<f64> {
+        let slots = inputs.iter().zip(&self.law.law.inputs);
+        slots.map(|(x, slot)| if is_traction(&system.fields, slot) { 0.0 } else { *x }).collect()
+    }
+
+    /// The displacements behind the argument of a projection at a point that reads `inputs`; `None` where it depends on
+    /// none.
+    pub(super) fn motions_at(&self, system: &System, projection: usize, n: usize, inputs: &[f64]) -> Option<Motions> {
+        let slots = &self.law.law.inputs;
+        let moves = |slot: &InputSlot| matches!(slot, InputSlot::Field(b) if is_displacement(&system.fields, b));
+        let at: Vec<usize> = (0..slots.len()).filter(|s| moves(&slots[*s])).collect();
+        let values = self.slopes.at_point(inputs);
+        let mut slope = DMatrix::zeros(n, at.len());
+        for (value, s) in self.slopes.of_projection(projection) {
+            if let Some(column) = at.iter().position(|k| slots[*k] == InputSlot::Field(s.slot)) {
+                slope[(s.entry, column)] = values[value];
+            }
+        }
+        let scale = if slope.is_empty() { 0.0 } else { slope.amax() };
+        if scale == 0.0 || !slope.iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        let inverse = slope.clone().pseudo_inverse(NO_SLOPE * scale).ok()?;
+        Some(Motions { inputs: at, slope, inverse })
+    }
+
+    /// The smallest displacement of the near side that gives a part `x0` of the argument of a projection; of the far
+    /// side where the argument knows that alone.
+    pub(super) fn motion(&self, system: &System, projection: usize, x0: &[f64], slopes: &[f64]) -> Option<[f64; 3]> {
+        let of_side = |side: Side| {
+            let own = self.slopes.of_projection(projection).filter(|(_, s)| s.slot.side == side);
+            own.filter(|(_, s)| is_displacement(&system.fields, &s.slot)).collect::<Vec<_>>()
+        };
+        let (here, there) = (of_side(Side::Here), of_side(Side::There));
+        let (own, sign) = if here.is_empty() { (there, -1.0) } else { (here, 1.0) };
+        let field = own.first()?.1.slot.field;
+        let mut matrix = DMatrix::zeros(x0.len(), 3);
+        for (at, slope) in own.iter().filter(|(_, s)| s.slot.field == field) {
+            matrix[(slope.entry, usize::from(slope.slot.entry))] = slopes[*at];
+        }
+        let scale = matrix.amax();
+        if scale == 0.0 || !scale.is_finite() {
+            return None;
+        }
+        let inverse = matrix.pseudo_inverse(NO_SLOPE * scale).ok()?;
+        let moved = inverse * DMatrix::from_column_slice(x0.len(), 1, x0);
+        Some([sign * moved[0], sign * moved[1], sign * moved[2]])
+    }
+
+    /// The input of the present value of a displacement whose past the slot reads.
+    pub(super) fn present_of(&self, past: &BasisSlot) -> Option<usize> {
+        self.law.law.inputs.iter().position(|slot| *slot == InputSlot::Field(*past))
+    }
+}

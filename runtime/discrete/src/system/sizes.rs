@@ -1,0 +1,95 @@
+//! What residuals are relative to, and what rounding leaves of them.
+
+use wfl_compiler::types::{FieldKind, Side};
+
+use super::{FIXED, LinearTerms, Residual, System, Tangent};
+use crate::{assemble::AssembledTerm, field::Field, finite::largest};
+
+impl System {
+    /// By field: what relative residuals are relative to. For unknowns the largest nodal force of loads, linear or
+    /// nonlinear terms, of all fields that meet on an interface (a body that nothing touches has no force of its own);
+    /// for multipliers, whose equations balance inside one term, the size of what cancels: of [`Self::sizes`].
+    #[must_use]
+    pub fn scales(&self, here: &Residual, sizes: &[f64]) -> Vec<f64> {
+        let mut sizes = self.largest_by_field(sizes);
+        self.team().max(&mut sizes);
+        let mut forces = vec![0.0f64; self.fields.len()];
+        for (force, group) in here.forces.iter().zip(&self.meets) {
+            forces[*group] = largest([forces[*group], *force]);
+        }
+        (0..self.fields.len())
+            .map(|k| match self.fields[k].kind {
+                FieldKind::Multiplier => sizes[k],
+                _ => forces[self.meets[k]],
+            })
+            .collect()
+    }
+
+    /// Whether loads act on the free dofs of a field, or of one whose forces it meets: forces that depend neither on the
+    /// unknowns nor on the past.
+    #[must_use]
+    pub fn is_loaded(&self, field: usize) -> bool {
+        let acts = |k: usize| self.meets[k] == self.meets[field] && self.loaded[k];
+        self.fields[field].kind == FieldKind::Unknown && (0..self.fields.len()).any(acts)
+    }
+
+    /// By field whether forces by dof act on its free dofs, on any rank.
+    pub(super) fn loaded_by(&self, forces: &[f64]) -> Vec<bool> {
+        let is_loaded = |d: usize| self.numbering.free[d] != FIXED && forces[d] != 0.0;
+        let of = |k: usize| u64::from(self.range(k).is_some_and(|mut range| range.any(is_loaded)));
+        let mut loaded: Vec<u64> = (0..self.fields.len()).map(of).collect();
+        self.team().max_words(&mut loaded);
+        loaded.into_iter().map(|loaded| loaded != 0).collect()
+    }
+
+    /// By dof, in the rows of this rank: |K| |u| of linear and changing terms, what rounding errors of the residual `here`
+    /// at `u` are relative to.
+    #[must_use]
+    pub fn sizes(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
+        let mut out = here.linear_sizes.clone();
+        if self.is_linear() {
+            return out;
+        }
+        let mut sizes: Vec<f64> = u.iter().map(|x| x.abs()).collect();
+        self.numbering.frames.turn_sizes(&mut sizes);
+        for row in 0..self.numbering.n_free() {
+            let (columns, values) = tangent.changing.row(row);
+            let at = |c: u32| sizes[self.numbering.free_dofs[c as usize] as usize];
+            let size: f64 = columns.iter().zip(values).map(|(c, v)| v.abs() * at(*c)).sum();
+            out[self.numbering.free_dofs[row] as usize] += size;
+        }
+        out
+    }
+
+    /// By dof, in the rows of this rank: what rounding leaves of a residual. Where linear terms are evaluated at their
+    /// points only the others count: what rounds there moves nothing.
+    #[must_use]
+    pub fn rounding(&self, u: &[f64], here: &Residual, tangent: &Tangent) -> Vec<f64> {
+        let mut sizes = self.sizes(u, here, tangent);
+        if here.linear == LinearTerms::AtPoints {
+            sizes.iter_mut().zip(&here.linear_sizes).for_each(|(s, linear)| *s -= linear);
+        }
+        sizes.iter_mut().for_each(|s| *s = f64::EPSILON * s.max(0.0));
+        sizes
+    }
+}
+
+/// By field: the first of the fields whose test functions stand on opposite sides of one interface term, with equal
+/// shapes: displacements of bodies that push each other, whose forces have one unit and one size.
+pub(super) fn meeting_fields(fields: &[Field], terms: &[AssembledTerm]) -> Vec<usize> {
+    let mut group: Vec<usize> = (0..fields.len()).collect();
+    for tests in terms.iter().map(|t| &t.law.tests) {
+        let side = |side: Side| tests.iter().filter(move |t| t.side == side).map(|t| t.field.index());
+        for here in side(Side::Here) {
+            for there in side(Side::There) {
+                let alike = fields[here].n_components == fields[there].n_components;
+                let (low, high) = (group[here].min(group[there]), group[here].max(group[there]));
+                let unknowns = [here, there].iter().all(|f| fields[*f].kind == FieldKind::Unknown);
+                if alike && unknowns && low < high {
+                    group.iter_mut().filter(|g| **g == high).for_each(|g| *g = low);
+                }
+            }
+        }
+    }
+    group
+}

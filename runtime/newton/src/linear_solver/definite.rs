@@ -1,0 +1,89 @@
+//! Whether a symmetric tangent is positive definite, and how many directions of negative curvature it has.
+//!
+//! A factor at hand often says so at no cost: Cholesky's exists for positive definite matrices alone, and with a negative
+//! determinant there is a negative direction. Where it does not, the whole tangent is factored once more, by Cholesky first;
+//! if that succeeds, later steps are solved with it. Counts of LDLᵀ are those of the whole matrix, however its parts are
+//! solved with.
+
+use super::{Kind, LinearSolver};
+use wfl_discrete::system::{System, Tangent};
+use wfl_sparse::csr::Csr;
+use wfl_sparse::solve::{CheckedLlt, Inertia, LinearSolver as _, SolveError, inertia};
+
+/// What may be left of the difference to the transpose in a symmetric matrix, in parts of the largest entry: rounding of
+/// laws whose stresses cancel.
+const ASYMMETRY: f64 = 1e-9;
+
+impl LinearSolver {
+    /// Whether the tangent that was factored last is positive definite, as far as its factor says so; it may be that of the
+    /// iterate before the last.
+    #[must_use]
+    pub fn is_definite(&self) -> Option<bool> {
+        match &self.kind {
+            Kind::Condensed(c) => c.is_definite(),
+            _ if self.iterative.is_some() => Some(true),
+            _ => self.solver.as_ref().and_then(|solver| solver.is_definite()),
+        }
+    }
+
+    /// Whether our own solvers factor the whole tangent.
+    #[must_use]
+    pub fn factors_all(&self) -> bool {
+        matches!(self.kind, Kind::Full { .. })
+    }
+
+    /// Whether our own solvers are at work.
+    #[must_use]
+    pub fn is_ours(&self) -> bool {
+        self.options.library.is_none()
+    }
+
+    /// Whether LU has taken the place of Cholesky, or the determinant of the last tangent is negative.
+    #[must_use]
+    pub fn lost_definiteness(&self) -> bool {
+        self.may_be_symmetric && !self.symmetric || self.is_definite() == Some(false)
+    }
+
+    /// The whole tangent of a system, if it is symmetric.
+    #[must_use]
+    pub fn symmetric_whole(system: &System, tangent: &Tangent) -> Option<Csr> {
+        let whole = system.bulk().plus(&tangent.changing).ok()?;
+        if !whole.is_symmetric(ASYMMETRY) {
+            return None;
+        }
+        // values may be symmetric where places are not: a coupling that is zero at this state and has no counterpart
+        let mut places = whole.transpose();
+        if places.pattern() == whole.pattern() {
+            return Some(whole);
+        }
+        places.values_mut().fill(0.0);
+        whole.plus(&places).ok()
+    }
+
+    /// A Cholesky factor of a whole matrix.
+    ///
+    /// # Errors
+    /// [`SolveError::NotPositiveDefinite`] and others.
+    pub(crate) fn cholesky(&self, matrix: &Csr) -> Result<CheckedLlt, SolveError> {
+        let mut made = CheckedLlt::new(matrix.pattern(), Some(self.coordinates.as_slice()), self.options)?;
+        made.factor(matrix)?;
+        Ok(made)
+    }
+
+    /// The signs of the eigenvalues of a symmetric matrix over the unknowns of this solver; `None` where its factor does not
+    /// fit into the memory.
+    pub fn inertia(&mut self, matrix: &Csr) -> Option<Inertia> {
+        match self.cholesky(matrix) {
+            Ok(made) => {
+                if matches!(self.kind, Kind::Full { .. }) && self.may_be_symmetric && !self.symmetric {
+                    self.symmetric = true;
+                    self.solver = Some(Box::new(made));
+                    self.notes.retain(|note| note != super::INDEFINITE);
+                }
+                Some(Inertia { positive: matrix.n_rows(), ..Inertia::default() })
+            }
+            Err(SolveError::TooMuchMemory(_)) => None,
+            Err(_) => inertia(matrix, Some(self.coordinates.as_slice())).ok(),
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! What solves the linear systems of a scene, in one type: what `wfl check` foresees and what a run has made are told by the
+//! same words. Chooses nothing and solves nothing.
+
+use std::fmt;
+
+use wfl_host::memory::shown;
+
+/// What is known of a part of the plan: before the run what is foreseen, in a run what was made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Extent<F, M> {
+    /// Before anything was assembled.
+    Foreseen(F),
+    /// In a run.
+    Made(M),
+}
+
+/// The solver of the linear systems of a scene.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LinearPlan {
+    /// One matrix, factored once.
+    Once {
+        /// By Cholesky's method; else LU.
+        symmetric: bool,
+    },
+    /// One symmetric matrix, by conjugate gradients with multigrid: bytes of the levels and of the factor in their place, or the number of
+    /// unknowns on each level.
+    Iterative(Extent<(u64, Option<u64>), Vec<usize>>),
+    /// The bulk is factored once, what changes is condensed: dofs of the nonlinear terms, or unknowns at points that are
+    /// eliminated before and how the rest is.
+    Condensed(Extent<usize, (usize, String)>),
+    /// The whole tangent.
+    Whole {
+        /// By Cholesky's method; else LU.
+        symmetric: bool,
+    },
+    /// A linked library, which describes itself.
+    Library(String),
+}
+
+/// What the method without a factor is called.
+pub(super) const ITERATION: &str = "conjugate gradients with multigrid";
+
+/// Symmetry and method of a factor.
+fn factor(symmetric: bool) -> &'static str {
+    if symmetric { "symmetric (LLT)" } else { "unsymmetric (LU)" }
+}
+
+impl fmt::Display for LinearPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Once { symmetric } => write!(f, "one linear system, {}, factored once", factor(*symmetric)),
+            Self::Iterative(Extent::Foreseen((levels, in_place))) => {
+                write!(f, "one linear system, symmetric: {ITERATION}, levels of about {}", shown(*levels))?;
+                in_place.map_or(Ok(()), |bytes| write!(f, "; a factor would take about {}", shown(bytes)))
+            }
+            Self::Iterative(Extent::Made(levels)) => {
+                let sizes: Vec<String> = levels.iter().map(ToString::to_string).collect();
+                write!(f, "one linear system, symmetric: {ITERATION} (unknowns by level: {})", sizes.join(", "))
+            }
+            Self::Condensed(Extent::Foreseen(touched)) => write!(
+                f,
+                "Newton; linear part factored once (LLT), Schur complement on the {touched} dofs of the nonlinear terms"
+            ),
+            Self::Condensed(Extent::Made((0, elimination))) => {
+                write!(f, "Newton; linear part factored once, {elimination}")
+            }
+            Self::Condensed(Extent::Made((n, elimination))) => {
+                write!(f, "Newton; linear part factored once, {n} unknowns at points eliminated first, {elimination}")
+            }
+            Self::Whole { symmetric } => {
+                let factor = factor(*symmetric);
+                write!(f, "Newton; whole tangent, {factor}, factored where an older factor does not serve")
+            }
+            Self::Library(text) => f.write_str(text),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_factor_is_told_by_its_symmetry() {
+        assert!(LinearPlan::Once { symmetric: true }.to_string().contains("symmetric (LLT), factored once"));
+        assert!(LinearPlan::Whole { symmetric: false }.to_string().contains("unsymmetric (LU)"));
+    }
+
+    #[test]
+    fn unknowns_at_points_are_told_where_there_are_some() {
+        let made = |n: usize| LinearPlan::Condensed(Extent::Made((n, "a dense matrix".to_owned()))).to_string();
+        assert_eq!(made(0), "Newton; linear part factored once, a dense matrix");
+        assert!(made(12).contains("12 unknowns at points eliminated first, a dense matrix"));
+    }
+}

@@ -1,0 +1,138 @@
+//! What is seen over the steps of a run and told at its end: strains beyond the law, contact that never closes, pressures that
+//! alternate, unknowns that grow without end, bending that the elements lock.
+//!
+//! Each is told once. Promises: changes nothing of a run; where some steps were those of another process, what needs all of
+//! them is not told.
+
+use super::growth::Growth;
+use crate::{
+    checks::{self, Alternating, DistantContact, LargeStrain, PorePressure},
+    finite::position,
+    scene::Solving,
+};
+
+/// What was seen so far.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Watched {
+    /// Steps that were looked at.
+    n: usize,
+    /// What there is to look at; `None` before the first step.
+    kept: Option<Kept>,
+    /// By body the first step beyond its law.
+    strained: Vec<(f64, LargeStrain)>,
+    /// By pressure the first step at which it alternated.
+    alternating: Vec<(f64, Alternating)>,
+    growth: Growth,
+}
+
+#[derive(Clone, Debug)]
+struct Kept {
+    bodies: Vec<(usize, bool)>,
+    pressures: Vec<PorePressure>,
+    distant: Vec<DistantContact>,
+}
+
+impl Watched {
+    /// Looks at a state that was solved for.
+    pub(super) fn look(&mut self, scene: &Solving<'_>, u: &[f64], time: f64) {
+        let Solving { system, contact, .. } = scene;
+        self.n += 1;
+        let kept = self.kept.get_or_insert_with(|| Kept {
+            bodies: checks::small_strain_bodies(system),
+            pressures: checks::pore_pressures(system),
+            distant: checks::distant_contacts(system, contact),
+        });
+        kept.distant.retain_mut(|distant| !checks::has_closed(system, contact, u, distant));
+        let strained = checks::large_strains(system, u, &kept.bodies);
+        for found in strained {
+            kept.bodies.retain(|(k, _)| system.fields[*k].name != found.field);
+            self.strained.push((time, found));
+        }
+        let alternating = checks::alternating(system, u, &mut kept.pressures);
+        for found in alternating {
+            kept.pressures.retain(|p| !p.is_of(system, &found));
+            self.alternating.push((time, found));
+        }
+        if scene.steps.several() {
+            self.growth.add(scene, u, time);
+        }
+    }
+
+    /// What there is to say at the end of a run of this many steps, some of which are those of a state that was given.
+    pub(super) fn told(&self, scene: &Solving<'_>, u: &[f64], n_solved: usize) -> Vec<(&'static str, String)> {
+        // where lengths have no unit a linear body may be in any; a velocity is no displacement
+        let unit = |s: &LargeStrain| {
+            let fields = scene.system.fields.iter().zip(&scene.lengths);
+            fields.filter(|(f, _)| f.name == s.field).find_map(|(_, length)| *length)
+        };
+        let sized = |s: &&(f64, LargeStrain)| unit(&s.1).unwrap_or(s.1.has_memory);
+        let mut out: Vec<(&'static str, String)> =
+            self.strained.iter().filter(sized).map(|(time, s)| ("W645", strain_text(*time, s))).collect();
+        if n_solved == self.n && self.n > 0 {
+            let distant = self.kept.iter().flat_map(|k| &k.distant);
+            out.extend(distant.map(|d| ("W646", distant_text(d))));
+            out.extend(self.growth.told(scene).map(|text| ("W647", text)));
+        }
+        if self.n > 0 {
+            let locked = checks::locked_bending(scene.system, u);
+            out.extend(locked.iter().map(|l| ("W648", locked_text(l))));
+        }
+        out.extend(self.alternating.iter().map(|(time, a)| ("W649", alternating_text(*time, a))));
+        out
+    }
+}
+
+fn strain_text(time: f64, found: &LargeStrain) -> String {
+    let LargeStrain { field, strain, moved, position: at, .. } = found;
+    let moved = if *moved > 1.0 {
+        format!(", and it has moved by {moved:.3e} times the extent of the mesh")
+    } else {
+        String::new()
+    };
+    format!(
+        "at t = {time} `{field}` has a strain of {strain:.3e} at {}{moved}: its law is one of small strains, and says nothing \
+         there. A load beyond what the body bears, or a unit or power of ten in a load or a modulus; bodies that are meant to \
+         deform so much need a law of finite strain",
+        position(*at)
+    )
+}
+
+fn distant_text(found: &DistantContact) -> String {
+    let DistantContact { name, from, nearest, .. } = found;
+    format!(
+        "the contact `{name}` never closes: its sides are {from:.3e} apart without displacement, and were never nearer than \
+         {nearest:.3e}. A distance or a direction of the load with the wrong sign, or a contact that this scene does not need"
+    )
+}
+
+fn locked_text(found: &checks::LockedBending) -> String {
+    format!(
+        "`{}` bends on elements of degree 1 that do not bend: {:.0} % of its energy of deformation are in the shear and the \
+         jumps of strain of single cells, and displacements are too small by about that part. Elements of degree 2 (vector Q2 \
+         or P2), or cells that are no longer than a quarter of the thickness",
+        found.field,
+        100.0 * found.share
+    )
+}
+
+fn alternating_text(time: f64, found: &Alternating) -> String {
+    let Alternating { field, displacement, share, position: at, too_short, is_equal_order } = found;
+    let cure = match (is_equal_order, too_short.is_finite()) {
+        (true, true) => format!(
+            "`{displacement}` needs a degree more than `{field}`; then steps of {too_short:.2e} times this one or longer, \
+             h^2/(6 c), or smaller cells there"
+        ),
+        (true, false) => format!("`{displacement}` needs a degree more than `{field}`"),
+        (false, true) => {
+            format!(
+                "the step is too short for the cells: {too_short:.2e} times this one is the least, h^2/(6 c); or smaller cells there"
+            )
+        }
+        (false, false) => "nothing spreads a jump of it: smaller cells there".to_owned(),
+    };
+    format!(
+        "at t = {time} `{field}` alternates from node to node around {}, by {:.0} % of its range: {cure}",
+        position(*at),
+        100.0 * share
+    )
+}

@@ -1,0 +1,192 @@
+//! Bodies of hexahedra, wedges, pyramids and tetrahedra: what passes on every kind of cell passes where they meet.
+//!
+//! The references are closed forms: a linear displacement under the tractions of its constant stress, through the bodies
+//! and through contact between faces of both kinds.
+
+use wfl_runtime::mesh::CellKind;
+use wfl_tests::{MeshFolder, Solved, solve};
+
+/// Displacements and stresses are met to this part of the largest.
+const EXACT: f64 = 1e-12;
+
+/// A cube of side 2 of all four kinds of cells with inner nodes moved, and the same of second order with bent edges.
+const SOLIDS: &str = include_str!("../../runtime/mesh/src/mesh/read/data/solids_41a.msh");
+const CURVED: &str = include_str!("../../runtime/mesh/src/mesh/read/data/solids2_22a.msh");
+
+const LAW: &str = "def A = [-0.05,0.012,0.02;-0.008,0.015,0.01;0.013,-0.011,0.02]\ndef exact = A*[x,y,z]\n\
+    def law(e) = 120*Trace(e)*Id(3) + 160*Sym(e)\n";
+
+fn solved(name: &str, mesh: &str, scene: &str) -> Solved {
+    let folder = MeshFolder::new(&format!("solids-{name}"), mesh);
+    let text = format!("mesh file \"body.msh\"\n{scene}");
+    let solved = solve(folder.path(), text, &[], &[]).unwrap_or_else(|e| panic!("{name}: {e}"));
+    assert!(solved.outcome.converged(), "{name}");
+    solved
+}
+
+fn is_exact(what: &str, solved: &Solved, measures: &[(&str, f64)]) {
+    for (name, scale) in measures {
+        let error = solved.measure(0, name) / scale;
+        assert!(error < EXACT, "{what}: {name} wrong by {error:e}");
+    }
+}
+
+fn meshes() -> [(&'static str, &'static str, &'static str); 4] {
+    // of second order the map must be in the space; both letters mean the same where faces are of two kinds
+    [("P1", "p1", SOLIDS), ("Q1", "q1", SOLIDS), ("P2", "p2", SOLIDS), ("Q2", "curved", CURVED)]
+}
+
+#[test]
+fn a_constant_stress_passes_where_all_kinds_of_cells_meet() {
+    for (element, name, mesh) in meshes() {
+        let scene = format!(
+            "{LAW}unknown u : vector {element}\nregion clamp = faces where x == 0\nregion rest = boundary - clamp\n\
+             term body on all : law(Grad_u):Grad_Test_u\nload u = law(A)*Normal on rest\nfix u = exact on clamp\n\
+             measure displacement = max(Norm(u - exact)) on all\nmeasure stress = max(Norm(law(Grad_u) - law(A))) on all\n"
+        );
+        is_exact(
+            element,
+            &solved(&format!("stress-{name}"), mesh, &scene),
+            &[("displacement", 0.05), ("stress", 15.0)],
+        );
+    }
+}
+
+#[test]
+fn integrals_of_polynomials_agree_over_cells_and_faces_of_every_kind() {
+    for (element, name, mesh) in meshes() {
+        let scene = format!(
+            "unknown u : vector {element}\nterm body on all : u.Test_u\nload u = [x,y,z] on all\n\
+             measure volume = integral(1) on all\nmeasure outside = integral(1/3*([x,y,z].Normal)) on boundary\n\
+             measure inner = integral(x + y + z) on all\nmeasure outer = integral([x*y,y*z,z*x].Normal) on boundary\n\
+             measure mean_u = integral(u(1)) on all\nmeasure mean_x = integral(x) on all\n"
+        );
+        let solved = solved(&format!("measures-{name}"), mesh, &scene);
+        for (a, b) in [("volume", "outside"), ("inner", "outer"), ("mean_u", "mean_x")] {
+            let [p, q] = [a, b].map(|m| solved.measure(0, m));
+            assert!((p - q).abs() < EXACT * q, "{element}: {a} {p}, {b} {q}");
+        }
+    }
+}
+
+/// Two blocks of wedges beside the plane x = 0, moved by `place`. Along x the faces there are triangles, along z
+/// quadrilaterals.
+fn wedges(along: usize, place: impl Fn([f64; 3]) -> [f64; 3]) -> String {
+    let n = [4, 2, 2];
+    let number = |p: [usize; 3]| 1 + p[0] + (n[0] + 1) * (p[1] + (n[1] + 1) * p[2]);
+    let mut text = format!("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{}\n", (n[0] + 1) * (n[1] + 1) * (n[2] + 1));
+    for (z, y, x) in (0..=n[2]).flat_map(|z| (0..=n[1]).flat_map(move |y| (0..=n[0]).map(move |x| (z, y, x)))) {
+        let [a, b, c] = place([-1.0 + 0.5 * x as f64, 0.5 * y as f64, 0.5 * z as f64]);
+        text += &format!("{} {a:?} {b:?} {c:?}\n", number([x, y, z]));
+    }
+    text += &format!("$EndNodes\n$Elements\n{}\n", 2 * n[0] * n[1] * n[2]);
+    let (u, v) = ((along + 1) % 3, (along + 2) % 3);
+    let mut count = 0;
+    for cube in 0..n[0] * n[1] * n[2] {
+        let corner = [cube % n[0], cube / n[0] % n[1], cube / (n[0] * n[1])];
+        for triangle in [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]] {
+            count += 1;
+            text += &format!("{count} 6 2 1 1");
+            for end in [0, 1] {
+                for at in triangle {
+                    let mut p = corner;
+                    p[along] += end;
+                    p[u] += at[0];
+                    p[v] += at[1];
+                    text += &format!(" {}", number(p));
+                }
+            }
+            text += "\n";
+        }
+    }
+    text + "$EndElements\n"
+}
+
+/// Two bodies, of which the second is held by contact alone; `behind` is how far it lies behind the closed form.
+fn pressed(clamp: &str, left: &str, contact: &str, behind: &str) -> String {
+    format!(
+        "{LAW}param gamma = 1000\nregion left = cells where {left}\nregion right = all - left\n\
+         region fault = interface from left to right\nregion clamp = faces where {clamp}\nregion rest = boundary - clamp\n\
+         unknown uL : vector on left\nunknown uR : vector on right\n\
+         def jump(a,b) = a - Interpolate(b, neighbor_element)\ndef tang(v) = v - (v.Normal)*Normal\n\
+         def trac(v) = law(Grad_v)*Normal\n\
+         term bodyL on left : law(Grad_uL):Grad_Test_uL\nterm bodyR on right : law(Grad_uR):Grad_Test_uR\n\
+         {contact}load uL, uR = law(A)*Normal on rest\nfix uL = exact on clamp\nsolver newton with tol=1e-15\n\
+         measure displacement = max(Norm(uL - exact)) on left\n\
+         measure there = max(Norm(uR - (exact + {behind}))) on right\n\
+         measure stress = max(Norm(law(Grad_uR) - law(A))) on right\n"
+    )
+}
+
+const NITSCHE: &str = "def Pn = gamma*(jump(uL,uR).Normal) - trac(uL).Normal\n\
+    def Pt = gamma*tang(jump(uL,uR)) - tang(trac(uL))\n\
+    def Pv = gamma*jump(Test_uL,Test_uR) - theta*trac(Test_uL)\n\
+    def force = pos_part(Pn)*Normal + Ball_projection(Pt, 5*pos_part(Pn))\n\
+    term stress on fault : -theta/gamma*trac(uL).trac(Test_uL)\nterm contact on fault : 1/gamma*force.Pv\n";
+const PENALTY: &str = "def Pn = gamma*(jump(uL,uR).Normal)\ndef Pt = gamma*tang(jump(uL,uR))\n\
+    def force = pos_part(Pn)*Normal + Ball_projection(Pt, 5*pos_part(Pn))\n\
+    term contact on fault : force.jump(Test_uL,Test_uR)\n";
+
+const OF_CONTACT: [(&str, f64); 3] = [("displacement", 0.05), ("there", 0.05), ("stress", 15.0)];
+
+#[test]
+fn a_constant_pressure_passes_through_triangles_and_quadrilaterals_of_wedges() {
+    // the plane of contact stays, its faces are no parallelograms
+    let flat = |[x, y, z]: [f64; 3]| {
+        let bend = (3.0 * y + 4.0 * z).sin() * (1.0 - x.abs());
+        [x * (1.0 + 0.1 * bend), y + 0.1 * (4.0 * y + 5.0 * z).sin(), z + 0.1 * (3.0 * y - 4.0 * z).sin()]
+    };
+    for (along, faces) in [(0, "triangles"), (2, "quadrilaterals")] {
+        for (name, contact, behind) in [
+            ("penalty", PENALTY.to_owned(), "1/gamma*(law(A)*[1,0,0])"),
+            ("Nitsche", NITSCHE.replace("theta", "(-1)"), "[0,0,0]"),
+        ] {
+            let what = format!("{name}-{faces}");
+            let found = solved(&what, &wedges(along, flat), &pressed("x == -1", "x < 0", &contact, behind));
+            is_exact(&what, &found, &OF_CONTACT);
+        }
+    }
+}
+
+/// The faces are those of pyramids and tetrahedra around the centres of cubes: a nodal rule has points at their apexes.
+#[test]
+fn a_constant_pressure_passes_through_the_triangles_of_pyramids() {
+    for theta in ["(-1)", "0", "1"] {
+        let contact = NITSCHE.replace("theta", theta);
+        // the faces are oblique: so strong a pressure that none of them slides or opens
+        let scene = pressed("x == 0", "x < 1.3", &contact, "[0,0,0]")
+            .replace("[-0.05,", "[-0.3,")
+            .replace("gamma = 1000", "gamma = 1e4");
+        let found = solved(&format!("pyramids{theta}"), SOLIDS, &scene);
+        let mesh = &found.scene.system.mesh;
+        let on_fault = |t: &wfl_runtime::assemble::AssembledTerm| t.law.name == "contact";
+        let terms = found.scene.system.terms.iter().filter(|t| on_fault(t));
+        let facets = terms.flat_map(|t| &t.integrator.domain.groups).flat_map(|g| &g.here.facets);
+        let pyramids = facets.filter(|f| mesh.kind(f.cell) == CellKind::Pyramid).count();
+        assert!(pyramids > 0, "no face of a pyramid");
+        is_exact(theta, &found, &OF_CONTACT.map(|(name, scale)| (name, 6.0 * scale)));
+    }
+}
+
+#[test]
+fn what_cannot_be_done_with_these_cells_is_told() {
+    let refused = |mesh: &str, scene: &str, words: &[&str]| {
+        let folder = MeshFolder::new("solids-refused", mesh);
+        let text = format!("mesh file \"body.msh\"\n{scene}");
+        let told = match solve(folder.path(), text, &[], &[]) {
+            Ok(_) => panic!("it was solved: {scene}"),
+            Err(told) => told.to_string(),
+        };
+        for word in words {
+            assert!(told.contains(word), "{word} is not in {told}");
+        }
+    };
+    let rest = "unknown u : scalar\nterm flow on all : Grad_u.Grad_Test_u + u*Test_u\nload u = 1 on all\n";
+    let words = ["E409", "is a wedge, and wedges are not divided", "Mesh.MeshSizeFactor", "refine on part"];
+    refused(&wedges(0, |x| x), &format!("region part = cells where x < 0\nrefine on part\n{rest}"), &words);
+    let cubic = rest.replace("scalar", "scalar P3");
+    refused(SOLIDS, &cubic, &["E406", "no Lagrange element of degree 3 on a pyramid, the highest is 2"]);
+    // an order that Gmsh writes with `Mesh.SecondOrderIncomplete`
+    let short = SOLIDS.replace("3 1 7 15\n", "3 1 19 15\n");
+    refused(&short, rest, &["pyramid with 13 nodes (Gmsh type 19)", "`Mesh.SecondOrderIncomplete = 0`"]);
+}
