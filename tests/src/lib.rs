@@ -182,6 +182,12 @@ pub struct Attempt {
     pub messages: String,
 }
 
+/// What a run gives cause to doubt: codes, and all that is said in a line.
+#[must_use]
+pub fn doubts(outcome: &Outcome) -> Vec<(&'static str, String)> {
+    outcome.warnings.iter().map(|d| (d.code, d.line())).collect()
+}
+
 /// Tries to solve a scene of `folder` from its text.
 ///
 /// # Panics

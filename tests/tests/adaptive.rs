@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use wfl_jit::JitBackend;
 use wfl_runtime::{AttemptEnd, Outcome, Quiet, RunOptions, Scene, Session, run};
-use wfl_tests::prepared;
+use wfl_tests::{doubts, prepared};
 
 fn scene(text: &str) -> Scene {
     let backend = JitBackend::new().expect("machine code on this processor");
@@ -307,11 +307,11 @@ fn a_limit_that_is_no_positive_number_is_told_and_limits_nothing() {
     for (limit, told) in [("0/(max(u) - max(u)) on all", "not a number"), ("-max(u) on all", "-1e0")] {
         let found = limited(limit);
         assert_eq!(found.steps.len(), free.steps.len());
-        let (code, text) = &found.warnings[0];
+        let (code, text) = &doubts(&found)[0];
         let behind = format!("behind {} states", found.steps.len() - 1);
         assert!(*code == "W619" && text.contains(told) && text.contains(&behind), "{text}");
     }
-    assert_eq!(limited("1/max(0*u) on all").warnings, []);
+    assert_eq!(doubts(&limited("1/max(0*u) on all")), []);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Conditions of mechanics: what violates them on purpose is noticed. That right scenes are silent is tested with the
 //! examples.
 
-use wfl_tests::{Solved, examples, solve};
+use wfl_tests::{Solved, doubts, examples, solve};
 
 /// A scene of the examples on a small mesh with changes, each of which must be possible.
 fn changed(path: &str, edits: &[(&str, &str)], params: &[(&str, f64)]) -> Solved {
@@ -22,7 +22,7 @@ fn changed(path: &str, edits: &[(&str, &str)], params: &[(&str, f64)]) -> Solved
 
 /// Codes and texts of the warnings about the numbers.
 fn warnings(solved: &Solved) -> Vec<(&'static str, String)> {
-    solved.outcome.warnings.clone()
+    doubts(&solved.outcome)
 }
 
 fn warned(solved: &Solved, start: &str) -> bool {

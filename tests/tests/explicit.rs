@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use wfl_jit::JitBackend;
 use wfl_runtime::{RunOptions, Session, team::in_threads};
-use wfl_tests::{Solved, examples, prepared, reference, solve};
+use wfl_tests::{Solved, doubts, examples, prepared, reference, solve};
 
 fn run(text: String) -> Solved {
     solve(&examples(), text, &[], &[]).unwrap_or_else(|messages| panic!("{messages}"))
@@ -178,7 +178,7 @@ fn the_balance_of_energy_closes_to_rounding_under_the_trapezoidal_rule() {
     assert!(end("energy_prescribed").abs() > 0.01, "{}", end("energy_prescribed"));
     let lost = (0..=n).map(|k| solved.measure(k, "energy_lost").abs()).fold(0.0, f64::max);
     assert!(lost < 1e-12, "{lost:e}");
-    assert!(solved.outcome.warnings.iter().all(|w| w.0 != "W620"));
+    assert!(doubts(&solved.outcome).iter().all(|w| w.0 != "W620"));
 }
 
 #[test]
@@ -213,7 +213,7 @@ fn damping_of_the_scheme_is_the_energy_that_is_lost() {
     // backward Euler loses more than a thousandth, and says so
     let rest = rest.replace("generalised_alpha rho_inf=0.5", "backward_euler");
     let solved = run(bar(20, &rest));
-    assert!(solved.outcome.warnings.iter().any(|w| w.0 == "W620"), "{:?}", solved.outcome.warnings);
+    assert!(doubts(&solved.outcome).iter().any(|w| w.0 == "W620"), "{:?}", doubts(&solved.outcome));
 }
 
 #[test]
@@ -331,7 +331,7 @@ fn a_contact_that_makes_the_steps_too_long_is_told() {
              scheme explicit fraction={fraction}\nsteps t = 0 to 2.5 by auto\nmeasure v = mean(Dot_u) on all\n"
         )
     };
-    let told = |solved: &Solved| solved.outcome.warnings.iter().find(|w| w.0 == "W621").map(|w| w.1.clone());
+    let told = |solved: &Solved| doubts(&solved.outcome).iter().find(|w| w.0 == "W621").map(|w| w.1.clone());
     let unstable = run(bar(20, &rest("0.9")));
     let text = told(&unstable).expect("a warning");
     assert!(text.contains("fallen to 9.9"), "{text}");

@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use wfl_tests::{Attempt, attempt};
+use wfl_tests::{Attempt, attempt, doubts};
 
 fn page() -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/formulations.md");
@@ -56,9 +56,10 @@ fn every_formulation_gives_its_closed_form() {
             assert!(!outcome.expectations.is_empty(), "{name} expects nothing");
             let wrong = outcome.expectations.iter().filter(|(_, holds)| *holds != Some(true));
             failures.extend(wrong.map(|(e, _)| format!("{name} {params:?}: does not hold: {}", e.text)));
-            let unannounced = outcome.warnings.iter().filter(|(code, _)| !announced(code));
+            let doubts = doubts(&outcome);
+            let unannounced = doubts.iter().filter(|(code, _)| !announced(code));
             failures.extend(unannounced.map(|(code, w)| format!("{name} {params:?}: {code}: {w}")));
-            if warning.is_some() && !outcome.warnings.iter().any(|(code, _)| announced(code)) && !announced(&messages) {
+            if warning.is_some() && !doubts.iter().any(|(code, _)| announced(code)) && !announced(&messages) {
                 failures.push(format!("{name} {params:?}: {warning:?} is not given"));
             }
             if !outcome.converged() {

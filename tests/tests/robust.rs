@@ -1,7 +1,7 @@
 //! A run that does not give up: steps in parts, and what is said of them.
 
 use wfl_runtime::{AttemptEnd, Others, Path, newton::Method};
-use wfl_tests::{Solved, attempt, examples, solve};
+use wfl_tests::{Solved, attempt, doubts, examples, solve};
 
 /// exp(d) - 1 = load: a Newton step from 0 goes to d = load, and only about 1 back in each iteration, so that large
 /// increments need more iterations than `most`.
@@ -99,7 +99,7 @@ fn a_scene_that_is_singular_at_rest_starts_elsewhere_and_says_so() {
     let rise = |e: u32| (0.5 - (f64::from(e) + 0.5) / 64.0).cbrt() / 64.0;
     let exact = (0..31).map(rise).sum::<f64>() + 0.5 * rise(31);
     assert!((solved.measure(0, "middle") / exact - 1.0).abs() < 1e-9, "{} {exact}", solved.measure(0, "middle"));
-    assert!(solved.outcome.warnings.iter().any(|(code, _)| *code == "W607"), "{:?}", solved.outcome.warnings);
+    assert!(doubts(&solved.outcome).iter().any(|(code, _)| *code == "W607"), "{:?}", doubts(&solved.outcome));
 }
 
 /// A failed attempt to assemble a tangent (an infinite slope at rest) must not be taken for a measure of rounding.
@@ -229,7 +229,7 @@ fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
         let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
         assert!(solved.outcome.converged() && counts.iter().all(|n| *n <= 60), "{method}: {counts:?}");
         assert!(solved.outcome.steps.iter().all(|s| s.parts().is_empty()), "{method}");
-        assert!(solved.outcome.warnings.iter().any(|(code, _)| *code == "W609"), "{:?}", solved.outcome.warnings);
+        assert!(doubts(&solved.outcome).iter().any(|(code, _)| *code == "W609"), "{:?}", doubts(&solved.outcome));
         assert!(solved.outcome.steps.iter().any(|s| s.history.turns > 0), "{method}: no path turned round");
         let most = solved.outcome.steps.iter().map(|s| s.others).max();
         assert!(most >= Some(Others::Possible), "no tangent on the way had the other sign");
@@ -253,15 +253,15 @@ fn a_result_that_depends_on_the_augmentation_is_warned_of() {
         solve(&examples(), text, &[], &[("gamma", gamma)]).expect("the scene is right")
     };
     let told = |solved: &wfl_tests::Solved| {
-        let of_the_law = |w: &&(&str, String)| w.0 == "W606" && w.1.starts_with("law of `lam` at the points");
-        solved.outcome.warnings.iter().filter(of_the_law).count()
+        let of_the_law = |w: &&(&'static str, String)| w.0 == "W606" && w.1.starts_with("law of `lam` at the points");
+        doubts(&solved.outcome).iter().filter(of_the_law).count()
     };
     for (bend, bent) in [(0.0, false), (0.2, true)] {
         let (soft, stiff) = (run(bend, 1e4), run(bend, 1e7));
         assert!(soft.outcome.converged() && stiff.outcome.converged());
         let change = (soft.measure(0, "slip") / stiff.measure(0, "slip") - 1.0).abs();
         assert!(if bent { change > 0.02 } else { change < 1e-8 }, "bend {bend}: slip changes by {change:e}");
-        assert_eq!([told(&soft), told(&stiff)], [usize::from(bent); 2], "{:?}", soft.outcome.warnings);
+        assert_eq!([told(&soft), told(&stiff)], [usize::from(bent); 2], "{:?}", doubts(&soft.outcome));
     }
 }
 

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use wfl_tests::{examples as folder, scene_files, solve as solve_text};
+use wfl_tests::{doubts, examples as folder, scene_files, solve as solve_text};
 
 fn solve(scene: &Path) -> Result<(), String> {
     let text = std::fs::read_to_string(scene).map_err(|e| e.to_string())?;
@@ -11,7 +11,7 @@ fn solve(scene: &Path) -> Result<(), String> {
     if !outcome.converged() {
         return Err("a step did not converge".to_owned());
     }
-    if let Some((code, warning)) = outcome.warnings.first() {
+    if let Some((code, warning)) = doubts(&outcome).first() {
         return Err(format!("false warning {code}: {warning}"));
     }
     for (expect, holds) in &outcome.expectations {

@@ -2,7 +2,7 @@
 //! nearly incompressible bodies of degree 1 (W513), against states and numbers made by hand.
 
 use wfl_runtime::checks::locked_bodies;
-use wfl_tests::{Solved, examples, solve};
+use wfl_tests::{Solved, doubts, examples, solve};
 
 fn solved(text: &str) -> Solved {
     solve(&examples(), text.to_owned(), &[], &[]).unwrap_or_else(|e| panic!("{e}\n{text}"))
@@ -88,7 +88,7 @@ fn the_smallest_determinant_is_that_of_a_measure_and_the_first_step_is_told() {
         first = first.or(told.map(|_| step.time));
     }
     let time = first.expect("cells turn");
-    let texts: Vec<_> = made.outcome.warnings.iter().filter(|(code, _)| *code == "W616").collect();
+    let texts: Vec<_> = doubts(&made.outcome).into_iter().filter(|(code, _)| *code == "W616").collect();
     assert_eq!(texts.len(), 1, "{texts:?}");
     assert!(texts[0].1.starts_with(&format!("at t = {time} ")), "{texts:?}");
 }
@@ -105,7 +105,7 @@ fn a_zone_of_contact_that_covers_no_face_is_counted_and_a_larger_one_is_not_told
              term body on all : sigma(u):Grad_Test_u\nterm contact on top : pos_part(Pn)*Test_u.Normal\n\
              fix u = [0,0] on base\nfix u(1) = 0 on middle\n"
         ));
-        let told: Vec<_> = made.outcome.warnings.iter().map(|w| w.0).collect();
+        let told: Vec<_> = doubts(&made.outcome).iter().map(|w| w.0).collect();
         (made.outcome.steps[0].narrow.clone(), told)
     };
     let (narrow, told) = zone(2e-4);

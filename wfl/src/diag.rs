@@ -60,6 +60,28 @@ impl Diagnostic {
         self
     }
 
+    /// Adds a label where there is a place, and else a `= note:` line with its text.
+    #[must_use]
+    pub fn at_or_note(self, place: Option<Span>, text: impl Into<String>) -> Self {
+        match place {
+            Some(span) => self.at(span, text),
+            None => self.note(text),
+        }
+    }
+
+    /// All that it says in one line, without code and places.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let labels = self.labels.iter().map(|l| &l.text).filter(|text| !text.is_empty());
+        let parts: Vec<&str> = std::iter::once(&self.message)
+            .chain(labels)
+            .chain(&self.notes)
+            .chain(&self.helps)
+            .map(String::as_str)
+            .collect();
+        parts.join("; ")
+    }
+
     /// Adds a `= note:` line.
     #[must_use]
     pub fn note(mut self, text: impl Into<String>) -> Self {

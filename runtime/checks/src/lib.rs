@@ -37,7 +37,7 @@ pub use hourglass::{Hourglass, hourglasses};
 pub use load_rules::{CoarseLoad, coarse_loads, under_rule};
 pub use locking::{LockedBody, locked_bodies};
 pub use objectivity::{Turning, TurningBody, turning_bodies};
-pub use physics::{Conditions, NarrowZone, PhysicsCheck, Zigzag, balance, conditions, rests};
+pub use physics::{About, Conditions, NarrowZone, PhysicsCheck, Zigzag, balance, conditions, rests};
 pub use rigid_motions::LooseMotions;
 pub use signs::{DrivenSides, UnbalancedLoad, driven_sides, unbalanced_loads};
 pub use stability::{Unstable, is_due, unstable};

@@ -57,6 +57,8 @@ const UNTESTED: &str = "not tested: ";
 pub struct PhysicsCheck {
     /// What is looked at: "equilibrium of uL, uR".
     pub name: String,
+    /// The statement of the scene that it is about.
+    pub about: About,
     /// What was found, relative.
     pub value: f64,
     /// What it may be.
@@ -65,10 +67,21 @@ pub struct PhysicsCheck {
     pub detail: String,
 }
 
+/// The statement of a scene that a condition is about.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum About {
+    /// Several of them.
+    Scene,
+    /// The declaration of this field.
+    Field(String),
+    /// The term of this name.
+    Term(String),
+}
+
 impl PhysicsCheck {
     /// A condition that cannot be judged, and why.
-    fn untested(name: String, limit: f64, why: &str) -> Self {
-        Self { name, value: 0.0, limit, detail: format!("{UNTESTED}{why}") }
+    fn untested(name: String, about: About, limit: f64, why: &str) -> Self {
+        Self { name, about, value: 0.0, limit, detail: format!("{UNTESTED}{why}") }
     }
 
     /// Why it was not judged, if it was not.
@@ -223,12 +236,21 @@ fn equilibrium(state: Solved<'_>, group: &[usize], tolerance: f64) -> Option<Phy
     let left = largest(left.iter().copied());
     let limit = BALANCE.max(tolerance).min(LARGEST_BALANCE);
     let name = format!("equilibrium of {}", names(system, group));
+    let about = match group {
+        [one] => About::Field(system.fields[*one].name.clone()),
+        _ => About::Scene,
+    };
     if share(left, size) > limit {
         // neither loads nor reactions: forces inside balance each other, or nothing acts
         let sum = |numbers: &[f64]| system.team().total(dofs(system, group).map(|d| numbers[d]).sum());
         size = size.max(sum(&system.contributions(state.u).ok()?));
         if share(left, size) > limit && left <= ROUNDED * sum(&system.cancelled(state.u, state.residual)) {
-            return Some(PhysicsCheck::untested(name, limit, "no force acts but what rounding leaves of the motion"));
+            return Some(PhysicsCheck::untested(
+                name,
+                about,
+                limit,
+                "no force acts but what rounding leaves of the motion",
+            ));
         }
     }
     if size == 0.0 {
@@ -238,7 +260,7 @@ fn equilibrium(state: Solved<'_>, group: &[usize], tolerance: f64) -> Option<Phy
     let shown = |x: &f64| short(if x.abs() <= BALANCE * size { 0.0 } else { *x });
     let list = |v: &[f64]| v.iter().map(shown).collect::<Vec<_>>().join(", ");
     let detail = format!("loads [{}], reactions [{}]", list(&load), list(&reaction));
-    Some(PhysicsCheck { name, value: share(left, size), limit, detail })
+    Some(PhysicsCheck { name, about, value: share(left, size), limit, detail })
 }
 
 /// True for moments that do not balance.
@@ -254,6 +276,7 @@ fn of_moments(system: &System, found: &[(usize, Option<Moments>)], out: &mut Vec
         match found {
             Moments::Left { share, limit, position } if is_broken(Some(found)) => out.push(PhysicsCheck {
                 name: format!("equilibrium of moments of {name}"),
+                about: About::Field(name.clone()),
                 value: *share,
                 limit: *limit,
                 detail: format!(
@@ -304,6 +327,7 @@ fn balance_of_term(system: &System, term: usize, u: &[f64]) -> Option<PhysicsChe
         Some(forces)
     };
     let forces = at(u)?;
+    let about = About::Term(system.terms[term].law.name.clone());
     let name = format!("action and reaction of `{}`", system.terms[term].law.name);
     let (mut sum, mut size) = summed(system, &forces, None);
     if share(sum, size) > BALANCE {
@@ -313,11 +337,12 @@ fn balance_of_term(system: &System, term: usize, u: &[f64]) -> Option<PhysicsChe
         // a motion that is no rigid one: of both sides together the forces are the stiffness times the motion
         let (_, cancels) = summed(system, &at(&scrambled(system, u))?, None);
         if sum <= ROUNDED * cancels {
-            return Some(PhysicsCheck::untested(name, BALANCE, "the two sides move as one"));
+            return Some(PhysicsCheck::untested(name, about, BALANCE, "the two sides move as one"));
         }
     }
     (size > 0.0).then(|| PhysicsCheck {
         name,
+        about,
         value: share(sum, size),
         limit: BALANCE,
         detail: "the forces on the two sides do not cancel: is the test function the jump of both?".to_owned(),
@@ -390,13 +415,18 @@ fn of_contact(state: Solved<'_>, largest: f64, look: Look) -> Conditions {
 fn lengths(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps, largest: f64) {
     let [overlaps, slips] = gaps.strained;
     let mut add = |what: &str, length: f64, strained: f64, detail: String| {
-        let name = format!("{what} `{term}`");
+        let (name, about) = (format!("{what} `{term}`"), About::Term(term.to_owned()));
         if strained > OVERLAP * largest && length <= OVERLAP * largest {
-            out.push(PhysicsCheck::untested(name, OVERLAP, "the law is that of an elastic joint, which holds tension"));
+            out.push(PhysicsCheck::untested(
+                name,
+                about,
+                OVERLAP,
+                "the law is that of an elastic joint, which holds tension",
+            ));
         } else if gaps.turns && length <= OVERLAP * largest {
-            out.push(PhysicsCheck::untested(name, OVERLAP, "the normal of the law turns with the bodies"));
+            out.push(PhysicsCheck::untested(name, about, OVERLAP, "the normal of the law turns with the bodies"));
         } else {
-            out.push(PhysicsCheck { name, value: length / largest, limit: OVERLAP, detail });
+            out.push(PhysicsCheck { name, about, value: length / largest, limit: OVERLAP, detail });
         }
     };
     add(
@@ -419,8 +449,8 @@ fn lengths(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps, largest:
 fn shares(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps) {
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
     let mut add = |what: &str, share: Option<f64>, limit: f64, detail: &dyn Fn(f64) -> String| {
-        let name = format!("{what} `{term}`");
-        out.extend(share.map(|value| PhysicsCheck { name, value, limit, detail: detail(value) }));
+        let (name, about) = (format!("{what} `{term}`"), About::Term(term.to_owned()));
+        out.extend(share.map(|value| PhysicsCheck { name, about, value, limit, detail: detail(value) }));
     };
     add("tensile contact force at", gaps.pulled, AGAINST, &|s| {
         format!("the force is tensile on {} of the closed area: a wrong sign in the term?", percent(s))
@@ -442,6 +472,7 @@ fn shares(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps) {
 fn law_at_points(defect: LawDefect, left: f64) -> PhysicsCheck {
     PhysicsCheck {
         name: format!("law of `{}` at the points", defect.multiplier),
+        about: About::Field(defect.multiplier),
         value: defect.size,
         limit: AVERAGE.max(UNSOLVED * left),
         detail:

@@ -2,6 +2,7 @@
 
 use std::{path::Path, process::ExitCode};
 
+use wfl::SourceMap;
 use wfl_runtime::{Outcome, RunError, Scene, memory::TooMuchMemory, output::Report};
 use wfl_tasks::{
     Loaded,
@@ -82,5 +83,5 @@ pub(crate) fn explain(loaded: &Loaded, scene: &Scene, error: &RunError) {
 
 /// E606 where there is no place in the scene.
 pub(crate) fn too_much_memory(need: &TooMuchMemory) {
-    say(&ending::too_much_memory(need));
+    print_all(&[ending::too_much_memory(need)], &SourceMap::default());
 }

@@ -1,11 +1,13 @@
 //! Friction over the parts of a step: the energy that it takes, and points that creep. What it remembers stays with the run
-//! as states do. Says in words what there is to say of it; decides nothing about the steps.
+//! as states do. Makes findings of it; decides nothing about the steps.
+
+use wfl::Diagnostic;
 
 use super::StepResult;
 use crate::{
     contact::{Creep, FrictionMemory, FrictionStep, SlidPast},
     finite,
-    scene::Solving,
+    scene::{Scene, Solving},
 };
 
 /// What a run keeps of friction.
@@ -58,15 +60,17 @@ const BACK: f64 = 0.1;
 const CANCELLED: f64 = 1e-3;
 const MOVED: f64 = 1e-6;
 
-/// What is said of friction and sliding, with its code.
-pub(super) fn warnings(steps: &[StepResult]) -> impl Iterator<Item = (&'static str, String)> {
-    let back = energy_back(steps).map(|text| ("W615", text));
-    let creeps = creep(steps).map(|text| ("W630", text));
-    back.into_iter().chain(creeps).chain(slid(steps).map(|text| ("W631", text)))
+/// How a law keeps the slip that it remembers.
+const IN_A_STATE: &str = "keep the slip in a state, `state slid : vector on fault := Previous_slid + (Pt - \
+                          Ball_projection(Pt, ...))/gamma`, and write Pt = gamma*(tang(jump(uL,uR)) - Previous_slid) - ...";
+
+/// What there is to say of friction and sliding.
+pub(super) fn findings(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnostic> {
+    energy_back(steps).into_iter().chain(creep(scene, steps)).chain(slid(scene, steps))
 }
 
-/// The step in which friction as a whole has given back a part of the energy that it took.
-fn energy_back(steps: &[StepResult]) -> Option<String> {
+/// W615: the step in which friction as a whole has given back a part of the energy that it took.
+fn energy_back(steps: &[StepResult]) -> Option<Diagnostic> {
     let works = || steps.iter().filter_map(|s| Some((s.time, s.friction?)));
     let (mut sum, mut most, mut size, mut bound) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
     for (_, work) in works() {
@@ -82,49 +86,60 @@ fn energy_back(steps: &[StepResult]) -> Option<String> {
         high = high.max(sum);
         let back = high - sum;
         if back > limit {
-            return Some(format!(
-                "by t = {time} friction has returned the energy {back:.3e} of {high:.3e} that it had dissipated: a law \
-                 for the total slip has no memory; keep the slip in a state, `state slid : vector on fault := \
-                 Previous_slid + (Pt - Ball_projection(Pt, ...))/gamma`, and write the argument with what is left of it, \
-                 Pt = gamma*(tang(jump(uL,uR)) - Previous_slid) - ..."
-            ));
+            let text = format!(
+                "by t = {time} friction has returned the energy {back:.3e} of {high:.3e} that it had dissipated"
+            );
+            let d = Diagnostic::new("W615", text).note("a law for the total slip has no memory");
+            return Some(d.help(IN_A_STATE));
         }
     }
     None
 }
 
-/// The step in which points that stick had crept most.
-fn creep(steps: &[StepResult]) -> Option<String> {
+/// W630: the step in which points that stick had crept most.
+fn creep(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
     let any = || steps.iter().filter_map(|s| Some((s.time, s.creep.as_ref()?)));
     let moved = any().fold(0.0f64, |m, (_, creep)| m.max(creep.moved));
     let all = || any().filter(|(_, creep)| creep.counts(moved));
     let (first, _) = all().next()?;
     let (time, Creep { term, slip, step, position, .. }) = all().max_by(|a, b| a.1.slip.total_cmp(&b.1.slip))?;
-    Some(format!(
-        "from t = {first} on friction in `{term}` forgets where points stick: at {} a point that sticks has slid by \
-         {slip:.3e} up to t = {time}, {step:.1e} of it in the last step, and slides on with each step also where loads stay. A \
-         law for the change of the slip since the last step loses its elastic part; keep the slip in a state, `state slid : \
-         vector on fault := Previous_slid + (Pt - Ball_projection(Pt, ...))/gamma`, and write Pt = \
-         gamma*(tang(jump(uL,uR)) - Previous_slid) - ...",
+    let text = format!(
+        "at {} a point that sticks has slid by {slip:.3e} up to t = {time}, {step:.1e} of it in the last step, and slides on \
+         with each step also where loads stay",
         finite::position(*position)
-    ))
+    );
+    let d = Diagnostic::new("W630", format!("from t = {first} on friction in `{term}` forgets where points stick"));
+    let d = d.at_or_note(scene.place_of_term(term), text);
+    Some(d.note("a law for the change of the slip since the last step loses its elastic part").help(IN_A_STATE))
 }
 
-/// By term the first step in which its sides had slid by more than a face, and the most that they did.
-fn slid(steps: &[StepResult]) -> impl Iterator<Item = String> {
+/// W631: by term the first step in which its sides had slid by more than a face, and the most that they did.
+fn slid(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnostic> {
     let all = || steps.iter().flat_map(|s| s.slid.iter().map(|slid| (s.time, slid)));
     let is_first = move |at: usize, slid: &SlidPast| all().take(at).all(|(_, s)| s.term != slid.term);
     let firsts = all().enumerate().filter(move |(at, (_, slid))| is_first(*at, slid));
     firsts.map(move |(_, (first, SlidPast { term, faces, slip, position, .. }))| {
         let own = all().filter(|(_, s)| s.term == *term);
         let (time, most) = own.max_by(|a, b| a.1.faces.total_cmp(&b.1.faces)).expect("it is among them");
-        format!(
-            "at t = {first} points of `{term}` that press have slid by more than a face of the other side: at {} by {slip:.3e}, \
-             {faces:.2} faces (at t = {time} at most by {:.3e}, {:.1} faces, with {:.0} % of the area in contact beyond one). \
-             Points are paired once, on the initial mesh: forces stay on the faces where they were, also where the bodies \
-             have left each other. Let less slide, take faces of the other side that are as long as the slip, or write \
-             the other side as an obstacle, a formula of the position x + u",
-            finite::position(*position), most.slip, most.faces, 100.0 * most.share
-        )
+        let text = format!(
+            "at {} by {slip:.3e}, {faces:.2} faces (at t = {time} at most by {:.3e}, {:.1} faces, with {:.0} % of the area in \
+             contact beyond one)",
+            finite::position(*position),
+            most.slip,
+            most.faces,
+            100.0 * most.share
+        );
+        let message =
+            format!("at t = {first} points of `{term}` that press have slid by more than a face of the other side");
+        Diagnostic::new("W631", message)
+            .at_or_note(scene.place_of_term(term), text)
+            .note(
+                "points are paired once, on the initial mesh: forces stay on the faces where they were, also where the \
+                 bodies have left each other",
+            )
+            .help(
+                "let less slide, take faces of the other side that are as long as the slip, or write the other side as an \
+                 obstacle, a formula of the position x + u",
+            )
     })
 }

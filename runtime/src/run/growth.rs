@@ -6,6 +6,7 @@
 //! exponentially by the same factor in both quarters of it. What is given (loads, prescribed values) may grow by as much. Known
 //! are single numbers of each step; nothing is evaluated but loads that follow the steps.
 
+use wfl::Diagnostic;
 use wfl_compiler::{
     Class,
     types::{FieldKind, InputSlot},
@@ -73,8 +74,8 @@ impl Growth {
         if some { steady.max(sum(true)) } else { steady }
     }
 
-    /// What there is to say of fields that grew without end.
-    pub(super) fn told(&self, scene: &Solving<'_>) -> Option<String> {
+    /// W647 for fields that grew without end.
+    pub(super) fn told(&self, scene: &Solving<'_>) -> Option<Diagnostic> {
         let system = &scene.system;
         let limit = if system.is_linear() { LINEAR } else { NONLINEAR };
         let (first, last) = (self.steps.first()?, self.steps.last()?);
@@ -100,18 +101,23 @@ impl Growth {
             let steady = third.min(fourth) > whole.powf(0.25);
             let grows = second > 0.0 && whole > limit * given && steady;
             grows.then(|| {
-                format!(
-                    "`{}` grows without end: its largest value is {:.3e} at t = {}, {:.3e} at t = {}, {:.3e} at t = {}, \
-                     while loads and prescribed values grow by a factor {given:.1e} at most. That is how a wrong sign \
-                     grows: of a rate, of one of two couplings, or of a term that should dissipate",
-                    system.fields[field].name,
+                let text = format!(
+                    "its largest value is {:.3e} at t = {}, {:.3e} at t = {}, {:.3e} at t = {}, while loads and prescribed \
+                     values grow by a factor {given:.1e} at most",
                     second,
                     self.steps[half].time,
                     of(three),
                     self.steps[three].time,
                     of(end),
                     last.time
-                )
+                );
+                let name = &system.fields[field].name;
+                Diagnostic::new("W647", format!("`{name}` grows without end"))
+                    .at_or_note(scene.place_of_field(name), text)
+                    .note(
+                        "that is how a wrong sign grows: of a rate, of one of two couplings, or of a term that should \
+                         dissipate",
+                    )
             })
         })
     }

@@ -2,7 +2,7 @@
 
 use wfl_compiler::types::FieldKind;
 
-use super::{Run, report};
+use super::{Run, findings};
 use crate::{
     checks::{self, Accuracy, NarrowZone, Others, PhysicsCheck, Solved, TurnedCells, Unstable, Zigzag},
     field::Field,
@@ -89,7 +89,7 @@ impl Run {
         // a check never fails a state that has converged: what it cannot evaluate it does not judge
         let others = checks::others(system, contact, solver, &self.u, known.most).unwrap_or_default();
         let doubtful =
-            accuracy.as_ref().is_some_and(|a| a.digits() < report::FEW_DIGITS) || found.iter().any(|c| !c.holds());
+            accuracy.as_ref().is_some_and(|a| a.digits() < findings::FEW_DIGITS) || found.iter().any(|c| !c.holds());
         // where the prescribed values alone turn cells inside out, the state of rest is no state at all
         if doubtful && checks::rests(system, &self.u, &form).unwrap_or(false) {
             // what differs from zero is rounding, and so is every number made of it

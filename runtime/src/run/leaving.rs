@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use wfl::Diagnostic;
 use wfl_compiler::{
     KinkKind, TermLaw,
     types::{FieldKind, InputSlot},
@@ -60,13 +61,13 @@ impl Stepper {
     }
 }
 
-/// What is said of a run that loses more energy than the scene allows, or whose contact does: steps by the step variable and
+/// W620 for a run that loses more energy than the scene allows, or whose contact does: steps by the step variable and
 /// their measures, and the balance at the end.
 pub(super) fn lost<'s>(
     scene: &Solving<'_>,
     balance: Option<&Balance>,
     steps: impl Iterator<Item = (f64, &'s [(String, f64)])>,
-) -> Option<String> {
+) -> Option<Diagnostic> {
     let energy = scene.energy.as_ref()?;
     let names = energy.measures();
     let lost = names.last().expect("the last is what is lost");
@@ -84,23 +85,27 @@ pub(super) fn lost<'s>(
     let part = value.abs() / largest;
     let word = if value < 0.0 { "gained" } else { "lost" };
     if part > energy.limit {
-        return Some(format!(
-            "by t = {time} the energy {:.3e} is {word}, {part:.1e} of the largest energy of the run, at most {:.0e} \
-             expected: smaller steps show whether the steps or a term are the cause",
+        let text = format!(
+            "by t = {time} the energy {:.3e} is {word}, {part:.1e} of the largest energy of the run, at most {:.0e} expected",
             value.abs(),
             energy.limit
-        ));
+        );
+        let help = "smaller steps show whether the steps or a term are the cause";
+        return Some(Diagnostic::new("W620", text).help(help));
     }
     let works = energy.terms.iter().zip(balance?.unreturned()).filter(|(name, _)| has_a_potential(scene, name));
     let (name, value) = works.max_by(|a, b| a.1.total_cmp(&b.1))?;
     let part = value / largest;
     (part > energy.limit).then(|| {
-        format!(
+        let text = format!(
             "between two times at which `{name}` has no force it took up, or gave, the energy {value:.3e}, {part:.1e} of the \
-             largest energy of the run, at most {:.0e} expected: contact begins and ends within steps that are too long \
-             for it, which the balance of the steps does not show; smaller steps, or a softer contact",
+             largest energy of the run, at most {:.0e} expected",
             energy.limit
-        )
+        );
+        let why = "contact begins and ends within steps that are too long for it, which the balance of the steps does not \
+                   show";
+        let d = Diagnostic::new("W620", text).at_or_note(scene.place_of_term(name), why);
+        d.help("smaller steps, or a softer contact")
     })
 }
 

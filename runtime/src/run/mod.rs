@@ -13,6 +13,7 @@ mod control;
 mod events;
 mod explicit;
 mod files;
+mod findings;
 mod folder;
 mod friction;
 mod growth;

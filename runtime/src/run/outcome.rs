@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use wfl::Diagnostic;
+
 use super::{
     Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult,
     events::episodes,
     files::{StepFiles, write_measures},
-    folder, friction,
+    findings, folder, friction,
     leaving::lost,
     others, report,
 };
@@ -33,13 +35,13 @@ pub struct Outcome {
     /// What expectations know beside params: the measures at the last step, and the numbers of the events.
     pub known: Vec<(String, f64)>,
     /// Messages of the expectations.
-    pub diagnostics: Vec<wfl::Diagnostic>,
+    pub diagnostics: Vec<Diagnostic>,
     /// The events of the scene by name, each with the times that it lasted.
     pub events: Vec<(String, Vec<Episode>)>,
     /// Why the energy of friction is not tested; `None` where it is, or where there is none.
     pub friction_untested: Option<&'static str>,
-    /// What the numbers themselves give cause to doubt, with its code.
-    pub warnings: Vec<(&'static str, String)>,
+    /// What the numbers themselves give cause to doubt.
+    pub warnings: Vec<Diagnostic>,
     /// The equations at the end of the last step.
     pub equations: Equations,
 }
@@ -59,12 +61,6 @@ impl Outcome {
             }
         }
         out
-    }
-
-    /// What there is to say of cells that turned inside out, with the name of their term, each term once.
-    #[must_use]
-    pub fn turned(&self) -> Vec<(String, String)> {
-        report::turned(&self.steps).map(|(t, cells)| (report::turned_text(t, cells), cells.term.clone())).collect()
     }
 
     /// True if every step converged.
@@ -121,20 +117,20 @@ impl Run {
         let mut known = last;
         events.iter().for_each(|(name, episodes)| known.extend(numbers_of(name, episodes)));
         let (expectations, diagnostics) = if done { scene.expectations(&known) } else { (Vec::new(), Vec::new()) };
-        let mut warnings = report::warnings(&self.steps);
+        let mut warnings = findings::of_steps(scene, &self.steps);
         let solved = |s: &&StepResult| s.history.converged() && s.history.stop != Some(Stop::Given);
         warnings.extend(self.watched.told(scene, &self.u, self.steps.iter().filter(solved).count()));
-        warnings.extend(self.bad.iter().map(|bad| ("W610", bad.text())));
+        warnings.extend(self.bad.iter().map(|bad| Diagnostic::new("W610", bad.text())));
         let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
         let balance = self.stepper.balance.as_ref();
-        warnings.extend(lost(scene, balance, measured).map(|text| ("W620", text)));
+        warnings.extend(lost(scene, balance, measured));
         let longest = || scene.steps.longest_increment();
-        warnings.extend(self.stepper.stability.told(longest).map(|text| ("W621", text)));
-        warnings.extend(self.forced(scene).map(|text| ("W618", text)));
-        warnings.extend(self.unestimated(scene).filter(|_| done).map(|text| ("W618", text)));
-        warnings.extend(self.unlimited(scene).map(|text| ("W619", text)));
+        warnings.extend(self.stepper.stability.told(longest));
+        warnings.extend(self.forced(scene));
+        warnings.extend(self.unestimated(scene).filter(|_| done));
+        warnings.extend(self.unlimited(scene));
         let mut report = report::report(scene, options, &self, &expectations);
-        report.warnings.extend(warnings.iter().map(|(code, text)| format!("{code}: {text}")));
+        report.warnings.extend(warnings.iter().map(|d| format!("{}: {}", d.code, d.line())));
         let event = |e: &Episode| EventReport { begin: Real(e.begin), end: e.end.map(Real) };
         report.events = events.iter().map(|(name, list)| (name.as_str(), list.iter().map(event).collect())).collect();
         report.error = error.map(ToString::to_string);
@@ -164,8 +160,8 @@ impl Run {
         scene.events.iter().enumerate().map(|(k, e)| (e.name.clone(), episodes(&of(k)))).collect()
     }
 
-    /// What is said of steps whose error was too large and could not be made smaller.
-    fn forced(&self, scene: &Scene) -> Option<String> {
+    /// W618 for steps whose error was too large and could not be made smaller.
+    fn forced(&self, scene: &Scene) -> Option<Diagnostic> {
         let rules = scene.steps.auto.as_ref()?;
         let forced = |s: &&StepResult| {
             let too_large = |a: &Attempt| matches!(a.end, AttemptEnd::Forced(_));
@@ -173,27 +169,26 @@ impl Run {
         };
         let first = self.steps.iter().find(forced)?;
         let count = self.steps.iter().filter(forced).count();
-        Some(format!(
-            "the error of {count} steps is larger than the demanded {:e}, the first at t = {}: an increment is at least {:e}",
-            rules.error, first.time, rules.least
-        ))
+        let text = format!(
+            "the error of {count} steps is larger than the demanded {:e}, the first at t = {}",
+            rules.error, first.time
+        );
+        Some(Diagnostic::new("W618", text).note(format!("an increment is at least {:e}", rules.least)))
     }
 
-    /// What is said of a run whose steps are too few for an estimate of their error.
-    fn unestimated(&self, scene: &Scene) -> Option<String> {
+    /// W618 for a run whose steps are too few for an estimate of their error.
+    fn unestimated(&self, scene: &Scene) -> Option<Diagnostic> {
         let rules = scene.steps.auto.as_ref()?;
         // the state where time starts is no step
         let count = self.steps.len().checked_sub(1).filter(|n| (1..FEWEST).contains(n))?;
         let steps = if count == 1 { "1 step".to_owned() } else { format!("{count} steps") };
-        Some(format!(
-            "the run made {steps}, the first of {:e}: the error of none is known, an estimate needs {FEWEST}. Give a smaller \
-             `first`, well below the shortest time of the scene",
-            rules.first
-        ))
+        let text = format!("the run made {steps}, the first of {:e}: the error of none is known", rules.first);
+        let d = Diagnostic::new("W618", text).note(format!("an estimate needs {FEWEST} steps"));
+        Some(d.help("a smaller `first`, well below the shortest time of the scene"))
     }
 
-    /// What is said of states behind which `limit` was no positive number.
-    fn unlimited(&self, scene: &Scene) -> Option<String> {
+    /// W619 for states behind which `limit` was no positive number.
+    fn unlimited(&self, scene: &Scene) -> Option<Diagnostic> {
         let rules = scene.steps.auto.as_ref().filter(|rules| rules.limit.is_some())?;
         // behind the last state no step follows
         let stop = scene.steps.last();
@@ -201,11 +196,12 @@ impl Run {
         let first = self.steps.iter().find(unlimited)?;
         let count = self.steps.iter().filter(unlimited).count();
         let value = if first.limit.is_nan() { "not a number".to_owned() } else { format!("{:e}", first.limit) };
-        Some(format!(
-            "`limit` is {value} behind the state at t = {}, and no positive number behind {count} states in all: there it \
-             limited nothing, and an increment was at most {:e}",
-            first.time, rules.most
-        ))
+        let text = format!(
+            "`limit` is {value} behind the state at t = {}, and no positive number behind {count} states in all",
+            first.time
+        );
+        let so = format!("there it limited nothing, and an increment was at most {:e}", rules.most);
+        Some(Diagnostic::new("W619", text).note(so))
     }
 }
 

@@ -4,6 +4,7 @@
 //! looked at when the branches of their terms change, or have none, and not more often than costs a tenth of the steps: in
 //! evaluations of the residual, so that it is decided alike on all ranks. Promises: changes nothing of a run.
 
+use wfl::Diagnostic;
 use wfl_compiler::Class;
 
 use super::rates::StepTime;
@@ -80,24 +81,28 @@ impl Stability {
         Ok(())
     }
 
-    /// What is said of steps of this length that have become too long.
-    pub(super) fn told(&self, increment: impl FnOnce() -> f64) -> Option<String> {
+    /// W621 for steps of this length that have become too long.
+    pub(super) fn told(&self, increment: impl FnOnce() -> f64) -> Option<Diagnostic> {
         let found = self.found?;
         let Fallen { time, limit, share } = found;
         let increment = increment();
-        let since = "a contact has closed or a body stiffened since the start";
-        Some(if found.is_above() {
-            format!(
-                "explicit steps of {increment:.3e} are above the stability limit, which had fallen to {limit:.3e} at t = \
-                 {time:.6e}: {since}. The results behind that are not to be used: take a smaller `fraction`, or shorter \
-                 steps"
+        let fallen = format!("the stability limit, which had fallen to {limit:.3e} at t = {time:.6e}");
+        let (text, so) = if found.is_above() {
+            (
+                format!("explicit steps of {increment:.3e} are above {fallen}"),
+                "the results behind that are not to be used",
             )
         } else {
-            format!(
-                "explicit steps of {increment:.3e} are {share:.3} of the stability limit, which had fallen to {limit:.3e} \
-                 at t = {time:.6e}: {since}. Contact that opens and closes so near the limit gains energy in each step \
-                 that it does: take a smaller `fraction`, or shorter steps"
+            (
+                format!("explicit steps of {increment:.3e} are {share:.3} of {fallen}"),
+                "contact that opens and closes so near the limit gains energy in each step that it does",
             )
-        })
+        };
+        Some(
+            Diagnostic::new("W621", text)
+                .note("a contact has closed or a body stiffened since the start")
+                .note(so)
+                .help("a smaller `fraction`, or shorter steps"),
+        )
     }
 }

@@ -4,11 +4,13 @@
 //! Each is told once. Promises: changes nothing of a run; where some steps were those of another process, what needs all of
 //! them is not told.
 
+use wfl::Diagnostic;
+
 use super::growth::Growth;
 use crate::{
     checks::{self, Alternating, DistantContact, LargeStrain, PorePressure},
     finite::position,
-    scene::Solving,
+    scene::{Scene, Solving},
 };
 
 /// What was seen so far.
@@ -59,63 +61,64 @@ impl Watched {
     }
 
     /// What there is to say at the end of a run of this many steps, some of which are those of a state that was given.
-    pub(super) fn told(&self, scene: &Solving<'_>, u: &[f64], n_solved: usize) -> Vec<(&'static str, String)> {
+    pub(super) fn told(&self, scene: &Solving<'_>, u: &[f64], n_solved: usize) -> Vec<Diagnostic> {
         // where lengths have no unit a linear body may be in any; a velocity is no displacement
-        let unit = |s: &LargeStrain| {
-            let fields = scene.system.fields.iter().zip(&scene.lengths);
-            fields.filter(|(f, _)| f.name == s.field).find_map(|(_, length)| *length)
-        };
+        let unit = |s: &LargeStrain| scene.declared_field(&s.field).and_then(|field| field.is_length);
         let sized = |s: &&(f64, LargeStrain)| unit(&s.1).unwrap_or(s.1.has_memory);
-        let mut out: Vec<(&'static str, String)> =
-            self.strained.iter().filter(sized).map(|(time, s)| ("W645", strain_text(*time, s))).collect();
+        let mut out: Vec<Diagnostic> =
+            self.strained.iter().filter(sized).map(|(time, s)| strained(scene, *time, s)).collect();
         if n_solved == self.n && self.n > 0 {
             let distant = self.kept.iter().flat_map(|k| &k.distant);
-            out.extend(distant.map(|d| ("W646", distant_text(d))));
-            out.extend(self.growth.told(scene).map(|text| ("W647", text)));
+            out.extend(distant.map(|d| far_apart(scene, d)));
+            out.extend(self.growth.told(scene));
         }
         if self.n > 0 {
             let locked = checks::locked_bending(scene.system, u);
-            out.extend(locked.iter().map(|l| ("W648", locked_text(l))));
+            out.extend(locked.iter().map(|l| locked_bending(scene, l)));
         }
-        out.extend(self.alternating.iter().map(|(time, a)| ("W649", alternating_text(*time, a))));
+        out.extend(self.alternating.iter().map(|(time, a)| alternates(scene, *time, a)));
         out
     }
 }
 
-fn strain_text(time: f64, found: &LargeStrain) -> String {
+/// W645.
+fn strained(scene: &Scene, time: f64, found: &LargeStrain) -> Diagnostic {
     let LargeStrain { field, strain, moved, position: at, .. } = found;
     let moved = if *moved > 1.0 {
         format!(", and it has moved by {moved:.3e} times the extent of the mesh")
     } else {
         String::new()
     };
-    format!(
-        "at t = {time} `{field}` has a strain of {strain:.3e} at {}{moved}: its law is one of small strains, and says nothing \
-         there. A load beyond what the body bears, or a unit or power of ten in a load or a modulus; bodies that are meant to \
-         deform so much need a law of finite strain",
-        position(*at)
-    )
+    let text = format!("at t = {time} `{field}` has a strain of {strain:.3e} at {}{moved}", position(*at));
+    Diagnostic::new("W645", text)
+        .at_or_note(scene.place_of_field(field), "its law is one of small strains, and says nothing there")
+        .note("a load beyond what the body bears, or a unit or power of ten in a load or a modulus")
+        .help("bodies that are meant to deform so much need a law of finite strain")
 }
 
-fn distant_text(found: &DistantContact) -> String {
+/// W646.
+fn far_apart(scene: &Scene, found: &DistantContact) -> Diagnostic {
     let DistantContact { name, from, nearest, .. } = found;
-    format!(
-        "the contact `{name}` never closes: its sides are {from:.3e} apart without displacement, and were never nearer than \
-         {nearest:.3e}. A distance or a direction of the load with the wrong sign, or a contact that this scene does not need"
-    )
+    let text = format!("its sides are {from:.3e} apart without displacement, and were never nearer than {nearest:.3e}");
+    Diagnostic::new("W646", format!("the contact `{name}` never closes"))
+        .at_or_note(scene.place_of_term(name), text)
+        .note("a distance or a direction of the load with the wrong sign, or a contact that this scene does not need")
 }
 
-fn locked_text(found: &checks::LockedBending) -> String {
-    format!(
-        "`{}` bends on elements of degree 1 that do not bend: {:.0} % of its energy of deformation are in the shear and the \
-         jumps of strain of single cells, and displacements are too small by about that part. Elements of degree 2 (vector Q2 \
-         or P2), or cells that are no longer than a quarter of the thickness",
-        found.field,
+/// W648.
+fn locked_bending(scene: &Scene, found: &checks::LockedBending) -> Diagnostic {
+    let text = format!(
+        "{:.0} % of its energy of deformation are in the shear and the jumps of strain of single cells, and displacements are \
+         too small by about that part",
         100.0 * found.share
-    )
+    );
+    Diagnostic::new("W648", format!("`{}` bends on elements of degree 1 that do not bend", found.field))
+        .at_or_note(scene.place_of_field(&found.field), text)
+        .help("elements of degree 2 (vector Q2 or P2), or cells that are no longer than a quarter of the thickness")
 }
 
-fn alternating_text(time: f64, found: &Alternating) -> String {
+/// W649.
+fn alternates(scene: &Scene, time: f64, found: &Alternating) -> Diagnostic {
     let Alternating { field, displacement, share, position: at, too_short, is_equal_order } = found;
     let cure = match (is_equal_order, too_short.is_finite()) {
         (true, true) => format!(
@@ -130,9 +133,8 @@ fn alternating_text(time: f64, found: &Alternating) -> String {
         }
         (false, false) => "nothing spreads a jump of it: smaller cells there".to_owned(),
     };
-    format!(
-        "at t = {time} `{field}` alternates from node to node around {}, by {:.0} % of its range: {cure}",
-        position(*at),
-        100.0 * share
-    )
+    let text = format!("around {}, by {:.0} % of its range", position(*at), 100.0 * share);
+    Diagnostic::new("W649", format!("at t = {time} `{field}` alternates from node to node"))
+        .at_or_note(scene.place_of_field(field), text)
+        .help(cure)
 }

@@ -16,8 +16,8 @@ use wfl_compiler::{
 };
 
 use super::{
-    Builder, CsvOutput, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Scene, StateUpdate,
-    Steps, TablesOf, VtkOutput, With,
+    Builder, CsvOutput, DeclaredField, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Scene,
+    StateUpdate, Steps, TablesOf, VtkOutput, With,
     assemble::Assembled,
     batch::Batch,
     constants, constraints, coverage, explicit, fields, idle, mappings, massless, meeting, mesh, options, outputs,
@@ -298,7 +298,7 @@ impl Builder<'_> {
         Some(Scene {
             explicit: None,
             energy: integration.energy,
-            lengths: self.script.fields.iter().map(|f| f.space.unit.as_ref().map(wfl::is_length)).collect(),
+            declared: self.script.fields.iter().map(DeclaredField::of).collect(),
             system,
             contact,
             topology: self.topology,

@@ -160,6 +160,21 @@ pub struct TermSummary {
     pub instructions: (usize, usize),
 }
 
+/// The declaration of a field.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DeclaredField {
+    /// Its name there.
+    pub(crate) span: Span,
+    /// Whether its unit is a length; `None` where it has none.
+    pub(crate) is_length: Option<bool>,
+}
+
+impl DeclaredField {
+    fn of(field: &wfl::Field) -> Self {
+        Self { span: field.name.span, is_length: field.space.unit.as_ref().map(wfl::is_length) }
+    }
+}
+
 /// A problem ready to run.
 pub struct Scene {
     /// The discrete problem.
@@ -222,14 +237,30 @@ pub struct Scene {
     pub tables: TablesOf,
     /// Multipliers that have nodes without a jump by the mesh alone, and why.
     pub(crate) idle: Vec<(String, String)>,
-    /// By field whether its unit is a length; `None` where it has none.
-    pub(crate) lengths: Vec<Option<bool>>,
+    /// What the declaration of each field says.
+    pub(crate) declared: Vec<DeclaredField>,
     /// Words in expressions of terms.
     pub(crate) in_terms: BTreeSet<String>,
     env: OwnedEnv,
 }
 
 impl Scene {
+    /// The declaration of the field of this name.
+    pub(crate) fn declared_field(&self, name: &str) -> Option<DeclaredField> {
+        let number = self.system.fields.iter().position(|field| field.name == name)?;
+        self.declared.get(number).copied()
+    }
+
+    /// Where the field of this name is declared.
+    pub(crate) fn place_of_field(&self, name: &str) -> Option<Span> {
+        self.declared_field(name).map(|field| field.span)
+    }
+
+    /// The statement of the term of this name.
+    pub(crate) fn place_of_term(&self, name: &str) -> Option<Span> {
+        self.terms.iter().find(|term| term.name == name).map(|term| term.span)
+    }
+
     /// Asks callers who give values anew: a run depends on no other one.
     pub(crate) fn forget_given(&self) {
         self.data.iter().chain(&self.starts).chain(&self.start_rates).for_each(|(_, given)| given.forget());

@@ -63,11 +63,8 @@ pub struct Ended {
 #[must_use]
 pub fn judged(loaded: &Loaded, scene: &Scene, outcome: &Outcome, picked: Option<&str>) -> Ended {
     let fresh = outcome.diagnostics.iter().filter(|d| !loaded.messages.contains(d)).cloned().collect();
-    // that of cells turned inside out has a place in the text
-    let texts = outcome.warnings.iter().filter(|(code, _)| *code != "W616");
-    let warnings = texts.map(|(code, text)| Said::Text(format!("warning[{code}]: {text}\n")));
+    let warnings = outcome.warnings.iter().cloned().map(Said::Message);
     let mut ended = Ended { ending: Ending::Done, messages: fresh, said: warnings.collect() };
-    ended.said.extend(turned(scene, outcome));
     let why = [
         (Ending::NotConverged, not_converged(loaded, scene, outcome)),
         (Ending::NotFinite, not_finite(loaded, outcome)),
@@ -80,23 +77,6 @@ pub fn judged(loaded: &Loaded, scene: &Scene, outcome: &Outcome, picked: Option<
     ended
 }
 
-/// W616 at each term some of whose cells turned inside out.
-fn turned(scene: &Scene, outcome: &Outcome) -> Vec<Said> {
-    let told = |(text, term): (String, String)| {
-        let d = Diagnostic::new("W616", text);
-        let place = scene.terms.iter().find(|t| t.name == term);
-        let d = match place {
-            Some(term) => d.at(term.span, "this law has a stress at negative volumes, and no body is in such a state"),
-            None => d,
-        };
-        Said::Message(d.help(
-            "smaller load steps; a law with log(Det(Id + Grad_u)), which keeps cells from turning; smaller cells where \
-             they turn",
-        ))
-    };
-    outcome.turned().into_iter().map(told).collect()
-}
-
 /// Why steps did not converge; empty where all did.
 fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said> {
     let mut said = Vec::new();
@@ -107,30 +87,37 @@ fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said>
             0 => String::new(),
             n => format!(" ({n} attempts)"),
         };
-        let mut text = format!(
-            "error[E603]: step t = {} did not converge in {} iterations{attempts}: residual {residual:.1e}\n",
-            step.time,
-            step.iterations()
+        let mut d = Diagnostic::new(
+            "E603",
+            format!(
+                "step t = {} did not converge in {} iterations{attempts}: residual {residual:.1e}",
+                step.time,
+                step.iterations()
+            ),
         );
         if step.fruitless() > FRUITLESS * scene.newton.max_iterations {
-            text += &format!(
-                "  = note: {} attempts failed after {} iterations in total, more than {FRUITLESS} times max_iter: smaller increments were not tried\n",
+            d = d.note(format!(
+                "{} attempts failed after {} iterations in total, more than {FRUITLESS} times max_iter: smaller increments \
+                 were not tried",
                 step.attempts.iter().filter(|a| a.end != AttemptEnd::Converged).count(),
                 step.fruitless()
-            );
+            ));
         }
         for table in &scene.tables.states {
-            text += &format!("  = note: a state outside the rows of {table} is no solution\n");
+            d = d.note(format!("a state outside the rows of {table} is no solution"));
         }
         if !scene.tables.states.is_empty() {
-            text += "  = help: if the solution is out there: more rows, or a law that holds the last value, such as ";
-            text += "table(\"law.csv\", max(first, min(x, last)))\n";
+            d = d.help(
+                "if the solution is out there: more rows, or a law that holds the last value, such as \
+                 table(\"law.csv\", max(first, min(x, last)))",
+            );
         }
         if is_below(loaded) {
-            text += "  = note: a Nitsche parameter is below its coercivity bound (W503): a solution need not exist\n";
-            text += "  = help: raise it to the value given there, or use theta = -1\n";
+            d = d
+                .note("a Nitsche parameter is below its coercivity bound (W503): a solution need not exist")
+                .help("raise it to the value given there, or use theta = -1");
         }
-        said.push(Said::Text(text));
+        said.push(Said::Message(d));
     }
     said
 }
@@ -184,7 +171,10 @@ fn not_finite(loaded: &Loaded, outcome: &Outcome) -> Vec<Said> {
     for (time, name, value, place) in outcome.bad_measures() {
         said.push(match place {
             Some(place) => Said::Message(place.diagnostic(&loaded.script.expansions, time)),
-            None => Said::Text(format!("error[E611]: the measure `{name}` is {} at t = {time}\n", word(value))),
+            None => {
+                let text = format!("the measure `{name}` is {} at t = {time}", word(value));
+                Said::Message(Diagnostic::new("E611", text))
+            }
         });
     }
     said
@@ -342,7 +332,7 @@ pub fn stopped(loaded: &Loaded, scene: &Scene, error: &RunError) -> Said {
     match error {
         RunError::Newton { time, error: inner, .. } => newton_stopped(loaded, scene, *time, inner),
         RunError::Start(bad) => Said::Message(bad.diagnostic(&loaded.script.expansions, None)),
-        RunError::State { .. } => Said::Text(format!("error[E612]: {error}\n")),
+        RunError::State { .. } => Said::Message(Diagnostic::new("E612", error.to_string())),
         RunError::NoEquations | RunError::NotOfThisScene | RunError::Begun => Said::Text(format!("error: {error}\n")),
         RunError::Output(error) => Said::Text(told(error)),
         RunError::Checkpoint(error) => Said::Text(told_of_resuming(error)),
@@ -352,20 +342,29 @@ pub fn stopped(loaded: &Loaded, scene: &Scene, error: &RunError) -> Said {
 fn newton_stopped(loaded: &Loaded, scene: &Scene, time: f64, inner: &NewtonError) -> Said {
     match inner {
         NewtonError::Term(TermError::NonFinite(place)) => Said::Message(non_finite(loaded, place, time)),
-        NewtonError::Term(TermError::State(bad)) => Said::Text(unbounded(bad, time)),
+        NewtonError::Term(TermError::State(bad)) => Said::Message(unbounded(loaded, bad, time)),
         NewtonError::Given(bad) => Said::Message(bad.diagnostic(&loaded.script.expansions, Some(time))),
         NewtonError::Solve(SolveError::Singular { mode, .. }) => {
-            let names = moving_fields(scene, mode.dofs_above(0.1).as_slice());
-            Said::Text(format!(
-                "error[E602]: step t = {time}: nothing supports {names}\n  = note: the tangent is singular: {inner}\n  = help: prescribe a displacement of it, or press it against a supported body\n"
-            ))
+            let dofs = mode.dofs_above(0.1);
+            let names = moving_fields(scene, dofs.as_slice());
+            let d = Diagnostic::new("E602", format!("step t = {time}: nothing supports {names}"));
+            let d = d.at_or_note(place_of_dof(loaded, scene, dofs.first()), "it moves freely");
+            let d = d.note(format!("the tangent is singular: {inner}"));
+            Said::Message(d.help("prescribe a displacement of it, or press it against a supported body"))
         }
         NewtonError::Solve(SolveError::VanishingPivot { dof, .. }) => {
-            let names = u32::try_from(*dof).map_or_else(|_| "the scene".to_owned(), |d| moving_fields(scene, &[d]));
-            Said::Text(format!(
-                "error[E602]: step t = {time}: almost no stiffness supports {names}{}\n  = note: the tangent is numerically singular: {inner}\n  = help: a body slides as a whole, or its contact is far stiffer than it: prescribe a displacement of it, press it against a supported body, or use a smaller gamma\n",
-                place_of(scene, *dof)
-            ))
+            let free = u32::try_from(*dof).ok();
+            let names = free.map_or_else(|| "the scene".to_owned(), |d| moving_fields(scene, &[d]));
+            let at = place_of(scene, *dof);
+            let d = Diagnostic::new("E602", format!("step t = {time}: almost no stiffness supports {names}{at}"));
+            let d = d.at_or_note(
+                place_of_dof(loaded, scene, free.as_ref()),
+                "a body slides as a whole, or its contact is far stiffer than it",
+            );
+            Said::Message(
+                d.note(format!("the tangent is numerically singular: {inner}"))
+                    .help("prescribe a displacement of it, press it against a supported body, or use a smaller gamma"),
+            )
         }
         NewtonError::Singular { why, error } => {
             let mode = if let SolveError::Singular { mode, .. } = error { mode.dofs_above(0.1) } else { Vec::new() };
@@ -373,22 +372,22 @@ fn newton_stopped(loaded: &Loaded, scene: &Scene, time: f64, inner: &NewtonError
             let told = held_by_nothing(loaded, scene, &mode).filter(|_| inactive);
             Said::Message(told.unwrap_or_else(|| undetermined(loaded, why, time)))
         }
-        NewtonError::TooMuchMemory(need) => Said::Text(too_much_memory(need)),
-        other => Said::Text(format!("error[E602]: step t = {time}: {other}\n")),
+        NewtonError::TooMuchMemory(need) => Said::Message(too_much_memory(need)),
+        other => Said::Message(Diagnostic::new("E602", format!("step t = {time}: {other}"))),
     }
 }
 
 /// E606 where there is no place in the scene.
 #[must_use]
-pub fn too_much_memory(need: &TooMuchMemory) -> String {
-    format!("error[E606]: {need}\n  = help: fewer cells, a lower degree, or more memory: --memory 16GB\n")
+pub fn too_much_memory(need: &TooMuchMemory) -> Diagnostic {
+    let d = Diagnostic::new("E606", need.to_string());
+    d.help("fewer cells, a lower degree, or more memory: --memory 16GB")
 }
 
 /// E602 for a tangent of which is known what it leaves undetermined, at the field or the term it is about.
 fn undetermined(loaded: &Loaded, why: &Singular, time: f64) -> Diagnostic {
     let mut d = Diagnostic::new("E602", format!("step t = {time}: {}", why.what));
-    let field = loaded.script.fields.iter().find(|f| f.name.name == why.name).map(|f| f.name.span);
-    if let Some(span) = field {
+    if let Some(span) = declaration(loaded, &why.name) {
         d = d.at(span, "");
     }
     for note in &why.notes {
@@ -455,20 +454,29 @@ fn non_finite(loaded: &Loaded, place: &NonFinitePlace, time: f64) -> Diagnostic 
 }
 
 /// E612: an unknown, or what is computed from it, has no finite value.
-fn unbounded(bad: &BadState, time: f64) -> String {
-    let note = if bad.largest.is_finite() {
-        format!("  = note: the largest unknown is {}\n", short(bad.largest))
-    } else {
-        String::new()
-    };
-    format!(
-        "error[E612]: step t = {time}: the {} of `{}` is {} at {}\n{note}  = help: numbers end at 1.8e308: another unit for \
-         what is prescribed, loaded or started from\n",
-        bad.what,
-        bad.field,
-        word(bad.value),
-        position(bad.position)
-    )
+fn unbounded(loaded: &Loaded, bad: &BadState, time: f64) -> Diagnostic {
+    let at = position(bad.position);
+    let text = format!("step t = {time}: the {} of `{}` is {} at {at}", bad.what, bad.field, word(bad.value));
+    let mut d = Diagnostic::new("E612", text);
+    if let Some(declared) = declaration(loaded, &bad.field) {
+        d = d.at(declared, "");
+    }
+    if bad.largest.is_finite() {
+        d = d.note(format!("the largest unknown is {}", short(bad.largest)));
+    }
+    d.help("numbers end at 1.8e308: another unit for what is prescribed, loaded or started from")
+}
+
+/// Where a field is declared.
+fn declaration(loaded: &Loaded, field: &str) -> Option<Span> {
+    loaded.script.fields.iter().find(|f| f.name.name == field).map(|f| f.name.span)
+}
+
+/// Where the field of a free dof is declared.
+fn place_of_dof(loaded: &Loaded, scene: &Scene, free: Option<&u32>) -> Option<Span> {
+    let dof = *scene.system.numbering.free_dofs.get(*free? as usize)?;
+    let (field, ..) = scene.system.numbering.describe(&scene.system.fields, dof as usize);
+    declaration(loaded, &scene.system.fields[field].name)
 }
 
 #[cfg(test)]

@@ -249,8 +249,8 @@ fn judge(outcome: &Outcome, doubt: Option<String>) -> Trial {
     } else if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {
         let residual = step.history.iterations.last().map_or(f64::NAN, |i| i.residual);
         (Ending::NotConverged, format!("E603: t = {}: residual {residual:.1e}", step.time))
-    } else if let Some((code, text)) = outcome.warnings.first() {
-        (Ending::Warned, format!("{code}: {text}"))
+    } else if let Some(warning) = outcome.warnings.first() {
+        (Ending::Warned, format!("{}: {}", warning.code, warning.line()))
     } else if let Some(text) = doubt {
         (Ending::Warned, text)
     } else if let Some((expect, _)) = outcome.expectations.iter().find(|e| e.1 != Some(true)) {

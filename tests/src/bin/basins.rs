@@ -8,7 +8,7 @@
 
 use std::io::Write as _;
 
-use wfl_tests::{Attempt, Sequence, attempt, examples};
+use wfl_tests::{Attempt, Sequence, attempt, doubts, examples};
 
 /// Schedules of one load, from 0 or a small part to 1.
 const SCHEDULES: [&str; 6] =
@@ -193,7 +193,7 @@ fn energy(scene: &Scene, steps: &str, more: &str) -> (Option<f64>, usize, String
     let text = format!("{}steps t = {steps}\n{more}", scene.text);
     let Attempt { solved, messages } = attempt(&examples(), text, &[], &[]);
     let Some(solved) = solved else { return (None, 0, messages) };
-    let (steps, warnings) = (&solved.outcome.steps, &solved.outcome.warnings);
+    let (steps, warnings) = (&solved.outcome.steps, doubts(&solved.outcome));
     let iterations = steps.iter().map(wfl_runtime::StepResult::iterations).sum();
     let codes: Vec<&str> = warnings.iter().map(|(code, _)| *code).collect();
     let last = steps.last().filter(|_| solved.outcome.converged());

@@ -21,7 +21,7 @@ use wfl_runtime::{
     prepare_keeping, run,
 };
 
-use crate::fuzz::Random;
+use crate::{doubts, fuzz::Random};
 
 /// A residual above this part of the forces is none of a solution; the tolerance that scenes have by default is far below.
 const RESIDUAL: f64 = 1e-6;
@@ -110,7 +110,7 @@ pub fn judge(mutant: &Mutant, out: Option<PathBuf>) -> Verdict {
     if !outcome.converged() {
         return Verdict::NotConverged;
     }
-    if let Some((code, _)) = outcome.warnings.iter().find(|(code, _)| *code != RULE_DECIDES) {
+    if let Some((code, _)) = doubts(&outcome).iter().find(|(code, _)| *code != RULE_DECIDES) {
         return Verdict::Warned((*code).to_owned());
     }
     // a measure that is no number is an error of the command, with the measure and the place
@@ -120,7 +120,7 @@ pub fn judge(mutant: &Mutant, out: Option<PathBuf>) -> Verdict {
     }
     let mut wrong = not_finite(&outcome, out.as_ref());
     wrong.extend(not_the_same(mutant, &outcome));
-    if outcome.warnings.is_empty() {
+    if doubts(&outcome).is_empty() {
         wrong.extend(not_under_a_finer_rule(mutant, &outcome, &rules));
     }
     let idle = idle_statements(mutant, &outcome.steps);

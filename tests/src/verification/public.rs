@@ -7,7 +7,7 @@ use super::{
     Benchmark, Case, Tolerance,
     common::{converged, or_failed},
 };
-use crate::{Attempt, Solved, attempt};
+use crate::{Attempt, Solved, attempt, doubts};
 
 /// The benchmarks of this file.
 pub(super) const BENCHMARKS: &[Benchmark] = &[
@@ -104,7 +104,7 @@ fn solved(name: &str, params: &[(&str, f64)]) -> Result<Solved, String> {
     let text = std::fs::read_to_string(folder.join(name)).map_err(|e| format!("{name}: {e}"))?;
     let Attempt { solved, messages } = attempt(&folder, text, &[], params);
     let solved = solved.ok_or_else(|| messages.clone())?;
-    match (messages.trim(), solved.outcome.warnings.first()) {
+    match (messages.trim(), doubts(&solved.outcome).first()) {
         ("", None) => converged(solved),
         ("", Some(w)) => Err(format!("{name}: {} {}", w.0, w.1)),
         (told, _) => Err(format!("{name}: {told}")),

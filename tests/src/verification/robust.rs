@@ -11,7 +11,7 @@ use super::{
     common::{converged, or_failed},
     two_block::{NITSCHE, SIZE, STICK, YOUNG, scene},
 };
-use crate::{Attempt, attempt, examples, prepared};
+use crate::{Attempt, attempt, doubts, examples, prepared};
 use wfl_jit::JitBackend;
 use wfl_runtime::{Outcome, Progress, Quiet, RunOptions, StepResult, contact::coercivity, output::Hash, run};
 
@@ -49,7 +49,7 @@ fn gamma(gamma0: f64) -> f64 {
 
 /// Codes of the warnings of a run.
 fn codes(attempt: &Attempt) -> Vec<&'static str> {
-    attempt.solved.iter().flat_map(|s| &s.outcome.warnings).map(|w| w.0).collect()
+    attempt.solved.iter().flat_map(|s| doubts(&s.outcome)).map(|w| w.0).collect()
 }
 
 fn tiny_gamma() -> Vec<Case> {

@@ -9,6 +9,7 @@ use super::{
     Benchmark, Case, Tolerance,
     common::{or_failed, scene},
 };
+use crate::doubts;
 
 /// The benchmarks of this file.
 pub(super) const BENCHMARKS: &[Benchmark] = &[Benchmark {
@@ -115,7 +116,7 @@ fn one_of(what: &str, solved: &crate::Solved, expected: &[Expected], reached: &m
     reached.push(nearest.what);
     let told = step.history.iterations.last().and_then(|i| i.contact);
     // the determinant of the state that slides has the other sign where there are three, and only there
-    let warned = solved.outcome.warnings.iter().any(|(code, text)| *code == "W609" && text.contains("is not unique"));
+    let warned = doubts(&solved.outcome).iter().any(|(code, text)| *code == "W609" && text.contains("is not unique"));
     Case::new(what)
         .require(warned == (nearest.what == "slip" && expected.len() == 3), format!("W609 is told: {warned}"))
         .compare(format!("distance from {}", nearest.what), gap(&nearest), 1e-11, Tolerance::AtMost)

@@ -3,7 +3,7 @@
 use crate::{
     assemble::NegativeVolumes,
     bytes::{Reader, Unreadable, Writer},
-    checks::{Accuracy, Others, PhysicsCheck, TurnedCells},
+    checks::{About, Accuracy, Others, PhysicsCheck, TurnedCells},
     contact::{Creep, FrictionWork, SlidPast},
     newton::{Iteration, Method, StepHistory, Stop},
     run::{Attempt, AttemptEnd, Path, StepResult},
@@ -50,6 +50,13 @@ pub(super) fn step(w: &mut Writer, s: &StepResult) {
     w.count(s.checks.len());
     for c in &s.checks {
         w.text(&c.name);
+        let (kind, of) = match &c.about {
+            About::Scene => (0, ""),
+            About::Field(name) => (1, name.as_str()),
+            About::Term(name) => (2, name.as_str()),
+        };
+        w.count(kind);
+        w.text(of);
         w.numbers(&[c.value, c.limit]);
         w.text(&c.detail);
     }
@@ -110,8 +117,14 @@ pub(super) fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
     step.accuracy = accuracy.into_iter().next();
     step.checks = r.list(|r| {
         let name = r.text()?;
+        let about = match (r.count()?, r.text()?) {
+            (0, _) => About::Scene,
+            (1, name) => About::Field(name),
+            (2, name) => About::Term(name),
+            _ => return Err(Unreadable),
+        };
         let [value, limit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-        Ok(PhysicsCheck { name, value, limit, detail: r.text()? })
+        Ok(PhysicsCheck { name, about, value, limit, detail: r.text()? })
     })?;
     step.turned = r.list(|r| {
         let (term, field, n_cells, of) = (r.text()?, r.text()?, r.count()?, r.count()?);

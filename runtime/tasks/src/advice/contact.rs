@@ -99,10 +99,7 @@ fn warning(loaded: &Loaded, form: &ContactForm, mistake: &Mistake) -> Diagnostic
         }
         Mistake::Direction(what) => (*what).to_owned(),
     };
-    let d = match form.terms.iter().filter_map(named).next_back() {
-        Some(term) => d.at(term.span, label),
-        None => d.note(label),
-    };
+    let d = d.at_or_note(form.terms.iter().filter_map(named).next_back().map(|term| term.span), label);
     let together = match form.terms.as_slice() {
         [_] => String::new(),
         many => format!(" (all terms there together: {})", many.join(", ")),

@@ -57,10 +57,7 @@ fn told(scene: &Scene, body: &TurningBody) -> Diagnostic {
         ),
     };
     let d = Diagnostic::new("W514", message);
-    let d = match scene.terms.iter().find(|t| body.terms.contains(&t.name)) {
-        Some(term) => d.at(term.span, text),
-        None => d.note(text),
-    };
+    let d = d.at_or_note(scene.terms.iter().find(|t| body.terms.contains(&t.name)).map(|term| term.span), text);
     d.note("a rotation strains no body: it gives no stress, and turns the stress that is there").help(help)
 }
 
@@ -81,10 +78,7 @@ fn uneven(scene: &Scene, body: &CubicBody) -> Option<Diagnostic> {
         body.c44,
         finite::position(body.position)
     );
-    let d = match scene.terms.iter().find(|t| body.terms.contains(&t.name)) {
-        Some(term) => d.at(term.span, text),
-        None => d.note(text),
-    };
+    let d = d.at_or_note(scene.terms.iter().find(|t| body.terms.contains(&t.name)).map(|term| term.span), text);
     let (first, second) = ("(g(1,2) + g(2,1))/2", "g(1,2) + g(2,1)");
     Some(
         d.note("an engineering shear strain is twice the component of the strain tensor")

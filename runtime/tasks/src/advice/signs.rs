@@ -23,10 +23,7 @@ fn unbalanced(loaded: &Loaded, load: &UnbalancedLoad) -> Diagnostic {
     let d = Diagnostic::new("E613", format!("no value of `{field}` balances its load"));
     let declared = loaded.script.fields.iter().find(|f| f.name.name == *field).map(|f| f.name.span);
     let text = format!("its equation has the load {} and from {names} up to {}", number(*load), number(*largest));
-    let d = match declared {
-        Some(span) => d.at(span, text),
-        None => d.note(text),
-    };
+    let d = d.at_or_note(declared, text);
     d.note(format!("both have one sign whatever `{field}` is: the load pulls away from what {names} can give")).help(
         format!("the other sign for the load, -P*Test_{field} for P*Test_{field}; or for `Test_{field}` in {names}"),
     )
@@ -39,10 +36,7 @@ fn driven(loaded: &Loaded, sides: &DrivenSides) -> Diagnostic {
     let named = |t: &&wfl::Term| {
         t.name.as_ref().is_some_and(|n| n.name == *term || term.starts_with(&format!("{} on ", n.name)))
     };
-    let d = match loaded.script.terms.iter().find(named) {
-        Some(term) => d.at(term.expr.span, text),
-        None => d.note(text),
-    };
+    let d = d.at_or_note(loaded.script.terms.iter().find(named).map(|term| term.expr.span), text);
     d.help(
         "a wrong sign: the jump of the test functions has the sides in the order of the jump that the force follows from, \
          jump(Test_uL,Test_uR) with jump(uL,uR)",
