@@ -14,7 +14,7 @@ use crate::{
     finite::BadMeasure,
     newton::Stop,
     output::{self, EventReport, OutputDir, Piece, Real, Report, State, write_csv, write_report, write_vtu},
-    scene::{Equations, Scene, Solving, VtkOutput},
+    scene::{Equations, Scene, Solving, VtkOutput, unbalanced},
 };
 
 /// What a run ends with.
@@ -128,6 +128,8 @@ impl Run {
         let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
         let balance = self.stepper.balance.as_ref();
         warnings.extend(lost(scene, balance, measured).map(|text| ("W620", text)));
+        let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
+        warnings.extend(unbalanced(scene, measured).into_iter().map(|text| ("W650", text)));
         let longest = || scene.steps.longest_increment();
         warnings.extend(self.stepper.stability.told(longest).map(|text| ("W621", text)));
         warnings.extend(self.forced(scene).map(|text| ("W618", text)));

@@ -4,7 +4,7 @@ use super::{Progress, Run, StepResult, events::Sides};
 use crate::{
     assemble::FieldValues,
     finite::{BadMeasure, BadOutput},
-    scene::{CsvOutput, Scene, Solving, StepPlace},
+    scene::{CsvOutput, Measured, Scene, Solving, StepPlace},
 };
 
 impl Run {
@@ -18,8 +18,9 @@ impl Run {
         let Solving { system, scene: Scene { measures: asked, .. }, .. } = scene;
         let u = &self.u;
         let (mut measures, mut bad_measures) = (Vec::with_capacity(asked.len()), Vec::new());
+        let at = Measured::new(system, time, increment, u);
         for measure in asked {
-            let value = measure.evaluate(system, time, increment, u);
+            let value = measure.evaluate(&at);
             if !value.is_finite() {
                 bad_measures.push(measure.bad(value, system, u));
             }
@@ -43,8 +44,9 @@ impl Run {
         }
         let Solving { system, scene: Scene { watched, measures, .. }, .. } = scene;
         let mut values: Vec<(String, f64)> = Vec::new();
+        let at = Measured::new(system, time, increment, &self.u);
         for measure in watched.iter().chain(measures) {
-            values.push((measure.name.clone(), measure.evaluate(system, time, increment, &self.u)));
+            values.push((measure.name.clone(), measure.evaluate(&at)));
         }
         values.extend(scene.steps.variable.clone().map(|name| (name, time)));
         // a quotient by zero has no number: a slip rate of zero counts as the smallest one, behind which the increment is free
