@@ -2,7 +2,12 @@
 
 use std::path::Path;
 
-use wfl_tests::{Solved, solve};
+use wfl_runtime::Outcome;
+use wfl_tests::{
+    Solved,
+    ranks::{self, Holding, Shared},
+    solve,
+};
 
 fn solved(text: &str) -> Solved {
     let found = solve(Path::new("."), text.to_owned(), &[], &[]).unwrap_or_else(|e| panic!("{e}"));
@@ -24,7 +29,7 @@ const LIFTED: &str = "use \"poro\"\nmesh box [0,0] to [1,1] cells [2,4] quad\nre
     def w = w0 + pos_part(u(2))\nterm elastic on all : 100*Sym(Grad_u):Grad_Test_u\n\
     term fluid on floor : -pf*Test_u(2)\nterm base on floor : -1e5*pos_part(-u(2))*Test_u(2)\n\
     term volume on floor : RATE*Test_pf\nterm leak on floor : 0.01*pf*Test_pf\nload u = [0,-1] on top\n\
-    region side = faces where x == 0\nfix u(1) = 0 on side\nload pf = 0.7 on floor\nsteps t = 0 to 3 by 1\n\
+    region side = faces where x == 0\nfix u(1) = 0 on side\nload pf = if t > 1.5 then 0.7 else 0 on floor\nsteps t = 0 to 3 by 1\n\
     term spring on top : 50*u(2)*Test_u(2)\nbalance water of pf\nmeasure volume = integral(w) on floor\n\
     measure past = integral(w0 + pos_part(Previous_u(2))) on floor\n";
 
@@ -36,8 +41,9 @@ fn the_volume_of_an_aperture_with_a_kink_is_conserved() {
         assert!((volume - past - of_volume).abs() < 1e-13, "{step}: {volume} {past} {of_volume}");
         let [comes, goes, leaks, lost] =
             ["water_in", "water_out", "water_leak", "water_lost"].map(|m| found.measure(step, m));
-        assert!((comes - 0.7).abs() < 1e-14 && goes == 0.0, "{step}: {comes} {goes}");
-        assert!((comes - of_volume - leaks - lost).abs() < 1e-15 && lost.abs() < 1e-9 * comes, "{step}: {lost}");
+        let source = if step == 1 { 0.0 } else { 0.7 };
+        assert!((comes - source).abs() < 1e-14 && goes.abs() < 1e-14, "{step}: {comes} {goes}");
+        assert!((comes - goes - of_volume - leaks - lost).abs() < 1e-15 && lost.abs() < 1e-10, "{step}: {lost}");
     }
     // the rate by the chain rule is another volume in the step that lifts the column
     let found = solved(&LIFTED.replace("RATE", "(if u(2) > 0 then Dot_u(2) else 0)"));
@@ -153,4 +159,28 @@ fn faces_end_at_their_rim_and_meet_at_their_crossings() {
             .replace("scalar on", "scalar Q2 on"),
     );
     assert!(told.contains("inside the edges"), "{told}");
+}
+
+/// A fracture with leak-off whose nodes, wells and rims lie on several ranks: the numbers of one rank.
+#[test]
+fn ranks_have_the_reactions_and_balances_of_one() {
+    let text = "mesh box [-2,-2] to [2,2] cells [12,12] tri\nregion below = cells where y < 0\n\
+        region above = cells where y > 0\nregion crack = interface from below to above & faces of below where y == 0 and abs(x) < 1.1\n\
+        region well = nodes of crack where x == 0\nregion tips = rim of crack where x > 0\nunknown p : scalar P2\n\
+        unknown pf : scalar P2 on crack\nsplit p across crack\nterm rock on all : Grad_p.Grad_Test_p\n\
+        term flow on crack : 10*Grad_pf.Grad_Test_pf\nterm here on crack : 5*(pf - p)*(Test_pf - Test_p)\n\
+        def other(v) = Interpolate(v, neighbor_element)\n\
+        term there on crack : 0.5*(pf - other(p))*(Test_pf - other(Test_p))\nfix p = 0 on boundary\nfix pf = 0.1 on tips\n\
+        load pf = 1 on well\nbalance water of p, pf\nmeasure out = reaction(p) on boundary\n\
+        measure tip = reaction(pf) on tips\nmeasure slope = integral(Norm(Grad_pf)) on crack\n";
+    let shared = Shared::text(Path::new("."), text.to_owned(), &[]);
+    let measures = |outcome: &Outcome| outcome.steps[0].measures.clone();
+    let alone = measures(&ranks::solved(shared.whole()));
+    for holding in [Holding::Whole, Holding::Parts] {
+        for of_rank in shared.on_ranks(3, holding, |scene| measures(&ranks::solved(scene))) {
+            for ((name, is), (_, should)) in of_rank.iter().zip(&alone) {
+                assert!((is - should).abs() < 1e-11, "{holding:?} {name}: {is}, {should}");
+            }
+        }
+    }
 }

@@ -317,3 +317,32 @@ fn second_gradients_on_faces_are_refused_with_a_cure() {
     );
     assert!(found.measure(0, "second") < 1e-11);
 }
+
+/// An aperture that grows with the pressure: the cube of it conducts, so that its fourth power is linear along the line.
+#[test]
+fn an_aperture_that_grows_with_the_pressure_has_the_flux_of_its_closed_form() {
+    let all = reference("crack_flow.json");
+    let column = &all["column_law"];
+    let number = |name: &str| column[name].as_f64().expect("a number");
+    let found = solved(format!(
+        "mesh box [0,0] to [2,1] cells [32,1] quad\nregion line = faces where y == 0\nregion ends = rim of line\n\
+         region well = rim of line where x == 0\nunknown p : scalar Q2 on line\nparam w0 = {}\nparam c = {}\n\
+         def w = w0 + c*p\nstate slope : vector on line := Grad_p\n\
+         term flow on line : w^3/{}*Grad_p.Grad_Test_p\nfix p = 1 - x/2 on ends\nstart p = 1 - x/2\n\
+         measure flux = reaction(-p) on well\nmeasure middle = value(w) at [1,0]\nmeasure end = value(w) at [1.5,0]\n\
+         measure kept = max(Norm(slope - Grad_p)) on line\n",
+        number("w0"),
+        number("c"),
+        number("mu12")
+    ));
+    let apertures = column["w_h"].as_array().expect("five apertures");
+    for (name, should) in [
+        ("flux", number("flux")),
+        ("middle", apertures[2].as_f64().expect("a number")),
+        ("end", apertures[3].as_f64().expect("a number")),
+    ] {
+        let is = found.measure(0, name);
+        assert!((is / should - 1.0).abs() < 1e-4, "{name} {is}, {should}");
+    }
+    assert!(found.measure(0, "kept") < 1e-15);
+}

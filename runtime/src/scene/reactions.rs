@@ -48,6 +48,14 @@ impl<'a> Measured<'a> {
         Self { system, time, increment, u, rows: OnceCell::new(), sums: OnceCell::new() }
     }
 
+    /// The state where time starts, for which nothing was solved: no equation has a sum.
+    #[must_use]
+    pub fn where_time_starts(self) -> Self {
+        let Self { system, u, .. } = self;
+        let none = vec![vec![0.0; system.fields.len()]; system.terms.len()];
+        Self { rows: OnceCell::from(Some(vec![0.0; u.len()])), sums: OnceCell::from(Some(none)), ..self }
+    }
+
     /// The equations that were solved. States have been renewed since: terms read them as they were.
     pub(super) fn solved(&self) -> System {
         let mut system = self.system.clone();
