@@ -24,11 +24,13 @@ fn refused(text: &str) -> String {
 }
 
 /// Cells of each kind, the box, elements of the first and second degree, and a plane x = 0 that no axis of the map keeps.
-const SHAPES: [(&str, &str, &str); 6] = [
+const SHAPES: [(&str, &str, &str); 8] = [
     ("box [-1,0] to [1,1] cells [4,4] tri", "P1", "2"),
     ("box [-1,0] to [1,1] cells [4,4] tri", "P2", "2"),
     ("box [-1,0] to [1,1] cells [4,4] quad", "Q1", "2"),
     ("box [-1,0] to [1,1] cells [4,4] quad", "Q2", "2"),
+    ("box [-1,0,0] to [1,1,1] cells [4,3,3] tet", "P1", "3"),
+    ("box [-1,0,0] to [1,1,1] cells [4,3,3] hex", "Q1", "3"),
     ("box [-1,0,0] to [1,1,1] cells [4,3,3] tet", "P2", "3"),
     ("box [-1,0,0] to [1,1,1] cells [4,3,3] hex", "Q2", "3"),
 ];
