@@ -293,7 +293,7 @@ fn usual_slips_have_messages_of_their_own() {
             "measure m = sum(u) on a",
             [
                 "E113",
-                "expected `mean`, `max`, `min`, `integral` or `value`, found `sum`",
+                "expected `mean`, `max`, `min`, `integral`, `value` or `reaction`, found `sum`",
                 "sum",
                 "the form is: measure name = max(expression) on region; or min, mean, integral; value(expression) at [0,1]",
             ],
